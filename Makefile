@@ -1,0 +1,67 @@
+# Needs make, a Python from 3.10 on with venv, cargo and a C linker; everything else is set up
+# here, in .venv and target.
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test bench lint docs build clean
+SHELL := /bin/sh
+
+# rustup's usual place, for shells that have not been told of it.
+export PATH := $(PATH):$(HOME)/.cargo/bin
+export VIRTUAL_ENV := $(CURDIR)/.venv
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+unexport PYTHONHOME
+unexport PYTHONPATH
+
+VENV_PYTHON := .venv/bin/python
+READY := .venv/.trisquare-ready
+SOURCES := pyproject.toml Cargo.toml Cargo.lock \
+	$(wildcard rust/*/Cargo.toml rust/*/src/*.rs rust/*/src/*/*.rs)
+
+help:
+	@echo 'make demo    calibrate the bundled photograph and compare with the truth'
+	@echo 'make test    run the tests'
+	@echo 'make bench   measure accuracy and speed'
+	@echo 'make lint    check format, style and types'
+	@echo 'make docs    build the documentation of the crate'
+
+demo: $(READY)
+	$(VENV_PYTHON) -m trisquare demo
+
+test: $(READY)
+	$(VENV_PYTHON) -m pytest
+
+bench: $(READY)
+	$(VENV_PYTHON) benchmarks/run.py
+
+lint: $(READY)
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets -- -D warnings
+	$(VENV_PYTHON) -m ruff format --check .
+	$(VENV_PYTHON) -m ruff check .
+	$(VENV_PYTHON) -m mypy
+	$(VENV_PYTHON) -m mypy.stubtest trisquare._core
+
+docs:
+	RUSTDOCFLAGS='-D warnings' cargo doc --workspace --no-deps
+
+build: $(READY)
+
+clean:
+	rm -rf .venv target dist demo-output
+
+# One sentence says what is missing. Of several Pythons the default one is taken if it will do,
+# else the newest.
+$(VENV_PYTHON):
+	@command -v cargo >/dev/null || { echo 'trisquare needs cargo (Rust): see https://rustup.rs' >&2; exit 1; }
+	@command -v cc >/dev/null || { echo 'trisquare needs cc, a C compiler, to link the Rust core.' >&2; exit 1; }
+	@for python in $(PYTHON) python3 python3.14 python3.13 python3.12 python3.11 python3.10; do \
+		"$$python" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 10))' 2>/dev/null \
+			&& exec "$$python" -m venv --clear .venv; \
+	done; \
+	echo 'trisquare needs Python 3.10 or later with venv (python3-venv on Debian).' >&2; exit 1
+
+$(READY): $(VENV_PYTHON) $(SOURCES)
+	@command -v cargo >/dev/null || { echo 'trisquare needs cargo (Rust): see https://rustup.rs' >&2; exit 1; }
+	$(VENV_PYTHON) -m pip install --quiet 'maturin>=1.9.4,<2'
+	$(VENV_PYTHON) -m maturin develop --release --extras dev
+	@touch $@

@@ -1,0 +1,1 @@
+"""Camera calibration with lens distortion from a single photograph of three squares."""

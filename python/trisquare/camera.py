@@ -1,0 +1,179 @@
+"""The camera: a pinhole with lens distortion."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from trisquare.checked import (
+    FloatArray,
+    RebuiltByConstructor,
+    real_array,
+    real_number,
+    whole_number,
+)
+from trisquare.json_fields import JsonFields
+
+MODELS = ("none", "radial1", "radial2", "radial3", "brown")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Camera(RebuiltByConstructor):
+    """A pinhole camera with lens distortion.
+
+    Parameters
+    ----------
+    K : array_like, shape (3, 3)
+        ``[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`` in pixels; ``(0, 0)`` is the centre of the
+        top-left pixel.
+    distortion : array_like, shape (5,)
+        ``(k1, k2, p1, p2, k3)`` in OpenCV's order, from ideal to observed normalised points.
+    image_size : (int, int)
+        Width and height in pixels.
+    model : {"none", "radial1", "radial2", "radial3", "brown"}
+        Which of the coefficients may differ from zero.
+    valid_radius : float, optional
+        The ideal normalised radius up to which the radial distortion is monotonic, hence
+        invertible; None if it is so everywhere. Computed unless given.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a value has the wrong type or shape, is not finite, or is no camera's.
+    """
+
+    K: FloatArray
+    distortion: FloatArray
+    image_size: tuple[int, int]
+    model: str = "radial2"
+    valid_radius: float | None = None
+
+    def __post_init__(self) -> None:
+        K = real_array(self.K, "K", (3, 3))
+        fixed_entries = (K[0, 1], K[1, 0], K[2, 0], K[2, 1], K[2, 2])
+        if fixed_entries != (0, 0, 0, 0, 1) or K[0, 0] <= 0 or K[1, 1] <= 0:
+            raise ValueError("K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with positive fx, fy")
+        distortion = real_array(self.distortion, "distortion", (5,))
+        if self.model not in MODELS:
+            raise ValueError(f"model must be one of {MODELS}, not {self.model!r}")
+        if self.valid_radius is None:
+            radius = monotonic_radius(distortion)
+        elif self.valid_radius == math.inf:
+            radius = math.inf
+        else:
+            radius = real_number(self.valid_radius, "valid_radius")
+            if radius <= 0:
+                raise ValueError(f"valid_radius must be positive, not {radius}")
+        object.__setattr__(self, "K", K)
+        object.__setattr__(self, "distortion", distortion)
+        object.__setattr__(self, "image_size", _image_size(self.image_size))
+        object.__setattr__(self, "valid_radius", None if radius == math.inf else radius)
+
+    @property
+    def fx(self) -> float:
+        """Focal length along x, in pixels."""
+        return float(self.K[0, 0])
+
+    @property
+    def fy(self) -> float:
+        """Focal length along y, in pixels."""
+        return float(self.K[1, 1])
+
+    @property
+    def cx(self) -> float:
+        """Principal point's x, in pixels."""
+        return float(self.K[0, 2])
+
+    @property
+    def cy(self) -> float:
+        """Principal point's y, in pixels."""
+        return float(self.K[1, 2])
+
+    def __repr__(self) -> str:
+        k1, k2, p1, p2, k3 = self.distortion.tolist()
+        width, height = self.image_size
+        return (
+            f"<Camera {width} x {height}, {self.model}: fx {self.fx:.6g}, fy {self.fy:.6g}, "
+            f"cx {self.cx:.6g}, cy {self.cy:.6g}, "
+            f"k1 {k1:.5g}, k2 {k2:.5g}, p1 {p1:.5g}, p2 {p2:.5g}, k3 {k3:.5g}>"
+        )
+
+
+def monotonic_radius(distortion: FloatArray) -> float:
+    """Return the ideal radius up to which ``r (1 + k1 r^2 + k2 r^4 + k3 r^6)`` grows.
+
+    Its derivative is ``1 + 3 k1 s + 5 k2 s^2 + 7 k3 s^3`` with ``s = r^2``; the radius belongs to
+    the smallest positive root, and is infinite if there is none. The tangential part is left out.
+
+    Parameters
+    ----------
+    distortion : ndarray, shape (5,)
+        ``(k1, k2, p1, p2, k3)``.
+
+    Returns
+    -------
+    float
+        In normalised ideal coordinates; `math.inf` if the distortion is monotonic everywhere.
+    """
+    k1, k2, _, _, k3 = distortion.tolist()
+    # In 1 / s the polynomial is monic: vanishing coefficients divide nothing.
+    inverse_squares = np.roots([1.0, 3 * k1, 5 * k2, 7 * k3])
+    positive = inverse_squares.real[(inverse_squares.imag == 0) & (inverse_squares.real > 0)]
+    return 1 / math.sqrt(positive.max()) if positive.size else math.inf
+
+
+def camera_parameters(camera: Camera) -> dict[str, float]:
+    """Return all the camera's numbers by their parameter names, in the order of reports."""
+    k1, k2, p1, p2, k3 = camera.distortion.tolist()
+    return {
+        "fx": camera.fx,
+        "fy": camera.fy,
+        "cx": camera.cx,
+        "cy": camera.cy,
+        "k1": k1,
+        "k2": k2,
+        "k3": k3,
+        "p1": p1,
+        "p2": p2,
+    }
+
+
+def camera_members(camera: Camera) -> dict[str, Any]:
+    """Return the ``camera`` object of the JSON format."""
+    return {
+        "model": camera.model,
+        "fx": camera.fx,
+        "fy": camera.fy,
+        "cx": camera.cx,
+        "cy": camera.cy,
+        "distortion": camera.distortion.tolist(),
+        "valid_radius": camera.valid_radius,
+    }
+
+
+def camera_from_members(members: JsonFields, image_size: tuple[int, ...]) -> Camera:
+    """Read the ``camera`` object of the JSON format."""
+    fx, fy, cx, cy = (members.number(name) for name in ("fx", "fy", "cx", "cy"))
+    unlimited = members.value("valid_radius") is None
+    width, height = _image_size(image_size)
+    return Camera(
+        K=np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]),
+        distortion=members.array("distortion", (5,)),
+        image_size=(width, height),
+        model=members.text("model"),
+        valid_radius=math.inf if unlimited else members.number("valid_radius"),
+    )
+
+
+def _image_size(value: Any) -> tuple[int, int]:
+    try:
+        width, height = value
+    except (TypeError, ValueError) as error:
+        raise type(error)("image_size must be (width, height)") from error
+    size = (whole_number(width, "image_size"), whole_number(height, "image_size"))
+    if min(size) < 1:
+        raise ValueError(f"image_size must be positive, not {size}")
+    return size

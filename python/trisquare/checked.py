@@ -1,0 +1,112 @@
+"""Checked, read-only values: what every result and every input of trisquare is made of."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from types import MappingProxyType
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray: TypeAlias = npt.NDArray[np.float64]
+
+
+def real_array(value: Any, name: str, shape: tuple[int | None, ...]) -> FloatArray:
+    """Copy `value` into a finite, read-only float64 array of the given shape.
+
+    Parameters
+    ----------
+    value : array_like of real numbers
+        Lists and arrays of any integer or floating type are accepted.
+    name : str
+        What the caller calls it; the errors begin with it.
+    shape : tuple of int or None
+        The required shape; None stands for any length.
+
+    Returns
+    -------
+    ndarray of float64
+        C-contiguous, owning its memory, not writeable.
+
+    Raises
+    ------
+    TypeError
+        If the elements are not real numbers (strings, complex numbers, booleans, objects).
+    ValueError
+        If the shape differs, rows have different lengths, or a value is NaN or infinite.
+    """
+    try:
+        given = np.asarray(value)
+    except ValueError as error:
+        raise ValueError(f"{name} is ragged: its rows have different lengths") from error
+    if given.dtype.kind not in "iuf":
+        raise TypeError(f"{name} must hold real numbers, not {given.dtype}")
+    if len(given.shape) != len(shape) or any(
+        wanted is not None and wanted != length
+        for wanted, length in zip(shape, given.shape, strict=True)
+    ):
+        wanted_text = ", ".join("N" if length is None else str(length) for length in shape)
+        raise ValueError(f"{name} must have shape ({wanted_text}), not {given.shape}")
+    array = np.array(given, dtype=np.float64, order="C")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} holds NaN or infinite values")
+    array.flags.writeable = False
+    return array
+
+
+def real_number(value: Any, name: str) -> float:
+    """Return `value` as a finite float, or raise TypeError or ValueError naming it."""
+    return float(real_array(value, name, ()))
+
+
+def whole_number(value: Any, name: str) -> int:
+    """Return `value` as an int, or raise TypeError naming it; a bool is not a number here."""
+    if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer):
+        raise TypeError(f"{name} must be a whole number, not {value!r}")
+    return int(value)
+
+
+def not_negative(value: Any, name: str) -> float:
+    """Return `value` as a finite float that is at least zero."""
+    number = real_number(value, name)
+    if number < 0:
+        raise ValueError(f"{name} must not be negative, but is {number}")
+    return number
+
+
+def index_number(value: Any, name: str) -> int:
+    """Return `value` as an int that is at least zero."""
+    number = whole_number(value, name)
+    if number < 0:
+        raise ValueError(f"{name} must not be negative, but is {number}")
+    return number
+
+
+def string(value: Any, name: str) -> str:
+    """Return `value` if it is a str, or raise TypeError naming it."""
+    if not isinstance(value, str):
+        raise TypeError(f"{name} must be a string, not {type(value).__name__}")
+    return value
+
+
+def strings(values: Any, name: str) -> tuple[str, ...]:
+    """Return a sequence of str as a tuple; a lone str is refused, it would fall into letters."""
+    if isinstance(values, str) or not hasattr(values, "__iter__"):
+        raise TypeError(f"{name} must be a sequence of strings")
+    return tuple(string(value, f"each of {name}") for value in values)
+
+
+class RebuiltByConstructor:
+    """Makes a frozen dataclass pickle through its constructor.
+
+    NumPy's own pickling forgets that an array is read-only; the constructor does not.
+    """
+
+    __slots__ = ()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        members: Any = self
+        values = [getattr(self, member.name) for member in fields(members)]
+        plain = (dict(value) if isinstance(value, MappingProxyType) else value for value in values)
+        return type(self), tuple(plain)

@@ -1,0 +1,249 @@
+"""The `trisquare` command.
+
+Exit codes: 0 done; 2 usage, bad argument or unwritable output; 3 nothing found, or not enough of
+it; 4 the geometry does not determine the camera, or no convergence; 5 unreadable picture. Every
+error is one line on standard error, and no file is written then.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
+
+import cv2
+import typer
+from rich.console import Console
+from rich.progress import Progress
+
+from trisquare._core import __version__
+from trisquare.calibrate import calibrate
+from trisquare.demo import run_demo
+from trisquare.detect import detect
+from trisquare.errors import (
+    ConvergenceError,
+    DegenerateGeometryError,
+    DetectionError,
+    ImageError,
+    NotEnoughDataError,
+    NotEnoughPlanesError,
+)
+from trisquare.files import PathLike, check_writable, encode_image, read_image, write_atomically
+from trisquare.overlay import draw_overlay
+from trisquare.result import Calibration
+from trisquare.tables import calibration_report, comparison_report
+
+USAGE_EXIT = 2
+INTERRUPTED_EXIT = 130  # what shells report for a process ended by Ctrl-C
+EXIT_CODES: Mapping[type[Exception], int] = {
+    ValueError: USAGE_EXIT,
+    TypeError: USAGE_EXIT,
+    OSError: USAGE_EXIT,
+    DetectionError: 3,
+    NotEnoughPlanesError: 3,
+    NotEnoughDataError: 3,
+    DegenerateGeometryError: 4,
+    ConvergenceError: 4,
+    ImageError: 5,
+}
+
+# What the command line's parser raises. Newer Typers carry their own copy of Click and older ones
+# use Click itself; this finds the class in either.
+UsageError: type[Any] = typer.BadParameter.__mro__[1]
+
+app = typer.Typer(
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Calibrate a camera from one photograph of three squares.",
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> NoReturn:
+    """Run the command and exit; `arguments` defaults to those of the process."""
+    _silence_opencv()
+    command = typer.main.get_command(app)
+    try:
+        code = command.main(arguments, prog_name="trisquare", standalone_mode=False)
+    except UsageError as error:
+        _fail(f"{error.format_message()} (see trisquare --help)", USAGE_EXIT)
+    except typer.Abort:
+        _fail("interrupted", INTERRUPTED_EXIT)
+    except tuple(EXIT_CODES) as error:
+        exit_code = next(code for kind, code in EXIT_CODES.items() if isinstance(error, kind))
+        _fail(str(error), exit_code)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _silence_opencv() -> None:
+    """Keep OpenCV from adding its own lines to the one that says what is wrong."""
+    silent = 0
+    # OpenCV 5 moved the function.
+    set_level = getattr(cv2, "setLogLevel", None) or cv2.utils.logging.setLogLevel
+    set_level(silent)
+
+
+def _fail(message: str, exit_code: int) -> NoReturn:
+    print("trisquare: error:", " ".join(message.split()), file=sys.stderr)
+    sys.exit(exit_code)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"trisquare {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Print version."),
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command("calibrate")
+def calibrate_command(
+    photos: Annotated[
+        list[Path],
+        typer.Argument(metavar="PHOTO", help="One photograph, or several of the same camera."),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="Write the result there as JSON."),
+    ] = None,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print JSON instead of tables, and nothing else.")
+    ] = False,
+    overlay: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Draw what was measured over the photograph. With several photographs FILE.png "
+            "stands for FILE-1.png, FILE-2.png, ...",
+        ),
+    ] = None,
+    model: Annotated[
+        str,
+        typer.Option(metavar="MODEL", help="Distortion: none, radial1, radial2, radial3 or brown."),
+    ] = "radial2",
+    method: Annotated[
+        str,
+        typer.Option(metavar="METHOD", help="ml, or linear for the paper's three steps alone."),
+    ] = "ml",
+    fix: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="WHAT",
+            help="Hold aspect, principal_point, focal or distortion; repeatable, or with commas.",
+        ),
+    ] = None,
+    tone: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TONE",
+            help="Tone curve: srgb, linear or a gamma. By default srgb for 8-bit pictures.",
+        ),
+    ] = None,
+    targets: Annotated[
+        str,
+        typer.Option(metavar="TARGETS", help="auto, squares, or chessboard:9x6 (inner corners)."),
+    ] = "auto",
+) -> None:
+    """Calibrate a camera from its photographs."""
+    overlays = _overlay_paths(overlay, len(photos))
+    _check_outputs(photos, output, overlays)
+    tone_curve = _tone(tone)
+    with _progress(len(photos)) as progress:
+        calibration = calibrate(
+            photos[0] if len(photos) == 1 else photos,
+            method=method,
+            model=model,
+            fix=tuple(name.strip() for names in fix or () for name in names.split(",")),
+            tone=tone_curve,
+            targets=targets,
+            progress=progress,
+        )
+    contents: dict[PathLike, bytes] = {}
+    for index, (photo, path) in enumerate(zip(photos, overlays, strict=False)):
+        contents[path] = _overlay(calibration, photo, index, path, targets, tone_curve)
+    if output is not None:
+        contents[output] = calibration.to_json().encode()
+    write_atomically(contents)
+    if json:
+        print(calibration.to_json(), end="")
+    else:
+        Console().print(calibration_report(calibration), soft_wrap=True)
+
+
+@app.command("demo")
+def demo_command(
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where to write the results.")
+    ] = Path("demo-output"),
+) -> None:
+    """Calibrate the bundled photograph and compare with the camera that it was made with."""
+    demo = run_demo(output)
+    report = comparison_report(demo.calibration, demo.truth, demo.written)
+    Console().print(report, soft_wrap=True)
+
+
+def _overlay_paths(overlay: Path | None, photos: int) -> list[Path]:
+    if overlay is None:
+        return []
+    if photos == 1:
+        return [overlay]
+    return [
+        overlay.with_name(f"{overlay.stem}-{number}{overlay.suffix}")
+        for number in range(1, photos + 1)
+    ]
+
+
+def _check_outputs(photos: Sequence[Path], output: Path | None, overlays: Sequence[Path]) -> None:
+    """Refuse outputs that cannot be written before anything is computed."""
+    taken = {os.path.realpath(photo) for photo in photos}
+    for path in (*overlays, *([] if output is None else [output])):
+        check_writable(path)
+        if os.path.realpath(path) in taken:
+            raise ValueError(f"{path}: would overwrite a photograph or another output")
+        taken.add(os.path.realpath(path))
+    for path in overlays:
+        if not cv2.haveImageWriter(str(path)):
+            raise ValueError(f"{path}: no picture format has the extension {path.suffix!r}")
+
+
+def _tone(text: str | None) -> str | float | None:
+    try:
+        return text if text is None else float(text)
+    except ValueError:
+        return text
+
+
+def _overlay(
+    calibration: Calibration,
+    photo: Path,
+    index: int,
+    path: Path,
+    targets: str,
+    tone: str | float | None,
+) -> bytes:
+    image = read_image(photo)
+    edges = [replace(figure, image=index) for figure in detect(image, targets=targets, tone=tone)]
+    return encode_image(draw_overlay(image, calibration, edges, index=index), path)
+
+
+@contextmanager
+def _progress(photos: int) -> Iterator[Callable[[int, int], None] | None]:
+    """Show a bar on standard error, where somebody may be watching it."""
+    console = Console(stderr=True)
+    if photos < 2 or not console.is_terminal:
+        yield None
+        return
+    with Progress(console=console, transient=True) as bar:
+        task = bar.add_task("calibrating", total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)

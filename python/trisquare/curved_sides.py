@@ -1,0 +1,233 @@
+"""Smooth curved sides through rough quads, measured on the grey picture itself.
+
+Contour pixels lie up to a pixel beside the edge and jump with the noise. A cubic through the
+edge positions along a side removes both, and tells apart what only looks four-cornered at one
+threshold: its edge is not there, or has the wrong sign, or is no smooth curve.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trisquare.quads import FRACTIONS, MIN_CONTRAST, FloatArray, Quads, sample, without_repeats
+
+END_MARGIN_PIXELS = 3.0
+END_MARGIN_FRACTIONS = (0.06, 0.25)
+"""Left out at each end of a side, where two edges blend; as a fraction it is kept within bounds."""
+
+PROFILE = np.arange(-3.0, 4.0)
+"""Offsets across the edge, pixels along the outward normal."""
+
+ROUNDS = 2
+"""The first measurement starts up to a pixel off, the second from within a few tenths."""
+
+MIN_RELATIVE_CONTRAST = 0.4
+"""Of a side's median contrast, that an edge point must have."""
+
+MAX_RESIDUAL = 0.75
+"""Pixels from the curve to the edge, beyond which a point does not belong to it."""
+
+MIN_INLIERS = 0.85
+"""Share of a side's points that must lie on its curve, with the side's own contrast."""
+
+EXPECTED_TERMS = np.array([1e3, 1e3, 0.02, 0.003])
+"""Size of a side's offset, slope, quadratic and cubic term, over the chord: the first two are
+free, the others what strong distortion makes."""
+
+POINT_NOISE = 0.2
+"""Pixels; of one edge position."""
+
+MAX_SAGITTA = 0.07
+"""Over the chord; the strongest lens bends a long side by 4 %, a quarter circle has 0.21."""
+
+MAX_CORNER_COSINE = np.cos(np.deg2rad(25.0))
+"""Corners between 25 and 155 degrees: beyond, the square is seen too flat to measure."""
+
+MAX_CORNER_SHIFT = 0.25
+"""Over the chord, from the rough corner to where the sides really meet."""
+
+LEAST_CROSS = 1e-3
+"""Squared pixels; two sides so parallel do not meet, and are refused by their angle."""
+
+NEWTON_STEPS = 4
+"""Two almost straight curves meet in two; the rest costs nothing."""
+
+
+def fit_sides(picture: NDArray[np.float32], quads: Quads) -> Quads:
+    """Measure the quads' sides and keep the quads whose four sides are smooth edges.
+
+    Parameters
+    ----------
+    picture : ndarray of float32, shape (H, W)
+    quads : Quads
+        Rough, within about a pixel and a half of the edge; in order of preference.
+
+    Returns
+    -------
+    Quads
+        Within a few tenths of a pixel of the edge, each outline once.
+    """
+    chords = _Chords.between(quads.corners, np.roll(quads.corners, -1, axis=1))
+    sign = np.where(quads.dark_inside, 1.0, -1.0)[:, None, None]
+    along = chords.inner_positions(FRACTIONS)
+    rough_along, offset = chords.coordinates(quads.sides)
+    off_corners = (rough_along > along[..., :1]) & (rough_along < along[..., -1:])
+    cubic = _fit_cubics(rough_along, offset, off_corners.astype(np.float64), chords.lengths)
+    for _ in range(ROUNDS):
+        offset = _evaluate(cubic, along)
+        step, contrast = _measure_edge(picture, chords, along, offset)
+        contrast *= sign
+        typical = np.median(contrast, axis=2, keepdims=True)
+        sharp = contrast > MIN_RELATIVE_CONTRAST * np.maximum(typical, MIN_CONTRAST)
+        measured = offset + step
+        cubic = _fit_cubics(along, measured, sharp.astype(np.float64), chords.lengths)
+        on_curve = sharp & (np.abs(measured - _evaluate(cubic, along)) < MAX_RESIDUAL)
+        cubic = _fit_cubics(along, measured, on_curve.astype(np.float64), chords.lengths)
+
+    first, last, cosines = _meet(chords, cubic)
+    positions = first[..., None] + (last - first)[..., None] * FRACTIONS
+    offsets = _evaluate(cubic, positions)
+    sagitta = np.abs(offsets - 0.5 * (offsets[..., :1] + offsets[..., -1:])).max(axis=2)
+    good = (
+        (on_curve.mean(axis=2) >= MIN_INLIERS)
+        & (typical[..., 0] >= MIN_CONTRAST)
+        & (sagitta <= MAX_SAGITTA * chords.lengths)
+        & (np.abs(cosines) <= MAX_CORNER_COSINE)
+        & (np.abs(first) < MAX_CORNER_SHIFT)
+        & (np.abs(last - 1.0) < MAX_CORNER_SHIFT)
+    ).all(axis=1)
+    fitted = Quads(chords.points(positions, offsets), quads.dark_inside, typical[..., 0])
+    return without_repeats(fitted.subset(good))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Chords:
+    """Frames along the chords of sides: position 0 to 1 along, offset in pixels outward."""
+
+    starts: FloatArray  # (Q, 4, 2)
+    directions: FloatArray  # (Q, 4, 2), unit
+    outward: FloatArray  # (Q, 4, 2), unit
+    lengths: FloatArray  # (Q, 4)
+
+    @classmethod
+    def between(cls, starts: FloatArray, ends: FloatArray) -> _Chords:
+        """Frames of quads whose corners go clockwise on the screen."""
+        lengths = np.linalg.norm(ends - starts, axis=-1)
+        directions = (ends - starts) / lengths[..., None]
+        outward = np.stack([directions[..., 1], -directions[..., 0]], axis=-1)
+        return cls(starts, directions, outward, lengths)
+
+    def rolled(self) -> _Chords:
+        """For each side, the chord of the side before."""
+        fields = (self.starts, self.directions, self.outward, self.lengths)
+        starts, directions, outward, lengths = (np.roll(field, 1, axis=1) for field in fields)
+        return _Chords(starts, directions, outward, lengths)
+
+    def coordinates(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Position and offset of points (Q, 4, N, 2)."""
+        relative = points - self.starts[:, :, None]
+        along = np.einsum("qsni,qsi->qsn", relative, self.directions) / self.lengths[..., None]
+        return along, np.einsum("qsni,qsi->qsn", relative, self.outward)
+
+    def points(self, along: FloatArray, offset: FloatArray) -> FloatArray:
+        """Points (Q, 4, N, 2) from positions and offsets (Q, 4, N)."""
+        forward = (along * self.lengths[..., None])[..., None] * self.directions[:, :, None]
+        return self.starts[:, :, None] + forward + offset[..., None] * self.outward[:, :, None]
+
+    def inner_positions(self, fractions: FloatArray) -> FloatArray:
+        """Spread positions (Q, 4, N) over the chords without the ends."""
+        margin = np.clip(END_MARGIN_PIXELS / self.lengths, *END_MARGIN_FRACTIONS)[..., None]
+        return margin + (1.0 - 2.0 * margin) * fractions
+
+
+def _powers(along: FloatArray) -> FloatArray:
+    """Cubic basis about the middle of the chord, shape (..., 4)."""
+    centred = 2.0 * along - 1.0
+    squared = centred * centred
+    return np.stack([np.ones_like(centred), centred, squared, centred * squared], axis=-1)
+
+
+def _fit_cubics(
+    along: FloatArray, offset: FloatArray, weight: FloatArray, lengths: FloatArray
+) -> FloatArray:
+    """Weighted least squares of offset on position, shapes (Q, 4, N) and (Q, 4) -> (Q, 4, 4).
+
+    A lens bends short sides little, and free curvature would swing at their ends, where nothing
+    was measured; the expected size of each coefficient holds it back.
+    """
+    basis = _powers(along)
+    weighted = basis * weight[..., None]
+    normal = np.swapaxes(weighted, -1, -2) @ basis
+    expected = EXPECTED_TERMS * lengths[..., None]
+    normal += (POINT_NOISE / expected)[..., None] ** 2 * np.eye(4)
+    right = np.swapaxes(weighted, -1, -2) @ offset[..., None]
+    return np.asarray(np.linalg.solve(normal, right)[..., 0], dtype=np.float64)
+
+
+def _evaluate(cubic: FloatArray, along: FloatArray) -> FloatArray:
+    """Offsets (Q, 4, N) of the cubics at positions (Q, 4, N)."""
+    return np.asarray(np.einsum("qsnk,qsk->qsn", _powers(along), cubic))
+
+
+def _slope(cubic: FloatArray, along: FloatArray) -> FloatArray:
+    """Change of offset per unit of position, both (Q, 4)."""
+    centred = 2.0 * along - 1.0
+    derivative = cubic[..., 1] + 2.0 * cubic[..., 2] * centred + 3.0 * cubic[..., 3] * centred**2
+    return 2.0 * derivative
+
+
+def _measure_edge(
+    picture: NDArray[np.float32], chords: _Chords, along: FloatArray, offset: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Where the edge is, outward from the curve in pixels, and its step outside - inside.
+
+    The profile's sum counts how many of its pixels are on the outer side; unlike a steepest
+    gradient this is unbiased by noise and needs no interpolation.
+    """
+    count = len(PROFILE)
+    spread = (offset[..., None] + PROFILE).reshape(*offset.shape[:2], -1)
+    points = chords.points(np.repeat(along, count, axis=-1), spread)
+    profile = sample(picture, points).reshape(*offset.shape, count)
+    inside, outside = profile[..., :2].mean(axis=-1), profile[..., -2:].mean(axis=-1)
+    contrast = outside - inside
+    usable = np.where(np.abs(contrast) < 1.0, 1.0, contrast)
+    outer_share = np.clip((profile - inside[..., None]) / usable[..., None], -0.25, 1.25)
+    return count / 2.0 - outer_share.sum(axis=-1), contrast
+
+
+def _meet(chords: _Chords, cubic: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Positions where each side meets the one before and the one after, and the corners' cosines.
+
+    Newton's method on the two positions, from the ends of the chords; shapes (Q, 4). The cosine
+    is that between the directions of a side and the one before, at their common corner.
+    """
+    shape = chords.lengths.shape
+    first, last = np.zeros(shape), np.ones(shape)  # on side i; on side i - 1
+    before, cubic_before = chords.rolled(), np.roll(cubic, 1, axis=1)
+    for _ in range(NEWTON_STEPS):
+        gap = _point_at(before, cubic_before, last) - _point_at(chords, cubic, first)
+        here, there = _tangent(chords, cubic, first), _tangent(before, cubic_before, last)
+        cross = there[..., 0] * here[..., 1] - there[..., 1] * here[..., 0]
+        cross = np.where(np.abs(cross) < LEAST_CROSS, LEAST_CROSS, cross)
+        # last * there - first * here = -gap, by Cramer's rule.
+        last = last - (gap[..., 0] * here[..., 1] - gap[..., 1] * here[..., 0]) / cross
+        first = first - (gap[..., 0] * there[..., 1] - gap[..., 1] * there[..., 0]) / cross
+        first, last = np.clip(first, -0.5, 0.5), np.clip(last, 0.5, 1.5)
+    lengths = np.linalg.norm(here, axis=-1) * np.linalg.norm(there, axis=-1)
+    cosines = (here * there).sum(axis=-1) / lengths
+    return first, np.roll(last, -1, axis=1), cosines
+
+
+def _point_at(chords: _Chords, cubic: FloatArray, along: FloatArray) -> FloatArray:
+    """Points (Q, 4, 2) of the curves at positions (Q, 4)."""
+    positions = along[..., None]
+    return chords.points(positions, _evaluate(cubic, positions))[:, :, 0]
+
+
+def _tangent(chords: _Chords, cubic: FloatArray, along: FloatArray) -> FloatArray:
+    """Differentiate the curves' points by position, shape (Q, 4, 2)."""
+    forward = chords.lengths[..., None] * chords.directions
+    return forward + _slope(cubic, along)[..., None] * chords.outward

@@ -1,0 +1,294 @@
+"""What a calibration is made from: the measured edges of one plane figure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
+from functools import partial
+from typing import Any, Literal, TypeAlias, get_args
+
+import numpy as np
+
+from trisquare.checked import FloatArray, index_number, real_array, string, whole_number
+from trisquare.errors import NotEnoughDataError
+from trisquare.json_fields import JsonFields, dump_members
+
+Freedom: TypeAlias = Literal["auto", "fixed", "size", "similarity"]
+
+EDGES_FORMAT = "trisquare-edges/1"
+
+# No picture is this large; beyond it float64 no longer resolves 1e-7 px, and squares may overflow.
+MAX_COORDINATE = 1e9
+
+# A line given with a unit normal keeps its digits: dividing by a norm that differs from 1 by
+# rounding alone would change them again on every trip through JSON or pickle.
+UNIT_NORM_SLACK = 4 * np.finfo(np.float64).eps
+
+# How far samples may lie beyond their side's corners, relative to their own extent. The straight
+# fits of strongly curved sides meet within 10 % of the true corners; sides in crossed order
+# overshoot by 100 %.
+CORNER_SLACK = 0.25
+
+# The model of a square of unit side, centred at the origin, X along side 0 from corner 0 to
+# corner 1. The sign of Y makes Z point away from the camera in either case.
+CLOCKWISE_SQUARE = ((0.0, 1.0, 0.5), (1.0, 0.0, -0.5), (0.0, 1.0, -0.5), (1.0, 0.0, 0.5))
+COUNTER_CLOCKWISE_SQUARE = ((0.0, 1.0, -0.5), (1.0, 0.0, -0.5), (0.0, 1.0, 0.5), (1.0, 0.0, 0.5))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlaneEdges:
+    """The edges of one plane figure: model lines, and the samples measured along each.
+
+    Parameters
+    ----------
+    lines : array_like, shape (L, 3), L >= 4
+        The figure's lines ``(a, b, c)`` in its own coordinates, ``a x + b y + c = 0``; kept with
+        ``a^2 + b^2 = 1``.
+    points : sequence of L array_like, shape (N_i, 2), N_i >= 2
+        Samples ``(x, y)`` on the image of each line, in pixels of the photograph.
+    std : sequence of L array_like, shape (N_i,), optional
+        One standard deviation of each sample across its line, in pixels. Only their ratios
+        matter for the estimate; without them all samples weigh the same.
+    polarity : {+1, -1}, optional
+        +1 if the figure's inside is dark, -1 if it is light, None if unknown.
+    plane : int, optional
+        Figures of one picture with equal `plane` lie on one physical plane; None is a plane of
+        its own.
+    image : int
+        Index of the picture the figure was measured in.
+    kind : str
+        What the figure is called in results.
+    freedom : {"auto", "fixed", "size", "similarity"}
+        What is unknown of a *further* figure on a shared plane; the plane's first figure defines
+        the plane's coordinates, and there this has no meaning.
+
+        - ``"fixed"``: nothing, its lines are given in the plane's coordinates (0 unknowns);
+        - ``"size"``: its size about the common centre (1 unknown), as a frame's second outline;
+        - ``"similarity"``: size, rotation and place (4 unknowns);
+        - ``"auto"``: ``"size"`` if it lies concentric with the plane's first figure, else
+          ``"similarity"``.
+
+    Raises
+    ------
+    TypeError
+        If something is not a number, or not of the type said above.
+    ValueError
+        For wrong shapes or lengths, NaN or infinity, a line without direction, ``std <= 0``.
+    NotEnoughDataError
+        For fewer than four lines, or a line with fewer than two distinct points.
+    """
+
+    lines: FloatArray
+    points: tuple[FloatArray, ...]
+    std: tuple[FloatArray, ...] | None = None
+    _: KW_ONLY
+    polarity: int | None = None
+    plane: int | None = None
+    image: int = 0
+    kind: str = "square"
+    freedom: Freedom = "auto"
+
+    def __post_init__(self) -> None:
+        lines = _unit_normal_lines(self.lines)
+        points = _samples_of_lines(self.points, len(lines))
+        std = None if self.std is None else _deviations_of_lines(self.std, points)
+        object.__setattr__(self, "lines", lines)
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "std", std)
+        if self.polarity is not None:
+            polarity = whole_number(self.polarity, "polarity")
+            if polarity not in (1, -1):
+                raise ValueError(f"polarity must be +1, -1 or None, not {polarity}")
+            object.__setattr__(self, "polarity", polarity)
+        if self.plane is not None:
+            object.__setattr__(self, "plane", whole_number(self.plane, "plane"))
+        object.__setattr__(self, "image", index_number(self.image, "image"))
+        string(self.kind, "kind")
+        if string(self.freedom, "freedom") not in get_args(Freedom):
+            raise ValueError(f"freedom must be one of {get_args(Freedom)}, not {self.freedom!r}")
+
+    @classmethod
+    def square(
+        cls,
+        sides: Sequence[Any],
+        std: Sequence[Any] | None = None,
+        *,
+        polarity: int | None = None,
+        plane: int | None = None,
+        image: int = 0,
+        kind: str = "square",
+        freedom: Freedom = "auto",
+    ) -> PlaneEdges:
+        """Make the edges of a square from the samples of its four sides.
+
+        The square has unit side and is centred at the origin, X runs along side 0 from corner 0
+        to corner 1, and Z points away from the camera; corner ``i`` is where the sides ``i - 1``
+        and ``i`` meet.
+
+        Parameters
+        ----------
+        sides : sequence of four array_like, shape (N_i, 2)
+            Samples of the sides in order round the square, either way round; the samples of one
+            side may be in any order.
+        std, polarity, plane, image, kind, freedom
+            As for `PlaneEdges`.
+
+        Raises
+        ------
+        ValueError
+            Also if the sides are not in order round one convex quadrilateral.
+        """
+        sides = list(sides)
+        if len(sides) < 4:
+            raise NotEnoughDataError(f"a square needs its 4 sides, not {len(sides)}")
+        points = _samples_of_lines(sides, 4)
+        clockwise = _runs_clockwise(points)
+        return cls(
+            np.array(CLOCKWISE_SQUARE if clockwise else COUNTER_CLOCKWISE_SQUARE),
+            points,
+            None if std is None else tuple(std),
+            polarity=polarity,
+            plane=plane,
+            image=image,
+            kind=kind,
+            freedom=freedom,
+        )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        rebuild = partial(
+            type(self),
+            polarity=self.polarity,
+            plane=self.plane,
+            image=self.image,
+            kind=self.kind,
+            freedom=self.freedom,
+        )
+        return rebuild, (self.lines, self.points, self.std)
+
+    def __repr__(self) -> str:
+        counts = ", ".join(str(len(points)) for points in self.points)
+        inside = {1: "dark inside, ", -1: "light inside, "}.get(self.polarity or 0, "")
+        plane = "" if self.plane is None else f"plane {self.plane}, "
+        return (
+            f"<PlaneEdges {self.kind}: {len(self.lines)} lines with {counts} samples, "
+            f"{inside}{plane}image {self.image}>"
+        )
+
+    def to_json(self) -> str:
+        """Return the edges as JSON text that `from_json` reads back exactly."""
+        return dump_members(
+            {
+                "format": EDGES_FORMAT,
+                "kind": self.kind,
+                "image": self.image,
+                "plane": self.plane,
+                "polarity": self.polarity,
+                "freedom": self.freedom,
+                "lines": self.lines.tolist(),
+                "points": [points.tolist() for points in self.points],
+                "std": None if self.std is None else [std.tolist() for std in self.std],
+            }
+        )
+
+    @classmethod
+    def from_json(cls, text: str) -> PlaneEdges:
+        """Read what `to_json` wrote.
+
+        Raises
+        ------
+        ValueError
+            If the text is not JSON, or a key is missing or of the wrong type; it is named.
+        NotEnoughDataError
+            As for `PlaneEdges`.
+        """
+        fields = JsonFields.parse(text, EDGES_FORMAT)
+        freedom: Any = fields.text("freedom")
+        return cls(
+            fields.array("lines", (None, 3)),
+            fields.arrays("points", (None, 2)),
+            None if fields.value("std") is None else fields.arrays("std", (None,)),
+            polarity=None if fields.value("polarity") is None else fields.integer("polarity"),
+            plane=None if fields.value("plane") is None else fields.integer("plane"),
+            image=fields.integer("image"),
+            kind=fields.text("kind"),
+            freedom=freedom,
+        )
+
+
+def _unit_normal_lines(lines: Any) -> FloatArray:
+    given = real_array(lines, "lines", (None, 3))
+    if len(given) < 4:
+        raise NotEnoughDataError(f"a plane needs at least 4 lines, not {len(given)}")
+    norms = np.hypot(given[:, 0], given[:, 1])
+    if not (norms > 0).all():
+        raise ValueError(f"line {int(np.argmin(norms))} has no direction: a and b are both zero")
+    norms[np.abs(norms - 1) <= UNIT_NORM_SLACK] = 1.0
+    return real_array(given / norms[:, None], "lines", (None, 3))
+
+
+def _sequence(values: Any, name: str, count: int) -> list[Any]:
+    try:
+        arrays = list(values)
+    except TypeError as error:
+        raise TypeError(f"{name} must be a sequence with one array per line") from error
+    if len(arrays) != count:
+        raise ValueError(f"{name} must hold {count} arrays, one per line, not {len(arrays)}")
+    return arrays
+
+
+def _samples_of_lines(points: Any, count: int) -> tuple[FloatArray, ...]:
+    samples = []
+    for index, given in enumerate(_sequence(points, "points", count)):
+        name = f"points[{index}]"
+        if hasattr(given, "__len__") and len(given) == 0:
+            raise NotEnoughDataError(f"{name} is empty: a line needs at least 2 points")
+        array = real_array(given, name, (None, 2))
+        if not (np.abs(array) <= MAX_COORDINATE).all():
+            raise ValueError(f"{name} holds coordinates beyond {MAX_COORDINATE:g} px")
+        if not np.ptp(array, axis=0).any():
+            raise NotEnoughDataError(f"{name} holds one distinct point: a line needs at least 2")
+        samples.append(array)
+    return tuple(samples)
+
+
+def _deviations_of_lines(std: Any, points: tuple[FloatArray, ...]) -> tuple[FloatArray, ...]:
+    deviations = []
+    for index, given in enumerate(_sequence(std, "std", len(points))):
+        array = real_array(given, f"std[{index}]", (len(points[index]),))
+        if not (array > 0).all():
+            raise ValueError(f"std[{index}] must be positive")
+        deviations.append(array)
+    return tuple(deviations)
+
+
+def _fitted_line(points: FloatArray) -> FloatArray:
+    """Fit ``(a, b, c)`` with a unit normal by total least squares."""
+    centroid = points.mean(axis=0)
+    normal = np.linalg.svd(points - centroid, full_matrices=True)[2][1]
+    return np.append(normal, -normal @ centroid)
+
+
+def _runs_clockwise(sides: tuple[FloatArray, ...]) -> bool:
+    """Tell which way round the picture four sides run, and that they are in order at all."""
+    lines = [_fitted_line(points) for points in sides]
+    meetings = [np.cross(lines[index - 1], lines[index]) for index in range(4)]
+    message = (
+        "the sides are not in order round one convex quadrilateral: "
+        "give them as neighbour after neighbour"
+    )
+    if any(meeting[2] == 0 for meeting in meetings):
+        raise ValueError(message)
+    corners = np.array([meeting[:2] / meeting[2] for meeting in meetings])
+    edges = np.roll(corners, -1, axis=0) - corners
+    ahead = np.roll(edges, -1, axis=0)
+    turns = edges[:, 0] * ahead[:, 1] - edges[:, 1] * ahead[:, 0]
+    for points, corner, edge in zip(sides, corners, edges, strict=True):
+        length = np.hypot(*edge)
+        along = (points - corner) @ edge / length if length > 0 else np.array([-np.inf, np.inf])
+        slack = CORNER_SLACK * np.ptp(along)
+        if not (along.min() >= -slack and along.max() <= length + slack):
+            raise ValueError(message)
+    # With y down, a positive cross product of successive edges turns clockwise on the screen.
+    if not ((turns > 0).all() or (turns < 0).all()):
+        raise ValueError(message)
+    return bool(turns[0] > 0)

@@ -1,0 +1,59 @@
+"""The exceptions that trisquare raises; none of them ever stands in for a number.
+
+Wrong arguments are plain `ValueError` and `TypeError`. Everything that depends on what the
+photograph shows is a `TrisquareError`, so that one ``except`` catches every refusal.
+"""
+
+
+class TrisquareError(Exception):
+    """Base class of every error that trisquare itself raises."""
+
+
+class ImageError(TrisquareError):
+    """The picture is missing, unreadable or incomplete.
+
+    Raised before anything is searched. Check the path, or copy the file again: a truncated
+    picture is refused although many viewers show its upper part.
+    """
+
+
+class DetectionError(TrisquareError):
+    """No target was found in the picture.
+
+    The squares may be too small, too blurred, cut by the border or too low in contrast. Give
+    `targets=` if the picture shows a chessboard, or measure the edges by other means and call
+    `calibrate_edges`.
+    """
+
+
+class NotEnoughPlanesError(TrisquareError):
+    """There are too few planes for what is to be estimated.
+
+    Three tilted squares are the rule. With two, hold something with `fix=`; or give several
+    pictures of the same camera.
+    """
+
+
+class NotEnoughDataError(TrisquareError):
+    """There are too few lines, samples or degrees of freedom.
+
+    A plane needs four lines and a line two distinct points; all samples together must outnumber
+    the unknowns. Measure more of each side, or free fewer parameters.
+    """
+
+
+class DegenerateGeometryError(TrisquareError):
+    """The planes do not determine the camera.
+
+    Their directions are too much alike, as with parallel squares or a fronto-parallel view. Tilt
+    the squares 25 degrees or more in different directions, or hold the principal point with
+    ``fix="principal_point"``.
+    """
+
+
+class ConvergenceError(TrisquareError):
+    """The refinement found no minimum within its bounded number of steps.
+
+    Usually the edges do not belong to squares, or one of them is grossly wrong. Look at the
+    detected outlines (``--overlay``), and remove the target that does not fit.
+    """

@@ -1,0 +1,167 @@
+"""Coarse outlines of squares and chessboards in a photograph.
+
+The outlines are good to a pixel or two and exist to tell the measurement of the edges where to
+look; no figure of a calibration depends on their accuracy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from trisquare.curved_sides import fit_sides
+from trisquare.figures import alignment, find_figures
+from trisquare.quads import RANGE_PERCENTILES, FloatArray, Quads, find_quads
+from trisquare.square_views import views_of_squares
+
+WORKING_SIZE = 1000
+"""Longest side, in pixels, of the picture that is searched: larger ones are halved, which takes
+three quarters of the work and most of the noise away and leaves outlines good to a pixel."""
+
+MIN_PICTURE = 32
+"""Pixels per side below which a picture cannot hold a square with its ground."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outline:
+    """One closed outline of four curved sides, in pixels of the photograph.
+
+    Attributes
+    ----------
+    corners : ndarray of float64, shape (4, 2)
+        Clockwise on the screen (x right, y down).
+    sides : tuple of four ndarrays of float64, shape (N, 2)
+        Points along side i, from corner i to corner i + 1, both included.
+    dark_inside : bool
+        Whether the inside is darker than the outside.
+    """
+
+    corners: FloatArray
+    sides: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+    dark_inside: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SquareOutline:
+    """A solid square, or a frame with a second, inner outline numbered like the outer one."""
+
+    outer: Outline
+    inner: Outline | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BoardOutline:
+    """A chessboard's inner corners, in pixels of the photograph.
+
+    Attributes
+    ----------
+    corners : ndarray of float64, shape (rows, cols, 2)
+        Columns go clockwise from rows on the screen: the board is seen from its front.
+    """
+
+    corners: FloatArray
+
+
+def find_squares(image: NDArray[np.generic]) -> list[SquareOutline]:
+    """Find dark squares on a lighter ground and light ones on a darker, solid or framed.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
+        Grey or BGR.
+
+    Returns
+    -------
+    list of SquareOutline
+        From the largest to the smallest; empty if there is none.
+    """
+    picture, scale = _working_picture(grey_bytes(image))
+    if min(picture.shape) < MIN_PICTURE:
+        return []
+    smooth = picture.astype(np.float32)
+    quads = fit_sides(smooth, find_quads(picture, smooth))
+    quads = views_of_squares(quads, image_size=(picture.shape[1], picture.shape[0]))
+    squares = []
+    for figure in find_figures(smooth, quads):
+        outer = _outline(quads, figure.outer, 0, scale)
+        inner = None
+        if figure.inner is not None:
+            places = alignment(quads.corners[figure.inner], quads.corners[figure.outer])
+            inner = _outline(quads, figure.inner, places, scale)
+        squares.append(SquareOutline(outer, inner))
+    return sorted(squares, key=lambda square: -_area(square.outer))
+
+
+def find_chessboard(image: NDArray[np.generic], cols: int, rows: int) -> BoardOutline | None:
+    """Find the one chessboard with `cols` x `rows` inner corners.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
+        Grey or BGR.
+    cols, rows : int
+        Inner corners along the board's two directions, at least 3 each.
+
+    Returns
+    -------
+    BoardOutline or None
+        None if the picture shows no such board.
+    """
+    if min(cols, rows) < 3:
+        raise ValueError(f"a chessboard needs 3 x 3 inner corners or more, not {cols} x {rows}")
+    grey = grey_bytes(image)
+    if min(grey.shape) < MIN_PICTURE:
+        return None
+    flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE
+    found, points = cv2.findChessboardCornersSB(grey, (cols, rows), None, flags)
+    if not found:
+        flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ADAPTIVE_THRESH
+        found, points = cv2.findChessboardCorners(grey, (cols, rows), None, flags)
+    if not found:
+        return None
+    corners = np.asarray(points, dtype=np.float64).reshape(rows, cols, 2)
+    across, down = corners[0, -1] - corners[0, 0], corners[-1, 0] - corners[0, 0]
+    if across[0] * down[1] - across[1] * down[0] < 0.0:
+        corners = corners[:, ::-1]
+    return BoardOutline(np.ascontiguousarray(corners))
+
+
+def grey_bytes(image: NDArray[np.generic]) -> NDArray[np.uint8]:
+    """Grey picture of 8 bits, stretched to its own range if it had more; for finding only."""
+    if image.size == 0:
+        return np.zeros(image.shape[:2], dtype=np.uint8)
+    if image.ndim == 3:
+        image = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)  # type: ignore[arg-type]
+    if image.dtype == np.uint8:
+        return np.ascontiguousarray(image, dtype=np.uint8)
+    values = np.asarray(image, dtype=np.float32)
+    darkest, brightest = np.percentile(values, RANGE_PERCENTILES)
+    if not brightest > darkest:
+        return np.zeros(values.shape, dtype=np.uint8)
+    stretched = (values - darkest) * (255.0 / (brightest - darkest))
+    return np.asarray(np.clip(np.rint(stretched), 0.0, 255.0), dtype=np.uint8)
+
+
+def _working_picture(grey: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
+    """Smooth picture of moderate size, and how many pixels of the photograph make one of it."""
+    scale = 1
+    while max(grey.shape) > WORKING_SIZE and min(grey.shape) >= MIN_PICTURE:
+        grey, scale = np.asarray(cv2.pyrDown(grey), dtype=np.uint8), 2 * scale
+    if scale == 1 and min(grey.shape) >= MIN_PICTURE:
+        grey = np.asarray(cv2.GaussianBlur(grey, (3, 3), 0.0), dtype=np.uint8)
+    return grey, scale
+
+
+def _outline(quads: Quads, index: int, places: int, scale: int) -> Outline:
+    """Outline in pixels of the photograph, its numbering rolled by `places`."""
+    # pyrDown keeps every second pixel's centre, so that coordinates only need the factor.
+    corners = scale * np.roll(quads.corners[index], places, axis=0)
+    first, second, third, fourth = scale * np.roll(quads.sides[index], places, axis=0)
+    return Outline(corners, (first, second, third, fourth), bool(quads.dark_inside[index]))
+
+
+def _area(outline: Outline) -> float:
+    return float(cv2.contourArea(outline.corners.astype(np.float32)))

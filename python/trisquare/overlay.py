@@ -1,0 +1,208 @@
+"""A photograph with what was measured in it and how well the calibration explains it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from trisquare.camera import camera_parameters
+from trisquare.checked import FloatArray
+from trisquare.edges import PlaneEdges
+from trisquare.files import Image
+from trisquare.model_sides import MeasuredSide, measured_sides, project
+from trisquare.result import Calibration, Plane
+
+Canvas: TypeAlias = npt.NDArray[np.uint8]
+Colour: TypeAlias = tuple[int, int, int]
+
+# BGR. The sides are told apart by colour so that a wrong order can be seen.
+SIDE_COLOURS: tuple[Colour, ...] = (
+    (80, 220, 255),
+    (255, 200, 60),
+    (160, 255, 120),
+    (255, 140, 220),
+)
+AXIS_COLOURS: tuple[Colour, ...] = ((60, 60, 255), (60, 220, 60), (255, 120, 60))
+RESIDUAL_COLOUR: Colour = (40, 140, 255)
+CENTRE_COLOUR: Colour = (255, 255, 255)
+TEXT_COLOUR: Colour = (240, 240, 240)
+DIMMED = 0.55
+LEGEND_GROUND = 0.35
+
+# The residuals' root mean square is drawn this long, relative to the picture's diagonal.
+DRAWN_RESIDUAL = 0.01
+# Drawing in sixteenths of a pixel: OpenCV's `shift`.
+SHIFT = 4
+FONT = cv2.FONT_HERSHEY_SIMPLEX
+
+
+def draw_overlay(
+    image: Image,
+    calibration: Calibration,
+    edges: Sequence[PlaneEdges] | None = None,
+    *,
+    index: int = 0,
+    exaggeration: float | None = None,
+) -> Canvas:
+    """Draw a calibration over its photograph.
+
+    The photograph, grey and dimmed; the measured samples of each side joined by a thin line; the
+    residuals as exaggerated normals; the axes of each square (X red, Y green, Z blue, half a side
+    long) through the full lens model; the principal point as a cross; a legend.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
+        Grey or BGR; float pictures are taken to span 0 to 1.
+    calibration : Calibration
+        What to draw.
+    edges : sequence of PlaneEdges, optional
+        What was measured; without them no samples and residuals are drawn.
+    index : int
+        Which of the calibration's pictures this is.
+    exaggeration : float, optional
+        By how much the residuals are lengthened; by default the round number that draws their
+        root mean square about a hundredth of the diagonal long. The legend states it.
+
+    Returns
+    -------
+    ndarray of uint8, shape (H, W, 3)
+        BGR.
+    """
+    canvas = _dimmed_grey(image)
+    thickness = max(1, round(max(canvas.shape) / 1600))
+    sides = list(measured_sides(calibration, edges or (), index))
+    rms = float(np.sqrt(np.mean(np.concatenate([s.residuals for s in sides]) ** 2))) if sides else 0
+    if exaggeration is None:
+        exaggeration = _round_exaggeration(rms, float(np.hypot(*canvas.shape[:2])))
+    for number, side in enumerate(sides):
+        _draw_side(canvas, side, SIDE_COLOURS[number % 4], exaggeration, thickness)
+    for plane in calibration.planes:
+        if plane.image == index:
+            _draw_axes(canvas, calibration, plane, thickness)
+    _draw_principal_point(canvas, calibration, thickness)
+    entries = _legend_entries(calibration)
+    if sides:
+        entries.append((f"residuals drawn x {exaggeration:g} (rms {rms:.2g} px)", RESIDUAL_COLOUR))
+    corners = [plane.corners for plane in calibration.planes if plane.image == index]
+    _draw_legend(
+        canvas, entries, np.vstack([np.empty((0, 2)), *corners, *(side.points for side in sides)])
+    )
+    return canvas
+
+
+def _dimmed_grey(image: Image) -> Canvas:
+    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    full_scale = np.iinfo(grey.dtype).max if grey.dtype.kind == "u" else 1.0
+    dimmed = np.clip(grey.astype(np.float64) / full_scale, 0, 1) * (255 * DIMMED)
+    return np.repeat(dimmed.astype(np.uint8)[:, :, None], 3, axis=2)
+
+
+def _round_exaggeration(rms: float, diagonal: float) -> float:
+    """Return 1, 2 or 5 times a power of ten that makes residuals visible."""
+    wanted = DRAWN_RESIDUAL * diagonal / max(rms, 1e-9)
+    power = 10.0 ** np.floor(np.log10(wanted))
+    return float(max(step * power for step in (1, 2, 5) if step * power <= wanted * (1 + 1e-9)))
+
+
+def _subpixel(points: FloatArray) -> npt.NDArray[np.int32]:
+    # Far outside the picture a coordinate may exceed what OpenCV's fixed point can hold.
+    limit = 2.0**30 / (1 << SHIFT)
+    return np.asarray(np.rint(np.clip(points, -limit, limit) * (1 << SHIFT)), dtype=np.int32)
+
+
+def _draw_lines(
+    canvas: Canvas, lines: Sequence[FloatArray], colour: Colour, thickness: int
+) -> None:
+    fixed_point = [_subpixel(line).reshape(-1, 1, 2) for line in lines]
+    cv2.polylines(canvas, fixed_point, False, colour, thickness, cv2.LINE_AA, SHIFT)
+
+
+def _draw_side(
+    canvas: Canvas, side: MeasuredSide, colour: Colour, exaggeration: float, thickness: int
+) -> None:
+    along = side.points @ (side.curve[-1] - side.curve[0])
+    order = np.argsort(along)
+    _draw_lines(canvas, [side.points[order]], colour, thickness)
+    tips = side.points + exaggeration * side.residuals[:, None] * side.normals
+    needles = list(np.stack([side.points, tips], axis=1))
+    _draw_lines(canvas, needles, RESIDUAL_COLOUR, thickness)
+
+
+def _draw_axes(canvas: Canvas, calibration: Calibration, plane: Plane, thickness: int) -> None:
+    steps = np.linspace(0, 0.5, 17)
+    size = _text_scale(canvas)
+    for axis, (name, colour) in enumerate(zip("XYZ", AXIS_COLOURS, strict=True)):
+        points = np.zeros((len(steps), 3))
+        points[:, axis] = steps
+        depths = points @ plane.rotation[2] + plane.translation[2]
+        if depths.min() <= 0:
+            continue
+        curve = project(calibration.camera, plane, points)
+        _draw_lines(canvas, [curve], colour, 2 * thickness)
+        beyond = curve[-1] - curve[0]
+        beyond *= 20 * size / max(float(np.hypot(*beyond)), 1.0)
+        _draw_text(canvas, name, curve[-1] + beyond + [-8 * size, 10 * size], colour, size)
+
+
+def _draw_principal_point(canvas: Canvas, calibration: Calibration, thickness: int) -> None:
+    centre = np.array([calibration.camera.cx, calibration.camera.cy])
+    arm = max(4.0, max(canvas.shape) / 100)
+    cross = [np.array([centre - step, centre + step]) for step in ([arm, 0.0], [0.0, arm])]
+    _draw_lines(canvas, cross, CENTRE_COLOUR, thickness)
+
+
+def _legend_entries(calibration: Calibration) -> list[tuple[str, Colour]]:
+    entries = [
+        (f"{name} {value:.6g} +- {calibration.std[name]:.2g}", TEXT_COLOUR)
+        for name, value in camera_parameters(calibration.camera).items()
+        if name in calibration.std
+    ]
+    entries.append(("+ principal point", CENTRE_COLOUR))
+    if calibration.warnings:
+        entries.append((f"{len(calibration.warnings)} warning(s)", RESIDUAL_COLOUR))
+    return entries
+
+
+def _text_scale(canvas: Canvas) -> float:
+    return float(max(canvas.shape)) / 2200
+
+
+def _draw_text(
+    canvas: Canvas, text: str, position: FloatArray, colour: Colour, scale: float
+) -> None:
+    # Beyond 16 bits the place is far outside the picture, and drawing text there may overflow.
+    x, y = (int(value) for value in np.clip(np.rint(position), -32768, 32767))
+    stroke = max(1, round(2 * scale))
+    cv2.putText(canvas, text, (x, y), FONT, scale, colour, stroke, cv2.LINE_AA)
+
+
+def _draw_legend(
+    canvas: Canvas, entries: Sequence[tuple[str, Colour]], to_keep_clear: FloatArray
+) -> None:
+    """Write the entries on a darkened ground in the emptiest corner, at most half as wide."""
+    height, width = canvas.shape[:2]
+    scale = _text_scale(canvas)
+    widest = max(cv2.getTextSize(text, FONT, scale, 1)[0][0] for text, _ in entries)
+    scale *= min(1.0, 0.5 * width / max(widest, 1))
+    line_height = cv2.getTextSize("Xg", FONT, scale, 1)[0][1] * 1.7
+    margin = 0.6 * line_height
+    legend_height = min(height, round(len(entries) * line_height + 2 * margin))
+    legend_width = min(width, round(min(widest, 0.5 * width) * 1.05 + 2 * margin))
+    corners = [(x, y) for y in (0, height - legend_height) for x in (0, width - legend_width)]
+    covered = [
+        ((to_keep_clear >= (x, y)) & (to_keep_clear < (x + legend_width, y + legend_height)))
+        .all(axis=1)
+        .sum()
+        for x, y in corners
+    ]
+    left, top = corners[int(np.argmin(covered))]
+    ground = canvas[top : top + legend_height, left : left + legend_width]
+    ground[:] = (ground * LEGEND_GROUND).astype(np.uint8)
+    for number, (text, colour) in enumerate(entries):
+        baseline = top + margin + (number + 0.75) * line_height
+        _draw_text(canvas, text, np.array([left + margin, baseline]), colour, scale)

@@ -1,0 +1,260 @@
+"""Photographs of known scenes, exact to the grey level: light, lens blur, pixel, tone, noise.
+
+Everything is composed in linear light, coded by the tone curve, and only then made noisy.
+Brightness is quoted in grey levels of the coded picture, 0 to 255, whatever the dtype.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from .clutter import cluttered_ground
+from .coverage import quadrilateral_coverage
+from .scene import Scene, Target, TrueCamera, rectangle
+
+Array = npt.NDArray[np.float64]
+Image = npt.NDArray[Any]
+ToneCurve = Literal["linear", "srgb"] | float
+
+WHITE = 255.0
+# A paper sheet reaches at least this far beyond the figure, and at most SHEET_RIM[1], in units
+# of the figure's side, so that nothing but paper comes near an edge.
+SHEET_RIM = (0.08, 0.13)
+# Sheets of a cluttered picture differ a little in whiteness, as paper does.
+_SHEET_TINT = 0.06
+# Colour casts of the light, per channel.
+_LIGHT_TINT = 0.12
+
+
+def decode_tone(coded: Array, tone: ToneCurve) -> Array:
+    """Turn coded values (0 to 1) into linear light."""
+    coded = np.clip(coded, 0.0, None)
+    if tone == "linear":
+        return coded
+    if tone == "srgb":
+        return np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
+    light: Array = coded ** float(tone)
+    return light
+
+
+def encode_tone(light: Array, tone: ToneCurve) -> Array:
+    """Turn linear light into coded values (0 to 1)."""
+    light = np.clip(light, 0.0, None)
+    if tone == "linear":
+        return light
+    if tone == "srgb":
+        return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1.0 / 2.4) - 0.055)
+    coded: Array = light ** (1.0 / float(tone))
+    return coded
+
+
+def render(
+    scene: Scene,
+    rng: np.random.Generator,
+    *,
+    noise: float = 2.0,
+    blur: float = 0.8,
+    contrast: float = 175.0,
+    tone: ToneCurve = "linear",
+    colour: bool = False,
+    shading: float = 0.0,
+    clutter: int = 0,
+    background: Image | None = None,
+    dtype: npt.DTypeLike = np.uint8,
+    jpeg_quality: int | None = None,
+) -> Image:
+    """Photograph a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        The camera and its targets.
+    rng : numpy.random.Generator
+        Source of the noise, the clutter, the tints and the direction of the shading.
+    noise : float
+        Standard deviation of the noise of each channel, grey levels. In a given `background`
+        only the sheets become noisy: a photograph brings its own.
+    blur : float
+        Standard deviation of the optical blur, pixels; the pixel's box comes on top.
+    contrast : float
+        Grey levels between dark and light, centred in the range, before shading.
+    tone : {"linear", "srgb"} or float
+        Tone curve; a number is a gamma, ``light = coded ** gamma``.
+    colour : bool
+        Make a BGR picture with a colour cast.
+    shading : float
+        Fraction of the light that is lost from one end of the picture to the other.
+    clutter : int
+        Number of things that lie about. The targets then lie on paper sheets.
+    background : ndarray of uint8, shape (H, W) or (H, W, 3), optional
+        Coded picture to render into, of the camera's image size.
+    dtype : dtype
+        uint8, uint16 (full range 65535) or float32 (1.0 is white; neither rounded nor clipped).
+    jpeg_quality : int, optional
+        Pass the (uint8) picture through JPEG.
+
+    Returns
+    -------
+    ndarray of dtype, shape (H, W) or (H, W, 3)
+        Grey, or BGR if `colour` is set or the background has colour.
+    """
+    if blur <= 0.0 or contrast <= 0.0 or contrast > WHITE:
+        raise ValueError(f"blur and contrast must be positive, got {blur} and {contrast}")
+    levels = np.array([WHITE - contrast, WHITE + contrast]) / (2.0 * WHITE)
+    dark, light = decode_tone(levels, tone)
+    on_sheets = bool(clutter) or background is not None
+    canvas = _ground(scene, rng, (dark, light), tone, clutter, background, blur)
+    sheets = np.zeros(canvas.shape[:2])
+    for target in scene.targets:
+        ground, ink = (light, dark) if target.dark else (dark, light)
+        if on_sheets:
+            ground *= 1.0 - _SHEET_TINT * rng.random()
+        if on_sheets or target.dark != scene.targets[0].dark:
+            _paint(canvas, scene.camera, target, _sheet(target, rng), ground, blur, sheets)
+        for sign, corners in target.figure():
+            patch = quadrilateral_coverage(scene.camera, target, corners, blur)
+            if patch is not None:
+                canvas[patch.rows, patch.columns] += (
+                    sign * (ink - ground) * patch.coverage[..., None]
+                )
+    if background is None:
+        canvas = _illuminate(canvas, rng, shading, colour)
+    coded = encode_tone(canvas, tone)
+    spread = sheets[..., None] if background is not None else 1.0
+    coded += noise / WHITE * spread * rng.standard_normal(coded.shape)
+    return _quantise(coded, np.dtype(dtype), jpeg_quality)
+
+
+def render_into(
+    background: Image,
+    scene: Scene,
+    rng: np.random.Generator,
+    *,
+    contrast: float = 175.0,
+    blur: float = 0.8,
+    noise: float = 2.0,
+    tone: ToneCurve = "srgb",
+    jpeg_quality: int | None = None,
+) -> Image:
+    """Lay a scene's targets, each on a paper sheet, into an existing photograph.
+
+    Parameters
+    ----------
+    background : ndarray of uint8, shape (H, W) or (H, W, 3)
+        The photograph; its size must be the scene's image size.
+    scene, rng, contrast, blur, noise, tone, jpeg_quality
+        As for `render`; a target's ``dark`` gives its polarity.
+
+    Returns
+    -------
+    ndarray of uint8, shape of `background`
+    """
+    return render(
+        scene,
+        rng,
+        background=background,
+        contrast=contrast,
+        blur=blur,
+        noise=noise,
+        tone=tone,
+        jpeg_quality=jpeg_quality,
+    )
+
+
+def _ground(
+    scene: Scene,
+    rng: np.random.Generator,
+    levels: tuple[float, float],
+    tone: ToneCurve,
+    clutter: int,
+    background: Image | None,
+    blur: float,
+) -> Array:
+    """Linear light behind the targets, shape (H, W, 1 or 3)."""
+    width, height = scene.camera.image_size
+    if background is not None:
+        if background.shape[:2] != (height, width) or background.dtype != np.uint8:
+            raise ValueError(
+                f"the background must be uint8 of shape ({height}, {width}), "
+                f"got {background.dtype} of shape {background.shape}"
+            )
+        coded = background.reshape(height, width, -1).astype(np.float64)
+        return decode_tone(coded / WHITE, tone)
+    if clutter:
+        drawn = cluttered_ground(scene.camera.image_size, rng, clutter).astype(np.float64)
+        coded = np.asarray(cv2.GaussianBlur(drawn, (0, 0), blur), dtype=np.float64)
+        return decode_tone(coded / WHITE, tone)[..., None]
+    dark, light = levels
+    bright = not scene.targets or scene.targets[0].dark
+    return np.full((height, width, 1), light if bright else dark)
+
+
+def _sheet(target: Target, rng: np.random.Generator) -> Array:
+    """Corners of a paper sheet round the target, plane units, with unequal rims."""
+    half = np.array(target.extent)
+    unit = 2.0 * half.min()
+    rims = unit * rng.uniform(*SHEET_RIM, size=4)
+    corners = rectangle(*half)
+    corners[[0, 3], 0] -= rims[0]
+    corners[[1, 2], 0] += rims[1]
+    corners[[0, 1], 1] -= rims[2]
+    corners[[2, 3], 1] += rims[3]
+    return corners
+
+
+def _paint(
+    canvas: Array,
+    camera: TrueCamera,
+    target: Target,
+    corners: Array,
+    level: float,
+    blur: float,
+    mask: Array,
+) -> None:
+    """Lay an opaque quadrilateral of one level over the canvas and add it to the mask."""
+    patch = quadrilateral_coverage(camera, target, corners, blur)
+    if patch is None:
+        return
+    below = canvas[patch.rows, patch.columns]
+    below += patch.coverage[..., None] * (level - below)
+    covered = mask[patch.rows, patch.columns]
+    np.maximum(covered, patch.coverage, out=covered)
+
+
+def _illuminate(canvas: Array, rng: np.random.Generator, shading: float, colour: bool) -> Array:
+    """Dim the canvas toward one side of the picture and give its light a colour."""
+    height, width = canvas.shape[:2]
+    if shading:
+        angle = rng.uniform(0.0, 2.0 * np.pi)
+        x = np.linspace(-1.0, 1.0, width)[None, :] * np.cos(angle)
+        y = np.linspace(-1.0, 1.0, height)[:, None] * np.sin(angle)
+        fall = 0.5 * (1.0 + (x + y) / (abs(np.cos(angle)) + abs(np.sin(angle))))
+        canvas = canvas * (1.0 - shading * fall)[..., None]
+    if colour:
+        canvas = canvas * (1.0 - _LIGHT_TINT * rng.random(3))
+    return canvas
+
+
+def _quantise(coded: Array, dtype: np.dtype[Any], jpeg_quality: int | None) -> Image:
+    """Turn coded values (0 to 1) into a picture of the given type."""
+    if coded.shape[2] == 1:
+        coded = coded[..., 0]
+    if dtype == np.float32:
+        return coded.astype(np.float32)
+    if dtype not in (np.uint8, np.uint16):
+        raise ValueError(f"dtype must be uint8, uint16 or float32, got {dtype}")
+    full = np.iinfo(dtype).max
+    picture: Image = np.clip(np.rint(coded * full), 0, full).astype(dtype)
+    if jpeg_quality is None:
+        return picture
+    if dtype != np.uint8:
+        raise ValueError("JPEG holds 8-bit pictures only")
+    done, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])
+    if not done:
+        raise ValueError(f"OpenCV could not code a JPEG of quality {jpeg_quality}")
+    decoded = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+    return np.asarray(decoded, dtype=np.uint8)

@@ -1,0 +1,255 @@
+"""The results of a calibration: frozen, checked, and exact through JSON and pickle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from trisquare._core import __version__
+from trisquare.camera import Camera, camera_from_members, camera_members, camera_parameters
+from trisquare.checked import (
+    FloatArray,
+    RebuiltByConstructor,
+    index_number,
+    not_negative,
+    real_array,
+    real_number,
+    string,
+    strings,
+)
+from trisquare.json_fields import JsonFields, dump_members
+
+__all__ = ["Calibration", "Camera", "Plane"]
+
+RESULT_FORMAT = "trisquare/1"
+
+# A rotation survives being written with seven digits, and nothing that is not one passes.
+ROTATION_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plane(RebuiltByConstructor):
+    """One physical plane: where it stands, and how well it fits.
+
+    Parameters
+    ----------
+    kind : str
+        What was found on it: ``"square"``, ``"frame"``, ``"chessboard"``, ...
+    image : int
+        Index of the picture it was seen in.
+    corners : array_like, shape (4, 2)
+        Corners of its (first) figure in the photograph, distorted, in pixels.
+    rotation, translation : array_like, shape (3, 3) and (3,)
+        ``X_cam = rotation @ X_plane + translation``, in units of the square's side.
+    rms : float
+        Root mean square residual of its samples, in pixels.
+    samples : int
+        How many samples it rests on.
+    """
+
+    kind: str
+    image: int
+    corners: FloatArray
+    rotation: FloatArray
+    translation: FloatArray
+    rms: float
+    samples: int
+
+    def __post_init__(self) -> None:
+        rotation = real_array(self.rotation, "rotation", (3, 3))
+        deviation = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+        if deviation > ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
+            raise ValueError("rotation must be orthonormal with determinant +1")
+        object.__setattr__(self, "kind", string(self.kind, "kind"))
+        object.__setattr__(self, "image", index_number(self.image, "image"))
+        object.__setattr__(self, "corners", real_array(self.corners, "corners", (4, 2)))
+        object.__setattr__(self, "rotation", rotation)
+        object.__setattr__(self, "translation", real_array(self.translation, "translation", (3,)))
+        object.__setattr__(self, "rms", not_negative(self.rms, "rms"))
+        object.__setattr__(self, "samples", index_number(self.samples, "samples"))
+
+    def __repr__(self) -> str:
+        x, y, z = self.translation.tolist()
+        return (
+            f"<Plane {self.kind} in image {self.image}: at ({x:.4g}, {y:.4g}, {z:.4g}), "
+            f"rms {self.rms:.3g} px of {self.samples} samples>"
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Calibration(RebuiltByConstructor):
+    """A camera with its uncertainty, and the planes that it was calibrated from.
+
+    Parameters
+    ----------
+    camera : Camera
+        The estimate.
+    std : mapping of str to float
+        One standard deviation of each free parameter, by name; with the aspect ratio held,
+        ``std["fy"]`` equals ``std["fx"]`` although ``fy`` is not among `parameters`.
+    covariance : array_like, shape (n, n)
+        Of the free parameters, in the order of `parameters`.
+    parameters : sequence of str
+        Names of the free parameters: of ``fx fy cx cy k1 k2 k3 p1 p2``.
+    planes : sequence of Plane
+        The physical planes.
+    rms : float
+        Root mean square residual of all edge samples, in pixels.
+    noise_scale : float
+        The residuals' spread relative to the stated standard deviations; the covariance is
+        scaled by its square.
+    warnings : sequence of str
+        What a reader should know before trusting the numbers.
+    method : str
+        ``"ml"`` or ``"linear"``.
+    tone : str, float or None
+        Tone curve the pixels were read with; None if there were no pixels.
+    fixed : sequence of str
+        What was held: of ``aspect``, ``principal_point``, ``focal``, ``distortion``.
+    stage : str
+        The stage of the pipeline that the numbers come from.
+    software : str
+        Version of trisquare that computed it.
+    """
+
+    camera: Camera
+    std: Mapping[str, float]
+    covariance: FloatArray
+    parameters: tuple[str, ...]
+    planes: tuple[Plane, ...]
+    rms: float
+    noise_scale: float
+    warnings: tuple[str, ...]
+    method: str
+    tone: str | float | None
+    fixed: tuple[str, ...]
+    stage: str
+    software: str = __version__
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.camera, Camera):
+            raise TypeError(f"camera must be a Camera, not {type(self.camera).__name__}")
+        planes = tuple(self.planes)
+        if not all(isinstance(plane, Plane) for plane in planes):
+            raise TypeError("planes must all be of the class Plane")
+        parameters = strings(self.parameters, "parameters")
+        size = len(parameters)
+        covariance = real_array(self.covariance, "covariance", (size, size))
+        std = {
+            string(name, "std's key"): not_negative(value, f"std[{name!r}]")
+            for name, value in dict(self.std).items()
+        }
+        missing = [name for name in parameters if name not in std]
+        if missing:
+            raise ValueError(f"std lacks the free parameters {', '.join(missing)}")
+        tone = self.tone
+        if tone is not None and not isinstance(tone, str):
+            tone = real_number(tone, "tone")
+        object.__setattr__(self, "std", MappingProxyType(std))
+        object.__setattr__(self, "covariance", covariance)
+        object.__setattr__(self, "parameters", parameters)
+        object.__setattr__(self, "planes", planes)
+        object.__setattr__(self, "rms", not_negative(self.rms, "rms"))
+        object.__setattr__(self, "noise_scale", not_negative(self.noise_scale, "noise_scale"))
+        object.__setattr__(self, "warnings", strings(self.warnings, "warnings"))
+        object.__setattr__(self, "tone", tone)
+        object.__setattr__(self, "fixed", strings(self.fixed, "fixed"))
+        for name in ("method", "stage", "software"):
+            string(getattr(self, name), name)
+
+    def __repr__(self) -> str:
+        width, height = self.camera.image_size
+        lines = [
+            f"Calibration of a {width} x {height} camera "
+            f"({self.camera.model}, {self.method}, from the {self.stage} stage)"
+        ]
+        for name, value in camera_parameters(self.camera).items():
+            if name in self.std:
+                lines.append(f"  {name}  {value:12.6g}  std {self.std[name]:.2g}")
+            elif value != 0:
+                lines.append(f"  {name}  {value:12.6g}  held")
+        lines.append(
+            f"  rms {self.rms:.3g} px over {len(self.planes)} planes, "
+            f"noise scale {self.noise_scale:.3g}"
+        )
+        lines.extend(f"  warning: {warning}" for warning in self.warnings)
+        return "\n".join(lines)
+
+    def to_json(self) -> str:
+        """Return the result as JSON text that `from_json` reads back exactly."""
+        return dump_members(
+            {
+                "format": RESULT_FORMAT,
+                "software": self.software,
+                "method": self.method,
+                "stage": self.stage,
+                "tone": self.tone,
+                "fixed": list(self.fixed),
+                "image_size": list(self.camera.image_size),
+                "camera": camera_members(self.camera),
+                "std": dict(self.std),
+                "parameters": list(self.parameters),
+                "covariance": self.covariance.tolist(),
+                "rms_px": self.rms,
+                "noise_scale": self.noise_scale,
+                "planes": [_plane_members(plane) for plane in self.planes],
+                "warnings": list(self.warnings),
+            }
+        )
+
+    @classmethod
+    def from_json(cls, text: str) -> Calibration:
+        """Read what `to_json` wrote; keys that are not known are ignored.
+
+        Raises
+        ------
+        ValueError
+            If the text is not JSON, is of another format, or a key is missing, of the wrong type
+            or not finite; the message names it.
+        """
+        members = JsonFields.parse(text, RESULT_FORMAT)
+        parameters = members.texts("parameters")
+        tone = members.value("tone")
+        return cls(
+            camera=camera_from_members(members.object("camera"), members.integers("image_size")),
+            std=members.numbers_by_name("std"),
+            covariance=members.array("covariance", (len(parameters), len(parameters))),
+            parameters=parameters,
+            planes=tuple(_plane_from_members(plane) for plane in members.objects("planes")),
+            rms=members.number("rms_px"),
+            noise_scale=members.number("noise_scale"),
+            warnings=members.texts("warnings"),
+            method=members.text("method"),
+            tone=tone if tone is None or isinstance(tone, str) else members.number("tone"),
+            fixed=members.texts("fixed"),
+            stage=members.text("stage"),
+            software=members.text("software"),
+        )
+
+
+def _plane_members(plane: Plane) -> dict[str, Any]:
+    return {
+        "kind": plane.kind,
+        "image": plane.image,
+        "corners": plane.corners.tolist(),
+        "rotation": plane.rotation.tolist(),
+        "translation": plane.translation.tolist(),
+        "rms_px": plane.rms,
+        "samples": plane.samples,
+    }
+
+
+def _plane_from_members(members: JsonFields) -> Plane:
+    return Plane(
+        kind=members.text("kind"),
+        image=members.integer("image"),
+        corners=members.array("corners", (4, 2)),
+        rotation=members.array("rotation", (3, 3)),
+        translation=members.array("translation", (3,)),
+        rms=members.number("rms_px"),
+        samples=members.integer("samples"),
+    )

@@ -1,0 +1,278 @@
+"""What is really there: a camera, the flat targets in front of it, and their exact images.
+
+Pure numpy, sharing no code with the Rust core, so that it can bear witness against it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Kind = Literal["square", "frame", "chessboard"]
+
+# Newton on the distortion converges quadratically; 1e-13 is what rounding leaves of a
+# normalised coordinate near 1, and a radius inside the monotonic range needs under 20 steps.
+UNDISTORT_TOLERANCE = 1e-13
+UNDISTORT_STEPS = 50
+# Arc length of a side's image is summed over this many chords: bent by 20 px, it is exact
+# to 1e-4 of itself, which only moves the samples along their own edge.
+ARC_CHORDS = 200
+
+
+def read_only(values: npt.ArrayLike, shape: tuple[int, ...], name: str) -> Array:
+    """Return a read-only float64 copy of `values`, or raise if its shape is not `shape`."""
+    array = np.array(values, dtype=np.float64)
+    if array.shape != shape or not np.all(np.isfinite(array)):
+        raise ValueError(f"{name} must be finite with shape {shape}, got shape {array.shape}")
+    array.flags.writeable = False
+    return array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrueCamera:
+    """A pinhole camera with Brown distortion, in OpenCV's conventions.
+
+    Parameters
+    ----------
+    fx, fy, cx, cy : float
+        Focal lengths and principal point, pixels.
+    distortion : array_like, shape (5,)
+        ``k1, k2, p1, p2, k3``, from ideal to observed normalised coordinates.
+    image_size : tuple of int
+        Width and height, pixels.
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: Array = field(default_factory=lambda: np.zeros(5))
+    image_size: tuple[int, int] = (1280, 960)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "distortion", read_only(self.distortion, (5,), "distortion"))
+
+    @property
+    def K(self) -> Array:  # noqa: N802 (the field's name)
+        """Camera matrix, shape (3, 3)."""
+        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+    def distort(self, normalised: Array) -> Array:
+        """Map ideal to observed normalised coordinates, shape (N, 2)."""
+        k1, k2, p1, p2, k3 = self.distortion
+        x, y = normalised[..., 0], normalised[..., 1]
+        r2 = x * x + y * y
+        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        return np.stack(
+            [
+                x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+                y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+            ],
+            axis=-1,
+        )
+
+    def project(self, points: Array) -> Array:
+        """Project points of the camera frame, shape (N, 3), to pixels, shape (N, 2)."""
+        observed = self.distort(points[..., :2] / points[..., 2:])
+        return observed * [self.fx, self.fy] + [self.cx, self.cy]
+
+    def undistort(self, pixels: npt.ArrayLike) -> Array:
+        """Map pixels to ideal normalised coordinates, shape (N, 2), by Newton's method.
+
+        Raises
+        ------
+        ValueError
+            If a pixel lies where the distortion cannot be inverted.
+        """
+        observed = (np.asarray(pixels, dtype=np.float64) - [self.cx, self.cy]) / [self.fx, self.fy]
+        ideal = observed.copy()
+        for _ in range(UNDISTORT_STEPS):
+            error = observed - self.distort(ideal)
+            xx, xy, yy = self._distortion_jacobian(ideal)
+            determinant = xx * yy - xy * xy
+            step = np.stack(
+                [yy * error[..., 0] - xy * error[..., 1], xx * error[..., 1] - xy * error[..., 0]],
+                axis=-1,
+            )
+            step /= np.where(determinant > 0.0, determinant, np.inf)[..., None]
+            ideal += step
+            if np.all(np.abs(step) < UNDISTORT_TOLERANCE) and np.all(determinant > 0.0):
+                return ideal
+        raise ValueError("a pixel lies beyond the radius where the distortion can be inverted")
+
+    def _distortion_jacobian(self, ideal: Array) -> tuple[Array, Array, Array]:
+        """Entries xx, xy (= yx) and yy of the derivative of `distort`."""
+        k1, k2, p1, p2, k3 = self.distortion
+        x, y = ideal[..., 0], ideal[..., 1]
+        r2 = x * x + y * y
+        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        slope = 2.0 * (k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3))
+        xx = radial + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x
+        xy = slope * x * y + 2.0 * p1 * x + 2.0 * p2 * y
+        yy = radial + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x
+        return xx, xy, yy
+
+    def is_monotonic(self, slack: float = 1.1) -> bool:
+        """Whether the radial distortion still grows `slack` times beyond the farthest corner."""
+        k1, k2, _, _, k3 = self.distortion
+        width, height = self.image_size
+        far_x = max(self.cx, width - 1 - self.cx) / self.fx
+        far_y = max(self.cy, height - 1 - self.cy) / self.fy
+        wanted = slack * np.hypot(far_x, far_y)
+        ideal = np.linspace(0.0, 4.0 * wanted, 2000)
+        observed = ideal * (1.0 + ideal**2 * (k1 + ideal**2 * (k2 + ideal**2 * k3)))
+        falls = np.flatnonzero(np.diff(observed) <= 0.0)
+        peak = observed[falls[0]] if falls.size else observed[-1]
+        return bool(peak > wanted)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Target:
+    """A flat figure in front of the camera.
+
+    The plane's unit is the side of the square (of one cell for a chessboard), the figure is
+    centred at the origin and Z points away from the camera. Corners of a square are numbered
+    (-1/2, -1/2), (1/2, -1/2), (1/2, 1/2), (-1/2, 1/2), clockwise on the screen; side i runs
+    from corner i to corner i + 1.
+
+    Parameters
+    ----------
+    rotation, translation : array_like, shapes (3, 3) and (3,)
+        ``cam_from_plane``.
+    kind : {"square", "frame", "chessboard"}
+        Solid square, square with a square hole, or chessboard.
+    dark : bool
+        Dark figure on light ground, or the reverse.
+    inner : float
+        Side of a frame's hole, in units of its outer side.
+    inner_corners : tuple of int
+        Columns and rows of a chessboard's inner corners.
+    cell_size : float
+        Side of a chessboard's cell, in plane units.
+    """
+
+    rotation: Array
+    translation: Array
+    kind: Kind = "square"
+    dark: bool = True
+    inner: float = 0.6
+    inner_corners: tuple[int, int] = (9, 6)
+    cell_size: float = 1.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "rotation", read_only(self.rotation, (3, 3), "rotation"))
+        object.__setattr__(self, "translation", read_only(self.translation, (3,), "translation"))
+        if self.rotation[:, 2] @ self.translation <= 0.0:
+            raise ValueError(
+                "the target is seen from behind: its Z must point away from the camera"
+            )
+
+    def to_camera(self, plane_points: npt.ArrayLike) -> Array:
+        """Map plane points, shape (N, 2), into the camera frame, shape (N, 3)."""
+        points = np.asarray(plane_points, dtype=np.float64)
+        return points @ self.rotation[:, :2].T + self.translation
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Half width and half height of the whole figure, plane units."""
+        if self.kind != "chessboard":
+            return 0.5, 0.5
+        columns, rows = self.inner_corners
+        return 0.5 * (columns + 1) * self.cell_size, 0.5 * (rows + 1) * self.cell_size
+
+    def outlines(self) -> list[Array]:
+        """Outer and, for a frame, inner square: corners in plane units, each shape (4, 2)."""
+        outer = rectangle(*self.extent)
+        return [outer, self.inner * outer] if self.kind == "frame" else [outer]
+
+    def figure(self) -> Iterator[tuple[float, Array]]:
+        """Yield signed convex quadrilaterals, shape (4, 2), whose sum is the figure."""
+        if self.kind == "chessboard":
+            columns, rows = self.inner_corners
+            cell = rectangle(0.5 * self.cell_size, 0.5 * self.cell_size)
+            for row in range(rows + 1):
+                for column in range(row % 2, columns + 1, 2):
+                    centre = np.array([column - 0.5 * columns, row - 0.5 * rows])
+                    yield 1.0, cell + self.cell_size * centre
+            return
+        yield from zip((1.0, -1.0), self.outlines(), strict=False)
+
+    def board_corners(self) -> Array:
+        """Inner corners of a chessboard, row by row, plane units, shape (columns * rows, 2)."""
+        columns, rows = self.inner_corners
+        grid = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
+        return self.cell_size * (grid - [0.5 * (columns - 1), 0.5 * (rows - 1)])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """One picture's truth: the camera and the targets it sees."""
+
+    camera: TrueCamera
+    targets: tuple[Target, ...]
+
+    def image_points(self, target: int, plane_points: npt.ArrayLike) -> Array:
+        """Project points of one target's plane, shape (N, 2), to pixels, shape (N, 2)."""
+        return self.camera.project(self.targets[target].to_camera(plane_points))
+
+
+def rectangle(half_width: float, half_height: float) -> Array:
+    """Corners of a centred rectangle, clockwise on the screen from (-, -), shape (4, 2)."""
+    return np.array(
+        [
+            [-half_width, -half_height],
+            [half_width, -half_height],
+            [half_width, half_height],
+            [-half_width, half_height],
+        ]
+    )
+
+
+class SideSamples(NamedTuple):
+    """Points spread evenly over the image of one side of a figure."""
+
+    start: Array  # ends of the side in plane units, shape (2,)
+    end: Array
+    plane: Array  # plane units, shape (N, 2)
+    image: Array  # pixels, shape (N, 2)
+    normal: Array  # inward unit normals in the image, shape (N, 2)
+    length: float  # of the side's image, pixels
+
+
+def sample_sides(camera: TrueCamera, target: Target, spacing: float) -> list[SideSamples]:
+    """Sample the sides of a square's or frame's outlines, `spacing` pixels apart.
+
+    Each side is cut into equal pieces and sampled in their middles.
+    """
+    if target.kind == "chessboard":
+        raise ValueError("a chessboard has no outline to sample; use its corners")
+    samples = []
+    for outline in target.outlines():
+        for i in range(4):
+            start, end = outline[i], outline[(i + 1) % 4]
+            samples.append(_sample_side(camera, target, start, end, spacing))
+    return samples
+
+
+def _sample_side(
+    camera: TrueCamera, target: Target, start: Array, end: Array, spacing: float
+) -> SideSamples:
+    """Sample one side at equal arc lengths of its image."""
+    fraction = np.linspace(0.0, 1.0, ARC_CHORDS + 1)
+    curve = camera.project(target.to_camera(start + fraction[:, None] * (end - start)))
+    arc = np.append(0.0, np.cumsum(np.hypot(*np.diff(curve, axis=0).T)))
+    count = max(int(arc[-1] / spacing), 1)
+    middles = (np.arange(count) + 0.5) / count * arc[-1]
+    at = np.interp(middles, arc, fraction)
+    plane = start + at[:, None] * (end - start)
+    step = 1e-4 * (end - start)
+    ahead, behind = (camera.project(target.to_camera(plane + s * step)) for s in (1.0, -1.0))
+    tangent = (ahead - behind) / np.hypot(*(ahead - behind).T)[:, None]
+    normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+    image = camera.project(target.to_camera(plane))
+    return SideSamples(start, end, plane, image, normal, float(arc[-1]))

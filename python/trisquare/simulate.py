@@ -1,0 +1,301 @@
+"""Seeded cameras, scenes and edge points with known truth, and the best accuracy possible.
+
+The scenes follow one published distribution (section 6 of the design), so that every figure
+quoted for the package can be drawn again from a seed.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+
+from .accuracy import cramer_rao_bound, pixel_sigma
+from .render import SHEET_RIM, Array, Image, render, render_into
+from .scene import Scene, Target, TrueCamera, rectangle, sample_sides
+
+__all__ = [
+    "Scene",
+    "Target",
+    "TrueCamera",
+    "chessboard_scene",
+    "cramer_rao_bound",
+    "edge_points",
+    "photo_like",
+    "pixel_sigma",
+    "random_camera",
+    "random_scene",
+    "render",
+    "render_into",
+]
+
+# The distribution of design section 6.
+FOCAL_RANGE = (0.65, 1.3)  # of the width
+ASPECT_RANGE = 0.005
+PRINCIPAL_POINT_STD = 0.012  # of the width
+K1_RANGE = (-0.32, 0.12)
+K2_RANGE = (0.0, 0.35)  # of |k1|
+TILT_RANGE = (25.0, 50.0)  # degrees
+TILT_DIRECTION_JITTER = 20.0  # degrees
+SIDE_RANGE = (0.30, 0.42)  # of the height
+CENTRE_JITTER = 0.015  # of the picture; "about" in the design
+
+PICTURE_MARGIN = 12.0  # pixels between any square and the border
+# A plane closer to edge-on than this shows a sliver whose sides merge under blur.
+STEEPEST_SIGHT = 75.0  # degrees
+# Scenes are drawn by rejection; one in a few is good, so this never runs out by chance.
+MOST_DRAWS = 5000
+
+
+def random_camera(
+    rng: np.random.Generator, image_size: tuple[int, int] = (1280, 960)
+) -> TrueCamera:
+    """Draw a camera whose distortion is monotonic over the whole picture."""
+    width, height = image_size
+    fx = width * rng.uniform(*FOCAL_RANGE)
+    fy = fx * (1.0 + rng.uniform(-ASPECT_RANGE, ASPECT_RANGE))
+    cx, cy = rng.normal([0.5 * (width - 1), 0.5 * (height - 1)], PRINCIPAL_POINT_STD * width)
+    for _ in range(MOST_DRAWS):
+        k1 = rng.uniform(*K1_RANGE)
+        k2 = abs(k1) * rng.uniform(*K2_RANGE)
+        camera = TrueCamera(fx, fy, cx, cy, np.array([k1, k2, 0.0, 0.0, 0.0]), image_size)
+        if camera.is_monotonic():
+            return camera
+    raise ValueError("no distortion is monotonic over this picture")
+
+
+def random_scene(
+    rng: np.random.Generator,
+    *,
+    image_size: tuple[int, int] = (1280, 960),
+    kind: Literal["square", "frame"] = "square",
+    count: int = 3,
+    camera: TrueCamera | None = None,
+    dark: bool = True,
+    inner: float = 0.6,
+) -> Scene:
+    """Draw a scene of tilted squares, all inside the picture and clear of one another.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of everything.
+    image_size : tuple of int
+        Width and height, pixels; a given `camera` brings its own.
+    kind : {"square", "frame"}
+        Solid squares or frames.
+    count : int
+        Number of squares. Beyond three they shrink so that they fit.
+    camera : TrueCamera, optional
+        The camera; drawn if not given.
+    dark : bool
+        Dark figures on light ground, or the reverse.
+    inner : float
+        Side of a frame's hole, in units of its outer side.
+
+    Returns
+    -------
+    Scene
+    """
+    camera = camera or random_camera(rng, image_size)
+    image_size = camera.image_size
+    places = _places(count)
+    shrink = min(1.0, np.sqrt(3.0 / count))
+    for _ in range(MOST_DRAWS):
+        first = rng.uniform(0.0, 360.0)
+        targets: list[Target] = []
+        for i, place in enumerate(places):
+            pixel = (place + rng.normal(0.0, CENTRE_JITTER, 2)) * image_size
+            side = shrink * image_size[1] * rng.uniform(*SIDE_RANGE)
+            jitter = rng.uniform(-TILT_DIRECTION_JITTER, TILT_DIRECTION_JITTER)
+            rotation = tilted(
+                rng.uniform(*TILT_RANGE),
+                first + 360.0 * i / count + jitter,
+                rng.uniform(0.0, 360.0),
+            )
+            target = _place(camera, rotation, pixel, side, kind, dark, inner)
+            if target is None or not _inside(camera, target):
+                break
+            targets.append(target)
+        if len(targets) == count and not _any_overlap(targets):
+            return Scene(camera, tuple(targets))
+    raise ValueError(f"no {count} squares fit this camera's picture")
+
+
+def chessboard_scene(
+    rng: np.random.Generator, camera: TrueCamera, inner_corners: tuple[int, int] = (9, 6)
+) -> Scene:
+    """Draw one picture of a chessboard session: one tilted board, well inside the picture."""
+    width, height = camera.image_size
+    for _ in range(MOST_DRAWS):
+        rotation = tilted(rng.uniform(5.0, 45.0), rng.uniform(0.0, 360.0), rng.uniform(-20.0, 20.0))
+        pixel = rng.uniform(0.25, 0.75, 2) * [width, height]
+        cell = rng.uniform(0.45, 0.85) * width / (inner_corners[0] + 1)
+        depth = camera.fx / cell
+        centre = np.append(camera.undistort(pixel[None])[0], 1.0) * depth
+        if not _faces_camera(rotation, centre):
+            continue
+        board = Target(rotation, centre, "chessboard", inner_corners=inner_corners)
+        if _inside(camera, board):
+            return Scene(camera, (board,))
+    raise ValueError("no board fits this camera's picture")
+
+
+def photo_like(
+    rng: np.random.Generator, image_size: tuple[int, int] = (1280, 960)
+) -> tuple[Image, Scene, dict[str, Any]]:
+    """Draw a scene and render it as a phone might: sRGB, clutter, shading, colour.
+
+    Returns
+    -------
+    picture : ndarray of uint8, shape (H, W, 3)
+        BGR.
+    scene : Scene
+        The truth.
+    settings : dict
+        The keyword arguments that `render` was given.
+    """
+    kind: Literal["square", "frame"] = "frame" if rng.random() < 0.5 else "square"
+    scene = random_scene(rng, image_size=image_size, kind=kind)
+    settings: dict[str, Any] = {
+        "noise": rng.uniform(1.0, 4.0),
+        "blur": rng.uniform(0.5, 1.2),
+        "contrast": rng.uniform(130.0, 200.0),
+        "tone": "srgb",
+        "colour": True,
+        "shading": rng.uniform(0.0, 0.4),
+        "clutter": int(rng.integers(20, 80)),
+    }
+    return render(scene, rng, **settings), scene, settings
+
+
+def edge_points(
+    scene: Scene, rng: np.random.Generator, *, noise: float, spacing: float = 4.0
+) -> list[list[Array]]:
+    """Sample the outlines of a scene's squares with noise along the edges' normals.
+
+    Parameters
+    ----------
+    scene : Scene
+        Squares or frames.
+    rng : numpy.random.Generator
+        Source of the noise.
+    noise : float
+        Standard deviation of each point along its edge's normal, pixels.
+    spacing : float
+        Distance between neighbours along the edge, pixels.
+
+    Returns
+    -------
+    list of list of ndarray, each shape (N, 2)
+        Per target, the points of its four sides, in order; a frame's hole adds four more.
+    """
+    points: list[list[Array]] = []
+    for target in scene.targets:
+        sides = []
+        for side in sample_sides(scene.camera, target, spacing):
+            offset = noise * rng.standard_normal(len(side.plane))
+            sides.append(side.image + offset[:, None] * side.normal)
+        points.append(sides)
+    return points
+
+
+def tilted(tilt: float, direction: float, spin: float) -> Array:
+    """Rotation of a plane turned by `spin` in itself, then tilted away from the image plane.
+
+    The tilt's axis lies in the image plane at the angle `direction`; all in degrees.
+    """
+    axis = _about_z(direction)
+    angle = np.deg2rad(tilt)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cosine, -sine], [0.0, sine, cosine]])
+    rotation: Array = axis @ about_x @ axis.T @ _about_z(spin)
+    return rotation
+
+
+def _about_z(degrees: float) -> Array:
+    angle = np.deg2rad(degrees)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _places(count: int) -> Array:
+    """Where the squares' centres go, as fractions of the picture, shape (count, 2)."""
+    if count == 1:
+        return np.array([[0.5, 0.5]])
+    if count == 2:
+        return np.array([[0.27, 0.5], [0.73, 0.5]])
+    if count == 3:
+        return np.array([[0.23, 0.3], [0.77, 0.3], [0.5, 0.72]])
+    columns = int(np.ceil(np.sqrt(4.0 / 3.0 * count)))
+    rows = -(-count // columns)
+    grid = [((i % columns + 0.5) / columns, (i // columns + 0.5) / rows) for i in range(count)]
+    return np.array(grid)
+
+
+def _place(
+    camera: TrueCamera,
+    rotation: Array,
+    pixel: Array,
+    side: float,
+    kind: Literal["square", "frame"],
+    dark: bool,
+    inner: float,
+) -> Target | None:
+    """Put a square's centre behind a pixel, `side` pixels large before foreshortening."""
+    centre = np.append(camera.undistort(pixel[None])[0], 1.0) * camera.fx / side
+    if not _faces_camera(rotation, centre):
+        return None
+    return Target(rotation, centre, kind, dark, inner)
+
+
+def _faces_camera(rotation: Array, centre: Array) -> bool:
+    """Whether a plane is seen from its front and not too nearly edge-on."""
+    cosine = rotation[:, 2] @ centre / np.linalg.norm(centre)
+    return bool(cosine > np.cos(np.deg2rad(STEEPEST_SIGHT)))
+
+
+def _inside(camera: TrueCamera, target: Target) -> bool:
+    """Whether the figure stays clear of the picture's border, its curved sides included."""
+    corners = rectangle(*target.extent)
+    fraction = np.linspace(0.0, 1.0, 9)[:, None, None]
+    outline = corners + fraction * (np.roll(corners, -1, axis=0) - corners)
+    points = target.to_camera(outline.reshape(-1, 2))
+    if np.any(points[:, 2] <= 0.0) or not _in_monotonic_field(camera, points):
+        return False
+    pixels = camera.project(points)
+    low, high = PICTURE_MARGIN, np.array(camera.image_size) - 1.0 - PICTURE_MARGIN
+    return bool(np.all(pixels > low) and np.all(pixels < high))
+
+
+def _in_monotonic_field(camera: TrueCamera, points: Array) -> bool:
+    """Whether points are where the distortion still grows, not folded back into the picture."""
+    normalised = points[:, :2] / points[:, 2:]
+    k1, k2, _, _, k3 = camera.distortion
+    r2 = np.linspace(0.0, 1.0, 50)[:, None] * np.sum(normalised**2, axis=1)
+    return bool(np.all(1.0 + r2 * (3.0 * k1 + r2 * (5.0 * k2 + r2 * 7.0 * k3)) > 0.0))
+
+
+def _any_overlap(targets: list[Target]) -> bool:
+    """Whether two squares' paper sheets meet in the picture.
+
+    Distortion is one to one, so the ideal picture answers for the real one.
+    """
+    sheet = rectangle(0.5 + SHEET_RIM[1], 0.5 + SHEET_RIM[1])
+    spaces = [target.to_camera(sheet) for target in targets]
+    if any(np.any(points[:, 2] <= 0.0) for points in spaces):
+        return True
+    quads = [points[:, :2] / points[:, 2:] for points in spaces]
+    return any(
+        not _separated(quads[i], quads[j]) and not _separated(quads[j], quads[i])
+        for i in range(len(quads))
+        for j in range(i)
+    )
+
+
+def _separated(quad: Array, other: Array) -> bool:
+    """Whether some side of `quad`, corners clockwise on the screen, has all of `other` outside."""
+    along = np.roll(quad, -1, axis=0) - quad
+    inward = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    depth = np.einsum("ik,ijk->ij", inward, other[None] - quad[:, None])
+    return bool(np.any(np.all(depth < 0.0, axis=1)))

@@ -1,0 +1,99 @@
+"""Results as tables for the terminal; only the `trisquare` command needs rich."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from rich import box
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from trisquare.camera import Camera, camera_parameters
+from trisquare.result import Calibration
+
+
+def calibration_report(calibration: Calibration) -> RenderableType:
+    """Lay out the parameters, the planes and the warnings."""
+    return Group(
+        _parameter_table(calibration),
+        _plane_table(calibration),
+        _summary(calibration),
+        *_warnings(calibration),
+    )
+
+
+def comparison_report(
+    calibration: Calibration, truth: Camera, written: tuple[Path, ...]
+) -> RenderableType:
+    """Lay out the estimate beside the truth, and say what was written."""
+    table = Table("parameter", box=box.SIMPLE_HEAD)
+    for heading in ("estimate", "std", "truth", "error", "error / std"):
+        table.add_column(heading, justify="right")
+    true_values = camera_parameters(truth)
+    for name, value in camera_parameters(calibration.camera).items():
+        if name not in calibration.std:
+            continue
+        std, error = calibration.std[name], value - true_values[name]
+        decimals = _decimals(std)
+        table.add_row(
+            name,
+            f"{value:.{decimals}f}",
+            f"{std:.{decimals}f}",
+            f"{true_values[name]:.{decimals}f}",
+            f"{error:+.{decimals}f}",
+            f"{error / std:+.1f}" if std > 0 else "",
+        )
+    files = Text("wrote " + " and ".join(str(path) for path in written))
+    return Group(table, _summary(calibration), *_warnings(calibration), files)
+
+
+def _parameter_table(calibration: Calibration) -> Table:
+    table = Table("parameter", box=box.SIMPLE_HEAD)
+    for heading in ("value", "std"):
+        table.add_column(heading, justify="right")
+    for name, value in camera_parameters(calibration.camera).items():
+        if name in calibration.std:
+            decimals = _decimals(calibration.std[name])
+            std = f"{calibration.std[name]:.{decimals}f}"
+            table.add_row(name, f"{value:.{decimals}f}", std)
+        elif value != 0 or name in ("fx", "fy", "cx", "cy"):
+            table.add_row(name, f"{value:.6g}", "held")
+    return table
+
+
+def _plane_table(calibration: Calibration) -> Table:
+    table = Table("plane", "kind", box=box.SIMPLE_HEAD)
+    for heading in ("image", "distance", "tilt deg", "rms px", "samples"):
+        table.add_column(heading, justify="right")
+    for number, plane in enumerate(calibration.planes):
+        tilt = np.degrees(np.arccos(np.clip(plane.rotation[2, 2], -1, 1)))
+        table.add_row(
+            str(number),
+            Text(plane.kind),
+            str(plane.image),
+            f"{np.linalg.norm(plane.translation):.3f}",
+            f"{tilt:.1f}",
+            f"{plane.rms:.4f}",
+            str(plane.samples),
+        )
+    return table
+
+
+def _summary(calibration: Calibration) -> Text:
+    width, height = calibration.camera.image_size
+    return Text(
+        f"{width} x {height}, model {calibration.camera.model}, method {calibration.method} "
+        f"({calibration.stage}): rms {calibration.rms:.4f} px, "
+        f"noise scale {calibration.noise_scale:.2f}"
+    )
+
+
+def _warnings(calibration: Calibration) -> list[Text]:
+    return [Text(f"warning: {warning}", style="yellow") for warning in calibration.warnings]
+
+
+def _decimals(std: float) -> int:
+    """Return the decimals that show two significant digits of a standard deviation."""
+    return int(np.clip(1 - np.floor(np.log10(std)), 0, 12)) if std > 0 else 6

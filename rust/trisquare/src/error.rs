@@ -1,0 +1,192 @@
+//! The one error type: each variant carries the numbers a caller can act on.
+
+/// Why a calibration, or one of its steps, gives no answer.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// An argument that no data could make right.
+    #[error("{0}")]
+    InvalidArgument(String),
+
+    /// A coordinate, a standard deviation or a coefficient is NaN or infinite.
+    #[error("{what} must be finite")]
+    NotFinite {
+        /// What was not finite.
+        what: &'static str,
+    },
+
+    /// The sides of a square do not follow each other round it.
+    #[error(
+        "the sides of the square are not in order round it: side {side} does not run between its \
+         neighbours; give them in order, either way round"
+    )]
+    CrossedSides {
+        /// The first side found out of place.
+        side: usize,
+    },
+
+    /// Fewer planes than the free parameters need.
+    #[error(
+        "{found} plane(s) given, but the free parameters of the camera ({free}) need {needed}: \
+         show more squares in different directions, or fix some parameters"
+    )]
+    NotEnoughPlanes {
+        /// Planes given.
+        found: usize,
+        /// Planes needed.
+        needed: usize,
+        /// Names of the free parameters that planes must determine.
+        free: String,
+    },
+
+    /// A plane is described by too few lines.
+    #[error("plane figure {figure} has {found} line(s), but a homography needs {needed}")]
+    TooFewLines {
+        /// Index of the figure.
+        figure: usize,
+        /// Lines given.
+        found: usize,
+        /// Lines needed.
+        needed: usize,
+    },
+
+    /// A line is described by too few samples.
+    #[error("line {line} of figure {figure} has {found} sample(s), but needs at least 2")]
+    TooFewSamples {
+        /// Index of the figure.
+        figure: usize,
+        /// Index of the line in the figure.
+        line: usize,
+        /// Samples given.
+        found: usize,
+    },
+
+    /// All samples together do not exceed the unknowns.
+    #[error("{samples} samples cannot determine {unknowns} unknowns: measure more points per side")]
+    TooFewDegreesOfFreedom {
+        /// Samples given.
+        samples: usize,
+        /// Parameters to be estimated.
+        unknowns: usize,
+    },
+
+    /// The lines of one figure do not fix its homography.
+    #[error("the lines of figure {figure} do not determine a homography: {reason}")]
+    DegenerateHomography {
+        /// Index of the figure.
+        figure: usize,
+        /// What is wrong with them.
+        reason: &'static str,
+    },
+
+    /// The planes do not fix the image of the absolute conic.
+    #[error(
+        "the planes do not determine the camera matrix (ratio of singular values {ratio:.1e}): \
+         tilt the squares in different directions, or fix the principal point"
+    )]
+    UndeterminedConic {
+        /// Second smallest singular value of the constraints over the largest.
+        ratio: f64,
+    },
+
+    /// The image of the absolute conic found is not positive definite.
+    #[error(
+        "the image of the absolute conic is not positive definite: the planes contradict each \
+         other or are too weakly tilted; tilt them further apart, or fix the principal point"
+    )]
+    IndefiniteConic,
+
+    /// All planes share one direction although the principal point is free.
+    #[error(
+        "all {planes} planes are parallel within {degrees:.1} degrees: they cannot determine the \
+         focal lengths and the principal point; tilt the squares apart, or fix the principal point"
+    )]
+    ParallelPlanes {
+        /// Number of planes.
+        planes: usize,
+        /// The largest angle between two of them, in degrees.
+        degrees: f64,
+    },
+
+    /// The geometry leaves a parameter open.
+    #[error(
+        "the planes leave {parameter} undetermined: its predicted standard deviation is \
+         {std:.3} px where at most {limit:.3} px is accepted (largest angle between two planes \
+         {degrees:.1} degrees); tilt the squares further apart, show them larger, or {remedy}"
+    )]
+    WeakGeometry {
+        /// Name of the parameter.
+        parameter: &'static str,
+        /// Its predicted standard deviation, in pixels (infinite where it is not observable).
+        std: f64,
+        /// The largest standard deviation accepted, in pixels.
+        limit: f64,
+        /// The largest angle between two planes, in degrees.
+        degrees: f64,
+        /// Which parameter to fix.
+        remedy: &'static str,
+    },
+
+    /// An iteration did not settle.
+    #[error("{stage} did not converge in {iterations} iterations (rms {rms:.3} px)")]
+    NotConverged {
+        /// The stage that gave up.
+        stage: &'static str,
+        /// Iterations spent.
+        iterations: usize,
+        /// Where it stood.
+        rms: f64,
+    },
+}
+
+/// The families of [`Error`], one per exception of the Python package.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ErrorKind {
+    /// An argument is wrong in itself.
+    InvalidArgument,
+    /// Fewer planes than unknowns need.
+    NotEnoughPlanes,
+    /// Fewer lines, samples or degrees of freedom than unknowns need.
+    NotEnoughData,
+    /// Enough data, but of a geometry that cannot answer.
+    DegenerateGeometry,
+    /// An iteration that did not settle.
+    Convergence,
+}
+
+impl Error {
+    /// The same error, told of another figure.
+    pub(crate) fn of_figure(self, index: usize) -> Self {
+        match self {
+            Error::DegenerateHomography { reason, .. } => Error::DegenerateHomography {
+                figure: index,
+                reason,
+            },
+            Error::TooFewLines { found, needed, .. } => Error::TooFewLines {
+                figure: index,
+                found,
+                needed,
+            },
+            other => other,
+        }
+    }
+
+    /// The family this error belongs to.
+    pub fn kind(&self) -> ErrorKind {
+        match self {
+            Error::InvalidArgument(_) | Error::NotFinite { .. } | Error::CrossedSides { .. } => {
+                ErrorKind::InvalidArgument
+            }
+            Error::NotEnoughPlanes { .. } => ErrorKind::NotEnoughPlanes,
+            Error::TooFewLines { .. }
+            | Error::TooFewSamples { .. }
+            | Error::TooFewDegreesOfFreedom { .. } => ErrorKind::NotEnoughData,
+            Error::DegenerateHomography { .. }
+            | Error::UndeterminedConic { .. }
+            | Error::IndefiniteConic
+            | Error::ParallelPlanes { .. }
+            | Error::WeakGeometry { .. } => ErrorKind::DegenerateGeometry,
+            Error::NotConverged { .. } => ErrorKind::Convergence,
+        }
+    }
+}

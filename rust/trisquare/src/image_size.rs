@@ -1,0 +1,42 @@
+//! The size of a picture, and the points that follow from it.
+
+use nalgebra::Vector2;
+
+use crate::Error;
+
+/// Width and height of a picture in pixels; `(0, 0)` is the centre of its top-left pixel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct ImageSize {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+}
+
+impl ImageSize {
+    /// The image centre, `((W - 1) / 2, (H - 1) / 2)`.
+    pub fn centre(&self) -> Vector2<f64> {
+        Vector2::new(f64::from(self.width) - 1.0, f64::from(self.height) - 1.0) / 2.0
+    }
+
+    /// Half the length of the diagonal.
+    pub fn half_diagonal(&self) -> f64 {
+        0.5 * f64::from(self.width).hypot(f64::from(self.height))
+    }
+
+    /// The centres of the four corner pixels, clockwise from the top left.
+    pub fn corners(&self) -> [Vector2<f64>; 4] {
+        let far = self.centre() * 2.0;
+        [(0.0, 0.0), (far.x, 0.0), (far.x, far.y), (0.0, far.y)].map(|(x, y)| Vector2::new(x, y))
+    }
+
+    /// # Errors
+    /// [`Error::InvalidArgument`] for an empty picture.
+    pub(crate) fn check(&self) -> Result<(), Error> {
+        if self.width == 0 || self.height == 0 {
+            return Err(Error::InvalidArgument("the picture is empty".into()));
+        }
+        Ok(())
+    }
+}

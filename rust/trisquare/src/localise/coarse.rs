@@ -1,0 +1,226 @@
+//! From a coarse path to a curve good to a fraction of a pixel, by the steepest rise of profiles.
+
+use nalgebra::Vector2;
+
+use super::curve::Curve;
+use super::{EdgeSpan, NoEdge};
+use crate::picture::GreyReader;
+
+/// Distance between profiles, pixels, and the least and largest number of them.
+const PROFILE_SPACING: f64 = 6.0;
+const PROFILES: std::ops::RangeInclusive<usize> = 5..=100;
+/// How far from the path the edge may be, pixels: the 4 that are promised, and some slack.
+const REACH: i32 = 6;
+/// Half the length of the step filter, samples: long enough to average noise, short enough to keep
+/// the two sides of a thin frame apart.
+const FILTER: i32 = 2;
+const SAMPLES: usize = (2 * (REACH + FILTER) + 1) as usize;
+/// Profiles are kept this far from the path's ends, where corners are, or a share of its length.
+const END_MARGIN: f64 = 5.0;
+const END_MARGIN_SHARE: f64 = 0.15;
+/// The band around a line in which profiles support it at first, pixels: room for curvature.
+const CONSENSUS_WIDTH: f64 = 2.5;
+/// Lines through pairs of this many early and late profiles are tried.
+const ANCHORS: usize = 8;
+/// Shrinking robust widths, pixels, while the polynomial's degree grows to its own.
+const ROBUST_WIDTHS: [f64; 5] = [3.0, 2.5, 2.0, 1.5, 1.5];
+/// A profile supports the edge if its rise is this near to the final curve, pixels ...
+const SUPPORT_WIDTH: f64 = 1.0;
+/// ... and of all profiles this share must: chance alone gives about a third.
+const MIN_SUPPORT: f64 = 0.6;
+const MIN_PROFILES: usize = 3;
+/// Where the plateaus on both sides of the edge are read, pixels from it.
+const PLATEAU: i32 = 3;
+
+/// An edge known to a fraction of a pixel, and a first guess of the values beside it.
+pub(super) struct CoarseEdge {
+    pub curve: Curve,
+    /// Coded values on the side where the distance is negative, and on the other.
+    pub plateaus: [f64; 2],
+    pub blur: f64,
+}
+
+/// The steepest rise of one profile.
+struct Rise {
+    s: f64,
+    y: f64,
+    strength: f64,
+    plateaus: [f64; 2],
+    slope: f64,
+}
+
+/// The polynomial's degree: what the length of a side can tell apart, and what a lens can bend.
+fn degree_for(length: f64) -> usize {
+    match length {
+        _ if length < 30.0 => 1,
+        _ if length < 80.0 => 2,
+        _ if length < 150.0 => 3,
+        _ => 4,
+    }
+}
+
+/// Finds the edge near a span's path.
+pub(super) fn find(reader: &GreyReader<'_>, span: &EdgeSpan) -> Result<CoarseEdge, NoEdge> {
+    let path = path_curve(&span.path).ok_or(NoEdge::NoPath)?;
+    let count =
+        ((path.length() / PROFILE_SPACING) as usize).clamp(*PROFILES.start(), *PROFILES.end());
+    let end = 1.0 - (END_MARGIN / path.half_length).min(2.0 * END_MARGIN_SHARE);
+    let mut inside = 0;
+    let mut rises = Vec::with_capacity(count);
+    for index in 0..count {
+        let s = end * (2.0 * index as f64 / (count - 1) as f64 - 1.0);
+        if let Some(profile) = profile(reader, &path, s) {
+            inside += 1;
+            rises.extend(steepest(&profile, &path, s, span.rise));
+        }
+    }
+    if inside < MIN_PROFILES {
+        return Err(NoEdge::OutsidePicture);
+    }
+    let curve = consensus(&path, &rises).ok_or(NoEdge::Inconsistent)?;
+    rises.retain(|rise| (rise.y - curve.height_and_slope(rise.s).0).abs() < SUPPORT_WIDTH);
+    if rises.len() < MIN_PROFILES || (rises.len() as f64) < MIN_SUPPORT * inside as f64 {
+        return Err(NoEdge::Inconsistent);
+    }
+    let plateaus = [0, 1].map(|side| median(&mut rises, |rise| rise.plateaus[side]));
+    let slope = median(&mut rises, |rise| rise.slope);
+    // At the edge itself the slope is the contrast times the normal density over the blur.
+    let blur = crate::normal::pdf(0.0) * (plateaus[1] - plateaus[0]) / slope;
+    Ok(CoarseEdge {
+        curve,
+        plateaus,
+        blur,
+    })
+}
+
+/// A smooth curve along the coarse path, which may be a polygon or a staircase of pixels.
+fn path_curve(path: &[Vector2<f64>]) -> Option<Curve> {
+    let (&start, &end) = (path.first()?, path.last()?);
+    let mut curve = Curve::chord(start, end)?;
+    let mut samples = Vec::new();
+    for leg in path.windows(2) {
+        let length = (leg[1] - leg[0]).norm();
+        if !length.is_finite() {
+            return None;
+        }
+        let steps = (length / PROFILE_SPACING)
+            .ceil()
+            .clamp(1.0, *PROFILES.end() as f64);
+        for step in 0..steps as usize {
+            let middle = leg[0].lerp(&leg[1], (step as f64 + 0.5) / steps);
+            let (s, y) = curve.local(middle);
+            samples.push((s, y, length / steps));
+        }
+    }
+    let degree = degree_for(curve.length())
+        .min(path.len() - 1)
+        .min(samples.len() - 1);
+    // Legs of no length, or all at one place, leave the chord.
+    let _ = curve.fit(samples.iter().copied(), degree);
+    Some(curve)
+}
+
+/// Grey values every pixel along the normal at `s`, or `None` where they leave the picture.
+fn profile(reader: &GreyReader<'_>, path: &Curve, s: f64) -> Option<[f64; SAMPLES]> {
+    let middle = path.point(s, 0.0);
+    let normal = path.point(s, 1.0) - middle;
+    let mut values = [0.0; SAMPLES];
+    for (index, value) in values.iter_mut().enumerate() {
+        let point = middle + normal * (index as f64 - f64::from(REACH + FILTER));
+        *value = reader.bilinear(point.x, point.y)?;
+    }
+    Some(values)
+}
+
+/// Where a profile rises most in the wanted direction, between samples.
+fn steepest(values: &[f64; SAMPLES], path: &Curve, s: f64, direction: f64) -> Option<Rise> {
+    let at = |t: i32| values[(t + REACH + FILTER) as usize];
+    let strength = |t: i32| {
+        let difference: f64 = (1..=FILTER).map(|step| at(t + step) - at(t - step)).sum();
+        direction.signum() * difference
+    };
+    let best = (-REACH..=REACH).max_by(|&a, &b| strength(a).total_cmp(&strength(b)))?;
+    let peak = strength(best);
+    if peak <= 0.0 {
+        return None;
+    }
+    let mut offset = f64::from(best);
+    if best.abs() < REACH {
+        let (before, after) = (strength(best - 1), strength(best + 1));
+        let bend = before + after - 2.0 * peak;
+        if bend < 0.0 {
+            offset += 0.5 * (before - after) / bend;
+        }
+    }
+    let (_, y) = path.local(path.point(s, offset));
+    let plateau = |t: i32| at(t.clamp(-REACH - FILTER, REACH + FILTER));
+    Some(Rise {
+        s,
+        y,
+        strength: peak,
+        plateaus: [plateau(best - PLATEAU), plateau(best + PLATEAU)],
+        slope: 0.5 * (at(best + 1) - at(best - 1)),
+    })
+}
+
+/// The curve that most rises agree on: a line by consensus, then a polynomial by reweighting.
+fn consensus(path: &Curve, rises: &[Rise]) -> Option<Curve> {
+    let degree = degree_for(path.length()).min(rises.len().checked_sub(2)?);
+    let mut curve = path.clone();
+    let above: Vec<f64> = rises
+        .iter()
+        .map(|rise| rise.y - path.height_and_slope(rise.s).0)
+        .collect();
+    let (height, slope) = consensus_line(rises, &above)?;
+    curve.coefficients[0] += height;
+    curve.coefficients[1] += slope;
+    for (round, width) in ROBUST_WIDTHS.iter().enumerate() {
+        let previous = curve.clone();
+        let weighted = rises.iter().map(|rise| {
+            let departure = (rise.y - previous.height_and_slope(rise.s).0) / width;
+            let weight = (1.0 - departure * departure).max(0.0);
+            (rise.s, rise.y, rise.strength * weight * weight)
+        });
+        let round_degree = degree.min(path.degree.max(round + 1));
+        if !curve.fit(weighted, round_degree) {
+            return None;
+        }
+    }
+    Some(curve)
+}
+
+/// The line `height + slope s`, through one early and one late rise, that the others support best.
+fn consensus_line(rises: &[Rise], above: &[f64]) -> Option<(f64, f64)> {
+    let third = rises.len().div_ceil(3);
+    let stride = third.div_ceil(ANCHORS);
+    let mut best = None;
+    let mut best_support = 0.0;
+    for early in (0..third).step_by(stride) {
+        for late in (rises.len() - third..rises.len()).step_by(stride) {
+            let run = rises[late].s - rises[early].s;
+            if run <= 0.0 {
+                continue;
+            }
+            let slope = (above[late] - above[early]) / run;
+            let height = above[early] - slope * rises[early].s;
+            let support: f64 = rises
+                .iter()
+                .zip(above)
+                .map(|(rise, above)| {
+                    let departure = (above - height - slope * rise.s) / CONSENSUS_WIDTH;
+                    rise.strength * (1.0 - departure * departure).max(0.0)
+                })
+                .sum();
+            if support > best_support {
+                (best, best_support) = (Some((height, slope)), support);
+            }
+        }
+    }
+    best
+}
+
+fn median(rises: &mut [Rise], key: impl Fn(&Rise) -> f64) -> f64 {
+    let middle = rises.len() / 2;
+    let (_, rise, _) = rises.select_nth_unstable_by(middle, |a, b| key(a).total_cmp(&key(b)));
+    key(rise)
+}

@@ -1,0 +1,117 @@
+//! The curve of one side: a polynomial of low degree over the chord of its coarse path.
+
+use nalgebra::{SMatrix, SVector, Vector2};
+
+/// Coefficients of the highest degree in use, 4: a line seen through a lens with two or three
+/// distortion terms departs from it by less than the samples' own noise.
+pub(super) const COEFFICIENTS: usize = 5;
+
+/// `y(x)` in the frame of a chord: `x` along it from its middle, `y` along the normal.
+#[derive(Debug, Clone)]
+pub(super) struct Curve {
+    pub origin: Vector2<f64>,
+    pub along: Vector2<f64>,
+    /// The right-hand normal on the screen, `(-along.y, along.x)`.
+    pub across: Vector2<f64>,
+    /// Pixels; the polynomial's variable is `s = x / half_length`.
+    pub half_length: f64,
+    pub degree: usize,
+    pub coefficients: [f64; COEFFICIENTS],
+}
+
+impl Curve {
+    /// The straight chord between two points, or `None` if they coincide or are not finite.
+    pub fn chord(start: Vector2<f64>, end: Vector2<f64>) -> Option<Self> {
+        let length = (end - start).norm();
+        if !(length > 0.0 && length.is_finite()) {
+            return None;
+        }
+        let along = (end - start) / length;
+        Some(Self {
+            origin: 0.5 * (start + end),
+            along,
+            across: Vector2::new(-along.y, along.x),
+            half_length: 0.5 * length,
+            degree: 0,
+            coefficients: [0.0; COEFFICIENTS],
+        })
+    }
+
+    pub fn length(&self) -> f64 {
+        2.0 * self.half_length
+    }
+
+    /// A point in the frame of the chord, `(s, y)`.
+    #[inline]
+    pub fn local(&self, point: Vector2<f64>) -> (f64, f64) {
+        let offset = point - self.origin;
+        (
+            offset.dot(&self.along) / self.half_length,
+            offset.dot(&self.across),
+        )
+    }
+
+    #[inline]
+    pub fn height(&self, s: f64) -> f64 {
+        let [c0, c1, c2, c3, c4] = self.coefficients;
+        c0 + s * (c1 + s * (c2 + s * (c3 + s * c4)))
+    }
+
+    /// `y` and `dy/dx` at `s`.
+    #[inline]
+    pub fn height_and_slope(&self, s: f64) -> (f64, f64) {
+        let [_, c1, c2, c3, c4] = self.coefficients;
+        let slope = c1 + s * (2.0 * c2 + s * (3.0 * c3 + s * 4.0 * c4));
+        (self.height(s), slope / self.half_length)
+    }
+
+    /// The point of the curve at `s`, moved by `offset` pixels along the curve's normal.
+    pub fn point(&self, s: f64, offset: f64) -> Vector2<f64> {
+        let (height, slope) = self.height_and_slope(s);
+        let normal = self.across - slope * self.along;
+        self.origin
+            + self.along * (s * self.half_length)
+            + self.across * height
+            + normal * (offset / normal.norm())
+    }
+
+    /// Distance of a point, positive along the normal; beyond its ends the curve runs straight on,
+    /// where a polynomial would run wild.
+    pub fn signed_distance(&self, point: Vector2<f64>) -> f64 {
+        let (s, y) = self.local(point);
+        let end = s.clamp(-1.0, 1.0);
+        let (height, slope) = self.height_and_slope(end);
+        let straight_on = height + slope * (s - end) * self.half_length;
+        (y - straight_on) / (1.0 + slope * slope).sqrt()
+    }
+
+    /// Fits the polynomial of the given degree to `(s, y, weight)`; false if they do not fix it.
+    pub fn fit(&mut self, samples: impl Iterator<Item = (f64, f64, f64)>, degree: usize) -> bool {
+        let mut normal = SMatrix::<f64, COEFFICIENTS, COEFFICIENTS>::identity();
+        let mut right = SVector::<f64, COEFFICIENTS>::zeros();
+        let used = degree + 1;
+        normal.view_mut((0, 0), (used, used)).fill(0.0);
+        for (s, y, weight) in samples {
+            let mut powers = [weight; COEFFICIENTS];
+            for k in 1..COEFFICIENTS {
+                powers[k] = powers[k - 1] * s;
+            }
+            let mut s_to_row = 1.0;
+            for row in 0..used {
+                for column in 0..used {
+                    normal[(row, column)] += s_to_row * powers[column];
+                }
+                right[row] += y * powers[row];
+                s_to_row *= s;
+            }
+        }
+        let Some(factor) = normal.cholesky() else {
+            return false;
+        };
+        self.degree = degree;
+        self.coefficients = factor.solve(&right).into();
+        self.coefficients
+            .iter()
+            .all(|coefficient| coefficient.is_finite())
+    }
+}

@@ -1,0 +1,134 @@
+//! Independent samples of a fitted side: one offset for each short patch of its pixels.
+
+use nalgebra::Vector2;
+
+use super::band::Pixel;
+use super::side::{EDGE_BLURS, Side, robust_weight};
+use crate::tone::ToneCurve;
+
+/// Length of a patch along the curve, pixels: longer ones would smooth what a lens does to a
+/// line, shorter ones hold too few pixels to be judged.
+const PATCH_LENGTH: f64 = 4.0;
+/// A patch needs this share of the median patch's information ...
+const MIN_INFORMATION: f64 = 0.25;
+/// ... and an offset this near to the side's curve, pixels.
+const MAX_OFFSET: f64 = 1.5;
+/// A patch's mean square residual, in variances, may exceed 1 by so many of its own deviations.
+const MAX_CHI_DEVIATIONS: f64 = 6.0;
+/// A single outlier counts at most this many variances, so that it costs weight, not the patch.
+const CHI_CAP: f64 = 16.0;
+/// Gauss-Newton passes; the first starts within some hundredths of a pixel.
+const PASSES: usize = 2;
+
+/// The sums of one patch, and its offset along the curve's normal so far.
+#[derive(Debug, Clone, Copy, Default)]
+struct Patch {
+    offset: f64,
+    /// Weighted squares of the modelled value's derivative with respect to the offset.
+    information: f64,
+    right: f64,
+    /// `information` times the foot's place along the chord.
+    moment: f64,
+    /// Squared residuals at the edge, in variances, and the number of them.
+    chi: f64,
+    edge_pixels: f64,
+}
+
+/// Measures a side's samples; `noise` is the standard deviation of its residuals.
+pub(super) fn measure(side: &Side, tone: &ToneCurve, pixels: &[Pixel], noise: f64) -> Samples {
+    let mut patches = Patches::over(side, pixels);
+    for _ in 0..PASSES {
+        patches.update(side, tone, pixels, noise);
+    }
+    patches.samples(side, noise)
+}
+
+/// Sub-pixel points, and the standard deviation of each along the side's normal.
+pub(super) struct Samples {
+    pub points: Vec<Vector2<f64>>,
+    pub std: Vec<f64>,
+}
+
+/// The patches of a side: equal stretches of the range that its pixels' feet cover.
+struct Patches {
+    patches: Vec<Patch>,
+    first: f64,
+    per_s: f64,
+}
+
+impl Patches {
+    fn over(side: &Side, pixels: &[Pixel]) -> Self {
+        let (mut first, mut last) = (f64::INFINITY, f64::NEG_INFINITY);
+        for pixel in pixels {
+            first = first.min(pixel.foot);
+            last = last.max(pixel.foot);
+        }
+        let length = ((last - first) * side.curve.half_length).max(0.0);
+        let count = (length / PATCH_LENGTH).round().max(1.0);
+        Self {
+            patches: vec![Patch::default(); count as usize],
+            first,
+            per_s: count * side.curve.half_length / length.max(PATCH_LENGTH),
+        }
+    }
+
+    /// One Gauss-Newton step of every patch's offset.
+    fn update(&mut self, side: &Side, tone: &ToneCurve, pixels: &[Pixel], noise: f64) {
+        for patch in &mut self.patches {
+            *patch = Patch {
+                offset: patch.offset,
+                ..Patch::default()
+            };
+        }
+        let inverse_variance = 1.0 / (noise * noise);
+        let last = self.patches.len() - 1;
+        for pixel in pixels {
+            let index = ((pixel.foot - self.first) * self.per_s) as u32 as usize;
+            let patch = &mut self.patches[index.min(last)];
+            let p = side.predict(tone, pixel, patch.offset);
+            let square = p.residual * p.residual * inverse_variance;
+            let weighted = robust_weight(square) * p.by_offset;
+            patch.information += weighted * p.by_offset;
+            patch.right += weighted * p.residual;
+            patch.moment += weighted * p.by_offset * pixel.foot;
+            if p.blurs.abs() < EDGE_BLURS {
+                patch.chi += square.min(CHI_CAP);
+                patch.edge_pixels += 1.0;
+            }
+        }
+        for patch in &mut self.patches {
+            if patch.information > 0.0 {
+                patch.offset += (patch.right / patch.information).clamp(-MAX_OFFSET, MAX_OFFSET);
+            }
+        }
+    }
+
+    /// The patches that can be trusted, as points of the picture.
+    fn samples(&self, side: &Side, noise: f64) -> Samples {
+        let mut information: Vec<f64> =
+            self.patches.iter().map(|patch| patch.information).collect();
+        let middle = information.len() / 2;
+        let (_, median, _) = information.select_nth_unstable_by(middle, f64::total_cmp);
+        let least = MIN_INFORMATION * *median;
+        let (mut points, mut std) = (Vec::new(), Vec::new());
+        for patch in self.patches.iter().filter(|patch| patch.is_sound(least)) {
+            points.push(
+                side.curve
+                    .point(patch.moment / patch.information, patch.offset),
+            );
+            std.push(noise / patch.information.sqrt());
+        }
+        Samples { points, std }
+    }
+}
+
+impl Patch {
+    fn is_sound(&self, least_information: f64) -> bool {
+        let freedom = self.edge_pixels - 1.0;
+        self.information > 0.0
+            && self.information >= least_information
+            && freedom >= 1.0
+            && self.offset.abs() < MAX_OFFSET
+            && self.chi / freedom < 1.0 + MAX_CHI_DEVIATIONS * (2.0 / freedom).sqrt()
+    }
+}

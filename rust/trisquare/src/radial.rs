@@ -1,0 +1,138 @@
+//! Radial polynomials: where they are monotonic, and how one is turned into its inverse.
+
+use nalgebra::{DMatrix, DVector};
+
+/// Bisections that narrow a bracket to rounding.
+const MAX_BISECTIONS: usize = 200;
+
+/// Samples along the radius when one polynomial is converted into another.
+const CONVERSION_SAMPLES: usize = 200;
+
+/// The largest radius up to which `r (1 + k1 r^2 + k2 r^4 + k3 r^6)` increases; may be infinite.
+pub fn monotonic_radius([k1, k2, k3]: [f64; 3]) -> f64 {
+    // In s = r^2 the slope is 1 + 3 k1 s + 5 k2 s^2 + 7 k3 s^3; its own extrema bound the
+    // stretches in which it has at most one root.
+    let slope = |s: f64| 1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * 7.0 * k3));
+    let mut stretches = positive_roots(3.0 * k1, 10.0 * k2, 21.0 * k3);
+    // All roots lie within Cauchy's bound, beyond which the highest power rules.
+    let powers = [1.0, 3.0 * k1, 5.0 * k2, 7.0 * k3];
+    if let Some(highest) = powers.iter().rposition(|c| *c != 0.0) {
+        let largest = powers[..highest].iter().fold(0.0f64, |a, c| a.max(c.abs()));
+        stretches.push(1.0 + largest / powers[highest].abs());
+    }
+    let mut left = 0.0;
+    for right in stretches {
+        if slope(right) <= 0.0 {
+            return bisect(slope, left, right).sqrt();
+        }
+        left = right;
+    }
+    f64::INFINITY
+}
+
+/// Positive roots of `c0 + c1 s + c2 s^2`, ascending.
+fn positive_roots(c0: f64, c1: f64, c2: f64) -> Vec<f64> {
+    let discriminant = c1 * c1 - 4.0 * c2 * c0;
+    let mut roots = Vec::with_capacity(3);
+    if discriminant >= 0.0 {
+        let q = -0.5 * (c1 + discriminant.sqrt().copysign(c1));
+        roots.extend(
+            [q / c2, c0 / q]
+                .iter()
+                .filter(|r| r.is_finite() && **r > 0.0),
+        );
+        roots.sort_by(f64::total_cmp);
+    }
+    roots
+}
+
+/// The root of a function that is positive at `left` and not at `right`.
+fn bisect(f: impl Fn(f64) -> f64, mut left: f64, mut right: f64) -> f64 {
+    for _ in 0..MAX_BISECTIONS {
+        let middle = 0.5 * (left + right);
+        if middle <= left || middle >= right {
+            break;
+        }
+        if f(middle) > 0.0 {
+            left = middle;
+        } else {
+            right = middle;
+        }
+    }
+    left
+}
+
+/// Coefficients `k` of the forward model that a map observed -> ideal implies.
+///
+/// Least squares over observed radii up to `largest` (any unit in which the ideal radius is
+/// `ideal(r)` ): `r_d ~ r_u (1 + k1 r_u^2 + ...)`, with as many coefficients as asked for.
+/// `None` if the map is not increasing up to `largest`.
+pub(crate) fn forward_coefficients(
+    ideal: impl Fn(f64) -> f64,
+    largest: f64,
+    coefficients: usize,
+) -> Option<Vec<f64>> {
+    let mut design = DMatrix::zeros(CONVERSION_SAMPLES, coefficients);
+    let mut target = DVector::zeros(CONVERSION_SAMPLES);
+    let mut previous = 0.0;
+    for i in 0..CONVERSION_SAMPLES {
+        let observed = largest * (i + 1) as f64 / CONVERSION_SAMPLES as f64;
+        let r = ideal(observed);
+        if !(r > previous) {
+            return None;
+        }
+        previous = r;
+        for j in 0..coefficients {
+            design[(i, j)] = r.powi(2 * j as i32 + 3);
+        }
+        target[i] = observed - r;
+    }
+    let normal = design.tr_mul(&design);
+    let solution = normal.cholesky()?.solve(&design.tr_mul(&target));
+    Some(solution.iter().copied().collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn monotonic_radius_is_where_the_slope_first_vanishes() {
+        assert_eq!(monotonic_radius([0.0; 3]), f64::INFINITY);
+        assert_eq!(monotonic_radius([0.2, 0.1, 0.0]), f64::INFINITY);
+        for k in [
+            [-0.3, 0.0, 0.0],
+            [-0.4, 0.05, 0.0],
+            [-0.4, 0.1, -0.02],
+            [0.5, -0.2, 0.0],
+            [0.0, 0.0, -1e-3],
+            [-1e-9, 0.0, 0.0],
+        ] {
+            let r = monotonic_radius(k);
+            let slope = |r: f64| {
+                let s = r * r;
+                1.0 + 3.0 * k[0] * s + 5.0 * k[1] * s * s + 7.0 * k[2] * s * s * s
+            };
+            assert!(r.is_finite(), "{k:?}");
+            let scale = 1.0 + (k[1] * r.powi(4)).abs() + (k[2] * r.powi(6)).abs();
+            assert!(slope(r).abs() < 1e-9 * scale, "{k:?} {r} {}", slope(r));
+            for i in 0..1000 {
+                assert!(slope(r * f64::from(i) / 1000.0) > 0.0, "{k:?}");
+            }
+        }
+        // Positive everywhere although k1 is negative: the dip does not reach zero.
+        assert_eq!(monotonic_radius([-0.1, 0.2, 0.0]), f64::INFINITY);
+    }
+
+    #[test]
+    fn forward_coefficients_invert_a_polynomial() {
+        let k = forward_coefficients(|r| r * (1.0 + 0.1 * r * r), 0.7, 3).unwrap();
+        for i in 1..=70 {
+            let observed = f64::from(i) / 100.0;
+            let s = (observed * (1.0 + 0.1 * observed * observed)).powi(2);
+            let back = s.sqrt() * (1.0 + s * (k[0] + s * (k[1] + s * k[2])));
+            assert!((back - observed).abs() < 1e-5);
+        }
+        assert!(forward_coefficients(|r| r * (1.0 - r * r), 1.0, 2).is_none());
+    }
+}

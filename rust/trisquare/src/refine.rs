@@ -1,0 +1,385 @@
+//! Joint maximum likelihood over the camera, its distortion and all planes, from edge samples.
+//!
+//! The residual of a sample is its distance, in pixels of the photograph, to the image of its
+//! line, divided by its standard deviation. Lines and planes meet the lens only through the plane
+//! `l` that a line spans with the camera centre, so the samples of a side are summed over
+//! `(l, lens)` first and the pose is brought in once per side.
+
+use nalgebra::{DMatrix, Matrix3, SMatrix, Vector3};
+
+use crate::arrow::{ArrowStep, ArrowSystem};
+use crate::lens::MAX_LENS_COLUMNS;
+use crate::levenberg::{Limits, Problem, Termination, minimise};
+use crate::observations::{ObservedPlane, Placement, Side};
+use crate::parameters::FreeParameters;
+use crate::robust::{Loss, Spread, median_scale};
+use crate::{Lens, Pose};
+
+/// Noise below this (px) is rounding, not measurement.
+pub(crate) const MIN_SCALE: f64 = 1e-9;
+
+/// Evaluations allowed to each round of one scale; from the linear start about six are used.
+const MAX_ITERATIONS: usize = 100;
+
+/// Rounds of re-estimated scale and loss; the second usually changes next to nothing.
+const MAX_ROUNDS: usize = 12;
+
+/// Fall of the cost, in units of the noise variance, below which a step is the last: parameters
+/// are then within a hundredth of their standard deviation, and the last step is still taken.
+const LAST_DECREASE: f64 = 1e-4;
+
+/// A scale that changes by less than this part no longer changes the weights.
+const SCALE_TOLERANCE: f64 = 0.02;
+
+/// Parameters of a pose: rotation vector, translation.
+pub(crate) const POSE_PARAMETERS: usize = 6;
+
+/// A camera and the planes it sees.
+#[derive(Debug, Clone)]
+pub(crate) struct View<L> {
+    pub lens: L,
+    pub planes: Vec<PlaneState>,
+}
+
+/// Where a plane stands, and where its figures lie on it.
+#[derive(Debug, Clone)]
+pub(crate) struct PlaneState {
+    pub pose: Pose,
+    pub figures: Vec<Placement>,
+}
+
+impl PlaneState {
+    pub fn parameter_count(&self) -> usize {
+        POSE_PARAMETERS + self.figures.iter().map(|f| f.free).sum::<usize>()
+    }
+
+    /// Where the parameters of a figure begin among the plane's own.
+    pub fn figure_offset(&self, figure: usize) -> usize {
+        POSE_PARAMETERS + self.figures[..figure].iter().map(|f| f.free).sum::<usize>()
+    }
+
+    /// The plane through the camera centre and a line of a figure.
+    pub fn line(&self, figure: usize, side: &Side) -> Vector3<f64> {
+        self.pose.line_map() * self.figures[figure].line(&side.line)
+    }
+
+    /// Its derivative by the plane's own parameters.
+    ///
+    /// With `l = L (a, b, c)`, `d` the line's direction and `m = R d`:
+    /// `l = c r3 + m x t`, so a rotation `w` gives `(-c [r3]x + [t]x [m]x) w`, a translation
+    /// `m x dt`.
+    pub fn line_jacobian(&self, figure: usize, side: &Side) -> DMatrix<f64> {
+        let placement = &self.figures[figure];
+        let map = self.pose.line_map();
+        let line = placement.line(&side.line);
+        let direction = self.pose.rotation * Vector3::new(-line.y, line.x, 0.0);
+        let turn = direction.cross_matrix();
+        let wrt_rotation = self.pose.translation.cross_matrix() * turn
+            - self.pose.normal().cross_matrix() * line.z;
+        let mut jacobian = DMatrix::zeros(3, self.parameter_count());
+        jacobian
+            .fixed_view_mut::<3, 3>(0, 0)
+            .copy_from(&wrt_rotation);
+        jacobian.fixed_view_mut::<3, 3>(0, 3).copy_from(&turn);
+        let offset = self.figure_offset(figure);
+        let derivatives = placement.line_derivatives(&side.line);
+        for (i, derivative) in derivatives.iter().take(placement.free).enumerate() {
+            jacobian.set_column(offset + i, &(map * derivative));
+        }
+        jacobian
+    }
+
+    /// The plane after a step of its own parameters (any that follow are not its geometry).
+    pub fn moved(&self, step: &[f64]) -> Self {
+        let pose = self.pose.moved(
+            &Vector3::new(step[0], step[1], step[2]),
+            &Vector3::new(step[3], step[4], step[5]),
+        );
+        let mut offset = POSE_PARAMETERS;
+        let figures = self.figures.iter().map(|figure| {
+            let own = &step[offset..offset + figure.free];
+            offset += figure.free;
+            figure.moved(own)
+        });
+        Self {
+            figures: figures.collect(),
+            pose,
+        }
+    }
+}
+
+/// The samples as a least-squares problem at one scale of the noise.
+pub(crate) struct EdgeProblem<'a> {
+    pub planes: &'a [ObservedPlane],
+    pub free: &'a FreeParameters,
+    pub loss: Loss,
+    /// What the given standard deviations are to be multiplied by.
+    pub scale: f64,
+}
+
+/// Summed outer products of `(l, residual, shared parameters)` of one side's samples.
+struct SideSums<const N: usize> {
+    cost: f64,
+    products: [[f64; N]; N],
+}
+
+/// Columns before the shared parameters: the line's three, and the residual.
+const SHARED_OFFSET: usize = 4;
+
+impl EdgeProblem<'_> {
+    fn sum_side<L: Lens, const N: usize>(
+        &self,
+        lens: &L,
+        line: &Vector3<f64>,
+        side: &Side,
+    ) -> Option<SideSums<N>> {
+        let mut sums = SideSums {
+            cost: 0.0,
+            products: [[0.0; N]; N],
+        };
+        let mut row = [0.0; N];
+        for sample in &side.samples {
+            let sight = lens.sight(&sample.pixel)?;
+            let distance = lens.line_distance_jacobian(&sight, line);
+            let to_noise = sample.weight / self.scale;
+            let (cost, weight) = self.loss.cost_and_weight(distance.value * to_noise);
+            let weight = weight * to_noise * to_noise;
+            sums.cost += cost;
+            row[..3].copy_from_slice(distance.wrt_line.as_slice());
+            row[3] = distance.value;
+            self.free
+                .gather(&distance.wrt_lens, &mut row[SHARED_OFFSET..]);
+            for i in 0..N {
+                let weighted = weight * row[i];
+                for j in 0..N {
+                    sums.products[i][j] += weighted * row[j];
+                }
+            }
+        }
+        Some(sums)
+    }
+
+    /// Adds one side's samples to the system; returns their cost.
+    fn add_side<L: Lens, const N: usize>(
+        &self,
+        view: &View<L>,
+        (plane, figure): (usize, usize),
+        side: &Side,
+        system: &mut ArrowSystem,
+    ) -> Option<f64> {
+        let state = &view.planes[plane];
+        let line = state.line(figure, side);
+        let sums = self.sum_side::<L, N>(&view.lens, &line, side)?;
+        let wrt_own = state.line_jacobian(figure, side);
+        let at = |i: usize, j: usize| sums.products[i][j];
+
+        let shared = N - SHARED_OFFSET;
+        let line_square = Matrix3::from_fn(at);
+        let line_residual = Vector3::from_fn(|i, _| at(i, 3));
+        let line_shared = SMatrix::<f64, 3, MAX_LENS_COLUMNS>::from_fn(|i, j| match j < shared {
+            true => at(i, SHARED_OFFSET + j),
+            false => 0.0,
+        });
+        let block = &mut system.blocks[plane];
+        for i in 0..shared {
+            for j in 0..shared {
+                block.shared[(i, j)] += at(SHARED_OFFSET + i, SHARED_OFFSET + j);
+            }
+            block.shared_gradient[i] += at(SHARED_OFFSET + i, 3);
+        }
+        block
+            .hessian
+            .gemm_tr(1.0, &wrt_own, &(line_square * &wrt_own), 1.0);
+        block
+            .cross
+            .gemm_tr(1.0, &wrt_own, &line_shared.columns(0, shared), 1.0);
+        block.gradient.gemv_tr(1.0, &wrt_own, &line_residual, 1.0);
+        Some(sums.cost)
+    }
+
+    fn assemble<L: Lens, const N: usize>(&self, view: &View<L>) -> Option<(f64, ArrowSystem)> {
+        let own = view.planes.iter().map(PlaneState::parameter_count);
+        let mut system = ArrowSystem::zeros(N - SHARED_OFFSET, own);
+        let mut cost = 0.0;
+        for (p, plane) in self.planes.iter().enumerate() {
+            for (f, figure) in plane.figures.iter().enumerate() {
+                for side in &figure.sides {
+                    cost += self.add_side::<L, N>(view, (p, f), side, &mut system)?;
+                }
+            }
+        }
+        Some((cost, system))
+    }
+}
+
+impl<L: Lens> Problem for EdgeProblemFor<'_, L> {
+    type State = View<L>;
+
+    fn evaluate(&self, view: &View<L>) -> Option<(f64, ArrowSystem)> {
+        let problem = &self.problem;
+        // One instance per number of shared parameters, so that the innermost loops are unrolled.
+        match problem.free.len() {
+            0 => problem.assemble::<L, 4>(view),
+            1 => problem.assemble::<L, 5>(view),
+            2 => problem.assemble::<L, 6>(view),
+            3 => problem.assemble::<L, 7>(view),
+            4 => problem.assemble::<L, 8>(view),
+            5 => problem.assemble::<L, 9>(view),
+            6 => problem.assemble::<L, 10>(view),
+            7 => problem.assemble::<L, 11>(view),
+            8 => problem.assemble::<L, 12>(view),
+            9 => problem.assemble::<L, 13>(view),
+            10 => problem.assemble::<L, 14>(view),
+            _ => problem.assemble::<L, 15>(view),
+        }
+    }
+
+    fn advance(&self, view: &View<L>, step: &ArrowStep) -> View<L> {
+        view.advanced(self.problem.free, step)
+    }
+}
+
+impl<L: Lens> View<L> {
+    /// The view after a step of the free parameters.
+    pub fn advanced(&self, free: &FreeParameters, step: &ArrowStep) -> Self {
+        let planes = self.planes.iter().zip(&step.blocks);
+        Self {
+            lens: free.advance(&self.lens, &step.shared),
+            planes: planes
+                .map(|(plane, own)| plane.moved(own.as_slice()))
+                .collect(),
+        }
+    }
+}
+
+/// Ties the problem to a kind of lens.
+pub(crate) struct EdgeProblemFor<'a, L> {
+    pub problem: EdgeProblem<'a>,
+    pub lens: std::marker::PhantomData<L>,
+}
+
+/// Signed distances of all samples in pixels, by plane; `None` where the lens is not invertible.
+pub(crate) fn residuals<L: Lens>(
+    planes: &[ObservedPlane],
+    view: &View<L>,
+) -> Option<Vec<Vec<(f64, f64)>>> {
+    let mut all = Vec::with_capacity(planes.len());
+    for (plane, state) in planes.iter().zip(&view.planes) {
+        let mut own = Vec::new();
+        for (f, figure) in plane.figures.iter().enumerate() {
+            for side in &figure.sides {
+                let line = state.line(f, side);
+                for sample in &side.samples {
+                    let sight = view.lens.sight(&sample.pixel)?;
+                    own.push((view.lens.line_distance(&sight, &line), sample.weight));
+                }
+            }
+        }
+        all.push(own);
+    }
+    Some(all)
+}
+
+/// The optimum, with what the covariance needs.
+pub(crate) struct Refined<L> {
+    pub view: View<L>,
+    /// Scale of the noise at which the residuals were weighted.
+    pub scale: f64,
+    /// Turns the inverse of the weighted information (at `scale`) into a covariance.
+    pub covariance_factor: f64,
+    /// What the given standard deviations must be multiplied by.
+    pub noise_scale: f64,
+    pub iterations: usize,
+    pub termination: Termination,
+}
+
+impl<L: Lens> Refined<L> {
+    /// Measures the spread of the residuals around a view; `None` where the lens is not
+    /// invertible at a sample.
+    fn around(
+        planes: &[ObservedPlane],
+        free: &FreeParameters,
+        view: View<L>,
+        scale: f64,
+        (iterations, termination): (usize, Termination),
+    ) -> Option<Self> {
+        let unknowns = free.len()
+            + view
+                .planes
+                .iter()
+                .map(PlaneState::parameter_count)
+                .sum::<usize>();
+        let mut spread = Spread::default();
+        for (residual, weight) in residuals(planes, &view)?.iter().flatten() {
+            spread.add(Loss::Tukey, residual * weight / scale);
+        }
+        let covariance_factor = spread.covariance_factor(unknowns);
+        Some(Self {
+            view,
+            scale,
+            covariance_factor,
+            noise_scale: scale * (covariance_factor / Loss::Tukey.mean_weight()).sqrt(),
+            iterations,
+            termination,
+        })
+    }
+
+    /// The linear steps' answer, with the spread of its residuals.
+    pub fn of_linear(
+        planes: &[ObservedPlane],
+        free: &FreeParameters,
+        view: View<L>,
+    ) -> Option<Self> {
+        let scale = scale_of(planes, &view)?;
+        Self::around(planes, free, view, scale, (0, Termination::Converged))
+    }
+}
+
+/// Refines everything from a start; `None` if the lens is not invertible at a sample there.
+///
+/// Rounds of fixed scale: Huber's loss first, which cannot lose the way, then Tukey's biweight
+/// until the scale settles.
+pub(crate) fn refine<L: Lens>(
+    planes: &[ObservedPlane],
+    free: &FreeParameters,
+    start: View<L>,
+) -> Option<Refined<L>> {
+    let limits = Limits {
+        iterations: MAX_ITERATIONS,
+        decrease: LAST_DECREASE,
+    };
+    let mut view = start;
+    let mut scale = scale_of(planes, &view)?;
+    let mut iterations = 0;
+    let mut termination = Termination::IterationLimit;
+    for round in 0..MAX_ROUNDS {
+        let problem = EdgeProblemFor {
+            problem: EdgeProblem {
+                planes,
+                free,
+                loss: if round == 0 { Loss::Huber } else { Loss::Tukey },
+                scale,
+            },
+            lens: std::marker::PhantomData,
+        };
+        let minimum = minimise(&problem, view, limits)?;
+        iterations += minimum.iterations;
+        termination = minimum.termination;
+        view = minimum.state;
+        let next = scale_of(planes, &view)?;
+        let settled = round > 0 && (next / scale - 1.0).abs() < SCALE_TOLERANCE;
+        if settled || termination != Termination::Converged {
+            break;
+        }
+        // A scale that still wanders after all rounds is two modes of the same optimum.
+        scale = next;
+    }
+    Refined::around(planes, free, view, scale, (iterations, termination))
+}
+
+/// The scale of the bulk of the residuals, in units of their given standard deviations.
+fn scale_of<L: Lens>(planes: &[ObservedPlane], view: &View<L>) -> Option<f64> {
+    let all = residuals(planes, view)?;
+    let normalised = all.iter().flatten().map(|(r, weight)| r * weight);
+    Some(median_scale(normalised).max(MIN_SCALE))
+}

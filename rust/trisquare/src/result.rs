@@ -1,0 +1,192 @@
+//! What a calibration returns.
+
+use nalgebra::{DMatrix, Vector2};
+
+use crate::consistency::Disagreement;
+use crate::observations::{ObservedPlane, Placement};
+use crate::parameters::FreeParameters;
+use crate::refine::{Refined, View};
+use crate::{Brown, ImageSize, Lens, Pose};
+
+/// The stage a result comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Stage {
+    /// The paper's three linear steps.
+    Linear,
+    /// Joint maximum likelihood over edge samples.
+    Edges,
+    /// The same model fitted to the pixels.
+    Pixels,
+}
+
+/// Something a user should know of a result.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
+pub enum Warning {
+    /// One plane disagrees with the rest.
+    #[error(
+        "plane {} disagrees with the rest by {:.1} standard deviations (without it, fx would \
+         change by {:+.2} %): is it a true, flat square?",
+        .0.plane, .0.sigmas, 100.0 * .0.focal_change
+    )]
+    Disagreement(Disagreement),
+    /// The pixels did not follow the model closely enough to be used.
+    #[error("the fit to the pixels was not taken: {reason}")]
+    PixelsNotUsed {
+        /// What spoke against it.
+        reason: &'static str,
+    },
+}
+
+/// A plane of the scene.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Plane {
+    /// Index of its first figure among the edges given.
+    pub figure: usize,
+    /// Index of the picture that shows it.
+    pub image: usize,
+    /// `cam_from_plane`, in units of the first figure's coordinates.
+    pub pose: Pose,
+    /// Its four corners as observed (distorted), in pixels.
+    pub corners: [Vector2<f64>; 4],
+    /// Root mean square distance of its samples, in pixels.
+    pub rms: f64,
+    /// Number of its samples.
+    pub samples: usize,
+}
+
+/// A calibrated camera, how well it is known, and where the planes stand.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Calibration {
+    /// The camera.
+    pub camera: Brown,
+    /// Size of the pictures.
+    pub image_size: ImageSize,
+    /// Names of the free parameters, in the order of the covariance.
+    pub parameters: Vec<&'static str>,
+    /// Covariance of the free parameters.
+    pub covariance: DMatrix<f64>,
+    /// Whether `fy` follows `fx`, so that it has its standard deviation.
+    pub aspect_fixed: bool,
+    /// The planes, in the order in which their first figures were given.
+    pub planes: Vec<Plane>,
+    /// Root mean square distance of all samples to the images of their lines, in pixels.
+    pub rms: f64,
+    /// What the given standard deviations had to be multiplied by to agree with the residuals.
+    pub noise_scale: f64,
+    /// Evaluations of the refinement.
+    pub iterations: usize,
+    /// What the user should know.
+    pub warnings: Vec<Warning>,
+    /// The stage the numbers come from.
+    pub stage: Stage,
+}
+
+impl Calibration {
+    /// One standard deviation of every free parameter (and of `fy` where it follows `fx`).
+    pub fn std(&self) -> Vec<(&'static str, f64)> {
+        let mut all = Vec::with_capacity(self.parameters.len() + 1);
+        for (i, name) in self.parameters.iter().enumerate() {
+            let std = self.covariance[(i, i)].sqrt();
+            all.push((*name, std));
+            if *name == "fx" && self.aspect_fixed {
+                let focal = self.camera.focal();
+                all.push(("fy", std * focal.y / focal.x));
+            }
+        }
+        all
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    pub(crate) fn assemble(
+        planes: &[ObservedPlane],
+        free: &FreeParameters,
+        image_size: ImageSize,
+        refined: &Refined<Brown>,
+        covariance: DMatrix<f64>,
+        residuals: &[Vec<(f64, f64)>],
+        warnings: Vec<Warning>,
+        stage: Stage,
+    ) -> Self {
+        let square = |own: &[(f64, f64)]| own.iter().map(|(r, _)| r * r).sum::<f64>();
+        let total: f64 = residuals.iter().map(|own| square(own)).sum();
+        let count: usize = residuals.iter().map(Vec::len).sum();
+        Self {
+            camera: refined.view.lens,
+            image_size,
+            parameters: free.names(),
+            covariance,
+            aspect_fixed: free.aspect_is_fixed(),
+            planes: planes
+                .iter()
+                .zip(residuals)
+                .enumerate()
+                .map(|(i, (plane, own))| Plane {
+                    figure: plane.figures[0].index,
+                    image: plane.image,
+                    pose: refined.view.planes[i].pose,
+                    corners: observed_corners(plane, &refined.view, i),
+                    rms: (square(own) / own.len() as f64).sqrt(),
+                    samples: own.len(),
+                })
+                .collect(),
+            rms: (total / count as f64).sqrt(),
+            noise_scale: refined.noise_scale,
+            iterations: refined.iterations,
+            warnings,
+            stage,
+        }
+    }
+}
+
+/// The images of a plane's corners: of a square where sides `i - 1` and `i` meet, of a lattice
+/// the corners of the rectangle that its lines' crossings span.
+pub(crate) fn observed_corners(
+    plane: &ObservedPlane,
+    view: &View<Brown>,
+    index: usize,
+) -> [Vector2<f64>; 4] {
+    let sides = &plane.figures[0].sides;
+    let crossing = |i: usize, j: usize| sides[i].line.intersection(&sides[j].line);
+    let square = || -> Option<[Vector2<f64>; 4]> {
+        (sides.len() == 4).then_some(())?;
+        Some([
+            crossing(3, 0)?,
+            crossing(0, 1)?,
+            crossing(1, 2)?,
+            crossing(2, 3)?,
+        ])
+    };
+    let corners = square().unwrap_or_else(|| {
+        let (mut low, mut high) = (Vector2::repeat(f64::MAX), Vector2::repeat(f64::MIN));
+        for i in 0..sides.len() {
+            for j in 0..i {
+                // Crossings of nearly parallel lines lie far outside and are none.
+                let turn = sides[i].line.normal().perp(&sides[j].line.normal()).abs();
+                if let Some(point) = crossing(i, j).filter(|_| turn > 0.1) {
+                    low = low.inf(&point);
+                    high = high.sup(&point);
+                }
+            }
+        }
+        [
+            (low.x, low.y),
+            (high.x, low.y),
+            (high.x, high.y),
+            (low.x, high.y),
+        ]
+        .map(|(x, y)| Vector2::new(x, y))
+    });
+    let state = &view.planes[index];
+    corners.map(|corner| {
+        let point = state.pose.transform(&Placement::IDENTITY.point(corner));
+        // A corner beyond the valid radius is given where a pinhole would see it.
+        view.lens.project(&point).unwrap_or_else(|| {
+            let ideal = point.xy() / point.z;
+            ideal.component_mul(&view.lens.focal()) + view.lens.principal_point()
+        })
+    })
+}

@@ -1,0 +1,204 @@
+//! Seeded scenes with known truth, for tests and benchmarks.
+//!
+//! Three squares over the picture, tilted 25 to 50 degrees in directions about 120 degrees apart,
+//! seen by a random camera with moderate distortion.
+
+use nalgebra::{Matrix3, Rotation3, Unit, Vector2, Vector3};
+use rand::rngs::StdRng;
+use rand::{RngExt, SeedableRng};
+use rand_distr::StandardNormal;
+
+use crate::edges::square_lines;
+use crate::{Brown, ImageSize, Lens, PlaneEdges, Pose};
+
+/// Where the squares stand, in parts of the picture.
+const PLACES: [(f64, f64); 3] = [(0.23, 0.3), (0.77, 0.3), (0.5, 0.72)];
+
+/// Samples keep this far (pixels) from the corners and from the picture's border.
+const MARGIN: f64 = 3.0;
+
+/// Draws allowed before a scene is given up; a few suffice.
+const MAX_DRAWS: usize = 1000;
+
+/// A camera and the squares it sees.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    /// The true camera.
+    pub camera: Brown,
+    /// The picture's size.
+    pub size: ImageSize,
+    /// `cam_from_plane` of every square, in units of its side.
+    pub poses: Vec<Pose>,
+}
+
+/// What a scene is drawn from.
+#[derive(Debug, Clone, Copy)]
+pub struct SceneOptions {
+    /// The picture's size.
+    pub size: ImageSize,
+    /// Whether the lens distorts.
+    pub distortion: bool,
+    /// Whether all squares are parallel (tilted alike, turned and placed differently).
+    pub parallel: bool,
+}
+
+impl Default for SceneOptions {
+    fn default() -> Self {
+        Self {
+            size: ImageSize {
+                width: 1280,
+                height: 960,
+            },
+            distortion: true,
+            parallel: false,
+        }
+    }
+}
+
+impl Scene {
+    /// Draws a scene of three squares; equal seeds give equal scenes.
+    ///
+    /// # Panics
+    /// If no scene inside the picture is found, which does not happen for pictures of ordinary
+    /// shape.
+    pub fn random(seed: u64, options: SceneOptions) -> Self {
+        let mut rng = StdRng::seed_from_u64(seed);
+        Self::draw(&mut rng, options, |rng| random_camera(rng, options))
+    }
+
+    /// Draws another picture of the same camera.
+    ///
+    /// # Panics
+    /// As [`Self::random`].
+    #[must_use]
+    pub fn another(&self, seed: u64) -> Self {
+        let options = SceneOptions {
+            size: self.size,
+            ..SceneOptions::default()
+        };
+        let mut rng = StdRng::seed_from_u64(seed);
+        Self::draw(&mut rng, options, |_| self.camera)
+    }
+
+    fn draw(
+        rng: &mut StdRng,
+        options: SceneOptions,
+        mut camera: impl FnMut(&mut StdRng) -> Brown,
+    ) -> Self {
+        for _ in 0..MAX_DRAWS {
+            let camera = camera(rng);
+            if let Some(poses) = random_poses(rng, &camera, options) {
+                return Self {
+                    camera,
+                    size: options.size,
+                    poses,
+                };
+            }
+        }
+        panic!("no scene found in {MAX_DRAWS} draws")
+    }
+
+    /// Samples of every side, `spacing` pixels apart, with isotropic noise of `noise` pixels.
+    pub fn edges(&self, seed: u64, noise: f64, spacing: f64) -> Vec<PlaneEdges> {
+        let mut rng = StdRng::seed_from_u64(seed);
+        let mut normal = || noise * rng.sample::<f64, _>(StandardNormal);
+        self.poses
+            .iter()
+            .map(|pose| {
+                let sides = (0..4).map(|side| {
+                    side_points(&self.camera, pose, side, spacing)
+                        .into_iter()
+                        .map(|p| p + Vector2::new(normal(), normal()))
+                        .collect()
+                });
+                PlaneEdges::new(square_lines().to_vec(), sides.collect())
+            })
+            .collect()
+    }
+}
+
+/// Corner `i` of the unit square at the origin.
+fn corner(i: usize) -> Vector2<f64> {
+    let [x, y] = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]][i % 4];
+    Vector2::new(x, y)
+}
+
+fn side_points(camera: &Brown, pose: &Pose, side: usize, spacing: f64) -> Vec<Vector2<f64>> {
+    let (a, b) = (corner(side), corner(side + 1));
+    let see = |t: f64| camera.project(&pose.transform(&a.lerp(&b, t)));
+    let (Some(start), Some(end)) = (see(0.0), see(1.0)) else {
+        return Vec::new();
+    };
+    let length = (end - start).norm();
+    let count = (length / spacing).floor().max(2.0) as usize;
+    let margin = MARGIN / length;
+    (0..count)
+        .filter_map(|i| see(margin + (1.0 - 2.0 * margin) * i as f64 / (count - 1) as f64))
+        .collect()
+}
+
+fn random_camera(rng: &mut StdRng, options: SceneOptions) -> Brown {
+    let width = f64::from(options.size.width);
+    let centre = options.size.centre();
+    loop {
+        let focal = width * rng.random_range(0.65..1.3);
+        let aspect: f64 = rng.random_range(0.995..1.005);
+        let mut offset = || 0.012 * width * rng.sample::<f64, _>(StandardNormal);
+        let (cx, cy) = (centre.x + offset(), centre.y + offset());
+        let (mut k1, mut k2) = (0.0, 0.0);
+        if options.distortion {
+            k1 = rng.random_range(-0.32..0.12);
+            k2 = rng.random_range(0.0..0.35) * f64::abs(k1);
+        }
+        let camera = Brown::new([focal, focal * aspect, cx, cy, k1, k2, 0.0, 0.0, 0.0]);
+        let far = 1.05;
+        let monotonic = options.size.corners().iter().all(|c| {
+            let stretched = centre + (c - centre) * far;
+            camera.sight(&stretched).is_some()
+        });
+        if monotonic {
+            return camera;
+        }
+    }
+}
+
+fn random_poses(rng: &mut StdRng, camera: &Brown, options: SceneOptions) -> Option<Vec<Pose>> {
+    let (width, height) = (
+        f64::from(options.size.width),
+        f64::from(options.size.height),
+    );
+    let first_direction = rng.random_range(0.0..std::f64::consts::TAU);
+    let common_tilt = rng.random_range(25.0..50.0f64);
+    let mut poses = Vec::with_capacity(PLACES.len());
+    for (i, (x, y)) in PLACES.iter().enumerate() {
+        let mut tilt = rng.random_range(25.0..50.0f64);
+        let spread = 120.0 * i as f64 + rng.random_range(-20.0..20.0);
+        let mut direction = first_direction + f64::to_radians(spread);
+        if options.parallel {
+            (tilt, direction) = (common_tilt, first_direction);
+        }
+        let turn = rng.random_range(0.0..std::f64::consts::TAU);
+        let side = height * rng.random_range(0.30..0.42);
+        let axis = Unit::new_normalize(Vector3::new(direction.cos(), direction.sin(), 0.0));
+        let tilted = Rotation3::from_axis_angle(&axis, tilt.to_radians());
+        let rotation: Matrix3<f64> =
+            *(tilted * Rotation3::from_axis_angle(&Vector3::z_axis(), turn)).matrix();
+        let ray = camera.unproject(&Vector2::new(x * width, y * height))?;
+        let pose = Pose {
+            rotation,
+            translation: ray / ray.z * (camera.focal().x / side),
+        };
+        let inside = (0..4).all(|i| {
+            camera
+                .project(&pose.transform(&corner(i)))
+                .is_some_and(|p| {
+                    p.x > MARGIN && p.y > MARGIN && p.x < width - MARGIN && p.y < height - MARGIN
+                })
+        });
+        if !inside || pose.normal().dot(&pose.translation) <= 0.0 {
+            return None;
+        }
+        poses.push(pose);
+    }
+    Some(poses)
+}

@@ -1,0 +1,230 @@
+//! Calibrations of scenes with known truth, through the public interface.
+
+use nalgebra::Vector2;
+use trisquare::synthetic::{Scene, SceneOptions};
+use trisquare::{
+    Calibration, Error, ErrorKind, Fixed, Lens, Method, Model, Options, PlaneEdges, Stage,
+    calibrate,
+};
+
+const NO_NOISE: f64 = 0.0;
+const SPACING: f64 = 4.0;
+
+/// The largest error of `fx, fy, cx, cy` relative to `fx`.
+fn relative_error(found: &Calibration, scene: &Scene) -> f64 {
+    let (a, b) = (found.camera.parameters(), scene.camera.parameters());
+    (0..4)
+        .map(|i| (a[i] - b[i]).abs() / b[0])
+        .fold(0.0, f64::max)
+}
+
+fn pinhole() -> SceneOptions {
+    SceneOptions {
+        distortion: false,
+        ..SceneOptions::default()
+    }
+}
+
+#[test]
+fn linear_is_exact_without_noise_and_distortion() {
+    for seed in 0..40 {
+        let scene = Scene::random(seed, pinhole());
+        let edges = scene.edges(0, NO_NOISE, SPACING);
+        for model in [Model::None, Model::Radial2] {
+            let options = Options {
+                method: Method::Linear,
+                model,
+                ..Options::default()
+            };
+            let found = calibrate(&edges, scene.size, &options).unwrap();
+            let error = relative_error(&found, &scene);
+            assert!(error < 1e-8, "seed {seed}, {model:?}: {error:e}");
+            assert_eq!(found.stage, Stage::Linear);
+        }
+    }
+}
+
+#[test]
+fn maximum_likelihood_is_exact_without_noise() {
+    for seed in 0..60 {
+        let scene = Scene::random(seed, SceneOptions::default());
+        let edges = scene.edges(0, NO_NOISE, SPACING);
+        for model in [Model::Radial2, Model::Radial3, Model::Brown] {
+            let options = Options {
+                model,
+                ..Options::default()
+            };
+            let found = calibrate(&edges, scene.size, &options).unwrap();
+            let error = relative_error(&found, &scene);
+            assert!(error < 1e-8, "seed {seed}, {model:?}: {error:e}");
+            for (a, b) in found.planes.iter().zip(&scene.poses) {
+                assert!((a.pose.rotation - b.rotation).norm() < 1e-7);
+                assert!((a.pose.translation - b.translation).norm() < 1e-7);
+            }
+        }
+    }
+}
+
+#[test]
+fn errors_lie_within_the_stated_standard_deviations() {
+    let (mut squares, mut count) = (0.0, 0.0);
+    for seed in 0..60 {
+        let scene = Scene::random(seed, SceneOptions::default());
+        let edges = scene.edges(1000 + seed, 0.2, SPACING);
+        let found = calibrate(&edges, scene.size, &Options::default()).unwrap();
+        let truth = scene.camera.parameters();
+        let value = found.camera.parameters();
+        for (name, std) in found.std() {
+            let i = ["fx", "fy", "cx", "cy", "k1", "k2"]
+                .iter()
+                .position(|n| *n == name)
+                .unwrap();
+            let error = (value[i] - truth[i]) / std;
+            assert!(error.abs() < 5.0, "seed {seed}: {name} off by {error} std");
+            squares += error * error;
+            count += 1.0;
+        }
+    }
+    // 360 correlated, normalised errors: rms 1 within a tenth.
+    let rms = f64::sqrt(squares / count);
+    assert!((0.88..1.12).contains(&rms), "{rms}");
+}
+
+#[test]
+fn outliers_do_not_pull_the_answer() {
+    for seed in 0..10 {
+        let scene = Scene::random(seed, SceneOptions::default());
+        let mut edges = scene.edges(1, 0.1, SPACING);
+        let side = &mut edges[1].points[2];
+        let hidden = side.len() / 4;
+        for point in &mut side[..hidden] {
+            *point += Vector2::new(6.0, 4.0);
+        }
+        let found = calibrate(&edges, scene.size, &Options::default()).unwrap();
+        let (value, truth) = (found.camera.parameters(), scene.camera.parameters());
+        for (i, (name, std)) in found.std().iter().enumerate().take(4) {
+            let error = (value[i] - truth[i]) / std;
+            assert!(error.abs() < 4.5, "seed {seed}: {name} off by {error} std");
+        }
+    }
+}
+
+#[test]
+fn fixed_parameters_need_fewer_planes() {
+    let scene = Scene::random(3, SceneOptions::default());
+    let edges = scene.edges(0, NO_NOISE, SPACING);
+    let fixed = |aspect, principal_point, focal, distortion| Options {
+        initial: Some(scene.camera),
+        fixed: Fixed {
+            aspect,
+            principal_point,
+            focal,
+            distortion,
+        },
+        ..Options::default()
+    };
+    for (planes, options) in [
+        (2, fixed(false, false, false, true)),
+        (1, fixed(false, true, false, false)),
+        (1, fixed(true, true, false, true)),
+        (1, fixed(false, true, true, true)),
+        (1, fixed(false, true, true, false)),
+        (3, fixed(true, false, false, false)),
+    ] {
+        let found = calibrate(&edges[..planes], scene.size, &options).unwrap();
+        assert!(relative_error(&found, &scene) < 1e-7, "{options:?}");
+    }
+    let error = calibrate(&edges[..1], scene.size, &Options::default()).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::NotEnoughPlanes);
+    let error = calibrate(&[], scene.size, &Options::default()).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::NotEnoughPlanes);
+}
+
+#[test]
+fn parallel_planes_are_refused_unless_the_principal_point_is_fixed() {
+    let options = SceneOptions {
+        parallel: true,
+        ..SceneOptions::default()
+    };
+    for seed in 0..40 {
+        let scene = Scene::random(seed, options);
+        for noise in [NO_NOISE, 0.05, 0.3] {
+            let edges = scene.edges(seed, noise, SPACING);
+            for method in [Method::MaximumLikelihood, Method::Linear] {
+                let options = Options {
+                    method,
+                    ..Options::default()
+                };
+                let found = calibrate(&edges, scene.size, &options);
+                // The linear steps may also end in a camera that cannot be evaluated at all.
+                let refused = match found.as_ref().map_err(Error::kind) {
+                    Err(ErrorKind::DegenerateGeometry) => true,
+                    Err(ErrorKind::Convergence) => method == Method::Linear,
+                    _ => false,
+                };
+                assert!(refused, "seed {seed}, noise {noise}, {method:?}: {found:?}");
+            }
+        }
+        let held = Options {
+            initial: Some(scene.camera),
+            fixed: Fixed {
+                principal_point: true,
+                ..Fixed::default()
+            },
+            ..Options::default()
+        };
+        let edges = scene.edges(seed, 0.05, SPACING);
+        let found = calibrate(&edges, scene.size, &held).unwrap();
+        for (i, (name, std)) in found.std().iter().enumerate().take(2) {
+            let error = found.camera.parameters()[i] - scene.camera.parameters()[i];
+            assert!((error / std).abs() < 5.0, "seed {seed}: {name}");
+        }
+    }
+}
+
+#[test]
+fn the_plane_that_is_no_square_is_named() {
+    let mut named = 0;
+    for seed in 0..10 {
+        let scene = Scene::random(seed, SceneOptions::default());
+        let mut edges = scene.edges(1, 0.1, SPACING);
+        // A second picture of the camera keeps the truth in the majority.
+        edges.extend(scene.another(100 + seed).edges(2, 0.1, SPACING));
+        for (line, offset) in edges[1].lines.iter_mut().zip([0.51, 0.5, 0.51, 0.5]) {
+            let [a, b] = [line.normal().x, line.normal().y];
+            *line = trisquare::Line::new(a, b, offset).unwrap();
+        }
+        let found = calibrate(&edges, scene.size, &Options::default()).unwrap();
+        let warning = found.warnings.first().map(ToString::to_string);
+        named += usize::from(warning.is_some_and(|w| w.starts_with("plane 1 ")));
+    }
+    assert!(named >= 9, "named in {named} of 10");
+}
+
+#[test]
+fn too_little_data_is_refused() {
+    let scene = Scene::random(5, SceneOptions::default());
+    let thin = |count: usize| -> Vec<PlaneEdges> {
+        let mut edges = scene.edges(0, 0.1, SPACING);
+        for side in edges.iter_mut().flat_map(|e| &mut e.points) {
+            let last = side[side.len() - 1];
+            side.truncate(count - 1);
+            side.push(last);
+        }
+        edges
+    };
+    let error = calibrate(&thin(2), scene.size, &Options::default()).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::NotEnoughData, "{error}");
+    let mut edges = thin(9);
+    edges[1].lines.pop();
+    edges[1].points.pop();
+    let error = calibrate(&edges, scene.size, &Options::default()).unwrap_err();
+    assert!(matches!(
+        error,
+        Error::TooFewLines {
+            figure: 1,
+            found: 3,
+            ..
+        }
+    ));
+}
