@@ -1,1 +1,52 @@
-"""Camera calibration with lens distortion from a single photograph of three squares."""
+"""Camera calibration with lens distortion from a single photograph of three squares.
+
+>>> import trisquare as ts
+>>> result = ts.calibrate("photo.jpg")  # doctest: +SKIP
+>>> result.camera.K, result.camera.distortion, result.std["fx"]  # doctest: +SKIP
+"""
+
+from trisquare._core import __version__
+from trisquare.calibrate import calibrate, calibrate_edges
+from trisquare.camera import Camera
+from trisquare.detect import detect
+from trisquare.edges import PlaneEdges
+from trisquare.errors import (
+    ConvergenceError,
+    DegenerateGeometryError,
+    DetectionError,
+    ImageError,
+    NotEnoughDataError,
+    NotEnoughPlanesError,
+    TrisquareError,
+)
+from trisquare.result import Calibration, Plane
+from trisquare.steps import (
+    Straightening,
+    camera_matrix_from_homographies,
+    fit_distortion,
+    homography_from_lines,
+    pose_from_homography,
+)
+
+__all__ = [
+    "Calibration",
+    "Camera",
+    "ConvergenceError",
+    "DegenerateGeometryError",
+    "DetectionError",
+    "ImageError",
+    "NotEnoughDataError",
+    "NotEnoughPlanesError",
+    "Plane",
+    "PlaneEdges",
+    "Straightening",
+    "TrisquareError",
+    "__version__",
+    "calibrate",
+    "calibrate_edges",
+    "camera_matrix_from_homographies",
+    "detect",
+    "fit_distortion",
+    "homography_from_lines",
+    "pose_from_homography",
+]

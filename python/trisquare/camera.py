@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from trisquare._core import monotonic_radius
 from trisquare.checked import (
     FloatArray,
     RebuiltByConstructor,
@@ -60,7 +61,8 @@ class Camera(RebuiltByConstructor):
         if self.model not in MODELS:
             raise ValueError(f"model must be one of {MODELS}, not {self.model!r}")
         if self.valid_radius is None:
-            radius = monotonic_radius(distortion)
+            k1, k2, _, _, k3 = distortion.tolist()
+            radius = monotonic_radius(k1, k2, k3)
         elif self.valid_radius == math.inf:
             radius = math.inf
         else:
@@ -100,29 +102,6 @@ class Camera(RebuiltByConstructor):
             f"cx {self.cx:.6g}, cy {self.cy:.6g}, "
             f"k1 {k1:.5g}, k2 {k2:.5g}, p1 {p1:.5g}, p2 {p2:.5g}, k3 {k3:.5g}>"
         )
-
-
-def monotonic_radius(distortion: FloatArray) -> float:
-    """Return the ideal radius up to which ``r (1 + k1 r^2 + k2 r^4 + k3 r^6)`` grows.
-
-    Its derivative is ``1 + 3 k1 s + 5 k2 s^2 + 7 k3 s^3`` with ``s = r^2``; the radius belongs to
-    the smallest positive root, and is infinite if there is none. The tangential part is left out.
-
-    Parameters
-    ----------
-    distortion : ndarray, shape (5,)
-        ``(k1, k2, p1, p2, k3)``.
-
-    Returns
-    -------
-    float
-        In normalised ideal coordinates; `math.inf` if the distortion is monotonic everywhere.
-    """
-    k1, k2, _, _, k3 = distortion.tolist()
-    # In 1 / s the polynomial is monic: vanishing coefficients divide nothing.
-    inverse_squares = np.roots([1.0, 3 * k1, 5 * k2, 7 * k3])
-    positive = inverse_squares.real[(inverse_squares.imag == 0) & (inverse_squares.real > 0)]
-    return 1 / math.sqrt(positive.max()) if positive.size else math.inf
 
 
 def camera_parameters(camera: Camera) -> dict[str, float]:

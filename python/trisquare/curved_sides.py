@@ -70,6 +70,8 @@ def fit_sides(picture: NDArray[np.float32], quads: Quads) -> Quads:
     Quads
         Within a few tenths of a pixel of the edge, each outline once.
     """
+    if len(quads) == 0:
+        return quads
     chords = _Chords.between(quads.corners, np.roll(quads.corners, -1, axis=1))
     sign = np.where(quads.dark_inside, 1.0, -1.0)[:, None, None]
     along = chords.inner_positions(FRACTIONS)

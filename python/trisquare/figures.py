@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from trisquare.quads import FloatArray, Quads, sample
 
-CLEARANCE = 3.0
+CLEARANCE = 2.0
 """Pixels from the outline at which figure and ground show their own levels, past the blur."""
 
 MAX_CORNER_REACH = 9.0

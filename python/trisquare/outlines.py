@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from trisquare.chessboard import chessboard_corners
 from trisquare.curved_sides import fit_sides
 from trisquare.figures import alignment, find_figures
 from trisquare.quads import RANGE_PERCENTILES, FloatArray, Quads, find_quads
@@ -115,18 +116,11 @@ def find_chessboard(image: NDArray[np.generic], cols: int, rows: int) -> BoardOu
     grey = grey_bytes(image)
     if min(grey.shape) < MIN_PICTURE:
         return None
-    flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE
-    found, points = cv2.findChessboardCornersSB(grey, (cols, rows), None, flags)
-    if not found:
-        flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ADAPTIVE_THRESH
-        found, points = cv2.findChessboardCorners(grey, (cols, rows), None, flags)
-    if not found:
+    corners = chessboard_corners(grey, cols, rows)
+    if corners is None:
         return None
-    corners = np.asarray(points, dtype=np.float64).reshape(rows, cols, 2)
-    across, down = corners[0, -1] - corners[0, 0], corners[-1, 0] - corners[0, 0]
-    if across[0] * down[1] - across[1] * down[0] < 0.0:
-        corners = corners[:, ::-1]
-    return BoardOutline(np.ascontiguousarray(corners))
+    corners.flags.writeable = False
+    return BoardOutline(corners)
 
 
 def grey_bytes(image: NDArray[np.generic]) -> NDArray[np.uint8]:
@@ -159,7 +153,9 @@ def _outline(quads: Quads, index: int, places: int, scale: int) -> Outline:
     """Outline in pixels of the photograph, its numbering rolled by `places`."""
     # pyrDown keeps every second pixel's centre, so that coordinates only need the factor.
     corners = scale * np.roll(quads.corners[index], places, axis=0)
-    first, second, third, fourth = scale * np.roll(quads.sides[index], places, axis=0)
+    sides = scale * np.roll(quads.sides[index], places, axis=0)
+    corners.flags.writeable = sides.flags.writeable = False
+    first, second, third, fourth = sides
     return Outline(corners, (first, second, third, fourth), bool(quads.dark_inside[index]))
 
 

@@ -1,10 +1,26 @@
 //! Python bindings of trisquare: check, copy, detach from the GIL, call, convert.
 
-use pyo3::prelude::*;
+mod arrays;
+mod calibration;
+mod errors;
+mod figures;
+mod picture;
+mod steps;
 
 /// The compiled core of trisquare.
-#[pymodule]
+#[pyo3::pymodule]
 mod _core {
     #[pymodule_export]
+    #[allow(non_upper_case_globals)] // Python's name for it
     const __version__: &str = env!("CARGO_PKG_VERSION");
+
+    #[pymodule_export]
+    use crate::calibration::calibrate;
+    #[pymodule_export]
+    use crate::picture::{Picture, localise};
+    #[pymodule_export]
+    use crate::steps::{
+        camera_matrix_from_homographies, fit_distortion, homography_from_lines, monotonic_radius,
+        pose_from_homography, straighten,
+    };
 }

@@ -1,0 +1,87 @@
+"""The compiled core of trisquare."""
+
+from collections.abc import Sequence
+from typing import Any, Final, TypedDict, final, type_check_only
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trisquare.edges import PlaneEdges
+
+__version__: Final[str]
+
+@final
+class Picture:
+    """Raw pixels of a photograph, in memory of their own."""
+
+    def __new__(cls, pixels: NDArray[Any], /) -> Picture: ...
+    @property
+    def size(self) -> tuple[int, int]: ...
+
+@type_check_only
+class PlaneMembers(TypedDict):
+    """One plane of a calibration."""
+
+    figure: int
+    image: int
+    corners: NDArray[np.float64]
+    rotation: NDArray[np.float64]
+    translation: NDArray[np.float64]
+    rms: float
+    samples: int
+
+@type_check_only
+class CalibrationMembers(TypedDict):
+    """A calibration, member by member."""
+
+    camera_matrix: NDArray[np.float64]
+    distortion: NDArray[np.float64]
+    valid_radius: float
+    parameters: list[str]
+    covariance: NDArray[np.float64]
+    std: dict[str, float]
+    planes: list[PlaneMembers]
+    rms: float
+    noise_scale: float
+    iterations: int
+    warnings: list[str]
+    stage: str
+
+def calibrate(
+    figures: Sequence[PlaneEdges],
+    image_size: tuple[int, int],
+    *,
+    method: str,
+    model: str,
+    fixed: Sequence[str],
+    initial: Sequence[float] | None,
+    pictures: Sequence[Picture] | None,
+    tone: str | float,
+) -> CalibrationMembers: ...
+def localise(
+    picture: Picture,
+    spans: Sequence[tuple[NDArray[np.float64], float, tuple[int | None, int | None]]],
+    tone: str | float,
+) -> list[tuple[NDArray[np.float64], NDArray[np.float64]] | str]: ...
+def fit_distortion(
+    curves: Sequence[NDArray[np.float64]],
+    image_size: tuple[int, int],
+    coefficients: int,
+    centre: tuple[float, float] | None,
+) -> tuple[NDArray[np.float64], tuple[float, float], float, float]: ...
+def straighten(
+    points: NDArray[np.float64],
+    coefficients: Sequence[float],
+    centre: tuple[float, float],
+    radius: float,
+) -> NDArray[np.float64]: ...
+def homography_from_lines(
+    plane_lines: NDArray[np.float64], image_lines: NDArray[np.float64]
+) -> NDArray[np.float64]: ...
+def camera_matrix_from_homographies(
+    homographies: Sequence[NDArray[np.float64]],
+) -> NDArray[np.float64]: ...
+def pose_from_homography(
+    camera_matrix: NDArray[np.float64], homography: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+def monotonic_radius(k1: float, k2: float, k3: float) -> float: ...

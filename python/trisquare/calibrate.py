@@ -1,0 +1,249 @@
+"""Calibrating: from pictures, or from edges measured elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from trisquare import _core
+from trisquare.camera import MODELS, Camera, camera_parameters
+from trisquare.checked import whole_number
+from trisquare.detect import Targets, measure, nothing_found
+from trisquare.edges import PlaneEdges
+from trisquare.errors import DetectionError
+from trisquare.pictures import (
+    ImageSource,
+    Tone,
+    checked_tone,
+    load_picture,
+    picture_size,
+    tone_of,
+)
+from trisquare.result import Calibration, Plane
+
+METHODS = ("ml", "linear")
+FIXABLE = ("aspect", "principal_point", "focal", "distortion")
+
+
+def calibrate(
+    image: ImageSource | Sequence[ImageSource],
+    *,
+    method: str = "ml",
+    model: str = "radial2",
+    fix: str | Iterable[str] = (),
+    initial: Camera | None = None,
+    tone: Tone = None,
+    targets: str = "auto",
+    progress: Callable[[int, int], None] | None = None,
+) -> Calibration:
+    """Calibrate a camera from one photograph of three squares, or from several photographs.
+
+    Parameters
+    ----------
+    image : path or ndarray, or a sequence of them
+        uint8, uint16 or float32 of shape (H, W) or (H, W, 3) in BGR order. Several photographs
+        must be of one camera and size; their planes are pooled.
+    method : {"ml", "linear"}
+        Joint maximum likelihood, or the three linear steps of Zhou et al. (2013) alone.
+    model : {"none", "radial1", "radial2", "radial3", "brown"}
+        The distortion coefficients that are estimated.
+    fix : names among "aspect", "principal_point", "focal", "distortion"
+        Held at the values of `initial`, or else at aspect 1, the image centre, and zero.
+    initial : Camera, optional
+        Values for what is fixed; "focal" needs them.
+    tone : {"srgb", "linear"} or float, optional
+        How light was coded; by default sRGB for 8-bit pictures, linear for others.
+    targets : str
+        See `detect`.
+    progress : callable, optional
+        Called with (pictures done, pictures in all).
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    ImageError
+        If a file cannot be read whole.
+    DetectionError
+        If no picture shows a target.
+    NotEnoughPlanesError, NotEnoughDataError, DegenerateGeometryError, ConvergenceError
+        If the planes cannot answer; the message says why and what would help.
+    TypeError, ValueError
+        For bad arguments.
+    """
+    settings = _Settings.check(method, model, fix, initial)
+    wanted = Targets.parse(targets)
+    checked = checked_tone(tone)
+    sources = list(image) if isinstance(image, list | tuple) else [image]
+    if not sources:
+        raise ValueError("no picture given")
+
+    figures: list[PlaneEdges] = []
+    pictures: list[_core.Picture] = []
+    missed: list[int] = []
+    curves: set[str | float] = set()
+    size: tuple[int, int] | None = None
+    for index, source in enumerate(sources):
+        picture = load_picture(source)
+        if size is not None and picture_size(picture) != size:
+            raise ValueError(
+                f"picture {index} is of size {picture_size(picture)}, the first one of {size}: "
+                "pictures of one camera have one size"
+            )
+        size = picture_size(picture)
+        curve = tone_of(picture, checked)
+        curves.add(curve)
+        core = _core.Picture(picture)
+        found = measure(picture, core, wanted, curve)
+        if not found:
+            missed.append(index)
+        planes_before = len(figures)  # at least as many as planes, so that none is shared
+        figures += [_placed(figure, index, planes_before) for figure in found]
+        pictures.append(core)
+        if progress is not None:
+            progress(index + 1, len(sources))
+    if not figures:
+        raise DetectionError(nothing_found(wanted))
+    if len(curves) > 1:
+        raise ValueError("pictures of different depth need one stated tone curve")
+    assert size is not None  # there is at least one picture
+    warnings = [f"picture {index}: {nothing_found(wanted)}" for index in missed]
+    return _solve(figures, size, settings, pictures, curves.pop(), warnings)
+
+
+def calibrate_edges(
+    edges: Sequence[PlaneEdges],
+    image_size: tuple[int, int],
+    *,
+    method: str = "ml",
+    model: str = "radial2",
+    fix: str | Iterable[str] = (),
+    initial: Camera | None = None,
+) -> Calibration:
+    """Calibrate a camera from measured edges alone, without a picture.
+
+    Parameters
+    ----------
+    edges : sequence of PlaneEdges
+        Figures on three or more planes; fewer planes if enough parameters are fixed.
+    image_size : (int, int)
+        Width and height in pixels.
+    method, model, fix, initial
+        As in `calibrate`.
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    NotEnoughPlanesError, NotEnoughDataError, DegenerateGeometryError, ConvergenceError
+        If the planes cannot answer; the message says why and what would help.
+    TypeError, ValueError
+        For bad arguments.
+    """
+    settings = _Settings.check(method, model, fix, initial)
+    figures = list(edges)
+    for figure in figures:
+        if not isinstance(figure, PlaneEdges):
+            raise TypeError(f"edges must be PlaneEdges, not {type(figure).__name__}")
+    width, height = (whole_number(side, "image_size") for side in image_size)
+    if min(width, height) < 1:
+        raise ValueError(f"image_size must be positive, not {(width, height)}")
+    return _solve(figures, (width, height), settings, None, None, [])
+
+
+@dataclass(frozen=True, slots=True)
+class _Settings:
+    """What to estimate and how, checked."""
+
+    method: str
+    model: str
+    fixed: tuple[str, ...]
+    initial: Camera | None
+
+    @classmethod
+    def check(
+        cls, method: str, model: str, fix: str | Iterable[str], initial: Camera | None
+    ) -> _Settings:
+        for name, value, known in (("method", method, METHODS), ("model", model, MODELS)):
+            if not isinstance(value, str):
+                raise TypeError(f"{name} must be a string, not {type(value).__name__}")
+            if value not in known:
+                raise ValueError(f"unknown {name} {value!r}: choose one of {', '.join(known)}")
+        names = [fix] if isinstance(fix, str) else list(fix)
+        for name in names:
+            if name not in FIXABLE:
+                raise ValueError(f"cannot fix {name!r}: choose among {', '.join(FIXABLE)}")
+        if initial is not None and not isinstance(initial, Camera):
+            raise TypeError(f"initial must be a Camera, not {type(initial).__name__}")
+        if "focal" in names and initial is None:
+            raise ValueError("fixing the focal length needs an initial camera to hold it at")
+        return cls(method, model, tuple(name for name in FIXABLE if name in names), initial)
+
+
+def _placed(figure: PlaneEdges, image: int, planes_before: int) -> PlaneEdges:
+    plane = None if figure.plane is None else figure.plane + planes_before
+    return replace(figure, image=image, plane=plane)
+
+
+def _solve(
+    figures: list[PlaneEdges],
+    image_size: tuple[int, int],
+    settings: _Settings,
+    pictures: list[_core.Picture] | None,
+    tone: str | float | None,
+    warnings: list[str],
+) -> Calibration:
+    initial = settings.initial
+    if initial is not None and initial.image_size != image_size:
+        raise ValueError(
+            f"the initial camera is of size {initial.image_size}, the pictures of {image_size}"
+        )
+    found = _core.calibrate(
+        figures,
+        image_size,
+        method=settings.method,
+        model=settings.model,
+        fixed=settings.fixed,
+        initial=None if initial is None else list(camera_parameters(initial).values()),
+        pictures=pictures,
+        tone="linear" if tone is None else tone,
+    )
+    camera = Camera(
+        found["camera_matrix"],
+        found["distortion"],
+        image_size,
+        settings.model,
+        valid_radius=found["valid_radius"],
+    )
+    planes = tuple(
+        Plane(
+            kind=figures[plane["figure"]].kind,
+            image=plane["image"],
+            corners=plane["corners"],
+            rotation=plane["rotation"],
+            translation=plane["translation"],
+            rms=plane["rms"],
+            samples=plane["samples"],
+        )
+        for plane in found["planes"]
+    )
+    return Calibration(
+        camera=camera,
+        std=found["std"],
+        covariance=np.asarray(found["covariance"]),
+        parameters=tuple(found["parameters"]),
+        planes=planes,
+        rms=found["rms"],
+        noise_scale=found["noise_scale"],
+        warnings=(*warnings, *found["warnings"]),
+        method=settings.method,
+        tone=tone,
+        fixed=settings.fixed,
+        stage=found["stage"],
+    )

@@ -1,0 +1,77 @@
+"""Pictures as callers hand them over: arrays or files, checked once."""
+
+from __future__ import annotations
+
+import os
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from trisquare.files import PIXEL_TYPES, read_image
+
+Image: TypeAlias = npt.NDArray[Any]
+ImageSource: TypeAlias = "str | os.PathLike[str] | Image"
+Tone: TypeAlias = "str | float | None"
+
+TONE_CURVES = ("srgb", "linear")
+
+
+def load_picture(source: ImageSource) -> Image:
+    """Return a checked picture from an array or a file.
+
+    Parameters
+    ----------
+    source : path or ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
+        Grey or BGR; arrays may be strided views and are not copied.
+
+    Raises
+    ------
+    ImageError
+        If a file is missing, truncated or no picture.
+    TypeError, ValueError
+        If an array is of another type or shape, empty, or not finite.
+    """
+    if isinstance(source, str | os.PathLike):
+        return read_image(source)
+    if not isinstance(source, np.ndarray):
+        raise TypeError(f"a picture is a path or a numpy array, not {type(source).__name__}")
+    if source.dtype not in PIXEL_TYPES:
+        raise TypeError(f"pixels must be uint8, uint16 or float32, not {source.dtype}")
+    if source.ndim not in (2, 3) or source.shape[2:] not in ((), (1,), (3,)) or source.size == 0:
+        raise ValueError(f"a picture has the shape (H, W) or (H, W, 3), not {source.shape}")
+    if source.dtype == np.float32 and not np.isfinite(source).all():
+        raise ValueError("pixels must be finite")
+    return source[:, :, 0] if source.shape[2:] == (1,) else source
+
+
+def picture_size(picture: Image) -> tuple[int, int]:
+    """Return ``(width, height)``."""
+    return picture.shape[1], picture.shape[0]
+
+
+def checked_tone(tone: Tone) -> str | float | None:
+    """Return a tone curve that is one.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `tone` is neither a known curve, nor a positive gamma, nor None.
+    """
+    if tone is None or (isinstance(tone, str) and tone in TONE_CURVES):
+        return tone
+    if isinstance(tone, str):
+        raise ValueError(f"unknown tone curve {tone!r}: choose srgb, linear, or a gamma")
+    if isinstance(tone, bool) or not isinstance(tone, int | float | np.number):
+        raise TypeError(f"tone must be a name or a gamma, not {type(tone).__name__}")
+    gamma = float(tone)
+    if not (np.isfinite(gamma) and gamma > 0):
+        raise ValueError(f"a gamma must be positive and finite, not {gamma}")
+    return gamma
+
+
+def tone_of(picture: Image, tone: str | float | None) -> str | float:
+    """Return the tone curve of a picture: sRGB for 8 bits, linear for others, unless stated."""
+    if tone is not None:
+        return tone
+    return "srgb" if picture.dtype == np.uint8 else "linear"

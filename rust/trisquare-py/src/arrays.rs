@@ -1,0 +1,94 @@
+//! Between numpy arrays and nalgebra, always by copy.
+
+use nalgebra::{DMatrix, Matrix3, Vector2};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use trisquare::Line;
+
+use crate::errors::exception;
+
+/// Points of an `(N, 2)` array.
+pub fn points(array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<Vector2<f64>>> {
+    columns(array, 2)?;
+    let view = array.as_array();
+    Ok(view
+        .rows()
+        .into_iter()
+        .map(|r| Vector2::new(r[0], r[1]))
+        .collect())
+}
+
+/// Lines of an `(L, 3)` array.
+pub fn lines(array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<Line>> {
+    columns(array, 3)?;
+    let view = array.as_array();
+    view.rows()
+        .into_iter()
+        .map(|r| Line::new(r[0], r[1], r[2]).map_err(exception))
+        .collect()
+}
+
+/// A `(3, 3)` array.
+pub fn matrix3(array: &PyReadonlyArray2<'_, f64>) -> PyResult<Matrix3<f64>> {
+    if array.shape() != [3, 3] {
+        return Err(shape_error("(3, 3)", array.shape()));
+    }
+    let view = array.as_array();
+    Ok(Matrix3::from_fn(|i, j| view[[i, j]]))
+}
+
+fn columns(array: &PyReadonlyArray2<'_, f64>, count: usize) -> PyResult<()> {
+    if array.shape()[1] != count {
+        return Err(shape_error(&format!("(N, {count})"), array.shape()));
+    }
+    Ok(())
+}
+
+fn shape_error(expected: &str, found: &[usize]) -> PyErr {
+    PyValueError::new_err(format!(
+        "expected an array of shape {expected}, got {found:?}"
+    ))
+}
+
+/// An `(N, 2)` array of points.
+pub fn from_points<'py>(py: Python<'py>, points: &[Vector2<f64>]) -> Bound<'py, PyArray2<f64>> {
+    let rows = points.len();
+    from_rows(py, rows, 2, points.iter().flat_map(|p| [p.x, p.y]))
+}
+
+/// A `(3, 3)` array.
+pub fn from_matrix3<'py>(py: Python<'py>, matrix: &Matrix3<f64>) -> Bound<'py, PyArray2<f64>> {
+    from_rows(py, 3, 3, matrix.transpose().iter().copied())
+}
+
+/// A square matrix of any size.
+pub fn from_matrix<'py>(py: Python<'py>, matrix: &DMatrix<f64>) -> Bound<'py, PyArray2<f64>> {
+    from_rows(
+        py,
+        matrix.nrows(),
+        matrix.ncols(),
+        matrix.transpose().iter().copied(),
+    )
+}
+
+fn from_rows<'py>(
+    py: Python<'py>,
+    rows: usize,
+    columns: usize,
+    values: impl Iterator<Item = f64>,
+) -> Bound<'py, PyArray2<f64>> {
+    let array = PyArray2::zeros(py, [rows, columns], false);
+    {
+        let mut filled = array.readwrite();
+        for (place, value) in filled.as_array_mut().iter_mut().zip(values) {
+            *place = value;
+        }
+    }
+    array
+}
+
+/// A one-dimensional array.
+pub fn from_slice<'py>(py: Python<'py>, values: &[f64]) -> Bound<'py, PyArray1<f64>> {
+    PyArray1::from_slice(py, values)
+}

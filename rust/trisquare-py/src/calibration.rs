@@ -1,0 +1,151 @@
+//! The whole calibration.
+
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use trisquare::{
+    Brown, Calibration, Fixed, ImageSize, Lens, Method, Model, Options, Photographs, PlaneEdges,
+    Stage,
+};
+
+use crate::arrays;
+use crate::errors::exception;
+use crate::figures::plane_edges;
+use crate::picture::{Picture, tone};
+
+/// Calibrates from figures and, where given, the pictures they were measured in.
+#[pyfunction]
+#[pyo3(signature = (figures, image_size, *, method, model, fixed, initial, pictures, tone))]
+#[allow(clippy::too_many_arguments)] // the keywords of the Python function
+pub fn calibrate<'py>(
+    py: Python<'py>,
+    figures: Vec<Bound<'py, PyAny>>,
+    image_size: (u32, u32),
+    method: &str,
+    model: &str,
+    fixed: Vec<String>,
+    initial: Option<[f64; 9]>,
+    pictures: Option<Vec<PyRef<'py, Picture>>>,
+    tone: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let edges: Vec<PlaneEdges> = figures.iter().map(plane_edges).collect::<PyResult<_>>()?;
+    let size = ImageSize {
+        width: image_size.0,
+        height: image_size.1,
+    };
+    let options = Options {
+        method: named(method, "method", &METHODS)?,
+        model: named(model, "model", &MODELS)?,
+        fixed: fixed_parameters(&fixed)?,
+        initial: initial.map(Brown::new),
+    };
+    let tone = self::tone(tone)?;
+    let pictures: Option<Vec<&trisquare::Picture>> = pictures
+        .as_ref()
+        .map(|all| all.iter().map(|p| &p.picture).collect());
+    let found = py
+        .detach(|| match &pictures {
+            None => trisquare::calibrate(&edges, size, &options),
+            Some(pictures) => {
+                let photographs = Photographs { pictures, tone };
+                trisquare::calibrate_photographs(&edges, size, &options, Some(&photographs))
+            }
+        })
+        .map_err(exception)?;
+    to_dict(py, &found)
+}
+
+const METHODS: [(&str, Method); 2] = [
+    ("ml", Method::MaximumLikelihood),
+    ("linear", Method::Linear),
+];
+
+const MODELS: [(&str, Model); 5] = [
+    ("none", Model::None),
+    ("radial1", Model::Radial1),
+    ("radial2", Model::Radial2),
+    ("radial3", Model::Radial3),
+    ("brown", Model::Brown),
+];
+
+fn named<T: Copy>(name: &str, what: &str, known: &[(&str, T)]) -> PyResult<T> {
+    let found = known.iter().find(|(known, _)| *known == name);
+    found.map(|(_, value)| *value).ok_or_else(|| {
+        let names: Vec<&str> = known.iter().map(|(known, _)| *known).collect();
+        PyValueError::new_err(format!(
+            "unknown {what} {name:?}: choose one of {}",
+            names.join(", ")
+        ))
+    })
+}
+
+fn fixed_parameters(names: &[String]) -> PyResult<Fixed> {
+    let mut fixed = Fixed::default();
+    for name in names {
+        match name.as_str() {
+            "aspect" => fixed.aspect = true,
+            "principal_point" => fixed.principal_point = true,
+            "focal" => fixed.focal = true,
+            "distortion" => fixed.distortion = true,
+            other => {
+                return Err(PyValueError::new_err(format!(
+                    "cannot fix {other:?}: choose among aspect, principal_point, focal, distortion"
+                )));
+            }
+        }
+    }
+    Ok(fixed)
+}
+
+fn to_dict<'py>(py: Python<'py>, found: &Calibration) -> PyResult<Bound<'py, PyDict>> {
+    let std = PyDict::new(py);
+    for (name, value) in found.std() {
+        std.set_item(name, value)?;
+    }
+    let planes = found
+        .planes
+        .iter()
+        .map(|plane| {
+            let dict = PyDict::new(py);
+            dict.set_item("figure", plane.figure)?;
+            dict.set_item("image", plane.image)?;
+            dict.set_item("corners", arrays::from_points(py, &plane.corners))?;
+            dict.set_item("rotation", arrays::from_matrix3(py, &plane.pose.rotation))?;
+            let translation = plane.pose.translation;
+            dict.set_item(
+                "translation",
+                arrays::from_slice(py, translation.as_slice()),
+            )?;
+            dict.set_item("rms", plane.rms)?;
+            dict.set_item("samples", plane.samples)?;
+            Ok(dict)
+        })
+        .collect::<PyResult<Vec<_>>>()?;
+    let warnings: Vec<String> = found.warnings.iter().map(ToString::to_string).collect();
+    let stage = match found.stage {
+        Stage::Linear => "linear",
+        Stage::Edges => "edges",
+        Stage::Pixels => "pixels",
+    };
+
+    let dict = PyDict::new(py);
+    dict.set_item(
+        "camera_matrix",
+        arrays::from_matrix3(py, &found.camera.camera_matrix()),
+    )?;
+    dict.set_item(
+        "distortion",
+        arrays::from_slice(py, &found.camera.distortion()),
+    )?;
+    dict.set_item("valid_radius", found.camera.valid_radius())?;
+    dict.set_item("parameters", &found.parameters)?;
+    dict.set_item("covariance", arrays::from_matrix(py, &found.covariance))?;
+    dict.set_item("std", std)?;
+    dict.set_item("planes", planes)?;
+    dict.set_item("rms", found.rms)?;
+    dict.set_item("noise_scale", found.noise_scale)?;
+    dict.set_item("iterations", found.iterations)?;
+    dict.set_item("warnings", warnings)?;
+    dict.set_item("stage", stage)?;
+    Ok(dict)
+}
