@@ -21,8 +21,9 @@ END_MARGIN_FRACTIONS = (0.06, 0.25)
 PROFILE = np.arange(-3.0, 4.0)
 """Offsets across the edge, pixels along the outward normal."""
 
-ROUNDS = 2
-"""The first measurement starts up to a pixel off, the second from within a few tenths."""
+ROUNDS = 3
+"""A contour may miss the edge by more than the profile sees near a corner; each round follows
+the edge further there."""
 
 MIN_RELATIVE_CONTRAST = 0.4
 """Of a side's median contrast, that an edge point must have."""

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from trisquare.quads import FloatArray, Quads, sample
 
 CLEARANCE = 2.0
-"""Pixels from the outline at which figure and ground show their own levels, past the blur."""
+"""Pixels from the outline at which the levels of figure and ground are told: most of the blur is
+passed there, and the narrow rim of a sheet seen from the side is not."""
 
 MAX_CORNER_REACH = 9.0
 """Pixels beyond an acute corner at most: the ground's margin may be narrow."""

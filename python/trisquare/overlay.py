@@ -14,7 +14,7 @@ from trisquare.checked import FloatArray
 from trisquare.edges import PlaneEdges
 from trisquare.files import Image
 from trisquare.model_sides import MeasuredSide, measured_sides, project
-from trisquare.result import Calibration, Plane
+from trisquare.result import Calibration, Plane, decimals_shown
 
 Canvas: TypeAlias = npt.NDArray[np.uint8]
 Colour: TypeAlias = tuple[int, int, int]
@@ -29,6 +29,8 @@ SIDE_COLOURS: tuple[Colour, ...] = (
 AXIS_COLOURS: tuple[Colour, ...] = ((60, 60, 255), (60, 220, 60), (255, 120, 60))
 RESIDUAL_COLOUR: Colour = (40, 140, 255)
 CENTRE_COLOUR: Colour = (255, 255, 255)
+CHORD_COLOUR: Colour = (190, 190, 190)
+OUTLINE_COLOUR: Colour = (20, 20, 20)
 TEXT_COLOUR: Colour = (240, 240, 240)
 DIMMED = 0.55
 LEGEND_GROUND = 0.35
@@ -50,9 +52,10 @@ def draw_overlay(
 ) -> Canvas:
     """Draw a calibration over its photograph.
 
-    The photograph, grey and dimmed; the measured samples of each side joined by a thin line; the
-    residuals as exaggerated normals; the axes of each square (X red, Y green, Z blue, half a side
-    long) through the full lens model; the principal point as a cross; a legend.
+    The photograph, grey and dimmed; each side as the calibration sees it, and as a thin line what
+    it would be if the lens left it straight; the residuals of its samples as exaggerated normals;
+    each plane's number and axes (X red, Y green, Z blue, half a side long) through the full lens
+    model; the principal point as a cross; a legend.
 
     Parameters
     ----------
@@ -79,14 +82,18 @@ def draw_overlay(
     rms = float(np.sqrt(np.mean(np.concatenate([s.residuals for s in sides]) ** 2))) if sides else 0
     if exaggeration is None:
         exaggeration = _round_exaggeration(rms, float(np.hypot(*canvas.shape[:2])))
+    for side in sides:
+        _draw_residuals(canvas, side, exaggeration, thickness)
     for number, side in enumerate(sides):
-        _draw_side(canvas, side, SIDE_COLOURS[number % 4], exaggeration, thickness)
-    for plane in calibration.planes:
+        _draw_lines(canvas, [side.curve[[0, -1]]], CHORD_COLOUR, thickness)
+        _draw_lines(canvas, [side.curve], SIDE_COLOURS[number % 4], 2 * thickness)
+    for number, plane in enumerate(calibration.planes):
         if plane.image == index:
-            _draw_axes(canvas, calibration, plane, thickness)
+            _draw_axes(canvas, calibration, plane, number, thickness)
     _draw_principal_point(canvas, calibration, thickness)
     entries = _legend_entries(calibration)
     if sides:
+        entries.append(("the sides, were they straight", CHORD_COLOUR))
         entries.append((f"residuals drawn x {exaggeration:g} (rms {rms:.2g} px)", RESIDUAL_COLOUR))
     corners = [plane.corners for plane in calibration.planes if plane.image == index]
     _draw_legend(
@@ -122,20 +129,23 @@ def _draw_lines(
     cv2.polylines(canvas, fixed_point, False, colour, thickness, cv2.LINE_AA, SHIFT)
 
 
-def _draw_side(
-    canvas: Canvas, side: MeasuredSide, colour: Colour, exaggeration: float, thickness: int
+def _draw_residuals(
+    canvas: Canvas, side: MeasuredSide, exaggeration: float, thickness: int
 ) -> None:
-    along = side.points @ (side.curve[-1] - side.curve[0])
-    order = np.argsort(along)
-    _draw_lines(canvas, [side.points[order]], colour, thickness)
     tips = side.points + exaggeration * side.residuals[:, None] * side.normals
     needles = list(np.stack([side.points, tips], axis=1))
     _draw_lines(canvas, needles, RESIDUAL_COLOUR, thickness)
 
 
-def _draw_axes(canvas: Canvas, calibration: Calibration, plane: Plane, thickness: int) -> None:
+def _draw_axes(
+    canvas: Canvas, calibration: Calibration, plane: Plane, number: int, thickness: int
+) -> None:
+    if plane.translation[2] <= 0:
+        return
     steps = np.linspace(0, 0.5, 17)
     size = _text_scale(canvas)
+    origin = project(calibration.camera, plane, np.zeros((1, 3)))[0]
+    leaving = np.zeros(2)
     for axis, (name, colour) in enumerate(zip("XYZ", AXIS_COLOURS, strict=True)):
         points = np.zeros((len(steps), 3))
         points[:, axis] = steps
@@ -143,10 +153,13 @@ def _draw_axes(canvas: Canvas, calibration: Calibration, plane: Plane, thickness
         if depths.min() <= 0:
             continue
         curve = project(calibration.camera, plane, points)
-        _draw_lines(canvas, [curve], colour, 2 * thickness)
-        beyond = curve[-1] - curve[0]
-        beyond *= 20 * size / max(float(np.hypot(*beyond)), 1.0)
-        _draw_text(canvas, name, curve[-1] + beyond + [-8 * size, 10 * size], colour, size)
+        _draw_lines(canvas, [curve], colour, 3 * thickness)
+        direction = (curve[-1] - origin) / max(float(np.hypot(*(curve[-1] - origin))), 1.0)
+        leaving += direction
+        _draw_label(canvas, name, curve[-1] + 24 * size * direction, colour, size)
+    # The number stands where no axis leaves the origin.
+    away = leaving / max(float(np.hypot(*leaving)), 1e-9)
+    _draw_label(canvas, str(number), origin - 28 * size * away, CENTRE_COLOUR, 1.2 * size)
 
 
 def _draw_principal_point(canvas: Canvas, calibration: Calibration, thickness: int) -> None:
@@ -157,11 +170,12 @@ def _draw_principal_point(canvas: Canvas, calibration: Calibration, thickness: i
 
 
 def _legend_entries(calibration: Calibration) -> list[tuple[str, Colour]]:
-    entries = [
-        (f"{name} {value:.6g} +- {calibration.std[name]:.2g}", TEXT_COLOUR)
-        for name, value in camera_parameters(calibration.camera).items()
-        if name in calibration.std
-    ]
+    entries = []
+    for name, value in camera_parameters(calibration.camera).items():
+        if name in calibration.std:
+            std = calibration.std[name]
+            decimals = decimals_shown(std)
+            entries.append((f"{name}  {value:.{decimals}f} +- {std:.{decimals}f}", TEXT_COLOUR))
     entries.append(("+ principal point", CENTRE_COLOUR))
     if calibration.warnings:
         entries.append((f"{len(calibration.warnings)} warning(s)", RESIDUAL_COLOUR))
@@ -179,6 +193,18 @@ def _draw_text(
     x, y = (int(value) for value in np.clip(np.rint(position), -32768, 32767))
     stroke = max(1, round(2 * scale))
     cv2.putText(canvas, text, (x, y), FONT, scale, colour, stroke, cv2.LINE_AA)
+
+
+def _draw_label(
+    canvas: Canvas, text: str, centre: FloatArray, colour: Colour, scale: float
+) -> None:
+    """Write a text round a point, outlined so that it can be read on any ground."""
+    (width, height), _ = cv2.getTextSize(text, FONT, scale, 1)
+    position = centre + [-width / 2, height / 2]
+    around = max(1.0, 2 * scale)
+    for x, y in ((-1, 0), (1, 0), (0, -1), (0, 1)):
+        _draw_text(canvas, text, position + [x * around, y * around], OUTLINE_COLOUR, scale)
+    _draw_text(canvas, text, position, colour, scale)
 
 
 def _draw_legend(

@@ -231,6 +231,11 @@ class Calibration(RebuiltByConstructor):
         )
 
 
+def decimals_shown(std: float) -> int:
+    """Return the decimals that show two significant digits of a standard deviation."""
+    return int(np.clip(1 - np.floor(np.log10(std)), 0, 12)) if std > 0 else 6
+
+
 def _plane_members(plane: Plane) -> dict[str, Any]:
     return {
         "kind": plane.kind,

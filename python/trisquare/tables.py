@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from trisquare.camera import Camera, camera_parameters
-from trisquare.result import Calibration
+from trisquare.result import Calibration, decimals_shown
 
 
 def calibration_report(calibration: Calibration) -> RenderableType:
@@ -36,7 +36,7 @@ def comparison_report(
         if name not in calibration.std:
             continue
         std, error = calibration.std[name], value - true_values[name]
-        decimals = _decimals(std)
+        decimals = decimals_shown(std)
         table.add_row(
             name,
             f"{value:.{decimals}f}",
@@ -55,7 +55,7 @@ def _parameter_table(calibration: Calibration) -> Table:
         table.add_column(heading, justify="right")
     for name, value in camera_parameters(calibration.camera).items():
         if name in calibration.std:
-            decimals = _decimals(calibration.std[name])
+            decimals = decimals_shown(calibration.std[name])
             std = f"{calibration.std[name]:.{decimals}f}"
             table.add_row(name, f"{value:.{decimals}f}", std)
         elif value != 0 or name in ("fx", "fy", "cx", "cy"):
@@ -92,8 +92,3 @@ def _summary(calibration: Calibration) -> Text:
 
 def _warnings(calibration: Calibration) -> list[Text]:
     return [Text(f"warning: {warning}", style="yellow") for warning in calibration.warnings]
-
-
-def _decimals(std: float) -> int:
-    """Return the decimals that show two significant digits of a standard deviation."""
-    return int(np.clip(1 - np.floor(np.log10(std)), 0, 12)) if std > 0 else 6

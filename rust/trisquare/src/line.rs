@@ -49,6 +49,14 @@ impl Line {
         self.coefficients.xy()
     }
 
+    /// The same line with its normal turned round.
+    #[must_use]
+    pub fn reversed(&self) -> Self {
+        Self {
+            coefficients: -self.coefficients,
+        }
+    }
+
     /// Signed distance of a point, positive on the side the normal points to.
     pub fn distance(&self, point: &Vector2<f64>) -> f64 {
         self.normal().dot(point) + self.coefficients.z

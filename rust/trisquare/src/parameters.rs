@@ -123,6 +123,12 @@ impl FreeParameters {
         }
     }
 
+    /// How far two lenses are apart in the free parameters.
+    pub fn difference<L: Lens>(&self, a: &L, b: &L) -> DVector<f64> {
+        let (a, b) = (a.parameters(), b.parameters());
+        DVector::from_fn(self.len(), |i, _| a[self.columns[i]] - b[self.columns[i]])
+    }
+
     /// The lens after a step of the free parameters.
     pub fn advance<L: Lens>(&self, lens: &L, step: &DVector<f64>) -> L {
         let mut parameters = lens.parameters();

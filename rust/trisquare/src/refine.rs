@@ -281,6 +281,7 @@ pub(crate) fn residuals<L: Lens>(
 }
 
 /// The optimum, with what the covariance needs.
+#[derive(Clone)]
 pub(crate) struct Refined<L> {
     pub view: View<L>,
     /// Scale of the noise at which the residuals were weighted.
@@ -322,6 +323,14 @@ impl<L: Lens> Refined<L> {
             iterations,
             termination,
         })
+    }
+
+    /// The same spread around another view.
+    pub fn with_view(&self, view: View<L>) -> Self {
+        Self {
+            view,
+            ..self.clone()
+        }
     }
 
     /// The linear steps' answer, with the spread of its residuals.

@@ -1,0 +1,86 @@
+//! How light or dark a figure and its ground are, and how blurred.
+
+use nalgebra::Vector2;
+
+use crate::Tone;
+use crate::photometric::band::PixelFigure;
+
+/// Parameters of an exposure: three of the ground, three of the contrast, the blur.
+pub(crate) const EXPOSURE_PARAMETERS: usize = 7;
+
+/// Blur (px) from which the fit starts: that of a sharp lens with its pixels' own box.
+const FIRST_BLUR: f64 = 0.8;
+
+/// Blurs that the pixels' reach can hold.
+const BLUR_RANGE: std::ops::RangeInclusive<f64> = 0.2..=2.5;
+
+/// Contrast (coded, 1 being white) below which there is no figure.
+const MIN_CONTRAST: f64 = 0.02;
+
+/// Light of the ground and the figure's contrast to it, both linear over the figure, and blur.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Exposure {
+    /// `b`: constant, and change over the figure's width and height.
+    pub ground: [f64; 3],
+    /// `A`: the same.
+    pub contrast: [f64; 3],
+    /// `w`, the pixel's own box included, px.
+    pub blur: f64,
+}
+
+impl Exposure {
+    /// From the medians of the pixels at either end of the band; `None` where they do not differ
+    /// the right way round.
+    pub fn guess(figure: &PixelFigure, tone: Tone) -> Option<Self> {
+        let mut inside = Vec::new();
+        let mut all = Vec::with_capacity(figure.pixels.len());
+        for pixel in &figure.pixels {
+            if pixel.near == 0 {
+                inside.push(pixel.value);
+            }
+            all.push(pixel.value);
+        }
+        // About half of the band lies on either side.
+        let quantile = |values: &mut Vec<f64>, part: f64| {
+            let index = ((values.len() as f64 - 1.0) * part) as usize;
+            (!values.is_empty()).then(|| *values.select_nth_unstable_by(index, f64::total_cmp).1)
+        };
+        let (low, high) = (quantile(&mut all, 0.2)?, quantile(&mut all, 0.8)?);
+        if high - low < MIN_CONTRAST {
+            return None;
+        }
+        let (within, ground) = if figure.dark_inside {
+            (low, high)
+        } else {
+            (high, low)
+        };
+        let (within, ground) = (tone.decode(within), tone.decode(ground));
+        Some(Self {
+            ground: [ground, 0.0, 0.0],
+            contrast: [within - ground, 0.0, 0.0],
+            blur: FIRST_BLUR,
+        })
+    }
+
+    /// Ground and contrast at a place of the figure.
+    pub fn at(&self, place: &Vector2<f64>) -> (f64, f64) {
+        let value = |[constant, x, y]: [f64; 3]| constant + x * place.x + y * place.y;
+        (value(self.ground), value(self.contrast))
+    }
+
+    /// The exposure after a step.
+    pub fn moved(&self, step: &[f64]) -> Self {
+        let mut next = *self;
+        for i in 0..3 {
+            next.ground[i] += step[i];
+            next.contrast[i] += step[3 + i];
+        }
+        next.blur += step[6];
+        next
+    }
+
+    /// Whether the blur is one that can be fitted.
+    pub fn is_valid(&self) -> bool {
+        BLUR_RANGE.contains(&self.blur)
+    }
+}
