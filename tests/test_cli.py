@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -157,10 +158,12 @@ def test_several_photographs_have_an_overlay_each(run, photo, asked, tmp_path):
     code, _, err = run("calibrate", photo, again, "--overlay", tmp_path / "over.png")
     assert (code, err) == (0, "")
     assert asked[0][0] == [photo, again]
-    overlays = [cv2.imread(str(tmp_path / f"over-{number}.png")) for number in (1, 2)]
-    np.testing.assert_array_equal(*overlays)
-    measured = draw_overlay(PHOTO, true_calibration(warnings=["a warning"]), true_edges())
-    np.testing.assert_array_equal(overlays[0], measured)
+    calibration = true_calibration(2, warnings=["a warning"])
+    for index in (0, 1):
+        edges = [replace(figure, image=index) for figure in true_edges()]
+        drawn = draw_overlay(PHOTO, calibration, edges, index=index)
+        written = cv2.imread(str(tmp_path / f"over-{index + 1}.png"))
+        np.testing.assert_array_equal(written, drawn)
     assert not (tmp_path / "over.png").exists()
 
 

@@ -96,7 +96,7 @@ def test_what_is_drawn_lies_at_the_squares():
             assert changed[y - 1 : y + 2, x - 1 : x + 2].any()
 
 
-@pytest.mark.parametrize("exaggeration", [10.0, 100.0])
+@pytest.mark.parametrize("exaggeration", [50.0, 200.0])
 def test_the_exaggeration_lengthens_the_residuals(exaggeration):
     photo = simulate.render(SQUARES, np.random.default_rng(25))
     edges = edges_of(SQUARES, 0.05, spacing=40.0)

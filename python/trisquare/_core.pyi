@@ -8,6 +8,19 @@ from numpy.typing import NDArray
 
 from trisquare.edges import PlaneEdges
 
+__all__ = [
+    "Picture",
+    "__version__",
+    "calibrate",
+    "camera_matrix_from_homographies",
+    "fit_distortion",
+    "homography_from_lines",
+    "localise",
+    "monotonic_radius",
+    "pose_from_homography",
+    "straighten",
+]
+
 __version__: Final[str]
 
 @final

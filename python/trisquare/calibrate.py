@@ -9,7 +9,7 @@ import numpy as np
 
 from trisquare import _core
 from trisquare.camera import MODELS, Camera, camera_parameters
-from trisquare.checked import whole_number
+from trisquare.checked import size_of_image
 from trisquare.detect import Targets, measure, nothing_found
 from trisquare.edges import PlaneEdges
 from trisquare.errors import DetectionError
@@ -78,7 +78,9 @@ def calibrate(
     settings = _Settings.check(method, model, fix, initial)
     wanted = Targets.parse(targets)
     checked = checked_tone(tone)
-    sources = list(image) if isinstance(image, list | tuple) else [image]
+    sources: list[ImageSource] = [image]  # type: ignore[list-item]
+    if isinstance(image, Sequence) and not isinstance(image, str):
+        sources = list(image)
     if not sources:
         raise ValueError("no picture given")
 
@@ -151,10 +153,14 @@ def calibrate_edges(
     for figure in figures:
         if not isinstance(figure, PlaneEdges):
             raise TypeError(f"edges must be PlaneEdges, not {type(figure).__name__}")
-    width, height = (whole_number(side, "image_size") for side in image_size)
-    if min(width, height) < 1:
-        raise ValueError(f"image_size must be positive, not {(width, height)}")
-    return _solve(figures, (width, height), settings, None, None, [])
+    # Any whole number may name a plane; the core counts from zero.
+    names = dict.fromkeys(figure.plane for figure in figures if figure.plane is not None)
+    number = {name: count for count, name in enumerate(names)}
+    counted = [
+        figure if figure.plane is None else replace(figure, plane=number[figure.plane])
+        for figure in figures
+    ]
+    return _solve(counted, size_of_image(image_size), settings, None, None, [])
 
 
 @dataclass(frozen=True, slots=True)

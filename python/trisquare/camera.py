@@ -14,7 +14,7 @@ from trisquare.checked import (
     RebuiltByConstructor,
     real_array,
     real_number,
-    whole_number,
+    size_of_image,
 )
 from trisquare.json_fields import JsonFields
 
@@ -71,7 +71,7 @@ class Camera(RebuiltByConstructor):
                 raise ValueError(f"valid_radius must be positive, not {radius}")
         object.__setattr__(self, "K", K)
         object.__setattr__(self, "distortion", distortion)
-        object.__setattr__(self, "image_size", _image_size(self.image_size))
+        object.__setattr__(self, "image_size", size_of_image(self.image_size))
         object.__setattr__(self, "valid_radius", None if radius == math.inf else radius)
 
     @property
@@ -137,22 +137,10 @@ def camera_from_members(members: JsonFields, image_size: tuple[int, ...]) -> Cam
     """Read the ``camera`` object of the JSON format."""
     fx, fy, cx, cy = (members.number(name) for name in ("fx", "fy", "cx", "cy"))
     unlimited = members.value("valid_radius") is None
-    width, height = _image_size(image_size)
     return Camera(
         K=np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]),
         distortion=members.array("distortion", (5,)),
-        image_size=(width, height),
+        image_size=size_of_image(image_size),
         model=members.text("model"),
         valid_radius=math.inf if unlimited else members.number("valid_radius"),
     )
-
-
-def _image_size(value: Any) -> tuple[int, int]:
-    try:
-        width, height = value
-    except (TypeError, ValueError) as error:
-        raise type(error)("image_size must be (width, height)") from error
-    size = (whole_number(width, "image_size"), whole_number(height, "image_size"))
-    if min(size) < 1:
-        raise ValueError(f"image_size must be positive, not {size}")
-    return size

@@ -11,6 +11,11 @@ import numpy.typing as npt
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 
+# No camera comes near; float64 resolves 1e-7 px so far out.
+LARGEST_SIDE = 10**9
+# What the compiled core counts with.
+LARGEST_INDEX = 2**63 - 1
+
 
 def real_array(value: Any, name: str, shape: tuple[int | None, ...]) -> FloatArray:
     """Copy `value` into a finite, read-only float64 array of the given shape.
@@ -67,6 +72,26 @@ def whole_number(value: Any, name: str) -> int:
     return int(value)
 
 
+def size_of_image(value: Any) -> tuple[int, int]:
+    """Return ``(width, height)`` as ints that a picture may have.
+
+    Raises
+    ------
+    TypeError
+        If it is no pair, or not of whole numbers.
+    ValueError
+        If there are not two numbers, or one is not from 1 to `LARGEST_SIDE`.
+    """
+    try:
+        width, height = value
+    except (TypeError, ValueError) as error:
+        raise type(error)("image_size must be (width, height)") from error
+    size = (whole_number(width, "image_size"), whole_number(height, "image_size"))
+    if min(size) < 1 or max(size) > LARGEST_SIDE:
+        raise ValueError(f"image_size must be positive and at most {LARGEST_SIDE}, not {size}")
+    return size
+
+
 def not_negative(value: Any, name: str) -> float:
     """Return `value` as a finite float that is at least zero."""
     number = real_number(value, name)
@@ -78,8 +103,8 @@ def not_negative(value: Any, name: str) -> float:
 def index_number(value: Any, name: str) -> int:
     """Return `value` as an int that is at least zero."""
     number = whole_number(value, name)
-    if number < 0:
-        raise ValueError(f"{name} must not be negative, but is {number}")
+    if not 0 <= number <= LARGEST_INDEX:
+        raise ValueError(f"{name} must be from 0 to {LARGEST_INDEX}, not {number}")
     return number
 
 

@@ -158,7 +158,7 @@ def _measure_board(
     picture: Image, core: _core.Picture, outline: BoardOutline, tone: str | float
 ) -> list[PlaneEdges]:
     corners = outline.corners
-    rows, cols = corners.shape[:2]
+    rows, cols = (int(count) for count in corners.shape[:2])
     # Spans between neighbouring corners: along the rows first, then along the columns.
     along = [(r, c, r, c + 1) for r in range(rows) for c in range(cols - 1)]
     down = [(r, c, r + 1, c) for c in range(cols) for r in range(rows - 1)]
@@ -187,9 +187,9 @@ def _measure_board(
         return []
     return [
         PlaneEdges(
-            [line for line, _, _ in whole],
-            [points for _, points, _ in whole],
-            [std for _, _, std in whole],
+            np.array([line for line, _, _ in whole]),
+            tuple(points for _, points, _ in whole),
+            tuple(std for _, _, std in whole),
             plane=0,
             kind="chessboard",
         )

@@ -145,7 +145,7 @@ def _draw_axes(
     steps = np.linspace(0, 0.5, 17)
     size = _text_scale(canvas)
     origin = project(calibration.camera, plane, np.zeros((1, 3)))[0]
-    leaving = np.zeros(2)
+    taken = []
     for axis, (name, colour) in enumerate(zip("XYZ", AXIS_COLOURS, strict=True)):
         points = np.zeros((len(steps), 3))
         points[:, axis] = steps
@@ -155,11 +155,13 @@ def _draw_axes(
         curve = project(calibration.camera, plane, points)
         _draw_lines(canvas, [curve], colour, 3 * thickness)
         direction = (curve[-1] - origin) / max(float(np.hypot(*(curve[-1] - origin))), 1.0)
-        leaving += direction
+        taken.append(direction)
         _draw_label(canvas, name, curve[-1] + 24 * size * direction, colour, size)
-    # The number stands where no axis leaves the origin.
-    away = leaving / max(float(np.hypot(*leaving)), 1e-9)
-    _draw_label(canvas, str(number), origin - 28 * size * away, CENTRE_COLOUR, 1.2 * size)
+    # The number stands where it is farthest from the directions that the axes take.
+    angles = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+    around = np.column_stack([np.cos(angles), np.sin(angles)])
+    free = around[np.argmin((around @ np.transpose(taken)).max(axis=1))] if taken else np.zeros(2)
+    _draw_label(canvas, str(number), origin + 28 * size * free, CENTRE_COLOUR, 1.2 * size)
 
 
 def _draw_principal_point(canvas: Canvas, calibration: Calibration, thickness: int) -> None:
@@ -200,10 +202,10 @@ def _draw_label(
 ) -> None:
     """Write a text round a point, outlined so that it can be read on any ground."""
     (width, height), _ = cv2.getTextSize(text, FONT, scale, 1)
-    position = centre + [-width / 2, height / 2]
+    position = centre + np.array([-width / 2, height / 2])
     around = max(1.0, 2 * scale)
-    for x, y in ((-1, 0), (1, 0), (0, -1), (0, 1)):
-        _draw_text(canvas, text, position + [x * around, y * around], OUTLINE_COLOUR, scale)
+    for shift in around * np.array([[-1, 0], [1, 0], [0, -1], [0, 1]]):
+        _draw_text(canvas, text, position + shift, OUTLINE_COLOUR, scale)
     _draw_text(canvas, text, position, colour, scale)
 
 

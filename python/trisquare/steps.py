@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import numpy.typing as npt
 
 from trisquare import _core
@@ -16,6 +17,7 @@ from trisquare.checked import (
     RebuiltByConstructor,
     not_negative,
     real_array,
+    size_of_image,
     whole_number,
 )
 from trisquare.errors import NotEnoughPlanesError
@@ -112,9 +114,7 @@ def fit_distortion(
         For bad arguments.
     """
     samples = [real_array(curve, f"curve {i}", (None, 2)) for i, curve in enumerate(curves)]
-    width, height = (whole_number(side, "image_size") for side in image_size)
-    if min(width, height) < 1:
-        raise ValueError(f"image_size must be positive, not {(width, height)}")
+    size = size_of_image(image_size)
     count = whole_number(coefficients, "coefficients")
     if count < 1:
         raise ValueError(f"a straightening has 1 to 3 coefficients, not {count}")
@@ -122,7 +122,8 @@ def fit_distortion(
     if centre is not None:
         x, y = real_array(centre, "centre", (2,)).tolist()
         held = (x, y)
-    return Straightening(*_core.fit_distortion(samples, (width, height), count, held))
+    found, (x, y), radius, rms = _core.fit_distortion(samples, size, count, held)
+    return Straightening(found, np.array([x, y]), radius, rms)
 
 
 def homography_from_lines(plane_lines: npt.ArrayLike, image_lines: npt.ArrayLike) -> FloatArray:

@@ -124,6 +124,20 @@ impl ArrowSystem {
 }
 
 impl ArrowStep {
+    /// The step that reaches the minimum of a cost whose curvature is `1 / factor` of the normal
+    /// equations'.
+    pub fn lengthened(self, factor: f64) -> Self {
+        Self {
+            shared: self.shared * factor,
+            blocks: self.blocks.into_iter().map(|own| own * factor).collect(),
+            predicted_decrease: self.predicted_decrease * factor,
+        }
+    }
+
+    pub fn parameter_count(&self) -> usize {
+        self.shared.len() + self.blocks.iter().map(|own| own.len()).sum::<usize>()
+    }
+
     fn is_finite(&self) -> bool {
         self.shared.iter().all(|v| v.is_finite())
             && self.blocks.iter().all(|b| b.iter().all(|v| v.is_finite()))

@@ -126,17 +126,52 @@ impl Brown {
         )
     }
 
-    /// Inverts the distortion by Newton's method; `None` beyond the valid radius.
+    /// Inverts the distortion; `None` beyond the valid radius.
     fn undistort(&self, distorted: &Vector2<f64>) -> Option<Vector2<f64>> {
-        let limit = self.valid_radius * self.valid_radius;
-        let mut ideal = *distorted;
+        let [.., p1, p2] = self.parameters;
+        if p1 == 0.0 && p2 == 0.0 {
+            self.undistort_radially(distorted)
+        } else {
+            self.undistort_in_plane(distorted)
+        }
+    }
+
+    /// Newton's method on the radius. Started from the observed one it cannot overshoot: where the
+    /// distortion curve bends down its tangents meet the goal too early, where it bends up the
+    /// start lies beyond the goal.
+    fn undistort_radially(&self, distorted: &Vector2<f64>) -> Option<Vector2<f64>> {
+        let observed = distorted.norm();
+        let mut ratio = 1.0;
         for _ in 0..MAX_NEWTON_STEPS {
-            let square = ideal.norm_squared();
-            // Not `square > limit`: a NaN must end here too.
-            if !(square <= limit || square.is_finite() && limit.is_infinite()) {
+            let radius = ratio * observed;
+            // Written so that NaN ends here, too.
+            if !(radius <= self.valid_radius) {
                 return None;
             }
-            let jacobian = self.distortion_jacobian(&ideal, square);
+            let square = radius * radius;
+            let factor = self.radial_factor(square);
+            let slope = factor + 2.0 * square * self.radial_slopes(square).0;
+            if slope <= 0.0 {
+                return None;
+            }
+            let step = (1.0 - ratio * factor) / slope;
+            ratio += step;
+            if step.abs() < NEWTON_STEP_TOLERANCE {
+                return (ratio * observed <= self.valid_radius).then(|| distorted * ratio);
+            }
+        }
+        None
+    }
+
+    /// Newton's method on both coordinates.
+    fn undistort_in_plane(&self, distorted: &Vector2<f64>) -> Option<Vector2<f64>> {
+        let mut ideal = *distorted;
+        for _ in 0..MAX_NEWTON_STEPS {
+            // Written so that NaN ends here, too.
+            if !(ideal.norm() <= self.valid_radius) {
+                return None;
+            }
+            let jacobian = self.distortion_jacobian(&ideal, ideal.norm_squared());
             let determinant = jacobian.determinant();
             if determinant <= 0.0 {
                 return None;
@@ -145,7 +180,7 @@ impl Brown {
             let step = adjugate(&jacobian) * error / determinant;
             ideal += step;
             if step.norm_squared() < NEWTON_STEP_TOLERANCE * NEWTON_STEP_TOLERANCE {
-                return (ideal.norm_squared() <= limit).then_some(ideal);
+                return (ideal.norm() <= self.valid_radius).then_some(ideal);
             }
         }
         None

@@ -9,7 +9,7 @@ use crate::parameters::FreeParameters;
 const MAX_SWEEPS: usize = 1000;
 
 /// Eigenvalues below this part of the largest are directions that a plane does not determine.
-const RANK_TOLERANCE: f64 = 1e-9;
+const RANK_TOLERANCE: f64 = 1e-6;
 
 /// Normal deviates from which a disagreement is no accident: one in thirty thousand.
 const DISAGREEMENT: f64 = 4.0;
@@ -48,11 +48,19 @@ pub(crate) fn disagreement(
     }
     let total = system.reduced_information()?;
     let inverse = total.clone().cholesky()?.inverse();
+    // The optimum is only reached to the iteration's tolerance: what is left of the total gradient
+    // is not any plane's own.
+    let left = contributions
+        .iter()
+        .map(|part| &part.gradient)
+        .sum::<DVector<f64>>();
+    let left = &inverse * left;
     let mut worst: Option<Disagreement> = None;
     for (plane, part) in contributions.iter().enumerate() {
         let information = &part.information;
+        let gradient = &part.gradient - information * &left;
         let spread = information - information * &inverse * information;
-        let Some((square, rank)) = mahalanobis(&spread, &part.gradient) else {
+        let Some((square, rank)) = mahalanobis(&spread, &gradient) else {
             continue;
         };
         let sigmas = normal_deviate(square / factor, rank as f64);
@@ -60,7 +68,7 @@ pub(crate) fn disagreement(
         let Some(rest) = rest.cholesky() else {
             continue;
         };
-        let change = rest.solve(&part.gradient);
+        let change = rest.solve(&gradient);
         let moved = ["fx", "fy", "cx", "cy"]
             .iter()
             .filter_map(|name| free.position(name))

@@ -46,6 +46,19 @@ impl Loss {
         }
     }
 
+    /// By how much a reweighted Gauss-Newton step falls short of Newton's on normal noise: the mean
+    /// of `psi(x) / x` over that of `psi'(x)`.
+    pub fn newton_factor(self) -> f64 {
+        let mean_slope = match self {
+            Loss::Huber => 0.955_6, // P(|x| < 2.01)
+            Loss::Tukey => {
+                let square = TUKEY_LIMIT * TUKEY_LIMIT;
+                1.0 - 6.0 / square + 15.0 / (square * square)
+            }
+        };
+        self.mean_weight() / mean_slope
+    }
+
     /// The mean of `psi(x) / x` over standard normal residuals.
     pub fn mean_weight(self) -> f64 {
         match self {
@@ -140,6 +153,8 @@ mod tests {
                 "{}",
                 mean / total
             );
+            let newton = mean / slope;
+            assert!((newton - loss.newton_factor()).abs() < 1e-3, "{newton}");
             assert!(spread.covariance_factor(0).is_finite());
         }
     }

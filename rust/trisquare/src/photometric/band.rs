@@ -6,7 +6,7 @@ use crate::observations::{ObservedPlane, Side};
 use crate::photometric::{Photographs, Refusal};
 use crate::picture::GreyReader;
 use crate::refine::{PlaneState, View};
-use crate::{Brown, Lens, PlaneEdges, Polarity};
+use crate::{Brown, Lens, Picture, PlaneEdges, Polarity};
 
 /// Pixels this near (px) to an outline are used.
 const REACH: f64 = 5.0;
@@ -17,11 +17,15 @@ const SHARED_REACH: f64 = 0.45;
 /// An outline whose reach is cut below this (px) shows no plateau beside its blur.
 const MIN_REACH: f64 = 3.0;
 
-/// Distance (px) from which a side no longer blurs a pixel, for the blurs that can be fitted.
-const NEAR: f64 = 6.0;
+/// A side blurs the pixels within so many px of its ends and itself: more than the reach, because
+/// a blunt corner's sides part slowly.
+const NEAR: f64 = 8.0;
 
-/// Spacing (px) of the points at which a side's image is marked.
-const MARK_SPACING: f64 = 1.5;
+/// Spacing (px) of the points at which a side's image is traced.
+const TRACE_SPACING: f64 = 1.5;
+
+/// Points of a side's trace at most, so that 16 bits number those of an outline.
+const MAX_TRACE: f64 = 16_000.0;
 
 /// A pixel near an outline.
 #[derive(Debug, Clone, Copy)]
@@ -29,8 +33,10 @@ pub(crate) struct BandPixel {
     pub place: Vector2<f64>,
     /// Coded grey, 1 being white.
     pub value: f64,
-    /// The sides that may blur it, one bit each; none for a pixel well inside.
+    /// The sides that may blur it, one bit each.
     pub near: u8,
+    /// Distance to the outline as first seen, px, positive inside; good to half a pixel.
+    pub depth: f64,
 }
 
 /// A square outline with the pixels around it.
@@ -52,7 +58,7 @@ pub(crate) struct PixelFigure {
 impl PixelFigure {
     /// The same with about one pixel in `stride`, spread evenly.
     pub fn thinned(&self, stride: usize) -> Self {
-        // A step that is odd against any row length keeps no direction together.
+        // Neighbours along rows, columns and diagonals fall into different classes.
         let keep = |p: &&BandPixel| {
             (p.place.x as usize * 3 + p.place.y as usize * 5).is_multiple_of(stride)
         };
@@ -98,7 +104,7 @@ pub(super) fn collect(
                     "two outlines of a plane are too close together",
                 ));
             }
-            figures.push(outline.figure(reader, view, (p, f), reach, dark_inside));
+            figures.push(outline.figure(reader, (p, f), reach, dark_inside));
         }
     }
     Ok(figures)
@@ -108,7 +114,14 @@ pub(super) fn collect(
 struct Outline {
     sides: [Side; 4],
     corners: [Vector2<f64>; 4],
-    trace: Vec<Vector2<f64>>,
+    trace: Vec<TracePoint>,
+}
+
+/// A point of an outline's image, and the side it belongs to.
+#[derive(Clone, Copy)]
+struct TracePoint {
+    place: Vector2<f64>,
+    side: usize,
 }
 
 impl Outline {
@@ -133,9 +146,13 @@ impl Outline {
                 lens.project(&state.pose.transform(&point))
             };
             let length = (see(1.0)? - see(0.0)?).norm();
-            let count = (length / MARK_SPACING).ceil().max(1.0);
-            for step in 0..count as usize {
-                trace.push(see(step as f64 / count)?);
+            let count = (length / TRACE_SPACING).ceil().clamp(1.0, MAX_TRACE);
+            // Both ends included: a corner belongs to both of its sides.
+            for step in 0..=count as usize {
+                trace.push(TracePoint {
+                    place: see(step as f64 / count)?,
+                    side: i,
+                });
             }
         }
         Some(Self {
@@ -154,7 +171,7 @@ impl Outline {
             }
             for a in self.trace.iter().step_by(4) {
                 for b in outline.trace.iter().step_by(2) {
-                    nearest = nearest.min((a - b).norm_squared());
+                    nearest = nearest.min((a.place - b.place).norm_squared());
                 }
             }
         }
@@ -164,28 +181,29 @@ impl Outline {
     fn figure(
         &self,
         reader: &GreyReader<'_>,
-        view: &View<Brown>,
         (plane, figure): (usize, usize),
         reach: f64,
         dark_inside: bool,
     ) -> PixelFigure {
         let far = Vector2::repeat(f64::INFINITY);
-        let low = self.trace.iter().fold(far, |low, p| low.inf(p));
-        let high = self.trace.iter().fold(-far, |high, p| high.sup(p));
-        let state = &view.planes[plane];
-        let lines = [0, 1, 2, 3].map(|i| state.line(figure, &self.sides[i]));
-        let pixels = marked_pixels(&self.trace, low, high, reach)
-            .filter_map(|(x, y)| {
+        let low = self.trace.iter().fold(far, |low, p| low.inf(&p.place));
+        let high = self.trace.iter().fold(-far, |high, p| high.sup(&p.place));
+        let map = DistanceMap::around(&self.trace, low, high, reader.picture());
+        let winding = self.winding();
+        let pixels = map
+            .pixels_within(reach)
+            .filter_map(|(x, y, mark)| {
                 let place = Vector2::new(x as f64, y as f64);
-                let value = reader.get(x, y)?;
-                let sight = view.lens.sight(&place)?;
-                let mut near = 0;
-                for (i, line) in lines.iter().enumerate() {
-                    if view.lens.line_distance(&sight, line) < NEAR {
-                        near |= 1 << i;
-                    }
-                }
-                Some(BandPixel { place, value, near })
+                let nearest = usize::from(mark.nearest);
+                let turn = self
+                    .direction(nearest)
+                    .perp(&(place - self.trace[nearest].place));
+                Some(BandPixel {
+                    place,
+                    value: reader.get(x, y)?,
+                    near: mark.near,
+                    depth: f64::from(mark.square).sqrt().copysign(turn * winding),
+                })
             })
             .collect();
         PixelFigure {
@@ -199,42 +217,105 @@ impl Outline {
             pixels,
         }
     }
+
+    /// Direction of the outline at a point of its trace.
+    fn direction(&self, index: usize) -> Vector2<f64> {
+        let side = self.trace[index].side;
+        let other = |i: usize| self.trace.get(i).filter(|p| p.side == side);
+        let next = other(index + 1).unwrap_or(&self.trace[index]);
+        let previous = index
+            .checked_sub(1)
+            .and_then(other)
+            .unwrap_or(&self.trace[index]);
+        next.place - previous.place
+    }
+
+    /// +1 if the trace runs clockwise on the screen, so that the inside lies to its right.
+    fn winding(&self) -> f64 {
+        let origin = self.trace[0].place;
+        let area: f64 = self
+            .trace
+            .windows(2)
+            .map(|pair| (pair[0].place - origin).perp(&(pair[1].place - origin)))
+            .sum();
+        area.signum()
+    }
 }
 
-/// All pixels within `reach` of a trace, once each, in row order.
-fn marked_pixels(
-    trace: &[Vector2<f64>],
-    low: Vector2<f64>,
-    high: Vector2<f64>,
-    reach: f64,
-) -> impl Iterator<Item = (usize, usize)> {
-    // Pixels left of or above the picture have no index.
-    let first = |v: f64| (v - reach).floor().max(0.0) as usize;
-    let (x0, y0) = (first(low.x), first(low.y));
-    let width = (high.x + reach).ceil().max(0.0) as usize + 1 - x0.min(high.x.max(0.0) as usize);
-    let height = (high.y + reach).ceil().max(0.0) as usize + 1 - y0.min(high.y.max(0.0) as usize);
-    let mut marked = vec![false; width * height];
-    for point in trace {
-        let (top, bottom) = (point.y - reach, point.y + reach);
-        for y in top.ceil().max(y0 as f64) as usize..=bottom.floor().max(0.0) as usize {
-            let half = (reach * reach - (y as f64 - point.y).powi(2))
-                .max(0.0)
-                .sqrt();
-            let left = (point.x - half).ceil().max(x0 as f64) as usize - x0;
-            let right = (point.x + half).floor();
-            if y - y0 >= height || right < x0 as f64 {
-                continue;
-            }
-            let end = (right as usize - x0 + 1).min(width);
-            let row = (y - y0) * width;
-            if left < end {
-                marked[row + left..row + end].fill(true);
+/// For the pixels around a trace: which of its points is nearest, and which sides are near.
+struct DistanceMap {
+    x0: usize,
+    y0: usize,
+    width: usize,
+    marks: Vec<Mark>,
+}
+
+/// Kept small: there is one for every pixel of a figure's bounding box.
+#[derive(Clone, Copy)]
+struct Mark {
+    /// Squared distance to the nearest point of the trace.
+    square: f32,
+    nearest: u16,
+    near: u8,
+}
+
+impl DistanceMap {
+    fn around(
+        trace: &[TracePoint],
+        low: Vector2<f64>,
+        high: Vector2<f64>,
+        picture: &Picture,
+    ) -> Self {
+        let clip = |v: f64, count: usize| v.clamp(0.0, count as f64) as usize;
+        let (x0, y0) = (
+            clip((low.x - NEAR).floor(), picture.width()),
+            clip((low.y - NEAR).floor(), picture.height()),
+        );
+        let (x1, y1) = (
+            clip((high.x + NEAR).ceil() + 1.0, picture.width()),
+            clip((high.y + NEAR).ceil() + 1.0, picture.height()),
+        );
+        let far = Mark {
+            square: f32::INFINITY,
+            nearest: 0,
+            near: 0,
+        };
+        let mut map = Self {
+            x0,
+            y0,
+            width: x1 - x0,
+            marks: vec![far; (x1 - x0) * (y1 - y0)],
+        };
+        for (index, point) in trace.iter().enumerate() {
+            let p = point.place;
+            for y in clip((p.y - NEAR).ceil(), y1).max(y0)..clip((p.y + NEAR).floor() + 1.0, y1) {
+                let dy = y as f64 - p.y;
+                let half = (NEAR * NEAR - dy * dy).max(0.0).sqrt();
+                let left = clip((p.x - half).ceil(), x1).max(x0);
+                let right = clip((p.x + half).floor() + 1.0, x1);
+                let row = (y - y0) * map.width;
+                for x in left..right {
+                    let mark = &mut map.marks[row + x - x0];
+                    let dx = x as f64 - p.x;
+                    let square = (dx * dx + dy * dy) as f32;
+                    mark.near |= 1 << point.side;
+                    if square < mark.square {
+                        mark.square = square;
+                        mark.nearest = index as u16;
+                    }
+                }
             }
         }
+        map
     }
-    marked
-        .into_iter()
-        .enumerate()
-        .filter(|(_, marked)| *marked)
-        .map(move |(index, _)| (x0 + index % width, y0 + index / width))
+
+    fn pixels_within(&self, reach: f64) -> impl Iterator<Item = (usize, usize, &Mark)> {
+        let square = (reach * reach) as f32;
+        let inside = self
+            .marks
+            .iter()
+            .enumerate()
+            .filter(move |(_, m)| m.square <= square);
+        inside.map(|(i, m)| (self.x0 + i % self.width, self.y0 + i / self.width, m))
+    }
 }

@@ -2,8 +2,9 @@
 
 use crate::normal::{bivariate_cdf, cdf, cdf_and_pdf};
 
-/// Beyond so many blurs an edge is at its plateau: Phi(-4.5) is 3e-6 of the contrast.
-pub(crate) const PLATEAU: f64 = 4.5;
+/// Beyond so many blurs an edge is at its plateau: Phi(-3.8) is 7e-5 of the contrast, a hundredth
+/// of a grey level.
+pub(crate) const PLATEAU: f64 = 3.8;
 
 /// What the near sides make of a pixel: the covered part `C` and its derivatives by the
 /// distances, in blurs, to the (at most two) sides that cut it.
@@ -13,6 +14,14 @@ pub(crate) struct Coverage {
     /// Index of the cutting side and the derivative, for up to two sides.
     pub cuts: [(usize, f64); 2],
     pub cut_count: usize,
+}
+
+/// All or nothing.
+pub(crate) fn plateau(inside: bool) -> Coverage {
+    Coverage {
+        value: f64::from(u8::from(inside)),
+        ..Coverage::default()
+    }
 }
 
 /// The covered part at distances `z` (in blurs, positive inside) to the sides of `near`.
@@ -26,10 +35,6 @@ pub(crate) fn coverage(
     z: &[f64; 4],
     corner_correlation: impl Fn(usize) -> f64,
 ) -> Coverage {
-    let mut coverage = Coverage {
-        value: 1.0,
-        ..Coverage::default()
-    };
     let mut cutting = [0; 4];
     let mut count = 0;
     for side in 0..4 {
@@ -37,14 +42,13 @@ pub(crate) fn coverage(
             continue;
         }
         if z[side] < -PLATEAU {
-            coverage.value = 0.0;
-            return coverage;
+            return plateau(false);
         }
         cutting[count] = side;
         count += 1;
     }
     match count {
-        0 => coverage,
+        0 => plateau(true),
         1 => {
             let (value, density) = cdf_and_pdf(z[cutting[0]]);
             Coverage {
@@ -101,7 +105,7 @@ mod tests {
 
     #[test]
     fn plateaus_are_flat() {
-        let inside = coverage(0b0011, &[5.0, 6.0, 0.0, 0.0], |_| 0.0);
+        let inside = coverage(0b0011, &[4.0, 6.0, 0.0, 0.0], |_| 0.0);
         assert_eq!((inside.value, inside.cut_count), (1.0, 0));
         let outside = coverage(0b0011, &[-5.0, 0.0, 0.0, 0.0], |_| 0.0);
         assert_eq!((outside.value, outside.cut_count), (0.0, 0));

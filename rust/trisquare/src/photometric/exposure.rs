@@ -29,23 +29,16 @@ pub(crate) struct Exposure {
 }
 
 impl Exposure {
-    /// From the medians of the pixels at either end of the band; `None` where they do not differ
+    /// From low and high quantiles of the band's pixels; `None` where they do not differ
     /// the right way round.
     pub fn guess(figure: &PixelFigure, tone: Tone) -> Option<Self> {
-        let mut inside = Vec::new();
-        let mut all = Vec::with_capacity(figure.pixels.len());
-        for pixel in &figure.pixels {
-            if pixel.near == 0 {
-                inside.push(pixel.value);
-            }
-            all.push(pixel.value);
-        }
+        let mut all: Vec<f64> = figure.pixels.iter().map(|p| p.value).collect();
         // About half of the band lies on either side.
-        let quantile = |values: &mut Vec<f64>, part: f64| {
-            let index = ((values.len() as f64 - 1.0) * part) as usize;
-            (!values.is_empty()).then(|| *values.select_nth_unstable_by(index, f64::total_cmp).1)
+        let mut quantile = |part: f64| {
+            let index = (all.len() as f64 * part) as usize;
+            (!all.is_empty()).then(|| *all.select_nth_unstable_by(index, f64::total_cmp).1)
         };
-        let (low, high) = (quantile(&mut all, 0.2)?, quantile(&mut all, 0.8)?);
+        let (low, high) = (quantile(0.2)?, quantile(0.8)?);
         if high - low < MIN_CONTRAST {
             return None;
         }

@@ -6,7 +6,7 @@ use crate::arrow::{ArrowStep, ArrowSystem, Block};
 use crate::levenberg::Problem;
 use crate::parameters::FreeParameters;
 use crate::photometric::band::{BandPixel, PixelFigure};
-use crate::photometric::coverage::{Coverage, coverage};
+use crate::photometric::coverage::{self, Coverage, PLATEAU, coverage};
 use crate::photometric::exposure::{EXPOSURE_PARAMETERS, Exposure};
 use crate::refine::View;
 use crate::robust::{Loss, Spread, median_scale};
@@ -15,6 +15,9 @@ use crate::{Brown, Lens};
 
 /// Noise (coded, 1 being white) below which pixels agree to rounding.
 const MIN_NOISE: f64 = 1e-6;
+
+/// A pixel's distance to the outline changes by less than this (px) from its first estimate.
+const DEPTH_SLACK: f64 = 1.0;
 
 /// Step (in the figure's units) over which the direction of a side at its corner is taken.
 const CORNER_STEP: f64 = 0.01;
@@ -36,6 +39,14 @@ pub(crate) struct PixelFit<'a> {
     pub loss: Loss,
     /// Noise of each figure's pixels, coded.
     pub scales: Vec<f64>,
+}
+
+/// Half the robust sum of squares, its normal equations, and the spread of the pixels that an edge
+/// cuts, in units of the scales.
+pub(crate) struct PixelSystem {
+    pub cost: f64,
+    pub system: ArrowSystem,
+    pub spread: Spread,
 }
 
 /// One figure under one state: what all its pixels share.
@@ -67,7 +78,8 @@ impl Scene<'_> {
     fn shade(&self, pixel: &BandPixel) -> Option<Shade> {
         let mut z = [0.0; 4];
         let mut sight = None;
-        if pixel.near != 0 {
+        let mut covered = coverage::plateau(pixel.depth > 0.0);
+        if pixel.depth.abs() < PLATEAU * self.exposure.blur + DEPTH_SLACK {
             let seen = self.lens.sight(&pixel.place)?;
             for side in 0..4 {
                 if pixel.near & (1 << side) != 0 {
@@ -76,21 +88,28 @@ impl Scene<'_> {
                 }
             }
             sight = Some(seen);
+            covered = coverage(pixel.near, &z, |corner| self.corner_correlations[corner]);
         }
-        let coverage = coverage(pixel.near, &z, |corner| self.corner_correlations[corner]);
         let place = self.figure.shading_place(&pixel.place);
         let (ground, contrast) = self.exposure.at(&place);
-        let light = ground + contrast * coverage.value;
+        let light = ground + contrast * covered.value;
         let (value, slope) = self.fit.curve.encode_with_slope(light);
         Some(Shade {
             residual: value - pixel.value,
             slope,
             contrast,
-            coverage,
+            coverage: covered,
             sight,
             z,
             place,
         })
+    }
+
+    /// Derivatives by the exposure's parameters, then the residual.
+    fn exposure_row(&self, shade: &Shade) -> [f64; EXPOSURE_PARAMETERS + 1] {
+        let mut row = [shade.residual; EXPOSURE_PARAMETERS + 1];
+        row[..EXPOSURE_PARAMETERS].copy_from_slice(&self.wrt_exposure(shade));
+        row
     }
 
     /// Derivatives by the exposure's parameters.
@@ -123,27 +142,38 @@ const SHARED_OFFSET: usize = 4;
 
 /// Sums of outer products over one figure, kept by what its pixels depend on.
 struct FigureSums<const N: usize> {
-    cost: f64,
     /// Pixels cut by one side: `(l, residual, shared, exposure)`.
     sides: [[[f64; N]; N]; 4],
     /// Pixels on a plateau: `(exposure, residual)`.
     plateau: [[f64; EXPOSURE_PARAMETERS + 1]; EXPOSURE_PARAMETERS + 1],
 }
 
+/// Adds the lower triangle of an outer product.
+#[inline(always)]
 fn add_outer<const N: usize>(sums: &mut [[f64; N]; N], row: &[f64; N], weight: f64) {
     for i in 0..N {
         let weighted = weight * row[i];
-        for j in 0..N {
+        for j in 0..=i {
             sums[i][j] += weighted * row[j];
         }
     }
 }
 
+/// An element of the symmetric matrix whose lower triangle was summed.
+fn symmetric<const N: usize>(sums: &[[f64; N]; N], i: usize, j: usize) -> f64 {
+    sums[i.max(j)][i.min(j)]
+}
+
 impl PixelFit<'_> {
-    fn scene<'a>(&'a self, state: &'a PixelState, index: usize) -> Option<Scene<'a>> {
+    fn scene<'a>(
+        &'a self,
+        view: &'a View<Brown>,
+        exposure: &'a Exposure,
+        index: usize,
+    ) -> Option<Scene<'a>> {
         let figure = &self.figures[index];
-        let plane = &state.view.planes[figure.plane];
-        let lens = &state.view.lens;
+        let plane = &view.planes[figure.plane];
+        let lens = &view.lens;
         let project = |point: Vector2<f64>| {
             lens.project(
                 &plane
@@ -163,7 +193,7 @@ impl PixelFit<'_> {
             fit: self,
             figure,
             lens,
-            exposure: &state.exposures[index],
+            exposure,
             lines: [0, 1, 2, 3].map(|i| plane.line(figure.figure, &figure.sides[i])),
             corner_correlations,
         })
@@ -180,22 +210,13 @@ impl PixelFit<'_> {
         Some(scales)
     }
 
-    /// The spread of the pixels that an edge cuts, in units of the scales.
-    pub fn spread(&self, state: &PixelState) -> Option<Spread> {
-        let mut spread = Spread::default();
-        for (index, scale) in self.scales.iter().enumerate() {
-            self.for_each_cut(state, index, |r| spread.add(self.loss, r / scale))?;
-        }
-        Some(spread)
-    }
-
     fn for_each_cut(
         &self,
         state: &PixelState,
         index: usize,
         mut visit: impl FnMut(f64),
     ) -> Option<()> {
-        let scene = self.scene(state, index)?;
+        let scene = self.scene(&state.view, &state.exposures[index], index)?;
         for pixel in &self.figures[index].pixels {
             let shade = scene.shade(pixel)?;
             if shade.coverage.cut_count > 0 {
@@ -209,16 +230,15 @@ impl PixelFit<'_> {
         &self,
         state: &PixelState,
         index: usize,
-        system: &mut ArrowSystem,
-    ) -> Option<f64> {
-        let scene = self.scene(state, index)?;
+        sum: &mut PixelSystem,
+    ) -> Option<()> {
+        let scene = self.scene(&state.view, &state.exposures[index], index)?;
         let figure = scene.figure;
         let plane = &state.view.planes[figure.plane];
         let jacobians = [0, 1, 2, 3].map(|i| plane.line_jacobian(figure.figure, &figure.sides[i]));
         let exposure_offset = self.exposure_offset(state, index);
-        let block = &mut system.blocks[figure.plane];
+        let block = &mut sum.system.blocks[figure.plane];
         let mut sums = FigureSums::<N> {
-            cost: 0.0,
             sides: [[[0.0; N]; N]; 4],
             plateau: [[0.0; EXPOSURE_PARAMETERS + 1]; EXPOSURE_PARAMETERS + 1],
         };
@@ -226,7 +246,10 @@ impl PixelFit<'_> {
         for pixel in &figure.pixels {
             let shade = scene.shade(pixel)?;
             let (cost, weight) = self.loss.cost_and_weight(shade.residual * to_noise);
-            sums.cost += cost;
+            sum.cost += cost;
+            if shade.coverage.cut_count > 0 {
+                sum.spread.add(self.loss, shade.residual * to_noise);
+            }
             let weight = weight * to_noise * to_noise;
             if weight == 0.0 {
                 continue;
@@ -267,10 +290,7 @@ impl PixelFit<'_> {
                     add_row(block, &own, &shared, shade.residual, weight);
                 }
                 _ => {
-                    let mut row = [0.0; EXPOSURE_PARAMETERS + 1];
-                    row[..EXPOSURE_PARAMETERS].copy_from_slice(&wrt_exposure);
-                    row[EXPOSURE_PARAMETERS] = shade.residual;
-                    add_outer(&mut sums.plateau, &row, weight);
+                    add_outer(&mut sums.plateau, &scene.exposure_row(&shade), weight);
                 }
             }
         }
@@ -278,7 +298,7 @@ impl PixelFit<'_> {
             add_side(block, &sums.sides[side], jacobian, exposure_offset);
         }
         add_plateau(block, &sums.plateau, exposure_offset);
-        Some(sums.cost)
+        Some(())
     }
 
     /// Where a figure's exposure begins among its plane's own parameters.
@@ -287,7 +307,7 @@ impl PixelFit<'_> {
         state.view.planes[figure.plane].parameter_count() + EXPOSURE_PARAMETERS * figure.figure
     }
 
-    fn assemble<const N: usize>(&self, state: &PixelState) -> Option<(f64, ArrowSystem)> {
+    fn assemble<const N: usize>(&self, state: &PixelState) -> Option<PixelSystem> {
         if !state.exposures.iter().all(Exposure::is_valid) {
             return None;
         }
@@ -296,12 +316,45 @@ impl PixelFit<'_> {
             .planes
             .iter()
             .map(|plane| plane.parameter_count() + EXPOSURE_PARAMETERS * plane.figures.len());
-        let mut system = ArrowSystem::zeros(self.free.len(), own);
-        let mut cost = 0.0;
+        let mut sum = PixelSystem {
+            cost: 0.0,
+            system: ArrowSystem::zeros(self.free.len(), own),
+            spread: Spread::default(),
+        };
         for index in 0..self.figures.len() {
-            cost += self.add_figure::<N>(state, index, &mut system)?;
+            self.add_figure::<N>(state, index, &mut sum)?;
         }
-        Some((cost, system))
+        Some(sum)
+    }
+
+    /// Cost and normal equations at a state; `None` where they are not defined.
+    pub fn evaluate(&self, state: &PixelState) -> Option<PixelSystem> {
+        // One instance per number of shared parameters, so that the innermost loops are unrolled.
+        match self.free.len() {
+            0 => self.assemble::<11>(state),
+            1 => self.assemble::<12>(state),
+            2 => self.assemble::<13>(state),
+            3 => self.assemble::<14>(state),
+            4 => self.assemble::<15>(state),
+            5 => self.assemble::<16>(state),
+            6 => self.assemble::<17>(state),
+            7 => self.assemble::<18>(state),
+            8 => self.assemble::<19>(state),
+            _ => self.assemble::<20>(state),
+        }
+    }
+
+    /// The state after a step.
+    pub fn advance(&self, state: &PixelState, step: &ArrowStep) -> PixelState {
+        let exposures = state.exposures.iter().enumerate().map(|(index, exposure)| {
+            let own = &step.blocks[self.figures[index].plane];
+            let offset = self.exposure_offset(state, index);
+            exposure.moved(&own.as_slice()[offset..offset + EXPOSURE_PARAMETERS])
+        });
+        PixelState {
+            exposures: exposures.collect(),
+            view: state.view.advanced(self.free, step),
+        }
     }
 }
 
@@ -339,15 +392,17 @@ fn add_side<const N: usize>(
     for i in 0..EXPOSURE_PARAMETERS {
         map[(3 + i, exposure_offset + i)] = 1.0;
     }
-    let square = DMatrix::from_fn(rows, rows, |i, j| sums[source(i)][source(j)]);
-    let cross = DMatrix::from_fn(rows, shared, |i, j| sums[source(i)][SHARED_OFFSET + j]);
-    let residual = DVector::from_fn(rows, |i, _| sums[source(i)][3]);
+    let square = DMatrix::from_fn(rows, rows, |i, j| symmetric(sums, source(i), source(j)));
+    let cross = DMatrix::from_fn(rows, shared, |i, j| {
+        symmetric(sums, source(i), SHARED_OFFSET + j)
+    });
+    let residual = DVector::from_fn(rows, |i, _| symmetric(sums, source(i), 3));
     block.hessian.gemm_tr(1.0, &map, &(square * &map), 1.0);
     block.cross.gemm_tr(1.0, &map, &cross, 1.0);
     block.gradient.gemv_tr(1.0, &map, &residual, 1.0);
     for i in 0..shared {
         for j in 0..shared {
-            block.shared[(i, j)] += sums[SHARED_OFFSET + i][SHARED_OFFSET + j];
+            block.shared[(i, j)] += symmetric(sums, SHARED_OFFSET + i, SHARED_OFFSET + j);
         }
         block.shared_gradient[i] += sums[SHARED_OFFSET + i][3];
     }
@@ -360,40 +415,223 @@ fn add_plateau(
 ) {
     for i in 0..EXPOSURE_PARAMETERS {
         for j in 0..EXPOSURE_PARAMETERS {
-            block.hessian[(exposure_offset + i, exposure_offset + j)] += sums[i][j];
+            block.hessian[(exposure_offset + i, exposure_offset + j)] += symmetric(sums, i, j);
         }
-        block.gradient[exposure_offset + i] += sums[i][EXPOSURE_PARAMETERS];
+        block.gradient[exposure_offset + i] += sums[EXPOSURE_PARAMETERS][i];
     }
 }
 
-impl Problem for PixelFit<'_> {
-    type State = PixelState;
+/// The same pixels with camera and planes held: only the exposures move.
+pub(crate) struct ExposureFit<'a> {
+    pub pixels: &'a PixelFit<'a>,
+    pub view: &'a View<Brown>,
+}
 
-    fn evaluate(&self, state: &PixelState) -> Option<(f64, ArrowSystem)> {
-        // One instance per number of shared parameters, so that the innermost loops are unrolled.
-        match self.free.len() {
-            0 => self.assemble::<11>(state),
-            1 => self.assemble::<12>(state),
-            2 => self.assemble::<13>(state),
-            3 => self.assemble::<14>(state),
-            4 => self.assemble::<15>(state),
-            5 => self.assemble::<16>(state),
-            6 => self.assemble::<17>(state),
-            7 => self.assemble::<18>(state),
-            8 => self.assemble::<19>(state),
-            _ => self.assemble::<20>(state),
+impl Problem for ExposureFit<'_> {
+    type State = Vec<Exposure>;
+
+    fn evaluate(&self, exposures: &Vec<Exposure>) -> Option<(f64, ArrowSystem)> {
+        let fit = self.pixels;
+        let own = fit.figures.iter().map(|_| EXPOSURE_PARAMETERS);
+        let mut system = ArrowSystem::zeros(0, own);
+        let mut cost = 0.0;
+        for (index, figure) in fit.figures.iter().enumerate() {
+            let scene = fit.scene(self.view, &exposures[index], index)?;
+            let to_noise = 1.0 / fit.scales[index];
+            let mut sums = [[0.0; EXPOSURE_PARAMETERS + 1]; EXPOSURE_PARAMETERS + 1];
+            for pixel in &figure.pixels {
+                let shade = scene.shade(pixel)?;
+                let (part, weight) = fit.loss.cost_and_weight(shade.residual * to_noise);
+                cost += part;
+                let row = scene.exposure_row(&shade);
+                add_outer(&mut sums, &row, weight * to_noise * to_noise);
+            }
+            add_plateau(&mut system.blocks[index], &sums, 0);
+        }
+        let valid = exposures.iter().all(Exposure::is_valid);
+        valid.then_some((cost, system))
+    }
+
+    fn advance(&self, exposures: &Vec<Exposure>, step: &ArrowStep) -> Vec<Exposure> {
+        let steps = exposures.iter().zip(&step.blocks);
+        steps
+            .map(|(exposure, own)| exposure.moved(own.as_slice()))
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::observations::sort_by_plane;
+    use crate::photometric::Photographs;
+    use crate::photometric::band::collect;
+    use crate::refine::PlaneState;
+    use crate::synthetic::{Scene as Truth, SceneOptions};
+    use crate::{Fixed, Model, Picture, Polarity, Tone};
+    use nalgebra::DVector;
+
+    fn free() -> FreeParameters {
+        FreeParameters::new(Model::Brown, &Fixed::default(), 1.0)
+    }
+
+    /// The figures of a scene, filled with what the model itself makes of them.
+    fn modelled() -> (Vec<PixelFigure>, PixelState) {
+        let truth = Truth::random(2, SceneOptions::default());
+        let mut edges = truth.edges(0, 0.0, 20.0);
+        edges
+            .iter_mut()
+            .for_each(|e| e.polarity = Some(Polarity::DarkInside));
+        let planes = sort_by_plane(&edges).unwrap();
+        let (width, height) = (truth.size.width as usize, truth.size.height as usize);
+        let blank = Picture::from_u8(width, height, 1, vec![128; width * height]).unwrap();
+        let photographs = Photographs {
+            pictures: &[&blank],
+            tone: Tone::Srgb,
+        };
+        let view = View {
+            lens: truth.camera,
+            planes: truth
+                .poses
+                .iter()
+                .map(|pose| PlaneState {
+                    pose: *pose,
+                    figures: vec![crate::observations::Placement::IDENTITY],
+                })
+                .collect(),
+        };
+        let Ok(mut figures) = collect(&edges, &planes, &view, &photographs) else {
+            panic!("squares of known polarity");
+        };
+        let state = PixelState {
+            view,
+            exposures: vec![
+                Exposure {
+                    ground: [0.7, 0.05, -0.03],
+                    contrast: [-0.6, 0.02, 0.04],
+                    blur: 0.9,
+                };
+                3
+            ],
+        };
+        let (free, curve) = (free(), Tone::Srgb.curve());
+        let mut values = Vec::new();
+        for index in 0..figures.len() {
+            let fit = problem(&figures, &free, &curve);
+            let scene = fit
+                .scene(&state.view, &state.exposures[index], index)
+                .unwrap();
+            let shades = figures[index]
+                .pixels
+                .iter()
+                .map(|p| scene.shade(p).unwrap());
+            values.push(
+                shades
+                    .zip(&figures[index].pixels)
+                    .map(|(shade, pixel)| shade.residual + pixel.value)
+                    .collect::<Vec<_>>(),
+            );
+        }
+        for (figure, values) in figures.iter_mut().zip(values) {
+            for (pixel, value) in figure.pixels.iter_mut().zip(values) {
+                pixel.value = value;
+            }
+        }
+        (figures, state)
+    }
+
+    fn problem<'a>(
+        figures: &'a [PixelFigure],
+        free: &'a FreeParameters,
+        curve: &'a ToneCurve,
+    ) -> PixelFit<'a> {
+        PixelFit {
+            figures,
+            free,
+            curve,
+            loss: Loss::Tukey,
+            scales: vec![0.01, 0.012, 0.009],
         }
     }
 
-    fn advance(&self, state: &PixelState, step: &ArrowStep) -> PixelState {
-        let exposures = state.exposures.iter().enumerate().map(|(index, exposure)| {
-            let own = &step.blocks[self.figures[index].plane];
-            let offset = self.exposure_offset(state, index);
-            exposure.moved(&own.as_slice()[offset..offset + EXPOSURE_PARAMETERS])
-        });
-        PixelState {
-            exposures: exposures.collect(),
-            view: state.view.advanced(self.free, step),
+    fn zero_step(system: &ArrowSystem) -> ArrowStep {
+        ArrowStep {
+            shared: DVector::zeros(system.prior.nrows()),
+            blocks: system
+                .blocks
+                .iter()
+                .map(|b| DVector::zeros(b.hessian.nrows()))
+                .collect(),
+            predicted_decrease: 0.0,
+        }
+    }
+
+    #[test]
+    fn residual_and_gradient_vanish_at_the_truth() {
+        let (figures, state) = modelled();
+        let (free, curve) = (free(), Tone::Srgb.curve());
+        let fit = problem(&figures, &free, &curve);
+        let PixelSystem { cost, system, .. } = fit.evaluate(&state).unwrap();
+        assert!(cost < 1e-20);
+        assert!(system.blocks.iter().all(|b| b.gradient.norm() < 1e-6));
+        assert!(figures.iter().all(|f| f.pixels.len() > 5000));
+    }
+
+    #[test]
+    fn gradient_agrees_with_central_differences() {
+        let (figures, truth) = modelled();
+        let (free, curve) = (free(), Tone::Srgb.curve());
+        let fit = problem(&figures, &free, &curve);
+        let system = fit.evaluate(&truth).unwrap().system;
+        // A little off the truth, so that the gradient does not vanish.
+        let mut away = zero_step(&system);
+        for (i, block) in away.blocks.iter_mut().enumerate() {
+            for k in 0..6 {
+                block[k] = 1e-4 * (i as f64 + k as f64 - 3.0);
+            }
+            block[8] = 0.01;
+            block[12] = 0.03;
+        }
+        let state = fit.advance(&truth, &away);
+        let system = fit.evaluate(&state).unwrap().system;
+        let cost = |step: &ArrowStep| fit.evaluate(&fit.advance(&state, step)).unwrap().cost;
+        let check = |set: &dyn Fn(&mut ArrowStep, f64), gradient: f64, hessian: f64, name: &str| {
+            // Long enough for the steps at the plateaus to average out.
+            let h = 1e-3 / hessian.sqrt();
+            let (mut up, mut down) = (zero_step(&system), zero_step(&system));
+            set(&mut up, h);
+            set(&mut down, -h);
+            let expected = (cost(&up) - cost(&down)) / (2.0 * h);
+            // In units of the parameter's own standard deviation.
+            let error = (gradient - expected) / hessian.sqrt();
+            assert!(
+                error.abs() < 2e-3 * (gradient / hessian.sqrt()).abs().max(1.0),
+                "{name}: {gradient} {expected}"
+            );
+        };
+        for i in 0..free.len() {
+            let (mut gradient, mut hessian) = (0.0, 0.0);
+            for block in &system.blocks {
+                gradient += block.shared_gradient[i];
+                hessian += block.shared[(i, i)];
+            }
+            check(
+                &|s, h| s.shared[i] = h,
+                gradient,
+                hessian,
+                &format!("shared {i}"),
+            );
+        }
+        for (b, block) in system.blocks.iter().enumerate() {
+            for i in 0..block.gradient.len() {
+                let (gradient, hessian) = (block.gradient[i], block.hessian[(i, i)]);
+                check(
+                    &|s, h| s.blocks[b][i] = h,
+                    gradient,
+                    hessian,
+                    &format!("plane {b}, {i}"),
+                );
+            }
         }
     }
 }

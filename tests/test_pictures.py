@@ -1,0 +1,183 @@
+"""From pictures to results: pixel types, views, colours, several pictures, chessboards."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import cv2
+import numpy as np
+import pytest
+from scenes import IMAGE_SIZE, assert_within, squares
+
+import trisquare as ts
+from trisquare import simulate
+
+SCENE = squares(31)
+PHOTO = simulate.render(SCENE, np.random.default_rng(32))
+RESULT = ts.calibrate(PHOTO, tone="linear")
+
+
+def distances(points, scene):
+    """How far pixels are from the nearest true outline of a scene."""
+    share = np.linspace(0, 1, 1000)[:, None]
+    nearest = np.full(len(points), np.inf)
+    for number, target in enumerate(scene.targets):
+        for outline in target.outlines():
+            for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+                curve = scene.image_points(number, start + share * (end - start))
+                closest = np.argmin(((points[:, None] - curve[:-1]) ** 2).sum(axis=2), axis=1)
+                along = np.diff(curve, axis=0)[closest]
+                off = points - curve[closest]
+                across = off[:, 0] * along[:, 1] - off[:, 1] * along[:, 0]
+                nearest = np.minimum(nearest, np.abs(across) / np.hypot(*along.T))
+    return nearest
+
+
+@pytest.mark.parametrize("tone", ["srgb", "linear", 2.2])
+@pytest.mark.parametrize("dark", [True, False])
+@pytest.mark.parametrize("kind", ["square", "frame"])
+def test_rendered_pictures_are_calibrated(kind, dark, tone):
+    scene = squares(33, kind=kind, dark=dark)
+    photo = simulate.render(scene, np.random.default_rng(34), tone=tone)
+    result = ts.calibrate(photo, tone=tone)
+    assert_within(result, scene, 4.5)
+    assert [plane.kind for plane in result.planes] == [kind] * 3
+    assert (result.tone, result.method) == (tone, "ml")
+    assert result.stage in ("edges", "pixels")
+
+
+@pytest.mark.parametrize("seed", [35, 36])
+def test_photo_like_pictures_are_calibrated_with_default_settings(seed):
+    photo, scene, _ = simulate.photo_like(np.random.default_rng(seed))
+    result = ts.calibrate(photo)
+    assert_within(result, scene, 5)
+    assert result.tone == "srgb"
+
+
+def test_the_wrong_tone_curve_moves_the_answer():
+    # Else `tone` would not be in the model at all: about a thousandth in fx.
+    other = ts.calibrate(PHOTO, tone="srgb")
+    assert abs(other.camera.fx - RESULT.camera.fx) > 3 * RESULT.std["fx"]
+
+
+@pytest.mark.parametrize(("dark", "polarity"), [(True, 1), (False, -1)])
+def test_detect_measures_the_sides_as_well_as_it_says(dark, polarity):
+    scene = squares(37, kind="frame", dark=dark)
+    photo = simulate.render(scene, np.random.default_rng(38))
+    figures = ts.detect(photo, tone="linear")
+    assert [figure.kind for figure in figures] == ["frame"] * 6
+    assert [figure.freedom for figure in figures[1::2]] == ["size"] * 3
+    # The ring is dark between its outlines, so the inner figure is of the other polarity.
+    assert [figure.polarity for figure in figures] == [polarity, -polarity] * 3
+    assert len({figure.plane for figure in figures}) == 3
+    points = np.vstack([side for figure in figures for side in figure.points])
+    std = np.concatenate([side for figure in figures for side in figure.std])
+    assert 0.9 < np.sqrt(np.mean((distances(points, scene) / std) ** 2)) < 1.1
+    assert np.median(std) < 0.03
+
+
+def test_the_edges_of_a_picture_are_enough():
+    result = ts.calibrate_edges(ts.detect(PHOTO, tone="linear"), IMAGE_SIZE)
+    assert result.stage == "edges"
+    assert_within(result, SCENE, 4)
+    # Both stages see the same noise, so that they differ by less than they err.
+    for name in ("fx", "fy", "cx", "cy"):
+        difference = getattr(result.camera, name) - getattr(RESULT.camera, name)
+        assert abs(difference) < 2 * result.std[name]
+
+
+def test_a_path_is_as_good_as_its_picture(tmp_path):
+    cv2.imwrite(str(tmp_path / "photo.png"), PHOTO)
+    for path in (tmp_path / "photo.png", str(tmp_path / "photo.png")):
+        assert ts.calibrate(path, tone="linear").to_json() == RESULT.to_json()
+
+
+def views_of(photo):
+    height, width = photo.shape
+    padded = np.zeros((2 * height, 3 * width), photo.dtype)
+    padded[::2, ::3] = photo
+    writeable = photo.copy()
+    writeable.flags.writeable = False
+    return {
+        "every second pixel": padded[::2, ::3],
+        "column by column": np.asfortranarray(photo),
+        "turned twice": np.ascontiguousarray(photo[::-1, ::-1])[::-1, ::-1],
+        "read-only": writeable,
+        "one channel": photo[:, :, None],
+    }
+
+
+@pytest.mark.parametrize("name", views_of(np.zeros((2, 2))))
+def test_views_are_read_as_they_look(name):
+    view = views_of(PHOTO)[name]
+    before = view.copy()
+    assert ts.calibrate(view, tone="linear").to_json() == RESULT.to_json()
+    np.testing.assert_array_equal(view, before)
+
+
+@pytest.mark.parametrize(
+    "same",
+    [
+        PHOTO.astype(np.uint16) * 257,
+        (PHOTO / 255).astype(np.float32),
+        PHOTO.astype(np.float32),
+        np.repeat(PHOTO[:, :, None], 3, axis=2),
+        np.dstack([PHOTO.astype(np.uint16) * 257] * 3),
+    ],
+    ids=["uint16", "float32 to 1", "float32 to 255", "BGR", "BGR uint16"],
+)
+def test_every_kind_of_pixel_gives_the_same_answer(same):
+    result = ts.calibrate(same, tone="linear")
+    for name in ("fx", "fy", "cx", "cy"):
+        difference = getattr(result.camera, name) - getattr(RESULT.camera, name)
+        assert abs(difference) < 0.05 * RESULT.std[name]
+        assert result.std[name] == pytest.approx(RESULT.std[name], rel=0.02)
+
+
+@pytest.mark.parametrize("dtype", [np.uint16, np.float32])
+def test_deep_pictures_are_linear_by_default(dtype):
+    photo = simulate.render(SCENE, np.random.default_rng(39), dtype=dtype)
+    result = ts.calibrate(photo)
+    assert result.tone == "linear"
+    assert_within(result, SCENE, 4.5)
+
+
+def test_several_pictures_of_one_camera_pool_their_planes():
+    scenes = [SCENE, squares(40, SCENE.camera)]
+    photos = [PHOTO, simulate.render(scenes[1], np.random.default_rng(41))]
+    seen = []
+    result = ts.calibrate(photos, tone="linear", progress=lambda *done: seen.append(done))
+    assert [plane.image for plane in result.planes] == [0, 0, 0, 1, 1, 1]
+    assert seen == [(1, 2), (2, 2)]
+    assert_within(result, SCENE, 4.5)
+    assert all(result.std[name] < RESULT.std[name] for name in result.std)
+
+
+def test_a_picture_without_squares_is_passed_over_and_named():
+    blank = np.full_like(PHOTO, 200)
+    result = ts.calibrate([blank, PHOTO], tone="linear")
+    assert result.warnings[0].startswith("picture 0: no square found")
+    assert {plane.image for plane in result.planes} == {1}
+    assert result.camera.fx == pytest.approx(RESULT.camera.fx, rel=1e-12)
+
+
+def test_chessboards_are_calibrated():
+    camera = SCENE.camera
+    rng = np.random.default_rng(42)
+    scenes = [simulate.chessboard_scene(rng, camera) for _ in range(4)]
+    photos = [simulate.render(scene, rng) for scene in scenes]
+    result = ts.calibrate(photos, tone="linear", targets="chessboard:9x6")
+    assert [(plane.kind, plane.image) for plane in result.planes] == [
+        ("chessboard", image) for image in range(4)
+    ]
+    assert_within(result, scenes[0], 4.5)
+
+
+def test_the_paper_s_steps_alone_from_a_picture():
+    result = ts.calibrate(PHOTO, tone="linear", method="linear")
+    assert (result.method, result.stage) == ("linear", "linear")
+    assert result.camera.fx == pytest.approx(SCENE.camera.fx, rel=0.05)
+
+
+def test_threads_calibrate_pictures_side_by_side():
+    with ThreadPoolExecutor(4) as pool:
+        texts = pool.map(lambda _: ts.calibrate(PHOTO, tone="linear").to_json(), range(8))
+        assert set(texts) == {RESULT.to_json()}
