@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
+import numpy.typing as npt
 from rows import Row
 from truth import PINHOLE, Array, camera_vector, errors, rms, rms_per_parameter
 
 import trisquare as ts
 from trisquare import simulate
-from trisquare.scene import Scene, TrueCamera
+from trisquare.pictures import Image
+from trisquare.scene import TrueCamera
 
 CAMERAS = 12
 SESSIONS = 3  # of 13 chessboard pictures, per camera
@@ -23,27 +28,33 @@ FRAMED_TARGET = 0.85
 
 # What a corner detector leaves for cornerSubPix to do, pixels.
 DETECTED = 0.3
-# Half window of cornerSubPix in cells. Of 3-11 px and 0.25-0.42 cells this makes the corners
-# most exact: the widest window without another corner in it.
-WINDOW = 0.42
+# Half windows of cornerSubPix, pixels; OpenCV's own tutorial takes 11, and the row does.
+WINDOWS = (5, 11, 17)
+TUTORIAL_WINDOW = 11
 SUBPIX_END = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 30, 0.001)
 SAME_MODEL = cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
 
 
 def measure() -> list[Row]:
     """Print the rms errors over fx, fy, cx, cy and the ratios to Zhang's."""
-    collected: dict[str, list[Array]] = {"zhang": [], "square": [], "frame": []}
+    collected: dict[str, list[Array]] = {"square": [], "frame": []}
+    collected |= {_label(window): [] for window in WINDOWS}
+    stages: Counter[str] = Counter()
     for number in range(CAMERAS):
         rng = np.random.default_rng([SEED, number])
         camera = simulate.random_camera(rng)
         photo = {"noise": rng.uniform(*NOISE_RANGE), "blur": rng.uniform(*BLUR_RANGE)}
-        collected["zhang"] += [_zhang(camera, rng, photo) for _ in range(SESSIONS)]
+        for _ in range(SESSIONS):
+            boards = _photograph_boards(camera, rng, photo)
+            for window in WINDOWS:
+                collected[_label(window)].append(_zhang(camera, boards, window))
         for kind in ("square", "frame"):
             for _ in range(SQUARES):
                 scene = simulate.random_scene(rng, camera=camera, kind=kind)
                 picture = simulate.render(scene, rng, tone="linear", **photo)
                 result = ts.calibrate(picture, tone="linear")
                 collected[kind].append(errors(result, camera))
+                stages[result.stage] += 1
     pinhole = {}
     for kind, found in collected.items():
         table = np.array(found)
@@ -51,10 +62,10 @@ def measure() -> list[Row]:
         print(
             f"  {kind}: {rms_per_parameter(table)}; median {np.median(np.abs(pinhole[kind])):.3f}"
         )
-    print(f"  stage {result.stage}")
+    print(f"  stages: {dict(stages)}")
     return [
-        _row("solid", pinhole["square"], pinhole["zhang"], SOLID_TARGET),
-        _row("framed", pinhole["frame"], pinhole["zhang"], FRAMED_TARGET),
+        _row("solid", pinhole["square"], pinhole[_label(TUTORIAL_WINDOW)], SOLID_TARGET),
+        _row("framed", pinhole["frame"], pinhole[_label(TUTORIAL_WINDOW)], FRAMED_TARGET),
     ]
 
 
@@ -68,27 +79,45 @@ def _row(kind: str, squares: Array, zhang: Array, target: float) -> Row:
     )
 
 
-def _zhang(camera: TrueCamera, rng: np.random.Generator, photo: dict[str, float]) -> Array:
+def _label(window: int) -> str:
+    return f"zhang, cornerSubPix ({window}, {window})"
+
+
+@dataclass(frozen=True, slots=True)
+class BoardPicture:
+    """A photographed chessboard, with the corners as a detector gives them."""
+
+    picture: Image
+    detected: npt.NDArray[np.float32]
+    board: npt.NDArray[np.float32]
+
+
+def _photograph_boards(
+    camera: TrueCamera, rng: np.random.Generator, photo: dict[str, float]
+) -> list[BoardPicture]:
+    pictures = []
+    for _ in range(BOARDS):
+        scene = simulate.chessboard_scene(rng, camera)
+        picture = simulate.render(scene, rng, tone="linear", **photo)
+        board = scene.targets[0].board_corners()
+        corners = scene.image_points(0, board)
+        detected = corners + DETECTED * rng.standard_normal(corners.shape)
+        solid = np.column_stack([board, np.zeros(len(board))])
+        pictures.append(
+            BoardPicture(picture, detected.astype(np.float32)[:, None], solid.astype(np.float32))
+        )
+    return pictures
+
+
+def _zhang(camera: TrueCamera, boards: list[BoardPicture], window: int) -> Array:
     """Return the error of one chessboard session, shape (6,)."""
-    scenes = [simulate.chessboard_scene(rng, camera) for _ in range(BOARDS)]
-    board = scenes[0].targets[0].board_corners()
-    objects = np.column_stack([board, np.zeros(len(board))]).astype(np.float32)
-    corners = [_corners(scene, rng, photo) for scene in scenes]
+    half = (window, window)
+    corners = [
+        cv2.cornerSubPix(shot.picture, shot.detected.copy(), half, (-1, -1), SUBPIX_END)
+        for shot in boards
+    ]
+    objects = [shot.board for shot in boards]
     _, K, distortion, _, _ = cv2.calibrateCamera(
-        [objects] * BOARDS, corners, camera.image_size, None, None, flags=SAME_MODEL
+        objects, corners, camera.image_size, None, None, flags=SAME_MODEL
     )
     return camera_vector(K, distortion.ravel()) - camera_vector(camera.K, camera.distortion)
-
-
-def _corners(scene: Scene, rng: np.random.Generator, photo: dict[str, float]) -> Array:
-    """Photograph a board and measure its corners as OpenCV does, shape (N, 1, 2)."""
-    picture = simulate.render(scene, rng, tone="linear", **photo)
-    target = scene.targets[0]
-    columns, rows = target.inner_corners
-    truth = scene.image_points(0, target.board_corners())
-    grid = truth.reshape(rows, columns, 2)
-    cell = min(np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1))
-    half = int(WINDOW * cell)
-    detected = truth + DETECTED * rng.standard_normal(truth.shape)
-    points = detected.astype(np.float32).reshape(-1, 1, 2)
-    return cv2.cornerSubPix(picture, points, (half, half), (-1, -1), SUBPIX_END)

@@ -18,6 +18,7 @@ SEED = 10
 TARGETS = "chessboard:9x6"
 SAME_MODEL = cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
 MAD_TO_STD = 1.4826
+KINDS = ("opencv", "edges", "edges, linear tone", "pictures")
 
 
 def measure() -> list[Row]:
@@ -29,18 +30,22 @@ def measure() -> list[Row]:
     pictures = [cv2.imread(str(CHESS / view["image"]), cv2.IMREAD_GRAYSCALE) for view in views]
     height, width = pictures[0].shape
     edges = [ts.detect(picture, targets=TARGETS) for picture in pictures]
+    linear = [ts.detect(picture, targets=TARGETS, tone="linear") for picture in pictures]
     rng = np.random.default_rng(SEED)
-    found: dict[str, list[float]] = {"opencv": [], "edges": [], "pictures": []}
+    found: dict[str, list[float]] = {kind: [] for kind in KINDS}
     for _ in range(TRIPLES):
         triple = sorted(rng.choice(len(pictures), 3, replace=False))
         try:
-            pooled = _pooled([edges[index] for index in triple])
-            from_edges = ts.calibrate_edges(pooled, (width, height))
+            from_edges, as_linear = (
+                ts.calibrate_edges(_pooled([measured[index] for index in triple]), (width, height))
+                for measured in (edges, linear)
+            )
             result = ts.calibrate([pictures[index] for index in triple], targets=TARGETS)
         except ts.TrisquareError as error:
             print(f"  triple {[views[index]['image'] for index in triple]}: {error}")
             continue
         found["edges"].append(from_edges.camera.fx)
+        found["edges, linear tone"].append(as_linear.camera.fx)
         found["pictures"].append(result.camera.fx)
         found["opencv"].append(_zhang([views[index] for index in triple], (width, height)))
     spreads = {kind: _spread(values) for kind, values in found.items()}
@@ -57,7 +62,7 @@ def _spread(values: list[float]) -> float:
 
 
 def _pooled(pictures: Iterable[list[ts.PlaneEdges]]) -> list[ts.PlaneEdges]:
-    """Number the planes of several pictures as one session's."""
+    """Pool several pictures' planes, numbered as one session's."""
     return [
         replace(figure, image=image, plane=image)
         for image, figures in enumerate(pictures)

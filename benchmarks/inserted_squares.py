@@ -1,4 +1,4 @@
-"""Three squares rendered into each of 50 real photographs: all found, all calibrated?"""
+"""Three squares rendered into each of 50 real photographs: found, and calibrated."""
 
 from __future__ import annotations
 

@@ -54,3 +54,8 @@ pub use pose::Pose;
 pub use result::{Calibration, Plane, Stage, Warning};
 pub use straighten::{Straightening, fit_distortion};
 pub use tone::{Tone, ToneCurve};
+
+/// Compiles the README's example with the documentation tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct ReadmeExamples;

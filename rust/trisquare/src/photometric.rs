@@ -9,12 +9,12 @@
 mod band;
 mod coverage;
 mod exposure;
+mod exposure_fit;
 mod fit;
 
 use crate::arrow::ArrowSystem;
 use crate::consistency::disagreement;
 use crate::covariance::covariance;
-use crate::levenberg::{Limits, Termination, minimise};
 use crate::observations::ObservedPlane;
 use crate::parameters::FreeParameters;
 use crate::refine::{Refined, View, residuals};
@@ -23,7 +23,8 @@ use crate::robust::Loss;
 use crate::{Brown, Picture, PlaneEdges, Tone};
 use band::{PixelFigure, collect};
 use exposure::Exposure;
-use fit::{ExposureFit, PixelFit, PixelState, PixelSystem};
+use exposure_fit::fit_exposures;
+use fit::{PixelFit, PixelState, PixelSystem};
 
 /// The pictures that show the figures, and how they were coded.
 #[derive(Debug, Clone, Copy)]
@@ -36,16 +37,6 @@ pub struct Photographs<'a> {
 
 /// One pixel in so many tells the exposures, while camera and planes are held.
 const EXPOSURE_STRIDE: usize = 12;
-
-/// Rounds of the exposures' fit: Huber's loss, then Tukey's at the scale found.
-const EXPOSURE_LOSSES: [Loss; 2] = [Loss::Huber, Loss::Tukey];
-
-/// Evaluations allowed to a round of the exposures' fit, and the fall of the cost, in units of the
-/// noise variance, that ends it.
-const EXPOSURE_LIMITS: Limits = Limits {
-    iterations: 40,
-    decrease: 1.0,
-};
 
 /// Gauss-Newton steps allowed to the joint fit.
 const MAX_STEPS: usize = 8;
@@ -100,16 +91,29 @@ fn attempt(
     let figures = collect(edges, planes, &refined.view, photographs)?;
     let broken = || Refusal::Reason("the pixels near an outline do not show a blurred step");
     let curve = photographs.tone.curve();
-    let mut fit = PixelFit {
-        figures: &figures,
+    let thinned: Vec<PixelFigure> = figures.iter().map(|f| f.thinned(EXPOSURE_STRIDE)).collect();
+    let fit = PixelFit {
+        figures: &thinned,
         free,
         curve: &curve,
         loss: Loss::Tukey,
         scales: Vec::new(),
     };
-    let (mut state, scales) =
-        fit_exposures(&fit, &refined.view, photographs.tone).ok_or_else(broken)?;
-    fit.scales = scales;
+    let guess: Option<Vec<Exposure>> = thinned
+        .iter()
+        .map(|figure| Exposure::guess(figure, photographs.tone))
+        .collect();
+    let (exposures, scales) =
+        fit_exposures(fit.clone(), &refined.view, guess.ok_or_else(broken)?).ok_or_else(broken)?;
+    let fit = PixelFit {
+        figures: &figures,
+        scales,
+        ..fit
+    };
+    let mut state = PixelState {
+        view: refined.view.clone(),
+        exposures,
+    };
 
     let mut last_cost = f64::INFINITY;
     let mut finished = None;
@@ -144,46 +148,6 @@ fn attempt(
     let better = better.ok_or_else(broken)?;
     check_improvement(free, calibration, &better)?;
     Ok(better)
-}
-
-/// Exposures and noise of all figures, on part of the pixels and with the geometry held.
-fn fit_exposures(
-    fit: &PixelFit<'_>,
-    view: &View<Brown>,
-    tone: Tone,
-) -> Option<(PixelState, Vec<f64>)> {
-    let thinned: Vec<PixelFigure> = fit
-        .figures
-        .iter()
-        .map(|f| f.thinned(EXPOSURE_STRIDE))
-        .collect();
-    let guesses: Option<Vec<Exposure>> = thinned
-        .iter()
-        .map(|figure| Exposure::guess(figure, tone))
-        .collect();
-    let mut state = PixelState {
-        view: view.clone(),
-        exposures: guesses?,
-    };
-    let mut part = PixelFit {
-        figures: &thinned,
-        ..fit.clone()
-    };
-    for loss in EXPOSURE_LOSSES {
-        part.loss = loss;
-        part.scales = part.measure_scales(&state)?;
-        let problem = ExposureFit {
-            pixels: &part,
-            view,
-        };
-        let minimum = minimise(&problem, state.exposures, EXPOSURE_LIMITS)?;
-        if minimum.termination != Termination::Converged {
-            return None;
-        }
-        state.exposures = minimum.state;
-    }
-    let scales = part.measure_scales(&state)?;
-    Some((state, scales))
 }
 
 /// The calibration with the pixels' camera, planes and covariance.

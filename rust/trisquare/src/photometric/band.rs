@@ -22,7 +22,7 @@ const MIN_REACH: f64 = 3.0;
 const NEAR: f64 = 8.0;
 
 /// Spacing (px) of the points at which a side's image is traced.
-const TRACE_SPACING: f64 = 1.5;
+const TRACE_SPACING: f64 = 2.5;
 
 /// Points of a side's trace at most, so that 16 bits number those of an outline.
 const MAX_TRACE: f64 = 16_000.0;
@@ -195,9 +195,11 @@ impl Outline {
             .filter_map(|(x, y, mark)| {
                 let place = Vector2::new(x as f64, y as f64);
                 let nearest = usize::from(mark.nearest);
+                let offset = place - self.trace[nearest].place;
+                // Whatever is nearest to a corner lies outside: the square is convex.
                 let turn = self
                     .direction(nearest)
-                    .perp(&(place - self.trace[nearest].place));
+                    .map_or(-winding, |along| along.perp(&offset));
                 Some(BandPixel {
                     place,
                     value: reader.get(x, y)?,
@@ -218,16 +220,12 @@ impl Outline {
         }
     }
 
-    /// Direction of the outline at a point of its trace.
-    fn direction(&self, index: usize) -> Vector2<f64> {
+    /// Direction of the outline at a point of its trace; `None` at a corner.
+    fn direction(&self, index: usize) -> Option<Vector2<f64>> {
         let side = self.trace[index].side;
         let other = |i: usize| self.trace.get(i).filter(|p| p.side == side);
-        let next = other(index + 1).unwrap_or(&self.trace[index]);
-        let previous = index
-            .checked_sub(1)
-            .and_then(other)
-            .unwrap_or(&self.trace[index]);
-        next.place - previous.place
+        let (previous, next) = (other(index.checked_sub(1)?)?, other(index + 1)?);
+        Some(next.place - previous.place)
     }
 
     /// +1 if the trace runs clockwise on the screen, so that the inside lies to its right.

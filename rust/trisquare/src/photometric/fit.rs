@@ -3,18 +3,14 @@
 use nalgebra::{DMatrix, DVector, Vector2, Vector3};
 
 use crate::arrow::{ArrowStep, ArrowSystem, Block};
-use crate::levenberg::Problem;
 use crate::parameters::FreeParameters;
 use crate::photometric::band::{BandPixel, PixelFigure};
 use crate::photometric::coverage::{self, Coverage, PLATEAU, coverage};
 use crate::photometric::exposure::{EXPOSURE_PARAMETERS, Exposure};
 use crate::refine::View;
-use crate::robust::{Loss, Spread, median_scale};
+use crate::robust::{Loss, Spread};
 use crate::tone::ToneCurve;
-use crate::{Brown, Lens};
-
-/// Noise (coded, 1 being white) below which pixels agree to rounding.
-const MIN_NOISE: f64 = 1e-6;
+use crate::{Brown, BrownSight, Lens};
 
 /// A pixel's distance to the outline changes by less than this (px) from its first estimate.
 const DEPTH_SLACK: f64 = 1.0;
@@ -50,10 +46,10 @@ pub(crate) struct PixelSystem {
 }
 
 /// One figure under one state: what all its pixels share.
-struct Scene<'a> {
+pub(super) struct Scene<'a> {
     fit: &'a PixelFit<'a>,
     figure: &'a PixelFigure,
-    lens: &'a Brown,
+    pub(super) lens: &'a Brown,
     exposure: &'a Exposure,
     /// The planes through the camera centre and the sides.
     lines: [Vector3<f64>; 4],
@@ -62,51 +58,62 @@ struct Scene<'a> {
 }
 
 /// The model at one pixel.
-struct Shade {
-    residual: f64,
+pub(super) struct Shade {
+    pub residual: f64,
     /// Derivative of the coded value by light.
     slope: f64,
     contrast: f64,
-    coverage: Coverage,
-    sight: Option<<Brown as Lens>::Sight>,
+    pub coverage: Coverage,
+    /// Distances to the near sides in blurs.
     z: [f64; 4],
     place: Vector2<f64>,
 }
 
 impl Scene<'_> {
-    /// `None` where the lens is not invertible.
-    fn shade(&self, pixel: &BandPixel) -> Option<Shade> {
-        let mut z = [0.0; 4];
-        let mut sight = None;
-        let mut covered = coverage::plateau(pixel.depth > 0.0);
-        if pixel.depth.abs() < PLATEAU * self.exposure.blur + DEPTH_SLACK {
-            let seen = self.lens.sight(&pixel.place)?;
-            for side in 0..4 {
-                if pixel.near & (1 << side) != 0 {
-                    let distance = self.lens.line_distance(&seen, &self.lines[side]);
-                    z[side] = distance / self.exposure.blur;
-                }
+    /// Whether an edge may cut the pixel; if not, it is on a plateau.
+    fn may_cut(&self, pixel: &BandPixel) -> bool {
+        pixel.depth.abs() < PLATEAU * self.exposure.blur + DEPTH_SLACK
+    }
+
+    /// Signed distances (px) of a pixel to the sides near it.
+    pub(super) fn distances(&self, pixel: &BandPixel, sight: &BrownSight) -> [f64; 4] {
+        let mut distances = [0.0; 4];
+        for side in 0..4 {
+            if pixel.near & (1 << side) != 0 {
+                distances[side] = self.lens.line_distance(sight, &self.lines[side]);
             }
-            sight = Some(seen);
-            covered = coverage(pixel.near, &z, |corner| self.corner_correlations[corner]);
         }
+        distances
+    }
+
+    /// The model at a pixel, given its distances if an edge may cut it.
+    pub(super) fn shade(&self, pixel: &BandPixel, distances: Option<&[f64; 4]>) -> Shade {
+        let mut z = [0.0; 4];
+        let covered = match distances {
+            None => coverage::plateau(pixel.depth > 0.0),
+            Some(distances) => {
+                z = distances.map(|d| d / self.exposure.blur);
+                coverage(pixel.near, &z, |corner| self.corner_correlations[corner])
+            }
+        };
         let place = self.figure.shading_place(&pixel.place);
         let (ground, contrast) = self.exposure.at(&place);
-        let light = ground + contrast * covered.value;
-        let (value, slope) = self.fit.curve.encode_with_slope(light);
-        Some(Shade {
+        let (value, slope) = self
+            .fit
+            .curve
+            .encode_with_slope(ground + contrast * covered.value);
+        Shade {
             residual: value - pixel.value,
             slope,
             contrast,
             coverage: covered,
-            sight,
             z,
             place,
-        })
+        }
     }
 
     /// Derivatives by the exposure's parameters, then the residual.
-    fn exposure_row(&self, shade: &Shade) -> [f64; EXPOSURE_PARAMETERS + 1] {
+    pub(super) fn exposure_row(&self, shade: &Shade) -> [f64; EXPOSURE_PARAMETERS + 1] {
         let mut row = [shade.residual; EXPOSURE_PARAMETERS + 1];
         row[..EXPOSURE_PARAMETERS].copy_from_slice(&self.wrt_exposure(shade));
         row
@@ -150,7 +157,7 @@ struct FigureSums<const N: usize> {
 
 /// Adds the lower triangle of an outer product.
 #[inline(always)]
-fn add_outer<const N: usize>(sums: &mut [[f64; N]; N], row: &[f64; N], weight: f64) {
+pub(super) fn add_outer<const N: usize>(sums: &mut [[f64; N]; N], row: &[f64; N], weight: f64) {
     for i in 0..N {
         let weighted = weight * row[i];
         for j in 0..=i {
@@ -165,7 +172,7 @@ fn symmetric<const N: usize>(sums: &[[f64; N]; N], i: usize, j: usize) -> f64 {
 }
 
 impl PixelFit<'_> {
-    fn scene<'a>(
+    pub(super) fn scene<'a>(
         &'a self,
         view: &'a View<Brown>,
         exposure: &'a Exposure,
@@ -199,33 +206,6 @@ impl PixelFit<'_> {
         })
     }
 
-    /// Robust noise of each figure, from the pixels that an edge cuts.
-    pub fn measure_scales(&self, state: &PixelState) -> Option<Vec<f64>> {
-        let mut scales = Vec::with_capacity(self.figures.len());
-        for index in 0..self.figures.len() {
-            let mut residuals = Vec::new();
-            self.for_each_cut(state, index, |residual| residuals.push(residual))?;
-            scales.push(median_scale(residuals.into_iter()).max(MIN_NOISE));
-        }
-        Some(scales)
-    }
-
-    fn for_each_cut(
-        &self,
-        state: &PixelState,
-        index: usize,
-        mut visit: impl FnMut(f64),
-    ) -> Option<()> {
-        let scene = self.scene(&state.view, &state.exposures[index], index)?;
-        for pixel in &self.figures[index].pixels {
-            let shade = scene.shade(pixel)?;
-            if shade.coverage.cut_count > 0 {
-                visit(shade.residual);
-            }
-        }
-        Some(())
-    }
-
     fn add_figure<const N: usize>(
         &self,
         state: &PixelState,
@@ -244,7 +224,12 @@ impl PixelFit<'_> {
         };
         let to_noise = 1.0 / self.scales[index];
         for pixel in &figure.pixels {
-            let shade = scene.shade(pixel)?;
+            let sight = match scene.may_cut(pixel) {
+                true => Some(scene.lens.sight(&pixel.place)?),
+                false => None,
+            };
+            let distances = sight.map(|sight| scene.distances(pixel, &sight));
+            let shade = scene.shade(pixel, distances.as_ref());
             let (cost, weight) = self.loss.cost_and_weight(shade.residual * to_noise);
             sum.cost += cost;
             if shade.coverage.cut_count > 0 {
@@ -255,7 +240,7 @@ impl PixelFit<'_> {
                 continue;
             }
             let wrt_exposure = scene.wrt_exposure(&shade);
-            match (shade.coverage.cut_count, &shade.sight) {
+            match (shade.coverage.cut_count, &sight) {
                 (1, Some(sight)) => {
                     let (side, density) = shade.coverage.cuts[0];
                     let distance = scene.lens.line_distance_jacobian(sight, &scene.lines[side]);
@@ -408,7 +393,7 @@ fn add_side<const N: usize>(
     }
 }
 
-fn add_plateau(
+pub(super) fn add_plateau(
     block: &mut Block,
     sums: &[[f64; EXPOSURE_PARAMETERS + 1]; EXPOSURE_PARAMETERS + 1],
     exposure_offset: usize,
@@ -418,45 +403,6 @@ fn add_plateau(
             block.hessian[(exposure_offset + i, exposure_offset + j)] += symmetric(sums, i, j);
         }
         block.gradient[exposure_offset + i] += sums[EXPOSURE_PARAMETERS][i];
-    }
-}
-
-/// The same pixels with camera and planes held: only the exposures move.
-pub(crate) struct ExposureFit<'a> {
-    pub pixels: &'a PixelFit<'a>,
-    pub view: &'a View<Brown>,
-}
-
-impl Problem for ExposureFit<'_> {
-    type State = Vec<Exposure>;
-
-    fn evaluate(&self, exposures: &Vec<Exposure>) -> Option<(f64, ArrowSystem)> {
-        let fit = self.pixels;
-        let own = fit.figures.iter().map(|_| EXPOSURE_PARAMETERS);
-        let mut system = ArrowSystem::zeros(0, own);
-        let mut cost = 0.0;
-        for (index, figure) in fit.figures.iter().enumerate() {
-            let scene = fit.scene(self.view, &exposures[index], index)?;
-            let to_noise = 1.0 / fit.scales[index];
-            let mut sums = [[0.0; EXPOSURE_PARAMETERS + 1]; EXPOSURE_PARAMETERS + 1];
-            for pixel in &figure.pixels {
-                let shade = scene.shade(pixel)?;
-                let (part, weight) = fit.loss.cost_and_weight(shade.residual * to_noise);
-                cost += part;
-                let row = scene.exposure_row(&shade);
-                add_outer(&mut sums, &row, weight * to_noise * to_noise);
-            }
-            add_plateau(&mut system.blocks[index], &sums, 0);
-        }
-        let valid = exposures.iter().all(Exposure::is_valid);
-        valid.then_some((cost, system))
-    }
-
-    fn advance(&self, exposures: &Vec<Exposure>, step: &ArrowStep) -> Vec<Exposure> {
-        let steps = exposures.iter().zip(&step.blocks);
-        steps
-            .map(|(exposure, own)| exposure.moved(own.as_slice()))
-            .collect()
     }
 }
 
@@ -521,10 +467,11 @@ mod tests {
             let scene = fit
                 .scene(&state.view, &state.exposures[index], index)
                 .unwrap();
-            let shades = figures[index]
-                .pixels
-                .iter()
-                .map(|p| scene.shade(p).unwrap());
+            let shades = figures[index].pixels.iter().map(|p| {
+                let sight = state.view.lens.sight(&p.place).unwrap();
+                let distances = scene.distances(p, &sight);
+                scene.shade(p, scene.may_cut(p).then_some(&distances))
+            });
             values.push(
                 shades
                     .zip(&figures[index].pixels)

@@ -1,0 +1,129 @@
+//! Exposures and noise of all figures, with camera and planes held.
+//!
+//! The distances of the pixels to the sides do not change then, and are computed once.
+
+use crate::arrow::{ArrowStep, ArrowSystem};
+use crate::levenberg::{Limits, Problem, Termination, minimise};
+use crate::photometric::exposure::{EXPOSURE_PARAMETERS, Exposure};
+use crate::photometric::fit::{PixelFit, Shade, add_outer, add_plateau};
+use crate::refine::View;
+use crate::robust::{Loss, median_scale};
+use crate::{Brown, Lens};
+
+/// Rounds of the fit: Huber's loss, then Tukey's at the scale found.
+const LOSSES: [Loss; 2] = [Loss::Huber, Loss::Tukey];
+
+/// Evaluations allowed to a round, and the fall of the cost, in units of the noise variance, that
+/// ends it.
+const LIMITS: Limits = Limits {
+    iterations: 40,
+    decrease: 1.0,
+};
+
+/// Noise (coded, 1 being white) below which pixels agree to rounding.
+const MIN_NOISE: f64 = 1e-6;
+
+/// The pixels of a fit with camera and planes held.
+struct HeldGeometry<'a> {
+    pixels: PixelFit<'a>,
+    view: &'a View<Brown>,
+    /// For every pixel of every figure, its distances to the near sides.
+    distances: Vec<Vec<[f64; 4]>>,
+}
+
+/// Fits the exposures from a guess, and measures the noise of each figure's pixels; `None` if
+/// they do not show blurred squares.
+pub(super) fn fit_exposures(
+    pixels: PixelFit<'_>,
+    view: &View<Brown>,
+    guess: Vec<Exposure>,
+) -> Option<(Vec<Exposure>, Vec<f64>)> {
+    let mut distances = Vec::with_capacity(pixels.figures.len());
+    for (index, figure) in pixels.figures.iter().enumerate() {
+        let scene = pixels.scene(view, &guess[index], index)?;
+        let own = figure.pixels.iter().map(|pixel| {
+            let sight = view.lens.sight(&pixel.place)?;
+            Some(scene.distances(pixel, &sight))
+        });
+        distances.push(own.collect::<Option<Vec<_>>>()?);
+    }
+    let mut problem = HeldGeometry {
+        pixels,
+        view,
+        distances,
+    };
+    let mut exposures = guess;
+    for loss in LOSSES {
+        problem.pixels.loss = loss;
+        problem.pixels.scales = problem.scales(&exposures)?;
+        let minimum = minimise(&problem, exposures, LIMITS)?;
+        if minimum.termination != Termination::Converged {
+            return None;
+        }
+        exposures = minimum.state;
+    }
+    let scales = problem.scales(&exposures)?;
+    Some((exposures, scales))
+}
+
+impl HeldGeometry<'_> {
+    /// Shows the model at every pixel of a figure to `visit`, with its row of the Jacobian.
+    fn for_each(
+        &self,
+        exposure: &Exposure,
+        index: usize,
+        mut visit: impl FnMut(&Shade, [f64; EXPOSURE_PARAMETERS + 1]),
+    ) -> Option<()> {
+        let scene = self.pixels.scene(self.view, exposure, index)?;
+        let figure = &self.pixels.figures[index];
+        for (pixel, distances) in figure.pixels.iter().zip(&self.distances[index]) {
+            let shade = scene.shade(pixel, Some(distances));
+            visit(&shade, scene.exposure_row(&shade));
+        }
+        Some(())
+    }
+
+    /// Robust noise of each figure, from the pixels that an edge cuts.
+    fn scales(&self, exposures: &[Exposure]) -> Option<Vec<f64>> {
+        let mut scales = Vec::with_capacity(exposures.len());
+        for (index, exposure) in exposures.iter().enumerate() {
+            let mut residuals = Vec::new();
+            self.for_each(exposure, index, |shade, _| {
+                if shade.coverage.cut_count > 0 {
+                    residuals.push(shade.residual);
+                }
+            })?;
+            scales.push(median_scale(residuals.into_iter()).max(MIN_NOISE));
+        }
+        Some(scales)
+    }
+}
+
+impl Problem for HeldGeometry<'_> {
+    type State = Vec<Exposure>;
+
+    fn evaluate(&self, exposures: &Vec<Exposure>) -> Option<(f64, ArrowSystem)> {
+        let own = exposures.iter().map(|_| EXPOSURE_PARAMETERS);
+        let mut system = ArrowSystem::zeros(0, own);
+        let mut cost = 0.0;
+        for (index, exposure) in exposures.iter().enumerate() {
+            let to_noise = 1.0 / self.pixels.scales[index];
+            let mut sums = [[0.0; EXPOSURE_PARAMETERS + 1]; EXPOSURE_PARAMETERS + 1];
+            self.for_each(exposure, index, |shade, row| {
+                let (part, weight) = self.pixels.loss.cost_and_weight(shade.residual * to_noise);
+                cost += part;
+                add_outer(&mut sums, &row, weight * to_noise * to_noise);
+            })?;
+            add_plateau(&mut system.blocks[index], &sums, 0);
+        }
+        let valid = exposures.iter().all(Exposure::is_valid);
+        valid.then_some((cost, system))
+    }
+
+    fn advance(&self, exposures: &Vec<Exposure>, step: &ArrowStep) -> Vec<Exposure> {
+        let steps = exposures.iter().zip(&step.blocks);
+        steps
+            .map(|(exposure, own)| exposure.moved(own.as_slice()))
+            .collect()
+    }
+}

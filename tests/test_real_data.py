@@ -1,0 +1,83 @@
+"""Photographs that no simulator made: `../shared/data` beside the repository, if it is there."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import trisquare as ts
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+DATA = REPOSITORY.parent / "shared" / "data"
+
+pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="there is no ../shared/data")
+
+THREE_SQUARES_SIZE = (1024, 768)
+
+
+@pytest.fixture(scope="module")
+def three_squares():
+    squares = json.loads((DATA / "three-squares" / "edges.json").read_text())["squares"]
+    return [ts.PlaneEdges.square(sides) for sides in squares]
+
+
+def test_three_real_squares_without_distortion(three_squares):
+    """Focal lengths and principal point of Hartley & Zisserman's example 8.18."""
+    result = ts.calibrate_edges(three_squares, THREE_SQUARES_SIZE, model="none")
+    assert result.camera.fx == pytest.approx(1108.3, rel=0.01)
+    assert result.camera.fy == pytest.approx(1097.8, rel=0.01)
+    assert result.camera.cx == pytest.approx(525.8, abs=6.0)
+    assert result.camera.cy == pytest.approx(395.9, abs=6.0)
+    normals = np.array([plane.rotation[:, 2] for plane in result.planes])
+    cosines = (normals @ normals.T)[np.triu_indices(3, 1)]
+    angles = sorted(np.degrees(np.arccos(cosines)))
+    np.testing.assert_allclose(angles, [67.4, 92.2, 94.7], rtol=0, atol=2.5)
+
+
+def test_three_real_squares_with_distortion(three_squares):
+    result = ts.calibrate_edges(three_squares, THREE_SQUARES_SIZE, model="radial1")
+    assert -0.15 < result.camera.distortion[0] < -0.05
+
+
+def test_command_on_thirteen_chessboard_photographs():
+    """Another corner detector moves Zhang's own f by 0.15 %: 0.4 % is the reference's accuracy."""
+    photographs = sorted((DATA / "opencv-chess").glob("left*.jpg"))
+    assert len(photographs) == 13
+    command = [sys.executable, "-m", "trisquare", "calibrate", *map(str, photographs)]
+    command += ["--targets", "chessboard:9x6", "--json"]
+    printed = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    result = ts.Calibration.from_json(printed)
+    references = DATA / "opencv-chess" / "reference_left_cornerSubPix.json"
+    zhang = json.loads(references.read_text())["k1k2_notan_fixk3"]
+    assert len(result.planes) == 13
+    assert result.camera.fx == pytest.approx(zhang["K"][0][0], rel=0.004)
+    assert result.camera.fy == pytest.approx(zhang["K"][1][1], rel=0.004)
+    k1 = zhang["dist_k1k2p1p2k3"][0]
+    assert result.camera.distortion[0] == pytest.approx(k1, abs=0.02)
+
+
+@pytest.mark.parametrize("number", range(8))
+def test_squares_rendered_into_photographs_are_found_and_calibrated(number, inserted):
+    """Of what `make bench` does in 50 pictures; their own chessboards' cells are no squares."""
+    case = inserted[number]
+    truth = case.scene.camera
+    result = ts.calibrate(case.picture)
+    assert len(result.planes) == 3
+    # JPEG's errors are neither independent nor normal, so no bound in our own deviations is
+    # owed: half a per cent tells a calibrated camera from a wrong one.
+    assert result.camera.fx == pytest.approx(truth.fx, rel=0.005)
+    assert result.camera.fy == pytest.approx(truth.fy, rel=0.005)
+    width = truth.image_size[0]
+    assert result.camera.cx == pytest.approx(truth.cx, abs=0.005 * width)
+    assert result.camera.cy == pytest.approx(truth.cy, abs=0.005 * width)
+
+
+@pytest.fixture(scope="module")
+def inserted():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(REPOSITORY / "benchmarks"))
+        from inserted_squares import inserted_squares
+    return list(inserted_squares(8))
