@@ -100,6 +100,24 @@ impl ArrowSystem {
         (decrease.is_finite() && step.is_finite()).then_some(step)
     }
 
+    /// The equations without the last shared parameters: these are held.
+    pub fn leading(&self, shared: usize) -> Self {
+        Self {
+            prior: self.prior.view((0, 0), (shared, shared)).into_owned(),
+            blocks: self
+                .blocks
+                .iter()
+                .map(|block| Block {
+                    shared: block.shared.view((0, 0), (shared, shared)).into_owned(),
+                    shared_gradient: block.shared_gradient.rows(0, shared).into_owned(),
+                    hessian: block.hessian.clone(),
+                    cross: block.cross.columns(0, shared).into_owned(),
+                    gradient: block.gradient.clone(),
+                })
+                .collect(),
+        }
+    }
+
     /// What every plane alone tells of the shared parameters, its own eliminated.
     pub fn contributions(&self) -> Option<Vec<Reduced>> {
         let contribution = |block: &Block| {

@@ -1,22 +1,22 @@
 //! The stages, in order, and nothing else.
 
-use nalgebra::DMatrix;
+use nalgebra::Matrix3;
 
 use crate::consistency::disagreement;
 use crate::covariance::{Geometry, check_plane_count, covariance};
-use crate::levenberg::{Problem, Termination};
+use crate::levenberg::Termination;
 use crate::linear::{
     Homographies, Undistortion, conic_camera_matrix, fallback_camera_matrices, first_view,
 };
-use crate::observations::{ObservedPlane, sort_by_plane};
+use crate::observations::{ObservedPlane, Sample, sort_by_plane};
 use crate::parameters::FreeParameters;
 use crate::photometric::{self, Photographs};
-use crate::refine::{EdgeProblem, EdgeProblemFor, PlaneState, Refined, View, refine, residuals};
+use crate::refine::{Refined, Search, View, finish, search};
 use crate::result::{Calibration, Stage, Warning};
-use crate::robust::Loss;
 use crate::{Brown, Error, ImageSize, Method, Options, PlaneEdges};
 
-/// Samples of each side that the straightening uses when the refinement follows anyway.
+/// Samples of each side with which the search for the optimum starts: enough for the robust
+/// scale, and within a few standard deviations of what all samples will say.
 const START_SAMPLES_PER_SIDE: usize = 24;
 
 /// Calibrates a camera from edge samples of planes with known lines.
@@ -51,25 +51,29 @@ pub fn calibrate_photographs(
     let free = options.free_parameters();
     check_plane_count(planes.len(), &free)?;
 
-    let samples_per_side = match options.method {
+    let judged = judged_parameters(&free);
+    let sample_limit = match options.method {
         Method::Linear => usize::MAX,
         Method::MaximumLikelihood => START_SAMPLES_PER_SIDE,
     };
-    let undistortion = Undistortion::estimate(&planes, size, options, samples_per_side)?;
-    let homographies = Homographies::estimate(&planes, &undistortion)?;
+    let some: Vec<ObservedPlane> = planes.iter().map(|p| p.thinned(sample_limit)).collect();
+    let undistortion = Undistortion::estimate(&some, size, options)?;
+    let homographies = Homographies::estimate(&some, &undistortion)?;
     let stages = Stages {
         planes: &planes,
+        some: &some,
         free: &free,
+        judged: &judged,
         size,
         options,
         undistortion: &undistortion,
         homographies: &homographies,
     };
     match options.method {
-        Method::Linear => stages.finish_linear(),
+        Method::Linear => stages.result(&stages.linear()?, Stage::Linear),
         Method::MaximumLikelihood => {
             let refined = stages.refine()?;
-            let mut calibration = stages.finish(&refined, Stage::Edges)?;
+            let mut calibration = stages.result(&refined, Stage::Edges)?;
             if let Some(photographs) = photographs {
                 photometric::improve(
                     edges,
@@ -85,10 +89,23 @@ pub fn calibrate_photographs(
     }
 }
 
+/// The free parameters, with the centre of distortion freed from the principal point where the
+/// lens polynomial could otherwise stand in for the planes.
+fn judged_parameters(free: &FreeParameters) -> FreeParameters {
+    if free.position("fx").is_some() && free.position("cx").is_some() {
+        free.with_free_centre()
+    } else {
+        free.clone()
+    }
+}
+
 /// What every stage may look at.
 struct Stages<'a> {
     planes: &'a [ObservedPlane],
+    /// The same with fewer samples: from these the search starts.
+    some: &'a [ObservedPlane],
     free: &'a FreeParameters,
+    judged: &'a FreeParameters,
     size: ImageSize,
     options: &'a Options,
     undistortion: &'a Undistortion,
@@ -96,33 +113,36 @@ struct Stages<'a> {
 }
 
 impl Stages<'_> {
-    fn view(&self, camera_matrix: &nalgebra::Matrix3<f64>) -> Result<View<Brown>, Error> {
-        first_view(
+    fn view(&self, camera_matrix: &Matrix3<f64>) -> Result<View<Brown>, Error> {
+        let view = first_view(
             camera_matrix,
             self.homographies,
             self.planes,
             self.undistortion,
             self.size,
             self.options,
-        )
-    }
-
-    fn sample_count(&self) -> usize {
-        self.planes.iter().map(|p| p.samples().count()).sum()
-    }
-
-    fn check_freedom(&self, view: &View<Brown>) -> Result<(), Error> {
-        let unknowns = self.free.len()
-            + view
-                .planes
-                .iter()
-                .map(PlaneState::parameter_count)
-                .sum::<usize>();
-        let samples = self.sample_count();
+        )?;
+        let unknowns = view.unknowns(self.free);
+        let samples = self.samples().count();
         if samples <= unknowns {
             return Err(Error::TooFewDegreesOfFreedom { samples, unknowns });
         }
-        Ok(())
+        Ok(view)
+    }
+
+    fn samples(&self) -> impl Iterator<Item = &Sample> {
+        self.planes.iter().flat_map(ObservedPlane::samples)
+    }
+
+    /// The linear steps' own answer.
+    fn linear(&self) -> Result<Refined<Brown>, Error> {
+        let camera_matrix = conic_camera_matrix(self.homographies, self.size, self.options)?;
+        let view = self.view(&camera_matrix)?;
+        Refined::of_linear(self.planes, self.free, self.judged, view).ok_or(Error::NotConverged {
+            stage: "the linear solution (its distortion is not invertible at a sample)",
+            iterations: 0,
+            rms: 0.0,
+        })
     }
 
     /// Joint maximum likelihood from the conic's camera matrix, or from the first fallback that
@@ -134,128 +154,92 @@ impl Stages<'_> {
             self.size,
             self.options,
         ));
-        let mut last: Option<Refined<Brown>> = None;
+        let mut unsettled: Option<Search<Brown>> = None;
         for camera_matrix in starts {
-            let Ok(start) = self.view(&camera_matrix) else {
-                continue;
+            let start = match self.view(&camera_matrix) {
+                Err(error @ Error::TooFewDegreesOfFreedom { .. }) => return Err(error),
+                Err(_) => continue,
+                Ok(start) => start,
             };
-            self.check_freedom(&start)?;
             // Where the straightening's polynomial does not reach a sample, start without.
             let pinhole = View {
                 lens: start.lens.without_distortion(),
                 ..start.clone()
             };
-            let refined = refine(self.planes, self.free, start)
-                .or_else(|| refine(self.planes, self.free, pinhole));
-            match refined {
-                Some(refined) if refined.termination == Termination::Converged => {
-                    return Ok(refined);
+            let found = search(self.some, self.free, start)
+                .or_else(|| search(self.some, self.free, pinhole));
+            match found {
+                Some(found) if found.termination == Termination::Converged => {
+                    if let Some(refined) = self.finish(found) {
+                        return Ok(refined);
+                    }
                 }
-                Some(refined) => last = last.or(Some(refined)),
+                Some(found) => unsettled = unsettled.or(Some(found)),
                 None => {}
             }
         }
-        // A geometry that cannot answer is the likeliest reason: it has its own error.
-        let iterations = last.as_ref().map_or(0, |refined| refined.iterations);
-        if let Some(refined) = &last {
-            self.judge(refined)?;
-        }
-        Err(Error::NotConverged {
-            stage: "the joint refinement",
-            iterations,
-            rms: last.map_or(0.0, |refined| refined.scale),
+        Err(self.no_convergence(unsettled))
+    }
+
+    /// From the optimum of some samples to that of all.
+    fn finish(&self, found: Search<Brown>) -> Option<Refined<Brown>> {
+        let view = found.view.clone();
+        finish(self.planes, self.free, self.judged, found).or_else(|| {
+            // Some samples misled: search among all of them.
+            let found = search(self.planes, self.free, view)?;
+            let converged = found.termination == Termination::Converged;
+            let found = converged.then_some(found)?;
+            finish(self.planes, self.free, self.judged, found)
         })
     }
 
-    fn system(
-        &self,
-        refined: &Refined<Brown>,
-        free: &FreeParameters,
-        loss: Loss,
-    ) -> Option<crate::arrow::ArrowSystem> {
-        let problem = EdgeProblemFor {
-            problem: EdgeProblem {
-                planes: self.planes,
-                free,
-                loss,
-                scale: refined.scale,
-            },
-            lens: std::marker::PhantomData,
-        };
-        Some(problem.evaluate(&refined.view)?.1)
+    /// A geometry that cannot answer is the likeliest reason, and has its own error.
+    fn no_convergence(&self, unsettled: Option<Search<Brown>>) -> Error {
+        let iterations = unsettled.as_ref().map_or(0, |found| found.iterations);
+        let refined = unsettled
+            .and_then(|found| Refined::of_linear(self.some, self.free, self.judged, found.view));
+        let rms = refined.as_ref().map_or(0.0, |refined| refined.noise_scale);
+        if let Some(Err(error)) = refined.map(|refined| self.judge(&refined)) {
+            return error;
+        }
+        Error::NotConverged {
+            stage: "the joint refinement",
+            iterations,
+            rms,
+        }
     }
 
     fn judge(&self, refined: &Refined<Brown>) -> Result<(), Error> {
-        // Only where both are free can the lens polynomial stand in for the planes.
-        let both = self.free.position("fx").is_some() && self.free.position("cx").is_some();
-        let judged = if both {
-            self.free.with_free_centre()
-        } else {
-            self.free.clone()
-        };
-        let weights: f64 = self
-            .planes
-            .iter()
-            .flat_map(ObservedPlane::samples)
-            .map(|s| s.weight * s.weight)
-            .sum();
-        let typical_std = (self.sample_count() as f64 / weights).sqrt();
+        let weights: f64 = self.samples().map(|s| s.weight * s.weight).sum();
+        let typical_std = (self.samples().count() as f64 / weights).sqrt();
         let geometry = Geometry {
             view: &refined.view,
             size: self.size,
             options: self.options,
             noise: refined.noise_scale * typical_std,
         };
-        let system = self
-            .system(refined, &judged, Loss::Tukey)
-            .unwrap_or_else(|| crate::arrow::ArrowSystem::zeros(judged.len(), std::iter::empty()));
-        geometry.judge(&system, self.free, refined.covariance_factor)
+        geometry.judge(&refined.system, self.free, refined.covariance_factor)
     }
 
-    fn finish_linear(&self) -> Result<Calibration, Error> {
-        let camera_matrix = conic_camera_matrix(self.homographies, self.size, self.options)?;
-        let view = self.view(&camera_matrix)?;
-        self.check_freedom(&view)?;
-        let refined =
-            Refined::of_linear(self.planes, self.free, view).ok_or(Error::NotConverged {
-                stage: "the linear solution (its distortion is not invertible at a sample)",
-                iterations: 0,
-                rms: 0.0,
-            })?;
-        self.finish(&refined, Stage::Linear)
-    }
-
-    fn finish(&self, refined: &Refined<Brown>, stage: Stage) -> Result<Calibration, Error> {
+    /// Judges the geometry, and only then gives numbers.
+    fn result(&self, refined: &Refined<Brown>, stage: Stage) -> Result<Calibration, Error> {
         self.judge(refined)?;
-        let singular = || Error::NotConverged {
+        let system = refined.system.leading(self.free.len());
+        let factor = refined.covariance_factor;
+        let covariance = covariance(&system, factor).ok_or(Error::NotConverged {
             stage: "the covariance",
             iterations: refined.iterations,
-            rms: refined.scale,
-        };
-        let system = self
-            .system(refined, self.free, Loss::Tukey)
-            .ok_or_else(singular)?;
-        let covariance = if self.free.len() == 0 {
-            DMatrix::zeros(0, 0)
-        } else {
-            covariance(&system, refined.covariance_factor).ok_or_else(singular)?
-        };
-        let warnings = disagreement(
-            &system,
-            self.free,
-            refined.view.lens.focal().x,
-            refined.covariance_factor,
-        )
-        .map(Warning::Disagreement);
-        let residuals = residuals(self.planes, &refined.view).ok_or_else(singular)?;
+            rms: refined.noise_scale,
+        })?;
+        let focal = refined.view.lens.focal().x;
+        let warning = disagreement(&system, self.free, focal, factor);
         Ok(Calibration::assemble(
             self.planes,
             self.free,
             self.size,
             refined,
             covariance,
-            &residuals,
-            warnings.into_iter().collect(),
+            warning.map(Warning::Disagreement).into_iter().collect(),
             stage,
         ))
     }

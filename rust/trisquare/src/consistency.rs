@@ -43,7 +43,7 @@ pub(crate) fn disagreement(
     factor: f64,
 ) -> Option<Disagreement> {
     let contributions = system.contributions()?;
-    if contributions.len() < 3 {
+    if contributions.len() < 3 || free.len() == 0 {
         return None;
     }
     let total = system.reduced_information()?;

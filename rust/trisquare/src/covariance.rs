@@ -27,6 +27,9 @@ const CENTRE_PRIOR: f64 = 0.5;
 /// The covariance of the free parameters from the normal equations at the optimum; `None` if they
 /// are singular. `factor` turns the inverse of the weighted information into a covariance.
 pub(crate) fn covariance(system: &ArrowSystem, factor: f64) -> Option<DMatrix<f64>> {
+    if system.prior.is_empty() {
+        return Some(DMatrix::zeros(0, 0));
+    }
     Some(invert(&system.reduced_information()?)? * factor)
 }
 

@@ -18,6 +18,7 @@ mod localise;
 pub mod normal;
 mod normalisation;
 mod observations;
+mod outer;
 mod parameters;
 mod photometric;
 mod picture;

@@ -30,12 +30,11 @@ pub(crate) enum Undistortion {
 }
 
 impl Undistortion {
-    /// Step 1, on at most `samples_per_side` samples of each side.
+    /// Step 1.
     pub fn estimate(
         planes: &[ObservedPlane],
         size: ImageSize,
         options: &Options,
-        samples_per_side: usize,
     ) -> Result<Self, Error> {
         if options.fixed.distortion {
             let known = options.initial.map(Self::Known);
@@ -48,10 +47,7 @@ impl Undistortion {
         let curves: Vec<Vec<Vector2<f64>>> = planes
             .iter()
             .flat_map(ObservedPlane::sides)
-            .map(|side| {
-                let step = side.samples.len().div_ceil(samples_per_side);
-                side.samples.iter().step_by(step).map(|s| s.pixel).collect()
-            })
+            .map(|side| side.samples.iter().map(|s| s.pixel).collect())
             .collect();
         let centre = options.fixed.principal_point.then(|| {
             options

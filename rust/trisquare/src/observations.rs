@@ -43,6 +43,16 @@ impl Figure {
 }
 
 impl ObservedPlane {
+    /// The same with at most so many samples of each side, evenly spread.
+    pub fn thinned(&self, samples_per_side: usize) -> Self {
+        let mut thinned = self.clone();
+        for side in thinned.figures.iter_mut().flat_map(|f| &mut f.sides) {
+            let step = side.samples.len().div_ceil(samples_per_side);
+            side.samples = side.samples.iter().step_by(step).copied().collect();
+        }
+        thinned
+    }
+
     pub fn samples(&self) -> impl Iterator<Item = &Sample> + Clone {
         self.figures.iter().flat_map(Figure::samples)
     }

@@ -160,19 +160,19 @@ fn replaced(
     refined: &Refined<Brown>,
     calibration: &Calibration,
 ) -> Option<Calibration> {
-    let covariance = match free.len() {
-        0 => calibration.covariance.clone(),
-        _ => covariance(system, factor)?,
-    };
+    let covariance = covariance(system, factor)?;
     let warnings = disagreement(system, free, view.lens.focal().x, factor);
-    let fitted = refined.with_view(view.clone());
+    let fitted = Refined {
+        view: view.clone(),
+        residuals: residuals(planes, view)?,
+        ..refined.clone()
+    };
     Some(Calibration::assemble(
         planes,
         free,
         calibration.image_size,
         &fitted,
         covariance,
-        &residuals(planes, view)?,
         warnings.map(Warning::Disagreement).into_iter().collect(),
         Stage::Pixels,
     ))

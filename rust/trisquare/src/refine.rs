@@ -5,12 +5,15 @@
 //! `l` that a line spans with the camera centre, so the samples of a side are summed over
 //! `(l, lens)` first and the pose is brought in once per side.
 
+use std::marker::PhantomData;
+
 use nalgebra::{DMatrix, Matrix3, SMatrix, Vector3};
 
 use crate::arrow::{ArrowStep, ArrowSystem};
 use crate::lens::MAX_LENS_COLUMNS;
 use crate::levenberg::{Limits, Problem, Termination, minimise};
 use crate::observations::{ObservedPlane, Placement, Side};
+use crate::outer::{add_outer, symmetric};
 use crate::parameters::FreeParameters;
 use crate::robust::{Loss, Spread, median_scale};
 use crate::{Lens, Pose};
@@ -27,6 +30,16 @@ const MAX_ROUNDS: usize = 12;
 /// Fall of the cost, in units of the noise variance, below which a step is the last: parameters
 /// are then within a hundredth of their standard deviation, and the last step is still taken.
 const LAST_DECREASE: f64 = 1e-4;
+
+/// Newton steps on all samples, from the optimum of some.
+const MAX_FINAL_STEPS: usize = 20;
+
+/// Predicted fall of the cost, in units of the noise variance, below which a Newton step is the
+/// last: what it leaves is its square.
+const LAST_FINAL_DECREASE: f64 = 0.02;
+
+/// A relative rise of the cost that is rounding.
+const FINAL_ROUNDING: f64 = 1e-9;
 
 /// A scale that changes by less than this part no longer changes the weights.
 const SCALE_TOLERANCE: f64 = 0.02;
@@ -109,12 +122,13 @@ impl PlaneState {
 }
 
 /// The samples as a least-squares problem at one scale of the noise.
-pub(crate) struct EdgeProblem<'a> {
-    pub planes: &'a [ObservedPlane],
-    pub free: &'a FreeParameters,
-    pub loss: Loss,
+pub(crate) struct EdgeProblem<'a, L> {
+    planes: &'a [ObservedPlane],
+    free: &'a FreeParameters,
+    loss: Loss,
     /// What the given standard deviations are to be multiplied by.
-    pub scale: f64,
+    scale: f64,
+    lens: PhantomData<L>,
 }
 
 /// Summed outer products of `(l, residual, shared parameters)` of one side's samples.
@@ -126,8 +140,18 @@ struct SideSums<const N: usize> {
 /// Columns before the shared parameters: the line's three, and the residual.
 const SHARED_OFFSET: usize = 4;
 
-impl EdgeProblem<'_> {
-    fn sum_side<L: Lens, const N: usize>(
+impl<'a, L: Lens> EdgeProblem<'a, L> {
+    pub fn new(planes: &'a [ObservedPlane], free: &'a FreeParameters, scale: f64) -> Self {
+        Self {
+            planes,
+            free,
+            loss: Loss::Tukey,
+            scale,
+            lens: PhantomData,
+        }
+    }
+
+    fn sum_side<const N: usize>(
         &self,
         lens: &L,
         line: &Vector3<f64>,
@@ -149,18 +173,13 @@ impl EdgeProblem<'_> {
             row[3] = distance.value;
             self.free
                 .gather(&distance.wrt_lens, &mut row[SHARED_OFFSET..]);
-            for i in 0..N {
-                let weighted = weight * row[i];
-                for j in 0..N {
-                    sums.products[i][j] += weighted * row[j];
-                }
-            }
+            add_outer(&mut sums.products, &row, weight);
         }
         Some(sums)
     }
 
     /// Adds one side's samples to the system; returns their cost.
-    fn add_side<L: Lens, const N: usize>(
+    fn add_side<const N: usize>(
         &self,
         view: &View<L>,
         (plane, figure): (usize, usize),
@@ -169,9 +188,9 @@ impl EdgeProblem<'_> {
     ) -> Option<f64> {
         let state = &view.planes[plane];
         let line = state.line(figure, side);
-        let sums = self.sum_side::<L, N>(&view.lens, &line, side)?;
+        let sums = self.sum_side::<N>(&view.lens, &line, side)?;
         let wrt_own = state.line_jacobian(figure, side);
-        let at = |i: usize, j: usize| sums.products[i][j];
+        let at = |i: usize, j: usize| symmetric(&sums.products, i, j);
 
         let shared = N - SHARED_OFFSET;
         let line_square = Matrix3::from_fn(at);
@@ -197,14 +216,14 @@ impl EdgeProblem<'_> {
         Some(sums.cost)
     }
 
-    fn assemble<L: Lens, const N: usize>(&self, view: &View<L>) -> Option<(f64, ArrowSystem)> {
+    fn assemble<const N: usize>(&self, view: &View<L>) -> Option<(f64, ArrowSystem)> {
         let own = view.planes.iter().map(PlaneState::parameter_count);
         let mut system = ArrowSystem::zeros(N - SHARED_OFFSET, own);
         let mut cost = 0.0;
         for (p, plane) in self.planes.iter().enumerate() {
             for (f, figure) in plane.figures.iter().enumerate() {
                 for side in &figure.sides {
-                    cost += self.add_side::<L, N>(view, (p, f), side, &mut system)?;
+                    cost += self.add_side::<N>(view, (p, f), side, &mut system)?;
                 }
             }
         }
@@ -212,34 +231,43 @@ impl EdgeProblem<'_> {
     }
 }
 
-impl<L: Lens> Problem for EdgeProblemFor<'_, L> {
+impl<L: Lens> Problem for EdgeProblem<'_, L> {
     type State = View<L>;
 
     fn evaluate(&self, view: &View<L>) -> Option<(f64, ArrowSystem)> {
-        let problem = &self.problem;
         // One instance per number of shared parameters, so that the innermost loops are unrolled.
-        match problem.free.len() {
-            0 => problem.assemble::<L, 4>(view),
-            1 => problem.assemble::<L, 5>(view),
-            2 => problem.assemble::<L, 6>(view),
-            3 => problem.assemble::<L, 7>(view),
-            4 => problem.assemble::<L, 8>(view),
-            5 => problem.assemble::<L, 9>(view),
-            6 => problem.assemble::<L, 10>(view),
-            7 => problem.assemble::<L, 11>(view),
-            8 => problem.assemble::<L, 12>(view),
-            9 => problem.assemble::<L, 13>(view),
-            10 => problem.assemble::<L, 14>(view),
-            _ => problem.assemble::<L, 15>(view),
+        match self.free.len() {
+            0 => self.assemble::<4>(view),
+            1 => self.assemble::<5>(view),
+            2 => self.assemble::<6>(view),
+            3 => self.assemble::<7>(view),
+            4 => self.assemble::<8>(view),
+            5 => self.assemble::<9>(view),
+            6 => self.assemble::<10>(view),
+            7 => self.assemble::<11>(view),
+            8 => self.assemble::<12>(view),
+            9 => self.assemble::<13>(view),
+            10 => self.assemble::<14>(view),
+            _ => self.assemble::<15>(view),
         }
     }
 
     fn advance(&self, view: &View<L>, step: &ArrowStep) -> View<L> {
-        view.advanced(self.problem.free, step)
+        view.advanced(self.free, step)
     }
 }
 
 impl<L: Lens> View<L> {
+    /// Parameters of the camera that are free, and of all planes.
+    pub fn unknowns(&self, free: &FreeParameters) -> usize {
+        free.len()
+            + self
+                .planes
+                .iter()
+                .map(PlaneState::parameter_count)
+                .sum::<usize>()
+    }
+
     /// The view after a step of the free parameters.
     pub fn advanced(&self, free: &FreeParameters, step: &ArrowStep) -> Self {
         let planes = self.planes.iter().zip(&step.blocks);
@@ -250,12 +278,6 @@ impl<L: Lens> View<L> {
                 .collect(),
         }
     }
-}
-
-/// Ties the problem to a kind of lens.
-pub(crate) struct EdgeProblemFor<'a, L> {
-    pub problem: EdgeProblem<'a>,
-    pub lens: std::marker::PhantomData<L>,
 }
 
 /// Signed distances of all samples in pixels, by plane; `None` where the lens is not invertible.
@@ -284,14 +306,16 @@ pub(crate) fn residuals<L: Lens>(
 #[derive(Clone)]
 pub(crate) struct Refined<L> {
     pub view: View<L>,
-    /// Scale of the noise at which the residuals were weighted.
-    pub scale: f64,
-    /// Turns the inverse of the weighted information (at `scale`) into a covariance.
+    /// Normal equations at the optimum, in units of the noise, over the parameters that were
+    /// asked for.
+    pub system: ArrowSystem,
+    /// Turns the inverse of the weighted information into a covariance.
     pub covariance_factor: f64,
     /// What the given standard deviations must be multiplied by.
     pub noise_scale: f64,
+    /// Signed distances of all samples in pixels, with one over their given std, by plane.
+    pub residuals: Vec<Vec<(f64, f64)>>,
     pub iterations: usize,
-    pub termination: Termination,
 }
 
 impl<L: Lens> Refined<L> {
@@ -299,91 +323,120 @@ impl<L: Lens> Refined<L> {
     /// invertible at a sample.
     fn around(
         planes: &[ObservedPlane],
-        free: &FreeParameters,
         view: View<L>,
+        system: ArrowSystem,
         scale: f64,
-        (iterations, termination): (usize, Termination),
+        unknowns: usize,
+        iterations: usize,
     ) -> Option<Self> {
-        let unknowns = free.len()
-            + view
-                .planes
-                .iter()
-                .map(PlaneState::parameter_count)
-                .sum::<usize>();
+        let residuals = residuals(planes, &view)?;
         let mut spread = Spread::default();
-        for (residual, weight) in residuals(planes, &view)?.iter().flatten() {
+        for (residual, weight) in residuals.iter().flatten() {
             spread.add(Loss::Tukey, residual * weight / scale);
         }
         let covariance_factor = spread.covariance_factor(unknowns);
         Some(Self {
             view,
-            scale,
+            system,
             covariance_factor,
             noise_scale: scale * (covariance_factor / Loss::Tukey.mean_weight()).sqrt(),
+            residuals,
             iterations,
-            termination,
         })
-    }
-
-    /// The same spread around another view.
-    pub fn with_view(&self, view: View<L>) -> Self {
-        Self {
-            view,
-            ..self.clone()
-        }
     }
 
     /// The linear steps' answer, with the spread of its residuals.
     pub fn of_linear(
         planes: &[ObservedPlane],
         free: &FreeParameters,
+        judged: &FreeParameters,
         view: View<L>,
     ) -> Option<Self> {
         let scale = scale_of(planes, &view)?;
-        Self::around(planes, free, view, scale, (0, Termination::Converged))
+        let unknowns = view.unknowns(free);
+        let (_, system) = EdgeProblem::new(planes, judged, scale).evaluate(&view)?;
+        Self::around(planes, view, system, scale, unknowns, 0)
     }
 }
 
-/// Refines everything from a start; `None` if the lens is not invertible at a sample there.
+/// Where a search for the optimum ended.
+pub(crate) struct Search<L> {
+    pub view: View<L>,
+    pub iterations: usize,
+    pub termination: Termination,
+}
+
+/// Searches the optimum from a start; `None` if the lens is not invertible at a sample there.
 ///
 /// Rounds of fixed scale: Huber's loss first, which cannot lose the way, then Tukey's biweight
 /// until the scale settles.
-pub(crate) fn refine<L: Lens>(
+pub(crate) fn search<L: Lens>(
     planes: &[ObservedPlane],
     free: &FreeParameters,
     start: View<L>,
-) -> Option<Refined<L>> {
+) -> Option<Search<L>> {
     let limits = Limits {
         iterations: MAX_ITERATIONS,
         decrease: LAST_DECREASE,
     };
-    let mut view = start;
-    let mut scale = scale_of(planes, &view)?;
-    let mut iterations = 0;
-    let mut termination = Termination::IterationLimit;
+    let mut found = Search {
+        view: start,
+        iterations: 0,
+        termination: Termination::IterationLimit,
+    };
+    let mut scale = scale_of(planes, &found.view)?;
     for round in 0..MAX_ROUNDS {
-        let problem = EdgeProblemFor {
-            problem: EdgeProblem {
-                planes,
-                free,
-                loss: if round == 0 { Loss::Huber } else { Loss::Tukey },
-                scale,
-            },
-            lens: std::marker::PhantomData,
-        };
-        let minimum = minimise(&problem, view, limits)?;
-        iterations += minimum.iterations;
-        termination = minimum.termination;
-        view = minimum.state;
-        let next = scale_of(planes, &view)?;
+        let mut problem = EdgeProblem::new(planes, free, scale);
+        problem.loss = if round == 0 { Loss::Huber } else { Loss::Tukey };
+        let minimum = minimise(&problem, found.view, limits)?;
+        found.iterations += minimum.iterations;
+        found.termination = minimum.termination;
+        found.view = minimum.state;
+        let next = scale_of(planes, &found.view)?;
         let settled = round > 0 && (next / scale - 1.0).abs() < SCALE_TOLERANCE;
-        if settled || termination != Termination::Converged {
+        if settled || found.termination != Termination::Converged {
             break;
         }
         // A scale that still wanders after all rounds is two modes of the same optimum.
         scale = next;
     }
-    Refined::around(planes, free, view, scale, (iterations, termination))
+    Some(found)
+}
+
+/// Finishes a search on all samples, from the optimum of some of them.
+///
+/// A few Newton steps at the scale of all residuals; the normal equations are left over the
+/// parameters to be judged, which begin with the free ones. `None` if the steps do not settle: the
+/// start was no optimum.
+pub(crate) fn finish<L: Lens>(
+    planes: &[ObservedPlane],
+    free: &FreeParameters,
+    judged: &FreeParameters,
+    start: Search<L>,
+) -> Option<Refined<L>> {
+    let mut view = start.view;
+    let mut iterations = start.iterations;
+    let unknowns = view.unknowns(free);
+    let scale = scale_of(planes, &view)?;
+    let problem = EdgeProblem::new(planes, judged, scale);
+    let mut last_cost = f64::INFINITY;
+    for _ in 0..MAX_FINAL_STEPS {
+        let (cost, system) = problem.evaluate(&view)?;
+        iterations += 1;
+        if cost > last_cost * (1.0 + FINAL_ROUNDING) {
+            return None;
+        }
+        last_cost = cost;
+        let step = system
+            .leading(free.len())
+            .solve(0.0)?
+            .lengthened(problem.loss.newton_factor());
+        view = view.advanced(free, &step);
+        if step.predicted_decrease < LAST_FINAL_DECREASE {
+            return Refined::around(planes, view, system, scale, unknowns, iterations);
+        }
+    }
+    None
 }
 
 /// The scale of the bulk of the residuals, in units of their given standard deviations.

@@ -100,17 +100,16 @@ impl Calibration {
         all
     }
 
-    #[allow(clippy::too_many_arguments)]
     pub(crate) fn assemble(
         planes: &[ObservedPlane],
         free: &FreeParameters,
         image_size: ImageSize,
         refined: &Refined<Brown>,
         covariance: DMatrix<f64>,
-        residuals: &[Vec<(f64, f64)>],
         warnings: Vec<Warning>,
         stage: Stage,
     ) -> Self {
+        let residuals = &refined.residuals;
         let square = |own: &[(f64, f64)]| own.iter().map(|(r, _)| r * r).sum::<f64>();
         let total: f64 = residuals.iter().map(|own| square(own)).sum();
         let count: usize = residuals.iter().map(Vec::len).sum();

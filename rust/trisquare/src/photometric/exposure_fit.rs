@@ -4,8 +4,9 @@
 
 use crate::arrow::{ArrowStep, ArrowSystem};
 use crate::levenberg::{Limits, Problem, Termination, minimise};
+use crate::outer::add_outer;
 use crate::photometric::exposure::{EXPOSURE_PARAMETERS, Exposure};
-use crate::photometric::fit::{PixelFit, Shade, add_outer, add_plateau};
+use crate::photometric::fit::{PixelFit, Shade, add_plateau};
 use crate::refine::View;
 use crate::robust::{Loss, median_scale};
 use crate::{Brown, Lens};

@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector, Vector2, Vector3};
 
 use crate::arrow::{ArrowStep, ArrowSystem, Block};
+use crate::outer::{add_outer, symmetric};
 use crate::parameters::FreeParameters;
 use crate::photometric::band::{BandPixel, PixelFigure};
 use crate::photometric::coverage::{self, Coverage, PLATEAU, coverage};
@@ -153,22 +154,6 @@ struct FigureSums<const N: usize> {
     sides: [[[f64; N]; N]; 4],
     /// Pixels on a plateau: `(exposure, residual)`.
     plateau: [[f64; EXPOSURE_PARAMETERS + 1]; EXPOSURE_PARAMETERS + 1],
-}
-
-/// Adds the lower triangle of an outer product.
-#[inline(always)]
-pub(super) fn add_outer<const N: usize>(sums: &mut [[f64; N]; N], row: &[f64; N], weight: f64) {
-    for i in 0..N {
-        let weighted = weight * row[i];
-        for j in 0..=i {
-            sums[i][j] += weighted * row[j];
-        }
-    }
-}
-
-/// An element of the symmetric matrix whose lower triangle was summed.
-fn symmetric<const N: usize>(sums: &[[f64; N]; N], i: usize, j: usize) -> f64 {
-    sums[i.max(j)][i.min(j)]
 }
 
 impl PixelFit<'_> {
