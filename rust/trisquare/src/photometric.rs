@@ -1,7 +1,7 @@
 //! The last stage when there is a picture: the joint model fitted to the pixels themselves.
 //!
-//! Every pixel near an outline is modelled as `v = g(b + A C)`, `g` the tone curve, `b` and `A`
-//! linear over the figure, and `C` the part of the blurred square that covers it: the normal
+//! Every pixel near an outline is modelled as `v = g(L (b + A C))`, `g` the tone curve, `L` light
+//! that changes linearly over the figure, and `C` the part of the blurred square that covers it: the normal
 //! distribution function of its distances to the near sides over the blur `w`, bivariate at a
 //! corner. The distances follow from the joint camera and pose, so that corners count as well. A
 //! pixel carries its own independent noise: nothing is lost between patches.
@@ -49,7 +49,7 @@ const LAST_DECREASE: f64 = 2.0;
 
 /// How much larger the pixels' standard deviations may be, as a mean logarithm. The samples' own
 /// are a little too small, since those of a side share its blur and contrast; the pixels' are not.
-const MAX_LOG_RATIO: f64 = 0.1;
+const MAX_LOG_RATIO: f64 = 0.2;
 
 /// The mean square shift per parameter, in standard deviations of the edges' answer, beyond which
 /// the pixels are taken to break the model.

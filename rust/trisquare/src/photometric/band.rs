@@ -8,8 +8,12 @@ use crate::picture::GreyReader;
 use crate::refine::{PlaneState, View};
 use crate::{Brown, Lens, Picture, PlaneEdges, Polarity};
 
-/// Pixels this near (px) to an outline are used.
-const REACH: f64 = 5.0;
+/// Pixels this near (px) to an outline are used: farther ones still tell the plateaus' light.
+const REACH: f64 = 8.0;
+
+/// But no farther than this part of the outline's size, and at least so many px.
+const REACH_PART: f64 = 0.03;
+const MIN_FULL_REACH: f64 = 5.0;
 
 /// Between two outlines of one plane, at most this part of their distance is used from each.
 const SHARED_REACH: f64 = 0.45;
@@ -19,7 +23,7 @@ const MIN_REACH: f64 = 3.0;
 
 /// A side blurs the pixels within so many px of its ends and itself: more than the reach, because
 /// a blunt corner's sides part slowly.
-const NEAR: f64 = 8.0;
+const NEAR: f64 = 9.0;
 
 /// Spacing (px) of the points at which a side's image is traced.
 const TRACE_SPACING: f64 = 2.5;
@@ -162,6 +166,19 @@ impl Outline {
         })
     }
 
+    /// The corners of the upright rectangle around the outline.
+    fn bounds(&self) -> (Vector2<f64>, Vector2<f64>) {
+        let far = Vector2::repeat(f64::INFINITY);
+        let low = self.trace.iter().fold(far, |low, p| low.inf(&p.place));
+        let high = self.trace.iter().fold(-far, |high, p| high.sup(&p.place));
+        (low, high)
+    }
+
+    fn size(&self) -> f64 {
+        let (low, high) = self.bounds();
+        (high - low).norm()
+    }
+
     /// How far from this outline pixels are its own.
     fn reach_beside(&self, outlines: &[Outline], own: usize) -> f64 {
         let mut nearest = f64::INFINITY;
@@ -175,7 +192,8 @@ impl Outline {
                 }
             }
         }
-        REACH.min(SHARED_REACH * nearest.sqrt())
+        let own_reach = (REACH_PART * self.size()).clamp(MIN_FULL_REACH, REACH);
+        own_reach.min(SHARED_REACH * nearest.sqrt())
     }
 
     fn figure(
@@ -185,9 +203,7 @@ impl Outline {
         reach: f64,
         dark_inside: bool,
     ) -> PixelFigure {
-        let far = Vector2::repeat(f64::INFINITY);
-        let low = self.trace.iter().fold(far, |low, p| low.inf(&p.place));
-        let high = self.trace.iter().fold(-far, |high, p| high.sup(&p.place));
+        let (low, high) = self.bounds();
         let map = DistanceMap::around(&self.trace, low, high, reader.picture());
         let winding = self.winding();
         let pixels = map

@@ -63,7 +63,9 @@ pub(super) struct Shade {
     pub residual: f64,
     /// Derivative of the coded value by light.
     slope: f64,
-    contrast: f64,
+    /// Light that falls on the pixel, and the part of it that comes back.
+    light: f64,
+    reflected: f64,
     pub coverage: Coverage,
     /// Distances to the near sides in blurs.
     z: [f64; 4],
@@ -98,19 +100,23 @@ impl Scene<'_> {
             }
         };
         let place = self.figure.shading_place(&pixel.place);
-        let (ground, contrast) = self.exposure.at(&place);
-        let (value, slope) = self
-            .fit
-            .curve
-            .encode_with_slope(ground + contrast * covered.value);
+        let light = self.exposure.light(&place);
+        let reflected = self.exposure.ground + self.exposure.contrast * covered.value;
+        let (value, slope) = self.fit.curve.encode_with_slope(light * reflected);
         Shade {
             residual: value - pixel.value,
             slope,
-            contrast,
+            light,
+            reflected,
             coverage: covered,
             z,
             place,
         }
+    }
+
+    /// Derivative of the coded value by the distance to a side that cuts it with the given density.
+    fn gain(&self, shade: &Shade, density: f64) -> f64 {
+        shade.slope * shade.light * self.exposure.contrast * density / self.exposure.blur
     }
 
     /// Derivatives by the exposure's parameters, then the residual.
@@ -124,23 +130,24 @@ impl Scene<'_> {
     fn wrt_exposure(&self, shade: &Shade) -> [f64; EXPOSURE_PARAMETERS] {
         let Shade {
             slope,
-            contrast,
+            light,
+            reflected,
             coverage,
             place,
             z,
             ..
         } = shade;
-        let covered = slope * coverage.value;
         let cuts = &coverage.cuts[..coverage.cut_count];
-        let by_blur: f64 = cuts.iter().map(|(side, density)| density * z[*side]).sum();
+        let by_blur: f64 = cuts
+            .iter()
+            .map(|(side, density)| self.gain(shade, *density) * z[*side])
+            .sum();
         [
-            *slope,
-            slope * place.x,
-            slope * place.y,
-            covered,
-            covered * place.x,
-            covered * place.y,
-            -slope * contrast * by_blur / self.exposure.blur,
+            slope * light,
+            slope * light * coverage.value,
+            slope * reflected * place.x,
+            slope * reflected * place.y,
+            -by_blur,
         ]
     }
 }
@@ -229,7 +236,7 @@ impl PixelFit<'_> {
                 (1, Some(sight)) => {
                     let (side, density) = shade.coverage.cuts[0];
                     let distance = scene.lens.line_distance_jacobian(sight, &scene.lines[side]);
-                    let gain = shade.slope * shade.contrast * density / scene.exposure.blur;
+                    let gain = scene.gain(&shade, density);
                     let mut row = [0.0; N];
                     for i in 0..3 {
                         row[i] = gain * distance.wrt_line[i];
@@ -248,7 +255,7 @@ impl PixelFit<'_> {
                     let mut part = DVector::zeros(self.free.len());
                     for (side, density) in shade.coverage.cuts {
                         let distance = scene.lens.line_distance_jacobian(sight, &scene.lines[side]);
-                        let gain = shade.slope * shade.contrast * density / scene.exposure.blur;
+                        let gain = scene.gain(&shade, density);
                         let jacobian = &jacobians[side];
                         let mut geometry = own.rows_mut(0, jacobian.ncols());
                         geometry.gemv_tr(gain, jacobian, &distance.wrt_line, 1.0);
@@ -301,16 +308,16 @@ impl PixelFit<'_> {
     pub fn evaluate(&self, state: &PixelState) -> Option<PixelSystem> {
         // One instance per number of shared parameters, so that the innermost loops are unrolled.
         match self.free.len() {
-            0 => self.assemble::<11>(state),
-            1 => self.assemble::<12>(state),
-            2 => self.assemble::<13>(state),
-            3 => self.assemble::<14>(state),
-            4 => self.assemble::<15>(state),
-            5 => self.assemble::<16>(state),
-            6 => self.assemble::<17>(state),
-            7 => self.assemble::<18>(state),
-            8 => self.assemble::<19>(state),
-            _ => self.assemble::<20>(state),
+            0 => self.assemble::<9>(state),
+            1 => self.assemble::<10>(state),
+            2 => self.assemble::<11>(state),
+            3 => self.assemble::<12>(state),
+            4 => self.assemble::<13>(state),
+            5 => self.assemble::<14>(state),
+            6 => self.assemble::<15>(state),
+            7 => self.assemble::<16>(state),
+            8 => self.assemble::<17>(state),
+            _ => self.assemble::<18>(state),
         }
     }
 
@@ -438,8 +445,9 @@ mod tests {
             view,
             exposures: vec![
                 Exposure {
-                    ground: [0.7, 0.05, -0.03],
-                    contrast: [-0.6, 0.02, 0.04],
+                    ground: 0.7,
+                    contrast: -0.6,
+                    gradient: [0.05, -0.03],
                     blur: 0.9,
                 };
                 3
@@ -522,7 +530,7 @@ mod tests {
                 block[k] = 1e-4 * (i as f64 + k as f64 - 3.0);
             }
             block[8] = 0.01;
-            block[12] = 0.03;
+            block[10] = 0.03;
         }
         let state = fit.advance(&truth, &away);
         let system = fit.evaluate(&state).unwrap().system;
