@@ -30,12 +30,12 @@ def with_points(figure, change, lines=None):
     )
 
 
-def assert_same(result, expected):
-    """Equal as far as the robust scale is settled: to a few hundredths of the deviations."""
+def assert_same(result, expected, tolerance=1e-2):
+    """Equal to a fraction of the standard deviations: what an iteration may leave."""
     found, wanted = camera_parameters(result.camera), camera_parameters(expected.camera)
     for name, std in expected.std.items():
-        assert abs(found[name] - wanted[name]) < 0.03 * std
-        assert result.std[name] == pytest.approx(std, rel=2e-3)
+        assert abs(found[name] - wanted[name]) < tolerance * std
+        assert result.std[name] == pytest.approx(std, rel=0.1 * tolerance)
 
 
 # Symmetries.
@@ -44,7 +44,7 @@ def assert_same(result, expected):
 @few
 @given(numbered_scenes, st.data())
 def test_the_labels_of_a_square_do_not_matter(number, data):
-    """Neither which side comes first, nor which way round, nor the order of its samples."""
+    """Neither which side comes first, nor which way round they are given."""
     relabelled = []
     first, way = 0, 1
     for figure in EDGES[number]:
@@ -52,10 +52,18 @@ def test_the_labels_of_a_square_do_not_matter(number, data):
         if figure.freedom == "auto":
             first = data.draw(st.integers(0, 3))
             way = data.draw(st.sampled_from([1, -1]))
-        shuffle = np.random.default_rng(data.draw(st.integers(0, 9)))
-        sides = [shuffle.permutation(figure.points[(first + way * i) % 4]) for i in range(4)]
+        sides = [figure.points[(first + way * i) % 4] for i in range(4)]
         relabelled.append(ts.PlaneEdges.square(sides, plane=figure.plane, freedom=figure.freedom))
     assert_same(ts.calibrate_edges(relabelled, IMAGE_SIZE), RESULTS[number])
+
+
+@few
+@given(numbered_scenes, st.integers(0, 999))
+def test_the_order_of_samples_hardly_matters(number, seed):
+    """The first stages thin out long sides, so that the robust scale starts elsewhere."""
+    rng = np.random.default_rng(seed)
+    edges = [with_points(figure, rng.permutation) for figure in EDGES[number]]
+    assert_same(ts.calibrate_edges(edges, IMAGE_SIZE), RESULTS[number], tolerance=0.1)
 
 
 @few
@@ -86,9 +94,9 @@ def test_a_larger_picture_has_a_larger_camera(number, scale):
     K[:2] *= scale
     K[:2, 2] -= 0.5
     std = RESULTS[number].std["fx"]
-    np.testing.assert_allclose(camera.K, K, atol=0.03 * scale * std)
+    np.testing.assert_allclose(camera.K, K, atol=1e-2 * scale * std)
     np.testing.assert_allclose(
-        camera.distortion, expected.distortion, atol=0.03 * RESULTS[number].std["k2"]
+        camera.distortion, expected.distortion, atol=1e-2 * RESULTS[number].std["k2"]
     )
 
 
@@ -109,9 +117,9 @@ def test_a_mirrored_picture_has_a_mirrored_camera(number, axes):
     result = ts.calibrate_edges(edges, IMAGE_SIZE)
     K = np.array(RESULTS[number].camera.K)
     K[:2, 2] = np.where(flip, far - K[:2, 2], K[:2, 2])
-    np.testing.assert_allclose(result.camera.K, K, atol=0.03 * RESULTS[number].std["fx"])
+    np.testing.assert_allclose(result.camera.K, K, atol=1e-2 * RESULTS[number].std["fx"])
     for name, std in RESULTS[number].std.items():
-        assert result.std[name] == pytest.approx(std, rel=2e-3)
+        assert result.std[name] == pytest.approx(std, rel=1e-3)
 
 
 @few

@@ -11,8 +11,8 @@ const NAMES: [&str; 9] = ["fx", "fy", "cx", "cy", "k1", "k2", "k3", "p1", "p2"];
 /// Newton steps when a pixel is followed back; monotonic from the observed radius, seldom above 6.
 const MAX_NEWTON_STEPS: usize = 30;
 
-/// A Newton step below this (normalised units) leaves an error of its square: below rounding.
-const NEWTON_STEP_TOLERANCE: f64 = 1e-8;
+/// A Newton step below this (relative) leaves an error of its square, at rounding.
+const NEWTON_STEP_TOLERANCE: f64 = 1e-7;
 
 /// Pinhole camera with Brown-Conrady distortion.
 ///
@@ -136,19 +136,30 @@ impl Brown {
         }
     }
 
-    /// Newton's method on the radius. Started from the observed one it cannot overshoot: where the
-    /// distortion curve bends down its tangents meet the goal too early, where it bends up the
-    /// start lies beyond the goal.
+    /// Newton's method on the ratio of ideal to observed radius.
+    ///
+    /// The inverse's power series starts it close. Where that fails, so does not the observed
+    /// radius, from which Newton cannot overshoot: where the distortion curve bends down its
+    /// tangents meet the goal too early, where it bends up the start lies beyond the goal.
     fn undistort_radially(&self, distorted: &Vector2<f64>) -> Option<Vector2<f64>> {
-        let observed = distorted.norm();
-        let mut ratio = 1.0;
+        let [_, _, _, _, k1, k2, ..] = self.parameters;
+        let square = distorted.norm_squared();
+        let series = 1.0 - square * (k1 - square * (3.0 * k1 * k1 - k2));
+        let ratio = self
+            .ideal_ratio(square, series)
+            .or_else(|| self.ideal_ratio(square, 1.0))?;
+        Some(distorted * ratio)
+    }
+
+    fn ideal_ratio(&self, observed_square: f64, start: f64) -> Option<f64> {
+        let limit = self.valid_radius * self.valid_radius;
+        let mut ratio = start;
         for _ in 0..MAX_NEWTON_STEPS {
-            let radius = ratio * observed;
+            let square = ratio * ratio * observed_square;
             // Written so that NaN ends here, too.
-            if !(radius <= self.valid_radius) {
+            if !(square <= limit && ratio > 0.0) {
                 return None;
             }
-            let square = radius * radius;
             let factor = self.radial_factor(square);
             let slope = factor + 2.0 * square * self.radial_slopes(square).0;
             if slope <= 0.0 {
@@ -157,7 +168,7 @@ impl Brown {
             let step = (1.0 - ratio * factor) / slope;
             ratio += step;
             if step.abs() < NEWTON_STEP_TOLERANCE {
-                return (ratio * observed <= self.valid_radius).then(|| distorted * ratio);
+                return (ratio * ratio * observed_square <= limit).then_some(ratio);
             }
         }
         None

@@ -17,7 +17,7 @@ use crate::{Brown, Error, ImageSize, Method, Options, PlaneEdges};
 
 /// Samples of each side with which the search for the optimum starts: enough for the robust
 /// scale, and within a few standard deviations of what all samples will say.
-const START_SAMPLES_PER_SIDE: usize = 24;
+const START_SAMPLES_PER_SIDE: usize = 16;
 
 /// Calibrates a camera from edge samples of planes with known lines.
 ///
@@ -170,8 +170,9 @@ impl Stages<'_> {
                 .or_else(|| search(self.some, self.free, pinhole));
             match found {
                 Some(found) if found.termination == Termination::Converged => {
-                    if let Some(refined) = self.finish(found) {
-                        return Ok(refined);
+                    match self.finish(found.clone()) {
+                        Some(refined) => return Ok(refined),
+                        None => unsettled = unsettled.or(Some(found)),
                     }
                 }
                 Some(found) => unsettled = unsettled.or(Some(found)),

@@ -8,8 +8,8 @@ use crate::observations::{Figure, ObservedPlane, Placement};
 use crate::radial::forward_coefficients;
 use crate::refine::{PlaneState, View};
 use crate::{
-    Brown, Error, Freedom, ImageSize, KnownIntrinsics, Lens, Line, Model, Normalisation, Options,
-    Pose, Straightening, fit_distortion,
+    Brown, Error, Freedom, ImageSize, KnownIntrinsics, Lens, Line, Method, Model, Normalisation,
+    Options, Pose, Straightening, fit_distortion,
 };
 
 /// Focal lengths tried, in image widths, where the conic gives none.
@@ -49,10 +49,11 @@ impl Undistortion {
             .flat_map(ObservedPlane::sides)
             .map(|side| side.samples.iter().map(|s| s.pixel).collect())
             .collect();
-        let centre = options.fixed.principal_point.then(|| {
-            options
-                .initial
-                .map_or_else(|| size.centre(), |c| c.principal_point())
+        // Where the refinement follows, it finds the centre itself.
+        let held = options.fixed.principal_point || options.method == Method::MaximumLikelihood;
+        let centre = held.then(|| {
+            let fixed = options.known_intrinsics(&size).principal_point;
+            fixed.unwrap_or_else(|| size.centre())
         });
         fit_distortion(&curves, size, coefficients, centre).map(Self::Straightened)
     }

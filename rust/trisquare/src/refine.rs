@@ -27,22 +27,22 @@ const MAX_ITERATIONS: usize = 100;
 /// Rounds of re-estimated scale and loss; the second usually changes next to nothing.
 const MAX_ROUNDS: usize = 12;
 
-/// Fall of the cost, in units of the noise variance, below which a step is the last: parameters
-/// are then within a hundredth of their standard deviation, and the last step is still taken.
-const LAST_DECREASE: f64 = 1e-4;
+/// Fall of the cost, in units of the noise variance, below which a step is the last of the search:
+/// it is still taken, and what it leaves is second order.
+const LAST_DECREASE: f64 = 0.5;
 
 /// Newton steps on all samples, from the optimum of some.
 const MAX_FINAL_STEPS: usize = 20;
 
 /// Predicted fall of the cost, in units of the noise variance, below which a Newton step is the
 /// last: what it leaves is its square.
-const LAST_FINAL_DECREASE: f64 = 0.02;
+const LAST_FINAL_DECREASE: f64 = 0.2;
 
 /// A relative rise of the cost that is rounding.
 const FINAL_ROUNDING: f64 = 1e-9;
 
 /// A scale that changes by less than this part no longer changes the weights.
-const SCALE_TOLERANCE: f64 = 0.02;
+const SCALE_TOLERANCE: f64 = 0.1;
 
 /// Parameters of a pose: rotation vector, translation.
 pub(crate) const POSE_PARAMETERS: usize = 6;
@@ -360,8 +360,11 @@ impl<L: Lens> Refined<L> {
 }
 
 /// Where a search for the optimum ended.
+#[derive(Clone)]
 pub(crate) struct Search<L> {
     pub view: View<L>,
+    /// Scale of the noise there.
+    pub scale: f64,
     pub iterations: usize,
     pub termination: Termination,
 }
@@ -380,32 +383,31 @@ pub(crate) fn search<L: Lens>(
         decrease: LAST_DECREASE,
     };
     let mut found = Search {
+        scale: scale_of(planes, &start)?,
         view: start,
         iterations: 0,
         termination: Termination::IterationLimit,
     };
-    let mut scale = scale_of(planes, &found.view)?;
     for round in 0..MAX_ROUNDS {
-        let mut problem = EdgeProblem::new(planes, free, scale);
+        let mut problem = EdgeProblem::new(planes, free, found.scale);
         problem.loss = if round == 0 { Loss::Huber } else { Loss::Tukey };
         let minimum = minimise(&problem, found.view, limits)?;
         found.iterations += minimum.iterations;
         found.termination = minimum.termination;
         found.view = minimum.state;
-        let next = scale_of(planes, &found.view)?;
-        let settled = round > 0 && (next / scale - 1.0).abs() < SCALE_TOLERANCE;
+        let last = std::mem::replace(&mut found.scale, scale_of(planes, &found.view)?);
+        let settled = round > 0 && (found.scale / last - 1.0).abs() < SCALE_TOLERANCE;
         if settled || found.termination != Termination::Converged {
             break;
         }
         // A scale that still wanders after all rounds is two modes of the same optimum.
-        scale = next;
     }
     Some(found)
 }
 
 /// Finishes a search on all samples, from the optimum of some of them.
 ///
-/// A few Newton steps at the scale of all residuals; the normal equations are left over the
+/// A few Newton steps at the scale found; the normal equations are left over the
 /// parameters to be judged, which begin with the free ones. `None` if the steps do not settle: the
 /// start was no optimum.
 pub(crate) fn finish<L: Lens>(
@@ -417,7 +419,7 @@ pub(crate) fn finish<L: Lens>(
     let mut view = start.view;
     let mut iterations = start.iterations;
     let unknowns = view.unknowns(free);
-    let scale = scale_of(planes, &view)?;
+    let scale = start.scale;
     let problem = EdgeProblem::new(planes, judged, scale);
     let mut last_cost = f64::INFINITY;
     for _ in 0..MAX_FINAL_STEPS {

