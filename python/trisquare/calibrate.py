@@ -10,7 +10,7 @@ import numpy as np
 from trisquare import _core
 from trisquare.camera import MODELS, Camera, camera_parameters
 from trisquare.checked import size_of_image
-from trisquare.detect import Targets, measure, nothing_found
+from trisquare.detect import Targets, nothing_found
 from trisquare.edges import PlaneEdges
 from trisquare.errors import DetectionError
 from trisquare.pictures import (
@@ -75,6 +75,8 @@ def calibrate(
     TypeError, ValueError
         For bad arguments.
     """
+    from trisquare.measurement import measure  # OpenCV is loaded where a picture is searched
+
     settings = _Settings.check(method, model, fix, initial)
     wanted = Targets.parse(targets)
     checked = checked_tone(tone)

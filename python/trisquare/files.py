@@ -10,18 +10,15 @@ import struct
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from trisquare.errors import ImageError
+from trisquare.pictures import PIXEL_TYPES, Image
 
-Image: TypeAlias = npt.NDArray[Any]
 PathLike: TypeAlias = str | os.PathLike[str]
-
-PIXEL_TYPES = (np.uint8, np.uint16, np.float32)
 
 # Grey stays grey and 16 bits stay 16. The orientation tag is not obeyed: the camera matrix
 # belongs to the picture as the sensor delivered it.

@@ -12,8 +12,8 @@ import numpy.typing as npt
 from trisquare.camera import camera_parameters
 from trisquare.checked import FloatArray
 from trisquare.edges import PlaneEdges
-from trisquare.files import Image
 from trisquare.model_sides import MeasuredSide, measured_sides, project
+from trisquare.pictures import Image
 from trisquare.result import Calibration, Plane, decimals_shown
 
 Canvas: TypeAlias = npt.NDArray[np.uint8]

@@ -8,12 +8,11 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from trisquare.files import PIXEL_TYPES, read_image
-
 Image: TypeAlias = npt.NDArray[Any]
 ImageSource: TypeAlias = "str | os.PathLike[str] | Image"
 Tone: TypeAlias = "str | float | None"
 
+PIXEL_TYPES = (np.uint8, np.uint16, np.float32)
 TONE_CURVES = ("srgb", "linear")
 
 
@@ -33,6 +32,8 @@ def load_picture(source: ImageSource) -> Image:
         If an array is of another type or shape, empty, or not finite.
     """
     if isinstance(source, str | os.PathLike):
+        from trisquare.files import read_image  # OpenCV is loaded where a file is read
+
         return read_image(source)
     if not isinstance(source, np.ndarray):
         raise TypeError(f"a picture is a path or a numpy array, not {type(source).__name__}")
