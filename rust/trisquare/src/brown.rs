@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
-use crate::lens::{LineDistance, MAX_LENS_COLUMNS};
+use crate::lens::{Columns, LineDistance, MAX_LENS_COLUMNS};
 use crate::{Lens, radial};
 
 /// Names of the parameters in the order of the Jacobian's columns.
@@ -129,11 +129,12 @@ impl Brown {
     /// Inverts the distortion; `None` beyond the valid radius.
     fn undistort(&self, distorted: &Vector2<f64>) -> Option<Vector2<f64>> {
         let [.., p1, p2] = self.parameters;
-        if p1 == 0.0 && p2 == 0.0 {
+        let ideal = if p1 == 0.0 && p2 == 0.0 {
             self.undistort_radially(distorted)
         } else {
             self.undistort_in_plane(distorted)
-        }
+        };
+        ideal.filter(is_finite)
     }
 
     /// Newton's method on the ratio of ideal to observed radius.
@@ -198,6 +199,11 @@ impl Brown {
     }
 }
 
+/// Whether nothing has overflowed.
+fn is_finite(point: &Vector2<f64>) -> bool {
+    point.norm_squared().is_finite()
+}
+
 fn adjugate(m: &Matrix2<f64>) -> Matrix2<f64> {
     Matrix2::new(m.m22, -m.m12, -m.m21, m.m11)
 }
@@ -222,7 +228,8 @@ impl Lens for Brown {
     fn project(&self, point: &Vector3<f64>) -> Option<Vector2<f64>> {
         let ideal = point.xy() / point.z;
         let inside = point.z > 0.0 && ideal.norm() <= self.valid_radius;
-        inside.then(|| self.distort(&ideal).component_mul(&self.focal()) + self.principal_point())
+        let pixel = self.distort(&ideal).component_mul(&self.focal()) + self.principal_point();
+        (inside && is_finite(&pixel)).then_some(pixel)
     }
 
     fn sight(&self, pixel: &Vector2<f64>) -> Option<BrownSight> {
@@ -258,7 +265,12 @@ impl Lens for Brown {
     /// `-J^-1 du_d`, hence `dn = -q . du_d`; and `J^T q = (l1, l2)` gives
     /// `dq = -J^-T (d(J^T) q)`, where the change of `J^T q` at constant `q` is the gradient of
     /// `q . u_d`, differentiated by the parameter, plus its Hessian times `du`.
-    fn line_distance_jacobian(&self, sight: &BrownSight, line: &Vector3<f64>) -> LineDistance {
+    fn line_distance_jacobian(
+        &self,
+        sight: &BrownSight,
+        line: &Vector3<f64>,
+        wanted: Columns,
+    ) -> LineDistance {
         let [.., p1, p2] = self.parameters;
         let focal = self.focal();
         let BrownSight {
@@ -303,25 +315,20 @@ impl Lens for Brown {
             let dg = -pull.dot(&twist) + bend.dot(&shift);
             (dn - value * dg) * inverse_norm
         };
-        let radial = |power: i32| {
-            let (lower, exponent) = (s.powi(power - 1), f64::from(power));
-            let sp = lower * s;
-            column(u * sp, q * sp + u * (2.0 * exponent * lower * qu))
+        let radial = |power: i32, lower: f64| {
+            let twist = u * (2.0 * f64::from(power) * lower * qu);
+            column(u * (lower * s), q * (lower * s) + twist)
         };
-        let tangential_x = column(
-            Vector2::new(2.0 * u.x * u.y, s + 2.0 * u.y * u.y),
-            Vector2::new(
-                2.0 * (q.x * u.y + q.y * u.x),
-                2.0 * q.x * u.x + 6.0 * q.y * u.y,
-            ),
-        );
-        let tangential_y = column(
-            Vector2::new(s + 2.0 * u.x * u.x, 2.0 * u.x * u.y),
-            Vector2::new(
-                6.0 * q.x * u.x + 2.0 * q.y * u.y,
-                2.0 * (q.x * u.y + q.y * u.x),
-            ),
-        );
+        // u_d of the tangential part by the coefficient of its `along` axis.
+        let tangential = |along: usize| {
+            let across = 1 - along;
+            let (mut shift, mut twist) = (Vector2::zeros(), Vector2::zeros());
+            shift[along] = s + 2.0 * u[along] * u[along];
+            shift[across] = 2.0 * u.x * u.y;
+            twist[along] = 6.0 * q[along] * u[along] + 2.0 * q[across] * u[across];
+            twist[across] = 2.0 * (q.x * u.y + q.y * u.x);
+            column(shift, twist)
+        };
         // fx, cx move the observed point itself: the pixel is fixed, u_d = (p - c) / f changes.
         let moved = |axis: usize, amount: f64| {
             let mut shift = Vector2::zeros();
@@ -339,11 +346,15 @@ impl Lens for Brown {
         wrt_lens[1] = focal_column(1);
         wrt_lens[2] = moved(0, -1.0 / focal.x);
         wrt_lens[3] = moved(1, -1.0 / focal.y);
-        wrt_lens[4] = radial(1);
-        wrt_lens[5] = radial(2);
-        wrt_lens[6] = radial(3);
-        wrt_lens[7] = tangential_x;
-        wrt_lens[8] = tangential_y;
+        wrt_lens[4] = radial(1, 1.0);
+        wrt_lens[5] = radial(2, s);
+        if wanted.contains(6) {
+            wrt_lens[6] = radial(3, s * s);
+        }
+        if wanted.contains(7) {
+            wrt_lens[7] = tangential(1);
+            wrt_lens[8] = tangential(0);
+        }
         // A centre of distortion at e: u_d = e + D(u - e), so du_d = (I - J) de.
         let centre = (line.xy() - q) * inverse_norm;
         wrt_lens[9] = centre.x;

@@ -222,6 +222,10 @@ pub fn solve_conic(
         }
     }
     let undetermined = |ratio| Error::UndeterminedConic { ratio };
+    // The decomposition panics on NaN, which overflowing constraints end in.
+    if !design.iter().all(|v| v.is_finite()) {
+        return Err(undetermined(0.0));
+    }
     let svd = design
         .try_svd(false, true, f64::EPSILON, MAX_SVD_SWEEPS)
         .ok_or_else(|| undetermined(0.0))?;

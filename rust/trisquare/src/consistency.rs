@@ -97,6 +97,9 @@ fn normal_deviate(chi_square: f64, freedom: f64) -> f64 {
 
 /// `g^T A^+ g` and the rank of `A`.
 fn mahalanobis(a: &DMatrix<f64>, g: &DVector<f64>) -> Option<(f64, usize)> {
+    if a.is_empty() {
+        return None;
+    }
     // Scaled so that parameters of very different units compare.
     let scale = a
         .diagonal()

@@ -72,6 +72,10 @@ pub(crate) fn normalised_homography(
             }
         }
     }
+    // The decomposition panics on NaN, which overflowing coordinates end in.
+    if !design.iter().all(|v| v.is_finite()) {
+        return Err(degenerate("their coordinates are too large"));
+    }
     let svd = design
         .try_svd(false, true, f64::EPSILON, MAX_SVD_SWEEPS)
         .ok_or_else(|| degenerate("its singular values did not settle"))?;

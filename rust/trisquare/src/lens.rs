@@ -26,6 +26,26 @@ pub struct LineDistance {
     pub wrt_lens: [f64; MAX_LENS_COLUMNS],
 }
 
+/// A set of columns of a lens Jacobian.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Columns(u16);
+
+impl Columns {
+    /// Every column.
+    pub const ALL: Self = Self(u16::MAX);
+
+    /// The columns listed.
+    pub fn of(columns: impl Iterator<Item = usize>) -> Self {
+        Self(columns.fold(0, |set, column| set | 1 << column))
+    }
+
+    /// Whether a column is in the set.
+    #[inline]
+    pub fn contains(self, column: usize) -> bool {
+        self.0 & (1 << column) != 0
+    }
+}
+
 /// What the refinement needs to know of a lens.
 pub trait Lens: Clone + Send + Sync {
     /// What is known of a pixel once its ray has been found.
@@ -56,8 +76,13 @@ pub trait Lens: Clone + Send + Sync {
     /// Signed distance in pixels of a sighted pixel to the image of the line `l`.
     fn line_distance(&self, sight: &Self::Sight, line: &Vector3<f64>) -> f64;
 
-    /// The same with its derivatives.
-    fn line_distance_jacobian(&self, sight: &Self::Sight, line: &Vector3<f64>) -> LineDistance;
+    /// The same with its derivatives; columns that are not wanted may be left zero.
+    fn line_distance_jacobian(
+        &self,
+        sight: &Self::Sight,
+        line: &Vector3<f64>,
+        wanted: Columns,
+    ) -> LineDistance;
 }
 
 #[cfg(test)]
@@ -84,7 +109,8 @@ mod tests {
             let distance = |lens: &Brown, line: &Vector3<f64>| {
                 lens.line_distance(&lens.sight(&pixel).unwrap(), line)
             };
-            let jacobian = lens.line_distance_jacobian(&lens.sight(&pixel).unwrap(), &line);
+            let jacobian =
+                lens.line_distance_jacobian(&lens.sight(&pixel).unwrap(), &line, Columns::ALL);
             let alone = distance(&lens, &line);
             assert!((jacobian.value - alone).abs() < 1e-13 * alone.abs());
             for i in 0..3 {

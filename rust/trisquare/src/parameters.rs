@@ -3,8 +3,14 @@
 use nalgebra::DVector;
 
 use crate::conic::KnownIntrinsics;
-use crate::lens::{CENTRE_COLUMNS, MAX_LENS_COLUMNS};
+use crate::lens::{CENTRE_COLUMNS, Columns, MAX_LENS_COLUMNS};
 use crate::{Brown, Error, Lens};
+
+/// No camera is this short; below, products of the focal lengths underflow.
+const SMALLEST_FOCAL: f64 = 1e-3;
+
+/// No camera's parameter is this large; beyond it, squares of pixels overflow.
+const LARGEST_PARAMETER: f64 = 1e9;
 
 /// The distortion coefficients that are estimated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -93,6 +99,12 @@ impl FreeParameters {
     /// Whether `fy` follows `fx`.
     pub fn aspect_is_fixed(&self) -> bool {
         self.aspect.is_some()
+    }
+
+    /// The columns of a lens Jacobian that [`Self::gather`] reads.
+    pub fn columns(&self) -> Columns {
+        let followed = self.aspect.map(|_| 1);
+        Columns::of(self.columns.iter().copied().chain(followed))
     }
 
     pub fn len(&self) -> usize {
@@ -200,10 +212,13 @@ impl Options {
                     what: "the initial camera",
                 });
             }
-            if parameters[0] <= 0.0 || parameters[1] <= 0.0 {
-                return Err(Error::InvalidArgument(
-                    "the initial camera's focal lengths must be positive".into(),
-                ));
+            let focals = parameters[..2].iter();
+            let far = parameters.iter().any(|v| v.abs() > LARGEST_PARAMETER);
+            if focals.copied().any(|f| f < SMALLEST_FOCAL) || far {
+                return Err(Error::InvalidArgument(format!(
+                    "the initial camera's focal lengths must be at least {SMALLEST_FOCAL} px, \
+                     and none of its parameters beyond {LARGEST_PARAMETER:e}"
+                )));
             }
         } else if self.fixed.focal {
             return Err(Error::InvalidArgument(

@@ -4,6 +4,9 @@ use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
 
 use crate::Error;
 
+/// Columns of a homography whose lengths differ by more show no plane in any picture.
+const MAX_STRETCH: f64 = 1e8;
+
 /// Sweeps of the 3 x 3 singular value decomposition; a handful suffice.
 const MAX_SVD_SWEEPS: usize = 100;
 
@@ -43,10 +46,12 @@ impl Pose {
             scale = -scale;
         }
         let (r1, r2) = (c1 * scale, c2 * scale);
-        let near = Matrix3::from_columns(&[r1, r2, r1.cross(&r2)]);
-        if !near.iter().all(|v| v.is_finite()) {
+        let translation = columns.column(2) * scale;
+        let stretched = !(r1.norm() < MAX_STRETCH && r2.norm() < MAX_STRETCH);
+        if stretched || !translation.iter().all(|v| v.is_finite()) {
             return Err(singular());
         }
+        let near = Matrix3::from_columns(&[r1, r2, r1.cross(&r2)]);
         let svd = near
             .try_svd(true, true, f64::EPSILON, MAX_SVD_SWEEPS)
             .ok_or_else(singular)?;
@@ -56,7 +61,7 @@ impl Pose {
         let sign = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v_t).determinant()));
         Ok(Self {
             rotation: u * sign * v_t,
-            translation: columns.column(2) * scale,
+            translation,
         })
     }
 

@@ -8,6 +8,10 @@ const MAX_BISECTIONS: usize = 200;
 /// Samples along the radius when one polynomial is converted into another.
 const CONVERSION_SAMPLES: usize = 200;
 
+/// Squared radii beyond this (a millionth of a radian from 90 degrees) are not seen by any lens;
+/// a root that lies there counts as none.
+const LARGEST_SQUARED_RADIUS: f64 = 1e12;
+
 /// The largest radius up to which `r (1 + k1 r^2 + k2 r^4 + k3 r^6)` increases; may be infinite.
 pub fn monotonic_radius([k1, k2, k3]: [f64; 3]) -> f64 {
     // In s = r^2 the slope is 1 + 3 k1 s + 5 k2 s^2 + 7 k3 s^3; its own extrema bound the
@@ -19,6 +23,9 @@ pub fn monotonic_radius([k1, k2, k3]: [f64; 3]) -> f64 {
     if let Some(highest) = powers.iter().rposition(|c| *c != 0.0) {
         let largest = powers[..highest].iter().fold(0.0f64, |a, c| a.max(c.abs()));
         stretches.push(1.0 + largest / powers[highest].abs());
+    }
+    for stretch in &mut stretches {
+        *stretch = stretch.min(LARGEST_SQUARED_RADIUS);
     }
     let mut left = 0.0;
     for right in stretches {

@@ -36,7 +36,14 @@ const MAX_FINAL_STEPS: usize = 20;
 
 /// Predicted fall of the cost, in units of the noise variance, below which a Newton step is the
 /// last: what it leaves is its square.
-const LAST_FINAL_DECREASE: f64 = 0.2;
+const LAST_FINAL_DECREASE: f64 = 0.03;
+
+/// A scale that changes by less than this part no longer changes the answer: by a thousandth of a
+/// standard deviation.
+const FINAL_SCALE_TOLERANCE: f64 = 0.01;
+
+/// Changes of the scale allowed: one that still wanders then is two modes of one optimum.
+const MAX_RESCALINGS: usize = 4;
 
 /// A relative rise of the cost that is rounding.
 const FINAL_ROUNDING: f64 = 1e-9;
@@ -161,10 +168,11 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
             cost: 0.0,
             products: [[0.0; N]; N],
         };
+        let wanted = self.free.columns();
         let mut row = [0.0; N];
         for sample in &side.samples {
             let sight = lens.sight(&sample.pixel)?;
-            let distance = lens.line_distance_jacobian(&sight, line);
+            let distance = lens.line_distance_jacobian(&sight, line, wanted);
             let to_noise = sample.weight / self.scale;
             let (cost, weight) = self.loss.cost_and_weight(distance.value * to_noise);
             let weight = weight * to_noise * to_noise;
@@ -280,11 +288,20 @@ impl<L: Lens> View<L> {
     }
 }
 
-/// Signed distances of all samples in pixels, by plane; `None` where the lens is not invertible.
-pub(crate) fn residuals<L: Lens>(
-    planes: &[ObservedPlane],
-    view: &View<L>,
-) -> Option<Vec<Vec<(f64, f64)>>> {
+/// Distance of a sample to the image of its line.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Residual {
+    /// Signed, in pixels.
+    pub distance: f64,
+    /// One over the standard deviation given for the sample.
+    pub weight: f64,
+}
+
+/// The residuals of all samples, by plane.
+pub(crate) type Residuals = Vec<Vec<Residual>>;
+
+/// Distances of all samples; `None` where the lens is not invertible.
+pub(crate) fn residuals<L: Lens>(planes: &[ObservedPlane], view: &View<L>) -> Option<Residuals> {
     let mut all = Vec::with_capacity(planes.len());
     for (plane, state) in planes.iter().zip(&view.planes) {
         let mut own = Vec::new();
@@ -293,7 +310,10 @@ pub(crate) fn residuals<L: Lens>(
                 let line = state.line(f, side);
                 for sample in &side.samples {
                     let sight = view.lens.sight(&sample.pixel)?;
-                    own.push((view.lens.line_distance(&sight, &line), sample.weight));
+                    own.push(Residual {
+                        distance: view.lens.line_distance(&sight, &line),
+                        weight: sample.weight,
+                    });
                 }
             }
         }
@@ -313,36 +333,31 @@ pub(crate) struct Refined<L> {
     pub covariance_factor: f64,
     /// What the given standard deviations must be multiplied by.
     pub noise_scale: f64,
-    /// Signed distances of all samples in pixels, with one over their given std, by plane.
-    pub residuals: Vec<Vec<(f64, f64)>>,
+    pub residuals: Residuals,
     pub iterations: usize,
 }
 
 impl<L: Lens> Refined<L> {
-    /// Measures the spread of the residuals around a view; `None` where the lens is not
-    /// invertible at a sample.
+    /// Measures the spread of the residuals around a view.
     fn around(
-        planes: &[ObservedPlane],
-        view: View<L>,
-        system: ArrowSystem,
+        (view, residuals, system): (View<L>, Residuals, ArrowSystem),
         scale: f64,
         unknowns: usize,
         iterations: usize,
-    ) -> Option<Self> {
-        let residuals = residuals(planes, &view)?;
+    ) -> Self {
         let mut spread = Spread::default();
-        for (residual, weight) in residuals.iter().flatten() {
-            spread.add(Loss::Tukey, residual * weight / scale);
+        for residual in residuals.iter().flatten() {
+            spread.add(Loss::Tukey, residual.distance * residual.weight / scale);
         }
         let covariance_factor = spread.covariance_factor(unknowns);
-        Some(Self {
+        Self {
             view,
             system,
             covariance_factor,
             noise_scale: scale * (covariance_factor / Loss::Tukey.mean_weight()).sqrt(),
             residuals,
             iterations,
-        })
+        }
     }
 
     /// The linear steps' answer, with the spread of its residuals.
@@ -352,10 +367,11 @@ impl<L: Lens> Refined<L> {
         judged: &FreeParameters,
         view: View<L>,
     ) -> Option<Self> {
-        let scale = scale_of(planes, &view)?;
+        let residuals = residuals(planes, &view)?;
+        let scale = robust_scale(&residuals);
         let unknowns = view.unknowns(free);
         let (_, system) = EdgeProblem::new(planes, judged, scale).evaluate(&view)?;
-        Self::around(planes, view, system, scale, unknowns, 0)
+        Some(Self::around((view, residuals, system), scale, unknowns, 0))
     }
 }
 
@@ -407,7 +423,7 @@ pub(crate) fn search<L: Lens>(
 
 /// Finishes a search on all samples, from the optimum of some of them.
 ///
-/// A few Newton steps at the scale found; the normal equations are left over the
+/// A few Newton steps, until the scale of all residuals has settled; the normal equations are left over the
 /// parameters to be judged, which begin with the free ones. `None` if the steps do not settle: the
 /// start was no optimum.
 pub(crate) fn finish<L: Lens>(
@@ -419,10 +435,11 @@ pub(crate) fn finish<L: Lens>(
     let mut view = start.view;
     let mut iterations = start.iterations;
     let unknowns = view.unknowns(free);
-    let scale = start.scale;
-    let problem = EdgeProblem::new(planes, judged, scale);
+    let mut scale = start.scale;
+    let mut rescalings = 0;
     let mut last_cost = f64::INFINITY;
     for _ in 0..MAX_FINAL_STEPS {
+        let problem = EdgeProblem::new(planes, judged, scale);
         let (cost, system) = problem.evaluate(&view)?;
         iterations += 1;
         if cost > last_cost * (1.0 + FINAL_ROUNDING) {
@@ -434,16 +451,30 @@ pub(crate) fn finish<L: Lens>(
             .solve(0.0)?
             .lengthened(problem.loss.newton_factor());
         view = view.advanced(free, &step);
-        if step.predicted_decrease < LAST_FINAL_DECREASE {
-            return Refined::around(planes, view, system, scale, unknowns, iterations);
+        let arrived = step.predicted_decrease < LAST_FINAL_DECREASE;
+        if !arrived && rescalings > 0 {
+            continue;
         }
+        // The weights must not depend on where the search came from.
+        let residuals = residuals(planes, &view)?;
+        let next = robust_scale(&residuals);
+        let settled = (next / scale - 1.0).abs() < FINAL_SCALE_TOLERANCE;
+        if arrived && (settled || rescalings == MAX_RESCALINGS) {
+            let found = (view, residuals, system);
+            return Some(Refined::around(found, scale, unknowns, iterations));
+        }
+        (scale, last_cost) = (next, f64::INFINITY);
+        rescalings += 1;
     }
     None
 }
 
 /// The scale of the bulk of the residuals, in units of their given standard deviations.
 fn scale_of<L: Lens>(planes: &[ObservedPlane], view: &View<L>) -> Option<f64> {
-    let all = residuals(planes, view)?;
-    let normalised = all.iter().flatten().map(|(r, weight)| r * weight);
-    Some(median_scale(normalised).max(MIN_SCALE))
+    Some(robust_scale(&residuals(planes, view)?))
+}
+
+fn robust_scale(residuals: &Residuals) -> f64 {
+    let normalised = residuals.iter().flatten().map(|r| r.distance * r.weight);
+    median_scale(normalised).max(MIN_SCALE)
 }

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, Vector2};
 use crate::consistency::Disagreement;
 use crate::observations::{ObservedPlane, Placement};
 use crate::parameters::FreeParameters;
-use crate::refine::{Refined, View};
+use crate::refine::{Refined, Residual, View};
 use crate::{Brown, ImageSize, Lens, Pose};
 
 /// The stage a result comes from.
@@ -110,7 +110,7 @@ impl Calibration {
         stage: Stage,
     ) -> Self {
         let residuals = &refined.residuals;
-        let square = |own: &[(f64, f64)]| own.iter().map(|(r, _)| r * r).sum::<f64>();
+        let square = |own: &[Residual]| own.iter().map(|r| r.distance * r.distance).sum::<f64>();
         let total: f64 = residuals.iter().map(|own| square(own)).sum();
         let count: usize = residuals.iter().map(Vec::len).sum();
         Self {

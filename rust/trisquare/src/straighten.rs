@@ -56,7 +56,8 @@ impl Straightening {
     /// Maps an observed pixel to its ideal place; `None` where the map is not invertible.
     pub fn undistort(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
         let bend = self.bend(pixel)?;
-        Some(self.centre + bend.q * bend.factor * self.radius)
+        let ideal = self.centre + bend.q * bend.factor * self.radius;
+        ideal.norm().is_finite().then_some(ideal)
     }
 
     /// The ideal radius of an observed one, both in pixels from the centre.

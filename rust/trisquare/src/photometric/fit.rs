@@ -215,6 +215,7 @@ impl PixelFit<'_> {
             plateau: [[0.0; EXPOSURE_PARAMETERS + 1]; EXPOSURE_PARAMETERS + 1],
         };
         let to_noise = 1.0 / self.scales[index];
+        let wanted = self.free.columns();
         for pixel in &figure.pixels {
             let sight = match scene.may_cut(pixel) {
                 true => Some(scene.lens.sight(&pixel.place)?),
@@ -235,7 +236,10 @@ impl PixelFit<'_> {
             match (shade.coverage.cut_count, &sight) {
                 (1, Some(sight)) => {
                     let (side, density) = shade.coverage.cuts[0];
-                    let distance = scene.lens.line_distance_jacobian(sight, &scene.lines[side]);
+                    let distance =
+                        scene
+                            .lens
+                            .line_distance_jacobian(sight, &scene.lines[side], wanted);
                     let gain = scene.gain(&shade, density);
                     let mut row = [0.0; N];
                     for i in 0..3 {
@@ -254,7 +258,10 @@ impl PixelFit<'_> {
                     let mut shared = DVector::zeros(self.free.len());
                     let mut part = DVector::zeros(self.free.len());
                     for (side, density) in shade.coverage.cuts {
-                        let distance = scene.lens.line_distance_jacobian(sight, &scene.lines[side]);
+                        let distance =
+                            scene
+                                .lens
+                                .line_distance_jacobian(sight, &scene.lines[side], wanted);
                         let gain = scene.gain(&shade, density);
                         let jacobian = &jacobians[side];
                         let mut geometry = own.rows_mut(0, jacobian.ncols());
