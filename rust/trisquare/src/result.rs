@@ -94,7 +94,7 @@ impl Calibration {
             all.push((*name, std));
             if *name == "fx" && self.aspect_fixed {
                 let focal = self.camera.focal();
-                all.push(("fy", std * focal.y / focal.x));
+                all.push(("fy", std * (focal.y / focal.x)));
             }
         }
         all
