@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from trisquare import _core
 from trisquare.detect import Targets
+from trisquare.edge_shift import shift_toward_light, without_shift
 from trisquare.edges import PlaneEdges
 from trisquare.outlines import BoardOutline, Outline, find_chessboard, find_squares, grey_bytes
 from trisquare.pictures import Image
@@ -97,30 +98,34 @@ def _measure_board(
     lines = [(0.0, 1.0, (rows - 1) / 2 - r) for r in range(rows)]
     lines += [(1.0, 0.0, (cols - 1) / 2 - c) for c in range(cols)]
     split = len(along)
-    chains = [measured[r * (cols - 1) : (r + 1) * (cols - 1)] for r in range(rows)]
-    chains += [measured[split + c * (rows - 1) :][: rows - 1] for c in range(cols)]
-    kept = [(line, _joined(chain)) for line, chain in zip(lines, chains, strict=True)]
-    whole = [(line, *samples) for line, samples in kept if samples is not None]
-    if len(whole) < len(lines):
+    signed = list(zip(measured, rises, strict=True))
+    chains = [signed[r * (cols - 1) : (r + 1) * (cols - 1)] for r in range(rows)]
+    chains += [signed[split + c * (rows - 1) :][: rows - 1] for c in range(cols)]
+    joined = [samples for samples in map(_joined, chains) if samples is not None]
+    if len(joined) < len(lines):
         return []
+    shift = shift_toward_light(joined)
     return [
         PlaneEdges(
-            np.array([line for line, _, _ in whole]),
-            tuple(points for _, points, _ in whole),
-            tuple(std for _, _, std in whole),
+            np.array(lines),
+            tuple(without_shift(points, signs, shift) for points, _, signs in joined),
+            tuple(std for _, std, _ in joined),
             plane=0,
             kind="chessboard",
         )
     ]
 
 
-def _joined(chain: Iterable[Samples | str]) -> Samples | None:
-    """Return the samples of all measured spans of one grid line, or None if there are none."""
-    samples = [span for span in chain if not isinstance(span, str)]
+def _joined(
+    chain: Iterable[tuple[Samples | str, float]],
+) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    """Return points, standard deviations and rises of all measured spans of one grid line."""
+    samples = [(*span, rise) for span, rise in chain if not isinstance(span, str)]
     if not samples:
         return None
-    points, std = zip(*samples, strict=True)
-    return np.concatenate(points), np.concatenate(std)
+    points, std, rises = zip(*samples, strict=True)
+    signs = np.repeat(rises, [len(part) for part in points])
+    return np.concatenate(points), np.concatenate(std), signs
 
 
 def _rises(grey: npt.NDArray[np.uint8], paths: FloatArray) -> list[float]:

@@ -1,0 +1,64 @@
+"""The shift of a board's edges toward the dark, measured from their zigzag."""
+
+import numpy as np
+import pytest
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare.edge_shift import shift_toward_light, without_shift
+
+NOISE = 0.05
+
+
+def zigzag(shift, rng, lines=9, per_cell=6, cells=8):
+    """Return gently bent grid lines whose cells are shifted alternately."""
+    found = []
+    for line in range(lines):
+        x = np.linspace(0.0, 200.0, per_cell * cells)
+        rises = np.repeat([1.0, -1.0] * (cells // 2), per_cell) * (-1.0) ** line
+        y = 20.0 * line + 1e-4 * (x - 90.0) ** 2 + shift * rises
+        points = np.stack([x, y + rng.normal(0, NOISE, x.size)], axis=1)
+        found.append((points, np.full(x.size, NOISE), rises))
+    return found
+
+
+@pytest.mark.parametrize("shift", [-0.4, 0.0, 0.25])
+def test_the_shift_of_bent_lines_is_found(shift):
+    lines = zigzag(shift, np.random.default_rng(1))
+    found = shift_toward_light(lines)
+    std = NOISE / np.sqrt(sum(len(points) for points, _, _ in lines))
+    assert abs(found - shift) < 4 * std
+    points, _, rises = lines[0]
+    moved = without_shift(points, rises, found)
+    assert np.abs(moved[:, 1] - points[:, 1] + found * rises).max() < 0.01
+
+
+def test_a_fifth_of_outliers_does_not_matter():
+    rng = np.random.default_rng(2)
+    lines = zigzag(0.25, rng)
+    for points, _, rises in lines:
+        spoilt = rng.random(len(points)) < 0.2
+        points[spoilt, 1] -= 2.0 * rises[spoilt]
+    assert abs(shift_toward_light(lines) - 0.25) < 0.05
+
+
+def test_one_cell_alone_says_nothing():
+    points = np.stack([np.arange(6.0), np.zeros(6)], axis=1)
+    assert shift_toward_light([(points, np.ones(6), np.ones(6))]) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_wrong_tone_curve_no_longer_tears_the_lines_of_a_board():
+    rng = np.random.default_rng(3)
+    scene = simulate.chessboard_scene(rng, simulate.random_camera(rng))
+    picture = simulate.render(scene, rng, noise=2.0, blur=0.8, tone="srgb")
+
+    def zigzag_of(tone):
+        (board,) = ts.detect(picture, targets="chessboard:9x6", tone=tone)
+        bends = []
+        for points in board.points:
+            x, y = (points - points.mean(axis=0)).T
+            along, across = (x, y) if np.ptp(x) > np.ptp(y) else (y, x)
+            bends.append(across - np.polyval(np.polyfit(along, across, 4), along))
+        return np.std(np.concatenate(bends))
+
+    assert zigzag_of("linear") < 1.5 * zigzag_of("srgb")
