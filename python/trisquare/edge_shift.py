@@ -7,6 +7,7 @@ cell, so the line shows the shift as a zigzag, and no calibration is needed to m
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -77,8 +78,8 @@ def without_shift(points: FloatArray, rises: FloatArray, shift: float) -> FloatA
 
 
 def _normal(points: FloatArray) -> FloatArray:
-    x, y = points[-1] - points[0]
-    return np.array([-y, x]) / np.hypot(x, y)
+    x, y = (points[-1] - points[0]).tolist()
+    return np.array([-y, x]) / math.hypot(x, y)
 
 
 def _line_part(
