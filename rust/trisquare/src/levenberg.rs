@@ -18,8 +18,7 @@ const ROUNDING: f64 = 1e-13;
 
 /// How an iteration ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum Termination {
+pub(crate) enum Termination {
     /// The next step would not change the cost noticeably.
     Converged,
     /// The iterations allowed were used up.
