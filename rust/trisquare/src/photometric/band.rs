@@ -11,6 +11,9 @@ use crate::{Brown, Lens, Picture, PlaneEdges, Polarity};
 /// Pixels this near (px) to an outline are used: farther ones still tell the plateaus' light.
 const REACH: f64 = 8.0;
 
+/// Beyond this (px) every second pixel does, in a chequered pattern.
+const FULL_DENSITY: f64 = 5.0;
+
 /// But no farther than this part of the outline's size, and at least so many px.
 const REACH_PART: f64 = 0.03;
 const MIN_FULL_REACH: f64 = 5.0;
@@ -26,7 +29,7 @@ const MIN_REACH: f64 = 3.0;
 const NEAR: f64 = 9.0;
 
 /// Spacing (px) of the points at which a side's image is traced.
-const TRACE_SPACING: f64 = 2.5;
+const TRACE_SPACING: f64 = 4.0;
 
 /// Points of a side's trace at most, so that 16 bits number those of an outline.
 const MAX_TRACE: f64 = 16_000.0;
@@ -324,12 +327,14 @@ impl DistanceMap {
     }
 
     fn pixels_within(&self, reach: f64) -> impl Iterator<Item = (usize, usize, &Mark)> {
-        let square = (reach * reach) as f32;
-        let inside = self
-            .marks
-            .iter()
-            .enumerate()
-            .filter(move |(_, m)| m.square <= square);
-        inside.map(|(i, m)| (self.x0 + i % self.width, self.y0 + i / self.width, m))
+        let (dense, sparse) = ((FULL_DENSITY * FULL_DENSITY) as f32, (reach * reach) as f32);
+        let rows = self.marks.chunks_exact(self.width.max(1)).enumerate();
+        rows.flat_map(move |(y, row)| {
+            let marked = row.iter().enumerate();
+            let used = marked.filter(move |(x, mark)| {
+                mark.square <= dense || mark.square <= sparse && (x + y).is_multiple_of(2)
+            });
+            used.map(move |(x, mark)| (self.x0 + x, self.y0 + y, mark))
+        })
     }
 }
