@@ -42,10 +42,10 @@ const EXPOSURE_STRIDE: usize = 12;
 const MAX_STEPS: usize = 8;
 
 /// Predicted fall of the cost, per parameter and in units of the noise variance, below which a step
-/// is the last. A step that starts within a few standard deviations of the optimum arrives there
-/// to second order: it is efficient without iterating (L. Le Cam, Univ. California Publ. Statist.
-/// 1 (1953) 277-330).
-const LAST_DECREASE: f64 = 2.0;
+/// is the last. The exposures come from a twelfth of the pixels, the geometry from the edge samples:
+/// both start within a few standard deviations, from where one step arrives to second order and
+/// is efficient without iterating (L. Le Cam, Univ. California Publ. Statist. 1 (1953) 277-330).
+const LAST_DECREASE: f64 = 20.0;
 
 /// How much larger the pixels' standard deviations may be, as a mean logarithm. The samples' own
 /// are a little too small, since those of a side share its blur and contrast; the pixels' are not.
