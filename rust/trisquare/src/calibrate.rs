@@ -11,8 +11,9 @@ use crate::linear::{
 use crate::observations::{ObservedPlane, Sample, sort_by_plane};
 use crate::parameters::FreeParameters;
 use crate::photometric::{self, Photographs};
-use crate::refine::{Refined, Search, View, finish, search};
+use crate::refine::{Refined, Search, finish, search};
 use crate::result::{Calibration, Stage, Warning};
+use crate::view::View;
 use crate::{Brown, Error, ImageSize, Method, Options, PlaneEdges};
 
 /// Samples of each side with which the search for the optimum starts: enough for the robust

@@ -4,7 +4,7 @@ use nalgebra::DMatrix;
 
 use crate::arrow::ArrowSystem;
 use crate::parameters::{FreeParameters, Options};
-use crate::refine::View;
+use crate::view::View;
 use crate::{Error, ImageSize, Lens};
 
 /// Largest standard deviation of a focal length accepted, as a part of it.

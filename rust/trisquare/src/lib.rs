@@ -18,6 +18,7 @@ mod calibrate;
 mod conic;
 mod consistency;
 mod covariance;
+mod edge_problem;
 mod edges;
 mod error;
 mod homography;
@@ -43,6 +44,7 @@ mod straighten;
 #[cfg(feature = "synthetic")]
 pub mod synthetic;
 mod tone;
+mod view;
 
 pub use brown::{Brown, BrownSight};
 pub use calibrate::{calibrate, calibrate_photographs};

@@ -6,7 +6,7 @@ use crate::conic::camera_matrix;
 use crate::homography::normalised_homography;
 use crate::observations::{Figure, ObservedPlane, Placement};
 use crate::radial::forward_coefficients;
-use crate::refine::{PlaneState, View};
+use crate::view::{PlaneState, View};
 use crate::{
     Brown, Error, Freedom, ImageSize, KnownIntrinsics, Lens, Line, Method, Model, Normalisation,
     Options, Pose, Straightening, fit_distortion,

@@ -11,15 +11,17 @@ mod coverage;
 mod exposure;
 mod exposure_fit;
 mod fit;
+mod scene;
 
 use crate::arrow::ArrowSystem;
 use crate::consistency::disagreement;
 use crate::covariance::covariance;
 use crate::observations::ObservedPlane;
 use crate::parameters::FreeParameters;
-use crate::refine::{Refined, View, residuals};
+use crate::refine::{Refined, residuals};
 use crate::result::{Calibration, Stage, Warning};
 use crate::robust::Loss;
+use crate::view::View;
 use crate::{Brown, Picture, PlaneEdges, Tone};
 use band::{PixelFigure, collect};
 use exposure::Exposure;

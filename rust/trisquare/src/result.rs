@@ -5,7 +5,8 @@ use nalgebra::{DMatrix, Vector2};
 use crate::consistency::Disagreement;
 use crate::observations::{ObservedPlane, Placement};
 use crate::parameters::FreeParameters;
-use crate::refine::{Refined, Residual, View};
+use crate::refine::{Refined, Residual};
+use crate::view::View;
 use crate::{Brown, ImageSize, Lens, Pose};
 
 /// The stage a result comes from.

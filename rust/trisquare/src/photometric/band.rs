@@ -5,7 +5,7 @@ use nalgebra::Vector2;
 use crate::observations::{ObservedPlane, Side};
 use crate::photometric::{Photographs, Refusal};
 use crate::picture::GreyReader;
-use crate::refine::{PlaneState, View};
+use crate::view::{PlaneState, View};
 use crate::{Brown, Lens, Picture, PlaneEdges, Polarity};
 
 /// Pixels this near (px) to an outline are used: farther ones still tell the plateaus' light.

@@ -6,9 +6,10 @@ use crate::arrow::{ArrowStep, ArrowSystem};
 use crate::levenberg::{Limits, Problem, Termination, minimise};
 use crate::outer::add_outer;
 use crate::photometric::exposure::{EXPOSURE_PARAMETERS, Exposure};
-use crate::photometric::fit::{PixelFit, Shade, add_plateau};
-use crate::refine::View;
+use crate::photometric::fit::{PixelFit, add_plateau};
+use crate::photometric::scene::Shade;
 use crate::robust::{Loss, median_scale};
+use crate::view::View;
 use crate::{Brown, Lens};
 
 /// Rounds of the fit: Huber's loss, then Tukey's at the scale found.

@@ -1,23 +1,17 @@
 //! The pixels as a least-squares problem over camera, planes and exposures.
 
-use nalgebra::{DMatrix, DVector, Vector2, Vector3};
+use nalgebra::{DMatrix, DVector};
 
 use crate::arrow::{ArrowStep, ArrowSystem, Block};
 use crate::outer::{add_outer, symmetric};
 use crate::parameters::FreeParameters;
-use crate::photometric::band::{BandPixel, PixelFigure};
-use crate::photometric::coverage::{self, Coverage, PLATEAU, coverage};
+use crate::photometric::band::PixelFigure;
 use crate::photometric::exposure::{EXPOSURE_PARAMETERS, Exposure};
-use crate::refine::View;
+use crate::photometric::scene::Scene;
 use crate::robust::{Loss, Spread};
 use crate::tone::ToneCurve;
-use crate::{Brown, BrownSight, Lens};
-
-/// A pixel's distance to the outline changes by less than this (px) from its first estimate.
-const DEPTH_SLACK: f64 = 1.0;
-
-/// Step (in the figure's units) over which the direction of a side at its corner is taken.
-const CORNER_STEP: f64 = 0.01;
+use crate::view::View;
+use crate::{Brown, Lens};
 
 /// What the fit moves.
 #[derive(Clone)]
@@ -46,112 +40,6 @@ pub(crate) struct PixelSystem {
     pub spread: Spread,
 }
 
-/// One figure under one state: what all its pixels share.
-pub(super) struct Scene<'a> {
-    fit: &'a PixelFit<'a>,
-    figure: &'a PixelFigure,
-    pub(super) lens: &'a Brown,
-    exposure: &'a Exposure,
-    /// The planes through the camera centre and the sides.
-    lines: [Vector3<f64>; 4],
-    /// Correlation of the blurred sides `i - 1` and `i`: the cosine between their normals.
-    corner_correlations: [f64; 4],
-}
-
-/// The model at one pixel.
-pub(super) struct Shade {
-    pub residual: f64,
-    /// Derivative of the coded value by light.
-    slope: f64,
-    /// Light that falls on the pixel, and the part of it that comes back.
-    light: f64,
-    reflected: f64,
-    pub coverage: Coverage,
-    /// Distances to the near sides in blurs.
-    z: [f64; 4],
-    place: Vector2<f64>,
-}
-
-impl Scene<'_> {
-    /// Whether an edge may cut the pixel; if not, it is on a plateau.
-    fn may_cut(&self, pixel: &BandPixel) -> bool {
-        pixel.depth.abs() < PLATEAU * self.exposure.blur + DEPTH_SLACK
-    }
-
-    /// Signed distances (px) of a pixel to the sides near it.
-    pub(super) fn distances(&self, pixel: &BandPixel, sight: &BrownSight) -> [f64; 4] {
-        let mut distances = [0.0; 4];
-        for side in 0..4 {
-            if pixel.near & (1 << side) != 0 {
-                distances[side] = self.lens.line_distance(sight, &self.lines[side]);
-            }
-        }
-        distances
-    }
-
-    /// The model at a pixel, given its distances if an edge may cut it.
-    pub(super) fn shade(&self, pixel: &BandPixel, distances: Option<&[f64; 4]>) -> Shade {
-        let mut z = [0.0; 4];
-        let covered = match distances {
-            None => coverage::plateau(pixel.depth > 0.0),
-            Some(distances) => {
-                z = distances.map(|d| d / self.exposure.blur);
-                coverage(pixel.near, &z, |corner| self.corner_correlations[corner])
-            }
-        };
-        let place = self.figure.shading_place(&pixel.place);
-        let light = self.exposure.light(&place);
-        let reflected = self.exposure.ground + self.exposure.contrast * covered.value;
-        let (value, slope) = self.fit.curve.encode_with_slope(light * reflected);
-        Shade {
-            residual: value - pixel.value,
-            slope,
-            light,
-            reflected,
-            coverage: covered,
-            z,
-            place,
-        }
-    }
-
-    /// Derivative of the coded value by the distance to a side that cuts it with the given density.
-    fn gain(&self, shade: &Shade, density: f64) -> f64 {
-        shade.slope * shade.light * self.exposure.contrast * density / self.exposure.blur
-    }
-
-    /// Derivatives by the exposure's parameters, then the residual.
-    pub(super) fn exposure_row(&self, shade: &Shade) -> [f64; EXPOSURE_PARAMETERS + 1] {
-        let mut row = [shade.residual; EXPOSURE_PARAMETERS + 1];
-        row[..EXPOSURE_PARAMETERS].copy_from_slice(&self.wrt_exposure(shade));
-        row
-    }
-
-    /// Derivatives by the exposure's parameters.
-    fn wrt_exposure(&self, shade: &Shade) -> [f64; EXPOSURE_PARAMETERS] {
-        let Shade {
-            slope,
-            light,
-            reflected,
-            coverage,
-            place,
-            z,
-            ..
-        } = shade;
-        let cuts = &coverage.cuts[..coverage.cut_count];
-        let by_blur: f64 = cuts
-            .iter()
-            .map(|(side, density)| self.gain(shade, *density) * z[*side])
-            .sum();
-        [
-            slope * light,
-            slope * light * coverage.value,
-            slope * reflected * place.x,
-            slope * reflected * place.y,
-            -by_blur,
-        ]
-    }
-}
-
 /// Columns of a side's sums before the shared parameters: the line's three, and the residual.
 const SHARED_OFFSET: usize = 4;
 
@@ -164,38 +52,14 @@ struct FigureSums<const N: usize> {
 }
 
 impl PixelFit<'_> {
+    /// One figure under a view and an exposure; `None` where the lens does not see its corners.
     pub(super) fn scene<'a>(
         &'a self,
         view: &'a View<Brown>,
         exposure: &'a Exposure,
         index: usize,
     ) -> Option<Scene<'a>> {
-        let figure = &self.figures[index];
-        let plane = &view.planes[figure.plane];
-        let lens = &view.lens;
-        let project = |point: Vector2<f64>| {
-            lens.project(
-                &plane
-                    .pose
-                    .transform(&plane.figures[figure.figure].point(point)),
-            )
-        };
-        let mut corner_correlations = [0.0; 4];
-        for (i, correlation) in corner_correlations.iter_mut().enumerate() {
-            let [before, corner, after] = [(i + 3) % 4, i, (i + 1) % 4].map(|k| figure.corners[k]);
-            let here = project(corner)?;
-            let arriving = here - project(corner.lerp(&before, CORNER_STEP))?;
-            let leaving = project(corner.lerp(&after, CORNER_STEP))? - here;
-            *correlation = arriving.normalize().dot(&leaving.normalize());
-        }
-        Some(Scene {
-            fit: self,
-            figure,
-            lens,
-            exposure,
-            lines: [0, 1, 2, 3].map(|i| plane.line(figure.figure, &figure.sides[i])),
-            corner_correlations,
-        })
+        Scene::new(&self.figures[index], self.curve, view, exposure)
     }
 
     fn add_figure<const N: usize>(
@@ -411,8 +275,8 @@ mod tests {
     use crate::observations::sort_by_plane;
     use crate::photometric::Photographs;
     use crate::photometric::band::collect;
-    use crate::refine::PlaneState;
     use crate::synthetic::{Scene as Truth, SceneOptions};
+    use crate::view::PlaneState;
     use crate::{Fixed, Model, Picture, Polarity, Tone};
     use nalgebra::DVector;
 
