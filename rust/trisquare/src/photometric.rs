@@ -10,6 +10,7 @@ mod band;
 mod coverage;
 mod exposure;
 mod exposure_fit;
+mod figure_sums;
 mod fit;
 mod scene;
 

@@ -6,7 +6,8 @@ use crate::arrow::{ArrowStep, ArrowSystem};
 use crate::levenberg::{Limits, Problem, Termination, minimise};
 use crate::outer::add_outer;
 use crate::photometric::exposure::{EXPOSURE_PARAMETERS, Exposure};
-use crate::photometric::fit::{PixelFit, add_plateau};
+use crate::photometric::figure_sums::{ExposureRow, ExposureSums, add_exposure};
+use crate::photometric::fit::PixelFit;
 use crate::photometric::scene::Shade;
 use crate::robust::{Loss, median_scale};
 use crate::view::View;
@@ -74,7 +75,7 @@ impl HeldGeometry<'_> {
         &self,
         exposure: &Exposure,
         index: usize,
-        mut visit: impl FnMut(&Shade, [f64; EXPOSURE_PARAMETERS + 1]),
+        mut visit: impl FnMut(&Shade, ExposureRow),
     ) -> Option<()> {
         let scene = self.pixels.scene(self.view, exposure, index)?;
         let figure = &self.pixels.figures[index];
@@ -110,13 +111,13 @@ impl Problem for HeldGeometry<'_> {
         let mut cost = 0.0;
         for (index, exposure) in exposures.iter().enumerate() {
             let to_noise = 1.0 / self.pixels.scales[index];
-            let mut sums = [[0.0; EXPOSURE_PARAMETERS + 1]; EXPOSURE_PARAMETERS + 1];
+            let mut sums = ExposureSums::default();
             self.for_each(exposure, index, |shade, row| {
                 let (part, weight) = self.pixels.loss.cost_and_weight(shade.residual * to_noise);
                 cost += part;
                 add_outer(&mut sums, &row, weight * to_noise * to_noise);
             })?;
-            add_plateau(&mut system.blocks[index], &sums, 0);
+            add_exposure(&mut system.blocks[index], &sums, 0);
         }
         let valid = exposures.iter().all(Exposure::is_valid);
         valid.then_some((cost, system))

@@ -1,12 +1,10 @@
 //! The pixels as a least-squares problem over camera, planes and exposures.
 
-use nalgebra::{DMatrix, DVector};
-
-use crate::arrow::{ArrowStep, ArrowSystem, Block};
-use crate::outer::{add_outer, symmetric};
+use crate::arrow::{ArrowStep, ArrowSystem};
 use crate::parameters::FreeParameters;
 use crate::photometric::band::PixelFigure;
 use crate::photometric::exposure::{EXPOSURE_PARAMETERS, Exposure};
+use crate::photometric::figure_sums::FigureSums;
 use crate::photometric::scene::Scene;
 use crate::robust::{Loss, Spread};
 use crate::tone::ToneCurve;
@@ -40,17 +38,6 @@ pub(crate) struct PixelSystem {
     pub spread: Spread,
 }
 
-/// Columns of a side's sums before the shared parameters: the line's three, and the residual.
-const SHARED_OFFSET: usize = 4;
-
-/// Sums of outer products over one figure, kept by what its pixels depend on.
-struct FigureSums<const N: usize> {
-    /// Pixels cut by one side: `(l, residual, shared, exposure)`.
-    sides: [[[f64; N]; N]; 4],
-    /// Pixels on a plateau: `(exposure, residual)`.
-    plateau: [[f64; EXPOSURE_PARAMETERS + 1]; EXPOSURE_PARAMETERS + 1],
-}
-
 impl PixelFit<'_> {
     /// One figure under a view and an exposure; `None` where the lens does not see its corners.
     pub(super) fn scene<'a>(
@@ -74,12 +61,8 @@ impl PixelFit<'_> {
         let jacobians = [0, 1, 2, 3].map(|i| plane.line_jacobian(figure.figure, &figure.sides[i]));
         let exposure_offset = self.exposure_offset(state, index);
         let block = &mut sum.system.blocks[figure.plane];
-        let mut sums = FigureSums::<N> {
-            sides: [[[0.0; N]; N]; 4],
-            plateau: [[0.0; EXPOSURE_PARAMETERS + 1]; EXPOSURE_PARAMETERS + 1],
-        };
+        let mut sums = FigureSums::<N>::new(self.free, jacobians, exposure_offset);
         let to_noise = 1.0 / self.scales[index];
-        let wanted = self.free.columns();
         for pixel in &figure.pixels {
             let sight = match scene.may_cut(pixel) {
                 true => Some(scene.lens.sight(&pixel.place)?),
@@ -93,59 +76,13 @@ impl PixelFit<'_> {
                 sum.spread.add(self.loss, shade.residual * to_noise);
             }
             let weight = weight * to_noise * to_noise;
-            if weight == 0.0 {
-                continue;
-            }
-            let wrt_exposure = scene.wrt_exposure(&shade);
             match (shade.coverage.cut_count, &sight) {
-                (1, Some(sight)) => {
-                    let (side, density) = shade.coverage.cuts[0];
-                    let distance =
-                        scene
-                            .lens
-                            .line_distance_jacobian(sight, &scene.lines[side], wanted);
-                    let gain = scene.gain(&shade, density);
-                    let mut row = [0.0; N];
-                    for i in 0..3 {
-                        row[i] = gain * distance.wrt_line[i];
-                    }
-                    row[3] = shade.residual;
-                    let (shared, exposure) =
-                        row[SHARED_OFFSET..].split_at_mut(N - SHARED_OFFSET - EXPOSURE_PARAMETERS);
-                    self.free.gather(&distance.wrt_lens, shared);
-                    shared.iter_mut().for_each(|value| *value *= gain);
-                    exposure.copy_from_slice(&wrt_exposure);
-                    add_outer(&mut sums.sides[side], &row, weight);
-                }
-                (2, Some(sight)) => {
-                    let mut own = DVector::zeros(block.hessian.nrows());
-                    let mut shared = DVector::zeros(self.free.len());
-                    let mut part = DVector::zeros(self.free.len());
-                    for (side, density) in shade.coverage.cuts {
-                        let distance =
-                            scene
-                                .lens
-                                .line_distance_jacobian(sight, &scene.lines[side], wanted);
-                        let gain = scene.gain(&shade, density);
-                        let jacobian = &jacobians[side];
-                        let mut geometry = own.rows_mut(0, jacobian.ncols());
-                        geometry.gemv_tr(gain, jacobian, &distance.wrt_line, 1.0);
-                        self.free.gather(&distance.wrt_lens, part.as_mut_slice());
-                        shared.axpy(gain, &part, 1.0);
-                    }
-                    own.rows_mut(exposure_offset, EXPOSURE_PARAMETERS)
-                        .copy_from_slice(&wrt_exposure);
-                    add_row(block, &own, &shared, shade.residual, weight);
-                }
-                _ => {
-                    add_outer(&mut sums.plateau, &scene.exposure_row(&shade), weight);
-                }
+                (1, Some(sight)) => sums.add_cut(&scene, sight, &shade, weight),
+                (2, Some(sight)) => sums.add_corner(&scene, sight, &shade, weight, block),
+                _ => sums.add_plateau(&scene.exposure_row(&shade), weight),
             }
         }
-        for (side, jacobian) in jacobians.iter().enumerate() {
-            add_side(block, &sums.sides[side], jacobian, exposure_offset);
-        }
-        add_plateau(block, &sums.plateau, exposure_offset);
+        sums.finish(block);
         Some(())
     }
 
@@ -203,69 +140,6 @@ impl PixelFit<'_> {
             exposures: exposures.collect(),
             view: state.view.advanced(self.free, step),
         }
-    }
-}
-
-/// Adds one row of the Jacobian.
-fn add_row(
-    block: &mut Block,
-    own: &DVector<f64>,
-    shared: &DVector<f64>,
-    residual: f64,
-    weight: f64,
-) {
-    block.hessian.ger(weight, own, own, 1.0);
-    block.cross.ger(weight, own, shared, 1.0);
-    block.gradient.axpy(weight * residual, own, 1.0);
-    block.shared.ger(weight, shared, shared, 1.0);
-    block.shared_gradient.axpy(weight * residual, shared, 1.0);
-}
-
-/// Brings the plane's own parameters into the sums of one side: with `M` the map from
-/// (own geometry, exposure) to (line, exposure), the block is `M^T S M`.
-fn add_side<const N: usize>(
-    block: &mut Block,
-    sums: &[[f64; N]; N],
-    jacobian: &DMatrix<f64>,
-    exposure_offset: usize,
-) {
-    let shared = N - SHARED_OFFSET - EXPOSURE_PARAMETERS;
-    let exposure = SHARED_OFFSET + shared;
-    let rows = 3 + EXPOSURE_PARAMETERS;
-    // Row of the sums that belongs to a row of the map.
-    let source = |i: usize| if i < 3 { i } else { exposure + i - 3 };
-    let mut map = DMatrix::zeros(rows, block.hessian.nrows());
-    map.view_mut((0, 0), (3, jacobian.ncols()))
-        .copy_from(jacobian);
-    for i in 0..EXPOSURE_PARAMETERS {
-        map[(3 + i, exposure_offset + i)] = 1.0;
-    }
-    let square = DMatrix::from_fn(rows, rows, |i, j| symmetric(sums, source(i), source(j)));
-    let cross = DMatrix::from_fn(rows, shared, |i, j| {
-        symmetric(sums, source(i), SHARED_OFFSET + j)
-    });
-    let residual = DVector::from_fn(rows, |i, _| symmetric(sums, source(i), 3));
-    block.hessian.gemm_tr(1.0, &map, &(square * &map), 1.0);
-    block.cross.gemm_tr(1.0, &map, &cross, 1.0);
-    block.gradient.gemv_tr(1.0, &map, &residual, 1.0);
-    for i in 0..shared {
-        for j in 0..shared {
-            block.shared[(i, j)] += symmetric(sums, SHARED_OFFSET + i, SHARED_OFFSET + j);
-        }
-        block.shared_gradient[i] += sums[SHARED_OFFSET + i][3];
-    }
-}
-
-pub(super) fn add_plateau(
-    block: &mut Block,
-    sums: &[[f64; EXPOSURE_PARAMETERS + 1]; EXPOSURE_PARAMETERS + 1],
-    exposure_offset: usize,
-) {
-    for i in 0..EXPOSURE_PARAMETERS {
-        for j in 0..EXPOSURE_PARAMETERS {
-            block.hessian[(exposure_offset + i, exposure_offset + j)] += symmetric(sums, i, j);
-        }
-        block.gradient[exposure_offset + i] += sums[EXPOSURE_PARAMETERS][i];
     }
 }
 

@@ -1,0 +1,164 @@
+//! Normal equations of one figure's pixels, summed by what the pixels depend on.
+//!
+//! Nearly all pixels that an edge cuts are cut by one side, whose line `l` they share: they are
+//! summed over `(l, residual, shared, exposure)`, and the plane's own parameters are brought in once
+//! per side. The few at corners are added row by row.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::arrow::Block;
+use crate::lens::Columns;
+use crate::outer::{add_outer, symmetric};
+use crate::parameters::FreeParameters;
+use crate::photometric::exposure::EXPOSURE_PARAMETERS;
+use crate::photometric::scene::{Scene, Shade};
+use crate::{BrownSight, Lens};
+
+/// Columns of a side's sums before the shared parameters: the line's three, and the residual.
+const SHARED_OFFSET: usize = 4;
+
+/// `(exposure, residual)`: what a pixel on a plateau depends on.
+pub(super) type ExposureRow = [f64; EXPOSURE_PARAMETERS + 1];
+
+/// Sums of outer products of [`ExposureRow`]s.
+pub(super) type ExposureSums = [ExposureRow; EXPOSURE_PARAMETERS + 1];
+
+/// Sums of outer products over one figure.
+pub(super) struct FigureSums<'a, const N: usize> {
+    free: &'a FreeParameters,
+    wanted: Columns,
+    /// Derivatives of each side's line by the plane's geometry.
+    jacobians: [DMatrix<f64>; 4],
+    /// Where the figure's exposure begins among its plane's own parameters.
+    exposure_offset: usize,
+    sides: [[[f64; N]; N]; 4],
+    plateau: ExposureSums,
+}
+
+impl<'a, const N: usize> FigureSums<'a, N> {
+    pub fn new(
+        free: &'a FreeParameters,
+        jacobians: [DMatrix<f64>; 4],
+        exposure_offset: usize,
+    ) -> Self {
+        Self {
+            free,
+            wanted: free.columns(),
+            jacobians,
+            exposure_offset,
+            sides: [[[0.0; N]; N]; 4],
+            plateau: ExposureSums::default(),
+        }
+    }
+
+    /// Adds a pixel that one side cuts.
+    #[inline]
+    pub fn add_cut(&mut self, scene: &Scene<'_>, sight: &BrownSight, shade: &Shade, weight: f64) {
+        let (side, density) = shade.coverage.cuts[0];
+        let line = &scene.lines[side];
+        let distance = scene.lens.line_distance_jacobian(sight, line, self.wanted);
+        let gain = scene.gain(shade, density);
+        let mut row = [0.0; N];
+        for i in 0..3 {
+            row[i] = gain * distance.wrt_line[i];
+        }
+        row[3] = shade.residual;
+        let (shared, exposure) =
+            row[SHARED_OFFSET..].split_at_mut(N - SHARED_OFFSET - EXPOSURE_PARAMETERS);
+        self.free.gather(&distance.wrt_lens, shared);
+        shared.iter_mut().for_each(|value| *value *= gain);
+        exposure.copy_from_slice(&scene.wrt_exposure(shade));
+        add_outer(&mut self.sides[side], &row, weight);
+    }
+
+    /// Adds a pixel that two sides cut.
+    pub fn add_corner(
+        &self,
+        scene: &Scene<'_>,
+        sight: &BrownSight,
+        shade: &Shade,
+        weight: f64,
+        block: &mut Block,
+    ) {
+        let mut own = DVector::zeros(block.hessian.nrows());
+        let mut shared = DVector::zeros(self.free.len());
+        let mut part = DVector::zeros(self.free.len());
+        for (side, density) in shade.coverage.cuts {
+            let line = &scene.lines[side];
+            let distance = scene.lens.line_distance_jacobian(sight, line, self.wanted);
+            let gain = scene.gain(shade, density);
+            let jacobian = &self.jacobians[side];
+            let mut geometry = own.rows_mut(0, jacobian.ncols());
+            geometry.gemv_tr(gain, jacobian, &distance.wrt_line, 1.0);
+            self.free.gather(&distance.wrt_lens, part.as_mut_slice());
+            shared.axpy(gain, &part, 1.0);
+        }
+        own.rows_mut(self.exposure_offset, EXPOSURE_PARAMETERS)
+            .copy_from_slice(&scene.wrt_exposure(shade));
+        block.hessian.ger(weight, &own, &own, 1.0);
+        block.cross.ger(weight, &own, &shared, 1.0);
+        block.gradient.axpy(weight * shade.residual, &own, 1.0);
+        block.shared.ger(weight, &shared, &shared, 1.0);
+        block
+            .shared_gradient
+            .axpy(weight * shade.residual, &shared, 1.0);
+    }
+
+    /// Adds a pixel that shows the ground or the figure alone.
+    #[inline]
+    pub fn add_plateau(&mut self, row: &ExposureRow, weight: f64) {
+        add_outer(&mut self.plateau, row, weight);
+    }
+
+    /// Adds all sums to the plane's block.
+    pub fn finish(self, block: &mut Block) {
+        for (sums, jacobian) in self.sides.iter().zip(&self.jacobians) {
+            add_side(block, sums, jacobian, self.exposure_offset);
+        }
+        add_exposure(block, &self.plateau, self.exposure_offset);
+    }
+}
+
+/// Brings the plane's own parameters into the sums of one side: with `M` the map from
+/// (own geometry, exposure) to (line, exposure), the block is `M^T S M`.
+fn add_side<const N: usize>(
+    block: &mut Block,
+    sums: &[[f64; N]; N],
+    jacobian: &DMatrix<f64>,
+    exposure_offset: usize,
+) {
+    let shared = N - SHARED_OFFSET - EXPOSURE_PARAMETERS;
+    let exposure = SHARED_OFFSET + shared;
+    let rows = 3 + EXPOSURE_PARAMETERS;
+    // Row of the sums that belongs to a row of the map.
+    let source = |i: usize| if i < 3 { i } else { exposure + i - 3 };
+    let mut map = DMatrix::zeros(rows, block.hessian.nrows());
+    let mut geometry = map.view_mut((0, 0), (3, jacobian.ncols()));
+    geometry.copy_from(jacobian);
+    for i in 0..EXPOSURE_PARAMETERS {
+        map[(3 + i, exposure_offset + i)] = 1.0;
+    }
+    let at = |i: usize, j: usize| symmetric(sums, i, j);
+    let square = DMatrix::from_fn(rows, rows, |i, j| at(source(i), source(j)));
+    let cross = DMatrix::from_fn(rows, shared, |i, j| at(source(i), SHARED_OFFSET + j));
+    let residual = DVector::from_fn(rows, |i, _| at(source(i), 3));
+    block.hessian.gemm_tr(1.0, &map, &(square * &map), 1.0);
+    block.cross.gemm_tr(1.0, &map, &cross, 1.0);
+    block.gradient.gemv_tr(1.0, &map, &residual, 1.0);
+    for i in 0..shared {
+        for j in 0..shared {
+            block.shared[(i, j)] += at(SHARED_OFFSET + i, SHARED_OFFSET + j);
+        }
+        block.shared_gradient[i] += at(SHARED_OFFSET + i, 3);
+    }
+}
+
+/// Adds sums over the exposure alone.
+pub(super) fn add_exposure(block: &mut Block, sums: &ExposureSums, exposure_offset: usize) {
+    for i in 0..EXPOSURE_PARAMETERS {
+        for j in 0..EXPOSURE_PARAMETERS {
+            block.hessian[(exposure_offset + i, exposure_offset + j)] += symmetric(sums, i, j);
+        }
+        block.gradient[exposure_offset + i] += symmetric(sums, i, EXPOSURE_PARAMETERS);
+    }
+}
