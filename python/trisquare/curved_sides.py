@@ -25,6 +25,9 @@ ROUNDS = 3
 """A contour may miss the edge by more than the profile sees near a corner; each round follows
 the edge further there."""
 
+SETTLED = 0.1
+"""Pixels; a round that moved no curve further than this is the last."""
+
 MIN_RELATIVE_CONTRAST = 0.4
 """Of a side's median contrast, that an edge point must have."""
 
@@ -53,8 +56,8 @@ MAX_CORNER_SHIFT = 0.25
 LEAST_CROSS = 1e-3
 """Squared pixels; two sides so parallel do not meet, and are refused by their angle."""
 
-NEWTON_STEPS = 4
-"""Two almost straight curves meet in two; the rest costs nothing."""
+NEWTON_STEPS = 3
+"""Two almost straight curves meet in two."""
 
 
 def fit_sides(picture: NDArray[np.float32], quads: Quads) -> Quads:
@@ -78,21 +81,26 @@ def fit_sides(picture: NDArray[np.float32], quads: Quads) -> Quads:
     along = chords.inner_positions(FRACTIONS)
     rough_along, offset = chords.coordinates(quads.sides)
     off_corners = (rough_along > along[..., :1]) & (rough_along < along[..., -1:])
-    cubic = _fit_cubics(rough_along, offset, off_corners.astype(np.float64), chords.lengths)
+    cubic = _fit_cubics(_powers(rough_along), offset, off_corners, chords.lengths)
+    basis = _powers(along)
+    curve = _evaluate(cubic, basis)
     for _ in range(ROUNDS):
-        offset = _evaluate(cubic, along)
+        offset = curve
         step, contrast = _measure_edge(picture, chords, along, offset)
         contrast *= sign
         typical = np.median(contrast, axis=2, keepdims=True)
         sharp = contrast > MIN_RELATIVE_CONTRAST * np.maximum(typical, MIN_CONTRAST)
         measured = offset + step
-        cubic = _fit_cubics(along, measured, sharp.astype(np.float64), chords.lengths)
-        on_curve = sharp & (np.abs(measured - _evaluate(cubic, along)) < MAX_RESIDUAL)
-        cubic = _fit_cubics(along, measured, on_curve.astype(np.float64), chords.lengths)
+        cubic = _fit_cubics(basis, measured, sharp, chords.lengths)
+        on_curve = sharp & (np.abs(measured - _evaluate(cubic, basis)) < MAX_RESIDUAL)
+        cubic = _fit_cubics(basis, measured, on_curve, chords.lengths)
+        curve = _evaluate(cubic, basis)
+        if np.abs(curve - offset).max() < SETTLED:
+            break
 
     first, last, cosines = _meet(chords, cubic)
     positions = first[..., None] + (last - first)[..., None] * FRACTIONS
-    offsets = _evaluate(cubic, positions)
+    offsets = _evaluate(cubic, _powers(positions))
     sagitta = np.abs(offsets - 0.5 * (offsets[..., :1] + offsets[..., -1:])).max(axis=2)
     good = (
         (on_curve.mean(axis=2) >= MIN_INLIERS)
@@ -137,8 +145,13 @@ class _Chords:
 
     def points(self, along: FloatArray, offset: FloatArray) -> FloatArray:
         """Points (Q, 4, N, 2) from positions and offsets (Q, 4, N)."""
-        forward = (along * self.lengths[..., None])[..., None] * self.directions[:, :, None]
-        return self.starts[:, :, None] + forward + offset[..., None] * self.outward[:, :, None]
+        forward = along * self.lengths[..., None]
+        points = np.empty((*along.shape, 2))
+        for axis in range(2):
+            points[..., axis] = forward * self.directions[:, :, None, axis]
+            points[..., axis] += offset * self.outward[:, :, None, axis]
+            points[..., axis] += self.starts[:, :, None, axis]
+        return points
 
     def inner_positions(self, fractions: FloatArray) -> FloatArray:
         """Spread positions (Q, 4, N) over the chords without the ends."""
@@ -148,31 +161,32 @@ class _Chords:
 
 def _powers(along: FloatArray) -> FloatArray:
     """Cubic basis about the middle of the chord, shape (..., 4)."""
-    centred = 2.0 * along - 1.0
-    squared = centred * centred
-    return np.stack([np.ones_like(centred), centred, squared, centred * squared], axis=-1)
+    basis = np.ones((*along.shape, 4))
+    basis[..., 1] = centred = 2.0 * along - 1.0
+    basis[..., 2] = squared = centred * centred
+    basis[..., 3] = centred * squared
+    return basis
 
 
 def _fit_cubics(
-    along: FloatArray, offset: FloatArray, weight: FloatArray, lengths: FloatArray
+    basis: FloatArray, offset: FloatArray, used: NDArray[np.bool_], lengths: FloatArray
 ) -> FloatArray:
-    """Weighted least squares of offset on position, shapes (Q, 4, N) and (Q, 4) -> (Q, 4, 4).
+    """Least squares of offset on position, shapes (Q, 4, N, 4), (Q, 4, N), (Q, 4) -> (Q, 4, 4).
 
     A lens bends short sides little, and free curvature would swing at their ends, where nothing
     was measured; the expected size of each coefficient holds it back.
     """
-    basis = _powers(along)
-    weighted = basis * weight[..., None]
-    normal = np.swapaxes(weighted, -1, -2) @ basis
+    weighted = np.swapaxes(basis * used[..., None], -1, -2)
+    normal = weighted @ basis
     expected = EXPECTED_TERMS * lengths[..., None]
     normal += (POINT_NOISE / expected)[..., None] ** 2 * np.eye(4)
-    right = np.swapaxes(weighted, -1, -2) @ offset[..., None]
+    right = weighted @ offset[..., None]
     return np.asarray(np.linalg.solve(normal, right)[..., 0], dtype=np.float64)
 
 
-def _evaluate(cubic: FloatArray, along: FloatArray) -> FloatArray:
-    """Offsets (Q, 4, N) of the cubics at positions (Q, 4, N)."""
-    return np.asarray(np.einsum("qsnk,qsk->qsn", _powers(along), cubic))
+def _evaluate(cubic: FloatArray, basis: FloatArray) -> FloatArray:
+    """Offsets (Q, 4, N) of the cubics at positions of the given basis (Q, 4, N, 4)."""
+    return np.asarray((basis @ cubic[..., None])[..., 0], dtype=np.float64)
 
 
 def _slope(cubic: FloatArray, along: FloatArray) -> FloatArray:
@@ -227,7 +241,7 @@ def _meet(chords: _Chords, cubic: FloatArray) -> tuple[FloatArray, FloatArray, F
 def _point_at(chords: _Chords, cubic: FloatArray, along: FloatArray) -> FloatArray:
     """Points (Q, 4, 2) of the curves at positions (Q, 4)."""
     positions = along[..., None]
-    return chords.points(positions, _evaluate(cubic, positions))[:, :, 0]
+    return chords.points(positions, _evaluate(cubic, _powers(positions)))[:, :, 0]
 
 
 def _tangent(chords: _Chords, cubic: FloatArray, along: FloatArray) -> FloatArray:

@@ -127,14 +127,22 @@ def _ground_all_round(
     return np.asarray(beside_sides & beyond_corners)
 
 
-def _uniform(picture: NDArray[np.float32], quads: Quads) -> NDArray[np.bool_]:
-    """Whether the inside of each quad is even but for a plane of light."""
+def _interior_grid() -> tuple[FloatArray, FloatArray]:
+    """Weigh the corners at each point, (N, 4), and project the points' values on planes, (N, N)."""
     fractions = np.linspace(INTERIOR_MARGIN, 1.0 - INTERIOR_MARGIN, INTERIOR_GRID)
     u, v = (grid.ravel() for grid in np.meshgrid(fractions, fractions))
     weights = np.stack([(1 - u) * (1 - v), u * (1 - v), u * v, (1 - u) * v], axis=1)
-    values = sample(picture, np.einsum("nc,qci->qni", weights, quads.corners))
     plane = np.stack([np.ones_like(u), u, v], axis=1)
-    values -= values @ np.linalg.pinv(plane).T @ plane.T
+    return weights, plane @ np.linalg.pinv(plane)
+
+
+_INTERIOR_WEIGHTS, _ONTO_PLANE = _interior_grid()
+
+
+def _uniform(picture: NDArray[np.float32], quads: Quads) -> NDArray[np.bool_]:
+    """Whether the inside of each quad is even but for a plane of light."""
+    values = sample(picture, np.einsum("nc,qci->qni", _INTERIOR_WEIGHTS, quads.corners))
+    values -= values @ _ONTO_PLANE
     values -= np.median(values, axis=1, keepdims=True)
     step = quads.contrasts.mean(axis=1, keepdims=True)
     uneven = np.abs(values) > MAX_UNEVENNESS * step

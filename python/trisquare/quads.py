@@ -22,7 +22,19 @@ LEVELS = 14
 contrast looked for (60 before shading) still spans two or three."""
 
 RANGE_PERCENTILES = (0.5, 99.5)
-"""The range leaves out the darkest and brightest specks; every second pixel tells it."""
+"""The range leaves out the darkest and brightest specks."""
+
+FLAT_STEP = 14
+"""Grey levels over 4 pixels in a row or column, below which a pixel is flat; the blurred edge of
+a figure that is looked for is steeper, and light that varies is not."""
+
+MIN_PLATEAU = 16
+"""Flat pixels, of every second row, that may be a figure or its ground. The smallest square has
+12 pixels a side, 8 of which are out of the reach of its edges: 32 of every second row."""
+
+LEVELS_BETWEEN_PLATEAUS = 3
+"""Levels kept of those that no plateau lies between: all of them cut the same figures out, and
+one in three is near enough to the middle of a figure's contrast."""
 
 MIN_SIDE = 12.0
 """Shortest side, in pixels of the searched picture: the ends of a side are lost to the corners'
@@ -137,12 +149,10 @@ def find_quads(picture: NDArray[np.uint8], smooth: NDArray[np.float32]) -> Quads
         Of both polarities, nested ones included, none touching the border; up to about a pixel
         and a half off the edges.
     """
-    darkest, brightest = np.percentile(picture[::2, ::2], RANGE_PERCENTILES)
-    levels = darkest + (brightest - darkest) * (np.arange(LEVELS) + 0.5) / LEVELS
     found = [
         (sides, level, dark_inside)
-        for level in np.unique(levels.astype(int))
-        for sides, dark_inside in _quads_at_level(picture, int(level))
+        for level in _levels(picture)
+        for sides, dark_inside in _quads_at_level(picture, level)
     ]
     sides = np.array([quad[0] for quad in found], dtype=np.float64)
     sides = sides.reshape(-1, 4, POINTS_PER_SIDE, 2)
@@ -165,6 +175,37 @@ def without_repeats(quads: Quads) -> Quads:
         same &= quads.dark_inside[others] == quads.dark_inside[best]
         remaining = others[~same]
     return quads.subset(np.array(kept, dtype=np.intp))
+
+
+def _levels(picture: NDArray[np.uint8]) -> list[int]:
+    """Thresholds over the picture's range that may cut different figures out."""
+    shares = 100.0 * _histogram(picture[::4]).cumsum() / picture[::4].size
+    darkest, brightest = np.searchsorted(shares, RANGE_PERCENTILES)
+    levels = darkest + (brightest - darkest) * (np.arange(LEVELS) + 0.5) / LEVELS
+    levels = np.unique(levels.astype(np.intp))
+    flat_below = _flat_pixels(picture).cumsum()[levels]
+    runs = np.split(levels, np.flatnonzero(np.diff(flat_below) >= MIN_PLATEAU) + 1)
+    return [int(level) for run in runs for level in _spread(run)]
+
+
+def _flat_pixels(picture: NDArray[np.uint8]) -> FloatArray:
+    """Count the pixels of each grey level, in every second row, that no edge is at."""
+    along = cv2.absdiff(picture[2:-2:2, 4:], picture[2:-2:2, :-4])
+    across = cv2.absdiff(picture[4::2, 2:-2], picture[:-4:2, 2:-2])
+    flat = cv2.threshold(cv2.max(along, across), FLAT_STEP - 1, 255, cv2.THRESH_BINARY_INV)[1]
+    return _histogram(picture[2:-2:2, 2:-2], flat)
+
+
+def _histogram(picture: NDArray[np.uint8], mask: MatLike | None = None) -> FloatArray:
+    """Count the pixels of each of the 256 grey levels."""
+    counts = cv2.calcHist([picture], [0], mask, [256], [0.0, 256.0])
+    return np.asarray(counts, dtype=np.float64).ravel()
+
+
+def _spread(run: NDArray[np.intp]) -> NDArray[np.intp]:
+    """At most `LEVELS_BETWEEN_PLATEAUS` of a run of levels, evenly spread over it."""
+    kept = min(len(run), LEVELS_BETWEEN_PLATEAUS)
+    return run[((np.arange(kept) + 0.5) * len(run) / kept).astype(np.intp)]
 
 
 def _quads_at_level(picture: NDArray[np.uint8], level: int) -> list[tuple[NDArray[np.int32], bool]]:

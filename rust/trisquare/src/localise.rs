@@ -10,6 +10,7 @@
 mod band;
 mod coarse;
 mod curve;
+mod noise;
 mod patches;
 mod plateaus;
 mod side;
@@ -20,7 +21,7 @@ use crate::picture::{GreyReader, Picture};
 use crate::tone::Tone;
 use band::{Band, Fence, Pixel};
 use coarse::CoarseEdge;
-use side::{BLUR_RANGE, Side};
+use side::{BLUR_RANGE, SETTLED, Side};
 
 /// A stretch of edge between two crossings, coarsely known.
 #[derive(Debug, Clone)]
@@ -89,7 +90,9 @@ const EXTENSION: f64 = 6.0;
 const BOUND_CLEARANCE: f64 = 2.5;
 /// The first fit, which only finds curve and blur, uses about this many columns of pixels.
 const PREVIEW_COLUMNS: f64 = 50.0;
-const PREVIEW_FITS: usize = 2;
+/// It is made twice: roughly, on the pixels that the coarse edge points to, until a step is below
+/// this many pixels; then on those that the result points to.
+const ROUGHLY_SETTLED: f64 = 0.1;
 const PREVIEW_STEPS: usize = 12;
 const FINAL_STEPS: usize = 6;
 /// Contrast over noise below which a step cannot be told from texture.
@@ -134,6 +137,8 @@ struct Localiser<'a> {
     /// No noise is taken to be below this.
     noise_floor: f64,
     pixels: Vec<Pixel>,
+    /// The pixels of a preview's wider band.
+    wide: Vec<Pixel>,
     residuals: Vec<f64>,
 }
 
@@ -144,6 +149,7 @@ impl<'a> Localiser<'a> {
             tone,
             noise_floor: picture.rounding_noise(),
             pixels: Vec::new(),
+            wide: Vec::new(),
             residuals: Vec::new(),
         }
     }
@@ -153,24 +159,32 @@ impl<'a> Localiser<'a> {
         let mut side = self.first_guess(coarse::find(&self.reader, span)?);
         let length = side.curve.length();
         let end = inner_end(&side);
-        let stride = (length / PREVIEW_COLUMNS) as usize + 1;
         let band = |curve, width| Band {
             curve,
             near: width,
             reach: [width; 2],
             ends: [-end, end],
             fences: Vec::new(),
-            stride,
+            stride: (length / PREVIEW_COLUMNS) as usize + 1,
         };
-        for _ in 0..PREVIEW_FITS {
-            let noise = self.gather(&side, &band(side.curve.clone(), near(&side)))?;
-            side.fit(self.reader.curve(), &self.pixels, noise, PREVIEW_STEPS);
-        }
+        self.gather(&band(side.curve.clone(), near(&side)))?;
+        let noise = self.noise_about(&side);
+        let steps = (PREVIEW_STEPS, ROUGHLY_SETTLED);
+        side.fit(self.reader.curve(), &self.pixels, noise, steps);
+
         let near = near(&side);
         let far = (FAR_RATIO * near).min(FAR_SHARE * length).max(near);
-        let noise = self.gather(&side, &band(side.curve.clone(), far))?;
+        self.gather(&band(side.curve.clone(), far))?;
+        std::mem::swap(&mut self.pixels, &mut self.wide);
+        let is_near = |pixel: &&Pixel| side.distance(pixel).abs() <= near;
+        self.pixels.clear();
+        self.pixels.extend(self.wide.iter().filter(is_near));
+        let noise = self.noise_about(&side);
+        let steps = (PREVIEW_STEPS, SETTLED);
+        side.fit(self.reader.curve(), &self.pixels, noise, steps);
+        let noise = self.noise_about(&side);
         self.judge(&side, span.rise, noise)?;
-        let reach = plateaus::reach(&side, self.reader.curve(), &self.pixels, noise, [near, far]);
+        let reach = plateaus::reach(&side, self.reader.curve(), &self.wide, noise, [near, far]);
         Ok(Preview { side, noise, reach })
     }
 
@@ -187,16 +201,27 @@ impl<'a> Localiser<'a> {
         let band = Band {
             curve: side.curve.clone(),
             near: near(&side),
-            reach: *reach,
+            reach: reach.map(|reach| reach.max(near(&side))),
             ends,
             fences,
             stride: 1,
         };
-        self.gather(&side, &band)?;
-        side.fit(self.reader.curve(), &self.pixels, *noise, FINAL_STEPS);
-        let noise = self.noise_about(&side);
+        self.gather(&band)?;
+        side.fit(
+            self.reader.curve(),
+            &self.pixels,
+            *noise,
+            (FINAL_STEPS, SETTLED),
+        );
+        let (samples, noise) = patches::measure(
+            &side,
+            self.reader.curve(),
+            &self.pixels,
+            *noise,
+            self.noise_floor,
+            &mut self.residuals,
+        );
         self.judge(&side, spans[index].rise, noise)?;
-        let samples = patches::measure(&side, self.reader.curve(), &self.pixels, noise);
         if samples.points.len() < MIN_SAMPLES {
             return Err(NoEdge::Unmeasurable);
         }
@@ -221,13 +246,13 @@ impl<'a> Localiser<'a> {
         }
     }
 
-    /// Collects a band's pixels, if there are enough, and tells the noise about the side.
-    fn gather(&mut self, side: &Side, band: &Band<'_>) -> Result<f64, NoEdge> {
+    /// Collects a band's pixels, if there are enough.
+    fn gather(&mut self, band: &Band<'_>) -> Result<(), NoEdge> {
         band.gather(&self.reader, &mut self.pixels);
         if self.pixels.len() < MIN_PIXELS {
             return Err(NoEdge::Unmeasurable);
         }
-        Ok(self.noise_about(side))
+        Ok(())
     }
 
     fn noise_about(&mut self, side: &Side) -> f64 {

@@ -163,19 +163,22 @@ pub struct GreyReader<'a> {
     picture: &'a Picture,
     tone: Tone,
     curve: ToneCurve,
-    /// The value (grey) or the light (BGR) that an 8-bit level stands for.
-    levels: [f64; 256],
+    /// What an 8-bit level stands for in each channel: its value (grey) or its share of the light
+    /// (BGR).
+    levels: [[f64; 256]; 3],
 }
 
 impl<'a> GreyReader<'a> {
     fn new(picture: &'a Picture, tone: Tone) -> Self {
-        let levels = std::array::from_fn(|level| {
-            let value = level as f64 / f64::from(u8::MAX);
-            if picture.channels == 1 {
-                value
-            } else {
-                tone.decode(value)
-            }
+        let levels = GREY_FROM_BGR.map(|weight| {
+            std::array::from_fn(|level| {
+                let value = level as f64 / f64::from(u8::MAX);
+                if picture.channels == 1 {
+                    value
+                } else {
+                    weight * tone.decode(value)
+                }
+            })
         });
         Self {
             picture,
@@ -209,23 +212,61 @@ impl<'a> GreyReader<'a> {
             return self.mixed(3 * index);
         }
         match &self.picture.pixels {
-            Pixels::U8(values) => Some(self.levels[usize::from(values[index])]),
+            Pixels::U8(values) => Some(self.levels[0][usize::from(values[index])]),
             Pixels::U16(values) => Some(f64::from(values[index]) / f64::from(u16::MAX)),
             Pixels::F32(values) => Some(f64::from(values[index])).filter(|value| value.is_finite()),
         }
     }
 
+    /// Reads `count` pixels from column `x` and row `y` on, to the right or downwards, all of them
+    /// inside the picture; values that are not finite are read as NaN.
+    pub(crate) fn read_line(
+        &self,
+        [x, y]: [usize; 2],
+        downwards: bool,
+        count: usize,
+        greys: &mut Vec<f64>,
+    ) {
+        greys.clear();
+        if let (Pixels::U8(values), 1) = (&self.picture.pixels, self.picture.channels) {
+            let step = if downwards { self.picture.width } else { 1 };
+            let line = values[y * self.picture.width + x..].iter().step_by(step);
+            greys.extend(
+                line.take(count)
+                    .map(|&value| self.levels[0][usize::from(value)]),
+            );
+            return;
+        }
+        greys.extend((0..count).map(|index| {
+            let grey = if downwards {
+                self.get(x, y + index)
+            } else {
+                self.get(x + index, y)
+            };
+            grey.unwrap_or(f64::NAN)
+        }));
+    }
+
+    #[inline]
     fn mixed(&self, start: usize) -> Option<f64> {
-        let decode = |value: f64| self.tone.decode(value);
-        let light = |index: usize| match &self.picture.pixels {
-            Pixels::U8(values) => self.levels[usize::from(values[index])],
-            Pixels::U16(values) => decode(f64::from(values[index]) / f64::from(u16::MAX)),
-            Pixels::F32(values) => decode(f64::from(values[index])),
+        let light: f64 = match &self.picture.pixels {
+            Pixels::U8(values) => {
+                let [blue, green, red] = &self.levels;
+                let bgr = &values[start..start + 3];
+                blue[usize::from(bgr[0])] + green[usize::from(bgr[1])] + red[usize::from(bgr[2])]
+            }
+            Pixels::U16(values) => self.mix(start, |index| {
+                f64::from(values[index]) / f64::from(u16::MAX)
+            }),
+            Pixels::F32(values) => self.mix(start, |index| f64::from(values[index])),
         };
-        let grey: f64 = (0..3)
-            .map(|channel| GREY_FROM_BGR[channel] * light(start + channel))
-            .sum();
-        Some(self.curve.encode_with_slope(grey).0).filter(|value| value.is_finite())
+        Some(self.curve.encode_with_slope(light).0).filter(|value| value.is_finite())
+    }
+
+    fn mix(&self, start: usize, value: impl Fn(usize) -> f64) -> f64 {
+        (0..3)
+            .map(|channel| GREY_FROM_BGR[channel] * self.tone.decode(value(start + channel)))
+            .sum()
     }
 
     /// The grey between pixels, bilinear, at continuous pixel coordinates; `None` outside.
@@ -293,6 +334,29 @@ mod tests {
             for picture in [&bytes, &words] {
                 let value = picture.reader(tone).get(0, 0).unwrap();
                 assert!((value - grey).abs() < 1e-7, "{tone:?}: {value} {grey}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_line_of_pixels_reads_as_the_pixels_do() {
+        let bytes: Vec<u8> = (0..60).map(|index| 4 * index).collect();
+        let floats = bytes.iter().map(|&byte| f32::from(byte) / 255.0).collect();
+        let pictures = [
+            Picture::from_u8(10, 6, 1, bytes.clone()).unwrap(),
+            Picture::from_f32(10, 6, 1, floats).unwrap(),
+            Picture::from_u8(5, 4, 3, bytes).unwrap(),
+        ];
+        for picture in &pictures {
+            let reader = picture.reader(Tone::Srgb);
+            let mut greys = Vec::new();
+            for downwards in [true, false] {
+                reader.read_line([2, 1], downwards, 3, &mut greys);
+                let steps = if downwards { [0, 1] } else { [1, 0] };
+                let pixels = (0..3).map(|k| reader.get(2 + k * steps[0], 1 + k * steps[1]));
+                assert_eq!(greys.iter().copied().map(Some).collect::<Vec<_>>(), {
+                    pixels.collect::<Vec<_>>()
+                });
             }
         }
     }

@@ -61,42 +61,26 @@ impl Band<'_> {
         pixels.clear();
         let curve = &self.curve;
         // "Columns" are rows where the side is steep: the axis it advances along faster.
-        let (along, across) = (curve.along, curve.across);
-        let u = usize::from(along.x.abs() < along.y.abs());
-        let v = 1 - u;
+        let u = usize::from(curve.along.x.abs() < curve.along.y.abs());
         let size = [reader.picture().width(), reader.picture().height()];
         let Some((first, last)) = self.columns(u, size[u]) else {
             return;
         };
-        let mut x = (first as f64 - curve.origin[u]) / along[u];
+        let mut greys = Vec::new();
         let mut plateaus = [Plateau::default(); 2];
-        for (index, column) in (first..=last).step_by(self.stride).enumerate() {
+        let mut s = (first as f64 - curve.origin[u]) / (curve.along[u] * curve.half_length);
+        for (index, number) in (first..=last).step_by(self.stride).enumerate() {
             if index % FAR_COLUMNS == 0 {
                 pixels.extend(plateaus.iter_mut().filter_map(Plateau::take));
             }
-            let target = column as f64 - curve.origin[u];
-            // The curve is nearly parallel to its chord, so that this contracts quickly.
-            for _ in 0..3 {
-                let (height, _) = curve.height_and_slope(x / curve.half_length);
-                x = (target - height * across[u]) / along[u];
-            }
-            let (height, slope) = curve.height_and_slope(x / curve.half_length);
-            let centre = curve.origin[v] + x * along[v] + height * across[v];
-            let normal_v = (across[v] - slope * along[v]) / (1.0 + slope * slope).sqrt();
-            // Clamped, lest a wild curve that runs along the column reach across the picture.
-            let per_pixel = 1.0 / normal_v.abs().max(0.25);
-            let [mut up, mut down] = self.reach.map(|reach| reach * per_pixel);
-            if normal_v < 0.0 {
-                (up, down) = (down, up);
-            }
-            self.gather_column(
-                reader,
-                u,
-                column,
-                [centre - up, centre + down],
-                &mut plateaus,
-                pixels,
-            );
+            let column = Column::crossing(curve, u, number, s);
+            s = column.s;
+            let Some((top, count)) = column.rows(self.reach, size[1 - u]) else {
+                continue;
+            };
+            let start = if u == 0 { [number, top] } else { [top, number] };
+            reader.read_line(start, u == 0, count, &mut greys);
+            self.sort_column(&column, top, &greys, &mut plateaus, pixels);
         }
         pixels.extend(plateaus.iter_mut().filter_map(Plateau::take));
     }
@@ -105,8 +89,8 @@ impl Band<'_> {
     fn columns(&self, u: usize, size: usize) -> Option<(usize, usize)> {
         let curve = &self.curve;
         let ends = self.ends.map(|x| curve.origin[u] + x * curve.along[u]);
-        let overhang = (self.reach[0].max(self.reach[1]) + curve.height_and_slope(0.0).0.abs())
-            * curve.across[u].abs();
+        let overhang =
+            (self.reach[0].max(self.reach[1]) + curve.height(0.0).abs()) * curve.across[u].abs();
         let first = (ends[0].min(ends[1]) - overhang).ceil().max(0.0);
         let last = (ends[0].max(ends[1]) + overhang)
             .floor()
@@ -114,66 +98,110 @@ impl Band<'_> {
         (first <= last).then_some((first as usize, last as usize))
     }
 
-    fn gather_column(
+    /// Takes the pixels of one column that belong to the band, those far from the edge summed up.
+    fn sort_column(
         &self,
-        reader: &GreyReader<'_>,
-        u: usize,
-        column: usize,
-        range: [f64; 2],
+        column: &Column,
+        top: usize,
+        greys: &[f64],
         plateaus: &mut [Plateau; 2],
         pixels: &mut Vec<Pixel>,
     ) {
-        let place = |row: f64| {
-            let mut point = Vector2::repeat(row);
-            point[u] = column as f64;
-            point
-        };
-        let fenced = self
-            .fences
-            .iter()
-            .any(|fence| !range.iter().all(|&row| fence.keeps(place(row))));
-        let first = range[0].ceil().max(0.0);
-        let size = if u == 0 {
-            reader.picture().height()
-        } else {
-            reader.picture().width()
-        };
-        let last = range[1].floor().min(size as f64 - 1.0);
-        if first > last {
-            return;
-        }
-        for row in first as usize..=last as usize {
-            let point = place(row as f64);
-            let (s, y) = self.curve.local(point);
-            let x = s * self.curve.half_length;
-            if x < self.ends[0] || x > self.ends[1] {
+        let curve = &self.curve;
+        let bottom = top + greys.len() - 1;
+        let fenced = !self.fences.iter().all(|fence| {
+            fence.keeps(column.place(top as f64)) && fence.keeps(column.place(bottom as f64))
+        });
+        let ends = self.ends.map(|x| x / curve.half_length);
+        let near = self.near * column.per_pixel;
+        // Within a column the frame's coordinates are linear in the row.
+        let (s_at_zero, y_at_zero) = curve.local(column.place(0.0));
+        let v = 1 - column.u;
+        let (s_per_row, y_per_row) = (curve.along[v] / curve.half_length, curve.across[v]);
+        for (row, &value) in (top..).zip(greys) {
+            let row = row as f64;
+            let (s, y) = (s_at_zero + row * s_per_row, y_at_zero + row * y_per_row);
+            if s < ends[0] || s > ends[1] || !value.is_finite() {
                 continue;
             }
-            if fenced && !self.fences.iter().all(|fence| fence.keeps(point)) {
+            if fenced && !self.fences.iter().all(|f| f.keeps(column.place(row))) {
                 continue;
             }
-            let (pixel_x, pixel_y) = if u == 0 { (column, row) } else { (row, column) };
-            let Some(value) = reader.get(pixel_x, pixel_y) else {
-                continue;
-            };
-            let (height, slope) = self.curve.height_and_slope(s);
-            let cosine = 1.0 / (1.0 + slope * slope).sqrt();
-            let distance = (y - height) * cosine;
-            let foot = s + distance * slope * cosine / self.curve.half_length;
-            let pixel = Pixel {
-                s,
-                y,
-                foot,
-                cosine,
-                value,
-                count: 1.0,
-            };
-            if distance.abs() <= self.near {
-                pixels.push(pixel);
+            let below = row - column.centre;
+            if below.abs() <= near {
+                pixels.push(Pixel {
+                    s,
+                    y,
+                    foot: s + (y - curve.height(s)) * column.lean,
+                    cosine: column.cosine,
+                    value,
+                    count: 1.0,
+                });
             } else {
-                plateaus[usize::from(distance > 0.0)].add(&pixel);
+                plateaus[usize::from((below > 0.0) == column.downwards)].add(s, y, value);
             }
         }
+    }
+}
+
+/// Where a curve crosses a column of pixels, and the directions there.
+struct Column {
+    /// The axis across columns: 0 for columns of the picture, 1 for its rows.
+    u: usize,
+    number: usize,
+    /// Row of the crossing, and its place along the chord.
+    centre: f64,
+    s: f64,
+    /// Rows in a pixel of distance from the curve.
+    per_pixel: f64,
+    /// Whether distances grow with the rows.
+    downwards: bool,
+    /// Cosine of the angle between curve and chord, and what a pixel's height above the curve moves
+    /// its foot by: over a band's width neither changes.
+    cosine: f64,
+    lean: f64,
+}
+
+impl Column {
+    /// The column's crossing, sought from a place nearby.
+    fn crossing(curve: &Curve, u: usize, number: usize, mut s: f64) -> Self {
+        let (along, across, v) = (curve.along, curve.across, 1 - u);
+        let target = number as f64 - curve.origin[u];
+        // The curve is nearly parallel to its chord, so that this contracts quickly.
+        for _ in 0..3 {
+            s = (target - curve.height(s) * across[u]) / (along[u] * curve.half_length);
+        }
+        let (height, slope) = curve.height_and_slope(s);
+        let cosine = 1.0 / (1.0 + slope * slope).sqrt();
+        let normal_v = (across[v] - slope * along[v]) * cosine;
+        Self {
+            u,
+            number,
+            centre: curve.origin[v] + s * curve.half_length * along[v] + height * across[v],
+            s,
+            // Clamped, lest a wild curve that runs along the column reach across the picture.
+            per_pixel: 1.0 / normal_v.abs().max(0.25),
+            downwards: normal_v > 0.0,
+            cosine,
+            lean: slope * cosine * cosine / curve.half_length,
+        }
+    }
+
+    /// First row and number of rows within reach of the curve, on its negative side and the other.
+    fn rows(&self, reach: [f64; 2], size: usize) -> Option<(usize, usize)> {
+        let [mut up, mut down] = reach.map(|reach| reach * self.per_pixel);
+        if !self.downwards {
+            (up, down) = (down, up);
+        }
+        let first = (self.centre - up).ceil().max(0.0);
+        let last = (self.centre + down).floor().min(size as f64 - 1.0);
+        (first <= last).then(|| (first as usize, last as usize - first as usize + 1))
+    }
+
+    fn place(&self, row: f64) -> Vector2<f64> {
+        let mut point = Vector2::repeat(row);
+        point[self.u] = self.number as f64;
+        point
     }
 }
 
@@ -187,10 +215,10 @@ struct Plateau {
 }
 
 impl Plateau {
-    fn add(&mut self, pixel: &Pixel) {
-        self.s += pixel.s;
-        self.y += pixel.y;
-        self.value += pixel.value;
+    fn add(&mut self, s: f64, y: f64, value: f64) {
+        self.s += s;
+        self.y += y;
+        self.value += value;
         self.count += 1.0;
     }
 

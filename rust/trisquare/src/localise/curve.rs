@@ -57,6 +57,14 @@ impl Curve {
         c0 + s * (c1 + s * (c2 + s * (c3 + s * c4)))
     }
 
+    /// The largest `|y|` between the ends, to some percent: at steps that pass over no bend.
+    pub fn greatest_height(&self) -> f64 {
+        const STEPS: i32 = 12;
+        (-STEPS..=STEPS)
+            .map(|step| self.height(f64::from(step) / f64::from(STEPS)).abs())
+            .fold(0.0, f64::max)
+    }
+
     /// `y` and `dy/dx` at `s`.
     #[inline]
     pub fn height_and_slope(&self, s: f64) -> (f64, f64) {

@@ -3,7 +3,8 @@
 use nalgebra::Vector2;
 
 use super::band::Pixel;
-use super::side::{EDGE_BLURS, Side, robust_weight};
+use super::noise::{self, robust_weight};
+use super::side::{EDGE_BLURS, Side};
 use crate::tone::ToneCurve;
 
 /// Length of a patch along the curve, pixels: longer ones would smooth what a lens does to a
@@ -17,30 +18,44 @@ const MAX_OFFSET: f64 = 1.5;
 const MAX_CHI_DEVIATIONS: f64 = 6.0;
 /// A single outlier counts at most this many variances, so that it costs weight, not the patch.
 const CHI_CAP: f64 = 16.0;
-/// Gauss-Newton passes; the first starts within some hundredths of a pixel.
-const PASSES: usize = 2;
+/// A patch that moved further than this, pixels, is measured again from where it went; of a shorter
+/// step, Gauss-Newton leaves a cubically small rest, a fiftieth of the best samples' noise.
+const SETTLED: f64 = 0.05;
 
 /// The sums of one patch, and its offset along the curve's normal so far.
 #[derive(Debug, Clone, Copy, Default)]
 struct Patch {
     offset: f64,
+    /// What the last pass added to it, `None` before there was one.
+    step: Option<f64>,
     /// Weighted squares of the modelled value's derivative with respect to the offset.
     information: f64,
     right: f64,
     /// `information` times the foot's place along the chord.
     moment: f64,
-    /// Squared residuals at the edge, in variances, and the number of them.
-    chi: f64,
+    /// Squared residuals at the edge, and the number of them.
+    squares: f64,
     edge_pixels: f64,
 }
 
-/// Measures a side's samples; `noise` is the standard deviation of its residuals.
-pub(super) fn measure(side: &Side, tone: &ToneCurve, pixels: &[Pixel], noise: f64) -> Samples {
+/// Measures a side's samples, and the standard deviation of the residuals about it, given its
+/// expected scale; it is not below `floor`.
+pub(super) fn measure(
+    side: &Side,
+    tone: &ToneCurve,
+    pixels: &[Pixel],
+    expected_noise: f64,
+    floor: f64,
+    residuals: &mut Vec<f64>,
+) -> (Samples, f64) {
     let mut patches = Patches::over(side, pixels);
-    for _ in 0..PASSES {
-        patches.update(side, tone, pixels, noise);
+    residuals.clear();
+    patches.update(side, tone, pixels, expected_noise, |r| residuals.push(r));
+    let noise = noise::scale(residuals, side.edge_parameters(), floor);
+    if patches.patches.iter().any(Patch::is_unsettled) {
+        patches.update(side, tone, pixels, noise, |_| {});
     }
-    patches.samples(side, noise)
+    (patches.samples(side, noise), noise)
 }
 
 /// Sub-pixel points, and the standard deviation of each along the side's normal.
@@ -72,11 +87,19 @@ impl Patches {
         }
     }
 
-    /// One Gauss-Newton step of every patch's offset.
-    fn update(&mut self, side: &Side, tone: &ToneCurve, pixels: &[Pixel], noise: f64) {
-        for patch in &mut self.patches {
+    /// One Gauss-Newton step of every unsettled patch's offset; tells the residuals at the edge.
+    fn update(
+        &mut self,
+        side: &Side,
+        tone: &ToneCurve,
+        pixels: &[Pixel],
+        noise: f64,
+        mut tell: impl FnMut(f64),
+    ) {
+        for patch in self.patches.iter_mut().filter(|p| p.is_unsettled()) {
             *patch = Patch {
                 offset: patch.offset,
+                step: patch.step,
                 ..Patch::default()
             };
         }
@@ -85,6 +108,9 @@ impl Patches {
         for pixel in pixels {
             let index = ((pixel.foot - self.first) * self.per_s) as u32 as usize;
             let patch = &mut self.patches[index.min(last)];
+            if !patch.is_unsettled() {
+                continue;
+            }
             let p = side.predict(tone, pixel, patch.offset);
             let square = p.residual * p.residual * inverse_variance;
             let weighted = robust_weight(square) * p.by_offset;
@@ -92,14 +118,13 @@ impl Patches {
             patch.right += weighted * p.residual;
             patch.moment += weighted * p.by_offset * pixel.foot;
             if p.blurs.abs() < EDGE_BLURS {
-                patch.chi += square.min(CHI_CAP);
+                patch.squares += square.min(CHI_CAP) * noise * noise;
                 patch.edge_pixels += 1.0;
+                tell(p.residual);
             }
         }
-        for patch in &mut self.patches {
-            if patch.information > 0.0 {
-                patch.offset += (patch.right / patch.information).clamp(-MAX_OFFSET, MAX_OFFSET);
-            }
+        for patch in self.patches.iter_mut().filter(|p| p.is_unsettled()) {
+            patch.advance();
         }
     }
 
@@ -111,7 +136,11 @@ impl Patches {
         let (_, median, _) = information.select_nth_unstable_by(middle, f64::total_cmp);
         let least = MIN_INFORMATION * *median;
         let (mut points, mut std) = (Vec::new(), Vec::new());
-        for patch in self.patches.iter().filter(|patch| patch.is_sound(least)) {
+        for patch in self
+            .patches
+            .iter()
+            .filter(|patch| patch.is_sound(least, noise))
+        {
             points.push(
                 side.curve
                     .point(patch.moment / patch.information, patch.offset),
@@ -123,12 +152,28 @@ impl Patches {
 }
 
 impl Patch {
-    fn is_sound(&self, least_information: f64) -> bool {
+    fn is_unsettled(&self) -> bool {
+        self.step.is_none_or(|step| step.abs() > SETTLED)
+    }
+
+    /// Takes the step that the sums ask for; it lowers the squares by as much as the model says.
+    fn advance(&mut self) {
+        let mut step = 0.0;
+        if self.information > 0.0 {
+            step = (self.right / self.information).clamp(-MAX_OFFSET, MAX_OFFSET);
+            self.squares -= step * (2.0 * self.right - step * self.information);
+        }
+        self.offset += step;
+        self.step = Some(step);
+    }
+
+    fn is_sound(&self, least_information: f64, noise: f64) -> bool {
         let freedom = self.edge_pixels - 1.0;
+        let mean_square = self.squares / (noise * noise * freedom);
         self.information > 0.0
             && self.information >= least_information
             && freedom >= 1.0
             && self.offset.abs() < MAX_OFFSET
-            && self.chi / freedom < 1.0 + MAX_CHI_DEVIATIONS * (2.0 / freedom).sqrt()
+            && mean_square < 1.0 + MAX_CHI_DEVIATIONS * (2.0 / freedom).sqrt()
     }
 }

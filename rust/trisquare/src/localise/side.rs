@@ -4,27 +4,25 @@ use nalgebra::{SMatrix, SVector};
 
 use super::band::Pixel;
 use super::curve::{COEFFICIENTS, Curve};
+use super::noise::{self, robust_cost, robust_weight};
 use crate::normal::cdf_and_pdf;
 use crate::tone::ToneCurve;
 
 /// Bounds of the blur, pixels: a pixel's own box alone is 0.29, and beyond the upper one there is
 /// no edge to speak of.
 pub(super) const BLUR_RANGE: [f64; 2] = [0.3, 8.0];
-/// Residuals up to this many standard deviations count in full, larger ones less and less. Clean
-/// data lose 0.3 % to it.
-const ROBUST_LIMIT: f64 = 3.0;
 /// The edge itself: pixels within so many blurs of the curve tell the noise that matters.
 pub(super) const EDGE_BLURS: f64 = 2.0;
-/// A step below this many pixels ends the iteration: the next would be quadratically smaller, a
-/// hundredth of the best samples' noise.
-const SETTLED: f64 = 5e-3;
+/// A step below this many pixels ends the iteration: the next would be quadratically smaller, below
+/// a tenth of the best samples' noise, and the patches correct what it leaves.
+pub(super) const SETTLED: f64 = 0.02;
 /// Steps are cut to these: pixels of position, and factor of the blur.
 const MAX_SHIFT: f64 = 1.5;
 const MAX_BLUR_RATIO: f64 = 1.6;
 const FIRST_DAMPING: f64 = 1e-6;
 const DAMPING_RATIO: f64 = 30.0;
 /// Bins along the side for the normal equations, pixels, and how many there are at least.
-const BIN_LENGTH: f64 = 4.0;
+const BIN_LENGTH: f64 = 8.0;
 const MIN_BINS: f64 = 24.0;
 
 /// Bins are counted from this far along, in `s`: before any pixel, even of a short extended side.
@@ -34,6 +32,13 @@ const BASE: usize = COEFFICIENTS;
 const RISE: usize = BASE + 2;
 const BLUR: usize = RISE + 2;
 const PARAMETERS: usize = BLUR + 1;
+
+/// The basic derivatives, by height, base, rise and blur: the first parameter of each, and the
+/// degree of its polynomial in `s`.
+const BASIC: usize = 4;
+const FIRST: [usize; BASIC] = [0, BASE, RISE, BLUR];
+const DEGREES: [usize; BASIC] = [COEFFICIENTS - 1, 1, 1, 0];
+const POWERS: usize = 2 * COEFFICIENTS - 1;
 
 type Normal = SMatrix<f64, PARAMETERS, PARAMETERS>;
 type Gradient = SVector<f64, PARAMETERS>;
@@ -65,34 +70,23 @@ pub(super) struct Prediction {
     pub by_offset: f64,
 }
 
-/// Weight of a residual whose square, in variances, is given: the derivative of the robust cost.
-#[inline]
-pub(super) fn robust_weight(square: f64) -> f64 {
-    const LIMIT: f64 = ROBUST_LIMIT * ROBUST_LIMIT;
-    if square <= LIMIT { 1.0 } else { LIMIT / square }
-}
-
-fn robust_cost(square: f64) -> f64 {
-    const LIMIT: f64 = ROBUST_LIMIT * ROBUST_LIMIT;
-    if square <= LIMIT {
-        square
-    } else {
-        LIMIT * (1.0 + (square / LIMIT).ln())
-    }
-}
-
 impl Side {
     /// Light on the two sides of the middle of the edge, the negative side first.
     pub fn plateaus(&self) -> [f64; 2] {
         [self.base[0], self.base[0] + self.rise[0]]
     }
 
+    /// Distance of a pixel from the curve, positive along its normal.
+    #[inline]
+    pub fn distance(&self, pixel: &Pixel) -> f64 {
+        (pixel.y - self.curve.height(pixel.s)) * pixel.cosine
+    }
+
     /// Predicts one pixel, the curve being moved by `offset` along its normal.
     #[inline(always)]
     pub fn predict(&self, tone: &ToneCurve, pixel: &Pixel, offset: f64) -> Prediction {
         let inverse_blur = 1.0 / self.blur;
-        let above = pixel.y - self.curve.height(pixel.s);
-        let blurs = (above * pixel.cosine - offset) * inverse_blur;
+        let blurs = (self.distance(pixel) - offset) * inverse_blur;
         let (step, density) = cdf_and_pdf(blurs);
         let rise = self.rise[0] + self.rise[1] * pixel.s;
         let light = self.base[0] + self.base[1] * pixel.s + rise * step;
@@ -111,14 +105,15 @@ impl Side {
 
     /// Damped Gauss-Newton on all parameters, `noise` being the residuals' expected scale.
     ///
-    /// Returns whether it settled within the steps allowed; the side is left at the lowest cost
-    /// seen, except that a last step too small to matter is taken unseen.
+    /// It ends with a step shorter than `settled` pixels, and returns whether it did within the steps
+    /// allowed; the side is left at the lowest cost seen, except that a last step too small to
+    /// matter is taken unseen.
     pub fn fit(
         &mut self,
         tone: &ToneCurve,
         pixels: &[Pixel],
         noise: f64,
-        max_steps: usize,
+        (max_steps, settled): (usize, f64),
     ) -> bool {
         let mut damping = FIRST_DAMPING;
         let mut best = self.normal_equations(tone, pixels, noise);
@@ -128,7 +123,7 @@ impl Side {
                 continue;
             };
             let mut next = self.clone();
-            if next.advance(&step) < SETTLED {
+            if next.advance(&step) < settled {
                 *self = next;
                 return true;
             }
@@ -145,7 +140,9 @@ impl Side {
 
     /// Takes a step, cut to what is plausible; returns how far the edge or its blur moved, pixels.
     fn advance(&mut self, step: &Gradient) -> f64 {
-        let shift = (0..COEFFICIENTS).map(|k| step[k].abs()).sum::<f64>();
+        let mut moved = self.curve.clone();
+        moved.coefficients = std::array::from_fn(|k| step[k]);
+        let shift = moved.greatest_height();
         let scale = (MAX_SHIFT / shift).min(1.0);
         let previous_blur = self.blur;
         for k in 0..COEFFICIENTS {
@@ -192,9 +189,7 @@ impl Side {
         equations
     }
 
-    /// Scale of the residuals at the edge: the middle half of them, freed of outliers.
-    ///
-    /// `parameters` of the fit are counted against the pixels; not below `floor`.
+    /// The scale of the residuals at the edge, not below `floor`.
     pub fn edge_noise(
         &self,
         tone: &ToneCurve,
@@ -202,32 +197,20 @@ impl Side {
         floor: f64,
         residuals: &mut Vec<f64>,
     ) -> f64 {
-        /// Median of the absolute value of a standard normal variable.
-        const NORMAL_MEDIAN: f64 = 0.674_489_750_196_082;
-        /// Beyond three deviations lie 0.27 % of normal residuals; without them the rms is smaller.
-        const TRUNCATED_RMS: f64 = 0.986_6;
         residuals.clear();
+        let limit = EDGE_BLURS * self.blur;
         for pixel in pixels {
-            let p = self.predict(tone, pixel, 0.0);
-            if p.blurs.abs() < EDGE_BLURS {
-                residuals.push(p.residual.abs());
+            if self.distance(pixel).abs() < limit {
+                residuals.push(self.predict(tone, pixel, 0.0).residual);
             }
         }
-        if residuals.is_empty() {
-            return floor;
-        }
-        let middle = residuals.len() / 2;
-        let (_, median, _) = residuals.select_nth_unstable_by(middle, f64::total_cmp);
-        let limit = (ROBUST_LIMIT * *median / NORMAL_MEDIAN).max(floor);
-        let (mut sum, mut count) = (0.0, 0.0);
-        for residual in residuals.iter().filter(|&&residual| residual <= limit) {
-            sum += residual * residual;
-            count += 1.0;
-        }
-        // The edge pixels carry the curve and the blur, and about half of base and rise.
-        let fitted = self.curve.degree as f64 + 4.0;
-        let freedom = (count - fitted).max(1.0);
-        ((sum / freedom).sqrt() / TRUNCATED_RMS).max(floor)
+        noise::scale(residuals, self.edge_parameters(), floor)
+    }
+
+    /// How many parameters the pixels at the edge carry: the curve's, the blur, and about half of
+    /// base and rise.
+    pub fn edge_parameters(&self) -> f64 {
+        self.curve.degree as f64 + 4.0
     }
 }
 
@@ -236,18 +219,18 @@ impl Side {
 struct BinSums {
     count: f64,
     s: f64,
-    products: [[f64; 4]; 4],
-    right: [f64; 4],
+    products: [[f64; BASIC]; BASIC],
+    right: [f64; BASIC],
 }
 
 impl BinSums {
     #[inline]
-    fn add(&mut self, s: f64, weight: f64, derivatives: [f64; 4], residual: f64) {
+    fn add(&mut self, s: f64, weight: f64, derivatives: [f64; BASIC], residual: f64) {
         self.count += 1.0;
         self.s += s;
-        for i in 0..4 {
+        for i in 0..BASIC {
             let weighted = weight * derivatives[i];
-            for j in i..4 {
+            for j in i..BASIC {
                 self.products[i][j] += weighted * derivatives[j];
             }
             self.right[i] += weighted * residual;
@@ -256,46 +239,63 @@ impl BinSums {
 }
 
 /// The normal equations of a step, and the cost where they were taken.
+///
+/// Every parameter's derivative is a basic one times a power of `s`, which hardly varies within a
+/// bin: the sums of the bins' products with the powers hold each different entry once.
 #[derive(Default)]
 struct Equations {
-    normal: Normal,
-    right: Gradient,
+    products: [[[f64; POWERS]; BASIC]; BASIC],
+    right: [[f64; COEFFICIENTS]; BASIC],
     cost: f64,
 }
 
 impl Equations {
-    /// Expands a bin: every parameter's derivative is a basic one times a power of `s`, which
-    /// hardly varies within the bin.
     fn add(&mut self, bin: &BinSums) {
         if bin.count == 0.0 {
             return;
         }
         let s = bin.s / bin.count;
-        let mut derivative_of = [(0, 1.0); PARAMETERS];
-        let mut power = 1.0;
-        for k in 0..COEFFICIENTS {
-            derivative_of[k] = (0, power);
-            power *= s;
+        let mut powers = [1.0; POWERS];
+        for k in 1..POWERS {
+            powers[k] = powers[k - 1] * s;
         }
-        derivative_of[BASE..].copy_from_slice(&[(1, 1.0), (1, s), (2, 1.0), (2, s), (3, 1.0)]);
-        for (row, (basic, factor)) in derivative_of.into_iter().enumerate() {
-            for (column, (other, other_factor)) in derivative_of.into_iter().enumerate().skip(row) {
-                self.normal[(row, column)] += factor * other_factor * bin.products[basic][other];
+        for i in 0..BASIC {
+            for j in i..BASIC {
+                for k in 0..DEGREES[i] + DEGREES[j] + 1 {
+                    self.products[i][j][k] += bin.products[i][j] * powers[k];
+                }
             }
-            self.right[row] += factor * bin.right[basic];
+            for k in 0..=DEGREES[i] {
+                self.right[i][k] += bin.right[i] * powers[k];
+            }
         }
+    }
+
+    /// The symmetric matrix and the right-hand side, in the parameters' order.
+    fn assembled(&self) -> (Normal, Gradient) {
+        let (mut normal, mut right) = (Normal::zeros(), Gradient::zeros());
+        for i in 0..BASIC {
+            for power in 0..=DEGREES[i] {
+                let row = FIRST[i] + power;
+                right[row] = self.right[i][power];
+                for j in i..BASIC {
+                    for other_power in 0..=DEGREES[j] {
+                        let column = FIRST[j] + other_power;
+                        normal[(row, column)] = self.products[i][j][power + other_power];
+                        normal[(column, row)] = normal[(row, column)];
+                    }
+                }
+            }
+        }
+        (normal, right)
     }
 }
 
 /// Solves for a step; the polynomial's coefficients beyond its degree stay as they are.
 fn solve(equations: &Equations, degree: usize, damping: f64) -> Option<Gradient> {
-    let mut normal = equations.normal;
-    let mut right = equations.right;
-    for row in 0..PARAMETERS {
-        for column in 0..row {
-            normal[(row, column)] = normal[(column, row)];
-        }
-        normal[(row, row)] *= 1.0 + damping;
+    let (mut normal, mut right) = equations.assembled();
+    for parameter in 0..PARAMETERS {
+        normal[(parameter, parameter)] *= 1.0 + damping;
     }
     for unused in degree + 1..COEFFICIENTS {
         normal.row_mut(unused).fill(0.0);
