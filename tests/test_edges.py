@@ -9,8 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trisquare.edges import CLOCKWISE_SQUARE, COUNTER_CLOCKWISE_SQUARE, PlaneEdges
+from trisquare.edges import PlaneEdges
 from trisquare.errors import NotEnoughDataError
+
+# Normals inward. The second keeps X along side 0 and Z away from the camera the other way round.
+CLOCKWISE_SQUARE = ((0.0, 1.0, 0.5), (-1.0, 0.0, 0.5), (0.0, -1.0, 0.5), (1.0, 0.0, 0.5))
+COUNTER_CLOCKWISE_SQUARE = ((0.0, -1.0, 0.5), (-1.0, 0.0, 0.5), (0.0, 1.0, 0.5), (1.0, 0.0, 0.5))
 
 # Clockwise on the screen, y down; a strongly foreshortened square.
 CORNERS = np.array([[410.0, 100.0], [700.0, 190.0], [640.0, 520.0], [395.0, 480.0]])

@@ -18,6 +18,7 @@ __all__ = [
     "localise",
     "monotonic_radius",
     "pose_from_homography",
+    "square_lines",
     "straighten",
 ]
 
@@ -76,6 +77,7 @@ def localise(
     spans: Sequence[tuple[NDArray[np.float64], float, tuple[int | None, int | None]]],
     tone: str | float,
 ) -> list[tuple[NDArray[np.float64], NDArray[np.float64]] | str]: ...
+def square_lines(sides: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]: ...
 def fit_distortion(
     curves: Sequence[NDArray[np.float64]],
     image_size: tuple[int, int],

@@ -9,6 +9,7 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
+from trisquare._core import square_lines
 from trisquare.checked import FloatArray, index_number, real_array, string, whole_number
 from trisquare.errors import NotEnoughDataError
 from trisquare.json_fields import JsonFields, dump_members
@@ -23,16 +24,6 @@ MAX_COORDINATE = 1e9
 # A line given with a unit normal keeps its digits: dividing by a norm that differs from 1 by
 # rounding alone would change them again on every trip through JSON or pickle.
 UNIT_NORM_SLACK = 4 * np.finfo(np.float64).eps
-
-# How far samples may lie beyond their side's corners, relative to their own extent. The straight
-# fits of strongly curved sides meet within 10 % of the true corners; sides in crossed order
-# overshoot by 100 %.
-CORNER_SLACK = 0.25
-
-# The model of a square of unit side, centred at the origin, X along side 0 from corner 0 to
-# corner 1. The sign of Y makes Z point away from the camera in either case.
-CLOCKWISE_SQUARE = ((0.0, 1.0, 0.5), (1.0, 0.0, -0.5), (0.0, 1.0, -0.5), (1.0, 0.0, 0.5))
-COUNTER_CLOCKWISE_SQUARE = ((0.0, 1.0, -0.5), (1.0, 0.0, -0.5), (0.0, 1.0, 0.5), (1.0, 0.0, 0.5))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,9 +133,8 @@ class PlaneEdges:
         if len(sides) < 4:
             raise NotEnoughDataError(f"a square needs its 4 sides, not {len(sides)}")
         points = _samples_of_lines(sides, 4)
-        clockwise = _runs_clockwise(points)
         return cls(
-            np.array(CLOCKWISE_SQUARE if clockwise else COUNTER_CLOCKWISE_SQUARE),
+            square_lines(points),
             points,
             None if std is None else tuple(std),
             polarity=polarity,
@@ -259,36 +249,3 @@ def _deviations_of_lines(std: Any, points: tuple[FloatArray, ...]) -> tuple[Floa
             raise ValueError(f"std[{index}] must be positive")
         deviations.append(array)
     return tuple(deviations)
-
-
-def _fitted_line(points: FloatArray) -> FloatArray:
-    """Fit ``(a, b, c)`` with a unit normal by total least squares."""
-    centroid = points.mean(axis=0)
-    normal = np.linalg.svd(points - centroid, full_matrices=True)[2][1]
-    return np.append(normal, -normal @ centroid)
-
-
-def _runs_clockwise(sides: tuple[FloatArray, ...]) -> bool:
-    """Tell which way round the picture four sides run, and that they are in order at all."""
-    lines = [_fitted_line(points) for points in sides]
-    meetings = [np.cross(lines[index - 1], lines[index]) for index in range(4)]
-    message = (
-        "the sides are not in order round one convex quadrilateral: "
-        "give them as neighbour after neighbour"
-    )
-    if any(meeting[2] == 0 for meeting in meetings):
-        raise ValueError(message)
-    corners = np.array([meeting[:2] / meeting[2] for meeting in meetings])
-    edges = np.roll(corners, -1, axis=0) - corners
-    ahead = np.roll(edges, -1, axis=0)
-    turns = edges[:, 0] * ahead[:, 1] - edges[:, 1] * ahead[:, 0]
-    for points, corner, edge in zip(sides, corners, edges, strict=True):
-        length = np.hypot(*edge)
-        along = (points - corner) @ edge / length if length > 0 else np.array([-np.inf, np.inf])
-        slack = CORNER_SLACK * np.ptp(along)
-        if not (along.min() >= -slack and along.max() <= length + slack):
-            raise ValueError(message)
-    # With y down, a positive cross product of successive edges turns clockwise on the screen.
-    if not ((turns > 0).all() or (turns < 0).all()):
-        raise ValueError(message)
-    return bool(turns[0] > 0)

@@ -57,6 +57,17 @@ pub fn from_points<'py>(py: Python<'py>, points: &[Vector2<f64>]) -> Bound<'py, 
     from_rows(py, rows, 2, points.iter().flat_map(|p| [p.x, p.y]))
 }
 
+/// An `(L, 3)` array of lines.
+pub fn from_lines<'py>(py: Python<'py>, lines: &[Line]) -> Bound<'py, PyArray2<f64>> {
+    let coefficients = lines.iter().map(Line::coefficients);
+    from_rows(
+        py,
+        lines.len(),
+        3,
+        coefficients.flat_map(|l| [l.x, l.y, l.z]),
+    )
+}
+
 /// A `(3, 3)` array.
 pub fn from_matrix3<'py>(py: Python<'py>, matrix: &Matrix3<f64>) -> Bound<'py, PyArray2<f64>> {
     from_rows(py, 3, 3, matrix.transpose().iter().copied())

@@ -1,11 +1,24 @@
 //! From the Python class `PlaneEdges` to the crate's.
 
-use numpy::{PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use trisquare::{Freedom, PlaneEdges, Polarity};
 
 use crate::arrays;
+use crate::errors::exception;
+
+/// The lines of a unit square whose sides were sampled in order round it, either way round.
+#[pyfunction]
+#[pyo3(signature = (sides))]
+pub fn square_lines<'py>(
+    py: Python<'py>,
+    sides: Vec<PyReadonlyArray2<'py, f64>>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let sides: Vec<_> = sides.iter().map(arrays::points).collect::<PyResult<_>>()?;
+    let square = PlaneEdges::square(sides).map_err(exception)?;
+    Ok(arrays::from_lines(py, &square.lines))
+}
 
 /// Copies a Python `PlaneEdges`, whose own constructor has checked it.
 pub fn plane_edges(object: &Bound<'_, PyAny>) -> PyResult<PlaneEdges> {

@@ -17,6 +17,8 @@ mod _core {
     #[pymodule_export]
     use crate::calibration::calibrate;
     #[pymodule_export]
+    use crate::figures::square_lines;
+    #[pymodule_export]
     use crate::picture::{Picture, localise};
     #[pymodule_export]
     use crate::steps::{

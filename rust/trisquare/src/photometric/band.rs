@@ -9,7 +9,7 @@ use crate::view::{PlaneState, View};
 use crate::{Brown, Lens, Picture, PlaneEdges, Polarity};
 
 /// Pixels this near (px) to an outline are used: farther ones still tell the plateaus' light.
-const REACH: f64 = 8.0;
+const REACH: f64 = 12.0;
 
 /// Beyond this (px) every second pixel does, in a chequered pattern.
 const FULL_DENSITY: f64 = 5.0;
@@ -26,7 +26,7 @@ const MIN_REACH: f64 = 3.0;
 
 /// A side blurs the pixels within so many px of its ends and itself: more than the reach, because
 /// a blunt corner's sides part slowly.
-const NEAR: f64 = 9.0;
+const NEAR: f64 = 13.0;
 
 /// Spacing (px) of the points at which a side's image is traced.
 const TRACE_SPACING: f64 = 4.0;
