@@ -26,6 +26,8 @@ pub struct Brown {
     parameters: [f64; 9],
     /// Ideal radius up to which the radial part is monotonic.
     valid_radius: f64,
+    /// `1 / fx, 1 / fy`: every pixel asks for them.
+    inverse_focal: Vector2<f64>,
 }
 
 /// A pixel followed back to its ideal point, with what its derivatives need.
@@ -48,10 +50,11 @@ impl BrownSight {
 impl Brown {
     /// From `fx, fy, cx, cy, k1, k2, k3, p1, p2`.
     pub fn new(parameters: [f64; 9]) -> Self {
-        let [_, _, _, _, k1, k2, k3, ..] = parameters;
+        let [fx, fy, _, _, k1, k2, k3, ..] = parameters;
         Self {
             parameters,
             valid_radius: radial::monotonic_radius([k1, k2, k3]),
+            inverse_focal: Vector2::new(1.0 / fx, 1.0 / fy),
         }
     }
 
@@ -233,7 +236,7 @@ impl Lens for Brown {
     }
 
     fn sight(&self, pixel: &Vector2<f64>) -> Option<BrownSight> {
-        let distorted = (pixel - self.principal_point()).component_div(&self.focal());
+        let distorted = (pixel - self.principal_point()).component_mul(&self.inverse_focal);
         let ideal = self.undistort(&distorted)?;
         let square = ideal.norm_squared();
         let jacobian = self.distortion_jacobian(&ideal, square);
@@ -242,7 +245,7 @@ impl Lens for Brown {
             distorted,
             square,
             // The Jacobian is symmetric, so its inverse is its own transpose.
-            inverse_transpose: adjugate(&jacobian) / jacobian.determinant(),
+            inverse_transpose: adjugate(&jacobian) * (1.0 / jacobian.determinant()),
         })
     }
 
@@ -256,7 +259,7 @@ impl Lens for Brown {
 
     fn line_distance(&self, sight: &BrownSight, line: &Vector3<f64>) -> f64 {
         let pulled = sight.inverse_transpose * line.xy();
-        let gradient = pulled.component_div(&self.focal());
+        let gradient = pulled.component_mul(&self.inverse_focal);
         (line.xy().dot(&sight.ideal) + line.z) / gradient.norm()
     }
 
@@ -272,7 +275,6 @@ impl Lens for Brown {
         wanted: Columns,
     ) -> LineDistance {
         let [.., p1, p2] = self.parameters;
-        let focal = self.focal();
         let BrownSight {
             ideal: u,
             distorted,
@@ -280,14 +282,14 @@ impl Lens for Brown {
             inverse_transpose,
         } = *sight;
         let q = inverse_transpose * line.xy();
-        let gradient = q.component_div(&focal);
+        let gradient = q.component_mul(&self.inverse_focal);
         let inverse_norm = 1.0 / gradient.norm();
         let numerator = line.xy().dot(&u) + line.z;
         let value = numerator * inverse_norm;
 
         // d(value) = (dn - value d|G|) / |G|, d|G| = G . dG / |G| = (G / f) . dq / |G| + ...
         let unit = gradient * inverse_norm;
-        let unit_over_focal = unit.component_div(&focal);
+        let unit_over_focal = unit.component_mul(&self.inverse_focal);
         // d|G| = pull . (J^T dq): the change of J^T q, contracted.
         let pull = inverse_transpose * unit_over_focal;
 
@@ -337,15 +339,15 @@ impl Lens for Brown {
         };
         // G = q / f also holds f itself.
         let focal_column = |axis: usize| {
-            moved(axis, -distorted[axis] / focal[axis])
-                + value * inverse_norm * unit[axis] * gradient[axis] / focal[axis]
+            moved(axis, -distorted[axis] * self.inverse_focal[axis])
+                + value * inverse_norm * unit[axis] * gradient[axis] * self.inverse_focal[axis]
         };
 
         let mut wrt_lens = [0.0; MAX_LENS_COLUMNS];
         wrt_lens[0] = focal_column(0);
         wrt_lens[1] = focal_column(1);
-        wrt_lens[2] = moved(0, -1.0 / focal.x);
-        wrt_lens[3] = moved(1, -1.0 / focal.y);
+        wrt_lens[2] = moved(0, -self.inverse_focal.x);
+        wrt_lens[3] = moved(1, -self.inverse_focal.y);
         wrt_lens[4] = radial(1, 1.0);
         wrt_lens[5] = radial(2, s);
         if wanted.contains(6) {
