@@ -46,7 +46,9 @@ def calibrate(
         uint8, uint16 or float32 of shape (H, W) or (H, W, 3) in BGR order. Several photographs
         must be of one camera and size; their planes are pooled.
     method : {"ml", "linear"}
-        Joint maximum likelihood, or the three linear steps of Zhou et al. (2013) alone.
+        Joint maximum likelihood, or the three linear steps of Zhou et al. (2013) alone, whose
+        stated standard deviations are those that maximum likelihood would have with residuals of
+        that size: they leave out what the steps themselves lose.
     model : {"none", "radial1", "radial2", "radial3", "brown"}
         The distortion coefficients that are estimated.
     fix : names among "aspect", "principal_point", "focal", "distortion"

@@ -61,10 +61,11 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
         };
         let wanted = self.free.columns();
         let mut row = [0.0; N];
+        let to_scale = 1.0 / self.scale;
         for sample in &side.samples {
             let sight = lens.sight(&sample.pixel)?;
             let distance = lens.line_distance_jacobian(&sight, line, wanted);
-            let to_noise = sample.weight / self.scale;
+            let to_noise = sample.weight * to_scale;
             let (cost, weight) = self.loss.cost_and_weight(distance.value * to_noise);
             let weight = weight * to_noise * to_noise;
             sums.cost += cost;
