@@ -99,7 +99,7 @@ fn attempt(
         figures: &thinned,
         free,
         curve: &curve,
-        loss: Loss::Tukey,
+        loss: Loss::WideTukey,
         scales: Vec::new(),
     };
     let guess: Option<Vec<Exposure>> = thinned

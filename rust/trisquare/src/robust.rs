@@ -12,33 +12,46 @@ pub(crate) enum Loss {
     /// Tukey's biweight at 7.04: 99 % efficient, and blind to gross outliers
     /// (A. E. Beaton & J. W. Tukey, Technometrics 16 (1974) 147-185).
     Tukey,
+    /// Tukey's biweight at 10: 99.75 % efficient, for pixels, of which so many are good that the
+    /// last per cent is worth more than outliers between 7 and 10.
+    WideTukey,
 }
 
 const HUBER_LIMIT: f64 = 2.01;
 const TUKEY_LIMIT: f64 = 7.041;
+const WIDE_TUKEY_LIMIT: f64 = 10.0;
 
 impl Loss {
+    /// Where the loss ceases to be quadratic, or to grow.
+    fn limit(self) -> f64 {
+        match self {
+            Loss::Huber => HUBER_LIMIT,
+            Loss::Tukey => TUKEY_LIMIT,
+            Loss::WideTukey => WIDE_TUKEY_LIMIT,
+        }
+    }
+
     /// `(rho, psi(x) / x)` with `rho ~ x^2 / 2` near zero.
     pub fn cost_and_weight(self, x: f64) -> (f64, f64) {
-        let size = x.abs();
+        let (size, limit) = (x.abs(), self.limit());
         match self {
-            Loss::Huber if size <= HUBER_LIMIT => (0.5 * x * x, 1.0),
-            Loss::Huber => (HUBER_LIMIT * (size - 0.5 * HUBER_LIMIT), HUBER_LIMIT / size),
-            Loss::Tukey if size < TUKEY_LIMIT => {
-                let inside = 1.0 - (x / TUKEY_LIMIT).powi(2);
-                let full = TUKEY_LIMIT * TUKEY_LIMIT / 6.0;
+            Loss::Huber if size <= limit => (0.5 * x * x, 1.0),
+            Loss::Huber => (limit * (size - 0.5 * limit), limit / size),
+            _ if size < limit => {
+                let inside = 1.0 - (x / limit).powi(2);
+                let full = limit * limit / 6.0;
                 (full * (1.0 - inside.powi(3)), inside * inside)
             }
-            Loss::Tukey => (TUKEY_LIMIT * TUKEY_LIMIT / 6.0, 0.0),
+            _ => (limit * limit / 6.0, 0.0),
         }
     }
 
     /// `psi'(x)`.
     pub fn slope(self, x: f64) -> f64 {
-        let square = match self {
-            Loss::Huber => return f64::from(x.abs() <= HUBER_LIMIT),
-            Loss::Tukey => (x / TUKEY_LIMIT).powi(2),
-        };
+        if self == Loss::Huber {
+            return f64::from(x.abs() <= HUBER_LIMIT);
+        }
+        let square = (x / self.limit()).powi(2);
         if square < 1.0 {
             (1.0 - square) * (1.0 - 5.0 * square)
         } else {
@@ -51,8 +64,8 @@ impl Loss {
     pub fn newton_factor(self) -> f64 {
         let mean_slope = match self {
             Loss::Huber => 0.955_6, // P(|x| < 2.01)
-            Loss::Tukey => {
-                let square = TUKEY_LIMIT * TUKEY_LIMIT;
+            _ => {
+                let square = self.limit() * self.limit();
                 1.0 - 6.0 / square + 15.0 / (square * square)
             }
         };
@@ -65,8 +78,8 @@ impl Loss {
             // 1 - P(|x| > k) + k E[1/|x|; |x| > k], integrated numerically.
             Loss::Huber => 0.993_7,
             // 1 - 2/c^2 + 3/c^4, the tail beyond c being below 1e-11.
-            Loss::Tukey => {
-                let square = TUKEY_LIMIT * TUKEY_LIMIT;
+            _ => {
+                let square = self.limit() * self.limit();
                 1.0 - 2.0 / square + 3.0 / (square * square)
             }
         }
@@ -117,8 +130,8 @@ mod tests {
 
     #[test]
     fn weights_are_slopes_of_the_loss() {
-        for loss in [Loss::Huber, Loss::Tukey] {
-            for i in -90..=90 {
+        for loss in [Loss::Huber, Loss::Tukey, Loss::WideTukey] {
+            for i in -120..=120 {
                 let x = f64::from(i) * 0.1 + 0.003;
                 let rho = |x: f64| loss.cost_and_weight(x).0;
                 let psi = |x: f64| loss.cost_and_weight(x).1 * x;
@@ -130,8 +143,12 @@ mod tests {
     }
 
     #[test]
-    fn both_losses_are_99_percent_efficient_and_their_mean_weights_right() {
-        for loss in [Loss::Huber, Loss::Tukey] {
+    fn losses_are_as_efficient_as_said_and_their_mean_weights_right() {
+        for (loss, said) in [
+            (Loss::Huber, 0.99),
+            (Loss::Tukey, 0.99),
+            (Loss::WideTukey, 0.9975),
+        ] {
             let mut spread = Spread::default();
             let (mut square, mut slope, mut mean, mut total) = (0.0, 0.0, 0.0, 0.0);
             for i in -80_000..=80_000 {
@@ -147,7 +164,7 @@ mod tests {
                 }
             }
             let efficiency = slope * slope / (square * total);
-            assert!((efficiency - 0.99).abs() < 1e-3, "{loss:?} {efficiency}");
+            assert!((efficiency - said).abs() < 1e-3, "{loss:?} {efficiency}");
             assert!(
                 (mean / total - loss.mean_weight()).abs() < 1e-3,
                 "{}",

@@ -14,7 +14,7 @@ use crate::view::View;
 use crate::{Brown, Lens};
 
 /// Rounds of the fit: Huber's loss, then Tukey's at the scale found.
-const LOSSES: [Loss; 2] = [Loss::Huber, Loss::Tukey];
+const LOSSES: [Loss; 2] = [Loss::Huber, Loss::WideTukey];
 
 /// Evaluations allowed to a round, and the fall of the cost, in units of the noise variance, that
 /// ends it.
