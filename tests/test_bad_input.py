@@ -9,7 +9,7 @@ import pytest
 from scenes import IMAGE_SIZE, camera_of, edges_of, parallel_squares, squares
 
 import trisquare as ts
-from trisquare import cli, simulate
+from trisquare import simulate
 
 SCENE = squares(51)
 EDGES = edges_of(SCENE, 0.05)
@@ -191,17 +191,6 @@ def picture_of(scene):
 
 def blank(height, width, level):
     return cv2.imencode(".png", np.full((height, width), level, np.uint8))[1].tobytes()
-
-
-@pytest.fixture
-def run(capfd):
-    def run_command(*arguments):
-        with pytest.raises(SystemExit) as exit_info:
-            cli.main([str(argument) for argument in arguments])
-        captured = capfd.readouterr()
-        return exit_info.value.code, captured.out, captured.err
-
-    return run_command
 
 
 @pytest.mark.parametrize(

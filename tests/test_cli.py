@@ -65,19 +65,6 @@ def photo(tmp_path):
 
 
 @pytest.fixture
-def run(capfd):
-    """Run the command in this process: (exit code, standard output, standard error)."""
-
-    def run_command(*arguments):
-        with pytest.raises(SystemExit) as exit_info:
-            cli.main([str(argument) for argument in arguments])
-        captured = capfd.readouterr()
-        return exit_info.value.code, captured.out, captured.err
-
-    return run_command
-
-
-@pytest.fixture
 def asked(monkeypatch):
     """Let the command meet a calibration that is done already; returns what it asked for."""
     calls = []

@@ -2,8 +2,7 @@
 
 use nalgebra::Matrix3;
 
-use crate::consistency::disagreement;
-use crate::covariance::{Geometry, check_plane_count, covariance};
+use crate::covariance::{Geometry, check_plane_count};
 use crate::levenberg::Termination;
 use crate::linear::{
     Homographies, Undistortion, conic_camera_matrix, fallback_camera_matrices, first_view,
@@ -12,7 +11,7 @@ use crate::observations::{ObservedPlane, Sample, sort_by_plane};
 use crate::parameters::FreeParameters;
 use crate::photometric::{self, Photographs};
 use crate::refine::{Refined, Search, finish, search};
-use crate::result::{Calibration, Stage, Warning};
+use crate::result::{Calibration, Stage};
 use crate::view::View;
 use crate::{Brown, Error, ImageSize, Method, Options, PlaneEdges};
 
@@ -226,23 +225,12 @@ impl Stages<'_> {
     /// Judges the geometry, and only then gives numbers.
     fn result(&self, refined: &Refined<Brown>, stage: Stage) -> Result<Calibration, Error> {
         self.judge(refined)?;
-        let system = refined.system.leading(self.free.len());
-        let factor = refined.covariance_factor;
-        let covariance = covariance(&system, factor).ok_or(Error::NotConverged {
-            stage: "the covariance",
-            iterations: refined.iterations,
-            rms: refined.noise_scale,
-        })?;
-        let focal = refined.view.lens.focal().x;
-        let warning = disagreement(&system, self.free, focal, factor);
-        Ok(Calibration::assemble(
-            self.planes,
-            self.free,
-            self.size,
-            refined,
-            covariance,
-            warning.map(Warning::Disagreement).into_iter().collect(),
-            stage,
-        ))
+        Calibration::assemble(self.planes, self.free, self.size, refined, stage).ok_or(
+            Error::NotConverged {
+                stage: "the covariance",
+                iterations: refined.iterations,
+                rms: refined.noise_scale,
+            },
+        )
     }
 }

@@ -14,15 +14,11 @@ mod figure_sums;
 mod fit;
 mod scene;
 
-use crate::arrow::ArrowSystem;
-use crate::consistency::disagreement;
-use crate::covariance::covariance;
 use crate::observations::ObservedPlane;
 use crate::parameters::FreeParameters;
 use crate::refine::{Refined, residuals};
 use crate::result::{Calibration, Stage, Warning};
 use crate::robust::Loss;
-use crate::view::View;
 use crate::{Brown, Picture, PlaneEdges, Tone};
 use band::{PixelFigure, collect};
 use exposure::Exposure;
@@ -138,47 +134,19 @@ fn attempt(
         }
     }
     let PixelSystem { system, spread, .. } = finished.ok_or_else(broken)?;
-    let factor = spread.covariance_factor(free.len());
-    let better = replaced(
-        planes,
-        free,
-        &state.view,
-        &system,
-        factor,
-        refined,
-        calibration,
-    );
+    let fitted = Refined {
+        residuals: residuals(planes, &state.view).ok_or_else(broken)?,
+        view: state.view,
+        system,
+        covariance_factor: spread.covariance_factor(free.len()),
+        noise_scale: refined.noise_scale,
+        iterations: refined.iterations,
+    };
+    let size = calibration.image_size;
+    let better = Calibration::assemble(planes, free, size, &fitted, Stage::Pixels);
     let better = better.ok_or_else(broken)?;
     check_improvement(free, calibration, &better)?;
     Ok(better)
-}
-
-/// The calibration with the pixels' camera, planes and covariance.
-fn replaced(
-    planes: &[ObservedPlane],
-    free: &FreeParameters,
-    view: &View<Brown>,
-    system: &ArrowSystem,
-    factor: f64,
-    refined: &Refined<Brown>,
-    calibration: &Calibration,
-) -> Option<Calibration> {
-    let covariance = covariance(system, factor)?;
-    let warnings = disagreement(system, free, view.lens.focal().x, factor);
-    let fitted = Refined {
-        view: view.clone(),
-        residuals: residuals(planes, view)?,
-        ..refined.clone()
-    };
-    Some(Calibration::assemble(
-        planes,
-        free,
-        calibration.image_size,
-        &fitted,
-        covariance,
-        warnings.map(Warning::Disagreement).into_iter().collect(),
-        Stage::Pixels,
-    ))
 }
 
 /// Refuses an answer that is less certain than the edges', or far from it.

@@ -78,7 +78,6 @@ pub(crate) fn residuals<L: Lens>(planes: &[ObservedPlane], view: &View<L>) -> Op
 }
 
 /// The optimum, with what the covariance needs.
-#[derive(Clone)]
 pub(crate) struct Refined<L> {
     pub view: View<L>,
     /// Normal equations at the optimum, in units of the noise, over the parameters that were
@@ -171,16 +170,16 @@ pub(crate) fn search<L: Lens>(
         if settled || found.termination != Termination::Converged {
             break;
         }
-        // A scale that still wanders after all rounds is two modes of the same optimum.
     }
+    // A scale that still wanders after all rounds is two modes of the same optimum.
     Some(found)
 }
 
 /// Finishes a search on all samples, from the optimum of some of them.
 ///
-/// A few Newton steps, until the scale of all residuals has settled; the normal equations are left over the
-/// parameters to be judged, which begin with the free ones. `None` if the steps do not settle: the
-/// start was no optimum.
+/// A few Newton steps, until the scale of all residuals has settled; the normal equations are left
+/// over the parameters to be judged, which begin with the free ones. `None` if the steps do not
+/// settle: the start was no optimum.
 pub(crate) fn finish<L: Lens>(
     planes: &[ObservedPlane],
     free: &FreeParameters,

@@ -2,7 +2,8 @@
 
 use nalgebra::{DMatrix, Vector2};
 
-use crate::consistency::Disagreement;
+use crate::consistency::{Disagreement, disagreement};
+use crate::covariance::covariance;
 use crate::observations::{ObservedPlane, Placement};
 use crate::parameters::FreeParameters;
 use crate::refine::{Refined, Residual};
@@ -101,20 +102,23 @@ impl Calibration {
         all
     }
 
+    /// The numbers of an optimum; `None` if its normal equations are singular.
     pub(crate) fn assemble(
         planes: &[ObservedPlane],
         free: &FreeParameters,
         image_size: ImageSize,
         refined: &Refined<Brown>,
-        covariance: DMatrix<f64>,
-        warnings: Vec<Warning>,
         stage: Stage,
-    ) -> Self {
+    ) -> Option<Self> {
+        let system = refined.system.leading(free.len());
+        let factor = refined.covariance_factor;
+        let covariance = covariance(&system, factor)?;
+        let warning = disagreement(&system, free, refined.view.lens.focal().x, factor);
         let residuals = &refined.residuals;
         let square = |own: &[Residual]| own.iter().map(|r| r.distance * r.distance).sum::<f64>();
         let total: f64 = residuals.iter().map(|own| square(own)).sum();
         let count: usize = residuals.iter().map(Vec::len).sum();
-        Self {
+        Some(Self {
             camera: refined.view.lens,
             image_size,
             parameters: free.names(),
@@ -136,9 +140,9 @@ impl Calibration {
             rms: (total / count as f64).sqrt(),
             noise_scale: refined.noise_scale,
             iterations: refined.iterations,
-            warnings,
+            warnings: warning.map(Warning::Disagreement).into_iter().collect(),
             stage,
-        }
+        })
     }
 }
 
