@@ -2,7 +2,9 @@
 
 use nalgebra::Matrix3;
 
-use crate::covariance::{Geometry, check_plane_count};
+use crate::consistency::disagreement;
+use crate::correlated::{Coherence, Correlated, correlated_covariance, weighed_by_noise};
+use crate::covariance::{Geometry, check_plane_count, covariance};
 use crate::levenberg::Termination;
 use crate::linear::{
     Homographies, Undistortion, conic_camera_matrix, fallback_camera_matrices, first_view,
@@ -70,16 +72,45 @@ pub fn calibrate_photographs(
         homographies: &homographies,
     };
     match options.method {
-        Method::Linear => stages.result(&stages.linear()?, Stage::Linear),
+        Method::Linear => {
+            let linear = stages.linear()?;
+            stages.judge(&linear)?;
+            let system = linear.system.leading(free.len());
+            let focal = linear.view.lens.focal().x;
+            let factor = linear.covariance_factor;
+            let independent = Correlated {
+                covariance: covariance(&system, factor).ok_or_else(singular)?,
+                disagreement: disagreement(&system, &free, focal, factor),
+                coherence: Coherence::none(planes.len(), free.len()),
+            };
+            let answer = (&linear, independent);
+            let stage = Stage::Linear;
+            Ok(Calibration::assemble(&planes, &free, size, answer, stage))
+        }
         Method::MaximumLikelihood => {
-            let refined = stages.refine()?;
-            let mut calibration = stages.result(&refined, Stage::Edges)?;
+            let mut refined = stages.refine()?;
+            let mut noise = refined.noise(&planes);
+            let weighed = weighed_by_noise(&planes, &noise);
+            let planes = weighed.as_deref().unwrap_or(&planes);
+            if weighed.is_some() {
+                refined = refined
+                    .reweighed(planes, &free, &judged)
+                    .ok_or_else(|| stages.no_convergence(None))?;
+                noise = refined.noise(planes);
+            }
+            Stages { planes, ..stages }.judge(&refined)?;
+            let correlated =
+                correlated_covariance(planes, &free, &refined, &noise).ok_or_else(singular)?;
+            let coherence = correlated.coherence.clone();
+            let mut calibration =
+                Calibration::assemble(planes, &free, size, (&refined, correlated), Stage::Edges);
             if let Some(photographs) = photographs {
                 photometric::improve(
                     edges,
-                    &planes,
+                    planes,
                     &free,
                     &refined,
+                    &coherence,
                     photographs,
                     &mut calibration,
                 );
@@ -221,16 +252,12 @@ impl Stages<'_> {
         };
         geometry.judge(&refined.system, self.free, refined.covariance_factor)
     }
+}
 
-    /// Judges the geometry, and only then gives numbers.
-    fn result(&self, refined: &Refined<Brown>, stage: Stage) -> Result<Calibration, Error> {
-        self.judge(refined)?;
-        Calibration::assemble(self.planes, self.free, self.size, refined, stage).ok_or(
-            Error::NotConverged {
-                stage: "the covariance",
-                iterations: refined.iterations,
-                rms: refined.noise_scale,
-            },
-        )
+fn singular() -> Error {
+    Error::NotConverged {
+        stage: "the covariance",
+        iterations: 0,
+        rms: 0.0,
     }
 }

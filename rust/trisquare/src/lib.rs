@@ -17,6 +17,7 @@ mod brown;
 mod calibrate;
 mod conic;
 mod consistency;
+mod correlated;
 mod covariance;
 mod edge_problem;
 mod edges;
@@ -27,6 +28,7 @@ pub mod lens;
 mod levenberg;
 mod line;
 mod linear;
+mod local_noise;
 mod localise;
 pub mod normal;
 mod normalisation;
@@ -40,6 +42,8 @@ pub mod radial;
 mod refine;
 mod result;
 mod robust;
+mod side_basis;
+mod side_errors;
 mod straighten;
 #[cfg(feature = "synthetic")]
 pub mod synthetic;
@@ -53,6 +57,7 @@ pub use conic::{
     intrinsics_of, solve_conic,
 };
 pub use consistency::Disagreement;
+pub use correlated::Coherence;
 pub use edges::{Freedom, PlaneEdges, Polarity};
 pub use error::{Error, ErrorKind};
 pub use homography::homography_from_lines;

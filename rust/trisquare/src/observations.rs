@@ -53,6 +53,13 @@ impl ObservedPlane {
         thinned
     }
 
+    /// Multiplies the weight of every sample.
+    pub fn weigh(&mut self, factor: f64) {
+        for side in self.figures.iter_mut().flat_map(|f| &mut f.sides) {
+            side.samples.iter_mut().for_each(|s| s.weight *= factor);
+        }
+    }
+
     pub fn samples(&self) -> impl Iterator<Item = &Sample> + Clone {
         self.figures.iter().flat_map(Figure::samples)
     }

@@ -14,6 +14,8 @@ mod figure_sums;
 mod fit;
 mod scene;
 
+use crate::correlated::{Coherence, Correlated};
+use crate::covariance::covariance;
 use crate::observations::ObservedPlane;
 use crate::parameters::FreeParameters;
 use crate::refine::{Refined, residuals};
@@ -60,10 +62,19 @@ pub(crate) fn improve(
     planes: &[ObservedPlane],
     free: &FreeParameters,
     refined: &Refined<Brown>,
+    coherence: &Coherence,
     photographs: &Photographs<'_>,
     calibration: &mut Calibration,
 ) {
-    match attempt(edges, planes, free, refined, photographs, calibration) {
+    match attempt(
+        edges,
+        planes,
+        free,
+        refined,
+        coherence,
+        photographs,
+        calibration,
+    ) {
         Ok(better) => *calibration = better,
         Err(Refusal::NotApplicable) => {}
         Err(Refusal::Reason(reason)) => {
@@ -84,6 +95,7 @@ fn attempt(
     planes: &[ObservedPlane],
     free: &FreeParameters,
     refined: &Refined<Brown>,
+    coherence: &Coherence,
     photographs: &Photographs<'_>,
     calibration: &Calibration,
 ) -> Result<Calibration, Refusal> {
@@ -138,13 +150,21 @@ fn attempt(
         residuals: residuals(planes, &state.view).ok_or_else(broken)?,
         view: state.view,
         system,
-        covariance_factor: spread.covariance_factor(free.len()),
+        covariance_factor: spread.covariance_factor(free.len() as f64),
+        scale: refined.scale,
         noise_scale: refined.noise_scale,
         iterations: refined.iterations,
     };
     let size = calibration.image_size;
-    let better = Calibration::assemble(planes, free, size, &fitted, Stage::Pixels);
-    let better = better.ok_or_else(broken)?;
+    let independent = covariance(&fitted.system, fitted.covariance_factor).ok_or_else(broken)?;
+    // Where the pixels' noise is not independent, the samples made from them show it.
+    let answer = Correlated {
+        covariance: independent * coherence.pixels + &coherence.added,
+        disagreement: None,
+        coherence: coherence.clone(),
+    };
+    let answer = (&fitted, answer);
+    let better = Calibration::assemble(planes, free, size, answer, Stage::Pixels);
     check_improvement(free, calibration, &better)?;
     Ok(better)
 }

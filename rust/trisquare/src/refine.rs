@@ -5,6 +5,7 @@ use crate::Lens;
 use crate::arrow::ArrowSystem;
 use crate::edge_problem::EdgeProblem;
 use crate::levenberg::{Limits, Problem, Termination, minimise};
+use crate::local_noise::Noise;
 use crate::observations::ObservedPlane;
 use crate::parameters::FreeParameters;
 use crate::robust::{Loss, Spread, median_scale};
@@ -85,6 +86,8 @@ pub(crate) struct Refined<L> {
     pub system: ArrowSystem,
     /// Turns the inverse of the weighted information into a covariance.
     pub covariance_factor: f64,
+    /// Scale of the noise at which the normal equations were weighed.
+    pub scale: f64,
     /// What the given standard deviations must be multiplied by.
     pub noise_scale: f64,
     pub residuals: Residuals,
@@ -103,11 +106,12 @@ impl<L: Lens> Refined<L> {
         for residual in residuals.iter().flatten() {
             spread.add(Loss::Tukey, residual.distance * residual.weight / scale);
         }
-        let covariance_factor = spread.covariance_factor(unknowns);
+        let covariance_factor = spread.covariance_factor(unknowns as f64);
         Self {
             view,
             system,
             covariance_factor,
+            scale,
             noise_scale: scale * (covariance_factor / Loss::Tukey.mean_weight()).sqrt(),
             residuals,
             iterations,
@@ -126,6 +130,29 @@ impl<L: Lens> Refined<L> {
         let unknowns = view.unknowns(free);
         let (_, system) = EdgeProblem::new(planes, judged, scale).evaluate(&view)?;
         Some(Self::around((view, residuals, system), scale, unknowns, 0))
+    }
+}
+
+impl<L: Lens> Refined<L> {
+    /// The noise that its residuals show.
+    pub fn noise(&self, planes: &[ObservedPlane]) -> Noise {
+        Noise::of(planes, &self.residuals, self.scale)
+    }
+
+    /// The optimum under other weights of the samples, from that under these.
+    pub fn reweighed(
+        &self,
+        planes: &[ObservedPlane],
+        free: &FreeParameters,
+        judged: &FreeParameters,
+    ) -> Option<Self> {
+        let start = Search {
+            view: self.view.clone(),
+            scale: self.scale,
+            iterations: self.iterations,
+            termination: Termination::Converged,
+        };
+        finish(planes, free, judged, start)
     }
 }
 

@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, Vector2};
 
-use crate::consistency::{Disagreement, disagreement};
-use crate::covariance::covariance;
+use crate::consistency::Disagreement;
+use crate::correlated::{Coherence, Correlated};
 use crate::observations::{ObservedPlane, Placement};
 use crate::parameters::FreeParameters;
 use crate::refine::{Refined, Residual};
@@ -34,6 +34,22 @@ pub enum Warning {
         .0.plane, .0.sigmas, 100.0 * .0.focal_change
     )]
     Disagreement(Disagreement),
+    /// The samples of a side err together, beyond their noise.
+    #[error(
+        "the samples of a side err together, by {displacement:.2} px on plane {plane} (paper or \
+         print not flat, or a lens beyond the model): the standard deviation of {parameter} was \
+         raised {factor:.1} times for it"
+    )]
+    SidesErrTogether {
+        /// The plane that shows it most.
+        plane: usize,
+        /// Root mean square error of a side there, px.
+        displacement: f64,
+        /// The parameter that suffers most.
+        parameter: &'static str,
+        /// Its standard deviation over what independent noise alone would give.
+        factor: f64,
+    },
     /// The pixels did not follow the model closely enough to be used.
     #[error("the fit to the pixels was not taken: {reason}")]
     PixelsNotUsed {
@@ -79,6 +95,8 @@ pub struct Calibration {
     pub rms: f64,
     /// What the given standard deviations had to be multiplied by to agree with the residuals.
     pub noise_scale: f64,
+    /// How far the residuals are from independent noise.
+    pub coherence: Coherence,
     /// Evaluations of the refinement.
     pub iterations: usize,
     /// What the user should know.
@@ -102,23 +120,26 @@ impl Calibration {
         all
     }
 
-    /// The numbers of an optimum; `None` if its normal equations are singular.
+    /// The numbers of an optimum.
     pub(crate) fn assemble(
         planes: &[ObservedPlane],
         free: &FreeParameters,
         image_size: ImageSize,
-        refined: &Refined<Brown>,
+        (refined, correlated): (&Refined<Brown>, Correlated),
         stage: Stage,
-    ) -> Option<Self> {
-        let system = refined.system.leading(free.len());
-        let factor = refined.covariance_factor;
-        let covariance = covariance(&system, factor)?;
-        let warning = disagreement(&system, free, refined.view.lens.focal().x, factor);
+    ) -> Self {
+        let Correlated {
+            covariance,
+            disagreement,
+            coherence,
+        } = correlated;
+        let together = coherence.warning(&covariance, free);
+        let disagreement = disagreement.map(Warning::Disagreement);
         let residuals = &refined.residuals;
         let square = |own: &[Residual]| own.iter().map(|r| r.distance * r.distance).sum::<f64>();
         let total: f64 = residuals.iter().map(|own| square(own)).sum();
         let count: usize = residuals.iter().map(Vec::len).sum();
-        Some(Self {
+        Self {
             camera: refined.view.lens,
             image_size,
             parameters: free.names(),
@@ -140,9 +161,10 @@ impl Calibration {
             rms: (total / count as f64).sqrt(),
             noise_scale: refined.noise_scale,
             iterations: refined.iterations,
-            warnings: warning.map(Warning::Disagreement).into_iter().collect(),
+            warnings: together.into_iter().chain(disagreement).collect(),
+            coherence,
             stage,
-        })
+        }
     }
 }
 

@@ -116,10 +116,10 @@ impl Spread {
     }
 
     /// The factor that turns the inverse of the weighted information `sum w J^T J` into a
-    /// covariance: `(sum psi^2 / sum psi') (sum w / sum psi')`, for `unknowns` fitted parameters
+    /// covariance: `(sum psi^2 / sum psi') (sum w / sum psi')`, for so many fitted parameters
     /// (Huber & Ronchetti, Robust Statistics, 2nd ed., section 7.6).
-    pub fn covariance_factor(&self, unknowns: usize) -> f64 {
-        let freedom = (self.count - unknowns as f64).max(1.0);
+    pub fn covariance_factor(&self, unknowns: f64) -> f64 {
+        let freedom = (self.count - unknowns).max(1.0);
         self.squares / self.slopes * self.weights / self.slopes * self.count / freedom
     }
 }
@@ -172,7 +172,7 @@ mod tests {
             );
             let newton = mean / slope;
             assert!((newton - loss.newton_factor()).abs() < 1e-3, "{newton}");
-            assert!(spread.covariance_factor(0).is_finite());
+            assert!(spread.covariance_factor(0.0).is_finite());
         }
     }
 

@@ -1,0 +1,151 @@
+//! What the residuals say of their own noise, and what that makes of the answer: planes that are
+//! measured less well than others, neighbours and whole sides that err together.
+
+use nalgebra::DMatrix;
+
+use crate::Lens;
+use crate::consistency::{Disagreement, disagreement};
+use crate::covariance::covariance;
+use crate::local_noise::Noise;
+use crate::observations::ObservedPlane;
+use crate::parameters::FreeParameters;
+use crate::refine::Refined;
+use crate::result::Warning;
+use crate::robust::Loss;
+use crate::side_errors::{SideErrors, rms_displacement};
+
+/// A plane's noise differs from that of all if it does so by so many of its own standard
+/// deviations...
+const DIFFERENT: f64 = 4.0;
+
+/// ... of which its logarithm has `0.71 / sqrt(n)`.
+const LOG_SCALE_STD: f64 = 0.71;
+
+/// Sides are said to err together where that is likelier than not.
+const LIKELIER: f64 = 0.5;
+
+/// How the residuals differ from independent noise of the stated standard deviations.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Coherence {
+    /// Variance of the mean of many neighbouring samples over what independent ones would have.
+    pub neighbours: f64,
+    /// Probability that the samples of a side share an error beyond their noise.
+    pub probability: f64,
+    /// Root mean square of that error where there is one, for every plane, px.
+    pub displacements: Vec<f64>,
+    /// What it adds to the covariance of the free parameters.
+    pub added: DMatrix<f64>,
+    /// Variance of the samples over what pixels of independent noise would give them, if their
+    /// stated standard deviations are those.
+    pub(crate) pixels: f64,
+}
+
+/// What is known once correlation is allowed for.
+pub(crate) struct Correlated {
+    /// Of the free parameters.
+    pub covariance: DMatrix<f64>,
+    /// The plane that disagrees with the rest, if any does.
+    pub disagreement: Option<Disagreement>,
+    pub coherence: Coherence,
+}
+
+impl Coherence {
+    /// Independent noise.
+    pub(crate) fn none(planes: usize, parameters: usize) -> Self {
+        Self {
+            neighbours: 1.0,
+            probability: 0.0,
+            displacements: vec![0.0; planes],
+            added: DMatrix::zeros(parameters, parameters),
+            pixels: 1.0,
+        }
+    }
+
+    /// Whether sides err together, likelier than not.
+    pub fn is_likely(&self) -> bool {
+        self.probability > LIKELIER
+    }
+
+    /// By how much the standard deviation of each parameter of a covariance was raised.
+    fn factors(&self, covariance: &DMatrix<f64>) -> Vec<f64> {
+        let (all, added) = (covariance.diagonal(), self.added.diagonal());
+        let pairs = all.iter().zip(added.iter());
+        pairs
+            .map(|(all, added)| (all / (all - added)).sqrt())
+            .collect()
+    }
+
+    pub(crate) fn warning(
+        &self,
+        covariance: &DMatrix<f64>,
+        free: &FreeParameters,
+    ) -> Option<Warning> {
+        if !self.is_likely() {
+            return None;
+        }
+        let factors = self.factors(covariance);
+        let worst = (0..factors.len()).max_by(|a, b| factors[*a].total_cmp(&factors[*b]))?;
+        let most = |a: &usize, b: &usize| self.displacements[*a].total_cmp(&self.displacements[*b]);
+        let plane = (0..self.displacements.len()).max_by(most)?;
+        Some(Warning::SidesErrTogether {
+            plane,
+            displacement: self.displacements[plane],
+            parameter: free.names()[worst],
+            factor: factors[worst],
+        })
+    }
+}
+
+/// The planes with their samples weighed by the noise of each; `None` if all have the same.
+pub(crate) fn weighed_by_noise(
+    planes: &[ObservedPlane],
+    noise: &Noise,
+) -> Option<Vec<ObservedPlane>> {
+    let differs = noise.planes.iter().any(|own| {
+        let deviation = (own.scale / noise.scale).ln().abs();
+        deviation > DIFFERENT * LOG_SCALE_STD / own.freedom.max(1.0).sqrt()
+    });
+    differs.then(|| {
+        let mut weighed = planes.to_vec();
+        for (plane, own) in weighed.iter_mut().zip(&noise.planes) {
+            plane.weigh(noise.scale / own.scale);
+        }
+        weighed
+    })
+}
+
+/// The covariance of an optimum under the correlation that its own residuals show; `None` if it
+/// is singular.
+pub(crate) fn correlated_covariance<L: Lens>(
+    planes: &[ObservedPlane],
+    free: &FreeParameters,
+    refined: &Refined<L>,
+    noise: &Noise,
+) -> Option<Correlated> {
+    // The mean of the robust weights is below 1, as if the noise were that much smaller.
+    let white =
+        Loss::Tukey.mean_weight() * noise.correlation * (noise.scale / refined.scale).powi(2);
+    let independent = covariance(&refined.system.leading(free.len()), white)?;
+    let at = (refined.scale, white);
+    let errors = SideErrors::gather(planes, free, &refined.view, &refined.residuals, at)?;
+    let strength = errors.strength()?;
+    let mut added = DMatrix::zeros(free.len(), free.len());
+    for (unit, variance) in errors.unit_covariances()?.iter().zip(&strength.mean) {
+        added += unit * *variance;
+    }
+    let displacements = strength.likeliest.iter();
+    let coherence = Coherence {
+        neighbours: noise.correlation,
+        pixels: noise.correlation * noise.scale.powi(2),
+        probability: strength.probability,
+        displacements: displacements.map(|v| rms_displacement(*v)).collect(),
+        added,
+    };
+    let focal = refined.view.lens.parameters()[0];
+    let system = errors.marginal(&strength.mean)?;
+    Some(Correlated {
+        covariance: independent + &coherence.added,
+        disagreement: disagreement(&system, free, focal, 1.0),
+        coherence,
+    })
+}

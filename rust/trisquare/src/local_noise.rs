@@ -1,0 +1,170 @@
+//! The noise of neighbouring samples: what remains once each side's smooth displacement is taken
+//! out, plane by plane, and how far it reaches from one sample to the next.
+
+use nalgebra::SMatrix;
+
+use crate::observations::ObservedPlane;
+use crate::refine::{MIN_SCALE, Residual, Residuals};
+use crate::robust::{Loss, Spread, median_scale};
+use crate::side_basis::{Basis, ORDERS, basis, direction, places};
+
+/// A displacement is hardly held: to so many times the scale of the noise.
+const LOOSE: f64 = 1e3;
+
+/// Samples that an order of the displacement needs.
+const SAMPLES_PER_ORDER: usize = 4;
+
+/// Lags, in samples, over which noise may be correlated; beyond, it is a side's displacement.
+const MAX_LAG: usize = 6;
+
+/// A correlation coefficient this many of its own standard deviations above zero is no accident.
+const SIGNIFICANT: f64 = 2.0;
+
+/// The noise of a plane's samples, in units of their given standard deviations.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LocalNoise {
+    pub scale: f64,
+    /// Degrees of freedom that it rests on.
+    pub freedom: f64,
+}
+
+/// Robust local noise of every plane, and the correlation of neighbours.
+pub(crate) struct Noise {
+    pub planes: Vec<LocalNoise>,
+    /// That of all planes.
+    pub scale: f64,
+    /// Variance of the mean of many neighbours over what independent ones would have, at least 1.
+    pub correlation: f64,
+}
+
+/// Sums of products of neighbours, by lag.
+#[derive(Default)]
+struct Neighbours {
+    products: [f64; MAX_LAG + 1],
+    pairs: [f64; MAX_LAG + 1],
+}
+
+impl Noise {
+    /// Measures the noise that `residuals` show at a robust `scale` of all of them.
+    pub fn of(planes: &[ObservedPlane], residuals: &Residuals, scale: f64) -> Self {
+        let mut neighbours = Neighbours::default();
+        let (mut own, mut all) = (Vec::with_capacity(planes.len()), Vec::new());
+        let mut taken = 0.0;
+        for (plane, residuals) in planes.iter().zip(residuals) {
+            let (mut rough, mut lost) = (Vec::with_capacity(residuals.len()), 0.0);
+            let mut rest = &residuals[..];
+            for side in plane.sides() {
+                let (mine, others) = rest.split_at(side.samples.len());
+                rest = others;
+                let along = places(&side.samples, &direction(&side.samples).unwrap_or_default());
+                let left = without_displacement(&along, mine, scale);
+                neighbours.add(&along, &left, scale);
+                lost += degrees_taken(mine.len()) as f64;
+                rough.extend(left);
+            }
+            own.push(LocalNoise::of(&rough, lost));
+            all.extend(rough);
+            taken += lost;
+        }
+        let all = LocalNoise::of(&all, taken);
+        Self {
+            planes: own,
+            correlation: neighbours.correlation(all.freedom),
+            scale: all.scale,
+        }
+    }
+}
+
+impl LocalNoise {
+    /// The scale of residuals from which smooth displacements took some degrees of freedom: that
+    /// of an M-estimator, begun at their median size.
+    fn of(rough: &[f64], taken: f64) -> Self {
+        let first = median_scale(rough.iter().copied()).max(MIN_SCALE);
+        let mut spread = Spread::default();
+        for value in rough {
+            spread.add(Loss::Tukey, value / first);
+        }
+        let factor = spread.covariance_factor(taken) / Loss::Tukey.mean_weight();
+        Self {
+            scale: first * factor.sqrt(),
+            freedom: (rough.len() as f64 - taken).max(1.0),
+        }
+    }
+}
+
+/// Orders of the displacement that so many samples show.
+fn orders(samples: usize) -> usize {
+    ORDERS.min(samples / SAMPLES_PER_ORDER)
+}
+
+/// Degrees of freedom that displacement and fit together take: at least a line's two.
+fn degrees_taken(samples: usize) -> usize {
+    orders(samples).max(2).min(samples)
+}
+
+/// A side's residuals, in units of their given standard deviations, less their smooth part.
+fn without_displacement(along: &[f64], residuals: &[Residual], scale: f64) -> Vec<f64> {
+    let mut gram = SMatrix::<f64, ORDERS, ORDERS>::zeros();
+    let mut pull = Basis::zeros();
+    let mut strongest = f64::MIN_POSITIVE;
+    for (s, residual) in along.iter().zip(residuals) {
+        let value = residual.distance * residual.weight / scale;
+        let (_, robust) = Loss::Tukey.cost_and_weight(value);
+        // In units of the noise, so that samples of unequal precision keep unit variance.
+        let row = basis(*s) * residual.weight;
+        strongest = f64::max(strongest, residual.weight);
+        gram += row * row.transpose() * robust;
+        pull += row * (robust * value);
+    }
+    for k in 0..ORDERS {
+        let held = if k < orders(along.len()) {
+            1.0 / LOOSE
+        } else {
+            LOOSE
+        };
+        gram[(k, k)] += (strongest * held).powi(2);
+    }
+    let displacement = gram.cholesky().map_or(Basis::zeros(), |c| c.solve(&pull));
+    along
+        .iter()
+        .zip(residuals)
+        .map(|(s, residual)| {
+            let smooth = basis(*s).dot(&displacement) * scale;
+            (residual.distance - smooth) * residual.weight
+        })
+        .collect()
+}
+
+impl Neighbours {
+    fn add(&mut self, along: &[f64], rough: &[f64], scale: f64) {
+        let mut order: Vec<usize> = (0..along.len()).collect();
+        order.sort_by(|a, b| along[*a].total_cmp(&along[*b]));
+        let value = |i: usize| {
+            let x = rough[order[i]] / scale;
+            Loss::Tukey.cost_and_weight(x).1 * x
+        };
+        let values: Vec<f64> = (0..order.len()).map(value).collect();
+        for lag in 0..=MAX_LAG.min(values.len().saturating_sub(1)) {
+            let pairs = values.iter().zip(&values[lag..]);
+            self.products[lag] += pairs.map(|(a, b)| a * b).sum::<f64>();
+            self.pairs[lag] += (values.len() - lag) as f64;
+        }
+    }
+
+    /// `1 + 2 sum rho`, over the lags from the first one on that are correlated beyond chance.
+    fn correlation(&self, freedom: f64) -> f64 {
+        let variance = self.products[0] / self.pairs[0];
+        // Taking a side's displacement out leaves white noise correlated by this much, negatively.
+        let taken = 1.0 - freedom / self.pairs[0];
+        let chance = SIGNIFICANT / self.pairs[0].sqrt();
+        let mut sum = 0.0;
+        for lag in 1..=MAX_LAG {
+            let rho = self.products[lag] / self.pairs[lag].max(1.0) / variance + taken;
+            if !(rho > chance) {
+                break;
+            }
+            sum += rho;
+        }
+        1.0 + 2.0 * sum
+    }
+}

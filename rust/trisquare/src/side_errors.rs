@@ -1,0 +1,567 @@
+//! Do the samples of a side err together, and how much less is then known?
+//!
+//! Paper bends, ink bleeds, and no lens is exactly its polynomial: the samples of a side then share
+//! an error that averaging does not remove. Every side is granted a smooth displacement
+//! `sum_k a_k P_k(s)` of its image ([`basis`]), `a_k` normal with variance `tau^2 / (1 + (k/2)^2)`:
+//! the spectrum of an error that is correlated over about a third of the side, as the residuals
+//! of real boards have it. `tau` follows from the residuals by restricted maximum likelihood
+//! (H. D. Patterson & R. Thompson, Biometrika 58 (1971) 545-554), which allows for what the fitted
+//! parameters have absorbed. Marginalised over the `a_k`, the normal equations keep the shape of
+//! an arrow and give the best estimate under such errors, with its covariance.
+
+use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector2, Vector3};
+
+use crate::Lens;
+use crate::arrow::ArrowSystem;
+use crate::edge_problem::EdgeProblem;
+use crate::lens::MAX_LENS_COLUMNS;
+use crate::levenberg::Problem;
+use crate::observations::{Figure, ObservedPlane, Side};
+use crate::parameters::FreeParameters;
+use crate::refine::{Residual, Residuals};
+use crate::robust::Loss;
+use crate::side_basis::{Basis, ORDERS, basis, direction, places};
+use crate::view::{PlaneState, View};
+
+/// Variances tried: from this part of what noise alone leaves of a side's mean, each so many times
+/// the last, to what moves a side by pixels.
+const FIRST_VARIANCE: f64 = 0.2;
+const VARIANCE_RATIO: f64 = 2.0;
+const VARIANCES: usize = 30;
+
+/// Probability, before the residuals are seen, that sides do not err together; the rest is spread
+/// evenly over the variances tried.
+const PRIOR_OF_WHITE: f64 = 0.5;
+
+/// Twice the log likelihood that is lost where a variance is beyond all doubt too large.
+const HOPELESS: f64 = 30.0;
+
+/// Sine of the angle below which two lines of a plane have one direction.
+const PARALLEL: f64 = 0.1;
+
+/// Distance, in parts of a figure's extent, over which the displacements of parallel sides lose
+/// their correlation.
+const CORRELATION_LENGTH: f64 = 0.33;
+
+/// What the samples of sides whose displacements are correlated say of them.
+struct Family {
+    plane: usize,
+    /// Indices of the sides in their figure.
+    sides: Vec<usize>,
+    /// The way the first of them runs; the others run alike.
+    along: Option<Vector2<f64>>,
+    /// Correlation of their displacements, its inverse, and the logarithm of its determinant.
+    correlation: DMatrix<f64>,
+    inverse_correlation: DMatrix<f64>,
+    log_correlation: f64,
+    /// `B^T W B` with `B` the basis at the samples, side by side.
+    gram: DMatrix<f64>,
+    /// `B^T W r`.
+    pull: DVector<f64>,
+    /// `B^T W J`, by the plane's own parameters and by the shared ones.
+    own: DMatrix<f64>,
+    shared: DMatrix<f64>,
+}
+
+/// The normal equations with what every side says of its displacement.
+pub(crate) struct SideErrors {
+    /// Under white noise.
+    system: ArrowSystem,
+    families: Vec<Family>,
+}
+
+/// How strongly the sides of each plane err together, all strengths weighed by how well they
+/// explain the residuals.
+pub(crate) struct Strength {
+    /// Probability that they do at all.
+    pub probability: f64,
+    /// Mean of `tau^2` for every plane, px^2.
+    pub mean: Vec<f64>,
+    /// Its likeliest value if they do.
+    pub likeliest: Vec<f64>,
+}
+
+/// One strength of the side errors.
+struct Hypothesis {
+    variances: Vec<f64>,
+    criterion: f64,
+}
+
+impl SideErrors {
+    /// Samples are weighed at `scale`, in whose units `white` is the variance of their noise.
+    pub fn gather<L: Lens>(
+        planes: &[ObservedPlane],
+        free: &FreeParameters,
+        view: &View<L>,
+        residuals: &Residuals,
+        (scale, white): (f64, f64),
+    ) -> Option<Self> {
+        let (_, system) = EdgeProblem::new(planes, free, scale).evaluate(view)?;
+        let mut families = Vec::new();
+        for (p, plane) in planes.iter().enumerate() {
+            let mut rest = &residuals[p][..];
+            for (f, figure) in plane.figures.iter().enumerate() {
+                let mut own = families_of(figure, p, &view.planes[p], free);
+                for (index, side) in figure.sides.iter().enumerate() {
+                    let (mine, others) = rest.split_at(side.samples.len());
+                    rest = others;
+                    let family = own
+                        .iter_mut()
+                        .find(|family| family.sides.contains(&index))?;
+                    let place = (&view.planes[p], f, index, side);
+                    family.add(place, mine, (&view.lens, free), (scale, white))?;
+                }
+                families.extend(own);
+            }
+        }
+        Some(Self {
+            system: system.scaled(1.0 / white),
+            families,
+        })
+    }
+
+    /// Weighs no side errors, and those of growing strength, by their restricted likelihood.
+    ///
+    /// One strength is common to all planes unless they clearly differ.
+    pub fn strength(&self) -> Option<Strength> {
+        let planes = self.system.blocks.len();
+        let mut found = self.hypotheses(&vec![1.0; planes])?;
+        if let Some(apart) = self.relative_variances(&found) {
+            found = self.hypotheses(&apart)?;
+        }
+        combined(&found)
+    }
+
+    /// White noise, then common variances times those of the planes.
+    fn hypotheses(&self, relative: &[f64]) -> Option<Vec<Hypothesis>> {
+        let mut found = vec![self.hypothesis(relative, 0.0)?];
+        let mut best = found[0].criterion;
+        for index in 0..VARIANCES {
+            let variance = self.first_variance() * VARIANCE_RATIO.powi(index as i32);
+            // Rounding may leave nothing of the information where next to nothing is left.
+            let Some(next) = self.hypothesis(relative, variance) else {
+                break;
+            };
+            let criterion = next.criterion;
+            if criterion > best + HOPELESS {
+                break;
+            }
+            best = best.min(criterion);
+            found.push(next);
+        }
+        Some(found)
+    }
+
+    fn hypothesis(&self, relative: &[f64], variance: f64) -> Option<Hypothesis> {
+        let variances: Vec<f64> = relative.iter().map(|r| r * variance).collect();
+        let criterion = self.criterion(&variances)?;
+        Some(Hypothesis {
+            variances,
+            criterion,
+        })
+    }
+
+    /// What displacements of unit variance on each plane alone add to the covariance of the shared
+    /// parameters, as they were fitted: at weights that take the noise for white.
+    pub fn unit_covariances(&self) -> Option<Vec<DMatrix<f64>>> {
+        let information = self.system.reduced_information()?.cholesky()?;
+        let shared = self.system.prior.nrows();
+        let mut found = vec![DMatrix::zeros(shared, shared); self.system.blocks.len()];
+        for family in &self.families {
+            let block = &self.system.blocks[family.plane];
+            let own = block.hessian.clone().cholesky()?.solve(&block.cross);
+            let pull = family.shared.transpose() - own.tr_mul(&family.own.transpose());
+            let influence = information.solve(&pull);
+            found[family.plane] += &influence * family.covariance() * influence.transpose();
+        }
+        Some(found)
+    }
+
+    /// A part of the variance that noise alone leaves of a side's mean.
+    fn first_variance(&self) -> f64 {
+        let (mut information, mut sides) = (0.0, 0.0);
+        for family in &self.families {
+            for side in 0..family.sides.len() {
+                information += family.gram[(side * ORDERS, side * ORDERS)];
+                sides += 1.0;
+            }
+        }
+        FIRST_VARIANCE * sides / information
+    }
+
+    /// Variances of each plane's own, if they explain the residuals clearly better.
+    fn relative_variances(&self, together: &[Hypothesis]) -> Option<Vec<f64>> {
+        let best = likeliest(together);
+        let common = *best.variances.first().filter(|v| **v > 0.0)?;
+        let mut variances = best.variances.clone();
+        let mut criterion = best.criterion;
+        for plane in 0..variances.len() {
+            for index in 0..VARIANCES {
+                let mut changed = variances.clone();
+                changed[plane] = self.first_variance() * VARIANCE_RATIO.powi(index as i32);
+                if let Some(found) = self.criterion(&changed).filter(|c| *c < criterion) {
+                    (variances, criterion) = (changed, found);
+                }
+            }
+        }
+        let gain = best.criterion - criterion;
+        let clearly = gain > unlikely_chi_square((variances.len() - 1) as f64);
+        clearly.then(|| variances.iter().map(|v| v / common).collect())
+    }
+
+    /// The normal equations marginalised over displacements of the planes' variances.
+    pub fn marginal(&self, variances: &[f64]) -> Option<ArrowSystem> {
+        Some(self.marginal_and_criterion(variances)?.0)
+    }
+
+    /// Minus twice the restricted log likelihood of the planes' variances, but for a constant.
+    fn criterion(&self, variances: &[f64]) -> Option<f64> {
+        let (system, criterion) = self.marginal_and_criterion(variances)?;
+        let step = system.solve(0.0)?;
+        let criterion = criterion + system.log_determinant()? - 2.0 * step.predicted_decrease;
+        criterion.is_finite().then_some(criterion)
+    }
+
+    fn marginal_and_criterion(&self, variances: &[f64]) -> Option<(ArrowSystem, f64)> {
+        let mut system = self.system.clone();
+        let mut criterion = 0.0;
+        for family in &self.families {
+            if variances[family.plane] > 0.0 {
+                criterion += family.marginalise(variances[family.plane], &mut system)?;
+            }
+        }
+        Some((system, criterion))
+    }
+}
+
+/// The sides of a figure, those of one direction together if there are many: an error that is
+/// correlated over a third of a side is so across a third of the figure, too.
+fn families_of(
+    figure: &Figure,
+    plane: usize,
+    state: &PlaneState,
+    free: &FreeParameters,
+) -> Vec<Family> {
+    let lines: Vec<Vector3<f64>> = figure
+        .sides
+        .iter()
+        .map(|side| side.line.coefficients())
+        .collect();
+    let parallel = |a: usize, b: usize| lines[a].xy().perp(&lines[b].xy()).abs() < PARALLEL;
+    let mut families: Vec<Vec<usize>> = Vec::new();
+    for side in 0..lines.len() {
+        match families.iter_mut().find(|family| parallel(family[0], side)) {
+            Some(family) => family.push(side),
+            None => families.push(vec![side]),
+        }
+    }
+    // Opposite sides of a square are too far apart.
+    let split = families.into_iter().flat_map(|family| match family.len() {
+        0..=2 => family.into_iter().map(|side| vec![side]).collect(),
+        _ => vec![family],
+    });
+    split
+        .filter_map(|sides| {
+            let offset =
+                |side: usize| lines[side].z * lines[side].xy().dot(&lines[sides[0]].xy()).signum();
+            let offsets: Vec<f64> = sides.iter().map(|side| offset(*side)).collect();
+            Family::new(
+                plane,
+                sides,
+                &offsets,
+                (state.parameter_count(), free.len()),
+            )
+        })
+        .collect()
+}
+
+impl Family {
+    /// `None` if two of the lines are one.
+    fn new(
+        plane: usize,
+        sides: Vec<usize>,
+        offsets: &[f64],
+        (own, shared): (usize, usize),
+    ) -> Option<Self> {
+        let high = offsets.iter().copied().fold(f64::MIN, f64::max);
+        let low = offsets.iter().copied().fold(f64::MAX, f64::min);
+        let reach = (CORRELATION_LENGTH * (high - low)).max(f64::MIN_POSITIVE);
+        let correlation = DMatrix::from_fn(offsets.len(), offsets.len(), |i, j| {
+            (-(offsets[i] - offsets[j]).abs() / reach).exp()
+        });
+        let factor = correlation.clone().cholesky()?;
+        let rows = ORDERS * sides.len();
+        Some(Self {
+            plane,
+            sides,
+            along: None,
+            correlation,
+            inverse_correlation: factor.inverse(),
+            log_correlation: 2.0 * factor.l_dirty().diagonal().map(f64::ln).sum(),
+            gram: DMatrix::zeros(rows, rows),
+            pull: DVector::zeros(rows),
+            own: DMatrix::zeros(rows, own),
+            shared: DMatrix::zeros(rows, shared),
+        })
+    }
+
+    /// Adds the samples of one of the sides, by its index in the figure.
+    fn add<L: Lens>(
+        &mut self,
+        (state, figure, index, side): (&PlaneState, usize, usize, &Side),
+        residuals: &[Residual],
+        (lens, free): (&L, &FreeParameters),
+        (scale, white): (f64, f64),
+    ) -> Option<()> {
+        let place = self.sides.iter().position(|own| *own == index)?;
+        let line = state.line(figure, side);
+        let wanted = free.columns();
+        let mut gram = SMatrix::<f64, ORDERS, ORDERS>::zeros();
+        let mut pull = Basis::zeros();
+        let mut wrt_line = SMatrix::<f64, ORDERS, 3>::zeros();
+        let mut shared = SMatrix::<f64, ORDERS, MAX_LENS_COLUMNS>::zeros();
+        let along = self.aligned(direction(&side.samples).unwrap_or_default());
+        let places = places(&side.samples, &along);
+        for ((s, residual), sample) in places.iter().zip(residuals).zip(&side.samples) {
+            let to_noise = residual.weight / scale;
+            let (_, robust) = Loss::Tukey.cost_and_weight(residual.distance * to_noise);
+            let weight = robust * to_noise * to_noise / white;
+            let row = basis(*s);
+            gram.ger(weight, &row, &row, 1.0);
+            pull.axpy(weight * residual.distance, &row, 1.0);
+            let sight = lens.sight(&sample.pixel)?;
+            let distance = lens.line_distance_jacobian(&sight, &line, wanted);
+            wrt_line.ger(weight, &row, &distance.wrt_line, 1.0);
+            let mut columns = [0.0; MAX_LENS_COLUMNS];
+            free.gather(&distance.wrt_lens, &mut columns);
+            shared.ger(weight, &row, &SVector::from(columns), 1.0);
+        }
+        let first = ORDERS * place;
+        let own = wrt_line * state.line_jacobian(figure, side);
+        self.gram
+            .view_mut((first, first), (ORDERS, ORDERS))
+            .copy_from(&gram);
+        self.pull.rows_mut(first, ORDERS).copy_from(&pull);
+        self.own.rows_mut(first, ORDERS).copy_from(&own);
+        self.shared
+            .rows_mut(first, ORDERS)
+            .copy_from(&shared.columns(0, free.len()));
+        Some(())
+    }
+
+    /// Sides of a family run the same way.
+    fn aligned(&mut self, along: Vector2<f64>) -> Vector2<f64> {
+        match self.along {
+            Some(first) if first.dot(&along) < 0.0 => -along,
+            Some(_) => along,
+            None => *self.along.insert(along),
+        }
+    }
+
+    /// Covariance of the sides' displacements at unit variance.
+    fn covariance(&self) -> DMatrix<f64> {
+        DMatrix::from_fn(self.gram.nrows(), self.gram.ncols(), |i, j| {
+            let (k, l) = (i % ORDERS, j % ORDERS);
+            match k == l {
+                true => spectrum(k) * self.correlation[(i / ORDERS, j / ORDERS)],
+                false => 0.0,
+            }
+        })
+    }
+
+    /// Takes the sides' displacements, of the given variance, out of the equations; returns their
+    /// part of minus twice the log likelihood.
+    fn marginalise(&self, variance: f64, system: &mut ArrowSystem) -> Option<f64> {
+        let count = self.sides.len();
+        let mut precision = self.gram.clone();
+        let mut log_determinant = ORDERS as f64 * self.log_correlation;
+        for k in 0..ORDERS {
+            let own = spectrum(k) * variance;
+            log_determinant += count as f64 * own.ln();
+            for i in 0..count {
+                for j in 0..count {
+                    precision[(ORDERS * i + k, ORDERS * j + k)] +=
+                        self.inverse_correlation[(i, j)] / own;
+                }
+            }
+        }
+        let factor = precision.cholesky()?;
+        log_determinant += 2.0 * factor.l_dirty().diagonal().map(f64::ln).sum();
+        let pull = factor.solve(&self.pull);
+        let own = factor.solve(&self.own);
+        let shared = factor.solve(&self.shared);
+        let block = &mut system.blocks[self.plane];
+        block.hessian -= self.own.tr_mul(&own);
+        block.cross -= self.own.tr_mul(&shared);
+        block.shared -= self.shared.tr_mul(&shared);
+        block.gradient -= self.own.tr_mul(&pull);
+        block.shared_gradient -= self.shared.tr_mul(&pull);
+        Some(log_determinant - self.pull.dot(&pull))
+    }
+}
+
+/// Variance of the displacement's order `k`, in units of `tau^2`.
+fn spectrum(order: usize) -> f64 {
+    (1.0 + (0.5 * order as f64).powi(2)).powf(-1.5)
+}
+
+/// The chi-squared that chance exceeds once in a hundred times
+/// (E. B. Wilson & M. M. Hilferty, PNAS 17 (1931) 684-688).
+fn unlikely_chi_square(freedom: f64) -> f64 {
+    const DEVIATE: f64 = 2.326;
+    let spread = 2.0 / (9.0 * freedom.max(1.0));
+    freedom.max(1.0) * (1.0 - spread + DEVIATE * spread.sqrt()).powi(3)
+}
+
+fn likeliest(hypotheses: &[Hypothesis]) -> &Hypothesis {
+    let by_criterion = |a: &&Hypothesis, b: &&Hypothesis| a.criterion.total_cmp(&b.criterion);
+    hypotheses
+        .iter()
+        .min_by(by_criterion)
+        .unwrap_or(&hypotheses[0])
+}
+
+/// Probability and mean over all hypotheses, the first of which is white noise.
+fn combined(hypotheses: &[Hypothesis]) -> Option<Strength> {
+    let best = likeliest(hypotheses);
+    let prior = |index: usize| match index {
+        0 => PRIOR_OF_WHITE,
+        _ => (1.0 - PRIOR_OF_WHITE) / VARIANCES as f64,
+    };
+    let weights: Vec<f64> = hypotheses
+        .iter()
+        .enumerate()
+        .map(|(i, h)| prior(i) * (0.5 * (best.criterion - h.criterion)).exp())
+        .collect();
+    let total: f64 = weights.iter().sum();
+    let mut mean = vec![0.0; best.variances.len()];
+    for (weight, hypothesis) in weights.iter().zip(hypotheses) {
+        for (mean, variance) in mean.iter_mut().zip(&hypothesis.variances) {
+            *mean += weight / total * variance;
+        }
+    }
+    let strongest = likeliest(hypotheses.get(1..).filter(|some| !some.is_empty())?);
+    Some(Strength {
+        probability: 1.0 - weights[0] / total,
+        mean,
+        likeliest: strongest.variances.clone(),
+    })
+}
+
+/// Root mean square displacement of a side, px.
+pub(crate) fn rms_displacement(variance: f64) -> f64 {
+    (variance * (0..ORDERS).map(spectrum).sum::<f64>()).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::observations::{Placement, sort_by_plane};
+    use crate::refine::residuals;
+    use crate::synthetic::{Scene, SceneOptions};
+    use crate::{Fixed, Model, Pose};
+
+    const NOISE: f64 = 0.2;
+
+    fn scene() -> (Vec<ObservedPlane>, View<crate::Brown>) {
+        let truth = Scene::random(4, SceneOptions::default());
+        let planes = sort_by_plane(&truth.edges(1, NOISE, 25.0)).unwrap();
+        let state = |pose: &Pose| PlaneState {
+            pose: *pose,
+            figures: vec![Placement::IDENTITY],
+        };
+        let view = View {
+            lens: truth.camera,
+            planes: truth.poses.iter().map(state).collect(),
+        };
+        (planes, view)
+    }
+
+    /// All samples' Jacobian, residuals, weights, and the basis of their sides' displacements.
+    fn dense(
+        planes: &[ObservedPlane],
+        view: &View<crate::Brown>,
+        free: &FreeParameters,
+    ) -> (DMatrix<f64>, DVector<f64>, DVector<f64>, DMatrix<f64>) {
+        let all = residuals(planes, view).unwrap();
+        let count: usize = all.iter().map(Vec::len).sum();
+        let sides: usize = planes.iter().map(|p| p.sides().count()).sum();
+        let mut jacobian = DMatrix::zeros(count, free.len() + 6 * planes.len());
+        let mut displacement = DMatrix::zeros(count, ORDERS * sides);
+        let (mut residual, mut weight) = (DVector::zeros(count), DVector::zeros(count));
+        let (mut row, mut index) = (0, 0);
+        for (p, plane) in planes.iter().enumerate() {
+            let mut own = all[p].iter();
+            for side in plane.sides() {
+                let state = &view.planes[p];
+                let line = state.line(0, side);
+                for (s, sample) in places(&side.samples, &direction(&side.samples).unwrap())
+                    .iter()
+                    .zip(&side.samples)
+                {
+                    let sight = view.lens.sight(&sample.pixel).unwrap();
+                    let distance = view
+                        .lens
+                        .line_distance_jacobian(&sight, &line, free.columns());
+                    let mut shared = vec![0.0; free.len()];
+                    free.gather(&distance.wrt_lens, &mut shared);
+                    for (i, value) in shared.into_iter().enumerate() {
+                        jacobian[(row, i)] = value;
+                    }
+                    let pose = distance.wrt_line.transpose() * state.line_jacobian(0, side);
+                    for i in 0..6 {
+                        jacobian[(row, free.len() + 6 * p + i)] = pose[i];
+                    }
+                    for (k, value) in basis(*s).iter().enumerate() {
+                        displacement[(row, ORDERS * index + k)] = *value;
+                    }
+                    residual[row] = own.next().unwrap().distance;
+                    let x = residual[row] / NOISE;
+                    weight[row] = Loss::Tukey.cost_and_weight(x).1 / (NOISE * NOISE);
+                    row += 1;
+                }
+                index += 1;
+            }
+        }
+        (jacobian, residual, weight, displacement)
+    }
+
+    #[test]
+    fn marginal_equations_are_those_of_the_dense_covariance() {
+        let (planes, view) = scene();
+        let free = FreeParameters::new(Model::Radial2, &Fixed::default(), 1.0);
+        let (jacobian, residual, weight, displacement) = dense(&planes, &view, &free);
+        let all = residuals(&planes, &view).unwrap();
+        let errors = SideErrors::gather(&planes, &free, &view, &all, (NOISE, 1.0)).unwrap();
+        let criterion = |variance: f64| {
+            let spread = DMatrix::from_diagonal(&DVector::from_fn(displacement.ncols(), |i, _| {
+                variance * spectrum(i % ORDERS)
+            }));
+            let noise = DMatrix::from_diagonal(&weight.map(|w| 1.0 / w))
+                + &displacement * spread * displacement.transpose();
+            let factor = noise.cholesky().unwrap();
+            let inverse = factor.inverse();
+            let information = jacobian.tr_mul(&(&inverse * &jacobian));
+            let gradient = jacobian.tr_mul(&(&inverse * &residual));
+            let covariance = information.clone().cholesky().unwrap();
+            let log = |l: &DMatrix<f64>| 2.0 * l.diagonal().map(f64::ln).sum();
+            let criterion = log(factor.l_dirty())
+                + log(covariance.l_dirty())
+                + residual.dot(&(inverse * &residual))
+                - gradient.dot(&covariance.solve(&gradient));
+            (criterion, covariance.inverse())
+        };
+        let white = criterion(0.0).0 - errors.criterion(&[0.0; 3]).unwrap();
+        for variance in [1e-4, 0.04, 5.0] {
+            let (expected, covariance) = criterion(variance);
+            let found = errors.criterion(&[variance; 3]).unwrap();
+            assert!((found + white - expected).abs() < 1e-5 * expected.abs().max(1.0));
+            let own = crate::covariance::covariance(&errors.marginal(&[variance; 3]).unwrap(), 1.0)
+                .unwrap();
+            let expected = covariance.view((0, 0), own.shape());
+            for i in 0..own.nrows() {
+                assert!((own[(i, i)] / expected[(i, i)] - 1.0).abs() < 1e-6);
+            }
+        }
+    }
+}
