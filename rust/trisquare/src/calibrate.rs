@@ -2,7 +2,8 @@
 
 use nalgebra::Matrix3;
 
-use crate::covariance::{Geometry, check_plane_count};
+use crate::covariance::check_plane_count;
+use crate::geometry::{Geometry, Weakest, judged_parameters};
 use crate::levenberg::Termination;
 use crate::linear::{
     Homographies, Undistortion, conic_camera_matrix, fallback_camera_matrices, first_view,
@@ -11,9 +12,11 @@ use crate::observations::{ObservedPlane, Sample, sort_by_plane};
 use crate::parameters::FreeParameters;
 use crate::photometric::{self, Photographs};
 use crate::refine::{Refined, Search, finish, search};
+use crate::remedies;
 use crate::result::{Calibration, Stage};
 use crate::view::View;
-use crate::{Brown, Error, ImageSize, Method, Options, PlaneEdges};
+use crate::weakness::Weakness;
+use crate::{Brown, Error, Fixed, ImageSize, Method, Options, PlaneEdges};
 
 /// Samples of each side with which the search for the optimum starts: enough for the robust
 /// scale, and within a few standard deviations of what all samples will say.
@@ -51,6 +54,35 @@ pub fn calibrate_photographs(
     let free = options.free_parameters();
     check_plane_count(planes.len(), &free)?;
 
+    with_stages(&planes, size, options, Advice::Sought, |stages| {
+        let refined = stages.optimum()?;
+        let mut calibration = match stages.result(&refined) {
+            Err(Error::WeakGeometry(weakness)) => return Err(stages.advised(&refined, *weakness)),
+            other => other?,
+        };
+        if let (Method::MaximumLikelihood, Some(photographs)) = (options.method, photographs) {
+            photometric::improve(
+                edges,
+                &planes,
+                &free,
+                &refined,
+                photographs,
+                &mut calibration,
+            );
+        }
+        Ok(calibration)
+    })
+}
+
+/// The paper's steps 1 and 2, and on them what `answer` makes of all stages.
+fn with_stages<T>(
+    planes: &[ObservedPlane],
+    size: ImageSize,
+    options: &Options,
+    advice: Advice,
+    answer: impl FnOnce(&Stages<'_>) -> Result<T, Error>,
+) -> Result<T, Error> {
+    let free = options.free_parameters();
     let judged = judged_parameters(&free);
     let sample_limit = match options.method {
         Method::Linear => usize::MAX,
@@ -59,44 +91,25 @@ pub fn calibrate_photographs(
     let some: Vec<ObservedPlane> = planes.iter().map(|p| p.thinned(sample_limit)).collect();
     let undistortion = Undistortion::estimate(&some, size, options)?;
     let homographies = Homographies::estimate(&some, &undistortion)?;
-    let stages = Stages {
-        planes: &planes,
+    answer(&Stages {
+        planes,
         some: &some,
         free: &free,
         judged: &judged,
         size,
         options,
+        advice,
         undistortion: &undistortion,
         homographies: &homographies,
-    };
-    match options.method {
-        Method::Linear => stages.result(&stages.linear()?, Stage::Linear),
-        Method::MaximumLikelihood => {
-            let refined = stages.refine()?;
-            let mut calibration = stages.result(&refined, Stage::Edges)?;
-            if let Some(photographs) = photographs {
-                photometric::improve(
-                    edges,
-                    &planes,
-                    &free,
-                    &refined,
-                    photographs,
-                    &mut calibration,
-                );
-            }
-            Ok(calibration)
-        }
-    }
+    })
 }
 
-/// The free parameters, with the centre of distortion freed from the principal point where the
-/// lens polynomial could otherwise stand in for the planes.
-fn judged_parameters(free: &FreeParameters) -> FreeParameters {
-    if free.position("fx").is_some() && free.position("cx").is_some() {
-        free.with_free_centre()
-    } else {
-        free.clone()
-    }
+/// Whether a refusal says what would help.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Advice {
+    Sought,
+    /// This run is itself the trial of a remedy.
+    NotSought,
 }
 
 /// What every stage may look at.
@@ -108,6 +121,7 @@ struct Stages<'a> {
     judged: &'a FreeParameters,
     size: ImageSize,
     options: &'a Options,
+    advice: Advice,
     undistortion: &'a Undistortion,
     homographies: &'a Homographies,
 }
@@ -134,6 +148,14 @@ impl Stages<'_> {
         self.planes.iter().flat_map(ObservedPlane::samples)
     }
 
+    /// The answer of the method asked for.
+    fn optimum(&self) -> Result<Refined<Brown>, Error> {
+        match self.options.method {
+            Method::Linear => self.linear(),
+            Method::MaximumLikelihood => self.refine(),
+        }
+    }
+
     /// The linear steps' own answer.
     fn linear(&self) -> Result<Refined<Brown>, Error> {
         let camera_matrix = conic_camera_matrix(self.homographies, self.size, self.options)?;
@@ -147,6 +169,9 @@ impl Stages<'_> {
 
     /// Joint maximum likelihood from the conic's camera matrix, or from the first fallback that
     /// settles where that one does not.
+    ///
+    /// A doubtful answer may be a wrong optimum, with a plane's tilt reversed: then all starts are
+    /// tried and the one that fits best is taken.
     fn refine(&self) -> Result<Refined<Brown>, Error> {
         let conic = conic_camera_matrix(self.homographies, self.size, self.options);
         let starts = conic.into_iter().chain(fallback_camera_matrices(
@@ -155,6 +180,7 @@ impl Stages<'_> {
             self.options,
         ));
         let mut unsettled: Option<Search<Brown>> = None;
+        let mut best: Option<Refined<Brown>> = None;
         for camera_matrix in starts {
             let start = match self.view(&camera_matrix) {
                 Err(error @ Error::TooFewDegreesOfFreedom { .. }) => return Err(error),
@@ -171,7 +197,16 @@ impl Stages<'_> {
             match found {
                 Some(found) if found.termination == Termination::Converged => {
                     match self.finish(found.clone()) {
-                        Some(refined) => return Ok(refined),
+                        Some(refined) => {
+                            let doubtful = self.weakest(&refined).is_some_and(|w| w.is_doubtful());
+                            let scale = best.as_ref().map_or(f64::INFINITY, |b| b.noise_scale);
+                            if refined.noise_scale < scale {
+                                best = Some(refined);
+                            }
+                            if !doubtful {
+                                break;
+                            }
+                        }
                         None => unsettled = unsettled.or(Some(found)),
                     }
                 }
@@ -179,7 +214,7 @@ impl Stages<'_> {
                 None => {}
             }
         }
-        Err(self.no_convergence(unsettled))
+        best.ok_or_else(|| self.no_convergence(unsettled))
     }
 
     /// From the optimum of some samples to that of all.
@@ -200,8 +235,10 @@ impl Stages<'_> {
         let refined = unsettled
             .and_then(|found| Refined::of_linear(self.some, self.free, self.judged, found.view));
         let rms = refined.as_ref().map_or(0.0, |refined| refined.noise_scale);
-        if let Some(Err(error)) = refined.map(|refined| self.judge(&refined)) {
-            return error;
+        if let Some(refined) = &refined
+            && let Err(weakness) = self.judge(self.some, refined)
+        {
+            return self.advised(refined, weakness);
         }
         Error::NotConverged {
             stage: "the joint refinement",
@@ -210,21 +247,57 @@ impl Stages<'_> {
         }
     }
 
-    fn judge(&self, refined: &Refined<Brown>) -> Result<(), Error> {
-        let weights: f64 = self.samples().map(|s| s.weight * s.weight).sum();
-        let typical_std = (self.samples().count() as f64 / weights).sqrt();
-        let geometry = Geometry {
+    fn geometry<'a>(
+        &'a self,
+        planes: &'a [ObservedPlane],
+        refined: &'a Refined<Brown>,
+    ) -> Geometry<'a, Brown> {
+        Geometry {
             view: &refined.view,
+            planes,
             size: self.size,
             options: self.options,
-            noise: refined.noise_scale * typical_std,
-        };
+            noise_scale: refined.noise_scale,
+        }
+    }
+
+    fn judge(&self, planes: &[ObservedPlane], refined: &Refined<Brown>) -> Result<(), Weakness> {
+        let geometry = self.geometry(planes, refined);
         geometry.judge(&refined.system, self.free, refined.covariance_factor)
     }
 
+    fn weakest(&self, refined: &Refined<Brown>) -> Option<Weakest> {
+        let geometry = self.geometry(self.planes, refined);
+        geometry.weakest(&refined.system, self.free, refined.covariance_factor)
+    }
+
+    /// A refusal with what would help.
+    fn advised(&self, refined: &Refined<Brown>, mut weakness: Weakness) -> Error {
+        let succeeds = |fixed: Fixed| {
+            let options = Options {
+                fixed,
+                ..*self.options
+            };
+            let trial = |stages: &Stages<'_>| stages.result(&stages.optimum()?);
+            with_stages(self.planes, self.size, &options, Advice::NotSought, trial).is_ok()
+        };
+        if self.advice == Advice::Sought {
+            weakness.remedies = remedies::holding(&self.options.fixed, succeeds);
+            let geometry = self.geometry(self.planes, refined);
+            let shown = remedies::showing(&geometry, &weakness);
+            weakness.remedies.extend(shown);
+        }
+        Error::WeakGeometry(Box::new(weakness))
+    }
+
     /// Judges the geometry, and only then gives numbers.
-    fn result(&self, refined: &Refined<Brown>, stage: Stage) -> Result<Calibration, Error> {
-        self.judge(refined)?;
+    fn result(&self, refined: &Refined<Brown>) -> Result<Calibration, Error> {
+        let weak = |weakness| Error::WeakGeometry(Box::new(weakness));
+        self.judge(self.planes, refined).map_err(weak)?;
+        let stage = match self.options.method {
+            Method::Linear => Stage::Linear,
+            Method::MaximumLikelihood => Stage::Edges,
+        };
         Calibration::assemble(self.planes, self.free, self.size, refined, stage).ok_or(
             Error::NotConverged {
                 stage: "the covariance",
