@@ -3,7 +3,7 @@
 use nalgebra::Matrix3;
 
 use crate::covariance::check_plane_count;
-use crate::geometry::{Geometry, Weakest, judged_parameters};
+use crate::geometry::{Geometry, judged_parameters};
 use crate::levenberg::Termination;
 use crate::linear::{
     Homographies, Undistortion, conic_camera_matrix, fallback_camera_matrices, first_view,
@@ -21,6 +21,10 @@ use crate::{Brown, Error, Fixed, ImageSize, Method, Options, PlaneEdges};
 /// Samples of each side with which the search for the optimum starts: enough for the robust
 /// scale, and within a few standard deviations of what all samples will say.
 const START_SAMPLES_PER_SIDE: usize = 16;
+
+/// Residuals with the principal point held may be this part of those with it free, for chance;
+/// where they are smaller, the free optimum is a wrong one.
+const BEATEN: f64 = 0.98;
 
 /// Calibrates a camera from edge samples of planes with known lines.
 ///
@@ -112,6 +116,16 @@ enum Advice {
     NotSought,
 }
 
+/// Keeps the optimum with the smaller residuals.
+fn keep_better(best: &mut Option<Refined<Brown>>, found: Refined<Brown>) {
+    if best
+        .as_ref()
+        .is_none_or(|b| found.noise_scale < b.noise_scale)
+    {
+        *best = Some(found);
+    }
+}
+
 /// What every stage may look at.
 struct Stages<'a> {
     planes: &'a [ObservedPlane],
@@ -160,7 +174,7 @@ impl Stages<'_> {
     fn linear(&self) -> Result<Refined<Brown>, Error> {
         let camera_matrix = conic_camera_matrix(self.homographies, self.size, self.options)?;
         let view = self.view(&camera_matrix)?;
-        Refined::of_linear(self.planes, self.free, self.judged, view).ok_or(Error::NotConverged {
+        self.around(view).ok_or(Error::NotConverged {
             stage: "the linear solution (its distortion is not invertible at a sample)",
             iterations: 0,
             rms: 0.0,
@@ -170,8 +184,8 @@ impl Stages<'_> {
     /// Joint maximum likelihood from the conic's camera matrix, or from the first fallback that
     /// settles where that one does not.
     ///
-    /// A doubtful answer may be a wrong optimum, with a plane's tilt reversed: then all starts are
-    /// tried and the one that fits best is taken.
+    /// A doubtful answer may be a wrong optimum, with the principal point far off and the planes
+    /// turned to match: then all starts are tried and the one that fits best is taken.
     fn refine(&self) -> Result<Refined<Brown>, Error> {
         let conic = conic_camera_matrix(self.homographies, self.size, self.options);
         let starts = conic.into_iter().chain(fallback_camera_matrices(
@@ -187,38 +201,66 @@ impl Stages<'_> {
                 Err(_) => continue,
                 Ok(start) => start,
             };
-            // Where the straightening's polynomial does not reach a sample, start without.
-            let pinhole = View {
-                lens: start.lens.without_distortion(),
-                ..start.clone()
+            let Some(found) = self.search(self.free, start) else {
+                continue;
             };
-            let found = search(self.some, self.free, start)
-                .or_else(|| search(self.some, self.free, pinhole));
-            match found {
-                Some(found) if found.termination == Termination::Converged => {
-                    match self.finish(found.clone()) {
-                        Some(refined) => {
-                            let doubtful = self.weakest(&refined).is_some_and(|w| w.is_doubtful());
-                            let scale = best.as_ref().map_or(f64::INFINITY, |b| b.noise_scale);
-                            if refined.noise_scale < scale {
-                                best = Some(refined);
-                            }
-                            if !doubtful {
-                                break;
-                            }
-                        }
-                        None => unsettled = unsettled.or(Some(found)),
-                    }
-                }
-                Some(found) => unsettled = unsettled.or(Some(found)),
-                None => {}
+            match self.finish(found.clone()) {
+                Some(refined) if !self.is_doubtful(&refined) => return Ok(refined),
+                Some(refined) => keep_better(&mut best, refined),
+                None => unsettled = unsettled.or(Some(found)),
             }
         }
-        best.ok_or_else(|| self.no_convergence(unsettled))
+        let centred = self.centred();
+        let again = centred.clone().and_then(|c| self.search(self.free, c.view));
+        if let Some(refined) = again.and_then(|found| self.finish(found)) {
+            keep_better(&mut best, refined);
+        }
+        let beaten = |b: &Refined<Brown>| {
+            let held = centred.as_ref().and_then(|c| self.around(c.view.clone()));
+            held.is_some_and(|held| held.noise_scale < BEATEN * b.noise_scale)
+        };
+        best.filter(|b| !beaten(b))
+            .ok_or_else(|| self.no_convergence(centred.or(unsettled)))
+    }
+
+    /// A view with the spread of all residuals around it.
+    fn around(&self, view: View<Brown>) -> Option<Refined<Brown>> {
+        Refined::of_linear(self.planes, self.free, self.judged, view)
+    }
+
+    /// Searches the optimum of some samples from a start.
+    fn search(&self, free: &FreeParameters, start: View<Brown>) -> Option<Search<Brown>> {
+        // Where the straightening's polynomial does not reach a sample, start without.
+        let pinhole = View {
+            lens: start.lens.without_distortion(),
+            ..start.clone()
+        };
+        search(self.some, free, start).or_else(|| search(self.some, free, pinhole))
+    }
+
+    /// The optimum with the principal point held where it is known to be, or at the image centre:
+    /// parallel planes have one there, though none without.
+    fn centred(&self) -> Option<Search<Brown>> {
+        let fixed = Fixed {
+            principal_point: true,
+            ..self.options.fixed
+        };
+        let options = Options {
+            fixed,
+            ..*self.options
+        };
+        let free = options.free_parameters();
+        fallback_camera_matrices(self.homographies, self.size, &options)
+            .iter()
+            .filter_map(|camera_matrix| self.search(&free, self.view(camera_matrix).ok()?))
+            .find(|found| found.termination == Termination::Converged)
     }
 
     /// From the optimum of some samples to that of all.
     fn finish(&self, found: Search<Brown>) -> Option<Refined<Brown>> {
+        if found.termination != Termination::Converged {
+            return None;
+        }
         let view = found.view.clone();
         finish(self.planes, self.free, self.judged, found).or_else(|| {
             // Some samples misled: search among all of them.
@@ -232,11 +274,10 @@ impl Stages<'_> {
     /// A geometry that cannot answer is the likeliest reason, and has its own error.
     fn no_convergence(&self, unsettled: Option<Search<Brown>>) -> Error {
         let iterations = unsettled.as_ref().map_or(0, |found| found.iterations);
-        let refined = unsettled
-            .and_then(|found| Refined::of_linear(self.some, self.free, self.judged, found.view));
+        let refined = unsettled.and_then(|found| self.around(found.view));
         let rms = refined.as_ref().map_or(0.0, |refined| refined.noise_scale);
         if let Some(refined) = &refined
-            && let Err(weakness) = self.judge(self.some, refined)
+            && let Err(weakness) = self.judge(refined)
         {
             return self.advised(refined, weakness);
         }
@@ -247,28 +288,25 @@ impl Stages<'_> {
         }
     }
 
-    fn geometry<'a>(
-        &'a self,
-        planes: &'a [ObservedPlane],
-        refined: &'a Refined<Brown>,
-    ) -> Geometry<'a, Brown> {
+    fn geometry<'a>(&'a self, refined: &'a Refined<Brown>) -> Geometry<'a, Brown> {
         Geometry {
             view: &refined.view,
-            planes,
+            planes: self.planes,
             size: self.size,
             options: self.options,
             noise_scale: refined.noise_scale,
         }
     }
 
-    fn judge(&self, planes: &[ObservedPlane], refined: &Refined<Brown>) -> Result<(), Weakness> {
-        let geometry = self.geometry(planes, refined);
+    fn judge(&self, refined: &Refined<Brown>) -> Result<(), Weakness> {
+        let geometry = self.geometry(refined);
         geometry.judge(&refined.system, self.free, refined.covariance_factor)
     }
 
-    fn weakest(&self, refined: &Refined<Brown>) -> Option<Weakest> {
-        let geometry = self.geometry(self.planes, refined);
-        geometry.weakest(&refined.system, self.free, refined.covariance_factor)
+    fn is_doubtful(&self, refined: &Refined<Brown>) -> bool {
+        let geometry = self.geometry(refined);
+        let weakest = geometry.weakest(&refined.system, self.free, refined.covariance_factor);
+        weakest.is_some_and(|weakest| weakest.is_doubtful())
     }
 
     /// A refusal with what would help.
@@ -283,7 +321,7 @@ impl Stages<'_> {
         };
         if self.advice == Advice::Sought {
             weakness.remedies = remedies::holding(&self.options.fixed, succeeds);
-            let geometry = self.geometry(self.planes, refined);
+            let geometry = self.geometry(refined);
             let shown = remedies::showing(&geometry, &weakness);
             weakness.remedies.extend(shown);
         }
@@ -293,7 +331,7 @@ impl Stages<'_> {
     /// Judges the geometry, and only then gives numbers.
     fn result(&self, refined: &Refined<Brown>) -> Result<Calibration, Error> {
         let weak = |weakness| Error::WeakGeometry(Box::new(weakness));
-        self.judge(self.planes, refined).map_err(weak)?;
+        self.judge(refined).map_err(weak)?;
         let stage = match self.options.method {
             Method::Linear => Stage::Linear,
             Method::MaximumLikelihood => Stage::Edges,

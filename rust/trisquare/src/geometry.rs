@@ -159,7 +159,9 @@ impl<L: Lens> Geometry<'_, L> {
         let known = units.into_iter().filter_map(|(parameter, unit)| {
             let position = free.position(parameter)?;
             let variance = covariance.as_ref().map(|c| c[(position, position)]);
-            let std = variance.filter(|v| *v >= 0.0).map_or(f64::INFINITY, f64::sqrt);
+            let std = variance
+                .filter(|v| *v >= 0.0)
+                .map_or(f64::INFINITY, f64::sqrt);
             Some(Weakest {
                 parameter,
                 std,
@@ -185,7 +187,10 @@ impl<L: Lens> Geometry<'_, L> {
     }
 
     fn limit(&self, noise: f64) -> f64 {
-        let growth = if self.farthest_pair().is_some_and(|(_, d)| d > DISTINCT_DEGREES) {
+        let growth = if self
+            .farthest_pair()
+            .is_some_and(|(_, d)| d > DISTINCT_DEGREES)
+        {
             (noise / COMMON_NOISE).clamp(1.0, MAX_LIMIT_GROWTH)
         } else {
             1.0
@@ -227,7 +232,12 @@ impl<L: Lens> Geometry<'_, L> {
         if pixels < SMALL_SPAN * f64::from(self.size.height) {
             return Cause::Small { pixels };
         }
-        let all = span(self.planes.iter().flat_map(|p| p.samples()).map(|s| s.pixel));
+        let all = span(
+            self.planes
+                .iter()
+                .flat_map(|p| p.samples())
+                .map(|s| s.pixel),
+        );
         let width = all.x / f64::from(self.size.width);
         let height = all.y / f64::from(self.size.height);
         if width.max(height) < HUDDLED_SPAN {

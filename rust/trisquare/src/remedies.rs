@@ -67,15 +67,12 @@ pub(crate) fn holding(fixed: &Fixed, succeeds: impl Fn(Fixed) -> bool) -> Vec<Re
 }
 
 /// How to show the planes so that a calibration succeeds; `None` if nothing tried would do.
-pub(crate) fn showing(
-    geometry: &Geometry<'_, Brown>,
-    weakness: &Weakness,
-) -> Option<Remedy> {
+pub(crate) fn showing(geometry: &Geometry<'_, Brown>, weakness: &Weakness) -> Option<Remedy> {
     let imagined = Imagined::new(geometry, weakness);
     let upright = matches!(weakness.cause, Cause::Small { .. } | Cause::Huddled { .. });
-    let enlarged = FACTORS.into_iter().find(|factor| {
-        upright && imagined.lens_is_known && imagined.suffices(None, *factor)
-    });
+    let enlarged = FACTORS
+        .into_iter()
+        .find(|factor| upright && imagined.lens_is_known && imagined.suffices(None, *factor));
     if let Some(factor) = enlarged {
         return Some(Remedy::Enlarge { factor });
     }

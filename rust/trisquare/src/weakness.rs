@@ -117,7 +117,10 @@ impl fmt::Display for Cause {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Parallel { planes, degrees } => {
-                write!(f, "all {planes} planes are parallel within {degrees:.1} degrees")
+                write!(
+                    f,
+                    "all {planes} planes are parallel within {degrees:.1} degrees"
+                )
             }
             Self::Alike {
                 planes: (a, b),
@@ -127,7 +130,10 @@ impl fmt::Display for Cause {
                 "the planes are nearly parallel: {a} and {b} differ most, by {degrees:.1} degrees"
             ),
             Self::Facing { planes: 1, degrees } => {
-                write!(f, "the plane faces the camera (tilted by {degrees:.1} degrees)")
+                write!(
+                    f,
+                    "the plane faces the camera (tilted by {degrees:.1} degrees)"
+                )
             }
             Self::Facing { planes, degrees } => write!(
                 f,
@@ -135,7 +141,10 @@ impl fmt::Display for Cause {
                  degrees)"
             ),
             Self::Small { pixels } => {
-                write!(f, "the squares are small (the largest spans {pixels:.0} pixels)")
+                write!(
+                    f,
+                    "the squares are small (the largest spans {pixels:.0} pixels)"
+                )
             }
             Self::Huddled { width, height } => write!(
                 f,
