@@ -35,9 +35,9 @@ use crate::{ImageSize, Lens};
 /// as a part of the width. Between the sound and the parallel scenes of the module's evidence.
 const MAX_STD: f64 = 0.04;
 
-/// Noise that is judged as it is: what one pixel of edge has at most in ordinary pictures
+/// Noise of one pixel of edge above which the limit grows: what ordinary pictures have at most
 /// (0.5 px for samples 4 px apart).
-const COMMON_NOISE: f64 = 0.25;
+const COMMON_NOISE: f64 = 1.0;
 
 /// The limit grows with the noise to so many times itself, where a linear prediction ends.
 const MAX_LIMIT_GROWTH: f64 = 4.0;
@@ -45,9 +45,9 @@ const MAX_LIMIT_GROWTH: f64 = 4.0;
 /// Planes so far apart (degrees) are certainly not parallel.
 const DISTINCT_DEGREES: f64 = 25.0;
 
-/// Noise of one pixel of edge that is assumed at least (px; 0.1 px for samples 4 px apart): below,
-/// what is wrong with paper and lens is larger.
-const LEAST_NOISE: f64 = 0.05;
+/// Noise of one pixel of edge that is assumed at least (0.1 px for samples 4 px apart): below, what
+/// is wrong with paper and lens is larger.
+const LEAST_NOISE: f64 = 0.2;
 
 /// Standard deviation granted to a freed centre of distortion beforehand, in half image
 /// diagonals: it is unobservable where there is no distortion, and then tells nothing anyway.
