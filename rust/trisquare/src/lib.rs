@@ -69,7 +69,7 @@ pub use parameters::{Fixed, Method, Model, Options};
 pub use photometric::Photographs;
 pub use picture::{GreyReader, Picture, PictureError};
 pub use pose::Pose;
-pub use predict::{EdgeNoise, PlannedPlane, Prediction, predict};
+pub use predict::{EdgeNoise, PlannedPlane, Prediction, predict, predict_unjudged};
 pub use result::{Calibration, Plane, Stage, Warning};
 pub use straighten::{Straightening, fit_distortion};
 pub use tone::{Tone, ToneCurve};

@@ -6,11 +6,13 @@
 
 use nalgebra::{DMatrix, Vector2};
 
+use crate::arrow::ArrowSystem;
 use crate::covariance::{check_plane_count, covariance};
 use crate::edge_problem::EdgeProblem;
 use crate::geometry::{Geometry, judged_parameters};
 use crate::levenberg::Problem;
 use crate::observations::{Figure, ObservedPlane, Placement, Sample, Side};
+use crate::parameters::FreeParameters;
 use crate::remedies;
 use crate::view::{PlaneState, View};
 use crate::{Brown, Error, Fixed, Freedom, ImageSize, Lens, Line, Options, Pose};
@@ -103,85 +105,124 @@ pub fn predict(
     noise: EdgeNoise,
     options: &Options,
 ) -> Result<Prediction, Error> {
-    size.check()?;
-    let options = Options {
-        initial: Some(*camera),
-        ..*options
-    };
-    options.check()?;
-    if ![noise.sigma, noise.spacing]
-        .iter()
-        .all(|v| v.is_finite() && *v > 0.0)
-    {
-        return Err(Error::InvalidArgument(
-            "the noise and the spacing of the samples must be positive and finite".into(),
-        ));
-    }
-    check_plane_count(planes.len(), &options.free_parameters())?;
-    let mut seen = Vec::with_capacity(planes.len());
-    for (index, plane) in planes.iter().enumerate() {
-        seen.push(photographed(camera, size, plane, index, noise)?);
-    }
-    let view = View {
-        lens: *camera,
-        planes: planes.iter().map(state).collect(),
-    };
-    match judged(&view, &seen, size, &options) {
+    let plan = Plan::new(camera, size, planes, noise, options)?;
+    match plan.judge(plan.options.fixed) {
+        Ok(()) => plan.prediction(),
         Err(Error::WeakGeometry(mut weakness)) => {
-            let succeeds = |fixed: Fixed| {
-                let options = Options { fixed, ..options };
-                judged(&view, &seen, size, &options).is_ok()
-            };
-            weakness.remedies = remedies::holding(&options.fixed, succeeds);
-            let geometry = planned_geometry(&view, &seen, size, &options);
-            let shown = remedies::showing(&geometry, &weakness);
+            weakness.remedies =
+                remedies::holding(&plan.options.fixed, |fixed| plan.judge(fixed).is_ok());
+            let shown = remedies::showing(&plan.geometry(&plan.options), &weakness);
             weakness.remedies.extend(shown);
             Err(Error::WeakGeometry(weakness))
         }
-        other => other,
+        Err(other) => Err(other),
     }
 }
 
-fn judged(
-    view: &View<Brown>,
-    planes: &[ObservedPlane],
+/// As [`predict`], but large standard deviations are no reason to refuse: to compare set-ups.
+///
+/// # Errors
+/// As [`predict`]; [`Error::NotConverged`] if nothing is determined at all.
+pub fn predict_unjudged(
+    camera: &Brown,
     size: ImageSize,
+    planes: &[PlannedPlane],
+    noise: EdgeNoise,
     options: &Options,
 ) -> Result<Prediction, Error> {
-    let free = options.free_parameters();
-    let judged = judged_parameters(&free);
-    let unseen = || Error::InvalidArgument("an edge lies where the lens is not invertible".into());
-    let (_, system) = EdgeProblem::new(planes, &judged, 1.0)
-        .evaluate(view)
-        .ok_or_else(unseen)?;
-    planned_geometry(view, planes, size, options)
-        .judge(&system, &free, 1.0)
-        .map_err(|weakness| Error::WeakGeometry(Box::new(weakness)))?;
-    let covariance = covariance(&system.leading(free.len()), 1.0).ok_or(Error::NotConverged {
-        stage: "the covariance",
-        iterations: 0,
-        rms: 0.0,
-    })?;
-    let focal = view.lens.focal();
-    Ok(Prediction {
-        parameters: free.names(),
-        covariance,
-        aspect: free.aspect_is_fixed().then_some(focal.y / focal.x),
-    })
+    Plan::new(camera, size, planes, noise, options)?.prediction()
 }
 
-fn planned_geometry<'a>(
-    view: &'a View<Brown>,
-    planes: &'a [ObservedPlane],
+/// A scene as it will be photographed.
+struct Plan {
+    view: View<Brown>,
+    seen: Vec<ObservedPlane>,
     size: ImageSize,
-    options: &'a Options,
-) -> Geometry<'a, Brown> {
-    Geometry {
-        view,
-        planes,
-        size,
-        options,
-        noise_scale: 1.0,
+    options: Options,
+}
+
+impl Plan {
+    fn new(
+        camera: &Brown,
+        size: ImageSize,
+        planes: &[PlannedPlane],
+        noise: EdgeNoise,
+        options: &Options,
+    ) -> Result<Self, Error> {
+        size.check()?;
+        let options = Options {
+            initial: Some(*camera),
+            ..*options
+        };
+        options.check()?;
+        if ![noise.sigma, noise.spacing]
+            .iter()
+            .all(|v| v.is_finite() && *v > 0.0)
+        {
+            return Err(Error::InvalidArgument(
+                "the noise and the spacing of the samples must be positive and finite".into(),
+            ));
+        }
+        check_plane_count(planes.len(), &options.free_parameters())?;
+        let photograph = |(index, plane)| photographed(camera, size, plane, index, noise);
+        Ok(Self {
+            seen: planes
+                .iter()
+                .enumerate()
+                .map(photograph)
+                .collect::<Result<_, _>>()?,
+            view: View {
+                lens: *camera,
+                planes: planes.iter().map(state).collect(),
+            },
+            size,
+            options,
+        })
+    }
+
+    fn geometry<'a>(&'a self, options: &'a Options) -> Geometry<'a, Brown> {
+        Geometry {
+            view: &self.view,
+            planes: &self.seen,
+            size: self.size,
+            options,
+            noise_scale: 1.0,
+        }
+    }
+
+    fn system(&self, free: &FreeParameters) -> Result<ArrowSystem, Error> {
+        let found = EdgeProblem::new(&self.seen, free, 1.0).evaluate(&self.view);
+        found.map(|(_, system)| system).ok_or_else(|| {
+            Error::InvalidArgument("an edge lies where the lens is not invertible".into())
+        })
+    }
+
+    /// The judgement of a calibration that holds `fixed`.
+    fn judge(&self, fixed: Fixed) -> Result<(), Error> {
+        let options = Options {
+            fixed,
+            ..self.options
+        };
+        let free = options.free_parameters();
+        let system = self.system(&judged_parameters(&free))?;
+        self.geometry(&options)
+            .judge(&system, &free, 1.0)
+            .map_err(|weakness| Error::WeakGeometry(Box::new(weakness)))
+    }
+
+    fn prediction(&self) -> Result<Prediction, Error> {
+        let free = self.options.free_parameters();
+        let covariance = covariance(&self.system(&free)?, 1.0).ok_or(Error::NotConverged {
+            stage: "the covariance",
+            iterations: 0,
+            rms: 0.0,
+        })?;
+        let focal = self.view.lens.focal();
+        Ok(Prediction {
+            parameters: free.names(),
+            covariance,
+            aspect: free.aspect_is_fixed().then_some(focal.y / focal.x),
+        })
     }
 }
 
