@@ -23,7 +23,12 @@ NEARER = 0.1  # of the picture's size
 LEAST_TILT = 1.0
 FURTHER_TILT = 35.0  # degrees, of a square that is added
 # Places for a square that is added, parts of the picture.
-FURTHER_PLACES = ((0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75))
+FURTHER_PLACES = {
+    "upper left": (0.25, 0.25),
+    "upper right": (0.75, 0.25),
+    "lower left": (0.25, 0.75),
+    "lower right": (0.75, 0.75),
+}
 # Any will do: only ratios of predicted standard deviations are used.
 SIGMA = 0.01
 
@@ -128,11 +133,11 @@ def alternatives_of(
                 "the squares leave the picture's corners empty",
                 changed((*planes[:number], moved, *planes[number + 1 :])),
             )
-    for place in FURTHER_PLACES:
+    for where, place in FURTHER_PLACES.items():
         further = _further_square(camera, planes, place)
         if further is not None:
             yield Alternative(
-                "another square, tilted in a direction of its own",
+                f"a further square in the picture's {where}, tilted in a direction of its own,",
                 "the squares are few",
                 changed((*planes, further)),
             )
@@ -148,6 +153,29 @@ def alternatives_of(
 
 class _Frame:
     kind = "frame"
+
+
+def collide(planes: tuple[Standing, ...]) -> bool:
+    """Whether two planes' figures would meet in the picture."""
+    quads = []
+    for plane in planes:
+        points = plane.outlines[0] @ plane.rotation[:, :2].T + plane.translation
+        quads.append(points[:, :2] / points[:, 2:])
+    return any(
+        not _separated(quads[i], quads[j]) and not _separated(quads[j], quads[i])
+        for i in range(len(quads))
+        for j in range(i)
+    )
+
+
+def _separated(quad: FloatArray, other: FloatArray) -> bool:
+    """Whether some side of a convex `quad` has all of `other` on its outer side."""
+    along = np.roll(quad, -1, axis=0) - quad
+    normal = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    middle = quad.mean(axis=0)
+    normal *= np.sign(np.sum((middle - quad) * normal, axis=1))[:, None]
+    depth = np.einsum("ik,ijk->ij", normal, other[None] - quad[:, None])
+    return bool(np.any(np.all(depth < 0.0, axis=1)))
 
 
 def _tilts(planes: tuple[Standing, ...]) -> tuple[float, float]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from trisquare.alternatives import Alternative, Planned, alternatives_of, planes_of
+from trisquare.alternatives import Alternative, Planned, alternatives_of, collide, planes_of
 from trisquare.checked import RebuiltByConstructor
 from trisquare.errors import TrisquareError
 
@@ -109,8 +109,11 @@ def _gains(calibration: Calibration) -> list[tuple[Alternative, Mapping[str, flo
         before = Planned(calibration.camera, planes, fixed).std()
     except (TrisquareError, ValueError):
         return []  # what was photographed is no plan that could be compared with
-    gains = []
+    gains: list[tuple[Alternative, Mapping[str, float]]] = []
+    apart = not collide(planes)  # planes of several pictures may well lie over one another
     for alternative in alternatives_of(calibration, planes):
+        if apart and collide(alternative.planned.planes):
+            continue
         try:
             after = alternative.planned.std()
         except (TrisquareError, ValueError):
