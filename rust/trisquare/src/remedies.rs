@@ -25,6 +25,9 @@ const FACTORS: [f64; 4] = [1.5, 2.0, 3.0, 4.0];
 /// Directions of the first square's tilt for which a remedy must work (parts of a turn).
 const PHASES: [f64; 4] = [0.0, 0.07, 0.14, 0.21];
 
+/// Samples of each side that stand for all of them in a scene that is only imagined.
+const SAMPLES_PER_SIDE: usize = 16;
+
 /// A remedy must reach this part of what is accepted: the photograph to come is not quite the one
 /// imagined.
 const MARGIN: f64 = 0.7;
@@ -92,6 +95,10 @@ pub(crate) fn showing(geometry: &Geometry<'_, Brown>, weakness: &Weakness) -> Op
 /// The same planes as another photograph might show them.
 struct Imagined<'a, 'b> {
     geometry: &'a Geometry<'b, Brown>,
+    /// Some of the samples, which stand for all.
+    planes: Vec<ObservedPlane>,
+    /// The noise scale that goes with them.
+    noise_scale: f64,
     lens: Brown,
     lens_is_known: bool,
 }
@@ -104,8 +111,19 @@ impl<'a, 'b> Imagined<'a, 'b> {
         let focal = ASSUMED_FOCAL * width;
         let centre = geometry.size.centre();
         let assumed = [focal, focal, centre.x, centre.y, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let planes: Vec<ObservedPlane> = geometry
+            .planes
+            .iter()
+            .map(|plane| plane.thinned(SAMPLES_PER_SIDE))
+            .collect();
+        let count = |planes: &[ObservedPlane]| {
+            let counts = planes.iter().map(|plane| plane.samples().count());
+            counts.sum::<usize>() as f64
+        };
         Self {
             geometry,
+            noise_scale: geometry.noise_scale * (count(&planes) / count(geometry.planes)).sqrt(),
+            planes,
             lens: if lens_is_known {
                 found
             } else {
@@ -126,7 +144,7 @@ impl<'a, 'b> Imagined<'a, 'b> {
 
     /// The worst standard deviation of the imagined scene as a part of what is accepted.
     fn ratio(&self, tilt: Option<f64>, factor: f64, phase: f64) -> Option<f64> {
-        let planes = self.geometry.planes;
+        let planes = &self.planes;
         let turn = if planes.len() == 2 {
             FRAC_PI_2
         } else {
@@ -148,11 +166,11 @@ impl<'a, 'b> Imagined<'a, 'b> {
     fn judged_ratio(&self, view: &View<Brown>, planes: &[ObservedPlane]) -> Option<f64> {
         let free = self.geometry.options.free_parameters();
         let judged = judged_parameters(&free);
-        let scale = self.geometry.noise_scale;
-        let (_, system) = EdgeProblem::new(planes, &judged, scale).evaluate(view)?;
+        let (_, system) = EdgeProblem::new(planes, &judged, self.noise_scale).evaluate(view)?;
         let geometry = Geometry {
             view,
             planes,
+            noise_scale: self.noise_scale,
             ..*self.geometry
         };
         let weakest = geometry.weakest(&system, &free, 1.0)?;
