@@ -165,7 +165,7 @@ impl Stages<'_> {
     /// The answer of the method asked for.
     fn optimum(&self) -> Result<Refined<Brown>, Error> {
         match self.options.method {
-            Method::Linear => self.linear(),
+            Method::Linear => self.linear().map_err(|error| self.why_not_linear(error)),
             Method::MaximumLikelihood => self.refine(),
         }
     }
@@ -179,6 +179,19 @@ impl Stages<'_> {
             iterations: 0,
             rms: 0.0,
         })
+    }
+
+    /// Where the linear steps give no camera, its geometry is the likeliest reason, and the
+    /// refinement can tell.
+    fn why_not_linear(&self, error: Error) -> Error {
+        match self.refine() {
+            Err(weak @ Error::WeakGeometry(_)) => weak,
+            Err(_) => error,
+            Ok(refined) => match self.judge(&refined) {
+                Err(weakness) => self.advised(&refined, weakness),
+                Ok(()) => error,
+            },
+        }
     }
 
     /// Joint maximum likelihood from the conic's camera matrix, or from the first fallback that
@@ -267,7 +280,9 @@ impl Stages<'_> {
             let found = search(self.planes, self.free, view)?;
             let converged = found.termination == Termination::Converged;
             let found = converged.then_some(found)?;
-            finish(self.planes, self.free, self.judged, found)
+            let view = found.view.clone();
+            // Where the cost is far from a parabola, Newton's undamped steps may not settle.
+            finish(self.planes, self.free, self.judged, found).or_else(|| self.around(view))
         })
     }
 

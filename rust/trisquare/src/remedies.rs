@@ -20,7 +20,7 @@ use crate::{Brown, Fixed, Lens, Pose};
 const TILTS: [f64; 8] = [15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0, 50.0];
 
 /// Enlargements tried.
-const FACTORS: [f64; 4] = [1.5, 2.0, 3.0, 4.0];
+const FACTORS: [f64; 6] = [1.5, 2.0, 3.0, 4.0, 6.0, 8.0];
 
 /// Directions of the first square's tilt for which a remedy must work (parts of a turn).
 const PHASES: [f64; 4] = [0.0, 0.07, 0.14, 0.21];
