@@ -7,6 +7,7 @@ use crate::Lens;
 use crate::consistency::{Disagreement, disagreement};
 use crate::covariance::covariance;
 use crate::local_noise::Noise;
+use crate::misfit::Misfit;
 use crate::observations::ObservedPlane;
 use crate::parameters::FreeParameters;
 use crate::refine::Refined;
@@ -33,7 +34,10 @@ pub struct Coherence {
     pub probability: f64,
     /// Root mean square of that error where there is one, for every plane, px.
     pub displacements: Vec<f64>,
-    /// What it adds to the covariance of the free parameters.
+    /// Variance with which the planes contradict each other over what their sides' curvature lets
+    /// expect; 1 where they do not.
+    pub contradiction: f64,
+    /// What all that adds to the covariance of the free parameters.
     pub added: DMatrix<f64>,
     /// Variance of the samples over what pixels of independent noise would give them, if their
     /// stated standard deviations are those.
@@ -41,11 +45,15 @@ pub struct Coherence {
 }
 
 /// What is known once correlation is allowed for.
+#[derive(Clone)]
 pub(crate) struct Correlated {
     /// Of the free parameters.
     pub covariance: DMatrix<f64>,
     /// The plane that disagrees with the rest, if any does.
     pub disagreement: Option<Disagreement>,
+    /// The side that errs most beyond the others, if sides err together: plane, side over all
+    /// figures, and twice the log likelihood gained by granting it a variance of its own.
+    pub worst_side: Option<(usize, usize, f64)>,
     pub coherence: Coherence,
 }
 
@@ -56,6 +64,7 @@ impl Coherence {
             neighbours: 1.0,
             probability: 0.0,
             displacements: vec![0.0; planes],
+            contradiction: 1.0,
             added: DMatrix::zeros(parameters, parameters),
             pixels: 1.0,
         }
@@ -75,24 +84,33 @@ impl Coherence {
             .collect()
     }
 
-    pub(crate) fn warning(
+    pub(crate) fn warnings(
         &self,
         covariance: &DMatrix<f64>,
         free: &FreeParameters,
-    ) -> Option<Warning> {
-        if !self.is_likely() {
-            return None;
-        }
+    ) -> Vec<Warning> {
         let factors = self.factors(covariance);
-        let worst = (0..factors.len()).max_by(|a, b| factors[*a].total_cmp(&factors[*b]))?;
+        let most = |a: &usize, b: &usize| factors[*a].total_cmp(&factors[*b]);
+        let Some(worst) = (0..factors.len()).max_by(most) else {
+            return Vec::new();
+        };
+        let mut warnings = Vec::new();
+        if self.contradiction > 1.0 {
+            warnings.push(Warning::PlanesContradict {
+                factor: self.contradiction.sqrt(),
+            });
+        }
         let most = |a: &usize, b: &usize| self.displacements[*a].total_cmp(&self.displacements[*b]);
-        let plane = (0..self.displacements.len()).max_by(most)?;
-        Some(Warning::SidesErrTogether {
-            plane,
-            displacement: self.displacements[plane],
-            parameter: free.names()[worst],
-            factor: factors[worst],
-        })
+        let plane = (0..self.displacements.len()).rev().max_by(most);
+        if let Some(plane) = plane.filter(|_| self.is_likely()) {
+            warnings.push(Warning::SidesErrTogether {
+                plane,
+                displacement: self.displacements[plane],
+                parameter: free.names()[worst],
+                factor: factors[worst],
+            });
+        }
+        warnings
     }
 }
 
@@ -134,18 +152,24 @@ pub(crate) fn correlated_covariance<L: Lens>(
         added += unit * *variance;
     }
     let displacements = strength.likeliest.iter();
+    let contradiction = Misfit::of(planes, refined, free, noise.scale).contradiction();
+    let total = (&independent + added) * contradiction;
     let coherence = Coherence {
+        contradiction,
         neighbours: noise.correlation,
         pixels: noise.correlation * noise.scale.powi(2),
         probability: strength.probability,
         displacements: displacements.map(|v| rms_displacement(*v)).collect(),
-        added,
+        added: &total - independent,
     };
     let focal = refined.view.lens.parameters()[0];
     let system = errors.marginal(&strength.mean)?;
+    let likely = strength.probability > LIKELIER;
+    let worst_side = likely.then(|| errors.worst_side(&strength)).flatten();
     Some(Correlated {
-        covariance: independent + &coherence.added,
+        covariance: total,
         disagreement: disagreement(&system, free, focal, 1.0),
+        worst_side,
         coherence,
     })
 }

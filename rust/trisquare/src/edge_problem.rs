@@ -61,7 +61,7 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
         };
         let wanted = self.free.columns();
         let mut row = [0.0; N];
-        let to_scale = 1.0 / self.scale;
+        let to_scale = side.trust() / self.scale;
         for sample in &side.samples {
             let sight = lens.sight(&sample.pixel)?;
             let distance = lens.line_distance_jacobian(&sight, line, wanted);

@@ -56,19 +56,22 @@ impl Noise {
             for side in plane.sides() {
                 let (mine, others) = rest.split_at(side.samples.len());
                 rest = others;
+                if side.set_aside {
+                    continue;
+                }
                 let along = places(&side.samples, &direction(&side.samples).unwrap_or_default());
                 let left = without_displacement(&along, mine, scale);
                 neighbours.add(&along, &left, scale);
                 lost += degrees_taken(mine.len()) as f64;
                 rough.extend(left);
             }
-            own.push(LocalNoise::of(&rough, lost));
+            own.push((!rough.is_empty()).then(|| LocalNoise::of(&rough, lost)));
             all.extend(rough);
             taken += lost;
         }
         let all = LocalNoise::of(&all, taken);
         Self {
-            planes: own,
+            planes: own.into_iter().map(|own| own.unwrap_or(all)).collect(),
             correlation: neighbours.correlation(all.freedom),
             scale: all.scale,
         }

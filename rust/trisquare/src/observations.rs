@@ -19,6 +19,20 @@ pub(crate) struct Sample {
 pub(crate) struct Side {
     pub line: Line,
     pub samples: Vec<Sample>,
+    /// Whether it turned out not to belong to the scene: it then follows the camera that the
+    /// others determine.
+    pub set_aside: bool,
+}
+
+/// Weight of a side that was set aside, over that of others: it still places its own plane where
+/// nothing else does, and moves no camera.
+const ASIDE: f64 = 1e-5;
+
+impl Side {
+    /// By how much its samples' weights are lowered.
+    pub fn trust(&self) -> f64 {
+        if self.set_aside { ASIDE } else { 1.0 }
+    }
 }
 
 /// A figure and its index among the edges given.
@@ -51,6 +65,24 @@ impl ObservedPlane {
             side.samples = side.samples.iter().step_by(step).copied().collect();
         }
         thinned
+    }
+
+    /// Sets all sides aside.
+    pub fn set_aside(&mut self) {
+        for side in self.figures.iter_mut().flat_map(|f| &mut f.sides) {
+            side.set_aside = true;
+        }
+    }
+
+    /// A side by its index over all figures.
+    pub fn side_mut(&mut self, index: usize) -> Option<&mut Side> {
+        let sides = self.figures.iter_mut().flat_map(|figure| &mut figure.sides);
+        sides.into_iter().nth(index)
+    }
+
+    /// Whether all sides are set aside.
+    pub fn is_set_aside(&self) -> bool {
+        self.sides().all(|side| side.set_aside)
     }
 
     /// Multiplies the weight of every sample.
@@ -106,6 +138,7 @@ fn figure(index: usize, edges: &PlaneEdges) -> Figure {
         .enumerate()
         .map(|(side, (line, points))| Side {
             line: *line,
+            set_aside: false,
             samples: points
                 .iter()
                 .enumerate()

@@ -14,14 +14,14 @@ mod figure_sums;
 mod fit;
 mod scene;
 
-use crate::correlated::{Coherence, Correlated};
+use crate::correlated::Correlated;
 use crate::covariance::covariance;
-use crate::observations::ObservedPlane;
 use crate::parameters::FreeParameters;
 use crate::refine::{Refined, residuals};
 use crate::result::{Calibration, Stage, Warning};
 use crate::robust::Loss;
-use crate::{Brown, Picture, PlaneEdges, Tone};
+use crate::stages::{Solution, Task};
+use crate::{Picture, PlaneEdges, Tone};
 use band::{PixelFigure, collect};
 use exposure::Exposure;
 use exposure_fit::fit_exposures;
@@ -59,22 +59,12 @@ const MAX_MEAN_SQUARE_SHIFT: f64 = 9.0;
 /// Fits the photographs and replaces the calibration's numbers where that improves them.
 pub(crate) fn improve(
     edges: &[PlaneEdges],
-    planes: &[ObservedPlane],
-    free: &FreeParameters,
-    refined: &Refined<Brown>,
-    coherence: &Coherence,
+    task: &Task<'_>,
+    solution: &Solution,
     photographs: &Photographs<'_>,
     calibration: &mut Calibration,
 ) {
-    match attempt(
-        edges,
-        planes,
-        free,
-        refined,
-        coherence,
-        photographs,
-        calibration,
-    ) {
+    match attempt(edges, task, solution, photographs, calibration) {
         Ok(better) => *calibration = better,
         Err(Refusal::NotApplicable) => {}
         Err(Refusal::Reason(reason)) => {
@@ -92,13 +82,17 @@ enum Refusal {
 
 fn attempt(
     edges: &[PlaneEdges],
-    planes: &[ObservedPlane],
-    free: &FreeParameters,
-    refined: &Refined<Brown>,
-    coherence: &Coherence,
+    task: &Task<'_>,
+    solution: &Solution,
     photographs: &Photographs<'_>,
     calibration: &Calibration,
 ) -> Result<Calibration, Refusal> {
+    let Solution {
+        planes,
+        refined,
+        correlated,
+    } = solution;
+    let (free, coherence) = (&task.free, &correlated.coherence);
     let figures = collect(edges, planes, &refined.view, photographs)?;
     let broken = || Refusal::Reason("the pixels near an outline do not show a blurred step");
     let curve = photographs.tone.curve();
@@ -155,16 +149,17 @@ fn attempt(
         noise_scale: refined.noise_scale,
         iterations: refined.iterations,
     };
-    let size = calibration.image_size;
     let independent = covariance(&fitted.system, fitted.covariance_factor).ok_or_else(broken)?;
-    // Where the pixels' noise is not independent, the samples made from them show it.
-    let answer = Correlated {
-        covariance: independent * coherence.pixels + &coherence.added,
-        disagreement: None,
-        coherence: coherence.clone(),
+    let fitted = Solution {
+        planes: planes.clone(),
+        correlated: Correlated {
+            // Where the pixels' noise is not independent, the samples made from them show it.
+            covariance: independent * coherence.pixels + &coherence.added,
+            ..correlated.clone()
+        },
+        refined: fitted,
     };
-    let answer = (&fitted, answer);
-    let better = Calibration::assemble(planes, free, size, answer, Stage::Pixels);
+    let better = Calibration::assemble(task, &fitted, Stage::Pixels);
     check_improvement(free, calibration, &better)?;
     Ok(better)
 }

@@ -51,6 +51,8 @@ pub(crate) struct Residual {
     pub distance: f64,
     /// One over the standard deviation given for the sample.
     pub weight: f64,
+    /// Whether its side belongs to the scene; one that was set aside tells nothing of the noise.
+    pub counts: bool,
 }
 
 /// The residuals of all samples, by plane.
@@ -69,6 +71,7 @@ pub(crate) fn residuals<L: Lens>(planes: &[ObservedPlane], view: &View<L>) -> Op
                     own.push(Residual {
                         distance: view.lens.line_distance(&sight, &line),
                         weight: sample.weight,
+                        counts: !side.set_aside,
                     });
                 }
             }
@@ -79,6 +82,7 @@ pub(crate) fn residuals<L: Lens>(planes: &[ObservedPlane], view: &View<L>) -> Op
 }
 
 /// The optimum, with what the covariance needs.
+#[derive(Clone)]
 pub(crate) struct Refined<L> {
     pub view: View<L>,
     /// Normal equations at the optimum, in units of the noise, over the parameters that were
@@ -103,7 +107,7 @@ impl<L: Lens> Refined<L> {
         iterations: usize,
     ) -> Self {
         let mut spread = Spread::default();
-        for residual in residuals.iter().flatten() {
+        for residual in residuals.iter().flatten().filter(|r| r.counts) {
             spread.add(Loss::Tukey, residual.distance * residual.weight / scale);
         }
         let covariance_factor = spread.covariance_factor(unknowns as f64);
@@ -139,20 +143,14 @@ impl<L: Lens> Refined<L> {
         Noise::of(planes, &self.residuals, self.scale)
     }
 
-    /// The optimum under other weights of the samples, from that under these.
-    pub fn reweighed(
-        &self,
-        planes: &[ObservedPlane],
-        free: &FreeParameters,
-        judged: &FreeParameters,
-    ) -> Option<Self> {
-        let start = Search {
+    /// Where a search from here would begin.
+    pub fn as_start(&self) -> Search<L> {
+        Search {
             view: self.view.clone(),
             scale: self.scale,
             iterations: self.iterations,
             termination: Termination::Converged,
-        };
-        finish(planes, free, judged, start)
+        }
     }
 }
 
@@ -256,6 +254,7 @@ fn scale_of<L: Lens>(planes: &[ObservedPlane], view: &View<L>) -> Option<f64> {
 }
 
 fn robust_scale(residuals: &Residuals) -> f64 {
-    let normalised = residuals.iter().flatten().map(|r| r.distance * r.weight);
+    let counting = residuals.iter().flatten().filter(|r| r.counts);
+    let normalised = counting.map(|r| r.distance * r.weight);
     median_scale(normalised).max(MIN_SCALE)
 }

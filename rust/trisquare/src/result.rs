@@ -5,8 +5,8 @@ use nalgebra::{DMatrix, Vector2};
 use crate::consistency::Disagreement;
 use crate::correlated::{Coherence, Correlated};
 use crate::observations::{ObservedPlane, Placement};
-use crate::parameters::FreeParameters;
-use crate::refine::{Refined, Residual};
+use crate::refine::Residual;
+use crate::stages::{Solution, Task};
 use crate::view::View;
 use crate::{Brown, ImageSize, Lens, Pose};
 
@@ -34,6 +34,52 @@ pub enum Warning {
         .0.plane, .0.sigmas, 100.0 * .0.focal_change
     )]
     Disagreement(Disagreement),
+    /// One side does not fit the square that the others show.
+    #[error(
+        "side {side} of plane {plane} was set aside: its samples miss the line that all others ask \
+         for by {distance:.2} px (is it bent, torn, or covered?)"
+    )]
+    SideSetAside {
+        /// Index of the plane.
+        plane: usize,
+        /// Index of the side, all figures of the plane counted through.
+        side: usize,
+        /// Root mean square distance of its samples, px.
+        distance: f64,
+    },
+    /// One plane does not fit the camera that the others show.
+    #[error(
+        "plane {plane} was set aside: it disagrees with all others, by {distance:.2} px: is it a \
+         true, flat square?"
+    )]
+    PlaneSetAside {
+        /// Index of the plane.
+        plane: usize,
+        /// Root mean square distance of its samples, px.
+        distance: f64,
+    },
+    /// A part of a side was not seen.
+    #[error(
+        "side {side} of plane {plane} shows no edge over {:.0} % of its length: is it covered, \
+         torn, or in glare?", 100.0 * .share
+    )]
+    SideHidden {
+        /// Index of the plane.
+        plane: usize,
+        /// Index of the side, all figures of the plane counted through.
+        side: usize,
+        /// The part of its length without usable samples.
+        share: f64,
+    },
+    /// The planes cannot all be true squares seen by one camera.
+    #[error(
+        "the planes contradict each other: {factor:.1} times more than their sides' own \
+         straightness lets expect; one of them may be no true, flat square"
+    )]
+    PlanesContradict {
+        /// How far the sides are from where one camera would show them, over what is expected.
+        factor: f64,
+    },
     /// The samples of a side err together, beyond their noise.
     #[error(
         "the samples of a side err together, by {displacement:.2} px on plane {plane} (paper or \
@@ -121,27 +167,25 @@ impl Calibration {
     }
 
     /// The numbers of an optimum.
-    pub(crate) fn assemble(
-        planes: &[ObservedPlane],
-        free: &FreeParameters,
-        image_size: ImageSize,
-        (refined, correlated): (&Refined<Brown>, Correlated),
-        stage: Stage,
-    ) -> Self {
+    pub(crate) fn assemble(task: &Task<'_>, solution: &Solution, stage: Stage) -> Self {
+        let Solution {
+            planes,
+            refined,
+            correlated,
+        } = solution;
+        let free = &task.free;
         let Correlated {
             covariance,
             disagreement,
             coherence,
-        } = correlated;
-        let together = coherence.warning(&covariance, free);
+            worst_side: _,
+        } = correlated.clone();
+        let together = coherence.warnings(&covariance, free);
         let disagreement = disagreement.map(Warning::Disagreement);
         let residuals = &refined.residuals;
-        let square = |own: &[Residual]| own.iter().map(|r| r.distance * r.distance).sum::<f64>();
-        let total: f64 = residuals.iter().map(|own| square(own)).sum();
-        let count: usize = residuals.iter().map(Vec::len).sum();
         Self {
             camera: refined.view.lens,
-            image_size,
+            image_size: task.size,
             parameters: free.names(),
             covariance,
             aspect_fixed: free.aspect_is_fixed(),
@@ -154,11 +198,11 @@ impl Calibration {
                     image: plane.image,
                     pose: refined.view.planes[i].pose,
                     corners: observed_corners(plane, &refined.view, i),
-                    rms: (square(own) / own.len() as f64).sqrt(),
+                    rms: root_mean_square(own.iter()),
                     samples: own.len(),
                 })
                 .collect(),
-            rms: (total / count as f64).sqrt(),
+            rms: root_mean_square(residuals.iter().flatten().filter(|r| r.counts)),
             noise_scale: refined.noise_scale,
             iterations: refined.iterations,
             warnings: together.into_iter().chain(disagreement).collect(),
@@ -166,6 +210,15 @@ impl Calibration {
             stage,
         }
     }
+}
+
+fn root_mean_square<'a>(residuals: impl Iterator<Item = &'a Residual>) -> f64 {
+    let (mut squares, mut count) = (0.0, 0.0);
+    for residual in residuals {
+        squares += residual.distance * residual.distance;
+        count += 1.0;
+    }
+    (squares / f64::max(count, 1.0)).sqrt()
 }
 
 /// The images of a plane's corners: of a square where sides `i - 1` and `i` meet, of a lattice
