@@ -2,7 +2,8 @@
 
 use nalgebra::Matrix3;
 
-use crate::covariance::{Geometry, check_plane_count};
+use crate::covariance::check_plane_count;
+use crate::geometry::{Geometry, judged_parameters};
 use crate::levenberg::Termination;
 use crate::linear::{
     Homographies, Undistortion, conic_camera_matrix, fallback_camera_matrices, first_view,
@@ -11,13 +12,19 @@ use crate::observations::{ObservedPlane, Sample, sort_by_plane};
 use crate::parameters::FreeParameters;
 use crate::photometric::{self, Photographs};
 use crate::refine::{Refined, Search, finish, search};
+use crate::remedies;
 use crate::result::{Calibration, Stage};
 use crate::view::View;
-use crate::{Brown, Error, ImageSize, Method, Options, PlaneEdges};
+use crate::weakness::Weakness;
+use crate::{Brown, Error, Fixed, ImageSize, Method, Options, PlaneEdges};
 
 /// Samples of each side with which the search for the optimum starts: enough for the robust
 /// scale, and within a few standard deviations of what all samples will say.
 const START_SAMPLES_PER_SIDE: usize = 16;
+
+/// Residuals with the principal point held may be this part of those with it free, for chance;
+/// where they are smaller, the free optimum is a wrong one.
+const BEATEN: f64 = 0.98;
 
 /// Calibrates a camera from edge samples of planes with known lines.
 ///
@@ -51,6 +58,35 @@ pub fn calibrate_photographs(
     let free = options.free_parameters();
     check_plane_count(planes.len(), &free)?;
 
+    with_stages(&planes, size, options, Advice::Sought, |stages| {
+        let refined = stages.optimum()?;
+        let mut calibration = match stages.result(&refined) {
+            Err(Error::WeakGeometry(weakness)) => return Err(stages.advised(&refined, *weakness)),
+            other => other?,
+        };
+        if let (Method::MaximumLikelihood, Some(photographs)) = (options.method, photographs) {
+            photometric::improve(
+                edges,
+                &planes,
+                &free,
+                &refined,
+                photographs,
+                &mut calibration,
+            );
+        }
+        Ok(calibration)
+    })
+}
+
+/// The paper's steps 1 and 2, and on them what `answer` makes of all stages.
+fn with_stages<T>(
+    planes: &[ObservedPlane],
+    size: ImageSize,
+    options: &Options,
+    advice: Advice,
+    answer: impl FnOnce(&Stages<'_>) -> Result<T, Error>,
+) -> Result<T, Error> {
+    let free = options.free_parameters();
     let judged = judged_parameters(&free);
     let sample_limit = match options.method {
         Method::Linear => usize::MAX,
@@ -59,43 +95,34 @@ pub fn calibrate_photographs(
     let some: Vec<ObservedPlane> = planes.iter().map(|p| p.thinned(sample_limit)).collect();
     let undistortion = Undistortion::estimate(&some, size, options)?;
     let homographies = Homographies::estimate(&some, &undistortion)?;
-    let stages = Stages {
-        planes: &planes,
+    answer(&Stages {
+        planes,
         some: &some,
         free: &free,
         judged: &judged,
         size,
         options,
+        advice,
         undistortion: &undistortion,
         homographies: &homographies,
-    };
-    match options.method {
-        Method::Linear => stages.result(&stages.linear()?, Stage::Linear),
-        Method::MaximumLikelihood => {
-            let refined = stages.refine()?;
-            let mut calibration = stages.result(&refined, Stage::Edges)?;
-            if let Some(photographs) = photographs {
-                photometric::improve(
-                    edges,
-                    &planes,
-                    &free,
-                    &refined,
-                    photographs,
-                    &mut calibration,
-                );
-            }
-            Ok(calibration)
-        }
-    }
+    })
 }
 
-/// The free parameters, with the centre of distortion freed from the principal point where the
-/// lens polynomial could otherwise stand in for the planes.
-fn judged_parameters(free: &FreeParameters) -> FreeParameters {
-    if free.position("fx").is_some() && free.position("cx").is_some() {
-        free.with_free_centre()
-    } else {
-        free.clone()
+/// Whether a refusal says what would help.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Advice {
+    Sought,
+    /// This run is itself the trial of a remedy.
+    NotSought,
+}
+
+/// Keeps the optimum with the smaller residuals.
+fn keep_better(best: &mut Option<Refined<Brown>>, found: Refined<Brown>) {
+    if best
+        .as_ref()
+        .is_none_or(|b| found.noise_scale < b.noise_scale)
+    {
+        *best = Some(found);
     }
 }
 
@@ -108,6 +135,7 @@ struct Stages<'a> {
     judged: &'a FreeParameters,
     size: ImageSize,
     options: &'a Options,
+    advice: Advice,
     undistortion: &'a Undistortion,
     homographies: &'a Homographies,
 }
@@ -134,19 +162,43 @@ impl Stages<'_> {
         self.planes.iter().flat_map(ObservedPlane::samples)
     }
 
+    /// The answer of the method asked for.
+    fn optimum(&self) -> Result<Refined<Brown>, Error> {
+        match self.options.method {
+            Method::Linear => self.linear().map_err(|error| self.why_not_linear(error)),
+            Method::MaximumLikelihood => self.refine(),
+        }
+    }
+
     /// The linear steps' own answer.
     fn linear(&self) -> Result<Refined<Brown>, Error> {
         let camera_matrix = conic_camera_matrix(self.homographies, self.size, self.options)?;
         let view = self.view(&camera_matrix)?;
-        Refined::of_linear(self.planes, self.free, self.judged, view).ok_or(Error::NotConverged {
+        self.around(view).ok_or(Error::NotConverged {
             stage: "the linear solution (its distortion is not invertible at a sample)",
             iterations: 0,
             rms: 0.0,
         })
     }
 
+    /// Where the linear steps give no camera, its geometry is the likeliest reason, and the
+    /// refinement can tell.
+    fn why_not_linear(&self, error: Error) -> Error {
+        match self.refine() {
+            Err(weak @ Error::WeakGeometry(_)) => weak,
+            Err(_) => error,
+            Ok(refined) => match self.judge(&refined) {
+                Err(weakness) => self.advised(&refined, weakness),
+                Ok(()) => error,
+            },
+        }
+    }
+
     /// Joint maximum likelihood from the conic's camera matrix, or from the first fallback that
     /// settles where that one does not.
+    ///
+    /// A doubtful answer may be a wrong optimum, with the principal point far off and the planes
+    /// turned to match: then all starts are tried and the one that fits best is taken.
     fn refine(&self) -> Result<Refined<Brown>, Error> {
         let conic = conic_camera_matrix(self.homographies, self.size, self.options);
         let starts = conic.into_iter().chain(fallback_camera_matrices(
@@ -155,53 +207,94 @@ impl Stages<'_> {
             self.options,
         ));
         let mut unsettled: Option<Search<Brown>> = None;
+        let mut best: Option<Refined<Brown>> = None;
         for camera_matrix in starts {
             let start = match self.view(&camera_matrix) {
                 Err(error @ Error::TooFewDegreesOfFreedom { .. }) => return Err(error),
                 Err(_) => continue,
                 Ok(start) => start,
             };
-            // Where the straightening's polynomial does not reach a sample, start without.
-            let pinhole = View {
-                lens: start.lens.without_distortion(),
-                ..start.clone()
+            let Some(found) = self.search(self.free, start) else {
+                continue;
             };
-            let found = search(self.some, self.free, start)
-                .or_else(|| search(self.some, self.free, pinhole));
-            match found {
-                Some(found) if found.termination == Termination::Converged => {
-                    match self.finish(found.clone()) {
-                        Some(refined) => return Ok(refined),
-                        None => unsettled = unsettled.or(Some(found)),
-                    }
-                }
-                Some(found) => unsettled = unsettled.or(Some(found)),
-                None => {}
+            match self.finish(found.clone()) {
+                Some(refined) if !self.is_doubtful(&refined) => return Ok(refined),
+                Some(refined) => keep_better(&mut best, refined),
+                None => unsettled = unsettled.or(Some(found)),
             }
         }
-        Err(self.no_convergence(unsettled))
+        let centred = self.centred();
+        let again = centred.clone().and_then(|c| self.search(self.free, c.view));
+        if let Some(refined) = again.and_then(|found| self.finish(found)) {
+            keep_better(&mut best, refined);
+        }
+        let beaten = |b: &Refined<Brown>| {
+            let held = centred.as_ref().and_then(|c| self.around(c.view.clone()));
+            held.is_some_and(|held| held.noise_scale < BEATEN * b.noise_scale)
+        };
+        best.filter(|b| !beaten(b))
+            .ok_or_else(|| self.no_convergence(centred.or(unsettled)))
+    }
+
+    /// A view with the spread of all residuals around it.
+    fn around(&self, view: View<Brown>) -> Option<Refined<Brown>> {
+        Refined::of_linear(self.planes, self.free, self.judged, view)
+    }
+
+    /// Searches the optimum of some samples from a start.
+    fn search(&self, free: &FreeParameters, start: View<Brown>) -> Option<Search<Brown>> {
+        // Where the straightening's polynomial does not reach a sample, start without.
+        let pinhole = View {
+            lens: start.lens.without_distortion(),
+            ..start.clone()
+        };
+        search(self.some, free, start).or_else(|| search(self.some, free, pinhole))
+    }
+
+    /// The optimum with the principal point held where it is known to be, or at the image centre:
+    /// parallel planes have one there, though none without.
+    fn centred(&self) -> Option<Search<Brown>> {
+        let fixed = Fixed {
+            principal_point: true,
+            ..self.options.fixed
+        };
+        let options = Options {
+            fixed,
+            ..*self.options
+        };
+        let free = options.free_parameters();
+        fallback_camera_matrices(self.homographies, self.size, &options)
+            .iter()
+            .filter_map(|camera_matrix| self.search(&free, self.view(camera_matrix).ok()?))
+            .find(|found| found.termination == Termination::Converged)
     }
 
     /// From the optimum of some samples to that of all.
     fn finish(&self, found: Search<Brown>) -> Option<Refined<Brown>> {
+        if found.termination != Termination::Converged {
+            return None;
+        }
         let view = found.view.clone();
         finish(self.planes, self.free, self.judged, found).or_else(|| {
             // Some samples misled: search among all of them.
             let found = search(self.planes, self.free, view)?;
             let converged = found.termination == Termination::Converged;
             let found = converged.then_some(found)?;
-            finish(self.planes, self.free, self.judged, found)
+            let view = found.view.clone();
+            // Where the cost is far from a parabola, Newton's undamped steps may not settle.
+            finish(self.planes, self.free, self.judged, found).or_else(|| self.around(view))
         })
     }
 
     /// A geometry that cannot answer is the likeliest reason, and has its own error.
     fn no_convergence(&self, unsettled: Option<Search<Brown>>) -> Error {
         let iterations = unsettled.as_ref().map_or(0, |found| found.iterations);
-        let refined = unsettled
-            .and_then(|found| Refined::of_linear(self.some, self.free, self.judged, found.view));
+        let refined = unsettled.and_then(|found| self.around(found.view));
         let rms = refined.as_ref().map_or(0.0, |refined| refined.noise_scale);
-        if let Some(Err(error)) = refined.map(|refined| self.judge(&refined)) {
-            return error;
+        if let Some(refined) = &refined
+            && let Err(weakness) = self.judge(refined)
+        {
+            return self.advised(refined, weakness);
         }
         Error::NotConverged {
             stage: "the joint refinement",
@@ -210,21 +303,54 @@ impl Stages<'_> {
         }
     }
 
-    fn judge(&self, refined: &Refined<Brown>) -> Result<(), Error> {
-        let weights: f64 = self.samples().map(|s| s.weight * s.weight).sum();
-        let typical_std = (self.samples().count() as f64 / weights).sqrt();
-        let geometry = Geometry {
+    fn geometry<'a>(&'a self, refined: &'a Refined<Brown>) -> Geometry<'a, Brown> {
+        Geometry {
             view: &refined.view,
+            planes: self.planes,
             size: self.size,
             options: self.options,
-            noise: refined.noise_scale * typical_std,
-        };
+            noise_scale: refined.noise_scale,
+        }
+    }
+
+    fn judge(&self, refined: &Refined<Brown>) -> Result<(), Weakness> {
+        let geometry = self.geometry(refined);
         geometry.judge(&refined.system, self.free, refined.covariance_factor)
     }
 
+    fn is_doubtful(&self, refined: &Refined<Brown>) -> bool {
+        let geometry = self.geometry(refined);
+        let weakest = geometry.weakest(&refined.system, self.free, refined.covariance_factor);
+        weakest.is_some_and(|weakest| weakest.is_doubtful())
+    }
+
+    /// A refusal with what would help.
+    fn advised(&self, refined: &Refined<Brown>, mut weakness: Weakness) -> Error {
+        let succeeds = |fixed: Fixed| {
+            let options = Options {
+                fixed,
+                ..*self.options
+            };
+            let trial = |stages: &Stages<'_>| stages.result(&stages.optimum()?);
+            with_stages(self.planes, self.size, &options, Advice::NotSought, trial).is_ok()
+        };
+        if self.advice == Advice::Sought {
+            weakness.remedies = remedies::holding(&self.options.fixed, succeeds);
+            let geometry = self.geometry(refined);
+            let shown = remedies::showing(&geometry, &weakness);
+            weakness.remedies.extend(shown);
+        }
+        Error::WeakGeometry(Box::new(weakness))
+    }
+
     /// Judges the geometry, and only then gives numbers.
-    fn result(&self, refined: &Refined<Brown>, stage: Stage) -> Result<Calibration, Error> {
-        self.judge(refined)?;
+    fn result(&self, refined: &Refined<Brown>) -> Result<Calibration, Error> {
+        let weak = |weakness| Error::WeakGeometry(Box::new(weakness));
+        self.judge(refined).map_err(weak)?;
+        let stage = match self.options.method {
+            Method::Linear => Stage::Linear,
+            Method::MaximumLikelihood => Stage::Edges,
+        };
         Calibration::assemble(self.planes, self.free, self.size, refined, stage).ok_or(
             Error::NotConverged {
                 stage: "the covariance",

@@ -1,5 +1,7 @@
 //! The one error type: each variant carries the numbers a caller can act on.
 
+use crate::Weakness;
+
 /// Why a calibration, or one of its steps, gives no answer.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -96,36 +98,9 @@ pub enum Error {
     )]
     IndefiniteConic,
 
-    /// All planes share one direction although the principal point is free.
-    #[error(
-        "all {planes} planes are parallel within {degrees:.1} degrees: they cannot determine the \
-         focal lengths and the principal point; tilt the squares apart, or fix the principal point"
-    )]
-    ParallelPlanes {
-        /// Number of planes.
-        planes: usize,
-        /// The largest angle between two of them, in degrees.
-        degrees: f64,
-    },
-
-    /// The geometry leaves a parameter open.
-    #[error(
-        "the planes leave {parameter} undetermined: its predicted standard deviation is \
-         {std:.3} px where at most {limit:.3} px is accepted (largest angle between two planes \
-         {degrees:.1} degrees); tilt the squares further apart, show them larger, or {remedy}"
-    )]
-    WeakGeometry {
-        /// Name of the parameter.
-        parameter: &'static str,
-        /// Its predicted standard deviation, in pixels (infinite where it is not observable).
-        std: f64,
-        /// The largest standard deviation accepted, in pixels.
-        limit: f64,
-        /// The largest angle between two planes, in degrees.
-        degrees: f64,
-        /// Which parameter to fix.
-        remedy: &'static str,
-    },
+    /// The geometry leaves a parameter of the camera matrix open.
+    #[error("{0}")]
+    WeakGeometry(Box<Weakness>),
 
     /// An iteration did not settle.
     #[error("{stage} did not converge in {iterations} iterations (rms {rms:.3} px)")]
@@ -184,8 +159,7 @@ impl Error {
             Error::DegenerateHomography { .. }
             | Error::UndeterminedConic { .. }
             | Error::IndefiniteConic
-            | Error::ParallelPlanes { .. }
-            | Error::WeakGeometry { .. } => ErrorKind::DegenerateGeometry,
+            | Error::WeakGeometry(_) => ErrorKind::DegenerateGeometry,
             Error::NotConverged { .. } => ErrorKind::Convergence,
         }
     }

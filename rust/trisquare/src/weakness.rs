@@ -1,0 +1,185 @@
+//! Why a geometry does not determine the camera, and what would help.
+
+use std::fmt;
+
+/// Why the camera matrix does not follow from the planes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Weakness {
+    /// What the planes lack.
+    pub cause: Cause,
+    /// Name of the parameter that is known worst.
+    pub parameter: &'static str,
+    /// Its predicted standard deviation, in pixels (infinite where it is not observable).
+    pub std: f64,
+    /// The largest standard deviation accepted, in pixels.
+    pub limit: f64,
+    /// What would help; each has been tried.
+    pub remedies: Vec<Remedy>,
+}
+
+/// What a set of planes lacks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Cause {
+    /// All planes share one direction.
+    Parallel {
+        /// Number of planes.
+        planes: usize,
+        /// The largest angle between two of them, in degrees.
+        degrees: f64,
+    },
+    /// No two planes differ much in direction.
+    Alike {
+        /// The two that differ most.
+        planes: (usize, usize),
+        /// The angle between them, in degrees.
+        degrees: f64,
+    },
+    /// All planes face the camera.
+    Facing {
+        /// Number of planes.
+        planes: usize,
+        /// The largest angle between one of them and the image plane, in degrees.
+        degrees: f64,
+    },
+    /// The figures are small in the picture.
+    Small {
+        /// The larger dimension of the largest one, in pixels.
+        pixels: f64,
+    },
+    /// The figures cover only a small part of the picture.
+    Huddled {
+        /// Part of the picture's width that they span.
+        width: f64,
+        /// Part of its height.
+        height: f64,
+    },
+    /// Too much is free for the directions that the planes have.
+    Open {
+        /// Number of planes.
+        planes: usize,
+        /// The largest angle between two of them, in degrees.
+        degrees: f64,
+    },
+}
+
+/// What would make a calibration succeed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Remedy {
+    /// Hold the ratio of the focal lengths.
+    FixAspect,
+    /// Hold the principal point.
+    FixPrincipalPoint,
+    /// Hold both.
+    FixAspectAndPrincipalPoint,
+    /// Tilt every square, each in a direction of its own.
+    Tilt {
+        /// The tilt against the image plane, in degrees.
+        degrees: f64,
+    },
+    /// Show the squares larger, as they stand.
+    Enlarge {
+        /// How many times.
+        factor: f64,
+    },
+    /// Both.
+    TiltAndEnlarge {
+        /// The tilt against the image plane, in degrees.
+        degrees: f64,
+        /// How many times larger.
+        factor: f64,
+    },
+}
+
+impl fmt::Display for Weakness {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let parameter = self.parameter;
+        write!(f, "{}: {parameter} is not determined ", self.cause)?;
+        if self.std.is_finite() {
+            write!(f, "(predicted standard deviation {:.3} px, ", self.std)?;
+        } else {
+            write!(f, "(its predicted standard deviation is infinite, ")?;
+        }
+        write!(f, "at most {:.3} px is accepted)", self.limit)?;
+        let mut joint = "; ";
+        for remedy in &self.remedies {
+            write!(f, "{joint}{remedy}")?;
+            joint = ", or ";
+        }
+        if self.remedies.is_empty() {
+            let advice = "show larger squares, each tilted 25 to 50 degrees in its own direction";
+            write!(f, "; {advice}")?;
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Display for Cause {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Parallel { planes, degrees } => {
+                write!(
+                    f,
+                    "all {planes} planes are parallel within {degrees:.1} degrees"
+                )
+            }
+            Self::Alike {
+                planes: (a, b),
+                degrees,
+            } => write!(
+                f,
+                "the planes are nearly parallel: {a} and {b} differ most, by {degrees:.1} degrees"
+            ),
+            Self::Facing { planes: 1, degrees } => {
+                write!(
+                    f,
+                    "the plane faces the camera (tilted by {degrees:.1} degrees)"
+                )
+            }
+            Self::Facing { planes, degrees } => write!(
+                f,
+                "all {planes} planes face the camera (none is tilted by more than {degrees:.1} \
+                 degrees)"
+            ),
+            Self::Small { pixels } => {
+                write!(
+                    f,
+                    "the squares are small (the largest spans {pixels:.0} pixels)"
+                )
+            }
+            Self::Huddled { width, height } => write!(
+                f,
+                "the squares huddle in {:.0} % of the picture's width and {:.0} % of its height",
+                100.0 * width,
+                100.0 * height
+            ),
+            Self::Open { planes: 1, .. } => write!(f, "one plane leaves too much open"),
+            Self::Open { planes, degrees } => write!(
+                f,
+                "the {planes} planes (largest angle between two {degrees:.1} degrees) leave too \
+                 much open"
+            ),
+        }
+    }
+}
+
+impl fmt::Display for Remedy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::FixAspect => write!(f, "fix the aspect"),
+            Self::FixPrincipalPoint => write!(f, "fix the principal point"),
+            Self::FixAspectAndPrincipalPoint => write!(f, "fix the aspect and the principal point"),
+            Self::Tilt { degrees } => write!(
+                f,
+                "tilt the squares by at least {degrees:.0} degrees, each in its own direction"
+            ),
+            Self::Enlarge { factor } => {
+                write!(f, "show the squares at least {factor} times larger")
+            }
+            Self::TiltAndEnlarge { degrees, factor } => write!(
+                f,
+                "show the squares at least {factor} times larger and tilt them by at least \
+                 {degrees:.0} degrees, each in its own direction"
+            ),
+        }
+    }
+}
