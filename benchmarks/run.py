@@ -16,6 +16,8 @@ BENCHMARKS = (
     "edge_bound",
     "pixel_bound",
     "photo_like",
+    "refusals",
+    "prediction",
     "against_zhang",
     "chess_triples",
     "inserted_squares",

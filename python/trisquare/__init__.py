@@ -19,6 +19,7 @@ from trisquare.errors import (
     NotEnoughPlanesError,
     TrisquareError,
 )
+from trisquare.predict import PlannedSquare, Prediction, predict
 from trisquare.result import Calibration, Plane
 from trisquare.steps import (
     Straightening,
@@ -39,6 +40,8 @@ __all__ = [
     "NotEnoughPlanesError",
     "Plane",
     "PlaneEdges",
+    "PlannedSquare",
+    "Prediction",
     "Straightening",
     "TrisquareError",
     "__version__",
@@ -49,4 +52,5 @@ __all__ = [
     "fit_distortion",
     "homography_from_lines",
     "pose_from_homography",
+    "predict",
 ]

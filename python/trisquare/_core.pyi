@@ -18,6 +18,7 @@ __all__ = [
     "localise",
     "monotonic_radius",
     "pose_from_homography",
+    "predict",
     "square_lines",
     "straighten",
 ]
@@ -72,6 +73,26 @@ def calibrate(
     pictures: Sequence[Picture] | None,
     tone: str | float,
 ) -> CalibrationMembers: ...
+
+@type_check_only
+class PredictionMembers(TypedDict):
+    """A prediction, member by member."""
+
+    parameters: list[str]
+    covariance: NDArray[np.float64]
+    std: dict[str, float]
+
+def predict(
+    camera: Sequence[float],
+    image_size: tuple[int, int],
+    planes: Sequence[tuple[NDArray[np.float64], Sequence[float], Sequence[NDArray[np.float64]]]],
+    *,
+    sigma: float,
+    spacing: float,
+    model: str,
+    fixed: Sequence[str],
+    judged: bool,
+) -> PredictionMembers: ...
 def localise(
     picture: Picture,
     spans: Sequence[tuple[NDArray[np.float64], float, tuple[int | None, int | None]]],

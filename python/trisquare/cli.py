@@ -19,6 +19,7 @@ import cv2
 import typer
 from rich.console import Console
 from rich.progress import Progress
+from rich.text import Text
 
 from trisquare._core import __version__
 from trisquare.calibrate import calibrate
@@ -34,6 +35,7 @@ from trisquare.errors import (
 )
 from trisquare.files import PathLike, check_writable, encode_image, read_image, write_atomically
 from trisquare.overlay import draw_overlay
+from trisquare.predict_command import predict_command
 from trisquare.result import Calibration
 from trisquare.tables import calibration_report, comparison_report
 
@@ -154,8 +156,14 @@ def calibrate_command(
         str,
         typer.Option(metavar="TARGETS", help="auto, squares, or chessboard:9x6 (inner corners)."),
     ] = "auto",
+    diagnose: Annotated[
+        bool,
+        typer.Option("--diagnose", help="Say what limits each number, and what would help."),
+    ] = False,
 ) -> None:
     """Calibrate a camera from its photographs."""
+    if diagnose and json:
+        raise ValueError("--diagnose adds to the tables, which --json replaces: give one of them")
     overlays = _overlay_paths(overlay, len(photos))
     _check_outputs(photos, output, overlays)
     tone_curve = _tone(tone)
@@ -179,6 +187,11 @@ def calibrate_command(
         print(calibration.to_json(), end="")
     else:
         Console().print(calibration_report(calibration), soft_wrap=True)
+        if diagnose:
+            Console().print(Text(str(calibration.diagnosis)), soft_wrap=True)
+
+
+app.command("predict")(predict_command)
 
 
 @app.command("demo")

@@ -68,6 +68,10 @@ class JsonFields:
         """Return a finite number."""
         return float(self.array(key, ()))
 
+    def number_or(self, key: str, default: float) -> float:
+        """Return a finite number, or `default` if the member is not there."""
+        return self.number(key) if key in self._members else default
+
     def array(self, key: str, shape: tuple[int | None, ...]) -> FloatArray:
         """Return a finite, read-only array of numbers of the given shape."""
         return self._array(self.value(key), key, shape)

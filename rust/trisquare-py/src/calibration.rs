@@ -60,7 +60,7 @@ const METHODS: [(&str, Method); 2] = [
     ("linear", Method::Linear),
 ];
 
-const MODELS: [(&str, Model); 5] = [
+pub(crate) const MODELS: [(&str, Model); 5] = [
     ("none", Model::None),
     ("radial1", Model::Radial1),
     ("radial2", Model::Radial2),
@@ -68,7 +68,7 @@ const MODELS: [(&str, Model); 5] = [
     ("brown", Model::Brown),
 ];
 
-fn named<T: Copy>(name: &str, what: &str, known: &[(&str, T)]) -> PyResult<T> {
+pub(crate) fn named<T: Copy>(name: &str, what: &str, known: &[(&str, T)]) -> PyResult<T> {
     let found = known.iter().find(|(known, _)| *known == name);
     found.map(|(_, value)| *value).ok_or_else(|| {
         let names: Vec<&str> = known.iter().map(|(known, _)| *known).collect();
@@ -79,7 +79,7 @@ fn named<T: Copy>(name: &str, what: &str, known: &[(&str, T)]) -> PyResult<T> {
     })
 }
 
-fn fixed_parameters(names: &[String]) -> PyResult<Fixed> {
+pub(crate) fn fixed_parameters(names: &[String]) -> PyResult<Fixed> {
     let mut fixed = Fixed::default();
     for name in names {
         match name.as_str() {

@@ -5,6 +5,7 @@ mod calibration;
 mod errors;
 mod figures;
 mod picture;
+mod predict;
 mod steps;
 
 /// The compiled core of trisquare.
@@ -20,6 +21,8 @@ mod _core {
     use crate::figures::square_lines;
     #[pymodule_export]
     use crate::picture::{Picture, localise};
+    #[pymodule_export]
+    use crate::predict::predict;
     #[pymodule_export]
     use crate::steps::{
         camera_matrix_from_homographies, fit_distortion, homography_from_lines, monotonic_radius,

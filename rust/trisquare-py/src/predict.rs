@@ -1,0 +1,80 @@
+//! The accuracy that a planned photograph will have.
+
+use nalgebra::{Vector2, Vector3};
+use numpy::PyReadonlyArray2;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use trisquare::{Brown, EdgeNoise, ImageSize, Method, Options, PlannedPlane, Pose};
+
+use crate::arrays;
+use crate::calibration::{MODELS, fixed_parameters, named};
+use crate::errors::exception;
+
+/// Rotation, translation, and the corners of each outline, `(4, 2)`.
+type Planned<'py> = (
+    PyReadonlyArray2<'py, f64>,
+    [f64; 3],
+    Vec<PyReadonlyArray2<'py, f64>>,
+);
+
+/// Predicts the covariance of a calibration from planes that are to be photographed.
+#[pyfunction]
+#[pyo3(signature = (camera, image_size, planes, *, sigma, spacing, model, fixed, judged))]
+#[allow(clippy::too_many_arguments)] // the keywords of the Python function
+pub fn predict<'py>(
+    py: Python<'py>,
+    camera: [f64; 9],
+    image_size: (u32, u32),
+    planes: Vec<Planned<'py>>,
+    sigma: f64,
+    spacing: f64,
+    model: &str,
+    fixed: Vec<String>,
+    judged: bool,
+) -> PyResult<Bound<'py, PyDict>> {
+    let camera = Brown::new(camera);
+    let size = ImageSize {
+        width: image_size.0,
+        height: image_size.1,
+    };
+    let planes: Vec<PlannedPlane> = planes.iter().map(planned).collect::<PyResult<_>>()?;
+    let noise = EdgeNoise { sigma, spacing };
+    let options = Options {
+        method: Method::MaximumLikelihood,
+        model: named(model, "model", &MODELS)?,
+        fixed: fixed_parameters(&fixed)?,
+        initial: None,
+    };
+    let found = py
+        .detach(|| match judged {
+            true => trisquare::predict(&camera, size, &planes, noise, &options),
+            false => trisquare::predict_unjudged(&camera, size, &planes, noise, &options),
+        })
+        .map_err(exception)?;
+    let std = PyDict::new(py);
+    for (name, value) in found.std() {
+        std.set_item(name, value)?;
+    }
+    let dict = PyDict::new(py);
+    dict.set_item("parameters", &found.parameters)?;
+    dict.set_item("covariance", arrays::from_matrix(py, &found.covariance))?;
+    dict.set_item("std", std)?;
+    Ok(dict)
+}
+
+fn planned((rotation, translation, outlines): &Planned<'_>) -> PyResult<PlannedPlane> {
+    let corners = |outline| -> PyResult<[Vector2<f64>; 4]> {
+        let corners = arrays::points(outline)?;
+        corners
+            .try_into()
+            .map_err(|_| PyValueError::new_err("an outline has four corners"))
+    };
+    Ok(PlannedPlane {
+        pose: Pose {
+            rotation: arrays::matrix3(rotation)?,
+            translation: Vector3::from(*translation),
+        },
+        outlines: outlines.iter().map(corners).collect::<PyResult<_>>()?,
+    })
+}
