@@ -21,6 +21,7 @@ from trisquare.checked import (
     string,
     strings,
 )
+from trisquare.diagnosis import Diagnosis, diagnose
 from trisquare.json_fields import JsonFields, dump_members
 
 __all__ = ["Calibration", "Camera", "Plane"]
@@ -178,6 +179,11 @@ class Calibration(RebuiltByConstructor):
         )
         lines.extend(f"  warning: {warning}" for warning in self.warnings)
         return "\n".join(lines)
+
+    @property
+    def diagnosis(self) -> Diagnosis:
+        """Of each free parameter, what limits it and what would help; computed when asked for."""
+        return diagnose(self)
 
     def to_json(self) -> str:
         """Return the result as JSON text that `from_json` reads back exactly."""
