@@ -10,11 +10,11 @@ from truth import errors
 import trisquare as ts
 from trisquare import simulate
 
-DRAWS = 600
+DRAWS = 1000
 SEED = 31
 SPACING = 4.0  # pixels of edge per sample
 NOISE = 0.1  # pixels
-PICTURES = 40
+PICTURES = 120
 PICTURE_NOISE = 2.0  # grey levels
 PICTURE_BLUR = 0.7  # pixels
 CONTRAST = 175.0  # grey levels

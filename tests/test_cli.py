@@ -308,3 +308,13 @@ def test_json_is_the_library_s(photo, tmp_path):
     assert members["tone"] == "linear"
     assert members["image_size"] == list(SCENE.camera.image_size)
     assert len(members["planes"]) == len(SCENE.targets)
+
+
+def test_diagnosis_follows_the_tables(run, asked, photo):
+    code, out, error = run("calibrate", photo, "--diagnose")
+    assert (code, error) == (0, "")
+    assert "fx  std 0.1: " in out
+    assert "would bring it from 0.1 to" in out
+    code, _, error = run("calibrate", photo, "--diagnose", "--json")
+    assert code == 2
+    assert "--json" in error
