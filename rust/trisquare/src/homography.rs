@@ -168,8 +168,14 @@ mod tests {
             homography_from_lines(&concurrent, &plane),
             Err(Error::DegenerateHomography { .. })
         ));
-        let far = images(&Matrix3::new(1.0, 0.0, 1e200, 0.0, 1.0, 1e200, 0.0, 0.0, 1.0), &plane);
-        assert!(homography_from_lines(&plane, &far).is_err());
+        // Either is in range, but not what maps one to the other.
+        let [tiny, huge] = [1e-100, 1e100].map(|size| {
+            let sides = plane.iter().map(|line| line.coefficients());
+            sides
+                .map(|l| Line::new(l.x, l.y, l.z * size).unwrap())
+                .collect::<Vec<_>>()
+        });
+        assert!(homography_from_lines(&tiny, &huge).is_err());
         let mut three = plane.clone();
         three[2] = Line::new(1.0, 1.0, 1.0).unwrap(); // through the corner of sides 0 and 3
         assert!(homography_from_lines(&three, &plane).is_err());
