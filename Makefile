@@ -2,7 +2,7 @@
 # here, in .venv and target.
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test bench lint docs build clean
+.PHONY: help demo test bench lint docs fuzz build clean
 SHELL := /bin/sh
 
 # rustup's usual place, for shells that have not been told of it.
@@ -23,6 +23,7 @@ help:
 	@echo 'make bench   measure accuracy and speed'
 	@echo 'make lint    check format, style and types'
 	@echo 'make docs    build the documentation of the crate'
+	@echo 'make fuzz    a million damaged inputs for every entry point (about an hour)'
 
 demo: $(READY)
 	$(VENV_PYTHON) -m trisquare demo
@@ -44,10 +45,23 @@ lint: $(READY)
 docs:
 	RUSTDOCFLAGS='-D warnings' cargo doc --workspace --no-deps
 
+# Random bytes everywhere; where cargo-fuzz is installed, guided by coverage as well. It needs no
+# nightly compiler without a sanitizer, which safe code can do without.
+FUZZ_CASES ?= 1000000
+FUZZ_TARGETS = $(basename $(notdir $(wildcard fuzz/fuzz_targets/*.rs)))
+
+fuzz:
+	cd fuzz && cargo run --release --quiet --bin soak -- $(FUZZ_CASES)
+	@command -v cargo-fuzz >/dev/null || { echo 'no cargo-fuzz here: cargo install cargo-fuzz'; exit 0; }; \
+	cd fuzz && for target in $(FUZZ_TARGETS); do \
+		cargo fuzz run --sanitizer none --fuzz-dir . --features libfuzzer $$target -- \
+			-runs=$(FUZZ_CASES) -max_len=1024 -len_control=0 -timeout=10 || exit 1; \
+	done
+
 build: $(READY)
 
 clean:
-	rm -rf .venv target dist demo-output
+	rm -rf .venv target fuzz/target dist demo-output
 
 # One sentence says what is missing. Of several Pythons the default one is taken if it will do,
 # else the newest.

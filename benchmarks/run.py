@@ -25,6 +25,8 @@ BENCHMARKS = (
     "solve_time",
     "command_memory",
     "import_time",
+    "threads",
+    "memory_flat",
 )
 
 # One thread each: rivals are compared by the work they do. Read when numpy is first imported.

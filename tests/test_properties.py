@@ -199,6 +199,44 @@ def test_the_straightening_of_garbage(curves, count):
         pass
 
 
+# Everything numpy can hold, and every way to lay it out in memory.
+DTYPES = ["u1", "<u2", ">u2", "<f4", ">f4", "f8", "f2", "i1", "i4", "?", "c8", "O", "S1", "M8[s]"]
+LAYOUTS = {
+    "as it is": lambda image: image,
+    "turned": lambda image: image[::-1, ::-1],
+    "transposed": lambda image: image.T,
+    "every second": lambda image: image[::2, ::2],
+    "one row": lambda image: np.broadcast_to(image[:1], image.shape),
+    "not an image": lambda image: image[..., None, None],
+    "flat": np.ravel,
+}
+
+
+@many
+@given(
+    st.sampled_from(DTYPES),
+    st.tuples(st.integers(0, 48), st.integers(0, 48)),
+    st.sampled_from([(), (0,), (1,), (2,), (3,), (4,)]),
+    st.sampled_from(sorted(LAYOUTS)),
+    st.integers(0, 2**32 - 1),
+    st.booleans(),
+    st.sampled_from(["auto", "chessboard:3x3"]),
+)
+def test_any_array_is_refused_or_searched(dtype, size, channels, layout, seed, write, targets):
+    noise = np.random.default_rng(seed).integers(0, 256, (*size, *channels))
+    if size[0] > 16 and size[1] > 16:
+        noise[8:-8, 8:-8] //= 8  # a dark rectangle
+    image = LAYOUTS[layout](noise.astype(dtype))
+    image.flags.writeable = write and image.flags.writeable
+    before = image.tobytes()
+    with suppress(ts.TrisquareError, ValueError, TypeError):
+        assert_finite(ts.calibrate(image, targets=targets))
+    with suppress(ts.TrisquareError, ValueError, TypeError):
+        for figure in ts.detect(image, targets=targets):
+            assert all(np.isfinite(points).all() for points in figure.points)
+    assert image.tobytes() == before
+
+
 matrices = arrays(np.float64, (3, 3), elements=st.one_of(st.floats(-5, 5), st.floats()))
 
 

@@ -99,7 +99,12 @@ pub(crate) fn normalised_homography(
         ));
     }
     let homography = image.inverse() * normalised * plane.matrix();
-    Ok(homography / homography.norm())
+    let norm = homography.norm();
+    // Overflow here would pass for a map that sends everything to zero.
+    if !(norm > 0.0 && norm.is_finite()) {
+        return Err(degenerate("their coordinates are too large"));
+    }
+    Ok(homography / norm)
 }
 
 fn unit_normal(line: Vector3<f64>) -> Vector3<f64> {
@@ -163,6 +168,14 @@ mod tests {
             homography_from_lines(&concurrent, &plane),
             Err(Error::DegenerateHomography { .. })
         ));
+        // Either is in range, but not what maps one to the other.
+        let [tiny, huge] = [1e-100, 1e100].map(|size| {
+            let sides = plane.iter().map(|line| line.coefficients());
+            sides
+                .map(|l| Line::new(l.x, l.y, l.z * size).unwrap())
+                .collect::<Vec<_>>()
+        });
+        assert!(homography_from_lines(&tiny, &huge).is_err());
         let mut three = plane.clone();
         three[2] = Line::new(1.0, 1.0, 1.0).unwrap(); // through the corner of sides 0 and 3
         assert!(homography_from_lines(&three, &plane).is_err());

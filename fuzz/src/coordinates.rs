@@ -1,0 +1,92 @@
+//! The coordinate entry points: a whole calibration, and a square from its sides.
+
+use std::sync::LazyLock;
+
+use trisquare::synthetic::Scene;
+use trisquare::{ImageSize, PlaneEdges};
+
+use crate::bytes::Bytes;
+use crate::figures::{View, damage, scenes};
+use crate::{Outcome, check};
+
+pub const SIZE: ImageSize = ImageSize {
+    width: 1280,
+    height: 960,
+};
+
+pub static SCENES: LazyLock<Vec<Scene>> = LazyLock::new(|| scenes(SIZE));
+
+/// `trisquare::calibrate`.
+pub fn calibrate(data: &[u8]) -> Outcome {
+    let bytes = &mut Bytes::new(data);
+    let options = bytes.options(SIZE);
+    let mut figures = match bytes.below(8) {
+        0 => garbage(bytes),
+        1 => View::wild(bytes, SIZE).figures(bytes),
+        _ => View::sound(bytes, &SCENES).figures(bytes),
+    };
+    if bytes.once_in(2) {
+        damage(&mut figures, SIZE, bytes);
+    }
+    let size = match bytes.below(32) {
+        0 => ImageSize {
+            width: bytes.seed() as u32,
+            height: bytes.below(3) as u32,
+        },
+        _ => SIZE,
+    };
+    let found = trisquare::calibrate(&figures, size, &options);
+    if bytes.once_in(32) {
+        // Debug shows every bit that is not NaN.
+        let again = trisquare::calibrate(&figures, size, &options);
+        assert_eq!(format!("{found:?}"), format!("{again:?}"));
+    }
+    check::calibration(&found)
+}
+
+fn garbage(bytes: &mut Bytes<'_>) -> Vec<PlaneEdges> {
+    (0..bytes.below(5))
+        .map(|_| {
+            let lines = bytes.lines(6);
+            let points = (0..lines.len()).map(|_| bytes.points(SIZE, 8)).collect();
+            PlaneEdges::new(lines, points)
+        })
+        .collect()
+}
+
+/// `trisquare::PlaneEdges::square`.
+pub fn square(data: &[u8]) -> Outcome {
+    let bytes = &mut Bytes::new(data);
+    let mut sides: Vec<_> = match bytes.below(3) {
+        0 => (0..bytes.below(6)).map(|_| bytes.points(SIZE, 8)).collect(),
+        1 => quadrangle(bytes),
+        _ => {
+            let mut figures = View::sound(bytes, &SCENES).figures(bytes);
+            damage(&mut figures, SIZE, bytes);
+            figures.pop().map(|f| f.points).unwrap_or_default()
+        }
+    };
+    if bytes.once_in(2) {
+        sides.reverse();
+    }
+    match PlaneEdges::square(sides) {
+        Ok(found) => {
+            assert!(found.lines.len() == 4 && found.check(0).is_ok());
+            "Ok"
+        }
+        Err(error) => check::refusal(&error),
+    }
+}
+
+/// Sides between any four corners.
+fn quadrangle(bytes: &mut Bytes<'_>) -> Vec<Vec<nalgebra::Vector2<f64>>> {
+    let corners: [_; 4] = std::array::from_fn(|_| bytes.point(SIZE));
+    (0..4)
+        .map(|i| {
+            let count = 2 + bytes.below(3);
+            let along = |k: usize| (k as f64 + 0.5) / count as f64;
+            let (a, b) = (corners[i], corners[(i + 1) % 4]);
+            (0..count).map(|k| a.lerp(&b, along(k))).collect()
+        })
+        .collect()
+}

@@ -1,0 +1,34 @@
+//! One function per entry point of the crate, from arbitrary bytes to a checked answer.
+//!
+//! Every function reads its arguments out of the bytes (garbage at times, most often something
+//! plausible that was damaged, so that the deep stages are reached), calls the entry point, and
+//! panics where an answer is not finite or otherwise impossible. libFuzzer drives them through
+//! `fuzz_targets`, the `soak` binary with random bytes.
+
+mod bytes;
+mod check;
+mod coordinates;
+mod figures;
+mod pixels;
+mod steps;
+
+pub use coordinates::{calibrate, square};
+pub use pixels::{calibrate_photographs, localise};
+pub use steps::{fit_distortion, lens, linear_steps};
+
+/// What came of a case: `"Ok"` or the kind of refusal.
+pub type Outcome = &'static str;
+
+/// An entry point, driven by bytes.
+pub type Entry = fn(&[u8]) -> Outcome;
+
+/// All entry points by name.
+pub const ENTRIES: [(&str, Entry); 7] = [
+    ("calibrate", calibrate),
+    ("square", square),
+    ("fit_distortion", fit_distortion),
+    ("linear_steps", linear_steps),
+    ("lens", lens),
+    ("localise", localise),
+    ("calibrate_photographs", calibrate_photographs),
+];
