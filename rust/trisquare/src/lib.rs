@@ -15,6 +15,7 @@
 mod arrow;
 mod brown;
 mod calibrate;
+mod camera_maps;
 mod conic;
 mod consistency;
 mod covariance;
