@@ -14,6 +14,7 @@ import time
 BENCHMARKS = (
     "exactness",
     "edge_bound",
+    "projection",
     "pixel_bound",
     "photo_like",
     "against_zhang",

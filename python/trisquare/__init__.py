@@ -19,6 +19,7 @@ from trisquare.errors import (
     NotEnoughPlanesError,
     TrisquareError,
 )
+from trisquare.projection import ProjectionMap
 from trisquare.result import Calibration, Plane
 from trisquare.steps import (
     Straightening,
@@ -39,6 +40,7 @@ __all__ = [
     "NotEnoughPlanesError",
     "Plane",
     "PlaneEdges",
+    "ProjectionMap",
     "Straightening",
     "TrisquareError",
     "__version__",

@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from trisquare._core import __version__
 from trisquare.camera import Camera, camera_from_members, camera_members, camera_parameters
@@ -22,6 +23,12 @@ from trisquare.checked import (
     strings,
 )
 from trisquare.json_fields import JsonFields, dump_members
+from trisquare.projection import (
+    ProjectionMap,
+    projection_covariance,
+    projection_map,
+    rms_displacement,
+)
 
 __all__ = ["Calibration", "Camera", "Plane"]
 
@@ -178,6 +185,74 @@ class Calibration(RebuiltByConstructor):
         )
         lines.extend(f"  warning: {warning}" for warning in self.warnings)
         return "\n".join(lines)
+
+    def projection_covariance(self, points: npt.ArrayLike) -> FloatArray:
+        """Return the covariances of where the directions seen at pixels are projected.
+
+        The uncertainty that counts for whoever uses the camera: a viewing direction, fixed in the
+        camera's frame, is projected by a camera that is known so well; the parameters' own
+        uncertainties may cancel or add up.
+
+        Parameters
+        ----------
+        points : array_like, shape (N, 2)
+            Pixels, within the valid radius; they may lie outside the picture.
+
+        Returns
+        -------
+        ndarray, shape (N, 2, 2)
+            Square pixels.
+
+        Raises
+        ------
+        ValueError
+            If a point lies beyond the valid radius.
+        """
+        return projection_covariance(
+            self.camera, self.parameters, self._aspect_fixed, self.covariance, points
+        )
+
+    def projection_std(self, points: npt.ArrayLike) -> FloatArray:
+        """Return how far the projections of the directions seen at pixels may be off.
+
+        Parameters
+        ----------
+        points : array_like, shape (N, 2)
+            As in `projection_covariance`.
+
+        Returns
+        -------
+        ndarray, shape (N,)
+            The rms displacement, pixels: the square root of the covariance's trace.
+
+        Raises
+        ------
+        ValueError
+            If a point lies beyond the valid radius.
+        """
+        return rms_displacement(self.projection_covariance(points))
+
+    def projection_map(self, step: float | None = None) -> ProjectionMap:
+        """Return `projection_std` on a grid over the picture, border to border.
+
+        Parameters
+        ----------
+        step : float, optional
+            The grid's lines are at most so many pixels apart; by default a 32nd of the width.
+
+        Returns
+        -------
+        ProjectionMap
+            ``x``, ``y`` and ``std[row, column]``, infinite beyond the valid radius.
+        """
+        return projection_map(
+            self.camera, self.parameters, self._aspect_fixed, self.covariance, step
+        )
+
+    @property
+    def _aspect_fixed(self) -> bool:
+        """Whether ``fy`` follows ``fx``."""
+        return "aspect" in self.fixed and "fx" in self.parameters
 
     def to_json(self) -> str:
         """Return the result as JSON text that `from_json` reads back exactly."""

@@ -67,7 +67,7 @@ pub fn invertible_radius([k1, k2, k3]: [f64; 3], [p1, p2]: [f64; 2]) -> f64 {
 ///
 /// Between neighbouring sign changes of its derivative it is monotonic, so that bisection finds
 /// the only one there may be.
-fn sign_changes(polynomial: &[f64], limit: f64) -> Vec<f64> {
+pub(crate) fn sign_changes(polynomial: &[f64], limit: f64) -> Vec<f64> {
     if polynomial.len() < 2 {
         return Vec::new();
     }

@@ -126,9 +126,7 @@ impl Brown {
     /// The ideal point minimises the convex function whose gradient is the distortion less the
     /// observed point, so that shortened steps always lead there.
     fn undistort_in_plane(&self, distorted: &Vector2<f64>) -> Option<Vector2<f64>> {
-        let mut ideal = self
-            .undistort_radially(distorted)
-            .unwrap_or_else(|| *distorted);
+        let mut ideal = self.undistort_radially(distorted).unwrap_or(*distorted);
         // From the rim inward where the radial part alone leads out of the disc.
         let rim = RIM * self.valid_radius;
         // Written so that NaN ends here, too.
