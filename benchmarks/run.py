@@ -15,6 +15,7 @@ BENCHMARKS = (
     "exactness",
     "edge_bound",
     "projection",
+    "model_choice",
     "pixel_bound",
     "photo_like",
     "against_zhang",

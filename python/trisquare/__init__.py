@@ -19,6 +19,7 @@ from trisquare.errors import (
     NotEnoughPlanesError,
     TrisquareError,
 )
+from trisquare.model_alternative import ModelAlternative
 from trisquare.projection import ProjectionMap
 from trisquare.result import Calibration, Plane
 from trisquare.steps import (
@@ -36,6 +37,7 @@ __all__ = [
     "DegenerateGeometryError",
     "DetectionError",
     "ImageError",
+    "ModelAlternative",
     "NotEnoughDataError",
     "NotEnoughPlanesError",
     "Plane",

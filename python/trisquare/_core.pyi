@@ -68,6 +68,8 @@ class CalibrationMembers(TypedDict):
     iterations: int
     warnings: list[str]
     stage: str
+    model: str
+    alternatives: list[tuple[str, float, float]]
 
 def calibrate(
     figures: Sequence[PlaneEdges],

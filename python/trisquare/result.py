@@ -23,6 +23,11 @@ from trisquare.checked import (
     strings,
 )
 from trisquare.json_fields import JsonFields, dump_members
+from trisquare.model_alternative import (
+    ModelAlternative,
+    alternative_from_members,
+    alternative_members,
+)
 from trisquare.projection import (
     ProjectionMap,
     projection_covariance,
@@ -121,6 +126,8 @@ class Calibration(RebuiltByConstructor):
         The stage of the pipeline that the numbers come from.
     software : str
         Version of trisquare that computed it.
+    alternatives : sequence of ModelAlternative
+        The models that ``model="auto"`` rejected, the simplest first; empty unless it chose.
     """
 
     camera: Camera
@@ -136,6 +143,7 @@ class Calibration(RebuiltByConstructor):
     fixed: tuple[str, ...]
     stage: str
     software: str = __version__
+    alternatives: tuple[ModelAlternative, ...] = ()
 
     def __post_init__(self) -> None:
         if not isinstance(self.camera, Camera):
@@ -165,6 +173,10 @@ class Calibration(RebuiltByConstructor):
         object.__setattr__(self, "warnings", strings(self.warnings, "warnings"))
         object.__setattr__(self, "tone", tone)
         object.__setattr__(self, "fixed", strings(self.fixed, "fixed"))
+        alternatives = tuple(self.alternatives)
+        if not all(isinstance(other, ModelAlternative) for other in alternatives):
+            raise TypeError("alternatives must all be of the class ModelAlternative")
+        object.__setattr__(self, "alternatives", alternatives)
         for name in ("method", "stage", "software"):
             string(getattr(self, name), name)
 
@@ -273,6 +285,7 @@ class Calibration(RebuiltByConstructor):
                 "noise_scale": self.noise_scale,
                 "planes": [_plane_members(plane) for plane in self.planes],
                 "warnings": list(self.warnings),
+                **_alternatives_member(self.alternatives),
             }
         )
 
@@ -303,7 +316,19 @@ class Calibration(RebuiltByConstructor):
             fixed=members.texts("fixed"),
             stage=members.text("stage"),
             software=members.text("software"),
+            alternatives=tuple(
+                alternative_from_members(other)
+                for other in (
+                    members.objects("alternatives") if members.has("alternatives") else ()
+                )
+            ),
         )
+
+
+def _alternatives_member(alternatives: tuple[ModelAlternative, ...]) -> dict[str, Any]:
+    """Return the ``alternatives`` member, which is there only where models were compared."""
+    members = [alternative_members(other) for other in alternatives]
+    return {"alternatives": members} if members else {}
 
 
 def decimals_shown(std: float) -> int:

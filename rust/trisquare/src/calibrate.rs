@@ -45,6 +45,26 @@ pub fn calibrate_photographs(
     options: &Options,
     photographs: Option<&Photographs<'_>>,
 ) -> Result<Calibration, Error> {
+    run(edges, size, options, photographs, true)
+}
+
+/// As [`calibrate`], without a judgement of the geometry: to compare models, of which the chosen
+/// one is judged.
+pub(crate) fn calibrate_unjudged(
+    edges: &[PlaneEdges],
+    size: ImageSize,
+    options: &Options,
+) -> Result<Calibration, Error> {
+    run(edges, size, options, None, false)
+}
+
+fn run(
+    edges: &[PlaneEdges],
+    size: ImageSize,
+    options: &Options,
+    photographs: Option<&Photographs<'_>>,
+    judging: bool,
+) -> Result<Calibration, Error> {
     size.check()?;
     options.check()?;
     let planes = sort_by_plane(edges)?;
@@ -68,6 +88,7 @@ pub fn calibrate_photographs(
         options,
         undistortion: &undistortion,
         homographies: &homographies,
+        judging,
     };
     match options.method {
         Method::Linear => stages.result(&stages.linear()?, Stage::Linear),
@@ -110,6 +131,8 @@ struct Stages<'a> {
     options: &'a Options,
     undistortion: &'a Undistortion,
     homographies: &'a Homographies,
+    /// Whether geometry that cannot answer is refused.
+    judging: bool,
 }
 
 impl Stages<'_> {
@@ -224,7 +247,9 @@ impl Stages<'_> {
 
     /// Judges the geometry, and only then gives numbers.
     fn result(&self, refined: &Refined<Brown>, stage: Stage) -> Result<Calibration, Error> {
-        self.judge(refined)?;
+        if self.judging {
+            self.judge(refined)?;
+        }
         Calibration::assemble(self.planes, self.free, self.size, refined, stage).ok_or(
             Error::NotConverged {
                 stage: "the covariance",
