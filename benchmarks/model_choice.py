@@ -15,7 +15,7 @@ from trisquare import simulate
 from trisquare.camera import MODELS
 from trisquare.scene import Scene, TrueCamera
 
-SCENES = 60
+SCENES = 100
 SEED = 11
 NOISE_RANGE = (0.05, 0.5)  # pixels
 SPACING = 4.0
