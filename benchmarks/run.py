@@ -14,6 +14,8 @@ import time
 BENCHMARKS = (
     "exactness",
     "edge_bound",
+    "projection",
+    "model_choice",
     "pixel_bound",
     "photo_like",
     "refusals",

@@ -20,6 +20,8 @@ from trisquare.errors import (
     TrisquareError,
 )
 from trisquare.predict import PlannedSquare, Prediction, predict
+from trisquare.model_alternative import ModelAlternative
+from trisquare.projection import ProjectionMap
 from trisquare.result import Calibration, Plane
 from trisquare.steps import (
     Straightening,
@@ -36,12 +38,14 @@ __all__ = [
     "DegenerateGeometryError",
     "DetectionError",
     "ImageError",
+    "ModelAlternative",
     "NotEnoughDataError",
     "NotEnoughPlanesError",
     "Plane",
     "PlaneEdges",
     "PlannedSquare",
     "Prediction",
+    "ProjectionMap",
     "Straightening",
     "TrisquareError",
     "__version__",

@@ -6,6 +6,7 @@ from typing import Any, Final, TypedDict, final, type_check_only
 import numpy as np
 from numpy.typing import NDArray
 
+from trisquare.camera import CoreCamera
 from trisquare.edges import PlaneEdges
 
 __all__ = [
@@ -13,14 +14,21 @@ __all__ = [
     "__version__",
     "calibrate",
     "camera_matrix_from_homographies",
+    "can_unproject",
+    "distort_pixels",
     "fit_distortion",
     "homography_from_lines",
+    "invertible_radius",
     "localise",
-    "monotonic_radius",
     "pose_from_homography",
     "predict",
+    "project_points",
+    "projection_covariance",
     "square_lines",
     "straighten",
+    "undistort_pixels",
+    "unproject_pixels",
+    "valid_pixel_radius",
 ]
 
 __version__: Final[str]
@@ -61,6 +69,8 @@ class CalibrationMembers(TypedDict):
     iterations: int
     warnings: list[str]
     stage: str
+    model: str
+    alternatives: list[tuple[str, float, float]]
 
 def calibrate(
     figures: Sequence[PlaneEdges],
@@ -120,4 +130,17 @@ def camera_matrix_from_homographies(
 def pose_from_homography(
     camera_matrix: NDArray[np.float64], homography: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
-def monotonic_radius(k1: float, k2: float, k3: float) -> float: ...
+def invertible_radius(k1: float, k2: float, p1: float, p2: float, k3: float) -> float: ...
+def valid_pixel_radius(camera: CoreCamera) -> float: ...
+def project_points(camera: CoreCamera, points: NDArray[np.float64]) -> NDArray[np.float64]: ...
+def unproject_pixels(camera: CoreCamera, pixels: NDArray[np.float64]) -> NDArray[np.float64]: ...
+def distort_pixels(camera: CoreCamera, ideal: NDArray[np.float64]) -> NDArray[np.float64]: ...
+def undistort_pixels(camera: CoreCamera, observed: NDArray[np.float64]) -> NDArray[np.float64]: ...
+def can_unproject(camera: CoreCamera, pixels: NDArray[np.float64]) -> list[bool]: ...
+def projection_covariance(
+    camera: CoreCamera,
+    parameters: Sequence[str],
+    aspect_fixed: bool,
+    covariance: NDArray[np.float64],
+    pixels: NDArray[np.float64],
+) -> NDArray[np.float64]: ...

@@ -13,6 +13,7 @@ from trisquare.checked import size_of_image
 from trisquare.detect import Targets, nothing_found
 from trisquare.edges import PlaneEdges
 from trisquare.errors import DetectionError
+from trisquare.model_alternative import ModelAlternative
 from trisquare.pictures import (
     ImageSource,
     Tone,
@@ -23,6 +24,8 @@ from trisquare.pictures import (
 )
 from trisquare.result import Calibration, Plane
 
+# The model that stands for the choice among all of them by evidence.
+AUTO = "auto"
 METHODS = ("ml", "linear")
 FIXABLE = ("aspect", "principal_point", "focal", "distortion")
 
@@ -49,8 +52,11 @@ def calibrate(
         Joint maximum likelihood, or the three linear steps of Zhou et al. (2013) alone, whose
         stated standard deviations are those that maximum likelihood would have with residuals of
         that size: they leave out what the steps themselves lose.
-    model : {"none", "radial1", "radial2", "radial3", "brown"}
-        The distortion coefficients that are estimated.
+    model : {"none", "radial1", "radial2", "radial3", "brown", "auto"}
+        The distortion coefficients that are estimated. ``"auto"`` takes the model with the largest
+        evidence, by the density ratio of Dickey (1971) from the richest fit; the rejected ones are
+        in ``alternatives``, and what they would say stays, by their probabilities, in the
+        covariance. It needs ``method="ml"`` and a free distortion.
     fix : names among "aspect", "principal_point", "focal", "distortion"
         Held at the values of `initial`, or else at aspect 1, the image centre, and zero.
     initial : Camera, optional
@@ -180,7 +186,10 @@ class _Settings:
     def check(
         cls, method: str, model: str, fix: str | Iterable[str], initial: Camera | None
     ) -> _Settings:
-        for name, value, known in (("method", method, METHODS), ("model", model, MODELS)):
+        for name, value, known in (
+            ("method", method, METHODS),
+            ("model", model, (*MODELS, AUTO)),
+        ):
             if not isinstance(value, str):
                 raise TypeError(f"{name} must be a string, not {type(value).__name__}")
             if value not in known:
@@ -193,6 +202,11 @@ class _Settings:
             raise TypeError(f"initial must be a Camera, not {type(initial).__name__}")
         if "focal" in names and initial is None:
             raise ValueError("fixing the focal length needs an initial camera to hold it at")
+        if model == AUTO and (method == "linear" or "distortion" in names):
+            raise ValueError(
+                'model="auto" compares maximum-likelihood fits with the distortion free: name a '
+                "model for the linear method or a fixed distortion"
+            )
         return cls(method, model, tuple(name for name in FIXABLE if name in names), initial)
 
 
@@ -228,7 +242,7 @@ def _solve(
         found["camera_matrix"],
         found["distortion"],
         image_size,
-        settings.model,
+        found["model"],
         valid_radius=found["valid_radius"],
     )
     planes = tuple(
@@ -256,4 +270,5 @@ def _solve(
         tone=tone,
         fixed=settings.fixed,
         stage=found["stage"],
+        alternatives=tuple(ModelAlternative(*other) for other in found["alternatives"]),
     )

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
-from trisquare._core import monotonic_radius
+from trisquare import _core
 from trisquare.checked import (
     FloatArray,
     RebuiltByConstructor,
@@ -17,6 +19,10 @@ from trisquare.checked import (
     size_of_image,
 )
 from trisquare.json_fields import JsonFields
+
+# A camera for the compiled core: fx, fy, cx, cy, k1, k2, k3, p1, p2, and the ideal radius up to
+# which they are trusted.
+CoreCamera: TypeAlias = "tuple[Sequence[float], float]"
 
 MODELS = ("none", "radial1", "radial2", "radial3", "brown")
 
@@ -37,8 +43,9 @@ class Camera(RebuiltByConstructor):
     model : {"none", "radial1", "radial2", "radial3", "brown"}
         Which of the coefficients may differ from zero.
     valid_radius : float, optional
-        The ideal normalised radius up to which the radial distortion is monotonic, hence
-        invertible; None if it is so everywhere. Computed unless given.
+        The ideal normalised radius (tangent of the angle from the axis) up to which the
+        distortion is monotonic, hence invertible; None if it is so everywhere. Computed unless
+        given. Beyond it, or beyond a smaller one that was given, every map raises ValueError.
 
     Raises
     ------
@@ -61,8 +68,7 @@ class Camera(RebuiltByConstructor):
         if self.model not in MODELS:
             raise ValueError(f"model must be one of {MODELS}, not {self.model!r}")
         if self.valid_radius is None:
-            k1, k2, _, _, k3 = distortion.tolist()
-            radius = monotonic_radius(k1, k2, k3)
+            radius = _core.invertible_radius(*distortion.tolist())
         elif self.valid_radius == math.inf:
             radius = math.inf
         else:
@@ -94,6 +100,104 @@ class Camera(RebuiltByConstructor):
         """Principal point's y, in pixels."""
         return float(self.K[1, 2])
 
+    @property
+    def valid_radius_px(self) -> float | None:
+        """Distance from the principal point within which every pixel can be undistorted.
+
+        In pixels of the photograph; None if there is no limit.
+        """
+        radius = _core.valid_pixel_radius(camera_for_core(self))
+        return None if radius == math.inf else radius
+
+    def project(self, points: npt.ArrayLike) -> FloatArray:
+        """Return where points of the camera's frame are seen.
+
+        Parameters
+        ----------
+        points : array_like, shape (N, 3)
+            ``(X, Y, Z)``, Z ahead of the camera, in any unit.
+
+        Returns
+        -------
+        ndarray, shape (N, 2)
+            Pixels; they may lie outside the picture.
+
+        Raises
+        ------
+        ValueError
+            If a point lies behind the camera or beyond the valid radius; the message says how
+            many do, and the first one's index.
+        """
+        return _core.project_points(camera_for_core(self), real_array(points, "points", (None, 3)))
+
+    def unproject(self, pixels: npt.ArrayLike) -> FloatArray:
+        """Return the unit rays, in the camera's frame, along which pixels look.
+
+        Parameters
+        ----------
+        pixels : array_like, shape (N, 2)
+            In the photograph.
+
+        Returns
+        -------
+        ndarray, shape (N, 3)
+
+        Raises
+        ------
+        ValueError
+            If a pixel lies beyond the valid radius; the message says how many do, and the first
+            one's index.
+        """
+        return _core.unproject_pixels(
+            camera_for_core(self), real_array(pixels, "pixels", (None, 2))
+        )
+
+    def distort_points(self, ideal: npt.ArrayLike) -> FloatArray:
+        """Return where the lens moves the pixels of a pinhole with the same K.
+
+        Parameters
+        ----------
+        ideal : array_like, shape (N, 2)
+            Pixels that a pinhole would have seen.
+
+        Returns
+        -------
+        ndarray, shape (N, 2)
+            Pixels of the photograph.
+
+        Raises
+        ------
+        ValueError
+            If a point lies beyond the valid radius; the message says how many do, and the first
+            one's index.
+        """
+        return _core.distort_pixels(camera_for_core(self), real_array(ideal, "ideal", (None, 2)))
+
+    def undistort_points(self, observed: npt.ArrayLike) -> FloatArray:
+        """Return where a pinhole with the same K would have seen what pixels show.
+
+        The inverse of `distort_points`, to rounding.
+
+        Parameters
+        ----------
+        observed : array_like, shape (N, 2)
+            Pixels of the photograph.
+
+        Returns
+        -------
+        ndarray, shape (N, 2)
+            Ideal pixels.
+
+        Raises
+        ------
+        ValueError
+            If a pixel lies beyond the valid radius; the message says how many do, and the first
+            one's index.
+        """
+        return _core.undistort_pixels(
+            camera_for_core(self), real_array(observed, "observed", (None, 2))
+        )
+
     def __repr__(self) -> str:
         k1, k2, p1, p2, k3 = self.distortion.tolist()
         width, height = self.image_size
@@ -118,6 +222,12 @@ def camera_parameters(camera: Camera) -> dict[str, float]:
         "p1": p1,
         "p2": p2,
     }
+
+
+def camera_for_core(camera: Camera) -> CoreCamera:
+    """Return what the compiled core takes for a camera."""
+    radius = math.inf if camera.valid_radius is None else camera.valid_radius
+    return list(camera_parameters(camera).values()), radius
 
 
 def camera_members(camera: Camera) -> dict[str, Any]:

@@ -132,7 +132,10 @@ def calibrate_command(
     ] = None,
     model: Annotated[
         str,
-        typer.Option(metavar="MODEL", help="Distortion: none, radial1, radial2, radial3 or brown."),
+        typer.Option(
+            metavar="MODEL",
+            help="Distortion: none, radial1, radial2, radial3, brown, or auto: by evidence.",
+        ),
     ] = "radial2",
     method: Annotated[
         str,

@@ -50,6 +50,10 @@ class JsonFields:
             raise ValueError(f'"{self._key(key)}" is missing')
         return self._members[key]
 
+    def has(self, key: str) -> bool:
+        """Whether the member is there, for those that older files lack."""
+        return key in self._members
+
     def text(self, key: str) -> str:
         """Return a string."""
         value = self.value(key)

@@ -15,9 +15,6 @@ from trisquare.result import Calibration, Plane
 
 # Chords of this length stay within 1e-3 px of a curve of radius 125 px; no lens bends so much.
 CHORD_PX = 1.0
-# `distorted - distort(x)` contracts at least by 0.6 per step for any lens that a picture is
-# sensibly calibrated with, so that this many steps exhaust float64.
-UNDISTORT_STEPS = 60
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,25 +111,9 @@ def _plane_around(planes: Sequence[Plane], figure: PlaneEdges) -> Plane | None:
 
 def _onto_plane(points: FloatArray, camera: Camera, plane: Plane) -> FloatArray:
     """Intersect the rays of pixels with the plane, shape (N, 2) in its own coordinates."""
-    focal = np.array([camera.fx, camera.fy])
-    observed = (points - [camera.cx, camera.cy]) / focal
-    ideal = observed.copy()
-    for _ in range(UNDISTORT_STEPS):
-        ideal += observed - _distort(ideal, camera)
     homography = np.column_stack([plane.rotation[:, :2], plane.translation])
-    on_plane = np.linalg.solve(homography, np.column_stack([ideal, np.ones(len(ideal))]).T).T
+    on_plane = np.linalg.solve(homography, camera.unproject(points).T).T
     return np.asarray(on_plane[:, :2] / on_plane[:, 2:], dtype=np.float64)
-
-
-def _distort(ideal: FloatArray, camera: Camera) -> FloatArray:
-    projected = cv2.projectPoints(
-        np.column_stack([ideal, np.ones(len(ideal))]),
-        np.zeros(3),
-        np.zeros(3),
-        np.eye(3),
-        np.array(camera.distortion),
-    )[0]
-    return np.asarray(projected, dtype=np.float64).reshape(-1, 2)
 
 
 def _placed_lines(lines: FloatArray, on_plane: Sequence[FloatArray]) -> FloatArray:

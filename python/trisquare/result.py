@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from trisquare._core import __version__
 from trisquare.camera import Camera, camera_from_members, camera_members, camera_parameters
@@ -23,6 +24,17 @@ from trisquare.checked import (
 )
 from trisquare.diagnosis import Diagnosis, diagnose
 from trisquare.json_fields import JsonFields, dump_members
+from trisquare.model_alternative import (
+    ModelAlternative,
+    alternative_from_members,
+    alternative_members,
+)
+from trisquare.projection import (
+    ProjectionMap,
+    projection_covariance,
+    projection_map,
+    rms_displacement,
+)
 
 __all__ = ["Calibration", "Camera", "Plane"]
 
@@ -115,6 +127,8 @@ class Calibration(RebuiltByConstructor):
         The stage of the pipeline that the numbers come from.
     software : str
         Version of trisquare that computed it.
+    alternatives : sequence of ModelAlternative
+        The models that ``model="auto"`` rejected, the simplest first; empty unless it chose.
     """
 
     camera: Camera
@@ -130,6 +144,7 @@ class Calibration(RebuiltByConstructor):
     fixed: tuple[str, ...]
     stage: str
     software: str = __version__
+    alternatives: tuple[ModelAlternative, ...] = ()
 
     def __post_init__(self) -> None:
         if not isinstance(self.camera, Camera):
@@ -159,6 +174,10 @@ class Calibration(RebuiltByConstructor):
         object.__setattr__(self, "warnings", strings(self.warnings, "warnings"))
         object.__setattr__(self, "tone", tone)
         object.__setattr__(self, "fixed", strings(self.fixed, "fixed"))
+        alternatives = tuple(self.alternatives)
+        if not all(isinstance(other, ModelAlternative) for other in alternatives):
+            raise TypeError("alternatives must all be of the class ModelAlternative")
+        object.__setattr__(self, "alternatives", alternatives)
         for name in ("method", "stage", "software"):
             string(getattr(self, name), name)
 
@@ -185,6 +204,74 @@ class Calibration(RebuiltByConstructor):
         """Of each free parameter, what limits it and what would help; computed when asked for."""
         return diagnose(self)
 
+    def projection_covariance(self, points: npt.ArrayLike) -> FloatArray:
+        """Return the covariances of where the directions seen at pixels are projected.
+
+        The uncertainty that counts for whoever uses the camera: a viewing direction, fixed in the
+        camera's frame, is projected by a camera that is known so well; the parameters' own
+        uncertainties may cancel or add up.
+
+        Parameters
+        ----------
+        points : array_like, shape (N, 2)
+            Pixels, within the valid radius; they may lie outside the picture.
+
+        Returns
+        -------
+        ndarray, shape (N, 2, 2)
+            Square pixels.
+
+        Raises
+        ------
+        ValueError
+            If a point lies beyond the valid radius.
+        """
+        return projection_covariance(
+            self.camera, self.parameters, self._aspect_fixed, self.covariance, points
+        )
+
+    def projection_std(self, points: npt.ArrayLike) -> FloatArray:
+        """Return how far the projections of the directions seen at pixels may be off.
+
+        Parameters
+        ----------
+        points : array_like, shape (N, 2)
+            As in `projection_covariance`.
+
+        Returns
+        -------
+        ndarray, shape (N,)
+            The rms displacement, pixels: the square root of the covariance's trace.
+
+        Raises
+        ------
+        ValueError
+            If a point lies beyond the valid radius.
+        """
+        return rms_displacement(self.projection_covariance(points))
+
+    def projection_map(self, step: float | None = None) -> ProjectionMap:
+        """Return `projection_std` on a grid over the picture, border to border.
+
+        Parameters
+        ----------
+        step : float, optional
+            The grid's lines are at most so many pixels apart; by default a 32nd of the width.
+
+        Returns
+        -------
+        ProjectionMap
+            ``x``, ``y`` and ``std[row, column]``, infinite beyond the valid radius.
+        """
+        return projection_map(
+            self.camera, self.parameters, self._aspect_fixed, self.covariance, step
+        )
+
+    @property
+    def _aspect_fixed(self) -> bool:
+        """Whether ``fy`` follows ``fx``."""
+        return "aspect" in self.fixed and "fx" in self.parameters
+
     def to_json(self) -> str:
         """Return the result as JSON text that `from_json` reads back exactly."""
         return dump_members(
@@ -204,6 +291,7 @@ class Calibration(RebuiltByConstructor):
                 "noise_scale": self.noise_scale,
                 "planes": [_plane_members(plane) for plane in self.planes],
                 "warnings": list(self.warnings),
+                **_alternatives_member(self.alternatives),
             }
         )
 
@@ -234,7 +322,19 @@ class Calibration(RebuiltByConstructor):
             fixed=members.texts("fixed"),
             stage=members.text("stage"),
             software=members.text("software"),
+            alternatives=tuple(
+                alternative_from_members(other)
+                for other in (
+                    members.objects("alternatives") if members.has("alternatives") else ()
+                )
+            ),
         )
+
+
+def _alternatives_member(alternatives: tuple[ModelAlternative, ...]) -> dict[str, Any]:
+    """Return the ``alternatives`` member, which is there only where models were compared."""
+    members = [alternative_members(other) for other in alternatives]
+    return {"alternatives": members} if members else {}
 
 
 def decimals_shown(std: float) -> int:

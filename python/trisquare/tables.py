@@ -83,9 +83,13 @@ def _plane_table(calibration: Calibration) -> Table:
 
 def _summary(calibration: Calibration) -> Text:
     width, height = calibration.camera.image_size
+    rejected = ", ".join(
+        f"{other.model} {other.log_evidence:.1f}" for other in calibration.alternatives
+    )
+    evidence = f" (by evidence; log odds of the others: {rejected})" if rejected else ""
     return Text(
-        f"{width} x {height}, model {calibration.camera.model}, method {calibration.method} "
-        f"({calibration.stage}): rms {calibration.rms:.4f} px, "
+        f"{width} x {height}, model {calibration.camera.model}{evidence}, "
+        f"method {calibration.method} ({calibration.stage}): rms {calibration.rms:.4f} px, "
         f"noise scale {calibration.noise_scale:.2f}"
     )
 

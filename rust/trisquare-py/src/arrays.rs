@@ -1,7 +1,9 @@
 //! Between numpy arrays and nalgebra, always by copy.
 
-use nalgebra::{DMatrix, Matrix3, Vector2};
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
+use nalgebra::{DMatrix, Matrix2, Matrix3, Vector2, Vector3};
+use numpy::{
+    PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods,
+};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use trisquare::Line;
@@ -17,6 +19,23 @@ pub fn points(array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<Vector2<f64>>> 
         .into_iter()
         .map(|r| Vector2::new(r[0], r[1]))
         .collect())
+}
+
+/// Points of an `(N, 3)` array.
+pub fn space_points(array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<Vector3<f64>>> {
+    columns(array, 3)?;
+    let view = array.as_array();
+    Ok(view
+        .rows()
+        .into_iter()
+        .map(|r| Vector3::new(r[0], r[1], r[2]))
+        .collect())
+}
+
+/// A matrix of any shape.
+pub fn matrix(array: &PyReadonlyArray2<'_, f64>) -> DMatrix<f64> {
+    let view = array.as_array();
+    DMatrix::from_fn(view.nrows(), view.ncols(), |i, j| view[[i, j]])
 }
 
 /// Lines of an `(L, 3)` array.
@@ -55,6 +74,35 @@ fn shape_error(expected: &str, found: &[usize]) -> PyErr {
 pub fn from_points<'py>(py: Python<'py>, points: &[Vector2<f64>]) -> Bound<'py, PyArray2<f64>> {
     let rows = points.len();
     from_rows(py, rows, 2, points.iter().flat_map(|p| [p.x, p.y]))
+}
+
+/// An `(N, 3)` array of points.
+pub fn from_space_points<'py>(
+    py: Python<'py>,
+    points: &[Vector3<f64>],
+) -> Bound<'py, PyArray2<f64>> {
+    let values = points.iter().flat_map(|p| [p.x, p.y, p.z]);
+    from_rows(py, points.len(), 3, values)
+}
+
+/// An `(N, 2, 2)` array of matrices.
+pub fn from_matrices2<'py>(
+    py: Python<'py>,
+    matrices: &[Matrix2<f64>],
+) -> Bound<'py, PyArray3<f64>> {
+    let array = PyArray3::zeros(py, [matrices.len(), 2, 2], false);
+    {
+        let mut filled = array.readwrite();
+        for (i, matrix) in matrices.iter().enumerate() {
+            for ((row, column), value) in [(0, 0), (0, 1), (1, 0), (1, 1)]
+                .into_iter()
+                .map(|place| (place, matrix[place]))
+            {
+                filled.as_array_mut()[[i, row, column]] = value;
+            }
+        }
+    }
+    array
 }
 
 /// An `(L, 3)` array of lines.

@@ -4,8 +4,8 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use trisquare::{
-    Brown, Calibration, Fixed, ImageSize, Lens, Method, Model, Options, Photographs, PlaneEdges,
-    Stage,
+    Brown, Calibration, Fixed, ImageSize, Lens, Method, Model, ModelChoice, Options, Photographs,
+    PlaneEdges, Stage,
 };
 
 use crate::arrays;
@@ -33,9 +33,14 @@ pub fn calibrate<'py>(
         width: image_size.0,
         height: image_size.1,
     };
+    let by_evidence = model == AUTO;
     let options = Options {
         method: named(method, "method", &METHODS)?,
-        model: named(model, "model", &MODELS)?,
+        model: if by_evidence {
+            Model::default()
+        } else {
+            named(model, "model", &MODELS)?
+        },
         fixed: fixed_parameters(&fixed)?,
         initial: initial.map(Brown::new),
     };
@@ -44,15 +49,38 @@ pub fn calibrate<'py>(
         .as_ref()
         .map(|all| all.iter().map(|p| &p.picture).collect());
     let found = py
-        .detach(|| match &pictures {
-            None => trisquare::calibrate(&edges, size, &options),
-            Some(pictures) => {
-                let photographs = Photographs { pictures, tone };
-                trisquare::calibrate_photographs(&edges, size, &options, Some(&photographs))
+        .detach(|| {
+            let photographs = pictures
+                .as_ref()
+                .map(|pictures| Photographs { pictures, tone });
+            let photographs = photographs.as_ref();
+            if by_evidence {
+                return trisquare::calibrate_by_evidence(&edges, size, &options, photographs);
             }
+            Ok(ModelChoice {
+                model: options.model,
+                calibration: trisquare::calibrate_photographs(&edges, size, &options, photographs)?,
+                alternatives: Vec::new(),
+            })
         })
         .map_err(exception)?;
-    to_dict(py, &found)
+    let dict = to_dict(py, &found.calibration)?;
+    dict.set_item("model", model_name(found.model))?;
+    let alternatives: Vec<(&str, f64, f64)> = found
+        .alternatives
+        .iter()
+        .map(|other| (model_name(other.model), other.log_evidence, other.rms))
+        .collect();
+    dict.set_item("alternatives", alternatives)?;
+    Ok(dict)
+}
+
+/// The model that stands for the choice among all of them.
+const AUTO: &str = "auto";
+
+fn model_name(model: Model) -> &'static str {
+    let found = MODELS.iter().find(|(_, known)| *known == model);
+    found.map_or("", |(name, _)| name)
 }
 
 const METHODS: [(&str, Method); 2] = [

@@ -2,6 +2,7 @@
 
 mod arrays;
 mod calibration;
+mod camera;
 mod errors;
 mod figures;
 mod picture;
@@ -18,6 +19,11 @@ mod _core {
     #[pymodule_export]
     use crate::calibration::calibrate;
     #[pymodule_export]
+    use crate::camera::{
+        can_unproject, distort_pixels, invertible_radius, project_points, projection_covariance,
+        undistort_pixels, unproject_pixels, valid_pixel_radius,
+    };
+    #[pymodule_export]
     use crate::figures::square_lines;
     #[pymodule_export]
     use crate::picture::{Picture, localise};
@@ -25,7 +31,7 @@ mod _core {
     use crate::predict::predict;
     #[pymodule_export]
     use crate::steps::{
-        camera_matrix_from_homographies, fit_distortion, homography_from_lines, monotonic_radius,
+        camera_matrix_from_homographies, fit_distortion, homography_from_lines,
         pose_from_homography, straighten,
     };
 }

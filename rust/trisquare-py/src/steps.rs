@@ -115,10 +115,3 @@ pub fn pose_from_homography<'py>(
         arrays::from_slice(py, pose.translation.as_slice()),
     ))
 }
-
-/// The largest radius up to which `r (1 + k1 r^2 + k2 r^4 + k3 r^6)` increases.
-#[pyfunction]
-#[pyo3(signature = (k1, k2, k3))]
-pub fn monotonic_radius(k1: f64, k2: f64, k3: f64) -> f64 {
-    trisquare::radial::monotonic_radius([k1, k2, k3])
-}

@@ -1,5 +1,7 @@
 //! The Brown-Conrady lens: three radial and two tangential coefficients (OpenCV's first five).
 
+mod inverse;
+
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
 use crate::lens::{Columns, LineDistance, MAX_LENS_COLUMNS};
@@ -7,12 +9,6 @@ use crate::{Lens, radial};
 
 /// Names of the parameters in the order of the Jacobian's columns.
 const NAMES: [&str; 9] = ["fx", "fy", "cx", "cy", "k1", "k2", "k3", "p1", "p2"];
-
-/// Newton steps when a pixel is followed back; monotonic from the observed radius, seldom above 6.
-const MAX_NEWTON_STEPS: usize = 30;
-
-/// A Newton step below this (relative) leaves an error of its square, at rounding.
-const NEWTON_STEP_TOLERANCE: f64 = 1e-7;
 
 /// Pinhole camera with Brown-Conrady distortion.
 ///
@@ -24,7 +20,7 @@ const NEWTON_STEP_TOLERANCE: f64 = 1e-7;
 pub struct Brown {
     /// `fx, fy, cx, cy` (pixels), `k1, k2, k3, p1, p2`.
     parameters: [f64; 9],
-    /// Ideal radius up to which the radial part is monotonic.
+    /// Ideal radius up to which the distortion is trusted, and at most monotonic.
     valid_radius: f64,
     /// `1 / fx, 1 / fy`: every pixel asks for them.
     inverse_focal: Vector2<f64>,
@@ -50,11 +46,20 @@ impl BrownSight {
 impl Brown {
     /// From `fx, fy, cx, cy, k1, k2, k3, p1, p2`.
     pub fn new(parameters: [f64; 9]) -> Self {
-        let [fx, fy, _, _, k1, k2, k3, ..] = parameters;
+        let [fx, fy, _, _, k1, k2, k3, p1, p2] = parameters;
         Self {
             parameters,
-            valid_radius: radial::monotonic_radius([k1, k2, k3]),
+            valid_radius: radial::invertible_radius([k1, k2, k3], [p1, p2]),
             inverse_focal: Vector2::new(1.0 / fx, 1.0 / fy),
+        }
+    }
+
+    /// The same camera, trusted up to a smaller ideal radius; a larger one changes nothing.
+    #[must_use]
+    pub fn within(self, radius: f64) -> Self {
+        Self {
+            valid_radius: self.valid_radius.min(radius),
+            ..self
         }
     }
 
@@ -127,78 +132,6 @@ impl Brown {
             xy,
             factor + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x,
         )
-    }
-
-    /// Inverts the distortion; `None` beyond the valid radius.
-    fn undistort(&self, distorted: &Vector2<f64>) -> Option<Vector2<f64>> {
-        let [.., p1, p2] = self.parameters;
-        let ideal = if p1 == 0.0 && p2 == 0.0 {
-            self.undistort_radially(distorted)
-        } else {
-            self.undistort_in_plane(distorted)
-        };
-        ideal.filter(is_finite)
-    }
-
-    /// Newton's method on the ratio of ideal to observed radius.
-    ///
-    /// The inverse's power series starts it close. Where that fails, so does not the observed
-    /// radius, from which Newton cannot overshoot: where the distortion curve bends down its
-    /// tangents meet the goal too early, where it bends up the start lies beyond the goal.
-    fn undistort_radially(&self, distorted: &Vector2<f64>) -> Option<Vector2<f64>> {
-        let [_, _, _, _, k1, k2, ..] = self.parameters;
-        let square = distorted.norm_squared();
-        let series = 1.0 - square * (k1 - square * (3.0 * k1 * k1 - k2));
-        let ratio = self
-            .ideal_ratio(square, series)
-            .or_else(|| self.ideal_ratio(square, 1.0))?;
-        Some(distorted * ratio)
-    }
-
-    fn ideal_ratio(&self, observed_square: f64, start: f64) -> Option<f64> {
-        let limit = self.valid_radius * self.valid_radius;
-        let mut ratio = start;
-        for _ in 0..MAX_NEWTON_STEPS {
-            let square = ratio * ratio * observed_square;
-            // Written so that NaN ends here, too.
-            if !(square <= limit && ratio > 0.0) {
-                return None;
-            }
-            let factor = self.radial_factor(square);
-            let slope = factor + 2.0 * square * self.radial_slopes(square).0;
-            if slope <= 0.0 {
-                return None;
-            }
-            let step = (1.0 - ratio * factor) / slope;
-            ratio += step;
-            if step.abs() < NEWTON_STEP_TOLERANCE {
-                return (ratio * ratio * observed_square <= limit).then_some(ratio);
-            }
-        }
-        None
-    }
-
-    /// Newton's method on both coordinates.
-    fn undistort_in_plane(&self, distorted: &Vector2<f64>) -> Option<Vector2<f64>> {
-        let mut ideal = *distorted;
-        for _ in 0..MAX_NEWTON_STEPS {
-            // Written so that NaN ends here, too.
-            if !(ideal.norm() <= self.valid_radius) {
-                return None;
-            }
-            let jacobian = self.distortion_jacobian(&ideal, ideal.norm_squared());
-            let determinant = jacobian.determinant();
-            if determinant <= 0.0 {
-                return None;
-            }
-            let error = distorted - self.distort(&ideal);
-            let step = adjugate(&jacobian) * error / determinant;
-            ideal += step;
-            if step.norm_squared() < NEWTON_STEP_TOLERANCE * NEWTON_STEP_TOLERANCE {
-                return (ideal.norm() <= self.valid_radius).then_some(ideal);
-            }
-        }
-        None
     }
 }
 

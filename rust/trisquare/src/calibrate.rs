@@ -33,21 +33,45 @@ pub fn calibrate_photographs(
     options: &Options,
     photographs: Option<&Photographs<'_>>,
 ) -> Result<Calibration, Error> {
+    run(edges, size, options, photographs, true)
+}
+
+/// As [`calibrate`], without a judgement of the geometry: to compare models, of which the chosen
+/// one is judged.
+pub(crate) fn calibrate_unjudged(
+    edges: &[PlaneEdges],
+    size: ImageSize,
+    options: &Options,
+) -> Result<Calibration, Error> {
+    run(edges, size, options, None, false)
+}
+
+fn run(
+    edges: &[PlaneEdges],
+    size: ImageSize,
+    options: &Options,
+    photographs: Option<&Photographs<'_>>,
+    judging: bool,
+) -> Result<Calibration, Error> {
     size.check()?;
     options.check()?;
     let planes = sort_by_plane(edges)?;
     let task = Task::new(size, options);
     check_plane_count(planes.len(), &task.free)?;
 
-    if options.method == Method::Linear {
-        let solution = task.solve(&planes)?;
+    let (solution, outliers) = match options.method {
+        Method::Linear => (task.solve(&planes)?, Vec::new()),
+        Method::MaximumLikelihood => set_aside::agreeing(&task, &planes)?,
+    };
+    if judging {
         task.judge(&solution)?;
-        return Ok(Calibration::assemble(&task, &solution, Stage::Linear));
     }
-    let (solution, outliers) = set_aside::agreeing(&task, &planes)?;
-    task.judge(&solution)?;
-    let mut calibration = Calibration::assemble(&task, &solution, Stage::Edges);
-    if let Some(photographs) = photographs {
+    let stage = match options.method {
+        Method::Linear => Stage::Linear,
+        Method::MaximumLikelihood => Stage::Edges,
+    };
+    let mut calibration = Calibration::assemble(&task, &solution, stage);
+    if let (Stage::Edges, Some(photographs)) = (stage, photographs) {
         photometric::improve(edges, &task, &solution, photographs, &mut calibration);
     }
     calibration.warnings.splice(0..0, outliers);

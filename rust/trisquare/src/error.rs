@@ -17,6 +17,30 @@ pub enum Error {
         what: &'static str,
     },
 
+    /// Points that the lens model says nothing about.
+    #[error(
+        "{count} point(s), the first of index {first}, lie beyond the valid radius: the distortion \
+         is monotonic and invertible only up to an ideal radius of {radius:.6} (tangent of the \
+         angle from the axis)"
+    )]
+    BeyondValidRadius {
+        /// How many there are.
+        count: usize,
+        /// Index of the first one.
+        first: usize,
+        /// The ideal radius up to which the distortion is invertible.
+        radius: f64,
+    },
+
+    /// Points that no camera sees.
+    #[error("{count} point(s), the first of index {first}, lie behind the camera (z <= 0)")]
+    BehindCamera {
+        /// How many there are.
+        count: usize,
+        /// Index of the first one.
+        first: usize,
+    },
+
     /// The sides of a square do not follow each other round it.
     #[error(
         "the sides of the square are not in order round it: side {side} does not run between its \
@@ -149,9 +173,11 @@ impl Error {
     /// The family this error belongs to.
     pub fn kind(&self) -> ErrorKind {
         match self {
-            Error::InvalidArgument(_) | Error::NotFinite { .. } | Error::CrossedSides { .. } => {
-                ErrorKind::InvalidArgument
-            }
+            Error::InvalidArgument(_)
+            | Error::NotFinite { .. }
+            | Error::BeyondValidRadius { .. }
+            | Error::BehindCamera { .. }
+            | Error::CrossedSides { .. } => ErrorKind::InvalidArgument,
             Error::NotEnoughPlanes { .. } => ErrorKind::NotEnoughPlanes,
             Error::TooFewLines { .. }
             | Error::TooFewSamples { .. }

@@ -1,4 +1,4 @@
-//! Radial polynomials: where they are monotonic, and how one is turned into its inverse.
+//! Distortion polynomials: where they are monotonic, and how one is turned into its inverse.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -35,6 +35,60 @@ pub fn monotonic_radius([k1, k2, k3]: [f64; 3]) -> f64 {
         left = right;
     }
     f64::INFINITY
+}
+
+/// The largest radius up to which Brown's distortion is monotonic in the plane; may be infinite.
+///
+/// The distortion is the gradient of a function of the ideal point, and its Jacobian symmetric.
+/// Where that is positive definite all over a disc, `(d(u) - d(v)) . (u - v) > 0` for any two of its
+/// points: no two of them are seen in one place. In the direction of the point and across it the
+/// radial part has the eigenvalues `B = 1 + 3 k1 s + 5 k2 s^2 + 7 k3 s^3` and
+/// `A = 1 + k1 s + k2 s^2 + k3 s^3`; the tangential part, `s q + 2 u (q . u)` with `q = (p2, p1)`,
+/// adds eigenvalues between `-6 |q| r` and `6 |q| r`, the lowest along the point opposite to `q`.
+/// The radius ends where `A` or `B` is down to `6 |q| r`: exact for lenses that compress toward
+/// the rim (`B <= A`), on the safe side for the rest.
+pub fn invertible_radius([k1, k2, k3]: [f64; 3], [p1, p2]: [f64; 2]) -> f64 {
+    let radial = monotonic_radius([k1, k2, k3]);
+    let pull = -6.0 * p1.hypot(p2);
+    if pull == 0.0 {
+        return radial;
+    }
+    let limit = radial.min(LARGEST_SQUARED_RADIUS.sqrt());
+    [
+        [1.0, pull, 3.0 * k1, 0.0, 5.0 * k2, 0.0, 7.0 * k3],
+        [1.0, pull, k1, 0.0, k2, 0.0, k3],
+    ]
+    .iter()
+    .filter_map(|polynomial| sign_changes(polynomial, limit).first().copied())
+    .fold(radial, f64::min)
+}
+
+/// Where a polynomial (lowest power first) changes sign between 0 and `limit`, ascending.
+///
+/// Between neighbouring sign changes of its derivative it is monotonic, so that bisection finds
+/// the only one there may be.
+pub(crate) fn sign_changes(polynomial: &[f64], limit: f64) -> Vec<f64> {
+    if polynomial.len() < 2 {
+        return Vec::new();
+    }
+    let value = |r: f64| polynomial.iter().rev().fold(0.0, |sum, c| sum * r + c);
+    let derivative: Vec<f64> = polynomial[1..]
+        .iter()
+        .enumerate()
+        .map(|(power, c)| (power + 1) as f64 * c)
+        .collect();
+    let mut ends = sign_changes(&derivative, limit);
+    ends.push(limit);
+    let mut left = 0.0;
+    let mut changes = Vec::new();
+    for right in ends {
+        if (value(left) > 0.0) != (value(right) > 0.0) {
+            let sign = if value(left) > 0.0 { 1.0 } else { -1.0 };
+            changes.push(bisect(|r| sign * value(r), left, right));
+        }
+        left = right;
+    }
+    changes
 }
 
 /// Positive roots of `c0 + c1 s + c2 s^2`, ascending.
@@ -129,6 +183,44 @@ mod tests {
         }
         // Positive everywhere although k1 is negative: the dip does not reach zero.
         assert_eq!(monotonic_radius([-0.1, 0.2, 0.0]), f64::INFINITY);
+    }
+
+    /// The smaller eigenvalue of the Jacobian of Brown's distortion, by the formula of the potential.
+    fn smallest_eigenvalue(k: [f64; 3], p: [f64; 2], x: f64, y: f64) -> f64 {
+        let s = x * x + y * y;
+        let factor = 1.0 + s * (k[0] + s * (k[1] + s * k[2]));
+        let slope = 2.0 * (k[0] + s * (2.0 * k[1] + s * 3.0 * k[2]));
+        let xx = factor + slope * x * x + 2.0 * p[0] * y + 6.0 * p[1] * x;
+        let yy = factor + slope * y * y + 6.0 * p[0] * y + 2.0 * p[1] * x;
+        let xy = slope * x * y + 2.0 * (p[0] * x + p[1] * y);
+        0.5 * (xx + yy) - (0.25 * (xx - yy).powi(2) + xy * xy).sqrt()
+    }
+
+    #[test]
+    fn invertible_radius_is_where_the_jacobian_first_turns_singular() {
+        assert_eq!(invertible_radius([0.1, 0.0, 0.0], [0.0; 2]), f64::INFINITY);
+        for (k, p, exact) in [
+            ([-0.3, 0.0, 0.0], [0.002, -0.001], true),
+            ([-0.3, 0.1, -0.02], [0.0, 0.05], true),
+            ([0.0, 0.0, 0.0], [0.01, 0.0], true),
+            ([-0.1, 0.2, 0.0], [0.0, 0.3], false),
+            ([0.3, 0.1, 0.0], [-0.3, 0.2], false),
+        ] {
+            let radius = invertible_radius(k, p);
+            assert!(radius < monotonic_radius(k), "{k:?} {p:?} {radius}");
+            let least = |r: f64| {
+                (0..720)
+                    .map(|i| f64::from(i).to_radians() / 2.0)
+                    .map(|t| smallest_eigenvalue(k, p, r * t.cos(), r * t.sin()))
+                    .fold(f64::INFINITY, f64::min)
+            };
+            for i in 0..200 {
+                assert!(least(radius * f64::from(i) / 200.0) > 0.0, "{k:?} {p:?}");
+            }
+            if exact {
+                assert!(least(radius * 1.01) < 0.0, "{k:?} {p:?} {radius}");
+            }
+        }
     }
 
     #[test]

@@ -10,6 +10,7 @@ use nalgebra::{DVector, Matrix2, Vector2};
 
 use crate::arrow::{ArrowStep, ArrowSystem};
 use crate::levenberg::{Limits, Minimum, Problem, minimise};
+use crate::radial::sign_changes;
 use crate::{Error, ImageSize, Line};
 
 /// Coefficients a straightening may have.
@@ -76,13 +77,28 @@ impl Straightening {
         (1.0 + square * factor, factor + square * slope)
     }
 
+    /// Whether a map that increases at a squared radius does so all the way there.
+    fn increases_up_to(&self, square: f64) -> bool {
+        let higher = self.coefficients.iter().skip(1);
+        // Then the slope, `1 + 3 a1 s + 5 a2 s^2 + ...`, is concave, and positive at both ends.
+        let concave = higher.clone().all(|a| *a <= 0.0);
+        if concave || self.coefficients.iter().all(|a| *a >= 0.0) {
+            return true;
+        }
+        let powers = self.coefficients.iter().zip(1..);
+        let slope: Vec<f64> = std::iter::once(1.0)
+            .chain(powers.map(|(a, power)| f64::from(2 * power + 1) * a))
+            .collect();
+        sign_changes(&slope, square).is_empty()
+    }
+
     /// The map around one pixel; `None` beyond the radius up to which it increases.
     fn bend(&self, pixel: &Vector2<f64>) -> Option<Bend> {
         let q = (pixel - self.centre) / self.radius;
         let square = q.norm_squared();
         let (factor, slope) = self.factor(square);
         let increasing = factor > 0.0 && factor + 2.0 * slope * square > 0.0;
-        increasing.then(|| Bend {
+        (increasing && self.increases_up_to(square)).then(|| Bend {
             q,
             square,
             factor,
@@ -344,6 +360,20 @@ mod tests {
             assert!((a - b).abs() < 1e-9, "{found:?}");
         }
         assert!(found.rms < 1e-9);
+    }
+
+    #[test]
+    fn nothing_comes_back_from_beyond_the_first_fold() {
+        // The slope 1 - 1.5 s + 0.5 s^2 vanishes at s = 1 and s = 2, and is positive again beyond.
+        let folded = Straightening {
+            coefficients: vec![-0.5, 0.1],
+            ..Straightening::identity(SIZE)
+        };
+        let at = |square: f64| folded.centre + Vector2::new(0.0, folded.radius * square.sqrt());
+        assert!(folded.undistort(&at(0.99)).is_some());
+        for square in [1.01, 1.9, 2.1, 5.0] {
+            assert!(folded.undistort(&at(square)).is_none(), "{square}");
+        }
     }
 
     #[test]

@@ -1,0 +1,135 @@
+//! A camera's maps, for arrays of points.
+
+use nalgebra::Vector2;
+use numpy::{PyArray2, PyArray3, PyReadonlyArray2};
+use pyo3::prelude::*;
+use trisquare::{Brown, Error, Lens, ProjectionUncertainty};
+
+use crate::arrays;
+use crate::errors::exception;
+
+/// The largest ideal radius up to which a distortion is monotonic and invertible.
+#[pyfunction]
+#[pyo3(signature = (k1, k2, p1, p2, k3))]
+pub fn invertible_radius(k1: f64, k2: f64, p1: f64, p2: f64, k3: f64) -> f64 {
+    trisquare::radial::invertible_radius([k1, k2, k3], [p1, p2])
+}
+
+/// A camera as Python hands it over: its nine parameters, and the radius it is trusted up to.
+#[derive(FromPyObject)]
+pub struct CameraMembers([f64; 9], f64);
+
+impl CameraMembers {
+    fn camera(&self) -> Brown {
+        Brown::new(self.0).within(self.1)
+    }
+}
+
+/// The distance from the principal point within which every pixel can be undistorted.
+#[pyfunction]
+#[pyo3(signature = (camera))]
+pub fn valid_pixel_radius(camera: CameraMembers) -> f64 {
+    camera.camera().valid_pixel_radius()
+}
+
+/// The pixels at which points of camera coordinates are seen.
+#[pyfunction]
+#[pyo3(signature = (camera, points))]
+pub fn project_points<'py>(
+    py: Python<'py>,
+    camera: CameraMembers,
+    points: PyReadonlyArray2<'py, f64>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let (camera, points) = (camera.camera(), arrays::space_points(&points)?);
+    let seen = py
+        .detach(|| camera.project_points(&points))
+        .map_err(exception)?;
+    Ok(arrays::from_points(py, &seen))
+}
+
+/// The unit rays along which pixels look.
+#[pyfunction]
+#[pyo3(signature = (camera, pixels))]
+pub fn unproject_pixels<'py>(
+    py: Python<'py>,
+    camera: CameraMembers,
+    pixels: PyReadonlyArray2<'py, f64>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let (camera, pixels) = (camera.camera(), arrays::points(&pixels)?);
+    let rays = py
+        .detach(|| camera.unproject_pixels(&pixels))
+        .map_err(exception)?;
+    Ok(arrays::from_space_points(py, &rays))
+}
+
+/// Where the lens moves the pixels of a pinhole.
+#[pyfunction]
+#[pyo3(signature = (camera, ideal))]
+pub fn distort_pixels<'py>(
+    py: Python<'py>,
+    camera: CameraMembers,
+    ideal: PyReadonlyArray2<'py, f64>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    mapped(py, &camera, &ideal, Brown::distort_pixels)
+}
+
+/// Where a pinhole would have seen what pixels show.
+#[pyfunction]
+#[pyo3(signature = (camera, observed))]
+pub fn undistort_pixels<'py>(
+    py: Python<'py>,
+    camera: CameraMembers,
+    observed: PyReadonlyArray2<'py, f64>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    mapped(py, &camera, &observed, Brown::undistort_pixels)
+}
+
+type PixelMap = fn(&Brown, &[Vector2<f64>]) -> Result<Vec<Vector2<f64>>, Error>;
+
+fn mapped<'py>(
+    py: Python<'py>,
+    camera: &CameraMembers,
+    pixels: &PyReadonlyArray2<'py, f64>,
+    map: PixelMap,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let (camera, pixels) = (camera.camera(), arrays::points(pixels)?);
+    let found = py.detach(|| map(&camera, &pixels)).map_err(exception)?;
+    Ok(arrays::from_points(py, &found))
+}
+
+/// Which of the pixels the lens model can follow back.
+#[pyfunction]
+#[pyo3(signature = (camera, pixels))]
+pub fn can_unproject(
+    py: Python<'_>,
+    camera: CameraMembers,
+    pixels: PyReadonlyArray2<'_, f64>,
+) -> PyResult<Vec<bool>> {
+    let (camera, pixels) = (camera.camera(), arrays::points(&pixels)?);
+    Ok(py.detach(|| pixels.iter().map(|p| camera.sight(p).is_some()).collect()))
+}
+
+/// Covariance, in pixels, of the projections of the directions seen at pixels.
+#[pyfunction]
+#[pyo3(signature = (camera, parameters, aspect_fixed, covariance, pixels))]
+pub fn projection_covariance<'py>(
+    py: Python<'py>,
+    camera: CameraMembers,
+    parameters: Vec<String>,
+    aspect_fixed: bool,
+    covariance: PyReadonlyArray2<'py, f64>,
+    pixels: PyReadonlyArray2<'py, f64>,
+) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    let camera = camera.camera();
+    let covariance = arrays::matrix(&covariance);
+    let pixels = arrays::points(&pixels)?;
+    let names: Vec<&str> = parameters.iter().map(String::as_str).collect();
+    let found = py
+        .detach(|| {
+            let uncertainty =
+                ProjectionUncertainty::new(&camera, &names, aspect_fixed, covariance)?;
+            uncertainty.at_pixels(&pixels)
+        })
+        .map_err(exception)?;
+    Ok(arrays::from_matrices2(py, &found))
+}

@@ -1,0 +1,82 @@
+"""The distortion model chosen by evidence: what is chosen, reported, kept and refused."""
+
+import json
+
+import numpy as np
+import pytest
+from scenes import IMAGE_SIZE, assert_within, edges_of, squares
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare.scene import TrueCamera
+
+# k1, k2, p1, p2, k3, each far beyond its standard deviation in the scenes below.
+LENSES = {
+    "none": [0, 0, 0, 0, 0],
+    "radial1": [-0.2, 0, 0, 0, 0],
+    "radial2": [-0.25, 0.2, 0, 0, 0],
+    "radial3": [-0.1, 0.5, 0, 0, -0.6],
+    "brown": [-0.15, 0, 0.004, -0.004, 0],
+}
+
+
+def scene_of(model, seed=5):
+    camera = TrueCamera(1000.0, 1003.0, 648.0, 473.0, LENSES[model], IMAGE_SIZE)
+    return squares(seed, camera=camera)
+
+
+@pytest.mark.parametrize("model", LENSES)
+def test_the_lens_is_recognised(model):
+    scene = scene_of(model)
+    result = ts.calibrate_edges(edges_of(scene, noise=0.03, seed=2), IMAGE_SIZE, model="auto")
+    assert result.camera.model == model
+    assert set(result.alternatives)
+    assert {a.model for a in result.alternatives} < set(LENSES)
+    assert model not in {a.model for a in result.alternatives}
+    assert all(a.log_evidence <= 0 < a.rms for a in result.alternatives)
+    assert_within(result, scene, 4)
+
+
+def test_the_rejected_models_survive_json_and_pickle():
+    result = ts.calibrate_edges(edges_of(scene_of("radial1"), 0.2), IMAGE_SIZE, model="auto")
+    again = ts.Calibration.from_json(result.to_json())
+    assert again.alternatives == result.alternatives != ()
+    members = json.loads(result.to_json())
+    assert set(members["alternatives"][0]) == {"model", "log_evidence", "rms_px"}
+    # As files were written before there was a choice.
+    del members["alternatives"]
+    assert ts.Calibration.from_json(json.dumps(members)).alternatives == ()
+    members["alternatives"] = [{"model": "radial1", "log_evidence": 1.0, "rms_px": 0.1}]
+    with pytest.raises(ValueError, match="log_evidence"):
+        ts.Calibration.from_json(json.dumps(members))
+
+
+def test_a_named_model_rejects_none():
+    assert ts.calibrate_edges(edges_of(scene_of("none"), 0.2), IMAGE_SIZE).alternatives == ()
+
+
+def test_doubt_about_the_model_widens_the_intervals():
+    edges = edges_of(scene_of("radial1"), noise=0.4)
+    auto = ts.calibrate_edges(edges, IMAGE_SIZE, model="auto")
+    plain = ts.calibrate_edges(edges, IMAGE_SIZE, model=auto.camera.model)
+    assert np.array_equal(auto.camera.K, plain.camera.K)
+    assert all(auto.std[name] > plain.std[name] for name in plain.std)
+
+
+def test_pixels_are_fitted_with_the_chosen_model():
+    scene = scene_of("radial1")
+    image = simulate.render(scene, np.random.default_rng(3), noise=2.0, blur=0.8, tone="srgb")
+    result = ts.calibrate(image, model="auto")
+    assert (result.camera.model, result.stage) == ("radial1", "pixels")
+    assert_within(result, scene, 4)
+
+
+@pytest.mark.parametrize("options", [{"method": "linear"}, {"fix": "distortion"}])
+def test_nothing_to_choose_is_an_error(options):
+    with pytest.raises(ValueError, match="auto"):
+        ts.calibrate_edges(edges_of(scene_of("none")), IMAGE_SIZE, model="auto", **options)
+
+
+def test_too_few_planes_are_told_as_ever():
+    with pytest.raises(ts.NotEnoughPlanesError):
+        ts.calibrate_edges(edges_of(scene_of("none"))[:1], IMAGE_SIZE, model="auto")
