@@ -13,6 +13,7 @@ mod exposure_fit;
 mod figure_sums;
 mod fit;
 mod scene;
+mod stretches;
 
 use crate::observations::ObservedPlane;
 use crate::parameters::FreeParameters;
@@ -24,6 +25,7 @@ use band::{PixelFigure, collect};
 use exposure::Exposure;
 use exposure_fit::fit_exposures;
 use fit::{PixelFit, PixelState, PixelSystem};
+use stretches::{HiddenPart, without_disturbed};
 
 /// The pictures that show the figures, and how they were coded.
 #[derive(Debug, Clone, Copy)]
@@ -87,7 +89,7 @@ fn attempt(
     photographs: &Photographs<'_>,
     calibration: &Calibration,
 ) -> Result<Calibration, Refusal> {
-    let figures = collect(edges, planes, &refined.view, photographs)?;
+    let mut figures = collect(edges, planes, &refined.view, photographs)?;
     let broken = || Refusal::Reason("the pixels near an outline do not show a blurred step");
     let curve = photographs.tone.curve();
     let thinned: Vec<PixelFigure> = figures.iter().map(|f| f.thinned(EXPOSURE_STRIDE)).collect();
@@ -104,9 +106,14 @@ fn attempt(
         .collect();
     let (exposures, scales) =
         fit_exposures(fit.clone(), &refined.view, guess.ok_or_else(broken)?).ok_or_else(broken)?;
+    let fit = PixelFit { scales, ..fit };
+    let disturbed = stretches::disturbed(&fit, &refined.view, &exposures).ok_or_else(broken)?;
+    let mut hidden = Vec::new();
+    for (figure, disturbed) in figures.iter_mut().zip(&disturbed) {
+        hidden.extend(without_disturbed(figure, disturbed));
+    }
     let fit = PixelFit {
         figures: &figures,
-        scales,
         ..fit
     };
     let mut state = PixelState {
@@ -144,8 +151,17 @@ fn attempt(
     };
     let size = calibration.image_size;
     let better = Calibration::assemble(planes, free, size, &fitted, Stage::Pixels);
-    let better = better.ok_or_else(broken)?;
+    let mut better = better.ok_or_else(broken)?;
     check_improvement(free, calibration, &better)?;
+    let partly_hidden = |part: HiddenPart| Warning::PartlyHidden {
+        plane: part.plane,
+        figure: part.figure,
+        side: part.side,
+        part: part.part,
+    };
+    better
+        .warnings
+        .extend(hidden.into_iter().map(partly_hidden));
     Ok(better)
 }
 

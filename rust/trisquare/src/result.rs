@@ -40,6 +40,22 @@ pub enum Warning {
         /// What spoke against it.
         reason: &'static str,
     },
+    /// Something lies over a part of one side, which is not used there.
+    #[error(
+        "plane {plane}: {:.0} % of side {side}{} is left out: something lies over it (a finger, \
+         glare, a stain, a torn edge?)",
+        100.0 * .part, if *.figure == 0 { "" } else { " of its other outline" }
+    )]
+    PartlyHidden {
+        /// Index of the plane.
+        plane: usize,
+        /// Which of the plane's outlines.
+        figure: usize,
+        /// Which of the outline's sides, in the order of its samples.
+        side: usize,
+        /// Part of the side's length that is left out.
+        part: f64,
+    },
 }
 
 /// A plane of the scene.

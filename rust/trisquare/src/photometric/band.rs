@@ -3,6 +3,7 @@
 use nalgebra::Vector2;
 
 use crate::observations::{ObservedPlane, Side};
+use crate::photometric::stretches::STRETCH_POINTS;
 use crate::photometric::{Photographs, Refusal};
 use crate::picture::GreyReader;
 use crate::view::{PlaneState, View};
@@ -44,6 +45,8 @@ pub(crate) struct BandPixel {
     pub near: u8,
     /// Distance to the outline as first seen, px, positive inside; good to half a pixel.
     pub depth: f64,
+    /// The stretch of the outline that it is nearest to.
+    pub stretch: u16,
 }
 
 /// A square outline with the pixels around it.
@@ -60,6 +63,8 @@ pub(crate) struct PixelFigure {
     pub centre: Vector2<f64>,
     pub size: f64,
     pub pixels: Vec<BandPixel>,
+    /// The side that each stretch of the outline belongs to.
+    pub stretch_sides: Vec<u8>,
 }
 
 impl PixelFigure {
@@ -72,6 +77,7 @@ impl PixelFigure {
         Self {
             pixels: self.pixels.iter().filter(keep).copied().collect(),
             sides: self.sides.clone(),
+            stretch_sides: self.stretch_sides.clone(),
             ..*self
         }
     }
@@ -209,6 +215,7 @@ impl Outline {
         let (low, high) = self.bounds();
         let map = DistanceMap::around(&self.trace, low, high, reader.picture());
         let winding = self.winding();
+        let (stretches, stretch_sides) = self.stretches();
         let pixels = map
             .pixels_within(reach)
             .filter_map(|(x, y, mark)| {
@@ -224,6 +231,7 @@ impl Outline {
                     value: reader.get(x, y)?,
                     near: mark.near,
                     depth: f64::from(mark.square).sqrt().copysign(turn * winding),
+                    stretch: stretches[nearest],
                 })
             })
             .collect();
@@ -236,7 +244,21 @@ impl Outline {
             centre: (low + high) / 2.0,
             size: (high - low).norm(),
             pixels,
+            stretch_sides,
         }
+    }
+
+    /// The stretch that each point of the trace belongs to, and the side of each stretch.
+    fn stretches(&self) -> (Vec<u16>, Vec<u8>) {
+        let mut sides: Vec<u8> = Vec::new();
+        let mut points = Vec::with_capacity(self.trace.len());
+        for side in self.trace.chunk_by(|a, b| a.side == b.side) {
+            for stretch in side.chunks(STRETCH_POINTS) {
+                points.extend(stretch.iter().map(|_| sides.len() as u16));
+                sides.push(stretch[0].side as u8);
+            }
+        }
+        (points, sides)
     }
 
     /// Direction of the outline at a point of its trace; `None` at a corner.
