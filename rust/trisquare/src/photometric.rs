@@ -39,6 +39,9 @@ pub struct Photographs<'a> {
 /// One pixel in so many tells the exposures, while camera and planes are held.
 const EXPOSURE_STRIDE: usize = 12;
 
+/// One in so many tells whether something lies over a stretch of a side.
+const JUDGED_STRIDE: usize = 4;
+
 /// Gauss-Newton steps allowed to the joint fit.
 const MAX_STEPS: usize = 8;
 
@@ -106,7 +109,12 @@ fn attempt(
         .collect();
     let (exposures, scales) =
         fit_exposures(fit.clone(), &refined.view, guess.ok_or_else(broken)?).ok_or_else(broken)?;
-    let fit = PixelFit { scales, ..fit };
+    let judged: Vec<PixelFigure> = figures.iter().map(|f| f.thinned(JUDGED_STRIDE)).collect();
+    let fit = PixelFit {
+        figures: &judged,
+        scales,
+        ..fit
+    };
     let disturbed = stretches::disturbed(&fit, &refined.view, &exposures).ok_or_else(broken)?;
     let mut hidden = Vec::new();
     for (figure, disturbed) in figures.iter_mut().zip(&disturbed) {

@@ -253,10 +253,11 @@ impl Outline {
         let mut sides: Vec<u8> = Vec::new();
         let mut points = Vec::with_capacity(self.trace.len());
         for side in self.trace.chunk_by(|a, b| a.side == b.side) {
-            for stretch in side.chunks(STRETCH_POINTS) {
-                points.extend(stretch.iter().map(|_| sides.len() as u16));
-                sides.push(stretch[0].side as u8);
-            }
+            // Of equal length, lest a short one be left over at a corner.
+            let count = (side.len() / STRETCH_POINTS).max(1);
+            let first = sides.len();
+            points.extend((0..side.len()).map(|i| (first + i * count / side.len()) as u16));
+            sides.extend(std::iter::repeat_n(side[0].side as u8, count));
         }
         (points, sides)
     }
