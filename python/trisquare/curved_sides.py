@@ -212,6 +212,9 @@ def _fit_trimmed(
     basis: FloatArray, offset: FloatArray, used: NDArray[np.bool_], lengths: FloatArray
 ) -> FloatArray:
     """As `_fit_cubics`, without the points that stray from what most of a side's points say."""
+    cubic = _fit_cubics(basis, offset, used, lengths)
+    if np.abs(offset - _evaluate(cubic, basis)).max(where=used, initial=0.0) < STRAY_PIXELS:
+        return cubic
     kept = used
     for terms in (STIFF_TERMS, EXPECTED_TERMS):
         cubic = _fit_cubics(basis, offset, kept, lengths, terms)

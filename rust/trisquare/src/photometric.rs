@@ -40,7 +40,7 @@ pub struct Photographs<'a> {
 const EXPOSURE_STRIDE: usize = 12;
 
 /// One in so many tells whether something lies over a stretch of a side.
-const JUDGED_STRIDE: usize = 4;
+const JUDGED_STRIDE: usize = 8;
 
 /// Gauss-Newton steps allowed to the joint fit.
 const MAX_STEPS: usize = 8;

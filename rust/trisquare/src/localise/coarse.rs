@@ -262,3 +262,37 @@ fn median(rises: &mut [Rise], key: impl Fn(&Rise) -> f64) -> f64 {
     let (_, rise, _) = rises.select_nth_unstable_by(middle, |a, b| key(a).total_cmp(&key(b)));
     key(rise)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn hidden(bad: &[usize]) -> Vec<[f64; 2]> {
+        let stations: Vec<f64> = (0..11).map(|i| f64::from(i) / 5.0 - 1.0).collect();
+        let good = (0..11).filter(|i| !bad.contains(i)).map(|i| Rise {
+            s: stations[i],
+            y: 0.0,
+            strength: 1.0,
+            plateaus: [0.0, 1.0],
+            slope: 1.0,
+        });
+        hidden_runs(&stations, &good.collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn runs_without_an_edge_are_hidden_and_single_misses_are_not() {
+        assert!(hidden(&[]).is_empty());
+        assert!(hidden(&[2, 5, 9]).is_empty());
+        let runs = hidden(&[3, 4, 5]);
+        assert_eq!(runs.len(), 1);
+        assert!((runs[0][0] + 0.6).abs() < 1e-12 && (runs[0][1] - 0.2).abs() < 1e-12);
+    }
+
+    #[test]
+    fn an_end_is_hidden_only_beyond_a_corner_s_reach() {
+        assert!(hidden(&[0, 1, 2, 10]).is_empty());
+        let runs = hidden(&[0, 1, 2, 3, 9, 10]);
+        assert_eq!(runs.len(), 1);
+        assert!(runs[0][0] < -1.0);
+    }
+}
