@@ -23,6 +23,7 @@ BENCHMARKS = (
     "against_zhang",
     "chess_triples",
     "inserted_squares",
+    "robustness",
     "picture_time",
     "solve_time",
     "command_memory",

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .edge_profile import blurred_step, blurred_wedge
-from .scene import Target, TrueCamera
+from .scene import Target, TrueCamera, points_of_side
 
 Array = npt.NDArray[np.float64]
 
@@ -48,10 +48,18 @@ class EdgeCurve:
         Ends of the side in plane units, the figure on its right on the screen.
     continuation : float
         How far the curve goes on past both ends, pixels.
+    bow : float
+        How far the side's middle is bent outward, plane units.
     """
 
     def __init__(
-        self, camera: TrueCamera, target: Target, start: Array, end: Array, continuation: float
+        self,
+        camera: TrueCamera,
+        target: Target,
+        start: Array,
+        end: Array,
+        continuation: float,
+        bow: float = 0.0,
     ) -> None:
         ends = camera.project(target.to_camera(np.array([start, end])))
         length = float(np.hypot(*(ends[1] - ends[0])))
@@ -61,7 +69,7 @@ class EdgeCurve:
         margin = continuation / length
         chebyshev = np.cos(np.pi * (np.arange(_CURVE_SAMPLES) + 0.5) / _CURVE_SAMPLES)
         fraction = 0.5 + (0.5 + margin) * chebyshev
-        points = camera.project(target.to_camera(start + fraction[:, None] * (end - start)))
+        points = camera.project(target.to_camera(points_of_side(start, end, bow, fraction)))
         u, v = (points - self.origin) @ self.along, (points - self.origin) @ self.inward
         self.domain = (float(u.min()), float(u.max()))
         self.bulge = (float(v.min()), float(v.max()))
@@ -95,7 +103,7 @@ class EdgeCurve:
 
 
 def quadrilateral_coverage(
-    camera: TrueCamera, target: Target, corners: Array, blur: float
+    camera: TrueCamera, target: Target, corners: Array, blur: float, bows: Array | None = None
 ) -> Patch | None:
     """Coverage of every pixel by a convex quadrilateral of the target's plane, blurred.
 
@@ -107,6 +115,8 @@ def quadrilateral_coverage(
         Plane units, clockwise on the screen.
     blur : float
         Standard deviation of the optical blur, pixels.
+    bows : ndarray, shape (4,), optional
+        How far each side's middle is bent outward, plane units.
 
     Returns
     -------
@@ -114,9 +124,11 @@ def quadrilateral_coverage(
         The part of the picture where the coverage is not zero; None if there is none.
     """
     reach = _GAUSSIAN_REACH * blur + _PIXEL_HALF_DIAGONAL
+    bent = np.zeros(4) if bows is None else bows
+    ends = zip(corners, np.roll(corners, -1, axis=0), bent.tolist(), strict=True)
     curves = [
-        EdgeCurve(camera, target, corners[i], corners[(i + 1) % 4], _CONTINUATION * reach)
-        for i in range(4)
+        EdgeCurve(camera, target, start, end, _CONTINUATION * reach, bow)
+        for start, end, bow in ends
     ]
     window = _window(curves, camera.image_size)
     if window is None:

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trisquare.quads import FRACTIONS, MIN_CONTRAST, FloatArray, Quads, sample, without_repeats
+from trisquare.bitten_quads import FRACTIONS
+from trisquare.quads import MIN_CONTRAST, FloatArray, Quads, sample, without_repeats
 
 END_MARGIN_PIXELS = 3.0
 END_MARGIN_FRACTIONS = (0.06, 0.25)
@@ -35,11 +36,26 @@ MAX_RESIDUAL = 0.75
 """Pixels from the curve to the edge, beyond which a point does not belong to it."""
 
 MIN_INLIERS = 0.85
-"""Share of a side's points that must lie on its curve, with the side's own contrast."""
+"""Share of a side's points that must lie on its curve, with the side's own contrast ..."""
+
+MIN_INLIERS_HIDDEN = 0.65
+"""... and of the one side, if any, that a finger, glare or a tear may hide a quarter of, with the
+blur at both ends."""
+
+STRAY = 2.5
+STRAY_PIXELS = 1.5
+TRIMMINGS = 4
+"""Contour points that stray from their side's first cubic, by so many times the median or at
+least so many pixels, follow whatever hides the edge; without them the cubic is fitted again, a few
+times, since at first they pull it."""
 
 EXPECTED_TERMS = np.array([1e3, 1e3, 0.02, 0.003])
 """Size of a side's offset, slope, quadratic and cubic term, over the chord: the first two are
 free, the others what strong distortion makes."""
+
+STIFF_TERMS = EXPECTED_TERMS * [1.0, 1.0, 0.1, 0.1]
+"""While a piece of contour that is none of the edge may be among the points, lest the curve follow
+it."""
 
 POINT_NOISE = 0.2
 """Pixels; of one edge position."""
@@ -81,7 +97,7 @@ def fit_sides(picture: NDArray[np.float32], quads: Quads) -> Quads:
     along = chords.inner_positions(FRACTIONS)
     rough_along, offset = chords.coordinates(quads.sides)
     off_corners = (rough_along > along[..., :1]) & (rough_along < along[..., -1:])
-    cubic = _fit_cubics(_powers(rough_along), offset, off_corners, chords.lengths)
+    cubic = _fit_trimmed(_powers(rough_along), offset, off_corners, chords.lengths)
     basis = _powers(along)
     curve = _evaluate(cubic, basis)
     for _ in range(ROUNDS):
@@ -91,7 +107,7 @@ def fit_sides(picture: NDArray[np.float32], quads: Quads) -> Quads:
         typical = np.median(contrast, axis=2, keepdims=True)
         sharp = contrast > MIN_RELATIVE_CONTRAST * np.maximum(typical, MIN_CONTRAST)
         measured = offset + step
-        cubic = _fit_cubics(basis, measured, sharp, chords.lengths)
+        cubic = _fit_trimmed(basis, measured, sharp, chords.lengths)
         on_curve = sharp & (np.abs(measured - _evaluate(cubic, basis)) < MAX_RESIDUAL)
         cubic = _fit_cubics(basis, measured, on_curve, chords.lengths)
         curve = _evaluate(cubic, basis)
@@ -102,15 +118,19 @@ def fit_sides(picture: NDArray[np.float32], quads: Quads) -> Quads:
     positions = first[..., None] + (last - first)[..., None] * FRACTIONS
     offsets = _evaluate(cubic, _powers(positions))
     sagitta = np.abs(offsets - 0.5 * (offsets[..., :1] + offsets[..., -1:])).max(axis=2)
+    inliers = on_curve.mean(axis=2)
+    weakest = np.arange(4) == inliers.argmin(axis=1)[:, None]
     good = (
-        (on_curve.mean(axis=2) >= MIN_INLIERS)
+        (inliers >= np.where(weakest, MIN_INLIERS_HIDDEN, MIN_INLIERS))
         & (typical[..., 0] >= MIN_CONTRAST)
         & (sagitta <= MAX_SAGITTA * chords.lengths)
         & (np.abs(cosines) <= MAX_CORNER_COSINE)
         & (np.abs(first) < MAX_CORNER_SHIFT)
         & (np.abs(last - 1.0) < MAX_CORNER_SHIFT)
     ).all(axis=1)
-    fitted = Quads(chords.points(positions, offsets), quads.dark_inside, typical[..., 0])
+    # The final sides' points lie within a margin of those that were measured.
+    seen = on_curve | ~weakest[..., None]
+    fitted = Quads(chords.points(positions, offsets), quads.dark_inside, typical[..., 0], seen)
     return without_repeats(fitted.subset(good))
 
 
@@ -169,7 +189,11 @@ def _powers(along: FloatArray) -> FloatArray:
 
 
 def _fit_cubics(
-    basis: FloatArray, offset: FloatArray, used: NDArray[np.bool_], lengths: FloatArray
+    basis: FloatArray,
+    offset: FloatArray,
+    used: NDArray[np.bool_],
+    lengths: FloatArray,
+    terms: FloatArray = EXPECTED_TERMS,
 ) -> FloatArray:
     """Least squares of offset on position, shapes (Q, 4, N, 4), (Q, 4, N), (Q, 4) -> (Q, 4, 4).
 
@@ -178,10 +202,30 @@ def _fit_cubics(
     """
     weighted = np.swapaxes(basis * used[..., None], -1, -2)
     normal = weighted @ basis
-    expected = EXPECTED_TERMS * lengths[..., None]
+    expected = terms * lengths[..., None]
     normal += (POINT_NOISE / expected)[..., None] ** 2 * np.eye(4)
     right = weighted @ offset[..., None]
     return np.asarray(np.linalg.solve(normal, right)[..., 0], dtype=np.float64)
+
+
+def _fit_trimmed(
+    basis: FloatArray, offset: FloatArray, used: NDArray[np.bool_], lengths: FloatArray
+) -> FloatArray:
+    """As `_fit_cubics`, without the points that stray from what most of a side's points say."""
+    cubic = _fit_cubics(basis, offset, used, lengths)
+    if np.abs(offset - _evaluate(cubic, basis)).max(where=used, initial=0.0) < STRAY_PIXELS:
+        return cubic
+    kept = used
+    for terms in (STIFF_TERMS, EXPECTED_TERMS):
+        cubic = _fit_cubics(basis, offset, kept, lengths, terms)
+        for _ in range(TRIMMINGS):
+            strays = np.abs(offset - _evaluate(cubic, basis))
+            typical = np.median(strays, axis=2, keepdims=True)
+            kept_before, kept = kept, used & (strays < np.maximum(STRAY * typical, STRAY_PIXELS))
+            if np.array_equal(kept, kept_before):
+                break
+            cubic = _fit_cubics(basis, offset, kept, lengths, terms)
+    return cubic
 
 
 def _evaluate(cubic: FloatArray, basis: FloatArray) -> FloatArray:

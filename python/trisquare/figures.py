@@ -25,6 +25,9 @@ MAX_CORNER_REACH = 9.0
 MIN_GROUND_SHARE = 0.97
 """Of the points around the outline, those that must be on the ground's side; noise takes few."""
 
+MAX_HIDDEN = 0.35
+"""Share of one side beside which something else may lie: a quarter and the blur of its rim."""
+
 GROUND_LEVEL = 0.2
 """Steps beyond the middle of figure and ground at which a point counts as ground."""
 
@@ -34,7 +37,14 @@ INTERIOR_MARGIN = 0.1
 
 MAX_UNEVENNESS = 0.2
 MAX_UNEVEN_SHARE = 0.03
-"""Share of the inside that may differ from its plane of light by this part of the step."""
+"""Share of the inside that may differ from its plane of light by this part of the step ..."""
+
+MIN_RING_SHARE = 0.85
+"""Of the points around a frame's hole, those that must be on its ring, two sides in part hidden."""
+
+UNEVEN_PER_HIDDEN = 0.35
+"""... and what may be added to it per part of a side without an edge of its own: a finger or glare
+over a quarter of a side covers up to 8 % of the inside."""
 
 FRAME_TOLERANCE = 0.03
 FRAME_TOLERANCE_PIXELS = 2.0
@@ -75,16 +85,19 @@ def find_figures(picture: NDArray[np.float32], quads: Quads) -> list[Figure]:
     if len(quads) == 0:
         return []
     ground, figure = _levels_beside_sides(picture, quads)
-    standing_alone = _ground_all_round(picture, quads, ground, figure)
+    on_ground = _on_ground(quads, ground, figure)
+    standing_alone = _but_for_one_run(on_ground) & _ground_beyond_corners(
+        picture, quads, ground, figure
+    )
     uniform = _uniform(picture, quads)
     solid = standing_alone & uniform
+    # What comes over a frame's ring may end at a corner of the hole.
+    hole = uniform & (on_ground.mean(axis=(1, 2)) >= MIN_RING_SHARE)
     areas = quads.areas
     frames = [
         Figure(outer, inner)
         for outer in np.flatnonzero(standing_alone & ~uniform).tolist()
-        for inner in np.flatnonzero(
-            solid & (quads.dark_inside != quads.dark_inside[outer])
-        ).tolist()
+        for inner in np.flatnonzero(hole & (quads.dark_inside != quads.dark_inside[outer])).tolist()
         if areas[inner] < areas[outer]
         and _concentric(quads, outer, inner)
         and _same_ground(ground[outer], figure[inner], quads.contrasts[outer])
@@ -103,15 +116,24 @@ def _levels_beside_sides(
     return sample(picture, points + step), sample(picture, points - step)
 
 
-def _ground_all_round(
+def _on_ground(quads: Quads, ground: FloatArray, figure: FloatArray) -> NDArray[np.bool_]:
+    """Which points beside the sides, (Q, 4, N), are on the ground's side of the middle."""
+    sign = np.where(quads.dark_inside, 1.0, -1.0)[:, None, None]
+    middle = _middle(ground, figure)[..., None]
+    return np.asarray(sign * (ground - middle) > GROUND_LEVEL * quads.contrasts[..., None])
+
+
+def _middle(ground: FloatArray, figure: FloatArray) -> FloatArray:
+    """Grey level between ground and figure for each side, (Q, 4)."""
+    return np.asarray(0.5 * (np.median(ground, axis=2) + np.median(figure, axis=2)))
+
+
+def _ground_beyond_corners(
     picture: NDArray[np.float32], quads: Quads, ground: FloatArray, figure: FloatArray
 ) -> NDArray[np.bool_]:
-    """Whether the ground surrounds each quad, beside the sides and beyond the corners."""
+    """Whether there is ground beyond the four corners of each quad."""
     sign = np.where(quads.dark_inside, 1.0, -1.0)[:, None]
-    middle = 0.5 * (np.median(ground, axis=2) + np.median(figure, axis=2))
-    beyond = sign[..., None] * (ground - middle[..., None]) / quads.contrasts[..., None]
-    beside_sides = (beyond > GROUND_LEVEL).mean(axis=(1, 2)) >= MIN_GROUND_SHARE
-
+    middle = _middle(ground, figure)
     along = np.diff(quads.sides, axis=2)
     along /= np.linalg.norm(along, axis=-1, keepdims=True)
     arriving, leaving = np.roll(along[:, :, -1], 1, axis=1), along[:, :, 0]
@@ -123,8 +145,21 @@ def _ground_all_round(
     values = sample(picture, quads.corners + reach * outward / spread)
     at_corner = 0.5 * (middle + np.roll(middle, 1, axis=1))
     contrast = 0.5 * (quads.contrasts + np.roll(quads.contrasts, 1, axis=1))
-    beyond_corners = (sign * (values - at_corner) > GROUND_LEVEL * contrast).all(axis=1)
-    return np.asarray(beside_sides & beyond_corners)
+    return np.asarray((sign * (values - at_corner) > GROUND_LEVEL * contrast).all(axis=1))
+
+
+def _but_for_one_run(on_ground: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Whether the points (Q, 4, N) are on the ground but for a few, and one run on one side."""
+    shares = on_ground.mean(axis=2)
+    spoilt = np.take_along_axis(on_ground, shares.argmin(axis=1)[:, None, None], axis=1)[:, 0]
+    count = on_ground.shape[2]
+    off = ~spoilt
+    first = np.where(off.any(axis=1), off.argmax(axis=1), count)
+    last = np.where(off.any(axis=1), count - off[:, ::-1].argmax(axis=1), count)
+    one_run = last - first <= MAX_HIDDEN * count
+    without_run = (on_ground.sum(axis=(1, 2)) + off.sum(axis=1)) / (4 * count)
+    enough = np.where(one_run, without_run, shares.mean(axis=1)) >= MIN_GROUND_SHARE
+    return np.asarray(enough)
 
 
 def _interior_grid() -> tuple[FloatArray, FloatArray]:
@@ -146,7 +181,8 @@ def _uniform(picture: NDArray[np.float32], quads: Quads) -> NDArray[np.bool_]:
     values -= np.median(values, axis=1, keepdims=True)
     step = quads.contrasts.mean(axis=1, keepdims=True)
     uneven = np.abs(values) > MAX_UNEVENNESS * step
-    return np.asarray(uneven.mean(axis=1) <= MAX_UNEVEN_SHARE)
+    hidden = 1.0 - quads.seen.mean(axis=2).min(axis=1)
+    return np.asarray(uneven.mean(axis=1) <= MAX_UNEVEN_SHARE + UNEVEN_PER_HIDDEN * hidden)
 
 
 def _concentric(quads: Quads, outer: int, inner: int) -> bool:

@@ -8,12 +8,14 @@ nearest to the middle between its own inside and outside, where shading disturbs
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from cv2.typing import MatLike
 from numpy.typing import NDArray
+
+from trisquare.bitten_quads import FRACTIONS, POINTS_PER_SIDE, sides_of_bitten
 
 FloatArray = NDArray[np.float64]
 
@@ -50,6 +52,12 @@ MIN_COMPACTNESS = 0.02
 """Area over the squared number of contour points: 1/16 for an upright square, 1/8 for one on
 its tip, 0.026 for a rhombus of 25 degrees; ragged texture has far less."""
 
+MIN_BITTEN_COMPACTNESS = 0.008
+"""The same with a notch or, in a frame that is cut through, with the hole's outline as well."""
+
+MIN_BITTEN_POINTS = 100
+"""A contour with a piece missing is mended only if it is worth it: sides of 25 px."""
+
 APPROXIMATION_STEPS = (0.02, 0.035, 0.05)
 """Tolerances of the polygon, over the contour's length: a sagitta of 4 % of a side is 1 % of
 the length, and the last step still keeps a rhombus of 25 degrees apart from a line."""
@@ -73,9 +81,6 @@ SAME_QUAD_PIXELS = 2.5
 SAME_QUAD_FRACTION = 0.04
 """Centres and sides this close, in pixels plus a fraction of the side, are one figure twice."""
 
-POINTS_PER_SIDE = 32
-FRACTIONS = np.linspace(0.0, 1.0, POINTS_PER_SIDE)
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Quads:
@@ -90,11 +95,14 @@ class Quads:
         Whether the inside is darker than the outside.
     contrasts : ndarray of float64, shape (Q, 4)
         Step in grey levels across each side, positive.
+    seen : ndarray of bool, shape (Q, 4, POINTS_PER_SIDE)
+        Where the side's edge is in sight; elsewhere something lies over it.
     """
 
     sides: FloatArray
     dark_inside: NDArray[np.bool_]
     contrasts: FloatArray
+    seen: NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.sides)
@@ -120,7 +128,9 @@ class Quads:
 
     def subset(self, keep: NDArray[np.bool_] | NDArray[np.intp]) -> Quads:
         """Return the quads that a mask or index array selects."""
-        return Quads(self.sides[keep], self.dark_inside[keep], self.contrasts[keep])
+        return Quads(
+            self.sides[keep], self.dark_inside[keep], self.contrasts[keep], self.seen[keep]
+        )
 
 
 def sample(picture: NDArray[np.float32], points: FloatArray) -> FloatArray:
@@ -156,7 +166,9 @@ def find_quads(picture: NDArray[np.uint8], smooth: NDArray[np.float32]) -> Quads
     ]
     sides = np.array([quad[0] for quad in found], dtype=np.float64)
     sides = sides.reshape(-1, 4, POINTS_PER_SIDE, 2)
-    quads = Quads(sides, np.array([quad[2] for quad in found], bool), np.zeros((len(sides), 4)))
+    dark_inside = np.array([quad[2] for quad in found], bool)
+    seen = np.ones(sides.shape[:3], bool)
+    quads = Quads(sides, dark_inside, np.zeros((len(sides), 4)), seen)
     return _with_edges(smooth, quads, np.array([quad[1] for quad in found], np.float64))
 
 
@@ -208,26 +220,32 @@ def _spread(run: NDArray[np.intp]) -> NDArray[np.intp]:
     return run[((np.arange(kept) + 0.5) * len(run) / kept).astype(np.intp)]
 
 
-def _quads_at_level(picture: NDArray[np.uint8], level: int) -> list[tuple[NDArray[np.int32], bool]]:
+def _quads_at_level(
+    picture: NDArray[np.uint8], level: int
+) -> list[tuple[NDArray[np.generic], bool]]:
     """Sides of the regions above `level` and of the holes in them, and whether it is a hole."""
     mask = cv2.threshold(picture, level, 255, cv2.THRESH_BINARY)[1]
     contours, _ = cv2.findContours(mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
     height, width = picture.shape
-    quads = []
+    quads: list[tuple[NDArray[np.generic], bool]] = []
     for contour in contours:
         count = len(contour)
         if count < MIN_CONTOUR_POINTS:
             continue
         # Outlines of light regions run anticlockwise on the screen (negative), holes clockwise.
         area = cv2.contourArea(contour, oriented=True)
-        if abs(area) < max(MIN_COMPACTNESS * count**2, MIN_AREA):
+        if abs(area) < max(MIN_BITTEN_COMPACTNESS * count**2, MIN_AREA):
             continue
         x, y, box_width, box_height = cv2.boundingRect(contour)
         if min(x, y, width - x - box_width, height - y - box_height) < BORDER:
             continue
-        polygon = _four_corners(contour, area)
-        if polygon is not None:
-            sides = _sides(contour, polygon)
+        sides: NDArray[np.generic] | None = None
+        if abs(area) >= MIN_COMPACTNESS * count**2:
+            polygon = _four_corners(contour, area)
+            sides = None if polygon is None else _sides(contour, polygon)
+        if sides is None and count >= MIN_BITTEN_POINTS:
+            sides = sides_of_bitten(contour, area)
+        if sides is not None:
             quads.append((sides, True) if area > 0.0 else (sides[::-1, ::-1], False))
     return quads
 
@@ -274,4 +292,4 @@ def _with_edges(smooth: NDArray[np.float32], quads: Quads, levels: FloatArray) -
         off_middle = np.abs(levels - middle) / np.abs(contrasts.mean(axis=1))
     order = np.argsort(off_middle, kind="stable")
     order = order[has_edges[order]]
-    return without_repeats(Quads(quads.sides[order], quads.dark_inside[order], contrasts[order]))
+    return without_repeats(replace(quads, contrasts=contrasts).subset(order))

@@ -6,6 +6,7 @@ Brightness is quoted in grey levels of the coded picture, 0 to 255, whatever the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import cv2
@@ -14,6 +15,7 @@ import numpy.typing as npt
 
 from .clutter import cluttered_ground
 from .coverage import quadrilateral_coverage
+from .overlays import Overlay
 from .scene import Scene, Target, TrueCamera, rectangle
 
 Array = npt.NDArray[np.float64]
@@ -66,6 +68,7 @@ def render(
     background: Image | None = None,
     dtype: npt.DTypeLike = np.uint8,
     jpeg_quality: int | None = None,
+    overlays: Sequence[Overlay] = (),
 ) -> Image:
     """Photograph a scene.
 
@@ -96,6 +99,8 @@ def render(
         uint8, uint16 (full range 65535) or float32 (1.0 is white; neither rounded nor clipped).
     jpeg_quality : int, optional
         Pass the (uint8) picture through JPEG.
+    overlays : sequence of Overlay
+        What hides, stains or outshines parts of the scene, in the order it is laid.
 
     Returns
     -------
@@ -115,12 +120,14 @@ def render(
             ground *= 1.0 - _SHEET_TINT * rng.random()
         if on_sheets or target.dark != scene.targets[0].dark:
             _paint(canvas, scene.camera, target, _sheet(target, rng), ground, blur, sheets)
-        for sign, corners in target.figure():
-            patch = quadrilateral_coverage(scene.camera, target, corners, blur)
+        for sign, corners, bows in target.figure():
+            patch = quadrilateral_coverage(scene.camera, target, corners, blur, bows)
             if patch is not None:
                 canvas[patch.rows, patch.columns] += (
                     sign * (ink - ground) * patch.coverage[..., None]
                 )
+    for overlay in overlays:
+        canvas = overlay.laid_over(canvas)
     if background is None:
         canvas = _illuminate(canvas, rng, shading, colour)
     coded = encode_tone(canvas, tone)

@@ -154,6 +154,11 @@ class Target:
         Columns and rows of a chessboard's inner corners.
     cell_size : float
         Side of a chessboard's cell, in plane units.
+    printed : array_like, shape (4, 2), optional
+        Corners that the outline has where it is not the square it should be, plane units.
+    bows : array_like, shape (4,)
+        How far the middle of each side is bent outward, as paper that curls shows it, plane
+        units. A frame's inner side bends less, as the square of its distance from the middle.
     """
 
     rotation: Array
@@ -163,8 +168,13 @@ class Target:
     inner: float = 0.6
     inner_corners: tuple[int, int] = (9, 6)
     cell_size: float = 1.0
+    printed: Array | None = None
+    bows: Array = field(default_factory=lambda: np.zeros(4))
 
     def __post_init__(self) -> None:
+        if self.printed is not None:
+            object.__setattr__(self, "printed", read_only(self.printed, (4, 2), "printed"))
+        object.__setattr__(self, "bows", read_only(self.bows, (4,), "bows"))
         object.__setattr__(self, "rotation", read_only(self.rotation, (3, 3), "rotation"))
         object.__setattr__(self, "translation", read_only(self.translation, (3,), "translation"))
         if self.rotation[:, 2] @ self.translation <= 0.0:
@@ -181,26 +191,33 @@ class Target:
     def extent(self) -> tuple[float, float]:
         """Half width and half height of the whole figure, plane units."""
         if self.kind != "chessboard":
-            return 0.5, 0.5
+            half_width, half_height = np.abs(self.outlines()[0]).max(axis=0).tolist()
+            return half_width, half_height
         columns, rows = self.inner_corners
         return 0.5 * (columns + 1) * self.cell_size, 0.5 * (rows + 1) * self.cell_size
 
     def outlines(self) -> list[Array]:
         """Outer and, for a frame, inner square: corners in plane units, each shape (4, 2)."""
-        outer = rectangle(*self.extent)
+        outer = rectangle(0.5, 0.5) if self.printed is None else np.array(self.printed)
+        if self.kind == "chessboard":
+            outer = rectangle(*self.extent)
         return [outer, self.inner * outer] if self.kind == "frame" else [outer]
 
-    def figure(self) -> Iterator[tuple[float, Array]]:
-        """Yield signed convex quadrilaterals, shape (4, 2), whose sum is the figure."""
+    def outline_bows(self) -> list[Array]:
+        """Bows of the sides of each of `outlines`, plane units, each shape (4,)."""
+        return [self.bows, self.inner**2 * self.bows] if self.kind == "frame" else [self.bows]
+
+    def figure(self) -> Iterator[tuple[float, Array, Array]]:
+        """Yield signed convex quadrilaterals whose sum is the figure: corners (4, 2), bows (4,)."""
         if self.kind == "chessboard":
             columns, rows = self.inner_corners
             cell = rectangle(0.5 * self.cell_size, 0.5 * self.cell_size)
             for row in range(rows + 1):
                 for column in range(row % 2, columns + 1, 2):
                     centre = np.array([column - 0.5 * columns, row - 0.5 * rows])
-                    yield 1.0, cell + self.cell_size * centre
+                    yield 1.0, cell + self.cell_size * centre, np.zeros(4)
             return
-        yield from zip((1.0, -1.0), self.outlines(), strict=False)
+        yield from zip((1.0, -1.0), self.outlines(), self.outline_bows(), strict=False)
 
     def board_corners(self) -> Array:
         """Inner corners of a chessboard, row by row, plane units, shape (columns * rows, 2)."""
@@ -252,26 +269,38 @@ def sample_sides(camera: TrueCamera, target: Target, spacing: float) -> list[Sid
     if target.kind == "chessboard":
         raise ValueError("a chessboard has no outline to sample; use its corners")
     samples = []
-    for outline in target.outlines():
+    for outline, bows in zip(target.outlines(), target.outline_bows(), strict=True):
         for i in range(4):
             start, end = outline[i], outline[(i + 1) % 4]
-            samples.append(_sample_side(camera, target, start, end, spacing))
+            samples.append(_sample_side(camera, target, (start, end, float(bows[i])), spacing))
     return samples
 
 
+def points_of_side(start: Array, end: Array, bow: float, fraction: Array) -> Array:
+    """Points of a side at fractions of its chord, plane units, shape (N, 2); `bow` is outward."""
+    chord = end - start
+    outward = np.array([chord[1], -chord[0]]) / np.hypot(*chord)
+    height = 4.0 * bow * fraction * (1.0 - fraction)
+    points: Array = start + fraction[:, None] * chord + height[:, None] * outward
+    return points
+
+
 def _sample_side(
-    camera: TrueCamera, target: Target, start: Array, end: Array, spacing: float
+    camera: TrueCamera, target: Target, side: tuple[Array, Array, float], spacing: float
 ) -> SideSamples:
     """Sample one side at equal arc lengths of its image."""
+    start, end, bow = side
     fraction = np.linspace(0.0, 1.0, ARC_CHORDS + 1)
-    curve = camera.project(target.to_camera(start + fraction[:, None] * (end - start)))
+    curve = camera.project(target.to_camera(points_of_side(start, end, bow, fraction)))
     arc = np.append(0.0, np.cumsum(np.hypot(*np.diff(curve, axis=0).T)))
     count = max(int(arc[-1] / spacing), 1)
     middles = (np.arange(count) + 0.5) / count * arc[-1]
     at = np.interp(middles, arc, fraction)
-    plane = start + at[:, None] * (end - start)
-    step = 1e-4 * (end - start)
-    ahead, behind = (camera.project(target.to_camera(plane + s * step)) for s in (1.0, -1.0))
+    plane = points_of_side(start, end, bow, at)
+    ahead, behind = (
+        camera.project(target.to_camera(points_of_side(start, end, bow, at + step)))
+        for step in (1e-4, -1e-4)
+    )
     tangent = (ahead - behind) / np.hypot(*(ahead - behind).T)[:, None]
     normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
     image = camera.project(target.to_camera(plane))

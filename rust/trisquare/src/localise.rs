@@ -128,6 +128,8 @@ struct Preview {
     noise: f64,
     /// How far the plateaus on either side are clean, pixels.
     reach: [f64; 2],
+    /// Ranges along the side where something else lies over it.
+    hidden: Vec<[f64; 2]>,
 }
 
 /// What all spans share: the picture's reader, and buffers.
@@ -156,7 +158,8 @@ impl<'a> Localiser<'a> {
 
     /// Finds a span's edge and fits it to some of its pixels, away from its ends.
     fn preview(&mut self, span: &EdgeSpan) -> Result<Preview, NoEdge> {
-        let mut side = self.first_guess(coarse::find(&self.reader, span)?);
+        let coarse = coarse::find(&self.reader, span)?;
+        let mut side = self.first_guess(&coarse);
         let length = side.curve.length();
         let end = inner_end(&side);
         let band = |curve, width| Band {
@@ -165,6 +168,7 @@ impl<'a> Localiser<'a> {
             reach: [width; 2],
             ends: [-end, end],
             fences: Vec::new(),
+            hidden: &coarse.hidden,
             stride: (length / PREVIEW_COLUMNS) as usize + 1,
         };
         self.gather(&band(side.curve.clone(), near(&side)))?;
@@ -185,7 +189,12 @@ impl<'a> Localiser<'a> {
         let noise = self.noise_about(&side);
         self.judge(&side, span.rise, noise)?;
         let reach = plateaus::reach(&side, self.reader.curve(), &self.wide, noise, [near, far]);
-        Ok(Preview { side, noise, reach })
+        Ok(Preview {
+            side,
+            noise,
+            reach,
+            hidden: coarse.hidden,
+        })
     }
 
     /// Measures a span once its own curve and those it meets are known.
@@ -195,7 +204,13 @@ impl<'a> Localiser<'a> {
         index: usize,
         previews: &[Result<Preview, NoEdge>],
     ) -> Result<SpanEdges, NoEdge> {
-        let Preview { side, noise, reach } = previews[index].as_ref().map_err(|&reason| reason)?;
+        let preview = previews[index].as_ref().map_err(|&reason| reason)?;
+        let Preview {
+            side,
+            noise,
+            reach,
+            hidden,
+        } = preview;
         let mut side = side.clone();
         let (ends, fences) = limits(&spans[index], &side, previews);
         let band = Band {
@@ -204,6 +219,7 @@ impl<'a> Localiser<'a> {
             reach: reach.map(|reach| reach.max(near(&side))),
             ends,
             fences,
+            hidden,
             stride: 1,
         };
         self.gather(&band)?;
@@ -236,10 +252,10 @@ impl<'a> Localiser<'a> {
         })
     }
 
-    fn first_guess(&self, coarse: CoarseEdge) -> Side {
+    fn first_guess(&self, coarse: &CoarseEdge) -> Side {
         let [before, after] = coarse.plateaus.map(|coded| self.tone.decode(coded));
         Side {
-            curve: coarse.curve,
+            curve: coarse.curve.clone(),
             base: [before, 0.0],
             rise: [after - before, 0.0],
             blur: coarse.blur.clamp(BLUR_RANGE[0], BLUR_RANGE[1]),

@@ -13,6 +13,7 @@ mod exposure_fit;
 mod figure_sums;
 mod fit;
 mod scene;
+mod stretches;
 
 use crate::correlated::Correlated;
 use crate::covariance::covariance;
@@ -26,6 +27,7 @@ use band::{PixelFigure, collect};
 use exposure::Exposure;
 use exposure_fit::fit_exposures;
 use fit::{PixelFit, PixelState, PixelSystem};
+use stretches::{HiddenPart, hidden_parts};
 
 /// The pictures that show the figures, and how they were coded.
 #[derive(Debug, Clone, Copy)]
@@ -38,6 +40,9 @@ pub struct Photographs<'a> {
 
 /// One pixel in so many tells the exposures, while camera and planes are held.
 const EXPOSURE_STRIDE: usize = 12;
+
+/// One in so many tells whether something lies over a stretch of a side.
+const JUDGED_STRIDE: usize = 8;
 
 /// Gauss-Newton steps allowed to the joint fit.
 const MAX_STEPS: usize = 8;
@@ -93,7 +98,7 @@ fn attempt(
         correlated,
     } = solution;
     let (free, coherence) = (&task.free, &correlated.coherence);
-    let figures = collect(edges, planes, &refined.view, photographs)?;
+    let mut figures = collect(edges, planes, &refined.view, photographs)?;
     let broken = || Refusal::Reason("the pixels near an outline do not show a blurred step");
     let curve = photographs.tone.curve();
     let thinned: Vec<PixelFigure> = figures.iter().map(|f| f.thinned(EXPOSURE_STRIDE)).collect();
@@ -110,9 +115,24 @@ fn attempt(
         .collect();
     let (exposures, scales) =
         fit_exposures(fit.clone(), &refined.view, guess.ok_or_else(broken)?).ok_or_else(broken)?;
+    let judged: Vec<PixelFigure> = figures.iter().map(|f| f.thinned(JUDGED_STRIDE)).collect();
+    let fit = PixelFit {
+        figures: &judged,
+        scales,
+        ..fit
+    };
+    let disturbed = stretches::disturbed(&fit, &refined.view, &exposures).ok_or_else(broken)?;
+    let mut hidden = Vec::new();
+    for (figure, mut disturbed) in figures.iter_mut().zip(disturbed) {
+        hidden.extend(hidden_parts(figure, &disturbed));
+        let sides = &planes[figure.plane].figures[figure.figure].sides;
+        for (mark, side) in disturbed.iter_mut().zip(&figure.stretch_sides) {
+            *mark |= sides[usize::from(*side)].set_aside;
+        }
+        figure.drop_stretches(&disturbed);
+    }
     let fit = PixelFit {
         figures: &figures,
-        scales,
         ..fit
     };
     let mut state = PixelState {
@@ -159,8 +179,17 @@ fn attempt(
         },
         refined: fitted,
     };
-    let better = Calibration::assemble(task, &fitted, Stage::Pixels);
+    let mut better = Calibration::assemble(task, &fitted, Stage::Pixels);
     check_improvement(free, calibration, &better)?;
+    let partly_hidden = |part: HiddenPart| Warning::PartlyHidden {
+        plane: part.plane,
+        figure: part.figure,
+        side: part.side,
+        part: part.part,
+    };
+    better
+        .warnings
+        .extend(hidden.into_iter().map(partly_hidden));
     Ok(better)
 }
 

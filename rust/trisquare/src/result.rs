@@ -36,13 +36,16 @@ pub enum Warning {
     Disagreement(Disagreement),
     /// One side does not fit the square that the others show.
     #[error(
-        "side {side} of plane {plane} was set aside: its samples miss the line that all others ask \
-         for by {distance:.2} px (is it bent, torn, or covered?)"
+        "plane {plane}: side {side}{} is set aside: its samples miss the line that all others ask \
+         for by {distance:.2} px (is it bent, torn, or covered?)",
+        if *.figure == 0 { "" } else { " of its other outline" }
     )]
     SideSetAside {
         /// Index of the plane.
         plane: usize,
-        /// Index of the side, all figures of the plane counted through.
+        /// Which of the plane's outlines.
+        figure: usize,
+        /// Which of the outline's sides, in the order of its samples.
         side: usize,
         /// Root mean square distance of its samples, px.
         distance: f64,
@@ -57,19 +60,6 @@ pub enum Warning {
         plane: usize,
         /// Root mean square distance of its samples, px.
         distance: f64,
-    },
-    /// A part of a side was not seen.
-    #[error(
-        "side {side} of plane {plane} shows no edge over {:.0} % of its length: is it covered, \
-         torn, or in glare?", 100.0 * .share
-    )]
-    SideHidden {
-        /// Index of the plane.
-        plane: usize,
-        /// Index of the side, all figures of the plane counted through.
-        side: usize,
-        /// The part of its length without usable samples.
-        share: f64,
     },
     /// The planes cannot all be true squares seen by one camera.
     #[error(
@@ -101,6 +91,22 @@ pub enum Warning {
     PixelsNotUsed {
         /// What spoke against it.
         reason: &'static str,
+    },
+    /// Something lies over a part of one side, which is not used there.
+    #[error(
+        "plane {plane}: {:.0} % of side {side}{} is left out: something lies over it (a finger, \
+         glare, a stain, a torn edge?)",
+        100.0 * .part, if *.figure == 0 { "" } else { " of its other outline" }
+    )]
+    PartlyHidden {
+        /// Index of the plane.
+        plane: usize,
+        /// Which of the plane's outlines.
+        figure: usize,
+        /// Which of the outline's sides, in the order of its samples.
+        side: usize,
+        /// Part of the side's length that is left out.
+        part: f64,
     },
 }
 

@@ -213,15 +213,18 @@ fn warnings(solution: &Solution) -> Vec<Warning> {
             continue;
         }
         let mut rest = &residuals[..];
-        for (s, side) in plane.sides().enumerate() {
-            let (own, others) = rest.split_at(side.samples.len());
-            rest = others;
-            if side.set_aside {
-                warnings.push(Warning::SideSetAside {
-                    plane: p,
-                    side: s,
-                    distance: root_mean_square(own),
-                });
+        for (f, figure) in plane.figures.iter().enumerate() {
+            for (s, side) in figure.sides.iter().enumerate() {
+                let (own, others) = rest.split_at(side.samples.len());
+                rest = others;
+                if side.set_aside {
+                    warnings.push(Warning::SideSetAside {
+                        plane: p,
+                        figure: f,
+                        side: s,
+                        distance: root_mean_square(own),
+                    });
+                }
             }
         }
     }

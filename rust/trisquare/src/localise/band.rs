@@ -51,6 +51,8 @@ pub(super) struct Band<'a> {
     /// Range of `x` along the chord, pixels.
     pub ends: [f64; 2],
     pub fences: Vec<Fence<'a>>,
+    /// Ranges of `s` where something else hides the edge.
+    pub hidden: &'a [[f64; 2]],
     /// Take only every so many columns (or rows, of a steep side).
     pub stride: usize,
 }
@@ -75,6 +77,9 @@ impl Band<'_> {
             }
             let column = Column::crossing(curve, u, number, s);
             s = column.s;
+            if self.hidden.iter().any(|run| run[0] < s && s < run[1]) {
+                continue;
+            }
             let Some((top, count)) = column.rows(self.reach, size[1 - u]) else {
                 continue;
             };

@@ -29,6 +29,13 @@ const SUPPORT_WIDTH: f64 = 1.0;
 /// ... and of all profiles this share must: chance alone gives about a third.
 const MIN_SUPPORT: f64 = 0.6;
 const MIN_PROFILES: usize = 3;
+/// Light beside the edge that departs from the side's median by this part of the step is another
+/// thing's: shading changes a side by less, and noise seldom twice in a row.
+const MAX_DEPARTURE: f64 = 0.25;
+/// So many profiles in a row that show another edge, or none, lie on something that hides it ...
+const MIN_HIDDEN: usize = 2;
+/// ... or, at the end of a side, so many: at an acute corner the neighbouring side comes near.
+const MIN_HIDDEN_AT_END: usize = 4;
 /// Where the plateaus on both sides of the edge are read, pixels from it.
 const PLATEAU: i32 = 3;
 
@@ -38,6 +45,8 @@ pub(super) struct CoarseEdge {
     /// Coded values on the side where the distance is negative, and on the other.
     pub plateaus: [f64; 2],
     pub blur: f64,
+    /// Ranges of `s` where something else lies over the edge.
+    pub hidden: Vec<[f64; 2]>,
 }
 
 /// The steepest rise of one profile.
@@ -65,15 +74,16 @@ pub(super) fn find(reader: &GreyReader<'_>, span: &EdgeSpan) -> Result<CoarseEdg
     let count =
         ((path.length() / PROFILE_SPACING) as usize).clamp(*PROFILES.start(), *PROFILES.end());
     let end = 1.0 - (END_MARGIN / path.half_length).min(2.0 * END_MARGIN_SHARE);
-    let mut inside = 0;
+    let mut stations = Vec::with_capacity(count);
     let mut rises = Vec::with_capacity(count);
     for index in 0..count {
         let s = end * (2.0 * index as f64 / (count - 1) as f64 - 1.0);
         if let Some(profile) = profile(reader, &path, s) {
-            inside += 1;
+            stations.push(s);
             rises.extend(steepest(&profile, &path, s, span.rise));
         }
     }
+    let inside = stations.len();
     if inside < MIN_PROFILES {
         return Err(NoEdge::OutsidePicture);
     }
@@ -86,11 +96,39 @@ pub(super) fn find(reader: &GreyReader<'_>, span: &EdgeSpan) -> Result<CoarseEdg
     let slope = median(&mut rises, |rise| rise.slope);
     // At the edge itself the slope is the contrast times the normal density over the blur.
     let blur = crate::normal::pdf(0.0) * (plateaus[1] - plateaus[0]) / slope;
+    let departure = MAX_DEPARTURE * (plateaus[1] - plateaus[0]).abs();
+    rises.retain(|rise| (0..2).all(|i| (rise.plateaus[i] - plateaus[i]).abs() < departure));
+    let hidden = hidden_runs(&stations, &rises);
     Ok(CoarseEdge {
         curve,
         plateaus,
         blur,
+        hidden,
     })
+}
+
+/// Runs of stations that support no edge, each widened by the distance to the next that may.
+fn hidden_runs(stations: &[f64], supporting: &[Rise]) -> Vec<[f64; 2]> {
+    let supports = |s: &f64| supporting.iter().any(|rise| rise.s == *s);
+    let step = (stations[stations.len() - 1] - stations[0]) / (stations.len() - 1) as f64;
+    let mut runs = Vec::new();
+    let mut first = 0;
+    while first < stations.len() {
+        let length = stations[first..]
+            .iter()
+            .take_while(|s| !supports(s))
+            .count();
+        let end = first + length;
+        let least = match first == 0 || end == stations.len() {
+            true => MIN_HIDDEN_AT_END,
+            false => MIN_HIDDEN,
+        };
+        if length >= least {
+            runs.push([stations[first] - step, stations[end - 1] + step]);
+        }
+        first = end + 1;
+    }
+    runs
 }
 
 /// A smooth curve along the coarse path, which may be a polygon or a staircase of pixels.
@@ -223,4 +261,38 @@ fn median(rises: &mut [Rise], key: impl Fn(&Rise) -> f64) -> f64 {
     let middle = rises.len() / 2;
     let (_, rise, _) = rises.select_nth_unstable_by(middle, |a, b| key(a).total_cmp(&key(b)));
     key(rise)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn hidden(bad: &[usize]) -> Vec<[f64; 2]> {
+        let stations: Vec<f64> = (0..11).map(|i| f64::from(i) / 5.0 - 1.0).collect();
+        let good = (0..11).filter(|i| !bad.contains(i)).map(|i| Rise {
+            s: stations[i],
+            y: 0.0,
+            strength: 1.0,
+            plateaus: [0.0, 1.0],
+            slope: 1.0,
+        });
+        hidden_runs(&stations, &good.collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn runs_without_an_edge_are_hidden_and_single_misses_are_not() {
+        assert!(hidden(&[]).is_empty());
+        assert!(hidden(&[2, 5, 9]).is_empty());
+        let runs = hidden(&[3, 4, 5]);
+        assert_eq!(runs.len(), 1);
+        assert!((runs[0][0] + 0.6).abs() < 1e-12 && (runs[0][1] - 0.2).abs() < 1e-12);
+    }
+
+    #[test]
+    fn an_end_is_hidden_only_beyond_a_corner_s_reach() {
+        assert!(hidden(&[0, 1, 2, 10]).is_empty());
+        let runs = hidden(&[0, 1, 2, 3, 9, 10]);
+        assert_eq!(runs.len(), 1);
+        assert!(runs[0][0] < -1.0);
+    }
 }

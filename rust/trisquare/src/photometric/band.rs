@@ -3,6 +3,7 @@
 use nalgebra::Vector2;
 
 use crate::observations::{ObservedPlane, Side};
+use crate::photometric::stretches::STRETCH_POINTS;
 use crate::photometric::{Photographs, Refusal};
 use crate::picture::GreyReader;
 use crate::view::{PlaneState, View};
@@ -44,6 +45,8 @@ pub(crate) struct BandPixel {
     pub near: u8,
     /// Distance to the outline as first seen, px, positive inside; good to half a pixel.
     pub depth: f64,
+    /// The stretch of the outline that it is nearest to.
+    pub stretch: u16,
 }
 
 /// A square outline with the pixels around it.
@@ -60,6 +63,8 @@ pub(crate) struct PixelFigure {
     pub centre: Vector2<f64>,
     pub size: f64,
     pub pixels: Vec<BandPixel>,
+    /// The side that each stretch of the outline belongs to.
+    pub stretch_sides: Vec<u8>,
 }
 
 impl PixelFigure {
@@ -72,7 +77,16 @@ impl PixelFigure {
         Self {
             pixels: self.pixels.iter().filter(keep).copied().collect(),
             sides: self.sides.clone(),
+            stretch_sides: self.stretch_sides.clone(),
             ..*self
+        }
+    }
+
+    /// Drops the pixels along marked stretches.
+    pub fn drop_stretches(&mut self, marked: &[bool]) {
+        if marked.contains(&true) {
+            self.pixels
+                .retain(|pixel| !marked[usize::from(pixel.stretch)]);
         }
     }
 
@@ -82,8 +96,8 @@ impl PixelFigure {
     }
 }
 
-/// Collects the pixels around every figure; not applicable unless all are squares of known
-/// polarity.
+/// Collects the pixels around every figure that is not set aside; not applicable unless all are
+/// squares of known polarity.
 pub(super) fn collect(
     edges: &[PlaneEdges],
     planes: &[ObservedPlane],
@@ -97,6 +111,9 @@ pub(super) fn collect(
         .collect();
     let mut figures = Vec::new();
     for (p, plane) in planes.iter().enumerate() {
+        if plane.is_set_aside() {
+            continue;
+        }
         let reader = readers.get(plane.image).ok_or(Refusal::NotApplicable)?;
         let outlines: Option<Vec<Outline>> = (0..plane.figures.len())
             .map(|f| Outline::of(plane, &view.planes[p], f, &view.lens))
@@ -209,6 +226,7 @@ impl Outline {
         let (low, high) = self.bounds();
         let map = DistanceMap::around(&self.trace, low, high, reader.picture());
         let winding = self.winding();
+        let (stretches, stretch_sides) = self.stretches();
         let pixels = map
             .pixels_within(reach)
             .filter_map(|(x, y, mark)| {
@@ -224,6 +242,7 @@ impl Outline {
                     value: reader.get(x, y)?,
                     near: mark.near,
                     depth: f64::from(mark.square).sqrt().copysign(turn * winding),
+                    stretch: stretches[nearest],
                 })
             })
             .collect();
@@ -236,7 +255,22 @@ impl Outline {
             centre: (low + high) / 2.0,
             size: (high - low).norm(),
             pixels,
+            stretch_sides,
         }
+    }
+
+    /// The stretch that each point of the trace belongs to, and the side of each stretch.
+    fn stretches(&self) -> (Vec<u16>, Vec<u8>) {
+        let mut sides: Vec<u8> = Vec::new();
+        let mut points = Vec::with_capacity(self.trace.len());
+        for side in self.trace.chunk_by(|a, b| a.side == b.side) {
+            // Of equal length, lest a short one be left over at a corner.
+            let count = (side.len() / STRETCH_POINTS).max(1);
+            let first = sides.len();
+            points.extend((0..side.len()).map(|i| (first + i * count / side.len()) as u16));
+            sides.extend(std::iter::repeat_n(side[0].side as u8, count));
+        }
+        (points, sides)
     }
 
     /// Direction of the outline at a point of its trace; `None` at a corner.

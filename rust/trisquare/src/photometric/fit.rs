@@ -109,6 +109,12 @@ impl PixelFit<'_> {
         for index in 0..self.figures.len() {
             self.add_figure::<N>(state, index, &mut sum)?;
         }
+        // A plane without figures stays where it is.
+        for (p, block) in sum.system.blocks.iter_mut().enumerate() {
+            if self.figures.iter().all(|figure| figure.plane != p) {
+                block.hessian.fill_diagonal(1.0);
+            }
+        }
         Some(sum)
     }
 

@@ -1,0 +1,314 @@
+"""Pictures of scenes in which one target is not what it should be, with known truth.
+
+A finger, glare, a torn edge or a stain spoils up to a quarter of one side; paper curls along a
+side; or a target is no square at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Literal, NamedTuple, get_args
+
+import numpy as np
+
+from .overlays import Array, Overlay, polygon_mask, spot_mask
+from .render import Image, render
+from .scene import Scene, SideSamples, rectangle, sample_sides
+from .simulate import random_scene
+
+DamageKind = Literal[
+    "finger", "glare", "torn", "stain", "curl", "rectangle", "trapezium", "false_of_three"
+]
+KINDS: tuple[DamageKind, ...] = get_args(DamageKind)
+
+HIDDEN_RANGE = (0.08, 0.25)
+"""Share of a side's length that is hidden."""
+
+MIN_HIDDEN = 0.05
+"""A draw that hides less than this share is drawn again."""
+
+TOUCHED = 0.02
+"""A point of an edge counts as hidden where a mask is above this."""
+
+PLACE_RANGE = (0.15, 0.85)
+"""Middle of the hidden stretch, from corner to corner."""
+
+BOW_RANGE = (0.5, 3.0)
+"""Bend of a curled side at its middle, pixels of the picture."""
+
+RECTANGLE_RATIO = 1.1
+TRAPEZIUM_RANGE = (0.05, 0.10)
+"""By how much of its length a trapezium's one side is too short."""
+
+SKIN = np.array([0.45, 0.62, 1.0])
+SKIN_RANGE = (0.15, 0.5)
+"""Light of skin, blue to red, relative to red; and the range of the red."""
+
+FINGER_LENGTHS = (60.0, 6.0, 4.0, 2.5, 1.6)
+"""Lengths tried, in finger widths: out of the picture if nothing else is hidden by that."""
+
+MOST_DRAWS = 400
+"""Placements are drawn by rejection; one in a few is good."""
+
+
+@dataclass(frozen=True, slots=True)
+class Damage:
+    """What is wrong in a picture, and where.
+
+    Attributes
+    ----------
+    kind : str
+        One of `KINDS`.
+    plane : int
+        Index of the target that is damaged.
+    side : int or None
+        Index of the damaged side of its outer outline; None if the whole target is false.
+    extent : float
+        Share of that side that is hidden; the bow of a curled side, pixels; or the relative
+        departure of a false target from a square.
+    hidden : tuple of (target, outline, side, share)
+        Every side that is hidden in part, a frame's inner outline being its outline 1.
+    """
+
+    kind: DamageKind
+    plane: int
+    side: int | None
+    extent: float
+    hidden: tuple[tuple[int, int, int, float], ...] = ()
+
+
+class _Place(NamedTuple):
+    """A stretch of a side where something is to be hidden."""
+
+    middle: Array  # pixels
+    inward: Array  # unit normal
+    along: Array  # unit tangent
+    stretch: float  # length to hide, pixels
+    side_length: float
+
+
+def damaged_scene(
+    rng: np.random.Generator,
+    kind: DamageKind,
+    image_size: tuple[int, int] = (1280, 960),
+) -> tuple[Image, Scene, Damage]:
+    """Draw a scene with one damage and photograph it.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of everything.
+    kind : str
+        One of `KINDS`: ``"finger"``, ``"glare"``, ``"torn"`` and ``"stain"`` spoil 8 to 25 % of a
+        side of one of three targets, ``"curl"`` bends one by 0.5 to 3 pixels; ``"rectangle"``
+        (1.1 : 1) and ``"trapezium"`` are false squares among four or five targets,
+        ``"false_of_three"`` is one of them among three.
+    image_size : tuple of int
+        Width and height, pixels.
+
+    Returns
+    -------
+    picture : ndarray of uint8, shape (H, W) or (H, W, 3)
+    scene : Scene
+        The truth, the false shape of a target included.
+    damage : Damage
+    """
+    if kind not in KINDS:
+        raise ValueError(f"unknown damage {kind!r}: choose among {', '.join(KINDS)}")
+    frame = rng.random() < 0.5
+    count = int(rng.integers(4, 6)) if kind in ("rectangle", "trapezium") else 3
+    scene = random_scene(
+        rng,
+        image_size=image_size,
+        kind="frame" if frame else "square",
+        count=count,
+        dark=bool(rng.random() < 0.8),
+    )
+    settings = _settings(rng)
+    plane = int(rng.integers(count))
+    if kind == "curl":
+        scene, damage = _curled(scene, plane, rng)
+    elif kind in ("rectangle", "trapezium", "false_of_three"):
+        scene, damage = _false_square(scene, plane, kind, rng)
+    else:
+        overlay, damage = _hidden_stretch(scene, plane, kind, rng, settings)
+        settings["overlays"] = [overlay]
+    return render(scene, rng, **settings), scene, damage
+
+
+def _settings(rng: np.random.Generator) -> dict[str, Any]:
+    """Draw how the picture is taken."""
+    return {
+        "noise": rng.uniform(1.0, 4.0),
+        "blur": rng.uniform(0.5, 1.2),
+        "contrast": rng.uniform(130.0, 200.0),
+        "tone": "srgb",
+        "colour": bool(rng.random() < 0.5),
+        "shading": rng.uniform(0.0, 0.3),
+        "clutter": int(rng.integers(20, 60)) if rng.random() < 0.5 else 0,
+    }
+
+
+def _with_target(scene: Scene, plane: int, **changes: Any) -> Scene:
+    targets = list(scene.targets)
+    targets[plane] = replace(targets[plane], **changes)
+    return replace(scene, targets=tuple(targets))
+
+
+def _curled(scene: Scene, plane: int, rng: np.random.Generator) -> tuple[Scene, Damage]:
+    """Bend one side outward or inward."""
+    side = int(rng.integers(4))
+    pixels = float(rng.uniform(*BOW_RANGE))
+    start, end = np.roll(scene.targets[plane].outlines()[0], -side, axis=0)[:2]
+    middle = 0.5 * (start + end)
+    step = 1e-4 * np.array([end[1] - start[1], start[0] - end[0]])
+    seen = scene.image_points(plane, np.array([start, end, middle - step, middle + step]))
+    chord = (seen[1] - seen[0]) / np.hypot(*(seen[1] - seen[0]))
+    move = seen[3] - seen[2]
+    per_unit = abs(chord[0] * move[1] - chord[1] * move[0]) / (2.0 * np.hypot(*step))
+    bows = np.zeros(4)
+    bows[side] = rng.choice([-1.0, 1.0]) * pixels / per_unit
+    return _with_target(scene, plane, bows=bows), Damage("curl", plane, side, pixels)
+
+
+def _false_square(
+    scene: Scene, plane: int, kind: DamageKind, rng: np.random.Generator
+) -> tuple[Scene, Damage]:
+    """Make a target a rectangle or a trapezium."""
+    shape = kind
+    if kind == "false_of_three":
+        shape = "rectangle" if rng.random() < 0.5 else "trapezium"
+    if shape == "rectangle":
+        # As large as the square it takes the place of.
+        stretch = np.sqrt(RECTANGLE_RATIO)
+        printed = rectangle(0.5 * stretch, 0.5 / stretch)
+        departure = RECTANGLE_RATIO - 1.0
+    else:
+        departure = float(rng.uniform(*TRAPEZIUM_RANGE))
+        printed = rectangle(0.5, 0.5)
+        printed[:2, 0] *= 1.0 - departure
+    if rng.random() < 0.5:  # the other pair of sides; a quarter turn keeps the order
+        printed = np.roll(printed @ np.array([[0.0, 1.0], [-1.0, 0.0]]), -1, axis=0)
+    return _with_target(scene, plane, printed=printed), Damage(kind, plane, None, departure)
+
+
+def _hidden_stretch(
+    scene: Scene, plane: int, kind: DamageKind, rng: np.random.Generator, settings: dict[str, Any]
+) -> tuple[Overlay, Damage]:
+    """Hide a stretch of one side and nothing else but what lies behind it in the same frame."""
+    sides = [sample_sides(scene.camera, target, 1.0) for target in scene.targets]
+    for _ in range(MOST_DRAWS):
+        side = int(rng.integers(4))
+        place = _draw_place(sides[plane][side], rng)
+        for overlay in _overlays(kind, place, scene, rng, settings):
+            hidden = tuple(_hidden_shares(overlay, sides))
+            share = {(t, o, s): part for t, o, s, part in hidden}
+            own = share.get((plane, 0, side), 0.0)
+            others = [key for key in share if key[:2] != (plane, 1) and key != (plane, 0, side)]
+            if own >= MIN_HIDDEN and not others and max(share.values()) <= HIDDEN_RANGE[1]:
+                return overlay, Damage(kind, plane, side, own, hidden)
+    raise ValueError(f"no {kind} hides a part of one side only in this scene")
+
+
+def _draw_place(side: SideSamples, rng: np.random.Generator) -> _Place:
+    index = int(rng.uniform(*PLACE_RANGE) * len(side.image))
+    inward = side.normal[index]
+    return _Place(
+        middle=side.image[index],
+        inward=inward,
+        along=np.array([inward[1], -inward[0]]),
+        stretch=float(rng.uniform(*HIDDEN_RANGE)) * side.length,
+        side_length=side.length,
+    )
+
+
+def _hidden_shares(
+    overlay: Overlay, sides: list[list[SideSamples]]
+) -> Iterator[tuple[int, int, int, float]]:
+    """Tell the share of every side that is touched, where any is."""
+    for target, samples in enumerate(sides):
+        for index, side in enumerate(samples):
+            x, y = np.rint(side.image).astype(int).T
+            share = float(np.mean(overlay.mask[y, x] > TOUCHED))
+            if share > 0.0:
+                yield target, index // 4, index % 4, share
+
+
+def _overlays(
+    kind: DamageKind,
+    place: _Place,
+    scene: Scene,
+    rng: np.random.Generator,
+    settings: dict[str, Any],
+) -> Iterator[Overlay]:
+    """Yield what may hide a place, in order of preference."""
+    size, blur = scene.camera.image_size, settings["blur"]
+    if kind == "finger":
+        yield from _fingers(place, size, blur, rng, bool(settings["colour"]))
+    elif kind == "torn":
+        # What is missing of the ink shows the paper beside it.
+        beside = np.rint(place.middle - (6.0 + 4.0 * blur) * place.inward).astype(int)
+        bite = polygon_mask(_bite(place, rng), size, blur)
+        yield Overlay(bite, 1.0, (int(beside[0]), int(beside[1])))
+    elif kind == "glare":
+        across = place.stretch * rng.uniform(0.3, 0.8)
+        # The mask of a spot falls to `TOUCHED` at 1.4 of its half widths.
+        spot = spot_mask(place.middle, place.along, (place.stretch / 2.8, across), size)
+        yield Overlay(spot, 0.0, np.array([rng.uniform(0.7, 2.0)]))
+    else:
+        yield Overlay(_stain_mask(place, size, blur, rng), rng.uniform(0.2, 0.6), np.zeros(1))
+
+
+def _fingers(
+    place: _Place, size: tuple[int, int], blur: float, rng: np.random.Generator, colour: bool
+) -> Iterator[Overlay]:
+    """Yield fingers of falling length that reach over a side from outside."""
+    slant = np.deg2rad(rng.uniform(-30.0, 30.0))
+    away = -np.cos(slant) * place.inward + np.sin(slant) * place.along
+    width = 0.95 * place.stretch * np.cos(slant)
+    tip = place.middle - away * width * rng.uniform(0.2, 0.9)
+    light = rng.uniform(*SKIN_RANGE) * (SKIN if colour else np.array([SKIN.mean()]))
+    across = np.array([-away[1], away[0]])
+    angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 25)
+    for length in FINGER_LENGTHS:
+        # From the round tip to a round end, growing a little wider.
+        polygon = np.concatenate(
+            [
+                end
+                + radius * (np.sin(angle)[:, None] * across * turn - np.cos(angle)[:, None] * out)
+                for end, radius, turn, out in (
+                    (tip, 0.5 * width, 1.0, away),
+                    (tip + length * width * away, 0.6 * width, -1.0, -away),
+                )
+            ]
+        )
+        mask = polygon_mask(polygon, size, blur)
+        # A finger is round: darker toward its rim.
+        relief = 0.6 + 0.4 * polygon_mask(polygon, size, 0.25 * width)
+        yield Overlay(mask, 1.0, relief[..., None] * light)
+
+
+def _bite(place: _Place, rng: np.random.Generator) -> Array:
+    """Jagged outline of a piece that is torn out of a side."""
+    teeth = int(rng.integers(5, 14))
+    along = np.linspace(-0.5, 0.5, teeth) * 0.95 * place.stretch
+    depth = place.side_length * rng.uniform(0.015, 0.10) * rng.uniform(0.3, 1.0, teeth)
+    depth[[0, -1]] = -8.0  # beyond the edge's own blur
+    torn = place.middle + along[:, None] * place.along + depth[:, None] * place.inward
+    return np.asarray(torn, dtype=np.float64)
+
+
+def _stain_mask(
+    place: _Place, size: tuple[int, int], blur: float, rng: np.random.Generator
+) -> Array:
+    """Blob with a wavy and more or less soft rim, across the side or from the ground to it."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 90, endpoint=False)
+    waves = sum(
+        rng.normal(0.0, 0.12 / k) * np.cos(k * angle + rng.uniform(0.0, 2.0 * np.pi))
+        for k in range(2, 6)
+    )
+    radius = 0.5 * place.stretch * (1.0 + np.asarray(waves))
+    centre = place.middle - rng.uniform(-0.3, 0.8) * 0.5 * place.stretch * place.inward
+    rim = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return polygon_mask(centre + radius[:, None] * rim, size, blur + rng.uniform(0.0, 6.0))
