@@ -51,9 +51,6 @@ pub(crate) struct Correlated {
     pub covariance: DMatrix<f64>,
     /// The plane that disagrees with the rest, if any does.
     pub disagreement: Option<Disagreement>,
-    /// The side that errs most beyond the others, if sides err together: plane, side over all
-    /// figures, and twice the log likelihood gained by granting it a variance of its own.
-    pub worst_side: Option<(usize, usize, f64)>,
     pub coherence: Coherence,
 }
 
@@ -164,12 +161,9 @@ pub(crate) fn correlated_covariance<L: Lens>(
     };
     let focal = refined.view.lens.parameters()[0];
     let system = errors.marginal(&strength.mean)?;
-    let likely = strength.probability > LIKELIER;
-    let worst_side = likely.then(|| errors.worst_side(&strength)).flatten();
     Some(Correlated {
         covariance: total,
         disagreement: disagreement(&system, free, focal, 1.0),
-        worst_side,
         coherence,
     })
 }

@@ -9,7 +9,7 @@ use crate::refine::{Refined, Residual};
 use crate::side_basis::{ORDERS, basis, direction, places};
 
 /// A sample tells no more of a misfit than one so many times the noise away.
-const FARTHEST: f64 = 50.0;
+const FARTHEST: f64 = 1e3;
 
 /// Sides in the wrong place by so many times the variance of their curvature contradict each other:
 /// chance does so once in two thousand times, where there are two degrees of freedom.

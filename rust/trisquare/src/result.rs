@@ -184,7 +184,6 @@ impl Calibration {
             covariance,
             disagreement,
             coherence,
-            worst_side: _,
         } = correlated.clone();
         let together = coherence.warnings(&covariance, free);
         let disagreement = disagreement.map(Warning::Disagreement);

@@ -4,10 +4,9 @@
 use crate::Error;
 use crate::covariance::check_plane_count;
 use crate::misfit::Misfit;
-use crate::observations::ObservedPlane;
+use crate::observations::{ObservedPlane, Side};
 use crate::refine::Residual;
 use crate::result::Warning;
-use crate::robust::Loss;
 use crate::stages::{Solution, Task};
 
 /// Planes that must remain where one is set aside: two cannot show which of three is false.
@@ -24,12 +23,9 @@ const FALSE_PLANE: f64 = 6.0;
 /// sides.
 const BENT: f64 = 10.0;
 
-/// Twice the log likelihood gained from which a side certainly errs more than the others: a chance
-/// of one in ten thousand, for each of some twelve sides.
-const CERTAINLY: f64 = 20.0;
-
-/// A side most of whose samples the robust loss ignores is no side of this square.
-const MOST: f64 = 0.5;
+/// A side is set aside if what it adds to the misfit is, per degree of freedom, so many times what
+/// remains without it: chance makes it 7 once in ten thousand times, and there are some twelve.
+const FALSE_SIDE: f64 = 10.0;
 
 /// At most one side in so many is set aside: beyond, nobody can tell who is right.
 const SIDES_PER_OUTLIER: usize = 4;
@@ -45,18 +41,8 @@ pub(crate) fn agreeing(
     let mut solution = without_false_plane(task, planes, task.solve(planes))?;
     let sides: usize = planes.iter().map(|plane| plane.sides().count()).sum();
     for _ in 0..sides / SIDES_PER_OUTLIER {
-        let Some((plane, side)) = outlying_side(&solution) else {
-            break;
-        };
-        let mut remaining = solution.planes.clone();
-        if let Some(side) = remaining[plane].side_mut(side) {
-            side.set_aside = true;
-        }
-        let settled = task
-            .again(&remaining, &solution.refined)
-            .and_then(|refined| task.settle(&remaining, refined).ok());
-        match settled.filter(|settled| is_bent(settled, plane, side)) {
-            Some(settled) => solution = settled,
+        match without_bent_side(task, &solution) {
+            Some(straighter) => solution = straighter,
             None => break,
         }
     }
@@ -115,15 +101,7 @@ fn without_false_plane(
 
 /// A plane of which one side alone is bent comes back with the others.
 fn with_its_straight_sides(task: &Task<'_>, found: Solution, plane: usize) -> Solution {
-    let noise = found.refined.noise(&found.planes).scale;
-    let mut rest = &found.refined.residuals[plane][..];
-    let mut curvatures = Vec::new();
-    for side in found.planes[plane].sides() {
-        let (own, others) = rest.split_at(side.samples.len());
-        rest = others;
-        let misfit = Misfit::of_side(side, own, noise);
-        curvatures.push(misfit.curved / misfit.curved_freedom.max(1.0));
-    }
+    let curvatures = curvatures(&found, plane);
     let bent: Vec<usize> = (0..curvatures.len())
         .filter(|s| curvatures[*s] > BENT)
         .collect();
@@ -150,56 +128,57 @@ impl Solution {
         Misfit::of(&self.planes, &self.refined, &task.free, noise)
     }
 
-    /// Plane, index over all figures of the plane, and residuals of every side that counts.
-    fn sides(&self) -> impl Iterator<Item = (usize, usize, &[Residual])> {
-        let planes = self.planes.iter().zip(&self.refined.residuals).enumerate();
-        planes.flat_map(|(p, (plane, residuals))| {
-            let mut rest = &residuals[..];
-            plane.sides().enumerate().filter_map(move |(s, side)| {
-                let (own, others) = rest.split_at(side.samples.len());
-                rest = others;
-                (!side.set_aside).then_some((p, s, own))
-            })
+    /// Plane, and index over all figures of the plane, of every side of a square that counts.
+    fn sides_of_squares(&self) -> impl Iterator<Item = (usize, usize)> {
+        self.planes.iter().enumerate().flat_map(|(p, plane)| {
+            let squares = plane.figures.iter().all(|figure| figure.sides.len() == 4);
+            let sides = plane.sides().enumerate().filter(move |_| squares);
+            sides.filter_map(move |(s, side)| (!side.set_aside).then_some((p, s)))
         })
     }
 }
 
-/// The part of a side's samples that the robust loss ignores.
-fn ignored(residuals: &[Residual], scale: f64) -> f64 {
-    let without = residuals
-        .iter()
-        .filter(|r| Loss::Tukey.cost_and_weight(r.distance * r.weight / scale).1 == 0.0);
-    without.count() as f64 / residuals.len().max(1) as f64
-}
-
-/// The side that least belongs to the others, if one certainly does not.
-fn outlying_side(solution: &Solution) -> Option<(usize, usize)> {
-    let most_ignored = solution
-        .sides()
-        .map(|(plane, side, own)| (plane, side, ignored(own, solution.refined.scale)))
-        .filter(|(_, _, share)| *share > MOST)
-        .max_by(|a, b| a.2.total_cmp(&b.2));
-    if let Some((plane, side, _)) = most_ignored {
-        return Some((plane, side));
+/// Leaves out each side of a square in turn where the sides disagree, and sets the one aside
+/// without which the others agree much better; `None` if there is none, or if it is straight: a
+/// straight side in the wrong place belongs to a square that is none.
+fn without_bent_side(task: &Task<'_>, solution: &Solution) -> Option<Solution> {
+    let misfit = solution.misfit(task);
+    if misfit.mean() < DOUBTED {
+        return None;
     }
-    let (plane, side, gain) = solution.correlated.worst_side?;
-    (gain > CERTAINLY).then_some((plane, side))
+    let without = |(plane, side): (usize, usize)| {
+        let mut planes = solution.planes.clone();
+        planes[plane].side_mut(side)?.set_aside = true;
+        let refined = task.again(&planes, &solution.refined)?;
+        let noise = refined.noise(&planes).scale;
+        let remaining = Misfit::of(&planes, &refined, &task.free, noise);
+        Some((plane, side, planes, refined, remaining))
+    };
+    let (plane, side, planes, refined, remaining) = solution
+        .sides_of_squares()
+        .filter_map(without)
+        .min_by(|a, b| a.4.mean().total_cmp(&b.4.mean()))?;
+    let ordinary = remaining.mean().max(1.0);
+    let added = misfit.total() - remaining.total();
+    let freedom = (misfit.freedom() - remaining.freedom()).max(1.0);
+    if added < FALSE_SIDE * freedom * ordinary {
+        return None;
+    }
+    let found = task.settle(&planes, refined).ok()?;
+    (curvatures(&found, plane)[side] > BENT * ordinary).then_some(found)
 }
 
-/// Whether a side that was set aside is curved, as bent paper is, or mostly something else: a
-/// straight one in the wrong place belongs to a square that is none.
-fn is_bent(solution: &Solution, plane: usize, index: usize) -> bool {
+/// Mean square curvature of every side of a plane, in units of the noise.
+fn curvatures(solution: &Solution, plane: usize) -> Vec<f64> {
     let noise = solution.refined.noise(&solution.planes).scale;
     let mut rest = &solution.refined.residuals[plane][..];
-    for (s, side) in solution.planes[plane].sides().enumerate() {
+    let curvature = |side: &Side| {
         let (own, others) = rest.split_at(side.samples.len());
         rest = others;
-        if s == index {
-            let misfit = Misfit::of_side(side, own, noise);
-            return misfit.curved > BENT * misfit.curved_freedom;
-        }
-    }
-    false
+        let misfit = Misfit::of_side(side, own, noise);
+        misfit.curved / misfit.curved_freedom.max(1.0)
+    };
+    solution.planes[plane].sides().map(curvature).collect()
 }
 
 /// Names what was set aside.

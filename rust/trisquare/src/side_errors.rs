@@ -33,12 +33,6 @@ const VARIANCES: usize = 30;
 /// evenly over the variances tried.
 const PRIOR_OF_WHITE: f64 = 0.5;
 
-/// Variances that a side is granted of its own: each so many times the last, from that of the
-/// others on; and how much less the others may then err.
-const OWN_RATIO: f64 = 8.0;
-const OWN_VARIANCES: i32 = 7;
-const CALMER: [f64; 3] = [1.0, 0.1, 0.001];
-
 /// Twice the log likelihood that is lost where a variance is beyond all doubt too large.
 const HOPELESS: f64 = 30.0;
 
@@ -52,9 +46,8 @@ const CORRELATION_LENGTH: f64 = 0.33;
 /// What the samples of sides whose displacements are correlated say of them.
 struct Family {
     plane: usize,
-    /// Indices of the sides in their figure, and the number of sides in the plane's figures before.
+    /// Indices of the sides in their figure.
     sides: Vec<usize>,
-    first_side: usize,
     /// The way the first of them runs; the others run alike.
     along: Option<Vector2<f64>>,
     /// Correlation of their displacements, its inverse, and the logarithm of its determinant.
@@ -109,11 +102,6 @@ impl SideErrors {
             let mut rest = &residuals[p][..];
             for (f, figure) in plane.figures.iter().enumerate() {
                 let mut own = families_of(figure, p, &view.planes[p], free);
-                let before = plane.figures[..f]
-                    .iter()
-                    .map(|other| other.sides.len())
-                    .sum();
-                own.iter_mut().for_each(|family| family.first_side = before);
                 for (index, side) in figure.sides.iter().enumerate() {
                     let (mine, others) = rest.split_at(side.samples.len());
                     rest = others;
@@ -176,35 +164,6 @@ impl SideErrors {
         })
     }
 
-    /// The side that errs most beyond the others: plane, and index of the side over all figures;
-    /// with twice the log likelihood gained by granting it a variance of its own.
-    pub fn worst_side(&self, strength: &Strength) -> Option<(usize, usize, f64)> {
-        let common = &strength.likeliest;
-        let all = self.criterion(common)?;
-        let mut worst: Option<(usize, usize, f64)> = None;
-        let single = self
-            .families
-            .iter()
-            .filter(|family| family.sides.len() == 1);
-        for family in single {
-            for power in 1..OWN_VARIANCES {
-                let own = common[family.plane] * OWN_RATIO.powi(power);
-                // With one side apart, the others may turn out to err less.
-                for calm in CALMER {
-                    let variances: Vec<f64> = common.iter().map(|v| v * calm).collect();
-                    let Some(found) = self.criterion_with(&variances, Some((family, own))) else {
-                        continue;
-                    };
-                    let gain = all - found;
-                    if worst.is_none_or(|(_, _, most)| gain > most) {
-                        worst = Some((family.plane, family.first_side + family.sides[0], gain));
-                    }
-                }
-            }
-        }
-        worst
-    }
-
     /// What displacements of unit variance on each plane alone add to the covariance of the shared
     /// parameters, as they were fitted: at weights that take the noise for white.
     pub fn unit_covariances(&self) -> Option<Vec<DMatrix<f64>>> {
@@ -255,34 +214,22 @@ impl SideErrors {
 
     /// The normal equations marginalised over displacements of the planes' variances.
     pub fn marginal(&self, variances: &[f64]) -> Option<ArrowSystem> {
-        Some(self.marginal_and_criterion(variances, None)?.0)
+        Some(self.marginal_and_criterion(variances)?.0)
     }
 
     /// Minus twice the restricted log likelihood of the planes' variances, but for a constant.
     fn criterion(&self, variances: &[f64]) -> Option<f64> {
-        self.criterion_with(variances, None)
-    }
-
-    /// The same with another variance for one family.
-    fn criterion_with(&self, variances: &[f64], apart: Option<(&Family, f64)>) -> Option<f64> {
-        let (system, criterion) = self.marginal_and_criterion(variances, apart)?;
+        let (system, criterion) = self.marginal_and_criterion(variances)?;
         let step = system.solve(0.0)?;
         let criterion = criterion + system.log_determinant()? - 2.0 * step.predicted_decrease;
         criterion.is_finite().then_some(criterion)
     }
 
-    fn marginal_and_criterion(
-        &self,
-        variances: &[f64],
-        apart: Option<(&Family, f64)>,
-    ) -> Option<(ArrowSystem, f64)> {
+    fn marginal_and_criterion(&self, variances: &[f64]) -> Option<(ArrowSystem, f64)> {
         let mut system = self.system.clone();
         let mut criterion = 0.0;
         for family in &self.families {
-            let variance = match apart {
-                Some((other, own)) if std::ptr::eq(other, family) => own,
-                _ => variances[family.plane],
-            };
+            let variance = variances[family.plane];
             if variance > 0.0 {
                 criterion += family.marginalise(variance, &mut system)?;
             }
@@ -351,7 +298,6 @@ impl Family {
         Some(Self {
             plane,
             sides,
-            first_side: 0,
             along: None,
             correlation,
             inverse_correlation: factor.inverse(),

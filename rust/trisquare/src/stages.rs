@@ -139,7 +139,6 @@ impl<'a> Task<'a> {
         let correlated = Correlated {
             covariance,
             disagreement: disagreement(&system, &self.free, focal, factor),
-            worst_side: None,
             coherence: Coherence::none(planes.len(), self.free.len()),
         };
         Ok(Solution {
