@@ -3,6 +3,7 @@
 use nalgebra::Matrix3;
 
 use crate::covariance::{Geometry, check_plane_count};
+use crate::drift;
 use crate::levenberg::Termination;
 use crate::linear::{
     Homographies, Undistortion, conic_camera_matrix, fallback_camera_matrices, first_view,
@@ -72,7 +73,7 @@ pub fn calibrate_photographs(
     match options.method {
         Method::Linear => stages.result(&stages.linear()?, Stage::Linear),
         Method::MaximumLikelihood => {
-            let refined = stages.refine()?;
+            let refined = drift::accounted(&planes, &free, &judged, stages.refine()?);
             let mut calibration = stages.result(&refined, Stage::Edges)?;
             if let Some(photographs) = photographs {
                 photometric::improve(

@@ -12,6 +12,7 @@ mod exposure;
 mod exposure_fit;
 mod figure_sums;
 mod fit;
+mod picture_tone;
 mod scene;
 
 use crate::observations::ObservedPlane;
@@ -19,19 +20,22 @@ use crate::parameters::FreeParameters;
 use crate::refine::{Refined, residuals};
 use crate::result::{Calibration, Stage, Warning};
 use crate::robust::Loss;
-use crate::{Brown, Picture, PlaneEdges, Tone};
+use crate::{Brown, Picture, PlaneEdges};
 use band::{PixelFigure, collect};
+pub(crate) use coverage::box_kurtosis;
 use exposure::Exposure;
 use exposure_fit::fit_exposures;
 use fit::{PixelFit, PixelState, PixelSystem};
+use picture_tone::PictureState;
+pub use picture_tone::{PictureTone, ToneFit};
 
 /// The pictures that show the figures, and how they were coded.
 #[derive(Debug, Clone, Copy)]
 pub struct Photographs<'a> {
     /// One picture per image index of the figures.
     pub pictures: &'a [&'a Picture],
-    /// The tone curve of all of them.
-    pub tone: Tone,
+    /// How each was coded.
+    pub tones: &'a [PictureTone],
 }
 
 /// One pixel in so many tells the exposures, while camera and planes are held.
@@ -89,21 +93,28 @@ fn attempt(
 ) -> Result<Calibration, Refusal> {
     let figures = collect(edges, planes, &refined.view, photographs)?;
     let broken = || Refusal::Reason("the pixels near an outline do not show a blurred step");
-    let curve = photographs.tone.curve();
+    let tones = photographs.tones;
+    let pictures: Vec<PictureState> = tones.iter().map(|tone| PictureState::of(*tone)).collect();
+    let known = tones.iter().all(|t| matches!(t, PictureTone::Known(_)));
     let thinned: Vec<PixelFigure> = figures.iter().map(|f| f.thinned(EXPOSURE_STRIDE)).collect();
     let fit = PixelFit {
         figures: &thinned,
         free,
-        curve: &curve,
+        free_pictures: if known { 0 } else { pictures.len() },
         loss: Loss::WideTukey,
         scales: Vec::new(),
     };
     let guess: Option<Vec<Exposure>> = thinned
         .iter()
-        .map(|figure| Exposure::guess(figure, photographs.tone))
+        .map(|figure| Exposure::guess(figure, tones[figure.image].tone()))
         .collect();
-    let (exposures, scales) =
-        fit_exposures(fit.clone(), &refined.view, guess.ok_or_else(broken)?).ok_or_else(broken)?;
+    let (exposures, scales) = fit_exposures(
+        fit.clone(),
+        &refined.view,
+        &pictures,
+        guess.ok_or_else(broken)?,
+    )
+    .ok_or_else(broken)?;
     let fit = PixelFit {
         figures: &figures,
         scales,
@@ -112,6 +123,7 @@ fn attempt(
     let mut state = PixelState {
         view: refined.view.clone(),
         exposures,
+        pictures,
     };
 
     let mut last_cost = f64::INFINITY;
@@ -134,17 +146,26 @@ fn attempt(
         }
     }
     let PixelSystem { system, spread, .. } = finished.ok_or_else(broken)?;
+    let covariance_factor = spread.covariance_factor(free.len());
+    let tones = fit
+        .tone_fits(&state, &system, covariance_factor)
+        .ok_or_else(broken)?;
+    let system = match fit.free_pictures {
+        0 => system,
+        _ => system.marginal(free.len()).ok_or_else(broken)?,
+    };
     let fitted = Refined {
         residuals: residuals(planes, &state.view).ok_or_else(broken)?,
         view: state.view,
         system,
-        covariance_factor: spread.covariance_factor(free.len()),
+        covariance_factor,
         noise_scale: refined.noise_scale,
         iterations: refined.iterations,
     };
     let size = calibration.image_size;
     let better = Calibration::assemble(planes, free, size, &fitted, Stage::Pixels);
-    let better = better.ok_or_else(broken)?;
+    let mut better = better.ok_or_else(broken)?;
+    better.tones = tones;
     check_improvement(free, calibration, &better)?;
     Ok(better)
 }

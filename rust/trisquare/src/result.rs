@@ -8,7 +8,7 @@ use crate::observations::{ObservedPlane, Placement};
 use crate::parameters::FreeParameters;
 use crate::refine::{Refined, Residual};
 use crate::view::View;
-use crate::{Brown, ImageSize, Lens, Pose};
+use crate::{Brown, ImageSize, Lens, Pose, ToneFit};
 
 /// The stage a result comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -85,6 +85,8 @@ pub struct Calibration {
     pub warnings: Vec<Warning>,
     /// The stage the numbers come from.
     pub stage: Stage,
+    /// How each picture was coded, where the fit to the pixels found it out.
+    pub tones: Vec<ToneFit>,
 }
 
 impl Calibration {
@@ -142,6 +144,7 @@ impl Calibration {
             iterations: refined.iterations,
             warnings: warning.map(Warning::Disagreement).into_iter().collect(),
             stage,
+            tones: Vec::new(),
         })
     }
 }
