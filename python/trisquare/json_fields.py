@@ -50,6 +50,10 @@ class JsonFields:
             raise ValueError(f'"{self._key(key)}" is missing')
         return self._members[key]
 
+    def has(self, key: str) -> bool:
+        """Whether there is a key that older files lack, and it is not null."""
+        return self._members.get(key) is not None
+
     def text(self, key: str) -> str:
         """Return a string."""
         value = self.value(key)
