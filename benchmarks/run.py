@@ -16,6 +16,7 @@ BENCHMARKS = (
     "edge_bound",
     "pixel_bound",
     "photo_like",
+    "tone",
     "against_zhang",
     "chess_triples",
     "inserted_squares",
