@@ -10,9 +10,11 @@
 mod band;
 mod coarse;
 mod curve;
+mod displacement;
 mod noise;
 mod patches;
 mod plateaus;
+mod profile;
 mod side;
 mod tone_fit;
 
@@ -146,7 +148,7 @@ pub fn localise_with_unknown_tone(
     let measured: Vec<_> = (0..spans.len())
         .map(|index| localiser.measure(spans, index, &previews))
         .collect();
-    tone_fit::corrected(first, measured)
+    displacement::corrected(first, measured)
 }
 
 /// A side found by the first fit, and the noise about it.

@@ -9,8 +9,9 @@ use nalgebra::{Cholesky, Const, Matrix2, SMatrix, SVector, Vector2};
 use super::band::Pixel;
 use super::curve::COEFFICIENTS;
 use super::noise::robust_weight;
-use super::side::{BASE, BIN_LENGTH, BLUR, PARAMETERS, Prediction, RISE, Side};
-use super::{Measured, NoEdge, Preview, SpanEdges};
+use super::profile::Profile;
+use super::side::{BASE, BIN_LENGTH, BLUR, PARAMETERS, RISE, Side};
+use super::{NoEdge, Preview};
 use crate::outer::{add_outer, symmetric};
 use crate::photometric::{PictureTone, box_kurtosis};
 use crate::power_curve::{PowerCurve, TONE_PARAMETERS, TonePrior};
@@ -246,13 +247,13 @@ fn is_sound(side: &Side, tone: &ToneCurve, noise: f64) -> bool {
 
 /// Whether a misfit of the profiles is held against them: not before the curve is the best one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Trust {
+pub(super) enum Trust {
     Full,
     ByMisfit,
 }
 
 /// Pools what the sides tell, with what is usual; the step from `curve` and the estimate there.
-fn pool<'a>(
+pub(super) fn pool<'a>(
     curve: PowerCurve,
     shares: impl Iterator<Item = &'a ToneShare>,
     trust: Trust,
@@ -367,168 +368,5 @@ impl Side {
         let rise = [lit[0] - base[0], lit[1] - base[1]];
         self.base = [0.5 * (base[0] + base[1]), 0.5 * (base[1] - base[0])];
         self.rise = [0.5 * (rise[0] + rise[1]), 0.5 * (rise[1] - rise[0])];
-    }
-}
-
-/// Moves the samples to where the estimate from all pixels sees them, and tells how far one
-/// standard deviation of it displaces them.
-pub(super) fn corrected(
-    first: PowerCurve,
-    measured: Vec<Result<Measured, NoEdge>>,
-) -> (Vec<Result<SpanEdges, NoEdge>>, ToneEstimate) {
-    let found = || measured.iter().flatten();
-    let (step, estimate) = pool(
-        first,
-        found().filter_map(|m| m.share.as_ref()),
-        Trust::ByMisfit,
-    );
-    // One standard deviation in each of two independent directions.
-    let deviations = estimate
-        .covariance
-        .cholesky()
-        .map_or_else(Matrix2::zeros, |f| f.l());
-    let mut gram = Matrix2::zeros();
-    for measured in found() {
-        for (drift, std) in measured.drifts(&step).iter().zip(&measured.edges.std) {
-            let deviation = deviations.tr_mul(&drift.by_tone) / *std;
-            gram += deviation * deviation.transpose();
-        }
-    }
-    // Both move the samples much alike: the direction that moves them most stands for both.
-    let direction = deviations * first_axis(&gram);
-    let shift_std = estimate.shift_std.unwrap_or(0.0);
-    let spans = measured
-        .into_iter()
-        .map(|measured| measured.map(|measured| measured.displaced(&step, &direction, shift_std)));
-    (spans.collect(), estimate)
-}
-
-/// The unit eigenvector of the larger eigenvalue.
-fn first_axis(matrix: &Matrix2<f64>) -> Vector2<f64> {
-    let angle = 0.5 * (2.0 * matrix[(0, 1)]).atan2(matrix[(0, 0)] - matrix[(1, 1)]);
-    Vector2::new(angle.cos(), angle.sin())
-}
-
-/// How a sample is displaced along the unit normal of its side.
-struct Drift {
-    normal: Vector2<f64>,
-    /// By what the side's pixels ask for once its blur's kurtosis and the tone curve are free.
-    by_step: f64,
-    /// By the tone curve's parameters.
-    by_tone: Vector2<f64>,
-}
-
-impl Measured {
-    fn drifts(&self, step: &Vector2<f64>) -> Vec<Drift> {
-        let Some(share) = &self.share else {
-            return Vec::new();
-        };
-        let by_tone = share.drift();
-        let moved = share
-            .own_step(step)
-            .fixed_rows::<COEFFICIENTS>(0)
-            .into_owned();
-        let drift = |point: &Vector2<f64>| {
-            let (s, _) = self.side.curve.local(*point);
-            let powers = SVector::<f64, COEFFICIENTS>::from_fn(|k, _| s.powi(k as i32));
-            let across = self.side.curve.point(s, 1.0) - self.side.curve.point(s, 0.0);
-            // A height is a distance times the secant of the curve's angle with its chord.
-            let cosine = across.dot(&self.side.curve.across);
-            Drift {
-                normal: across,
-                by_step: moved.dot(&powers) * cosine,
-                by_tone: by_tone.tr_mul(&powers) * cosine,
-            }
-        };
-        self.edges.points.iter().map(drift).collect()
-    }
-
-    fn displaced(
-        mut self,
-        step: &Vector2<f64>,
-        direction: &Vector2<f64>,
-        shift_std: f64,
-    ) -> SpanEdges {
-        // The normal points to the light where the rise is positive; a tone curve, too, moves the
-        // edges to the dark or to the light, all of them alike.
-        let to_dark = -self.side.rise[0].signum();
-        let drifts = self.drifts(step);
-        for (point, drift) in self.edges.points.iter_mut().zip(&drifts) {
-            *point += drift.normal * drift.by_step;
-        }
-        let displacements = drifts.iter().map(|d| {
-            let by_tone = d.by_tone.dot(direction);
-            d.normal * by_tone.hypot(shift_std) * to_dark
-        });
-        self.edges.drift = displacements.collect();
-        self.edges
-    }
-}
-
-/// Half the width of a profile, and of its bins, in blurs.
-const PROFILE_REACH: f64 = 3.5;
-const PROFILE_BIN: f64 = 0.5;
-const PROFILE_BINS: usize = 14;
-
-/// A misfit counts from so many standard deviations of what noise makes of one.
-const MISFIT_DEVIATIONS: f64 = 2.0;
-
-/// The residuals about a side, by distance from the edge.
-#[derive(Debug, Clone, Copy, Default)]
-struct Profile {
-    bins: [ProfileBin; PROFILE_BINS],
-}
-
-#[derive(Debug, Clone, Copy, Default)]
-struct ProfileBin {
-    sum: f64,
-    squares: f64,
-    count: f64,
-}
-
-impl Profile {
-    fn add(&mut self, side: &Side, prediction: &Prediction, residual: f64) {
-        // Towards the light, whichever way that is.
-        let place = prediction.blurs * side.rise[0].signum();
-        let index = ((place + PROFILE_REACH) / PROFILE_BIN).floor();
-        if let Some(bin) = self.bins.get_mut(index as usize).filter(|_| index >= 0.0) {
-            bin.sum += residual;
-            bin.squares += residual * residual;
-            bin.count += 1.0;
-        }
-    }
-
-    fn relative_to(mut self, contrast: f64) -> Self {
-        for bin in &mut self.bins {
-            bin.sum /= contrast.abs();
-            bin.squares /= contrast * contrast;
-        }
-        self
-    }
-
-    fn merge(&mut self, other: &Self) {
-        for (bin, other) in self.bins.iter_mut().zip(&other.bins) {
-            bin.sum += other.sum;
-            bin.squares += other.squares;
-            bin.count += other.count;
-        }
-    }
-
-    /// Root mean square of the bins' means, less what noise may make of them.
-    fn misfit(&self) -> f64 {
-        let (mut total, mut noise, mut bins) = (0.0, 0.0, 0.0);
-        for bin in self.bins.iter().filter(|bin| bin.count > 1.0) {
-            let mean = bin.sum / bin.count;
-            total += mean * mean;
-            noise += (bin.squares / bin.count - mean * mean) / bin.count;
-            bins += 1.0;
-        }
-        // The sum of so many squares of noise, and some deviations of it.
-        let by_chance = noise * (1.0 + MISFIT_DEVIATIONS * (2.0_f64 / bins).sqrt());
-        if total > by_chance {
-            ((total - by_chance) / bins).sqrt()
-        } else {
-            0.0
-        }
     }
 }
