@@ -20,6 +20,7 @@ BENCHMARKS = (
     "photo_like",
     "refusals",
     "prediction",
+    "tone",
     "against_zhang",
     "chess_triples",
     "inserted_squares",

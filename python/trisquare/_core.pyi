@@ -42,6 +42,26 @@ class Picture:
     def size(self) -> tuple[int, int]: ...
 
 @type_check_only
+class ToneMembers(TypedDict):
+    """An estimated tone curve."""
+
+    gamma: float
+    toe: float
+    effective_gamma: float
+    std: float
+    sides: int
+    misfit: float
+    shift_std: float | None
+
+@type_check_only
+class ToneFitMembers(TypedDict):
+    """What the fit to the pixels told of how a picture was coded."""
+
+    effective_gamma: float
+    std: float | None
+    shift: tuple[float, float] | None
+
+@type_check_only
 class PlaneMembers(TypedDict):
     """One plane of a calibration."""
 
@@ -71,6 +91,7 @@ class CalibrationMembers(TypedDict):
     stage: str
     model: str
     alternatives: list[tuple[str, float, float]]
+    tones: list[ToneFitMembers]
 
 def calibrate(
     figures: Sequence[PlaneEdges],
@@ -81,7 +102,7 @@ def calibrate(
     fixed: Sequence[str],
     initial: Sequence[float] | None,
     pictures: Sequence[Picture] | None,
-    tone: str | float,
+    tones: Sequence[str | float | tuple[float, float, float | None]],
 ) -> CalibrationMembers: ...
 
 @type_check_only
@@ -106,8 +127,11 @@ def predict(
 def localise(
     picture: Picture,
     spans: Sequence[tuple[NDArray[np.float64], float, tuple[int | None, int | None]]],
-    tone: str | float,
-) -> list[tuple[NDArray[np.float64], NDArray[np.float64]] | str]: ...
+    tone: str | float | None,
+) -> tuple[
+    list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64] | None] | str],
+    ToneMembers | None,
+]: ...
 def square_lines(sides: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]: ...
 def fit_distortion(
     curves: Sequence[NDArray[np.float64]],

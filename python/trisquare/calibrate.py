@@ -14,6 +14,7 @@ from trisquare.detect import Targets, nothing_found
 from trisquare.edges import PlaneEdges
 from trisquare.errors import DetectionError
 from trisquare.model_alternative import ModelAlternative
+from trisquare.picture_tone import PictureTone, pooled, shift_warnings
 from trisquare.pictures import (
     ImageSource,
     Tone,
@@ -61,8 +62,9 @@ def calibrate(
         Held at the values of `initial`, or else at aspect 1, the image centre, and zero.
     initial : Camera, optional
         Values for what is fixed; "focal" needs them.
-    tone : {"srgb", "linear"} or float, optional
-        How light was coded; by default sRGB for 8-bit pictures, linear for others.
+    tone : {"auto", "srgb", "linear"} or float, optional
+        How light was coded; a number is a gamma, and "auto" estimates the curve of each picture
+        along with the camera. By default sRGB for 8-bit pictures, linear for others.
     targets : str
         See `detect`.
     progress : callable, optional
@@ -97,6 +99,7 @@ def calibrate(
     figures: list[PlaneEdges] = []
     pictures: list[_core.Picture] = []
     missed: list[int] = []
+    tones: list[PictureTone] = []
     curves: set[str | float] = set()
     size: tuple[int, int] | None = None
     for index, source in enumerate(sources):
@@ -110,7 +113,8 @@ def calibrate(
         curve = tone_of(picture, checked)
         curves.add(curve)
         core = _core.Picture(picture)
-        found = measure(picture, core, wanted, curve)
+        found, picture_tone = measure(picture, core, wanted, curve)
+        tones.append(picture_tone)
         if not found:
             missed.append(index)
         planes_before = len(figures)  # at least as many as planes, so that none is shared
@@ -124,7 +128,7 @@ def calibrate(
         raise ValueError("pictures of different depth need one stated tone curve")
     assert size is not None  # there is at least one picture
     warnings = [f"picture {index}: {nothing_found(wanted)}" for index in missed]
-    return _solve(figures, size, settings, pictures, curves.pop(), warnings)
+    return _solve(figures, size, settings, pictures, tones, warnings)
 
 
 def calibrate_edges(
@@ -170,7 +174,7 @@ def calibrate_edges(
         figure if figure.plane is None else replace(figure, plane=number[figure.plane])
         for figure in figures
     ]
-    return _solve(counted, size_of_image(image_size), settings, None, None, [])
+    return _solve(counted, size_of_image(image_size), settings, None, [], [])
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,7 +224,7 @@ def _solve(
     image_size: tuple[int, int],
     settings: _Settings,
     pictures: list[_core.Picture] | None,
-    tone: str | float | None,
+    tones: list[PictureTone],
     warnings: list[str],
 ) -> Calibration:
     initial = settings.initial
@@ -236,8 +240,12 @@ def _solve(
         fixed=settings.fixed,
         initial=None if initial is None else list(camera_parameters(initial).values()),
         pictures=pictures,
-        tone="linear" if tone is None else tone,
+        tones=[tone.curve for tone in tones],
     )
+    # The fit to the pixels knows more of the tone than the edges' profiles alone.
+    if found["tones"]:
+        tones = [tone.refined(fit) for tone, fit in zip(tones, found["tones"], strict=True)]
+    tone, tone_std = pooled(tones)
     camera = Camera(
         found["camera_matrix"],
         found["distortion"],
@@ -265,10 +273,11 @@ def _solve(
         planes=planes,
         rms=found["rms"],
         noise_scale=found["noise_scale"],
-        warnings=(*warnings, *found["warnings"]),
+        warnings=(*warnings, *found["warnings"], *shift_warnings(tones)),
         method=settings.method,
         tone=tone,
         fixed=settings.fixed,
         stage=found["stage"],
         alternatives=tuple(ModelAlternative(*other) for other in found["alternatives"]),
+        tone_std=tone_std,
     )

@@ -152,7 +152,8 @@ def calibrate_command(
         str | None,
         typer.Option(
             metavar="TONE",
-            help="Tone curve: srgb, linear or a gamma. By default srgb for 8-bit pictures.",
+            help="Tone curve: auto (estimated), srgb, linear or a gamma. By default srgb for 8-bit "
+            "pictures.",
         ),
     ] = None,
     targets: Annotated[

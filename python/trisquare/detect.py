@@ -52,9 +52,9 @@ def detect(image: ImageSource, targets: str = "auto", tone: Tone = None) -> list
     targets : str
         ``"auto"`` or ``"squares"``: dark squares on a lighter ground or the reverse, solid or
         framed. ``"chessboard:9x6"``: one board of 9 x 6 inner corners.
-    tone : {"srgb", "linear"} or float, optional
-        How light was coded into pixel values; a number is a gamma. By default sRGB for 8-bit
-        pictures and linear for others.
+    tone : {"auto", "srgb", "linear"} or float, optional
+        How light was coded into pixel values; a number is a gamma, and "auto" estimates the curve
+        from the edges' profiles. By default sRGB for 8-bit pictures and linear for others.
 
     Returns
     -------
@@ -76,7 +76,7 @@ def detect(image: ImageSource, targets: str = "auto", tone: Tone = None) -> list
     wanted = Targets.parse(targets)
     checked = checked_tone(tone)
     picture = load_picture(image)
-    found = measure(picture, _core.Picture(picture), wanted, tone_of(picture, checked))
+    found = measure(picture, _core.Picture(picture), wanted, tone_of(picture, checked)).figures
     if not found:
         raise DetectionError(nothing_found(wanted))
     return found

@@ -21,6 +21,9 @@ EDGES_FORMAT = "trisquare-edges/1"
 # No picture is this large; beyond it float64 no longer resolves 1e-7 px, and squares may overflow.
 MAX_COORDINATE = 1e9
 
+# Blurs are some pixels at most, and no tone curve displaces an edge by more than its blur.
+MAX_DRIFT = 10.0
+
 # A line given with a unit normal keeps its digits: dividing by a norm that differs from 1 by
 # rounding alone would change them again on every trip through JSON or pickle.
 UNIT_NORM_SLACK = 4 * np.finfo(np.float64).eps
@@ -58,6 +61,9 @@ class PlaneEdges:
         - ``"similarity"``: size, rotation and place (4 unknowns);
         - ``"auto"``: ``"size"`` if it lies concentric with the plane's first figure, else
           ``"similarity"``.
+    drift : sequence of L array_like, shape (N_i, 2), optional
+        How far, in pixels, one standard deviation of an error that all samples of a picture share
+        displaces each: that of an estimated tone curve.
 
     Raises
     ------
@@ -78,6 +84,7 @@ class PlaneEdges:
     image: int = 0
     kind: str = "square"
     freedom: Freedom = "auto"
+    drift: tuple[FloatArray, ...] | None = None
 
     def __post_init__(self) -> None:
         lines = _unit_normal_lines(self.lines)
@@ -86,6 +93,8 @@ class PlaneEdges:
         object.__setattr__(self, "lines", lines)
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "std", std)
+        if self.drift is not None:
+            object.__setattr__(self, "drift", _drift_of_lines(self.drift, points))
         if self.polarity is not None:
             polarity = whole_number(self.polarity, "polarity")
             if polarity not in (1, -1):
@@ -152,6 +161,7 @@ class PlaneEdges:
             image=self.image,
             kind=self.kind,
             freedom=self.freedom,
+            drift=self.drift,
         )
         return rebuild, (self.lines, self.points, self.std)
 
@@ -177,6 +187,7 @@ class PlaneEdges:
                 "lines": self.lines.tolist(),
                 "points": [points.tolist() for points in self.points],
                 "std": None if self.std is None else [std.tolist() for std in self.std],
+                **({} if self.drift is None else {"drift": [d.tolist() for d in self.drift]}),
             }
         )
 
@@ -202,6 +213,7 @@ class PlaneEdges:
             image=fields.integer("image"),
             kind=fields.text("kind"),
             freedom=freedom,
+            drift=fields.arrays("drift", (None, 2)) if fields.has("drift") else None,
         )
 
 
@@ -249,3 +261,13 @@ def _deviations_of_lines(std: Any, points: tuple[FloatArray, ...]) -> tuple[Floa
             raise ValueError(f"std[{index}] must be positive")
         deviations.append(array)
     return tuple(deviations)
+
+
+def _drift_of_lines(drift: Any, points: tuple[FloatArray, ...]) -> tuple[FloatArray, ...]:
+    displacements = []
+    for index, given in enumerate(_sequence(drift, "drift", len(points))):
+        array = real_array(given, f"drift[{index}]", (len(points[index]), 2))
+        if not (np.abs(array) <= MAX_DRIFT).all():
+            raise ValueError(f"drift[{index}] holds displacements beyond {MAX_DRIFT:g} px")
+        displacements.append(array)
+    return tuple(displacements)

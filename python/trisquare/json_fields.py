@@ -51,8 +51,8 @@ class JsonFields:
         return self._members[key]
 
     def has(self, key: str) -> bool:
-        """Whether the member is there, for those that older files lack."""
-        return key in self._members
+        """Whether there is a key that older files lack, and it is not null."""
+        return self._members.get(key) is not None
 
     def text(self, key: str) -> str:
         """Return a string."""

@@ -13,7 +13,7 @@ ImageSource: TypeAlias = "str | os.PathLike[str] | Image"
 Tone: TypeAlias = "str | float | None"
 
 PIXEL_TYPES = (np.uint8, np.uint16, np.float32)
-TONE_CURVES = ("srgb", "linear")
+TONE_CURVES = ("srgb", "linear", "auto")
 
 
 def load_picture(source: ImageSource) -> Image:
@@ -62,7 +62,7 @@ def checked_tone(tone: Tone) -> str | float | None:
     if tone is None or (isinstance(tone, str) and tone in TONE_CURVES):
         return tone
     if isinstance(tone, str):
-        raise ValueError(f"unknown tone curve {tone!r}: choose srgb, linear, or a gamma")
+        raise ValueError(f"unknown tone curve {tone!r}: choose auto, srgb, linear, or a gamma")
     if isinstance(tone, bool) or not isinstance(tone, int | float | np.number):
         raise TypeError(f"tone must be a name or a gamma, not {type(tone).__name__}")
     gamma = float(tone)

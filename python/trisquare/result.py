@@ -120,7 +120,8 @@ class Calibration(RebuiltByConstructor):
     method : str
         ``"ml"`` or ``"linear"``.
     tone : str, float or None
-        Tone curve the pixels were read with; None if there were no pixels.
+        Tone curve the pixels were read with; None if there were no pixels. An estimated one is
+        given as the pure gamma that codes mid-grey (18 % of white) alike.
     fixed : sequence of str
         What was held: of ``aspect``, ``principal_point``, ``focal``, ``distortion``.
     stage : str
@@ -129,6 +130,8 @@ class Calibration(RebuiltByConstructor):
         Version of trisquare that computed it.
     alternatives : sequence of ModelAlternative
         The models that ``model="auto"`` rejected, the simplest first; empty unless it chose.
+    tone_std : float, optional
+        One standard deviation of an estimated gamma; None where the tone curve was stated.
     """
 
     camera: Camera
@@ -145,6 +148,7 @@ class Calibration(RebuiltByConstructor):
     stage: str
     software: str = __version__
     alternatives: tuple[ModelAlternative, ...] = ()
+    tone_std: float | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.camera, Camera):
@@ -173,6 +177,8 @@ class Calibration(RebuiltByConstructor):
         object.__setattr__(self, "noise_scale", not_negative(self.noise_scale, "noise_scale"))
         object.__setattr__(self, "warnings", strings(self.warnings, "warnings"))
         object.__setattr__(self, "tone", tone)
+        if self.tone_std is not None:
+            object.__setattr__(self, "tone_std", not_negative(self.tone_std, "tone_std"))
         object.__setattr__(self, "fixed", strings(self.fixed, "fixed"))
         alternatives = tuple(self.alternatives)
         if not all(isinstance(other, ModelAlternative) for other in alternatives):
@@ -281,6 +287,7 @@ class Calibration(RebuiltByConstructor):
                 "method": self.method,
                 "stage": self.stage,
                 "tone": self.tone,
+                **({} if self.tone_std is None else {"tone_std": self.tone_std}),
                 "fixed": list(self.fixed),
                 "image_size": list(self.camera.image_size),
                 "camera": camera_members(self.camera),
@@ -328,6 +335,7 @@ class Calibration(RebuiltByConstructor):
                     members.objects("alternatives") if members.has("alternatives") else ()
                 )
             ),
+            tone_std=members.number("tone_std") if members.has("tone_std") else None,
         )
 
 

@@ -5,17 +5,17 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use trisquare::{
     Brown, Calibration, Fixed, ImageSize, Lens, Method, Model, ModelChoice, Options, Photographs,
-    PlaneEdges, Stage,
+    PictureTone, PlaneEdges, Stage, ToneFit,
 };
 
 use crate::arrays;
 use crate::errors::exception;
 use crate::figures::plane_edges;
-use crate::picture::{Picture, tone};
+use crate::picture::{Picture, picture_tone};
 
 /// Calibrates from figures and, where given, the pictures they were measured in.
 #[pyfunction]
-#[pyo3(signature = (figures, image_size, *, method, model, fixed, initial, pictures, tone))]
+#[pyo3(signature = (figures, image_size, *, method, model, fixed, initial, pictures, tones))]
 #[allow(clippy::too_many_arguments)] // the keywords of the Python function
 pub fn calibrate<'py>(
     py: Python<'py>,
@@ -26,7 +26,7 @@ pub fn calibrate<'py>(
     fixed: Vec<String>,
     initial: Option<[f64; 9]>,
     pictures: Option<Vec<PyRef<'py, Picture>>>,
-    tone: &Bound<'py, PyAny>,
+    tones: Vec<Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let edges: Vec<PlaneEdges> = figures.iter().map(plane_edges).collect::<PyResult<_>>()?;
     let size = ImageSize {
@@ -44,15 +44,22 @@ pub fn calibrate<'py>(
         fixed: fixed_parameters(&fixed)?,
         initial: initial.map(Brown::new),
     };
-    let tone = self::tone(tone)?;
+    let tones: Vec<PictureTone> = tones.iter().map(picture_tone).collect::<PyResult<_>>()?;
     let pictures: Option<Vec<&trisquare::Picture>> = pictures
         .as_ref()
         .map(|all| all.iter().map(|p| &p.picture).collect());
+    if pictures
+        .as_ref()
+        .is_some_and(|all| all.len() != tones.len())
+    {
+        return Err(PyValueError::new_err("every picture needs its tone curve"));
+    }
     let found = py
         .detach(|| {
-            let photographs = pictures
-                .as_ref()
-                .map(|pictures| Photographs { pictures, tone });
+            let photographs = pictures.as_ref().map(|pictures| Photographs {
+                pictures,
+                tones: &tones,
+            });
             let photographs = photographs.as_ref();
             if by_evidence {
                 return trisquare::calibrate_by_evidence(&edges, size, &options, photographs);
@@ -125,6 +132,14 @@ pub(crate) fn fixed_parameters(names: &[String]) -> PyResult<Fixed> {
     Ok(fixed)
 }
 
+fn tone_fit<'py>(py: Python<'py>, fit: &ToneFit) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    dict.set_item("effective_gamma", fit.curve.effective_gamma())?;
+    dict.set_item("std", fit.effective_gamma_std())?;
+    dict.set_item("shift", fit.shift)?;
+    Ok(dict)
+}
+
 fn to_dict<'py>(py: Python<'py>, found: &Calibration) -> PyResult<Bound<'py, PyDict>> {
     let std = PyDict::new(py);
     for (name, value) in found.std() {
@@ -175,5 +190,7 @@ fn to_dict<'py>(py: Python<'py>, found: &Calibration) -> PyResult<Bound<'py, PyD
     dict.set_item("iterations", found.iterations)?;
     dict.set_item("warnings", warnings)?;
     dict.set_item("stage", stage)?;
+    let tones = found.tones.iter().map(|fit| tone_fit(py, fit));
+    dict.set_item("tones", tones.collect::<PyResult<Vec<_>>>()?)?;
     Ok(dict)
 }

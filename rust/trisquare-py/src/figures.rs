@@ -25,6 +25,8 @@ pub fn plane_edges(object: &Bound<'_, PyAny>) -> PyResult<PlaneEdges> {
     let lines: PyReadonlyArray2<'_, f64> = object.getattr("lines")?.extract()?;
     let points: Vec<PyReadonlyArray2<'_, f64>> = object.getattr("points")?.extract()?;
     let std: Option<Vec<PyReadonlyArray1<'_, f64>>> = object.getattr("std")?.extract()?;
+    let drift: Option<Vec<PyReadonlyArray2<'_, f64>>> = object.getattr("drift")?.extract()?;
+    let drift = drift.map(|all| all.iter().map(arrays::points).collect::<PyResult<_>>());
     let polarity: Option<i64> = object.getattr("polarity")?.extract()?;
     let freedom: String = object.getattr("freedom")?.extract()?;
     Ok(PlaneEdges {
@@ -37,6 +39,7 @@ pub fn plane_edges(object: &Bound<'_, PyAny>) -> PyResult<PlaneEdges> {
         }),
         plane: object.getattr("plane")?.extract()?,
         image: object.getattr("image")?.extract()?,
+        drift: drift.transpose()?,
         freedom: match freedom.as_str() {
             "auto" => Freedom::Auto,
             "fixed" => Freedom::Fixed,

@@ -4,7 +4,8 @@ use numpy::ndarray::{ArrayView, Dimension};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2, PyReadonlyArrayDyn};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use trisquare::{EdgeSpan, Tone};
+use pyo3::types::PyDict;
+use trisquare::{EdgeSpan, PictureTone, PowerCurve, Tone, ToneEstimate};
 
 use crate::arrays;
 
@@ -64,6 +65,20 @@ fn contiguous<T: Copy, D: Dimension>(
     Ok((width, height, channels, values))
 }
 
+/// As [`tone`], or the gamma and the toe of a curve to be estimated and, where no curve fits, the
+/// standard deviation of the shift that is left.
+pub fn picture_tone(value: &Bound<'_, PyAny>) -> PyResult<PictureTone> {
+    let found = match value.extract::<(f64, f64, Option<f64>)>() {
+        Err(_) => PictureTone::Known(tone(value)?),
+        Ok((gamma, toe, None)) => PictureTone::Estimated(PowerCurve { gamma, toe }),
+        Ok((gamma, toe, Some(std))) => PictureTone::Shifted(PowerCurve { gamma, toe }, std),
+    };
+    if !found.is_valid() {
+        return Err(PyValueError::new_err("an estimated tone curve is not one"));
+    }
+    Ok(found)
+}
+
 /// `"linear"`, `"srgb"` or a gamma.
 pub fn tone(value: &Bound<'_, PyAny>) -> PyResult<Tone> {
     let tone = if let Ok(name) = value.extract::<String>() {
@@ -91,23 +106,67 @@ type Span<'py> = (
     (Option<usize>, Option<usize>),
 );
 
-/// Points with their standard deviations, or why there are none.
+/// Points with their standard deviations and common displacement, or why there are none.
 #[derive(IntoPyObject)]
 pub enum Measured<'py> {
-    Samples(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>),
+    Samples(
+        Bound<'py, PyArray2<f64>>,
+        Bound<'py, PyArray1<f64>>,
+        Option<Bound<'py, PyArray2<f64>>>,
+    ),
     Reason(String),
 }
 
+/// The samples of every span, and what is known of the tone curve if it was estimated.
+type Localised<'py> = (Vec<Measured<'py>>, Option<Bound<'py, PyDict>>);
+
 /// Sub-pixel samples along coarsely known spans; a reason where there is no edge.
+///
+/// Without a tone it is estimated, and the samples come with their displacement by one standard
+/// deviation of it.
 #[pyfunction]
 #[pyo3(signature = (picture, spans, tone))]
 pub fn localise<'py>(
     py: Python<'py>,
     picture: &Picture,
     spans: Vec<Span<'py>>,
-    tone: &Bound<'py, PyAny>,
-) -> PyResult<Vec<Measured<'py>>> {
-    let tone = self::tone(tone)?;
+    tone: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Localised<'py>> {
+    let tone = tone.map(self::tone).transpose()?;
+    let spans = edge_spans(&spans)?;
+    let picture = &picture.picture;
+    let (found, estimate) = py.detach(|| match tone {
+        Some(tone) => (trisquare::localise(picture, &spans, tone), None),
+        None => {
+            let (found, estimate) = trisquare::localise_with_unknown_tone(picture, &spans);
+            (found, Some(estimate))
+        }
+    });
+    let measured = found.into_iter().map(|span| match span {
+        Ok(edges) => Measured::Samples(
+            arrays::from_points(py, &edges.points),
+            arrays::from_slice(py, &edges.std),
+            estimate.map(|_| arrays::from_points(py, &edges.drift)),
+        ),
+        Err(reason) => Measured::Reason(reason.to_string()),
+    });
+    let estimate = estimate.map(|estimate| tone_dict(py, &estimate));
+    Ok((measured.collect(), estimate.transpose()?))
+}
+
+fn tone_dict<'py>(py: Python<'py>, estimate: &ToneEstimate) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    dict.set_item("gamma", estimate.curve.gamma)?;
+    dict.set_item("toe", estimate.curve.toe)?;
+    dict.set_item("effective_gamma", estimate.curve.effective_gamma())?;
+    dict.set_item("std", estimate.effective_gamma_std())?;
+    dict.set_item("sides", estimate.sides)?;
+    dict.set_item("misfit", estimate.misfit)?;
+    dict.set_item("shift_std", estimate.shift_std)?;
+    Ok(dict)
+}
+
+fn edge_spans(spans: &[Span<'_>]) -> PyResult<Vec<EdgeSpan>> {
     let count = spans.len();
     let spans: Vec<EdgeSpan> = spans
         .iter()
@@ -129,15 +188,5 @@ pub fn localise<'py>(
             "a span is bounded by one that is not there",
         ));
     }
-    let found = py.detach(|| trisquare::localise(&picture.picture, &spans, tone));
-    Ok(found
-        .into_iter()
-        .map(|span| match span {
-            Ok(edges) => Measured::Samples(
-                arrays::from_points(py, &edges.points),
-                arrays::from_slice(py, &edges.std),
-            ),
-            Err(reason) => Measured::Reason(reason.to_string()),
-        })
-        .collect())
+    Ok(spans)
 }

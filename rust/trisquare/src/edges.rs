@@ -52,6 +52,9 @@ pub struct PlaneEdges {
     pub image: usize,
     /// What is unknown of it if it is not the first figure of its plane.
     pub freedom: Freedom,
+    /// How far one standard deviation of an error that all samples of a picture share, as that of
+    /// its estimated tone curve, displaces each sample, in pixels; no such error where absent.
+    pub drift: Option<Vec<Vec<Vector2<f64>>>>,
 }
 
 impl PlaneEdges {
@@ -85,6 +88,7 @@ impl PlaneEdges {
             plane: None,
             image: 0,
             freedom: Freedom::Auto,
+            drift: None,
         }
     }
 
@@ -115,6 +119,7 @@ impl PlaneEdges {
         for (line, points) in self.points.iter().enumerate() {
             check_samples(figure, line, points)?;
         }
+        self.check_drift(figure)?;
         let Some(std) = &self.std else { return Ok(()) };
         let fits = std.len() == self.points.len()
             && std
@@ -130,6 +135,25 @@ impl PlaneEdges {
             return Err(Error::InvalidArgument(format!(
                 "standard deviations of figure {figure} must be positive and finite"
             )));
+        }
+        Ok(())
+    }
+}
+
+impl PlaneEdges {
+    fn check_drift(&self, figure: usize) -> Result<(), Error> {
+        let Some(drift) = &self.drift else {
+            return Ok(());
+        };
+        let counts = |all: &[Vec<Vector2<f64>>]| all.iter().map(Vec::len).collect::<Vec<_>>();
+        if counts(drift) != counts(&self.points) {
+            return Err(Error::InvalidArgument(format!(
+                "figure {figure} needs one drift for every sample"
+            )));
+        }
+        let finite = |d: &Vector2<f64>| d.x.is_finite() && d.y.is_finite();
+        if !drift.iter().flatten().all(finite) {
+            return Err(Error::NotFinite { what: "a drift" });
         }
         Ok(())
     }

@@ -10,18 +10,24 @@
 mod band;
 mod coarse;
 mod curve;
+mod displacement;
 mod noise;
 mod patches;
 mod plateaus;
+mod profile;
 mod side;
+mod tone_fit;
 
 use nalgebra::Vector2;
 
 use crate::picture::{GreyReader, Picture};
+use crate::power_curve::USUAL;
 use crate::tone::Tone;
 use band::{Band, Fence, Pixel};
 use coarse::CoarseEdge;
 use side::{BLUR_RANGE, SETTLED, Side};
+pub use tone_fit::ToneEstimate;
+use tone_fit::ToneShare;
 
 /// A stretch of edge between two crossings, coarsely known.
 #[derive(Debug, Clone)]
@@ -52,6 +58,9 @@ pub struct SpanEdges {
     pub light: f64,
     /// Standard deviation of the pixels about the model where the edge is, coded.
     pub noise: f64,
+    /// How far one standard deviation of the picture's tone curve displaces each point, all points
+    /// of the picture together; empty if the curve is known.
+    pub drift: Vec<Vector2<f64>>,
 }
 
 /// Why a span gave no samples.
@@ -118,8 +127,28 @@ pub fn localise(
     let mut localiser = Localiser::new(picture, tone);
     let previews: Vec<_> = spans.iter().map(|span| localiser.preview(span)).collect();
     (0..spans.len())
-        .map(|index| localiser.measure(spans, index, &previews))
+        .map(|index| Ok(localiser.measure(spans, index, &previews)?.edges))
         .collect()
+}
+
+/// Measures the edges along coarsely known spans of a picture whose tone curve is not known.
+///
+/// The curve is estimated from the asymmetry of the edges' profiles, at first from some of the
+/// pixels; the samples measured with that are moved to where the estimate from all pixels sees
+/// them, which one linear step reaches.
+#[must_use]
+pub fn localise_with_unknown_tone(
+    picture: &Picture,
+    spans: &[EdgeSpan],
+) -> (Vec<Result<SpanEdges, NoEdge>>, ToneEstimate) {
+    let mut localiser = Localiser::new(picture, Tone::Power(USUAL));
+    let mut previews: Vec<_> = spans.iter().map(|span| localiser.preview(span)).collect();
+    let first = tone_fit::settle(USUAL, &mut previews);
+    let mut localiser = Localiser::new(picture, Tone::Power(first));
+    let measured: Vec<_> = (0..spans.len())
+        .map(|index| localiser.measure(spans, index, &previews))
+        .collect();
+    displacement::corrected(first, measured)
 }
 
 /// A side found by the first fit, and the noise about it.
@@ -130,6 +159,15 @@ struct Preview {
     reach: [f64; 2],
     /// Ranges along the side where something else lies over it.
     hidden: Vec<[f64; 2]>,
+    /// The pixels within reach, if the tone curve is to be estimated from them.
+    pixels: Vec<Pixel>,
+}
+
+/// A measured span, its side, and what it tells of an unknown tone curve.
+struct Measured {
+    edges: SpanEdges,
+    side: Side,
+    share: Option<ToneShare>,
 }
 
 /// What all spans share: the picture's reader, and buffers.
@@ -189,12 +227,25 @@ impl<'a> Localiser<'a> {
         let noise = self.noise_about(&side);
         self.judge(&side, span.rise, noise)?;
         let reach = plateaus::reach(&side, self.reader.curve(), &self.wide, noise, [near, far]);
+        let pixels = match self.tone {
+            Tone::Power(_) => self.wide_within(&side, reach),
+            _ => Vec::new(),
+        };
         Ok(Preview {
             side,
             noise,
             reach,
             hidden: coarse.hidden,
+            pixels,
         })
+    }
+
+    /// The pixels of the wider band that lie within reach of a side.
+    fn wide_within(&self, side: &Side, [before, after]: [f64; 2]) -> Vec<Pixel> {
+        let all = self.wide.iter();
+        all.filter(|pixel| (-before..=after).contains(&side.distance(pixel)))
+            .copied()
+            .collect()
     }
 
     /// Measures a span once its own curve and those it meets are known.
@@ -203,13 +254,14 @@ impl<'a> Localiser<'a> {
         spans: &[EdgeSpan],
         index: usize,
         previews: &[Result<Preview, NoEdge>],
-    ) -> Result<SpanEdges, NoEdge> {
+    ) -> Result<Measured, NoEdge> {
         let preview = previews[index].as_ref().map_err(|&reason| reason)?;
         let Preview {
             side,
             noise,
             reach,
             hidden,
+            ..
         } = preview;
         let mut side = side.clone();
         let (ends, fences) = limits(&spans[index], &side, previews);
@@ -242,14 +294,20 @@ impl<'a> Localiser<'a> {
             return Err(NoEdge::Unmeasurable);
         }
         let [before, after] = side.plateaus().map(|light| self.tone.encode(light));
-        Ok(SpanEdges {
+        let share = match self.tone {
+            Tone::Power(_) => ToneShare::of(&side, self.reader.curve(), &self.pixels, noise),
+            _ => None,
+        };
+        let edges = SpanEdges {
             points: samples.points,
             std: samples.std,
             blur: side.blur,
             dark: before.min(after),
             light: before.max(after),
             noise,
-        })
+            drift: Vec::new(),
+        };
+        Ok(Measured { edges, side, share })
     }
 
     fn first_guess(&self, coarse: &CoarseEdge) -> Side {

@@ -19,6 +19,9 @@ pub(crate) struct Sample {
 pub(crate) struct Side {
     pub line: Line,
     pub samples: Vec<Sample>,
+    /// How far an error that the picture's samples share displaces each, per standard deviation
+    /// (px); empty if there is none.
+    pub drift: Vec<Vector2<f64>>,
     /// Whether it turned out not to belong to the scene: it then follows the camera that the
     /// others determine.
     pub set_aside: bool,
@@ -63,8 +66,19 @@ impl ObservedPlane {
         for side in thinned.figures.iter_mut().flat_map(|f| &mut f.sides) {
             let step = side.samples.len().div_ceil(samples_per_side);
             side.samples = side.samples.iter().step_by(step).copied().collect();
+            side.drift = side.drift.iter().step_by(step).copied().collect();
         }
         thinned
+    }
+
+    /// Moves every sample to where it would be with its drift, of so many standard deviations, taken
+    /// out.
+    pub fn take_out_drift(&mut self, deviations: f64) {
+        for side in self.figures.iter_mut().flat_map(|f| &mut f.sides) {
+            for (sample, drift) in side.samples.iter_mut().zip(&side.drift) {
+                sample.pixel += drift * deviations;
+            }
+        }
     }
 
     /// Sets all sides aside.
@@ -147,6 +161,10 @@ fn figure(index: usize, edges: &PlaneEdges) -> Figure {
                     weight: edges.std.as_ref().map_or(1.0, |std| 1.0 / std[side][i]),
                 })
                 .collect(),
+            drift: edges
+                .drift
+                .as_ref()
+                .map_or_else(Vec::new, |drift| drift[side].clone()),
         })
         .collect();
     Figure {

@@ -12,6 +12,7 @@ mod exposure;
 mod exposure_fit;
 mod figure_sums;
 mod fit;
+mod picture_tone;
 mod scene;
 mod stretches;
 
@@ -22,11 +23,14 @@ use crate::refine::{Refined, residuals};
 use crate::result::{Calibration, Stage, Warning};
 use crate::robust::Loss;
 use crate::stages::{Solution, Task};
-use crate::{Picture, PlaneEdges, Tone};
+use crate::{Picture, PlaneEdges};
 use band::{PixelFigure, collect};
+pub(crate) use coverage::box_kurtosis;
 use exposure::Exposure;
 use exposure_fit::fit_exposures;
 use fit::{PixelFit, PixelState, PixelSystem};
+use picture_tone::PictureState;
+pub use picture_tone::{PictureTone, ToneFit};
 use stretches::{HiddenPart, hidden_parts};
 
 /// The pictures that show the figures, and how they were coded.
@@ -34,8 +38,8 @@ use stretches::{HiddenPart, hidden_parts};
 pub struct Photographs<'a> {
     /// One picture per image index of the figures.
     pub pictures: &'a [&'a Picture],
-    /// The tone curve of all of them.
-    pub tone: Tone,
+    /// How each was coded.
+    pub tones: &'a [PictureTone],
 }
 
 /// One pixel in so many tells the exposures, while camera and planes are held.
@@ -100,28 +104,36 @@ fn attempt(
     let (free, coherence) = (&task.free, &correlated.coherence);
     let mut figures = collect(edges, planes, &refined.view, photographs)?;
     let broken = || Refusal::Reason("the pixels near an outline do not show a blurred step");
-    let curve = photographs.tone.curve();
+    let tones = photographs.tones;
+    let pictures: Vec<PictureState> = tones.iter().map(|tone| PictureState::of(*tone)).collect();
+    let known = tones.iter().all(|t| matches!(t, PictureTone::Known(_)));
     let thinned: Vec<PixelFigure> = figures.iter().map(|f| f.thinned(EXPOSURE_STRIDE)).collect();
     let fit = PixelFit {
         figures: &thinned,
         free,
-        curve: &curve,
+        free_pictures: if known { 0 } else { pictures.len() },
         loss: Loss::WideTukey,
         scales: Vec::new(),
     };
     let guess: Option<Vec<Exposure>> = thinned
         .iter()
-        .map(|figure| Exposure::guess(figure, photographs.tone))
+        .map(|figure| Exposure::guess(figure, tones[figure.image].tone()))
         .collect();
-    let (exposures, scales) =
-        fit_exposures(fit.clone(), &refined.view, guess.ok_or_else(broken)?).ok_or_else(broken)?;
+    let (exposures, scales) = fit_exposures(
+        fit.clone(),
+        &refined.view,
+        &pictures,
+        guess.ok_or_else(broken)?,
+    )
+    .ok_or_else(broken)?;
     let judged: Vec<PixelFigure> = figures.iter().map(|f| f.thinned(JUDGED_STRIDE)).collect();
     let fit = PixelFit {
         figures: &judged,
         scales,
         ..fit
     };
-    let disturbed = stretches::disturbed(&fit, &refined.view, &exposures).ok_or_else(broken)?;
+    let disturbed =
+        stretches::disturbed(&fit, &refined.view, &pictures, &exposures).ok_or_else(broken)?;
     let mut hidden = Vec::new();
     for (figure, mut disturbed) in figures.iter_mut().zip(disturbed) {
         hidden.extend(hidden_parts(figure, &disturbed));
@@ -138,6 +150,7 @@ fn attempt(
     let mut state = PixelState {
         view: refined.view.clone(),
         exposures,
+        pictures,
     };
 
     let mut last_cost = f64::INFINITY;
@@ -160,11 +173,19 @@ fn attempt(
         }
     }
     let PixelSystem { system, spread, .. } = finished.ok_or_else(broken)?;
+    let covariance_factor = spread.covariance_factor(free.len() as f64);
+    let tones = fit
+        .tone_fits(&state, &system, covariance_factor)
+        .ok_or_else(broken)?;
+    let system = match fit.free_pictures {
+        0 => system,
+        _ => system.marginal(free.len()).ok_or_else(broken)?,
+    };
     let fitted = Refined {
         residuals: residuals(planes, &state.view).ok_or_else(broken)?,
         view: state.view,
         system,
-        covariance_factor: spread.covariance_factor(free.len() as f64),
+        covariance_factor,
         scale: refined.scale,
         noise_scale: refined.noise_scale,
         iterations: refined.iterations,
@@ -180,6 +201,7 @@ fn attempt(
         refined: fitted,
     };
     let mut better = Calibration::assemble(task, &fitted, Stage::Pixels);
+    better.tones = tones;
     check_improvement(free, calibration, &better)?;
     let partly_hidden = |part: HiddenPart| Warning::PartlyHidden {
         plane: part.plane,

@@ -314,6 +314,7 @@ fn side(
     Ok(Side {
         line,
         samples,
+        drift: Vec::new(),
         set_aside: false,
     })
 }

@@ -8,7 +8,7 @@ use crate::observations::{ObservedPlane, Placement};
 use crate::refine::Residual;
 use crate::stages::{Solution, Task};
 use crate::view::View;
-use crate::{Brown, ImageSize, Lens, Pose};
+use crate::{Brown, ImageSize, Lens, Pose, ToneFit};
 
 /// The stage a result comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -155,6 +155,8 @@ pub struct Calibration {
     pub warnings: Vec<Warning>,
     /// The stage the numbers come from.
     pub stage: Stage,
+    /// How each picture was coded, where the fit to the pixels found it out.
+    pub tones: Vec<ToneFit>,
 }
 
 impl Calibration {
@@ -213,6 +215,7 @@ impl Calibration {
             warnings: together.into_iter().chain(disagreement).collect(),
             coherence,
             stage,
+            tones: Vec::new(),
         }
     }
 }

@@ -5,6 +5,7 @@ use nalgebra::Matrix3;
 use crate::consistency::disagreement;
 use crate::correlated::{Coherence, Correlated, correlated_covariance, weighed_by_noise};
 use crate::covariance::covariance;
+use crate::drift;
 use crate::geometry::{Geometry, judged_parameters};
 use crate::levenberg::Termination;
 use crate::linear::{
@@ -82,6 +83,9 @@ impl<'a> Task<'a> {
         {
             noise = again.noise(&weighed);
             (planes, refined) = (weighed, again);
+        }
+        if let Some(found) = drift::accounted(&planes, &self.free, &self.judged, &refined) {
+            (planes, refined) = found;
         }
         let correlated = correlated_covariance(&planes, &self.free, &refined, &noise);
         Ok(Solution {

@@ -2,6 +2,8 @@
 //!
 //! All values are normalised: 0 is black and 1 is the largest value the file can hold.
 
+use crate::power_curve::{PowerCurve, Sensitivity};
+
 /// The curve `g` from light to the value written in the picture, `coded = g(linear)`.
 ///
 /// Every curve continues along its tangent below a small floor and beyond 1, so that noise never
@@ -14,6 +16,8 @@ pub enum Tone {
     Srgb,
     /// `coded = linear^(1 / gamma)`, `gamma` positive.
     Gamma(f64),
+    /// An offset power curve that may not be exactly known, see [`PowerCurve`].
+    Power(PowerCurve),
 }
 
 /// Below this light the sRGB curve is a straight line.
@@ -24,14 +28,18 @@ const SRGB_SCALE: f64 = 1.055;
 
 /// Below this light a pure gamma curve, whose own slope has no limit at black, is continued along
 /// its tangent; with gamma 2.2 that touches the lowest 3 of 255 levels only.
-const GAMMA_FLOOR: f64 = 1.0 / (1 << FLOOR_OCTAVES) as f64;
+pub(crate) const GAMMA_FLOOR: f64 = 1.0 / (1 << FLOOR_OCTAVES) as f64;
 const FLOOR_OCTAVES: u32 = 14;
 
 impl Tone {
     /// Whether the curve is usable: a gamma must be positive and finite.
     #[must_use]
     pub fn is_valid(&self) -> bool {
-        !matches!(*self, Self::Gamma(gamma) if !(gamma > 0.0 && gamma.is_finite()))
+        match *self {
+            Self::Gamma(gamma) => gamma > 0.0 && gamma.is_finite(),
+            Self::Power(power) => power.is_valid(),
+            _ => true,
+        }
     }
 
     /// The value that a picture holds for an amount of light.
@@ -59,6 +67,7 @@ impl Tone {
                 let slope = power / (gamma * inside);
                 (power + slope * (linear - inside), slope)
             }
+            Self::Power(power) => power.encode_with_slope(linear),
         }
     }
 
@@ -69,6 +78,7 @@ impl Tone {
             Self::Linear => return coded,
             Self::Srgb => SRGB_KNEE,
             Self::Gamma(_) => GAMMA_FLOOR,
+            Self::Power(power) => power.knee(),
         };
         let (dark_coded, dark_slope) = self.encode_with_slope(darkest);
         if coded <= dark_coded {
@@ -79,6 +89,7 @@ impl Tone {
         }
         match *self {
             Self::Gamma(gamma) => coded.powf(gamma),
+            Self::Power(power) => power.decode_power(coded),
             _ => ((coded + SRGB_SCALE - 1.0) / SRGB_SCALE).powf(1.0 / SRGB_EXPONENT),
         }
     }
@@ -98,6 +109,8 @@ impl Tone {
 pub struct ToneCurve {
     tone: Tone,
     cells: Vec<Cell>,
+    /// Derivatives by the curve's own parameters at the cells' ends; of a [`PowerCurve`] only.
+    sensitivities: Vec<Sensitivity>,
 }
 
 /// One cubic over a cell, in the fraction of the cell, and the number of cells per unit of light.
@@ -122,7 +135,17 @@ impl ToneCurve {
         let cells = (0..count)
             .map(|index| Cell::hermite(tone, start_of(index), start_of(index + 1)))
             .collect();
-        Self { tone, cells }
+        let sensitivities = match tone {
+            Tone::Power(power) => (0..=count)
+                .map(|index| power.sensitivity(start_of(index)))
+                .collect(),
+            _ => Vec::new(),
+        };
+        Self {
+            tone,
+            cells,
+            sensitivities,
+        }
     }
 
     /// The curve that this table stands for.
@@ -144,6 +167,25 @@ impl ToneCurve {
         match self.cells.get(index) {
             Some(cell) => cell.value_and_slope((bits & FRACTION_MASK) as f64 * FRACTION_STEP),
             None => self.tone.encode_with_slope(linear),
+        }
+    }
+
+    /// Derivatives of the coded value by the parameters of a [`PowerCurve`], zero for other
+    /// curves; good to a thousandth, which is what a Jacobian needs.
+    #[inline]
+    #[must_use]
+    pub fn sensitivity(&self, linear: f64) -> Sensitivity {
+        let Tone::Power(power) = self.tone else {
+            return Sensitivity::default();
+        };
+        let bits = linear.to_bits();
+        let index = (bits >> FRACTION_BITS).wrapping_sub(FIRST_CELL) as usize;
+        match self.sensitivities.get(index..index.saturating_add(2)) {
+            Some([start, end]) => {
+                let fraction = (bits & FRACTION_MASK) as f64 * FRACTION_STEP;
+                std::array::from_fn(|i| start[i] + fraction * (end[i] - start[i]))
+            }
+            _ => power.sensitivity(linear),
         }
     }
 }
@@ -178,7 +220,20 @@ impl Cell {
 mod tests {
     use super::*;
 
-    const TONES: [Tone; 4] = [Tone::Linear, Tone::Srgb, Tone::Gamma(2.2), Tone::Gamma(0.8)];
+    const TONES: [Tone; 6] = [
+        Tone::Linear,
+        Tone::Srgb,
+        Tone::Gamma(2.2),
+        Tone::Gamma(0.8),
+        Tone::Power(PowerCurve {
+            gamma: 2.3,
+            toe: 0.03,
+        }),
+        Tone::Power(PowerCurve {
+            gamma: 1.1,
+            toe: -0.01,
+        }),
+    ];
 
     fn lights() -> impl Iterator<Item = f64> {
         (-200..1400).map(|step| f64::from(step) * 1e-3 + 1.3e-5)
@@ -224,7 +279,11 @@ mod tests {
             for light in lights().chain((1..2000).map(|step| f64::from(step) * 1e-5)) {
                 let (value, slope) = tone.encode_with_slope(light);
                 let (fast, fast_slope) = curve.encode_with_slope(light);
-                let knee = tone == Tone::Srgb && (light - SRGB_KNEE).abs() < 2e-4;
+                let knee = match tone {
+                    Tone::Srgb => (light - SRGB_KNEE).abs() < 2e-4,
+                    Tone::Power(power) => (light / power.knee() - 1.0).abs() < 0.1,
+                    _ => false,
+                };
                 let tolerance = if knee { 5e-6 } else { 1e-7 };
                 assert!((fast - value).abs() < tolerance, "{tone:?} at {light}");
                 assert!(knee || (fast_slope - slope).abs() < 1e-4 * slope);

@@ -22,16 +22,16 @@ const MAX_BLUR_RATIO: f64 = 1.6;
 const FIRST_DAMPING: f64 = 1e-6;
 const DAMPING_RATIO: f64 = 30.0;
 /// Bins along the side for the normal equations, pixels, and how many there are at least.
-const BIN_LENGTH: f64 = 8.0;
+pub(super) const BIN_LENGTH: f64 = 8.0;
 const MIN_BINS: f64 = 24.0;
 
 /// Bins are counted from this far along, in `s`: before any pixel, even of a short extended side.
 const BIN_ORIGIN: f64 = -4.0;
 
-const BASE: usize = COEFFICIENTS;
-const RISE: usize = BASE + 2;
-const BLUR: usize = RISE + 2;
-const PARAMETERS: usize = BLUR + 1;
+pub(super) const BASE: usize = COEFFICIENTS;
+pub(super) const RISE: usize = BASE + 2;
+pub(super) const BLUR: usize = RISE + 2;
+pub(super) const PARAMETERS: usize = BLUR + 1;
 
 /// The basic derivatives, by height, base, rise and blur: the first parameter of each, and the
 /// degree of its polynomial in `s`.
@@ -139,7 +139,7 @@ impl Side {
     }
 
     /// Takes a step, cut to what is plausible; returns how far the edge or its blur moved, pixels.
-    fn advance(&mut self, step: &Gradient) -> f64 {
+    pub(super) fn advance(&mut self, step: &Gradient) -> f64 {
         let mut moved = self.curve.clone();
         moved.coefficients = std::array::from_fn(|k| step[k]);
         let shift = moved.greatest_height();

@@ -52,6 +52,8 @@ pub(crate) struct BandPixel {
 /// A square outline with the pixels around it.
 #[derive(Debug, Clone)]
 pub(crate) struct PixelFigure {
+    /// Index of the picture that shows it.
+    pub image: usize,
     pub plane: usize,
     pub figure: usize,
     /// The four sides with their normals turned inward, in cyclic order.
@@ -107,7 +109,8 @@ pub(super) fn collect(
     let readers: Vec<GreyReader<'_>> = photographs
         .pictures
         .iter()
-        .map(|picture| picture.reader(photographs.tone))
+        .zip(photographs.tones)
+        .map(|(picture, tone)| picture.reader(tone.tone()))
         .collect();
     let mut figures = Vec::new();
     for (p, plane) in planes.iter().enumerate() {
@@ -128,7 +131,9 @@ pub(super) fn collect(
                     "two outlines of a plane are too close together",
                 ));
             }
-            figures.push(outline.figure(reader, (p, f), reach, dark_inside));
+            let mut found = outline.figure(reader, (p, f), reach, dark_inside);
+            found.image = plane.image;
+            figures.push(found);
         }
     }
     Ok(figures)
@@ -161,6 +166,7 @@ impl Outline {
                 side.line = side.line.reversed();
             }
             side.samples = Vec::new(); // the pixels replace them
+            side.drift = Vec::new();
         }
         let mut trace = Vec::new();
         for i in 0..4 {
@@ -247,6 +253,7 @@ impl Outline {
             })
             .collect();
         PixelFigure {
+            image: 0,
             plane,
             figure,
             sides: self.sides.clone(),

@@ -4,6 +4,8 @@ use nalgebra::Vector2;
 
 use crate::Tone;
 use crate::photometric::band::PixelFigure;
+use crate::photometric::picture_tone::PictureState;
+use crate::power_curve::TONE_PARAMETERS;
 
 /// Parameters of an exposure: ground, contrast, the light's gradient in x and y, blur.
 pub(crate) const EXPOSURE_PARAMETERS: usize = 5;
@@ -73,6 +75,33 @@ impl Exposure {
             contrast: self.contrast + step[1],
             gradient: [self.gradient[0] + step[2], self.gradient[1] + step[3]],
             blur: self.blur + step[4],
+        }
+    }
+
+    /// Derivatives of ground and contrast by the parameters of a free tone curve, while ground and
+    /// figure stay coded as they are.
+    ///
+    /// What a change of the curve does to them is far from linear where there is little light;
+    /// how they are coded hardly changes.
+    pub fn translation(&self, picture: &PictureState) -> [[f64; 2]; TONE_PARAMETERS] {
+        if !picture.has_free_curve() {
+            return [[0.0; 2]; TONE_PARAMETERS];
+        }
+        let [ground, within] = [self.ground, self.ground + self.contrast].map(|light| {
+            let (_, slope) = picture.curve.encode_with_slope(light);
+            picture.curve.sensitivity(light).map(|by| -by / slope)
+        });
+        std::array::from_fn(|i| [ground[i], within[i] - ground[i]])
+    }
+
+    /// The exposure that another tone codes alike.
+    pub fn translated(&self, from: Tone, to: Tone) -> Self {
+        let [ground, within] =
+            [self.ground, self.ground + self.contrast].map(|light| to.decode(from.encode(light)));
+        Self {
+            ground,
+            contrast: within - ground,
+            ..*self
         }
     }
 

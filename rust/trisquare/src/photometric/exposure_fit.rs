@@ -8,6 +8,7 @@ use crate::outer::add_outer;
 use crate::photometric::exposure::{EXPOSURE_PARAMETERS, Exposure};
 use crate::photometric::figure_sums::{ExposureRow, ExposureSums, add_exposure};
 use crate::photometric::fit::PixelFit;
+use crate::photometric::picture_tone::PictureState;
 use crate::photometric::scene::Shade;
 use crate::robust::{Loss, median_scale};
 use crate::view::View;
@@ -30,6 +31,7 @@ const MIN_NOISE: f64 = 1e-6;
 struct HeldGeometry<'a> {
     pixels: PixelFit<'a>,
     view: &'a View<Brown>,
+    pictures: &'a [PictureState],
     /// For every pixel of every figure, its distances to the near sides.
     distances: Vec<Vec<[f64; 4]>>,
 }
@@ -39,11 +41,12 @@ struct HeldGeometry<'a> {
 pub(super) fn fit_exposures(
     pixels: PixelFit<'_>,
     view: &View<Brown>,
+    pictures: &[PictureState],
     guess: Vec<Exposure>,
 ) -> Option<(Vec<Exposure>, Vec<f64>)> {
     let mut distances = Vec::with_capacity(pixels.figures.len());
     for (index, figure) in pixels.figures.iter().enumerate() {
-        let scene = pixels.scene(view, &guess[index], index)?;
+        let scene = pixels.scene(view, &guess[index], pictures, index)?;
         let own = figure.pixels.iter().map(|pixel| {
             let sight = view.lens.sight(&pixel.place)?;
             Some(scene.distances(pixel, &sight))
@@ -53,6 +56,7 @@ pub(super) fn fit_exposures(
     let mut problem = HeldGeometry {
         pixels,
         view,
+        pictures,
         distances,
     };
     let mut exposures = guess;
@@ -77,7 +81,9 @@ impl HeldGeometry<'_> {
         index: usize,
         mut visit: impl FnMut(&Shade, ExposureRow),
     ) -> Option<()> {
-        let scene = self.pixels.scene(self.view, exposure, index)?;
+        let scene = self
+            .pixels
+            .scene(self.view, exposure, self.pictures, index)?;
         let figure = &self.pixels.figures[index];
         for (pixel, distances) in figure.pixels.iter().zip(&self.distances[index]) {
             let shade = scene.shade(pixel, Some(distances));

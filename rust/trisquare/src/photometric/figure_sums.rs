@@ -11,6 +11,7 @@ use crate::lens::Columns;
 use crate::outer::{add_outer, symmetric};
 use crate::parameters::FreeParameters;
 use crate::photometric::exposure::EXPOSURE_PARAMETERS;
+use crate::photometric::picture_tone::PICTURE_PARAMETERS;
 use crate::photometric::scene::{Scene, Shade};
 use crate::{BrownSight, Lens};
 
@@ -23,31 +24,42 @@ pub(super) type ExposureRow = [f64; EXPOSURE_PARAMETERS + 1];
 /// Sums of outer products of [`ExposureRow`]s.
 pub(super) type ExposureSums = [ExposureRow; EXPOSURE_PARAMETERS + 1];
 
+/// The same where the picture has parameters: `(exposure, picture, residual)`.
+type PicturedRow = [f64; PICTURED];
+type PicturedSums = [PicturedRow; PICTURED];
+const PICTURED: usize = EXPOSURE_PARAMETERS + PICTURE_PARAMETERS + 1;
+
 /// Sums of outer products over one figure.
 pub(super) struct FigureSums<'a, const N: usize> {
     free: &'a FreeParameters,
     wanted: Columns,
+    /// Which of all shared parameters the figure depends on: the camera's and its picture's.
+    shared: Vec<usize>,
     /// Derivatives of each side's line by the plane's geometry.
     jacobians: [DMatrix<f64>; 4],
     /// Where the figure's exposure begins among its plane's own parameters.
     exposure_offset: usize,
     sides: [[[f64; N]; N]; 4],
     plateau: ExposureSums,
+    pictured_plateau: PicturedSums,
 }
 
 impl<'a, const N: usize> FigureSums<'a, N> {
     pub fn new(
         free: &'a FreeParameters,
+        shared: Vec<usize>,
         jacobians: [DMatrix<f64>; 4],
         exposure_offset: usize,
     ) -> Self {
         Self {
             free,
             wanted: free.columns(),
+            shared,
             jacobians,
             exposure_offset,
             sides: [[[0.0; N]; N]; 4],
             plateau: ExposureSums::default(),
+            pictured_plateau: PicturedSums::default(),
         }
     }
 
@@ -65,8 +77,12 @@ impl<'a, const N: usize> FigureSums<'a, N> {
         row[3] = shade.residual;
         let (shared, exposure) =
             row[SHARED_OFFSET..].split_at_mut(N - SHARED_OFFSET - EXPOSURE_PARAMETERS);
-        self.free.gather(&distance.wrt_lens, shared);
-        shared.iter_mut().for_each(|value| *value *= gain);
+        let (camera, picture) = shared.split_at_mut(self.free.len());
+        self.free.gather(&distance.wrt_lens, camera);
+        camera.iter_mut().for_each(|value| *value *= gain);
+        if !picture.is_empty() {
+            picture.copy_from_slice(&scene.wrt_picture(shade));
+        }
         exposure.copy_from_slice(&scene.wrt_exposure(shade));
         add_outer(&mut self.sides[side], &row, weight);
     }
@@ -81,7 +97,7 @@ impl<'a, const N: usize> FigureSums<'a, N> {
         block: &mut Block,
     ) {
         let mut own = DVector::zeros(block.hessian.nrows());
-        let mut shared = DVector::zeros(self.free.len());
+        let mut shared = DVector::zeros(self.shared.len());
         let mut part = DVector::zeros(self.free.len());
         for (side, density) in shade.coverage.cuts {
             let line = &scene.lines[side];
@@ -91,31 +107,84 @@ impl<'a, const N: usize> FigureSums<'a, N> {
             let mut geometry = own.rows_mut(0, jacobian.ncols());
             geometry.gemv_tr(gain, jacobian, &distance.wrt_line, 1.0);
             self.free.gather(&distance.wrt_lens, part.as_mut_slice());
-            shared.axpy(gain, &part, 1.0);
+            shared.rows_mut(0, self.free.len()).axpy(gain, &part, 1.0);
+        }
+        if self.has_picture() {
+            shared
+                .rows_mut(self.free.len(), PICTURE_PARAMETERS)
+                .copy_from_slice(&scene.wrt_picture(shade));
         }
         own.rows_mut(self.exposure_offset, EXPOSURE_PARAMETERS)
             .copy_from_slice(&scene.wrt_exposure(shade));
         block.hessian.ger(weight, &own, &own, 1.0);
-        block.cross.ger(weight, &own, &shared, 1.0);
         block.gradient.axpy(weight * shade.residual, &own, 1.0);
-        block.shared.ger(weight, &shared, &shared, 1.0);
-        block
-            .shared_gradient
-            .axpy(weight * shade.residual, &shared, 1.0);
+        for (i, (&row, by_row)) in self.shared.iter().zip(&shared).enumerate() {
+            let mut cross = block.cross.column_mut(row);
+            cross.axpy(weight * by_row, &own, 1.0);
+            block.shared_gradient[row] += weight * shade.residual * by_row;
+            for (&column, by_column) in self.shared.iter().zip(&shared).take(i + 1) {
+                let product = weight * by_row * by_column;
+                block.shared[(row, column)] += product;
+                if row != column {
+                    block.shared[(column, row)] += product;
+                }
+            }
+        }
     }
 
     /// Adds a pixel that shows the ground or the figure alone.
     #[inline]
-    pub fn add_plateau(&mut self, row: &ExposureRow, weight: f64) {
-        add_outer(&mut self.plateau, row, weight);
+    pub fn add_plateau(&mut self, scene: &Scene<'_>, shade: &Shade, weight: f64) {
+        if self.has_picture() {
+            let mut row = [shade.residual; PICTURED];
+            row[..EXPOSURE_PARAMETERS].copy_from_slice(&scene.wrt_exposure(shade));
+            row[EXPOSURE_PARAMETERS..PICTURED - 1].copy_from_slice(&scene.wrt_picture(shade));
+            add_outer(&mut self.pictured_plateau, &row, weight);
+        } else {
+            add_outer(&mut self.plateau, &scene.exposure_row(shade), weight);
+        }
+    }
+
+    fn has_picture(&self) -> bool {
+        self.shared.len() > self.free.len()
     }
 
     /// Adds all sums to the plane's block.
     pub fn finish(self, block: &mut Block) {
         for (sums, jacobian) in self.sides.iter().zip(&self.jacobians) {
-            add_side(block, sums, jacobian, self.exposure_offset);
+            add_side(block, sums, jacobian, self.exposure_offset, &self.shared);
         }
-        add_exposure(block, &self.plateau, self.exposure_offset);
+        if self.has_picture() {
+            let picture = &self.shared[self.free.len()..];
+            add_pictured(block, &self.pictured_plateau, self.exposure_offset, picture);
+        } else {
+            add_exposure(block, &self.plateau, self.exposure_offset);
+        }
+    }
+}
+
+/// Adds sums over exposure and picture.
+fn add_pictured(block: &mut Block, sums: &PicturedSums, exposure_offset: usize, picture: &[usize]) {
+    let exposure_only = std::array::from_fn(|i| {
+        let source = |k: usize| {
+            if k < EXPOSURE_PARAMETERS {
+                k
+            } else {
+                PICTURED - 1
+            }
+        };
+        std::array::from_fn(|j| symmetric(sums, source(i), source(j)))
+    });
+    add_exposure(block, &exposure_only, exposure_offset);
+    for (i, &row) in picture.iter().enumerate() {
+        let own = EXPOSURE_PARAMETERS + i;
+        for k in 0..EXPOSURE_PARAMETERS {
+            block.cross[(exposure_offset + k, row)] += symmetric(sums, own, k);
+        }
+        for (j, &column) in picture.iter().enumerate() {
+            block.shared[(row, column)] += symmetric(sums, own, EXPOSURE_PARAMETERS + j);
+        }
+        block.shared_gradient[row] += symmetric(sums, own, PICTURED - 1);
     }
 }
 
@@ -126,6 +195,7 @@ fn add_side<const N: usize>(
     sums: &[[f64; N]; N],
     jacobian: &DMatrix<f64>,
     exposure_offset: usize,
+    shared_columns: &[usize],
 ) {
     let shared = N - SHARED_OFFSET - EXPOSURE_PARAMETERS;
     let exposure = SHARED_OFFSET + shared;
@@ -143,13 +213,15 @@ fn add_side<const N: usize>(
     let cross = DMatrix::from_fn(rows, shared, |i, j| at(source(i), SHARED_OFFSET + j));
     let residual = DVector::from_fn(rows, |i, _| at(source(i), 3));
     block.hessian.gemm_tr(1.0, &map, &(square * &map), 1.0);
-    block.cross.gemm_tr(1.0, &map, &cross, 1.0);
+    let cross = map.tr_mul(&cross);
     block.gradient.gemv_tr(1.0, &map, &residual, 1.0);
-    for i in 0..shared {
-        for j in 0..shared {
-            block.shared[(i, j)] += at(SHARED_OFFSET + i, SHARED_OFFSET + j);
+    for (i, &row) in shared_columns.iter().enumerate() {
+        let mut own = block.cross.column_mut(row);
+        own += cross.column(i);
+        for (j, &column) in shared_columns.iter().enumerate() {
+            block.shared[(row, column)] += at(SHARED_OFFSET + i, SHARED_OFFSET + j);
         }
-        block.shared_gradient[i] += at(SHARED_OFFSET + i, 3);
+        block.shared_gradient[row] += at(SHARED_OFFSET + i, 3);
     }
 }
 

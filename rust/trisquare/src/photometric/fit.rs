@@ -5,9 +5,9 @@ use crate::parameters::FreeParameters;
 use crate::photometric::band::PixelFigure;
 use crate::photometric::exposure::{EXPOSURE_PARAMETERS, Exposure};
 use crate::photometric::figure_sums::FigureSums;
+use crate::photometric::picture_tone::{PICTURE_PARAMETERS, PicturePrior, PictureState, ToneFit};
 use crate::photometric::scene::Scene;
 use crate::robust::{Loss, Spread};
-use crate::tone::ToneCurve;
 use crate::view::View;
 use crate::{Brown, Lens};
 
@@ -17,6 +17,8 @@ pub(crate) struct PixelState {
     pub view: View<Brown>,
     /// One per figure, in the order of the figures.
     pub exposures: Vec<Exposure>,
+    /// One per picture.
+    pub pictures: Vec<PictureState>,
 }
 
 /// The pixels around all figures, at given scales of their noise.
@@ -24,7 +26,8 @@ pub(crate) struct PixelState {
 pub(crate) struct PixelFit<'a> {
     pub figures: &'a [PixelFigure],
     pub free: &'a FreeParameters,
-    pub curve: &'a ToneCurve,
+    /// How many pictures have parameters of their own: all, or none where all tones are known.
+    pub free_pictures: usize,
     pub loss: Loss,
     /// Noise of each figure's pixels, coded.
     pub scales: Vec<f64>,
@@ -44,9 +47,31 @@ impl PixelFit<'_> {
         &'a self,
         view: &'a View<Brown>,
         exposure: &'a Exposure,
+        pictures: &'a [PictureState],
         index: usize,
     ) -> Option<Scene<'a>> {
-        Scene::new(&self.figures[index], self.curve, view, exposure)
+        let figure = &self.figures[index];
+        Scene::new(figure, &pictures[figure.image], view, exposure)
+    }
+
+    /// Shared parameters of the camera and of all pictures.
+    fn shared_count(&self) -> usize {
+        self.free.len() + PICTURE_PARAMETERS * self.free_pictures
+    }
+
+    /// Of these, the ones that a figure depends on: the camera's, and its picture's.
+    fn shared_columns(&self, figure: &PixelFigure) -> Vec<usize> {
+        let mut columns: Vec<usize> = (0..self.free.len()).collect();
+        if self.free_pictures > 0 {
+            let first = self.picture_offset(figure.image);
+            columns.extend(first..first + PICTURE_PARAMETERS);
+        }
+        columns
+    }
+
+    /// Where the parameters of a picture begin among the shared ones.
+    pub fn picture_offset(&self, image: usize) -> usize {
+        self.free.len() + PICTURE_PARAMETERS * image
     }
 
     fn add_figure<const N: usize>(
@@ -55,13 +80,14 @@ impl PixelFit<'_> {
         index: usize,
         sum: &mut PixelSystem,
     ) -> Option<()> {
-        let scene = self.scene(&state.view, &state.exposures[index], index)?;
+        let scene = self.scene(&state.view, &state.exposures[index], &state.pictures, index)?;
         let figure = scene.figure;
         let plane = &state.view.planes[figure.plane];
         let jacobians = [0, 1, 2, 3].map(|i| plane.line_jacobian(figure.figure, &figure.sides[i]));
         let exposure_offset = self.exposure_offset(state, index);
         let block = &mut sum.system.blocks[figure.plane];
-        let mut sums = FigureSums::<N>::new(self.free, jacobians, exposure_offset);
+        let shared = self.shared_columns(figure);
+        let mut sums = FigureSums::<N>::new(self.free, shared, jacobians, exposure_offset);
         let to_noise = 1.0 / self.scales[index];
         for pixel in &figure.pixels {
             let sight = match scene.may_cut(pixel) {
@@ -79,7 +105,7 @@ impl PixelFit<'_> {
             match (shade.coverage.cut_count, &sight) {
                 (1, Some(sight)) => sums.add_cut(&scene, sight, &shade, weight),
                 (2, Some(sight)) => sums.add_corner(&scene, sight, &shade, weight, block),
-                _ => sums.add_plateau(&scene.exposure_row(&shade), weight),
+                _ => sums.add_plateau(&scene, &shade, weight),
             }
         }
         sums.finish(block);
@@ -103,9 +129,10 @@ impl PixelFit<'_> {
             .map(|plane| plane.parameter_count() + EXPOSURE_PARAMETERS * plane.figures.len());
         let mut sum = PixelSystem {
             cost: 0.0,
-            system: ArrowSystem::zeros(self.free.len(), own),
+            system: ArrowSystem::zeros(self.shared_count(), own),
             spread: Spread::default(),
         };
+        self.add_priors(state, &mut sum);
         for index in 0..self.figures.len() {
             self.add_figure::<N>(state, index, &mut sum)?;
         }
@@ -118,10 +145,55 @@ impl PixelFit<'_> {
         Some(sum)
     }
 
+    /// What the fit found out of the pictures' coding; nothing where that was known.
+    pub fn tone_fits(
+        &self,
+        state: &PixelState,
+        system: &ArrowSystem,
+        covariance_factor: f64,
+    ) -> Option<Vec<ToneFit>> {
+        if self.free_pictures == 0 {
+            return Some(Vec::new());
+        }
+        let covariance = system.reduced_information()?.cholesky()?.inverse() * covariance_factor;
+        let fits = state.pictures.iter().enumerate().map(|(image, picture)| {
+            let first = self.picture_offset(image);
+            let block = covariance.fixed_view::<2, 2>(first, first).into_owned();
+            let last = first + PICTURE_PARAMETERS - 1;
+            let (curve, shift) = (picture.has_free_curve(), picture.has_free_shift());
+            Some(ToneFit {
+                curve: picture.power()?,
+                covariance: curve.then_some(block),
+                shift: shift.then(|| (picture.shift, covariance[(last, last)].sqrt())),
+            })
+        });
+        fits.collect()
+    }
+
+    /// What is known of the pictures' parameters beforehand.
+    fn add_priors(&self, state: &PixelState, sum: &mut PixelSystem) {
+        for (image, picture) in state.pictures.iter().enumerate().take(self.free_pictures) {
+            let PicturePrior { information, pull } = picture.prior();
+            // The prior has no gradient of its own: the first block carries it.
+            let block = &mut sum.system.blocks[0];
+            for i in 0..PICTURE_PARAMETERS {
+                let column = self.picture_offset(image) + i;
+                block.shared[(column, column)] += information[i];
+                block.shared_gradient[column] -= pull[i];
+                sum.cost += 0.5 * pull[i] * pull[i] / information[i];
+            }
+        }
+    }
+
     /// Cost and normal equations at a state; `None` where they are not defined.
     pub fn evaluate(&self, state: &PixelState) -> Option<PixelSystem> {
         // One instance per number of shared parameters, so that the innermost loops are unrolled.
-        match self.free.len() {
+        let tone = if self.free_pictures > 0 {
+            PICTURE_PARAMETERS
+        } else {
+            0
+        };
+        match self.free.len() + tone {
             0 => self.assemble::<9>(state),
             1 => self.assemble::<10>(state),
             2 => self.assemble::<11>(state),
@@ -131,21 +203,44 @@ impl PixelFit<'_> {
             6 => self.assemble::<15>(state),
             7 => self.assemble::<16>(state),
             8 => self.assemble::<17>(state),
-            _ => self.assemble::<18>(state),
+            9 => self.assemble::<18>(state),
+            10 => self.assemble::<19>(state),
+            11 => self.assemble::<20>(state),
+            _ => self.assemble::<21>(state),
         }
     }
 
     /// The state after a step.
     pub fn advance(&self, state: &PixelState, step: &ArrowStep) -> PixelState {
+        let pictures = self.advanced_pictures(state, step);
         let exposures = state.exposures.iter().enumerate().map(|(index, exposure)| {
-            let own = &step.blocks[self.figures[index].plane];
+            let figure = &self.figures[index];
+            let own = &step.blocks[figure.plane];
             let offset = self.exposure_offset(state, index);
-            exposure.moved(&own.as_slice()[offset..offset + EXPOSURE_PARAMETERS])
+            let moved = exposure.moved(&own.as_slice()[offset..offset + EXPOSURE_PARAMETERS]);
+            let [from, to] = [&state.pictures, &pictures].map(|all| all[figure.image].curve.tone());
+            if from == to {
+                moved
+            } else {
+                moved.translated(from, to)
+            }
         });
         PixelState {
             exposures: exposures.collect(),
             view: state.view.advanced(self.free, step),
+            pictures,
         }
+    }
+
+    fn advanced_pictures(&self, state: &PixelState, step: &ArrowStep) -> Vec<PictureState> {
+        if self.free_pictures == 0 {
+            return state.pictures.clone();
+        }
+        let moved = state.pictures.iter().enumerate().map(|(image, picture)| {
+            let offset = self.picture_offset(image);
+            picture.moved(&step.shared.as_slice()[offset..offset + PICTURE_PARAMETERS])
+        });
+        moved.collect()
     }
 }
 
@@ -153,19 +248,26 @@ impl PixelFit<'_> {
 mod tests {
     use super::*;
     use crate::observations::sort_by_plane;
-    use crate::photometric::Photographs;
     use crate::photometric::band::collect;
+    use crate::photometric::{Photographs, PictureTone};
     use crate::synthetic::{Scene as Truth, SceneOptions};
     use crate::view::PlaneState;
-    use crate::{Fixed, Model, Picture, Polarity, Tone};
+    use crate::{Fixed, Model, Picture, Polarity, PowerCurve};
     use nalgebra::DVector;
+
+    const CURVE: PowerCurve = PowerCurve {
+        gamma: 2.3,
+        toe: 0.03,
+    };
+    const ESTIMATED: PictureTone = PictureTone::Estimated(CURVE);
+    const SHIFTED: PictureTone = PictureTone::Shifted(CURVE, 0.05);
 
     fn free() -> FreeParameters {
         FreeParameters::new(Model::Brown, &Fixed::default(), 1.0)
     }
 
     /// The figures of a scene, filled with what the model itself makes of them.
-    fn modelled() -> (Vec<PixelFigure>, PixelState) {
+    fn modelled(tone: PictureTone) -> (Vec<PixelFigure>, PixelState) {
         let truth = Truth::random(2, SceneOptions::default());
         let mut edges = truth.edges(0, 0.0, 20.0);
         edges
@@ -176,7 +278,7 @@ mod tests {
         let blank = Picture::from_u8(width, height, 1, vec![128; width * height]).unwrap();
         let photographs = Photographs {
             pictures: &[&blank],
-            tone: Tone::Srgb,
+            tones: &[tone],
         };
         let view = View {
             lens: truth.camera,
@@ -203,13 +305,14 @@ mod tests {
                 };
                 3
             ],
+            pictures: vec![PictureState::of(tone)],
         };
-        let (free, curve) = (free(), Tone::Srgb.curve());
+        let free = free();
         let mut values = Vec::new();
         for index in 0..figures.len() {
-            let fit = problem(&figures, &free, &curve);
+            let fit = problem(&figures, &free);
             let scene = fit
-                .scene(&state.view, &state.exposures[index], index)
+                .scene(&state.view, &state.exposures[index], &state.pictures, index)
                 .unwrap();
             let shades = figures[index].pixels.iter().map(|p| {
                 let sight = state.view.lens.sight(&p.place).unwrap();
@@ -231,15 +334,11 @@ mod tests {
         (figures, state)
     }
 
-    fn problem<'a>(
-        figures: &'a [PixelFigure],
-        free: &'a FreeParameters,
-        curve: &'a ToneCurve,
-    ) -> PixelFit<'a> {
+    fn problem<'a>(figures: &'a [PixelFigure], free: &'a FreeParameters) -> PixelFit<'a> {
         PixelFit {
             figures,
             free,
-            curve,
+            free_pictures: 1,
             loss: Loss::Tukey,
             scales: vec![0.01, 0.012, 0.009],
         }
@@ -259,9 +358,12 @@ mod tests {
 
     #[test]
     fn residual_and_gradient_vanish_at_the_truth() {
-        let (figures, state) = modelled();
-        let (free, curve) = (free(), Tone::Srgb.curve());
-        let fit = problem(&figures, &free, &curve);
+        let (figures, state) = modelled(PictureTone::Known(crate::Tone::Srgb));
+        let free = free();
+        let fit = PixelFit {
+            free_pictures: 0,
+            ..problem(&figures, &free)
+        };
         let PixelSystem { cost, system, .. } = fit.evaluate(&state).unwrap();
         assert!(cost < 1e-20);
         assert!(system.blocks.iter().all(|b| b.gradient.norm() < 1e-6));
@@ -270,9 +372,14 @@ mod tests {
 
     #[test]
     fn gradient_agrees_with_central_differences() {
-        let (figures, truth) = modelled();
-        let (free, curve) = (free(), Tone::Srgb.curve());
-        let fit = problem(&figures, &free, &curve);
+        check_gradient(ESTIMATED);
+        check_gradient(SHIFTED);
+    }
+
+    fn check_gradient(tone: PictureTone) {
+        let (figures, truth) = modelled(tone);
+        let free = free();
+        let fit = problem(&figures, &free);
         let system = fit.evaluate(&truth).unwrap().system;
         // A little off the truth, so that the gradient does not vanish.
         let mut away = zero_step(&system);
@@ -300,7 +407,7 @@ mod tests {
                 "{name}: {gradient} {expected}"
             );
         };
-        for i in 0..free.len() {
+        for i in 0..free.len() + PICTURE_PARAMETERS {
             let (mut gradient, mut hessian) = (0.0, 0.0);
             for block in &system.blocks {
                 gradient += block.shared_gradient[i];

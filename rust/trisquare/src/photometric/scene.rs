@@ -3,8 +3,10 @@
 use nalgebra::{Vector2, Vector3};
 
 use crate::photometric::band::{BandPixel, PixelFigure};
-use crate::photometric::coverage::{self, Coverage, PLATEAU, coverage};
+use crate::photometric::coverage::{self, Coverage, PLATEAU, box_kurtosis, coverage};
 use crate::photometric::exposure::{EXPOSURE_PARAMETERS, Exposure};
+use crate::photometric::picture_tone::{PICTURE_PARAMETERS, PictureState};
+use crate::power_curve::TONE_PARAMETERS;
 use crate::tone::ToneCurve;
 use crate::view::View;
 use crate::{Brown, BrownSight, Lens};
@@ -19,12 +21,17 @@ const CORNER_STEP: f64 = 0.01;
 pub(super) struct Scene<'a> {
     pub figure: &'a PixelFigure,
     curve: &'a ToneCurve,
+    picture: &'a PictureState,
+    /// Derivatives of ground and contrast by the tone curve's parameters, their coded values kept.
+    translation: [[f64; 2]; TONE_PARAMETERS],
     pub lens: &'a Brown,
     exposure: &'a Exposure,
     /// The planes through the camera centre and the sides.
     pub lines: [Vector3<f64>; 4],
     /// Correlation of the blurred sides `i - 1` and `i`: the cosine between their normals.
     corner_correlations: [f64; 4],
+    /// Of the blur across each side.
+    kurtosis: [f64; 4],
 }
 
 /// The model at one pixel.
@@ -45,7 +52,7 @@ impl<'a> Scene<'a> {
     /// `None` where the lens does not see the figure's corners.
     pub fn new(
         figure: &'a PixelFigure,
-        curve: &'a ToneCurve,
+        picture: &'a PictureState,
         view: &'a View<Brown>,
         exposure: &'a Exposure,
     ) -> Option<Self> {
@@ -55,20 +62,25 @@ impl<'a> Scene<'a> {
         let project =
             |point: Vector2<f64>| lens.project(&plane.pose.transform(&placement.point(point)));
         let mut corner_correlations = [0.0; 4];
+        let mut kurtosis = [0.0; 4];
         for (i, correlation) in corner_correlations.iter_mut().enumerate() {
             let [before, corner, after] = [(i + 3) % 4, i, (i + 1) % 4].map(|k| figure.corners[k]);
             let here = project(corner)?;
             let arriving = here - project(corner.lerp(&before, CORNER_STEP))?;
             let leaving = project(corner.lerp(&after, CORNER_STEP))? - here;
             *correlation = arriving.normalize().dot(&leaving.normalize());
+            kurtosis[i] = box_kurtosis(&leaving.normalize(), exposure.blur);
         }
         Some(Self {
             figure,
-            curve,
+            curve: &picture.curve,
+            picture,
+            translation: exposure.translation(picture),
             lens,
             exposure,
             lines: [0, 1, 2, 3].map(|i| plane.line(figure.figure, &figure.sides[i])),
             corner_correlations,
+            kurtosis,
         })
     }
 
@@ -80,9 +92,10 @@ impl<'a> Scene<'a> {
     /// Signed distances (px) of a pixel to the sides near it.
     pub fn distances(&self, pixel: &BandPixel, sight: &BrownSight) -> [f64; 4] {
         let mut distances = [0.0; 4];
+        let shift = self.shift_direction() * self.picture.shift;
         for side in 0..4 {
             if pixel.near & (1 << side) != 0 {
-                distances[side] = self.lens.line_distance(sight, &self.lines[side]);
+                distances[side] = self.lens.line_distance(sight, &self.lines[side]) + shift;
             }
         }
         distances
@@ -95,7 +108,8 @@ impl<'a> Scene<'a> {
             None => coverage::plateau(pixel.depth > 0.0),
             Some(distances) => {
                 z = distances.map(|d| d / self.exposure.blur);
-                coverage(pixel.near, &z, |corner| self.corner_correlations[corner])
+                let correlation = |corner: usize| self.corner_correlations[corner];
+                coverage(pixel.near, &z, &self.kurtosis, correlation)
             }
         };
         let place = self.figure.shading_place(&pixel.place);
@@ -116,6 +130,32 @@ impl<'a> Scene<'a> {
     /// Derivative of the coded value by the distance to a side that cuts it with the given density.
     pub fn gain(&self, shade: &Shade, density: f64) -> f64 {
         shade.slope * shade.light * self.exposure.contrast * density / self.exposure.blur
+    }
+
+    /// What a shift of the edges towards the dark adds to the distances: they are positive inside.
+    fn shift_direction(&self) -> f64 {
+        if self.figure.dark_inside { -1.0 } else { 1.0 }
+    }
+
+    /// Derivatives by the parameters that the picture's pixels share.
+    pub fn wrt_picture(&self, shade: &Shade) -> [f64; PICTURE_PARAMETERS] {
+        let mut all = [0.0; PICTURE_PARAMETERS];
+        if self.picture.has_free_curve() {
+            let at_pixel = self.curve.sensitivity(shade.light * shade.reflected);
+            for (i, [ground, contrast]) in self.translation.iter().enumerate() {
+                let reflected = ground + contrast * shade.coverage.value;
+                all[i] = at_pixel[i] + shade.slope * shade.light * reflected;
+            }
+        }
+        if self.picture.has_free_shift() {
+            let cuts = &shade.coverage.cuts[..shade.coverage.cut_count];
+            let by_distance: f64 = cuts
+                .iter()
+                .map(|(_, density)| self.gain(shade, *density))
+                .sum();
+            all[TONE_PARAMETERS] = self.shift_direction() * by_distance;
+        }
+        all
     }
 
     /// Derivatives by the exposure's parameters, then the residual.
@@ -141,6 +181,7 @@ impl<'a> Scene<'a> {
             .iter()
             .map(|(side, density)| self.gain(shade, *density) * z[*side])
             .sum();
+        let by_blur = by_blur - self.gain(shade, coverage.by_log_blur);
         [
             slope * light,
             slope * light * coverage.value,

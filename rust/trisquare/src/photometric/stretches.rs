@@ -6,6 +6,7 @@
 use crate::photometric::band::{BandPixel, PixelFigure};
 use crate::photometric::exposure::Exposure;
 use crate::photometric::fit::PixelFit;
+use crate::photometric::picture_tone::PictureState;
 use crate::robust::median_scale;
 use crate::view::View;
 use crate::{Brown, Lens};
@@ -50,20 +51,21 @@ pub(super) struct HiddenPart {
 pub(super) fn disturbed(
     fit: &PixelFit<'_>,
     view: &View<Brown>,
+    pictures: &[PictureState],
     exposures: &[Exposure],
 ) -> Option<Vec<Vec<bool>>> {
     (0..fit.figures.len())
-        .map(|index| disturbed_of_figure(fit, view, &exposures[index], index))
+        .map(|index| disturbed_of_figure(fit, (view, pictures), &exposures[index], index))
         .collect()
 }
 
 fn disturbed_of_figure(
     fit: &PixelFit<'_>,
-    view: &View<Brown>,
+    (view, pictures): (&View<Brown>, &[PictureState]),
     exposure: &Exposure,
     index: usize,
 ) -> Option<Vec<bool>> {
-    let scene = fit.scene(view, exposure, index)?;
+    let scene = fit.scene(view, exposure, pictures, index)?;
     let figure = scene.figure;
     let mut sums = vec![[(0.0, 0.0); ZONES]; figure.stretch_sides.len()];
     let judged = |pixel: &&BandPixel| pixel.depth.abs() < JUDGED;

@@ -1,0 +1,92 @@
+"""What is known of the tone curve of a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+from trisquare import _core
+
+CoreTone: TypeAlias = "str | float | tuple[float, float, float | None]"
+
+
+@dataclass(frozen=True, slots=True)
+class PictureTone:
+    """A tone curve that was stated, or one that was estimated and how well.
+
+    Parameters
+    ----------
+    curve : str, float or (float, float, float or None)
+        As the core takes it: a name, a gamma, or of an estimated curve gamma, toe and the standard
+        deviation of the shift that is left where no curve fits, in pixels.
+    value : str or float
+        As results report it; of an estimated curve the pure gamma that codes mid-grey alike.
+    std : float or None
+        One standard deviation of an estimated gamma.
+    shift : (float, float), optional
+        Where no curve fits: how far all edges appear moved toward the dark, and one standard
+        deviation of that, in pixels.
+    """
+
+    curve: CoreTone
+    value: str | float
+    std: float | None = None
+    shift: tuple[float, float] | None = None
+
+    @classmethod
+    def known(cls, tone: str | float) -> PictureTone:
+        """Return a stated curve."""
+        return cls(tone, tone)
+
+    @classmethod
+    def estimated(cls, members: _core.ToneMembers) -> PictureTone:
+        """Return what the profiles of a picture's edges have told."""
+        shift_std = members["shift_std"]
+        return cls(
+            (members["gamma"], members["toe"], shift_std),
+            members["effective_gamma"],
+            members["std"],
+            None if shift_std is None else (0.0, shift_std),
+        )
+
+    def refined(self, fit: _core.ToneFitMembers) -> PictureTone:
+        """Return the same with what the fit to the pixels has told."""
+        std = self.std if fit["std"] is None else fit["std"]
+        return replace(self, value=fit["effective_gamma"], std=std, shift=fit["shift"])
+
+    def of_board(self) -> PictureTone:
+        """Return the same for a board, whose own zigzag tells and takes away every shift."""
+        if self.shift is None or not isinstance(self.curve, tuple):
+            return self
+        return replace(self, curve=(*self.curve[:2], None), shift=None)
+
+
+def shift_warnings(tones: Sequence[PictureTone]) -> list[str]:
+    """Say of which pictures no tone curve fits the profiles, if there are any."""
+    shifts = [
+        f"picture {index}: {tone.shift[0]:+.3f} +- {tone.shift[1]:.3f} px"
+        for index, tone in enumerate(tones)
+        if tone.shift is not None
+    ]
+    if not shifts:
+        return []
+    return [
+        "the edges' profiles follow no tone curve (sharpened, compressed or overexposed?); "
+        f"all edges of a picture were allowed one shift toward the dark: {'; '.join(shifts)}"
+    ]
+
+
+def pooled(tones: Sequence[PictureTone]) -> tuple[str | float | None, float | None]:
+    """Return one tone and its standard deviation for pictures of one camera.
+
+    Estimates are weighted by their certainty; stated curves are all alike. Without any picture
+    there is none.
+    """
+    stds = [tone.std for tone in tones if tone.std is not None]
+    if not stds:
+        return (tones[0].value if tones else None), None
+    weights = [1.0 / (std * std) for std in stds]
+    values = [float(tone.value) for tone in tones if tone.std is not None]
+    mean = sum(w * v for w, v in zip(weights, values, strict=True)) / sum(weights)
+    return mean, sum(weights) ** -0.5

@@ -1,0 +1,103 @@
+//! Samples, moved to where a better tone curve sees them.
+
+use nalgebra::{Matrix2, SVector, Vector2};
+
+use super::curve::COEFFICIENTS;
+use super::tone_fit::{ToneEstimate, Trust, pool};
+use super::{Measured, NoEdge, SpanEdges};
+use crate::power_curve::PowerCurve;
+
+/// Moves the samples to where the estimate from all pixels sees them, and tells how far one
+/// standard deviation of it displaces them.
+pub(super) fn corrected(
+    first: PowerCurve,
+    measured: Vec<Result<Measured, NoEdge>>,
+) -> (Vec<Result<SpanEdges, NoEdge>>, ToneEstimate) {
+    let found = || measured.iter().flatten();
+    let (step, estimate) = pool(
+        first,
+        found().filter_map(|m| m.share.as_ref()),
+        Trust::ByMisfit,
+    );
+    // One standard deviation in each of two independent directions.
+    let deviations = estimate
+        .covariance
+        .cholesky()
+        .map_or_else(Matrix2::zeros, |f| f.l());
+    let mut gram = Matrix2::zeros();
+    for measured in found() {
+        for (drift, std) in measured.drifts(&step).iter().zip(&measured.edges.std) {
+            let deviation = deviations.tr_mul(&drift.by_tone) / *std;
+            gram += deviation * deviation.transpose();
+        }
+    }
+    // Both move the samples much alike: the direction that moves them most stands for both.
+    let direction = deviations * first_axis(&gram);
+    let shift_std = estimate.shift_std.unwrap_or(0.0);
+    let spans = measured
+        .into_iter()
+        .map(|measured| measured.map(|measured| measured.displaced(&step, &direction, shift_std)));
+    (spans.collect(), estimate)
+}
+
+/// The unit eigenvector of the larger eigenvalue.
+fn first_axis(matrix: &Matrix2<f64>) -> Vector2<f64> {
+    let angle = 0.5 * (2.0 * matrix[(0, 1)]).atan2(matrix[(0, 0)] - matrix[(1, 1)]);
+    Vector2::new(angle.cos(), angle.sin())
+}
+
+/// How a sample is displaced along the unit normal of its side.
+struct Drift {
+    normal: Vector2<f64>,
+    /// By what the side's pixels ask for once its blur's kurtosis and the tone curve are free.
+    by_step: f64,
+    /// By the tone curve's parameters.
+    by_tone: Vector2<f64>,
+}
+
+impl Measured {
+    fn drifts(&self, step: &Vector2<f64>) -> Vec<Drift> {
+        let Some(share) = &self.share else {
+            return Vec::new();
+        };
+        let by_tone = share.drift();
+        let moved = share
+            .own_step(step)
+            .fixed_rows::<COEFFICIENTS>(0)
+            .into_owned();
+        let drift = |point: &Vector2<f64>| {
+            let (s, _) = self.side.curve.local(*point);
+            let powers = SVector::<f64, COEFFICIENTS>::from_fn(|k, _| s.powi(k as i32));
+            let across = self.side.curve.point(s, 1.0) - self.side.curve.point(s, 0.0);
+            // A height is a distance times the secant of the curve's angle with its chord.
+            let cosine = across.dot(&self.side.curve.across);
+            Drift {
+                normal: across,
+                by_step: moved.dot(&powers) * cosine,
+                by_tone: by_tone.tr_mul(&powers) * cosine,
+            }
+        };
+        self.edges.points.iter().map(drift).collect()
+    }
+
+    fn displaced(
+        mut self,
+        step: &Vector2<f64>,
+        direction: &Vector2<f64>,
+        shift_std: f64,
+    ) -> SpanEdges {
+        // The normal points to the light where the rise is positive; a tone curve, too, moves the
+        // edges to the dark or to the light, all of them alike.
+        let to_dark = -self.side.rise[0].signum();
+        let drifts = self.drifts(step);
+        for (point, drift) in self.edges.points.iter_mut().zip(&drifts) {
+            *point += drift.normal * drift.by_step;
+        }
+        let displacements = drifts.iter().map(|d| {
+            let by_tone = d.by_tone.dot(direction);
+            d.normal * by_tone.hypot(shift_std) * to_dark
+        });
+        self.edges.drift = displacements.collect();
+        self.edges
+    }
+}

@@ -1,0 +1,71 @@
+//! The mean profile of edges, and how far it is from the model.
+
+use super::side::{Prediction, Side};
+
+/// Half the width of a profile, and of its bins, in blurs.
+const PROFILE_REACH: f64 = 3.5;
+const PROFILE_BIN: f64 = 0.5;
+const PROFILE_BINS: usize = 14;
+
+/// A misfit counts from so many standard deviations of what noise makes of one.
+const MISFIT_DEVIATIONS: f64 = 2.0;
+
+/// The residuals about a side, by distance from the edge.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Profile {
+    bins: [ProfileBin; PROFILE_BINS],
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct ProfileBin {
+    sum: f64,
+    squares: f64,
+    count: f64,
+}
+
+impl Profile {
+    pub fn add(&mut self, side: &Side, prediction: &Prediction, residual: f64) {
+        // Towards the light, whichever way that is.
+        let place = prediction.blurs * side.rise[0].signum();
+        let index = ((place + PROFILE_REACH) / PROFILE_BIN).floor();
+        if let Some(bin) = self.bins.get_mut(index as usize).filter(|_| index >= 0.0) {
+            bin.sum += residual;
+            bin.squares += residual * residual;
+            bin.count += 1.0;
+        }
+    }
+
+    pub fn relative_to(mut self, contrast: f64) -> Self {
+        for bin in &mut self.bins {
+            bin.sum /= contrast.abs();
+            bin.squares /= contrast * contrast;
+        }
+        self
+    }
+
+    pub fn merge(&mut self, other: &Self) {
+        for (bin, other) in self.bins.iter_mut().zip(&other.bins) {
+            bin.sum += other.sum;
+            bin.squares += other.squares;
+            bin.count += other.count;
+        }
+    }
+
+    /// Root mean square of the bins' means, less what noise may make of them.
+    pub fn misfit(&self) -> f64 {
+        let (mut total, mut noise, mut bins) = (0.0, 0.0, 0.0);
+        for bin in self.bins.iter().filter(|bin| bin.count > 1.0) {
+            let mean = bin.sum / bin.count;
+            total += mean * mean;
+            noise += (bin.squares / bin.count - mean * mean) / bin.count;
+            bins += 1.0;
+        }
+        // The sum of so many squares of noise, and some deviations of it.
+        let by_chance = noise * (1.0 + MISFIT_DEVIATIONS * (2.0_f64 / bins).sqrt());
+        if total > by_chance {
+            ((total - by_chance) / bins).sqrt()
+        } else {
+            0.0
+        }
+    }
+}

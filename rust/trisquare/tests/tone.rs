@@ -1,0 +1,115 @@
+//! The tone curve of a picture, estimated from its edges.
+
+#[path = "localise/scene.rs"]
+#[allow(dead_code)]
+mod scene;
+
+use scene::{ANGLES, CAMERA, Camera, Statistics, offsets, spans, square};
+use trisquare::{Picture, SpanEdges, Tone, ToneEstimate, localise_with_unknown_tone};
+
+fn measured(picture: &Picture, degrees: f64) -> (Vec<SpanEdges>, ToneEstimate) {
+    let shape = square(degrees);
+    let (found, estimate) = localise_with_unknown_tone(picture, &spans(&shape, -1.0, |_| [1.0; 2]));
+    (
+        found.into_iter().collect::<Result<_, _>>().unwrap(),
+        estimate,
+    )
+}
+
+fn picture(camera: &Camera, degrees: f64, seed: u64) -> Picture {
+    camera.bytes(&camera.exposure(&square(degrees)), seed)
+}
+
+/// Gamma within its own standard deviation, and what is left of the shift of the edges within what
+/// the drift says of it.
+#[test]
+fn gamma_and_edges_are_found_within_their_deviations() {
+    let curves = [
+        (Tone::Linear, 1.0),
+        (Tone::Gamma(1.8), 1.8),
+        (Tone::Gamma(2.6), 2.6),
+        // The pure gamma that codes 18 % grey alike.
+        (Tone::Srgb, 0.18_f64.ln() / Tone::Srgb.encode(0.18).ln()),
+    ];
+    for (tone, gamma) in curves {
+        let camera = Camera { tone, ..CAMERA };
+        let (mut gammas, mut shifts) = (0.0, 0.0);
+        for (seed, degrees) in (0..).zip(ANGLES) {
+            let (edges, estimate) = measured(&picture(&camera, degrees, seed), degrees);
+            assert_eq!((estimate.sides, estimate.shift_std), (4, None), "{tone:?}");
+            let error = estimate.curve.effective_gamma() - gamma;
+            gammas += (error / estimate.effective_gamma_std()).powi(2);
+
+            let bias = Statistics::of(&offsets(&square(degrees), &edges)).bias;
+            let drifts = edges.iter().flat_map(|side| &side.drift);
+            let count = edges.iter().map(|side| side.points.len()).sum::<usize>() as f64;
+            let drift = drifts.map(|drift| drift.norm()).sum::<f64>() / count;
+            // One square tells less than three, but twice what is usual of cameras.
+            assert!(estimate.effective_gamma_std() < 0.25 * gamma, "{tone:?}");
+            assert!(drift > 0.002, "{tone:?}: {drift}");
+            shifts += (bias / drift).powi(2);
+        }
+        // Four squares of normal errors sum to more than 18.5 once in a thousand times.
+        assert!(
+            gammas < 18.5 && shifts < 18.5,
+            "{tone:?}: {gammas} {shifts}"
+        );
+    }
+}
+
+/// Without the tone the same edges are off by a tenth of a pixel: what is left must be far less.
+#[test]
+fn drift_points_to_the_dark_everywhere() {
+    let camera = Camera {
+        tone: Tone::Srgb,
+        ..CAMERA
+    };
+    let (edges, _) = measured(&picture(&camera, 17.0, 3), 17.0);
+    let corners = square(17.0).corners();
+    for (side, edges) in edges.iter().enumerate() {
+        let along = (corners[(side + 1) % 4] - corners[side]).normalize();
+        for drift in &edges.drift {
+            // The inside is dark, to the right of a clockwise path.
+            assert!(along.perp(drift) > 0.0);
+            assert!(along.dot(drift).abs() < 0.1 * drift.norm());
+        }
+    }
+}
+
+#[test]
+fn clipped_sides_tell_nothing() {
+    let camera = Camera {
+        outside: 1.02,
+        tone: Tone::Srgb,
+        ..CAMERA
+    };
+    let (edges, estimate) = measured(&picture(&camera, 31.0, 5), 31.0);
+    assert_eq!(estimate.sides, 0);
+    let shift = estimate.shift_std.unwrap();
+    for drift in edges.iter().flat_map(|side| &side.drift) {
+        assert!(drift.norm() >= shift);
+    }
+}
+
+/// What sharpening does to an edge is no tone curve's doing.
+#[test]
+fn overshoot_is_not_taken_for_a_tone_curve() {
+    let camera = Camera {
+        noise: 1.0 / 255.0,
+        ..CAMERA
+    };
+    let shape = square(17.0);
+    let sharp = camera.exposure(&shape);
+    let soft = Camera {
+        blur: 1.5,
+        ..camera
+    }
+    .exposure(&shape);
+    let overshot: Vec<f64> = sharp
+        .iter()
+        .zip(&soft)
+        .map(|(a, b)| a + 0.5 * (a - b))
+        .collect();
+    let (_, estimate) = measured(&camera.bytes(&overshot, 2), 17.0);
+    assert!(estimate.shift_std.is_some(), "{estimate:?}");
+}
