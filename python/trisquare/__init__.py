@@ -19,8 +19,8 @@ from trisquare.errors import (
     NotEnoughPlanesError,
     TrisquareError,
 )
-from trisquare.predict import PlannedSquare, Prediction, predict
 from trisquare.model_alternative import ModelAlternative
+from trisquare.predict import PlannedSquare, Prediction, predict
 from trisquare.projection import ProjectionMap
 from trisquare.result import Calibration, Plane
 from trisquare.steps import (

@@ -28,6 +28,14 @@ pub(crate) struct Misfit {
 }
 
 impl Misfit {
+    /// Exact samples.
+    pub const NONE: Self = Self {
+        straight: 0.0,
+        curved: 0.0,
+        straight_freedom: 1.0,
+        curved_freedom: 1.0,
+    };
+
     /// Of one side.
     pub fn of_side(side: &Side, residuals: &[Residual], noise: f64) -> Self {
         let along = direction(&side.samples).unwrap_or_default();

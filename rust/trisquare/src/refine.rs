@@ -137,7 +137,18 @@ impl<L: Lens> Refined<L> {
     }
 }
 
+/// Samples that agree to this (px), root mean square, were computed and not measured: what is left
+/// is rounding, and says nothing of noise.
+const COMPUTED: f64 = 1e-5;
+
 impl<L: Lens> Refined<L> {
+    /// Whether nothing but rounding is left of the samples' distances.
+    pub fn is_exact(&self) -> bool {
+        let all = || self.residuals.iter().flatten();
+        let squares: f64 = all().map(|r| r.distance * r.distance).sum();
+        squares <= COMPUTED * COMPUTED * all().count() as f64
+    }
+
     /// The noise that its residuals show.
     pub fn noise(&self, planes: &[ObservedPlane]) -> Noise {
         Noise::of(planes, &self.residuals, self.scale)

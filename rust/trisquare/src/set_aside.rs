@@ -124,6 +124,9 @@ fn with_its_straight_sides(task: &Task<'_>, found: Solution, plane: usize) -> So
 
 impl Solution {
     fn misfit(&self, task: &Task<'_>) -> Misfit {
+        if self.refined.is_exact() {
+            return Misfit::NONE;
+        }
         let noise = self.refined.noise(&self.planes).scale;
         Misfit::of(&self.planes, &self.refined, &task.free, noise)
     }

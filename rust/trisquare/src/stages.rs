@@ -65,7 +65,7 @@ impl<'a> Task<'a> {
         let refined = self.optimum(planes)?;
         match self.options.method {
             Method::MaximumLikelihood => self.settle(planes, refined),
-            Method::Linear => self.linear_solution(planes, refined),
+            Method::Linear => self.independent_solution(planes, refined),
         }
     }
 
@@ -76,6 +76,9 @@ impl<'a> Task<'a> {
         planes: &[ObservedPlane],
         mut refined: Refined<Brown>,
     ) -> Result<Solution, Error> {
+        if refined.is_exact() {
+            return self.independent_solution(planes, refined);
+        }
         let mut noise = refined.noise(planes);
         let mut planes = planes.to_vec();
         if let Some(weighed) = weighed_by_noise(&planes, &noise)
@@ -89,7 +92,7 @@ impl<'a> Task<'a> {
         }
         let correlated = correlated_covariance(&planes, &self.free, &refined, &noise);
         Ok(Solution {
-            correlated: correlated.ok_or_else(|| singular(&refined))?,
+            correlated: correlated.ok_or_else(|| self.singular(&planes, &refined))?,
             planes,
             refined,
         })
@@ -131,7 +134,8 @@ impl<'a> Task<'a> {
         self.settle(&planes, refined).ok()
     }
 
-    fn linear_solution(
+    /// A solution whose residuals are not asked about their correlation.
+    fn independent_solution(
         &self,
         planes: &[ObservedPlane],
         refined: Refined<Brown>,
@@ -139,7 +143,8 @@ impl<'a> Task<'a> {
         let system = refined.system.leading(self.free.len());
         let focal = refined.view.lens.focal().x;
         let factor = refined.covariance_factor;
-        let covariance = covariance(&system, factor).ok_or_else(|| singular(&refined))?;
+        let covariance =
+            covariance(&system, factor).ok_or_else(|| self.singular(planes, &refined))?;
         let correlated = Correlated {
             covariance,
             disagreement: disagreement(&system, &self.free, focal, factor),
@@ -166,6 +171,20 @@ impl<'a> Task<'a> {
             refined.covariance_factor,
         );
         weak.map_err(|weakness| self.advised(planes, refined, weakness))
+    }
+
+    /// Why there is no covariance: most likely the geometry.
+    fn singular(&self, planes: &[ObservedPlane], refined: &Refined<Brown>) -> Error {
+        let geometry = self.geometry(planes, refined);
+        let factor = refined.covariance_factor;
+        match geometry.judge(&refined.system, &self.free, factor) {
+            Err(weakness) => self.advised(planes, refined, weakness),
+            Ok(()) => Error::NotConverged {
+                stage: "the covariance",
+                iterations: refined.iterations,
+                rms: refined.noise_scale,
+            },
+        }
     }
 
     fn geometry<'b>(
@@ -227,14 +246,6 @@ impl<'a> Task<'a> {
             undistortion: &undistortion,
             homographies: &homographies,
         })
-    }
-}
-
-fn singular(refined: &Refined<Brown>) -> Error {
-    Error::NotConverged {
-        stage: "the covariance",
-        iterations: refined.iterations,
-        rms: refined.noise_scale,
     }
 }
 
