@@ -118,20 +118,6 @@ impl ArrowSystem {
         }
     }
 
-    /// The equations with all weights multiplied by `factor`.
-    pub fn scaled(&self, factor: f64) -> Self {
-        let mut system = self.clone();
-        system.prior *= factor;
-        for block in &mut system.blocks {
-            block.shared *= factor;
-            block.hessian *= factor;
-            block.cross *= factor;
-            block.shared_gradient *= factor;
-            block.gradient *= factor;
-        }
-        system
-    }
-
     /// Logarithm of the determinant of the whole matrix; `None` if it is not positive definite.
     pub fn log_determinant(&self) -> Option<f64> {
         let mut reduced = self.prior.clone();

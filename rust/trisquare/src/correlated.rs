@@ -141,15 +141,14 @@ pub(crate) fn correlated_covariance<L: Lens>(
     let white =
         Loss::Tukey.mean_weight() * noise.correlation * (noise.scale / refined.scale).powi(2);
     let independent = covariance(&refined.system.leading(free.len()), white)?;
-    let at = (refined.scale, white);
-    let errors = SideErrors::gather(planes, free, &refined.view, &refined.residuals, at)?;
+    let errors = SideErrors::gather(planes, free, &refined.view, noise, white)?;
     let strength = errors.strength()?;
     let mut added = DMatrix::zeros(free.len(), free.len());
     for (unit, variance) in errors.unit_covariances()?.iter().zip(&strength.mean) {
         added += unit * *variance;
     }
     let displacements = strength.likeliest.iter();
-    let contradiction = Misfit::of(planes, refined, free, noise.scale).contradiction();
+    let contradiction = Misfit::of(planes, &refined.view, free, noise).contradiction();
     let total = (&independent + added) * contradiction;
     let coherence = Coherence {
         contradiction,

@@ -54,6 +54,8 @@ mod robust;
 mod set_aside;
 mod side_basis;
 mod side_errors;
+mod side_families;
+mod side_moments;
 mod stages;
 mod straighten;
 #[cfg(feature = "synthetic")]

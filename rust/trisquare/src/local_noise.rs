@@ -1,12 +1,13 @@
 //! The noise of neighbouring samples: what remains once each side's smooth displacement is taken
 //! out, plane by plane, and how far it reaches from one sample to the next.
 
-use nalgebra::SMatrix;
+use nalgebra::Cholesky;
 
 use crate::observations::ObservedPlane;
 use crate::refine::{MIN_SCALE, Residual, Residuals};
 use crate::robust::{Loss, Spread, median_scale};
-use crate::side_basis::{Basis, ORDERS, basis, direction, places};
+use crate::side_basis::{Basis, ORDERS};
+use crate::side_moments::SideMoments;
 
 /// A displacement is hardly held: to so many times the scale of the noise.
 const LOOSE: f64 = 1e3;
@@ -29,7 +30,12 @@ pub(crate) struct LocalNoise {
 }
 
 /// Robust local noise of every plane, and the correlation of neighbours.
+#[derive(Clone)]
 pub(crate) struct Noise {
+    /// What the residuals of every side sum to, by plane.
+    pub sides: Vec<Vec<SideMoments>>,
+    /// The scale at which they are summed.
+    pub summed_at: f64,
     pub planes: Vec<LocalNoise>,
     /// That of all planes.
     pub scale: f64,
@@ -49,22 +55,25 @@ impl Noise {
     pub fn of(planes: &[ObservedPlane], residuals: &Residuals, scale: f64) -> Self {
         let mut neighbours = Neighbours::default();
         let (mut own, mut all) = (Vec::with_capacity(planes.len()), Vec::new());
+        let mut sides = Vec::with_capacity(planes.len());
         let mut taken = 0.0;
         for (plane, residuals) in planes.iter().zip(residuals) {
             let (mut rough, mut lost) = (Vec::with_capacity(residuals.len()), 0.0);
+            let mut moments = Vec::new();
             let mut rest = &residuals[..];
             for side in plane.sides() {
                 let (mine, others) = rest.split_at(side.samples.len());
                 rest = others;
-                if side.set_aside {
-                    continue;
+                let summed = SideMoments::of(side, mine, scale);
+                if !side.set_aside {
+                    let left = without_displacement(&summed, mine);
+                    neighbours.add(&summed.places, &left, scale);
+                    lost += degrees_taken(mine.len()) as f64;
+                    rough.extend(left);
                 }
-                let along = places(&side.samples, &direction(&side.samples).unwrap_or_default());
-                let left = without_displacement(&along, mine, scale);
-                neighbours.add(&along, &left, scale);
-                lost += degrees_taken(mine.len()) as f64;
-                rough.extend(left);
+                moments.push(summed);
             }
+            sides.push(moments);
             own.push((!rough.is_empty()).then(|| LocalNoise::of(&rough, lost)));
             all.extend(rough);
             taken += lost;
@@ -74,6 +83,8 @@ impl Noise {
             planes: own.into_iter().map(|own| own.unwrap_or(all)).collect(),
             correlation: neighbours.correlation(all.freedom),
             scale: all.scale,
+            sides,
+            summed_at: scale,
         }
     }
 }
@@ -106,42 +117,31 @@ fn degrees_taken(samples: usize) -> usize {
 }
 
 /// A side's residuals, in units of their given standard deviations, less their smooth part.
-fn without_displacement(along: &[f64], residuals: &[Residual], scale: f64) -> Vec<f64> {
-    let mut gram = SMatrix::<f64, ORDERS, ORDERS>::zeros();
-    let mut pull = Basis::zeros();
-    let mut strongest = f64::MIN_POSITIVE;
-    for (s, residual) in along.iter().zip(residuals) {
-        let value = residual.distance * residual.weight / scale;
-        let (_, robust) = Loss::Tukey.cost_and_weight(value);
-        // In units of the noise, so that samples of unequal precision keep unit variance.
-        let row = basis(*s) * residual.weight;
-        strongest = f64::max(strongest, residual.weight);
-        gram += row * row.transpose() * robust;
-        pull += row * (robust * value);
-    }
+fn without_displacement(moments: &SideMoments, residuals: &[Residual]) -> Vec<f64> {
+    let mut gram = moments.robust.gram;
     for k in 0..ORDERS {
-        let held = if k < orders(along.len()) {
-            1.0 / LOOSE
-        } else {
-            LOOSE
+        let held = match k < orders(residuals.len()) {
+            true => 1.0 / LOOSE,
+            false => LOOSE,
         };
-        gram[(k, k)] += (strongest * held).powi(2);
+        gram[(k, k)] += (moments.strongest * held).powi(2);
     }
-    let displacement = gram.cholesky().map_or(Basis::zeros(), |c| c.solve(&pull));
-    along
+    let solve = |factor: Cholesky<f64, _>| factor.solve(&moments.robust.pull);
+    let displacement = gram.cholesky().map_or(Basis::zeros(), solve);
+    moments
+        .rows
         .iter()
         .zip(residuals)
-        .map(|(s, residual)| {
-            let smooth = basis(*s).dot(&displacement) * scale;
-            (residual.distance - smooth) * residual.weight
-        })
+        .map(|(row, residual)| (residual.distance - row.dot(&displacement)) * residual.weight)
         .collect()
 }
 
 impl Neighbours {
     fn add(&mut self, along: &[f64], rough: &[f64], scale: f64) {
         let mut order: Vec<usize> = (0..along.len()).collect();
-        order.sort_by(|a, b| along[*a].total_cmp(&along[*b]));
+        if !along.is_sorted() {
+            order.sort_by(|a, b| along[*a].total_cmp(&along[*b]));
+        }
         let value = |i: usize| {
             let x = rough[order[i]] / scale;
             Loss::Tukey.cost_and_weight(x).1 * x

@@ -1,15 +1,12 @@
 //! How far sides miss their lines beyond the noise: as straight lines in the wrong place, and as
 //! curves.
 
-use nalgebra::{DMatrix, DVector};
-
-use crate::observations::{ObservedPlane, Side};
+use crate::local_noise::Noise;
+use crate::observations::ObservedPlane;
 use crate::parameters::FreeParameters;
-use crate::refine::{Refined, Residual};
-use crate::side_basis::{ORDERS, basis, direction, places};
-
-/// A sample tells no more of a misfit than one so many times the noise away.
-const FARTHEST: f64 = 1e3;
+use crate::side_basis::ORDERS;
+use crate::side_moments::Moments;
+use crate::view::View;
 
 /// Sides in the wrong place by so many times the variance of their curvature contradict each other:
 /// chance does so once in two thousand times, where there are two degrees of freedom.
@@ -36,29 +33,21 @@ impl Misfit {
         curved_freedom: 1.0,
     };
 
-    /// Of one side.
-    pub fn of_side(side: &Side, residuals: &[Residual], noise: f64) -> Self {
-        let along = direction(&side.samples).unwrap_or_default();
-        let places = places(&side.samples, &along);
-        let mut gram = DMatrix::zeros(ORDERS, ORDERS);
-        let mut pull = DVector::zeros(ORDERS);
-        for (s, residual) in places.iter().zip(residuals) {
-            let to_noise = residual.weight / noise;
-            let value = (residual.distance * to_noise).clamp(-FARTHEST, FARTHEST);
-            let row = basis(*s) * to_noise;
-            gram.ger(1.0, &row, &row, 1.0);
-            pull.axpy(value, &row, 1.0);
-        }
+    /// Of one side, in units of the noise.
+    pub fn of_side(noise: &Noise, plane: usize, side: usize) -> Self {
+        let moments = &noise.sides[plane][side];
+        let Moments { gram, pull } = &moments.plain;
         let power = |orders: usize| {
             let factor = gram.view((0, 0), (orders, orders)).into_owned().cholesky();
             let own = pull.rows(0, orders).into_owned();
             factor.map_or(0.0, |factor| own.dot(&factor.solve(&own)))
         };
-        let orders = ORDERS.min(residuals.len());
-        let straight = power(STRAIGHT.min(orders));
+        let orders = ORDERS.min(moments.places.len());
+        let to_noise = (noise.summed_at / noise.scale).powi(2);
+        let straight = power(STRAIGHT.min(orders)) * to_noise;
         Self {
             straight,
-            curved: (power(orders) - straight).max(0.0),
+            curved: (power(orders) * to_noise - straight).max(0.0),
             straight_freedom: STRAIGHT.min(orders) as f64,
             curved_freedom: orders.saturating_sub(STRAIGHT) as f64,
         }
@@ -67,25 +56,18 @@ impl Misfit {
     /// Of all sides that count at an optimum, whose parameters took their share of freedom.
     pub fn of<L>(
         planes: &[ObservedPlane],
-        refined: &Refined<L>,
+        view: &View<L>,
         free: &FreeParameters,
-        noise: f64,
+        noise: &Noise,
     ) -> Self {
         let mut all = Self::default();
-        for ((plane, residuals), state) in planes
-            .iter()
-            .zip(&refined.residuals)
-            .zip(&refined.view.planes)
-        {
+        for (p, (plane, state)) in planes.iter().zip(&view.planes).enumerate() {
             if plane.is_set_aside() {
                 continue;
             }
-            let mut rest = &residuals[..];
-            for side in plane.sides() {
-                let (own, others) = rest.split_at(side.samples.len());
-                rest = others;
+            for (s, side) in plane.sides().enumerate() {
                 if !side.set_aside {
-                    all.add(&Self::of_side(side, own, noise));
+                    all.add(&Self::of_side(noise, p, s));
                 }
             }
             all.straight_freedom -= state.parameter_count() as f64;

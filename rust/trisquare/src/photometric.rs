@@ -100,6 +100,7 @@ fn attempt(
         planes,
         refined,
         correlated,
+        ..
     } = solution;
     let (free, coherence) = (&task.free, &correlated.coherence);
     let mut figures = collect(edges, planes, &refined.view, photographs)?;
@@ -199,6 +200,7 @@ fn attempt(
             ..correlated.clone()
         },
         refined: fitted,
+        noise: None,
     };
     let mut better = Calibration::assemble(task, &fitted, Stage::Pixels);
     better.tones = tones;

@@ -180,6 +180,7 @@ impl Calibration {
             planes,
             refined,
             correlated,
+            ..
         } = solution;
         let free = &task.free;
         let Correlated {

@@ -3,8 +3,9 @@
 
 use crate::Error;
 use crate::covariance::check_plane_count;
+use crate::local_noise::Noise;
 use crate::misfit::Misfit;
-use crate::observations::{ObservedPlane, Side};
+use crate::observations::ObservedPlane;
 use crate::refine::Residual;
 use crate::result::Warning;
 use crate::stages::{Solution, Task};
@@ -71,8 +72,8 @@ fn without_false_plane(
         let mut rest = planes.to_vec();
         rest.remove(left_out);
         let refined = task.optimum(&rest).ok()?;
-        let noise = refined.noise(&rest).scale;
-        let misfit = Misfit::of(&rest, &refined, &task.free, noise);
+        let noise = refined.noise(&rest);
+        let misfit = Misfit::of(&rest, &refined.view, &task.free, &noise);
         Some((left_out, rest, refined, misfit))
     };
     let best = (0..planes.len())
@@ -124,11 +125,10 @@ fn with_its_straight_sides(task: &Task<'_>, found: Solution, plane: usize) -> So
 
 impl Solution {
     fn misfit(&self, task: &Task<'_>) -> Misfit {
-        if self.refined.is_exact() {
-            return Misfit::NONE;
-        }
-        let noise = self.refined.noise(&self.planes).scale;
-        Misfit::of(&self.planes, &self.refined, &task.free, noise)
+        let view = &self.refined.view;
+        self.noise.as_ref().map_or(Misfit::NONE, |noise| {
+            Misfit::of(&self.planes, view, &task.free, noise)
+        })
     }
 
     /// Plane, and index over all figures of the plane, of every side of a square that counts.
@@ -153,8 +153,8 @@ fn without_bent_side(task: &Task<'_>, solution: &Solution) -> Option<Solution> {
         let mut planes = solution.planes.clone();
         planes[plane].side_mut(side)?.set_aside = true;
         let refined = task.again(&planes, &solution.refined)?;
-        let noise = refined.noise(&planes).scale;
-        let remaining = Misfit::of(&planes, &refined, &task.free, noise);
+        let noise = refined.noise(&planes);
+        let remaining = Misfit::of(&planes, &refined.view, &task.free, &noise);
         Some((plane, side, planes, refined, remaining))
     };
     let (plane, side, planes, refined, remaining) = solution
@@ -168,20 +168,20 @@ fn without_bent_side(task: &Task<'_>, solution: &Solution) -> Option<Solution> {
         return None;
     }
     let found = task.settle(&planes, refined).ok()?;
-    (curvatures(&found, plane)[side] > BENT * ordinary).then_some(found)
+    let bent = curvatures(&found, plane).get(side) > Some(&(BENT * ordinary));
+    bent.then_some(found)
 }
 
 /// Mean square curvature of every side of a plane, in units of the noise.
 fn curvatures(solution: &Solution, plane: usize) -> Vec<f64> {
-    let noise = solution.refined.noise(&solution.planes).scale;
-    let mut rest = &solution.refined.residuals[plane][..];
-    let curvature = |side: &Side| {
-        let (own, others) = rest.split_at(side.samples.len());
-        rest = others;
-        let misfit = Misfit::of_side(side, own, noise);
-        misfit.curved / misfit.curved_freedom.max(1.0)
+    let curvature = |noise: &Noise| {
+        let mean = |side: usize| {
+            let misfit = Misfit::of_side(noise, plane, side);
+            misfit.curved / misfit.curved_freedom.max(1.0)
+        };
+        (0..noise.sides[plane].len()).map(mean).collect()
     };
-    solution.planes[plane].sides().map(curvature).collect()
+    solution.noise.as_ref().map(curvature).unwrap_or_default()
 }
 
 /// Names what was set aside.

@@ -11,6 +11,7 @@ use crate::levenberg::Termination;
 use crate::linear::{
     Homographies, Undistortion, conic_camera_matrix, fallback_camera_matrices, first_view,
 };
+use crate::local_noise::Noise;
 use crate::observations::{ObservedPlane, Sample};
 use crate::parameters::FreeParameters;
 use crate::refine::{Refined, Search, finish, search};
@@ -42,6 +43,8 @@ pub(crate) struct Solution {
     pub planes: Vec<ObservedPlane>,
     pub refined: Refined<Brown>,
     pub correlated: Correlated,
+    /// What the residuals say of their noise; nothing where they are exact, or not asked.
+    pub noise: Option<Noise>,
 }
 
 impl<'a> Task<'a> {
@@ -89,12 +92,14 @@ impl<'a> Task<'a> {
         }
         if let Some(found) = drift::accounted(&planes, &self.free, &self.judged, &refined) {
             (planes, refined) = found;
+            noise = refined.noise(&planes);
         }
         let correlated = correlated_covariance(&planes, &self.free, &refined, &noise);
         Ok(Solution {
             correlated: correlated.ok_or_else(|| self.singular(&planes, &refined))?,
             planes,
             refined,
+            noise: Some(noise),
         })
     }
 
@@ -154,6 +159,7 @@ impl<'a> Task<'a> {
             planes: planes.to_vec(),
             refined,
             correlated,
+            noise: None,
         })
     }
 
