@@ -8,6 +8,7 @@
 from trisquare._core import __version__
 from trisquare.calibrate import calibrate, calibrate_edges
 from trisquare.camera import Camera
+from trisquare.coherence import Coherence
 from trisquare.detect import detect
 from trisquare.edges import PlaneEdges
 from trisquare.errors import (
@@ -34,6 +35,7 @@ from trisquare.steps import (
 __all__ = [
     "Calibration",
     "Camera",
+    "Coherence",
     "ConvergenceError",
     "DegenerateGeometryError",
     "DetectionError",

@@ -74,6 +74,15 @@ class PlaneMembers(TypedDict):
     samples: int
 
 @type_check_only
+class CoherenceMembers(TypedDict):
+    """How far the residuals are from independent noise."""
+
+    neighbours: float
+    probability: float
+    displacements: tuple[float, ...]
+    contradiction: float
+
+@type_check_only
 class CalibrationMembers(TypedDict):
     """A calibration, member by member."""
 
@@ -91,6 +100,7 @@ class CalibrationMembers(TypedDict):
     stage: str
     model: str
     alternatives: list[tuple[str, float, float]]
+    coherence: CoherenceMembers
     tones: list[ToneFitMembers]
 
 def calibrate(

@@ -10,6 +10,7 @@ import numpy as np
 from trisquare import _core
 from trisquare.camera import MODELS, Camera, camera_parameters
 from trisquare.checked import size_of_image
+from trisquare.coherence import Coherence
 from trisquare.detect import Targets, nothing_found
 from trisquare.edges import PlaneEdges
 from trisquare.errors import DetectionError
@@ -279,5 +280,6 @@ def _solve(
         fixed=settings.fixed,
         stage=found["stage"],
         alternatives=tuple(ModelAlternative(*other) for other in found["alternatives"]),
+        coherence=Coherence(**found["coherence"]),
         tone_std=tone_std,
     )

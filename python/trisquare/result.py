@@ -22,6 +22,7 @@ from trisquare.checked import (
     string,
     strings,
 )
+from trisquare.coherence import Coherence, coherence_from_members, coherence_members
 from trisquare.diagnosis import Diagnosis, diagnose
 from trisquare.json_fields import JsonFields, dump_members
 from trisquare.model_alternative import (
@@ -130,6 +131,9 @@ class Calibration(RebuiltByConstructor):
         Version of trisquare that computed it.
     alternatives : sequence of ModelAlternative
         The models that ``model="auto"`` rejected, the simplest first; empty unless it chose.
+    coherence : Coherence, optional
+        How far the residuals are from independent noise, which the covariance allows for; None
+        in results of versions that did not ask.
     tone_std : float, optional
         One standard deviation of an estimated gamma; None where the tone curve was stated.
     """
@@ -149,6 +153,7 @@ class Calibration(RebuiltByConstructor):
     software: str = __version__
     alternatives: tuple[ModelAlternative, ...] = ()
     tone_std: float | None = None
+    coherence: Coherence | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.camera, Camera):
@@ -180,6 +185,8 @@ class Calibration(RebuiltByConstructor):
         if self.tone_std is not None:
             object.__setattr__(self, "tone_std", not_negative(self.tone_std, "tone_std"))
         object.__setattr__(self, "fixed", strings(self.fixed, "fixed"))
+        if self.coherence is not None and not isinstance(self.coherence, Coherence):
+            raise TypeError("coherence must be of the class Coherence")
         alternatives = tuple(self.alternatives)
         if not all(isinstance(other, ModelAlternative) for other in alternatives):
             raise TypeError("alternatives must all be of the class ModelAlternative")
@@ -299,6 +306,7 @@ class Calibration(RebuiltByConstructor):
                 "planes": [_plane_members(plane) for plane in self.planes],
                 "warnings": list(self.warnings),
                 **_alternatives_member(self.alternatives),
+                **_coherence_member(self.coherence),
             }
         )
 
@@ -336,7 +344,17 @@ class Calibration(RebuiltByConstructor):
                 )
             ),
             tone_std=members.number("tone_std") if members.has("tone_std") else None,
+            coherence=(
+                coherence_from_members(members.object("coherence"))
+                if members.has("coherence")
+                else None
+            ),
         )
+
+
+def _coherence_member(coherence: Coherence | None) -> dict[str, Any]:
+    """Return the ``coherence`` member, which older results lack."""
+    return {} if coherence is None else {"coherence": coherence_members(coherence)}
 
 
 def _alternatives_member(alternatives: tuple[ModelAlternative, ...]) -> dict[str, Any]:

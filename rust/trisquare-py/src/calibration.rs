@@ -2,7 +2,7 @@
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 use trisquare::{
     Brown, Calibration, Fixed, ImageSize, Lens, Method, Model, ModelChoice, Options, Photographs,
     PictureTone, PlaneEdges, Stage, ToneFit,
@@ -186,6 +186,13 @@ fn to_dict<'py>(py: Python<'py>, found: &Calibration) -> PyResult<Bound<'py, PyD
     dict.set_item("std", std)?;
     dict.set_item("planes", planes)?;
     dict.set_item("rms", found.rms)?;
+    let coherence = PyDict::new(py);
+    coherence.set_item("neighbours", found.coherence.neighbours)?;
+    coherence.set_item("probability", found.coherence.probability)?;
+    let displacements = PyTuple::new(py, &found.coherence.displacements)?;
+    coherence.set_item("displacements", displacements)?;
+    coherence.set_item("contradiction", found.coherence.contradiction)?;
+    dict.set_item("coherence", coherence)?;
     dict.set_item("noise_scale", found.noise_scale)?;
     dict.set_item("iterations", found.iterations)?;
     dict.set_item("warnings", warnings)?;
