@@ -20,9 +20,9 @@ def test_the_python_lines_run(tmp_path, monkeypatch, capsys):
     photo = (resources.files("trisquare") / "data" / "demo.png").read_bytes()
     (tmp_path / "photo.jpg").write_bytes(photo)
     monkeypatch.chdir(tmp_path)
-    (code,) = blocks(README, "python")
     names = {}
-    exec(code, names)
+    for code in blocks(README, "python"):
+        exec(code, names)
     result = ts.Calibration.from_json((tmp_path / "camera.json").read_text())
     assert capsys.readouterr().out == f"{result}\n"
     assert names["K"].shape == (3, 3)

@@ -60,6 +60,7 @@ mod stages;
 mod straighten;
 #[cfg(feature = "synthetic")]
 pub mod synthetic;
+mod task;
 mod tone;
 mod view;
 mod weakness;

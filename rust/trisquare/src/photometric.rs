@@ -22,7 +22,7 @@ use crate::parameters::FreeParameters;
 use crate::refine::{Refined, residuals};
 use crate::result::{Calibration, Stage, Warning};
 use crate::robust::Loss;
-use crate::stages::{Solution, Task};
+use crate::task::{Solution, Task};
 use crate::{Picture, PlaneEdges};
 use band::{PixelFigure, collect};
 pub(crate) use coverage::box_kurtosis;
@@ -89,6 +89,15 @@ enum Refusal {
     Reason(&'static str),
 }
 
+/// What the joint fit starts from.
+struct Start {
+    figures: Vec<PixelFigure>,
+    /// Noise of each figure's pixels.
+    scales: Vec<f64>,
+    state: PixelState,
+    hidden: Vec<HiddenPart>,
+}
+
 fn attempt(
     edges: &[PlaneEdges],
     task: &Task<'_>,
@@ -96,125 +105,148 @@ fn attempt(
     photographs: &Photographs<'_>,
     calibration: &Calibration,
 ) -> Result<Calibration, Refusal> {
-    let Solution {
-        planes,
-        refined,
-        correlated,
-        ..
-    } = solution;
-    let (free, coherence) = (&task.free, &correlated.coherence);
-    let mut figures = collect(edges, planes, &refined.view, photographs)?;
-    let broken = || Refusal::Reason("the pixels near an outline do not show a blurred step");
     let tones = photographs.tones;
-    let pictures: Vec<PictureState> = tones.iter().map(|tone| PictureState::of(*tone)).collect();
     let known = tones.iter().all(|t| matches!(t, PictureTone::Known(_)));
+    let mut fit = PixelFit {
+        figures: &[],
+        free: &task.free,
+        free_pictures: if known { 0 } else { tones.len() },
+        loss: Loss::WideTukey,
+        scales: Vec::new(),
+    };
+    let figures = collect(edges, &solution.planes, &solution.refined.view, photographs)?;
+    let start = start(&fit, figures, solution, tones).ok_or(BROKEN)?;
+    fit.figures = &start.figures;
+    fit.scales = start.scales;
+    let (state, found) = settled(&fit, start.state).ok_or(BROKEN)?;
+    // The samples' stated deviations tell of the pixels' only if they were made from them.
+    let measured = edges.iter().all(|figure| figure.std.is_some());
+    let mut better = answer(&fit, state, found, (task, solution), measured).ok_or(BROKEN)?;
+    check_improvement(&task.free, calibration, &better)?;
+    let hidden = start.hidden.into_iter().map(|part| Warning::PartlyHidden {
+        plane: part.plane,
+        figure: part.figure,
+        side: part.side,
+        part: part.part,
+    });
+    better.warnings.extend(hidden);
+    Ok(better)
+}
+
+const BROKEN: Refusal = Refusal::Reason("the pixels near an outline do not show a blurred step");
+
+/// Exposures and noise of all figures, from the edges' camera, and the pixels that show them.
+fn start(
+    fit: &PixelFit<'_>,
+    mut figures: Vec<PixelFigure>,
+    solution: &Solution,
+    tones: &[PictureTone],
+) -> Option<Start> {
+    let view = &solution.refined.view;
+    let pictures: Vec<PictureState> = tones.iter().map(|tone| PictureState::of(*tone)).collect();
     let thinned: Vec<PixelFigure> = figures.iter().map(|f| f.thinned(EXPOSURE_STRIDE)).collect();
     let fit = PixelFit {
         figures: &thinned,
-        free,
-        free_pictures: if known { 0 } else { pictures.len() },
-        loss: Loss::WideTukey,
-        scales: Vec::new(),
+        ..fit.clone()
     };
     let guess: Option<Vec<Exposure>> = thinned
         .iter()
         .map(|figure| Exposure::guess(figure, tones[figure.image].tone()))
         .collect();
-    let (exposures, scales) = fit_exposures(
-        fit.clone(),
-        &refined.view,
-        &pictures,
-        guess.ok_or_else(broken)?,
-    )
-    .ok_or_else(broken)?;
+    let (exposures, scales) = fit_exposures(fit.clone(), view, &pictures, guess?)?;
     let judged: Vec<PixelFigure> = figures.iter().map(|f| f.thinned(JUDGED_STRIDE)).collect();
     let fit = PixelFit {
         figures: &judged,
         scales,
         ..fit
     };
-    let disturbed =
-        stretches::disturbed(&fit, &refined.view, &pictures, &exposures).ok_or_else(broken)?;
     let mut hidden = Vec::new();
+    let disturbed = stretches::disturbed(&fit, view, &pictures, &exposures)?;
     for (figure, mut disturbed) in figures.iter_mut().zip(disturbed) {
         hidden.extend(hidden_parts(figure, &disturbed));
-        let sides = &planes[figure.plane].figures[figure.figure].sides;
+        let sides = &solution.planes[figure.plane].figures[figure.figure].sides;
         for (mark, side) in disturbed.iter_mut().zip(&figure.stretch_sides) {
             *mark |= sides[usize::from(*side)].set_aside;
         }
         figure.drop_stretches(&disturbed);
     }
-    let fit = PixelFit {
-        figures: &figures,
-        ..fit
-    };
-    let mut state = PixelState {
-        view: refined.view.clone(),
-        exposures,
-        pictures,
-    };
+    Some(Start {
+        scales: fit.scales,
+        state: PixelState {
+            view: view.clone(),
+            exposures,
+            pictures,
+        },
+        figures,
+        hidden,
+    })
+}
 
+/// The joint optimum, with the normal equations of the last step; `None` if the steps do not
+/// settle.
+fn settled(fit: &PixelFit<'_>, mut state: PixelState) -> Option<(PixelState, PixelSystem)> {
     let mut last_cost = f64::INFINITY;
-    let mut finished = None;
     for _ in 0..MAX_STEPS {
-        let found = fit.evaluate(&state).ok_or_else(broken)?;
+        let found = fit.evaluate(&state)?;
         if found.cost > last_cost {
-            break;
+            return None;
         }
         last_cost = found.cost;
-        let step = found
-            .system
-            .solve(0.0)
-            .ok_or_else(broken)?
-            .lengthened(fit.loss.newton_factor());
+        let step = found.system.solve(0.0)?;
+        let step = step.lengthened(fit.loss.newton_factor());
         state = fit.advance(&state, &step);
         if step.predicted_decrease < LAST_DECREASE * step.parameter_count() as f64 {
-            finished = Some(found);
-            break;
+            return Some((state, found));
         }
     }
-    let PixelSystem { system, spread, .. } = finished.ok_or_else(broken)?;
-    let covariance_factor = spread.covariance_factor(free.len() as f64);
-    let tones = fit
-        .tone_fits(&state, &system, covariance_factor)
-        .ok_or_else(broken)?;
+    None
+}
+
+/// The calibration of an optimum.
+fn answer(
+    fit: &PixelFit<'_>,
+    state: PixelState,
+    PixelSystem { system, spread, .. }: PixelSystem,
+    (task, solution): (&Task<'_>, &Solution),
+    measured: bool,
+) -> Option<Calibration> {
+    let Solution {
+        planes,
+        refined,
+        correlated,
+        ..
+    } = solution;
+    let covariance_factor = spread.covariance_factor(task.free.len() as f64);
+    let tones = fit.tone_fits(&state, &system, covariance_factor)?;
     let system = match fit.free_pictures {
         0 => system,
-        _ => system.marginal(free.len()).ok_or_else(broken)?,
+        _ => system.marginal(task.free.len())?,
     };
-    let fitted = Refined {
-        residuals: residuals(planes, &state.view).ok_or_else(broken)?,
-        view: state.view,
-        system,
-        covariance_factor,
-        scale: refined.scale,
-        noise_scale: refined.noise_scale,
-        iterations: refined.iterations,
+    // Where the pixels' noise is not independent, the samples made from them show it.
+    let coherence = &correlated.coherence;
+    let dependence = match measured {
+        true => coherence.pixels,
+        false => coherence.neighbours,
     };
-    let independent = covariance(&fitted.system, fitted.covariance_factor).ok_or_else(broken)?;
+    let independent = covariance(&system, covariance_factor)?;
     let fitted = Solution {
         planes: planes.clone(),
         correlated: Correlated {
-            // Where the pixels' noise is not independent, the samples made from them show it.
-            covariance: independent * coherence.pixels + &coherence.added,
+            covariance: independent * dependence + &coherence.added,
             ..correlated.clone()
         },
-        refined: fitted,
+        refined: Refined {
+            residuals: residuals(planes, &state.view)?,
+            view: state.view,
+            system,
+            covariance_factor,
+            ..*refined
+        },
         noise: None,
     };
     let mut better = Calibration::assemble(task, &fitted, Stage::Pixels);
     better.tones = tones;
-    check_improvement(free, calibration, &better)?;
-    let partly_hidden = |part: HiddenPart| Warning::PartlyHidden {
-        plane: part.plane,
-        figure: part.figure,
-        side: part.side,
-        part: part.part,
-    };
-    better
-        .warnings
-        .extend(hidden.into_iter().map(partly_hidden));
-    Ok(better)
+    Some(better)
 }
 
 /// Refuses an answer that is less certain than the edges', or far from it.

@@ -6,7 +6,7 @@ use crate::consistency::Disagreement;
 use crate::correlated::{Coherence, Correlated};
 use crate::observations::{ObservedPlane, Placement};
 use crate::refine::Residual;
-use crate::stages::{Solution, Task};
+use crate::task::{Solution, Task};
 use crate::view::View;
 use crate::{Brown, ImageSize, Lens, Pose, ToneFit};
 

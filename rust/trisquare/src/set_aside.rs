@@ -8,7 +8,7 @@ use crate::misfit::Misfit;
 use crate::observations::ObservedPlane;
 use crate::refine::Residual;
 use crate::result::Warning;
-use crate::stages::{Solution, Task};
+use crate::task::{Solution, Task};
 
 /// Planes that must remain where one is set aside: two cannot show which of three is false.
 const LEAST_PLANES: usize = 3;
