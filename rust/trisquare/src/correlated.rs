@@ -13,7 +13,7 @@ use crate::parameters::FreeParameters;
 use crate::refine::Refined;
 use crate::result::Warning;
 use crate::robust::Loss;
-use crate::side_errors::{SideErrors, rms_displacement};
+use crate::side_errors::{SideErrors, rms_displacement, variance_of};
 
 /// A plane's noise differs from that of all if it does so by so many of its own standard
 /// deviations...
@@ -24,6 +24,10 @@ const LOG_SCALE_STD: f64 = 0.71;
 
 /// Sides are said to err together where that is likelier than not.
 const LIKELIER: f64 = 0.5;
+
+/// How far (px) samples measured with an estimated tone curve may be displaced together: a few
+/// thousandths on rendered pictures.
+const CURVE_ERROR: f64 = 0.01;
 
 /// How the residuals differ from independent noise of the stated standard deviations.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,6 +46,10 @@ pub struct Coherence {
     /// Variance of the samples over what pixels of independent noise would give them, if their
     /// stated standard deviations are those.
     pub(crate) pixels: f64,
+    /// Displacements up to this (px) are what an estimated tone curve does to samples...
+    pub(crate) floor: f64,
+    /// ... which the fit to the pixels takes out: what the rest adds to its covariance.
+    pub(crate) added_to_pixels: DMatrix<f64>,
 }
 
 /// What is known once correlation is allowed for.
@@ -64,12 +72,15 @@ impl Coherence {
             contradiction: 1.0,
             added: DMatrix::zeros(parameters, parameters),
             pixels: 1.0,
+            floor: 0.0,
+            added_to_pixels: DMatrix::zeros(parameters, parameters),
         }
     }
 
     /// Whether sides err together, likelier than not.
     pub fn is_likely(&self) -> bool {
-        self.probability > LIKELIER
+        let largest = self.displacements.iter().copied().fold(0.0, f64::max);
+        self.probability > LIKELIER && largest > self.floor
     }
 
     /// By how much the standard deviation of each parameter of a covariance was raised.
@@ -143,14 +154,24 @@ pub(crate) fn correlated_covariance<L: Lens>(
     let independent = covariance(&refined.system.leading(free.len()), white)?;
     let errors = SideErrors::gather(planes, free, &refined.view, noise, white)?;
     let strength = errors.strength()?;
-    let mut added = DMatrix::zeros(free.len(), free.len());
-    for (unit, variance) in errors.unit_covariances()?.iter().zip(&strength.mean) {
-        added += unit * *variance;
-    }
-    let displacements = strength.likeliest.iter();
+    let units = errors.unit_covariances()?;
     let contradiction = Misfit::of(planes, &refined.view, free, noise).contradiction();
-    let total = (&independent + added) * contradiction;
+    let total_beyond = |floor: f64| {
+        let mut total = independent.clone();
+        for (unit, variance) in units.iter().zip(&strength.mean) {
+            total += unit * (*variance - variance_of(floor)).max(0.0);
+        }
+        total * contradiction
+    };
+    let drifting = planes
+        .iter()
+        .any(|plane| plane.sides().any(|side| !side.drift.is_empty()));
+    let floor = if drifting { CURVE_ERROR } else { 0.0 };
+    let total = total_beyond(0.0);
+    let displacements = strength.likeliest.iter();
     let coherence = Coherence {
+        floor,
+        added_to_pixels: total_beyond(floor) - &independent,
         contradiction,
         neighbours: noise.correlation,
         pixels: noise.correlation * noise.scale.powi(2),

@@ -232,7 +232,7 @@ fn answer(
     let fitted = Solution {
         planes: planes.clone(),
         correlated: Correlated {
-            covariance: independent * dependence + &coherence.added,
+            covariance: independent * dependence + &coherence.added_to_pixels,
             ..correlated.clone()
         },
         refined: Refined {

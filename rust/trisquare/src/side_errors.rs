@@ -26,6 +26,9 @@ const FIRST_VARIANCE: f64 = 0.2;
 const VARIANCE_RATIO: f64 = 3.0;
 const VARIANCES: usize = 19;
 
+/// Part of the first variance that counts as none where sides are to be marginalised all the same.
+const NO_VARIANCE: f64 = 1e-6;
+
 /// Probability, before the residuals are seen, that sides do not err together; the rest is spread
 /// evenly over the variances tried.
 const PRIOR_OF_WHITE: f64 = 0.5;
@@ -198,7 +201,10 @@ impl SideErrors {
         let mut system = self.system.clone();
         let mut criterion = 0.0;
         for family in &self.families {
-            let variance = variances[family.plane];
+            let variance = match variances[family.plane] {
+                0.0 if family.shifted => NO_VARIANCE * self.first_variance(),
+                variance => variance,
+            };
             if variance > 0.0 {
                 criterion += family.marginalise(variance, &mut system)?;
             }
@@ -248,6 +254,11 @@ fn combined(hypotheses: &[Hypothesis]) -> Option<Strength> {
         mean,
         likeliest: strongest.variances.clone(),
     })
+}
+
+/// `tau^2` of sides displaced by a root mean square of so many px.
+pub(crate) fn variance_of(displacement: f64) -> f64 {
+    displacement * displacement / (0..ORDERS).map(spectrum).sum::<f64>()
 }
 
 /// Root mean square displacement of a side, px.

@@ -21,6 +21,9 @@ const CORRELATION_LENGTH: f64 = 0.33;
 /// Samples of a side at which its Jacobian is taken: it is as smooth as its displacement.
 const NODES: usize = 10;
 
+/// Variance (px^2) of a shift of which nothing is known.
+const ANY_SHIFT: f64 = 1.0;
+
 /// What keeps orders that too few samples show at zero.
 const UNSEEN: f64 = 1e-9;
 
@@ -29,6 +32,9 @@ pub(crate) struct Family {
     pub plane: usize,
     /// Indices of the sides in their figure.
     pub sides: Vec<usize>,
+    /// Whether an error of the tone curve may shift each: such shifts are no displacement of its
+    /// own, and the fit to the pixels takes them out.
+    pub shifted: bool,
     /// The way the first of them runs; the others run alike.
     along: Option<Vector2<f64>>,
     /// Correlation of their displacements, its inverse, and the logarithm of its determinant.
@@ -104,6 +110,7 @@ impl Family {
         Some(Self {
             plane,
             sides,
+            shifted: false,
             along: None,
             correlation,
             inverse_correlation: factor.inverse(),
@@ -126,6 +133,7 @@ impl Family {
         block: &mut Block,
     ) -> Option<()> {
         let place = self.sides.iter().position(|own| *own == index)?;
+        self.shifted |= !side.drift.is_empty();
         let mirror = self.mirror(&moments.along);
         let gram = moments
             .robust
@@ -182,7 +190,10 @@ impl Family {
         let mut precision = self.gram.clone();
         let mut log_determinant = ORDERS as f64 * self.log_correlation;
         for k in 0..ORDERS {
-            let own = spectrum(k) * variance;
+            let own = match k {
+                0 if self.shifted => ANY_SHIFT,
+                _ => spectrum(k) * variance,
+            };
             log_determinant += count as f64 * own.ln();
             for i in 0..count {
                 for j in 0..count {
