@@ -72,7 +72,7 @@ pub enum Warning {
     },
     /// The samples of a side err together, beyond their noise.
     #[error(
-        "the samples of a side err together, by {displacement:.2} px on plane {plane} (paper or \
+        "the samples of a side err together, by {displacement:.3} px on plane {plane} (paper or \
          print not flat, or a lens beyond the model): the standard deviation of {parameter} was \
          raised {factor:.1} times for it"
     )]
