@@ -11,7 +11,7 @@ from truth import PINHOLE
 
 import trisquare as ts
 
-PARTITIONS = 20
+PARTITIONS = 100
 SEED = 11
 PICTURES_EACH = 3
 MAD_TO_STD = 1.4826
