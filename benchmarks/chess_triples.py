@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
-from dataclasses import replace
 
 import cv2
 import numpy as np
+from chess_partitions import partition_row, pooled
 from real_pictures import CHESS
 from rows import Row
 
@@ -38,7 +37,7 @@ def measure() -> list[Row]:
         triple = sorted(rng.choice(len(pictures), 3, replace=False))
         try:
             from_edges, as_linear, as_estimated = (
-                ts.calibrate_edges(_pooled([measured[index] for index in triple]), (width, height))
+                ts.calibrate_edges(pooled(measured[index] for index in triple), (width, height))
                 for measured in (edges, linear, estimated)
             )
             result = ts.calibrate([pictures[index] for index in triple], targets=TARGETS)
@@ -58,20 +57,12 @@ def measure() -> list[Row]:
     measured = f"{ratio:.2f} ({spreads['pictures']:.2f} px / {spreads['opencv']:.2f} px)"
     rows = [Row(name, measured, "aim: <= 1", ratio <= 1.0)]
     ratio = spreads["edges, tone estimated"] / spreads["opencv"]
-    return [*rows, Row('the same with tone="auto"', f"{ratio:.2f}", "aim: <= 1", ratio <= 1.0)]
+    rows.append(Row('the same with tone="auto"', f"{ratio:.2f}", "aim: <= 1", ratio <= 1.0))
+    return [*rows, partition_row(edges, (width, height))]
 
 
 def _spread(values: list[float]) -> float:
     return float(MAD_TO_STD * np.median(np.abs(values - np.median(values))))
-
-
-def _pooled(pictures: Iterable[list[ts.PlaneEdges]]) -> list[ts.PlaneEdges]:
-    """Pool several pictures' planes, numbered as one session's."""
-    return [
-        replace(figure, image=image, plane=image)
-        for image, figures in enumerate(pictures)
-        for figure in figures
-    ]
 
 
 def _zhang(views: list[dict], image_size: tuple[int, int]) -> float:

@@ -14,6 +14,7 @@ import time
 BENCHMARKS = (
     "exactness",
     "edge_bound",
+    "coverage",
     "projection",
     "model_choice",
     "pixel_bound",

@@ -1,0 +1,243 @@
+"""The stated uncertainty is real, and what breaks its assumptions is noticed and named."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from disturbed import (
+    SPACING,
+    bowed,
+    displaced,
+    disturbed_edges,
+    neighbours_correlated,
+    rough,
+    white,
+)
+from scenes import IMAGE_SIZE, assert_exact, assert_within, errors_in_std, squares
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare.damage import RECTANGLE_RATIO, damaged_scene
+from trisquare.scene import Scene, rectangle, sample_sides
+
+NOISE = 0.2
+
+# Chance exceeds so many standard deviations of a statistic once in fifteen thousand runs.
+SURE = 4.0
+
+# Half width of a 95 % interval of a normal distribution, in standard deviations.
+HALF_WIDTH = 1.959964
+
+WHITE_SCENES = 120
+QUIET_SCENES = 40
+FEW_SCENES = 30
+DISPLACED_SCENES = 15
+
+# Roughness of one plane's samples over that of the others.
+ROUGHNESS = 5.0
+
+# Height of a bent side over the noise: beyond what a robust loss takes for noise.
+BOW = 20.0
+
+# Rms of each polynomial of a side's displacement over the noise: an eighth of it would show.
+DISPLACEMENT = 0.5
+
+# So much of its width a trapezium lacks on one side.
+TAPER = 0.08
+
+
+def calibrated(scene, errors, seed, noise=NOISE):
+    return ts.calibrate_edges(disturbed_edges(scene, errors, noise, seed), IMAGE_SIZE)
+
+
+def mean_square(result, scene):
+    """The mean square error of the parameters in units of their covariance: 1 on average."""
+    in_std = errors_in_std(result, scene)
+    error = np.array([in_std[name] * result.std[name] for name in result.parameters])
+    return error @ np.linalg.solve(result.covariance, error) / len(error)
+
+
+def assert_mean_square_is_one(values, parameters=6):
+    """`parameters * values` are chi square; wrong by 1.5, the std would make it 0.44 or 2.25."""
+    deviation = np.sqrt(2.0 / (parameters * len(values)))
+    assert np.mean(values) == pytest.approx(1.0, abs=SURE * deviation)
+
+
+def with_false_target(scene, plane, printed):
+    targets = list(scene.targets)
+    targets[plane] = replace(targets[plane], printed=printed)
+    return Scene(scene.camera, tuple(targets))
+
+
+def false_shape(name):
+    if name == "rectangle":
+        stretch = np.sqrt(RECTANGLE_RATIO)
+        return rectangle(0.5 * stretch, 0.5 / stretch)
+    printed = rectangle(0.5, 0.5)
+    printed[:2, 0] *= 1.0 - TAPER
+    return printed
+
+
+@pytest.fixture(scope="module")
+def white_results():
+    """Scenes under independent noise, and their calibrations."""
+    scenes = [squares(seed) for seed in range(WHITE_SCENES)]
+    return [(scene, calibrated(scene, white, seed)) for seed, scene in enumerate(scenes)]
+
+
+def test_the_covariance_of_white_noise_is_neither_too_small_nor_too_large(white_results):
+    assert_mean_square_is_one([mean_square(result, scene) for scene, result in white_results])
+
+
+def test_the_intervals_hold_the_truth_as_often_as_they_say(white_results):
+    held = [
+        abs(error) < HALF_WIDTH
+        for scene, result in white_results
+        for error in errors_in_std(result, scene).values()
+    ]
+    # The six errors of a scene are correlated: as if they were one. Two thirds of the std would
+    # hold 81 %.
+    deviation = np.sqrt(0.95 * 0.05 / WHITE_SCENES)
+    assert np.mean(held) > 0.95 - SURE * deviation > 0.81
+
+
+def test_white_noise_gives_no_warning(white_results):
+    assert [result.warnings for _, result in white_results[:QUIET_SCENES]] == [()] * QUIET_SCENES
+
+
+def test_exact_points_give_next_to_no_uncertainty_and_no_warning():
+    for seed in range(5):
+        scene = squares(seed)
+        result = calibrated(scene, white, seed, noise=0.0)
+        assert_exact(result.camera, scene)
+        assert max(result.std.values()) < 1e-8
+        assert result.warnings == ()
+
+
+def test_a_rough_plane_does_not_poison_the_others():
+    """Weighed alike, the std would be that of the noise of all samples, if it were right at all."""
+    pooled_noise = NOISE * np.sqrt((ROUGHNESS**2 + 2.0) / 3.0)
+    squares_of_errors, parts = [], []
+    for seed in range(FEW_SCENES):
+        scene = squares(seed)
+        result = calibrated(scene, rough(seed % 3, ROUGHNESS), seed)
+        assert_within(result, scene, SURE)
+        squares_of_errors.append(mean_square(result, scene))
+        pooled = simulate.cramer_rao_bound(scene, pooled_noise, spacing=SPACING)
+        parts.append([result.std[name] / pooled[name] for name in result.std])
+    assert_mean_square_is_one(squares_of_errors)
+    assert np.mean(parts) < 0.8
+
+
+def test_correlated_neighbours_count_for_less(white_results):
+    """The mean of many has `(1 + c) / (1 - c)` times the variance of independent ones."""
+    correlation = 0.3
+    errors = neighbours_correlated(correlation)
+    squares_of_errors, factors = [], []
+    for seed, (scene, independent) in enumerate(white_results[:FEW_SCENES]):
+        result = calibrated(scene, errors, seed)
+        squares_of_errors.append(mean_square(result, scene))
+        factors.append([result.std[name] / independent.std[name] for name in result.std])
+    assert_mean_square_is_one(squares_of_errors)
+    expected = np.sqrt((1.0 + correlation) / (1.0 - correlation))
+    # Without the lags that may be chance it is a few percent less.
+    assert np.mean(factors) == pytest.approx(expected, rel=0.12)
+
+
+def test_sides_that_err_together_raise_the_std_and_are_told(white_results):
+    """Displacements that no model foresaw: to the truth the std need not be closer than half."""
+    squares_of_errors = []
+    for seed, (scene, independent) in enumerate(white_results[:DISPLACED_SCENES]):
+        result = calibrated(scene, displaced(DISPLACEMENT), seed)
+        assert all(result.std[name] > 2.0 * independent.std[name] for name in result.std)
+        told = [text for text in result.warnings if "err together" in text]
+        assert len(told) == 1
+        pixels = float(re.search(r"by (\d+\.\d+) px on plane [012] ", told[0])[1])
+        # Four polynomials of that rms.
+        assert 0.5 < pixels / (2.0 * DISPLACEMENT * NOISE) < 2.0
+        squares_of_errors.append(mean_square(result, scene))
+    assert np.mean(squares_of_errors) < 2.0**2
+
+
+@pytest.mark.parametrize("shape", ["rectangle", "trapezium"])
+@pytest.mark.parametrize("count", [4, 5])
+def test_a_false_square_among_four_is_named_and_left_out(shape, count):
+    for seed in range(6):
+        plane = seed % count
+        scene = with_false_target(squares(seed, count=count), plane, false_shape(shape))
+        result = calibrated(scene, white, seed)
+        assert len(result.warnings) == 1
+        assert result.warnings[0].startswith(f"plane {plane} was set aside")
+        assert_within(result, scene, SURE)
+
+
+@pytest.mark.parametrize("shape", ["rectangle", "trapezium"])
+def test_a_false_square_of_three_is_told_as_far_as_it_shows(shape):
+    """Two constraints are left of three planes: a false one may meet them by chance."""
+    told, seeds = 0, 12
+    for seed in range(seeds):
+        scene = with_false_target(squares(seed), seed % 3, false_shape(shape))
+        try:
+            told += bool(calibrated(scene, white, seed).warnings)
+        except ts.DegenerateGeometryError:
+            told += 1
+    assert told >= 0.75 * seeds
+
+
+def test_a_bent_side_is_named_and_left_out():
+    named, seeds = 0, 12
+    for seed in range(seeds):
+        plane, side = seed % 3, seed % 4
+        scene = squares(seed)
+        result = calibrated(scene, bowed(plane, side, BOW), seed)
+        assert_within(result, scene, SURE)
+        assert result.warnings
+        named += result.warnings[0].startswith(f"plane {plane}: side {side} is set aside")
+    # Where it cannot be told which side is the bent one, the std is raised for all.
+    assert named >= seeds - 2
+
+
+def test_warnings_survive_json():
+    scene = with_false_target(squares(0, count=4), 0, false_shape("rectangle"))
+    result = calibrated(scene, white, 0)
+    again = ts.Calibration.from_json(result.to_json())
+    assert again.warnings == result.warnings != ()
+    assert again.std == result.std
+
+
+@pytest.mark.parametrize("kind", ["finger", "curl", "rectangle"])
+@pytest.mark.parametrize("index", [1, 2])
+def test_damage_in_a_picture_is_named_and_does_no_harm(kind, index):
+    rng = np.random.default_rng([41, index])
+    picture, scene, damage = damaged_scene(rng, kind)
+    result = ts.calibrate(picture)
+    assert_within(result, scene, SURE)
+    centre = scene.image_points(damage.plane, np.zeros((1, 2)))[0]
+    middles = np.array([plane.corners.mean(axis=0) for plane in result.planes])
+    plane = int(np.linalg.norm(middles - centre, axis=1).argmin())
+    about = [text for text in result.warnings if re.search(rf"\bplane {plane}\b", text)]
+    assert about
+    if damage.side is not None:
+        corners = result.planes[plane].corners
+        true_side = sample_sides(scene.camera, scene.targets[damage.plane], SPACING)[damage.side]
+        sides = 0.5 * (corners + np.roll(corners, -1, axis=0))
+        gaps = np.linalg.norm(sides - true_side.image.mean(axis=0), axis=1)
+        assert any(re.search(rf"\bside {gaps.argmin()}\b", text) for text in about)
+
+
+@pytest.mark.xfail(strict=True, reason="the geometry is judged before a bent side is looked for")
+@pytest.mark.parametrize("index", [0, 3])
+def test_a_curled_side_does_not_pass_for_weak_geometry(index):
+    """The squares are sound: without the curl, fx would be known to 2 px."""
+    rng = np.random.default_rng([41, index])
+    picture, scene, _ = damaged_scene(rng, "curl")
+    result = ts.calibrate(picture)
+    assert_within(result, scene, SURE)
+
+
+@pytest.mark.xfail(strict=True, reason="a slight displacement leads to a wrong, weak optimum")
+def test_a_slight_displacement_does_not_pass_for_weak_geometry():
+    """By a quarter of the noise; without it, fy is known to 3 px of 1535."""
+    scene = squares(17)
+    assert_within(calibrated(scene, displaced(0.25), 17), scene, 2.0 * SURE)
