@@ -97,3 +97,19 @@ def test_the_same_picture_gives_the_same_bits():
     picture = photo(2.2)
     first, again = (ts.calibrate(picture, tone="auto").to_json() for _ in range(2))
     assert first == again
+
+
+def test_estimating_the_curve_moves_no_side_by_itself():
+    picture = photo("srgb")
+    known = ts.detect(picture, tone="srgb")
+    estimated = ts.detect(picture, tone="auto")
+    shifts, stds = [], []
+    for one, other in zip(known, estimated, strict=True):
+        for before, after, std in zip(one.points, other.points, one.std, strict=True):
+            along = before[-1] - before[0]
+            normal = np.array([-along[1], along[0]]) / np.hypot(*along)
+            # Few samples may differ, beside something that only one curve lets through.
+            shifts.append(np.mean(after @ normal) - np.mean(before @ normal))
+            stds.append(np.mean(std) / np.sqrt(len(std)))
+    # One shift to the dark for all; what a side has beyond it all of its samples would share.
+    assert np.std(shifts) < 0.5 * np.mean(stds)

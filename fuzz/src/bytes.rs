@@ -2,7 +2,7 @@
 
 use arbitrary::Unstructured;
 use nalgebra::{Matrix3, Vector2};
-use trisquare::{Brown, Fixed, ImageSize, Line, Method, Model, Options, Tone};
+use trisquare::{Brown, Fixed, ImageSize, Line, Method, Model, Options, PowerCurve, Tone};
 
 /// Far outside every picture, but not so far that squares overflow.
 const LARGE: f64 = 1e6;
@@ -142,10 +142,25 @@ impl<'a> Bytes<'a> {
     }
 
     pub fn tone(&mut self) -> Tone {
-        match self.below(4) {
+        match self.below(5) {
             0 | 1 => Tone::Srgb,
             2 => Tone::Linear,
-            _ => Tone::Gamma(self.power(-2.0, 2.0)),
+            3 => Tone::Gamma(self.power(-2.0, 2.0)),
+            _ => Tone::Power(self.curve()),
         }
+    }
+
+    /// Mostly a curve that a camera might write; at times any that is one.
+    pub fn curve(&mut self) -> PowerCurve {
+        let usual = PowerCurve {
+            gamma: self.between(0.8, 2.8),
+            toe: self.between(0.0, 0.1),
+        };
+        let any = PowerCurve {
+            gamma: self.power(-2.0, 2.0),
+            toe: self.coefficient(),
+        };
+        let taken = self.once_in(8) && Tone::Power(any).is_valid();
+        if taken { any } else { usual }
     }
 }

@@ -1,6 +1,6 @@
 //! What no answer may be, whatever was asked.
 
-use nalgebra::{DMatrix, Matrix3, SymmetricEigen};
+use nalgebra::{DMatrix, Matrix3, SymmetricEigen, Vector2};
 use trisquare::{Calibration, Error, ErrorKind, Lens, Pose};
 
 use crate::Outcome;
@@ -34,14 +34,28 @@ pub fn calibration(found: &Result<Calibration, Error>) -> Outcome {
         let corners = plane.corners.iter().flat_map(|c| c.iter());
         assert!(corners.clone().all(|v| v.is_finite()), "{plane:?}");
     }
+    let coherence = &found.coherence;
+    assert!(coherence.neighbours.is_finite() && coherence.contradiction.is_finite());
+    assert!((0.0..=1.0).contains(&coherence.probability));
+    let displacements = &coherence.displacements;
+    assert!(displacements.iter().all(|v| v.is_finite() && *v >= 0.0));
+    assert!(coherence.added.iter().all(|v| v.is_finite()));
     for warning in &found.warnings {
         spoken(&warning.to_string());
     }
     "Ok"
 }
 
+/// The uncertainty of projections: a refusal, or a finite distance.
+pub fn projection(found: &Calibration, pixels: &[Vector2<f64>]) {
+    match found.projection_std(pixels) {
+        Ok(std) => assert!(std.iter().all(|v| v.is_finite() && *v >= 0.0), "{std:?}"),
+        Err(error) => spoken(&error.to_string()),
+    }
+}
+
 /// Symmetric, finite, and no direction of negative variance.
-fn covariance(matrix: &DMatrix<f64>) {
+pub fn covariance(matrix: &DMatrix<f64>) {
     assert!(matrix.iter().all(|v| v.is_finite()), "{matrix}");
     if matrix.is_empty() {
         return;

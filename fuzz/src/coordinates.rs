@@ -2,8 +2,9 @@
 
 use std::sync::LazyLock;
 
+use nalgebra::Vector2;
 use trisquare::synthetic::Scene;
-use trisquare::{ImageSize, PlaneEdges};
+use trisquare::{EdgeNoise, ImageSize, Method, PlaneEdges, PlannedPlane};
 
 use crate::bytes::Bytes;
 use crate::figures::{View, damage, scenes};
@@ -44,6 +45,70 @@ pub fn calibrate(data: &[u8]) -> Outcome {
     check::calibration(&found)
 }
 
+/// `trisquare::calibrate_by_evidence`, and the uncertainty of what its camera projects.
+pub fn calibrate_by_evidence(data: &[u8]) -> Outcome {
+    let bytes = &mut Bytes::new(data);
+    let mut options = bytes.options(SIZE);
+    if !bytes.once_in(16) {
+        (options.method, options.fixed.distortion) = (Method::MaximumLikelihood, false);
+    }
+    let mut figures = View::sound(bytes, &SCENES).figures(bytes);
+    if bytes.once_in(2) {
+        damage(&mut figures, SIZE, bytes);
+    }
+    let choice = match trisquare::calibrate_by_evidence(&figures, SIZE, &options, None) {
+        Ok(choice) => choice,
+        Err(error) => return check::refusal(&error),
+    };
+    for other in &choice.alternatives {
+        assert!(other.model != choice.model && other.log_evidence <= 0.0 && other.rms.is_finite());
+    }
+    check::projection(&choice.calibration, &bytes.points(SIZE, 4));
+    check::calibration(&Ok(choice.calibration))
+}
+
+/// `trisquare::predict`, of planes that are in the picture or not.
+pub fn predict(data: &[u8]) -> Outcome {
+    let bytes = &mut Bytes::new(data);
+    let options = bytes.options(SIZE);
+    let view = if bytes.once_in(4) {
+        View::wild(bytes, SIZE)
+    } else {
+        View::sound(bytes, &SCENES)
+    };
+    let mut planned: Vec<PlannedPlane> = view
+        .poses
+        .iter()
+        .map(|pose| match bytes.below(4) {
+            0 => PlannedPlane::frame(*pose, bytes.between(0.0, 1.0)),
+            _ => PlannedPlane::square(*pose),
+        })
+        .collect();
+    if let Some(plane) = planned.first_mut().filter(|_| bytes.once_in(4)) {
+        let outlines = (0..bytes.below(3)).map(|_| {
+            std::array::from_fn(|_| Vector2::new(bytes.coefficient(), bytes.coefficient()))
+        });
+        plane.outlines = outlines.collect();
+    }
+    let any = bytes.once_in(8);
+    let mut positive = |low, high| match any {
+        true => bytes.coefficient(),
+        false => bytes.power(low, high),
+    };
+    let noise = EdgeNoise {
+        sigma: positive(-3.0, 1.0),
+        spacing: positive(-1.0, 2.0),
+    };
+    match trisquare::predict(&view.camera, SIZE, &planned, noise, &options) {
+        Ok(found) => {
+            check::covariance(&found.covariance);
+            assert!(found.std().iter().all(|(_, v)| v.is_finite() && *v > 0.0));
+            "Ok"
+        }
+        Err(error) => check::refusal(&error),
+    }
+}
+
 fn garbage(bytes: &mut Bytes<'_>) -> Vec<PlaneEdges> {
     (0..bytes.below(5))
         .map(|_| {
@@ -79,7 +144,7 @@ pub fn square(data: &[u8]) -> Outcome {
 }
 
 /// Sides between any four corners.
-fn quadrangle(bytes: &mut Bytes<'_>) -> Vec<Vec<nalgebra::Vector2<f64>>> {
+fn quadrangle(bytes: &mut Bytes<'_>) -> Vec<Vec<Vector2<f64>>> {
     let corners: [_; 4] = std::array::from_fn(|_| bytes.point(SIZE));
     (0..4)
         .map(|i| {

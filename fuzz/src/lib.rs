@@ -12,8 +12,8 @@ mod figures;
 mod pixels;
 mod steps;
 
-pub use coordinates::{calibrate, square};
-pub use pixels::{calibrate_photographs, localise};
+pub use coordinates::{calibrate, calibrate_by_evidence, predict, square};
+pub use pixels::{calibrate_photographs, localise, localise_with_unknown_tone};
 pub use steps::{fit_distortion, lens, linear_steps};
 
 /// What came of a case: `"Ok"` or the kind of refusal.
@@ -23,12 +23,15 @@ pub type Outcome = &'static str;
 pub type Entry = fn(&[u8]) -> Outcome;
 
 /// All entry points by name.
-pub const ENTRIES: [(&str, Entry); 7] = [
+pub const ENTRIES: [(&str, Entry); 10] = [
     ("calibrate", calibrate),
+    ("calibrate_by_evidence", calibrate_by_evidence),
+    ("predict", predict),
     ("square", square),
     ("fit_distortion", fit_distortion),
     ("linear_steps", linear_steps),
     ("lens", lens),
     ("localise", localise),
+    ("localise_with_unknown_tone", localise_with_unknown_tone),
     ("calibrate_photographs", calibrate_photographs),
 ];

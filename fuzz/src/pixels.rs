@@ -6,8 +6,8 @@ use nalgebra::Vector2;
 use trisquare::normal::cdf;
 use trisquare::synthetic::Scene;
 use trisquare::{
-    EdgeSpan, ImageSize, NoEdge, Photographs, Picture, PlaneEdges, Polarity, Tone,
-    calibrate_photographs as solve,
+    EdgeSpan, ImageSize, Method, NoEdge, Photographs, Picture, PictureTone, PlaneEdges, Polarity,
+    SpanEdges, Tone, calibrate_photographs as solve,
 };
 
 use crate::bytes::Bytes;
@@ -26,6 +26,27 @@ static SCENES: LazyLock<Vec<Scene>> = LazyLock::new(|| scenes(SIZE));
 pub fn localise(data: &[u8]) -> Outcome {
     let bytes = &mut Bytes::new(data);
     let tone = bytes.tone();
+    let (picture, spans) = searched(tone, bytes);
+    let found = trisquare::localise(&picture, &spans, tone);
+    assert_eq!(found.len(), spans.len());
+    measured_spans(&found)
+}
+
+/// `trisquare::localise_with_unknown_tone` on any picture, along any paths.
+pub fn localise_with_unknown_tone(data: &[u8]) -> Outcome {
+    let bytes = &mut Bytes::new(data);
+    let tone = bytes.tone();
+    let (picture, spans) = searched(tone, bytes);
+    let (found, estimate) = trisquare::localise_with_unknown_tone(&picture, &spans);
+    assert_eq!(found.len(), spans.len());
+    assert!(estimate.picture_tone().is_valid(), "{estimate:?}");
+    assert!(estimate.effective_gamma_std().is_finite() && estimate.misfit.is_finite());
+    assert!(estimate.covariance.iter().all(|v| v.is_finite()));
+    measured_spans(&found)
+}
+
+/// A picture, and the paths along which edges are searched.
+fn searched(tone: Tone, bytes: &mut Bytes<'_>) -> (Picture, Vec<EdgeSpan>) {
     let (canvas, mut spans) = if bytes.once_in(4) {
         (Canvas::garbage(bytes), Vec::new())
     } else {
@@ -40,10 +61,13 @@ pub fn localise(data: &[u8]) -> Outcome {
     for _ in 0..bytes.below(4) {
         spans.push(any_span(canvas.size, bytes));
     }
-    let found = trisquare::localise(&canvas.picture(bytes), &spans, tone);
-    assert_eq!(found.len(), spans.len());
+    (canvas.picture(bytes), spans)
+}
+
+/// Checks the samples of every span that has some.
+fn measured_spans(found: &[Result<SpanEdges, NoEdge>]) -> Outcome {
     let mut outcome = "no span";
-    for span in &found {
+    for span in found {
         outcome = match span {
             Ok(edges) => {
                 assert!(edges.points.len() >= 2 && edges.points.len() == edges.std.len());
@@ -69,7 +93,12 @@ pub fn localise(data: &[u8]) -> Outcome {
 pub fn calibrate_photographs(data: &[u8]) -> Outcome {
     let bytes = &mut Bytes::new(data);
     let tone = bytes.tone();
-    let options = bytes.options(SIZE);
+    let mut options = bytes.options(SIZE);
+    if !bytes.once_in(4) {
+        // Squares as small leave too much open otherwise, and the pixels are not asked.
+        (options.fixed.principal_point, options.fixed.aspect) = (true, true);
+        options.method = Method::MaximumLikelihood;
+    }
     let view = View::sound(bytes, &SCENES);
     let mut canvas = if bytes.once_in(16) {
         Canvas::garbage(bytes)
@@ -89,11 +118,18 @@ pub fn calibrate_photographs(data: &[u8]) -> Outcome {
         damage(&mut figures, SIZE, bytes);
     }
     let pictures = vec![&picture; 1 + bytes.below(2)];
+    let tones: Vec<_> = pictures.iter().map(|_| picture_tone(tone, bytes)).collect();
     let photographs = Photographs {
         pictures: &pictures,
-        tone,
+        tones: &tones,
     };
     let found = solve(&figures, SIZE, &options, Some(&photographs));
+    for fit in found.iter().flat_map(|found| &found.tones) {
+        assert!(Tone::Power(fit.curve).is_valid(), "{fit:?}");
+        assert!(fit.effective_gamma_std().is_none_or(f64::is_finite));
+        let finite = |(shift, std): (f64, f64)| shift.is_finite() && std.is_finite();
+        assert!(fit.shift.is_none_or(finite), "{fit:?}");
+    }
     match (check::calibration(&found), found) {
         ("Ok", Ok(found)) => match found.stage {
             trisquare::Stage::Linear => "Ok, linear",
@@ -101,6 +137,15 @@ pub fn calibrate_photographs(data: &[u8]) -> Outcome {
             trisquare::Stage::Pixels => "Ok, pixels",
         },
         (refused, _) => refused,
+    }
+}
+
+/// What is said of a picture that was coded with `tone`.
+fn picture_tone(tone: Tone, bytes: &mut Bytes<'_>) -> PictureTone {
+    match bytes.below(4) {
+        0 | 1 => PictureTone::Known(tone),
+        2 => PictureTone::Estimated(bytes.curve()),
+        _ => PictureTone::Shifted(bytes.curve(), bytes.power(-4.0, 1.0)),
     }
 }
 

@@ -216,7 +216,9 @@ impl<L: Lens> Geometry<'_, L> {
             weights += side.samples.iter().map(|s| s.weight.powi(2)).sum::<f64>();
             length += span(side.samples.iter().map(|s| s.pixel)).norm();
         }
-        self.noise_scale * (length / weights).sqrt()
+        let noise = self.noise_scale * (length / weights).sqrt();
+        // Samples without weight or extent tell nothing.
+        if noise.is_nan() { f64::INFINITY } else { noise }
     }
 
     fn cause(&self) -> Cause {

@@ -176,6 +176,9 @@ impl Candidates {
         let total: f64 = self.all.iter().map(weight).sum();
         let size = reference.fit.parameters.len();
         let mut doubt = DMatrix::zeros(size, size);
+        if size == 0 {
+            return Some(doubt); // everything else is held, and the simplest model was chosen
+        }
         for (i, candidate) in self.all.iter().enumerate() {
             if i == chosen {
                 continue;
@@ -342,6 +345,24 @@ mod tests {
         assert!(widened.iter().all(|v| *v > -rounding), "{widened}");
         assert!(found.calibration.std()[0].1 > plain.std()[0].1);
         assert_eq!(found.calibration.camera, plain.camera);
+    }
+
+    #[test]
+    fn a_model_without_free_parameters_may_be_chosen() {
+        let scene = scene(false);
+        let options = Options {
+            fixed: Fixed {
+                focal: true,
+                principal_point: true,
+                ..Fixed::default()
+            },
+            initial: Some(scene.camera),
+            ..Options::default()
+        };
+        let edges = scene.edges(3, 0.1, 6.0);
+        let found = calibrate_by_evidence(&edges, scene.size, &options, None).unwrap();
+        assert_eq!(found.model, Model::None);
+        assert!(found.calibration.parameters.is_empty());
     }
 
     #[test]

@@ -19,6 +19,7 @@ pub(super) fn corrected(
         found().filter_map(|m| m.share.as_ref()),
         Trust::ByMisfit,
     );
+    let common = common_shift(found());
     // One standard deviation in each of two independent directions.
     let deviations = estimate
         .covariance
@@ -26,7 +27,7 @@ pub(super) fn corrected(
         .map_or_else(Matrix2::zeros, |f| f.l());
     let mut gram = Matrix2::zeros();
     for measured in found() {
-        for (drift, std) in measured.drifts(&step).iter().zip(&measured.edges.std) {
+        for (drift, std) in measured.drifts().iter().zip(&measured.edges.std) {
             let deviation = deviations.tr_mul(&drift.by_tone) / *std;
             gram += deviation * deviation.transpose();
         }
@@ -34,9 +35,9 @@ pub(super) fn corrected(
     // Both move the samples much alike: the direction that moves them most stands for both.
     let direction = deviations * first_axis(&gram);
     let shift_std = estimate.shift_std.unwrap_or(0.0);
-    let spans = measured
-        .into_iter()
-        .map(|measured| measured.map(|measured| measured.displaced(&step, &direction, shift_std)));
+    let spans = measured.into_iter().map(|measured| {
+        measured.map(|measured| measured.displaced(&step, common, &direction, shift_std))
+    });
     (spans.collect(), estimate)
 }
 
@@ -46,25 +47,41 @@ fn first_axis(matrix: &Matrix2<f64>) -> Vector2<f64> {
     Vector2::new(angle.cos(), angle.sin())
 }
 
+/// How far towards the dark the sides' pixels ask their edges to move where the kurtosis of their
+/// blur is free and the tone curve is not, in the mean over the sides.
+///
+/// The lens and the pixels' box are the same for all; what a side asks for beyond the mean is its
+/// noise, and would be an error that all of its samples share.
+fn common_shift<'a>(found: impl Iterator<Item = &'a Measured>) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for measured in found {
+        if let Some(share) = &measured.share {
+            sum += share.own_step(&Vector2::zeros())[0] * measured.to_dark();
+            count += 1.0;
+        }
+    }
+    sum / f64::max(count, 1.0)
+}
+
 /// How a sample is displaced along the unit normal of its side.
 struct Drift {
     normal: Vector2<f64>,
-    /// By what the side's pixels ask for once its blur's kurtosis and the tone curve are free.
-    by_step: f64,
     /// By the tone curve's parameters.
     by_tone: Vector2<f64>,
 }
 
 impl Measured {
-    fn drifts(&self, step: &Vector2<f64>) -> Vec<Drift> {
+    /// The normal points to the light where the rise is positive; a tone curve, too, moves the
+    /// edges to the dark or to the light, all of them alike.
+    fn to_dark(&self) -> f64 {
+        -self.side.rise[0].signum()
+    }
+
+    fn drifts(&self) -> Vec<Drift> {
         let Some(share) = &self.share else {
             return Vec::new();
         };
         let by_tone = share.drift();
-        let moved = share
-            .own_step(step)
-            .fixed_rows::<COEFFICIENTS>(0)
-            .into_owned();
         let drift = |point: &Vector2<f64>| {
             let (s, _) = self.side.curve.local(*point);
             let powers = SVector::<f64, COEFFICIENTS>::from_fn(|k, _| s.powi(k as i32));
@@ -73,7 +90,6 @@ impl Measured {
             let cosine = across.dot(&self.side.curve.across);
             Drift {
                 normal: across,
-                by_step: moved.dot(&powers) * cosine,
                 by_tone: by_tone.tr_mul(&powers) * cosine,
             }
         };
@@ -83,15 +99,14 @@ impl Measured {
     fn displaced(
         mut self,
         step: &Vector2<f64>,
+        common: f64,
         direction: &Vector2<f64>,
         shift_std: f64,
     ) -> SpanEdges {
-        // The normal points to the light where the rise is positive; a tone curve, too, moves the
-        // edges to the dark or to the light, all of them alike.
-        let to_dark = -self.side.rise[0].signum();
-        let drifts = self.drifts(step);
+        let to_dark = self.to_dark();
+        let drifts = self.drifts();
         for (point, drift) in self.edges.points.iter_mut().zip(&drifts) {
-            *point += drift.normal * drift.by_step;
+            *point += drift.normal * (drift.by_tone.dot(step) + common * to_dark);
         }
         let displacements = drifts.iter().map(|d| {
             let by_tone = d.by_tone.dot(direction);
