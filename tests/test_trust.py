@@ -226,7 +226,6 @@ def test_damage_in_a_picture_is_named_and_does_no_harm(kind, index):
         assert any(re.search(rf"\bside {gaps.argmin()}\b", text) for text in about)
 
 
-@pytest.mark.xfail(strict=True, reason="the geometry is judged before a bent side is looked for")
 @pytest.mark.parametrize("index", [0, 3])
 def test_a_curled_side_does_not_pass_for_weak_geometry(index):
     """The squares are sound: without the curl, fx would be known to 2 px."""

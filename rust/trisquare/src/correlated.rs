@@ -168,7 +168,7 @@ pub(crate) fn correlated_covariance<L: Lens>(
         .any(|plane| plane.sides().any(|side| !side.drift.is_empty()));
     let floor = if drifting { CURVE_ERROR } else { 0.0 };
     let total = total_beyond(0.0);
-    let displacements = strength.likeliest.iter();
+    let displacements = strength.if_any().into_iter();
     let coherence = Coherence {
         floor,
         added_to_pixels: total_beyond(floor) - &independent,
@@ -176,7 +176,7 @@ pub(crate) fn correlated_covariance<L: Lens>(
         neighbours: noise.correlation,
         pixels: noise.correlation * noise.scale.powi(2),
         probability: strength.probability,
-        displacements: displacements.map(|v| rms_displacement(*v)).collect(),
+        displacements: displacements.map(rms_displacement).collect(),
         added: &total - independent,
     };
     let focal = refined.view.lens.parameters()[0];

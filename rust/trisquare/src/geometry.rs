@@ -152,7 +152,16 @@ impl<L: Lens> Geometry<'_, L> {
         factor: f64,
     ) -> Option<Weakest> {
         let noise = self.noise();
-        let floor = (LEAST_NOISE / noise).max(1.0).powi(2);
+        // Where a bent side was left out, the paper has shown what is wrong with it.
+        let entire = self
+            .planes
+            .iter()
+            .flat_map(ObservedPlane::sides)
+            .all(|side| !side.set_aside);
+        let floor = match entire {
+            true => (LEAST_NOISE / noise).max(1.0).powi(2),
+            false => 1.0,
+        };
         let limit = self.limit(noise);
         let covariance = self.judged_covariance(system, free, factor * floor);
         let parameters = self.view.lens.parameters();

@@ -47,6 +47,7 @@ impl Undistortion {
         let curves: Vec<Vec<Vector2<f64>>> = planes
             .iter()
             .flat_map(ObservedPlane::sides)
+            .filter(|side| !side.set_aside)
             .map(|side| side.samples.iter().map(|s| s.pixel).collect())
             .collect();
         // Where the refinement follows, it finds the centre itself.

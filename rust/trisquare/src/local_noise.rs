@@ -21,6 +21,10 @@ const MAX_LAG: usize = 6;
 /// A correlation coefficient this many of its own standard deviations above zero is no accident.
 const SIGNIFICANT: f64 = 2.0;
 
+/// Part of the noise's power that smooth displacements may have taken: of more, too little is left
+/// to tell.
+const MOST_TAKEN: f64 = 0.5;
+
 /// The noise of a plane's samples, in units of their given standard deviations.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct LocalNoise {
@@ -78,10 +82,19 @@ impl Noise {
             all.extend(rough);
             taken += lost;
         }
-        let all = LocalNoise::of(&all, taken);
+        let mut all = LocalNoise::of(&all, taken);
+        let correlation = neighbours.correlation(all.freedom);
+        let raised = neighbours.raised(all.freedom, correlation);
+        all.scale *= raised;
+        let own = own.into_iter().map(|own| {
+            own.map_or(all, |own| LocalNoise {
+                scale: own.scale * raised,
+                ..own
+            })
+        });
         Self {
-            planes: own.into_iter().map(|own| own.unwrap_or(all)).collect(),
-            correlation: neighbours.correlation(all.freedom),
+            planes: own.collect(),
+            correlation,
             scale: all.scale,
             sides,
             summed_at: scale,
@@ -154,20 +167,36 @@ impl Neighbours {
         }
     }
 
-    /// `1 + 2 sum rho`, over the lags from the first one on that are correlated beyond chance.
+    /// `c = 1 + 2 sum rho`, over the lags from the first one on that are correlated beyond chance.
+    ///
+    /// Taking out a side's smooth displacement takes a part `t` of the degrees of freedom, where
+    /// correlated noise has `c` times its mean power: of the variance 1, `1 - t c` is left, and of
+    /// the covariance `rho`, `rho - t c`. With `r` their ratio, `rho = r + t c (1 - r)`; `c` is
+    /// that of the lags before, for solving for it would make more of chance than of correlation.
     fn correlation(&self, freedom: f64) -> f64 {
         let variance = self.products[0] / self.pairs[0];
-        // Taking a side's displacement out leaves white noise correlated by this much, negatively.
         let taken = 1.0 - freedom / self.pairs[0];
         let chance = SIGNIFICANT / self.pairs[0].sqrt();
-        let mut sum = 0.0;
+        let left = |lag: usize| self.products[lag] / self.pairs[lag].max(1.0) / variance;
+        let rho = |lag: usize, so_far: f64| left(lag) + taken * so_far * (1.0 - left(lag));
+        let mut correlation = 1.0;
+        let mut lags = 0;
         for lag in 1..=MAX_LAG {
-            let rho = self.products[lag] / self.pairs[lag].max(1.0) / variance + taken;
-            if !(rho > chance) {
+            let own = rho(lag, correlation);
+            if !(own > chance) {
                 break;
             }
-            sum += rho;
+            (correlation, lags) = (correlation + 2.0 * own, lag);
         }
-        1.0 + 2.0 * sum
+        let sum: f64 = (1..=lags).map(|lag| rho(lag, correlation)).sum();
+        (1.0 + 2.0 * sum)
+            .min(MOST_TAKEN / taken.max(f64::MIN_POSITIVE))
+            .max(1.0)
+    }
+
+    /// By how much the noise is larger than degrees of freedom that are all alike make it.
+    fn raised(&self, freedom: f64, correlation: f64) -> f64 {
+        let taken = 1.0 - freedom / self.pairs[0];
+        ((1.0 - taken) / (1.0 - taken * correlation)).sqrt()
     }
 }

@@ -39,13 +39,22 @@ pub(crate) fn agreeing(
     task: &Task<'_>,
     planes: &[ObservedPlane],
 ) -> Result<(Solution, Vec<Warning>), Error> {
-    let mut solution = without_false_plane(task, planes, task.solve(planes))?;
+    let mut solution = match without_false_plane(task, planes, task.solve(planes)) {
+        Err(error @ (Error::NotConverged { .. } | Error::WeakGeometry(_))) => {
+            solved_without_bent_side(task, planes).ok_or(error)?
+        }
+        other => other?,
+    };
     let sides: usize = planes.iter().map(|plane| plane.sides().count()).sum();
     for _ in 0..sides / SIDES_PER_OUTLIER {
         match without_bent_side(task, &solution) {
             Some(straighter) => solution = straighter,
             None => break,
         }
+    }
+    // A bent side may lead to a wrong optimum, which looks weak, and from which no step leads back.
+    if solution.misfit(task).mean() > DOUBTED && task.is_weak(&solution) {
+        solution = solved_without_bent_side(task, planes).unwrap_or(solution);
     }
     let warnings = warnings(&solution);
     Ok((solution, warnings))
@@ -130,15 +139,32 @@ impl Solution {
             Misfit::of(&self.planes, view, &task.free, noise)
         })
     }
+}
 
-    /// Plane, and index over all figures of the plane, of every side of a square that counts.
-    fn sides_of_squares(&self) -> impl Iterator<Item = (usize, usize)> {
-        self.planes.iter().enumerate().flat_map(|(p, plane)| {
-            let squares = plane.figures.iter().all(|figure| figure.sides.len() == 4);
-            let sides = plane.sides().enumerate().filter(move |_| squares);
-            sides.filter_map(move |(s, side)| (!side.set_aside).then_some((p, s)))
-        })
-    }
+/// Plane, and index over all figures of the plane, of every side of a square that counts.
+fn sides_of_squares(planes: &[ObservedPlane]) -> impl Iterator<Item = (usize, usize)> {
+    planes.iter().enumerate().flat_map(|(p, plane)| {
+        let squares = plane.figures.iter().all(|figure| figure.sides.len() == 4);
+        let sides = plane.sides().enumerate().filter(move |_| squares);
+        sides.filter_map(move |(s, side)| (!side.set_aside).then_some((p, s)))
+    })
+}
+
+/// Leaves out each side of a square from the start on, where all of them together gave no camera.
+fn solved_without_bent_side(task: &Task<'_>, planes: &[ObservedPlane]) -> Option<Solution> {
+    let without = |(plane, side): (usize, usize)| {
+        let mut rest = planes.to_vec();
+        rest[plane].side_mut(side)?.set_aside = true;
+        let refined = task.optimum(&rest).ok()?;
+        let misfit = Misfit::of(&rest, &refined.view, &task.free, &refined.noise(&rest));
+        Some((plane, side, rest, refined, misfit))
+    };
+    let (plane, side, rest, refined, misfit) = sides_of_squares(planes)
+        .filter_map(without)
+        .min_by(|a, b| a.4.mean().total_cmp(&b.4.mean()))?;
+    let found = task.settle(&rest, refined).ok()?;
+    let bent = curvatures(&found, plane).get(side) > Some(&(BENT * misfit.mean().max(1.0)));
+    (misfit.mean() < DOUBTED && bent).then_some(found)
 }
 
 /// Leaves out each side of a square in turn where the sides disagree, and sets the one aside
@@ -157,8 +183,7 @@ fn without_bent_side(task: &Task<'_>, solution: &Solution) -> Option<Solution> {
         let remaining = Misfit::of(&planes, &refined.view, &task.free, &noise);
         Some((plane, side, planes, refined, remaining))
     };
-    let (plane, side, planes, refined, remaining) = solution
-        .sides_of_squares()
+    let (plane, side, planes, refined, remaining) = sides_of_squares(&solution.planes)
         .filter_map(without)
         .min_by(|a, b| a.4.mean().total_cmp(&b.4.mean()))?;
     let ordinary = remaining.mean().max(1.0);

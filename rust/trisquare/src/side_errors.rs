@@ -50,8 +50,14 @@ pub(crate) struct Strength {
     pub probability: f64,
     /// Mean of `tau^2` for every plane, px^2.
     pub mean: Vec<f64>,
-    /// Its likeliest value if they do.
-    pub likeliest: Vec<f64>,
+}
+
+impl Strength {
+    /// Mean of `tau^2` for every plane if they do, px^2.
+    pub fn if_any(&self) -> Vec<f64> {
+        let probability = self.probability.max(f64::MIN_POSITIVE);
+        self.mean.iter().map(|mean| mean / probability).collect()
+    }
 }
 
 /// One strength of the side errors.
@@ -248,11 +254,9 @@ fn combined(hypotheses: &[Hypothesis]) -> Option<Strength> {
             *mean += weight / total * variance;
         }
     }
-    let strongest = likeliest(hypotheses.get(1..).filter(|some| !some.is_empty())?);
     Some(Strength {
         probability: 1.0 - weights[0] / total,
         mean,
-        likeliest: strongest.variances.clone(),
     })
 }
 

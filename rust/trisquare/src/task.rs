@@ -151,6 +151,14 @@ impl<'a> Task<'a> {
         })
     }
 
+    /// Whether the geometry cannot answer.
+    pub fn is_weak(&self, solution: &Solution) -> bool {
+        let refined = &solution.refined;
+        let geometry = self.geometry(&solution.planes, refined);
+        let factor = refined.covariance_factor;
+        geometry.judge(&refined.system, &self.free, factor).is_err()
+    }
+
     /// Refuses geometry that cannot answer, and says what would help.
     ///
     /// # Errors
