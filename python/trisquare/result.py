@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +23,6 @@ from trisquare.checked import (
     strings,
 )
 from trisquare.coherence import Coherence, coherence_from_members, coherence_members
-from trisquare.diagnosis import Diagnosis, diagnose
 from trisquare.json_fields import JsonFields, dump_members
 from trisquare.model_alternative import (
     ModelAlternative,
@@ -36,6 +35,9 @@ from trisquare.projection import (
     projection_map,
     rms_displacement,
 )
+
+if TYPE_CHECKING:
+    from trisquare.diagnosis import Diagnosis
 
 __all__ = ["Calibration", "Camera", "Plane"]
 
@@ -215,6 +217,8 @@ class Calibration(RebuiltByConstructor):
     @property
     def diagnosis(self) -> Diagnosis:
         """Of each free parameter, what limits it and what would help; computed when asked for."""
+        from trisquare.diagnosis import diagnose  # few ask for it
+
         return diagnose(self)
 
     def projection_covariance(self, points: npt.ArrayLike) -> FloatArray:
