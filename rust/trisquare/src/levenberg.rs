@@ -57,13 +57,14 @@ pub(crate) struct Minimum<S> {
     pub termination: Termination,
 }
 
-/// Minimises from `start`; `None` if the problem is not defined there.
+/// Minimises from `start`; `None` if the problem is not defined there, or overflows.
 pub(crate) fn minimise<P: Problem>(
     problem: &P,
     start: P::State,
     limits: Limits,
 ) -> Option<Minimum<P::State>> {
-    let (cost, system) = problem.evaluate(&start)?;
+    let evaluated = problem.evaluate(&start);
+    let (cost, system) = evaluated.filter(|(cost, _)| cost.is_finite())?;
     let mut best = Minimum {
         state: start,
         cost,

@@ -350,6 +350,18 @@ mod tests {
     }
 
     #[test]
+    fn samples_whose_squares_overflow_are_refused() {
+        let far = |i: usize| Vector2::new(1e154 * i as f64, -1e155 * (i * i) as f64);
+        let curves = vec![(0..8).map(far).collect::<Vec<_>>(); 4];
+        let size = ImageSize {
+            width: 640,
+            height: 480,
+        };
+        let found = fit_distortion(&curves, size, 1, None);
+        assert!(found.is_err(), "{found:?}");
+    }
+
+    #[test]
     fn recovers_the_coefficients_of_straight_lines() {
         let truth = Straightening {
             coefficients: vec![0.15, 0.03],
