@@ -212,3 +212,9 @@ def test_repr_tells_what_a_person_asks():
     assert repr(edges) == (
         "<PlaneEdges frame: 4 lines with 9, 9, 9, 9 samples, light inside, plane 2, image 1>"
     )
+
+
+def test_a_line_too_far_away_for_a_number_is_refused():
+    lines = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [2e-311, 0.0, 1.0], [0.0, 1.0, -1.0]])
+    with pytest.raises(ValueError, match="infinite"):
+        PlaneEdges(lines, [np.zeros((3, 2))] * 4)

@@ -225,7 +225,9 @@ def _unit_normal_lines(lines: Any) -> FloatArray:
     if not (norms > 0).all():
         raise ValueError(f"line {int(np.argmin(norms))} has no direction: a and b are both zero")
     norms[np.abs(norms - 1) <= UNIT_NORM_SLACK] = 1.0
-    return real_array(given / norms[:, None], "lines", (None, 3))
+    with np.errstate(over="ignore"):  # an infinite offset is refused
+        unit = given / norms[:, None]
+    return real_array(unit, "lines", (None, 3))
 
 
 def _sequence(values: Any, name: str, count: int) -> list[Any]:
