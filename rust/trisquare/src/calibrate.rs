@@ -59,17 +59,13 @@ fn run(
     let task = Task::new(size, options);
     check_plane_count(planes.len(), &task.free)?;
 
-    let (solution, outliers) = match options.method {
-        Method::Linear => (task.solve(&planes)?, Vec::new()),
-        Method::MaximumLikelihood => set_aside::agreeing(&task, &planes)?,
+    let (stage, (solution, outliers)) = match options.method {
+        Method::Linear => (Stage::Linear, (task.solve(&planes)?, Vec::new())),
+        Method::MaximumLikelihood => (Stage::Edges, set_aside::agreeing(&task, &planes)?),
     };
     if judging {
         task.judge(&solution)?;
     }
-    let stage = match options.method {
-        Method::Linear => Stage::Linear,
-        Method::MaximumLikelihood => Stage::Edges,
-    };
     let mut calibration = Calibration::assemble(&task, &solution, stage);
     if let (Stage::Edges, Some(photographs)) = (stage, photographs) {
         photometric::improve(edges, &task, &solution, photographs, &mut calibration);

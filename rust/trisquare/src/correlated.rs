@@ -163,9 +163,7 @@ pub(crate) fn correlated_covariance<L: Lens>(
         }
         total * contradiction
     };
-    let drifting = planes
-        .iter()
-        .any(|plane| plane.sides().any(|side| !side.drift.is_empty()));
+    let drifting = planes.iter().any(ObservedPlane::drifts);
     let floor = if drifting { CURVE_ERROR } else { 0.0 };
     let total = total_beyond(0.0);
     let displacements = strength.if_any().into_iter();

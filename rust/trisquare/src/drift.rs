@@ -26,8 +26,7 @@ pub(crate) fn accounted(
     judged: &FreeParameters,
     refined: &Refined<Brown>,
 ) -> Option<(Vec<ObservedPlane>, Refined<Brown>)> {
-    let mut sides = planes.iter().flat_map(ObservedPlane::sides);
-    if sides.all(|side| side.drift.is_empty()) {
+    if !planes.iter().any(ObservedPlane::drifts) {
         return None;
     }
     let system = freed(planes, judged, refined)?;

@@ -81,6 +81,11 @@ impl ObservedPlane {
         }
     }
 
+    /// Whether an error that the picture's samples share displaces any of its own.
+    pub fn drifts(&self) -> bool {
+        self.sides().any(|side| !side.drift.is_empty())
+    }
+
     /// Sets all sides aside.
     pub fn set_aside(&mut self) {
         for side in self.figures.iter_mut().flat_map(|f| &mut f.sides) {

@@ -58,6 +58,16 @@ pub(crate) struct Residual {
 /// The residuals of all samples, by plane.
 pub(crate) type Residuals = Vec<Vec<Residual>>;
 
+/// Root mean square distance, in pixels.
+pub(crate) fn root_mean_square<'a>(residuals: impl Iterator<Item = &'a Residual>) -> f64 {
+    let (mut squares, mut count) = (0.0, 0.0);
+    for residual in residuals {
+        squares += residual.distance * residual.distance;
+        count += 1.0;
+    }
+    (squares / f64::max(count, 1.0)).sqrt()
+}
+
 /// Distances of all samples; `None` where the lens is not invertible.
 pub(crate) fn residuals<L: Lens>(planes: &[ObservedPlane], view: &View<L>) -> Option<Residuals> {
     let mut all = Vec::with_capacity(planes.len());

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, Vector2};
 use crate::consistency::Disagreement;
 use crate::correlated::{Coherence, Correlated};
 use crate::observations::{ObservedPlane, Placement};
-use crate::refine::Residual;
+use crate::refine::root_mean_square;
 use crate::task::{Solution, Task};
 use crate::view::View;
 use crate::{Brown, ImageSize, Lens, Pose, ToneFit};
@@ -219,15 +219,6 @@ impl Calibration {
             tones: Vec::new(),
         }
     }
-}
-
-fn root_mean_square<'a>(residuals: impl Iterator<Item = &'a Residual>) -> f64 {
-    let (mut squares, mut count) = (0.0, 0.0);
-    for residual in residuals {
-        squares += residual.distance * residual.distance;
-        count += 1.0;
-    }
-    (squares / f64::max(count, 1.0)).sqrt()
 }
 
 /// The images of a plane's corners: of a square where sides `i - 1` and `i` meet, of a lattice

@@ -1,14 +1,14 @@
 //! Sides and planes that do not belong to the scene: bent, torn or covered sides, and targets that
 //! are no squares. They are found by how much better the rest agrees without them.
 
-use crate::Error;
 use crate::covariance::check_plane_count;
 use crate::local_noise::Noise;
 use crate::misfit::Misfit;
 use crate::observations::ObservedPlane;
-use crate::refine::Residual;
+use crate::refine::{Refined, root_mean_square};
 use crate::result::Warning;
 use crate::task::{Solution, Task};
+use crate::{Brown, Error};
 
 /// Planes that must remain where one is set aside: two cannot show which of three is false.
 const LEAST_PLANES: usize = 3;
@@ -81,27 +81,17 @@ fn without_false_plane(
         let mut rest = planes.to_vec();
         rest.remove(left_out);
         let refined = task.optimum(&rest).ok()?;
-        let noise = refined.noise(&rest);
-        let misfit = Misfit::of(&rest, &refined.view, &task.free, &noise);
-        Some((left_out, rest, refined, misfit))
+        Some((left_out, Trial::of(task, rest, refined)))
     };
-    let best = (0..planes.len())
-        .filter_map(without)
-        .min_by(|a, b| a.3.mean().total_cmp(&b.3.mean()));
-    let Some((index, rest, refined, remaining)) = best else {
+    let Some((index, trial)) = best((0..planes.len()).filter_map(without)) else {
         return all;
     };
-    let is_false = misfit.is_none_or(|misfit| {
-        let added = misfit.total() - remaining.total();
-        let freedom = (misfit.freedom() - remaining.freedom()).max(1.0);
-        added / freedom > FALSE_PLANE * remaining.mean().max(1.0)
-    });
+    let is_false = misfit.is_none_or(|misfit| trial.relief(&misfit) > FALSE_PLANE);
     if !is_false {
         return all;
     }
-    let followed = task
-        .settle(&rest, refined)
-        .ok()
+    let followed = trial
+        .settled(task)
         .and_then(|found| task.with_follower(&found, index, &planes[index]));
     match followed {
         Some(found) => Ok(with_its_straight_sides(task, found, index)),
@@ -152,19 +142,14 @@ fn sides_of_squares(planes: &[ObservedPlane]) -> impl Iterator<Item = (usize, us
 
 /// Leaves out each side of a square from the start on, where all of them together gave no camera.
 fn solved_without_bent_side(task: &Task<'_>, planes: &[ObservedPlane]) -> Option<Solution> {
-    let without = |(plane, side): (usize, usize)| {
-        let mut rest = planes.to_vec();
-        rest[plane].side_mut(side)?.set_aside = true;
+    let without = |place| {
+        let rest = without_side(planes, place)?;
         let refined = task.optimum(&rest).ok()?;
-        let misfit = Misfit::of(&rest, &refined.view, &task.free, &refined.noise(&rest));
-        Some((plane, side, rest, refined, misfit))
+        Some((place, Trial::of(task, rest, refined)))
     };
-    let (plane, side, rest, refined, misfit) = sides_of_squares(planes)
-        .filter_map(without)
-        .min_by(|a, b| a.4.mean().total_cmp(&b.4.mean()))?;
-    let found = task.settle(&rest, refined).ok()?;
-    let bent = curvatures(&found, plane).get(side) > Some(&(BENT * misfit.mean().max(1.0)));
-    (misfit.mean() < DOUBTED && bent).then_some(found)
+    let (place, trial) = best(sides_of_squares(planes).filter_map(without))?;
+    let found = trial.settled(task)?;
+    (trial.misfit.mean() < DOUBTED && trial.shows_bent(&found, place)).then_some(found)
 }
 
 /// Leaves out each side of a square in turn where the sides disagree, and sets the one aside
@@ -175,26 +160,72 @@ fn without_bent_side(task: &Task<'_>, solution: &Solution) -> Option<Solution> {
     if misfit.mean() < DOUBTED {
         return None;
     }
-    let without = |(plane, side): (usize, usize)| {
-        let mut planes = solution.planes.clone();
-        planes[plane].side_mut(side)?.set_aside = true;
-        let refined = task.again(&planes, &solution.refined)?;
-        let noise = refined.noise(&planes);
-        let remaining = Misfit::of(&planes, &refined.view, &task.free, &noise);
-        Some((plane, side, planes, refined, remaining))
+    let without = |place| {
+        let rest = without_side(&solution.planes, place)?;
+        let refined = task.again(&rest, &solution.refined)?;
+        Some((place, Trial::of(task, rest, refined)))
     };
-    let (plane, side, planes, refined, remaining) = sides_of_squares(&solution.planes)
-        .filter_map(without)
-        .min_by(|a, b| a.4.mean().total_cmp(&b.4.mean()))?;
-    let ordinary = remaining.mean().max(1.0);
-    let added = misfit.total() - remaining.total();
-    let freedom = (misfit.freedom() - remaining.freedom()).max(1.0);
-    if added < FALSE_SIDE * freedom * ordinary {
+    let (place, trial) = best(sides_of_squares(&solution.planes).filter_map(without))?;
+    if trial.relief(&misfit) < FALSE_SIDE {
         return None;
     }
-    let found = task.settle(&planes, refined).ok()?;
-    let bent = curvatures(&found, plane).get(side) > Some(&(BENT * ordinary));
-    bent.then_some(found)
+    let found = trial.settled(task)?;
+    trial.shows_bent(&found, place).then_some(found)
+}
+
+/// The planes with one more side set aside: of a plane, by its index over all figures.
+fn without_side(
+    planes: &[ObservedPlane],
+    (plane, side): (usize, usize),
+) -> Option<Vec<ObservedPlane>> {
+    let mut rest = planes.to_vec();
+    rest[plane].side_mut(side)?.set_aside = true;
+    Some(rest)
+}
+
+/// What remains where a plane or a side is left out, and how well it agrees.
+struct Trial {
+    planes: Vec<ObservedPlane>,
+    refined: Refined<Brown>,
+    misfit: Misfit,
+}
+
+impl Trial {
+    fn of(task: &Task<'_>, planes: Vec<ObservedPlane>, refined: Refined<Brown>) -> Self {
+        let noise = refined.noise(&planes);
+        let misfit = Misfit::of(&planes, &refined.view, &task.free, &noise);
+        Self {
+            planes,
+            refined,
+            misfit,
+        }
+    }
+
+    fn settled(&self, task: &Task<'_>) -> Option<Solution> {
+        task.settle(&self.planes, self.refined.clone()).ok()
+    }
+
+    /// Mean square misfit, no less than what noise alone makes of it.
+    fn ordinary(&self) -> f64 {
+        self.misfit.mean().max(1.0)
+    }
+
+    /// What was left out added to the misfit of all, per degree of freedom and over what remains.
+    fn relief(&self, all: &Misfit) -> f64 {
+        let added = all.total() - self.misfit.total();
+        let freedom = (all.freedom() - self.misfit.freedom()).max(1.0);
+        added / freedom / self.ordinary()
+    }
+
+    /// Whether the side left out is curved, beyond what the others are.
+    fn shows_bent(&self, found: &Solution, (plane, side): (usize, usize)) -> bool {
+        curvatures(found, plane).get(side) > Some(&(BENT * self.ordinary()))
+    }
+}
+
+/// The trial whose remainder agrees best.
+fn best<T>(trials: impl Iterator<Item = (T, Trial)>) -> Option<(T, Trial)> {
+    trials.min_by(|(_, a), (_, b)| a.misfit.mean().total_cmp(&b.misfit.mean()))
 }
 
 /// Mean square curvature of every side of a plane, in units of the noise.
@@ -215,7 +246,7 @@ fn warnings(solution: &Solution) -> Vec<Warning> {
     for (p, plane) in solution.planes.iter().enumerate() {
         let residuals = &solution.refined.residuals[p];
         if plane.is_set_aside() {
-            let distance = root_mean_square(residuals);
+            let distance = root_mean_square(residuals.iter());
             warnings.push(Warning::PlaneSetAside { plane: p, distance });
             continue;
         }
@@ -229,16 +260,11 @@ fn warnings(solution: &Solution) -> Vec<Warning> {
                         plane: p,
                         figure: f,
                         side: s,
-                        distance: root_mean_square(own),
+                        distance: root_mean_square(own.iter()),
                     });
                 }
             }
         }
     }
     warnings
-}
-
-fn root_mean_square(residuals: &[Residual]) -> f64 {
-    let squares: f64 = residuals.iter().map(|r| r.distance * r.distance).sum();
-    (squares / residuals.len().max(1) as f64).sqrt()
 }

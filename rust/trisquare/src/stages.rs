@@ -112,9 +112,9 @@ impl Stages<'_> {
         match self.refine() {
             Err(weak @ Error::WeakGeometry(_)) => weak,
             Err(_) => error,
-            Ok(refined) => match self.judge(&refined) {
-                Err(weakness) => self.advised(&refined, weakness),
-                Ok(()) => error,
+            Ok(refined) => match self.weakness(&refined) {
+                Some(weakness) => self.advised(&refined, weakness),
+                None => error,
             },
         }
     }
@@ -220,7 +220,7 @@ impl Stages<'_> {
         let refined = unsettled.and_then(|found| self.around(found.view));
         let rms = refined.as_ref().map_or(0.0, |refined| refined.noise_scale);
         if let Some(refined) = &refined
-            && let Err(weakness) = self.judge(refined)
+            && let Some(weakness) = self.weakness(refined)
         {
             return self.advised(refined, weakness);
         }
@@ -231,9 +231,8 @@ impl Stages<'_> {
         }
     }
 
-    pub fn judge(&self, refined: &Refined<Brown>) -> Result<(), Weakness> {
-        let geometry = self.task.geometry(self.planes, refined);
-        geometry.judge(&refined.system, &self.task.free, refined.covariance_factor)
+    pub fn weakness(&self, refined: &Refined<Brown>) -> Option<Weakness> {
+        self.task.weakness(self.planes, refined)
     }
 
     fn is_doubtful(&self, refined: &Refined<Brown>) -> bool {

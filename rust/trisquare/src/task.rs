@@ -153,10 +153,7 @@ impl<'a> Task<'a> {
 
     /// Whether the geometry cannot answer.
     pub fn is_weak(&self, solution: &Solution) -> bool {
-        let refined = &solution.refined;
-        let geometry = self.geometry(&solution.planes, refined);
-        let factor = refined.covariance_factor;
-        geometry.judge(&refined.system, &self.free, factor).is_err()
+        self.weakness(&solution.planes, &solution.refined).is_some()
     }
 
     /// Refuses geometry that cannot answer, and says what would help.
@@ -164,29 +161,30 @@ impl<'a> Task<'a> {
     /// # Errors
     /// [`Error::WeakGeometry`].
     pub fn judge(&self, solution: &Solution) -> Result<(), Error> {
-        let Solution {
-            planes, refined, ..
-        } = solution;
-        let weak = self.geometry(planes, refined).judge(
-            &refined.system,
-            &self.free,
-            refined.covariance_factor,
-        );
-        weak.map_err(|weakness| self.advised(planes, refined, weakness))
+        let (planes, refined) = (&solution.planes, &solution.refined);
+        match self.weakness(planes, refined) {
+            Some(weakness) => Err(self.advised(planes, refined, weakness)),
+            None => Ok(()),
+        }
     }
 
     /// Why there is no covariance: most likely the geometry.
     fn singular(&self, planes: &[ObservedPlane], refined: &Refined<Brown>) -> Error {
-        let geometry = self.geometry(planes, refined);
-        let factor = refined.covariance_factor;
-        match geometry.judge(&refined.system, &self.free, factor) {
-            Err(weakness) => self.advised(planes, refined, weakness),
-            Ok(()) => Error::NotConverged {
+        match self.weakness(planes, refined) {
+            Some(weakness) => self.advised(planes, refined, weakness),
+            None => Error::NotConverged {
                 stage: "the covariance",
                 iterations: refined.iterations,
                 rms: refined.noise_scale,
             },
         }
+    }
+
+    /// Why the geometry of an optimum cannot answer, if it cannot.
+    pub fn weakness(&self, planes: &[ObservedPlane], refined: &Refined<Brown>) -> Option<Weakness> {
+        let factor = refined.covariance_factor;
+        let geometry = self.geometry(planes, refined);
+        geometry.judge(&refined.system, &self.free, factor).err()
     }
 
     pub fn geometry<'b>(
@@ -217,7 +215,7 @@ impl<'a> Task<'a> {
             };
             let trial = Task::new(self.size, &options);
             let judged = with_stages(&trial, planes, |stages| {
-                Ok(stages.judge(&stages.optimum()?).is_ok())
+                Ok(stages.weakness(&stages.optimum()?).is_none())
             });
             judged.unwrap_or(false)
         };
