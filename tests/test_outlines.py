@@ -308,7 +308,7 @@ def test_chessboards_of_real_photographs():
     for record in boards:
         board = find_chessboard(read(PHOTOGRAPHS / "opencv-chess" / record["image"]), 9, 6)
         reference = np.array(record["corners_xy"]).reshape(6, 9, 2)
-        gaps = [np.abs(board.corners - r).max() for r in (reference, reference[::-1, ::-1])]
+        gaps = [np.abs(board.crossings - r).max() for r in (reference, reference[::-1, ::-1])]
         assert min(gaps) < 1.0
 
 
@@ -320,7 +320,7 @@ def test_rendered_chessboards(cols, rows, seeds):
         board = find_chessboard(render_scene(scene, rng), cols, rows)
         truth = scene.image_points(0, scene.targets[0].board_corners()).reshape(rows, cols, 2)
         # OpenCV alone leaves single corners at the rim up to half a cell off in some of these.
-        gaps = [np.abs(board.corners - t).max() for t in (truth, truth[::-1, ::-1])]
+        gaps = [np.abs(board.crossings - t).max() for t in (truth, truth[::-1, ::-1])]
         assert min(gaps) < 0.3
 
 

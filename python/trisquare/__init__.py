@@ -23,6 +23,7 @@ from trisquare.errors import (
 from trisquare.model_alternative import ModelAlternative
 from trisquare.predict import PlannedSquare, Prediction, predict
 from trisquare.projection import ProjectionMap
+from trisquare.rejected import Rejected
 from trisquare.result import Calibration, Plane
 from trisquare.steps import (
     Straightening,
@@ -48,6 +49,7 @@ __all__ = [
     "PlannedSquare",
     "Prediction",
     "ProjectionMap",
+    "Rejected",
     "Straightening",
     "TrisquareError",
     "__version__",

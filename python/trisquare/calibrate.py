@@ -11,7 +11,6 @@ from trisquare import _core
 from trisquare.camera import MODELS, Camera, camera_parameters
 from trisquare.checked import size_of_image
 from trisquare.coherence import Coherence
-from trisquare.detect import Targets, nothing_found
 from trisquare.edges import PlaneEdges
 from trisquare.errors import DetectionError
 from trisquare.model_alternative import ModelAlternative
@@ -24,7 +23,9 @@ from trisquare.pictures import (
     picture_size,
     tone_of,
 )
+from trisquare.rejected import Rejected
 from trisquare.result import Calibration, Plane
+from trisquare.targets import Targets, nothing_found
 
 # The model that stands for the choice among all of them by evidence.
 AUTO = "auto"
@@ -101,6 +102,7 @@ def calibrate(
     pictures: list[_core.Picture] = []
     missed: list[int] = []
     tones: list[PictureTone] = []
+    rejected: list[Rejected] = []
     curves: set[str | float] = set()
     size: tuple[int, int] | None = None
     for index, source in enumerate(sources):
@@ -114,8 +116,9 @@ def calibrate(
         curve = tone_of(picture, checked)
         curves.add(curve)
         core = _core.Picture(picture)
-        found, picture_tone = measure(picture, core, wanted, curve)
+        found, picture_tone, unused = measure(picture, core, wanted, curve)
         tones.append(picture_tone)
+        rejected += [replace(candidate, image=index) for candidate in unused]
         if not found:
             missed.append(index)
         planes_before = len(figures)  # at least as many as planes, so that none is shared
@@ -129,7 +132,8 @@ def calibrate(
         raise ValueError("pictures of different depth need one stated tone curve")
     assert size is not None  # there is at least one picture
     warnings = [f"picture {index}: {nothing_found(wanted)}" for index in missed]
-    return _solve(figures, size, settings, pictures, tones, warnings)
+    result = _solve(figures, size, settings, pictures, tones, warnings)
+    return replace(result, rejected=tuple(rejected))
 
 
 def calibrate_edges(

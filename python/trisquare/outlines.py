@@ -54,16 +54,20 @@ class SquareOutline:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class BoardOutline:
-    """A chessboard's inner corners, in pixels of the photograph.
+class Lattice:
+    """Crossings of a chessboard's grid lines, in pixels of the photograph.
 
     Attributes
     ----------
-    corners : ndarray of float64, shape (rows, cols, 2)
-        Columns go clockwise from rows on the screen: the board is seen from its front.
+    crossings : ndarray of float64, shape (rows, cols, 2)
+        Columns go clockwise from rows on the screen: the board is seen from its front. Where
+        there is no crossing, the numbers mean nothing (but are finite).
+    present : ndarray of bool, shape (rows, cols)
+        Which crossings were found; what is hidden or outside the picture is not.
     """
 
-    corners: FloatArray
+    crossings: FloatArray
+    present: NDArray[np.bool_]
 
 
 def find_squares(image: NDArray[np.generic]) -> list[SquareOutline]:
@@ -96,7 +100,7 @@ def find_squares(image: NDArray[np.generic]) -> list[SquareOutline]:
     return sorted(squares, key=lambda square: -_area(square.outer))
 
 
-def find_chessboard(image: NDArray[np.generic], cols: int, rows: int) -> BoardOutline | None:
+def find_chessboard(image: NDArray[np.generic], cols: int, rows: int) -> Lattice | None:
     """Find the one chessboard with `cols` x `rows` inner corners.
 
     Parameters
@@ -108,7 +112,7 @@ def find_chessboard(image: NDArray[np.generic], cols: int, rows: int) -> BoardOu
 
     Returns
     -------
-    BoardOutline or None
+    Lattice or None
         None if the picture shows no such board.
     """
     if min(cols, rows) < 3:
@@ -120,7 +124,7 @@ def find_chessboard(image: NDArray[np.generic], cols: int, rows: int) -> BoardOu
     if corners is None:
         return None
     corners.flags.writeable = False
-    return BoardOutline(corners)
+    return Lattice(corners, np.ones(corners.shape[:2], bool))
 
 
 def grey_bytes(image: NDArray[np.generic]) -> NDArray[np.uint8]:

@@ -35,6 +35,7 @@ from trisquare.projection import (
     projection_map,
     rms_displacement,
 )
+from trisquare.rejected import Rejected, rejected_from_members, rejected_members
 
 if TYPE_CHECKING:
     from trisquare.diagnosis import Diagnosis
@@ -136,6 +137,8 @@ class Calibration(RebuiltByConstructor):
     coherence : Coherence, optional
         How far the residuals are from independent noise, which the covariance allows for; None
         in results of versions that did not ask.
+    rejected : sequence of Rejected
+        What was found in the pictures but not used, and why.
     tone_std : float, optional
         One standard deviation of an estimated gamma; None where the tone curve was stated.
     """
@@ -156,6 +159,7 @@ class Calibration(RebuiltByConstructor):
     alternatives: tuple[ModelAlternative, ...] = ()
     tone_std: float | None = None
     coherence: Coherence | None = None
+    rejected: tuple[Rejected, ...] = ()
 
     def __post_init__(self) -> None:
         if not isinstance(self.camera, Camera):
@@ -193,6 +197,10 @@ class Calibration(RebuiltByConstructor):
         if not all(isinstance(other, ModelAlternative) for other in alternatives):
             raise TypeError("alternatives must all be of the class ModelAlternative")
         object.__setattr__(self, "alternatives", alternatives)
+        rejected = tuple(self.rejected)
+        if not all(isinstance(candidate, Rejected) for candidate in rejected):
+            raise TypeError("rejected must all be of the class Rejected")
+        object.__setattr__(self, "rejected", rejected)
         for name in ("method", "stage", "software"):
             string(getattr(self, name), name)
 
@@ -311,6 +319,7 @@ class Calibration(RebuiltByConstructor):
                 "warnings": list(self.warnings),
                 **_alternatives_member(self.alternatives),
                 **_coherence_member(self.coherence),
+                **_rejected_member(self.rejected),
             }
         )
 
@@ -353,6 +362,10 @@ class Calibration(RebuiltByConstructor):
                 if members.has("coherence")
                 else None
             ),
+            rejected=tuple(
+                rejected_from_members(candidate)
+                for candidate in (members.objects("rejected") if members.has("rejected") else ())
+            ),
         )
 
 
@@ -365,6 +378,12 @@ def _alternatives_member(alternatives: tuple[ModelAlternative, ...]) -> dict[str
     """Return the ``alternatives`` member, which is there only where models were compared."""
     members = [alternative_members(other) for other in alternatives]
     return {"alternatives": members} if members else {}
+
+
+def _rejected_member(rejected: tuple[Rejected, ...]) -> dict[str, Any]:
+    """Return the ``rejected`` member, which is there only where something was."""
+    members = [rejected_members(candidate) for candidate in rejected]
+    return {"rejected": members} if members else {}
 
 
 def decimals_shown(std: float) -> int:
