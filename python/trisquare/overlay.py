@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeAlias
 
-import cv2
 import numpy as np
-import numpy.typing as npt
 
 from trisquare.camera import camera_parameters
-from trisquare.checked import FloatArray
+from trisquare.drawing import (
+    Canvas,
+    Colour,
+    dimmed_grey,
+    draw_label,
+    draw_legend,
+    draw_lines,
+    text_scale,
+)
 from trisquare.edges import PlaneEdges
 from trisquare.model_sides import MeasuredSide, measured_sides, project
 from trisquare.pictures import Image
 from trisquare.result import Calibration, Plane, decimals_shown
-
-Canvas: TypeAlias = npt.NDArray[np.uint8]
-Colour: TypeAlias = tuple[int, int, int]
 
 # BGR. The sides are told apart by colour so that a wrong order can be seen.
 SIDE_COLOURS: tuple[Colour, ...] = (
@@ -30,16 +32,10 @@ AXIS_COLOURS: tuple[Colour, ...] = ((60, 60, 255), (60, 220, 60), (255, 120, 60)
 RESIDUAL_COLOUR: Colour = (40, 140, 255)
 CENTRE_COLOUR: Colour = (255, 255, 255)
 CHORD_COLOUR: Colour = (190, 190, 190)
-OUTLINE_COLOUR: Colour = (20, 20, 20)
 TEXT_COLOUR: Colour = (240, 240, 240)
-DIMMED = 0.55
-LEGEND_GROUND = 0.35
 
 # The residuals' root mean square is drawn this long, relative to the picture's diagonal.
 DRAWN_RESIDUAL = 0.01
-# Drawing in sixteenths of a pixel: OpenCV's `shift`.
-SHIFT = 4
-FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
 def draw_overlay(
@@ -76,7 +72,7 @@ def draw_overlay(
     ndarray of uint8, shape (H, W, 3)
         BGR.
     """
-    canvas = _dimmed_grey(image)
+    canvas = dimmed_grey(image)
     thickness = max(1, round(max(canvas.shape) / 1600))
     sides = list(measured_sides(calibration, edges or (), index))
     rms = float(np.sqrt(np.mean(np.concatenate([s.residuals for s in sides]) ** 2))) if sides else 0
@@ -85,8 +81,8 @@ def draw_overlay(
     for side in sides:
         _draw_residuals(canvas, side, exaggeration, thickness)
     for number, side in enumerate(sides):
-        _draw_lines(canvas, [side.curve[[0, -1]]], CHORD_COLOUR, thickness)
-        _draw_lines(canvas, [side.curve], SIDE_COLOURS[number % 4], 2 * thickness)
+        draw_lines(canvas, [side.curve[[0, -1]]], CHORD_COLOUR, thickness)
+        draw_lines(canvas, [side.curve], SIDE_COLOURS[number % 4], 2 * thickness)
     for number, plane in enumerate(calibration.planes):
         if plane.image == index:
             _draw_axes(canvas, calibration, plane, number, thickness)
@@ -96,17 +92,10 @@ def draw_overlay(
         entries.append(("the sides, were they straight", CHORD_COLOUR))
         entries.append((f"residuals drawn x {exaggeration:g} (rms {rms:.2g} px)", RESIDUAL_COLOUR))
     corners = [plane.corners for plane in calibration.planes if plane.image == index]
-    _draw_legend(
+    draw_legend(
         canvas, entries, np.vstack([np.empty((0, 2)), *corners, *(side.points for side in sides)])
     )
     return canvas
-
-
-def _dimmed_grey(image: Image) -> Canvas:
-    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-    full_scale = np.iinfo(grey.dtype).max if grey.dtype.kind == "u" else 1.0
-    dimmed = np.clip(grey.astype(np.float64) / full_scale, 0, 1) * (255 * DIMMED)
-    return np.repeat(dimmed.astype(np.uint8)[:, :, None], 3, axis=2)
 
 
 def _round_exaggeration(rms: float, diagonal: float) -> float:
@@ -116,25 +105,12 @@ def _round_exaggeration(rms: float, diagonal: float) -> float:
     return float(max(step * power for step in (1, 2, 5) if step * power <= wanted * (1 + 1e-9)))
 
 
-def _subpixel(points: FloatArray) -> npt.NDArray[np.int32]:
-    # Far outside the picture a coordinate may exceed what OpenCV's fixed point can hold.
-    limit = 2.0**30 / (1 << SHIFT)
-    return np.asarray(np.rint(np.clip(points, -limit, limit) * (1 << SHIFT)), dtype=np.int32)
-
-
-def _draw_lines(
-    canvas: Canvas, lines: Sequence[FloatArray], colour: Colour, thickness: int
-) -> None:
-    fixed_point = [_subpixel(line).reshape(-1, 1, 2) for line in lines]
-    cv2.polylines(canvas, fixed_point, False, colour, thickness, cv2.LINE_AA, SHIFT)
-
-
 def _draw_residuals(
     canvas: Canvas, side: MeasuredSide, exaggeration: float, thickness: int
 ) -> None:
     tips = side.points + exaggeration * side.residuals[:, None] * side.normals
     needles = list(np.stack([side.points, tips], axis=1))
-    _draw_lines(canvas, needles, RESIDUAL_COLOUR, thickness)
+    draw_lines(canvas, needles, RESIDUAL_COLOUR, thickness)
 
 
 def _draw_axes(
@@ -143,7 +119,7 @@ def _draw_axes(
     if plane.translation[2] <= 0:
         return
     steps = np.linspace(0, 0.5, 17)
-    size = _text_scale(canvas)
+    size = text_scale(canvas)
     origin = project(calibration.camera, plane, np.zeros((1, 3)))[0]
     taken = []
     for axis, (name, colour) in enumerate(zip("XYZ", AXIS_COLOURS, strict=True)):
@@ -153,22 +129,22 @@ def _draw_axes(
         if depths.min() <= 0:
             continue
         curve = project(calibration.camera, plane, points)
-        _draw_lines(canvas, [curve], colour, 3 * thickness)
+        draw_lines(canvas, [curve], colour, 3 * thickness)
         direction = (curve[-1] - origin) / max(float(np.hypot(*(curve[-1] - origin))), 1.0)
         taken.append(direction)
-        _draw_label(canvas, name, curve[-1] + 24 * size * direction, colour, size)
+        draw_label(canvas, name, curve[-1] + 24 * size * direction, colour, size)
     # The number stands where it is farthest from the directions that the axes take.
     angles = np.linspace(0, 2 * np.pi, 16, endpoint=False)
     around = np.column_stack([np.cos(angles), np.sin(angles)])
     free = around[np.argmin((around @ np.transpose(taken)).max(axis=1))] if taken else np.zeros(2)
-    _draw_label(canvas, str(number), origin + 28 * size * free, CENTRE_COLOUR, 1.2 * size)
+    draw_label(canvas, str(number), origin + 28 * size * free, CENTRE_COLOUR, 1.2 * size)
 
 
 def _draw_principal_point(canvas: Canvas, calibration: Calibration, thickness: int) -> None:
     centre = np.array([calibration.camera.cx, calibration.camera.cy])
     arm = max(4.0, max(canvas.shape) / 100)
     cross = [np.array([centre - step, centre + step]) for step in ([arm, 0.0], [0.0, arm])]
-    _draw_lines(canvas, cross, CENTRE_COLOUR, thickness)
+    draw_lines(canvas, cross, CENTRE_COLOUR, thickness)
 
 
 def _legend_entries(calibration: Calibration) -> list[tuple[str, Colour]]:
@@ -182,55 +158,3 @@ def _legend_entries(calibration: Calibration) -> list[tuple[str, Colour]]:
     if calibration.warnings:
         entries.append((f"{len(calibration.warnings)} warning(s)", RESIDUAL_COLOUR))
     return entries
-
-
-def _text_scale(canvas: Canvas) -> float:
-    return float(max(canvas.shape)) / 2200
-
-
-def _draw_text(
-    canvas: Canvas, text: str, position: FloatArray, colour: Colour, scale: float
-) -> None:
-    # Beyond 16 bits the place is far outside the picture, and drawing text there may overflow.
-    x, y = (int(value) for value in np.clip(np.rint(position), -32768, 32767))
-    stroke = max(1, round(2 * scale))
-    cv2.putText(canvas, text, (x, y), FONT, scale, colour, stroke, cv2.LINE_AA)
-
-
-def _draw_label(
-    canvas: Canvas, text: str, centre: FloatArray, colour: Colour, scale: float
-) -> None:
-    """Write a text round a point, outlined so that it can be read on any ground."""
-    (width, height), _ = cv2.getTextSize(text, FONT, scale, 1)
-    position = centre + np.array([-width / 2, height / 2])
-    around = max(1.0, 2 * scale)
-    for shift in around * np.array([[-1, 0], [1, 0], [0, -1], [0, 1]]):
-        _draw_text(canvas, text, position + shift, OUTLINE_COLOUR, scale)
-    _draw_text(canvas, text, position, colour, scale)
-
-
-def _draw_legend(
-    canvas: Canvas, entries: Sequence[tuple[str, Colour]], to_keep_clear: FloatArray
-) -> None:
-    """Write the entries on a darkened ground in the emptiest corner, at most half as wide."""
-    height, width = canvas.shape[:2]
-    scale = _text_scale(canvas)
-    widest = max(cv2.getTextSize(text, FONT, scale, 1)[0][0] for text, _ in entries)
-    scale *= min(1.0, 0.5 * width / max(widest, 1))
-    line_height = cv2.getTextSize("Xg", FONT, scale, 1)[0][1] * 1.7
-    margin = 0.6 * line_height
-    legend_height = min(height, round(len(entries) * line_height + 2 * margin))
-    legend_width = min(width, round(min(widest, 0.5 * width) * 1.05 + 2 * margin))
-    corners = [(x, y) for y in (0, height - legend_height) for x in (0, width - legend_width)]
-    covered = [
-        ((to_keep_clear >= (x, y)) & (to_keep_clear < (x + legend_width, y + legend_height)))
-        .all(axis=1)
-        .sum()
-        for x, y in corners
-    ]
-    left, top = corners[int(np.argmin(covered))]
-    ground = canvas[top : top + legend_height, left : left + legend_width]
-    ground[:] = (ground * LEGEND_GROUND).astype(np.uint8)
-    for number, (text, colour) in enumerate(entries):
-        baseline = top + margin + (number + 0.75) * line_height
-        _draw_text(canvas, text, np.array([left + margin, baseline]), colour, scale)
