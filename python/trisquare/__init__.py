@@ -25,6 +25,7 @@ from trisquare.predict import PlannedSquare, Prediction, predict
 from trisquare.projection import ProjectionMap
 from trisquare.rejected import Rejected
 from trisquare.result import Calibration, Plane
+from trisquare.sighting import Sighting
 from trisquare.steps import (
     Straightening,
     camera_matrix_from_homographies,
@@ -50,6 +51,7 @@ __all__ = [
     "Prediction",
     "ProjectionMap",
     "Rejected",
+    "Sighting",
     "Straightening",
     "TrisquareError",
     "__version__",

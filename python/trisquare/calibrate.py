@@ -26,6 +26,7 @@ from trisquare.pictures import (
 from trisquare.rejected import Rejected
 from trisquare.result import Calibration, Plane
 from trisquare.targets import Targets, nothing_found
+from trisquare.what_was_found import told_on_failure
 
 # The model that stands for the choice among all of them by evidence.
 AUTO = "auto"
@@ -83,7 +84,9 @@ def calibrate(
     DetectionError
         If no picture shows a target.
     NotEnoughPlanesError, NotEnoughDataError, DegenerateGeometryError, ConvergenceError
-        If the planes cannot answer; the message says why and what would help.
+        If the planes cannot answer; the message says why and what would help. These and
+        `DetectionError` say what was found and what was not used, and hold it as their `found`
+        and `rejected`.
     TypeError, ValueError
         For bad arguments.
     """
@@ -126,13 +129,14 @@ def calibrate(
         pictures.append(core)
         if progress is not None:
             progress(index + 1, len(sources))
-    if not figures:
-        raise DetectionError(nothing_found(wanted))
-    if len(curves) > 1:
-        raise ValueError("pictures of different depth need one stated tone curve")
-    assert size is not None  # there is at least one picture
-    warnings = [f"picture {index}: {nothing_found(wanted)}" for index in missed]
-    result = _solve(figures, size, settings, pictures, tones, warnings)
+    with told_on_failure(figures, rejected, sources, wanted):
+        if not figures:
+            raise DetectionError(nothing_found(wanted))
+        if len(curves) > 1:
+            raise ValueError("pictures of different depth need one stated tone curve")
+        assert size is not None  # there is at least one picture
+        warnings = [f"picture {index}: {nothing_found(wanted)}" for index in missed]
+        result = _solve(figures, size, settings, pictures, tones, warnings)
     return replace(result, rejected=tuple(rejected))
 
 

@@ -4,9 +4,28 @@ Wrong arguments are plain `ValueError` and `TypeError`. Everything that depends 
 photograph shows is a `TrisquareError`, so that one ``except`` catches every refusal.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from trisquare.rejected import Rejected
+    from trisquare.sighting import Sighting
+
 
 class TrisquareError(Exception):
-    """Base class of every error that trisquare itself raises."""
+    """Base class of every error that trisquare itself raises.
+
+    Attributes
+    ----------
+    found : tuple of Sighting
+        The targets that were found in the pictures before `calibrate` failed, one for each plane.
+    rejected : tuple of Rejected
+        What was seen in them but not used, and why.
+    """
+
+    found: tuple[Sighting, ...] = ()
+    rejected: tuple[Rejected, ...] = ()
 
 
 class ImageError(TrisquareError):

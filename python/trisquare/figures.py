@@ -86,9 +86,7 @@ def find_figures(picture: NDArray[np.float32], quads: Quads) -> list[Figure]:
         return []
     ground, figure = _levels_beside_sides(picture, quads)
     on_ground = _on_ground(quads, ground, figure)
-    standing_alone = _but_for_one_run(on_ground) & _ground_beyond_corners(
-        picture, quads, ground, figure
-    )
+    standing_alone = _standing_alone(picture, quads, ground, figure, on_ground)
     uniform = _uniform(picture, quads)
     solid = standing_alone & uniform
     # What comes over a frame's ring may end at a corner of the hole.
@@ -105,6 +103,43 @@ def find_figures(picture: NDArray[np.float32], quads: Quads) -> list[Figure]:
     inners = {frame.inner for frame in frames}
     solids = [Figure(i, None) for i in np.flatnonzero(solid).tolist() if i not in inners]
     return _of_comparable_size(quads, _innermost(quads, areas, solids + frames))
+
+
+def why_no_figures(picture: NDArray[np.float32], quads: Quads) -> list[str]:
+    """Say of each quad that `find_figures` passed over what speaks against it.
+
+    Parameters
+    ----------
+    picture : ndarray of float32, shape (H, W)
+    quads : Quads
+        None of them part of a figure.
+    """
+    if len(quads) == 0:
+        return []
+    ground, figure = _levels_beside_sides(picture, quads)
+    alone = _standing_alone(picture, quads, ground, figure, _on_ground(quads, ground, figure))
+    reasons = np.where(
+        ~alone,
+        "something else lies beside its sides or corners",
+        np.where(
+            ~_uniform(picture, quads),
+            "its inside is neither even nor a frame's",
+            "it holds another target, or is far smaller than the others",
+        ),
+    )
+    return [str(reason) for reason in reasons]
+
+
+def _standing_alone(
+    picture: NDArray[np.float32],
+    quads: Quads,
+    ground: FloatArray,
+    figure: FloatArray,
+    on_ground: NDArray[np.bool_],
+) -> NDArray[np.bool_]:
+    """Whether the ground surrounds each quad, but for what may lie over one side."""
+    beyond_corners = _ground_beyond_corners(picture, quads, ground, figure)
+    return _but_for_one_run(on_ground) & beyond_corners
 
 
 def _levels_beside_sides(

@@ -83,7 +83,7 @@ def find_squares(image: NDArray[np.generic]) -> list[SquareOutline]:
     list of SquareOutline
         From the largest to the smallest; empty if there is none.
     """
-    picture, scale = _working_picture(grey_bytes(image))
+    picture, scale = working_picture(grey_bytes(image))
     if min(picture.shape) < MIN_PICTURE:
         return []
     smooth = picture.astype(np.float32)
@@ -143,7 +143,7 @@ def grey_bytes(image: NDArray[np.generic]) -> NDArray[np.uint8]:
     return np.asarray(np.clip(np.rint(stretched), 0.0, 255.0), dtype=np.uint8)
 
 
-def _working_picture(grey: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
+def working_picture(grey: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
     """Smooth picture of moderate size, and how many pixels of the photograph make one of it."""
     scale = 1
     while max(grey.shape) > WORKING_SIZE and min(grey.shape) >= MIN_PICTURE:
