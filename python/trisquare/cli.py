@@ -2,7 +2,7 @@
 
 Exit codes: 0 done; 2 usage, bad argument or unwritable output; 3 nothing found, or not enough of
 it; 4 the geometry does not determine the camera, or no convergence; 5 unreadable picture. Every
-error is one line on standard error, and no file is written then.
+error is one line on standard error, and no file is written then but what `--debug-image` asks for.
 """
 
 from __future__ import annotations
@@ -32,12 +32,17 @@ from trisquare.errors import (
     ImageError,
     NotEnoughDataError,
     NotEnoughPlanesError,
+    TrisquareError,
 )
 from trisquare.files import PathLike, check_writable, encode_image, read_image, write_atomically
+from trisquare.findings import Place, draw_findings
 from trisquare.overlay import draw_overlay
 from trisquare.predict_command import predict_command
+from trisquare.rejected import Rejected
 from trisquare.result import Calibration
 from trisquare.tables import calibration_report, comparison_report
+from trisquare.targets import Targets
+from trisquare.what_was_found import explain
 
 USAGE_EXIT = 2
 INTERRUPTED_EXIT = 130  # what shells report for a process ended by Ctrl-C
@@ -130,6 +135,14 @@ def calibrate_command(
             "stands for FILE-1.png, FILE-2.png, ...",
         ),
     ] = None,
+    debug_image: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Draw what was found, and in another colour what was not used and why; also when "
+            "the calibration fails. Several photographs as for --overlay.",
+        ),
+    ] = None,
     model: Annotated[
         str,
         typer.Option(
@@ -168,10 +181,14 @@ def calibrate_command(
     """Calibrate a camera from its photographs."""
     if diagnose and json:
         raise ValueError("--diagnose adds to the tables, which --json replaces: give one of them")
-    overlays = _overlay_paths(overlay, len(photos))
-    _check_outputs(photos, output, overlays)
+    overlays = _numbered_paths(overlay, len(photos))
+    debug_images = _numbered_paths(debug_image, len(photos))
+    _check_outputs(photos, output, [*overlays, *debug_images])
     tone_curve = _tone(tone)
-    with _progress(len(photos)) as progress:
+    with (
+        _drawn_on_failure(photos, debug_images, targets),
+        _progress(len(photos)) as progress,
+    ):
         calibration = calibrate(
             photos[0] if len(photos) == 1 else photos,
             method=method,
@@ -181,7 +198,7 @@ def calibrate_command(
             targets=targets,
             progress=progress,
         )
-    contents: dict[PathLike, bytes] = {}
+    contents = _findings(photos, debug_images, targets, calibration.planes, calibration.rejected)
     for index, (photo, path) in enumerate(zip(photos, overlays, strict=False)):
         contents[path] = _overlay(calibration, photo, index, path, targets, tone_curve)
     if output is not None:
@@ -210,26 +227,24 @@ def demo_command(
     Console().print(report, soft_wrap=True)
 
 
-def _overlay_paths(overlay: Path | None, photos: int) -> list[Path]:
-    if overlay is None:
+def _numbered_paths(path: Path | None, photos: int) -> list[Path]:
+    """One path for each photograph: FILE.png itself, or FILE-1.png, FILE-2.png, ..."""
+    if path is None:
         return []
     if photos == 1:
-        return [overlay]
-    return [
-        overlay.with_name(f"{overlay.stem}-{number}{overlay.suffix}")
-        for number in range(1, photos + 1)
-    ]
+        return [path]
+    return [path.with_name(f"{path.stem}-{number}{path.suffix}") for number in range(1, photos + 1)]
 
 
-def _check_outputs(photos: Sequence[Path], output: Path | None, overlays: Sequence[Path]) -> None:
+def _check_outputs(photos: Sequence[Path], output: Path | None, drawings: Sequence[Path]) -> None:
     """Refuse outputs that cannot be written before anything is computed."""
     taken = {os.path.realpath(photo) for photo in photos}
-    for path in (*overlays, *([] if output is None else [output])):
+    for path in (*drawings, *([] if output is None else [output])):
         check_writable(path)
         if os.path.realpath(path) in taken:
             raise ValueError(f"{path}: would overwrite a photograph or another output")
         taken.add(os.path.realpath(path))
-    for path in overlays:
+    for path in drawings:
         if not cv2.haveImageWriter(str(path)):
             raise ValueError(f"{path}: no picture format has the extension {path.suffix!r}")
 
@@ -252,6 +267,43 @@ def _overlay(
     image = read_image(photo)
     edges = [replace(figure, image=index) for figure in detect(image, targets=targets, tone=tone)]
     return encode_image(draw_overlay(image, calibration, edges, index=index), path)
+
+
+@contextmanager
+def _drawn_on_failure(
+    photos: Sequence[Path], paths: Sequence[Path], targets: str
+) -> Iterator[None]:
+    """Write the debug pictures when what the photographs show is refused."""
+    try:
+        yield
+    except ImageError:
+        raise  # there was no picture to search
+    except TrisquareError as error:
+        write_atomically(_findings(photos, paths, targets, error.found, error.rejected))
+        raise
+
+
+def _findings(
+    photos: Sequence[Path],
+    paths: Sequence[Path],
+    targets: str,
+    found: Sequence[Place],
+    rejected: Sequence[Rejected],
+) -> dict[PathLike, bytes]:
+    """Draw what was found in each photograph that a path is given for."""
+    contents: dict[PathLike, bytes] = {}
+    for index, (photo, path) in enumerate(zip(photos, paths, strict=False)):
+        image = read_image(photo)
+        # An error knows of some pictures already what was passed over in them.
+        known = {candidate.corners.tobytes() for candidate in rejected if candidate.image == index}
+        passed_over = [
+            replace(candidate, image=index)
+            for candidate in explain(image, Targets.parse(targets))
+            if candidate.corners.tobytes() not in known
+        ]
+        drawn = draw_findings(image, found, [*rejected, *passed_over], index=index)
+        contents[path] = encode_image(drawn, path)
+    return contents
 
 
 @contextmanager

@@ -13,6 +13,9 @@ from rich.text import Text
 from trisquare.camera import Camera, camera_parameters
 from trisquare.result import Calibration, decimals_shown
 
+MOST_REJECTED = 10
+"""Lines on candidates that were not used: the results are to be read first."""
+
 
 def calibration_report(calibration: Calibration) -> RenderableType:
     """Lay out the parameters, the planes and the warnings."""
@@ -20,6 +23,7 @@ def calibration_report(calibration: Calibration) -> RenderableType:
         _parameter_table(calibration),
         _plane_table(calibration),
         _summary(calibration),
+        *_rejected(calibration),
         *_warnings(calibration),
     )
 
@@ -92,6 +96,19 @@ def _summary(calibration: Calibration) -> Text:
         f"method {calibration.method} ({calibration.stage}): rms {calibration.rms:.4f} px, "
         f"noise scale {calibration.noise_scale:.2f}"
     )
+
+
+def _rejected(calibration: Calibration) -> list[Text]:
+    """Lay out a line for each of the first candidates that were not used."""
+    lines = []
+    for candidate in calibration.rejected[:MOST_REJECTED]:
+        x, y = candidate.corners.mean(axis=0).tolist()
+        residual = "" if candidate.residual is None else f", {candidate.residual:.3g} px"
+        place = f"({x:.0f}, {y:.0f}) of image {candidate.image}"
+        lines.append(f"not used: {candidate.kind} around {place}: {candidate.reason}{residual}")
+    if len(calibration.rejected) > MOST_REJECTED:
+        lines.append(f"not used: {len(calibration.rejected) - MOST_REJECTED} more")
+    return [Text(line, style="dim") for line in lines]
 
 
 def _warnings(calibration: Calibration) -> list[Text]:
