@@ -26,6 +26,7 @@ BENCHMARKS = (
     "chess_triples",
     "inserted_squares",
     "robustness",
+    "real_scenes",
     "picture_time",
     "solve_time",
     "command_memory",

@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from .scene import Scene, Target, TrueCamera, sample_sides
+from .scene import Scene, SideSamples, Target, TrueCamera, sample_sides
 
 Array = npt.NDArray[np.float64]
 Change = Callable[[TrueCamera, Target, float], tuple[TrueCamera, Target]]
+InSight = Callable[[Array], npt.NDArray[np.bool_]]
 
 DISTORTION_NAMES = ("k1", "k2", "p1", "p2", "k3")
 # Central differences: relative to parameters near 1 this balances rounding and curvature at
@@ -50,6 +51,7 @@ def cramer_rao_bound(
     *,
     spacing: float = 1.0,
     free: Sequence[str] = ("fx", "fy", "cx", "cy", "k1", "k2"),
+    in_sight: InSight | None = None,
 ) -> dict[str, float]:
     """Smallest standard deviations that an unbiased calibration of this scene can have.
 
@@ -67,6 +69,9 @@ def cramer_rao_bound(
         Pixels of edge per offset.
     free : sequence of str
         Of ``fx fy cx cy k1 k2 p1 p2 k3``, and ``f`` for one scale common to fx and fy.
+    in_sight : callable, optional
+        Tells of pixels, shape (N, 2), which of them the picture shows; edges elsewhere, outside
+        the picture or hidden, do not count.
 
     Returns
     -------
@@ -86,7 +91,10 @@ def cramer_rao_bound(
     for target, count in zip(scene.targets, counts, strict=True):
         changes = shared + [_plane_change(i) for i in range(count)]
         columns = np.r_[: len(shared), first : first + count]
-        rows, weights = _offset_jacobian(scene.camera, target, changes, spacing)
+        sides = sample_sides(scene.camera, target, spacing)
+        rows, weights = _offset_jacobian(scene.camera, target, sides, changes, spacing)
+        if in_sight is not None:
+            weights = weights * in_sight(np.concatenate([side.image for side in sides]))
         information[np.ix_(columns, columns)] += (rows * weights[:, None]).T @ rows / sigma**2
         first += count
     return _standard_deviations(information, free)
@@ -106,10 +114,13 @@ def _standard_deviations(information: Array, names: Sequence[str]) -> dict[str, 
 
 
 def _offset_jacobian(
-    camera: TrueCamera, target: Target, changes: list[Change], spacing: float
+    camera: TrueCamera,
+    target: Target,
+    sides: list[SideSamples],
+    changes: list[Change],
+    spacing: float,
 ) -> tuple[Array, Array]:
     """Differentiate the edges' offsets by each change, shape (N, P); weights, shape (N,)."""
-    sides = sample_sides(camera, target, spacing)
     plane = np.concatenate([side.plane for side in sides])
     normal = np.concatenate([side.normal for side in sides])
     weights = np.concatenate(

@@ -118,7 +118,7 @@ def render(
         ground, ink = (light, dark) if target.dark else (dark, light)
         if on_sheets:
             ground *= 1.0 - _SHEET_TINT * rng.random()
-        if on_sheets or target.dark != scene.targets[0].dark:
+        if on_sheets or target.rim is not None or target.dark != scene.targets[0].dark:
             _paint(canvas, scene.camera, target, _sheet(target, rng), ground, blur, sheets)
         for sign, corners, bows in target.figure():
             patch = quadrilateral_coverage(scene.camera, target, corners, blur, bows)
@@ -133,7 +133,7 @@ def render(
     coded = encode_tone(canvas, tone)
     spread = sheets[..., None] if background is not None else 1.0
     coded += noise / WHITE * spread * rng.standard_normal(coded.shape)
-    return _quantise(coded, np.dtype(dtype), jpeg_quality)
+    return quantised(coded, np.dtype(dtype), jpeg_quality)
 
 
 def render_into(
@@ -201,8 +201,10 @@ def _ground(
 
 
 def _sheet(target: Target, rng: np.random.Generator) -> Array:
-    """Corners of a paper sheet round the target, plane units, with unequal rims."""
+    """Corners of a paper sheet round the target, plane units; rims that are drawn are unequal."""
     half = np.array(target.extent)
+    if target.rim is not None:
+        return rectangle(*(half + target.rim))
     unit = 2.0 * half.min()
     rims = unit * rng.uniform(*SHEET_RIM, size=4)
     corners = rectangle(*half)
@@ -246,8 +248,8 @@ def _illuminate(canvas: Array, rng: np.random.Generator, shading: float, colour:
     return canvas
 
 
-def _quantise(coded: Array, dtype: np.dtype[Any], jpeg_quality: int | None) -> Image:
-    """Turn coded values (0 to 1) into a picture of the given type."""
+def quantised(coded: Array, dtype: np.dtype[Any], jpeg_quality: int | None) -> Image:
+    """Turn coded values (0 to 1), shape (H, W, 1 or 3), into a picture of the given type."""
     if coded.shape[2] == 1:
         coded = coded[..., 0]
     if dtype == np.float32:

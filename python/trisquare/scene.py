@@ -159,6 +159,9 @@ class Target:
     bows : array_like, shape (4,)
         How far the middle of each side is bent outward, as paper that curls shows it, plane
         units. A frame's inner side bends less, as the square of its distance from the middle.
+    rim : float, optional
+        How far the paper reaches beyond the figure on every side, plane units; 0 for a board that
+        is cut along its cells. Where it is not given, `render` draws one if there is to be paper.
     """
 
     rotation: Array
@@ -170,6 +173,7 @@ class Target:
     cell_size: float = 1.0
     printed: Array | None = None
     bows: Array = field(default_factory=lambda: np.zeros(4))
+    rim: float | None = None
 
     def __post_init__(self) -> None:
         if self.printed is not None:
@@ -269,7 +273,7 @@ class SideSamples(NamedTuple):
 
 
 def sample_sides(camera: TrueCamera, target: Target, spacing: float) -> list[SideSamples]:
-    """Sample the sides of a figure's outlines, or a chessboard's grid lines, `spacing` pixels apart.
+    """Sample a figure's sides, or a chessboard's grid lines, `spacing` pixels apart.
 
     Each side is cut into equal pieces and sampled in their middles; a grid line runs between the
     outermost crossings.

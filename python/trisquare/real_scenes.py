@@ -1,0 +1,391 @@
+"""Scenes like those that people photograph: boards in corners, on boxes and anywhere, with truth.
+
+Three chessboards meet in the corner of a room or of a box, or hang free; some are seen at 70
+degrees, cut by the picture's border, or have an arm before them; squares may stand beside them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from .accuracy import cramer_rao_bound, pixel_sigma
+from .overlays import Overlay, polygon_mask
+from .render import WHITE, Image, quantised, render
+from .scene import Array, Scene, Target, TrueCamera, rectangle, sample_sides
+from .simulate import faces_camera, inside, random_camera, separated, tilted
+
+RealKind = Literal[
+    "room corner",
+    "touching boards",
+    "box",
+    "free boards",
+    "steep board",
+    "cut by the border",
+    "partly hidden",
+    "beside squares",
+]
+KINDS: tuple[RealKind, ...] = get_args(RealKind)
+
+CELLS = (4, 12)
+"""Cells of a board per direction."""
+
+CELL_PIXELS = (10.0, 40.0)
+"""A cell's side in the picture before foreshortening: where the boards meet, or in their middle."""
+
+STRONG_K1 = -0.2
+STRONG_SHARE = 0.5
+"""Half of the cameras have a barrel distortion beyond this."""
+
+CORNER_TILT = 22.0
+"""Degrees by which a corner may be turned from looking evenly into all three faces."""
+
+RIMS = (0.3, 1.0)
+"""Paper beyond the cells, in cells."""
+
+FREE_TILTS = (25.0, 50.0)
+STEEP_TILT = 70.0
+"""Degrees."""
+
+TILT_JITTER = 20.0
+"""Degrees; directions of tilt are spread evenly but for this."""
+
+FREE_PLACES = {
+    3: ((0.24, 0.3), (0.76, 0.3), (0.5, 0.72)),
+    4: ((0.25, 0.27), (0.75, 0.27), (0.25, 0.73), (0.75, 0.73)),
+}
+PLACE_JITTER = 0.03
+SQUARE_SIDES = (0.2, 0.3)
+"""Of the picture's height: a square that stands beside boards."""
+
+SHOWN = (0.6, 0.95)
+"""Share of all crossings that the border, or an arm, leaves in sight."""
+
+LEAST_SHOWN = 9
+"""Crossings that each board shows at least."""
+
+ARM_WIDTHS = (0.03, 0.09)
+"""Of the picture's width."""
+
+SKIN = np.array([0.45, 0.62, 1.0])
+SKIN_LIGHT = (0.1, 0.5)
+
+ANSWERABLE = 0.004
+"""Of the width: the bound of fx, cx and cy beyond which a scene is drawn again, since it is near
+where a calibration is rightly refused (3 % of f or 2 % of the width, four times over)."""
+
+BOUND_SPACING = 8.0
+"""Pixels of edge per sample of the bound; the sums are smooth."""
+
+BORDER_MARGIN = 2.0
+"""Pixels that a point in sight is away from the border."""
+
+MOST_DRAWS = 20_000
+"""Scenes are drawn by rejection; of some kinds one in a hundred is good."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RealPicture:
+    """A rendered photograph and its truth.
+
+    Attributes
+    ----------
+    picture : ndarray of uint8, shape (H, W) or (H, W, 3)
+    kind : str
+        One of `KINDS`.
+    scene : Scene
+    settings : dict
+        What `render` was given.
+    noise : float
+        Root mean square of what is wrong with the grey pixels along the edges: the sensor's noise,
+        of which the mean of three colours has less, and what JPEG does; grey levels.
+    """
+
+    picture: Image
+    kind: RealKind
+    scene: Scene
+    settings: dict[str, Any]
+    noise: float
+
+    def in_sight(self, points: Array) -> npt.NDArray[np.bool_]:
+        """Whether pixels, shape (N, 2), are in the picture and nothing lies over them."""
+        return _in_sight(self.scene.camera, self.settings["overlays"], points)
+
+    def bound(self) -> dict[str, float]:
+        """Smallest standard deviations of a calibration from what is in sight, with this noise."""
+        settings = self.settings
+        sigma = pixel_sigma(self.noise, settings["contrast"], settings["blur"])
+        return _bound(self.scene, sigma, settings["overlays"])
+
+
+def real_picture(
+    rng: np.random.Generator, kind: RealKind, image_size: tuple[int, int] = (1280, 960)
+) -> RealPicture:
+    """Draw a scene of a kind and photograph it as a phone might.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of everything.
+    kind : str
+        One of `KINDS`.
+    image_size : tuple of int
+        Width and height, pixels.
+
+    Returns
+    -------
+    RealPicture
+        JPEG of quality 60 to 95, blur 0.5 to 1.5 pixels, noise 1 to 5 and contrast 60 to 200 grey
+        levels, shading, clutter, sRGB.
+    """
+    settings = _settings(rng)
+    sigma = pixel_sigma(settings["noise"], settings["contrast"], settings["blur"])
+    for _ in range(MOST_DRAWS):
+        scene = _scene(rng, kind, _camera(rng, image_size))
+        if scene is None:
+            continue
+        arms = _arms(rng, scene, settings) if kind == "partly hidden" else []
+        hidden = kind in ("cut by the border", "partly hidden")
+        if (hidden and not _partly_shown(scene, arms)) or not _answerable(scene, sigma, arms):
+            continue
+        settings["overlays"] = arms
+        picture, noise = _photograph(rng, scene, settings)
+        return RealPicture(picture, kind, scene, settings, noise)
+    raise ValueError(f"no scene of the kind {kind!r} fits")
+
+
+def _photograph(
+    rng: np.random.Generator, scene: Scene, settings: dict[str, Any]
+) -> tuple[Image, float]:
+    """Render a scene, and tell how wrong the grey pixels along its edges are, in grey levels."""
+    ideal = render(
+        scene, rng, **{**settings, "noise": 0.0, "jpeg_quality": None, "dtype": np.float32}
+    )
+    coded = ideal.reshape(*ideal.shape[:2], -1).astype(np.float64)
+    coded += settings["noise"] / WHITE * rng.standard_normal(coded.shape)
+    picture = quantised(coded, np.dtype(np.uint8), settings["jpeg_quality"])
+    wrong = _grey(picture.astype(np.float32)) - WHITE * _grey(ideal)
+    points = np.concatenate(
+        [
+            side.image + step * side.normal
+            for target in scene.targets
+            for side in sample_sides(scene.camera, target, 2.0)
+            for step in (-1.0, 1.0)
+        ]
+    )
+    points = points[_in_sight(scene.camera, settings["overlays"], points)]
+    x, y = np.rint(points).astype(int).T
+    return picture, float(np.sqrt(np.mean(wrong[y, x] ** 2)))
+
+
+def _grey(picture: Image) -> Image:
+    return picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+
+
+def _settings(rng: np.random.Generator) -> dict[str, Any]:
+    """Draw how the picture is taken."""
+    return {
+        "noise": rng.uniform(1.0, 5.0),
+        "blur": rng.uniform(0.5, 1.5),
+        "contrast": rng.uniform(60.0, 200.0),
+        "tone": "srgb",
+        "colour": bool(rng.random() < 0.5),
+        "shading": rng.uniform(0.0, 0.4),
+        "clutter": int(rng.integers(20, 80)),
+        "jpeg_quality": int(rng.integers(60, 96)),
+        "overlays": [],
+    }
+
+
+def _camera(rng: np.random.Generator, image_size: tuple[int, int]) -> TrueCamera:
+    strong = rng.random() < STRONG_SHARE
+    while True:
+        camera = random_camera(rng, image_size)
+        if not strong or camera.distortion[0] < STRONG_K1:
+            return camera
+
+
+def _scene(rng: np.random.Generator, kind: RealKind, camera: TrueCamera) -> Scene | None:
+    """Draw the targets of a scene; None if they do not go together."""
+    if kind in ("free boards", "steep board"):
+        return _free(rng, camera, boards=3, squares=0, steep=kind == "steep board")
+    if kind == "beside squares":
+        return _free(rng, camera, boards=2, squares=2)
+    if kind == "partly hidden" and rng.random() < 0.5:
+        return _free(rng, camera, boards=3, squares=0)
+    return _corner(
+        rng,
+        camera,
+        convex=kind == "box" or (kind == "cut by the border" and rng.random() < 0.5),
+        rim=0.0 if kind == "touching boards" else rng.uniform(*RIMS),
+        whole=kind != "cut by the border",
+    )
+
+
+def _corner(
+    rng: np.random.Generator, camera: TrueCamera, *, convex: bool, rim: float, whole: bool
+) -> Scene | None:
+    """Three boards on the faces of a room's corner or a box's, their sheets touching."""
+    cells = rng.integers(CELLS[0], CELLS[1] + 1, 3)
+    depth = camera.fx / rng.uniform(*CELL_PIXELS)  # in cells
+    pixel = rng.uniform(0.3, 0.7, 2) * camera.image_size
+    apex = np.append(camera.undistort(pixel[None])[0], 1.0) * depth
+    # Edges that make equal angles with the line of sight, away from the camera on a box.
+    turns = rng.uniform(0.0, 360.0) + np.array([0.0, 120.0, 240.0])
+    across, along = np.sqrt(2.0 / 3.0), np.sqrt(1.0 / 3.0) * (1.0 if convex else -1.0)
+    even = np.stack(
+        [
+            across * np.cos(np.deg2rad(turns)),
+            across * np.sin(np.deg2rad(turns)),
+            np.full(3, along),
+        ]
+    )
+    turned = tilted(rng.uniform(0.0, CORNER_TILT), rng.uniform(0.0, 360.0), 0.0)
+    edges = turned @ even
+    targets = []
+    for i, j in ((0, 1), (1, 2), (2, 0)):
+        centre = apex + (rim + 0.5 * cells[i]) * edges[:, i] + (rim + 0.5 * cells[j]) * edges[:, j]
+        if np.cross(edges[:, i], edges[:, j]) @ centre < 0.0:
+            i, j = j, i  # seen from the front
+        normal = np.cross(edges[:, i], edges[:, j])
+        rotation = np.column_stack([edges[:, i], edges[:, j], normal])
+        if not faces_camera(rotation, centre):
+            return None
+        corners = (int(cells[i]) - 1, int(cells[j]) - 1)
+        board = Target(rotation, centre, "chessboard", inner_corners=corners, rim=rim)
+        if not (inside(camera, board) if whole else _seen_unfolded(camera, board)):
+            return None
+        targets.append(board)
+    return Scene(camera, tuple(targets))
+
+
+def _free(
+    rng: np.random.Generator, camera: TrueCamera, *, boards: int, squares: int, steep: bool = False
+) -> Scene | None:
+    """Boards and squares that stand apart from each other."""
+    count = boards + squares
+    first = rng.uniform(0.0, 360.0)
+    order = rng.permutation(count)
+    targets: list[Target] = []
+    for number, place in enumerate(FREE_PLACES[count]):
+        pixel = (place + rng.normal(0.0, PLACE_JITTER, 2)) * camera.image_size
+        ray = np.append(camera.undistort(pixel[None])[0], 1.0)
+        tilt = STEEP_TILT if steep and order[number] == 0 else rng.uniform(*FREE_TILTS)
+        jitter = rng.uniform(-TILT_JITTER, TILT_JITTER)
+        rotation = tilted(tilt, first + 360.0 * number / count + jitter, rng.uniform(0.0, 360.0))
+        if order[number] < boards:
+            columns, rows = rng.integers(CELLS[0], CELLS[1] + 1, 2).tolist()
+            cell = rng.uniform(*CELL_PIXELS)
+            target = _facing(
+                rotation,
+                ray * camera.fx / cell,
+                kind="chessboard",
+                inner_corners=(columns - 1, rows - 1),
+                rim=float(rng.uniform(*RIMS)),
+            )
+        else:
+            side = camera.image_size[1] * rng.uniform(*SQUARE_SIDES)
+            target = _facing(rotation, ray * camera.fx / side)
+        if target is None or not inside(camera, target):
+            return None
+        targets.append(target)
+    return None if _overlap(targets) else Scene(camera, tuple(targets))
+
+
+def _facing(rotation: Array, centre: Array, **options: Any) -> Target | None:
+    return Target(rotation, centre, **options) if faces_camera(rotation, centre) else None
+
+
+def _seen_unfolded(camera: TrueCamera, target: Target) -> bool:
+    """Whether a board that may leave the picture is before the camera and within its lens."""
+    fractions = np.linspace(-1.0, 1.0, 9)
+    u, v = (grid.ravel() for grid in np.meshgrid(fractions, fractions))
+    points = target.to_camera(np.stack([u, v], axis=1) * (np.array(target.extent) + target.rim))
+    if np.any(points[:, 2] <= 0.0):
+        return False
+    normalised = points[:, :2] / points[:, 2:]
+    k1, k2, _, _, k3 = camera.distortion
+    r2 = np.sum(normalised**2, axis=1)
+    return bool(np.all(1.0 + r2 * (3.0 * k1 + r2 * (5.0 * k2 + r2 * 7.0 * k3)) > 0.2))
+
+
+def _overlap(targets: list[Target]) -> bool:
+    """Whether the sheets of two targets meet in the picture."""
+    quads = []
+    for target in targets:
+        rim = 0.15 if target.rim is None else target.rim
+        points = target.to_camera(rectangle(*(np.array(target.extent) + rim)))
+        if np.any(points[:, 2] <= 0.0):
+            return True
+        quads.append(points[:, :2] / points[:, 2:])
+    return any(
+        not separated(quads[i], quads[j]) and not separated(quads[j], quads[i])
+        for i in range(len(quads))
+        for j in range(i)
+    )
+
+
+def _arms(rng: np.random.Generator, scene: Scene, settings: dict[str, Any]) -> list[Overlay]:
+    """One or two arms that reach from beyond the border over a board."""
+    size = scene.camera.image_size
+    arms = []
+    for _ in range(int(rng.integers(1, 3))):
+        target = int(rng.integers(len(scene.targets)))
+        crossings = scene.image_points(target, scene.targets[target].board_corners())
+        tip = crossings[rng.integers(len(crossings))]
+        away = tip - 0.5 * np.array(size) + rng.normal(0.0, 0.1 * size[0], 2)
+        away /= np.hypot(*away)
+        half = 0.5 * size[0] * rng.uniform(*ARM_WIDTHS)
+        angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 25)[:, None]
+        across = np.array([-away[1], away[0]])
+        round_tip = tip + half * (np.sin(angle) * across - np.cos(angle) * away)
+        reach = 2.0 * max(size) * away
+        outline = np.concatenate([round_tip, [round_tip[-1] + reach, round_tip[0] + reach]])
+        light = rng.uniform(*SKIN_LIGHT) * (SKIN if settings["colour"] else np.array([SKIN.mean()]))
+        arms.append(Overlay(polygon_mask(outline, size, settings["blur"]), 1.0, light))
+    return arms
+
+
+def _in_sight(camera: TrueCamera, overlays: list[Overlay], points: Array) -> npt.NDArray[np.bool_]:
+    low, high = BORDER_MARGIN, np.array(camera.image_size) - 1.0 - BORDER_MARGIN
+    seen = np.all((points > low) & (points < high), axis=1)
+    x, y = np.rint(points[seen]).astype(int).T
+    for overlay in overlays:
+        covered = np.zeros(len(points), bool)
+        covered[np.flatnonzero(seen)] = overlay.mask[y, x] > 0.0
+        seen &= ~covered
+        x, y = np.rint(points[seen]).astype(int).T
+    return np.asarray(seen)
+
+
+def _partly_shown(scene: Scene, overlays: list[Overlay]) -> bool:
+    """Whether of all crossings some are out of sight, but each board shows enough."""
+    shown = []
+    for number, target in enumerate(scene.targets):
+        crossings = scene.image_points(number, target.board_corners())
+        shown.append(_in_sight(scene.camera, overlays, crossings))
+    share = float(np.concatenate(shown).mean())
+    return SHOWN[0] <= share <= SHOWN[1] and min(part.sum() for part in shown) >= LEAST_SHOWN
+
+
+def _bound(scene: Scene, sigma: float, overlays: list[Overlay]) -> dict[str, float]:
+    return cramer_rao_bound(
+        scene,
+        sigma / np.sqrt(BOUND_SPACING),
+        spacing=BOUND_SPACING,
+        in_sight=lambda points: _in_sight(scene.camera, overlays, points),
+    )
+
+
+def _answerable(scene: Scene, sigma: float, overlays: list[Overlay]) -> bool:
+    """Whether what is in sight determines the camera well enough to be answered."""
+    try:
+        bound = _bound(scene, sigma, overlays)
+    except ValueError:
+        return False
+    width = scene.camera.image_size[0]
+    return max(bound[name] for name in ("fx", "cx", "cy")) < ANSWERABLE * width
