@@ -127,7 +127,7 @@ def calibrate(
         if progress is not None:
             progress(index + 1, len(sources))
     if not figures:
-        raise DetectionError(nothing_found(wanted))
+        raise DetectionError(nothing_found(wanted, rejected))
     if len(curves) > 1:
         raise ValueError("pictures of different depth need one stated tone curve")
     assert size is not None  # there is at least one picture

@@ -37,6 +37,7 @@ from trisquare.files import PathLike, check_writable, encode_image, read_image, 
 from trisquare.overlay import draw_overlay
 from trisquare.predict_command import predict_command
 from trisquare.result import Calibration
+from trisquare.sheet_layout import parse_layout
 from trisquare.tables import calibration_report, comparison_report
 
 USAGE_EXIT = 2
@@ -158,8 +159,20 @@ def calibrate_command(
     ] = None,
     targets: Annotated[
         str,
-        typer.Option(metavar="TARGETS", help="auto, squares, or chessboard:9x6 (inner corners)."),
+        typer.Option(
+            metavar="TARGETS",
+            help="auto, squares, tags, aruco, apriltag, or chessboard:9x6 (inner corners).",
+        ),
     ] = "auto",
+    board: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LAYOUT",
+            help="Sheets of markers of a known layout: charuco:10x10:0.75 (squares across and "
+            "down, marker over square), aruco:5x7:0.2 or apriltag:6x6:0.3 (gap over marker), "
+            "or FILE.json.",
+        ),
+    ] = None,
     diagnose: Annotated[
         bool,
         typer.Option("--diagnose", help="Say what limits each number, and what would help."),
@@ -170,6 +183,8 @@ def calibrate_command(
         raise ValueError("--diagnose adds to the tables, which --json replaces: give one of them")
     overlays = _overlay_paths(overlay, len(photos))
     _check_outputs(photos, output, overlays)
+    if board is not None:
+        targets = _targets_of_board(board, targets)
     tone_curve = _tone(tone)
     with _progress(len(photos)) as progress:
         calibration = calibrate(
@@ -232,6 +247,14 @@ def _check_outputs(photos: Sequence[Path], output: Path | None, overlays: Sequen
     for path in overlays:
         if not cv2.haveImageWriter(str(path)):
             raise ValueError(f"{path}: no picture format has the extension {path.suffix!r}")
+
+
+def _targets_of_board(board: str, targets: str) -> str:
+    """Return the targets that a board is; in Python they are one argument."""
+    if targets != "auto":
+        raise ValueError("--board and --targets both say what to look for: give one of them")
+    parse_layout(board)
+    return board
 
 
 def _tone(text: str | None) -> str | float | None:

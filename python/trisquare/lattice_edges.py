@@ -40,6 +40,17 @@ class FoundLattice:
         paths = [path for _, chain in _chains(lattice) for path in chain]
         return cls(lattice, tuple(_rises(grey, np.array(paths).reshape(-1, 2, 2))))
 
+    @classmethod
+    def with_corner(cls, lattice: Lattice, dark_corner: bool) -> FoundLattice:
+        """Know which cells are light from the colour of the whole board's first cell."""
+        rises = []
+        for direction, r, c in (key for chain in _chain_keys(lattice) for key in chain):
+            # The cell on the right-hand normal's side: below, or on the left.
+            row, col = (r + 1, c + 1) if direction == "along" else (r + 1, c)
+            dark = ((row + col) % 2 == 0) == dark_corner
+            rises.append(-1.0 if dark else 1.0)
+        return cls(lattice, tuple(rises))
+
     @property
     def kind(self) -> str:
         """Return ``"chessboard"``."""
