@@ -84,6 +84,12 @@ class FoundLattice:
 
     def figures(self, measured: Sequence[Samples | str], plane: int) -> list[PlaneEdges]:
         """One figure of all grid lines that were measured."""
+        return self.figures_and_shift(measured, plane)[0]
+
+    def figures_and_shift(
+        self, measured: Sequence[Samples | str], plane: int
+    ) -> tuple[list[PlaneEdges], float]:
+        """Return the figures, and by how much edges were shifted toward the light, pixels."""
         rows, cols = self.lattice.present.shape
         models = [(0.0, 1.0, (rows - 1) / 2 - r) for r in range(rows)]
         models += [(1.0, 0.0, (cols - 1) / 2 - c) for c in range(cols)]
@@ -95,7 +101,7 @@ class FoundLattice:
                 lines.append(model)
                 joined.append(samples)
         if len(lines) < LEAST_LINES:
-            return []
+            return [], 0.0
         # The board's own zigzag tells the shift that a tone curve leaves, far better than profiles
         # do: there is no drift to account for.
         shift = shift_toward_light(joined)
@@ -106,7 +112,7 @@ class FoundLattice:
             plane=plane,
             kind=self.kind,
         )
-        return [board]
+        return [board], shift
 
 
 Key = tuple[str, int, int]

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trisquare.checked import FloatArray
+from trisquare.edge_shift import without_shift
 from trisquare.edges import PlaneEdges
 from trisquare.lattice_edges import FoundLattice
 from trisquare.outlines import Lattice
@@ -77,17 +78,21 @@ class FoundSheet:
         """One figure of the grid lines and one for each marker, all in sheet coordinates."""
         grid = len(measured) - 4 * len(self.corners)
         figures: list[PlaneEdges] = []
+        shift = 0.0
         if self.lattice is not None:
-            figures += self.lattice.figures(measured[:grid], plane)
+            figures, shift = self.lattice.figures_and_shift(measured[:grid], plane)
         for index, model in enumerate(self.model):
             own = measured[grid + 4 * index : grid + 4 * index + 4]
             samples = [side for side in own if not isinstance(side, str)]
             if len(samples) == 4:
-                figures.append(_marker_edges(model, samples, plane, self.kind))
+                figures.append(_marker_edges(model, samples, shift, plane, self.kind))
         return figures
 
 
-def _marker_edges(model: FloatArray, samples: list[Samples], plane: int, kind: str) -> PlaneEdges:
+def _marker_edges(
+    model: FloatArray, samples: list[Samples], shift: float, plane: int, kind: str
+) -> PlaneEdges:
+    """Edges of one marker, less what the board's zigzag says of their shift toward the light."""
     along = np.roll(model, -1, axis=0) - model
     inward = np.stack([-along[:, 1], along[:, 0]], axis=1)
     inward /= np.linalg.norm(inward, axis=1, keepdims=True)
@@ -95,7 +100,7 @@ def _marker_edges(model: FloatArray, samples: list[Samples], plane: int, kind: s
     drift = tuple(drift for _, _, drift in samples if drift is not None)
     return PlaneEdges(
         np.column_stack([inward, offsets]),
-        tuple(points for points, _, _ in samples),
+        tuple(without_shift(points, -np.ones(len(points)), shift) for points, _, _ in samples),
         tuple(std for _, std, _ in samples),
         polarity=1,
         plane=plane,
