@@ -92,7 +92,7 @@ def planes_of(calibration: Calibration) -> tuple[Standing, ...]:
 
 def _outlines(camera: Camera, plane: Plane) -> tuple[FloatArray, ...]:
     """Outlines on a plane: of a lattice, the rectangle between its outermost corners."""
-    if plane.kind in ("square", "frame"):
+    if plane.kind in ("square", "tag", "frame"):
         return tuple(outlines_of(plane))
     to_plane = np.linalg.inv(np.column_stack([plane.rotation[:, :2], plane.translation]))
     corners = []
@@ -141,7 +141,7 @@ def alternatives_of(
                 "the squares are few",
                 changed((*planes, further)),
             )
-    if all(plane.kind == "square" for plane in calibration.planes):
+    if all(plane.kind in ("square", "tag") for plane in calibration.planes):
         frame = tuple(outlines_of(_Frame()))
         frames = tuple(Standing(p.rotation, p.translation, frame) for p in planes)
         yield Alternative("frames instead of solid squares", "", changed(frames))

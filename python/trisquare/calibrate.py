@@ -131,7 +131,7 @@ def calibrate(
             progress(index + 1, len(sources))
     with told_on_failure(figures, rejected, sources, wanted):
         if not figures:
-            raise DetectionError(nothing_found(wanted))
+            raise DetectionError(nothing_found(wanted, rejected))
         if len(curves) > 1:
             raise ValueError("pictures of different depth need one stated tone curve")
         assert size is not None  # there is at least one picture

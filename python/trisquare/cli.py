@@ -40,6 +40,7 @@ from trisquare.overlay import draw_overlay
 from trisquare.predict_command import predict_command
 from trisquare.rejected import Rejected
 from trisquare.result import Calibration
+from trisquare.sheet_layout import parse_layout
 from trisquare.tables import calibration_report, comparison_report
 from trisquare.targets import Targets
 from trisquare.what_was_found import explain
@@ -171,8 +172,20 @@ def calibrate_command(
     ] = None,
     targets: Annotated[
         str,
-        typer.Option(metavar="TARGETS", help="auto, squares, or chessboard:9x6 (inner corners)."),
+        typer.Option(
+            metavar="TARGETS",
+            help="auto, squares, tags, aruco, apriltag, or chessboard:9x6 (inner corners).",
+        ),
     ] = "auto",
+    board: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LAYOUT",
+            help="Sheets of markers of a known layout: charuco:10x10:0.75 (squares across and "
+            "down, marker over square), aruco:5x7:0.2 or apriltag:6x6:0.3 (gap over marker), "
+            "or FILE.json.",
+        ),
+    ] = None,
     diagnose: Annotated[
         bool,
         typer.Option("--diagnose", help="Say what limits each number, and what would help."),
@@ -184,6 +197,8 @@ def calibrate_command(
     overlays = _numbered_paths(overlay, len(photos))
     debug_images = _numbered_paths(debug_image, len(photos))
     _check_outputs(photos, output, [*overlays, *debug_images])
+    if board is not None:
+        targets = _targets_of_board(board, targets)
     tone_curve = _tone(tone)
     with (
         _drawn_on_failure(photos, debug_images, targets),
@@ -247,6 +262,14 @@ def _check_outputs(photos: Sequence[Path], output: Path | None, drawings: Sequen
     for path in drawings:
         if not cv2.haveImageWriter(str(path)):
             raise ValueError(f"{path}: no picture format has the extension {path.suffix!r}")
+
+
+def _targets_of_board(board: str, targets: str) -> str:
+    """Return the targets that a board is; in Python they are one argument."""
+    if targets != "auto":
+        raise ValueError("--board and --targets both say what to look for: give one of them")
+    parse_layout(board)
+    return board
 
 
 def _tone(text: str | None) -> str | float | None:

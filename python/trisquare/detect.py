@@ -17,8 +17,20 @@ def detect(image: ImageSource, targets: str = "auto", tone: Tone = None) -> list
     image : path or ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
         Grey or BGR.
     targets : str
-        ``"auto"`` or ``"squares"``: dark squares on a lighter ground or the reverse, solid or
-        framed. ``"chessboard:9x6"``: one board of 9 x 6 inner corners.
+        - ``"squares"``: dark squares on a lighter ground or the reverse, solid or framed;
+        - ``"tags"``, ``"aruco"``, ``"apriltag"``: the black borders of tags of any dictionary, each
+          a square of its own; ``"tags:6X6_250"``: of that dictionary, without a doubt;
+        - ``"auto"``: both;
+        - ``"chessboard:9x6"``: one board of 9 x 6 inner corners;
+        - ``"charuco:10x10:0.75"``: ChArUco boards of 10 x 10 squares (across and down) with markers
+          of 0.75 of a square, each one plane; board f carries the numbers from f M to f M + M - 1,
+          M being the number of its markers;
+        - ``"aruco:5x7:0.2"`` or ``"apriltag:6x6:0.3"``: likewise sheets of 5 x 7 markers with gaps
+          of 0.2 of a marker's side, numbered row by row from the top, or the bottom as Kalibr does;
+        - each of these with a dictionary, as ``"charuco:10x10:0.75:6X6_1000"``, is faster;
+        - ``"layout.json"``: sheets of markers whose corners the file has by their numbers,
+          ``{"dictionary": "6X6_250", "sheets": [{"markers": {"7": [[0, 0], [1, 0], [1, 1], [0, 1]],
+          ...}}, ...]}``, x to the right and y down, clockwise from the top left of the code.
     tone : {"auto", "srgb", "linear"} or float, optional
         How light was coded into pixel values; a number is a gamma, and "auto" estimates the curve
         from the edges' profiles. By default sRGB for 8-bit pictures and linear for others.
@@ -43,7 +55,7 @@ def detect(image: ImageSource, targets: str = "auto", tone: Tone = None) -> list
     wanted = Targets.parse(targets)
     checked = checked_tone(tone)
     picture = load_picture(image)
-    found = measure(picture, _core.Picture(picture), wanted, tone_of(picture, checked)).figures
-    if not found:
-        raise DetectionError(nothing_found(wanted))
-    return found
+    found = measure(picture, _core.Picture(picture), wanted, tone_of(picture, checked))
+    if not found.figures:
+        raise DetectionError(nothing_found(wanted, found.rejected))
+    return found.figures

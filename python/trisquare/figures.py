@@ -2,11 +2,12 @@
 
 A figure stands alone on its ground: the ground surrounds it, beyond the corners too, where a
 cell of a chessboard meets the next dark cell. Inside, it is either uniform or has exactly one
-concentric square of the ground's kind.
+concentric square of the ground's kind; or it is a tag, whose inside is read by others.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -14,6 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trisquare.quads import FloatArray, Quads, sample
+from trisquare.tags import Tag
+
+TagReader = Callable[[NDArray[np.intp]], Sequence[Tag | None]]
+"""Tells which of the quads with these indices, dark and standing alone, are tags."""
 
 CLEARANCE = 2.0
 """Pixels from the outline at which the levels of figure and ground are told: most of the blur is
@@ -71,16 +76,21 @@ class Figure:
 
     outer: int
     inner: int | None
+    tag: Tag | None = None
 
 
-def find_figures(picture: NDArray[np.float32], quads: Quads) -> list[Figure]:
-    """Tell squares and frames from everything else that has four sides.
+def find_figures(
+    picture: NDArray[np.float32], quads: Quads, read_tags: TagReader | None = None
+) -> list[Figure]:
+    """Tell squares, frames and tags from everything else that has four sides.
 
     Parameters
     ----------
     picture : ndarray of float32, shape (H, W)
     quads : Quads
         Each outline once.
+    read_tags : callable, optional
+        Without it no tags are looked for.
     """
     if len(quads) == 0:
         return []
@@ -102,7 +112,14 @@ def find_figures(picture: NDArray[np.float32], quads: Quads) -> list[Figure]:
     ]
     inners = {frame.inner for frame in frames}
     solids = [Figure(i, None) for i in np.flatnonzero(solid).tolist() if i not in inners]
-    return _of_comparable_size(quads, _innermost(quads, areas, solids + frames))
+    tags: list[Figure] = []
+    if read_tags is not None:
+        candidates = np.flatnonzero(standing_alone & ~uniform & quads.dark_inside)
+        read = zip(candidates.tolist(), read_tags(candidates), strict=True)
+        tags = [Figure(i, None, tag) for i, tag in read if tag is not None]
+    # Cells of a tag are no squares of their own.
+    others = [f for f in solids + frames if not _within(quads, f, tags)]
+    return _of_comparable_size(quads, _innermost(quads, areas, tags, others))
 
 
 def why_no_figures(picture: NDArray[np.float32], quads: Quads) -> list[str]:
@@ -253,15 +270,22 @@ def _aligned(corners: FloatArray, reference: FloatArray) -> FloatArray:
     return np.roll(corners, alignment(corners, reference), axis=0)
 
 
-def _innermost(quads: Quads, areas: FloatArray, figures: list[Figure]) -> list[Figure]:
-    """Drop figures that hold another figure: a sheet of paper is no square of its own."""
-    kept: list[Figure] = []
+def _innermost(
+    quads: Quads, areas: FloatArray, tags: list[Figure], figures: list[Figure]
+) -> list[Figure]:
+    """Drop figures that hold a tag or another figure: a sheet of paper is no square of its own."""
+    kept = list(tags)
     for figure in sorted(figures, key=lambda figure: areas[figure.outer]):
-        polygon = quads.sides[figure.outer].reshape(-1, 2).astype(np.float32)
-        centres = (quads.corners[other.outer].mean(axis=0) for other in kept)
-        if all(cv2.pointPolygonTest(polygon, tuple(centre), False) < 0 for centre in centres):
+        if not any(_within(quads, other, [figure]) for other in kept):
             kept.append(figure)
     return kept
+
+
+def _within(quads: Quads, figure: Figure, others: Sequence[Figure]) -> bool:
+    """Whether a figure's centre lies in one of the others."""
+    centre = tuple(quads.corners[figure.outer].mean(axis=0))
+    outlines = (quads.sides[other.outer].reshape(-1, 2).astype(np.float32) for other in others)
+    return any(cv2.pointPolygonTest(outline, centre, False) >= 0 for outline in outlines)
 
 
 def _of_comparable_size(quads: Quads, figures: list[Figure]) -> list[Figure]:

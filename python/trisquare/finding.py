@@ -12,23 +12,29 @@ from trisquare.lattice_edges import FoundLattice
 from trisquare.lattices import find_lattices, region
 from trisquare.outlines import Lattice, find_chessboard, find_squares, grey_bytes
 from trisquare.pictures import Image
+from trisquare.rejected import Rejected
+from trisquare.sheet_search import find_sheets
 from trisquare.spans import Found
 from trisquare.square_edges import FoundSquare
 from trisquare.targets import Targets
 
 
-def find(picture: Image, targets: Targets) -> Sequence[Found]:
-    """Find the targets in a checked picture; the list may be empty."""
+def find(picture: Image, targets: Targets) -> Sequence[Found | Rejected]:
+    """Find the targets in a checked picture, and what is none after all; the list may be empty."""
     grey = grey_bytes(picture)
+    if targets.layout is not None:
+        return find_sheets(grey, targets.layout)
     if targets.board is not None:
         lattice = find_chessboard(grey, *targets.board)
         return [] if lattice is None else [FoundLattice.of(lattice, grey)]
     lattices = find_lattices(grey) if targets.lattices else []
-    squares = _squares_beside(grey, lattices)
+    squares = _squares_beside(grey, lattices, targets)
     return [FoundLattice.of(lattice, grey) for lattice in lattices] + squares
 
 
-def _squares_beside(grey: NDArray[np.uint8], lattices: Sequence[Lattice]) -> list[Found]:
+def _squares_beside(
+    grey: NDArray[np.uint8], lattices: Sequence[Lattice], targets: Targets
+) -> list[Found]:
     """Find squares that are no part of a lattice: neither its cells nor the sheet it is on."""
     regions = [region(lattice) for lattice in lattices]
     if regions:
@@ -39,8 +45,9 @@ def _squares_beside(grey: NDArray[np.uint8], lattices: Sequence[Lattice]) -> lis
         cv2.fillConvexPoly(grey, corners, level)
     return [
         FoundSquare(square)
-        for square in find_squares(grey)
-        if not any(_inside(polygon, square.outer.corners.mean(axis=0)) for polygon in regions)
+        for square in find_squares(grey, targets.tags)
+        if (targets.squares or square.tag)
+        and not any(_inside(polygon, square.outer.corners.mean(axis=0)) for polygon in regions)
     ]
 
 

@@ -40,6 +40,17 @@ class FoundLattice:
         paths = [path for _, chain in _chains(lattice) for path in chain]
         return cls(lattice, tuple(_rises(grey, np.array(paths).reshape(-1, 2, 2))))
 
+    @classmethod
+    def with_corner(cls, lattice: Lattice, dark_corner: bool) -> FoundLattice:
+        """Know which cells are light from the colour of the whole board's first cell."""
+        rises = []
+        for direction, r, c in (key for chain in _chain_keys(lattice) for key in chain):
+            # The cell on the right-hand normal's side: below, or on the left.
+            row, col = (r + 1, c + 1) if direction == "along" else (r + 1, c)
+            dark = ((row + col) % 2 == 0) == dark_corner
+            rises.append(-1.0 if dark else 1.0)
+        return cls(lattice, tuple(rises))
+
     @property
     def kind(self) -> str:
         """Return ``"chessboard"``."""
@@ -73,6 +84,12 @@ class FoundLattice:
 
     def figures(self, measured: Sequence[Samples | str], plane: int) -> list[PlaneEdges]:
         """One figure of all grid lines that were measured."""
+        return self.figures_and_shift(measured, plane)[0]
+
+    def figures_and_shift(
+        self, measured: Sequence[Samples | str], plane: int
+    ) -> tuple[list[PlaneEdges], float]:
+        """Return the figures, and by how much edges were shifted toward the light, pixels."""
         rows, cols = self.lattice.present.shape
         models = [(0.0, 1.0, (rows - 1) / 2 - r) for r in range(rows)]
         models += [(1.0, 0.0, (cols - 1) / 2 - c) for c in range(cols)]
@@ -84,7 +101,7 @@ class FoundLattice:
                 lines.append(model)
                 joined.append(samples)
         if len(lines) < LEAST_LINES:
-            return []
+            return [], 0.0
         # The board's own zigzag tells the shift that a tone curve leaves, far better than profiles
         # do: there is no drift to account for.
         shift = shift_toward_light(joined)
@@ -95,7 +112,7 @@ class FoundLattice:
             plane=plane,
             kind=self.kind,
         )
-        return [board]
+        return [board], shift
 
 
 Key = tuple[str, int, int]

@@ -26,7 +26,9 @@ def measure(
     picture: Image, core: _core.Picture, targets: Targets, tone: str | float
 ) -> Measurement:
     """Find the targets in a checked picture and measure them."""
-    found = find(picture, targets)
+    candidates = find(picture, targets)
+    rejected = [candidate for candidate in candidates if isinstance(candidate, Rejected)]
+    found = [candidate for candidate in candidates if not isinstance(candidate, Rejected)]
     spans: list[Span] = []
     ends = [0]
     for target in found:
@@ -34,7 +36,6 @@ def measure(
         ends.append(len(spans))
     measured, picture_tone = _localise(core, spans, tone)
     figures: list[PlaneEdges] = []
-    rejected = []
     for plane, target in enumerate(found):
         own = measured[ends[plane] : ends[plane + 1]]
         edges = target.figures(own, plane)

@@ -17,6 +17,8 @@ from trisquare.curved_sides import fit_sides
 from trisquare.figures import alignment, find_figures
 from trisquare.quads import RANGE_PERCENTILES, FloatArray, Quads, find_quads
 from trisquare.square_views import views_of_squares
+from trisquare.tag_names import TagSearch
+from trisquare.tags import Tag, recognise
 
 WORKING_SIZE = 1000
 """Longest side, in pixels, of the picture that is searched: larger ones are halved, which takes
@@ -47,10 +49,14 @@ class Outline:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SquareOutline:
-    """A solid square, or a frame with a second, inner outline numbered like the outer one."""
+    """A solid square, a frame with a second, inner outline numbered like the outer one, or a tag.
+
+    The corners of a tag begin at the top left of its code.
+    """
 
     outer: Outline
     inner: Outline | None
+    tag: Tag | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,33 +76,44 @@ class Lattice:
     present: NDArray[np.bool_]
 
 
-def find_squares(image: NDArray[np.generic]) -> list[SquareOutline]:
-    """Find dark squares on a lighter ground and light ones on a darker, solid or framed.
+def find_squares(
+    image: NDArray[np.generic], tag_search: TagSearch | None = None
+) -> list[SquareOutline]:
+    """Find dark squares on a lighter ground and light ones on a darker, solid or framed; and tags.
 
     Parameters
     ----------
     image : ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
         Grey or BGR.
+    tag_search : TagSearch, optional
+        Without it tags are not looked for.
 
     Returns
     -------
     list of SquareOutline
         From the largest to the smallest; empty if there is none.
     """
-    picture, scale = working_picture(grey_bytes(image))
+    grey = grey_bytes(image)
+    picture, scale = working_picture(grey)
     if min(picture.shape) < MIN_PICTURE:
         return []
     smooth = picture.astype(np.float32)
     quads = fit_sides(smooth, find_quads(picture, smooth))
     quads = views_of_squares(quads, image_size=(picture.shape[1], picture.shape[0]))
+
+    def read_tags(indices: NDArray[np.intp]) -> list[Tag | None]:
+        assert tag_search is not None
+        steps = quads.contrasts[indices].mean(axis=1)
+        return recognise(grey, scale * quads.corners[indices], steps, tag_search)
+
     squares = []
-    for figure in find_figures(smooth, quads):
-        outer = _outline(quads, figure.outer, 0, scale)
+    for figure in find_figures(smooth, quads, None if tag_search is None else read_tags):
+        outer = _outline(quads, figure.outer, figure.tag.turns if figure.tag else 0, scale)
         inner = None
         if figure.inner is not None:
             places = alignment(quads.corners[figure.inner], quads.corners[figure.outer])
             inner = _outline(quads, figure.inner, places, scale)
-        squares.append(SquareOutline(outer, inner))
+        squares.append(SquareOutline(outer, inner, figure.tag))
     return sorted(squares, key=lambda square: -_area(square.outer))
 
 

@@ -178,8 +178,8 @@ def outlines_of(plane: Any) -> list[FloatArray]:
     """
     inner = getattr(plane, "inner", None)
     kind = getattr(plane, "kind", "square" if inner is None else "frame")
-    if kind not in ("square", "frame"):
-        raise ValueError(f"a prediction needs squares or frames, not a {kind}")
-    if kind == "square":
+    if kind not in ("square", "tag", "frame"):
+        raise ValueError(f"a prediction needs squares, tags or frames, not a {kind}")
+    if kind != "frame":
         return [UNIT_SQUARE]
     return [UNIT_SQUARE, UNIT_SQUARE * (0.6 if inner is None else real_number(inner, "inner"))]

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
-Kind = Literal["square", "frame", "chessboard"]
+Kind = Literal["square", "frame", "chessboard", "tag", "charuco"]
 
 # Newton on the distortion converges quadratically; 1e-13 is what rounding leaves of a
 # normalised coordinate near 1, and a radius inside the monotonic range needs under 20 steps.
@@ -144,12 +144,13 @@ class Target:
     ----------
     rotation, translation : array_like, shapes (3, 3) and (3,)
         ``cam_from_plane``.
-    kind : {"square", "frame", "chessboard"}
-        Solid square, square with a square hole, or chessboard.
+    kind : {"square", "frame", "chessboard", "tag", "charuco"}
+        Solid square, square with a square hole, chessboard, square tag with a code, or chessboard
+        with markers in its light cells.
     dark : bool
         Dark figure on light ground, or the reverse.
     inner : float
-        Side of a frame's hole, in units of its outer side.
+        Side of a frame's hole, in units of its outer side; of a ChArUco board's markers, in cells.
     inner_corners : tuple of int
         Columns and rows of a chessboard's inner corners.
     cell_size : float
@@ -162,6 +163,9 @@ class Target:
     rim : float, optional
         How far the paper reaches beyond the figure on every side, plane units; 0 for a board that
         is cut along its cells. Where it is not given, `render` draws one if there is to be paper.
+    codes : array_like of bool, shape (M, n, n)
+        What is printed in a tag (M = 1), or in a ChArUco board's markers row by row: True is
+        white. A border of one dark cell comes round it.
     """
 
     rotation: Array
@@ -174,6 +178,7 @@ class Target:
     printed: Array | None = None
     bows: Array = field(default_factory=lambda: np.zeros(4))
     rim: float | None = None
+    codes: npt.NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 1, 1), bool))
 
     def __post_init__(self) -> None:
         if self.printed is not None:
@@ -192,9 +197,14 @@ class Target:
         return points @ self.rotation[:, :2].T + self.translation
 
     @property
+    def is_board(self) -> bool:
+        """Whether it has cells in rows and columns."""
+        return self.kind in ("chessboard", "charuco")
+
+    @property
     def extent(self) -> tuple[float, float]:
         """Half width and half height of the whole figure, plane units."""
-        if self.kind != "chessboard":
+        if not self.is_board:
             half_width, half_height = np.abs(self.outlines()[0]).max(axis=0).tolist()
             return half_width, half_height
         columns, rows = self.inner_corners
@@ -203,7 +213,7 @@ class Target:
     def outlines(self) -> list[Array]:
         """Outer and, for a frame, inner square: corners in plane units, each shape (4, 2)."""
         outer = rectangle(0.5, 0.5) if self.printed is None else np.array(self.printed)
-        if self.kind == "chessboard":
+        if self.is_board:
             outer = rectangle(*self.extent)
         return [outer, self.inner * outer] if self.kind == "frame" else [outer]
 
@@ -213,13 +223,16 @@ class Target:
 
     def figure(self) -> Iterator[tuple[float, Array, Array]]:
         """Yield signed convex quadrilaterals whose sum is the figure: corners (4, 2), bows (4,)."""
-        if self.kind == "chessboard":
-            columns, rows = self.inner_corners
+        if self.is_board:
             cell = rectangle(0.5 * self.cell_size, 0.5 * self.cell_size)
-            for row in range(rows + 1):
-                for column in range(row % 2, columns + 1, 2):
-                    centre = np.array([column - 0.5 * columns, row - 0.5 * rows])
-                    yield 1.0, cell + self.cell_size * centre, np.zeros(4)
+            for centre in self._cells(0):
+                yield 1.0, cell + self.cell_size * centre, np.zeros(4)
+            # As many markers as there are codes: the rest of the light cells stay empty.
+            for centre, code in zip(self._cells(1), self.codes, strict=False):
+                yield from _marker(code, self.cell_size * centre, self.inner * self.cell_size)
+            return
+        if self.kind == "tag":
+            yield from _marker(self.codes[0], np.zeros(2), 1.0)
             return
         yield from zip((1.0, -1.0), self.outlines(), self.outline_bows(), strict=False)
 
@@ -229,6 +242,13 @@ class Target:
         corners = self.board_corners().reshape(rows, columns, 2)
         yield from zip(corners[:, 0], corners[:, -1], strict=True)
         yield from zip(corners[0], corners[-1], strict=True)
+
+    def _cells(self, colour: int) -> Iterator[Array]:
+        """Middles of a board's dark (0) or light (1) cells, row by row, in cells."""
+        columns, rows = self.inner_corners
+        for row in range(rows + 1):
+            for column in range((row + colour) % 2, columns + 1, 2):
+                yield np.array([column - 0.5 * columns, row - 0.5 * rows])
 
     def board_corners(self) -> Array:
         """Inner corners of a chessboard, row by row, plane units, shape (columns * rows, 2)."""
@@ -261,6 +281,21 @@ def rectangle(half_width: float, half_height: float) -> Array:
     )
 
 
+def _marker(
+    code: npt.NDArray[np.bool_], centre: Array, side: float
+) -> Iterator[tuple[float, Array, Array]]:
+    """Yield a dark square of the given side and, taken out of it, the code's runs of white."""
+    yield 1.0, centre + side * rectangle(0.5, 0.5), np.zeros(4)
+    cells = len(code) + 2
+    cell = side / cells
+    for row, bits in enumerate(code.astype(np.int8)):
+        steps = np.diff(bits, prepend=0, append=0)
+        for start, end in zip(np.flatnonzero(steps > 0), np.flatnonzero(steps < 0), strict=True):
+            middle = np.array([0.5 * (start + end), row + 0.5]) + 1.0 - 0.5 * cells
+            white = rectangle(0.5 * cell * float(end - start), 0.5 * cell)
+            yield -1.0, centre + cell * middle + white, np.zeros(4)
+
+
 class SideSamples(NamedTuple):
     """Points spread evenly over the image of one side of a figure."""
 
@@ -280,6 +315,8 @@ def sample_sides(camera: TrueCamera, target: Target, spacing: float) -> list[Sid
     """
     if target.kind == "chessboard":
         sides = [(start, end, 0.0) for start, end in target.grid_lines()]
+    elif target.is_board:
+        raise ValueError("a board with markers has no outline to sample; use its corners")
     else:
         sides = [
             (outline[i], outline[(i + 1) % 4], float(bows[i]))

@@ -21,7 +21,9 @@ class FoundSquare:
 
     @property
     def kind(self) -> str:
-        """Return ``"square"`` or ``"frame"``."""
+        """Return ``"square"``, ``"frame"`` or ``"tag"``."""
+        if self.outline.tag is not None:
+            return "tag"
         return "square" if self.outline.inner is None else "frame"
 
     @property

@@ -65,9 +65,10 @@ def explain(picture: Image, targets: Targets) -> list[Rejected]:
     from trisquare.outlines import grey_bytes
     from trisquare.passed_over import passed_over
 
-    if targets.board is not None:
-        return []  # no squares were looked for
-    return passed_over(grey_bytes(picture), find(picture, targets))
+    if not targets.squares:
+        return []
+    found = [target for target in find(picture, targets) if not isinstance(target, Rejected)]
+    return passed_over(grey_bytes(picture), found)
 
 
 def _passed_over(

@@ -109,8 +109,15 @@ impl Homographies {
         let mut witnesses = Vec::with_capacity(planes.len());
         for plane in planes {
             let mut own = Vec::with_capacity(plane.figures.len());
-            for figure in &plane.figures {
-                let (homography, seen) = of_figure(figure, undistortion)?;
+            for (number, figure) in plane.figures.iter().enumerate() {
+                if number > 0 && figure.freedom == Freedom::Fixed {
+                    own.push(own[0]);
+                    continue;
+                }
+                let (homography, seen) = match number {
+                    0 => of_figure(&with_fixed(plane), undistortion)?,
+                    _ => of_figure(figure, undistortion)?,
+                };
                 if own.is_empty() {
                     witnesses.push(back_project(&homography, &seen).unwrap_or_default());
                 }
@@ -125,6 +132,18 @@ impl Homographies {
     pub fn of_planes(&self) -> Vec<Matrix3<f64>> {
         self.figures.iter().map(|figures| figures[0]).collect()
     }
+}
+
+/// A plane's first figure with the sides of those that are given in its coordinates: the first one
+/// alone may be a small part of the whole.
+fn with_fixed(plane: &ObservedPlane) -> Figure {
+    let mut first = plane.figures[0].clone();
+    for figure in &plane.figures[1..] {
+        if figure.freedom == Freedom::Fixed {
+            first.sides.extend(figure.sides.iter().cloned());
+        }
+    }
+    first
 }
 
 fn of_figure(

@@ -1,0 +1,91 @@
+"""The printed codes of ArUco and AprilTag dictionaries, and looking readings up in them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Bits = NDArray[np.bool_]
+
+LEAST_BITS_TO_CORRECT = 25
+"""One wrong bit is forgiven where codes have as many bits as this: those of 16 lie so close that
+chance would be believed five times as often."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Dictionary:
+    """The codes of one dictionary.
+
+    Attributes
+    ----------
+    name : str
+        One of `tag_names.DICTIONARIES`.
+    codes : ndarray of bool, shape (N, n, n)
+        By number; True is white; without the border.
+    """
+
+    name: str
+    codes: Bits
+
+    @property
+    def side(self) -> int:
+        """Cells along a code's side, `n`."""
+        return int(self.codes.shape[1])
+
+    @property
+    def correctable(self) -> int:
+        """Wrong bits that are forgiven."""
+        return int(self.side**2 >= LEAST_BITS_TO_CORRECT)
+
+    @property
+    def chance(self) -> float:
+        """Probability that random bits pass for one of the codes, whichever way they are turned."""
+        bits = self.side**2
+        words = sum(math.comb(bits, wrong) for wrong in range(self.correctable + 1))
+        return min(1.0, 4.0 * len(self.codes) * words / 2.0**bits)
+
+    def look_up(self, read: Bits) -> list[tuple[int, int] | None]:
+        """Find readings, shape (Q, n, n): number and how often the code was turned left, or None.
+
+        Turned left once, a code's top left corner is the reading's bottom left one.
+        """
+        signs = np.where(read.reshape(-1, self.side**2), 1.0, -1.0)
+        agreement = signs @ _turned_codes(self.name).T
+        best = agreement.argmax(axis=1)
+        wrong = (signs.shape[1] - agreement.max(axis=1, initial=-np.inf)) / 2.0
+        return [
+            (int(place) % len(self.codes), int(place) // len(self.codes))
+            if errors <= self.correctable
+            else None
+            for place, errors in zip(best, wrong, strict=True)
+        ]
+
+
+@cache
+def dictionary(name: str) -> Dictionary:
+    """Return a dictionary by its exact name."""
+    source = opencv_dictionary(name)
+    side = source.markerSize
+    bits_of = cv2.aruco.Dictionary.getBitsFromByteList
+    rows = (source.bytesList[row : row + 1] for row in range(len(source.bytesList)))
+    codes = np.array([bits_of(row, side) for row in rows]).astype(bool)
+    codes.flags.writeable = False
+    return Dictionary(name, codes)
+
+
+def opencv_dictionary(name: str) -> cv2.aruco.Dictionary:
+    """Return OpenCV's dictionary of that name."""
+    return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{name}"))
+
+
+@cache
+def _turned_codes(name: str) -> NDArray[np.float64]:
+    """Codes as +1 and -1 in the four ways they may be turned, shape (4 N, n * n)."""
+    codes = dictionary(name).codes
+    turned = np.concatenate([np.rot90(codes, turns, axes=(1, 2)) for turns in range(4)])
+    return np.where(turned.reshape(len(turned), -1), 1.0, -1.0)

@@ -1,0 +1,163 @@
+"""Seeded scenes of tags and of boxes with printed sheets, for `trisquare.simulate.render`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from .render import SHEET_RIM
+from .scene import Array, Scene, Target, TrueCamera, rectangle
+from .simulate import random_camera, tilted
+from .tag_codes import dictionary
+
+Codes = npt.NDArray[np.bool_]
+
+PLACES = np.array([[0.23, 0.3], [0.77, 0.3], [0.5, 0.72]])
+"""Of three tags, as fractions of the picture."""
+
+TAG_SIDES = (60.0, 250.0)  # pixels, before foreshortening
+TAG_TILTS = (25.0, 60.0)  # degrees
+TILT_DIRECTION_JITTER = 20.0  # degrees
+
+BOX_TILTS = (48.0, 62.0)
+"""Degrees between each face of a box and the picture: 54.7 when its corner points at the camera."""
+
+BOX_MARGIN = 0.08
+"""Of a face, between its sheet and the box's edges."""
+
+PICTURE_MARGIN = 12.0  # pixels
+MOST_DRAWS = 5000
+
+
+def tag_scene(
+    rng: np.random.Generator,
+    name: str = "6X6_250",
+    *,
+    sides: tuple[float, float] = TAG_SIDES,
+    camera: TrueCamera | None = None,
+) -> tuple[Scene, list[int]]:
+    """Draw three tags that stand alone, and their numbers.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of everything.
+    name : str
+        One of `trisquare.tag_names.DICTIONARIES`.
+    sides : tuple of float
+        Range of the tags' sides, pixels.
+    camera : TrueCamera, optional
+        The camera; drawn if not given.
+    """
+    camera = camera or random_camera(rng)
+    codes = dictionary(name).codes
+    numbers = rng.choice(len(codes), 3, replace=False).tolist()
+    first = rng.uniform(0.0, 360.0)
+    targets = []
+    for i, (place, number) in enumerate(zip(PLACES, numbers, strict=True)):
+        for _ in range(MOST_DRAWS):
+            direction = first + 120.0 * i + rng.uniform(-1.0, 1.0) * TILT_DIRECTION_JITTER
+            rotation = tilted(rng.uniform(*TAG_TILTS), direction, rng.uniform(0.0, 360.0))
+            centre = np.append(camera.undistort((place * camera.image_size)[None])[0], 1.0)
+            centre *= camera.fx / rng.uniform(*sides)
+            # Beyond 70 degrees from the line of sight little is left of the smallest.
+            if rotation[:, 2] @ centre > np.cos(np.deg2rad(70.0)) * np.linalg.norm(centre):
+                tag = Target(rotation, centre, "tag", codes=codes[[number]])
+                if _in_picture(camera, tag, 0.5 + SHEET_RIM[1]):
+                    targets.append(tag)
+                    break
+        else:
+            raise ValueError("no tag fits this camera's picture")
+    return Scene(camera, tuple(targets)), numbers
+
+
+def charuco_box_scene(
+    rng: np.random.Generator,
+    *,
+    squares: int = 8,
+    ratio: float = 0.75,
+    name: str = "6X6_1000",
+    camera: TrueCamera | None = None,
+) -> Scene:
+    """Draw a box's corner, each of its three faces covered by a square ChArUco board.
+
+    Board f carries the numbers from f M on, M being the number of its light cells.
+    """
+    codes = dictionary(name).codes
+    half = squares**2 // 2
+    for _ in range(MOST_DRAWS):
+        own = camera or random_camera(rng)
+        faces = [
+            _board(face, squares, ratio, codes[i * half : (i + 1) * half])
+            for i, face in enumerate(_box(rng, own))
+        ]
+        if all(_in_picture(own, face, 0.5 * squares) for face in faces):
+            return Scene(own, tuple(faces))
+    raise ValueError("no box fits this camera's picture")
+
+
+def tag_grid(board: Target, columns: int, rows: int, gap: float, codes: Codes) -> list[Target]:
+    """Tags in rows on a plane whose unit is a tag's side; `board` gives the pose."""
+    targets = []
+    for i, code in enumerate(codes[: columns * rows]):
+        row, column = divmod(i, columns)
+        offset = (1.0 + gap) * np.array([column - 0.5 * (columns - 1), row - 0.5 * (rows - 1)])
+        place = board.to_camera(offset[None])[0]
+        targets.append(Target(board.rotation, place, "tag", codes=code[None]))
+    return targets
+
+
+def _box(rng: np.random.Generator, camera: TrueCamera) -> list[Target]:
+    """Three faces that meet in a corner which points about at the camera, with unit sides."""
+    width, height = camera.image_size
+    while True:
+        turned = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+        inward = turned * np.where(turned[2] >= 0.0, 1.0, -1.0)  # columns: into the box
+        tilts = np.degrees(np.arccos(inward[2]))
+        if np.all((tilts > BOX_TILTS[0]) & (tilts < BOX_TILTS[1])):
+            break
+    pixel = rng.uniform(0.42, 0.58, 2) * [width, height]
+    depth = camera.fx / (height * rng.uniform(0.4, 0.52))
+    corner = np.append(camera.undistort(pixel[None])[0], 1.0) * depth
+    faces = []
+    for i in range(3):
+        normal, first, second = inward[:, i], inward[:, i - 2], inward[:, i - 1]
+        if np.linalg.det(np.column_stack([first, second, normal])) < 0.0:
+            first, second = second, first
+        centre = corner + 0.5 * (first + second)
+        faces.append(Target(np.column_stack([first, second, normal]), centre))
+    return faces
+
+
+def _board(face: Target, squares: int, ratio: float, codes: Codes) -> Target:
+    """Lay a ChArUco board over a face of unit side; its own unit is a cell."""
+    cell = (1.0 - 2.0 * BOX_MARGIN) / squares
+    return replace(
+        face,
+        translation=face.translation / cell,
+        kind="charuco",
+        inner=ratio,
+        inner_corners=(squares - 1, squares - 1),
+        codes=codes,
+    )
+
+
+def _in_picture(camera: TrueCamera, target: Target, half: float) -> bool:
+    """Whether a square of the target's plane stays clear of the picture's border."""
+    corners = rectangle(half, half)
+    fraction = np.linspace(0.0, 1.0, 9)[:, None, None]
+    outline = (corners + fraction * (np.roll(corners, -1, axis=0) - corners)).reshape(-1, 2)
+    points: Array = target.to_camera(outline)
+    if np.any(points[:, 2] <= 0.0):
+        return False
+    pixels = camera.project(points)
+    try:
+        seen = camera.undistort(pixels)
+    except ValueError:
+        return False
+    # A point beyond the distortion's fold would come back elsewhere.
+    same = np.allclose(seen, points[:, :2] / points[:, 2:], atol=1e-6)
+    low, high = PICTURE_MARGIN, np.array(camera.image_size) - 1.0 - PICTURE_MARGIN
+    return bool(same and np.all(pixels > low) and np.all(pixels < high))
