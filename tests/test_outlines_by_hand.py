@@ -160,9 +160,7 @@ def test_nothing_else_is_searched():
 def test_several_pictures_are_told_apart_by_name_or_index(tmp_path):
     paths = [tmp_path / "a.png", tmp_path / "b.png", tmp_path / "c.png"]
     scene = squares(34, camera=SCENE.camera)
-    other = simulate.render(
-        squares(34, camera=SCENE.camera), np.random.default_rng(4), noise=2.0, tone="srgb"
-    )
+    other = simulate.render(scene, np.random.default_rng(4), noise=2.0, tone="srgb")
     blank = np.full_like(PHOTO, 128)
     for path, picture in zip(paths, (PHOTO, other, blank), strict=True):
         cv2.imwrite(str(path), picture)
