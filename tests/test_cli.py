@@ -102,12 +102,12 @@ def test_the_options_reach_the_library(run, photo, asked):
     assert photos == photo
     assert options == {
         **{"model": "brown", "method": "linear", "tone": 2.2, "targets": "squares"},
-        **{"fix": ("aspect", "focal", "distortion"), "progress": None},
+        **{"fix": ("aspect", "focal", "distortion"), "progress": None, "outlines": None},
     }
     run("calibrate", photo)
     assert asked[1][1] == {
         **{"model": "radial2", "method": "ml", "tone": None, "targets": "auto"},
-        **{"fix": (), "progress": None},
+        **{"fix": (), "progress": None, "outlines": None},
     }
 
 

@@ -11,18 +11,14 @@ from trisquare import _core
 from trisquare.camera import MODELS, Camera, camera_parameters
 from trisquare.checked import size_of_image
 from trisquare.coherence import Coherence
+from trisquare.drawings import Drawings, Outlines
 from trisquare.edges import PlaneEdges
 from trisquare.errors import DetectionError
+from trisquare.hand_drawn import DrawnSquare
 from trisquare.model_alternative import ModelAlternative
+from trisquare.photographs import photographs
 from trisquare.picture_tone import PictureTone, pooled, shift_warnings
-from trisquare.pictures import (
-    ImageSource,
-    Tone,
-    checked_tone,
-    load_picture,
-    picture_size,
-    tone_of,
-)
+from trisquare.pictures import ImageSource, Tone, checked_tone, picture_size, tone_of
 from trisquare.rejected import Rejected
 from trisquare.result import Calibration, Plane
 from trisquare.targets import Targets, nothing_found
@@ -43,6 +39,7 @@ def calibrate(
     initial: Camera | None = None,
     tone: Tone = None,
     targets: str = "auto",
+    outlines: Outlines | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Calibration:
     """Calibrate a camera from one photograph of three squares, or from several photographs.
@@ -51,7 +48,9 @@ def calibrate(
     ----------
     image : path or ndarray, or a sequence of them
         uint8, uint16 or float32 of shape (H, W) or (H, W, 3) in BGR order. Several photographs
-        must be of one camera and size; their planes are pooled.
+        must be of one camera and size; their planes are pooled. One in which nothing is found is
+        named in `warnings` and left out, as is one that is given twice. A file's orientation tag
+        is not obeyed: the result refers to the picture as it is stored, and says so.
     method : {"ml", "linear"}
         Joint maximum likelihood, or the three linear steps of Zhou et al. (2013) alone, whose
         stated standard deviations are those that maximum likelihood would have with residuals of
@@ -70,6 +69,9 @@ def calibrate(
         along with the camera. By default sRGB for 8-bit pictures, linear for others.
     targets : str
         See `detect`.
+    outlines : path, mapping or sequence, optional
+        Coarse outlines of the squares, drawn by hand, in place of a search: see `detect`. A file
+        or its content may be for several photographs, by name or index.
     progress : callable, optional
         Called with (pictures done, pictures in all).
 
@@ -80,7 +82,7 @@ def calibrate(
     Raises
     ------
     ImageError
-        If a file cannot be read whole.
+        If a file cannot be read whole, also if it is one of many: it is named.
     DetectionError
         If no picture shows a target.
     NotEnoughPlanesError, NotEnoughDataError, DegenerateGeometryError, ConvergenceError
@@ -101,29 +103,32 @@ def calibrate(
     if not sources:
         raise ValueError("no picture given")
 
+    drawings = None if outlines is None else Drawings.read(outlines, sources)
+
     figures: list[PlaneEdges] = []
     pictures: list[_core.Picture] = []
-    missed: list[int] = []
+    warnings: list[str] = []
     tones: list[PictureTone] = []
     rejected: list[Rejected] = []
     curves: set[str | float] = set()
     size: tuple[int, int] | None = None
-    for index, source in enumerate(sources):
-        picture = load_picture(source)
-        if size is not None and picture_size(picture) != size:
-            raise ValueError(
-                f"picture {index} is of size {picture_size(picture)}, the first one of {size}: "
-                "pictures of one camera have one size"
-            )
+    for photograph in photographs(sources):
+        picture, index = photograph.pixels, photograph.index
         size = picture_size(picture)
         curve = tone_of(picture, checked)
         curves.add(curve)
         core = _core.Picture(picture)
-        found, picture_tone, unused = measure(picture, core, wanted, curve)
+        drawn = None if drawings is None else drawings.on(index, size)
+        if photograph.repeats:
+            drawn = ()  # nothing is looked for either
+        found, picture_tone, unused = measure(picture, core, wanted, curve, drawn)
         tones.append(picture_tone)
         rejected += [replace(candidate, image=index) for candidate in unused]
-        if not found:
-            missed.append(index)
+        warnings += photograph.remarks
+        if drawings is not None:
+            warnings += [f"{photograph.name}: {candidate.reason}" for candidate in unused]
+        if not found and not photograph.repeats:
+            warnings.append(f"{photograph.name}: {_nothing(wanted, drawn)}")
         planes_before = len(figures)  # at least as many as planes, so that none is shared
         figures += [_placed(figure, index, planes_before) for figure in found]
         pictures.append(core)
@@ -131,11 +136,11 @@ def calibrate(
             progress(index + 1, len(sources))
     with told_on_failure(figures, rejected, sources, wanted):
         if not figures:
-            raise DetectionError(nothing_found(wanted, rejected))
+            nothing = nothing_found(wanted, rejected)
+            raise DetectionError(nothing if drawings is None else "; ".join(warnings))
         if len(curves) > 1:
             raise ValueError("pictures of different depth need one stated tone curve")
         assert size is not None  # there is at least one picture
-        warnings = [f"picture {index}: {nothing_found(wanted)}" for index in missed]
         result = _solve(figures, size, settings, pictures, tones, warnings)
     return replace(result, rejected=tuple(rejected))
 
@@ -221,6 +226,13 @@ class _Settings:
                 "model for the linear method or a fixed distortion"
             )
         return cls(method, model, tuple(name for name in FIXABLE if name in names), initial)
+
+
+def _nothing(wanted: Targets, drawn: Sequence[DrawnSquare] | None) -> str:
+    """Say what was looked for in a picture in vain."""
+    if drawn is None:
+        return nothing_found(wanted)
+    return "none of the outlines is a square" if drawn else "nothing is drawn on it"
 
 
 def _placed(figure: PlaneEdges, image: int, planes_before: int) -> PlaneEdges:

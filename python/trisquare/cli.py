@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
@@ -25,6 +25,7 @@ from trisquare._core import __version__
 from trisquare.calibrate import calibrate
 from trisquare.demo import run_demo
 from trisquare.detect import detect
+from trisquare.drawings import Drawings
 from trisquare.errors import (
     ConvergenceError,
     DegenerateGeometryError,
@@ -37,6 +38,7 @@ from trisquare.errors import (
 from trisquare.files import PathLike, check_writable, encode_image, read_image, write_atomically
 from trisquare.findings import Place, draw_findings
 from trisquare.overlay import draw_overlay
+from trisquare.pictures import picture_size
 from trisquare.predict_command import predict_command
 from trisquare.rejected import Rejected
 from trisquare.result import Calibration
@@ -186,6 +188,14 @@ def calibrate_command(
             "or FILE.json.",
         ),
     ] = None,
+    outline: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Measure the squares that this file outlines, within 5 px, and look for no "
+            "others: trisquare's JSON, labelme's, or COCO polygons.",
+        ),
+    ] = None,
     diagnose: Annotated[
         bool,
         typer.Option("--diagnose", help="Say what limits each number, and what would help."),
@@ -211,11 +221,13 @@ def calibrate_command(
             fix=tuple(name.strip() for names in fix or () for name in names.split(",")),
             tone=tone_curve,
             targets=targets,
+            outlines=outline,
             progress=progress,
         )
     contents = _findings(photos, debug_images, targets, calibration.planes, calibration.rejected)
+    drawings = Drawings.read(outline, photos) if overlays and outline is not None else None
     for index, (photo, path) in enumerate(zip(photos, overlays, strict=False)):
-        contents[path] = _overlay(calibration, photo, index, path, targets, tone_curve)
+        contents[path] = _overlay(calibration, photo, index, path, targets, tone_curve, drawings)
     if output is not None:
         contents[output] = calibration.to_json().encode()
     write_atomically(contents)
@@ -286,9 +298,16 @@ def _overlay(
     path: Path,
     targets: str,
     tone: str | float | None,
+    drawings: Drawings | None,
 ) -> bytes:
     image = read_image(photo)
-    edges = [replace(figure, image=index) for figure in detect(image, targets=targets, tone=tone)]
+    edges = []
+    drawn = None if drawings is None else drawings.on(index, picture_size(image))
+    # A picture among several in which there is nothing has no edges to draw.
+    if drawn != ():
+        with suppress(DetectionError):
+            edges = detect(image, targets=targets, tone=tone, outlines=drawn)
+    edges = [replace(figure, image=index) for figure in edges]
     return encode_image(draw_overlay(image, calibration, edges, index=index), path)
 
 

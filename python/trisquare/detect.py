@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 from trisquare import _core
+from trisquare.drawings import Drawings, Outlines
 from trisquare.edges import PlaneEdges
 from trisquare.errors import DetectionError
-from trisquare.pictures import ImageSource, Tone, checked_tone, load_picture, tone_of
+from trisquare.pictures import ImageSource, Tone, checked_tone, load_picture, picture_size, tone_of
 from trisquare.targets import Targets, nothing_found
 
 
-def detect(image: ImageSource, targets: str = "auto", tone: Tone = None) -> list[PlaneEdges]:
+def detect(
+    image: ImageSource,
+    targets: str = "auto",
+    tone: Tone = None,
+    *,
+    outlines: Outlines | None = None,
+) -> list[PlaneEdges]:
     """Find planar targets and measure their edges.
 
     Parameters
@@ -34,6 +41,11 @@ def detect(image: ImageSource, targets: str = "auto", tone: Tone = None) -> list
     tone : {"auto", "srgb", "linear"} or float, optional
         How light was coded into pixel values; a number is a gamma, and "auto" estimates the curve
         from the edges' profiles. By default sRGB for 8-bit pictures and linear for others.
+    outlines : path, mapping or sequence, optional
+        Coarse outlines of the squares, drawn by hand, in place of a search. Within 5 px of the
+        edges is good enough: the edges are measured, not believed. A JSON file (trisquare's own
+        format, labelme's or COCO's polygons), its parsed content, or a sequence of outlines, each
+        an array_like of shape (N, 2), four corners or a closed polygon, or four polylines.
 
     Returns
     -------
@@ -46,7 +58,7 @@ def detect(image: ImageSource, targets: str = "auto", tone: Tone = None) -> list
     ImageError
         If a file cannot be read whole.
     DetectionError
-        If no target is found.
+        If no target is found, or no outline lies on the edges of a square.
     TypeError, ValueError
         For bad arguments.
     """
@@ -55,7 +67,13 @@ def detect(image: ImageSource, targets: str = "auto", tone: Tone = None) -> list
     wanted = Targets.parse(targets)
     checked = checked_tone(tone)
     picture = load_picture(image)
-    found = measure(picture, _core.Picture(picture), wanted, tone_of(picture, checked))
-    if not found.figures:
-        raise DetectionError(nothing_found(wanted, found.rejected))
-    return found.figures
+    drawn = None
+    if outlines is not None:
+        drawn = Drawings.read(outlines, [image]).on(0, picture_size(picture))
+    core = _core.Picture(picture)
+    measured = measure(picture, core, wanted, tone_of(picture, checked), drawn)
+    if not measured.figures:
+        reasons = [candidate.reason for candidate in measured.rejected]
+        nothing = nothing_found(wanted, measured.rejected)
+        raise DetectionError("; ".join(reasons) if drawn else nothing)
+    return measured.figures

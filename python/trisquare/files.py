@@ -16,12 +16,13 @@ import cv2
 import numpy as np
 
 from trisquare.errors import ImageError
+from trisquare.orientation import find_orientation
 from trisquare.pictures import PIXEL_TYPES, Image
 
 PathLike: TypeAlias = str | os.PathLike[str]
 
 # Grey stays grey and 16 bits stay 16. The orientation tag is not obeyed: the camera matrix
-# belongs to the picture as the sensor delivered it.
+# belongs to the picture as the sensor delivered it. (For TIFF, OpenCV obeys it all the same.)
 READ_FLAGS = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -39,7 +40,7 @@ def read_image(path: PathLike) -> Image:
     ----------
     path : str or path
         Any format that OpenCV reads. An orientation tag is ignored: the result belongs to the
-        sensor's picture.
+        sensor's picture, rows and columns as they are stored.
 
     Returns
     -------
@@ -49,8 +50,17 @@ def read_image(path: PathLike) -> Image:
     Raises
     ------
     ImageError
-        If the file is missing, is no picture, or is truncated. (OpenCV alone may return a
-        truncated picture with its lower part grey.)
+        If the file is missing, is no picture, or is truncated (OpenCV alone may return a
+        truncated picture with its lower part grey); if its pixels are of another type, or NaN.
+    """
+    return read_photograph(path)[0]
+
+
+def read_photograph(path: PathLike) -> tuple[Image, str | None]:
+    """Read a photograph as `read_image` does, and say how its orientation tag would turn it.
+
+    The text completes "its orientation tag says that it is to be shown"; it is None where there
+    is no tag, or an upright picture's.
     """
     try:
         encoded = Path(path).read_bytes()
@@ -59,6 +69,10 @@ def read_image(path: PathLike) -> Image:
     reason = _incompleteness(encoded)
     if reason:
         raise ImageError(f"{os.fspath(path)}: {reason}")
+    tag = find_orientation(encoded)
+    turn = None if tag is None else tag.turn
+    if tag is not None and turn is not None:
+        encoded = tag.made_upright(encoded)
     try:
         image = cv2.imdecode(np.frombuffer(encoded, np.uint8), READ_FLAGS)
     except cv2.error as error:
@@ -67,7 +81,9 @@ def read_image(path: PathLike) -> Image:
         raise ImageError(f"{os.fspath(path)}: not a readable picture")
     if image.dtype not in PIXEL_TYPES:
         raise ImageError(f"{os.fspath(path)}: pixels of type {image.dtype} are not supported")
-    return image
+    if image.dtype == np.float32 and not np.isfinite(image).all():
+        raise ImageError(f"{os.fspath(path)}: some pixels are NaN or infinite")
+    return image, turn
 
 
 def _incompleteness(encoded: bytes) -> str | None:

@@ -8,11 +8,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from trisquare.hand_drawn import DrawnSquare
 from trisquare.lattice_edges import FoundLattice
 from trisquare.lattices import find_lattices, region
 from trisquare.outlines import Lattice, find_chessboard, find_squares, grey_bytes
 from trisquare.pictures import Image
 from trisquare.rejected import Rejected
+from trisquare.settling import settle
 from trisquare.sheet_search import find_sheets
 from trisquare.spans import Found
 from trisquare.square_edges import FoundSquare
@@ -60,3 +62,10 @@ def _mask(shape: tuple[int, ...], corners: NDArray[np.int32]) -> NDArray[np.uint
 def _inside(polygon: NDArray[np.float64], point: NDArray[np.float64]) -> bool:
     x, y = point.tolist()
     return cv2.pointPolygonTest(polygon.astype(np.float32), (x, y), False) >= 0.0
+
+
+def find_drawn(picture: Image, drawn: Sequence[DrawnSquare]) -> list[FoundSquare | str]:
+    """Find squares where they are drawn in a checked picture, or say why there is none."""
+    grey = grey_bytes(picture)
+    settled = [settle(grey, square) for square in drawn]
+    return [found if isinstance(found, str) else FoundSquare(found) for found in settled]

@@ -30,7 +30,7 @@ class JsonFields:
         if not isinstance(text, str | bytes):
             raise TypeError(f"JSON text must be a str, not {type(text).__name__}")
         try:
-            fields = cls(json.loads(text, parse_constant=_refuse_constant))
+            fields = cls(json.loads(text, parse_constant=refuse_constant))
         except RecursionError as error:
             raise ValueError("the JSON text is nested too deeply") from error
         found = fields.text("format")
@@ -133,7 +133,8 @@ class JsonFields:
             raise ValueError(str(error)) from error
 
 
-def _refuse_constant(constant: str) -> NoReturn:
+def refuse_constant(constant: str) -> NoReturn:
+    """Refuse NaN and the infinities; for ``parse_constant`` of `json.loads`."""
     raise ValueError(f"the JSON text holds {constant}, which is not JSON")
 
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from trisquare import _core
 from trisquare.edges import PlaneEdges
-from trisquare.finding import find
+from trisquare.finding import find, find_drawn
+from trisquare.hand_drawn import DrawnSquare
 from trisquare.picture_tone import PictureTone
 from trisquare.pictures import Image
 from trisquare.rejected import Rejected
-from trisquare.spans import Samples, Span
+from trisquare.spans import Found, Samples, Span
 from trisquare.targets import Targets
 
 
@@ -23,12 +25,42 @@ class Measurement(NamedTuple):
 
 
 def measure(
-    picture: Image, core: _core.Picture, targets: Targets, tone: str | float
+    picture: Image,
+    core: _core.Picture,
+    targets: Targets,
+    tone: str | float,
+    drawn: Sequence[DrawnSquare] | None = None,
 ) -> Measurement:
-    """Find the targets in a checked picture and measure them."""
-    candidates = find(picture, targets)
-    rejected = [candidate for candidate in candidates if isinstance(candidate, Rejected)]
-    found = [candidate for candidate in candidates if not isinstance(candidate, Rejected)]
+    """Find the targets in a checked picture and measure them.
+
+    With squares `drawn` by hand nothing else is looked for.
+    """
+    if drawn is None:
+        candidates = find(picture, targets)
+        rejected = [candidate for candidate in candidates if isinstance(candidate, Rejected)]
+        found = [candidate for candidate in candidates if not isinstance(candidate, Rejected)]
+        measured = _measured(found, core, tone)
+        return measured._replace(rejected=rejected + measured.rejected)
+    settled = find_drawn(picture, drawn)
+    squares = [square for square in settled if not isinstance(square, str)]
+    names = [
+        f"{outline.outer.where}: "
+        for outline, square in zip(drawn, settled, strict=True)
+        if not isinstance(square, str)
+    ]
+    measured = _measured(squares, core, tone, names)
+    nowhere = [
+        Rejected(outline.kind, 0, outline.outer.corners, square)
+        for outline, square in zip(drawn, settled, strict=True)
+        if isinstance(square, str)
+    ]
+    return measured._replace(rejected=nowhere + measured.rejected)
+
+
+def _measured(
+    found: Sequence[Found], core: _core.Picture, tone: str | float, names: Sequence[str] = ()
+) -> Measurement:
+    """Measure what was found; where the targets have `names`, their rejections begin with them."""
     spans: list[Span] = []
     ends = [0]
     for target in found:
@@ -36,13 +68,15 @@ def measure(
         ends.append(len(spans))
     measured, picture_tone = _localise(core, spans, tone)
     figures: list[PlaneEdges] = []
+    rejected: list[Rejected] = []
     for plane, target in enumerate(found):
         own = measured[ends[plane] : ends[plane + 1]]
         edges = target.figures(own, plane)
         figures += edges
         if not edges:
             reasons = {reason for reason in own if isinstance(reason, str)}
-            rejected.append(Rejected(target.kind, 0, target.quad, "; ".join(sorted(reasons))))
+            reason = (names[plane] if names else "") + "; ".join(sorted(reasons))
+            rejected.append(Rejected(target.kind, 0, target.quad, reason))
     if found and all(target.kind == "chessboard" for target in found):
         picture_tone = picture_tone.of_board()
     return Measurement(figures, picture_tone, rejected)
