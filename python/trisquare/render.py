@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from .clutter import cluttered_ground
 from .coverage import quadrilateral_coverage
+from .motion import Motion
 from .overlays import Overlay
 from .scene import Scene, Target, TrueCamera, rectangle
 
@@ -69,6 +70,7 @@ def render(
     dtype: npt.DTypeLike = np.uint8,
     jpeg_quality: int | None = None,
     overlays: Sequence[Overlay] = (),
+    motion: Motion | None = None,
 ) -> Image:
     """Photograph a scene.
 
@@ -101,6 +103,8 @@ def render(
         Pass the (uint8) picture through JPEG.
     overlays : sequence of Overlay
         What hides, stains or outshines parts of the scene, in the order it is laid.
+    motion : Motion, optional
+        How the camera moved while the shutter was open; it blurs a given `background`, too.
 
     Returns
     -------
@@ -130,6 +134,8 @@ def render(
         canvas = overlay.laid_over(canvas)
     if background is None:
         canvas = _illuminate(canvas, rng, shading, colour)
+    if motion is not None:
+        canvas = motion.blurred(canvas)
     coded = encode_tone(canvas, tone)
     spread = sheets[..., None] if background is not None else 1.0
     coded += noise / WHITE * spread * rng.standard_normal(coded.shape)

@@ -11,10 +11,12 @@ from typing import Any, Literal
 import numpy as np
 
 from .accuracy import cramer_rao_bound, pixel_sigma
+from .motion import Motion
 from .render import SHEET_RIM, Array, Image, render, render_into
 from .scene import Scene, Target, TrueCamera, rectangle, sample_sides
 
 __all__ = [
+    "Motion",
     "Scene",
     "Target",
     "TrueCamera",

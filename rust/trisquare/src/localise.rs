@@ -104,8 +104,11 @@ const PREVIEW_COLUMNS: f64 = 50.0;
 const ROUGHLY_SETTLED: f64 = 0.1;
 const PREVIEW_STEPS: usize = 12;
 const FINAL_STEPS: usize = 6;
-/// Contrast over noise below which a step cannot be told from texture.
+/// Contrast over noise below which a step of this length, pixels, or less cannot be told from
+/// texture. It is the whole side that shows a step: a longer one may have less, by the root of its
+/// length.
 const MIN_CONTRAST: f64 = 4.0;
+const EVIDENT_LENGTH: f64 = 50.0;
 /// Pixels that a fit needs, three for each of its parameters.
 const MIN_PIXELS: usize = 30;
 /// Fewer samples do not make a line.
@@ -342,7 +345,9 @@ impl<'a> Localiser<'a> {
     fn judge(&self, side: &Side, rise: f64, noise: f64) -> Result<(), NoEdge> {
         let [before, after] = side.plateaus().map(|light| self.tone.encode(light));
         let contrast = rise.signum() * (after - before);
-        let is_step = side.blur < BLUR_RANGE[1] && contrast > MIN_CONTRAST * noise;
+        let relative_length = EVIDENT_LENGTH / side.curve.length();
+        let least = MIN_CONTRAST * noise * relative_length.sqrt().min(1.0);
+        let is_step = side.blur < BLUR_RANGE[1] && contrast > least;
         if is_step {
             Ok(())
         } else {

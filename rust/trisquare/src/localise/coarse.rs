@@ -6,15 +6,43 @@ use super::curve::Curve;
 use super::{EdgeSpan, NoEdge};
 use crate::picture::GreyReader;
 
-/// Distance between profiles, pixels, and the least and largest number of them.
-const PROFILE_SPACING: f64 = 6.0;
+/// How an edge is looked at.
+struct Sight {
+    /// Distance between profiles, pixels.
+    spacing: f64,
+    /// Lines of pixels along the spacing whose mean is a profile.
+    lines: usize,
+    /// Half the length of the step filter, samples.
+    filter: i32,
+    /// Where the plateaus on both sides of the edge are read, pixels from it.
+    plateau: i32,
+}
+
+/// At first, few lines and a short filter: long enough to average noise, short enough to keep the
+/// two sides of a thin frame apart.
+const SHARP: Sight = Sight {
+    spacing: 6.0,
+    lines: 1,
+    filter: 2,
+    plateau: 3,
+};
+/// Where that finds no edge, because it is blurred by several pixels or drowned in noise, all
+/// pixels: a blur of 4 pixels rises 1.9 times as much over 5 pixels as over 2.
+const BLUNT: Sight = Sight {
+    spacing: 12.0,
+    lines: 8,
+    filter: 5,
+    plateau: 7,
+};
+/// The least and largest number of profiles.
 const PROFILES: std::ops::RangeInclusive<usize> = 5..=100;
 /// How far from the path the edge may be, pixels: the 4 that are promised, and some slack.
 const REACH: i32 = 6;
-/// Half the length of the step filter, samples: long enough to average noise, short enough to keep
-/// the two sides of a thin frame apart.
-const FILTER: i32 = 2;
-const SAMPLES: usize = (2 * (REACH + FILTER) + 1) as usize;
+/// The longest filter of all sights, and the samples that it asks for.
+const LONGEST_FILTER: i32 = BLUNT.filter;
+const MOST_SAMPLES: usize = (2 * (REACH + LONGEST_FILTER) + 1) as usize;
+/// Legs of a coarse path are cut into pieces of this length, pixels.
+const PATH_PIECE: f64 = 6.0;
 /// Profiles are kept this far from the path's ends, where corners are, or a share of its length.
 const END_MARGIN: f64 = 5.0;
 const END_MARGIN_SHARE: f64 = 0.15;
@@ -32,12 +60,13 @@ const MIN_PROFILES: usize = 3;
 /// Light beside the edge that departs from the side's median by this part of the step is another
 /// thing's: shading changes a side by less, and noise seldom twice in a row.
 const MAX_DEPARTURE: f64 = 0.25;
+/// But not if the noise of the readings makes of it: so many times their median departure, three of
+/// a normal variable's standard deviations.
+const MAX_NOISE_DEPARTURE: f64 = 4.5;
 /// So many profiles in a row that show another edge, or none, lie on something that hides it ...
 const MIN_HIDDEN: usize = 2;
 /// ... or, at the end of a side, so many: at an acute corner the neighbouring side comes near.
 const MIN_HIDDEN_AT_END: usize = 4;
-/// Where the plateaus on both sides of the edge are read, pixels from it.
-const PLATEAU: i32 = 3;
 
 /// An edge known to a fraction of a pixel, and a first guess of the values beside it.
 pub(super) struct CoarseEdge {
@@ -71,23 +100,36 @@ fn degree_for(length: f64) -> usize {
 /// Finds the edge near a span's path.
 pub(super) fn find(reader: &GreyReader<'_>, span: &EdgeSpan) -> Result<CoarseEdge, NoEdge> {
     let path = path_curve(&span.path).ok_or(NoEdge::NoPath)?;
+    match seen(reader, &path, span.rise, &SHARP) {
+        Err(NoEdge::Inconsistent) => seen(reader, &path, span.rise, &BLUNT),
+        found => found,
+    }
+}
+
+/// Finds the edge near a path in one way of looking.
+fn seen(
+    reader: &GreyReader<'_>,
+    path: &Curve,
+    rise: f64,
+    sight: &Sight,
+) -> Result<CoarseEdge, NoEdge> {
     let count =
-        ((path.length() / PROFILE_SPACING) as usize).clamp(*PROFILES.start(), *PROFILES.end());
+        ((path.length() / sight.spacing) as usize).clamp(*PROFILES.start(), *PROFILES.end());
     let end = 1.0 - (END_MARGIN / path.half_length).min(2.0 * END_MARGIN_SHARE);
     let mut stations = Vec::with_capacity(count);
     let mut rises = Vec::with_capacity(count);
     for index in 0..count {
         let s = end * (2.0 * index as f64 / (count - 1) as f64 - 1.0);
-        if let Some(profile) = profile(reader, &path, s) {
+        if let Some(profile) = sight.profile(reader, path, s) {
             stations.push(s);
-            rises.extend(steepest(&profile, &path, s, span.rise));
+            rises.extend(sight.steepest(&profile, path, s, rise));
         }
     }
     let inside = stations.len();
     if inside < MIN_PROFILES {
         return Err(NoEdge::OutsidePicture);
     }
-    let curve = consensus(&path, &rises).ok_or(NoEdge::Inconsistent)?;
+    let curve = consensus(path, &rises).ok_or(NoEdge::Inconsistent)?;
     rises.retain(|rise| (rise.y - curve.height_and_slope(rise.s).0).abs() < SUPPORT_WIDTH);
     if rises.len() < MIN_PROFILES || (rises.len() as f64) < MIN_SUPPORT * inside as f64 {
         return Err(NoEdge::Inconsistent);
@@ -96,8 +138,11 @@ pub(super) fn find(reader: &GreyReader<'_>, span: &EdgeSpan) -> Result<CoarseEdg
     let slope = median(&mut rises, |rise| rise.slope);
     // At the edge itself the slope is the contrast times the normal density over the blur.
     let blur = crate::normal::pdf(0.0) * (plateaus[1] - plateaus[0]) / slope;
-    let departure = MAX_DEPARTURE * (plateaus[1] - plateaus[0]).abs();
-    rises.retain(|rise| (0..2).all(|i| (rise.plateaus[i] - plateaus[i]).abs() < departure));
+    let most = MAX_DEPARTURE * (plateaus[1] - plateaus[0]).abs();
+    let departure = |rise: &Rise, i: usize| (rise.plateaus[i] - plateaus[i]).abs();
+    let most =
+        [0, 1].map(|i| most.max(MAX_NOISE_DEPARTURE * median(&mut rises, |r| departure(r, i))));
+    rises.retain(|rise| (0..2).all(|i| departure(rise, i) < most[i]));
     let hidden = hidden_runs(&stations, &rises);
     Ok(CoarseEdge {
         curve,
@@ -141,7 +186,7 @@ fn path_curve(path: &[Vector2<f64>]) -> Option<Curve> {
         if !length.is_finite() {
             return None;
         }
-        let steps = (length / PROFILE_SPACING)
+        let steps = (length / PATH_PIECE)
             .ceil()
             .clamp(1.0, *PROFILES.end() as f64);
         for step in 0..steps as usize {
@@ -158,47 +203,67 @@ fn path_curve(path: &[Vector2<f64>]) -> Option<Curve> {
     Some(curve)
 }
 
-/// Grey values every pixel along the normal at `s`, or `None` where they leave the picture.
-fn profile(reader: &GreyReader<'_>, path: &Curve, s: f64) -> Option<[f64; SAMPLES]> {
-    let middle = path.point(s, 0.0);
-    let normal = path.point(s, 1.0) - middle;
-    let mut values = [0.0; SAMPLES];
-    for (index, value) in values.iter_mut().enumerate() {
-        let point = middle + normal * (index as f64 - f64::from(REACH + FILTER));
-        *value = reader.bilinear(point.x, point.y)?;
+impl Sight {
+    /// Grey values every pixel along the normal at `s`, or `None` where they leave the picture.
+    fn profile(&self, reader: &GreyReader<'_>, path: &Curve, s: f64) -> Option<Profile> {
+        let mut values = [0.0; MOST_SAMPLES];
+        for line in 0..self.lines {
+            let along = (line as f64 + 0.5) / self.lines as f64 - 0.5;
+            let s = s + along * self.spacing / path.half_length;
+            let middle = path.point(s, 0.0);
+            let normal = path.point(s, 1.0) - middle;
+            for t in -self.reach()..=self.reach() {
+                let point = middle + normal * f64::from(t);
+                values[place(t)] += reader.bilinear(point.x, point.y)? / self.lines as f64;
+            }
+        }
+        Some(values)
     }
-    Some(values)
+
+    fn reach(&self) -> i32 {
+        REACH + self.filter
+    }
+
+    /// Where a profile rises most in the wanted direction, between samples.
+    fn steepest(&self, values: &Profile, path: &Curve, s: f64, direction: f64) -> Option<Rise> {
+        let at = |t: i32| values[place(t)];
+        let strength = |t: i32| {
+            let difference: f64 = (1..=self.filter)
+                .map(|step| at(t + step) - at(t - step))
+                .sum();
+            direction.signum() * difference
+        };
+        let best = (-REACH..=REACH).max_by(|&a, &b| strength(a).total_cmp(&strength(b)))?;
+        let peak = strength(best);
+        if peak <= 0.0 {
+            return None;
+        }
+        let mut offset = f64::from(best);
+        if best.abs() < REACH {
+            let (before, after) = (strength(best - 1), strength(best + 1));
+            let bend = before + after - 2.0 * peak;
+            if bend < 0.0 {
+                offset += 0.5 * (before - after) / bend;
+            }
+        }
+        let (_, y) = path.local(path.point(s, offset));
+        let plateau = |t: i32| at(t.clamp(-self.reach(), self.reach()));
+        Some(Rise {
+            s,
+            y,
+            strength: peak,
+            plateaus: [plateau(best - self.plateau), plateau(best + self.plateau)],
+            slope: 0.5 * (at(best + 1) - at(best - 1)),
+        })
+    }
 }
 
-/// Where a profile rises most in the wanted direction, between samples.
-fn steepest(values: &[f64; SAMPLES], path: &Curve, s: f64, direction: f64) -> Option<Rise> {
-    let at = |t: i32| values[(t + REACH + FILTER) as usize];
-    let strength = |t: i32| {
-        let difference: f64 = (1..=FILTER).map(|step| at(t + step) - at(t - step)).sum();
-        direction.signum() * difference
-    };
-    let best = (-REACH..=REACH).max_by(|&a, &b| strength(a).total_cmp(&strength(b)))?;
-    let peak = strength(best);
-    if peak <= 0.0 {
-        return None;
-    }
-    let mut offset = f64::from(best);
-    if best.abs() < REACH {
-        let (before, after) = (strength(best - 1), strength(best + 1));
-        let bend = before + after - 2.0 * peak;
-        if bend < 0.0 {
-            offset += 0.5 * (before - after) / bend;
-        }
-    }
-    let (_, y) = path.local(path.point(s, offset));
-    let plateau = |t: i32| at(t.clamp(-REACH - FILTER, REACH + FILTER));
-    Some(Rise {
-        s,
-        y,
-        strength: peak,
-        plateaus: [plateau(best - PLATEAU), plateau(best + PLATEAU)],
-        slope: 0.5 * (at(best + 1) - at(best - 1)),
-    })
+/// Grey values along the normal of a path.
+type Profile = [f64; MOST_SAMPLES];
+
+/// Where a profile holds the value `t` pixels from the path.
+fn place(t: i32) -> usize {
+    (t + REACH + LONGEST_FILTER) as usize
 }
 
 /// The curve that most rises agree on: a line by consensus, then a polynomial by reweighting.

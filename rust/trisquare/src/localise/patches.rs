@@ -1,5 +1,7 @@
 //! Independent samples of a fitted side: one offset for each short patch of its pixels.
 
+use std::f64::consts::PI;
+
 use nalgebra::Vector2;
 
 use super::band::Pixel;
@@ -10,6 +12,12 @@ use crate::tone::ToneCurve;
 /// Length of a patch along the curve, pixels: longer ones would smooth what a lens does to a
 /// line, shorter ones hold too few pixels to be judged.
 const PATCH_LENGTH: f64 = 4.0;
+/// Where blur and noise would leave a patch's offset less certain than this, pixels, it is longer:
+/// beyond some blurs the step is no longer linear in its offset, and the most that one may be would
+/// cut real ones off.
+const MAX_STD: f64 = 0.35;
+/// But a side keeps this many patches, if they are not shorter for it.
+const MIN_PATCHES: f64 = 8.0;
 /// A patch needs this share of the median patch's information ...
 const MIN_INFORMATION: f64 = 0.25;
 /// ... and an offset this near to the side's curve, pixels.
@@ -48,7 +56,7 @@ pub(super) fn measure(
     floor: f64,
     residuals: &mut Vec<f64>,
 ) -> (Samples, f64) {
-    let mut patches = Patches::over(side, pixels);
+    let mut patches = Patches::over(side, tone, pixels, expected_noise);
     residuals.clear();
     patches.update(side, tone, pixels, expected_noise, |r| residuals.push(r));
     let noise = noise::scale(residuals, side.edge_parameters(), floor);
@@ -72,14 +80,16 @@ struct Patches {
 }
 
 impl Patches {
-    fn over(side: &Side, pixels: &[Pixel]) -> Self {
+    fn over(side: &Side, tone: &ToneCurve, pixels: &[Pixel], noise: f64) -> Self {
         let (mut first, mut last) = (f64::INFINITY, f64::NEG_INFINITY);
         for pixel in pixels {
             first = first.min(pixel.foot);
             last = last.max(pixel.foot);
         }
         let length = ((last - first) * side.curve.half_length).max(0.0);
-        let count = (length / PATCH_LENGTH).round().max(1.0);
+        let count = (length / patch_length(side, tone, noise, length))
+            .round()
+            .max(1.0);
         Self {
             patches: vec![Patch::default(); count as usize],
             first,
@@ -149,6 +159,15 @@ impl Patches {
         }
         Samples { points, std }
     }
+}
+
+/// Length of the patches of a side that is `length` pixels long.
+fn patch_length(side: &Side, tone: &ToneCurve, noise: f64, length: f64) -> f64 {
+    let [before, after] = side.plateaus().map(|light| tone.encode_with_slope(light).0);
+    // What a pixel of length knows of a Gaussian-blurred step's offset.
+    let variance = (noise / (after - before)).powi(2) * 2.0 * PI.sqrt() * side.blur;
+    let longest = (length / MIN_PATCHES).max(PATCH_LENGTH);
+    (variance / (MAX_STD * MAX_STD)).clamp(PATCH_LENGTH, longest)
 }
 
 impl Patch {
