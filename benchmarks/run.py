@@ -25,6 +25,7 @@ BENCHMARKS = (
     "against_zhang",
     "chess_triples",
     "inserted_squares",
+    "tags",
     "robustness",
     "picture_time",
     "solve_time",

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
 from trisquare.lattice_edges import FoundLattice
-from trisquare.outlines import find_chessboard, find_squares, grey_bytes
+from trisquare.lattices import find_lattices, region
+from trisquare.outlines import Lattice, find_chessboard, find_squares, grey_bytes
 from trisquare.pictures import Image
 from trisquare.rejected import Rejected
 from trisquare.sheet_search import find_sheets
@@ -22,5 +27,36 @@ def find(picture: Image, targets: Targets) -> Sequence[Found | Rejected]:
     if targets.board is not None:
         lattice = find_chessboard(grey, *targets.board)
         return [] if lattice is None else [FoundLattice.of(lattice, grey)]
-    outlines = find_squares(grey, targets.tags)
-    return [FoundSquare(outline) for outline in outlines if targets.squares or outline.tag]
+    lattices = find_lattices(grey) if targets.lattices else []
+    squares = _squares_beside(grey, lattices, targets)
+    return [FoundLattice.of(lattice, grey) for lattice in lattices] + squares
+
+
+def _squares_beside(
+    grey: NDArray[np.uint8], lattices: Sequence[Lattice], targets: Targets
+) -> list[Found]:
+    """Find squares and tags that are no part of a lattice: neither cells nor the sheet it is on."""
+    regions = [region(lattice) for lattice in lattices]
+    if regions:
+        grey = grey.copy()
+    for polygon in regions:  # painted over, which spares the search thousands of contours
+        corners = np.rint(polygon).astype(np.int32)
+        level = cv2.mean(grey, _mask(grey.shape, corners))[0]
+        cv2.fillConvexPoly(grey, corners, level)
+    return [
+        FoundSquare(square)
+        for square in find_squares(grey, targets.tags)
+        if (targets.squares or square.tag is not None)
+        and not any(_inside(polygon, square.outer.corners.mean(axis=0)) for polygon in regions)
+    ]
+
+
+def _mask(shape: tuple[int, ...], corners: NDArray[np.int32]) -> NDArray[np.uint8]:
+    mask = np.zeros(shape, np.uint8)
+    cv2.fillConvexPoly(mask, corners, 255.0)
+    return mask
+
+
+def _inside(polygon: NDArray[np.float64], point: NDArray[np.float64]) -> bool:
+    x, y = point.tolist()
+    return cv2.pointPolygonTest(polygon.astype(np.float32), (x, y), False) >= 0.0

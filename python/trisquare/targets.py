@@ -41,12 +41,15 @@ class Targets:
         Tags that are looked for, each on its own.
     squares : bool
         Whether squares without a code are looked for.
+    lattices : bool
+        Whether chessboards of any size are looked for.
     """
 
     board: tuple[int, int] | None = None
     layout: Layout | None = None
     tags: TagSearch | None = None
     squares: bool = False
+    lattices: bool = False
 
     @classmethod
     def parse(cls, text: str) -> Targets:
@@ -60,7 +63,8 @@ class Targets:
         if not isinstance(text, str):
             raise TypeError(f"targets must be a string, not {type(text).__name__}")
         if text in TAG_SEARCHES:
-            return cls(tags=TAG_SEARCHES[text], squares=text in ("auto", "squares"))
+            squares = text in ("auto", "squares")
+            return cls(tags=TAG_SEARCHES[text], squares=squares, lattices=text == "auto")
         if text.startswith("tags:"):
             name = dictionary_name(text.removeprefix("tags:"))
             return cls(tags=TagSearch((name,), stated=True))
