@@ -25,6 +25,7 @@ BENCHMARKS = (
     "against_zhang",
     "chess_triples",
     "inserted_squares",
+    "tags",
     "robustness",
     "real_scenes",
     "picture_time",

@@ -37,7 +37,7 @@ def find(picture: Image, targets: Targets) -> Sequence[Found | Rejected]:
 def _squares_beside(
     grey: NDArray[np.uint8], lattices: Sequence[Lattice], targets: Targets
 ) -> list[Found]:
-    """Find squares that are no part of a lattice: neither its cells nor the sheet it is on."""
+    """Find squares and tags that are no part of a lattice: neither cells nor the sheet it is on."""
     regions = [region(lattice) for lattice in lattices]
     if regions:
         grey = grey.copy()
@@ -48,7 +48,7 @@ def _squares_beside(
     return [
         FoundSquare(square)
         for square in find_squares(grey, targets.tags)
-        if (targets.squares or square.tag)
+        if (targets.squares or square.tag is not None)
         and not any(_inside(polygon, square.outer.corners.mean(axis=0)) for polygon in regions)
     ]
 

@@ -205,7 +205,10 @@ def _from_file(path: Path) -> Layout:
     name = content.get("dictionary")
     if name is not None and not isinstance(name, str):
         raise ValueError(f"{path}: dictionary must be a string")
-    names = LARGEST if name is None else (dictionary_name(name),)
+    try:
+        names = LARGEST if name is None else (dictionary_name(name),)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
     return Layout(str(path), names, tuple(sheets), tuple(numbers))
 
 

@@ -81,7 +81,8 @@ def _markers(grey: NDArray[np.uint8], layout: Layout) -> list[Marker]:
     if names[0] != WIDE_BORDERED:
         return first
     wide, _ = _detect(grey, names[0], WIDE_BORDER)
-    return max(first, wide, key=len)
+    # Of as many, the wide ones: a wide border's inner half may pass for a narrow one's outline.
+    return max(wide, first, key=len)
 
 
 def _detect(

@@ -42,7 +42,7 @@ MIN_DARK_SHARE = 0.9
 MIN_RELATIVE_STEP = 0.5
 """Step from black to white inside, over the step across the outline."""
 
-MAX_FALSE_ALARMS = 1e-3
+MAX_FALSE_ALARMS = 1e-2
 """Dictionaries that chance may make believed, per picture."""
 
 

@@ -63,8 +63,8 @@ class Targets:
         if not isinstance(text, str):
             raise TypeError(f"targets must be a string, not {type(text).__name__}")
         if text in TAG_SEARCHES:
-            squares, lattices = text in ("auto", "squares"), text == "auto"
-            return cls(tags=TAG_SEARCHES[text], squares=squares, lattices=lattices)
+            squares = text in ("auto", "squares")
+            return cls(tags=TAG_SEARCHES[text], squares=squares, lattices=text == "auto")
         if text.startswith("tags:"):
             name = dictionary_name(text.removeprefix("tags:"))
             return cls(tags=TagSearch((name,), stated=True))
