@@ -26,6 +26,7 @@ BENCHMARKS = (
     "chess_triples",
     "inserted_squares",
     "robustness",
+    "clutter_choice",
     "picture_time",
     "solve_time",
     "command_memory",

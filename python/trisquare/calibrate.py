@@ -9,7 +9,8 @@ import numpy as np
 
 from trisquare import _core
 from trisquare.camera import MODELS, Camera, camera_parameters
-from trisquare.checked import size_of_image
+from trisquare.checked import FloatArray, size_of_image
+from trisquare.choosing import choose
 from trisquare.coherence import Coherence
 from trisquare.edges import PlaneEdges
 from trisquare.errors import DetectionError
@@ -103,6 +104,7 @@ def calibrate(
     missed: list[int] = []
     tones: list[PictureTone] = []
     rejected: list[Rejected] = []
+    quads: dict[int, FloatArray] = {}
     curves: set[str | float] = set()
     size: tuple[int, int] | None = None
     for index, source in enumerate(sources):
@@ -116,12 +118,13 @@ def calibrate(
         curve = tone_of(picture, checked)
         curves.add(curve)
         core = _core.Picture(picture)
-        found, picture_tone, unused = measure(picture, core, wanted, curve)
+        found, picture_tone, unused, corners = measure(picture, core, wanted, curve)
         tones.append(picture_tone)
         rejected += [replace(candidate, image=index) for candidate in unused]
         if not found:
             missed.append(index)
-        planes_before = len(figures)  # at least as many as planes, so that none is shared
+        planes_before = len(quads)
+        quads.update(enumerate(corners, planes_before))
         figures += [_placed(figure, index, planes_before) for figure in found]
         pictures.append(core)
         if progress is not None:
@@ -132,6 +135,17 @@ def calibrate(
         raise ValueError("pictures of different depth need one stated tone curve")
     assert size is not None  # there is at least one picture
     warnings = [f"picture {index}: {nothing_found(wanted)}" for index in missed]
+    if wanted.board is None:  # a board that was asked for is vouched for
+        figures, others, choice = choose(
+            figures,
+            size,
+            quads,
+            model=settings.model,
+            fixed=settings.fixed,
+            initial=settings.initial_parameters(size),
+        )
+        rejected += others
+        warnings += choice
     result = _solve(figures, size, settings, pictures, tones, warnings)
     return replace(result, rejected=tuple(rejected))
 
@@ -218,6 +232,17 @@ class _Settings:
             )
         return cls(method, model, tuple(name for name in FIXABLE if name in names), initial)
 
+    def initial_parameters(self, image_size: tuple[int, int]) -> list[float] | None:
+        """Return the initial camera as the core takes it; it must be of the pictures' size."""
+        if self.initial is None:
+            return None
+        if self.initial.image_size != image_size:
+            raise ValueError(
+                f"the initial camera is of size {self.initial.image_size}, the pictures of "
+                f"{image_size}"
+            )
+        return list(camera_parameters(self.initial).values())
+
 
 def _placed(figure: PlaneEdges, image: int, planes_before: int) -> PlaneEdges:
     plane = None if figure.plane is None else figure.plane + planes_before
@@ -232,18 +257,13 @@ def _solve(
     tones: list[PictureTone],
     warnings: list[str],
 ) -> Calibration:
-    initial = settings.initial
-    if initial is not None and initial.image_size != image_size:
-        raise ValueError(
-            f"the initial camera is of size {initial.image_size}, the pictures of {image_size}"
-        )
     found = _core.calibrate(
         figures,
         image_size,
         method=settings.method,
         model=settings.model,
         fixed=settings.fixed,
-        initial=None if initial is None else list(camera_parameters(initial).values()),
+        initial=settings.initial_parameters(image_size),
         pictures=pictures,
         tones=[tone.curve for tone in tones],
     )

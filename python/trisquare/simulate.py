@@ -114,7 +114,7 @@ def random_scene(
                 rng.uniform(0.0, 360.0),
             )
             target = _place(camera, rotation, pixel, side, kind, dark, inner)
-            if target is None or not _inside(camera, target):
+            if target is None or not inside(camera, target):
                 break
             targets.append(target)
         if len(targets) == count and not _any_overlap(targets):
@@ -133,10 +133,10 @@ def chessboard_scene(
         cell = rng.uniform(0.45, 0.85) * width / (inner_corners[0] + 1)
         depth = camera.fx / cell
         centre = np.append(camera.undistort(pixel[None])[0], 1.0) * depth
-        if not _faces_camera(rotation, centre):
+        if not faces_camera(rotation, centre):
             continue
         board = Target(rotation, centre, "chessboard", inner_corners=inner_corners)
-        if _inside(camera, board):
+        if inside(camera, board):
             return Scene(camera, (board,))
     raise ValueError("no board fits this camera's picture")
 
@@ -244,18 +244,18 @@ def _place(
 ) -> Target | None:
     """Put a square's centre behind a pixel, `side` pixels large before foreshortening."""
     centre = np.append(camera.undistort(pixel[None])[0], 1.0) * camera.fx / side
-    if not _faces_camera(rotation, centre):
+    if not faces_camera(rotation, centre):
         return None
     return Target(rotation, centre, kind, dark, inner)
 
 
-def _faces_camera(rotation: Array, centre: Array) -> bool:
+def faces_camera(rotation: Array, centre: Array) -> bool:
     """Whether a plane is seen from its front and not too nearly edge-on."""
     cosine = rotation[:, 2] @ centre / np.linalg.norm(centre)
     return bool(cosine > np.cos(np.deg2rad(STEEPEST_SIGHT)))
 
 
-def _inside(camera: TrueCamera, target: Target) -> bool:
+def inside(camera: TrueCamera, target: Target) -> bool:
     """Whether the figure stays clear of the picture's border, its curved sides included."""
     corners = rectangle(*target.extent)
     fraction = np.linspace(0.0, 1.0, 9)[:, None, None]
@@ -287,13 +287,13 @@ def _any_overlap(targets: list[Target]) -> bool:
         return True
     quads = [points[:, :2] / points[:, 2:] for points in spaces]
     return any(
-        not _separated(quads[i], quads[j]) and not _separated(quads[j], quads[i])
+        not separated(quads[i], quads[j]) and not separated(quads[j], quads[i])
         for i in range(len(quads))
         for j in range(i)
     )
 
 
-def _separated(quad: Array, other: Array) -> bool:
+def separated(quad: Array, other: Array) -> bool:
     """Whether some side of `quad`, corners clockwise on the screen, has all of `other` outside."""
     along = np.roll(quad, -1, axis=0) - quad
     inward = np.stack([-along[:, 1], along[:, 0]], axis=1)

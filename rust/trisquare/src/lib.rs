@@ -17,6 +17,7 @@ mod brown;
 mod calibrate;
 mod camera_maps;
 mod conic;
+mod consensus;
 mod consistency;
 mod correlated;
 mod covariance;
@@ -24,6 +25,7 @@ mod drift;
 mod edge_problem;
 mod edges;
 mod error;
+mod explanation;
 mod geometry;
 mod homography;
 mod image_size;
@@ -56,6 +58,7 @@ mod side_basis;
 mod side_errors;
 mod side_families;
 mod side_moments;
+mod squareness;
 mod stages;
 mod straighten;
 #[cfg(feature = "synthetic")]
@@ -71,6 +74,7 @@ pub use conic::{
     ConicConstraint, KnownIntrinsics, camera_matrix, camera_matrix_from_homographies,
     intrinsics_of, solve_conic,
 };
+pub use consensus::{Choice, Doubt, Verdict, choose};
 pub use consistency::Disagreement;
 pub use correlated::Coherence;
 pub use edges::{Freedom, PlaneEdges, Polarity};

@@ -59,7 +59,7 @@ impl Undistortion {
         fit_distortion(&curves, size, coefficients, centre).map(Self::Straightened)
     }
 
-    fn undistort(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
+    pub fn undistort(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
         match self {
             Self::Straightened(straightening) => straightening.undistort(pixel),
             Self::Known(camera) => {
@@ -110,7 +110,7 @@ impl Homographies {
         for plane in planes {
             let mut own = Vec::with_capacity(plane.figures.len());
             for figure in &plane.figures {
-                let (homography, seen) = of_figure(figure, undistortion)?;
+                let (homography, seen) = homography_of_figure(figure, undistortion)?;
                 if own.is_empty() {
                     witnesses.push(back_project(&homography, &seen).unwrap_or_default());
                 }
@@ -121,13 +121,23 @@ impl Homographies {
         Ok(Self { figures, witnesses })
     }
 
+    /// Those of several sets of planes, one after the other.
+    pub fn joined<'a>(sets: impl Iterator<Item = &'a Self>) -> Self {
+        let (mut figures, mut witnesses) = (Vec::new(), Vec::new());
+        for set in sets {
+            figures.extend(set.figures.iter().cloned());
+            witnesses.extend(&set.witnesses);
+        }
+        Self { figures, witnesses }
+    }
+
     /// The first figure's homography of every plane.
     pub fn of_planes(&self) -> Vec<Matrix3<f64>> {
         self.figures.iter().map(|figures| figures[0]).collect()
     }
 }
 
-fn of_figure(
+pub(crate) fn homography_of_figure(
     figure: &Figure,
     undistortion: &Undistortion,
 ) -> Result<(Matrix3<f64>, Vector2<f64>), Error> {
