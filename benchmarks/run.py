@@ -28,6 +28,7 @@ BENCHMARKS = (
     "tags",
     "robustness",
     "real_scenes",
+    "clutter_choice",
     "picture_time",
     "solve_time",
     "command_memory",

@@ -15,6 +15,7 @@ __all__ = [
     "calibrate",
     "camera_matrix_from_homographies",
     "can_unproject",
+    "choose",
     "distort_pixels",
     "fit_distortion",
     "homography_from_lines",
@@ -115,6 +116,14 @@ def calibrate(
     pictures: Sequence[Picture] | None,
     tones: Sequence[str | float | tuple[float, float, float | None]],
 ) -> CalibrationMembers: ...
+def choose(
+    figures: Sequence[PlaneEdges],
+    image_size: tuple[int, int],
+    *,
+    model: str,
+    fixed: Sequence[str],
+    initial: Sequence[float] | None,
+) -> tuple[list[tuple[int, bool, float | None]], str | None]: ...
 
 @type_check_only
 class PredictionMembers(TypedDict):

@@ -9,7 +9,8 @@ import numpy as np
 
 from trisquare import _core
 from trisquare.camera import MODELS, Camera, camera_parameters
-from trisquare.checked import size_of_image
+from trisquare.checked import FloatArray, size_of_image
+from trisquare.choosing import choose
 from trisquare.coherence import Coherence
 from trisquare.drawings import Drawings, Outlines
 from trisquare.edges import PlaneEdges
@@ -110,6 +111,7 @@ def calibrate(
     warnings: list[str] = []
     tones: list[PictureTone] = []
     rejected: list[Rejected] = []
+    quads: dict[int, FloatArray] = {}
     curves: set[str | float] = set()
     size: tuple[int, int] | None = None
     for photograph in photographs(sources):
@@ -121,7 +123,7 @@ def calibrate(
         drawn = None if drawings is None else drawings.on(index, size)
         if photograph.repeats:
             drawn = ()  # nothing is looked for either
-        found, picture_tone, unused = measure(picture, core, wanted, curve, drawn)
+        found, picture_tone, unused, corners = measure(picture, core, wanted, curve, drawn)
         tones.append(picture_tone)
         rejected += [replace(candidate, image=index) for candidate in unused]
         warnings += photograph.remarks
@@ -129,7 +131,8 @@ def calibrate(
             warnings += [f"{photograph.name}: {candidate.reason}" for candidate in unused]
         if not found and not photograph.repeats:
             warnings.append(f"{photograph.name}: {_nothing(wanted, drawn)}")
-        planes_before = len(figures)  # at least as many as planes, so that none is shared
+        planes_before = len(quads)
+        quads.update(enumerate(corners, planes_before))
         figures += [_placed(figure, index, planes_before) for figure in found]
         pictures.append(core)
         if progress is not None:
@@ -141,6 +144,18 @@ def calibrate(
         if len(curves) > 1:
             raise ValueError("pictures of different depth need one stated tone curve")
         assert size is not None  # there is at least one picture
+        # What was asked for by its layout or drawn by hand is vouched for.
+        if wanted.squares and drawings is None:
+            figures[:], others, choice = choose(
+                figures,
+                size,
+                quads,
+                model=settings.model,
+                fixed=settings.fixed,
+                initial=settings.initial_parameters(size),
+            )
+            rejected += others
+            warnings += choice
         result = _solve(figures, size, settings, pictures, tones, warnings)
     return replace(result, rejected=tuple(rejected))
 
@@ -227,6 +242,17 @@ class _Settings:
             )
         return cls(method, model, tuple(name for name in FIXABLE if name in names), initial)
 
+    def initial_parameters(self, image_size: tuple[int, int]) -> list[float] | None:
+        """Return the initial camera as the core takes it; it must be of the pictures' size."""
+        if self.initial is None:
+            return None
+        if self.initial.image_size != image_size:
+            raise ValueError(
+                f"the initial camera is of size {self.initial.image_size}, the pictures of "
+                f"{image_size}"
+            )
+        return list(camera_parameters(self.initial).values())
+
 
 def _nothing(wanted: Targets, drawn: Sequence[DrawnSquare] | None) -> str:
     """Say what was looked for in a picture in vain."""
@@ -248,18 +274,13 @@ def _solve(
     tones: list[PictureTone],
     warnings: list[str],
 ) -> Calibration:
-    initial = settings.initial
-    if initial is not None and initial.image_size != image_size:
-        raise ValueError(
-            f"the initial camera is of size {initial.image_size}, the pictures of {image_size}"
-        )
     found = _core.calibrate(
         figures,
         image_size,
         method=settings.method,
         model=settings.model,
         fixed=settings.fixed,
-        initial=None if initial is None else list(camera_parameters(initial).values()),
+        initial=settings.initial_parameters(image_size),
         pictures=pictures,
         tones=[tone.curve for tone in tones],
     )

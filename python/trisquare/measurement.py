@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from trisquare import _core
+from trisquare.checked import FloatArray
 from trisquare.edges import PlaneEdges
 from trisquare.finding import find, find_drawn
 from trisquare.hand_drawn import DrawnSquare
@@ -17,11 +18,15 @@ from trisquare.targets import Targets
 
 
 class Measurement(NamedTuple):
-    """What was measured in a picture; both lists may be empty."""
+    """What was measured in a picture; all lists may be empty.
+
+    `quads` holds, for each plane by its number, four points (4, 2) that enclose it.
+    """
 
     figures: list[PlaneEdges]
     tone: PictureTone
     rejected: list[Rejected]
+    quads: list[FloatArray]
 
 
 def measure(
@@ -79,7 +84,7 @@ def _measured(
             rejected.append(Rejected(target.kind, 0, target.quad, reason))
     if found and all(target.kind == "chessboard" for target in found):
         picture_tone = picture_tone.of_board()
-    return Measurement(figures, picture_tone, rejected)
+    return Measurement(figures, picture_tone, rejected, [target.quad for target in found])
 
 
 def _localise(

@@ -36,11 +36,7 @@ pub fn calibrate<'py>(
     let by_evidence = model == AUTO;
     let options = Options {
         method: named(method, "method", &METHODS)?,
-        model: if by_evidence {
-            Model::default()
-        } else {
-            named(model, "model", &MODELS)?
-        },
+        model: model_named(model)?,
         fixed: fixed_parameters(&fixed)?,
         initial: initial.map(Brown::new),
     };
@@ -82,8 +78,50 @@ pub fn calibrate<'py>(
     Ok(dict)
 }
 
+/// Chooses the planes that one camera sees as true squares: of each its first figure, whether it is
+/// kept, and else its distance from a square; and why the choice may be wrong.
+#[pyfunction]
+#[pyo3(signature = (figures, image_size, *, model, fixed, initial))]
+#[allow(clippy::type_complexity)] // what Python gets
+pub fn choose(
+    py: Python<'_>,
+    figures: Vec<Bound<'_, PyAny>>,
+    image_size: (u32, u32),
+    model: &str,
+    fixed: Vec<String>,
+    initial: Option<[f64; 9]>,
+) -> PyResult<(Vec<(usize, bool, Option<f64>)>, Option<String>)> {
+    let edges: Vec<PlaneEdges> = figures.iter().map(plane_edges).collect::<PyResult<_>>()?;
+    let size = ImageSize {
+        width: image_size.0,
+        height: image_size.1,
+    };
+    let options = Options {
+        method: Method::MaximumLikelihood,
+        model: model_named(model)?,
+        fixed: fixed_parameters(&fixed)?,
+        initial: initial.map(Brown::new),
+    };
+    let choice = py
+        .detach(|| trisquare::choose(&edges, size, &options))
+        .map_err(exception)?;
+    let verdicts = choice.verdicts.iter();
+    Ok((
+        verdicts.map(|v| (v.figure, v.kept, v.residual)).collect(),
+        choice.doubt.map(|doubt| doubt.to_string()),
+    ))
+}
+
 /// The model that stands for the choice among all of them.
 const AUTO: &str = "auto";
+
+/// The model of a name; for the choice among all, the one it begins with.
+fn model_named(name: &str) -> PyResult<Model> {
+    match name {
+        AUTO => Ok(Model::default()),
+        _ => named(name, "model", &MODELS),
+    }
+}
 
 fn model_name(model: Model) -> &'static str {
     let found = MODELS.iter().find(|(_, known)| *known == model);

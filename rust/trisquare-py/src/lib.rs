@@ -18,7 +18,7 @@ mod _core {
     const __version__: &str = env!("CARGO_PKG_VERSION");
 
     #[pymodule_export]
-    use crate::calibration::calibrate;
+    use crate::calibration::{calibrate, choose};
     #[pymodule_export]
     use crate::camera::{
         can_unproject, distort_pixels, invertible_radius, project_points, projection_covariance,

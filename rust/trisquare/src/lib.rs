@@ -17,6 +17,7 @@ mod brown;
 mod calibrate;
 mod camera_maps;
 mod conic;
+mod consensus;
 mod consistency;
 mod correlated;
 mod covariance;
@@ -25,6 +26,7 @@ mod drift;
 mod edge_problem;
 mod edges;
 mod error;
+mod explanation;
 mod geometry;
 mod homography;
 mod image_size;
@@ -57,6 +59,7 @@ mod side_basis;
 mod side_errors;
 mod side_families;
 mod side_moments;
+mod squareness;
 mod stages;
 mod straighten;
 #[cfg(feature = "synthetic")]
@@ -72,6 +75,7 @@ pub use conic::{
     ConicConstraint, KnownIntrinsics, camera_matrix, camera_matrix_from_homographies,
     intrinsics_of, solve_conic,
 };
+pub use consensus::{Choice, Doubt, Verdict, choose};
 pub use consistency::Disagreement;
 pub use correlated::Coherence;
 pub use crossings::{Crossing, Follower, GreyBytes, link_crossings};

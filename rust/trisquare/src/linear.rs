@@ -59,7 +59,7 @@ impl Undistortion {
         fit_distortion(&curves, size, coefficients, centre).map(Self::Straightened)
     }
 
-    fn undistort(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
+    pub fn undistort(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
         match self {
             Self::Straightened(straightening) => straightening.undistort(pixel),
             Self::Known(camera) => {
@@ -115,8 +115,8 @@ impl Homographies {
                     continue;
                 }
                 let (homography, seen) = match number {
-                    0 => of_figure(&with_fixed(plane), undistortion)?,
-                    _ => of_figure(figure, undistortion)?,
+                    0 => homography_of_figure(&with_fixed(plane), undistortion)?,
+                    _ => homography_of_figure(figure, undistortion)?,
                 };
                 if own.is_empty() {
                     witnesses.push(back_project(&homography, &seen).unwrap_or_default());
@@ -126,6 +126,16 @@ impl Homographies {
             figures.push(own);
         }
         Ok(Self { figures, witnesses })
+    }
+
+    /// Those of several sets of planes, one after the other.
+    pub fn joined<'a>(sets: impl Iterator<Item = &'a Self>) -> Self {
+        let (mut figures, mut witnesses) = (Vec::new(), Vec::new());
+        for set in sets {
+            figures.extend(set.figures.iter().cloned());
+            witnesses.extend(&set.witnesses);
+        }
+        Self { figures, witnesses }
     }
 
     /// The first figure's homography of every plane.
@@ -146,7 +156,7 @@ fn with_fixed(plane: &ObservedPlane) -> Figure {
     first
 }
 
-fn of_figure(
+pub(crate) fn homography_of_figure(
     figure: &Figure,
     undistortion: &Undistortion,
 ) -> Result<(Matrix3<f64>, Vector2<f64>), Error> {
