@@ -179,12 +179,12 @@ def test_every_error_has_its_exit_code(run, photo, tmp_path, monkeypatch, error,
 
 def test_a_failing_overlay_leaves_no_file(run, photo, asked, tmp_path, monkeypatch):
     def fail(*_, **__):
-        raise errors.DetectionError("gone")
+        raise errors.ImageError("gone")
 
     monkeypatch.setattr(cli, "detect", fail)
     camera, overlay = tmp_path / "camera.json", tmp_path / "overlay.png"
     outcome = run("calibrate", photo, "-o", camera, "--overlay", overlay)
-    assert_refused(outcome, 3, tmp_path)
+    assert_refused(outcome, 5, tmp_path)
     assert len(asked) == 1
 
 
