@@ -29,6 +29,7 @@ BENCHMARKS = (
     "picture_time",
     "solve_time",
     "command_memory",
+    "large_picture",
     "import_time",
     "threads",
     "memory_flat",
