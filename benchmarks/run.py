@@ -30,6 +30,7 @@ BENCHMARKS = (
     "solve_time",
     "command_memory",
     "large_picture",
+    "hand_outlines",
     "import_time",
     "threads",
     "memory_flat",

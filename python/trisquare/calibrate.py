@@ -11,10 +11,10 @@ from trisquare import _core
 from trisquare.camera import MODELS, Camera, camera_parameters
 from trisquare.checked import size_of_image
 from trisquare.coherence import Coherence
+from trisquare.drawing_formats import DrawnTarget
 from trisquare.drawings import Drawings, Outlines
 from trisquare.edges import PlaneEdges
 from trisquare.errors import DetectionError
-from trisquare.hand_drawn import DrawnSquare
 from trisquare.model_alternative import ModelAlternative
 from trisquare.photographs import photographs
 from trisquare.picture_tone import PictureTone, pooled, shift_warnings
@@ -223,7 +223,7 @@ class _Settings:
         return cls(method, model, tuple(name for name in FIXABLE if name in names), initial)
 
 
-def _nothing(wanted: Targets, drawn: Sequence[DrawnSquare] | None) -> str:
+def _nothing(wanted: Targets, drawn: Sequence[DrawnTarget] | None) -> str:
     """Say what was looked for in a picture in vain."""
     if drawn is None:
         return nothing_found(wanted)

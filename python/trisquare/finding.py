@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from trisquare.hand_drawn import DrawnSquare
+import numpy as np
+from numpy.typing import NDArray
+
+from trisquare.drawing_formats import DrawnTarget
+from trisquare.drawn_grid import DrawnGrid
 from trisquare.lattice_edges import FoundLattice
 from trisquare.outlines import find_chessboard, find_squares, grey_bytes
 from trisquare.pictures import Image
@@ -23,8 +27,15 @@ def find(picture: Image, targets: Targets) -> Sequence[Found]:
     return [FoundSquare(outline) for outline in find_squares(grey)]
 
 
-def find_drawn(picture: Image, drawn: Sequence[DrawnSquare]) -> list[FoundSquare | str]:
-    """Find squares where they are drawn in a checked picture, or say why there is none."""
+def find_drawn(picture: Image, drawn: Sequence[DrawnTarget]) -> list[Found | str]:
+    """Find targets where they are drawn in a checked picture, or say why there is none."""
     grey = grey_bytes(picture)
-    settled = [settle(grey, square) for square in drawn]
-    return [found if isinstance(found, str) else FoundSquare(found) for found in settled]
+    return [_found_drawn(grey, target) for target in drawn]
+
+
+def _found_drawn(grey: NDArray[np.uint8], target: DrawnTarget) -> Found | str:
+    if isinstance(target, DrawnGrid):
+        lattice = target.settled(grey)
+        return lattice if isinstance(lattice, str) else FoundLattice.of(lattice, grey)
+    outline = settle(grey, target)
+    return outline if isinstance(outline, str) else FoundSquare(outline)

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from trisquare import _core
+from trisquare.drawing_formats import DrawnTarget
 from trisquare.edges import PlaneEdges
 from trisquare.finding import find, find_drawn
-from trisquare.hand_drawn import DrawnSquare
 from trisquare.picture_tone import PictureTone
 from trisquare.pictures import Image
 from trisquare.rejected import Rejected
@@ -29,27 +29,22 @@ def measure(
     core: _core.Picture,
     targets: Targets,
     tone: str | float,
-    drawn: Sequence[DrawnSquare] | None = None,
+    drawn: Sequence[DrawnTarget] | None = None,
 ) -> Measurement:
     """Find the targets in a checked picture and measure them.
 
-    With squares `drawn` by hand nothing else is looked for.
+    With targets `drawn` by hand nothing else is looked for.
     """
     if drawn is None:
         return _measured(find(picture, targets), core, tone)
-    settled = find_drawn(picture, drawn)
-    found = [square for square in settled if not isinstance(square, str)]
-    names = [
-        f"{outline.outer.where}: "
-        for outline, square in zip(drawn, settled, strict=True)
-        if not isinstance(square, str)
-    ]
+    found, names, nowhere = [], [], []
+    for target, settled in zip(drawn, find_drawn(picture, drawn), strict=True):
+        if isinstance(settled, str):
+            nowhere.append(Rejected(target.kind, 0, target.corners, settled))
+        else:
+            found.append(settled)
+            names.append(f"{target.where}: ")
     measured = _measured(found, core, tone, names)
-    nowhere = [
-        Rejected(outline.kind, 0, outline.outer.corners, square)
-        for outline, square in zip(drawn, settled, strict=True)
-        if isinstance(square, str)
-    ]
     return measured._replace(rejected=nowhere + measured.rejected)
 
 
