@@ -1,4 +1,34 @@
-"""The formats that outlines drawn by hand come in: trisquare's own, labelme's and COCO's."""
+"""The formats that outlines drawn by hand come in: trisquare's own, labelme's and COCO's.
+
+Coordinates are pixels of the picture as it is stored, whatever its orientation tag says, and good
+to 5 px. In trisquare's own format a picture has squares, each by its four corners, by a closed
+polygon in which they are found, or by four polylines, one along each side; a second outline of a
+frame is its ``inner``. A chessboard is given by rows of its crossings, null where there is none.
+
+.. code-block:: json
+
+   {"format": "trisquare-outlines/1",
+    "pictures": [
+      {"file": "front.jpg",
+       "squares": [
+         {"corners": [[101, 80], [310, 92], [295, 301], [88, 276]]},
+         {"polygon": [[400, 90], [505, 85], [611, 88], [600, 310], [395, 300]]},
+         {"sides": [[[700, 95], [800, 88], [905, 91]], [[905, 91], [890, 300]],
+                    [[890, 300], [690, 290]], [[690, 290], [700, 95]]],
+          "inner": {"corners": [[740, 130], [860, 128], [850, 260], [735, 255]]}}]},
+      {"index": 1,
+       "chessboards": [{"crossings": [[[50, 50], [100, 50], [150, 50]],
+                                      [[50, 100], null, [150, 100]],
+                                      [[50, 150], [100, 150], [150, 150]],
+                                      [[50, 200], [100, 200], [150, 200]]]}]}]}
+
+For a single picture ``squares`` and ``chessboards`` may stand beside ``format``. ``width`` and
+``height`` of a picture are checked if they are there.
+
+Of labelme's files polygons, rectangles and linestrips are read; two closed shapes of one group are
+a frame, and four linestrips of one group a square's sides. Of COCO's, the polygons of annotations;
+two polygons of one annotation are a frame.
+"""
 
 from __future__ import annotations
 
