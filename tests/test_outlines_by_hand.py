@@ -8,7 +8,7 @@ import pytest
 from scenes import squares
 
 import trisquare as ts
-from trisquare import simulate
+from trisquare import drawing_formats, simulate
 from trisquare.hand_drawn import DrawnOutline
 
 SCENE = squares(31)
@@ -330,3 +330,11 @@ def test_a_traced_mask_has_its_corners_found():
     distances = np.linalg.norm(corners[:, None] - quad[None], axis=2)
     assert distances.min(axis=0).max() < 8
     assert sorted(distances.argmin(axis=1).tolist()) == [0, 1, 2, 3]
+
+
+def test_the_documented_example_is_read():
+    text = drawing_formats.__doc__
+    example = json.loads(text[text.index("   {") : text.index("For a single")])
+    first, second = drawing_formats.drawn_pictures(example)
+    assert [target.kind for target in first.targets] == ["square", "square", "frame"]
+    assert (first.name, second.index, second.targets[0].present.sum()) == ("front.jpg", 1, 11)

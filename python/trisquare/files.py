@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from trisquare.errors import ImageError
-from trisquare.orientation import find_orientation
+from trisquare.orientation import TIFF_STARTS, find_orientation
 from trisquare.pictures import PIXEL_TYPES, Image
 
 PathLike: TypeAlias = str | os.PathLike[str]
@@ -71,7 +71,7 @@ def read_photograph(path: PathLike) -> tuple[Image, str | None]:
         raise ImageError(f"{os.fspath(path)}: {reason}")
     tag = find_orientation(encoded)
     turn = None if tag is None else tag.turn
-    if tag is not None and turn is not None:
+    if tag is not None and turn is not None and encoded[:4] in TIFF_STARTS:
         encoded = tag.made_upright(encoded)
     try:
         image = cv2.imdecode(np.frombuffer(encoded, np.uint8), READ_FLAGS)
