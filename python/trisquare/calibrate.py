@@ -11,14 +11,12 @@ from trisquare import _core
 from trisquare.camera import MODELS, Camera, camera_parameters
 from trisquare.checked import size_of_image
 from trisquare.coherence import Coherence
-from trisquare.drawing_formats import DrawnTarget
-from trisquare.drawings import Drawings, Outlines
 from trisquare.edges import PlaneEdges
 from trisquare.errors import DetectionError
 from trisquare.model_alternative import ModelAlternative
 from trisquare.photographs import photographs
 from trisquare.picture_tone import PictureTone, pooled, shift_warnings
-from trisquare.pictures import ImageSource, Tone, checked_tone, picture_size, tone_of
+from trisquare.pictures import ImageSource, Outlines, Tone, checked_tone, picture_size, tone_of
 from trisquare.rejected import Rejected
 from trisquare.result import Calibration, Plane
 from trisquare.targets import Targets, nothing_found
@@ -89,7 +87,9 @@ def calibrate(
     TypeError, ValueError
         For bad arguments.
     """
-    from trisquare.measurement import measure  # OpenCV is loaded where a picture is searched
+    # OpenCV is loaded where a picture is searched.
+    from trisquare.drawings import Drawings
+    from trisquare.measurement import measure
 
     settings = _Settings.check(method, model, fix, initial)
     wanted = Targets.parse(targets)
@@ -223,7 +223,7 @@ class _Settings:
         return cls(method, model, tuple(name for name in FIXABLE if name in names), initial)
 
 
-def _nothing(wanted: Targets, drawn: Sequence[DrawnTarget] | None) -> str:
+def _nothing(wanted: Targets, drawn: Sequence[object] | None) -> str:
     """Say what was looked for in a picture in vain."""
     if drawn is None:
         return nothing_found(wanted)

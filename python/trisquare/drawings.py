@@ -7,15 +7,13 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
-from typing import Any, TypeAlias
+from typing import Any
 
 from trisquare.drawing_formats import DrawnPicture, DrawnTarget, drawn_pictures
 from trisquare.drawn_grid import DrawnGrid
 from trisquare.hand_drawn import DrawnOutline, DrawnSquare
 from trisquare.json_fields import refuse_constant
-from trisquare.pictures import ImageSource
-
-Outlines: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any] | Sequence[Any]"
+from trisquare.pictures import ImageSource, Outlines
 
 
 @dataclass(frozen=True, slots=True)
