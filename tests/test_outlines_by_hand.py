@@ -229,6 +229,14 @@ def with_square(**square):
         ('{"format": "trisquare/1"}', '"format"'),
         ('{"format": "trisquare-outlines/1", "squares": 3}', '"squares" must be a list'),
         ('{"format": "trisquare-outlines/1", "squares": []}', "no outline"),
+        (
+            {"format": "trisquare-outlines/1", "pictures": [own_file([[GOOD]], index=-1)]},
+            r'"pictures\[0\].index" must not be negative',
+        ),
+        (
+            {"format": "trisquare-outlines/1", "pictures": [own_file([[GOOD]], index=1)]},
+            r'"pictures\[0\].index" is 1, but there are 1 pictures',
+        ),
         (with_square(), r'"squares\[0\].corners" is missing'),
         (with_square(corners=GOOD[:3]), r"squares\[0\].corners.* 3 points"),
         (with_square(polygon=GOOD[:3]), r"squares\[0\].polygon.* 3 points"),

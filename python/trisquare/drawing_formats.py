@@ -147,7 +147,9 @@ def _own_picture(fields: JsonFields, where: str) -> DrawnPicture:
             targets.append(DrawnSquare(outer))
     for i, board in enumerate(boards):
         targets.append(_own_grid(board, f"{where}chessboards[{i}]"))
-    index = _count(fields, "index") if fields.has("index") else None
+    index = fields.integer("index") if fields.has("index") else None
+    if index is not None and index < 0:
+        raise ValueError(f'"{where}index" must not be negative, but is {index}')
     name = fields.text("file") if fields.has("file") else None
     return DrawnPicture(tuple(targets), name, index, _size(fields, "width", "height"), where)
 
@@ -257,10 +259,3 @@ def _size(fields: JsonFields, width: str, height: str) -> tuple[int, int] | None
     if not (fields.has(width) and fields.has(height)):
         return None
     return fields.integer(width), fields.integer(height)
-
-
-def _count(fields: JsonFields, key: str) -> int:
-    number = fields.integer(key)
-    if number < 0:
-        raise ValueError(f'"{key}" must not be negative, but is {number}')
-    return number

@@ -60,7 +60,7 @@ class Drawings:
     def _matched(cls, drawn: list[DrawnPicture], sources: Sequence[ImageSource]) -> Drawings:
         names = [_base_name(s) if isinstance(s, str | os.PathLike) else None for s in sources]
         found: list[DrawnPicture | None] = [None] * len(sources)
-        if names == [None] and len(drawn) == 1:
+        if names == [None] and len(drawn) == 1 and drawn[0].index is None:
             return cls((drawn[0],))  # an array has no name that could differ
         for picture in drawn:
             for index in _places_of(picture, names):
