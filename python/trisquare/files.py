@@ -39,8 +39,9 @@ def read_image(path: PathLike) -> Image:
     Parameters
     ----------
     path : str or path
-        Any format that OpenCV reads. An orientation tag is ignored: the result belongs to the
-        sensor's picture, rows and columns as they are stored.
+        Any format that OpenCV reads: PNG and TIFF of 8 and 16 bits, TIFF of 32-bit floats, JPEG
+        (progressive and CMYK too), palettes and two levels. An orientation tag is ignored: the
+        result belongs to the sensor's picture, rows and columns as they are stored.
 
     Returns
     -------
@@ -51,7 +52,8 @@ def read_image(path: PathLike) -> Image:
     ------
     ImageError
         If the file is missing, is no picture, or is truncated (OpenCV alone may return a
-        truncated picture with its lower part grey); if its pixels are of another type, or NaN.
+        truncated picture with its lower part grey); if its pixels are signed, of 32-bit integers
+        or of 64-bit floats, or NaN.
     """
     return read_photograph(path)[0]
 
