@@ -32,6 +32,8 @@ BENCHMARKS = (
     "picture_time",
     "solve_time",
     "command_memory",
+    "large_picture",
+    "hand_outlines",
     "import_time",
     "threads",
     "memory_flat",

@@ -8,7 +8,7 @@ import pytest
 from scenes import squares
 
 import trisquare as ts
-from trisquare import simulate
+from trisquare import drawing_formats, simulate
 from trisquare.hand_drawn import DrawnOutline
 
 SCENE = squares(31)
@@ -96,7 +96,7 @@ def test_light_squares_on_a_dark_ground_need_no_hint():
     assert_same(result, ts.calibrate(negative, tone="linear"))
 
 
-@pytest.mark.parametrize("form", ["lists", "sides", "polygon", "labelme", "coco"])
+@pytest.mark.parametrize("form", ["lists", "sides", "polygon", "labelme", "linestrips", "coco"])
 def test_every_form_says_the_same(tmp_path, form):
     targets = drawn(SCENE, 4, off=3.0)
     corners = [np.array(outlines[0]) for outlines in targets]
@@ -116,6 +116,13 @@ def test_every_form_says_the_same(tmp_path, form):
             "pictures": [{"index": 0, "squares": [{"polygon": p.tolist()} for p in polygons]}],
         },
         "labelme": labelme_file(targets),
+        "linestrips": {
+            "shapes": [
+                {"points": side, "shape_type": "linestrip", "group_id": group}
+                for group, square in enumerate(sides)
+                for side in square
+            ]
+        },
         "coco": coco_file({"photo.png": targets, "other.png": targets[:1]}),
     }[form]
     source = tmp_path / "photo.png"
@@ -176,7 +183,36 @@ def test_several_pictures_are_told_apart_by_name_or_index(tmp_path):
     assert_same(ts.calibrate(paths[:2], outlines=by_index), ts.calibrate(paths[:2]))
 
 
+def test_a_chessboard_by_its_crossings_is_the_board_that_a_search_finds():
+    rng = np.random.default_rng(61)
+    scene = simulate.chessboard_scene(rng, SCENE.camera)
+    photo = simulate.render(scene, rng, noise=2.0, tone="srgb")
+    corners = scene.image_points(0, scene.targets[0].board_corners()).reshape(6, 9, 2)
+    crossings = (corners + rng.uniform(-3.5, 3.5, corners.shape)).tolist()
+    whole = ts.detect(photo, targets="chessboard:9x6")[0]
+    crossings[0][:2] = [None, None]
+    crossings[5][8] = None
+    for rows in (crossings, [row[::-1] for row in crossings], crossings[::-1]):
+        board = {"format": "trisquare-outlines/1", "chessboards": [{"crossings": rows}]}
+        (edges,) = ts.detect(photo, outlines=board)
+        assert edges.kind == "chessboard"
+        assert len(edges.lines) == 15
+        samples, reference = np.concatenate(edges.points), np.concatenate(whole.points)
+        # Seven of 93 edges end at a crossing that was not drawn.
+        assert 0.9 < len(samples) / len(reference) < 1
+        distances = np.linalg.norm(samples[:, None] - reference[None], axis=2).min(axis=1)
+        assert np.quantile(distances, 0.9) < 0.05
+    blank = np.full_like(photo, 128)
+    with pytest.raises(ts.TrisquareError):
+        ts.calibrate(blank, outlines=board)
+
+
 GOOD = drawn(SCENE)[0][0]
+GRID = [[[50 * x + 50, 50 * y + 50] for x in range(4)] for y in range(3)]
+
+
+def with_board(crossings):
+    return {"format": "trisquare-outlines/1", "chessboards": [{"crossings": crossings}]}
 
 
 def with_square(**square):
@@ -193,6 +229,14 @@ def with_square(**square):
         ('{"format": "trisquare/1"}', '"format"'),
         ('{"format": "trisquare-outlines/1", "squares": 3}', '"squares" must be a list'),
         ('{"format": "trisquare-outlines/1", "squares": []}', "no outline"),
+        (
+            {"format": "trisquare-outlines/1", "pictures": [own_file([[GOOD]], index=-1)]},
+            r'"pictures\[0\].index" must not be negative',
+        ),
+        (
+            {"format": "trisquare-outlines/1", "pictures": [own_file([[GOOD]], index=1)]},
+            r'"pictures\[0\].index" is 1, but there are 1 pictures',
+        ),
         (with_square(), r'"squares\[0\].corners" is missing'),
         (with_square(corners=GOOD[:3]), r"squares\[0\].corners.* 3 points"),
         (with_square(polygon=GOOD[:3]), r"squares\[0\].polygon.* 3 points"),
@@ -213,10 +257,21 @@ def with_square(**square):
             r"squares\[0\].sides.* apart",
         ),
         (with_square(corners=GOOD, inner={"corners": GOOD}), "one must lie inside the other"),
+        (with_board(GRID[:2]), r"chessboards\[0\].crossings.* 2 x 4 crossings"),
+        (with_board([*GRID[:2], GRID[2][:3]]), r"chessboards\[0\].crossings.*ragged"),
+        (with_board([[None] * 4] * 3), r"chessboards\[0\].crossings.* no cell"),
+        (with_board([[[x, y] for x in range(3)] for y in range(3)]), "crossings 1.0 px apart"),
+        (with_board([[[9e9 * x, 9e9 * y] for x in range(3)] for y in range(3)]), "beyond 1e"),
+        (with_board(3), r"chessboards\[0\].crossings.* list of rows"),
+        (with_board([[[50 * x, 500 * y] for x in range(3)] for y in range(3)]), "outside"),
         (labelme_file([[GOOD]], size=(HEIGHT, WIDTH)), "orientation tag"),
         (labelme_file([[GOOD]], size=(640, 480)), "drawn on a picture of 640 x 480"),
         (labelme_file([[GOOD]], name="other.png"), r"nothing is drawn on photo.png"),
         (labelme_file([[GOOD, GOOD, GOOD]]), "third outline"),
+        (
+            {"shapes": [{"points": GOOD, "shape_type": "linestrip", "group_id": 7}]},
+            '"group_id" 7 has 1 sides',
+        ),
         ({"shapes": [{"points": GOOD, "shape_type": "circle"}]}, r"shapes\[0\].shape_type"),
         ({"shapes": [{"shape_type": "polygon"}]}, r'"shapes\[0\].points" is missing'),
         ({"annotations": [{"segmentation": {"counts": []}}]}, r"annotations\[0\].segmentation"),
@@ -269,6 +324,9 @@ def test_hostile_pictures_end_in_an_error_of_ours(size, fill):
     whole = [[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]]
     with pytest.raises((ts.TrisquareError, ValueError)):
         ts.calibrate(picture, outlines=[whole])
+    grid = np.stack(np.meshgrid(np.linspace(0, width, 3), np.linspace(0, height, 3)), axis=-1)
+    with pytest.raises((ts.TrisquareError, ValueError)):
+        ts.calibrate(picture, outlines=with_board(grid.tolist()))
 
 
 def test_a_traced_mask_has_its_corners_found():
@@ -280,3 +338,11 @@ def test_a_traced_mask_has_its_corners_found():
     distances = np.linalg.norm(corners[:, None] - quad[None], axis=2)
     assert distances.min(axis=0).max() < 8
     assert sorted(distances.argmin(axis=1).tolist()) == [0, 1, 2, 3]
+
+
+def test_the_documented_example_is_read():
+    text = drawing_formats.__doc__
+    example = json.loads(text[text.index("   {") : text.index("For a single")])
+    first, second = drawing_formats.drawn_pictures(example)
+    assert [target.kind for target in first.targets] == ["square", "square", "frame"]
+    assert (first.name, second.index, second.targets[0].present.sum()) == ("front.jpg", 1, 11)

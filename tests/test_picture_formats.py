@@ -178,6 +178,14 @@ def test_the_result_refers_to_the_picture_as_stored_and_says_so(
     assert not any("orientation" in text for text in stored.warnings)
 
 
+def test_a_turned_picture_prints_nothing_else(run, tmp_path):
+    for name, encode in (("a.png", png_with_orientation), ("a.tif", tiff)):
+        (tmp_path / name).write_bytes(encode(PHOTO, 8))
+        code, out, err = run("calibrate", tmp_path / name)
+        assert (code, err) == (0, "")
+        assert "anticlockwise" in " ".join(out.split())
+
+
 @pytest.mark.parametrize("encode", [jpeg_with_orientation, png_with_orientation, tiff])
 def test_an_upright_picture_needs_no_remark(tmp_path, encode):
     path = tmp_path / "upright.img"

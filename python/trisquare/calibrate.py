@@ -12,14 +12,12 @@ from trisquare.camera import MODELS, Camera, camera_parameters
 from trisquare.checked import FloatArray, size_of_image
 from trisquare.choosing import choose
 from trisquare.coherence import Coherence
-from trisquare.drawings import Drawings, Outlines
 from trisquare.edges import PlaneEdges
 from trisquare.errors import DetectionError
-from trisquare.hand_drawn import DrawnSquare
 from trisquare.model_alternative import ModelAlternative
 from trisquare.photographs import photographs
 from trisquare.picture_tone import PictureTone, pooled, shift_warnings
-from trisquare.pictures import ImageSource, Tone, checked_tone, picture_size, tone_of
+from trisquare.pictures import ImageSource, Outlines, Tone, checked_tone, picture_size, tone_of
 from trisquare.rejected import Rejected
 from trisquare.result import Calibration, Plane
 from trisquare.targets import Targets, nothing_found
@@ -93,7 +91,9 @@ def calibrate(
     TypeError, ValueError
         For bad arguments.
     """
-    from trisquare.measurement import measure  # OpenCV is loaded where a picture is searched
+    # OpenCV is loaded where a picture is searched.
+    from trisquare.drawings import Drawings
+    from trisquare.measurement import measure
 
     settings = _Settings.check(method, model, fix, initial)
     wanted = Targets.parse(targets)
@@ -254,7 +254,7 @@ class _Settings:
         return list(camera_parameters(self.initial).values())
 
 
-def _nothing(wanted: Targets, drawn: Sequence[DrawnSquare] | None) -> str:
+def _nothing(wanted: Targets, drawn: Sequence[object] | None) -> str:
     """Say what was looked for in a picture in vain."""
     if drawn is None:
         return nothing_found(wanted)

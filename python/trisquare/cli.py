@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
@@ -192,8 +192,8 @@ def calibrate_command(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Measure the squares that this file outlines, within 5 px, and look for no "
-            "others: trisquare's JSON, labelme's, or COCO polygons.",
+            help="Measure the squares that this file outlines, within 5 px of the stored picture, "
+            "and look for no others: trisquare's JSON, labelme's, or COCO polygons.",
         ),
     ] = None,
     diagnose: Annotated[
@@ -302,11 +302,10 @@ def _overlay(
 ) -> bytes:
     image = read_image(photo)
     edges = []
-    drawn = None if drawings is None else drawings.on(index, picture_size(image))
     # A picture among several in which there is nothing has no edges to draw.
-    if drawn != ():
-        with suppress(DetectionError):
-            edges = detect(image, targets=targets, tone=tone, outlines=drawn)
+    if any(plane.image == index for plane in calibration.planes):
+        drawn = None if drawings is None else drawings.on(index, picture_size(image))
+        edges = detect(image, targets=targets, tone=tone, outlines=drawn)
     edges = [replace(figure, image=index) for figure in edges]
     return encode_image(draw_overlay(image, calibration, edges, index=index), path)
 

@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 from trisquare import _core
-from trisquare.drawings import Drawings, Outlines
 from trisquare.edges import PlaneEdges
 from trisquare.errors import DetectionError
-from trisquare.pictures import ImageSource, Tone, checked_tone, load_picture, picture_size, tone_of
+from trisquare.pictures import (
+    ImageSource,
+    Outlines,
+    Tone,
+    checked_tone,
+    load_picture,
+    picture_size,
+    tone_of,
+)
 from trisquare.targets import Targets, nothing_found
 
 
@@ -69,6 +76,8 @@ def detect(
     picture = load_picture(image)
     drawn = None
     if outlines is not None:
+        from trisquare.drawings import Drawings
+
         drawn = Drawings.read(outlines, [image]).on(0, picture_size(picture))
     core = _core.Picture(picture)
     measured = measure(picture, core, wanted, tone_of(picture, checked), drawn)

@@ -30,9 +30,12 @@ FONT = cv2.FONT_HERSHEY_SIMPLEX
 def dimmed_grey(image: Image) -> Canvas:
     """Return a picture in dim grey, as BGR, for drawing on."""
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-    full_scale = np.iinfo(grey.dtype).max if grey.dtype.kind == "u" else 1.0
-    dimmed = np.clip(grey.astype(np.float64) / full_scale, 0, 1) * (255 * DIMMED)
-    return np.repeat(dimmed.astype(np.uint8)[:, :, None], 3, axis=2)
+    if grey.dtype.kind == "u":
+        full_scale = np.iinfo(grey.dtype).max
+    else:
+        grey, full_scale = np.clip(grey, 0, 1), 1
+    dimmed = cv2.convertScaleAbs(grey, alpha=255 * DIMMED / full_scale)
+    return np.asarray(cv2.cvtColor(dimmed, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
 
 
 def _subpixel(points: FloatArray) -> npt.NDArray[np.int32]:

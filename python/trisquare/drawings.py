@@ -7,14 +7,13 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
-from typing import Any, TypeAlias
+from typing import Any
 
-from trisquare.drawing_formats import DrawnPicture, drawn_pictures
+from trisquare.drawing_formats import DrawnPicture, DrawnTarget, drawn_pictures
+from trisquare.drawn_grid import DrawnGrid
 from trisquare.hand_drawn import DrawnOutline, DrawnSquare
 from trisquare.json_fields import refuse_constant
-from trisquare.pictures import ImageSource
-
-Outlines: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any] | Sequence[Any]"
+from trisquare.pictures import ImageSource, Outlines
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +60,7 @@ class Drawings:
     def _matched(cls, drawn: list[DrawnPicture], sources: Sequence[ImageSource]) -> Drawings:
         names = [_base_name(s) if isinstance(s, str | os.PathLike) else None for s in sources]
         found: list[DrawnPicture | None] = [None] * len(sources)
-        if names == [None] and len(drawn) == 1:
+        if names == [None] and len(drawn) == 1 and drawn[0].index is None:
             return cls((drawn[0],))  # an array has no name that could differ
         for picture in drawn:
             for index in _places_of(picture, names):
@@ -74,7 +73,7 @@ class Drawings:
             )
         return cls(tuple(found))
 
-    def on(self, index: int, image_size: tuple[int, int]) -> tuple[DrawnSquare, ...]:
+    def on(self, index: int, image_size: tuple[int, int]) -> tuple[DrawnTarget, ...]:
         """Return what is drawn on a picture of this size; it may be nothing.
 
         Raises
@@ -86,10 +85,9 @@ class Drawings:
         if drawn is None:
             return ()
         drawn.check_size(image_size)
-        for square in drawn.squares:
-            for outline in square.outlines:
-                outline.check_inside(image_size)
-        return drawn.squares
+        for target in drawn.targets:
+            target.check_inside(image_size)
+        return drawn.targets
 
 
 def _parsed(path: str | os.PathLike[str]) -> Any:
@@ -103,23 +101,23 @@ def _parsed(path: str | os.PathLike[str]) -> Any:
         raise ValueError(f"not JSON that can be read ({error})") from error
 
 
-def _listed(outlines: Any) -> list[DrawnSquare]:
+def _listed(outlines: Any) -> list[DrawnTarget]:
     if isinstance(outlines, bytes) or not hasattr(outlines, "__iter__"):
         raise TypeError(
             f"outlines are a path, parsed JSON or a sequence, not {type(outlines).__name__}"
         )
-    squares = []
+    targets: list[DrawnTarget] = []
     for index, outline in enumerate(outlines):
         where = f"outlines[{index}]"
-        if isinstance(outline, DrawnSquare):
-            squares.append(outline)
+        if isinstance(outline, DrawnSquare | DrawnGrid):
+            targets.append(outline)
         elif _depth(outline) == 3:
-            squares.append(DrawnSquare(DrawnOutline.of_sides(outline, where)))
+            targets.append(DrawnSquare(DrawnOutline.of_sides(outline, where)))
         else:
-            squares.append(DrawnSquare(DrawnOutline.of_polygon(outline, where)))
-    if not squares:
+            targets.append(DrawnSquare(DrawnOutline.of_polygon(outline, where)))
+    if not targets:
         raise ValueError("no outline given")
-    return squares
+    return targets
 
 
 def _depth(value: Any) -> int:

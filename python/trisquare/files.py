@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from trisquare.errors import ImageError
-from trisquare.orientation import find_orientation
+from trisquare.orientation import TIFF_STARTS, find_orientation
 from trisquare.pictures import PIXEL_TYPES, Image
 
 PathLike: TypeAlias = str | os.PathLike[str]
@@ -39,8 +39,9 @@ def read_image(path: PathLike) -> Image:
     Parameters
     ----------
     path : str or path
-        Any format that OpenCV reads. An orientation tag is ignored: the result belongs to the
-        sensor's picture, rows and columns as they are stored.
+        Any format that OpenCV reads: PNG and TIFF of 8 and 16 bits, TIFF of 32-bit floats, JPEG
+        (progressive and CMYK too), palettes and two levels. An orientation tag is ignored: the
+        result belongs to the sensor's picture, rows and columns as they are stored.
 
     Returns
     -------
@@ -51,7 +52,8 @@ def read_image(path: PathLike) -> Image:
     ------
     ImageError
         If the file is missing, is no picture, or is truncated (OpenCV alone may return a
-        truncated picture with its lower part grey); if its pixels are of another type, or NaN.
+        truncated picture with its lower part grey); if its pixels are signed, of 32-bit integers
+        or of 64-bit floats, or NaN.
     """
     return read_photograph(path)[0]
 
@@ -71,7 +73,7 @@ def read_photograph(path: PathLike) -> tuple[Image, str | None]:
         raise ImageError(f"{os.fspath(path)}: {reason}")
     tag = find_orientation(encoded)
     turn = None if tag is None else tag.turn
-    if tag is not None and turn is not None:
+    if tag is not None and turn is not None and encoded[:4] in TIFF_STARTS:
         encoded = tag.made_upright(encoded)
     try:
         image = cv2.imdecode(np.frombuffer(encoded, np.uint8), READ_FLAGS)

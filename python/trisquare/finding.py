@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from trisquare.hand_drawn import DrawnSquare
+from trisquare.drawing_formats import DrawnTarget
+from trisquare.drawn_grid import DrawnGrid
 from trisquare.lattice_edges import FoundLattice
 from trisquare.lattices import find_lattices, region
 from trisquare.outlines import Lattice, find_chessboard, find_squares, grey_bytes
@@ -64,8 +65,15 @@ def _inside(polygon: NDArray[np.float64], point: NDArray[np.float64]) -> bool:
     return cv2.pointPolygonTest(polygon.astype(np.float32), (x, y), False) >= 0.0
 
 
-def find_drawn(picture: Image, drawn: Sequence[DrawnSquare]) -> list[FoundSquare | str]:
-    """Find squares where they are drawn in a checked picture, or say why there is none."""
+def find_drawn(picture: Image, drawn: Sequence[DrawnTarget]) -> list[Found | str]:
+    """Find targets where they are drawn in a checked picture, or say why there is none."""
     grey = grey_bytes(picture)
-    settled = [settle(grey, square) for square in drawn]
-    return [found if isinstance(found, str) else FoundSquare(found) for found in settled]
+    return [_found_drawn(grey, target) for target in drawn]
+
+
+def _found_drawn(grey: NDArray[np.uint8], target: DrawnTarget) -> Found | str:
+    if isinstance(target, DrawnGrid):
+        lattice = target.settled(grey)
+        return lattice if isinstance(lattice, str) else FoundLattice.of(lattice, grey)
+    outline = settle(grey, target)
+    return outline if isinstance(outline, str) else FoundSquare(outline)

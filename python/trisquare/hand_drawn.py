@@ -112,17 +112,6 @@ class DrawnOutline:
             side.flags.writeable = False
         return cls(tuple(sides), where)
 
-    def check_inside(self, image_size: tuple[int, int]) -> None:
-        """Raise ValueError if a point lies outside a picture of this width and height."""
-        points = np.concatenate(self.sides)
-        outside = (points < -OUTSIDE) | (points > np.array(image_size) - 1 + OUTSIDE)
-        if outside.any():
-            x, y = points[outside.any(axis=1).argmax()]
-            raise ValueError(
-                f"{self.where}: the point ({x:g}, {y:g}) lies outside the picture of "
-                f"{image_size[0]} x {image_size[1]} pixels"
-            )
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DrawnSquare:
@@ -155,9 +144,35 @@ class DrawnSquare:
         return "square" if self.inner is None else "frame"
 
     @property
+    def where(self) -> str:
+        """Return what its file or list calls it."""
+        return self.outer.where
+
+    @property
+    def corners(self) -> FloatArray:
+        """Of the outer outline, shape (4, 2), pixels."""
+        return self.outer.corners
+
+    def check_inside(self, image_size: tuple[int, int]) -> None:
+        """Raise ValueError if a point lies outside a picture of this width and height."""
+        for outline in self.outlines:
+            refuse_outside(np.concatenate(outline.sides), image_size, outline.where)
+
+    @property
     def outlines(self) -> tuple[DrawnOutline, ...]:
         """Return the outer one and, of a frame, the inner one."""
         return (self.outer,) if self.inner is None else (self.outer, self.inner)
+
+
+def refuse_outside(points: FloatArray, image_size: tuple[int, int], where: str) -> None:
+    """Raise ValueError if a point lies outside a picture of this width and height."""
+    outside = (points < -OUTSIDE) | (points > np.array(image_size) - 1 + OUTSIDE)
+    if outside.any():
+        x, y = points[outside.any(axis=1).argmax()]
+        raise ValueError(
+            f"{where}: the point ({x:g}, {y:g}) lies outside the picture of "
+            f"{image_size[0]} x {image_size[1]} pixels"
+        )
 
 
 def _points(points: Any, where: str) -> FloatArray:

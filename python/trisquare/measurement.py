@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 from trisquare import _core
 from trisquare.checked import FloatArray
+from trisquare.drawing_formats import DrawnTarget
 from trisquare.edges import PlaneEdges
 from trisquare.finding import find, find_drawn
-from trisquare.hand_drawn import DrawnSquare
 from trisquare.picture_tone import PictureTone
 from trisquare.pictures import Image
 from trisquare.rejected import Rejected
@@ -34,31 +34,26 @@ def measure(
     core: _core.Picture,
     targets: Targets,
     tone: str | float,
-    drawn: Sequence[DrawnSquare] | None = None,
+    drawn: Sequence[DrawnTarget] | None = None,
 ) -> Measurement:
     """Find the targets in a checked picture and measure them.
 
-    With squares `drawn` by hand nothing else is looked for.
+    With targets `drawn` by hand nothing else is looked for.
     """
     if drawn is None:
         candidates = find(picture, targets)
         rejected = [candidate for candidate in candidates if isinstance(candidate, Rejected)]
-        found = [candidate for candidate in candidates if not isinstance(candidate, Rejected)]
-        measured = _measured(found, core, tone)
+        seen = [candidate for candidate in candidates if not isinstance(candidate, Rejected)]
+        measured = _measured(seen, core, tone)
         return measured._replace(rejected=rejected + measured.rejected)
-    settled = find_drawn(picture, drawn)
-    squares = [square for square in settled if not isinstance(square, str)]
-    names = [
-        f"{outline.outer.where}: "
-        for outline, square in zip(drawn, settled, strict=True)
-        if not isinstance(square, str)
-    ]
-    measured = _measured(squares, core, tone, names)
-    nowhere = [
-        Rejected(outline.kind, 0, outline.outer.corners, square)
-        for outline, square in zip(drawn, settled, strict=True)
-        if isinstance(square, str)
-    ]
+    found, names, nowhere = [], [], []
+    for target, settled in zip(drawn, find_drawn(picture, drawn), strict=True):
+        if isinstance(settled, str):
+            nowhere.append(Rejected(target.kind, 0, target.corners, settled))
+        else:
+            found.append(settled)
+            names.append(f"{target.where}: ")
+    measured = _measured(found, core, tone, names)
     return measured._replace(rejected=nowhere + measured.rejected)
 
 

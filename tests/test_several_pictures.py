@@ -1,0 +1,70 @@
+"""Several photographs of one camera: pooled, and each named where something is wrong with it."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+from scenes import squares
+
+import trisquare as ts
+from trisquare import simulate
+
+FIRST = squares(51)
+SECOND = squares(52, camera=FIRST.camera)
+PICTURES = [
+    simulate.render(scene, np.random.default_rng(seed), noise=2.0, tone="srgb")
+    for seed, scene in enumerate((FIRST, SECOND))
+]
+BLANK = np.full_like(PICTURES[0], 128)
+
+
+@pytest.fixture
+def paths(tmp_path):
+    written = {}
+    for name, picture in zip("abc", (*PICTURES, BLANK), strict=True):
+        written[name] = tmp_path / f"{name}.png"
+        cv2.imwrite(str(written[name]), picture)
+    return written
+
+
+def test_a_picture_without_squares_is_named_and_left_out(run, tmp_path, paths):
+    result = ts.calibrate([paths["a"], paths["c"], paths["b"]])
+    assert [plane.image for plane in result.planes] == [0, 0, 0, 2, 2, 2]
+    assert any(text.startswith("picture 1 (c.png): no square") for text in result.warnings)
+    assert result.camera.fx == ts.calibrate(PICTURES).camera.fx
+    over = tmp_path / "over.png"
+    code, out, _ = run("calibrate", paths["a"], paths["c"], "--overlay", over, "--json")
+    assert code == 0
+    assert len(json.loads(out)["planes"]) == 3
+    assert (tmp_path / "over-2.png").exists()
+
+
+def test_a_picture_given_twice_counts_once(paths):
+    result = ts.calibrate([paths["a"], *PICTURES])
+    once = ts.calibrate(PICTURES)
+    assert result.std["fx"] == pytest.approx(once.std["fx"], rel=1e-6)
+    assert any("picture 1 is the same picture as picture 0 (a.png)" in t for t in result.warnings)
+    noisy = simulate.render(FIRST, np.random.default_rng(9), noise=2.0, tone="srgb")
+    assert len(ts.calibrate([PICTURES[0], noisy]).planes) == 6
+
+
+def test_pictures_of_different_sizes_are_named(tmp_path, paths):
+    other = tmp_path / "small.png"
+    cv2.imwrite(str(other), BLANK[:480, :640])
+    with pytest.raises(ValueError, match=r"small\.png.*\(640, 480\).*a\.png.*\(1280, 960\)"):
+        ts.calibrate([paths["a"], paths["b"], other])
+
+
+def test_an_unreadable_file_among_many_is_named(run, tmp_path, paths):
+    broken = tmp_path / "broken.png"
+    broken.write_bytes(paths["b"].read_bytes()[:5000])
+    code, _, err = run("calibrate", paths["a"], broken, paths["b"])
+    assert code == 5
+    assert "broken.png: the PNG is truncated" in err
+
+
+def test_progress_is_told_for_every_picture(paths):
+    told = []
+    ts.calibrate(list(paths.values()), progress=lambda done, total: told.append((done, total)))
+    assert told == [(1, 3), (2, 3), (3, 3)]
