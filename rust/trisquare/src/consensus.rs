@@ -6,18 +6,23 @@
 //! to where it explains most, and the one with the most evidence is taken. Its squares go through
 //! the joint fit, which drops what does not agree and takes back what does.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector2, Vector3};
 
 use crate::conic::camera_matrix;
 use crate::covariance::check_plane_count;
 use crate::explanation::{ALIKE_SHARE, Explanation, Prior, alike, squared_deviation};
 use crate::linear::{Homographies, Undistortion, first_view};
+use crate::local_noise::Noise;
 use crate::misfit::Misfit;
-use crate::observations::{ObservedPlane, sort_by_plane};
-use crate::refine::{Refined, residuals, root_mean_square, search};
+use crate::observations::{ObservedPlane, Sample, Side, sort_by_plane};
+use crate::refine::{
+    Refined, Residual, Residuals, residuals, robust_scale, root_mean_square, search,
+};
 use crate::squareness::{Candidate, Pinhole};
 use crate::task::Task;
-use crate::{Brown, Error, Fixed, ImageSize, Method, Options, PlaneEdges, set_aside};
+use crate::{
+    Brown, Error, Fixed, ImageSize, Line, Method, Options, PlaneEdges, Straightening, set_aside,
+};
 
 /// Candidates that must be there: of three, two cannot show which one is false.
 const LEAST_CANDIDATES: usize = 4;
@@ -25,13 +30,16 @@ const LEAST_CANDIDATES: usize = 4;
 /// Samples of each side that the choice looks at: a false square shows in few.
 const SAMPLES_PER_SIDE: usize = 16;
 
-/// A joint fit agrees if its sides lie in the wrong place by less than so many times the variance of
-/// their curvature: paper that is not flat does both.
-const AGREED: f64 = 3.0;
+/// A joint fit agrees if its sides are in the wrong place, and bent, by less than so many times the
+/// variance of the curvature that no lens takes out: paper that is not flat does both.
+const AGREED: f64 = 2.0;
 
-/// A plane does not belong if what it adds to the misfit is, per degree of freedom, so many times
-/// what remains without it: chance makes it 4 once in ten thousand times.
-const FALSE_PLANE: f64 = 6.0;
+/// Standard deviations of chance that are allowed beyond what is expected.
+const CHANCE: f64 = 4.0;
+
+/// A plane does not belong if it puts sides in the wrong place by so many times the variance of the
+/// noise, per degree of freedom, of which it has two: chance does it once in three thousand times.
+const FALSE_PLANE: f64 = 8.0;
 
 /// Focal lengths tried, over half the image diagonal, and how many: neighbours differ by 8 %.
 const FOCAL_LENGTHS: (f64, f64) = (0.4, 18.0);
@@ -63,12 +71,12 @@ const WORTH_A_TRIAL: f64 = 60.0;
 /// How many at most.
 const MAX_TRIALS: usize = 12;
 
-/// Squares that the joint fit may drop, and those of them that are tried each time.
-const MAX_DROPPED: usize = 8;
-const MAX_SUSPECTS: usize = 8;
+/// Rounds in which those planes are dropped that are so many times farther off than the median one.
+const MAX_TRIMS: usize = 12;
+const STICKS_OUT: f64 = 2.5;
 
-/// Triples of an explanation's squares that are fitted where these do not agree: all of six.
-const MAX_SEEDS: usize = 20;
+/// Triples of an explanation's squares that are fitted where these do not agree: all of nine.
+const MAX_SEEDS: usize = 84;
 
 /// Explanations that are followed up, and by how much less evidence they may have than the best.
 const MAX_EXPLANATIONS: usize = 4;
@@ -159,22 +167,33 @@ pub fn choose(edges: &[PlaneEdges], size: ImageSize, options: &Options) -> Resul
         method: Method::MaximumLikelihood,
         ..*options
     };
+    if planes.len() < LEAST_CANDIDATES {
+        return Ok(everything(&thinned));
+    }
+    let task = Task::new(size, &options);
+    let undistortion = undistortion(&thinned, &task);
     let chooser = Chooser {
-        task: Task::new(size, &options),
+        task,
         planes: &thinned,
+        bent: curvature(&thinned, &undistortion),
+        pool: Pool::of(&thinned, undistortion, size),
     };
-    if planes.len() < LEAST_CANDIDATES || chooser.all_agree() {
-        return Ok(chooser.everything());
+    if chooser.all_agree() {
+        return Ok(everything(&thinned));
     }
     let found = chooser.choice();
     Ok(found
         .filter(|choice| !chooser.is_set_aside_anyway(choice))
-        .unwrap_or_else(|| chooser.everything()))
+        .unwrap_or_else(|| everything(&thinned)))
 }
 
 struct Chooser<'a> {
     task: Task<'a>,
     planes: &'a [ObservedPlane],
+    pool: Pool,
+    /// Mean square curvature of the sides where they are as straight as a lens can make them, in
+    /// units of their noise; at least 1.
+    bent: f64,
 }
 
 /// The joint fit of some planes.
@@ -187,14 +206,16 @@ struct Fit {
 }
 
 impl Fit {
-    fn ordinary(&self) -> f64 {
-        self.misfit.mean().max(1.0)
-    }
-
-    fn agrees(&self) -> bool {
+    /// Whether its sides lie where they should, and are straight, but for the noise and for what
+    /// bends them anyway.
+    fn agrees(&self, bent: f64) -> bool {
+        let within = |sum: f64, freedom: f64| {
+            let limit = AGREED.max(1.0 + CHANCE * (2.0 / freedom).sqrt());
+            sum / freedom < limit * bent
+        };
         let misfit = &self.misfit;
-        let bent = (misfit.curved / misfit.curved_freedom).max(1.0);
-        misfit.straight / misfit.straight_freedom < AGREED * bent
+        within(misfit.straight, misfit.straight_freedom)
+            && within(misfit.curved, misfit.curved_freedom)
     }
 
     /// The number of members, of which those that stand alike count as little more than one.
@@ -210,41 +231,24 @@ impl Fit {
         number
     }
 
-    /// The members that may be what the others disagree with, those farthest off first.
-    fn suspects(&self) -> Vec<usize> {
-        let mut by_distance: Vec<(f64, usize)> = self
-            .refined
-            .residuals
-            .iter()
-            .map(|own| root_mean_square(own.iter()))
-            .zip(self.members.iter().copied())
-            .collect();
-        by_distance.sort_by(|a, b| b.0.total_cmp(&a.0));
-        by_distance
-            .iter()
-            .take(MAX_SUSPECTS)
-            .map(|(_, i)| *i)
-            .collect()
+    /// By how much further planes put sides in the wrong place, per degree of freedom.
+    fn strain(&self, more: &Self) -> f64 {
+        let (before, after) = (&self.misfit, &more.misfit);
+        let freedom = (after.straight_freedom - before.straight_freedom).max(1.0);
+        (after.straight - before.straight) / freedom
     }
 
-    /// What further planes add to the misfit, per degree of freedom and over what is ordinary.
-    fn strain(&self, more: &Self) -> f64 {
-        let added = more.misfit.total() - self.misfit.total();
-        added / (more.misfit.freedom() - self.misfit.freedom()).max(1.0) / self.ordinary()
+    /// How far the samples of every member are from its lines, root mean square, px.
+    fn distances(&self) -> Vec<(f64, usize)> {
+        let own = self.refined.residuals.iter();
+        let distances = own.map(|own| root_mean_square(own.iter()));
+        distances.zip(self.members.iter().copied()).collect()
     }
 }
 
 impl Chooser<'_> {
-    fn everything(&self) -> Choice {
-        let kept = |plane: &ObservedPlane| Verdict {
-            figure: plane.figures[0].index,
-            kept: true,
-            residual: None,
-        };
-        Choice {
-            verdicts: self.planes.iter().map(kept).collect(),
-            doubt: None,
-        }
+    fn agrees(&self, fit: &Fit) -> bool {
+        fit.agrees(self.bent)
     }
 
     /// Whether the one plane that a choice drops is found false, or bent on one side, by the fit of
@@ -261,11 +265,11 @@ impl Chooser<'_> {
     fn all_agree(&self) -> bool {
         let all: Vec<usize> = (0..self.planes.len()).collect();
         let refined = self.task.optimum(self.planes);
-        refined.is_ok_and(|refined| self.judged(&all, self.planes, refined).agrees())
+        refined.is_ok_and(|refined| self.agrees(&self.judged(&all, self.planes, refined)))
     }
 
     /// The joint fit of some planes, searched from a camera.
-    fn fit(&self, members: &[usize], pool: &Pool, start: &Pinhole) -> Option<Fit> {
+    fn fit(&self, members: &[usize], start: &Pinhole) -> Option<Fit> {
         let Task {
             size,
             options,
@@ -276,9 +280,9 @@ impl Chooser<'_> {
         let planes: Vec<_> = members.iter().map(|i| self.planes[*i].clone()).collect();
         let view = first_view(
             &self.matrix(start),
-            &pool.homographies_of(members),
+            &self.pool.homographies_of(members),
             &planes,
-            &pool.undistortion,
+            &self.pool.undistortion,
             *size,
             options,
         );
@@ -313,23 +317,22 @@ impl Chooser<'_> {
     }
 
     fn choice(&self) -> Option<Choice> {
-        let pool = Pool::of(self.planes, self.undistortion(), self.task.size);
-        let explanations = self.explanations(&pool);
+        let explanations = self.explanations();
         let best = explanations.first()?;
         let mut fits: Vec<Fit> = Vec::new();
         for explanation in &explanations {
             if best.evidence - explanation.evidence < CONSIDERED {
-                self.add_fits(explanation, &pool, &mut fits);
+                self.add_fits(explanation, &mut fits);
             }
         }
-        let order = |fit: &Fit| (fit.agrees(), self.worth(fit));
+        let order = |fit: &Fit| (self.agrees(fit), self.worth(fit));
         fits.sort_by(|a, b| {
             let ((a_agrees, a), (b_agrees, b)) = (order(a), order(b));
             b_agrees.cmp(&a_agrees).then(b.total_cmp(&a))
         });
         let (members, lens) = match fits.first() {
             Some(fit) => (fit.members.clone(), Some(fit.refined.view.lens)),
-            None => (pool.squares(best), None),
+            None => (self.pool.squares(best), None),
         };
         let verdict = |(i, plane): (usize, &ObservedPlane)| {
             let kept = members.contains(&i);
@@ -347,23 +350,35 @@ impl Chooser<'_> {
     }
 
     /// The joint fits that an explanation leads to: of its squares, or of those that agree.
-    fn add_fits(&self, explanation: &Explanation, pool: &Pool, fits: &mut Vec<Fit>) {
-        let squares = pool.squares(explanation);
+    fn add_fits(&self, explanation: &Explanation, fits: &mut Vec<Fit>) {
+        let squares = self.pool.squares(explanation);
         let start = &explanation.camera;
         let mut keep = |fit: Fit| {
-            let grown = self.with_others(fit, explanation, pool);
-            if fits.iter().all(|known| known.members != grown.members) {
-                fits.push(grown);
+            let known = |members: &[usize]| {
+                let within = |known: &&Fit| members.iter().all(|i| known.members.contains(i));
+                fits.iter().any(|fit| self.agrees(fit) && within(&fit))
+            };
+            if !known(&fit.members) {
+                let grown = self.with_others(fit, explanation);
+                if !known(&grown.members) {
+                    fits.push(grown);
+                }
             }
         };
-        match self.fit(&squares, pool, start) {
-            Some(fit) if fit.agrees() || squares.len() < LEAST_CANDIDATES => keep(fit),
+        match self.fit(&squares, start) {
+            Some(fit) if self.agrees(&fit) || squares.len() < LEAST_CANDIDATES => keep(fit),
             Some(fit) => {
-                triples(&squares)
-                    .iter()
-                    .filter_map(|seed| self.fit(seed, pool, start).filter(Fit::agrees))
-                    .for_each(&mut keep);
-                keep(self.without_misfits(fit, pool));
+                if let Some(trimmed) = self.trimmed(&fit) {
+                    keep(trimmed);
+                }
+                for seed in triples(&squares) {
+                    if let Some(seed) = self.fit(&seed, start).filter(|seed| self.agrees(seed)) {
+                        keep(seed);
+                    }
+                }
+                if fits.is_empty() {
+                    fits.push(fit);
+                }
             }
             None => {}
         }
@@ -372,13 +387,6 @@ impl Chooser<'_> {
     /// What speaks for a joint fit: squares that do not stand alike, and an ordinary camera.
     fn worth(&self, fit: &Fit) -> f64 {
         fit.standing_apart() * SQUARE_EVIDENCE - self.prior().cost(&fit.camera)
-    }
-
-    /// From straightness: the sides of false squares are straight, too.
-    fn undistortion(&self) -> Undistortion {
-        Undistortion::estimate(self.planes, self.task.size, self.task.options).unwrap_or_else(
-            |_| Undistortion::Straightened(crate::Straightening::identity(self.task.size)),
-        )
     }
 
     fn prior(&self) -> Prior {
@@ -405,14 +413,14 @@ impl Chooser<'_> {
     }
 
     /// All that cameras make of the candidates, from the most evidence to the least.
-    fn explanations(&self, pool: &Pool) -> Vec<Explanation> {
+    fn explanations(&self) -> Vec<Explanation> {
         let prior = self.prior();
         let mut doubt = prior.std;
         doubt[0] = doubt[0].min(FOCAL_DOUBT);
         let mut found: Vec<Explanation> = self
-            .hypotheses(&prior, pool)
+            .hypotheses(&prior)
             .into_iter()
-            .filter_map(|start| Explanation::settled(&pool.candidates, &prior, start, &doubt))
+            .filter_map(|start| Explanation::settled(&self.pool.candidates, &prior, start, &doubt))
             .collect();
         found.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         let mut different: Vec<Explanation> = Vec::new();
@@ -431,7 +439,7 @@ impl Chooser<'_> {
         different
     }
 
-    fn hypotheses(&self, prior: &Prior, pool: &Pool) -> Vec<Pinhole> {
+    fn hypotheses(&self, prior: &Prior) -> Vec<Pinhole> {
         let mut cameras = vec![prior.mean];
         if self.task.options.fixed.focal {
             return cameras;
@@ -442,7 +450,7 @@ impl Chooser<'_> {
             camera[0] = shortest + (longest - shortest) * i as f64 / (FOCAL_STEPS - 1) as f64;
             cameras.push(camera);
         }
-        let planes = pool.homographies.iter();
+        let planes = self.pool.homographies.iter();
         let homographies: Vec<_> = planes.flat_map(Homographies::of_planes).collect();
         let known = self.task.options.known_intrinsics(&self.task.size);
         for subset in subsets(homographies.len()) {
@@ -467,34 +475,38 @@ impl Chooser<'_> {
         )
     }
 
-    /// Drops planes, each time the one without which the others agree best, until they agree; drops
-    /// none if they never do.
-    fn without_misfits(&self, fit: Fit, pool: &Pool) -> Fit {
-        let mut rest: Option<Fit> = None;
-        for _ in 0..MAX_DROPPED {
-            let now = rest.as_ref().unwrap_or(&fit);
-            if now.agrees() || now.members.len() < LEAST_CANDIDATES {
-                break;
+    /// What agrees of a fit once the planes that stick out are dropped, if anything does.
+    fn trimmed(&self, fit: &Fit) -> Option<Fit> {
+        let mut rest = self.fit(&fit.members, &fit.camera)?;
+        for _ in 0..MAX_TRIMS {
+            if self.agrees(&rest) {
+                return Some(rest);
             }
-            let without = |suspect: usize| {
-                let others = now.members.iter().copied().filter(|i| *i != suspect);
-                self.fit(&others.collect::<Vec<_>>(), pool, &now.camera)
-            };
-            let trials = now.suspects().into_iter().filter_map(without);
-            match trials.min_by(|a, b| a.misfit.mean().total_cmp(&b.misfit.mean())) {
-                Some(best) => rest = Some(best),
-                None => break,
+            let mut distances = rest.distances();
+            distances.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let limit = STICKS_OUT * distances[distances.len() / 2].0;
+            let within = distances.iter().filter(|(distance, _)| *distance <= limit);
+            let mut members: Vec<usize> = within.map(|(_, plane)| *plane).collect();
+            if members.len() == distances.len() {
+                // Nobody sticks out, but they do not agree: the farthest must go.
+                members.pop();
             }
+            if members.len() + 1 < LEAST_CANDIDATES {
+                return None;
+            }
+            members.sort_unstable();
+            rest = self.fit(&members, &rest.camera)?;
         }
-        rest.filter(Fit::agrees).unwrap_or(fit)
+        None
     }
 
     /// Takes back what agrees in the joint fit, the most promising first.
-    fn with_others(&self, mut fit: Fit, explanation: &Explanation, pool: &Pool) -> Fit {
-        let mut others: Vec<(f64, usize)> = pool
+    fn with_others(&self, mut fit: Fit, explanation: &Explanation) -> Fit {
+        let mut others: Vec<(f64, usize)> = self
+            .pool
             .candidates
             .iter()
-            .zip(&pool.places)
+            .zip(&self.pool.places)
             .filter(|(_, place)| !fit.members.contains(place))
             .filter_map(|(c, place)| Some((squared_deviation(c, explanation)?, *place)))
             .filter(|(square, _)| *square < WORTH_A_TRIAL)
@@ -504,8 +516,9 @@ impl Chooser<'_> {
             let mut members = fit.members.clone();
             members.push(other);
             members.sort_unstable();
-            if let Some(more) = self.fit(&members, pool, &fit.camera)
-                && fit.strain(&more) < FALSE_PLANE
+            if let Some(more) = self.fit(&members, &fit.camera)
+                && fit.strain(&more) < FALSE_PLANE * self.bent
+                && self.agrees(&more)
             {
                 fit = more;
             }
@@ -619,6 +632,60 @@ impl Pool {
     /// The planes that an explanation takes for squares.
     fn squares(&self, explanation: &Explanation) -> Vec<usize> {
         explanation.squares().map(|i| self.places[i]).collect()
+    }
+}
+
+/// From straightness alone: the sides of false squares are straight, too.
+fn undistortion(planes: &[ObservedPlane], task: &Task<'_>) -> Undistortion {
+    Undistortion::estimate(planes, task.size, task.options)
+        .unwrap_or_else(|_| Undistortion::Straightened(Straightening::identity(task.size)))
+}
+
+/// Mean square curvature of undistorted sides in units of their noise, at least 1.
+fn curvature(planes: &[ObservedPlane], undistortion: &Undistortion) -> f64 {
+    let of_side = |side: &Side| -> Option<Vec<Residual>> {
+        let pixels = side
+            .samples
+            .iter()
+            .map(|s| undistortion.undistort(&s.pixel));
+        let ideal: Vec<_> = pixels.collect::<Option<_>>()?;
+        let line = Line::fit(ideal.iter().map(|pixel| (*pixel, 1.0)))?;
+        let residual = |(pixel, sample): (&Vector2<f64>, &Sample)| Residual {
+            distance: line.distance(pixel),
+            weight: sample.weight,
+            counts: true,
+        };
+        Some(ideal.iter().zip(&side.samples).map(residual).collect())
+    };
+    let own = |plane: &ObservedPlane| -> Option<Vec<Residual>> {
+        let sides: Vec<_> = plane.sides().map(of_side).collect::<Option<_>>()?;
+        Some(sides.concat())
+    };
+    let Some(residuals) = planes.iter().map(own).collect::<Option<Residuals>>() else {
+        return 1.0;
+    };
+    let noise = Noise::of(planes, &residuals, robust_scale(&residuals));
+    let (mut curved, mut freedom) = (0.0, 0.0);
+    for (p, plane) in planes.iter().enumerate() {
+        for s in 0..plane.sides().count() {
+            let misfit = Misfit::of_side(&noise, p, s);
+            curved += misfit.curved;
+            freedom += misfit.curved_freedom;
+        }
+    }
+    f64::max(curved / f64::max(freedom, 1.0), 1.0)
+}
+
+/// The choice that keeps all.
+fn everything(planes: &[ObservedPlane]) -> Choice {
+    let kept = |plane: &ObservedPlane| Verdict {
+        figure: plane.figures[0].index,
+        kept: true,
+        residual: None,
+    };
+    Choice {
+        verdicts: planes.iter().map(kept).collect(),
+        doubt: None,
     }
 }
 
