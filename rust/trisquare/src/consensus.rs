@@ -6,23 +6,20 @@
 //! to where it explains most, and the one with the most evidence is taken. Its squares go through
 //! the joint fit, which drops what does not agree and takes back what does.
 
-use nalgebra::{Matrix3, Vector2, Vector3};
+use nalgebra::Vector3;
 
-use crate::conic::camera_matrix;
+use crate::candidate_pool::{Pool, curvature, undistortion};
+use crate::choice::{Choice, Doubt, Verdict};
 use crate::covariance::check_plane_count;
-use crate::explanation::{ALIKE_SHARE, Explanation, Prior, alike, squared_deviation};
+use crate::explanation::{ALIKE_SHARE, Explanation, alike, squared_deviation};
+use crate::hypotheses::{FOCAL_DOUBT, MAX_COMBINED, hypotheses, matrix_of, pinhole, prior};
 use crate::linear::{Homographies, Undistortion, first_view};
-use crate::local_noise::Noise;
 use crate::misfit::Misfit;
-use crate::observations::{ObservedPlane, Sample, Side, sort_by_plane};
-use crate::refine::{
-    Refined, Residual, Residuals, residuals, robust_scale, root_mean_square, search,
-};
-use crate::squareness::{Candidate, Pinhole};
+use crate::observations::{ObservedPlane, sort_by_plane};
+use crate::refine::{Refined, residuals, root_mean_square, search};
+use crate::squareness::Pinhole;
 use crate::task::Task;
-use crate::{
-    Brown, Error, Fixed, ImageSize, Line, Method, Options, PlaneEdges, Straightening, set_aside,
-};
+use crate::{Brown, Error, Fixed, ImageSize, Method, Options, PlaneEdges, set_aside};
 
 /// Candidates that must be there: of three, two cannot show which one is false.
 const LEAST_CANDIDATES: usize = 4;
@@ -40,30 +37,6 @@ const CHANCE: f64 = 4.0;
 /// A plane does not belong if it puts sides in the wrong place by so many times the variance of the
 /// noise, per degree of freedom, of which it has two: chance does it once in three thousand times.
 const FALSE_PLANE: f64 = 8.0;
-
-/// Focal lengths tried, over half the image diagonal, and how many: neighbours differ by 8 %.
-const FOCAL_LENGTHS: (f64, f64) = (0.4, 18.0);
-const FOCAL_STEPS: usize = 48;
-
-/// Pairs and triples of candidates that are asked for their camera.
-const MAX_SUBSETS: usize = 160;
-
-/// Of more candidates, only so many are combined.
-const MAX_COMBINED: usize = 24;
-
-/// What the prior knows of cameras: focal length (its logarithm), aspect, and principal point over
-/// half the diagonal. Nearly all pixels are square and principal points near the centre; of the
-/// focal length nothing is known but its order.
-const PRIOR_STD: [f64; 4] = [1.0, 0.01, 0.03, 0.03];
-
-/// Logarithm of an ordinary focal length, over half the diagonal: a 40 mm lens on 36 x 24 mm.
-const ORDINARY_FOCAL: f64 = 0.6;
-
-/// Standard deviation of a parameter that is held.
-const HELD: f64 = 1e-6;
-
-/// Doubt about the logarithm of a hypothesised focal length.
-const FOCAL_DOUBT: f64 = 0.04;
 
 /// Excluded candidates whose squared deviation is below this are put to the joint fit.
 const WORTH_A_TRIAL: f64 = 60.0;
@@ -99,58 +72,6 @@ const DIFFERENT_FOCAL: f64 = 0.02;
 const ODD_ASPECT: f64 = 0.03;
 const ODD_CENTRE: f64 = 0.12;
 
-/// What was chosen.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Choice {
-    /// One for each plane, in the order of the planes' first figures.
-    pub verdicts: Vec<Verdict>,
-    /// Why the choice may be wrong, if so.
-    pub doubt: Option<Doubt>,
-}
-
-/// What became of a candidate plane.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Verdict {
-    /// Index of its first figure.
-    pub figure: usize,
-    /// Whether it is a square to the camera that was found.
-    pub kept: bool,
-    /// Root mean square distance of its samples from the best square that the camera allows (px),
-    /// of what was not kept.
-    pub residual: Option<f64>,
-}
-
-/// Why a choice may be wrong.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum Doubt {
-    /// Another camera makes squares of others.
-    #[error(
-        "another choice of squares is nearly as good: {squares} of them and a focal length of \
-         {focal:.0} px"
-    )]
-    Rival {
-        /// How many squares it has.
-        squares: usize,
-        /// Its focal length, px.
-        focal: f64,
-    },
-    /// What agrees may do so by chance.
-    #[error("so few agree that it may be chance")]
-    Chance,
-    /// The camera is no ordinary one.
-    #[error(
-        "they ask for an unusual camera: aspect {aspect:.3}, principal point {offset:.0} px from \
-         the image centre"
-    )]
-    OddCamera {
-        /// `fy / fx`.
-        aspect: f64,
-        /// Distance of the principal point from the image centre, px.
-        offset: f64,
-    },
-}
-
 /// Chooses the largest set of planes that one camera sees as true squares.
 ///
 /// Three planes or fewer are all kept, as are planes that agree.
@@ -168,7 +89,7 @@ pub fn choose(edges: &[PlaneEdges], size: ImageSize, options: &Options) -> Resul
         ..*options
     };
     if planes.len() < LEAST_CANDIDATES {
-        return Ok(everything(&thinned));
+        return Ok(Choice::of_all(&thinned));
     }
     let task = Task::new(size, &options);
     let undistortion = undistortion(&thinned, &task);
@@ -179,12 +100,12 @@ pub fn choose(edges: &[PlaneEdges], size: ImageSize, options: &Options) -> Resul
         pool: Pool::of(&thinned, undistortion, size),
     };
     if chooser.all_agree() {
-        return Ok(everything(&thinned));
+        return Ok(Choice::of_all(&thinned));
     }
     let found = chooser.choice();
     Ok(found
         .filter(|choice| !chooser.is_set_aside_anyway(choice))
-        .unwrap_or_else(|| everything(&thinned)))
+        .unwrap_or_else(|| Choice::of_all(&thinned)))
 }
 
 struct Chooser<'a> {
@@ -279,7 +200,7 @@ impl Chooser<'_> {
         check_plane_count(members.len(), free).ok()?;
         let planes: Vec<_> = members.iter().map(|i| self.planes[*i].clone()).collect();
         let view = first_view(
-            &self.matrix(start),
+            &matrix_of(start, self.task.size),
             &self.pool.homographies_of(members),
             &planes,
             &self.pool.undistortion,
@@ -303,17 +224,10 @@ impl Chooser<'_> {
         };
         Fit {
             members: members.to_vec(),
-            camera: self.pinhole(&refined.view.lens.camera_matrix()),
+            camera: pinhole(&refined.view.lens.camera_matrix(), self.task.size),
             refined,
             misfit,
         }
-    }
-
-    fn matrix(&self, camera: &Pinhole) -> Matrix3<f64> {
-        let (unit, centre) = (self.task.size.half_diagonal(), self.task.size.centre());
-        let fx = camera[0].exp() * unit;
-        let (cx, cy) = (centre.x + camera[2] * unit, centre.y + camera[3] * unit);
-        Matrix3::new(fx, 0.0, cx, 0.0, fx * camera[1].exp(), cy, 0.0, 0.0, 1.0)
     }
 
     fn choice(&self) -> Option<Choice> {
@@ -386,39 +300,15 @@ impl Chooser<'_> {
 
     /// What speaks for a joint fit: squares that do not stand alike, and an ordinary camera.
     fn worth(&self, fit: &Fit) -> f64 {
-        fit.standing_apart() * SQUARE_EVIDENCE - self.prior().cost(&fit.camera)
-    }
-
-    fn prior(&self) -> Prior {
-        let Options { fixed, initial, .. } = *self.task.options;
-        let mut mean = Pinhole::new(ORDINARY_FOCAL, 0.0, 0.0, 0.0);
-        let mut std = Pinhole::from(PRIOR_STD);
-        if let Some(lens) = initial {
-            mean = self.pinhole(&lens.camera_matrix());
-        }
-        let held = [
-            fixed.focal,
-            fixed.aspect || fixed.focal,
-            fixed.principal_point,
-            fixed.principal_point,
-        ];
-        for i in 0..4 {
-            if held[i] {
-                std[i] = HELD;
-            } else if i != 0 || initial.is_none() {
-                mean[i] = Pinhole::new(ORDINARY_FOCAL, 0.0, 0.0, 0.0)[i];
-            }
-        }
-        Prior { mean, std }
+        fit.standing_apart() * SQUARE_EVIDENCE - prior(&self.task).cost(&fit.camera)
     }
 
     /// All that cameras make of the candidates, from the most evidence to the least.
     fn explanations(&self) -> Vec<Explanation> {
-        let prior = self.prior();
+        let prior = prior(&self.task);
         let mut doubt = prior.std;
         doubt[0] = doubt[0].min(FOCAL_DOUBT);
-        let mut found: Vec<Explanation> = self
-            .hypotheses(&prior)
+        let mut found: Vec<Explanation> = hypotheses(&self.task, &self.pool, &prior)
             .into_iter()
             .filter_map(|start| Explanation::settled(&self.pool.candidates, &prior, start, &doubt))
             .collect();
@@ -437,42 +327,6 @@ impl Chooser<'_> {
             }
         }
         different
-    }
-
-    fn hypotheses(&self, prior: &Prior) -> Vec<Pinhole> {
-        let mut cameras = vec![prior.mean];
-        if self.task.options.fixed.focal {
-            return cameras;
-        }
-        let (shortest, longest) = (FOCAL_LENGTHS.0.ln(), FOCAL_LENGTHS.1.ln());
-        for i in 0..FOCAL_STEPS {
-            let mut camera = prior.mean;
-            camera[0] = shortest + (longest - shortest) * i as f64 / (FOCAL_STEPS - 1) as f64;
-            cameras.push(camera);
-        }
-        let planes = self.pool.homographies.iter();
-        let homographies: Vec<_> = planes.flat_map(Homographies::of_planes).collect();
-        let known = self.task.options.known_intrinsics(&self.task.size);
-        for subset in subsets(homographies.len()) {
-            let own: Vec<Matrix3<f64>> = subset.iter().map(|i| homographies[*i]).collect();
-            if let Ok(matrix) = camera_matrix(&own, &known) {
-                let camera = self.pinhole(&matrix);
-                if camera.iter().all(|v| v.is_finite()) && camera[0] < FOCAL_LENGTHS.1.ln() {
-                    cameras.push(camera);
-                }
-            }
-        }
-        cameras
-    }
-
-    fn pinhole(&self, matrix: &Matrix3<f64>) -> Pinhole {
-        let (unit, centre) = (self.task.size.half_diagonal(), self.task.size.centre());
-        Pinhole::new(
-            (matrix.m11 / unit).ln(),
-            (matrix.m22 / matrix.m11).ln(),
-            (matrix.m13 - centre.x) / unit,
-            (matrix.m23 - centre.y) / unit,
-        )
     }
 
     /// What agrees of a fit once the planes that stick out are dropped, if anything does.
@@ -589,106 +443,6 @@ impl Chooser<'_> {
     }
 }
 
-/// The planes that have homographies, and what these show.
-struct Pool {
-    undistortion: Undistortion,
-    places: Vec<usize>,
-    candidates: Vec<Candidate>,
-    /// In the order of `places`.
-    homographies: Vec<Homographies>,
-}
-
-impl Pool {
-    fn of(planes: &[ObservedPlane], undistortion: Undistortion, size: ImageSize) -> Self {
-        let mut pool = Self {
-            undistortion,
-            places: Vec::new(),
-            candidates: Vec::new(),
-            homographies: Vec::new(),
-        };
-        for (i, plane) in planes.iter().enumerate() {
-            let one = std::slice::from_ref(plane);
-            let candidate = Candidate::of(plane, &pool.undistortion, size);
-            let homographies = Homographies::estimate(one, &pool.undistortion);
-            if let (Ok(candidate), Ok(homographies)) = (candidate, homographies) {
-                pool.places.push(i);
-                pool.candidates.push(candidate);
-                pool.homographies.push(homographies);
-            }
-        }
-        pool
-    }
-
-    fn homographies_of(&self, planes: &[usize]) -> Homographies {
-        let place = |plane: &usize| self.places.binary_search(plane).ok();
-        Homographies::joined(
-            planes
-                .iter()
-                .filter_map(place)
-                .map(|i| &self.homographies[i]),
-        )
-    }
-
-    /// The planes that an explanation takes for squares.
-    fn squares(&self, explanation: &Explanation) -> Vec<usize> {
-        explanation.squares().map(|i| self.places[i]).collect()
-    }
-}
-
-/// From straightness alone: the sides of false squares are straight, too.
-fn undistortion(planes: &[ObservedPlane], task: &Task<'_>) -> Undistortion {
-    Undistortion::estimate(planes, task.size, task.options)
-        .unwrap_or_else(|_| Undistortion::Straightened(Straightening::identity(task.size)))
-}
-
-/// Mean square curvature of undistorted sides in units of their noise, at least 1.
-fn curvature(planes: &[ObservedPlane], undistortion: &Undistortion) -> f64 {
-    let of_side = |side: &Side| -> Option<Vec<Residual>> {
-        let pixels = side
-            .samples
-            .iter()
-            .map(|s| undistortion.undistort(&s.pixel));
-        let ideal: Vec<_> = pixels.collect::<Option<_>>()?;
-        let line = Line::fit(ideal.iter().map(|pixel| (*pixel, 1.0)))?;
-        let residual = |(pixel, sample): (&Vector2<f64>, &Sample)| Residual {
-            distance: line.distance(pixel),
-            weight: sample.weight,
-            counts: true,
-        };
-        Some(ideal.iter().zip(&side.samples).map(residual).collect())
-    };
-    let own = |plane: &ObservedPlane| -> Option<Vec<Residual>> {
-        let sides: Vec<_> = plane.sides().map(of_side).collect::<Option<_>>()?;
-        Some(sides.concat())
-    };
-    let Some(residuals) = planes.iter().map(own).collect::<Option<Residuals>>() else {
-        return 1.0;
-    };
-    let noise = Noise::of(planes, &residuals, robust_scale(&residuals));
-    let (mut curved, mut freedom) = (0.0, 0.0);
-    for (p, plane) in planes.iter().enumerate() {
-        for s in 0..plane.sides().count() {
-            let misfit = Misfit::of_side(&noise, p, s);
-            curved += misfit.curved;
-            freedom += misfit.curved_freedom;
-        }
-    }
-    f64::max(curved / f64::max(freedom, 1.0), 1.0)
-}
-
-/// The choice that keeps all.
-fn everything(planes: &[ObservedPlane]) -> Choice {
-    let kept = |plane: &ObservedPlane| Verdict {
-        figure: plane.figures[0].index,
-        kept: true,
-        residual: None,
-    };
-    Choice {
-        verdicts: planes.iter().map(kept).collect(),
-        doubt: None,
-    }
-}
-
 /// Triples of some planes, evenly chosen where there are too many.
 fn triples(planes: &[usize]) -> Vec<[usize; 3]> {
     let mut all = Vec::new();
@@ -702,18 +456,97 @@ fn triples(planes: &[usize]) -> Vec<[usize; 3]> {
     all.into_iter().step_by(step).collect()
 }
 
-/// Pairs and triples of so many things, evenly chosen.
-fn subsets(count: usize) -> Vec<Vec<usize>> {
-    let things: Vec<usize> = (0..count)
-        .step_by(count.div_ceil(MAX_COMBINED).max(1))
-        .collect();
-    let mut all = Vec::new();
-    for (i, a) in things.iter().enumerate() {
-        for (j, b) in things.iter().enumerate().skip(i + 1) {
-            all.push(vec![*a, *b]);
-            all.extend(things[j + 1..].iter().map(|c| vec![*a, *b, *c]));
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synthetic::{Scene, SceneOptions};
+    use nalgebra::Vector2;
+
+    const NOISE: f64 = 0.1;
+
+    /// Squares of three pictures of one camera.
+    fn squares(seed: u64) -> (Scene, Vec<PlaneEdges>) {
+        let first = Scene::random(seed, SceneOptions::default());
+        let mut edges = first.edges(seed, NOISE, 8.0);
+        for (image, another) in [
+            (1, first.another(seed + 100)),
+            (2, first.another(seed + 200)),
+        ] {
+            edges.extend(
+                another
+                    .edges(seed + image, NOISE, 8.0)
+                    .into_iter()
+                    .map(|figure| PlaneEdges {
+                        image: image as usize,
+                        ..figure
+                    }),
+            );
+        }
+        (first, edges)
+    }
+
+    /// Stretches a figure's image about its middle: no camera sees a square there.
+    fn stretched(mut figure: PlaneEdges, by: f64) -> PlaneEdges {
+        let all: Vec<Vector2<f64>> = figure.points.iter().flatten().copied().collect();
+        let middle = all.iter().sum::<Vector2<f64>>() / all.len() as f64;
+        for point in figure.points.iter_mut().flatten() {
+            point.x = middle.x + (point.x - middle.x) * by;
+        }
+        figure
+    }
+
+    fn kept(choice: &Choice) -> Vec<bool> {
+        choice.verdicts.iter().map(|verdict| verdict.kept).collect()
+    }
+
+    #[test]
+    fn squares_that_agree_are_all_kept() {
+        for seed in 0..4 {
+            let (scene, edges) = squares(seed);
+            let found = choose(&edges, scene.size, &Options::default()).unwrap();
+            assert_eq!(kept(&found), [true; 9]);
+            assert_eq!(found.doubt, None);
         }
     }
-    let step = all.len().div_ceil(MAX_SUBSETS).max(1);
-    all.into_iter().step_by(step).collect()
+
+    #[test]
+    fn what_one_camera_does_not_see_as_squares_is_dropped_with_its_residual() {
+        for seed in 0..4 {
+            let (scene, mut edges) = squares(seed);
+            // More than half are false, each in its own way.
+            for (i, by) in [(0, 0.6), (2, 0.75), (4, 1.3), (5, 0.8), (8, 0.5)] {
+                edges[i] = stretched(edges[i].clone(), by);
+            }
+            let found = choose(&edges, scene.size, &Options::default()).unwrap();
+            let expected = [false, true, false, true, false, false, true, true, false];
+            assert_eq!(kept(&found), expected, "seed {seed}");
+            for verdict in &found.verdicts {
+                match verdict.kept {
+                    true => assert_eq!(verdict.residual, None),
+                    false => assert!(verdict.residual.unwrap() > 2.0 * NOISE),
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn three_planes_are_never_dropped() {
+        let (scene, mut edges) = squares(7);
+        edges.truncate(3);
+        edges[1] = stretched(edges[1].clone(), 0.7);
+        let found = choose(&edges, scene.size, &Options::default()).unwrap();
+        assert_eq!(kept(&found), [true; 3]);
+    }
+
+    #[test]
+    fn figures_of_no_extent_are_no_crash() {
+        let (scene, mut edges) = squares(8);
+        for figure in &mut edges[..6] {
+            for point in figure.points.iter_mut().flatten() {
+                *point = Vector2::new(100.0, 100.0);
+            }
+        }
+        let found = choose(&edges, scene.size, &Options::default()).unwrap();
+        assert_eq!(found.verdicts.len(), 9);
+    }
 }

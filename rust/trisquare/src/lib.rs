@@ -16,6 +16,8 @@ mod arrow;
 mod brown;
 mod calibrate;
 mod camera_maps;
+mod candidate_pool;
+mod choice;
 mod conic;
 mod consensus;
 mod consistency;
@@ -28,6 +30,7 @@ mod error;
 mod explanation;
 mod geometry;
 mod homography;
+mod hypotheses;
 mod image_size;
 pub mod lens;
 mod levenberg;
@@ -70,11 +73,12 @@ mod weakness;
 
 pub use brown::{Brown, BrownSight};
 pub use calibrate::{calibrate, calibrate_photographs};
+pub use choice::{Choice, Doubt, Verdict};
 pub use conic::{
     ConicConstraint, KnownIntrinsics, camera_matrix, camera_matrix_from_homographies,
     intrinsics_of, solve_conic,
 };
-pub use consensus::{Choice, Doubt, Verdict, choose};
+pub use consensus::choose;
 pub use consistency::Disagreement;
 pub use correlated::Coherence;
 pub use edges::{Freedom, PlaneEdges, Polarity};
