@@ -13,7 +13,7 @@ from trisquare.checked import FloatArray, size_of_image
 from trisquare.choosing import choose
 from trisquare.coherence import Coherence
 from trisquare.edges import PlaneEdges
-from trisquare.errors import DetectionError
+from trisquare.errors import DetectionError, NotEnoughPlanesError
 from trisquare.model_alternative import ModelAlternative
 from trisquare.picture_tone import PictureTone, pooled, shift_warnings
 from trisquare.pictures import (
@@ -46,6 +46,9 @@ def calibrate(
     progress: Callable[[int, int], None] | None = None,
 ) -> Calibration:
     """Calibrate a camera from one photograph of three squares, or from several photographs.
+
+    Of what looks like squares, the largest set is used that one camera sees as such; the others
+    are in the result's ``rejected``, and a warning tells where the choice is uncertain.
 
     Parameters
     ----------
@@ -146,7 +149,12 @@ def calibrate(
         )
         rejected += others
         warnings += choice
-    result = _solve(figures, size, settings, pictures, tones, warnings)
+    try:
+        result = _solve(figures, size, settings, pictures, tones, warnings)
+    except NotEnoughPlanesError as error:
+        if not rejected:
+            raise
+        raise NotEnoughPlanesError(f"{error}; {len(rejected)} more were rejected") from error
     return replace(result, rejected=tuple(rejected))
 
 

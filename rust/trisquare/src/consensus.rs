@@ -6,13 +6,12 @@
 //! to where it explains most, and the one with the most evidence is taken. Its squares go through
 //! the joint fit, which drops what does not agree and takes back what does.
 
-use nalgebra::Vector3;
-
 use crate::candidate_pool::{Pool, curvature, undistortion};
 use crate::choice::{Choice, Doubt, Verdict};
 use crate::covariance::check_plane_count;
-use crate::explanation::{ALIKE_SHARE, Explanation, alike, squared_deviation};
+use crate::explanation::{Explanation, squared_deviation};
 use crate::hypotheses::{FOCAL_DOUBT, MAX_COMBINED, hypotheses, matrix_of, pinhole, prior};
+use crate::joint_fit::Fit;
 use crate::linear::{Homographies, Undistortion, first_view};
 use crate::misfit::Misfit;
 use crate::observations::{ObservedPlane, sort_by_plane};
@@ -26,13 +25,6 @@ const LEAST_CANDIDATES: usize = 4;
 
 /// Samples of each side that the choice looks at: a false square shows in few.
 const SAMPLES_PER_SIDE: usize = 16;
-
-/// A joint fit agrees if its sides are in the wrong place, and bent, by less than so many times the
-/// variance of the curvature that no lens takes out: paper that is not flat does both.
-const AGREED: f64 = 2.0;
-
-/// Standard deviations of chance that are allowed beyond what is expected.
-const CHANCE: f64 = 4.0;
 
 /// A plane does not belong if it puts sides in the wrong place by so many times the variance of the
 /// noise, per degree of freedom, of which it has two: chance does it once in three thousand times.
@@ -83,14 +75,14 @@ pub fn choose(edges: &[PlaneEdges], size: ImageSize, options: &Options) -> Resul
     size.check()?;
     options.check()?;
     let planes = sort_by_plane(edges)?;
+    if planes.len() < LEAST_CANDIDATES {
+        return Ok(Choice::of_all(&planes));
+    }
     let thinned: Vec<_> = planes.iter().map(|p| p.thinned(SAMPLES_PER_SIDE)).collect();
     let options = Options {
         method: Method::MaximumLikelihood,
         ..*options
     };
-    if planes.len() < LEAST_CANDIDATES {
-        return Ok(Choice::of_all(&thinned));
-    }
     let task = Task::new(size, &options);
     let undistortion = undistortion(&thinned, &task);
     let chooser = Chooser {
@@ -115,56 +107,6 @@ struct Chooser<'a> {
     /// Mean square curvature of the sides where they are as straight as a lens can make them, in
     /// units of their noise; at least 1.
     bent: f64,
-}
-
-/// The joint fit of some planes.
-struct Fit {
-    /// Their indices, ascending.
-    members: Vec<usize>,
-    camera: Pinhole,
-    refined: Refined<Brown>,
-    misfit: Misfit,
-}
-
-impl Fit {
-    /// Whether its sides lie where they should, and are straight, but for the noise and for what
-    /// bends them anyway.
-    fn agrees(&self, bent: f64) -> bool {
-        let within = |sum: f64, freedom: f64| {
-            let limit = AGREED.max(1.0 + CHANCE * (2.0 / freedom).sqrt());
-            sum / freedom < limit * bent
-        };
-        let misfit = &self.misfit;
-        within(misfit.straight, misfit.straight_freedom)
-            && within(misfit.curved, misfit.curved_freedom)
-    }
-
-    /// The number of members, of which those that stand alike count as little more than one.
-    fn standing_apart(&self) -> f64 {
-        let mut counted: Vec<[Vector3<f64>; 2]> = Vec::new();
-        let mut number = 0.0;
-        for state in &self.refined.view.planes {
-            let axes = [0, 1].map(|i| state.pose.rotation.column(i).into_owned());
-            let known = counted.iter().any(|other| alike(other, &axes));
-            number += if known { ALIKE_SHARE } else { 1.0 };
-            counted.push(axes);
-        }
-        number
-    }
-
-    /// By how much further planes put sides in the wrong place, per degree of freedom.
-    fn strain(&self, more: &Self) -> f64 {
-        let (before, after) = (&self.misfit, &more.misfit);
-        let freedom = (after.straight_freedom - before.straight_freedom).max(1.0);
-        (after.straight - before.straight) / freedom
-    }
-
-    /// How far the samples of every member are from its lines, root mean square, px.
-    fn distances(&self) -> Vec<(f64, usize)> {
-        let own = self.refined.residuals.iter();
-        let distances = own.map(|own| root_mean_square(own.iter()));
-        distances.zip(self.members.iter().copied()).collect()
-    }
 }
 
 impl Chooser<'_> {

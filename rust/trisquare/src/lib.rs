@@ -32,6 +32,7 @@ mod geometry;
 mod homography;
 mod hypotheses;
 mod image_size;
+mod joint_fit;
 pub mod lens;
 mod levenberg;
 mod line;
