@@ -43,6 +43,9 @@ def calibrate(
 ) -> Calibration:
     """Calibrate a camera from one photograph of three squares, or from several photographs.
 
+    Of what looks like squares, the largest set is used that one camera sees as such; the others
+    are in the result's ``rejected``, and a warning tells where the choice is uncertain.
+
     Parameters
     ----------
     image : path or ndarray, or a sequence of them

@@ -6,16 +6,17 @@
 //! to where it explains most, and the one with the most evidence is taken. Its squares go through
 //! the joint fit, which drops what does not agree and takes back what does.
 
-use nalgebra::{Matrix3, Vector3};
-
-use crate::conic::camera_matrix;
+use crate::candidate_pool::{Pool, curvature, undistortion};
+use crate::choice::{Choice, Doubt, Verdict};
 use crate::covariance::check_plane_count;
-use crate::explanation::{ALIKE_SHARE, Explanation, Prior, alike, squared_deviation};
+use crate::explanation::{Explanation, squared_deviation};
+use crate::hypotheses::{FOCAL_DOUBT, MAX_COMBINED, hypotheses, matrix_of, pinhole, prior};
+use crate::joint_fit::Fit;
 use crate::linear::{Homographies, Undistortion, first_view};
 use crate::misfit::Misfit;
 use crate::observations::{ObservedPlane, sort_by_plane};
 use crate::refine::{Refined, residuals, root_mean_square, search};
-use crate::squareness::{Candidate, Pinhole};
+use crate::squareness::Pinhole;
 use crate::task::Task;
 use crate::{Brown, Error, Fixed, ImageSize, Method, Options, PlaneEdges, set_aside};
 
@@ -25,37 +26,9 @@ const LEAST_CANDIDATES: usize = 4;
 /// Samples of each side that the choice looks at: a false square shows in few.
 const SAMPLES_PER_SIDE: usize = 16;
 
-/// A joint fit agrees if its sides lie in the wrong place by less than so many times the variance of
-/// their curvature: paper that is not flat does both.
-const AGREED: f64 = 3.0;
-
-/// A plane does not belong if what it adds to the misfit is, per degree of freedom, so many times
-/// what remains without it: chance makes it 4 once in ten thousand times.
-const FALSE_PLANE: f64 = 6.0;
-
-/// Focal lengths tried, over half the image diagonal, and how many: neighbours differ by 8 %.
-const FOCAL_LENGTHS: (f64, f64) = (0.4, 18.0);
-const FOCAL_STEPS: usize = 48;
-
-/// Pairs and triples of candidates that are asked for their camera.
-const MAX_SUBSETS: usize = 160;
-
-/// Of more candidates, only so many are combined.
-const MAX_COMBINED: usize = 24;
-
-/// What the prior knows of cameras: focal length (its logarithm), aspect, and principal point over
-/// half the diagonal. Nearly all pixels are square and principal points near the centre; of the
-/// focal length nothing is known but its order.
-const PRIOR_STD: [f64; 4] = [1.0, 0.01, 0.03, 0.03];
-
-/// Logarithm of an ordinary focal length, over half the diagonal: a 40 mm lens on 36 x 24 mm.
-const ORDINARY_FOCAL: f64 = 0.6;
-
-/// Standard deviation of a parameter that is held.
-const HELD: f64 = 1e-6;
-
-/// Doubt about the logarithm of a hypothesised focal length.
-const FOCAL_DOUBT: f64 = 0.04;
+/// A plane does not belong if it puts sides in the wrong place by so many times the variance of the
+/// noise, per degree of freedom, of which it has two: chance does it once in three thousand times.
+const FALSE_PLANE: f64 = 8.0;
 
 /// Excluded candidates whose squared deviation is below this are put to the joint fit.
 const WORTH_A_TRIAL: f64 = 60.0;
@@ -63,12 +36,12 @@ const WORTH_A_TRIAL: f64 = 60.0;
 /// How many at most.
 const MAX_TRIALS: usize = 12;
 
-/// Squares that the joint fit may drop, and those of them that are tried each time.
-const MAX_DROPPED: usize = 8;
-const MAX_SUSPECTS: usize = 8;
+/// Rounds in which those planes are dropped that are so many times farther off than the median one.
+const MAX_TRIMS: usize = 12;
+const STICKS_OUT: f64 = 2.5;
 
-/// Triples of an explanation's squares that are fitted where these do not agree: all of six.
-const MAX_SEEDS: usize = 20;
+/// Triples of an explanation's squares that are fitted where these do not agree: all of nine.
+const MAX_SEEDS: usize = 84;
 
 /// Explanations that are followed up, and by how much less evidence they may have than the best.
 const MAX_EXPLANATIONS: usize = 4;
@@ -91,58 +64,6 @@ const DIFFERENT_FOCAL: f64 = 0.02;
 const ODD_ASPECT: f64 = 0.03;
 const ODD_CENTRE: f64 = 0.12;
 
-/// What was chosen.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Choice {
-    /// One for each plane, in the order of the planes' first figures.
-    pub verdicts: Vec<Verdict>,
-    /// Why the choice may be wrong, if so.
-    pub doubt: Option<Doubt>,
-}
-
-/// What became of a candidate plane.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Verdict {
-    /// Index of its first figure.
-    pub figure: usize,
-    /// Whether it is a square to the camera that was found.
-    pub kept: bool,
-    /// Root mean square distance of its samples from the best square that the camera allows (px),
-    /// of what was not kept.
-    pub residual: Option<f64>,
-}
-
-/// Why a choice may be wrong.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum Doubt {
-    /// Another camera makes squares of others.
-    #[error(
-        "another choice of squares is nearly as good: {squares} of them and a focal length of \
-         {focal:.0} px"
-    )]
-    Rival {
-        /// How many squares it has.
-        squares: usize,
-        /// Its focal length, px.
-        focal: f64,
-    },
-    /// What agrees may do so by chance.
-    #[error("so few agree that it may be chance")]
-    Chance,
-    /// The camera is no ordinary one.
-    #[error(
-        "they ask for an unusual camera: aspect {aspect:.3}, principal point {offset:.0} px from \
-         the image centre"
-    )]
-    OddCamera {
-        /// `fy / fx`.
-        aspect: f64,
-        /// Distance of the principal point from the image centre, px.
-        offset: f64,
-    },
-}
-
 /// Chooses the largest set of planes that one camera sees as true squares.
 ///
 /// Three planes or fewer are all kept, as are planes that agree.
@@ -154,97 +75,43 @@ pub fn choose(edges: &[PlaneEdges], size: ImageSize, options: &Options) -> Resul
     size.check()?;
     options.check()?;
     let planes = sort_by_plane(edges)?;
+    if planes.len() < LEAST_CANDIDATES {
+        return Ok(Choice::of_all(&planes));
+    }
     let thinned: Vec<_> = planes.iter().map(|p| p.thinned(SAMPLES_PER_SIDE)).collect();
     let options = Options {
         method: Method::MaximumLikelihood,
         ..*options
     };
+    let task = Task::new(size, &options);
+    let undistortion = undistortion(&thinned, &task);
     let chooser = Chooser {
-        task: Task::new(size, &options),
+        task,
         planes: &thinned,
+        bent: curvature(&thinned, &undistortion),
+        pool: Pool::of(&thinned, undistortion, size),
     };
-    if planes.len() < LEAST_CANDIDATES || chooser.all_agree() {
-        return Ok(chooser.everything());
+    if chooser.all_agree() {
+        return Ok(Choice::of_all(&thinned));
     }
     let found = chooser.choice();
     Ok(found
         .filter(|choice| !chooser.is_set_aside_anyway(choice))
-        .unwrap_or_else(|| chooser.everything()))
+        .unwrap_or_else(|| Choice::of_all(&thinned)))
 }
 
 struct Chooser<'a> {
     task: Task<'a>,
     planes: &'a [ObservedPlane],
-}
-
-/// The joint fit of some planes.
-struct Fit {
-    /// Their indices, ascending.
-    members: Vec<usize>,
-    camera: Pinhole,
-    refined: Refined<Brown>,
-    misfit: Misfit,
-}
-
-impl Fit {
-    fn ordinary(&self) -> f64 {
-        self.misfit.mean().max(1.0)
-    }
-
-    fn agrees(&self) -> bool {
-        let misfit = &self.misfit;
-        let bent = (misfit.curved / misfit.curved_freedom).max(1.0);
-        misfit.straight / misfit.straight_freedom < AGREED * bent
-    }
-
-    /// The number of members, of which those that stand alike count as little more than one.
-    fn standing_apart(&self) -> f64 {
-        let mut counted: Vec<[Vector3<f64>; 2]> = Vec::new();
-        let mut number = 0.0;
-        for state in &self.refined.view.planes {
-            let axes = [0, 1].map(|i| state.pose.rotation.column(i).into_owned());
-            let known = counted.iter().any(|other| alike(other, &axes));
-            number += if known { ALIKE_SHARE } else { 1.0 };
-            counted.push(axes);
-        }
-        number
-    }
-
-    /// The members that may be what the others disagree with, those farthest off first.
-    fn suspects(&self) -> Vec<usize> {
-        let mut by_distance: Vec<(f64, usize)> = self
-            .refined
-            .residuals
-            .iter()
-            .map(|own| root_mean_square(own.iter()))
-            .zip(self.members.iter().copied())
-            .collect();
-        by_distance.sort_by(|a, b| b.0.total_cmp(&a.0));
-        by_distance
-            .iter()
-            .take(MAX_SUSPECTS)
-            .map(|(_, i)| *i)
-            .collect()
-    }
-
-    /// What further planes add to the misfit, per degree of freedom and over what is ordinary.
-    fn strain(&self, more: &Self) -> f64 {
-        let added = more.misfit.total() - self.misfit.total();
-        added / (more.misfit.freedom() - self.misfit.freedom()).max(1.0) / self.ordinary()
-    }
+    pool: Pool,
+    /// Mean square curvature of the sides where they are as straight as a lens can make them, in
+    /// units of their noise; at least 1.
+    bent: f64,
 }
 
 impl Chooser<'_> {
-    fn everything(&self) -> Choice {
-        let kept = |plane: &ObservedPlane| Verdict {
-            figure: plane.figures[0].index,
-            kept: true,
-            residual: None,
-        };
-        Choice {
-            verdicts: self.planes.iter().map(kept).collect(),
-            doubt: None,
-        }
+    fn agrees(&self, fit: &Fit) -> bool {
+        fit.agrees(self.bent)
     }
 
     /// Whether the one plane that a choice drops is found false, or bent on one side, by the fit of
@@ -261,11 +128,11 @@ impl Chooser<'_> {
     fn all_agree(&self) -> bool {
         let all: Vec<usize> = (0..self.planes.len()).collect();
         let refined = self.task.optimum(self.planes);
-        refined.is_ok_and(|refined| self.judged(&all, self.planes, refined).agrees())
+        refined.is_ok_and(|refined| self.agrees(&self.judged(&all, self.planes, refined)))
     }
 
     /// The joint fit of some planes, searched from a camera.
-    fn fit(&self, members: &[usize], pool: &Pool, start: &Pinhole) -> Option<Fit> {
+    fn fit(&self, members: &[usize], start: &Pinhole) -> Option<Fit> {
         let Task {
             size,
             options,
@@ -275,10 +142,10 @@ impl Chooser<'_> {
         check_plane_count(members.len(), free).ok()?;
         let planes: Vec<_> = members.iter().map(|i| self.planes[*i].clone()).collect();
         let view = first_view(
-            &self.matrix(start),
-            &pool.homographies_of(members),
+            &matrix_of(start, self.task.size),
+            &self.pool.homographies_of(members),
             &planes,
-            &pool.undistortion,
+            &self.pool.undistortion,
             *size,
             options,
         );
@@ -299,37 +166,29 @@ impl Chooser<'_> {
         };
         Fit {
             members: members.to_vec(),
-            camera: self.pinhole(&refined.view.lens.camera_matrix()),
+            camera: pinhole(&refined.view.lens.camera_matrix(), self.task.size),
             refined,
             misfit,
         }
     }
 
-    fn matrix(&self, camera: &Pinhole) -> Matrix3<f64> {
-        let (unit, centre) = (self.task.size.half_diagonal(), self.task.size.centre());
-        let fx = camera[0].exp() * unit;
-        let (cx, cy) = (centre.x + camera[2] * unit, centre.y + camera[3] * unit);
-        Matrix3::new(fx, 0.0, cx, 0.0, fx * camera[1].exp(), cy, 0.0, 0.0, 1.0)
-    }
-
     fn choice(&self) -> Option<Choice> {
-        let pool = Pool::of(self.planes, self.undistortion(), self.task.size);
-        let explanations = self.explanations(&pool);
+        let explanations = self.explanations();
         let best = explanations.first()?;
         let mut fits: Vec<Fit> = Vec::new();
         for explanation in &explanations {
             if best.evidence - explanation.evidence < CONSIDERED {
-                self.add_fits(explanation, &pool, &mut fits);
+                self.add_fits(explanation, &mut fits);
             }
         }
-        let order = |fit: &Fit| (fit.agrees(), self.worth(fit));
+        let order = |fit: &Fit| (self.agrees(fit), self.worth(fit));
         fits.sort_by(|a, b| {
             let ((a_agrees, a), (b_agrees, b)) = (order(a), order(b));
             b_agrees.cmp(&a_agrees).then(b.total_cmp(&a))
         });
         let (members, lens) = match fits.first() {
             Some(fit) => (fit.members.clone(), Some(fit.refined.view.lens)),
-            None => (pool.squares(best), None),
+            None => (self.pool.squares(best), None),
         };
         let verdict = |(i, plane): (usize, &ObservedPlane)| {
             let kept = members.contains(&i);
@@ -347,23 +206,35 @@ impl Chooser<'_> {
     }
 
     /// The joint fits that an explanation leads to: of its squares, or of those that agree.
-    fn add_fits(&self, explanation: &Explanation, pool: &Pool, fits: &mut Vec<Fit>) {
-        let squares = pool.squares(explanation);
+    fn add_fits(&self, explanation: &Explanation, fits: &mut Vec<Fit>) {
+        let squares = self.pool.squares(explanation);
         let start = &explanation.camera;
         let mut keep = |fit: Fit| {
-            let grown = self.with_others(fit, explanation, pool);
-            if fits.iter().all(|known| known.members != grown.members) {
-                fits.push(grown);
+            let known = |members: &[usize]| {
+                let within = |known: &&Fit| members.iter().all(|i| known.members.contains(i));
+                fits.iter().any(|fit| self.agrees(fit) && within(&fit))
+            };
+            if !known(&fit.members) {
+                let grown = self.with_others(fit, explanation);
+                if !known(&grown.members) {
+                    fits.push(grown);
+                }
             }
         };
-        match self.fit(&squares, pool, start) {
-            Some(fit) if fit.agrees() || squares.len() < LEAST_CANDIDATES => keep(fit),
+        match self.fit(&squares, start) {
+            Some(fit) if self.agrees(&fit) || squares.len() < LEAST_CANDIDATES => keep(fit),
             Some(fit) => {
-                triples(&squares)
-                    .iter()
-                    .filter_map(|seed| self.fit(seed, pool, start).filter(Fit::agrees))
-                    .for_each(&mut keep);
-                keep(self.without_misfits(fit, pool));
+                if let Some(trimmed) = self.trimmed(&fit) {
+                    keep(trimmed);
+                }
+                for seed in triples(&squares) {
+                    if let Some(seed) = self.fit(&seed, start).filter(|seed| self.agrees(seed)) {
+                        keep(seed);
+                    }
+                }
+                if fits.is_empty() {
+                    fits.push(fit);
+                }
             }
             None => {}
         }
@@ -371,48 +242,17 @@ impl Chooser<'_> {
 
     /// What speaks for a joint fit: squares that do not stand alike, and an ordinary camera.
     fn worth(&self, fit: &Fit) -> f64 {
-        fit.standing_apart() * SQUARE_EVIDENCE - self.prior().cost(&fit.camera)
-    }
-
-    /// From straightness: the sides of false squares are straight, too.
-    fn undistortion(&self) -> Undistortion {
-        Undistortion::estimate(self.planes, self.task.size, self.task.options).unwrap_or_else(
-            |_| Undistortion::Straightened(crate::Straightening::identity(self.task.size)),
-        )
-    }
-
-    fn prior(&self) -> Prior {
-        let Options { fixed, initial, .. } = *self.task.options;
-        let mut mean = Pinhole::new(ORDINARY_FOCAL, 0.0, 0.0, 0.0);
-        let mut std = Pinhole::from(PRIOR_STD);
-        if let Some(lens) = initial {
-            mean = self.pinhole(&lens.camera_matrix());
-        }
-        let held = [
-            fixed.focal,
-            fixed.aspect || fixed.focal,
-            fixed.principal_point,
-            fixed.principal_point,
-        ];
-        for i in 0..4 {
-            if held[i] {
-                std[i] = HELD;
-            } else if i != 0 || initial.is_none() {
-                mean[i] = Pinhole::new(ORDINARY_FOCAL, 0.0, 0.0, 0.0)[i];
-            }
-        }
-        Prior { mean, std }
+        fit.standing_apart() * SQUARE_EVIDENCE - prior(&self.task).cost(&fit.camera)
     }
 
     /// All that cameras make of the candidates, from the most evidence to the least.
-    fn explanations(&self, pool: &Pool) -> Vec<Explanation> {
-        let prior = self.prior();
+    fn explanations(&self) -> Vec<Explanation> {
+        let prior = prior(&self.task);
         let mut doubt = prior.std;
         doubt[0] = doubt[0].min(FOCAL_DOUBT);
-        let mut found: Vec<Explanation> = self
-            .hypotheses(&prior, pool)
+        let mut found: Vec<Explanation> = hypotheses(&self.task, &self.pool, &prior)
             .into_iter()
-            .filter_map(|start| Explanation::settled(&pool.candidates, &prior, start, &doubt))
+            .filter_map(|start| Explanation::settled(&self.pool.candidates, &prior, start, &doubt))
             .collect();
         found.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         let mut different: Vec<Explanation> = Vec::new();
@@ -431,70 +271,38 @@ impl Chooser<'_> {
         different
     }
 
-    fn hypotheses(&self, prior: &Prior, pool: &Pool) -> Vec<Pinhole> {
-        let mut cameras = vec![prior.mean];
-        if self.task.options.fixed.focal {
-            return cameras;
-        }
-        let (shortest, longest) = (FOCAL_LENGTHS.0.ln(), FOCAL_LENGTHS.1.ln());
-        for i in 0..FOCAL_STEPS {
-            let mut camera = prior.mean;
-            camera[0] = shortest + (longest - shortest) * i as f64 / (FOCAL_STEPS - 1) as f64;
-            cameras.push(camera);
-        }
-        let planes = pool.homographies.iter();
-        let homographies: Vec<_> = planes.flat_map(Homographies::of_planes).collect();
-        let known = self.task.options.known_intrinsics(&self.task.size);
-        for subset in subsets(homographies.len()) {
-            let own: Vec<Matrix3<f64>> = subset.iter().map(|i| homographies[*i]).collect();
-            if let Ok(matrix) = camera_matrix(&own, &known) {
-                let camera = self.pinhole(&matrix);
-                if camera.iter().all(|v| v.is_finite()) && camera[0] < FOCAL_LENGTHS.1.ln() {
-                    cameras.push(camera);
-                }
+    /// What agrees of a fit once the planes that stick out are dropped, if anything does.
+    fn trimmed(&self, fit: &Fit) -> Option<Fit> {
+        let mut rest = self.fit(&fit.members, &fit.camera)?;
+        for _ in 0..MAX_TRIMS {
+            if self.agrees(&rest) {
+                return Some(rest);
             }
-        }
-        cameras
-    }
-
-    fn pinhole(&self, matrix: &Matrix3<f64>) -> Pinhole {
-        let (unit, centre) = (self.task.size.half_diagonal(), self.task.size.centre());
-        Pinhole::new(
-            (matrix.m11 / unit).ln(),
-            (matrix.m22 / matrix.m11).ln(),
-            (matrix.m13 - centre.x) / unit,
-            (matrix.m23 - centre.y) / unit,
-        )
-    }
-
-    /// Drops planes, each time the one without which the others agree best, until they agree; drops
-    /// none if they never do.
-    fn without_misfits(&self, fit: Fit, pool: &Pool) -> Fit {
-        let mut rest: Option<Fit> = None;
-        for _ in 0..MAX_DROPPED {
-            let now = rest.as_ref().unwrap_or(&fit);
-            if now.agrees() || now.members.len() < LEAST_CANDIDATES {
-                break;
+            let mut distances = rest.distances();
+            distances.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let limit = STICKS_OUT * distances[distances.len() / 2].0;
+            let within = distances.iter().filter(|(distance, _)| *distance <= limit);
+            let mut members: Vec<usize> = within.map(|(_, plane)| *plane).collect();
+            if members.len() == distances.len() {
+                // Nobody sticks out, but they do not agree: the farthest must go.
+                members.pop();
             }
-            let without = |suspect: usize| {
-                let others = now.members.iter().copied().filter(|i| *i != suspect);
-                self.fit(&others.collect::<Vec<_>>(), pool, &now.camera)
-            };
-            let trials = now.suspects().into_iter().filter_map(without);
-            match trials.min_by(|a, b| a.misfit.mean().total_cmp(&b.misfit.mean())) {
-                Some(best) => rest = Some(best),
-                None => break,
+            if members.len() + 1 < LEAST_CANDIDATES {
+                return None;
             }
+            members.sort_unstable();
+            rest = self.fit(&members, &rest.camera)?;
         }
-        rest.filter(Fit::agrees).unwrap_or(fit)
+        None
     }
 
     /// Takes back what agrees in the joint fit, the most promising first.
-    fn with_others(&self, mut fit: Fit, explanation: &Explanation, pool: &Pool) -> Fit {
-        let mut others: Vec<(f64, usize)> = pool
+    fn with_others(&self, mut fit: Fit, explanation: &Explanation) -> Fit {
+        let mut others: Vec<(f64, usize)> = self
+            .pool
             .candidates
             .iter()
-            .zip(&pool.places)
+            .zip(&self.pool.places)
             .filter(|(_, place)| !fit.members.contains(place))
             .filter_map(|(c, place)| Some((squared_deviation(c, explanation)?, *place)))
             .filter(|(square, _)| *square < WORTH_A_TRIAL)
@@ -504,8 +312,9 @@ impl Chooser<'_> {
             let mut members = fit.members.clone();
             members.push(other);
             members.sort_unstable();
-            if let Some(more) = self.fit(&members, pool, &fit.camera)
-                && fit.strain(&more) < FALSE_PLANE
+            if let Some(more) = self.fit(&members, &fit.camera)
+                && fit.strain(&more) < FALSE_PLANE * self.bent
+                && self.agrees(&more)
             {
                 fit = more;
             }
@@ -576,52 +385,6 @@ impl Chooser<'_> {
     }
 }
 
-/// The planes that have homographies, and what these show.
-struct Pool {
-    undistortion: Undistortion,
-    places: Vec<usize>,
-    candidates: Vec<Candidate>,
-    /// In the order of `places`.
-    homographies: Vec<Homographies>,
-}
-
-impl Pool {
-    fn of(planes: &[ObservedPlane], undistortion: Undistortion, size: ImageSize) -> Self {
-        let mut pool = Self {
-            undistortion,
-            places: Vec::new(),
-            candidates: Vec::new(),
-            homographies: Vec::new(),
-        };
-        for (i, plane) in planes.iter().enumerate() {
-            let one = std::slice::from_ref(plane);
-            let candidate = Candidate::of(plane, &pool.undistortion, size);
-            let homographies = Homographies::estimate(one, &pool.undistortion);
-            if let (Ok(candidate), Ok(homographies)) = (candidate, homographies) {
-                pool.places.push(i);
-                pool.candidates.push(candidate);
-                pool.homographies.push(homographies);
-            }
-        }
-        pool
-    }
-
-    fn homographies_of(&self, planes: &[usize]) -> Homographies {
-        let place = |plane: &usize| self.places.binary_search(plane).ok();
-        Homographies::joined(
-            planes
-                .iter()
-                .filter_map(place)
-                .map(|i| &self.homographies[i]),
-        )
-    }
-
-    /// The planes that an explanation takes for squares.
-    fn squares(&self, explanation: &Explanation) -> Vec<usize> {
-        explanation.squares().map(|i| self.places[i]).collect()
-    }
-}
-
 /// Triples of some planes, evenly chosen where there are too many.
 fn triples(planes: &[usize]) -> Vec<[usize; 3]> {
     let mut all = Vec::new();
@@ -635,18 +398,97 @@ fn triples(planes: &[usize]) -> Vec<[usize; 3]> {
     all.into_iter().step_by(step).collect()
 }
 
-/// Pairs and triples of so many things, evenly chosen.
-fn subsets(count: usize) -> Vec<Vec<usize>> {
-    let things: Vec<usize> = (0..count)
-        .step_by(count.div_ceil(MAX_COMBINED).max(1))
-        .collect();
-    let mut all = Vec::new();
-    for (i, a) in things.iter().enumerate() {
-        for (j, b) in things.iter().enumerate().skip(i + 1) {
-            all.push(vec![*a, *b]);
-            all.extend(things[j + 1..].iter().map(|c| vec![*a, *b, *c]));
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synthetic::{Scene, SceneOptions};
+    use nalgebra::Vector2;
+
+    const NOISE: f64 = 0.1;
+
+    /// Squares of three pictures of one camera.
+    fn squares(seed: u64) -> (Scene, Vec<PlaneEdges>) {
+        let first = Scene::random(seed, SceneOptions::default());
+        let mut edges = first.edges(seed, NOISE, 8.0);
+        for (image, another) in [
+            (1, first.another(seed + 100)),
+            (2, first.another(seed + 200)),
+        ] {
+            edges.extend(
+                another
+                    .edges(seed + image, NOISE, 8.0)
+                    .into_iter()
+                    .map(|figure| PlaneEdges {
+                        image: image as usize,
+                        ..figure
+                    }),
+            );
+        }
+        (first, edges)
+    }
+
+    /// Stretches a figure's image about its middle: no camera sees a square there.
+    fn stretched(mut figure: PlaneEdges, by: f64) -> PlaneEdges {
+        let all: Vec<Vector2<f64>> = figure.points.iter().flatten().copied().collect();
+        let middle = all.iter().sum::<Vector2<f64>>() / all.len() as f64;
+        for point in figure.points.iter_mut().flatten() {
+            point.x = middle.x + (point.x - middle.x) * by;
+        }
+        figure
+    }
+
+    fn kept(choice: &Choice) -> Vec<bool> {
+        choice.verdicts.iter().map(|verdict| verdict.kept).collect()
+    }
+
+    #[test]
+    fn squares_that_agree_are_all_kept() {
+        for seed in 0..4 {
+            let (scene, edges) = squares(seed);
+            let found = choose(&edges, scene.size, &Options::default()).unwrap();
+            assert_eq!(kept(&found), [true; 9]);
+            assert_eq!(found.doubt, None);
         }
     }
-    let step = all.len().div_ceil(MAX_SUBSETS).max(1);
-    all.into_iter().step_by(step).collect()
+
+    #[test]
+    fn what_one_camera_does_not_see_as_squares_is_dropped_with_its_residual() {
+        for seed in 0..4 {
+            let (scene, mut edges) = squares(seed);
+            // More than half are false, each in its own way.
+            for (i, by) in [(0, 0.6), (2, 0.75), (4, 1.3), (5, 0.8), (8, 0.5)] {
+                edges[i] = stretched(edges[i].clone(), by);
+            }
+            let found = choose(&edges, scene.size, &Options::default()).unwrap();
+            let expected = [false, true, false, true, false, false, true, true, false];
+            assert_eq!(kept(&found), expected, "seed {seed}");
+            for verdict in &found.verdicts {
+                match verdict.kept {
+                    true => assert_eq!(verdict.residual, None),
+                    false => assert!(verdict.residual.unwrap() > 2.0 * NOISE),
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn three_planes_are_never_dropped() {
+        let (scene, mut edges) = squares(7);
+        edges.truncate(3);
+        edges[1] = stretched(edges[1].clone(), 0.7);
+        let found = choose(&edges, scene.size, &Options::default()).unwrap();
+        assert_eq!(kept(&found), [true; 3]);
+    }
+
+    #[test]
+    fn figures_of_no_extent_are_no_crash() {
+        let (scene, mut edges) = squares(8);
+        for figure in &mut edges[..6] {
+            for point in figure.points.iter_mut().flatten() {
+                *point = Vector2::new(100.0, 100.0);
+            }
+        }
+        let found = choose(&edges, scene.size, &Options::default()).unwrap();
+        assert_eq!(found.verdicts.len(), 9);
+    }
 }

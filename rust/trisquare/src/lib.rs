@@ -16,6 +16,8 @@ mod arrow;
 mod brown;
 mod calibrate;
 mod camera_maps;
+mod candidate_pool;
+mod choice;
 mod conic;
 mod consensus;
 mod consistency;
@@ -29,7 +31,9 @@ mod error;
 mod explanation;
 mod geometry;
 mod homography;
+mod hypotheses;
 mod image_size;
+mod joint_fit;
 pub mod lens;
 mod levenberg;
 mod line;
@@ -71,11 +75,12 @@ mod weakness;
 
 pub use brown::{Brown, BrownSight};
 pub use calibrate::{calibrate, calibrate_photographs};
+pub use choice::{Choice, Doubt, Verdict};
 pub use conic::{
     ConicConstraint, KnownIntrinsics, camera_matrix, camera_matrix_from_homographies,
     intrinsics_of, solve_conic,
 };
-pub use consensus::{Choice, Doubt, Verdict, choose};
+pub use consensus::choose;
 pub use consistency::Disagreement;
 pub use correlated::Coherence;
 pub use crossings::{Crossing, Follower, GreyBytes, link_crossings};

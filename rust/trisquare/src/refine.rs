@@ -274,7 +274,8 @@ fn scale_of<L: Lens>(planes: &[ObservedPlane], view: &View<L>) -> Option<f64> {
     Some(robust_scale(&residuals(planes, view)?))
 }
 
-fn robust_scale(residuals: &Residuals) -> f64 {
+/// The same of residuals.
+pub(crate) fn robust_scale(residuals: &Residuals) -> f64 {
     let counting = residuals.iter().flatten().filter(|r| r.counts);
     let normalised = counting.map(|r| r.distance * r.weight);
     median_scale(normalised).max(MIN_SCALE)
