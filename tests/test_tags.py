@@ -214,6 +214,16 @@ def test_grids_of_markers_lie_on_one_plane(targets, drawn):
     assert misfit(edges) < 0.05
 
 
+@pytest.mark.parametrize("tone", ["srgb", 1.6, "auto"])
+def test_a_wrong_tone_or_ink_that_spreads_does_not_bend_a_sheet(tone):
+    """The picture is linear; as sRGB its markers' edges are half a pixel off, all alike."""
+    picture = grid_picture(4, 3, gap=0.25, name="5X5_100")
+    edges = ts.detect(picture, targets="aruco:4x3:0.25:5X5_100", tone=tone)
+    assert misfit(edges) < 0.05
+    grown = cv2.erode(picture, np.ones((3, 3), np.uint8))
+    assert misfit(ts.detect(grown, targets="aruco:4x3:0.25:5X5_100", tone="linear")) < 0.1
+
+
 def test_a_layout_may_come_from_a_file(tmp_path):
     picture = grid_picture(2, 2, gap=0.5, name="6X6_250")
     square = np.array([[0, 0], [40, 0], [40, 40], [0, 40]])

@@ -43,7 +43,8 @@ def measure(
         if not edges:
             reasons = {reason for reason in own if isinstance(reason, str)}
             rejected.append(Rejected(target.kind, 0, target.quad, "; ".join(sorted(reasons))))
-    if found and all(target.kind == "chessboard" for target in found):
+    # Boards and sheets have taken every shift away, whose drift the others still carry.
+    if figures and all(figure.drift is None for figure in figures):
         picture_tone = picture_tone.of_board()
     return Measurement(figures, picture_tone, rejected)
 
