@@ -145,6 +145,32 @@ def test_boards_of_a_layout_are_told_apart_by_their_numbers(box):
         assert misfit(figures) < 0.3
 
 
+def test_markers_of_known_places_bear_witness_together():
+    """Their common plane is far more certain than one small marker's, whichever comes first."""
+    rng = np.random.default_rng(6)
+    box = charuco_box_scene(rng, squares=4, name="4X4_1000")
+    arrangement = parse_layout("aruco:3x3:0.4").sheets[0].arrangements[0]
+    together, apart, targets = [], [], []
+    for face in box.targets:
+        for index, code in enumerate(dictionary("4X4_1000").codes[:9]):
+            place = face.to_camera(arrangement.corners[index].mean(axis=0)[None])[0]
+            targets.append(simulate.Target(face.rotation, place, "tag", codes=code[None]))
+    scene = simulate.Scene(box.camera, tuple(targets))
+    points = simulate.edge_points(scene, rng, noise=0.05)
+    for index, sides in enumerate(points):
+        plane, place = divmod(index, 9)
+        alone = ts.PlaneEdges.square(sides)
+        middle = arrangement.corners[place].mean(axis=0)
+        lines = alone.lines - np.outer(alone.lines[:, :2] @ middle, [0.0, 0.0, 1.0])
+        apart.append(alone)
+        together.append(ts.PlaneEdges(lines, sides, plane=plane, freedom="fixed"))
+    size = scene.camera.image_size
+    single, joint = (ts.calibrate_edges(edges, size) for edges in (apart, together))
+    assert len(joint.planes) == 3
+    assert abs(joint.camera.fx - scene.camera.fx) < 4.0 * joint.std["fx"]
+    assert joint.std["fx"] < 0.5 * single.std["fx"]
+
+
 def misfit(figures):
     """Root mean square distance of a plane's samples from its lines, seen without distortion."""
     lines = np.concatenate([figure.lines for figure in figures])
