@@ -145,6 +145,32 @@ def test_boards_of_a_layout_are_told_apart_by_their_numbers(box):
         assert misfit(figures) < 0.3
 
 
+def test_markers_of_known_places_bear_witness_together():
+    """Their common plane is far more certain than one small marker's, whichever comes first."""
+    rng = np.random.default_rng(6)
+    box = charuco_box_scene(rng, squares=4, name="4X4_1000")
+    arrangement = parse_layout("aruco:3x3:0.4").sheets[0].arrangements[0]
+    together, apart, targets = [], [], []
+    for face in box.targets:
+        for index, code in enumerate(dictionary("4X4_1000").codes[:9]):
+            place = face.to_camera(arrangement.corners[index].mean(axis=0)[None])[0]
+            targets.append(simulate.Target(face.rotation, place, "tag", codes=code[None]))
+    scene = simulate.Scene(box.camera, tuple(targets))
+    points = simulate.edge_points(scene, rng, noise=0.05)
+    for index, sides in enumerate(points):
+        plane, place = divmod(index, 9)
+        alone = ts.PlaneEdges.square(sides)
+        middle = arrangement.corners[place].mean(axis=0)
+        lines = alone.lines - np.outer(alone.lines[:, :2] @ middle, [0.0, 0.0, 1.0])
+        apart.append(alone)
+        together.append(ts.PlaneEdges(lines, sides, plane=plane, freedom="fixed"))
+    size = scene.camera.image_size
+    single, joint = (ts.calibrate_edges(edges, size) for edges in (apart, together))
+    assert len(joint.planes) == 3
+    assert abs(joint.camera.fx - scene.camera.fx) < 4.0 * joint.std["fx"]
+    assert joint.std["fx"] < 0.5 * single.std["fx"]
+
+
 def misfit(figures):
     """Root mean square distance of a plane's samples from its lines, seen without distortion."""
     lines = np.concatenate([figure.lines for figure in figures])
@@ -212,6 +238,16 @@ def test_grids_of_markers_lie_on_one_plane(targets, drawn):
     assert {figure.plane for figure in edges} == {0}
     assert {figure.freedom for figure in edges} == {"fixed"}
     assert misfit(edges) < 0.05
+
+
+@pytest.mark.parametrize("tone", ["srgb", 1.6, "auto"])
+def test_a_wrong_tone_or_ink_that_spreads_does_not_bend_a_sheet(tone):
+    """The picture is linear; as sRGB its markers' edges are half a pixel off, all alike."""
+    picture = grid_picture(4, 3, gap=0.25, name="5X5_100")
+    edges = ts.detect(picture, targets="aruco:4x3:0.25:5X5_100", tone=tone)
+    assert misfit(edges) < 0.05
+    grown = cv2.erode(picture, np.ones((3, 3), np.uint8))
+    assert misfit(ts.detect(grown, targets="aruco:4x3:0.25:5X5_100", tone="linear")) < 0.1
 
 
 def test_a_layout_may_come_from_a_file(tmp_path):

@@ -34,7 +34,7 @@ def detect(
         - ``"squares"``: dark squares on a lighter ground or the reverse, solid or framed;
         - ``"tags"``, ``"aruco"``, ``"apriltag"``: the black borders of tags of any dictionary, each
           a square of its own; ``"tags:6X6_250"``: of that dictionary, without a doubt;
-        - ``"auto"``: both;
+        - ``"auto"``: these, and chessboards of any size;
         - ``"chessboard:9x6"``: one board of 9 x 6 inner corners;
         - ``"charuco:10x10:0.75"``: ChArUco boards of 10 x 10 squares (across and down) with markers
           of 0.75 of a square, each one plane; board f carries the numbers from f M to f M + M - 1,

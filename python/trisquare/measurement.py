@@ -77,7 +77,8 @@ def _measured(
             reasons = {reason for reason in own if isinstance(reason, str)}
             reason = (names[plane] if names else "") + "; ".join(sorted(reasons))
             rejected.append(Rejected(target.kind, 0, target.quad, reason))
-    if found and all(target.kind == "chessboard" for target in found):
+    # Boards and sheets have taken every shift away, whose drift the others still carry.
+    if figures and all(figure.drift is None for figure in figures):
         picture_tone = picture_tone.of_board()
     return Measurement(figures, picture_tone, rejected, [target.quad for target in found])
 

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from trisquare.chessboard import chessboard_corners
 from trisquare.curved_sides import fit_sides
-from trisquare.figures import alignment, find_figures
+from trisquare.figures import MIN_RELATIVE_SIDE, alignment, find_figures
+from trisquare.markers import detect_markers
 from trisquare.quads import RANGE_PERCENTILES, FloatArray, Quads, find_quads
 from trisquare.square_views import views_of_squares
 from trisquare.tag_names import TagSearch
@@ -121,6 +122,7 @@ def find_squares(
             places = alignment(quads.corners[figure.inner], quads.corners[figure.outer])
             inner = _outline(quads, figure.inner, places, scale)
         squares.append(SquareOutline(outer, inner, figure.tag))
+    squares += _further_tags(grey, squares)
     return sorted(squares, key=lambda square: -_area(square.outer))
 
 
@@ -196,6 +198,45 @@ def _outline(quads: Quads, index: int, places: int, scale: int) -> Outline:
     corners.flags.writeable = sides.flags.writeable = False
     first, second, third, fourth = sides
     return Outline(corners, (first, second, third, fourth), bool(quads.dark_inside[index]))
+
+
+def _further_tags(grey: NDArray[np.uint8], found: list[SquareOutline]) -> list[SquareOutline]:
+    """Find tags that are too small for the working picture, of the dictionaries that are there.
+
+    OpenCV's detector has to be told of a dictionary, and is, once other tags have named it.
+    """
+    further: list[SquareOutline] = []
+    for name in sorted({square.tag.dictionary for square in found if square.tag is not None}):
+        corners = np.array([marker.corners for marker in detect_markers(grey, name)[0]])
+        corners = corners.reshape(-1, 4, 2)
+        search = TagSearch((name,), stated=True)
+        tags = recognise(grey, corners, np.zeros(len(corners)), search)
+        for quad, tag in zip(corners, tags, strict=True):
+            known = (*found, *further)
+            if tag is not None and not any(_overlap(quad, square.outer) for square in known):
+                own = np.roll(quad, tag.turns, axis=0)
+                ends = np.stack([own, np.roll(own, -1, axis=0)], axis=1)
+                own.flags.writeable = ends.flags.writeable = False
+                outline = Outline(own, (ends[0], ends[1], ends[2], ends[3]), dark_inside=True)
+                further.append(SquareOutline(outline, None, tag))
+    sizes = sorted(_side(square.outer) for square in (*found, *further))
+    smallest = MIN_RELATIVE_SIDE * sizes[-3] if len(sizes) > 3 else 0.0
+    return [square for square in further if _side(square.outer) >= smallest]
+
+
+def _overlap(corners: FloatArray, outline: Outline) -> bool:
+    """Whether a quadrilateral's middle is in an outline, or the other way round."""
+    pairs = ((corners, outline.corners), (outline.corners, corners))
+    return any(
+        cv2.pointPolygonTest(one.astype(np.float32), tuple(two.mean(axis=0)), False) >= 0.0
+        for one, two in pairs
+    )
+
+
+def _side(outline: Outline) -> float:
+    """Mean length of the sides' chords, pixels."""
+    along = outline.corners - np.roll(outline.corners, 1, axis=0)
+    return float(np.linalg.norm(along, axis=1).mean())
 
 
 def _area(outline: Outline) -> float:

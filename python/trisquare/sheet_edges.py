@@ -15,6 +15,7 @@ from trisquare.edges import PlaneEdges
 from trisquare.lattice_edges import FoundLattice
 from trisquare.outlines import Lattice
 from trisquare.sheet_layout import Arrangement, Sheet
+from trisquare.sheet_shift import marker_shift
 from trisquare.spans import Samples, Span
 
 
@@ -77,27 +78,33 @@ class FoundSheet:
     def figures(self, measured: Sequence[Samples | str], plane: int) -> list[PlaneEdges]:
         """One figure of the grid lines and one for each marker, all in sheet coordinates."""
         grid = len(measured) - 4 * len(self.corners)
-        figures: list[PlaneEdges] = []
-        shift = 0.0
-        if self.lattice is not None:
-            figures, shift = self.lattice.figures_and_shift(measured[:grid], plane)
+        markers = []
         for index, model in enumerate(self.model):
             own = measured[grid + 4 * index : grid + 4 * index + 4]
             samples = [side for side in own if not isinstance(side, str)]
             if len(samples) == 4:
-                figures.append(_marker_edges(model, samples, shift, plane, self.kind))
+                markers.append((model, samples))
+        figures: list[PlaneEdges] = []
+        if self.lattice is not None:
+            figures, shift = self.lattice.figures_and_shift(measured[:grid], plane)
+        if not figures:
+            models = np.array([model for model, _ in markers])
+            shift = marker_shift(models, [[side[0] for side in own] for _, own in markers])
+        for model, samples in markers:
+            figures.append(_marker_edges(model, samples, shift, plane, self.kind))
         return figures
 
 
 def _marker_edges(
     model: FloatArray, samples: list[Samples], shift: float, plane: int, kind: str
 ) -> PlaneEdges:
-    """Edges of one marker, less what the board's zigzag says of their shift toward the light."""
+    """Edges of one marker, less a shift toward the light that the whole sheet's edges have."""
     along = np.roll(model, -1, axis=0) - model
     inward = np.stack([-along[:, 1], along[:, 0]], axis=1)
     inward /= np.linalg.norm(inward, axis=1, keepdims=True)
     offsets = -(inward * model).sum(axis=1)
-    drift = tuple(drift for _, _, drift in samples if drift is not None)
+    # Where the sheet itself tells the shift, none is left to be accounted for.
+    drift = tuple(drift for _, _, drift in samples if drift is not None and shift == 0.0)
     return PlaneEdges(
         np.column_stack([inward, offsets]),
         tuple(without_shift(points, -np.ones(len(points)), shift) for points, _, _ in samples),

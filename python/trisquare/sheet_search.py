@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trisquare.checked import FloatArray
+from trisquare.markers import Marker, detect_markers, shortest_side
 from trisquare.outlines import MIN_PICTURE
 from trisquare.rejected import Rejected
 from trisquare.sheet_edges import FoundSheet
 from trisquare.sheet_layout import Arrangement, Layout, Sheet
-from trisquare.tag_codes import opencv_dictionary
 from trisquare.tag_names import TagSearch
 from trisquare.tags import BORDER, WIDE_BORDER, WIDE_BORDERED, recognise
 
@@ -33,16 +33,6 @@ MAX_SIZE_ERROR = 0.04
 MAX_SIZE_ERROR_PIXELS = 2.0
 """Difference between the markers' stated side and that seen, over the side, and in pixels on top: a
 thresholded outline lies up to a pixel inside or outside of the edge."""
-
-SMALLEST_SIDE = 10.0
-"""Pixels of a marker's shortest side: below it nothing is left between its corners' blur."""
-
-
-class Marker(NamedTuple):
-    """A marker as OpenCV's detector saw it: corners clockwise from the code's top left."""
-
-    number: int
-    corners: FloatArray  # (4, 2)
 
 
 def find_sheets(grey: NDArray[np.uint8], layout: Layout) -> list[FoundSheet | Rejected]:
@@ -67,7 +57,7 @@ def find_sheets(grey: NDArray[np.uint8], layout: Layout) -> list[FoundSheet | Re
 def _markers(grey: NDArray[np.uint8], layout: Layout) -> list[Marker]:
     """Detect markers with the layout's dictionary, or with the one that most readings tell of."""
     names = layout.dictionaries
-    first, others = _detect(grey, names[0], BORDER)
+    first, others = detect_markers(grey, names[0], BORDER)
     if len(names) > 1:
         quads = np.array([marker.corners for marker in first] + others).reshape(-1, 4, 2)
         tags = recognise(grey, quads, np.zeros(len(quads)), TagSearch(names))
@@ -76,35 +66,13 @@ def _markers(grey: NDArray[np.uint8], layout: Layout) -> list[Marker]:
             return []
         chosen = max(sorted(set(votes)), key=votes.count)
         if chosen != names[0]:
-            first, _ = _detect(grey, chosen, BORDER)
+            first, _ = detect_markers(grey, chosen, BORDER)
         names = (chosen,)
     if names[0] != WIDE_BORDERED:
         return first
-    wide, _ = _detect(grey, names[0], WIDE_BORDER)
+    wide, _ = detect_markers(grey, names[0], WIDE_BORDER)
     # Of as many, the wide ones: a wide border's inner half may pass for a narrow one's outline.
     return max(wide, first, key=len)
-
-
-def _detect(
-    grey: NDArray[np.uint8], name: str, border: int
-) -> tuple[list[Marker], list[FloatArray]]:
-    """Markers of one dictionary, and what else has four corners."""
-    parameters = cv2.aruco.DetectorParameters()
-    parameters.markerBorderBits = border
-    detector = cv2.aruco.ArucoDetector(opencv_dictionary(name), parameters)
-    corners, numbers, others = detector.detectMarkers(grey)
-    markers = [
-        Marker(int(number), np.asarray(quad, dtype=np.float64).reshape(4, 2))
-        for number, quad in zip(
-            [] if numbers is None else np.ravel(numbers).tolist(), corners, strict=True
-        )
-    ]
-    large = [marker for marker in markers if _shortest_side(marker.corners) >= SMALLEST_SIDE]
-    return large, [np.asarray(quad, dtype=np.float64).reshape(4, 2) for quad in others]
-
-
-def _shortest_side(corners: FloatArray) -> float:
-    return float(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).min())
 
 
 class _Fit(NamedTuple):
@@ -138,7 +106,7 @@ def _fit(
         reason = f"its {len(places)} markers are not where {layout.text} has them"
         return Rejected(sheet.kind, 0, quad, reason)
     size = _size_seen(best, corners)
-    shortest = float(np.median([_shortest_side(marker) for marker in corners]))
+    shortest = float(np.median([shortest_side(marker) for marker in corners]))
     if abs(size - 1.0) > MAX_SIZE_ERROR + MAX_SIZE_ERROR_PIXELS / shortest:
         reason = f"its markers are {size:.2f} times as large as {layout.text} says"
         return Rejected(sheet.kind, 0, quad, reason)

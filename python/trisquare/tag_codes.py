@@ -54,7 +54,7 @@ class Dictionary:
 
         Turned left once, a code's top left corner is the reading's bottom left one.
         """
-        signs = np.where(read.reshape(-1, self.side**2), 1.0, -1.0)
+        signs = np.where(read.reshape(-1, self.side**2), np.float32(1.0), np.float32(-1.0))
         agreement = signs @ _turned_codes(self.name).T
         best = agreement.argmax(axis=1)
         wrong = (signs.shape[1] - agreement.max(axis=1, initial=-np.inf)) / 2.0
@@ -84,8 +84,8 @@ def opencv_dictionary(name: str) -> cv2.aruco.Dictionary:
 
 
 @cache
-def _turned_codes(name: str) -> NDArray[np.float64]:
+def _turned_codes(name: str) -> NDArray[np.float32]:
     """Codes as +1 and -1 in the four ways they may be turned, shape (4 N, n * n)."""
     codes = dictionary(name).codes
     turned = np.concatenate([np.rot90(codes, turns, axes=(1, 2)) for turns in range(4)])
-    return np.where(turned.reshape(len(turned), -1), 1.0, -1.0)
+    return np.where(turned.reshape(len(turned), -1), np.float32(1.0), np.float32(-1.0))
