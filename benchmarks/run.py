@@ -26,6 +26,7 @@ BENCHMARKS = (
     "chess_triples",
     "inserted_squares",
     "robustness",
+    "bad_light",
     "picture_time",
     "solve_time",
     "command_memory",
