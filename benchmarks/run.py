@@ -29,6 +29,7 @@ BENCHMARKS = (
     "robustness",
     "real_scenes",
     "clutter_choice",
+    "bad_light",
     "picture_time",
     "solve_time",
     "command_memory",

@@ -12,7 +12,7 @@ from trisquare.drawing_formats import DrawnTarget
 from trisquare.drawn_grid import DrawnGrid
 from trisquare.lattice_edges import FoundLattice
 from trisquare.lattices import find_lattices, region
-from trisquare.outlines import Lattice, find_chessboard, find_squares, grey_bytes
+from trisquare.outlines import ENOUGH, Lattice, find_chessboard, find_squares, grey_bytes
 from trisquare.pictures import Image
 from trisquare.rejected import Rejected
 from trisquare.settling import settle
@@ -48,7 +48,7 @@ def _squares_beside(
         cv2.fillConvexPoly(grey, corners, level)
     return [
         FoundSquare(square)
-        for square in find_squares(grey, targets.tags)
+        for square in find_squares(grey, targets.tags, ENOUGH - len(lattices))
         if (targets.squares or square.tag is not None)
         and not any(_inside(polygon, square.outer.corners.mean(axis=0)) for polygon in regions)
     ]

@@ -31,6 +31,9 @@ of so many are known to a hundredth of a percent."""
 
 STRIP_ROWS = 256
 """Rows that are stretched to 8 bits at a time, lest a large picture be copied as floats."""
+ENOUGH = 3
+"""Squares that a calibration asks for; where fewer are found, the picture is searched again at half
+its size, where a blur of 4 pixels is one of 2 and four pixels share their noise."""
 
 MIN_PICTURE = 32
 """Pixels per side below which a picture cannot hold a square with its ground."""
@@ -85,7 +88,7 @@ class Lattice:
 
 
 def find_squares(
-    image: NDArray[np.generic], tag_search: TagSearch | None = None
+    image: NDArray[np.generic], tag_search: TagSearch | None = None, enough: int = ENOUGH
 ) -> list[SquareOutline]:
     """Find dark squares on a lighter ground and light ones on a darker, solid or framed; and tags.
 
@@ -95,6 +98,8 @@ def find_squares(
         Grey or BGR.
     tag_search : TagSearch, optional
         Without it tags are not looked for.
+    enough : int
+        Squares below which the picture is searched again at half its size.
 
     Returns
     -------
@@ -105,6 +110,19 @@ def find_squares(
     picture, scale = working_picture(grey)
     if min(picture.shape) < MIN_PICTURE:
         return []
+    squares = _squares_of(grey, picture, scale, tag_search)
+    if len(squares) < enough and min(picture.shape) >= 2 * MIN_PICTURE:
+        coarser = np.asarray(cv2.pyrDown(picture), dtype=np.uint8)
+        others = _squares_of(grey, coarser, 2 * scale, tag_search)
+        squares += [other for other in others if not _overlaps(other, squares)]
+    squares += _further_tags(grey, squares)
+    return sorted(squares, key=lambda square: -_area(square.outer))
+
+
+def _squares_of(
+    grey: NDArray[np.uint8], picture: NDArray[np.uint8], scale: int, tag_search: TagSearch | None
+) -> list[SquareOutline]:
+    """Squares of a smooth picture in pixels of the photograph, `scale` to one of its own."""
     smooth = picture.astype(np.float32)
     quads = fit_sides(smooth, find_quads(picture, smooth))
     quads = views_of_squares(quads, image_size=(picture.shape[1], picture.shape[0]))
@@ -122,8 +140,17 @@ def find_squares(
             places = alignment(quads.corners[figure.inner], quads.corners[figure.outer])
             inner = _outline(quads, figure.inner, places, scale)
         squares.append(SquareOutline(outer, inner, figure.tag))
-    squares += _further_tags(grey, squares)
-    return sorted(squares, key=lambda square: -_area(square.outer))
+    return squares
+
+
+def _overlaps(square: SquareOutline, others: list[SquareOutline]) -> bool:
+    """Whether a square's middle lies in another one, or the other's in it."""
+    return any(
+        cv2.pointPolygonTest(one.outer.corners.astype(np.float32), tuple(middle), False) >= 0
+        for other in others
+        for one, two in ((square, other), (other, square))
+        for middle in [two.outer.corners.mean(axis=0)]
+    )
 
 
 def find_chessboard(image: NDArray[np.generic], cols: int, rows: int) -> Lattice | None:

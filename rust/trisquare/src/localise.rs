@@ -8,6 +8,7 @@
 //! errors are independent, and each has a known standard deviation, `sigma_I / sqrt(sum J^2)`.
 
 mod band;
+mod blur_shape;
 mod coarse;
 mod curve;
 mod displacement;
@@ -24,6 +25,7 @@ use crate::picture::{GreyReader, Picture};
 use crate::power_curve::USUAL;
 use crate::tone::Tone;
 use band::{Band, Fence, Pixel};
+use blur_shape::BlurShape;
 use coarse::CoarseEdge;
 use side::{BLUR_RANGE, SETTLED, Side};
 pub use tone_fit::ToneEstimate;
@@ -228,6 +230,10 @@ impl<'a> Localiser<'a> {
         let steps = (PREVIEW_STEPS, SETTLED);
         side.fit(self.reader.curve(), &self.pixels, noise, steps);
         let noise = self.noise_about(&side);
+        let noise = match side.shape(self.reader.curve(), &self.pixels, noise) {
+            true => self.noise_about(&side),
+            false => noise,
+        };
         self.judge(&side, span.rise, noise)?;
         let reach = plateaus::reach(&side, self.reader.curve(), &self.wide, noise, [near, far]);
         let pixels = match self.tone {
@@ -284,6 +290,7 @@ impl<'a> Localiser<'a> {
             *noise,
             (FINAL_STEPS, SETTLED),
         );
+        side.reshape(self.reader.curve(), &self.pixels, *noise);
         let (samples, noise) = patches::measure(
             &side,
             self.reader.curve(),
@@ -320,6 +327,8 @@ impl<'a> Localiser<'a> {
             base: [before, 0.0],
             rise: [after - before, 0.0],
             blur: coarse.blur.clamp(BLUR_RANGE[0], BLUR_RANGE[1]),
+            shape: BlurShape::NORMAL,
+            blur_slope: 0.0,
         }
     }
 

@@ -24,7 +24,7 @@ use crate::result::{Calibration, Stage, Warning};
 use crate::robust::Loss;
 use crate::task::{Solution, Task};
 use crate::{Picture, PlaneEdges};
-use band::{PixelFigure, collect};
+use band::{PixelFigure, Width, collect};
 pub(crate) use coverage::box_kurtosis;
 use exposure::Exposure;
 use exposure_fit::fit_exposures;
@@ -56,6 +56,9 @@ const MAX_STEPS: usize = 8;
 /// both start within a few standard deviations, from where one step arrives to second order and
 /// is efficient without iterating (L. Le Cam, Univ. California Publ. Statist. 1 (1953) 277-330).
 const LAST_DECREASE: f64 = 20.0;
+
+/// Blurs nearer than this to the widest that a band holds ask for a wider band.
+const WIDEST_BLUR: f64 = 0.98;
 
 /// How much larger the pixels' standard deviations may be, as a mean logarithm. The samples' own
 /// are a little too small, since those of a side share its blur and contrast; the pixels' are not.
@@ -98,6 +101,14 @@ struct Start {
     hidden: Vec<HiddenPart>,
 }
 
+impl Start {
+    /// Whether the bands are wide enough for the blurs; those that are not stop at the limit.
+    fn holds_blurs(&self) -> bool {
+        let mut pairs = self.state.exposures.iter().zip(&self.figures);
+        pairs.all(|(exposure, figure)| exposure.blur < WIDEST_BLUR * figure.widest_blur)
+    }
+}
+
 fn attempt(
     edges: &[PlaneEdges],
     task: &Task<'_>,
@@ -114,8 +125,15 @@ fn attempt(
         loss: Loss::WideTukey,
         scales: Vec::new(),
     };
-    let figures = collect(edges, &solution.planes, &solution.refined.view, photographs)?;
-    let start = start(&fit, figures, solution, tones).ok_or(BROKEN)?;
+    let begin = |width: Width| -> Result<Option<Start>, Refusal> {
+        let view = &solution.refined.view;
+        let figures = collect(edges, &solution.planes, view, photographs, width)?;
+        Ok(start(&fit, figures, solution, tones))
+    };
+    let start = match begin(Width::Usual)?.filter(Start::holds_blurs) {
+        Some(start) => start,
+        None => begin(Width::Wide)?.ok_or(BROKEN)?,
+    };
     fit.figures = &start.figures;
     fit.scales = start.scales;
     let (state, found) = settled(&fit, start.state).ok_or(BROKEN)?;

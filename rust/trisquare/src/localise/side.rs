@@ -1,11 +1,12 @@
-//! The model of one side, `v = g(b + A Phi(d / w))`, fitted to the pixels of its band.
+//! The model of one side, `v = g(b + A Phi(d / w))`, fitted to the pixels of its band. Where a blur is
+//! not normal, another distribution of variance 1 stands for `Phi`.
 
 use nalgebra::{SMatrix, SVector};
 
 use super::band::Pixel;
+use super::blur_shape::BlurShape;
 use super::curve::{COEFFICIENTS, Curve};
 use super::noise::{self, robust_cost, robust_weight};
-use crate::normal::cdf_and_pdf;
 use crate::tone::ToneCurve;
 
 /// Bounds of the blur, pixels: a pixel's own box alone is 0.29, and beyond the upper one there is
@@ -51,8 +52,12 @@ pub(super) struct Side {
     pub base: [f64; 2],
     /// What the light rises by across the edge, likewise.
     pub rise: [f64; 2],
-    /// Standard deviation of the blur with the pixel's own box, pixels.
+    /// Standard deviation of the blur with the pixel's own box, pixels, and its shape.
     pub blur: f64,
+    pub shape: BlurShape,
+    /// Relative change of the inverse blur over `s`, downwards: a bent side turns in the direction
+    /// of a motion. Zero while the shape is normal.
+    pub blur_slope: f64,
 }
 
 /// A pixel's residual and the derivatives of its modelled value.
@@ -86,19 +91,21 @@ impl Side {
     #[inline(always)]
     pub fn predict(&self, tone: &ToneCurve, pixel: &Pixel, offset: f64) -> Prediction {
         let inverse_blur = 1.0 / self.blur;
-        let blurs = (self.distance(pixel) - offset) * inverse_blur;
-        let (step, density) = cdf_and_pdf(blurs);
+        let inverse_blur_here = inverse_blur * (1.0 - self.blur_slope * pixel.s);
+        let blurs = (self.distance(pixel) - offset) * inverse_blur_here;
+        let (step, density) = self.shape.step_and_density(blurs);
         let rise = self.rise[0] + self.rise[1] * pixel.s;
         let light = self.base[0] + self.base[1] * pixel.s + rise * step;
         let (value, gain) = tone.encode_with_slope(light);
-        let by_distance = gain * rise * density * inverse_blur;
+        let by_blurs = gain * rise * density;
+        let by_distance = by_blurs * inverse_blur_here;
         Prediction {
             residual: pixel.value - value,
             blurs,
             by_height: -by_distance * pixel.cosine,
             by_base: gain,
             by_rise: gain * step,
-            by_blur: -by_distance * blurs,
+            by_blur: -by_blurs * blurs * inverse_blur,
             by_offset: -by_distance,
         }
     }

@@ -341,9 +341,9 @@ pub(super) fn settle(start: PowerCurve, previews: &mut [Result<Preview, NoEdge>]
 impl Side {
     /// Light that falls on a pixel.
     fn light(&self, pixel: &Pixel) -> f64 {
-        let blurs = self.distance(pixel) / self.blur;
+        let blurs = self.distance(pixel) / self.blur * (1.0 - self.blur_slope * pixel.s);
         let rise = self.rise[0] + self.rise[1] * pixel.s;
-        self.base[0] + self.base[1] * pixel.s + rise * crate::normal::cdf_and_pdf(blurs).0
+        self.base[0] + self.base[1] * pixel.s + rise * self.shape.step_and_density(blurs).0
     }
 
     /// The side's own step, given the tone curve's.

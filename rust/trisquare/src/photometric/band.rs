@@ -3,6 +3,7 @@
 use nalgebra::Vector2;
 
 use crate::observations::{ObservedPlane, Side};
+use crate::photometric::coverage::PLATEAU;
 use crate::photometric::stretches::STRETCH_POINTS;
 use crate::photometric::{Photographs, Refusal};
 use crate::picture::GreyReader;
@@ -28,6 +29,24 @@ const MIN_REACH: f64 = 3.0;
 /// A side blurs the pixels within so many px of its ends and itself: more than the reach, because
 /// a blunt corner's sides part slowly.
 const NEAR: f64 = 13.0;
+
+/// How wide a band along the outlines is: the lengths above are of the usual one.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Width {
+    Usual,
+    /// Twice as wide, where the usual one does not hold the blur.
+    Wide,
+}
+
+impl Width {
+    /// What the lengths are multiplied by.
+    fn factor(self) -> f64 {
+        match self {
+            Self::Usual => 1.0,
+            Self::Wide => 2.0,
+        }
+    }
+}
 
 /// Spacing (px) of the points at which a side's image is traced.
 const TRACE_SPACING: f64 = 4.0;
@@ -64,6 +83,8 @@ pub(crate) struct PixelFigure {
     /// Middle and size (px) of the outline, for the linear terms of the exposure.
     pub centre: Vector2<f64>,
     pub size: f64,
+    /// The largest blur (px) that the band holds: 3.8 of it are an edge.
+    pub widest_blur: f64,
     pub pixels: Vec<BandPixel>,
     /// The side that each stretch of the outline belongs to.
     pub stretch_sides: Vec<u8>,
@@ -105,6 +126,7 @@ pub(super) fn collect(
     planes: &[ObservedPlane],
     view: &View<Brown>,
     photographs: &Photographs<'_>,
+    width: Width,
 ) -> Result<Vec<PixelFigure>, Refusal> {
     let readers: Vec<GreyReader<'_>> = photographs
         .pictures
@@ -125,13 +147,13 @@ pub(super) fn collect(
         for (f, outline) in outlines.iter().enumerate() {
             let polarity = edges[plane.figures[f].index].polarity;
             let dark_inside = polarity.ok_or(Refusal::NotApplicable)? == Polarity::DarkInside;
-            let reach = outline.reach_beside(&outlines, f);
+            let reach = outline.reach_beside(&outlines, f, width);
             if reach < MIN_REACH {
                 return Err(Refusal::Reason(
                     "two outlines of a plane are too close together",
                 ));
             }
-            let mut found = outline.figure(reader, (p, f), reach, dark_inside);
+            let mut found = outline.figure(reader, (p, f), (reach, width), dark_inside);
             found.image = plane.image;
             figures.push(found);
         }
@@ -206,7 +228,7 @@ impl Outline {
     }
 
     /// How far from this outline pixels are its own.
-    fn reach_beside(&self, outlines: &[Outline], own: usize) -> f64 {
+    fn reach_beside(&self, outlines: &[Outline], own: usize, width: Width) -> f64 {
         let mut nearest = f64::INFINITY;
         for (other, outline) in outlines.iter().enumerate() {
             if other == own {
@@ -219,6 +241,7 @@ impl Outline {
             }
         }
         let own_reach = (REACH_PART * self.size()).clamp(MIN_FULL_REACH, REACH);
+        let own_reach = width.factor() * own_reach;
         own_reach.min(SHARED_REACH * nearest.sqrt())
     }
 
@@ -226,11 +249,11 @@ impl Outline {
         &self,
         reader: &GreyReader<'_>,
         (plane, figure): (usize, usize),
-        reach: f64,
+        (reach, width): (f64, Width),
         dark_inside: bool,
     ) -> PixelFigure {
         let (low, high) = self.bounds();
-        let map = DistanceMap::around(&self.trace, low, high, reader.picture());
+        let map = DistanceMap::around(&self.trace, low, high, reader.picture(), width);
         let winding = self.winding();
         let (stretches, stretch_sides) = self.stretches();
         let pixels = map
@@ -261,6 +284,7 @@ impl Outline {
             dark_inside,
             centre: (low + high) / 2.0,
             size: (high - low).norm(),
+            widest_blur: width.factor() * REACH / PLATEAU,
             pixels,
             stretch_sides,
         }
@@ -305,6 +329,7 @@ struct DistanceMap {
     x0: usize,
     y0: usize,
     width: usize,
+    full_density: f64,
     marks: Vec<Mark>,
 }
 
@@ -323,15 +348,17 @@ impl DistanceMap {
         low: Vector2<f64>,
         high: Vector2<f64>,
         picture: &Picture,
+        width: Width,
     ) -> Self {
+        let near = width.factor() * NEAR;
         let clip = |v: f64, count: usize| v.clamp(0.0, count as f64) as usize;
         let (x0, y0) = (
-            clip((low.x - NEAR).floor(), picture.width()),
-            clip((low.y - NEAR).floor(), picture.height()),
+            clip((low.x - near).floor(), picture.width()),
+            clip((low.y - near).floor(), picture.height()),
         );
         let (x1, y1) = (
-            clip((high.x + NEAR).ceil() + 1.0, picture.width()),
-            clip((high.y + NEAR).ceil() + 1.0, picture.height()),
+            clip((high.x + near).ceil() + 1.0, picture.width()),
+            clip((high.y + near).ceil() + 1.0, picture.height()),
         );
         let far = Mark {
             square: f32::INFINITY,
@@ -341,14 +368,15 @@ impl DistanceMap {
         let mut map = Self {
             x0,
             y0,
+            full_density: width.factor() * FULL_DENSITY,
             width: x1 - x0,
             marks: vec![far; (x1 - x0) * (y1 - y0)],
         };
         for (index, point) in trace.iter().enumerate() {
             let p = point.place;
-            for y in clip((p.y - NEAR).ceil(), y1).max(y0)..clip((p.y + NEAR).floor() + 1.0, y1) {
+            for y in clip((p.y - near).ceil(), y1).max(y0)..clip((p.y + near).floor() + 1.0, y1) {
                 let dy = y as f64 - p.y;
-                let half = (NEAR * NEAR - dy * dy).max(0.0).sqrt();
+                let half = (near * near - dy * dy).max(0.0).sqrt();
                 let left = clip((p.x - half).ceil(), x1).max(x0);
                 let right = clip((p.x + half).floor() + 1.0, x1);
                 let row = (y - y0) * map.width;
@@ -368,7 +396,7 @@ impl DistanceMap {
     }
 
     fn pixels_within(&self, reach: f64) -> impl Iterator<Item = (usize, usize, &Mark)> {
-        let (dense, sparse) = ((FULL_DENSITY * FULL_DENSITY) as f32, (reach * reach) as f32);
+        let (dense, sparse) = (self.full_density.powi(2) as f32, (reach * reach) as f32);
         let rows = self.marks.chunks_exact(self.width.max(1)).enumerate();
         rows.flat_map(move |(y, row)| {
             let marked = row.iter().enumerate();

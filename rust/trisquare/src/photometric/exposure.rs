@@ -13,8 +13,8 @@ pub(crate) const EXPOSURE_PARAMETERS: usize = 5;
 /// Blur (px) from which the fit starts: that of a sharp lens with its pixels' own box.
 const FIRST_BLUR: f64 = 0.8;
 
-/// Blurs that the pixels' reach can hold.
-const BLUR_RANGE: std::ops::RangeInclusive<f64> = 0.2..=2.5;
+/// A blur (px) below a pixel's own box is none.
+const LEAST_BLUR: f64 = 0.2;
 
 /// Contrast (coded, 1 being white) below which there is no figure.
 const MIN_CONTRAST: f64 = 0.02;
@@ -105,8 +105,8 @@ impl Exposure {
         }
     }
 
-    /// Whether the blur is one that can be fitted.
-    pub fn is_valid(&self) -> bool {
-        BLUR_RANGE.contains(&self.blur)
+    /// Whether the blur is one that can be fitted to a figure's pixels.
+    pub fn is_valid(&self, figure: &PixelFigure) -> bool {
+        (LEAST_BLUR..=figure.widest_blur).contains(&self.blur)
     }
 }

@@ -125,7 +125,7 @@ impl Problem for HeldGeometry<'_> {
             })?;
             add_exposure(&mut system.blocks[index], &sums, 0);
         }
-        let valid = exposures.iter().all(Exposure::is_valid);
+        let valid = self.pixels.are_valid(exposures);
         valid.then_some((cost, system))
     }
 

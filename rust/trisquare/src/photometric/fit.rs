@@ -118,8 +118,14 @@ impl PixelFit<'_> {
         state.view.planes[figure.plane].parameter_count() + EXPOSURE_PARAMETERS * figure.figure
     }
 
+    /// Whether every exposure is one that its figure's pixels can hold.
+    pub fn are_valid(&self, exposures: &[Exposure]) -> bool {
+        let mut pairs = exposures.iter().zip(self.figures);
+        pairs.all(|(exposure, figure)| exposure.is_valid(figure))
+    }
+
     fn assemble<const N: usize>(&self, state: &PixelState) -> Option<PixelSystem> {
-        if !state.exposures.iter().all(Exposure::is_valid) {
+        if !self.are_valid(&state.exposures) {
             return None;
         }
         let own = state
@@ -248,7 +254,7 @@ impl PixelFit<'_> {
 mod tests {
     use super::*;
     use crate::observations::sort_by_plane;
-    use crate::photometric::band::collect;
+    use crate::photometric::band::{Width, collect};
     use crate::photometric::{Photographs, PictureTone};
     use crate::synthetic::{Scene as Truth, SceneOptions};
     use crate::view::PlaneState;
@@ -291,7 +297,7 @@ mod tests {
                 })
                 .collect(),
         };
-        let Ok(mut figures) = collect(&edges, &planes, &view, &photographs) else {
+        let Ok(mut figures) = collect(&edges, &planes, &view, &photographs, Width::Usual) else {
             panic!("squares of known polarity");
         };
         let state = PixelState {

@@ -1,0 +1,221 @@
+//! The shape of a blur across an edge: normal, or wider at its shoulders.
+//!
+//! A camera that moves while the shutter is open spreads light over a box, and a lens out of focus
+//! over a disc. A tone curve turns what a normal blur misses of them, though symmetric, into a
+//! shift of the edge: at a motion of 14 pixels and sRGB, fx is off by 0.2 %.
+
+use super::band::Pixel;
+use super::noise::{robust_cost, robust_weight};
+use super::side::{SETTLED, Side};
+use crate::normal::cdf_and_pdf;
+use crate::tone::ToneCurve;
+
+/// Blurs (px) that are mostly the pixel's own box and the lens, and taken as normal.
+const NORMAL_BLUR: f64 = 1.0;
+/// The fourth cumulant is that of a box, times the square of the box's share in the variance. These
+/// squares are tried; a disc is alike one of 0.83.
+const TRIED: [f64; 5] = [0.25, 0.45, 0.65, 0.8, 0.92];
+/// Beyond this square there is no lens nor pixel left.
+const MOST: f64 = 0.97;
+/// A shape other than normal lowers the cost by so much: four standard deviations.
+const MIN_GAIN: f64 = 8.0;
+/// Squares this far on both sides are tried where all pixels tell.
+const STEP: f64 = 0.08;
+/// Steps of the side's fit for each trial, and rounds of it and the blur's slope.
+const TRIAL_STEPS: usize = 4;
+const SLOPE_ROUNDS: usize = 2;
+/// The blur of a side bent by 30 degrees between its ends, seen at 45 degrees to the motion, changes
+/// by a quarter to either end.
+const MAX_SLOPE: f64 = 0.4;
+
+/// A symmetric density of variance 1: a box, blurred normally.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct BlurShape {
+    /// Square of the box's share in the variance.
+    square: f64,
+    /// Half the width of the box, and the standard deviation of the rest.
+    half_width: f64,
+    spread: f64,
+}
+
+impl BlurShape {
+    pub const NORMAL: Self = Self {
+        square: 0.0,
+        half_width: 0.0,
+        spread: 1.0,
+    };
+
+    fn with_square(square: f64) -> Self {
+        let share = square.clamp(0.0, MOST).sqrt();
+        Self {
+            square: share * share,
+            half_width: (3.0 * share).sqrt(),
+            spread: (1.0 - share).sqrt(),
+        }
+    }
+
+    /// Integral of the density up to `z`, and the density.
+    #[inline]
+    pub fn step_and_density(&self, z: f64) -> (f64, f64) {
+        match self.square {
+            0.0 => cdf_and_pdf(z),
+            _ => self.of_box(z),
+        }
+    }
+
+    #[cold]
+    fn of_box(&self, z: f64) -> (f64, f64) {
+        let [upper, lower] = [z + self.half_width, z - self.half_width].map(|z| z / self.spread);
+        let ((upper_cdf, upper_pdf), (lower_cdf, lower_pdf)) =
+            (cdf_and_pdf(upper), cdf_and_pdf(lower));
+        // x Phi(x) + phi(x) is the integral of Phi.
+        let area = upper * upper_cdf + upper_pdf - lower * lower_cdf - lower_pdf;
+        let inverse_width = 0.5 / self.half_width;
+        (
+            self.spread * inverse_width * area,
+            inverse_width * (upper_cdf - lower_cdf),
+        )
+    }
+}
+
+impl Side {
+    /// Gives a side, fitted with a normal blur, the shape that its pixels ask for; false if that is
+    /// the normal one.
+    pub fn shape(&mut self, tone: &ToneCurve, pixels: &[Pixel], noise: f64) -> bool {
+        if self.blur < NORMAL_BLUR {
+            return false;
+        }
+        let normal = self.tried(tone, pixels, noise, 0.0);
+        // If the nearest shape is no better, no other is.
+        let nearest = self.tried(tone, pixels, noise, TRIED[0]);
+        if nearest.cost > normal.cost - MIN_GAIN {
+            return false;
+        }
+        let mut trials = vec![normal, nearest];
+        for square in &TRIED[1..] {
+            trials.push(self.tried(tone, pixels, noise, *square));
+        }
+        *self = self.best(tone, pixels, noise, trials);
+        true
+    }
+
+    /// Settles the shape of a side that is not normal by all its pixels.
+    pub fn reshape(&mut self, tone: &ToneCurve, pixels: &[Pixel], noise: f64) {
+        let square = self.shape.square;
+        if square == 0.0 {
+            return;
+        }
+        let trials = [square - STEP, square, (square + STEP).min(MOST)]
+            .map(|square| self.tried(tone, pixels, noise, square.max(0.0)));
+        *self = self.best(tone, pixels, noise, trials.to_vec());
+    }
+
+    fn tried(&self, tone: &ToneCurve, pixels: &[Pixel], noise: f64, square: f64) -> Trial {
+        let mut side = Side {
+            shape: BlurShape::with_square(square),
+            ..self.clone()
+        };
+        side.fit(tone, pixels, noise, (TRIAL_STEPS, SETTLED));
+        if square > 0.0 {
+            for _ in 0..SLOPE_ROUNDS {
+                side.fit_blur_slope(tone, pixels, noise);
+                side.fit(tone, pixels, noise, (TRIAL_STEPS, SETTLED));
+            }
+        }
+        let inverse_variance = 1.0 / (noise * noise);
+        let costs = pixels.iter().map(|pixel| {
+            let residual = side.predict(tone, pixel, 0.0).residual;
+            0.5 * robust_cost(residual * residual * inverse_variance * pixel.count)
+        });
+        Trial {
+            cost: costs.sum(),
+            side,
+        }
+    }
+
+    /// One Gauss-Newton step of how the blur changes along the side, all else held: it is nearly
+    /// independent of that.
+    fn fit_blur_slope(&mut self, tone: &ToneCurve, pixels: &[Pixel], noise: f64) {
+        let inverse_variance = 1.0 / (noise * noise);
+        let (mut square, mut product) = (0.0, 0.0);
+        for pixel in pixels {
+            let p = self.predict(tone, pixel, 0.0);
+            let inverse_variance = inverse_variance * pixel.count;
+            let weight = robust_weight(p.residual * p.residual * inverse_variance);
+            let by_slope = p.by_blur * self.blur * pixel.s;
+            square += weight * by_slope * by_slope;
+            product += weight * by_slope * p.residual;
+        }
+        if square > 0.0 {
+            let slope = self.blur_slope + product / square;
+            self.blur_slope = slope.clamp(-MAX_SLOPE, MAX_SLOPE);
+        }
+    }
+
+    /// The side at the lowest point of the parabola through the best trial and those beside it.
+    fn best(&self, tone: &ToneCurve, pixels: &[Pixel], noise: f64, trials: Vec<Trial>) -> Side {
+        let least = |a: &usize, b: &usize| trials[*a].cost.total_cmp(&trials[*b].cost);
+        let middle = (0..trials.len()).min_by(least).unwrap_or(0);
+        if middle == 0 || middle + 1 == trials.len() {
+            return trials[middle].side.clone();
+        }
+        let points = [middle - 1, middle, middle + 1].map(|i| {
+            let Trial { side, cost } = &trials[i];
+            (side.shape.square, *cost)
+        });
+        match lowest(points) {
+            Some(square) => trials[middle].side.tried(tone, pixels, noise, square).side,
+            None => trials[middle].side.clone(),
+        }
+    }
+}
+
+/// A side fitted with one shape, and half its robust sum of squares.
+#[derive(Clone)]
+struct Trial {
+    side: Side,
+    cost: f64,
+}
+
+/// Where the parabola through three points, the middle one the lowest, is lowest.
+fn lowest([(x0, y0), (x1, y1), (x2, y2)]: [(f64, f64); 3]) -> Option<f64> {
+    let (before, after) = ((y1 - y0) / (x1 - x0), (y2 - y1) / (x2 - x1));
+    let bend = (after - before) / (x2 - x0);
+    let place = 0.5 * (x0 + x1) - 0.5 * before / bend;
+    (bend > 0.0 && x0 <= place && place <= x2).then_some(place)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_shape_has_variance_one_and_the_fourth_cumulant_of_its_box() {
+        for square in [0.0, 0.1, 0.5, 0.9, MOST] {
+            let shape = BlurShape::with_square(square);
+            let mut moments = [0.0; 3];
+            let mut step = 0.0;
+            const WIDTH: f64 = 1e-3;
+            for index in -8000..8000 {
+                let z = (f64::from(index) + 0.5) * WIDTH;
+                let (value, density) = shape.step_and_density(z);
+                step += density * WIDTH;
+                assert!((step - value - 0.5 * density * WIDTH).abs() < 1e-5);
+                for (k, moment) in moments.iter_mut().enumerate() {
+                    *moment += density * z.powi(2 * k as i32) * WIDTH;
+                }
+            }
+            let [mass, variance, fourth] = moments;
+            assert!((mass - 1.0).abs() < 1e-6 && (variance - 1.0).abs() < 1e-5);
+            assert!((fourth - 3.0 + 1.2 * square).abs() < 1e-4, "{square}");
+        }
+    }
+
+    #[test]
+    fn a_parabola_is_lowest_at_its_vertex() {
+        let y = |x: f64| 2.0 * (x - 0.3) * (x - 0.3) + 1.0;
+        let place = lowest([0.1, 0.25, 0.6].map(|x| (x, y(x)))).unwrap();
+        assert!((place - 0.3).abs() < 1e-12);
+        assert!(lowest([(0.0, 1.0), (0.5, 1.0), (1.0, 1.0)]).is_none());
+    }
+}
