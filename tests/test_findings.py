@@ -1,16 +1,19 @@
 """What is told when a calibration fails or is asked: what was found, where, and what was not."""
 
+import io
 import pickle
 from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
+from rich.console import Console
 from scenes import parallel_squares
 
 import trisquare as ts
 from trisquare import simulate
 from trisquare.findings import FOUND_COLOUR, REJECTED_COLOUR, draw_findings
+from trisquare.tables import calibration_report
 from trisquare.targets import Targets
 from trisquare.what_was_found import explain
 
@@ -271,6 +274,33 @@ def test_debug_images_of_several_photographs(run, tmp_path):
     drawn = [cv2.imread(str(tmp_path / f"debug-{number}.png")) for number in (1, 2)]
     counts = [pixels_of(FOUND_COLOUR, picture).sum() for picture in drawn]
     assert counts[0] > counts[1] + 1000
+
+
+@pytest.mark.parametrize("path", ["photo.png", "missing/debug.png", "debug.xyz", "overlay.png"])
+def test_impossible_debug_images_are_refused_before_any_work(run, tmp_path, path):
+    photo, overlay = tmp_path / "photo.png", tmp_path / "overlay.png"
+    cv2.imwrite(str(photo), np.zeros((40, 40), np.uint8))
+    before = photo.read_bytes()
+    options = ("--overlay", overlay, "--debug-image", tmp_path / path)
+    code, _, err = run("calibrate", photo, *options)
+    assert (code, len(err.splitlines())) == (2, 1)
+    assert {file.name for file in tmp_path.iterdir()} == {"photo.png"}
+    assert photo.read_bytes() == before
+
+
+def test_the_tables_name_what_was_not_used():
+    result = ts.calibrate(photograph(simulate.random_scene(np.random.default_rng(77))))
+    refused = [replace(REFUSED, image=number) for number in range(14)]
+    with_refused = replace(result, rejected=refused)
+    for calibration, count in ((result, 0), (with_refused, 14)):
+        console = Console(width=200, record=True, file=io.StringIO())
+        console.print(calibration_report(calibration), soft_wrap=True)
+        lines = [line for line in console.export_text().splitlines() if "not used" in line]
+        assert len(lines) == min(count, 11)
+    assert lines[0].strip() == (
+        "not used: square around (900, 700) of image 0: its side 2 has no edge, 3.25 px"
+    )
+    assert "4 more" in lines[-1]
 
 
 def test_no_debug_image_of_what_is_no_picture(run, tmp_path):

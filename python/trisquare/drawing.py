@@ -31,7 +31,9 @@ def dimmed_grey(image: Image) -> Canvas:
     """Return a picture in dim grey, as BGR, for drawing on."""
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     full_scale = np.iinfo(grey.dtype).max if grey.dtype.kind == "u" else 1.0
-    dimmed = np.clip(grey.astype(np.float64) / full_scale, 0, 1) * (255 * DIMMED)
+    # A file of floating-point numbers may hold NaN.
+    light = np.nan_to_num(grey.astype(np.float64) / full_scale)
+    dimmed = np.clip(light, 0, 1) * (255 * DIMMED)
     return np.repeat(dimmed.astype(np.uint8)[:, :, None], 3, axis=2)
 
 

@@ -59,7 +59,8 @@ def passed_over(grey: NDArray[np.uint8], found: Sequence[Found] = ()) -> list[Re
     grey : ndarray of uint8, shape (H, W)
         As the search sees it: see `outlines.grey_bytes`.
     found : sequence of Found
-        Targets that were found in it; these, and what lies within them, are left out.
+        Targets that were found in it; what lies within them is left out, and so are the sheets
+        and signs that they lie on.
 
     Returns
     -------
@@ -74,7 +75,7 @@ def passed_over(grey: NDArray[np.uint8], found: Sequence[Found] = ()) -> list[Re
     told: list[tuple[float, FloatArray, str]] = []
     for corners, reason in candidates:
         area = float(cv2.contourArea(corners.astype(np.float32)))
-        if area < MIN_TOLD_SIDE**2 or any(_covers(region, corners, area) for region in regions):
+        if area < MIN_TOLD_SIDE**2 or any(_in_or_around(region, corners) for region in regions):
             continue
         if not any(_same(corners, other) for _, other, _ in told):
             told.append((area, corners, reason))
@@ -154,12 +155,13 @@ def _may_be_cut_square(contour: cv2.typing.MatLike, shape: tuple[int, ...]) -> b
     return len(corners) in CUT_CORNERS
 
 
-def _covers(region: FloatArray, corners: FloatArray, area: float) -> bool:
-    """Whether a target's region holds a candidate's middle, and the candidate not the region."""
-    polygon = region.astype(np.float32)
-    middle = tuple(corners.mean(axis=0).tolist())
-    inside = cv2.pointPolygonTest(polygon, middle, False) >= 0
-    return inside and area < (1.0 + SAME_QUAD_FRACTION) ** 2 * cv2.contourArea(polygon)
+def _in_or_around(region: FloatArray, corners: FloatArray) -> bool:
+    """Whether the middle of one of two quads lies within the other."""
+    return any(
+        cv2.pointPolygonTest(quad.astype(np.float32), tuple(other.mean(axis=0).tolist()), False)
+        >= 0.0
+        for quad, other in ((region, corners), (corners, region))
+    )
 
 
 def _same(corners: FloatArray, other: FloatArray) -> bool:
