@@ -29,7 +29,7 @@ LEAST_CROSSINGS = 9
 LEAST_SIDE = 3
 """Crossings of a lattice, and per direction: fewer come about by chance, and are single squares."""
 
-LEAST_CELL = 6.5
+LEAST_CELL = 7.5
 """Side in pixels of the photograph of the square as large as a typical cell: smaller ones are
 pictures of boards on a screen or in print, or nothing."""
 
@@ -103,7 +103,7 @@ def _grids_at(picture: NDArray[np.uint8], known: list[Grid]) -> list[Grid]:
     free = saddles.subset(~_covered(saddles.points, grids))
     if len(free) < LEAST_CROSSINGS:
         return grids
-    for seed in grids_of(free.points, link(values, free)):
+    for seed in grids_of(free.points, link(picture, free)):
         if _covered(seed.points[seed.present], grids).any():
             continue
         grid = grow(seed, values, free.subset(~_covered(free.points, grids)))

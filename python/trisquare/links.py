@@ -12,27 +12,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from trisquare import _core
 from trisquare.quads import FloatArray, sample
 from trisquare.saddles import Saddles
 
-NEAREST = 28
-"""Saddles near another one that are tried as its neighbours on a grid line: markers in the light
-cells add some dozen of their own."""
-
-MISALIGNED = 0.3
-"""How far a neighbour may be beside an edge's direction. In units in which the two edges are at
-right angles it is the tangent: 17 degrees, for what noise and the smoothing of slanted edges do
-to the direction."""
+MISALIGNED = 0.95
+"""Cosine of how far a neighbour may be beside an edge's direction: 18 degrees, for what noise and
+the smoothing of slanted edges do to the direction."""
 
 PLACES = np.array([0.15, 0.3, 0.43, 0.57, 0.7, 0.85])
 """Where the edge between two crossings is looked at, as fractions of the way."""
 
-BESIDE = 0.08
-"""Distance beside an edge where it is light or dark, in cells: the white of a cell that holds a
-marker may be an eighth of a cell wide."""
-
-LEAST_BESIDE = 1.2
-"""The same in pixels, out of the reach of the blur."""
+BESIDE = 1.3
+"""Pixels beside an edge where it is light or dark: the blur has faded enough for a sign, and the
+white rim of a cell that holds a marker, an eighth of the cell, is not yet crossed."""
 
 FAINTEST = 0.5
 """Least step across an edge over the mean of all its places."""
@@ -65,39 +58,17 @@ class Links:
     back: NDArray[np.intp]
 
 
-def link(picture: NDArray[np.float32], saddles: Saddles) -> Links:
+def link(picture: NDArray[np.uint8], saddles: Saddles) -> Links:
     """Link each saddle to the nearest ones that an edge of the picture leads to.
 
     Parameters
     ----------
-    picture : ndarray of float32, shape (H, W)
+    picture : ndarray of uint8, shape (H, W)
     saddles : Saddles
     """
-    first, second, sector, opposite = _aligned_pairs(saddles)
-    length = np.linalg.norm(saddles.points[second] - saddles.points[first], axis=1)
-    ends = saddles.points[first], saddles.points[second]
-    edge = edge_between(picture, *ends, sector % 2 == 0)
-    first, second, sector, opposite, length = (
-        values[edge] for values in (first, second, sector, opposite, length)
-    )
-    count = len(saddles)
-    following = np.full((count, 4), -1)
-    back = np.full((count, 4), -1)
-    if not len(first):
-        return Links(following, back)
-    # Each pair is listed from both of its ends: the nearest at both is a link.
-    nearest = np.full((count, 4), np.inf)
-    np.minimum.at(nearest, (first, sector), length)
-    np.minimum.at(nearest, (second, opposite), length)
-    mutual = (length <= nearest[first, sector]) & (length <= nearest[second, opposite])
-    first, second, sector, opposite = (
-        values[mutual] for values in (first, second, sector, opposite)
-    )
-    following[first, sector], back[first, sector] = second, opposite
-    following[second, opposite], back[second, opposite] = first, sector
-    consistent = following[following, back] == np.arange(count)[:, None]
-    following[~consistent | (following < 0)] = -1
-    return Links(following, back)
+    edges = saddles.edges.reshape(-1, 2)
+    following, back = _core.link_crossings(picture, saddles.points, edges)
+    return Links(following.astype(np.intp), back.astype(np.intp))
 
 
 def closed_cells(links: Links) -> NDArray[np.bool_]:
@@ -126,45 +97,6 @@ def straight(points: FloatArray, links: Links) -> NDArray[np.bool_]:
     return np.asarray(both & smooth & even & (np.sum(ahead * behind, axis=2) > 0.0))
 
 
-def _aligned_pairs(
-    saddles: Saddles,
-) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
-    """Pairs of saddles whose edges' directions lead to one another.
-
-    Returns
-    -------
-    first, second : ndarray of intp, shape (P,)
-        Each pair once, `first` by one of its even directions.
-    sector, opposite : ndarray of intp, shape (P,)
-        Direction of the first to the second, and of the second to the first.
-    """
-    count = len(saddles)
-    nearest = _nearest(saddles.points)
-    first = np.repeat(np.arange(count), nearest.shape[1])
-    second = nearest.ravel()
-    sector, keep = aligned(saddles, first, saddles.points[second] - saddles.points[first])
-    first, second, sector = first[keep], second[keep], sector[keep]
-    opposite, keep = aligned(saddles, second, saddles.points[first] - saddles.points[second])
-    keep &= (sector + opposite) % 2 == 1
-    return first[keep], second[keep], sector[keep], opposite[keep]
-
-
-def _nearest(points: FloatArray) -> NDArray[np.intp]:
-    """Numbers of the `NEAREST` other points of each point, in any order, shape (N, K)."""
-    count = len(points)
-    wanted = min(NEAREST, count - 1)
-    near = np.zeros((count, wanted), np.intp)
-    x, y = points[:, 0].astype(np.float32), points[:, 1].astype(np.float32)
-    for start in range(0, count, 256):
-        rows = slice(start, start + 256)
-        distance = (x[rows, None] - x) ** 2
-        distance += (y[rows, None] - y) ** 2
-        own = np.arange(start, min(start + 256, count))
-        distance[own - start, own] = np.inf
-        near[rows] = np.argpartition(distance, wanted - 1, axis=1)[:, :wanted]
-    return near
-
-
 def aligned(
     saddles: Saddles, index: NDArray[np.intp], vector: FloatArray
 ) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
@@ -177,16 +109,11 @@ def aligned(
         Number of the saddle.
     vector : ndarray of float64, shape (P, 2)
     """
-    toward_light = np.sum(saddles.light[index] * vector, axis=1)
-    toward_dark = np.sum(saddles.dark[index] * vector, axis=1)
-    light, dark = np.abs(toward_light), np.abs(toward_dark)
-    good = np.abs(light - dark) <= MISALIGNED * (light + dark)
-    direction = np.where(
-        toward_dark > 0.0,
-        np.where(toward_light > 0.0, 0, 1),
-        np.where(toward_light > 0.0, 3, 2),
-    )
-    return direction, good
+    along = np.einsum("pij,pj->pi", saddles.edges[index], vector)
+    edge = np.abs(along).argmax(axis=1)
+    best = along[np.arange(len(along)), edge]
+    good = np.abs(best) >= MISALIGNED * np.linalg.norm(vector, axis=1)
+    return edge + 2 * (best < 0.0), good
 
 
 def edge_between(
@@ -207,9 +134,8 @@ def edge_between(
     way = end - start
     length = np.linalg.norm(way, axis=1)
     clockwise = np.stack([-way[:, 1], way[:, 0]], axis=1) / np.maximum(length, 1e-9)[:, None]
-    beside = np.maximum(BESIDE * length, LEAST_BESIDE)
     at = start[:, None] + PLACES[:, None] * way[:, None]
-    offset = (beside[:, None] * clockwise)[:, None]
+    offset = BESIDE * clockwise[:, None]
     shades = sample(picture, np.stack([at - offset, at + offset], axis=1))
     steps = (shades[:, 0] - shades[:, 1]) * np.where(dark_clockwise, 1.0, -1.0)[:, None]
     mean = steps.mean(axis=1)

@@ -40,6 +40,17 @@ MOST_SETTLING = 2.0
 RING = 2.5
 """Pixels from a saddle at which its four sectors are looked at: inside a cell of five pixels."""
 
+HALF_TURN = 16
+"""Directions looked in from a saddle, over half a turn."""
+
+_DIRECTIONS = np.stack(
+    [
+        np.cos(np.arange(2 * HALF_TURN) * (np.pi / HALF_TURN)),
+        np.sin(np.arange(2 * HALF_TURN) * (np.pi / HALF_TURN)),
+    ],
+    axis=1,
+)
+
 MIN_ALTERNATION = 0.5
 """Least step between a light sector and a dark one over the mean step: noise and one-sided
 shading leave more, the end of a line or a bend less."""
@@ -68,22 +79,20 @@ class Saddles:
     ----------
     points : ndarray of float64, shape (N, 2)
         In pixels of the searched picture, good to some tenths.
-    light, dark : ndarray of float64, shape (N, 2)
-        Axes toward the light and the dark sectors, times the square root of the curvature along
-        them: a vector `v` runs along an edge where ``abs(light @ v) == abs(dark @ v)``. `dark`
-        points clockwise (on the screen) of `light`.
+    edges : ndarray of float64, shape (N, 2, 2)
+        Unit vectors along the two edges that cross: clockwise (on the screen) of the first it is
+        dark, and of the second, which comes next clockwise, light.
     """
 
     points: FloatArray
-    light: FloatArray
-    dark: FloatArray
+    edges: FloatArray
 
     def __len__(self) -> int:
         return len(self.points)
 
     def subset(self, keep: NDArray[np.bool_] | NDArray[np.intp]) -> Saddles:
         """Return the saddles that a mask or index array selects."""
-        return Saddles(self.points[keep], self.light[keep], self.dark[keep])
+        return Saddles(self.points[keep], self.edges[keep])
 
 
 def find_saddles(picture: NDArray[np.uint8]) -> Saddles:
@@ -91,8 +100,9 @@ def find_saddles(picture: NDArray[np.uint8]) -> Saddles:
     pixels, strengths = _peaks(picture)
     if len(pixels) > MOST_SADDLES:
         pixels = pixels[np.argsort(-strengths)[:MOST_SADDLES]]
-    saddles = _settled(picture, pixels)
-    return _alternating(picture, saddles)
+    offset, curvature = _newton(picture, pixels)
+    near = (np.abs(offset).max(axis=1) < MAX_OFFSET) & (curvature[:, 3] < 0.0)
+    return _crossings(picture, pixels[near] + offset[near])
 
 
 def _peaks(picture: NDArray[np.uint8]) -> tuple[NDArray[np.intp], FloatArray]:
@@ -179,29 +189,36 @@ def _newton(picture: NDArray[np.uint8], pixels: NDArray[np.intp]) -> tuple[Float
     return step, np.stack([xx, xy, yy, determinant], axis=1)
 
 
-def _settled(picture: NDArray[np.uint8], pixels: NDArray[np.intp]) -> Saddles:
-    """Move pixels to where the slope vanishes, and drop those that it is not near to."""
-    offset, curvature = _newton(picture, pixels)
-    near = (np.abs(offset).max(axis=1) < MAX_OFFSET) & (curvature[:, 3] < 0.0)
-    xx, xy, yy, _ = curvature[near].T
-    mean, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
-    spread = np.hypot(half, xy)
-    angle = 0.5 * np.arctan2(xy, half)
-    axis = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    turned = np.stack([-axis[:, 1], axis[:, 0]], axis=1)
-    light = np.sqrt(spread + mean)[:, None] * axis
-    dark = np.sqrt(spread - mean)[:, None] * turned
-    return Saddles(pixels[near] + offset[near], light, dark)
+def _crossings(picture: NDArray[np.uint8], points: FloatArray) -> Saddles:
+    """Keep the saddles round which two light sectors and two dark ones alternate.
 
+    Each pair of opposite ones is much alike. The second derivatives would tell where the sectors
+    are, but not how wide: smoothed, every crossing of two edges has them as if at right angles.
+    """
+    around = points[:, None] + RING * _DIRECTIONS
+    shades = sample(picture, around)
+    opposite = shades.reshape(len(points), 2, HALF_TURN)
+    mean = opposite.mean(axis=1)
+    light, dark = mean.argmax(axis=1), mean.argmin(axis=1)
+    every = np.arange(len(points))
+    lightest, darkest = opposite[every, :, light], opposite[every, :, dark]
+    step = lightest.mean(axis=1) - darkest.mean(axis=1)
+    level = 0.5 * (lightest.mean(axis=1) + darkest.mean(axis=1))
+    alternate = lightest.min(axis=1) - darkest.max(axis=1) > MIN_ALTERNATION * step
 
-def _alternating(picture: NDArray[np.uint8], saddles: Saddles) -> Saddles:
-    """Keep the saddles with two light sectors and two dark ones, each pair of opposite ones."""
-    axes = np.stack([saddles.light, saddles.dark], axis=1)
-    axes = RING * axes / np.linalg.norm(axes, axis=2, keepdims=True)
-    around = saddles.points[:, None, None] + np.stack([axes, -axes], axis=2)
-    shades = sample(picture, around.reshape(-1, 4, 2)).reshape(-1, 2, 2)
-    light, dark = shades[:, 0], shades[:, 1]
-    steps = light.mean(axis=1) - dark.mean(axis=1)
-    least = light.min(axis=1) - dark.max(axis=1)
-    keep = (least > MIN_ALTERNATION * steps) & (steps > 0.0)
-    return saddles.subset(keep)
+    above = mean - level[:, None]
+    following = np.roll(above, -1, axis=1)
+    following_sign = following > 0.0
+    falls = (above > 0.0) & ~following_sign
+    rises = (above <= 0.0) & following_sign
+    keep = alternate & (np.count_nonzero(falls, axis=1) == 1) & (step > 0.0)
+    angles = []
+    for turn in (falls, rises):
+        at = turn.argmax(axis=1)
+        here, there = above[every, at], following[every, at]
+        part = here / np.where(here == there, 1.0, here - there)
+        angles.append((at + part)[keep] * (np.pi / HALF_TURN))
+    first, second = angles
+    second = np.where(second < first, second + np.pi, second)
+    turned = np.stack([first, second], axis=1)
+    return Saddles(points[keep], np.stack([np.cos(turned), np.sin(turned)], axis=2))
