@@ -54,12 +54,13 @@ def cramer_rao_bound(
     """Smallest standard deviations that an unbiased calibration of this scene can have.
 
     The information is that of the edges' offsets along their normals; every plane has six free
-    parameters of its own, a frame one more for the size of its hole.
+    parameters of its own, a frame one more for the size of its hole. The edges of a chessboard are
+    its grid lines between the outermost crossings.
 
     Parameters
     ----------
     scene : Scene
-        Squares or frames.
+        Squares, frames or chessboards.
     sigma : float
         Standard deviation of each offset, pixels.
     spacing : float
@@ -108,14 +109,14 @@ def _offset_jacobian(
     camera: TrueCamera, target: Target, changes: list[Change], spacing: float
 ) -> tuple[Array, Array]:
     """Differentiate the edges' offsets by each change, shape (N, P); weights, shape (N,)."""
-    outlines = len(target.outlines())
     sides = sample_sides(camera, target, spacing)
     plane = np.concatenate([side.plane for side in sides])
     normal = np.concatenate([side.normal for side in sides])
     weights = np.concatenate(
         [np.full(len(side.plane), side.length / spacing / len(side.plane)) for side in sides]
     )
-    of_hole = np.repeat(np.arange(4 * outlines) >= 4, [len(side.plane) for side in sides])
+    hole = np.arange(len(sides)) >= (4 if target.kind == "frame" else len(sides))
+    of_hole = np.repeat(hole, [len(side.plane) for side in sides])
     derivatives = []
     for change in changes:
         moved = [

@@ -219,6 +219,13 @@ class Target:
             return
         yield from zip((1.0, -1.0), self.outlines(), self.outline_bows(), strict=False)
 
+    def grid_lines(self) -> Iterator[tuple[Array, Array]]:
+        """Yield the ends of a chessboard's rows, then of its columns of inner corners."""
+        columns, rows = self.inner_corners
+        corners = self.board_corners().reshape(rows, columns, 2)
+        yield from zip(corners[:, 0], corners[:, -1], strict=True)
+        yield from zip(corners[0], corners[-1], strict=True)
+
     def board_corners(self) -> Array:
         """Inner corners of a chessboard, row by row, plane units, shape (columns * rows, 2)."""
         columns, rows = self.inner_corners
@@ -262,18 +269,20 @@ class SideSamples(NamedTuple):
 
 
 def sample_sides(camera: TrueCamera, target: Target, spacing: float) -> list[SideSamples]:
-    """Sample the sides of a square's or frame's outlines, `spacing` pixels apart.
+    """Sample the sides of a figure's outlines, or a chessboard's grid lines, `spacing` pixels apart.
 
-    Each side is cut into equal pieces and sampled in their middles.
+    Each side is cut into equal pieces and sampled in their middles; a grid line runs between the
+    outermost crossings.
     """
     if target.kind == "chessboard":
-        raise ValueError("a chessboard has no outline to sample; use its corners")
-    samples = []
-    for outline, bows in zip(target.outlines(), target.outline_bows(), strict=True):
-        for i in range(4):
-            start, end = outline[i], outline[(i + 1) % 4]
-            samples.append(_sample_side(camera, target, (start, end, float(bows[i])), spacing))
-    return samples
+        sides = [(start, end, 0.0) for start, end in target.grid_lines()]
+    else:
+        sides = [
+            (outline[i], outline[(i + 1) % 4], float(bows[i]))
+            for outline, bows in zip(target.outlines(), target.outline_bows(), strict=True)
+            for i in range(4)
+        ]
+    return [_sample_side(camera, target, side, spacing) for side in sides]
 
 
 def points_of_side(start: Array, end: Array, bow: float, fraction: Array) -> Array:

@@ -172,12 +172,12 @@ def photo_like(
 def edge_points(
     scene: Scene, rng: np.random.Generator, *, noise: float, spacing: float = 4.0
 ) -> list[list[Array]]:
-    """Sample the outlines of a scene's squares with noise along the edges' normals.
+    """Sample the edges of a scene's targets with noise along their normals.
 
     Parameters
     ----------
     scene : Scene
-        Squares or frames.
+        Squares, frames or chessboards.
     rng : numpy.random.Generator
         Source of the noise.
     noise : float
@@ -188,7 +188,8 @@ def edge_points(
     Returns
     -------
     list of list of ndarray, each shape (N, 2)
-        Per target, the points of its four sides, in order; a frame's hole adds four more.
+        Per target, the points of its four sides, in order; a frame's hole adds four more. A
+        chessboard's rows, then its columns, between the outermost crossings.
     """
     points: list[list[Array]] = []
     for target in scene.targets:
