@@ -19,6 +19,7 @@ __all__ = [
     "fit_distortion",
     "homography_from_lines",
     "invertible_radius",
+    "link_crossings",
     "localise",
     "pose_from_homography",
     "predict",
@@ -134,6 +135,9 @@ def predict(
     fixed: Sequence[str],
     judged: bool,
 ) -> PredictionMembers: ...
+def link_crossings(
+    picture: NDArray[np.uint8], points: NDArray[np.float64], edges: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]: ...
 def localise(
     picture: Picture,
     spans: Sequence[tuple[NDArray[np.float64], float, tuple[int | None, int | None]]],

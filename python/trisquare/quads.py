@@ -133,7 +133,7 @@ class Quads:
         )
 
 
-def sample(picture: NDArray[np.float32], points: FloatArray) -> FloatArray:
+def sample(picture: NDArray[np.float32] | NDArray[np.uint8], points: FloatArray) -> FloatArray:
     """Interpolate a picture bilinearly at points of shape (..., 2); the border is continued."""
     if points.size == 0:
         return np.zeros(points.shape[:-1])

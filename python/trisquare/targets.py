@@ -14,6 +14,8 @@ class Targets:
     """What to look for: squares, or one chessboard of so many inner corners."""
 
     board: tuple[int, int] | None
+    lattices: bool = False
+    """Whether to look for chessboards of any size, besides squares."""
 
     @classmethod
     def parse(cls, text: str) -> Targets:
@@ -27,7 +29,7 @@ class Targets:
         if not isinstance(text, str):
             raise TypeError(f"targets must be a string, not {type(text).__name__}")
         if text in ("auto", "squares"):
-            return cls(board=None)
+            return cls(board=None, lattices=text == "auto")
         match = re.fullmatch(r"chessboard:(\d{1,3})x(\d{1,3})", text)
         if match is None:
             raise ValueError(f"unknown targets {text!r}: choose auto, squares, or chessboard:9x6")

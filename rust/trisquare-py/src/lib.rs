@@ -3,6 +3,7 @@
 mod arrays;
 mod calibration;
 mod camera;
+mod crossings;
 mod errors;
 mod figures;
 mod picture;
@@ -23,6 +24,8 @@ mod _core {
         can_unproject, distort_pixels, invertible_radius, project_points, projection_covariance,
         undistort_pixels, unproject_pixels, valid_pixel_radius,
     };
+    #[pymodule_export]
+    use crate::crossings::link_crossings;
     #[pymodule_export]
     use crate::figures::square_lines;
     #[pymodule_export]

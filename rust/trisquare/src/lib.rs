@@ -20,6 +20,7 @@ mod conic;
 mod consistency;
 mod correlated;
 mod covariance;
+mod crossings;
 mod drift;
 mod edge_problem;
 mod edges;
@@ -73,6 +74,7 @@ pub use conic::{
 };
 pub use consistency::Disagreement;
 pub use correlated::Coherence;
+pub use crossings::{Crossing, Follower, GreyBytes, link_crossings};
 pub use edges::{Freedom, PlaneEdges, Polarity};
 pub use error::{Error, ErrorKind};
 pub use homography::homography_from_lines;

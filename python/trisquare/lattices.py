@@ -1,0 +1,157 @@
+"""Chessboard-like lattices of a picture: linked from its saddle points, one per plane.
+
+The picture is searched from coarse to fine. A coarse picture has lost the markers that a light
+cell may carry, the noise, and the blur of large cells; a finer one has the small cells, and
+settles and completes what the coarser one showed.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from trisquare.grids import Grid, grids_of
+from trisquare.growth import grow, trimmed
+from trisquare.links import link
+from trisquare.outlines import Lattice
+from trisquare.quads import FloatArray
+from trisquare.saddles import find_saddles, settle
+
+FINEST = 1000
+"""Longest side in pixels of a picture that is searched as it is; a larger one is halved once,
+which leaves its smallest cells (10 pixels) five pixels."""
+
+COARSEST = 100
+"""Shortest side in pixels of the coarsest picture: a board in it has cells of five pixels."""
+
+LEAST_CROSSINGS = 9
+LEAST_SIDE = 3
+"""Crossings of a lattice, and per direction: fewer come about by chance, and are single squares."""
+
+LEAST_CELL = 7.5
+"""Side in pixels of the photograph of the square as large as a typical cell: smaller ones are
+pictures of boards on a screen or in print, or nothing."""
+
+
+def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
+    """Find every lattice of 3 x 3 crossings and more in a grey picture.
+
+    Parameters
+    ----------
+    grey : ndarray of uint8, shape (H, W)
+
+    Returns
+    -------
+    list of Lattice
+        From the one of most crossings to the one of fewest; empty if there is none.
+    """
+    grids: list[Grid] = []
+    pictures, scale = _pictures(grey)
+    for picture in pictures:
+        grids = [_doubled(grid, picture) for grid in grids]
+        grids = _grids_at(picture, grids)
+    grids = [_complete(grid) for grid in grids]
+    found = [_lattice(grid, scale) for grid in grids if _is_lattice(grid, scale)]
+    return sorted(found, key=lambda lattice: -int(np.count_nonzero(lattice.present)))
+
+
+def region(lattice: Lattice) -> FloatArray:
+    """Convex outline of a lattice and one cell round it, clockwise on the screen, shape (N, 2)."""
+    points = np.where(lattice.present[..., None], lattice.crossings, np.nan)
+    around = [points]
+    for axis in (0, 1):
+        step = np.diff(points, axis=axis)
+        before, after = np.split(points, [1], axis=axis)[1], np.split(points, [-1], axis=axis)[0]
+        around += [before + step, after - step]
+    known = np.concatenate([part.reshape(-1, 2) for part in around])
+    known = known[np.isfinite(known[:, 0])]
+    hull = cv2.convexHull(known.astype(np.float32), clockwise=False)
+    return np.asarray(hull, dtype=np.float64).reshape(-1, 2)
+
+
+def _pictures(grey: NDArray[np.uint8]) -> tuple[list[NDArray[np.uint8]], int]:
+    """Pictures to search, from coarse to fine, and photograph pixels per pixel of the finest."""
+    picture, scale = grey, 1
+    if max(grey.shape) > FINEST and min(grey.shape) > COARSEST:
+        picture, scale = np.asarray(cv2.pyrDown(grey), dtype=np.uint8), 2
+    pictures = [picture]
+    while min(picture.shape) >= 2 * COARSEST:
+        picture = np.asarray(cv2.pyrDown(picture), dtype=np.uint8)
+        pictures.append(picture)
+    return pictures[::-1], scale
+
+
+def _doubled(grid: Grid, picture: NDArray[np.uint8]) -> Grid:
+    """Carry a grid over into a picture twice as fine."""
+    points = grid.points.copy()
+    # pyrDown keeps every second pixel's centre, so that coordinates only need the factor.
+    points[grid.present] = settle(picture, 2.0 * grid.points[grid.present])
+    return Grid(points, grid.dark_first)
+
+
+def _grids_at(picture: NDArray[np.uint8], known: list[Grid]) -> list[Grid]:
+    """Complete the grids known from a coarser picture and find those that it did not show."""
+    saddles = find_saddles(picture)
+    if len(saddles) < LEAST_CROSSINGS:
+        return known
+    values = picture.astype(np.float32)
+    grids: list[Grid] = []
+    for number, grid in enumerate(known):
+        others = saddles.subset(~_covered(saddles.points, grids + known[number + 1 :]))
+        grids.append(grow(grid, values, others))
+    free = saddles.subset(~_covered(saddles.points, grids))
+    if len(free) < LEAST_CROSSINGS:
+        return grids
+    for seed in grids_of(free.points, link(picture, free)):
+        if _covered(seed.points[seed.present], grids).any():
+            continue
+        grid = grow(seed, values, free.subset(~_covered(free.points, grids)))
+        if np.count_nonzero(grid.present) >= LEAST_CROSSINGS:
+            grids.append(grid)
+    return grids
+
+
+def _covered(points: FloatArray, grids: list[Grid]) -> NDArray[np.bool_]:
+    """Which points, shape (N, 2), some grid already has within its outline."""
+    covered = np.zeros(len(points), bool)
+    for grid in grids:
+        hull = _hull(grid)
+        edges = np.roll(hull, -1, axis=0) - hull
+        gap = points[:, None] - hull
+        covered |= (edges[:, 0] * gap[..., 1] - edges[:, 1] * gap[..., 0] > -1e-6).all(axis=1)
+    return covered
+
+
+def _hull(grid: Grid) -> FloatArray:
+    """Convex hull of a grid, clockwise on the screen, shape (N, 2)."""
+    hull = cv2.convexHull(grid.points[grid.present].astype(np.float32), clockwise=False)
+    return np.asarray(hull, dtype=np.float64).reshape(-1, 2)
+
+
+def _complete(grid: Grid) -> Grid:
+    """Leave out crossings of which no whole cell is there."""
+    present = grid.present
+    cells = present[:-1, :-1] & present[1:, :-1] & present[:-1, 1:] & present[1:, 1:]
+    around = np.pad(cells, 1)
+    kept = around[:-1, :-1] | around[1:, :-1] | around[:-1, 1:] | around[1:, 1:]
+    return trimmed(Grid(np.where(kept[..., None], grid.points, np.nan), grid.dark_first))
+
+
+def _is_lattice(grid: Grid, scale: int) -> bool:
+    """Whether a grid has enough crossings, far enough apart."""
+    present = grid.present
+    if min(present.shape) < LEAST_SIDE or np.count_nonzero(present) < LEAST_CROSSINGS:
+        return False
+    first = grid.points[1:, 1:] - grid.points[:-1, :-1]
+    second = grid.points[1:, :-1] - grid.points[:-1, 1:]
+    areas = 0.5 * np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
+    return bool(scale * np.sqrt(np.nanmedian(areas)) >= LEAST_CELL)
+
+
+def _lattice(grid: Grid, scale: int) -> Lattice:
+    """Crossings in pixels of the photograph."""
+    crossings = np.where(grid.present[..., None], scale * grid.points, 0.0)
+    present = grid.present
+    crossings.flags.writeable = present.flags.writeable = False
+    return Lattice(crossings, present)

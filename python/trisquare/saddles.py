@@ -1,0 +1,224 @@
+"""Saddle points of the grey levels: where the corners of four cells of a chessboard may meet.
+
+Next to a crossing the grey levels rise toward two opposite cells and fall toward the other two,
+whatever the lens and the perspective do. That is a negative determinant of their second
+derivatives, and the directions in which these vanish are those of the two edges that cross.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from trisquare.quads import FloatArray, sample
+
+MIN_SADDLE = 0.8
+"""Grey levels per square pixel, the geometric mean of a saddle's two curvatures. A crossing of
+contrast 30 whose edges are blurred by 2 pixels of the searched picture has 1.6; noise of 8 grey
+levels, halved once, leaves 0.4."""
+
+APERTURE = 5
+"""Pixels per side of the derivative filters: a smoothing of about one pixel, which cells of five
+pixels survive."""
+
+FILTER_GAIN = 64.0
+"""What these filters make of a second derivative of one grey level per square pixel."""
+
+MAX_OFFSET = 1.2
+"""Pixels from the strongest pixel to the saddle point itself. At the corner of a lone square the
+grey levels are curved alike, but have a slope: the saddle lies farther away or nowhere."""
+
+SETTLING_STEPS = 3
+"""Newton's method on a saddle that is a pixel away has converged."""
+
+MOST_SETTLING = 2.0
+"""Pixels that a point may be moved by settling: it comes from a picture half as fine."""
+
+RING = 2.5
+"""Pixels from a saddle at which its four sectors are looked at: inside a cell of five pixels."""
+
+HALF_TURN = 16
+"""Directions looked in from a saddle, over half a turn."""
+
+_DIRECTIONS = np.stack(
+    [
+        np.cos(np.arange(2 * HALF_TURN) * (np.pi / HALF_TURN)),
+        np.sin(np.arange(2 * HALF_TURN) * (np.pi / HALF_TURN)),
+    ],
+    axis=1,
+)
+
+MIN_ALTERNATION = 0.5
+"""Least step between a light sector and a dark one over the mean step: noise and one-sided
+shading leave more, the end of a line or a bend less."""
+
+RIVAL_WINDOW = 13
+LEAST_OF_RIVAL = 0.6
+"""A saddle this much weaker than another one in a window of that many pixels is dropped: what is
+printed in a cell, or beside an edge, is finer than the cell and more blurred."""
+
+MOST_SADDLES = 4000
+"""The strongest are kept: 30 boards of 10 x 10 cells. It bounds time and memory in a picture of
+gravel or grass."""
+
+MARGIN = 6
+"""Pixels at the border in which no saddle is looked for: the filters' and the rivals' reach."""
+
+STRIP = 512
+"""Rows of a picture that are searched at a time, which bounds the memory that filters take."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Saddles:
+    """Saddle points of one picture.
+
+    Attributes
+    ----------
+    points : ndarray of float64, shape (N, 2)
+        In pixels of the searched picture, good to some tenths.
+    edges : ndarray of float64, shape (N, 2, 2)
+        Unit vectors along the two edges that cross: clockwise (on the screen) of the first it is
+        dark, and of the second, which comes next clockwise, light.
+    """
+
+    points: FloatArray
+    edges: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def subset(self, keep: NDArray[np.bool_] | NDArray[np.intp]) -> Saddles:
+        """Return the saddles that a mask or index array selects."""
+        return Saddles(self.points[keep], self.edges[keep])
+
+
+def find_saddles(picture: NDArray[np.uint8]) -> Saddles:
+    """Find the saddle points of a grey picture whose four sectors alternate, each once."""
+    pixels, strengths = _peaks(picture)
+    if len(pixels) > MOST_SADDLES:
+        pixels = pixels[np.argsort(-strengths)[:MOST_SADDLES]]
+    offset, curvature = _newton(picture, pixels)
+    near = (np.abs(offset).max(axis=1) < MAX_OFFSET) & (curvature[:, 3] < 0.0)
+    return _crossings(picture, pixels[near] + offset[near])
+
+
+def _peaks(picture: NDArray[np.uint8]) -> tuple[NDArray[np.intp], FloatArray]:
+    """Pixels (N, 2) where the saddle is strongest in their neighbourhood, and how strong."""
+    height, width = picture.shape
+    places, strengths = [np.zeros(0, np.intp)], [np.zeros(0, np.float32)]
+    for top in range(0, height, STRIP):
+        first = max(top - MARGIN, 0)
+        pixels, strong = _peaks_of_strip(picture[first : top + STRIP + MARGIN])
+        own = (pixels >= (top - first) * width) & (pixels < (top - first + STRIP) * width)
+        places.append(pixels[own] + first * width)
+        strengths.append(strong[own])
+    y, x = np.divmod(np.concatenate(places), width)
+    inside = (x >= MARGIN) & (x < width - MARGIN) & (y >= MARGIN) & (y < height - MARGIN)
+    strength = np.concatenate(strengths)[inside].astype(np.float64)
+    return np.stack([x[inside], y[inside]], axis=1), strength
+
+
+def _peaks_of_strip(strip: NDArray[np.uint8]) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
+    """Flat indices of the peaks, and their strengths."""
+    strength = _strength(strip)
+    highest = cv2.dilate(strength, np.ones((3, 3), np.uint8)).ravel()
+    rival = cv2.dilate(strength, np.ones((RIVAL_WINDOW, RIVAL_WINDOW), np.uint8)).ravel()
+    flat = strength.ravel()
+    found = np.flatnonzero(flat > (FILTER_GAIN * MIN_SADDLE) ** 2)
+    found = found[flat[found] >= highest[found]]
+    found = found[flat[found] >= LEAST_OF_RIVAL**2 * rival[found]]
+    return found, flat[found]
+
+
+def _strength(picture: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Negative determinant of the second derivatives, times the square of `FILTER_GAIN`."""
+    xx = cv2.Sobel(picture, cv2.CV_32F, 2, 0, ksize=APERTURE)
+    yy = cv2.Sobel(picture, cv2.CV_32F, 0, 2, ksize=APERTURE)
+    xy = cv2.Sobel(picture, cv2.CV_32F, 1, 1, ksize=APERTURE)
+    cv2.multiply(xx, yy, dst=xx)
+    cv2.multiply(xy, xy, dst=xy)
+    return np.asarray(cv2.subtract(xy, xx, dst=xy), dtype=np.float32)
+
+
+_SMOOTH = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
+_SLOPE = np.array([-1.0, -2.0, 0.0, 2.0, 1.0]) / 8.0
+_CURVE = np.array([1.0, 0.0, -2.0, 0.0, 1.0]) / 4.0
+_DERIVATIVES = np.stack(
+    [
+        np.outer(_SMOOTH, _SLOPE).ravel(),
+        np.outer(_SLOPE, _SMOOTH).ravel(),
+        np.outer(_SMOOTH, _CURVE).ravel(),
+        np.outer(_SLOPE, _SLOPE).ravel(),
+        np.outer(_CURVE, _SMOOTH).ravel(),
+    ]
+)
+"""Filters of `APERTURE` for the derivatives x, y, xx, xy, yy."""
+
+
+def settle(picture: NDArray[np.uint8], points: FloatArray) -> FloatArray:
+    """Move points, shape (N, 2), onto the saddle next to them where there is one."""
+    height, width = picture.shape
+    reach = APERTURE // 2
+    settled = points.copy()
+    for _ in range(SETTLING_STEPS):
+        pixels = np.rint(settled).astype(np.intp)
+        inside = (pixels >= reach).all(axis=1) & (pixels < [width - reach, height - reach]).all(1)
+        offset, curvature = _newton(picture, pixels[inside])
+        fine = (np.abs(offset).max(axis=1) < MAX_OFFSET) & (curvature[:, 3] < 0.0)
+        moved = pixels[inside] + offset
+        fine &= np.abs(moved - points[inside]).max(axis=1) < MOST_SETTLING
+        settled[np.flatnonzero(inside)[fine]] = moved[fine]
+    return settled
+
+
+def _newton(picture: NDArray[np.uint8], pixels: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
+    """Where the slope vanishes relative to pixels, shape (N, 2), and second derivatives there.
+
+    The latter are xx, xy, yy and their determinant, shape (N, 4).
+    """
+    reach = np.arange(APERTURE) - APERTURE // 2
+    rows = pixels[:, 1, None, None] + reach[None, :, None]
+    patches = picture[rows, pixels[:, 0, None, None] + reach[None, None, :]]
+    x, y, xx, xy, yy = _DERIVATIVES @ patches.reshape(len(pixels), APERTURE**2).T.astype(np.float64)
+    determinant = xx * yy - xy * xy
+    step = np.stack([xy * y - yy * x, xy * x - xx * y], axis=1)
+    step /= np.where(determinant < 0.0, determinant, -1e-9)[:, None]
+    return step, np.stack([xx, xy, yy, determinant], axis=1)
+
+
+def _crossings(picture: NDArray[np.uint8], points: FloatArray) -> Saddles:
+    """Keep the saddles round which two light sectors and two dark ones alternate.
+
+    Each pair of opposite ones is much alike. The second derivatives would tell where the sectors
+    are, but not how wide: smoothed, every crossing of two edges has them as if at right angles.
+    """
+    around = points[:, None] + RING * _DIRECTIONS
+    shades = sample(picture, around)
+    opposite = shades.reshape(len(points), 2, HALF_TURN)
+    mean = opposite.mean(axis=1)
+    light, dark = mean.argmax(axis=1), mean.argmin(axis=1)
+    every = np.arange(len(points))
+    lightest, darkest = opposite[every, :, light], opposite[every, :, dark]
+    step = lightest.mean(axis=1) - darkest.mean(axis=1)
+    level = 0.5 * (lightest.mean(axis=1) + darkest.mean(axis=1))
+    alternate = lightest.min(axis=1) - darkest.max(axis=1) > MIN_ALTERNATION * step
+
+    above = mean - level[:, None]
+    following = np.roll(above, -1, axis=1)
+    following_sign = following > 0.0
+    falls = (above > 0.0) & ~following_sign
+    rises = (above <= 0.0) & following_sign
+    keep = alternate & (np.count_nonzero(falls, axis=1) == 1) & (step > 0.0)
+    angles = []
+    for turn in (falls, rises):
+        at = turn.argmax(axis=1)
+        here, there = above[every, at], following[every, at]
+        part = here / np.where(here == there, 1.0, here - there)
+        angles.append((at + part)[keep] * (np.pi / HALF_TURN))
+    first, second = angles
+    second = np.where(second < first, second + np.pi, second)
+    turned = np.stack([first, second], axis=1)
+    return Saddles(points[keep], np.stack([np.cos(turned), np.sin(turned)], axis=2))

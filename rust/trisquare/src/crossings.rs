@@ -1,0 +1,189 @@
+//! Which crossings of a chessboard's grid lines follow one another: along an edge of the picture.
+//!
+//! A crossing has four directions, numbered clockwise on the screen so that clockwise of
+//! directions 0 and 2 it is dark, and of 1 and 3 light. The next crossing of a grid line has its
+//! dark and light cells the other way round: an even direction of one leads to an odd direction of
+//! the other.
+
+use nalgebra::Vector2;
+
+/// Cosine of how far a neighbour may be beside an edge's direction: 18 degrees, for what noise and
+/// the smoothing of slanted edges do to the direction.
+const MISALIGNED: f64 = 0.95;
+
+/// Where the edge between two crossings is looked at, as fractions of the way. The blur of the
+/// crossings themselves reaches farther in the shortest cells only, where it is symmetric.
+const PLACES: [f64; 6] = [0.15, 0.3, 0.43, 0.57, 0.7, 0.85];
+
+/// Pixels beside an edge where it is light or dark: the blur has faded enough for a sign, and the
+/// white rim of a cell that holds a marker, an eighth of the cell, is not yet crossed.
+const BESIDE: f64 = 1.3;
+
+/// Least step across an edge over the mean of all its places: noise and shading leave more.
+const FAINTEST: f64 = 0.5;
+
+/// Grey levels across an edge: a tenth of a contrast of 30, for what two pixels of blur leave of
+/// it; noise would not step the same way at all of `PLACES`.
+const LEAST_STEP: f64 = 3.0;
+
+/// Crossings that are tried in one direction, the nearest first: what is printed in a cell, or
+/// lies beside its edge, comes before the next crossing.
+const MOST_TRIED: usize = 12;
+
+/// A place where two edges cross, and the unit vectors of directions 0 and 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Crossing {
+    /// In pixels.
+    pub point: Vector2<f64>,
+    /// Clockwise of the first it is dark, of the second, which comes next clockwise, light.
+    pub edges: [Vector2<f64>; 2],
+}
+
+/// The crossing that follows in some direction, and which of its own directions leads back.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Follower {
+    /// Number of the crossing.
+    pub crossing: usize,
+    /// Direction, 0 to 3.
+    pub back: usize,
+}
+
+/// A grey picture of 8 bits in row order, borrowed.
+#[derive(Debug, Clone, Copy)]
+pub struct GreyBytes<'a> {
+    width: usize,
+    height: usize,
+    values: &'a [u8],
+}
+
+impl<'a> GreyBytes<'a> {
+    /// `None` if the picture is empty or the values are not `width * height`.
+    #[must_use]
+    pub fn new(width: usize, height: usize, values: &'a [u8]) -> Option<Self> {
+        let whole = width > 0 && height > 0 && width.checked_mul(height) == Some(values.len());
+        whole.then_some(Self {
+            width,
+            height,
+            values,
+        })
+    }
+
+    /// Bilinear interpolation; beyond the border its value goes on.
+    fn at(&self, point: Vector2<f64>) -> f64 {
+        let x = point.x.clamp(0.0, (self.width - 1) as f64);
+        let y = point.y.clamp(0.0, (self.height - 1) as f64);
+        let (left, top) = (x as usize, y as usize);
+        let (right, bottom) = (
+            (left + 1).min(self.width - 1),
+            (top + 1).min(self.height - 1),
+        );
+        let (u, v) = (x - left as f64, y - top as f64);
+        let value = |row: usize, column: usize| f64::from(self.values[row * self.width + column]);
+        let above = value(top, left) * (1.0 - u) + value(top, right) * u;
+        let below = value(bottom, left) * (1.0 - u) + value(bottom, right) * u;
+        above * (1.0 - v) + below * v
+    }
+
+    /// Whether one edge leads all the way from one point to another, dark clockwise of the way
+    /// (on the right hand, as y points down) or light.
+    #[must_use]
+    pub fn has_edge(&self, start: Vector2<f64>, end: Vector2<f64>, dark_clockwise: bool) -> bool {
+        let way = end - start;
+        let length = way.norm();
+        if !(length > 0.0 && length.is_finite()) {
+            return false;
+        }
+        let clockwise = Vector2::new(-way.y, way.x) * (BESIDE / length);
+        let sign = if dark_clockwise { 1.0 } else { -1.0 };
+        let mut least = f64::INFINITY;
+        let mut sum = 0.0;
+        for place in PLACES {
+            let on_edge = start + way * place;
+            let step = sign * (self.at(on_edge - clockwise) - self.at(on_edge + clockwise));
+            if step <= 0.0 {
+                return false;
+            }
+            least = least.min(step);
+            sum += step;
+        }
+        let mean = sum / PLACES.len() as f64;
+        least > FAINTEST * mean && mean > LEAST_STEP
+    }
+}
+
+impl Crossing {
+    /// The direction that a vector follows, if it follows one.
+    #[must_use]
+    pub fn direction(&self, vector: Vector2<f64>) -> Option<usize> {
+        let along = self.edges.map(|edge| edge.dot(&vector));
+        let edge = usize::from(along[1].abs() > along[0].abs());
+        let good = along[edge].powi(2) >= MISALIGNED.powi(2) * vector.norm_squared();
+        good.then_some(if along[edge] < 0.0 { edge + 2 } else { edge })
+    }
+}
+
+/// Links each crossing to the nearest ones that an edge of the picture leads to.
+///
+/// Returns what follows each crossing in its directions 0 to 3. A link is the nearest at both of
+/// its ends.
+#[must_use]
+pub fn link_crossings(
+    picture: &GreyBytes<'_>,
+    crossings: &[Crossing],
+) -> Vec<[Option<Follower>; 4]> {
+    let nearest: Vec<[Option<Follower>; 4]> = crossings
+        .iter()
+        .map(|crossing| nearest_of(picture, crossings, crossing))
+        .collect();
+    let mutual = |number: usize, direction: usize| {
+        nearest[number][direction].filter(|follower| {
+            nearest[follower.crossing][follower.back]
+                == Some(Follower {
+                    crossing: number,
+                    back: direction,
+                })
+        })
+    };
+    (0..crossings.len())
+        .map(|number| std::array::from_fn(|direction| mutual(number, direction)))
+        .collect()
+}
+
+fn nearest_of(
+    picture: &GreyBytes<'_>,
+    crossings: &[Crossing],
+    from: &Crossing,
+) -> [Option<Follower>; 4] {
+    let mut aligned: [Vec<(f64, Follower)>; 4] = Default::default();
+    for (number, other) in crossings.iter().enumerate() {
+        let way = other.point - from.point;
+        let Some(direction) = from.direction(way) else {
+            continue;
+        };
+        let distance = way.norm_squared();
+        match other.direction(-way) {
+            Some(back) if distance > 0.0 && (direction + back) % 2 == 1 => {
+                let follower = Follower {
+                    crossing: number,
+                    back,
+                };
+                aligned[direction].push((distance, follower));
+            }
+            _ => {}
+        }
+    }
+    std::array::from_fn(|direction| {
+        let candidates = &mut aligned[direction];
+        let tried = candidates.len().min(MOST_TRIED);
+        if tried == 0 {
+            return None;
+        }
+        candidates.select_nth_unstable_by(tried - 1, |a, b| a.0.total_cmp(&b.0));
+        candidates[..tried].sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        let found = candidates[..tried].iter().find(|(_, follower)| {
+            let end = crossings[follower.crossing].point;
+            picture.has_edge(from.point, end, direction % 2 == 0)
+        });
+        found.map(|&(_, follower)| follower)
+    })
+}
