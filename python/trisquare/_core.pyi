@@ -17,6 +17,7 @@ __all__ = [
     "can_unproject",
     "distort_pixels",
     "fit_distortion",
+    "grow_lattice",
     "homography_from_lines",
     "invertible_radius",
     "link_crossings",
@@ -135,6 +136,13 @@ def predict(
     fixed: Sequence[str],
     judged: bool,
 ) -> PredictionMembers: ...
+def grow_lattice(
+    picture: NDArray[np.uint8],
+    points: NDArray[np.float64],
+    edges: NDArray[np.float64],
+    grid: NDArray[np.float64],
+    dark_first: bool,
+) -> tuple[NDArray[np.float64], tuple[int, int]]: ...
 def link_crossings(
     picture: NDArray[np.uint8], points: NDArray[np.float64], edges: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]: ...

@@ -28,6 +28,7 @@ mod error;
 mod geometry;
 mod homography;
 mod image_size;
+mod lattice_growth;
 pub mod lens;
 mod levenberg;
 mod line;
@@ -79,6 +80,7 @@ pub use edges::{Freedom, PlaneEdges, Polarity};
 pub use error::{Error, ErrorKind};
 pub use homography::homography_from_lines;
 pub use image_size::ImageSize;
+pub use lattice_growth::{Lattice, Site};
 pub use lens::Lens;
 pub use line::Line;
 pub use localise::{
