@@ -13,6 +13,8 @@ from scenes import parallel_squares
 import trisquare as ts
 from trisquare import simulate
 from trisquare.findings import FOUND_COLOUR, REJECTED_COLOUR, draw_findings
+from trisquare.lattice_edges import FoundLattice
+from trisquare.outlines import Lattice
 from trisquare.tables import calibration_report
 from trisquare.targets import Targets
 from trisquare.what_was_found import explain
@@ -169,6 +171,19 @@ def test_noise_is_explained_without_harm(shape):
     noise = np.random.default_rng(75).integers(0, 256, shape).astype(np.uint8)
     for candidate in explain(noise, Targets.parse("auto")):
         assert np.isfinite(candidate.corners).all()
+
+
+def test_a_board_measured_in_one_direction_is_no_plane():
+    """It would leave its homography open, and with it the whole calibration."""
+    y, x = np.mgrid[100:260:40, 100:260:40].astype(float)
+    lattice = Lattice(np.stack([x, y], axis=2), np.ones((4, 4), bool))
+    found = FoundLattice.of(lattice, np.zeros((400, 400), np.uint8))
+    rows = [(np.array([[105.0, place], [215.0, place]]), np.ones(2), None) for place in y[:, 0]]
+    columns = [(points[:, ::-1].copy(), std, None) for points, std, _ in rows]
+    blurred = "too blurred"
+    assert len(found.figures(rows + columns, 0)) == 1
+    assert len(found.figures([*rows, blurred, blurred, *columns[2:]], 0)) == 1
+    assert found.figures([*rows, *columns[:1], blurred, blurred, blurred], 0) == []
 
 
 # Drawing.

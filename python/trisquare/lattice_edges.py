@@ -20,8 +20,8 @@ PROBE = 0.25
 """Distance from a grid line, in cells, at which a cell's shade is looked up: inside the white rim
 of a ChArUco board's marker or on the marker, but for the most part on the light cell."""
 
-LEAST_LINES = 4
-"""Grid lines that a plane needs."""
+LEAST_LINES = 2
+"""Grid lines that a plane needs in each direction: three parallel ones of four leave it open."""
 
 
 class GridLine(NamedTuple):
@@ -92,7 +92,8 @@ class FoundLattice:
             else:
                 models.append((1.0, 0.0, (cols - 1) / 2 - line.number))
             lines.append((points, std, self._rises(line, points)))
-        if len(lines) < LEAST_LINES:
+        columns = sum(model[0] != 0.0 for model in models)
+        if min(columns, len(models) - columns) < LEAST_LINES:
             return []
         # The board's own zigzag tells the shift that a tone curve leaves, far better than profiles
         # do: there is no drift to account for.

@@ -13,6 +13,8 @@ from trisquare.rejected import Rejected
 from trisquare.spans import Samples, Span
 from trisquare.targets import Targets
 
+TOO_FEW_LINES = "too few of its lines could be measured"
+
 
 class Measurement(NamedTuple):
     """What was measured in a picture; both lists may be empty."""
@@ -41,7 +43,8 @@ def measure(
         figures += edges
         if not edges:
             reasons = {reason for reason in own if isinstance(reason, str)}
-            rejected.append(Rejected(target.kind, 0, target.quad, "; ".join(sorted(reasons))))
+            reason = "; ".join(sorted(reasons)) or TOO_FEW_LINES
+            rejected.append(Rejected(target.kind, 0, target.quad, reason))
     if found and all(target.kind == "chessboard" for target in found):
         picture_tone = picture_tone.of_board()
     return Measurement(figures, picture_tone, rejected)
