@@ -53,3 +53,68 @@ def test_boards_of_real_photographs():
         assert np.count_nonzero(lattice.present) == 54
         corners = np.array(record["corners_xy"])
         assert worst_gap(corners, lattice.crossings[lattice.present]) < 1.0
+
+
+def room_corner(rng, cells=(7, 6)):
+    """Two boards that meet at a fold, their cells going on round it."""
+    camera = simulate.TrueCamera(1200.0, 1200.0, 640.0, 480.0, [-0.2, 0.03, 0, 0, 0])
+    lean = cv2.Rodrigues(np.array([0.35, 0.0, rng.uniform(-0.2, 0.2)]))[0]
+    columns, rows = cells
+    down = lean @ [0.0, 1.0, 0.0]
+    fold = np.array([0.0, 0.0, 24.0])
+    targets = []
+    for side, turn in ((-1.0, 0.9), (1.0, -0.6)):
+        along = lean @ [np.cos(turn), 0.0, np.sin(turn)]
+        rotation = np.column_stack([along, down, np.cross(along, down)])
+        centre = fold + 0.5 * side * columns * along
+        inner = (columns - 1, rows - 1)
+        targets.append(simulate.Target(rotation, centre, "chessboard", inner_corners=inner))
+    return simulate.Scene(camera, tuple(targets))
+
+
+@pytest.mark.parametrize("columns", [6, 7])
+def test_boards_that_meet_at_a_fold_are_two_planes(columns):
+    """With 6 columns dark cells meet dark ones at the fold, with 7 light ones."""
+    for seed in range(2):
+        rng = np.random.default_rng([82, seed])
+        scene = room_corner(rng, (columns, 6))
+        lattices = find_lattices(simulate.render(scene, rng, noise=3.0))
+        assert len(lattices) == 2
+        lattices.sort(key=lambda lattice: lattice.crossings[lattice.present][:, 0].mean())
+        for number, lattice in enumerate(lattices):
+            truth = scene.image_points(number, scene.targets[number].board_corners())
+            assert worst_gap(truth, lattice.crossings[lattice.present]) < 1.0
+            half = 0.5 * columns  # with the fold's own crossings, which belong to either
+            rim = np.stack(
+                np.meshgrid(np.arange(columns + 1) - half, np.arange(7) - 3.0), axis=-1
+            ).reshape(-1, 2)
+            plane = scene.image_points(number, rim)
+            assert worst_gap(lattice.crossings[lattice.present], plane) < 1.5
+
+
+@needs_data
+def test_planes_of_the_room_corner():
+    for name in ("left", "right"):
+        grey = cv2.imread(str(DATA / "ortho-corner" / f"{name}_calib.jpg"), cv2.IMREAD_GRAYSCALE)
+        lattices = find_lattices(grey)
+        assert len(lattices) == 3
+        assert all(np.count_nonzero(lattice.present) >= 40 for lattice in lattices)
+
+
+@needs_data
+def test_faces_of_the_cube_with_markers_in_its_light_cells():
+    records = json.loads((DATA / "charuco-cube" / "corners_cam0.json").read_text())
+    for number, faces in ((7, 3), (8, 3), (19, 1)):
+        path = DATA / "charuco-cube" / "cam0" / f"{number}.jpg"
+        lattices = find_lattices(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE))
+        assert len(lattices) == faces
+        for record in records:
+            if record["image"] != f"cam0/{number}.jpg":
+                continue
+            corners = np.array(record["corners_xy"])
+            gaps = [
+                np.linalg.norm(corners[:, None] - lattice.crossings[lattice.present], axis=2)
+                for lattice in lattices
+            ]
+            # The corners are some other finder's, and the markers disturb both.
+            assert max(np.mean(gap.min(axis=1) < 1.5) for gap in gaps) > 0.85

@@ -177,6 +177,7 @@ fn sides(view: &View) -> impl Iterator<Item = EdgeSpan> + '_ {
             // The plane's Z points away: its sides run clockwise on the screen.
             rise: -1.0,
             bounds: [side + 3, side + 1].map(|i| Some(4 * plane + i % 4)),
+            crossings: Vec::new(),
         })
     })
 }
@@ -198,6 +199,7 @@ fn any_span(size: ImageSize, bytes: &mut Bytes<'_>) -> EdgeSpan {
         path: bytes.points(size, 5),
         rise: bytes.coefficient(),
         bounds: std::array::from_fn(|_| bytes.once_in(2).then(|| bytes.below(20))),
+        crossings: Vec::new(),
     }
 }
 

@@ -18,6 +18,7 @@ __all__ = [
     "choose",
     "distort_pixels",
     "fit_distortion",
+    "grow_lattice",
     "homography_from_lines",
     "invertible_radius",
     "link_crossings",
@@ -144,12 +145,22 @@ def predict(
     fixed: Sequence[str],
     judged: bool,
 ) -> PredictionMembers: ...
+def grow_lattice(
+    picture: NDArray[np.uint8],
+    points: NDArray[np.float64],
+    edges: NDArray[np.float64],
+    grid: NDArray[np.float64],
+    dark_first: bool,
+) -> tuple[NDArray[np.float64], tuple[int, int]]: ...
 def link_crossings(
     picture: NDArray[np.uint8], points: NDArray[np.float64], edges: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]: ...
 def localise(
     picture: Picture,
-    spans: Sequence[tuple[NDArray[np.float64], float, tuple[int | None, int | None]]],
+    spans: Sequence[
+        tuple[NDArray[np.float64], float, tuple[int | None, int | None]]
+        | tuple[NDArray[np.float64], float, tuple[None, None], Sequence[tuple[int | None, int]]]
+    ],
     tone: str | float | None,
 ) -> tuple[
     list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64] | None] | str],

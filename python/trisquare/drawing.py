@@ -30,10 +30,11 @@ FONT = cv2.FONT_HERSHEY_SIMPLEX
 def dimmed_grey(image: Image) -> Canvas:
     """Return a picture in dim grey, as BGR, for drawing on."""
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    # A file of floating-point numbers may hold NaN.
     if grey.dtype.kind == "u":
         full_scale = np.iinfo(grey.dtype).max
     else:
-        grey, full_scale = np.clip(grey, 0, 1), 1
+        grey, full_scale = np.clip(np.nan_to_num(grey), 0, 1), 1
     dimmed = cv2.convertScaleAbs(grey, alpha=255 * DIMMED / full_scale)
     return np.asarray(cv2.cvtColor(dimmed, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
 

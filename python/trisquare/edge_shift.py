@@ -11,7 +11,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from trisquare.checked import FloatArray
 
@@ -19,7 +18,11 @@ LINE_DEGREE = 4
 """Of the polynomial that a grid line's image follows: distortion bends it, but smoothly."""
 
 ROUNDS = 8
-"""Of reweighting; the shift then changes by less than a thousandth of a pixel."""
+"""Of reweighting, at most."""
+
+SETTLED = 2e-4
+"""Change of the shift, pixels, after which no further round is needed: a tenth of what the best
+boards know of it."""
 
 HUBER_LIMIT = 2.0
 """In robust standard deviations: beyond it a sample counts less."""
@@ -46,27 +49,21 @@ def shift_toward_light(lines: Sequence[tuple[FloatArray, FloatArray, FloatArray]
     float
         In pixels; negative if the edges are shifted toward the dark.
     """
-    parts = [_line_part(points, rises) for points, _, rises in lines]
-    weights = [1 / std for _, std, _ in lines]
-    precision = list(weights)
+    offsets, signs, basis, precision = _padded(lines)
+    weights = precision
     shift = 0.0
     for _ in range(ROUNDS):
-        products, squares, residuals = 0.0, 0.0, []
-        smoothed = [_without_polynomial(*part, w) for part, w in zip(parts, weights, strict=True)]
-        for offsets, signs in smoothed:
-            products += float(signs @ offsets)
-            squares += float(signs @ signs)
+        left, other = _without_polynomial(offsets, signs, basis, weights)
+        squares = float(np.sum(other * other))
         if squares == 0.0:
             return 0.0
-        shift = products / squares
-        for (offsets, signs), w, p in zip(smoothed, weights, precision, strict=True):
-            residuals.append((offsets - shift * signs) * p / w)
-        size = np.abs(np.concatenate(residuals))
-        limit = HUBER_LIMIT * max(MAD_TO_STD * float(np.median(size)), SMALLEST_SCALE)
-        weights = [
-            p * np.sqrt(np.minimum(1.0, limit / np.maximum(np.abs(r), limit)))
-            for p, r in zip(precision, residuals, strict=True)
-        ]
+        previous, shift = shift, float(np.sum(other * left)) / squares
+        if abs(shift - previous) < SETTLED:
+            break
+        used = weights > 0.0
+        size = np.abs(left - shift * other) * precision / np.where(used, weights, 1.0)
+        limit = HUBER_LIMIT * max(MAD_TO_STD * float(np.median(size[used])), SMALLEST_SCALE)
+        weights = precision * np.sqrt(limit / np.maximum(size, limit))
     return shift
 
 
@@ -82,23 +79,41 @@ def _normal(points: FloatArray) -> FloatArray:
     return np.array([-y, x]) / math.hypot(x, y)
 
 
-def _line_part(
-    points: FloatArray, rises: FloatArray
-) -> tuple[FloatArray, FloatArray, npt.NDArray[np.float64]]:
-    """Return the offsets from a line's chord, the signs, and the basis of its polynomial."""
-    normal = _normal(points)
-    centred = points - points.mean(axis=0)
-    place = centred @ np.array([normal[1], -normal[0]])
-    degree = min(LINE_DEGREE, len(points) - 2)
-    basis = np.polynomial.legendre.legvander(place / np.abs(place).max(), max(degree, 0))
-    return centred @ normal, rises, basis
+def _padded(
+    lines: Sequence[tuple[FloatArray, FloatArray, FloatArray]],
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return all lines' offsets from their chords, signs, bases of their polynomials, weights.
+
+    Shapes (L, N), (L, N), (L, N, `LINE_DEGREE` + 1) and (L, N), N being the most samples of a line;
+    the others are filled up with zeros.
+    """
+    longest = max(len(points) for points, _, _ in lines)
+    offsets, signs, weights = np.zeros((3, len(lines), longest))
+    basis = np.zeros((len(lines), longest, LINE_DEGREE + 1))
+    for number, (points, std, rises) in enumerate(lines):
+        count = len(points)
+        normal = _normal(points)
+        centred = points - points.mean(axis=0)
+        place = centred @ np.array([normal[1], -normal[0]])
+        degree = max(min(LINE_DEGREE, count - 2), 0)
+        place /= np.abs(place).max()
+        basis[number, :count, : degree + 1] = np.polynomial.legendre.legvander(place, degree)
+        offsets[number, :count] = centred @ normal
+        signs[number, :count] = rises
+        weights[number, :count] = 1.0 / std
+    return offsets, signs, basis, weights
 
 
 def _without_polynomial(
     offsets: FloatArray, signs: FloatArray, basis: FloatArray, weights: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return weighted offsets and signs less what a polynomial explains of them."""
-    frame, _ = np.linalg.qr(basis * weights[:, None])
-    weighted = np.stack([offsets * weights, signs * weights], axis=1)
-    left = weighted - frame @ (frame.T @ weighted)
-    return left[:, 0], left[:, 1]
+    weighted = basis * weights[..., None]
+    values = np.stack([offsets * weights, signs * weights], axis=-1)
+    transposed = weighted.transpose(0, 2, 1)
+    gram = transposed @ weighted
+    # Degrees that a line of few samples does not have stay at zero.
+    unused = np.einsum("lkk->lk", gram) == 0.0
+    gram += unused[:, :, None] * np.eye(gram.shape[1])
+    left = values - weighted @ np.linalg.solve(gram, transposed @ values)
+    return left[..., 0], left[..., 1]

@@ -141,7 +141,7 @@ def why_no_figures(picture: NDArray[np.float32], quads: Quads) -> list[str]:
         np.where(
             ~_uniform(picture, quads),
             "its inside is neither even nor a frame's",
-            "it holds another target, or is far smaller than the others",
+            "it is far smaller than the others",
         ),
     )
     return [str(reason) for reason in reasons]

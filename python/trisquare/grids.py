@@ -8,8 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from trisquare import _core
 from trisquare.links import Links, closed_cells, straight
 from trisquare.quads import FloatArray
+from trisquare.saddles import Saddles
 
 LEAST_CELLS = 2
 """Adjoining cells that start a lattice: one may come about by chance, and tells less of where
@@ -39,6 +41,25 @@ class Grid:
     def present(self) -> NDArray[np.bool_]:
         """Which crossings there are, shape (rows, cols)."""
         return np.isfinite(self.points[..., 0])
+
+
+def trimmed(grid: Grid) -> Grid:
+    """Leave out empty rows and columns at the rim."""
+    rows, cols = np.nonzero(grid.present)
+    if not len(rows):
+        return Grid(np.zeros((0, 0, 2)), True)
+    top, left = int(rows.min()), int(cols.min())
+    points = grid.points[top : rows.max() + 1, left : cols.max() + 1]
+    return Grid(points, grid.dark_first == ((top + left) % 2 == 0))
+
+
+def grow(grid: Grid, picture: NDArray[np.uint8], saddles: Saddles) -> Grid:
+    """Add neighbouring crossings, round by round, as long as there are any."""
+    edges = saddles.edges.reshape(-1, 2)
+    points, (top, left) = _core.grow_lattice(
+        picture, saddles.points, edges, grid.points, grid.dark_first
+    )
+    return Grid(points, grid.dark_first == ((top + left) % 2 == 0))
 
 
 def grids_of(points: FloatArray, links: Links) -> list[Grid]:

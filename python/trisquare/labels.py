@@ -19,6 +19,9 @@ LINE_SPACING = 1.6
 ROOM_INSIDE = 0.8
 """Of a quad's extent, that a label within it may take: lest it hide what it is about."""
 
+RINGS = 3
+"""Labels farther than two others away from what they are about would be lost."""
+
 
 class Label(NamedTuple):
     """A text in lines, and where it goes."""
@@ -72,16 +75,12 @@ def _positions(corners: FloatArray, width: float, height: float, gap: float) -> 
     """Top left corners for a label, (P, 2), in order of preference: in a quad, or just beside."""
     low, high = corners.min(axis=0), corners.max(axis=0)
     x, y = 0.5 * (low + high - [width, height])
-    beside = [
-        [x, high[1] + gap],
-        [x, low[1] - height - gap],
-        [high[0] + gap, y],
-        [low[0] - width - gap, y],
-        [high[0] + gap, high[1] + gap],
-        [low[0] - width - gap, high[1] + gap],
-        [high[0] + gap, low[1] - height - gap],
-        [low[0] - width - gap, low[1] - height - gap],
-    ]
+    beside = []
+    for ring in range(RINGS):
+        left, right = low[0] - gap - (1 + ring) * width, high[0] + gap + ring * width
+        above, below = low[1] - gap - (1 + ring) * height, high[1] + gap + ring * height
+        beside += [[x, below], [x, above], [right, y], [left, y]]
+        beside += [[right, below], [left, below], [right, above], [left, above]]
     fits = bool(np.all(np.array([width, height]) < ROOM_INSIDE * (high - low)))
     return np.array([[x, y], *beside] if fits else [*beside, [x, y]])
 

@@ -1,9 +1,10 @@
-"""The edges of a chessboard's grid lines, measured between its crossings."""
+"""The edges of a chessboard's grid lines, measured through its crossings."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -16,40 +17,41 @@ from trisquare.outlines import Lattice
 from trisquare.spans import Samples, Span
 
 PROBE = 0.25
-"""Distance from a grid line, in cells, at which a cell's shade is looked up."""
+"""Distance from a grid line, in cells, at which a cell's shade is looked up: inside the white rim
+of a ChArUco board's marker or on the marker, but for the most part on the light cell."""
 
-LEAST_LINES = 4
-"""Grid lines that a plane needs."""
+LEAST_LINES = 2
+"""Grid lines that a plane needs in each direction: three parallel ones of four leave it open."""
+
+
+class GridLine(NamedTuple):
+    """A row or a column of crossings, those only that have a neighbour in it."""
+
+    is_row: bool
+    number: int
+    """Of the row or column."""
+    places: npt.NDArray[np.intp]
+    """Of its crossings in it, in order."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundLattice:
-    """A chessboard, whole or in part, that was found: see `Found`.
-
-    A grid line is a chain of spans, one between each two neighbouring crossings; where one of
-    them is missing the chain has a gap.
-    """
+    """A chessboard, whole or in part, that was found: see `Found`."""
 
     lattice: Lattice
-    rises: tuple[float, ...]
-    """Of every span, in the order of `_chains`."""
+    rise: float
+    """+1 if a row gets lighter toward its right-hand normal after the very first crossing of the
+    lattice, else -1; from cell to cell, and from row to row, it is the opposite."""
 
     @classmethod
     def of(cls, lattice: Lattice, grey: npt.NDArray[np.uint8]) -> FoundLattice:
         """Look up in a grey picture which cells are light."""
-        paths = [path for _, chain in _chains(lattice) for path in chain]
-        return cls(lattice, tuple(_rises(grey, np.array(paths).reshape(-1, 2, 2))))
+        return cls(lattice, _rise(lattice, grey))
 
     @classmethod
     def with_corner(cls, lattice: Lattice, dark_corner: bool) -> FoundLattice:
         """Know which cells are light from the colour of the whole board's first cell."""
-        rises = []
-        for direction, r, c in (key for chain in _chain_keys(lattice) for key in chain):
-            # The cell on the right-hand normal's side: below, or on the left.
-            row, col = (r + 1, c + 1) if direction == "along" else (r + 1, c)
-            dark = ((row + col) % 2 == 0) == dark_corner
-            rises.append(-1.0 if dark else 1.0)
-        return cls(lattice, tuple(rises))
+        return cls(lattice, -1.0 if dark_corner else 1.0)
 
     @property
     def kind(self) -> str:
@@ -63,23 +65,23 @@ class FoundLattice:
         return np.asarray(cv2.boxPoints(cv2.minAreaRect(points)), dtype=np.float64)
 
     def spans(self, first: int) -> list[Span]:
-        """Return the spans of every grid line in turn, bounded by those that cross their ends."""
-        numbers: dict[tuple[str, int, int], int] = {}
-        keys = [key for chain in _chain_keys(self.lattice) for key in chain]
-        for count, key in enumerate(keys):
-            numbers[key] = first + count
-
-        def crossing(direction: str, r: int, c: int) -> int | None:
-            if direction == "along":  # is crossed by the column's spans below or above
-                return numbers.get(("down", r, c), numbers.get(("down", r - 1, c)))
-            return numbers.get(("along", r, c), numbers.get(("along", r, c - 1)))
-
+        """Return the grid lines, the rows before the columns."""
+        lines = _grid_lines(self.lattice.present)
+        # The span of the row, and of the column, through every crossing.
+        through = np.full((2, *self.lattice.present.shape), -1)
+        for span, line in enumerate(lines, first):
+            rows, cols = _indices(line)
+            through[0 if line.is_row else 1, rows, cols] = span
         spans: list[Span] = []
-        for key, rise in zip(keys, self.rises, strict=True):
-            direction, r, c = key
-            start, end = _ends(key)
-            path = np.stack([self.lattice.crossings[start], self.lattice.crossings[end]])
-            spans.append((path, rise, (crossing(direction, r, c), crossing(direction, *end))))
+        for line in lines:
+            rows, cols = _indices(line)
+            others = through[1 if line.is_row else 0, rows, cols].tolist()
+            crossings = [
+                (other if other >= 0 else None, place)
+                for other, place in zip(others, line.places.tolist(), strict=True)
+            ]
+            path = np.ascontiguousarray(self.lattice.crossings[rows, cols])
+            spans.append((path, self._rise_after_first(line), (None, None), crossings))
         return spans
 
     def figures(self, measured: Sequence[Samples | str], plane: int) -> list[PlaneEdges]:
@@ -91,79 +93,86 @@ class FoundLattice:
     ) -> tuple[list[PlaneEdges], float]:
         """Return the figures, and by how much edges were shifted toward the light, pixels."""
         rows, cols = self.lattice.present.shape
-        models = [(0.0, 1.0, (rows - 1) / 2 - r) for r in range(rows)]
-        models += [(1.0, 0.0, (cols - 1) / 2 - c) for c in range(cols)]
-        signed = iter(zip(measured, self.rises, strict=True))
-        lines, joined = [], []
-        for model, chain in zip(models, _chain_keys(self.lattice), strict=True):
-            samples = _joined([next(signed) for _ in chain])
-            if samples is not None:
-                lines.append(model)
-                joined.append(samples)
-        if len(lines) < LEAST_LINES:
+        models, lines = [], []
+        for line, samples in zip(_grid_lines(self.lattice.present), measured, strict=True):
+            if isinstance(samples, str):
+                continue
+            points, std, _ = samples
+            if line.is_row:
+                models.append((0.0, 1.0, (rows - 1) / 2 - line.number))
+            else:
+                models.append((1.0, 0.0, (cols - 1) / 2 - line.number))
+            lines.append((points, std, self._rises(line, points)))
+        columns = sum(model[0] != 0.0 for model in models)
+        if min(columns, len(models) - columns) < LEAST_LINES:
             return [], 0.0
         # The board's own zigzag tells the shift that a tone curve leaves, far better than profiles
         # do: there is no drift to account for.
-        shift = shift_toward_light(joined)
+        shift = shift_toward_light(lines)
         board = PlaneEdges(
-            np.array(lines),
-            tuple(without_shift(points, signs, shift) for points, _, signs in joined),
-            tuple(std for _, std, _ in joined),
+            np.array(models),
+            tuple(without_shift(points, signs, shift) for points, _, signs in lines),
+            tuple(std for _, std, _ in lines),
             plane=plane,
             kind=self.kind,
         )
         return [board], shift
 
+    def _rise_after_first(self, line: GridLine) -> float:
+        """Which way a line gets lighter after the first of its crossings that were found."""
+        # A column's right-hand normal points the other way in the row it starts from.
+        sign = self.rise if line.is_row else -self.rise
+        return sign * float(_alternation(line.number + int(line.places[0])))
 
-Key = tuple[str, int, int]
-
-
-def _chain_keys(lattice: Lattice) -> Iterator[list[Key]]:
-    """Yield the spans of every row, then of every column: their direction and start."""
-    present = lattice.present
-    rows, cols = present.shape
-    along, down = present[:, :-1] & present[:, 1:], present[:-1] & present[1:]
-    for r in range(rows):
-        yield [("along", r, c) for c in range(cols - 1) if along[r, c]]
-    for c in range(cols):
-        yield [("down", r, c) for r in range(rows - 1) if down[r, c]]
-
-
-def _ends(key: Key) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Start and end of a span, as row and column of the crossings."""
-    direction, r, c = key
-    return (r, c), ((r, c + 1) if direction == "along" else (r + 1, c))
+    def _rises(self, line: GridLine, points: FloatArray) -> FloatArray:
+        """Which way the line gets lighter at each of its samples."""
+        path = self.lattice.crossings[_indices(line)]
+        along = path[-1] - path[0]
+        after = np.searchsorted(path[1:-1] @ along, points @ along)
+        flips: FloatArray = _alternation(line.places[after] - line.places[0])
+        return self._rise_after_first(line) * flips
 
 
-def _chains(lattice: Lattice) -> Iterator[tuple[list[Key], list[FloatArray]]]:
-    for keys in _chain_keys(lattice):
-        yield keys, [np.stack([lattice.crossings[end] for end in _ends(key)]) for key in keys]
+def _grid_lines(present: npt.NDArray[np.bool_]) -> list[GridLine]:
+    """Return the rows, then the columns, that have two neighbouring crossings."""
+    lines = []
+    for is_row, table in ((True, present), (False, present.T)):
+        together = table[:, :-1] & table[:, 1:]
+        linked = np.zeros_like(table)
+        linked[:, :-1] |= together
+        linked[:, 1:] |= together
+        for number, row in enumerate(linked):
+            places = np.flatnonzero(row)
+            if places.size:
+                lines.append(GridLine(is_row, number, places))
+    return lines
 
 
-def _joined(
-    chain: Sequence[tuple[Samples | str, float]],
-) -> tuple[FloatArray, FloatArray, FloatArray] | None:
-    """Return points, standard deviations and rises of all measured spans of one grid line."""
-    samples = [(*span[:2], rise) for span, rise in chain if not isinstance(span, str)]
-    if not samples:
-        return None
-    points, std, rises = zip(*samples, strict=True)
-    signs = np.repeat(rises, [len(part) for part in points])
-    return np.concatenate(points), np.concatenate(std), signs
+def _indices(line: GridLine) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Rows and columns of a line's crossings."""
+    number = np.full_like(line.places, line.number)
+    return (number, line.places) if line.is_row else (line.places, number)
 
 
-def _rises(grey: npt.NDArray[np.uint8], paths: FloatArray) -> list[float]:
-    """Return +1 for spans with the lighter cell on their right-hand normal's side, else -1.
+def _alternation(number: npt.NDArray[np.intp] | int) -> FloatArray:
+    return np.asarray(1.0 - 2.0 * (np.asarray(number) % 2))
 
-    Parameters
-    ----------
-    grey : ndarray of uint8, shape (H, W)
-    paths : ndarray, shape (S, 2, 2)
-        Start and end of each span, pixels.
+
+def _rise(lattice: Lattice, grey: npt.NDArray[np.uint8]) -> float:
+    """Return +1 if the picture gets lighter to the right of row 0 after its crossing 0, else -1.
+
+    All pairs of neighbouring crossings in a row have their say, because a cell may be hidden or
+    carry a marker.
     """
-    middle = paths.mean(axis=1)
-    along = paths[:, 1] - paths[:, 0]
+    crossings, present = lattice.crossings, lattice.present
+    rows, cols = np.nonzero(present[:, :-1] & present[:, 1:])
+    start, end = crossings[rows, cols], crossings[rows, cols + 1]
+    along = end - start
     normal = np.stack([-along[:, 1], along[:, 0]], axis=1) * PROBE
+    middle = 0.5 * (start + end)
     probes = np.stack([middle + normal, middle - normal], axis=1).astype(np.float32)
-    shades = cv2.remap(grey, probes[..., 0], probes[..., 1], cv2.INTER_LINEAR).astype(np.int64)
-    return [1.0 if right > left else -1.0 for right, left in shades.tolist()]
+    if not len(probes):
+        return 1.0
+    shades = cv2.remap(grey, probes[..., 0], probes[..., 1], cv2.INTER_LINEAR).astype(np.float64)
+    contrast = (shades[:, 0] - shades[:, 1]) * _alternation(rows + cols)
+    return 1.0 if np.sum(contrast) > 0.0 else -1.0

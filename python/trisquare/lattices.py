@@ -11,12 +11,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from trisquare.grids import Grid, grids_of
-from trisquare.growth import grow, trimmed
+from trisquare.grids import Grid, grids_of, grow, trimmed
 from trisquare.links import link
 from trisquare.outlines import Lattice
 from trisquare.quads import FloatArray
 from trisquare.saddles import find_saddles, settle
+from trisquare.smoothness import unfolded, without_strays
 
 FINEST = 1000
 """Longest side in pixels of a picture that is searched as it is; a larger one is halved once,
@@ -52,6 +52,8 @@ def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
         grids = [_doubled(grid, picture) for grid in grids]
         grids = _grids_at(picture, grids)
     grids = [_complete(grid) for grid in grids]
+    grids = [part for grid in grids if _is_lattice(grid, scale) for part in unfolded(grid)]
+    grids = [_complete(without_strays(grid)) for grid in grids if _is_lattice(grid, scale)]
     found = [_lattice(grid, scale) for grid in grids if _is_lattice(grid, scale)]
     return sorted(found, key=lambda lattice: -int(np.count_nonzero(lattice.present)))
 
@@ -95,18 +97,17 @@ def _grids_at(picture: NDArray[np.uint8], known: list[Grid]) -> list[Grid]:
     saddles = find_saddles(picture)
     if len(saddles) < LEAST_CROSSINGS:
         return known
-    values = picture.astype(np.float32)
     grids: list[Grid] = []
     for number, grid in enumerate(known):
         others = saddles.subset(~_covered(saddles.points, grids + known[number + 1 :]))
-        grids.append(grow(grid, values, others))
+        grids.append(grow(grid, picture, others))
     free = saddles.subset(~_covered(saddles.points, grids))
     if len(free) < LEAST_CROSSINGS:
         return grids
     for seed in grids_of(free.points, link(picture, free)):
         if _covered(seed.points[seed.present], grids).any():
             continue
-        grid = grow(seed, values, free.subset(~_covered(free.points, grids)))
+        grid = grow(seed, picture, free.subset(~_covered(free.points, grids)))
         if np.count_nonzero(grid.present) >= LEAST_CROSSINGS:
             grids.append(grid)
     return grids

@@ -16,6 +16,8 @@ from trisquare.rejected import Rejected
 from trisquare.spans import Found, Samples, Span
 from trisquare.targets import Targets
 
+TOO_FEW_LINES = "too few of its lines could be measured"
+
 
 class Measurement(NamedTuple):
     """What was measured in a picture; all lists may be empty.
@@ -75,7 +77,7 @@ def _measured(
         figures += edges
         if not edges:
             reasons = {reason for reason in own if isinstance(reason, str)}
-            reason = (names[plane] if names else "") + "; ".join(sorted(reasons))
+            reason = (names[plane] if names else "") + ("; ".join(sorted(reasons)) or TOO_FEW_LINES)
             rejected.append(Rejected(target.kind, 0, target.quad, reason))
     # Boards and sheets have taken every shift away, whose drift the others still carry.
     if figures and all(figure.drift is None for figure in figures):

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from trisquare.checked import FloatArray
 from trisquare.curved_sides import MAX_CORNER_COSINE, fit_sides
 from trisquare.figures import find_figures, why_no_figures
+from trisquare.lattice_edges import FoundLattice
 from trisquare.outlines import MIN_PICTURE, working_picture
 from trisquare.quads import (
     BORDER,
@@ -31,7 +32,7 @@ from trisquare.square_views import views_of_squares
 
 KIND = "quad"
 
-MOST_TOLD = 12
+MOST_TOLD = 8
 """Per picture, the largest: more would hide one another, and nobody reads them."""
 
 MIN_TOLD_SIDE = 30.0
@@ -41,13 +42,16 @@ BORDER_LEVELS = 10
 """Thresholds at which things cut by the border are looked for; a contrast of a quarter of the
 picture's own spans two."""
 
-CUT_CORNERS = range(3, 7)
-"""Corners that a square has left where the border cuts off one, or up to two, of its own."""
+CUT_CORNERS = range(4, 7)
+"""Corners that a region has where the border cuts off one, or up to two, of a square's own."""
+
+MIN_BOX_FILLING = 0.6
+"""Area over that of the bounding rectangle: more than a triangle's."""
 
 MIN_CUT_FILLING = 0.9
 """Area over that of the convex hull: lens and blur leave a square nearly convex."""
 
-MAX_CUT_SHARE = 0.5
+MAX_CUT_SHARE = 0.2
 """Of the picture: what is larger is the ground."""
 
 
@@ -59,7 +63,8 @@ def passed_over(grey: NDArray[np.uint8], found: Sequence[Found] = ()) -> list[Re
     grey : ndarray of uint8, shape (H, W)
         As the search sees it: see `outlines.grey_bytes`.
     found : sequence of Found
-        Targets that were found in it; these, and what lies within them, are left out.
+        Targets that were found in it; what lies within them is left out, and so are the sheets
+        and signs that they lie on.
 
     Returns
     -------
@@ -70,16 +75,25 @@ def passed_over(grey: NDArray[np.uint8], found: Sequence[Found] = ()) -> list[Re
     if min(picture.shape) < MIN_PICTURE:
         return []
     candidates = [*_stage_by_stage(picture), *_cut_by_border(picture)]
-    regions = [target.quad / scale for target in found]
+    regions = [_region(target) / scale for target in found]
     told: list[tuple[float, FloatArray, str]] = []
     for corners, reason in candidates:
         area = float(cv2.contourArea(corners.astype(np.float32)))
-        if area < MIN_TOLD_SIDE**2 or any(_covers(region, corners, area) for region in regions):
+        if area < MIN_TOLD_SIDE**2 or any(_in_or_around(region, corners) for region in regions):
             continue
         if not any(_same(corners, other) for _, other, _ in told):
             told.append((area, corners, reason))
     told.sort(key=lambda candidate: -candidate[0])
     return [Rejected(KIND, 0, scale * corners, reason) for _, corners, reason in told[:MOST_TOLD]]
+
+
+def _region(target: Found) -> FloatArray:
+    """Quad (4, 2) that encloses a target, a board's outer cells included, pixels."""
+    if not isinstance(target, FoundLattice):
+        return target.quad
+    middle = target.quad.mean(axis=0)
+    cells = max(min(target.lattice.present.shape) - 1, 1)
+    return np.asarray(middle + (1.0 + 2.0 / cells) * (target.quad - middle))
 
 
 def _stage_by_stage(picture: NDArray[np.uint8]) -> Iterator[tuple[FloatArray, str]]:
@@ -148,18 +162,20 @@ def _may_be_cut_square(contour: cv2.typing.MatLike, shape: tuple[int, ...]) -> b
     if not MIN_TOLD_SIDE**2 <= area <= MAX_CUT_SHARE * width * height:
         return False
     hull = cv2.convexHull(contour)
-    if area < MIN_CUT_FILLING * cv2.contourArea(hull):
+    box = cv2.boxPoints(cv2.minAreaRect(contour))
+    if area < max(MIN_CUT_FILLING * cv2.contourArea(hull), MIN_BOX_FILLING * cv2.contourArea(box)):
         return False
     corners = cv2.approxPolyDP(hull, 0.02 * cv2.arcLength(hull, closed=True), closed=True)
     return len(corners) in CUT_CORNERS
 
 
-def _covers(region: FloatArray, corners: FloatArray, area: float) -> bool:
-    """Whether a target's region holds a candidate's middle, and the candidate not the region."""
-    polygon = region.astype(np.float32)
-    middle = tuple(corners.mean(axis=0).tolist())
-    inside = cv2.pointPolygonTest(polygon, middle, False) >= 0
-    return inside and area < (1.0 + SAME_QUAD_FRACTION) ** 2 * cv2.contourArea(polygon)
+def _in_or_around(region: FloatArray, corners: FloatArray) -> bool:
+    """Whether the middle of one of two quads lies within the other."""
+    return any(
+        cv2.pointPolygonTest(quad.astype(np.float32), tuple(other.mean(axis=0).tolist()), False)
+        >= 0.0
+        for quad, other in ((region, corners), (corners, region))
+    )
 
 
 def _same(corners: FloatArray, other: FloatArray) -> bool:

@@ -35,7 +35,8 @@ CELLS = (4, 12)
 """Cells of a board per direction."""
 
 CELL_PIXELS = (10.0, 40.0)
-"""A cell's side in the picture before foreshortening: where the boards meet, or in their middle."""
+"""A cell's side in the picture: drawn for where the boards meet, or for their middle, before
+foreshortening; and no cell's side may be shorter than the first after it."""
 
 STRONG_K1 = -0.2
 STRONG_SHARE = 0.5
@@ -150,7 +151,9 @@ def real_picture(
             continue
         arms = _arms(rng, scene, settings) if kind == "partly hidden" else []
         hidden = kind in ("cut by the border", "partly hidden")
-        if (hidden and not _partly_shown(scene, arms)) or not _answerable(scene, sigma, arms):
+        if hidden and not _partly_shown(scene, arms):
+            continue
+        if _smallest_cell(scene) < CELL_PIXELS[0] or not _answerable(scene, sigma, arms):
             continue
         settings["overlays"] = arms
         picture, noise = _photograph(rng, scene, settings)
@@ -370,6 +373,17 @@ def _partly_shown(scene: Scene, overlays: list[Overlay]) -> bool:
         shown.append(_in_sight(scene.camera, overlays, crossings))
     share = float(np.concatenate(shown).mean())
     return SHOWN[0] <= share <= SHOWN[1] and min(part.sum() for part in shown) >= LEAST_SHOWN
+
+
+def _smallest_cell(scene: Scene) -> float:
+    """Length of the shortest side of any board's cell, pixels."""
+    shortest = []
+    for number, target in enumerate(scene.targets):
+        if target.kind == "chessboard":
+            columns, rows = target.inner_corners
+            grid = scene.image_points(number, target.board_corners()).reshape(rows, columns, 2)
+            shortest += [np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1)]
+    return float(min(shortest))
 
 
 def _bound(scene: Scene, sigma: float, overlays: list[Overlay]) -> dict[str, float]:

@@ -31,10 +31,11 @@ MAX_OFFSET = 1.2
 """Pixels from the strongest pixel to the saddle point itself. At the corner of a lone square the
 grey levels are curved alike, but have a slope: the saddle lies farther away or nowhere."""
 
-SETTLING_STEPS = 3
-"""Newton's method on a saddle that is a pixel away has converged."""
+SETTLING_STEPS = 5
+SETTLING_STEP = 1.5
+"""Newton's method on a saddle, in steps of a pixel: beyond, the slope tells a direction only."""
 
-MOST_SETTLING = 2.0
+MOST_SETTLING = 3.0
 """Pixels that a point may be moved by settling: it comes from a picture half as fine."""
 
 RING = 2.5
@@ -162,16 +163,15 @@ def settle(picture: NDArray[np.uint8], points: FloatArray) -> FloatArray:
     """Move points, shape (N, 2), onto the saddle next to them where there is one."""
     height, width = picture.shape
     reach = APERTURE // 2
-    settled = points.copy()
+    low, high = reach, np.array([width, height]) - 1 - reach
+    settled: FloatArray = points
     for _ in range(SETTLING_STEPS):
-        pixels = np.rint(settled).astype(np.intp)
-        inside = (pixels >= reach).all(axis=1) & (pixels < [width - reach, height - reach]).all(1)
-        offset, curvature = _newton(picture, pixels[inside])
-        fine = (np.abs(offset).max(axis=1) < MAX_OFFSET) & (curvature[:, 3] < 0.0)
-        moved = pixels[inside] + offset
-        fine &= np.abs(moved - points[inside]).max(axis=1) < MOST_SETTLING
-        settled[np.flatnonzero(inside)[fine]] = moved[fine]
-    return settled
+        pixels = np.clip(np.rint(settled), low, high).astype(np.intp)
+        offset, curvature = _newton(picture, pixels)
+        settled = pixels.astype(np.float64) + np.clip(offset, -SETTLING_STEP, SETTLING_STEP)
+    arrived = (np.abs(offset).max(axis=1, initial=0.0) < MAX_OFFSET) & (curvature[:, 3] < 0.0)
+    arrived &= np.abs(settled - points).max(axis=1, initial=0.0) < MOST_SETTLING
+    return np.where(arrived[:, None], settled, points)
 
 
 def _newton(picture: NDArray[np.uint8], pixels: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:

@@ -8,9 +8,17 @@ from typing import Protocol, TypeAlias
 from trisquare.checked import FloatArray
 from trisquare.edges import PlaneEdges
 
-Span: TypeAlias = tuple[FloatArray, float, tuple[int | None, int | None]]
+Edge: TypeAlias = tuple[FloatArray, float, tuple[int | None, int | None]]
 """A coarse path (N, 2) in pixels, where it gets lighter (+1 toward the right-hand normal, else
 -1), and the spans that bound it at its start and end, by their numbers."""
+
+GridLine: TypeAlias = tuple[FloatArray, float, tuple[None, None], Sequence[tuple[int | None, int]]]
+"""The crossings of a chessboard's grid line (N, 2) in pixels, where it gets lighter after the
+first, and for each the span that crosses there and its place among all crossings of that line.
+After every crossing light and dark are exchanged; between two that are no neighbours nothing is
+measured."""
+
+Span: TypeAlias = Edge | GridLine
 
 Samples: TypeAlias = tuple[FloatArray, FloatArray, FloatArray | None]
 """Points (N, 2), standard deviations (N,) and drift (N, 2) of one span, in pixels."""

@@ -1,9 +1,14 @@
 //! Crossings of a chessboard's grid lines and how they follow one another.
 
-use numpy::{PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
+use std::collections::BTreeMap;
+
+use nalgebra::Vector2;
+use numpy::{
+    PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods,
+};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use trisquare::{Crossing, GreyBytes};
+use trisquare::{Crossing, GreyBytes, Lattice, Site};
 
 use crate::arrays;
 
@@ -18,23 +23,9 @@ pub fn link_crossings<'py>(
     points: PyReadonlyArray2<'py, f64>,
     edges: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Linked<'py>> {
-    let points = arrays::points(&points)?;
-    let edges = arrays::points(&edges)?;
-    if edges.len() != 2 * points.len() {
-        return Err(PyValueError::new_err("a crossing has two edges"));
-    }
-    let crossings: Vec<Crossing> = points
-        .iter()
-        .zip(edges.chunks_exact(2))
-        .map(|(&point, edges)| Crossing {
-            point,
-            edges: [edges[0], edges[1]],
-        })
-        .collect();
-    let (height, width) = (picture.shape()[0], picture.shape()[1]);
-    let values: Vec<u8> = picture.as_array().iter().copied().collect();
-    let grey = GreyBytes::new(width, height, &values)
-        .ok_or_else(|| PyValueError::new_err("the picture is empty"))?;
+    let crossings = crossings_of(&points, &edges)?;
+    let (width, height, values) = bytes_of(&picture);
+    let grey = GreyBytes::new(width, height, &values).ok_or_else(no_picture)?;
     let linked = py.detach(|| trisquare::link_crossings(&grey, &crossings));
     let following = PyArray2::zeros(py, [linked.len(), 4], false);
     let back = PyArray2::zeros(py, [linked.len(), 4], false);
@@ -50,4 +41,95 @@ pub fn link_crossings<'py>(
         }
     }
     Ok((following, back))
+}
+
+/// The lattice with all neighbouring crossings that fit, and the row and column of its new first
+/// site relative to the old one's; NaN where there is none.
+#[pyfunction]
+#[pyo3(signature = (picture, points, edges, grid, dark_first))]
+pub fn grow_lattice<'py>(
+    py: Python<'py>,
+    picture: PyReadonlyArray2<'py, u8>,
+    points: PyReadonlyArray2<'py, f64>,
+    edges: PyReadonlyArray2<'py, f64>,
+    grid: PyReadonlyArray3<'py, f64>,
+    dark_first: bool,
+) -> PyResult<(Bound<'py, PyArray3<f64>>, (i32, i32))> {
+    let crossings = crossings_of(&points, &edges)?;
+    let (width, height, values) = bytes_of(&picture);
+    let grey = GreyBytes::new(width, height, &values).ok_or_else(no_picture)?;
+    let mut lattice = Lattice {
+        crossings: sites_of(&grid)?,
+        dark_first,
+    };
+    py.detach(|| lattice.grow(&grey, &crossings));
+    let sites = || lattice.crossings.keys();
+    let first = (
+        sites().map(|site| site.0).min().unwrap_or(0),
+        sites().map(|site| site.1).min().unwrap_or(0),
+    );
+    let rows = sites().map(|s| s.0 - first.0 + 1).max().unwrap_or(0) as usize;
+    let columns = sites().map(|s| s.1 - first.1 + 1).max().unwrap_or(0) as usize;
+    let grown = PyArray3::zeros(py, [rows, columns, 2], false);
+    {
+        let mut grown = grown.readwrite();
+        let mut grown = grown.as_array_mut();
+        grown.fill(f64::NAN);
+        for (site, point) in &lattice.crossings {
+            let (row, column) = ((site.0 - first.0) as usize, (site.1 - first.1) as usize);
+            grown[[row, column, 0]] = point.x;
+            grown[[row, column, 1]] = point.y;
+        }
+    }
+    Ok((grown, first))
+}
+
+fn crossings_of(
+    points: &PyReadonlyArray2<'_, f64>,
+    edges: &PyReadonlyArray2<'_, f64>,
+) -> PyResult<Vec<Crossing>> {
+    let points = arrays::points(points)?;
+    let edges = arrays::points(edges)?;
+    if edges.len() != 2 * points.len() {
+        return Err(PyValueError::new_err("a crossing has two edges"));
+    }
+    let pairs = points.iter().zip(edges.chunks_exact(2));
+    Ok(pairs
+        .map(|(&point, edges)| Crossing {
+            point,
+            edges: [edges[0], edges[1]],
+        })
+        .collect())
+}
+
+/// Sites of a lattice, shape `(rows, columns, 2)`, that hold a crossing.
+fn sites_of(grid: &PyReadonlyArray3<'_, f64>) -> PyResult<BTreeMap<Site, Vector2<f64>>> {
+    let view = grid.as_array();
+    if view.shape()[2] != 2 {
+        return Err(PyValueError::new_err("a point has two coordinates"));
+    }
+    let mut sites = BTreeMap::new();
+    for row in 0..view.shape()[0] {
+        for column in 0..view.shape()[1] {
+            let point = Vector2::new(view[[row, column, 0]], view[[row, column, 1]]);
+            if point.iter().all(|value| value.is_finite()) {
+                sites.insert((row as i32, column as i32), point);
+            }
+        }
+    }
+    Ok(sites)
+}
+
+/// Width, height and the values of a grey picture in row order.
+fn bytes_of(picture: &PyReadonlyArray2<'_, u8>) -> (usize, usize, Vec<u8>) {
+    let (height, width) = (picture.shape()[0], picture.shape()[1]);
+    let values = match picture.as_slice() {
+        Ok(values) => values.to_vec(),
+        Err(_) => picture.as_array().iter().copied().collect(),
+    };
+    (width, height, values)
+}
+
+fn no_picture() -> PyErr {
+    PyValueError::new_err("the picture is empty")
 }

@@ -25,7 +25,7 @@ mod _core {
         undistort_pixels, unproject_pixels, valid_pixel_radius,
     };
     #[pymodule_export]
-    use crate::crossings::link_crossings;
+    use crate::crossings::{grow_lattice, link_crossings};
     #[pymodule_export]
     use crate::figures::square_lines;
     #[pymodule_export]

@@ -100,11 +100,20 @@ pub fn tone(value: &Bound<'_, PyAny>) -> PyResult<Tone> {
     Ok(tone)
 }
 
-type Span<'py> = (
-    PyReadonlyArray2<'py, f64>,
-    f64,
-    (Option<usize>, Option<usize>),
-);
+type Bounds = (Option<usize>, Option<usize>);
+
+/// A path, its rise and the spans that bound it; and the spans that cross a grid line, with the
+/// number of each crossing.
+#[derive(FromPyObject)]
+pub enum Span<'py> {
+    GridLine(
+        PyReadonlyArray2<'py, f64>,
+        f64,
+        Bounds,
+        Vec<(Option<usize>, usize)>,
+    ),
+    Edge(PyReadonlyArray2<'py, f64>, f64, Bounds),
+}
 
 /// Points with their standard deviations and common displacement, or why there are none.
 #[derive(IntoPyObject)]
@@ -170,23 +179,28 @@ fn edge_spans(spans: &[Span<'_>]) -> PyResult<Vec<EdgeSpan>> {
     let count = spans.len();
     let spans: Vec<EdgeSpan> = spans
         .iter()
-        .map(|(path, rise, bounds)| {
+        .map(|span| {
+            let (path, rise, bounds, crossings) = match span {
+                Span::GridLine(path, rise, bounds, crossings) => {
+                    (path, *rise, *bounds, crossings.clone())
+                }
+                Span::Edge(path, rise, bounds) => (path, *rise, *bounds, Vec::new()),
+            };
             Ok(EdgeSpan {
                 path: arrays::points(path)?,
-                rise: *rise,
+                rise,
                 bounds: [bounds.0, bounds.1],
+                crossings,
             })
         })
         .collect::<PyResult<_>>()?;
-    if spans
-        .iter()
-        .flat_map(|s| s.bounds)
-        .flatten()
-        .any(|bound| bound >= count)
-    {
-        return Err(PyValueError::new_err(
-            "a span is bounded by one that is not there",
-        ));
+    let met = |span: &EdgeSpan| {
+        let bounds = span.bounds.into_iter().flatten();
+        let crossings = span.crossings.iter().filter_map(|crossing| crossing.0);
+        bounds.chain(crossings).max()
+    };
+    if spans.iter().filter_map(met).any(|other| other >= count) {
+        return Err(PyValueError::new_err("a span meets one that is not there"));
     }
     Ok(spans)
 }

@@ -34,6 +34,7 @@ mod homography;
 mod hypotheses;
 mod image_size;
 mod joint_fit;
+mod lattice_growth;
 pub mod lens;
 mod levenberg;
 mod line;
@@ -88,6 +89,7 @@ pub use edges::{Freedom, PlaneEdges, Polarity};
 pub use error::{Error, ErrorKind};
 pub use homography::homography_from_lines;
 pub use image_size::ImageSize;
+pub use lattice_growth::{Lattice, Site};
 pub use lens::Lens;
 pub use line::Line;
 pub use localise::{

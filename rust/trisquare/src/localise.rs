@@ -10,8 +10,10 @@
 mod band;
 mod blur_shape;
 mod coarse;
+mod crossings;
 mod curve;
 mod displacement;
+mod grid_line;
 mod noise;
 mod patches;
 mod plateaus;
@@ -27,6 +29,7 @@ use crate::tone::Tone;
 use band::{Band, Fence, Pixel};
 use blur_shape::BlurShape;
 use coarse::CoarseEdge;
+use crossings::Crossings;
 use side::{BLUR_RANGE, SETTLED, Side};
 pub use tone_fit::ToneEstimate;
 use tone_fit::ToneShare;
@@ -43,6 +46,11 @@ pub struct EdgeSpan {
     /// The spans, as indices into the same slice, that this one meets at its start and its end;
     /// samples keep clear of their blur.
     pub bounds: [Option<usize>; 2],
+    /// A grid line of a chessboard has its crossings here, one for each point of its path and in
+    /// that order: the span that crosses it, if that is one of the slice, and the crossing's number
+    /// among all that there are on the board, seen or not. At each the rise changes its sign; that given is
+    /// the one after the first. Between two whose numbers are no neighbours nothing is measured.
+    pub crossings: Vec<(Option<usize>, usize)>,
 }
 
 /// The samples of one span, and what was found about the picture along it.
@@ -89,6 +97,8 @@ const MIN_NEAR: f64 = 3.0;
 /// length, because small targets stand close together.
 const FAR_RATIO: f64 = 2.5;
 const FAR_SHARE: f64 = 0.25;
+/// Of the distance between neighbouring grid lines a line has this much to either side.
+const SPACING_SHARE: f64 = 0.5;
 /// Before the neighbours are known, pixels this near to the path's ends are left out, in pixels or
 /// as a share of the length, whichever is less.
 const END_MARGIN: f64 = 6.0;
@@ -130,7 +140,7 @@ pub fn localise(
     tone: Tone,
 ) -> Vec<Result<SpanEdges, NoEdge>> {
     let mut localiser = Localiser::new(picture, tone);
-    let previews: Vec<_> = spans.iter().map(|span| localiser.preview(span)).collect();
+    let previews = localiser.previews(spans);
     (0..spans.len())
         .map(|index| Ok(localiser.measure(spans, index, &previews)?.edges))
         .collect()
@@ -147,7 +157,7 @@ pub fn localise_with_unknown_tone(
     spans: &[EdgeSpan],
 ) -> (Vec<Result<SpanEdges, NoEdge>>, ToneEstimate) {
     let mut localiser = Localiser::new(picture, Tone::Power(USUAL));
-    let mut previews: Vec<_> = spans.iter().map(|span| localiser.preview(span)).collect();
+    let mut previews = localiser.previews(spans);
     let first = tone_fit::settle(USUAL, &mut previews);
     let mut localiser = Localiser::new(picture, Tone::Power(first));
     let measured: Vec<_> = (0..spans.len())
@@ -173,6 +183,8 @@ struct Measured {
     edges: SpanEdges,
     side: Side,
     share: Option<ToneShare>,
+    /// Whether other lines cross it, exchanging light and dark.
+    is_crossed: bool,
 }
 
 /// What all spans share: the picture's reader, and buffers.
@@ -199,29 +211,50 @@ impl<'a> Localiser<'a> {
         }
     }
 
+    fn previews(&mut self, spans: &[EdgeSpan]) -> Vec<Result<Preview, NoEdge>> {
+        let indices = 0..spans.len();
+        indices.map(|index| self.preview(spans, index)).collect()
+    }
+
     /// Finds a span's edge and fits it to some of its pixels, away from its ends.
-    fn preview(&mut self, span: &EdgeSpan) -> Result<Preview, NoEdge> {
-        let coarse = coarse::find(&self.reader, span)?;
+    fn preview(&mut self, spans: &[EdgeSpan], index: usize) -> Result<Preview, NoEdge> {
+        let span = &spans[index];
+        let is_crossed = !span.crossings.is_empty();
+        let coarse = match is_crossed {
+            true => grid_line::find(&self.reader, spans, index)?,
+            false => coarse::find(&self.reader, span)?,
+        };
         let mut side = self.first_guess(&coarse);
         let length = side.curve.length();
-        let end = inner_end(&side);
-        let band = |curve, width| Band {
+        let end = match is_crossed {
+            true => side.curve.half_length,
+            false => inner_end(&side),
+        };
+        let room = room(spans, index, &side);
+        let crossings = |side: &Side| {
+            is_crossed.then(|| Crossings::coarse(spans, index, &side.curve, side.blur))
+        };
+        let crossed = crossings(&side);
+        let band = |curve, width, crossings| Band {
             curve,
             near: width,
             reach: [width; 2],
             ends: [-end, end],
             fences: Vec::new(),
             hidden: &coarse.hidden,
+            crossings,
             stride: (length / PREVIEW_COLUMNS) as usize + 1,
         };
-        self.gather(&band(side.curve.clone(), near(&side)))?;
+        let narrow = near(&side).min(room);
+        self.gather(&band(side.curve.clone(), narrow, crossed.as_ref()))?;
         let noise = self.noise_about(&side);
         let steps = (PREVIEW_STEPS, ROUGHLY_SETTLED);
         side.fit(self.reader.curve(), &self.pixels, noise, steps);
 
-        let near = near(&side);
-        let far = (FAR_RATIO * near).min(FAR_SHARE * length).max(near);
-        self.gather(&band(side.curve.clone(), far))?;
+        let near = near(&side).min(room);
+        let far = (FAR_RATIO * near).min(far_room(&side, room)).max(near);
+        let crossed = crossings(&side);
+        self.gather(&band(side.curve.clone(), far, crossed.as_ref()))?;
         std::mem::swap(&mut self.pixels, &mut self.wide);
         let is_near = |pixel: &&Pixel| side.distance(pixel).abs() <= near;
         self.pixels.clear();
@@ -230,7 +263,10 @@ impl<'a> Localiser<'a> {
         let steps = (PREVIEW_STEPS, SETTLED);
         side.fit(self.reader.curve(), &self.pixels, noise, steps);
         let noise = self.noise_about(&side);
-        let noise = match side.shape(self.reader.curve(), &self.pixels, noise) {
+        // A crossed line's changes of sides assume a normal blur; and what a wrong shape shifts,
+        // it shifts to and fro from cell to cell.
+        let reshaped = !is_crossed && side.shape(self.reader.curve(), &self.pixels, noise);
+        let noise = match reshaped {
             true => self.noise_about(&side),
             false => noise,
         };
@@ -273,14 +309,23 @@ impl<'a> Localiser<'a> {
             ..
         } = preview;
         let mut side = side.clone();
-        let (ends, fences) = limits(&spans[index], &side, previews);
+        let span = &spans[index];
+        let is_crossed = !span.crossings.is_empty();
+        let crossings =
+            is_crossed.then(|| Crossings::fitted(spans, index, (&side.curve, side.blur), previews));
+        let (ends, fences) = match is_crossed {
+            true => ([-1.0, 1.0].map(|s| s * side.curve.half_length), Vec::new()),
+            false => limits(span, &side, previews),
+        };
+        let near = near(&side).min(room(spans, index, &side));
         let band = Band {
             curve: side.curve.clone(),
-            near: near(&side),
-            reach: reach.map(|reach| reach.max(near(&side))),
+            near,
+            reach: reach.map(|reach| reach.max(near)),
             ends,
             fences,
             hidden,
+            crossings: crossings.as_ref(),
             stride: 1,
         };
         self.gather(&band)?;
@@ -299,7 +344,7 @@ impl<'a> Localiser<'a> {
             self.noise_floor,
             &mut self.residuals,
         );
-        self.judge(&side, spans[index].rise, noise)?;
+        self.judge(&side, span.rise, noise)?;
         if samples.points.len() < MIN_SAMPLES {
             return Err(NoEdge::Unmeasurable);
         }
@@ -317,7 +362,12 @@ impl<'a> Localiser<'a> {
             noise,
             drift: Vec::new(),
         };
-        Ok(Measured { edges, side, share })
+        Ok(Measured {
+            edges,
+            side,
+            share,
+            is_crossed,
+        })
     }
 
     fn first_guess(&self, coarse: &CoarseEdge) -> Side {
@@ -368,6 +418,24 @@ impl<'a> Localiser<'a> {
 /// How far from a side's curve its edge is felt, pixels.
 fn near(side: &Side) -> f64 {
     MIN_NEAR.max(NEAR_BLURS * side.blur)
+}
+
+/// How far to either side of a grid line its surroundings are its own, pixels; of another span
+/// nothing is known.
+fn room(spans: &[EdgeSpan], index: usize, side: &Side) -> f64 {
+    match spans[index].crossings.is_empty() {
+        true => f64::INFINITY,
+        false => SPACING_SHARE * crossings::spacing(spans, index, side.curve.along),
+    }
+}
+
+/// The same for plateaus, where a side's length has to tell what is not known.
+fn far_room(side: &Side, room: f64) -> f64 {
+    if room.is_finite() {
+        room
+    } else {
+        FAR_SHARE * side.curve.length()
+    }
 }
 
 /// The end, along the chord, of what surely is edge while the corners are not known.

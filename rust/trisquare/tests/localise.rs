@@ -216,6 +216,7 @@ fn curved_edges_are_followed() {
         path,
         rise: -1.0,
         bounds: [None, None],
+        crossings: Vec::new(),
     }];
     let mut sides = Vec::new();
     for seed in 0..24 {
@@ -253,6 +254,7 @@ fn small_chessboard_cells_are_measured_between_their_crossings() {
             path: vec![square[side], square[(side + 1) % 4]],
             rise: 1.0,
             bounds: [side.checked_sub(2), Some(side).filter(|&next| next < 3)],
+            crossings: Vec::new(),
         })
         .collect();
     let mut lower = Vec::new();
@@ -408,6 +410,7 @@ fn path(points: &[[f64; 2]]) -> EdgeSpan {
         path,
         rise: 1.0,
         bounds: [None, Some(77)],
+        crossings: Vec::new(),
     }
 }
 
@@ -467,8 +470,8 @@ proptest::proptest! {
         }).collect();
         let picture = Picture::from_u8(60, 60, 1, values).unwrap();
         let path = points.iter().map(|&(x, y)| Vector2::new(x, y)).collect();
-        let span = EdgeSpan { path, rise, bounds: [Some(1), Some(0)] };
-        let other = EdgeSpan { path: vec![Vector2::new(26.0, 5.0), Vector2::new(26.0, 50.0)], rise: -1.0, bounds: [Some(0), None] };
+        let span = EdgeSpan { path, rise, bounds: [Some(1), Some(0)], crossings: Vec::new() };
+        let other = EdgeSpan { path: vec![Vector2::new(26.0, 5.0), Vector2::new(26.0, 50.0)], rise: -1.0, bounds: [Some(0), None], crossings: Vec::new() };
         for edges in localise(&picture, &[span, other], Tone::Srgb).into_iter().flatten() {
             let sound = edges.std.iter().all(|std| *std > 0.0 && std.is_finite());
             proptest::prop_assert!(sound && edges.points.len() == edges.std.len());

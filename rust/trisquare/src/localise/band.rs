@@ -2,6 +2,7 @@
 
 use nalgebra::Vector2;
 
+use super::crossings::{Crossings, Flip};
 use super::curve::Curve;
 use crate::picture::GreyReader;
 
@@ -22,6 +23,16 @@ pub(super) struct Pixel {
     pub value: f64,
     /// How many pixels this one stands for.
     pub count: f64,
+    /// What lines that cross the side make of its step.
+    pub flip: Flip,
+}
+
+impl Pixel {
+    /// A step from 0 to 1 as the lines that cross it leave it.
+    #[inline]
+    pub fn flipped(&self, step: f64) -> f64 {
+        0.5 + self.flip.slope * (step - 0.5) + 0.5 * self.flip.shift
+    }
 }
 
 /// A neighbouring side's curve: pixels nearer than `clearance`, or beyond it, are not used.
@@ -53,6 +64,8 @@ pub(super) struct Band<'a> {
     pub fences: Vec<Fence<'a>>,
     /// Ranges of `s` where something else hides the edge.
     pub hidden: &'a [[f64; 2]],
+    /// Lines that cross this one and exchange light and dark.
+    pub crossings: Option<&'a Crossings>,
     /// Take only every so many columns (or rows, of a steep side).
     pub stride: usize,
 }
@@ -119,6 +132,16 @@ impl Band<'_> {
         });
         let ends = self.ends.map(|x| x / curve.half_length);
         let near = self.near * column.per_pixel;
+        let crossings = self.crossings_about(column.s);
+        let constant = crossings.as_ref().map_or(Some(Flip::NONE), |crossings| {
+            crossings.constant([top, bottom].map(|row| column.place(row as f64)))
+        });
+        let flip_at = |row: f64| match (constant, &crossings) {
+            (None, Some(crossings)) => {
+                crossings.flip(column.place(row), column.distance(row - column.centre))
+            }
+            (flip, _) => flip.unwrap_or(Flip::NONE),
+        };
         // Within a column the frame's coordinates are linear in the row.
         let (s_at_zero, y_at_zero) = curve.local(column.place(0.0));
         let v = 1 - column.u;
@@ -141,9 +164,11 @@ impl Band<'_> {
                     cosine: column.cosine,
                     value,
                     count: 1.0,
+                    flip: flip_at(row),
                 });
             } else {
-                plateaus[usize::from((below > 0.0) == column.downwards)].add(s, y, value);
+                let plateau = &mut plateaus[usize::from((below > 0.0) == column.downwards)];
+                plateau.add([s, y, value], flip_at(row));
             }
         }
     }
@@ -203,6 +228,12 @@ impl Column {
         (first <= last).then(|| (first as usize, last as usize - first as usize + 1))
     }
 
+    /// Distance from the curve of a pixel so many rows below the crossing.
+    fn distance(&self, rows: f64) -> f64 {
+        let distance = rows / self.per_pixel;
+        if self.downwards { distance } else { -distance }
+    }
+
     fn place(&self, row: f64) -> Vector2<f64> {
         let mut point = Vector2::repeat(row);
         point[self.u] = self.number as f64;
@@ -216,20 +247,31 @@ struct Plateau {
     s: f64,
     y: f64,
     value: f64,
+    slope: f64,
+    shift: f64,
     count: f64,
 }
 
 impl Plateau {
-    fn add(&mut self, s: f64, y: f64, value: f64) {
+    fn add(&mut self, [s, y, value]: [f64; 3], flip: Flip) {
         self.s += s;
         self.y += y;
         self.value += value;
+        self.slope += flip.slope;
+        self.shift += flip.shift;
         self.count += 1.0;
     }
 
     /// The mean pixel, if there was any; the sums start again.
     fn take(&mut self) -> Option<Pixel> {
-        let Self { s, y, value, count } = std::mem::take(self);
+        let Self {
+            s,
+            y,
+            value,
+            slope,
+            shift,
+            count,
+        } = std::mem::take(self);
         (count > 0.0).then(|| Pixel {
             s: s / count,
             y: y / count,
@@ -237,6 +279,10 @@ impl Plateau {
             cosine: 1.0,
             value: value / count,
             count,
+            flip: Flip {
+                slope: slope / count,
+                shift: shift / count,
+            },
         })
     }
 }

@@ -88,7 +88,7 @@ struct Rise {
 }
 
 /// The polynomial's degree: what the length of a side can tell apart, and what a lens can bend.
-fn degree_for(length: f64) -> usize {
+pub(super) fn degree_for(length: f64) -> usize {
     match length {
         _ if length < 30.0 => 1,
         _ if length < 80.0 => 2,

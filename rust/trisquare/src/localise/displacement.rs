@@ -55,7 +55,8 @@ fn first_axis(matrix: &Matrix2<f64>) -> Vector2<f64> {
 fn common_shift<'a>(found: impl Iterator<Item = &'a Measured>) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for measured in found {
-        if let Some(share) = &measured.share {
+        // Where light and dark are exchanged again and again, no line moves as a whole.
+        if let Some(share) = measured.share.as_ref().filter(|_| !measured.is_crossed) {
             sum += share.own_step(&Vector2::zeros())[0] * measured.to_dark();
             count += 1.0;
         }
@@ -74,7 +75,11 @@ impl Measured {
     /// The normal points to the light where the rise is positive; a tone curve, too, moves the
     /// edges to the dark or to the light, all of them alike.
     fn to_dark(&self) -> f64 {
-        -self.side.rise[0].signum()
+        if self.is_crossed {
+            0.0
+        } else {
+            -self.side.rise[0].signum()
+        }
     }
 
     fn drifts(&self) -> Vec<Drift> {

@@ -1,7 +1,5 @@
 //! The mean profile of edges, and how far it is from the model.
 
-use super::side::{Prediction, Side};
-
 /// Half the width of a profile, and of its bins, in blurs.
 const PROFILE_REACH: f64 = 3.5;
 const PROFILE_BIN: f64 = 0.5;
@@ -24,9 +22,8 @@ struct ProfileBin {
 }
 
 impl Profile {
-    pub fn add(&mut self, side: &Side, prediction: &Prediction, residual: f64) {
-        // Towards the light, whichever way that is.
-        let place = prediction.blurs * side.rise[0].signum();
+    /// Adds a pixel so many blurs from its edge, on the light side if positive.
+    pub fn add(&mut self, place: f64, residual: f64) {
         let index = ((place + PROFILE_REACH) / PROFILE_BIN).floor();
         if let Some(bin) = self.bins.get_mut(index as usize).filter(|_| index >= 0.0) {
             bin.sum += residual;

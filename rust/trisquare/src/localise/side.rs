@@ -94,6 +94,7 @@ impl Side {
         let inverse_blur_here = inverse_blur * (1.0 - self.blur_slope * pixel.s);
         let blurs = (self.distance(pixel) - offset) * inverse_blur_here;
         let (step, density) = self.shape.step_and_density(blurs);
+        let (step, density) = (pixel.flipped(step), pixel.flip.slope * density);
         let rise = self.rise[0] + self.rise[1] * pixel.s;
         let light = self.base[0] + self.base[1] * pixel.s + rise * step;
         let (value, gain) = tone.encode_with_slope(light);

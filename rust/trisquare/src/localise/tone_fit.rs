@@ -136,7 +136,11 @@ impl ToneShare {
             let [by_gamma, by_toe] = tone.sensitivity(side.light(pixel));
             // Edgeworth: the kurtosis adds to Phi(z) a multiple of (z^3 - 3 z) phi(z).
             let by_kurtosis = p.by_offset * side.blur * p.blurs * (p.blurs * p.blurs - 3.0);
-            profile.add(side, &p, p.residual - kurtosis * by_kurtosis);
+            let lighter = side.rise[0] * pixel.flip.slope;
+            profile.add(
+                p.blurs * lighter.signum(),
+                p.residual - kurtosis * by_kurtosis,
+            );
             let row = [
                 p.by_height,
                 p.by_base,
@@ -343,7 +347,8 @@ impl Side {
     fn light(&self, pixel: &Pixel) -> f64 {
         let blurs = self.distance(pixel) / self.blur * (1.0 - self.blur_slope * pixel.s);
         let rise = self.rise[0] + self.rise[1] * pixel.s;
-        self.base[0] + self.base[1] * pixel.s + rise * self.shape.step_and_density(blurs).0
+        let step = pixel.flipped(self.shape.step_and_density(blurs).0);
+        self.base[0] + self.base[1] * pixel.s + rise * step
     }
 
     /// The side's own step, given the tone curve's.

@@ -220,6 +220,7 @@ pub fn spans(shape: &Shape, rise: f64, error: impl Fn(usize) -> [f64; 2]) -> Vec
                 path: vec![start + normal * at_start, end + normal * at_end],
                 rise,
                 bounds: [Some((side + 3) % 4), Some((side + 1) % 4)],
+                crossings: Vec::new(),
             }
         })
         .collect()

@@ -1,0 +1,156 @@
+//! A first guess of a grid line, from its crossings.
+
+use nalgebra::Vector2;
+
+use super::coarse::{CoarseEdge, degree_for};
+use super::curve::Curve;
+use super::{EdgeSpan, NoEdge, crossings};
+use crate::normal;
+use crate::picture::GreyReader;
+
+/// Where, between two crossings, a line is looked at.
+const STATIONS: [f64; 3] = [0.35, 0.5, 0.65];
+/// Its shades are read so far from it, as a part of the distance to the next line, and at most so
+/// many pixels: clear of the blur, and short of a marker within the cell.
+const SHADE_SHARE: f64 = 0.4;
+const SHADE_REACH: f64 = 3.0;
+/// Its steepest rise is looked for so far from the path, in steps of half a pixel.
+const RISE_STEPS: i32 = 4;
+/// Of the stretches between crossings this share must have light where it should be.
+const MIN_SUPPORT: f64 = 0.6;
+/// Contrast of a stretch over the median below which something else lies there.
+const MIN_CONTRAST: f64 = 0.3;
+
+/// What is seen between two crossings.
+struct Stretch {
+    ends: [f64; 2],
+    /// Shades on the negative side and on the other, were the rise that after the first crossing.
+    shades: [f64; 2],
+    slope: f64,
+}
+
+/// Finds a grid line by the points where others cross it.
+pub(super) fn find(
+    reader: &GreyReader<'_>,
+    spans: &[EdgeSpan],
+    index: usize,
+) -> Result<CoarseEdge, NoEdge> {
+    let span = &spans[index];
+    let curve = through_crossings(span).ok_or(NoEdge::NoPath)?;
+    let spacing = crossings::spacing(spans, index, curve.along);
+    let reach = SHADE_REACH.min(SHADE_SHARE * spacing);
+    let mut seen: Vec<Stretch> = Vec::new();
+    let mut hidden = span.gaps(&curve);
+    let mut stretches = 0.0;
+    for (ends, numbers) in span.path.windows(2).zip(span.crossings.windows(2)) {
+        if numbers[1].1.abs_diff(numbers[0].1) != 1 {
+            continue;
+        }
+        stretches += 1.0;
+        let ends = [ends[0], ends[1]].map(|end| curve.local(end).0);
+        match look(reader, &curve, ends, reach) {
+            Some((shades, slope)) => seen.push(Stretch {
+                ends,
+                shades: span.unflipped(numbers[0].1, shades),
+                slope,
+            }),
+            None => hidden.push(ends),
+        }
+    }
+    if seen.is_empty() {
+        return Err(NoEdge::OutsidePicture);
+    }
+    let contrast = |stretch: &Stretch| span.rise.signum() * (stretch.shades[1] - stretch.shades[0]);
+    let supporting = seen.iter().filter(|stretch| contrast(stretch) > 0.0);
+    if (supporting.count() as f64) < MIN_SUPPORT * stretches {
+        return Err(NoEdge::Inconsistent);
+    }
+    let usual = median(seen.iter().map(contrast));
+    hidden.extend(
+        seen.iter()
+            .filter(|stretch| contrast(stretch) < MIN_CONTRAST * usual)
+            .map(|stretch| stretch.ends),
+    );
+    let slope = median(seen.iter().map(|stretch| stretch.slope));
+    Ok(CoarseEdge {
+        curve,
+        plateaus: [0, 1].map(|side| median(seen.iter().map(|stretch| stretch.shades[side]))),
+        // At the edge itself the slope is the contrast times the normal density over the blur.
+        blur: normal::pdf(0.0) * usual / slope,
+        hidden,
+    })
+}
+
+/// A smooth curve through a line's crossings, each off by a pixel or so.
+fn through_crossings(span: &EdgeSpan) -> Option<Curve> {
+    let (&start, &end) = (span.path.first()?, span.path.last()?);
+    if span.crossings.len() != span.path.len() || span.path.len() < 2 {
+        return None;
+    }
+    let mut curve = Curve::chord(start, end)?;
+    let places: Vec<(f64, f64)> = span.path.iter().map(|point| curve.local(*point)).collect();
+    let in_order = places.windows(2).all(|pair| pair[0].0 < pair[1].0);
+    if !in_order || places.iter().any(|(_, y)| !y.is_finite()) {
+        return None;
+    }
+    let degree = degree_for(curve.length());
+    // Two more crossings than needed: a pixel's error of each is not to be followed.
+    let seen = degree.min((places.len() - 1).div_ceil(2));
+    if !curve.fit(places.iter().map(|(s, y)| (*s, *y, 1.0)), seen) {
+        return None;
+    }
+    curve.degree = degree;
+    Some(curve)
+}
+
+/// The median shades on both sides between two crossings, and the steepest slope; `None` outside the
+/// picture.
+fn look(
+    reader: &GreyReader<'_>,
+    curve: &Curve,
+    ends: [f64; 2],
+    reach: f64,
+) -> Option<([f64; 2], f64)> {
+    let mut shades = [[0.0; STATIONS.len()]; 2];
+    let mut slopes = [0.0; STATIONS.len()];
+    for (index, share) in STATIONS.iter().enumerate() {
+        let s = ends[0] + share * (ends[1] - ends[0]);
+        let middle = curve.point(s, 0.0);
+        let normal = curve.point(s, 1.0) - middle;
+        let read = |offset: f64| {
+            let point: Vector2<f64> = middle + normal * offset;
+            reader.bilinear(point.x, point.y)
+        };
+        shades[0][index] = read(-reach)?;
+        shades[1][index] = read(reach)?;
+        let mut before = read(-0.5 * f64::from(RISE_STEPS) - 0.5)?;
+        let mut between = read(-0.5 * f64::from(RISE_STEPS))?;
+        for step in 1 - RISE_STEPS..=RISE_STEPS {
+            let after = read(0.5 * f64::from(step))?;
+            slopes[index] = f64::max(slopes[index], (after - before).abs());
+            (before, between) = (between, after);
+        }
+    }
+    let shades = shades.map(|side| median(side.into_iter()));
+    let slope = median(slopes.into_iter());
+    (shades[0] + shades[1] + slope)
+        .is_finite()
+        .then_some((shades, slope))
+}
+
+impl EdgeSpan {
+    /// The shades after a crossing of the given number, exchanged if the rise is the opposite one there.
+    fn unflipped(&self, number: usize, [before, after]: [f64; 2]) -> [f64; 2] {
+        if self.sign(number) > 0.0 {
+            [before, after]
+        } else {
+            [after, before]
+        }
+    }
+}
+
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
