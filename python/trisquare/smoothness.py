@@ -82,6 +82,8 @@ def _is_large(grid: Grid) -> bool:
 def _roughness(grid: Grid) -> float:
     """Typical deviation in that row or column where it is largest, pixels."""
     deviation = np.linalg.norm(grid.points - _smooth(grid), axis=2)
+    if np.nanmax(deviation) < LEAST_FOLDED:
+        return 0.0
     lines = [line[np.isfinite(line)] for table in (deviation, deviation.T) for line in table]
     return max(float(np.median(line)) for line in lines if len(line))
 
@@ -108,6 +110,8 @@ def _smooth(grid: Grid) -> FloatArray:
         root = np.sqrt(weight)[:, None]
         bent = basis @ np.linalg.lstsq(root * basis, root * (scaled - flat), rcond=None)[0]
         off = size * np.linalg.norm(scaled - flat - bent, axis=1)
+        if off.max() < LEAST_FOLDED:  # neither a fold nor a stray
+            break
         weight = 1.0 / np.maximum(off, SETTLED)
     smooth = np.full(grid.points.shape, np.nan)
     smooth[present] = centre + size * (flat + bent)
