@@ -41,10 +41,11 @@ mosaics are ragged."""
 
 PLACES = np.array([0.2, 0.35, 0.5, 0.65, 0.8])
 BESIDE = 1.3
-"""Where edges are looked for between crossings: fractions of the way, and pixels beside it."""
+"""Where edges are looked for between crossings: fractions of the way, and pixels of the searched
+picture beside it."""
 
 EDGE_SHARE = 0.7
-"""Of the links between crossings, those that must be edges in the finest picture, too. A grille
+"""Of the links between crossings, those that must be edges in the photograph, too. A grille
 or a keyboard is a chessboard on its corner when it is blurred, and only then."""
 
 
@@ -62,15 +63,14 @@ def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
     """
     grids: list[Grid] = []
     pictures, scale = _pictures(grey)
-    finest = pictures[-1]
     for picture in pictures:
         grids = [_doubled(grid, picture) for grid in grids]
         grids = _grids_at(picture, grids)
     grids = [_complete(grid) for grid in grids]
-    grids = [part for grid in grids if _is_lattice(grid, scale) for part in unfolded(grid)]
+    grids = [grid for grid in grids if _is_lattice(grid, scale) and _has_edges(grid, grey, scale)]
+    grids = [part for grid in grids for part in unfolded(grid)]
     grids = [_complete(without_strays(grid)) for grid in grids if _is_lattice(grid, scale)]
-    grids = [grid for grid in grids if _is_lattice(grid, scale) and _has_edges(grid, finest)]
-    found = [_lattice(grid, scale) for grid in grids]
+    found = [_lattice(grid, scale) for grid in grids if _is_lattice(grid, scale)]
     return sorted(found, key=lambda lattice: -int(np.count_nonzero(lattice.present)))
 
 
@@ -169,9 +169,9 @@ def _is_lattice(grid: Grid, scale: int) -> bool:
     return bool(scale * np.sqrt(np.nanmedian(areas)) >= LEAST_CELL)
 
 
-def _has_edges(grid: Grid, picture: NDArray[np.uint8]) -> bool:
-    """Whether edges of the right sign lead from crossing to crossing in a picture."""
-    points = grid.points
+def _has_edges(grid: Grid, grey: NDArray[np.uint8], scale: int) -> bool:
+    """Whether edges of the right sign lead from crossing to crossing in the photograph."""
+    points = scale * grid.points
     rows, cols = np.indices(grid.present.shape)
     dark = ((rows + cols) % 2 == 0) == grid.dark_first
     ways = [points[:, 1:] - points[:, :-1], points[1:] - points[:-1]]
@@ -183,11 +183,11 @@ def _has_edges(grid: Grid, picture: NDArray[np.uint8]) -> bool:
     known = np.isfinite(way[:, 0])
     way, start, sign = way[known], start[known], sign[known]
     length = np.maximum(np.linalg.norm(way, axis=1), 1e-9)
-    clockwise = np.stack([-way[:, 1], way[:, 0]], axis=1) * (BESIDE / length)[:, None]
+    clockwise = np.stack([-way[:, 1], way[:, 0]], axis=1) * (scale * BESIDE / length)[:, None]
     at = start[:, None] + PLACES[:, None] * way[:, None]
     before, after = (
-        sample(picture, at - clockwise[:, None]),
-        sample(picture, at + clockwise[:, None]),
+        sample(grey, at - clockwise[:, None]),
+        sample(grey, at + clockwise[:, None]),
     )
     steps = sign[:, None] * (before - after)
     return bool(np.mean((steps > 0.0).all(axis=1)) >= EDGE_SHARE)
