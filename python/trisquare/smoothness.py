@@ -21,7 +21,7 @@ STRAY = 5.0
 """Times the typical deviation, beyond which a crossing is a stray."""
 
 LEAST_STRAY = 1.0
-LEAST_STRAY_CELLS = 0.08
+LEAST_STRAY_CELLS = 0.12
 """Pixels of the searched picture, and cells, that a crossing may always be off: its own error, and
 what strong lenses do besides the smooth surface."""
 
