@@ -69,7 +69,7 @@ def measure() -> list[Row]:
     for case in inserted_squares(PICTURES):
         label = f"{case.photograph.parent.name}/{case.photograph.name} {case.settings}"
         try:
-            result = ts.calibrate(case.picture)
+            result = ts.calibrate(case.picture, targets="squares")
         except ts.TrisquareError as error:
             print(f"  {label}: {error}")
             continue

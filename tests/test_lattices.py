@@ -74,7 +74,7 @@ def room_corner(rng, cells=(7, 6)):
 
 @pytest.mark.parametrize("columns", [6, 7])
 def test_boards_that_meet_at_a_fold_are_two_planes(columns):
-    """With 6 columns dark cells meet dark ones at the fold, with 7 light ones."""
+    """With 6 columns the cells alternate across the fold, with 7 each meets one of its shade."""
     for seed in range(2):
         rng = np.random.default_rng([82, seed])
         scene = room_corner(rng, (columns, 6))
@@ -83,13 +83,13 @@ def test_boards_that_meet_at_a_fold_are_two_planes(columns):
         lattices.sort(key=lambda lattice: lattice.crossings[lattice.present][:, 0].mean())
         for number, lattice in enumerate(lattices):
             truth = scene.image_points(number, scene.targets[number].board_corners())
-            assert worst_gap(truth, lattice.crossings[lattice.present]) < 1.0
+            assert worst_gap(truth, lattice.crossings[lattice.present]) < 2.0
             half = 0.5 * columns  # with the fold's own crossings, which belong to either
             rim = np.stack(
                 np.meshgrid(np.arange(columns + 1) - half, np.arange(7) - 3.0), axis=-1
             ).reshape(-1, 2)
             plane = scene.image_points(number, rim)
-            assert worst_gap(lattice.crossings[lattice.present], plane) < 1.5
+            assert worst_gap(lattice.crossings[lattice.present], plane) < 2.0
 
 
 @needs_data

@@ -63,10 +63,13 @@ def test_command_on_thirteen_chessboard_photographs():
 
 @pytest.mark.parametrize("number", range(8))
 def test_squares_rendered_into_photographs_are_found_and_calibrated(number, inserted):
-    """Of what `make bench` does in 50 pictures; their own chessboards' cells are no squares."""
+    """Of what `make bench` does in 50 pictures; their own chessboards' cells are no squares.
+
+    The boards themselves were seen by another camera: nothing but squares is looked for.
+    """
     case = inserted[number]
     truth = case.scene.camera
-    result = ts.calibrate(case.picture)
+    result = ts.calibrate(case.picture, targets="squares")
     assert len(result.planes) == 3
     # JPEG's errors are neither independent nor normal, so no bound in our own deviations is
     # owed: half a per cent tells a calibrated camera from a wrong one.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from trisquare.grids import Grid, grids_of, grow, trimmed
 from trisquare.links import link
 from trisquare.outlines import Lattice
-from trisquare.quads import FloatArray
+from trisquare.quads import FloatArray, sample
 from trisquare.saddles import find_saddles, settle
 from trisquare.smoothness import unfolded, without_strays
 
@@ -32,6 +32,21 @@ LEAST_SIDE = 3
 LEAST_CELL = 7.5
 """Side in pixels of the photograph of the square as large as a typical cell: smaller ones are
 pictures of boards on a screen or in print, or nothing."""
+
+
+SMALL = 16
+SMALL_SHARE = 0.9
+"""A lattice of fewer crossings must have this share of its rows and columns: pieces of random
+mosaics are ragged."""
+
+PLACES = np.array([0.2, 0.35, 0.5, 0.65, 0.8])
+BESIDE = 1.3
+"""Where edges are looked for between crossings: fractions of the way, and pixels of the searched
+picture beside it."""
+
+EDGE_SHARE = 0.7
+"""Of the links between crossings, those that must be edges in the photograph, too. A grille
+or a keyboard is a chessboard on its corner when it is blurred, and only then."""
 
 
 def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
@@ -52,7 +67,8 @@ def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
         grids = [_doubled(grid, picture) for grid in grids]
         grids = _grids_at(picture, grids)
     grids = [_complete(grid) for grid in grids]
-    grids = [part for grid in grids if _is_lattice(grid, scale) for part in unfolded(grid)]
+    grids = [grid for grid in grids if _is_lattice(grid, scale) and _has_edges(grid, grey, scale)]
+    grids = [part for grid in grids for part in unfolded(grid)]
     grids = [_complete(without_strays(grid)) for grid in grids if _is_lattice(grid, scale)]
     found = [_lattice(grid, scale) for grid in grids if _is_lattice(grid, scale)]
     return sorted(found, key=lambda lattice: -int(np.count_nonzero(lattice.present)))
@@ -142,12 +158,39 @@ def _complete(grid: Grid) -> Grid:
 def _is_lattice(grid: Grid, scale: int) -> bool:
     """Whether a grid has enough crossings, far enough apart."""
     present = grid.present
-    if min(present.shape) < LEAST_SIDE or np.count_nonzero(present) < LEAST_CROSSINGS:
+    count = int(np.count_nonzero(present))
+    if min(present.shape) < LEAST_SIDE or count < LEAST_CROSSINGS:
+        return False
+    if count < SMALL and count < SMALL_SHARE * present.size:
         return False
     first = grid.points[1:, 1:] - grid.points[:-1, :-1]
     second = grid.points[1:, :-1] - grid.points[:-1, 1:]
     areas = 0.5 * np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
     return bool(scale * np.sqrt(np.nanmedian(areas)) >= LEAST_CELL)
+
+
+def _has_edges(grid: Grid, grey: NDArray[np.uint8], scale: int) -> bool:
+    """Whether edges of the right sign lead from crossing to crossing in the photograph."""
+    points = scale * grid.points
+    rows, cols = np.indices(grid.present.shape)
+    dark = ((rows + cols) % 2 == 0) == grid.dark_first
+    ways = [points[:, 1:] - points[:, :-1], points[1:] - points[:-1]]
+    starts = [points[:, :-1], points[:-1]]
+    signs = [np.where(dark[:, :-1], 1.0, -1.0), np.where(dark[:-1], -1.0, 1.0)]
+    way = np.concatenate([part.reshape(-1, 2) for part in ways])
+    start = np.concatenate([part.reshape(-1, 2) for part in starts])
+    sign = np.concatenate([part.ravel() for part in signs])
+    known = np.isfinite(way[:, 0])
+    way, start, sign = way[known], start[known], sign[known]
+    length = np.maximum(np.linalg.norm(way, axis=1), 1e-9)
+    clockwise = np.stack([-way[:, 1], way[:, 0]], axis=1) * (scale * BESIDE / length)[:, None]
+    at = start[:, None] + PLACES[:, None] * way[:, None]
+    before, after = (
+        sample(grey, at - clockwise[:, None]),
+        sample(grey, at + clockwise[:, None]),
+    )
+    steps = sign[:, None] * (before - after)
+    return bool(np.mean((steps > 0.0).all(axis=1)) >= EDGE_SHARE)
 
 
 def _lattice(grid: Grid, scale: int) -> Lattice:

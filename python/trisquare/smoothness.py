@@ -21,7 +21,7 @@ STRAY = 5.0
 """Times the typical deviation, beyond which a crossing is a stray."""
 
 LEAST_STRAY = 1.0
-LEAST_STRAY_CELLS = 0.08
+LEAST_STRAY_CELLS = 0.12
 """Pixels of the searched picture, and cells, that a crossing may always be off: its own error, and
 what strong lenses do besides the smooth surface."""
 
@@ -29,6 +29,13 @@ FOLDED = 0.06
 LEAST_FOLDED = 0.6
 """Deviation of a whole row or column, in cells and at least in pixels, that tells a fold. Lenses
 and paper that curls leave a third of it, a fold of 20 degrees twice as much."""
+
+MOST_FOLDS = 2
+"""Folds after one another that a lattice is split at: two that meet in a room's corner."""
+
+MOST_SITES = 1000
+"""Sites of a lattice beyond which no fold is looked for: it bounds the time in a strange picture,
+and boards of 30 x 30 cells are the largest."""
 
 LEAST_PART = 3
 """Rows or columns on either side of a fold."""
@@ -43,11 +50,11 @@ def without_strays(grid: Grid) -> Grid:
     return Grid(np.where(stray[..., None], smooth, grid.points), grid.dark_first)
 
 
-def unfolded(grid: Grid) -> list[Grid]:
+def unfolded(grid: Grid, most_folds: int = MOST_FOLDS) -> list[Grid]:
     """Split a grid where the paper is folded along a row or a column."""
     flat = max(FOLDED * _cell(grid), LEAST_FOLDED)
     whole = _roughness(grid)
-    if whole <= flat:
+    if whole <= flat or not most_folds or grid.present.size > MOST_SITES:
         return [grid]
     best, parts = (0, whole), [grid]
     for axis in (0, 1):
@@ -63,7 +70,7 @@ def unfolded(grid: Grid) -> list[Grid]:
                 best, parts = rank, pair
     if len(parts) == 1 and parts[0] is grid:
         return [grid]
-    return [part for half in parts for part in unfolded(half)]
+    return [part for half in parts for part in unfolded(half, most_folds - 1)]
 
 
 def _cut(grid: Grid, axis: int, cut: int) -> tuple[Grid, Grid]:
@@ -82,6 +89,8 @@ def _is_large(grid: Grid) -> bool:
 def _roughness(grid: Grid) -> float:
     """Typical deviation in that row or column where it is largest, pixels."""
     deviation = np.linalg.norm(grid.points - _smooth(grid), axis=2)
+    if np.nanmax(deviation) < LEAST_FOLDED:
+        return 0.0
     lines = [line[np.isfinite(line)] for table in (deviation, deviation.T) for line in table]
     return max(float(np.median(line)) for line in lines if len(line))
 
@@ -108,6 +117,8 @@ def _smooth(grid: Grid) -> FloatArray:
         root = np.sqrt(weight)[:, None]
         bent = basis @ np.linalg.lstsq(root * basis, root * (scaled - flat), rcond=None)[0]
         off = size * np.linalg.norm(scaled - flat - bent, axis=1)
+        if off.max() < LEAST_FOLDED:  # neither a fold nor a stray
+            break
         weight = 1.0 / np.maximum(off, SETTLED)
     smooth = np.full(grid.points.shape, np.nan)
     smooth[present] = centre + size * (flat + bent)

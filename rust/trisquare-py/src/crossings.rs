@@ -12,6 +12,7 @@ use trisquare::{Crossing, GreyBytes, Lattice, Site};
 
 use crate::arrays;
 
+type Grown<'py> = (Bound<'py, PyArray3<f64>>, Site);
 type Linked<'py> = (Bound<'py, PyArray2<i64>>, Bound<'py, PyArray2<i64>>);
 
 /// Number of the crossing that follows in each of four directions, and its direction back, or -1.
@@ -54,7 +55,7 @@ pub fn grow_lattice<'py>(
     edges: PyReadonlyArray2<'py, f64>,
     grid: PyReadonlyArray3<'py, f64>,
     dark_first: bool,
-) -> PyResult<(Bound<'py, PyArray3<f64>>, (i32, i32))> {
+) -> PyResult<Grown<'py>> {
     let crossings = crossings_of(&points, &edges)?;
     let (width, height, values) = bytes_of(&picture);
     let grey = GreyBytes::new(width, height, &values).ok_or_else(no_picture)?;
