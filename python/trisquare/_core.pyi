@@ -140,7 +140,15 @@ def link_crossings(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]: ...
 def localise(
     picture: Picture,
-    spans: Sequence[tuple[NDArray[np.float64], float, tuple[int | None, int | None]]],
+    spans: Sequence[
+        tuple[NDArray[np.float64], float, tuple[int | None, int | None]]
+        | tuple[
+            NDArray[np.float64],
+            float,
+            tuple[int | None, int | None],
+            Sequence[tuple[int | None, int]],
+        ]
+    ],
     tone: str | float | None,
 ) -> tuple[
     list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64] | None] | str],

@@ -269,7 +269,7 @@ class SideSamples(NamedTuple):
 
 
 def sample_sides(camera: TrueCamera, target: Target, spacing: float) -> list[SideSamples]:
-    """Sample the sides of a figure's outlines, or a chessboard's grid lines, `spacing` pixels apart.
+    """Sample a figure's outlines, or a chessboard's grid lines, `spacing` pixels apart.
 
     Each side is cut into equal pieces and sampled in their middles; a grid line runs between the
     outermost crossings.
