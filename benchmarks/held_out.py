@@ -33,7 +33,7 @@ class Corners:
     pixels: Array  # (N, 2)
 
     def of(self, held_out: bool) -> Corners:
-        """The corners of every third diagonal, or all others."""
+        """Return the corners of every third diagonal, or all others."""
         chosen = (np.rint(self.grid).astype(int).sum(axis=1) % EVERY == EVERY - 1) == held_out
         return Corners(self.grid[chosen], self.pixels[chosen])
 
@@ -155,12 +155,14 @@ def _case(
 ) -> Case:
     boards: list[ts.PlaneEdges] = []
     for image, (found, _) in enumerate(detected):
-        boards += [replace(edges, image=image, plane=len(boards) + i) for i, edges in enumerate(found)]
+        boards += [
+            replace(edges, image=image, plane=len(boards) + i) for i, edges in enumerate(found)
+        ]
     return Case(name, boards, [c for some in corners for c in some], detected[0][1])
 
 
 def _lines(edges: ts.PlaneEdges, held_out: bool) -> ts.PlaneEdges:
-    """The board with every third of its lines alone, or without them."""
+    """Return the board with every third of its lines alone, or without them."""
     numbers = np.arange(len(edges.lines))
     chosen = np.flatnonzero((numbers % EVERY == EVERY // 2) == held_out)
     return replace(
