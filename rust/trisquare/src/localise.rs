@@ -114,9 +114,6 @@ const PREVIEW_COLUMNS: f64 = 50.0;
 const ROUGHLY_SETTLED: f64 = 0.1;
 const PREVIEW_STEPS: usize = 12;
 const FINAL_STEPS: usize = 6;
-/// A grid line's curve, shades and blur are fitted to one in so many columns: they are known far
-/// better than any of its patches, which correct the curve.
-const FIT_STRIDE: usize = 3;
 /// Contrast over noise below which a step cannot be told from texture.
 const MIN_CONTRAST: f64 = 4.0;
 /// Pixels that a fit needs, three for each of its parameters.
@@ -246,11 +243,8 @@ impl<'a> Localiser<'a> {
         let narrow = near(&side).min(room);
         self.gather(&band(side.curve.clone(), narrow, crossed.as_ref()))?;
         let noise = self.noise_about(&side);
-        // The crossings of a grid line already tell where it runs, to a pixel.
-        if !is_crossed {
-            let steps = (PREVIEW_STEPS, ROUGHLY_SETTLED);
-            side.fit(self.reader.curve(), &self.pixels, noise, steps);
-        }
+        let steps = (PREVIEW_STEPS, ROUGHLY_SETTLED);
+        side.fit(self.reader.curve(), &self.pixels, noise, steps);
 
         let near = near(&side).min(room);
         let far = (FAR_RATIO * near).min(far_room(&side, room)).max(near);
@@ -320,7 +314,7 @@ impl<'a> Localiser<'a> {
             fences,
             hidden,
             crossings: crossings.as_ref(),
-            stride: if is_crossed { FIT_STRIDE } else { 1 },
+            stride: 1,
         };
         self.gather(&band)?;
         side.fit(
@@ -329,9 +323,6 @@ impl<'a> Localiser<'a> {
             *noise,
             (FINAL_STEPS, SETTLED),
         );
-        if is_crossed {
-            self.gather(&Band { stride: 1, ..band })?;
-        }
         let (samples, noise) = patches::measure(
             &side,
             self.reader.curve(),
