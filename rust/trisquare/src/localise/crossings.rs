@@ -271,7 +271,7 @@ impl EdgeSpan {
     /// Sign of the contrast after a crossing of the given number, that after the first being 1.
     pub(super) fn sign(&self, number: usize) -> f64 {
         let first = self.crossings.first().map_or(0, |first| first.1);
-        if number.abs_diff(first) % 2 == 0 {
+        if number.abs_diff(first).is_multiple_of(2) {
             1.0
         } else {
             -1.0
