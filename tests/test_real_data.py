@@ -61,6 +61,29 @@ def test_command_on_thirteen_chessboard_photographs():
     assert result.camera.distortion[0] == pytest.approx(k1, abs=0.02)
 
 
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_three_boards_in_a_corner(side):
+    """Of paper that is not flat: by a pixel, which the stated deviations must own."""
+    photograph = DATA / "ortho-corner" / f"{side}_calib.jpg"
+    result = ts.calibrate(photograph)
+    assert len(result.planes) == 3
+    for name in ("fx", "fy"):
+        value = getattr(result.camera, name)
+        assert 0.94 * 1624 < value < 1.06 * 1650
+        assert abs(value - 1637) < 3.0 * result.std[name] + 13.0
+    assert any("err together" in text for text in result.warnings)
+    one_focal_length = ts.calibrate(photograph, fix="aspect")
+    assert 0.97 * 1624 < one_focal_length.camera.fx < 1.03 * 1650
+
+
+@pytest.mark.parametrize("number", [7, 8])
+def test_three_faces_of_a_charuco_cube(number):
+    result = ts.calibrate(DATA / "charuco-cube" / "cam0" / f"{number}.jpg")
+    assert abs(result.camera.fx - 5145) < 3.0 * result.std["fx"]
+    assert abs(result.camera.fy - 5145) < 3.0 * result.std["fy"]
+    assert result.std["fx"] < 0.03 * 5145
+
+
 @pytest.mark.parametrize("number", range(8))
 def test_squares_rendered_into_photographs_are_found_and_calibrated(number, inserted):
     """Of what `make bench` does in 50 pictures; their own chessboards' cells are no squares.

@@ -159,7 +159,12 @@ def localise(
     picture: Picture,
     spans: Sequence[
         tuple[NDArray[np.float64], float, tuple[int | None, int | None]]
-        | tuple[NDArray[np.float64], float, tuple[None, None], Sequence[tuple[int | None, int]]]
+        | tuple[
+            NDArray[np.float64],
+            float,
+            tuple[int | None, int | None],
+            Sequence[tuple[int | None, int]],
+        ]
     ],
     tone: str | float | None,
 ) -> tuple[

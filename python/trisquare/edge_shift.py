@@ -87,21 +87,22 @@ def _padded(
     Shapes (L, N), (L, N), (L, N, `LINE_DEGREE` + 1) and (L, N), N being the most samples of a line;
     the others are filled up with zeros.
     """
-    longest = max(len(points) for points, _, _ in lines)
-    offsets, signs, weights = np.zeros((3, len(lines), longest))
-    basis = np.zeros((len(lines), longest, LINE_DEGREE + 1))
-    for number, (points, std, rises) in enumerate(lines):
-        count = len(points)
-        normal = _normal(points)
-        centred = points - points.mean(axis=0)
-        place = centred @ np.array([normal[1], -normal[0]])
-        degree = max(min(LINE_DEGREE, count - 2), 0)
-        place /= np.abs(place).max()
-        basis[number, :count, : degree + 1] = np.polynomial.legendre.legvander(place, degree)
-        offsets[number, :count] = centred @ normal
-        signs[number, :count] = rises
-        weights[number, :count] = 1.0 / std
-    return offsets, signs, basis, weights
+    counts = np.array([len(points) for points, _, _ in lines])
+    used = np.arange(counts.max()) < counts[:, None]
+    samples, (signs, weights) = np.zeros((*used.shape, 2)), np.zeros((2, *used.shape))
+    samples[used] = np.concatenate([points for points, _, _ in lines])
+    signs[used] = np.concatenate([rises for _, _, rises in lines])
+    weights[used] = 1.0 / np.concatenate([std for _, std, _ in lines])
+    normals = np.array([_normal(points) for points, _, _ in lines])
+    samples -= (samples.sum(axis=1) / counts[:, None])[:, None]
+    place = used * np.einsum("lni,li->ln", samples, normals[:, ::-1] * [-1.0, 1.0])
+    place /= np.abs(place).max(axis=1, keepdims=True)
+    basis = np.moveaxis(np.polynomial.legendre.legvander(place, LINE_DEGREE), -1, 0)
+    # Few samples follow no polynomial of a high degree.
+    degrees = np.clip(counts - 2, 0, LINE_DEGREE)
+    basis = basis * used * (np.arange(LINE_DEGREE + 1)[:, None] <= degrees)[..., None]
+    offsets = used * np.einsum("lni,li->ln", samples, normals)
+    return offsets, signs, np.moveaxis(basis, 0, -1), weights
 
 
 def _without_polynomial(

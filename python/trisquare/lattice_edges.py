@@ -24,6 +24,15 @@ LEAST_LINES = 2
 """Grid lines that a plane needs in each direction: three parallel ones of four leave it open."""
 
 
+FADED = 1.05
+"""Standard deviation of a sample, over the median of its line, from which a crossing takes part of
+its contrast, or it lies across one: a wrong tone curve shifts it by neither cell's amount."""
+
+TONE_SHIFT = 0.2
+"""Shift, in standard deviations of a sample, from which such samples would err by more than some
+per cent of the whole line's own deviation, and are left out."""
+
+
 class GridLine(NamedTuple):
     """A row or a column of crossings, those only that have a neighbour in it."""
 
@@ -108,10 +117,21 @@ class FoundLattice:
             return [], 0.0
         # The board's own zigzag tells the shift that a tone curve leaves, far better than profiles
         # do: there is no drift to account for.
-        shift = shift_toward_light(lines)
+        clear = [_clear_of_crossings(samples) for samples in lines]
+        shift = shift_toward_light(clear)
+        usual = np.median(np.concatenate([std for _, std, _ in lines]))
+        if abs(shift) > TONE_SHIFT * usual:
+            lines = clear
+            # So large a shift differs from line to line, as the blur across them does.
+            shifts = [shift_toward_light([samples]) for samples in lines]
+        else:
+            shifts = [shift] * len(lines)
         board = PlaneEdges(
             np.array(models),
-            tuple(without_shift(points, signs, shift) for points, _, signs in lines),
+            tuple(
+                without_shift(points, signs, own)
+                for (points, _, signs), own in zip(lines, shifts, strict=True)
+            ),
             tuple(std for _, std, _ in lines),
             plane=plane,
             kind=self.kind,
@@ -131,6 +151,16 @@ class FoundLattice:
         after = np.searchsorted(path[1:-1] @ along, points @ along)
         flips: FloatArray = _alternation(line.places[after] - line.places[0])
         return self._rise_after_first(line) * flips
+
+
+def _clear_of_crossings(
+    samples: tuple[FloatArray, FloatArray, FloatArray],
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return points, deviations and rises of the samples whose contrast is whole."""
+    points, std, rises = samples
+    clear = std <= FADED * np.median(std)
+    # Of a line of few samples, half may be too few to be a line.
+    return (points[clear], std[clear], rises[clear]) if clear.sum() > 1 else samples
 
 
 def _grid_lines(present: npt.NDArray[np.bool_]) -> list[GridLine]:

@@ -47,8 +47,7 @@ struct Crossing {
     /// The crossing line's unit normal, the way this line runs.
     forward: Vector2<f64>,
     inverse_blur: f64,
-    /// Correlation of the distances from the two lines under isotropic blur.
-    rho: f64,
+    angle: Angle,
     /// Sign of the contrast after it, that after the first being 1.
     sign: f64,
 }
@@ -173,14 +172,14 @@ impl Crossing {
             point,
             forward,
             inverse_blur: 1.0 / blur,
-            rho: correlation(forward.dot(&curve.across)),
+            angle: Angle::of_cosine(forward.dot(&curve.across)),
             sign,
         }
     }
 
     /// The same line where its own curve meets this one's.
     fn moved_to(&self, curve: &Curve, other: &Curve, blur: f64) -> Self {
-        let (mut point, mut forward, mut rho) = (self.point, self.forward, self.rho);
+        let (mut point, mut forward, mut cosine) = (self.point, self.forward, self.angle.rho);
         for _ in 0..STEPS {
             let (s, _) = curve.local(point);
             let on_curve = curve.point(s, 0.0);
@@ -194,14 +193,14 @@ impl Crossing {
             }
             point = on_curve - along * (other.signed_distance(on_curve) / rate);
             forward = across * rate.signum();
-            rho = correlation(forward.dot(&normal));
+            cosine = forward.dot(&normal);
         }
         Self {
             s: curve.local(point).0,
             point,
             forward,
             inverse_blur: 1.0 / blur,
-            rho,
+            angle: Angle::of_cosine(cosine),
             ..*self
         }
     }
@@ -213,28 +212,54 @@ impl Crossing {
     /// From that of -1 before the crossing to that of 1 after it.
     fn flip(&self, point: Vector2<f64>, distance: f64) -> Flip {
         let (own, other) = (distance * self.inverse_blur, self.blurs(point));
-        let width = (1.0 - self.rho * self.rho).sqrt();
-        let slope = step((other - self.rho * own) / width);
-        let mut value = step(own) * step(other);
-        if self.rho != 0.0 && own.abs() < COMPLETE && other.abs() < COMPLETE {
-            let half_angle = 0.5 * self.rho.asin();
-            let (squares, product) = (0.5 * (own * own + other * other), own * other);
-            let mut integral = 0.0;
-            for (node, weight) in NODES {
-                let sine = (half_angle * (1.0 + node)).sin();
-                integral += weight * ((sine * product - squares) / (1.0 - sine * sine)).exp();
-            }
-            value += FRAC_2_PI * half_angle * integral;
+        let Angle { rho, sine, .. } = self.angle;
+        let own_step = step(own);
+        let slope = step((other - rho * own) / sine);
+        let mut value = own_step * step(other);
+        if own.abs() < COMPLETE && other.abs() < COMPLETE {
+            value += self.angle.excess(own, other);
         }
         Flip {
             slope,
-            shift: value - step(own) * slope,
+            shift: value - own_step * slope,
         }
     }
 }
 
-fn correlation(cosine: f64) -> f64 {
-    cosine.clamp(-MAX_CORRELATION, MAX_CORRELATION)
+/// The angle between two crossing lines.
+#[derive(Debug, Clone, Copy)]
+struct Angle {
+    /// Its cosine: the correlation of the distances from the two lines under isotropic blur.
+    rho: f64,
+    sine: f64,
+    /// The correlation at each node, `1 / (1 - its square)`, and the node's weight.
+    nodes: [[f64; 3]; NODES.len()],
+}
+
+impl Angle {
+    fn of_cosine(cosine: f64) -> Self {
+        let rho = cosine.clamp(-MAX_CORRELATION, MAX_CORRELATION);
+        let half_angle = 0.5 * rho.asin();
+        let node = |(node, weight): (f64, f64)| {
+            let sine = (half_angle * (1.0 + node)).sin();
+            let scale = 1.0 / (1.0 - sine * sine);
+            [sine, scale, FRAC_2_PI * half_angle * weight]
+        };
+        Self {
+            rho,
+            sine: (1.0 - rho * rho).sqrt(),
+            nodes: NODES.map(node),
+        }
+    }
+
+    /// What the correlation adds to the product of the two steps.
+    fn excess(&self, own: f64, other: f64) -> f64 {
+        let (squares, product) = (0.5 * (own * own + other * other), own * other);
+        let nodes = self.nodes.iter();
+        nodes
+            .map(|[sine, scale, weight]| weight * ((sine * product - squares) * scale).exp())
+            .sum()
+    }
 }
 
 /// A blurred step from -1 to 1.
