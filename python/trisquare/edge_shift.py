@@ -27,11 +27,17 @@ boards know of it."""
 HUBER_LIMIT = 2.0
 """In robust standard deviations: beyond it a sample counts less."""
 
+LEAST_ZIGZAG = 0.05
+"""Part of the alternation, in squares, that the polynomials must leave: where they explain the
+rest, as of a line between two crossings, its shift cannot be told from its course."""
+
 MAD_TO_STD = 1.4826
 SMALLEST_SCALE = 1e-6
 
 
-def shift_toward_light(lines: Sequence[tuple[FloatArray, FloatArray, FloatArray]]) -> float:
+def shift_toward_light(
+    lines: Sequence[tuple[FloatArray, FloatArray, FloatArray]], otherwise: float = 0.0
+) -> float:
     """Return by how much the edges of one board are shifted toward their light side.
 
     Least squares over all lines at once, a polynomial for each and one shift for all, reweighted
@@ -43,6 +49,8 @@ def shift_toward_light(lines: Sequence[tuple[FloatArray, FloatArray, FloatArray]
         Samples of shape (N, 2) in order along each grid line and their standard deviations, shape
         (N,), both in pixels; +1 or -1, shape (N,), where it gets lighter or darker toward the
         right-hand normal.
+    otherwise : float
+        What to return where the lines are too short to tell.
 
     Returns
     -------
@@ -55,8 +63,8 @@ def shift_toward_light(lines: Sequence[tuple[FloatArray, FloatArray, FloatArray]
     for _ in range(ROUNDS):
         left, other = _without_polynomial(offsets, signs, basis, weights)
         squares = float(np.sum(other * other))
-        if squares == 0.0:
-            return 0.0
+        if squares <= LEAST_ZIGZAG * float(np.sum((signs * weights) ** 2)):
+            return otherwise
         previous, shift = shift, float(np.sum(other * left)) / squares
         if abs(shift - previous) < SETTLED:
             break

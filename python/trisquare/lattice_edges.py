@@ -123,7 +123,7 @@ class FoundLattice:
         if abs(shift) > TONE_SHIFT * usual:
             lines = clear
             # So large a shift differs from line to line, as the blur across them does.
-            shifts = [shift_toward_light([samples]) for samples in lines]
+            shifts = [shift_toward_light([samples], otherwise=shift) for samples in lines]
         else:
             shifts = [shift] * len(lines)
         board = PlaneEdges(
