@@ -9,7 +9,9 @@ import cv2
 import numpy as np
 import pytest
 
-from trisquare import cli, errors, simulate
+import trisquare.commands.calibrate
+import trisquare.commands.drawn_files
+from trisquare import commands, errors, simulate
 from trisquare.edges import PlaneEdges
 from trisquare.overlay import draw_overlay
 from trisquare.result import Calibration, Camera, Plane
@@ -74,8 +76,8 @@ def asked(monkeypatch):
         several = isinstance(photos, list)
         return true_calibration(len(photos) if several else 1, warnings=["a warning"])
 
-    monkeypatch.setattr(cli, "calibrate", calibrate)
-    monkeypatch.setattr(cli, "detect", true_edges)
+    monkeypatch.setattr(commands.calibrate, "calibrate", calibrate)
+    monkeypatch.setattr(commands.drawn_files, "detect", true_edges)
     return calls
 
 
@@ -171,7 +173,7 @@ def test_every_error_has_its_exit_code(run, photo, tmp_path, monkeypatch, error,
     def fail(*_, **__):
         raise error
 
-    monkeypatch.setattr(cli, "calibrate", fail)
+    monkeypatch.setattr(commands.calibrate, "calibrate", fail)
     outcome = run("calibrate", photo, "-o", tmp_path / "camera.json", "--json")
     assert_refused(outcome, exit_code, tmp_path)
     assert " ".join(str(error).split()) in outcome[2]
@@ -181,7 +183,7 @@ def test_a_failing_overlay_leaves_no_file(run, photo, asked, tmp_path, monkeypat
     def fail(*_, **__):
         raise errors.ImageError("gone")
 
-    monkeypatch.setattr(cli, "detect", fail)
+    monkeypatch.setattr(commands.drawn_files, "detect", fail)
     camera, overlay = tmp_path / "camera.json", tmp_path / "overlay.png"
     outcome = run("calibrate", photo, "-o", camera, "--overlay", overlay)
     assert_refused(outcome, 5, tmp_path)

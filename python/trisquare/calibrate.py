@@ -3,30 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from trisquare import _core
-from trisquare.camera import MODELS, Camera, camera_parameters
-from trisquare.checked import FloatArray, size_of_image
+from trisquare.camera import Camera
+from trisquare.checked import size_of_image
 from trisquare.choosing import choose
 from trisquare.coherence import Coherence
 from trisquare.edges import PlaneEdges
 from trisquare.errors import DetectionError
+from trisquare.gathering import gather
 from trisquare.model_alternative import ModelAlternative
-from trisquare.photographs import photographs
 from trisquare.picture_tone import PictureTone, pooled, shift_warnings
-from trisquare.pictures import ImageSource, Outlines, Tone, checked_tone, picture_size, tone_of
-from trisquare.rejected import Rejected
+from trisquare.pictures import ImageSource, Outlines, Tone
 from trisquare.result import Calibration, Plane
+from trisquare.settings import Settings
 from trisquare.targets import Targets, nothing_found
 from trisquare.what_was_found import told_on_failure
-
-# The model that stands for the choice among all of them by evidence.
-AUTO = "auto"
-METHODS = ("ml", "linear")
-FIXABLE = ("aspect", "principal_point", "focal", "distortion")
 
 
 def calibrate(
@@ -94,73 +89,31 @@ def calibrate(
     TypeError, ValueError
         For bad arguments.
     """
-    # OpenCV is loaded where a picture is searched.
-    from trisquare.drawings import Drawings
-    from trisquare.measurement import measure
-
-    settings = _Settings.check(method, model, fix, initial)
+    settings = Settings.check(method, model, fix, initial)
     wanted = Targets.parse(targets)
-    checked = checked_tone(tone)
-    sources: list[ImageSource] = [image]  # type: ignore[list-item]
-    if isinstance(image, Sequence) and not isinstance(image, str):
-        sources = list(image)
-    if not sources:
-        raise ValueError("no picture given")
-
-    drawings = None if outlines is None else Drawings.read(outlines, sources)
-
-    figures: list[PlaneEdges] = []
-    pictures: list[_core.Picture] = []
-    warnings: list[str] = []
-    tones: list[PictureTone] = []
-    rejected: list[Rejected] = []
-    quads: dict[int, FloatArray] = {}
-    curves: set[str | float] = set()
-    size: tuple[int, int] | None = None
-    for photograph in photographs(sources):
-        picture, index = photograph.pixels, photograph.index
-        size = picture_size(picture)
-        curve = tone_of(picture, checked)
-        curves.add(curve)
-        core = _core.Picture(picture)
-        drawn = None if drawings is None else drawings.on(index, size)
-        if photograph.repeats:
-            drawn = ()  # nothing is looked for either
-        found, picture_tone, unused, corners = measure(picture, core, wanted, curve, drawn)
-        tones.append(picture_tone)
-        rejected += [replace(candidate, image=index) for candidate in unused]
-        warnings += photograph.remarks
-        if drawings is not None:
-            warnings += [f"{photograph.name}: {candidate.reason}" for candidate in unused]
-        if not found and not photograph.repeats:
-            warnings.append(f"{photograph.name}: {_nothing(wanted, drawn)}")
-        planes_before = len(quads)
-        quads.update(enumerate(corners, planes_before))
-        figures += [_placed(figure, index, planes_before) for figure in found]
-        pictures.append(core)
-        if progress is not None:
-            progress(index + 1, len(sources))
-    with told_on_failure(figures, rejected, sources, wanted):
+    sources = _sources(image)
+    gathered = gather(sources, wanted, tone, outlines, progress)
+    by_hand = outlines is not None
+    figures, size = gathered.figures, gathered.image_size
+    with told_on_failure(figures, gathered.rejected, sources, wanted):
         if not figures:
-            nothing = nothing_found(wanted, rejected)
-            raise DetectionError(nothing if drawings is None else "; ".join(warnings))
-        if len(curves) > 1:
-            raise ValueError("pictures of different depth need one stated tone curve")
-        assert size is not None  # there is at least one picture
+            nothing = nothing_found(wanted, gathered.rejected)
+            raise DetectionError("; ".join(gathered.warnings) if by_hand else nothing)
         # What was asked for by its layout or drawn by hand is vouched for.
-        if wanted.squares and drawings is None:
-            figures[:], others, choice = choose(
+        if wanted.squares and not by_hand:
+            chosen = choose(
                 figures,
                 size,
-                quads,
+                gathered.quads,
                 model=settings.model,
                 fixed=settings.fixed,
                 initial=settings.initial_parameters(size),
             )
-            rejected += others
-            warnings += choice
-        result = _solve(figures, size, settings, pictures, tones, warnings)
-    return replace(result, rejected=tuple(rejected))
+            gathered.keep(chosen)
+        result = _solve(
+            figures, size, settings, gathered.pictures, gathered.tones, gathered.warnings
+        )
+    return replace(result, rejected=tuple(gathered.rejected))
 
 
 def calibrate_edges(
@@ -194,7 +147,7 @@ def calibrate_edges(
     TypeError, ValueError
         For bad arguments.
     """
-    settings = _Settings.check(method, model, fix, initial)
+    settings = Settings.check(method, model, fix, initial)
     figures = list(edges)
     for figure in figures:
         if not isinstance(figure, PlaneEdges):
@@ -209,70 +162,17 @@ def calibrate_edges(
     return _solve(counted, size_of_image(image_size), settings, None, [], [])
 
 
-@dataclass(frozen=True, slots=True)
-class _Settings:
-    """What to estimate and how, checked."""
-
-    method: str
-    model: str
-    fixed: tuple[str, ...]
-    initial: Camera | None
-
-    @classmethod
-    def check(
-        cls, method: str, model: str, fix: str | Iterable[str], initial: Camera | None
-    ) -> _Settings:
-        for name, value, known in (
-            ("method", method, METHODS),
-            ("model", model, (*MODELS, AUTO)),
-        ):
-            if not isinstance(value, str):
-                raise TypeError(f"{name} must be a string, not {type(value).__name__}")
-            if value not in known:
-                raise ValueError(f"unknown {name} {value!r}: choose one of {', '.join(known)}")
-        names = [fix] if isinstance(fix, str) else list(fix)
-        for name in names:
-            if name not in FIXABLE:
-                raise ValueError(f"cannot fix {name!r}: choose among {', '.join(FIXABLE)}")
-        if initial is not None and not isinstance(initial, Camera):
-            raise TypeError(f"initial must be a Camera, not {type(initial).__name__}")
-        if "focal" in names and initial is None:
-            raise ValueError("fixing the focal length needs an initial camera to hold it at")
-        if model == AUTO and (method == "linear" or "distortion" in names):
-            raise ValueError(
-                'model="auto" compares maximum-likelihood fits with the distortion free: name a '
-                "model for the linear method or a fixed distortion"
-            )
-        return cls(method, model, tuple(name for name in FIXABLE if name in names), initial)
-
-    def initial_parameters(self, image_size: tuple[int, int]) -> list[float] | None:
-        """Return the initial camera as the core takes it; it must be of the pictures' size."""
-        if self.initial is None:
-            return None
-        if self.initial.image_size != image_size:
-            raise ValueError(
-                f"the initial camera is of size {self.initial.image_size}, the pictures of "
-                f"{image_size}"
-            )
-        return list(camera_parameters(self.initial).values())
-
-
-def _nothing(wanted: Targets, drawn: Sequence[object] | None) -> str:
-    """Say what was looked for in a picture in vain."""
-    if drawn is None:
-        return nothing_found(wanted)
-    return "none of the outlines is a square" if drawn else "nothing is drawn on it"
-
-
-def _placed(figure: PlaneEdges, image: int, planes_before: int) -> PlaneEdges:
-    plane = None if figure.plane is None else figure.plane + planes_before
-    return replace(figure, image=image, plane=plane)
+def _sources(image: ImageSource | Sequence[ImageSource]) -> list[ImageSource]:
+    """Return the pictures, one or several, as a list."""
+    if isinstance(image, Sequence) and not isinstance(image, str):
+        return list(image)
+    return [image]
 
 
 def _solve(
     figures: list[PlaneEdges],
     image_size: tuple[int, int],
-    settings: _Settings,
+    settings: Settings,
     pictures: list[_core.Picture] | None,
     tones: list[PictureTone],
     warnings: list[str],

@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from trisquare import _core
-from trisquare.calibrate import FIXABLE
 from trisquare.camera import MODELS, Camera, camera_parameters
 from trisquare.checked import (
     FloatArray,
@@ -22,6 +21,7 @@ from trisquare.checked import (
     strings,
 )
 from trisquare.plan import PlannedSquare, outlines_of
+from trisquare.settings import checked_fix
 
 __all__ = ["PlannedSquare", "Prediction", "predict"]
 
@@ -132,10 +132,6 @@ def predict(
     """
     if not isinstance(camera, Camera):
         raise TypeError(f"camera must be a Camera, not {type(camera).__name__}")
-    names = [fix] if isinstance(fix, str) else list(fix)
-    for name in names:
-        if name not in FIXABLE:
-            raise ValueError(f"cannot fix {name!r}: choose among {', '.join(FIXABLE)}")
     chosen = camera.model if model is None else model
     if chosen not in MODELS:
         raise ValueError(f"unknown model {chosen!r}: choose one of {', '.join(MODELS)}")
@@ -148,7 +144,7 @@ def predict(
         sigma=noise,
         spacing=distance,
         model=chosen,
-        fixed=names,
+        fixed=checked_fix(fix),
         judged=True,
     )
     return Prediction(

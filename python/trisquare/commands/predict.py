@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from trisquare.camera import Camera, camera_parameters
+from trisquare.commands.fix_option import FixOption, fixed_names
 from trisquare.json_fields import JsonFields
 from trisquare.plan import PlannedSquare
 from trisquare.predict import Prediction, predict
@@ -69,13 +70,7 @@ def predict_command(
         str | None,
         typer.Option(metavar="MODEL", help="Distortion: none, radial1, radial2, radial3 or brown."),
     ] = None,
-    fix: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="WHAT",
-            help="Hold aspect, principal_point, focal or distortion; repeatable, or with commas.",
-        ),
-    ] = None,
+    fix: FixOption = None,
     json: Annotated[
         bool, typer.Option("--json", help="Print JSON instead of a table, and nothing else.")
     ] = False,
@@ -93,7 +88,7 @@ def predict_command(
         sigma,
         spacing=spacing,
         model=model,
-        fix=[name.strip() for names in fix or () for name in names.split(",")],
+        fix=fixed_names(fix),
     )
     if json:
         print(json_text.dumps(_members(found, planned), indent=2, allow_nan=False))

@@ -1,0 +1,1 @@
+"""The commands of `trisquare`, one module each."""

@@ -1,0 +1,169 @@
+"""`trisquare calibrate`: a camera from its photographs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import Progress
+from rich.text import Text
+
+from trisquare.calibrate import calibrate
+from trisquare.commands.drawn_files import (
+    check_outputs,
+    drawn_on_failure,
+    findings,
+    numbered_paths,
+    overlay_of,
+)
+from trisquare.commands.fix_option import FixOption, fixed_names
+from trisquare.drawings import Drawings
+from trisquare.files import write_atomically
+from trisquare.sheet_layout import parse_layout
+from trisquare.tables import calibration_report
+
+
+def calibrate_command(
+    photos: Annotated[
+        list[Path],
+        typer.Argument(metavar="PHOTO", help="One photograph, or several of the same camera."),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="Write the result there as JSON."),
+    ] = None,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print JSON instead of tables, and nothing else.")
+    ] = False,
+    overlay: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Draw what was measured over the photograph. With several photographs FILE.png "
+            "stands for FILE-1.png, FILE-2.png, ...",
+        ),
+    ] = None,
+    debug_image: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Draw what was found, and in another colour what was not used and why; also when "
+            "the calibration fails. Several photographs as for --overlay.",
+        ),
+    ] = None,
+    model: Annotated[
+        str,
+        typer.Option(
+            metavar="MODEL",
+            help="Distortion: none, radial1, radial2, radial3, brown, or auto: by evidence.",
+        ),
+    ] = "radial2",
+    method: Annotated[
+        str,
+        typer.Option(metavar="METHOD", help="ml, or linear for the paper's three steps alone."),
+    ] = "ml",
+    fix: FixOption = None,
+    tone: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TONE",
+            help="Tone curve: auto (estimated), srgb, linear or a gamma. By default srgb for 8-bit "
+            "pictures.",
+        ),
+    ] = None,
+    targets: Annotated[
+        str,
+        typer.Option(
+            metavar="TARGETS",
+            help="auto, squares, tags, aruco, apriltag, or chessboard:9x6 (inner corners).",
+        ),
+    ] = "auto",
+    board: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LAYOUT",
+            help="Sheets of markers of a known layout: charuco:10x10:0.75 (squares across and "
+            "down, marker over square), aruco:5x7:0.2 or apriltag:6x6:0.3 (gap over marker), "
+            "or FILE.json.",
+        ),
+    ] = None,
+    outline: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Measure the squares that this file outlines, within 5 px of the stored picture, "
+            "and look for no others: trisquare's JSON, labelme's, or COCO polygons.",
+        ),
+    ] = None,
+    diagnose: Annotated[
+        bool,
+        typer.Option("--diagnose", help="Say what limits each number, and what would help."),
+    ] = False,
+) -> None:
+    """Calibrate a camera from its photographs."""
+    if diagnose and json:
+        raise ValueError("--diagnose adds to the tables, which --json replaces: give one of them")
+    overlays = numbered_paths(overlay, len(photos))
+    debug_images = numbered_paths(debug_image, len(photos))
+    check_outputs(photos, output, [*overlays, *debug_images])
+    if board is not None:
+        targets = _targets_of_board(board, targets)
+    tone_curve = _tone(tone)
+    with (
+        drawn_on_failure(photos, debug_images, targets),
+        _progress(len(photos)) as progress,
+    ):
+        calibration = calibrate(
+            photos[0] if len(photos) == 1 else photos,
+            method=method,
+            model=model,
+            fix=fixed_names(fix),
+            tone=tone_curve,
+            targets=targets,
+            outlines=outline,
+            progress=progress,
+        )
+    contents = findings(photos, debug_images, targets, calibration.planes, calibration.rejected)
+    drawings = Drawings.read(outline, photos) if overlays and outline is not None else None
+    for index, (photo, path) in enumerate(zip(photos, overlays, strict=False)):
+        contents[path] = overlay_of(calibration, photo, index, path, targets, tone_curve, drawings)
+    if output is not None:
+        contents[output] = calibration.to_json().encode()
+    write_atomically(contents)
+    if json:
+        print(calibration.to_json(), end="")
+    else:
+        Console().print(calibration_report(calibration), soft_wrap=True)
+        if diagnose:
+            Console().print(Text(str(calibration.diagnosis)), soft_wrap=True)
+
+
+def _targets_of_board(board: str, targets: str) -> str:
+    """Return the targets that a board is; in Python they are one argument."""
+    if targets != "auto":
+        raise ValueError("--board and --targets both say what to look for: give one of them")
+    parse_layout(board)
+    return board
+
+
+def _tone(text: str | None) -> str | float | None:
+    try:
+        return text if text is None else float(text)
+    except ValueError:
+        return text
+
+
+@contextmanager
+def _progress(photos: int) -> Iterator[Callable[[int, int], None] | None]:
+    """Show a bar on standard error, where somebody may be watching it."""
+    console = Console(stderr=True)
+    if photos < 2 or not console.is_terminal:
+        yield None
+        return
+    with Progress(console=console, transient=True) as bar:
+        task = bar.add_task("calibrating", total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)

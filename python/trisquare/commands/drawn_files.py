@@ -1,0 +1,100 @@
+"""The pictures that a command draws, and where it writes them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+
+from trisquare.detect import detect
+from trisquare.drawings import Drawings
+from trisquare.errors import ImageError, TrisquareError
+from trisquare.files import PathLike, check_writable, encode_image, read_image, write_atomically
+from trisquare.findings import Place, draw_findings
+from trisquare.overlay import draw_overlay
+from trisquare.pictures import picture_size
+from trisquare.rejected import Rejected
+from trisquare.result import Calibration
+from trisquare.targets import Targets
+from trisquare.what_was_found import explain
+
+
+def numbered_paths(path: Path | None, photos: int) -> list[Path]:
+    """One path for each photograph: FILE.png itself, or FILE-1.png, FILE-2.png, ..."""
+    if path is None:
+        return []
+    if photos == 1:
+        return [path]
+    return [path.with_name(f"{path.stem}-{number}{path.suffix}") for number in range(1, photos + 1)]
+
+
+def check_outputs(photos: Sequence[Path], output: Path | None, drawings: Sequence[Path]) -> None:
+    """Refuse outputs that cannot be written before anything is computed."""
+    taken = {os.path.realpath(photo) for photo in photos}
+    for path in (*drawings, *([] if output is None else [output])):
+        check_writable(path)
+        if os.path.realpath(path) in taken:
+            raise ValueError(f"{path}: would overwrite a photograph or another output")
+        taken.add(os.path.realpath(path))
+    for path in drawings:
+        if not cv2.haveImageWriter(str(path)):
+            raise ValueError(f"{path}: no picture format has the extension {path.suffix!r}")
+
+
+def overlay_of(
+    calibration: Calibration,
+    photo: Path,
+    index: int,
+    path: Path,
+    targets: str,
+    tone: str | float | None,
+    drawings: Drawings | None,
+) -> bytes:
+    """Draw the calibration over a photograph; returns the content of the file at `path`."""
+    image = read_image(photo)
+    edges = []
+    # A picture among several in which there is nothing has no edges to draw.
+    if any(plane.image == index for plane in calibration.planes):
+        drawn = None if drawings is None else drawings.on(index, picture_size(image))
+        edges = detect(image, targets=targets, tone=tone, outlines=drawn)
+    edges = [replace(figure, image=index) for figure in edges]
+    return encode_image(draw_overlay(image, calibration, edges, index=index), path)
+
+
+@contextmanager
+def drawn_on_failure(photos: Sequence[Path], paths: Sequence[Path], targets: str) -> Iterator[None]:
+    """Write the debug pictures when what the photographs show is refused."""
+    try:
+        yield
+    except ImageError:
+        raise  # there was no picture to search
+    except TrisquareError as error:
+        write_atomically(findings(photos, paths, targets, error.found, error.rejected))
+        raise
+
+
+def findings(
+    photos: Sequence[Path],
+    paths: Sequence[Path],
+    targets: str,
+    found: Sequence[Place],
+    rejected: Sequence[Rejected],
+) -> dict[PathLike, bytes]:
+    """Draw what was found in each photograph that a path is given for."""
+    contents: dict[PathLike, bytes] = {}
+    for index, (photo, path) in enumerate(zip(photos, paths, strict=False)):
+        image = read_image(photo)
+        # An error knows of some pictures already what was passed over in them.
+        known = {candidate.corners.tobytes() for candidate in rejected if candidate.image == index}
+        passed_over = [
+            replace(candidate, image=index)
+            for candidate in explain(image, Targets.parse(targets))
+            if candidate.corners.tobytes() not in known
+        ]
+        drawn = draw_findings(image, found, [*rejected, *passed_over], index=index)
+        contents[path] = encode_image(drawn, path)
+    return contents
