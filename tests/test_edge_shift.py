@@ -5,7 +5,7 @@ import pytest
 
 import trisquare as ts
 from trisquare import simulate
-from trisquare.edge_shift import shift_toward_light, without_shift
+from trisquare.edge_shift import shift_and_std, shift_toward_light, without_shift
 
 NOISE = 0.05
 
@@ -46,15 +46,19 @@ def test_one_cell_alone_says_nothing():
     points = np.stack([np.arange(6.0), np.zeros(6)], axis=1)
     points[2, 1] = 1e-3
     assert shift_toward_light([(points, np.ones(6), np.ones(6))]) == 0.0
-    assert shift_toward_light([(points, np.ones(6), np.ones(6))], otherwise=0.3) == 0.3
+
+
+def test_few_cells_tell_a_shift_less_well_than_many():
+    rng = np.random.default_rng(4)
+    std = [shift_and_std(zigzag(0.3, rng, lines=1, cells=cells))[1] for cells in (2, 8, 16)]
+    assert std[0] > 3.0 * std[1] > 3.0 * std[2] > 0.0
+    x = np.arange(6.0)
+    alike = (np.stack([x, 0.3 * x], axis=1), np.ones(6), np.ones(6))
+    assert shift_and_std([alike]) == (0.0, np.inf)
 
 
 def test_a_wrong_tone_curve_no_longer_tears_the_lines_of_a_board():
-    rng = np.random.default_rng(3)
-    scene = simulate.chessboard_scene(rng, simulate.random_camera(rng))
-    picture = simulate.render(scene, rng, noise=2.0, blur=0.8, tone="srgb")
-
-    def zigzag_of(tone):
+    def zigzag_of(picture, tone):
         (board,) = ts.detect(picture, targets="chessboard:9x6", tone=tone)
         bends = []
         for points in board.points:
@@ -63,4 +67,12 @@ def test_a_wrong_tone_curve_no_longer_tears_the_lines_of_a_board():
             bends.append(across - np.polyval(np.polyfit(along, across, 4), along))
         return np.std(np.concatenate(bends))
 
-    assert zigzag_of("linear") < 1.5 * zigzag_of("srgb")
+    ratios = []
+    for seed in range(3, 8):
+        rng = np.random.default_rng(seed)
+        scene = simulate.chessboard_scene(rng, simulate.random_camera(rng))
+        picture = simulate.render(scene, rng, noise=2.0, blur=0.8, tone="srgb")
+        ratios.append(zigzag_of(picture, "linear") / zigzag_of(picture, "srgb"))
+    # About crossings a little is left, the more the flatter a board is looked at: half of them
+    # stay below 1.1.
+    assert np.median(ratios) < 1.3

@@ -24,20 +24,24 @@ SETTLED = 2e-4
 """Change of the shift, pixels, after which no further round is needed: a tenth of what the best
 boards know of it."""
 
+ROUNDING = 1e-12
+"""Part of the signs' squares that is left where a line's cells have one sign only."""
+
 HUBER_LIMIT = 2.0
 """In robust standard deviations: beyond it a sample counts less."""
-
-LEAST_ZIGZAG = 0.05
-"""Part of the alternation, in squares, that the polynomials must leave: where they explain the
-rest, as of a line between two crossings, its shift cannot be told from its course."""
 
 MAD_TO_STD = 1.4826
 SMALLEST_SCALE = 1e-6
 
 
-def shift_toward_light(
-    lines: Sequence[tuple[FloatArray, FloatArray, FloatArray]], otherwise: float = 0.0
-) -> float:
+def shift_toward_light(lines: Sequence[tuple[FloatArray, FloatArray, FloatArray]]) -> float:
+    """Return the shift that `shift_and_std` finds."""
+    return shift_and_std(lines)[0]
+
+
+def shift_and_std(
+    lines: Sequence[tuple[FloatArray, FloatArray, FloatArray]],
+) -> tuple[float, float]:
     """Return by how much the edges of one board are shifted toward their light side.
 
     Least squares over all lines at once, a polynomial for each and one shift for all, reweighted
@@ -49,30 +53,33 @@ def shift_toward_light(
         Samples of shape (N, 2) in order along each grid line and their standard deviations, shape
         (N,), both in pixels; +1 or -1, shape (N,), where it gets lighter or darker toward the
         right-hand normal.
-    otherwise : float
-        What to return where the lines are too short to tell.
 
     Returns
     -------
-    float
-        In pixels; negative if the edges are shifted toward the dark.
+    shift : float
+        In pixels; negative if the edges are shifted toward the dark, 0 if the lines do not tell.
+    std : float
+        Its standard deviation as far as that of the samples goes, pixels; infinite if the lines do
+        not tell.
     """
     offsets, signs, basis, precision = _padded(lines)
     weights = precision
-    shift = 0.0
+    shift, std = 0.0, math.inf
     for _ in range(ROUNDS):
         left, other = _without_polynomial(offsets, signs, basis, weights)
         squares = float(np.sum(other * other))
-        if squares <= LEAST_ZIGZAG * float(np.sum((signs * weights) ** 2)):
-            return otherwise
+        # What the polynomials explain of the signs leaves rounding.
+        if squares <= ROUNDING * float(np.sum(weights**2)):
+            return 0.0, math.inf
         previous, shift = shift, float(np.sum(other * left)) / squares
+        std = 1.0 / math.sqrt(squares)
         if abs(shift - previous) < SETTLED:
             break
         used = weights > 0.0
         size = np.abs(left - shift * other) * precision / np.where(used, weights, 1.0)
         limit = HUBER_LIMIT * max(MAD_TO_STD * float(np.median(size[used])), SMALLEST_SCALE)
         weights = precision * np.sqrt(limit / np.maximum(size, limit))
-    return shift
+    return shift, std
 
 
 def without_shift(points: FloatArray, rises: FloatArray, shift: float) -> FloatArray:

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trisquare.checked import FloatArray
-from trisquare.edge_shift import shift_toward_light, without_shift
+from trisquare.edge_shift import shift_and_std, shift_toward_light, without_shift
 from trisquare.edges import PlaneEdges
 from trisquare.outlines import Lattice
 from trisquare.spans import Samples, Span
@@ -25,12 +25,17 @@ LEAST_LINES = 2
 
 
 FADED = 1.05
-"""Standard deviation of a sample, over the median of its line, from which a crossing takes part of
-its contrast, or it lies across one: a wrong tone curve shifts it by neither cell's amount."""
+"""Standard deviation of a sample, over the least of its cell, from which it is left out: nearer to
+a crossing than twice the blur, `2 Phi(2) - 1 = 1 / 1.05`, a wrong tone curve shifts it by neither
+cell's amount, and a quarter of the samples is the most that costs."""
 
 TONE_SHIFT = 0.2
 """Shift, in standard deviations of a sample, from which such samples would err by more than some
 per cent of the whole line's own deviation, and are left out."""
+
+OWN_SHIFT = 0.3
+"""Standard deviation of a line's shift about its board's, as a part of that: blur and shade, which
+make it, differ by as much over a board that is seen at a slant."""
 
 
 class GridLine(NamedTuple):
@@ -102,7 +107,7 @@ class FoundLattice:
     ) -> tuple[list[PlaneEdges], float]:
         """Return the figures, and by how much edges were shifted toward the light, pixels."""
         rows, cols = self.lattice.present.shape
-        models, lines = [], []
+        models, lines, clear = [], [], []
         for line, samples in zip(_grid_lines(self.lattice.present), measured, strict=True):
             if isinstance(samples, str):
                 continue
@@ -111,19 +116,20 @@ class FoundLattice:
                 models.append((0.0, 1.0, (rows - 1) / 2 - line.number))
             else:
                 models.append((1.0, 0.0, (cols - 1) / 2 - line.number))
-            lines.append((points, std, self._rises(line, points)))
+            cells, rises = self._cells_and_rises(line, points)
+            lines.append((points, std, rises))
+            whole = _clear_of_crossings(std, cells)
+            clear.append((points[whole], std[whole], rises[whole]))
         columns = sum(model[0] != 0.0 for model in models)
         if min(columns, len(models) - columns) < LEAST_LINES:
             return [], 0.0
         # The board's own zigzag tells the shift that a tone curve leaves, far better than profiles
         # do: there is no drift to account for.
-        clear = [_clear_of_crossings(samples) for samples in lines]
         shift = shift_toward_light(clear)
         usual = np.median(np.concatenate([std for _, std, _ in lines]))
         if abs(shift) > TONE_SHIFT * usual:
             lines = clear
-            # So large a shift differs from line to line, as the blur across them does.
-            shifts = [shift_toward_light([samples], otherwise=shift) for samples in lines]
+            shifts = [_own_shift(samples, shift) for samples in lines]
         else:
             shifts = [shift] * len(lines)
         board = PlaneEdges(
@@ -144,23 +150,33 @@ class FoundLattice:
         sign = self.rise if line.is_row else -self.rise
         return sign * float(_alternation(line.number + int(line.places[0])))
 
-    def _rises(self, line: GridLine, points: FloatArray) -> FloatArray:
-        """Which way the line gets lighter at each of its samples."""
+    def _cells_and_rises(
+        self, line: GridLine, points: FloatArray
+    ) -> tuple[npt.NDArray[np.intp], FloatArray]:
+        """Which of the line's cells a sample is of, and which way the line gets lighter there."""
         path = self.lattice.crossings[_indices(line)]
         along = path[-1] - path[0]
         after = np.searchsorted(path[1:-1] @ along, points @ along)
         flips: FloatArray = _alternation(line.places[after] - line.places[0])
-        return self._rise_after_first(line) * flips
+        return after, self._rise_after_first(line) * flips
 
 
-def _clear_of_crossings(
-    samples: tuple[FloatArray, FloatArray, FloatArray],
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return points, deviations and rises of the samples whose contrast is whole."""
-    points, std, rises = samples
-    clear = std <= FADED * np.median(std)
-    # Of a line of few samples, half may be too few to be a line.
-    return (points[clear], std[clear], rises[clear]) if clear.sum() > 1 else samples
+def _clear_of_crossings(std: FloatArray, cells: npt.NDArray[np.intp]) -> npt.NDArray[np.bool_]:
+    """Tell which samples of a line have the whole contrast of their cell."""
+    least = np.full(cells.max() + 1, np.inf)
+    np.minimum.at(least, cells, std)
+    return np.asarray(std <= FADED * least[cells])
+
+
+def _own_shift(samples: tuple[FloatArray, FloatArray, FloatArray], usual: float) -> float:
+    """Return a line's shift, which differs from its board's usual one as the blur across it does.
+
+    The mean of what the line tells and of the usual one, by their precisions: a line of few cells
+    tells next to nothing.
+    """
+    own, std = shift_and_std([samples])
+    spread = OWN_SHIFT * abs(usual)
+    return usual + (own - usual) * spread**2 / (spread**2 + std**2)
 
 
 def _grid_lines(present: npt.NDArray[np.bool_]) -> list[GridLine]:
