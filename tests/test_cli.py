@@ -304,6 +304,28 @@ def test_wrong_option_values_exit_2(run, photo, tmp_path, option):
     assert_refused(outcome, 2, tmp_path)
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("calibrate", "photo.png", "--board", "given.json"),
+        ("calibrate", "photo.png", "--outline", "given.json"),
+        ("predict", "given.json"),
+        ("predict", "--camera", "given.json"),
+    ],
+    ids=" ".join,
+)
+@pytest.mark.parametrize("content", [None, b"", b"\xff\xfe", b"[]"])
+def test_a_file_that_is_wrong_is_named_first(run, photo, tmp_path, monkeypatch, arguments, content):
+    monkeypatch.chdir(tmp_path)
+    left = ["photo.png"]
+    if content is not None:
+        (tmp_path / "given.json").write_bytes(content)
+        left.append("given.json")
+    outcome = run(*arguments)
+    assert_refused(outcome, 2, tmp_path, left)
+    assert outcome[2].startswith("trisquare: error: given.json: ")
+
+
 def test_json_is_the_library_s(photo, tmp_path):
     done = trisquare("calibrate", "photo.png", "--json", "--tone", "linear", folder=tmp_path)
     members = json.loads(done.stdout)

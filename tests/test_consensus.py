@@ -124,9 +124,8 @@ def test_a_picture_of_squares_and_rectangles_calibrates_and_reports_the_rest(see
     for other in result.rejected:
         (target,) = targets_at(mixed, [other.corners])
         assert target not in used
-        if other.residual is not None:
-            assert other.residual > 0.0
-            assert f"{other.residual:.2f} px" in other.reason
+        assert other.residual is None or other.residual > 0.0
+    assert any(other.residual is not None for other in result.rejected)
     again = ts.Calibration.from_json(result.to_json())
     assert [one.reason for one in again.rejected] == [one.reason for one in result.rejected]
 

@@ -52,8 +52,14 @@ def test_a_picture_given_twice_counts_once(paths):
 def test_pictures_of_different_sizes_are_named(tmp_path, paths):
     other = tmp_path / "small.png"
     cv2.imwrite(str(other), BLANK[:480, :640])
-    with pytest.raises(ValueError, match=r"small\.png.*\(640, 480\).*a\.png.*\(1280, 960\)"):
+    with pytest.raises(ValueError, match=r"small\.png.* 640 x 480 .*a\.png.* 1280 x 960:"):
         ts.calibrate([paths["a"], paths["b"], other])
+
+
+def test_pictures_of_different_depth_need_one_stated_tone():
+    deep = BLANK.astype(np.uint16) * 257
+    with pytest.raises(ValueError, match=r"picture 1 holds uint16 pixels.* state the tone curve"):
+        ts.calibrate([BLANK, deep])
 
 
 def test_an_unreadable_file_among_many_is_named(run, tmp_path, paths):

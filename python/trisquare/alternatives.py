@@ -11,6 +11,7 @@ import numpy as np
 from trisquare import _core
 from trisquare.camera import Camera, camera_parameters
 from trisquare.checked import FloatArray
+from trisquare.convex_quads import any_meet
 from trisquare.plan import UNIT_SQUARE, ideal_point, outlines_of, tilted
 
 if TYPE_CHECKING:
@@ -161,21 +162,7 @@ def collide(planes: tuple[Standing, ...]) -> bool:
     for plane in planes:
         points = plane.outlines[0] @ plane.rotation[:, :2].T + plane.translation
         quads.append(points[:, :2] / points[:, 2:])
-    return any(
-        not _separated(quads[i], quads[j]) and not _separated(quads[j], quads[i])
-        for i in range(len(quads))
-        for j in range(i)
-    )
-
-
-def _separated(quad: FloatArray, other: FloatArray) -> bool:
-    """Whether some side of a convex `quad` has all of `other` on its outer side."""
-    along = np.roll(quad, -1, axis=0) - quad
-    normal = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    middle = quad.mean(axis=0)
-    normal *= np.sign(np.sum((middle - quad) * normal, axis=1))[:, None]
-    depth = np.einsum("ik,ijk->ij", normal, other[None] - quad[:, None])
-    return bool(np.any(np.all(depth < 0.0, axis=1)))
+    return any_meet(quads)
 
 
 def _tilts(planes: tuple[Standing, ...]) -> tuple[float, float]:

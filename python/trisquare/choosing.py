@@ -12,6 +12,8 @@ from trisquare.checked import FloatArray
 from trisquare.edges import PlaneEdges
 from trisquare.rejected import Rejected
 
+NO_SQUARE = "no true square to the camera that the others show"
+
 
 class Chosen(NamedTuple):
     """What is left to calibrate from, what is not, and what the user should know of it."""
@@ -50,7 +52,7 @@ def choose(
         if not kept
     }
     rejected = [
-        Rejected(figure.kind, figure.image, quads[plane], _reason(residual), residual)
+        Rejected(figure.kind, figure.image, quads[plane], NO_SQUARE, residual)
         for plane, (figure, residual) in dropped.items()
         if plane is not None
     ]
@@ -68,13 +70,6 @@ def choose(
             "squares, the answer is wrong"
         )
     return Chosen(kept, rejected, warnings)
-
-
-def _reason(residual: float | None) -> str:
-    reason = "no true square to the camera that the others show"
-    if residual is None:
-        return reason
-    return f"{reason}: its edges miss the best one by {residual:.2f} px"
 
 
 def _area(corners: FloatArray) -> float:

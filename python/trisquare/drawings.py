@@ -6,13 +6,14 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path, PureWindowsPath
+from pathlib import PureWindowsPath
 from typing import Any
 
 from trisquare.drawing_formats import DrawnPicture, DrawnTarget, drawn_pictures
 from trisquare.drawn_grid import DrawnGrid
 from trisquare.hand_drawn import DrawnOutline, DrawnSquare
 from trisquare.json_fields import refuse_constant
+from trisquare.named_file import naming, read_bytes
 from trisquare.pictures import ImageSource, Outlines
 
 
@@ -42,11 +43,9 @@ class Drawings:
             If the file cannot be read.
         """
         if isinstance(outlines, str | os.PathLike):
-            name = os.fspath(outlines)
-            try:
-                return cls._matched(drawn_pictures(_parsed(outlines)), sources)
-            except ValueError as error:
-                raise ValueError(f"{name}: {error}") from error
+            text = read_bytes(outlines)
+            with naming(outlines):
+                return cls._matched(drawn_pictures(_parsed(text)), sources)
         if isinstance(outlines, Mapping):
             return cls._matched(drawn_pictures(dict(outlines)), sources)
         if len(sources) != 1:
@@ -90,11 +89,7 @@ class Drawings:
         return drawn.targets
 
 
-def _parsed(path: str | os.PathLike[str]) -> Any:
-    try:
-        text = Path(path).read_bytes()
-    except OSError as error:
-        raise type(error)(f"{os.fspath(path)}: {error.strerror or error}") from error
+def _parsed(text: bytes) -> Any:
     try:
         return json.loads(text, parse_constant=refuse_constant)
     except (ValueError, RecursionError) as error:

@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from .convex_quads import apart
 from .render import SHEET_RIM, Image, render
 from .scene import Array, Scene, Target, TrueCamera, rectangle
-from .simulate import faces_camera, inside, random_camera, separated, tilted
+from .simulate import faces_camera, inside, random_camera, tilted
 
 TRUE_SIDES = (0.20, 0.32)
 """Sides of the true squares, of the picture's height: three leave room for ten others."""
@@ -217,9 +218,7 @@ def _is_clear(target: Target, others: list[Target]) -> bool:
     """Whether a figure with its rim of ground meets no other in the picture."""
     own = _seen_with_rim(target)
     seen = [_seen_with_rim(other) for other in others]
-    return own is not None and all(
-        quad is not None and (separated(own, quad) or separated(quad, own)) for quad in seen
-    )
+    return own is not None and all(quad is not None and apart(own, quad) for quad in seen)
 
 
 def _seen_with_rim(target: Target) -> Array | None:

@@ -117,7 +117,11 @@ def gather(
         curve = tone_of(photograph.pixels, checked)
         curves.add(curve)
         if len(curves) > 1:
-            raise ValueError("pictures of different depth need one stated tone curve")
+            raise ValueError(
+                f"{photograph.name} holds {photograph.pixels.dtype} pixels and those before it do "
+                "not, which are usually coded differently: state the tone curve of all (srgb, "
+                "linear, auto or a gamma)"
+            )
         drawn = None
         if drawings is not None:
             drawn = drawings.on(photograph.index, gathered.image_size)

@@ -33,6 +33,8 @@ class JsonFields:
             fields = cls(json.loads(text, parse_constant=refuse_constant))
         except RecursionError as error:
             raise ValueError("the JSON text is nested too deeply") from error
+        except json.JSONDecodeError as error:
+            raise ValueError(f"not JSON: {error}") from error
         found = fields.text("format")
         if found != wanted_format:
             raise ValueError(f'"format" must be {wanted_format!r}, not {found!r}')

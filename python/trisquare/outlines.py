@@ -6,6 +6,7 @@ look; no figure of a calibration depends on their accuracy.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import cv2
@@ -114,7 +115,7 @@ def find_squares(
     if len(squares) < enough and min(picture.shape) >= 2 * MIN_PICTURE:
         coarser = np.asarray(cv2.pyrDown(picture), dtype=np.uint8)
         others = _squares_of(grey, coarser, 2 * scale, tag_search)
-        squares += [other for other in others if not _overlaps(other, squares)]
+        squares += [other for other in others if not _is_known(other.outer.corners, squares)]
     squares += _further_tags(grey, squares)
     return sorted(squares, key=lambda square: -_area(square.outer))
 
@@ -141,16 +142,6 @@ def _squares_of(
             inner = _outline(quads, figure.inner, places, scale)
         squares.append(SquareOutline(outer, inner, figure.tag))
     return squares
-
-
-def _overlaps(square: SquareOutline, others: list[SquareOutline]) -> bool:
-    """Whether a square's middle lies in another one, or the other's in it."""
-    return any(
-        cv2.pointPolygonTest(one.outer.corners.astype(np.float32), tuple(middle), False) >= 0
-        for other in others
-        for one, two in ((square, other), (other, square))
-        for middle in [two.outer.corners.mean(axis=0)]
-    )
 
 
 def find_chessboard(image: NDArray[np.generic], cols: int, rows: int) -> Lattice | None:
@@ -239,8 +230,7 @@ def _further_tags(grey: NDArray[np.uint8], found: list[SquareOutline]) -> list[S
         search = TagSearch((name,), stated=True)
         tags = recognise(grey, corners, np.zeros(len(corners)), search)
         for quad, tag in zip(corners, tags, strict=True):
-            known = (*found, *further)
-            if tag is not None and not any(_overlap(quad, square.outer) for square in known):
+            if tag is not None and not _is_known(quad, (*found, *further)):
                 own = np.roll(quad, tag.turns, axis=0)
                 ends = np.stack([own, np.roll(own, -1, axis=0)], axis=1)
                 own.flags.writeable = ends.flags.writeable = False
@@ -251,13 +241,17 @@ def _further_tags(grey: NDArray[np.uint8], found: list[SquareOutline]) -> list[S
     return [square for square in further if _side(square.outer) >= smallest]
 
 
-def _overlap(corners: FloatArray, outline: Outline) -> bool:
-    """Whether a quadrilateral's middle is in an outline, or the other way round."""
-    pairs = ((corners, outline.corners), (outline.corners, corners))
+def one_in_other(quad: FloatArray, other: FloatArray) -> bool:
+    """Whether the middle of one of two quads, shape (4, 2), lies within the other."""
     return any(
         cv2.pointPolygonTest(one.astype(np.float32), tuple(two.mean(axis=0)), False) >= 0.0
-        for one, two in pairs
+        for one, two in ((quad, other), (other, quad))
     )
+
+
+def _is_known(quad: FloatArray, squares: Iterable[SquareOutline]) -> bool:
+    """Whether one of some squares is where a quad is."""
+    return any(one_in_other(quad, square.outer.corners) for square in squares)
 
 
 def _side(outline: Outline) -> float:

@@ -16,7 +16,7 @@ from trisquare.checked import FloatArray
 from trisquare.curved_sides import MAX_CORNER_COSINE, fit_sides
 from trisquare.figures import find_figures, why_no_figures
 from trisquare.lattice_edges import FoundLattice
-from trisquare.outlines import MIN_PICTURE, working_picture
+from trisquare.outlines import MIN_PICTURE, one_in_other, working_picture
 from trisquare.quads import (
     BORDER,
     MIN_CONTRAST,
@@ -79,7 +79,7 @@ def passed_over(grey: NDArray[np.uint8], found: Sequence[Found] = ()) -> list[Re
     told: list[tuple[float, FloatArray, str]] = []
     for corners, reason in candidates:
         area = float(cv2.contourArea(corners.astype(np.float32)))
-        if area < MIN_TOLD_SIDE**2 or any(_in_or_around(region, corners) for region in regions):
+        if area < MIN_TOLD_SIDE**2 or any(one_in_other(region, corners) for region in regions):
             continue
         if not any(_same(corners, other) for _, other, _ in told):
             told.append((area, corners, reason))
@@ -167,15 +167,6 @@ def _may_be_cut_square(contour: cv2.typing.MatLike, shape: tuple[int, ...]) -> b
         return False
     corners = cv2.approxPolyDP(hull, 0.02 * cv2.arcLength(hull, closed=True), closed=True)
     return len(corners) in CUT_CORNERS
-
-
-def _in_or_around(region: FloatArray, corners: FloatArray) -> bool:
-    """Whether the middle of one of two quads lies within the other."""
-    return any(
-        cv2.pointPolygonTest(quad.astype(np.float32), tuple(other.mean(axis=0).tolist()), False)
-        >= 0.0
-        for quad, other in ((region, corners), (corners, region))
-    )
 
 
 def _same(corners: FloatArray, other: FloatArray) -> bool:

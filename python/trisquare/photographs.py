@@ -58,8 +58,8 @@ def photographs(sources: Sequence[ImageSource]) -> Iterator[Photograph]:
             first = (name, size)
         if size != first[1]:
             raise ValueError(
-                f"{name} is of size {size}, {first[0]} of {first[1]}: pictures of one camera have "
-                "one size"
+                f"{name} is {size[0]} x {size[1]} pixels, {first[0]} {first[1][0]} x "
+                f"{first[1][1]}: pictures of one camera have one size"
             )
         remarks = []
         if turn is not None:

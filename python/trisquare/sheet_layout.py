@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from trisquare.checked import FloatArray, real_array
+from trisquare.named_file import read_text
 from trisquare.tag_names import APRILTAG, ARUCO, LARGEST, SIZES, dictionary_name
 
 GRAMMAR = (
@@ -182,11 +183,12 @@ def _from_file(path: Path) -> Layout:
     One sheet's ``markers`` may stand alone, without ``sheets``; dictionary and names may be left
     out.
     """
-    if path.stat().st_size > MOST_FILE_BYTES:
+    if path.is_file() and path.stat().st_size > MOST_FILE_BYTES:
         raise ValueError(f"{path}: too large for a layout")
+    text = read_text(path)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        content = json.loads(text)
+    except (json.JSONDecodeError, RecursionError) as error:
         raise ValueError(f"{path}: not JSON: {error}") from error
     if not isinstance(content, dict):
         raise ValueError(f'{path}: must be an object with "sheets" or "markers"')

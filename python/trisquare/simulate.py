@@ -11,6 +11,8 @@ from typing import Any, Literal
 import numpy as np
 
 from .accuracy import cramer_rao_bound, pixel_sigma
+from .convex_quads import any_meet
+from .convex_quads import separated as separated  # `real_scenes` looks for it here
 from .motion import Motion
 from .render import SHEET_RIM, Array, Image, render, render_into
 from .scene import Scene, Target, TrueCamera, rectangle, sample_sides
@@ -289,16 +291,4 @@ def _any_overlap(targets: list[Target]) -> bool:
     if any(np.any(points[:, 2] <= 0.0) for points in spaces):
         return True
     quads = [points[:, :2] / points[:, 2:] for points in spaces]
-    return any(
-        not separated(quads[i], quads[j]) and not separated(quads[j], quads[i])
-        for i in range(len(quads))
-        for j in range(i)
-    )
-
-
-def separated(quad: Array, other: Array) -> bool:
-    """Whether some side of `quad`, corners clockwise on the screen, has all of `other` outside."""
-    along = np.roll(quad, -1, axis=0) - quad
-    inward = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    depth = np.einsum("ik,ijk->ij", inward, other[None] - quad[:, None])
-    return bool(np.any(np.all(depth < 0.0, axis=1)))
+    return any_meet(quads)

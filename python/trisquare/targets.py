@@ -91,6 +91,11 @@ def _missing(targets: Targets) -> str:
         return f"no chessboard of {cols} x {rows} inner corners found"
     if targets.layout is not None:
         return f"no sheet of {targets.layout.text} found"
+    if targets.lattices:
+        return (
+            "no square, chessboard or tag found: show dark squares on a light ground (or the "
+            "reverse), whole, apart from each other, at least some 30 pixels wide, and tags 40"
+        )
     if not targets.squares:
         return (
             "no tag found: show its whole black border on a white margin, at least some 40 pixels "

@@ -16,6 +16,7 @@ from rich.text import Text
 from trisquare.camera import Camera, camera_parameters
 from trisquare.commands.fix_option import FixOption, fixed_names
 from trisquare.json_fields import JsonFields
+from trisquare.named_file import naming, read_text
 from trisquare.plan import PlannedSquare
 from trisquare.predict import Prediction, predict
 from trisquare.result import Calibration, decimals_shown
@@ -76,7 +77,7 @@ def predict_command(
     ] = False,
 ) -> None:
     """Predict the standard deviations that a planned photograph will have."""
-    written = None if plan is None else JsonFields.parse(_text_of(plan), PLAN_FORMAT)
+    written = None if plan is None else _written(plan)
     guess = _camera(written, size, focal, camera)
     if square or written is None:
         planned = [_square(text, guess, frame) for text in square or DEFAULT_SQUARES]
@@ -96,11 +97,10 @@ def predict_command(
         Console().print(_report(found, planned), soft_wrap=True)
 
 
-def _text_of(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path}: not a text file") from error
+def _written(plan: Path) -> JsonFields:
+    text = read_text(plan)
+    with naming(plan):
+        return JsonFields.parse(text, PLAN_FORMAT)
 
 
 def _camera(
@@ -110,7 +110,9 @@ def _camera(
     if camera is not None:
         if size is not None or focal is not None:
             raise ValueError("--camera brings its own size and focal length")
-        return Calibration.from_json(_text_of(camera)).camera
+        text = read_text(camera)
+        with naming(camera):
+            return Calibration.from_json(text).camera
     if size is not None:
         width, height = _size(size)
     elif written is not None:

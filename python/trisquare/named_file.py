@@ -1,0 +1,47 @@
+"""Files of text that a user names: what is wrong with one is said with its name."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+def read_bytes(path: str | os.PathLike[str]) -> bytes:
+    """Return what a file holds.
+
+    Raises
+    ------
+    OSError
+        "FILE: why", where Python says "[Errno 2] why: 'FILE'".
+    """
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        raise type(error)(f"{os.fspath(path)}: {error.strerror or error}") from error
+
+
+def read_text(path: str | os.PathLike[str]) -> str:
+    """Return the UTF-8 text of a file.
+
+    Raises
+    ------
+    OSError
+        As `read_bytes`.
+    ValueError
+        If it holds no text.
+    """
+    try:
+        return read_bytes(path).decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{os.fspath(path)}: not a text file") from error
+
+
+@contextmanager
+def naming(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Let a ValueError about what a file holds begin with the file's name."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"{os.fspath(path)}: {error}") from error
