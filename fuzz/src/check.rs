@@ -91,6 +91,6 @@ pub fn refusal(error: &Error) -> Outcome {
 }
 
 /// A message with a NaN tells nobody anything.
-fn spoken(message: &str) {
+pub fn spoken(message: &str) {
     assert!(!message.is_empty() && !message.contains("NaN"), "{message}");
 }

@@ -67,6 +67,50 @@ pub fn calibrate_by_evidence(data: &[u8]) -> Outcome {
     check::calibration(&Ok(choice.calibration))
 }
 
+/// `trisquare::choose` among the squares of three pictures, some of which are none.
+pub fn choose(data: &[u8]) -> Outcome {
+    let bytes = &mut Bytes::new(data);
+    let options = bytes.options(SIZE);
+    let mut view = View::sound(bytes, &SCENES);
+    for _ in 0..bytes.below(3) {
+        view.poses.extend(View::sound(bytes, &SCENES).poses);
+    }
+    let mut figures = view.figures(bytes);
+    for _ in 0..bytes.below(5) {
+        let number = bytes.below(figures.len().max(1));
+        if let Some(figure) = figures.get_mut(number) {
+            // A window: a rectangle is no square to any camera.
+            let wider = bytes.between(0.3, 3.0);
+            for point in figure.points.iter_mut().flatten() {
+                point.x *= wider;
+            }
+        }
+    }
+    if bytes.once_in(2) {
+        damage(&mut figures, SIZE, bytes);
+    }
+    match trisquare::choose(&figures, SIZE, &options) {
+        Ok(choice) => {
+            assert!(choice.verdicts.len() <= figures.len());
+            for verdict in &choice.verdicts {
+                assert!(verdict.figure < figures.len());
+                assert!(verdict.residual.is_none_or(|r| r.is_finite() && r >= 0.0));
+                assert!(!verdict.kept || verdict.residual.is_none());
+            }
+            let kept = choice.verdicts.iter().filter(|v| v.kept).count();
+            match choice.doubt {
+                Some(doubt) => {
+                    check::spoken(&doubt.to_string());
+                    "Ok, doubtful"
+                }
+                None if kept < choice.verdicts.len() => "Ok, some dropped",
+                None => "Ok, all kept",
+            }
+        }
+        Err(error) => check::refusal(&error),
+    }
+}
+
 /// `trisquare::predict`, of planes that are in the picture or not.
 pub fn predict(data: &[u8]) -> Outcome {
     let bytes = &mut Bytes::new(data);

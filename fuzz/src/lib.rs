@@ -5,6 +5,7 @@
 //! panics where an answer is not finite or otherwise impossible. libFuzzer drives them through
 //! `fuzz_targets`, the `soak` binary with random bytes.
 
+mod boards;
 mod bytes;
 mod check;
 mod coordinates;
@@ -12,7 +13,8 @@ mod figures;
 mod pixels;
 mod steps;
 
-pub use coordinates::{calibrate, calibrate_by_evidence, predict, square};
+pub use boards::{grow_lattice, link_crossings, localise_grid_lines};
+pub use coordinates::{calibrate, calibrate_by_evidence, choose, predict, square};
 pub use pixels::{calibrate_photographs, localise, localise_with_unknown_tone};
 pub use steps::{fit_distortion, lens, linear_steps};
 
@@ -23,9 +25,10 @@ pub type Outcome = &'static str;
 pub type Entry = fn(&[u8]) -> Outcome;
 
 /// All entry points by name.
-pub const ENTRIES: [(&str, Entry); 10] = [
+pub const ENTRIES: [(&str, Entry); 14] = [
     ("calibrate", calibrate),
     ("calibrate_by_evidence", calibrate_by_evidence),
+    ("choose", choose),
     ("predict", predict),
     ("square", square),
     ("fit_distortion", fit_distortion),
@@ -33,5 +36,8 @@ pub const ENTRIES: [(&str, Entry); 10] = [
     ("lens", lens),
     ("localise", localise),
     ("localise_with_unknown_tone", localise_with_unknown_tone),
+    ("localise_grid_lines", localise_grid_lines),
+    ("link_crossings", link_crossings),
+    ("grow_lattice", grow_lattice),
     ("calibrate_photographs", calibrate_photographs),
 ];

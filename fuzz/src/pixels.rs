@@ -65,7 +65,7 @@ fn searched(tone: Tone, bytes: &mut Bytes<'_>) -> (Picture, Vec<EdgeSpan>) {
 }
 
 /// Checks the samples of every span that has some.
-fn measured_spans(found: &[Result<SpanEdges, NoEdge>]) -> Outcome {
+pub(crate) fn measured_spans(found: &[Result<SpanEdges, NoEdge>]) -> Outcome {
     let mut outcome = "no span";
     for span in found {
         outcome = match span {
@@ -204,13 +204,13 @@ fn any_span(size: ImageSize, bytes: &mut Bytes<'_>) -> EdgeSpan {
 }
 
 /// Coded grey, of which a picture of any kind is made.
-struct Canvas {
+pub(crate) struct Canvas {
     size: ImageSize,
     values: Vec<f32>,
 }
 
 impl Canvas {
-    fn garbage(bytes: &mut Bytes<'_>) -> Self {
+    pub(crate) fn garbage(bytes: &mut Bytes<'_>) -> Self {
         let (width, height) = (1 + bytes.below(40), 1 + bytes.below(40));
         Self {
             size: ImageSize {
@@ -253,8 +253,28 @@ impl Canvas {
         }
     }
 
+    /// Whatever a function makes of each pixel.
+    pub(crate) fn drawn(size: ImageSize, mut shade: impl FnMut(Vector2<f64>) -> f64) -> Self {
+        let rows = (0..size.height).map(f64::from);
+        let pixels = rows.flat_map(|y| (0..size.width).map(move |x| Vector2::new(f64::from(x), y)));
+        Self {
+            size,
+            values: pixels.map(|pixel| shade(pixel) as f32).collect(),
+        }
+    }
+
+    /// Width, height and 8-bit values.
+    pub(crate) fn grey_bytes(&self) -> (usize, usize, Vec<u8>) {
+        let values = self.values.iter().map(|v| (255.0 * v) as u8);
+        (
+            self.size.width as usize,
+            self.size.height as usize,
+            values.collect(),
+        )
+    }
+
     /// Something in the way: a patch of another shade, of nothing, or of everything.
-    fn damage(&mut self, bytes: &mut Bytes<'_>) {
+    pub(crate) fn damage(&mut self, bytes: &mut Bytes<'_>) {
         let (width, height) = (self.size.width as usize, self.size.height as usize);
         for _ in 0..bytes.below(4) {
             let (left, top) = (bytes.below(width), bytes.below(height));
@@ -273,7 +293,7 @@ impl Canvas {
     }
 
     /// The picture in one of the kinds that cameras give.
-    fn picture(&self, bytes: &mut Bytes<'_>) -> Picture {
+    pub(crate) fn picture(&self, bytes: &mut Bytes<'_>) -> Picture {
         let channels = bytes.pick(&[1, 3]);
         let tints: [f32; 3] = std::array::from_fn(|_| bytes.between(0.5, 1.0) as f32);
         let values = self

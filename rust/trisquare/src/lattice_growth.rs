@@ -23,6 +23,12 @@ const STEPS: [(i32, i32); 4] = [(0, 1), (1, 0), (0, -1), (-1, 0)];
 /// Row and column of a crossing; any integers.
 pub type Site = (i32, i32);
 
+/// The site some rows and columns on; the last integer is followed by the first, as sites may be
+/// any integers.
+fn beside(site: Site, step: (i32, i32)) -> Site {
+    (site.0.wrapping_add(step.0), site.1.wrapping_add(step.1))
+}
+
 /// Crossings in rows and columns, columns clockwise from rows on the screen.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lattice {
@@ -56,13 +62,13 @@ impl Lattice {
     }
 
     fn at(&self, site: Site, step: (i32, i32), count: i32) -> Option<Vector2<f64>> {
-        let place = (site.0 + count * step.0, site.1 + count * step.1);
+        let place = beside(site, (count * step.0, count * step.1));
         self.crossings.get(&place).copied()
     }
 
     /// Empty sites next to a crossing.
     fn rim(&self) -> BTreeSet<Site> {
-        let around = |site: &Site| STEPS.map(|step| (site.0 + step.0, site.1 + step.1));
+        let around = |site: &Site| STEPS.map(|step| beside(*site, step));
         let sites = self.crossings.keys().flat_map(around);
         sites.filter(|s| !self.crossings.contains_key(s)).collect()
     }
@@ -133,7 +139,9 @@ impl Lattice {
                     return None;
                 }
             }
-            let even = (site.0 + site.1 + direction as i32).rem_euclid(2) == 0;
+            // Odd sums stay odd where they wrap.
+            let sum = site.0.wrapping_add(site.1).wrapping_add(direction as i32);
+            let even = sum.rem_euclid(2) == 0;
             let dark = even == self.dark_first;
             let follows = crossing.direction(way)?;
             if (follows % 2 == 0) != dark || !picture.has_edge(crossing.point, there, dark) {

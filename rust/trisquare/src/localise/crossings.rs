@@ -295,8 +295,8 @@ fn position(spans: &[EdgeSpan], line: usize, other: usize) -> Option<usize> {
 
 /// Direction of a line's coarse path where another one crosses it.
 fn direction_at(spans: &[EdgeSpan], line: usize, other: usize) -> Option<Vector2<f64>> {
-    let path = &spans[line].path;
     let place = position(spans, line, other)?;
+    let path = &spans[line].path;
     let before = path.get(place.saturating_sub(1))?;
     let after = path.get(place + 1).or(path.get(place))?;
     (after - before).try_normalize(f64::MIN_POSITIVE)
