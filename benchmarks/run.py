@@ -27,6 +27,7 @@ BENCHMARKS = (
     "chess_triples",
     "held_out",
     "inserted_squares",
+    "board_finding",
     "tags",
     "robustness",
     "real_scenes",

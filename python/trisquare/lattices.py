@@ -63,11 +63,13 @@ def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
     """
     grids: list[Grid] = []
     pictures, scale = _pictures(grey)
-    for picture in pictures:
+    for level, picture in enumerate(pictures, 1 - len(pictures)):
         grids = [_doubled(grid, picture) for grid in grids]
-        grids = _grids_at(picture, grids)
-    grids = [_complete(grid) for grid in grids]
-    grids = [grid for grid in grids if _is_lattice(grid, scale) and _has_edges(grid, grey, scale)]
+        grids = [_complete(grid) for grid in _grids_at(picture, grids)]
+        # What a coarse picture makes of a grille, or of the cells of two boards, would else hide
+        # from the finer ones what is there.
+        size = scale << -level
+        grids = [grid for grid in grids if _is_lattice(grid, size) and _has_edges(grid, grey, size)]
     grids = [part for grid in grids for part in unfolded(grid)]
     grids = [_complete(without_strays(grid)) for grid in grids if _is_lattice(grid, scale)]
     found = [_lattice(grid, scale) for grid in grids if _is_lattice(grid, scale)]
