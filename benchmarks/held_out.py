@@ -1,11 +1,18 @@
-"""Real boards: what a camera fitted to two thirds of the lines, or corners, says of the rest."""
+"""Real boards: what a camera fitted to two thirds of the rows and columns says of the rest.
+
+Ours is fitted to lines and OpenCV's to another detector's corners, of the same rows and columns:
+corners on a row or column that is held out are no part of OpenCV's. Both cameras are then asked for
+the same points that neither saw: held-out corners, after poses from the other corners, and samples
+of held-out lines, after poses from the other lines.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -17,30 +24,59 @@ import trisquare as ts
 
 Array = npt.NDArray[np.float64]
 
-EVERY = 3  # of three lines, or diagonals of corners, one is held out
+FOLDS = 3
 SEED = 12
 TRIPLES = 10
 FIELD = cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST  # k1 and k2, as ours
 HELD = ("aspect", "focal", "principal_point", "distortion")
 GRADIENT_STEP = 0.01  # pixels
+NEAR = 0.25  # cells from a crossing within which another detector's corner is the same
+LEAST_LINES = 2  # of a direction, to learn from: four lines place a plane
+LEAST_CORNERS = 6  # to learn from: OpenCV asks for as many
+NOISE = 2.0  # standard deviations of the mean over the folds that are no difference
 
 
-@dataclass(frozen=True)
-class Corners:
-    """Corners of one board in one picture, as another detector has them."""
+class Board(NamedTuple):
+    """A board's lines, and the corners of another detector that lie on its crossings."""
 
-    grid: Array  # (N, 2), in cells
+    edges: ts.PlaneEdges
+    grid: npt.NDArray[np.int_]  # (N, 2), column and row of each corner
     pixels: Array  # (N, 2)
 
-    def of(self, held_out: bool) -> Corners:
-        """Return the corners of every third diagonal, or all others."""
-        chosen = (np.rint(self.grid).astype(int).sum(axis=1) % EVERY == EVERY - 1) == held_out
-        return Corners(self.grid[chosen], self.pixels[chosen])
+    def numbers(self) -> npt.NDArray[np.int_]:
+        """Return the number of each line among those of its direction."""
+        is_row = self.edges.lines[:, 0] == 0.0
+        offsets = -self.edges.lines[:, 2]
+        first = np.where(is_row, offsets[is_row].min(), offsets[~is_row].min())
+        return np.rint(offsets - first).astype(int)
 
-    @property
-    def on_plane(self) -> Array:
-        """The same on the board's plane, as OpenCV takes them."""
-        return np.column_stack([self.grid, np.zeros(len(self.grid))]).astype(np.float32)
+    def held_out(self, fold: int) -> Iterator[tuple[Array, Array]]:
+        """Yield a fold's lines, with their samples."""
+        for i in np.flatnonzero(self.numbers() % FOLDS == fold):
+            yield self.edges.lines[i], self.edges.points[i]
+
+    def without(self, fold: int) -> ts.PlaneEdges:
+        """Return the board without a fold of its lines."""
+        chosen = np.flatnonzero(self.numbers() % FOLDS != fold)
+        return replace(
+            self.edges,
+            lines=self.edges.lines[chosen],
+            points=tuple(self.edges.points[i] for i in chosen),
+            std=None if self.edges.std is None else tuple(self.edges.std[i] for i in chosen),
+        )
+
+    def corners(self, fold: int, held_out: bool) -> tuple[npt.NDArray[np.float32], Array]:
+        """Return corners on the board, and pixels, of a fold's rows and columns or of no such."""
+        chosen = (self.grid % FOLDS == fold).any(axis=1) == held_out
+        on_board = np.column_stack([self.grid, np.zeros(len(self.grid))])
+        return on_board[chosen].astype(np.float32), self.pixels[chosen]
+
+    def teaches(self, fold: int) -> bool:
+        """Whether both have enough of the board without a fold."""
+        kept = self.edges.lines[self.numbers() % FOLDS != fold]
+        rows = int((kept[:, 0] == 0.0).sum())
+        enough = min(rows, len(kept) - rows) >= LEAST_LINES
+        return enough and len(self.corners(fold, held_out=False)[0]) >= LEAST_CORNERS
 
 
 @dataclass(frozen=True)
@@ -48,56 +84,56 @@ class Case:
     """What is calibrated at once."""
 
     name: str
-    boards: list[ts.PlaneEdges]
-    corners: list[Corners]
+    boards: list[Board]
     size: tuple[int, int]
 
 
-@dataclass(frozen=True)
-class Scores:
-    """Root mean square distances, pixels: lines that were held out, and corners per coordinate."""
+class Score(NamedTuple):
+    """Root mean square errors of what was held out, pixels: of corners per coordinate."""
 
     lines: float
     corners: float
 
 
 def measure() -> list[Row]:
-    """Print ours and OpenCV's on their own held-out data, and each camera on the other's."""
+    """Print both cameras' errors by set, and on how many sets ours are no larger."""
     if not DATA.exists():
         return [Row("held-out error", "no ../shared/data", "ours <= OpenCV's", None)]
-    worse, better, crossed, count = [], 0, 0, 0
+    ratios: dict[str, Array] = {}
     for case in cases():
         try:
-            camera, own = _ours(case)
+            scores = np.array([_scores(case, fold) for fold in range(FOLDS)])
         except ts.TrisquareError as error:
             print(f"  {case.name}: {error}")
-            worse.append(case.name)
             continue
-        other, theirs = _opencv(case)
+        ours, theirs = scores.mean(axis=0)
+        ratios[case.name] = np.log(scores[:, 0] / scores[:, 1])
         print(
-            f"  {case.name}: ours {own.lines:.3f} px on lines, {own.corners:.3f} px on corners;"
-            f" OpenCV {theirs.corners:.3f} px on corners, {theirs.lines:.3f} px on lines"
-            f" (fx {camera.fx:.0f}, {other.fx:.0f})"
+            f"  {case.name}, {len(case.boards)} boards: lines {ours[0]:.3f} px, OpenCV"
+            f" {theirs[0]:.3f}; corners {ours[1]:.3f} px, OpenCV {theirs[1]:.3f}"
         )
-        count += 1
-        better += own.lines < theirs.corners
-        crossed += own.lines <= theirs.lines
-        if own.lines > theirs.corners:
-            worse.append(case.name)
-    return [
-        Row(
-            f"held-out lines beside OpenCV's held-out corners, {count} real sets",
-            f"ours smaller on {better}" + (f", larger on {', '.join(worse)}" if worse else ""),
-            "no worse on any",
-            not worse,
-        ),
-        Row(
-            "the same lines, for our camera and for OpenCV's (poses fitted to each)",
-            f"ours no worse on {crossed} of {count}",
-            "",
-            None,
-        ),
-    ]
+    both = {name: found.mean(axis=1, keepdims=True) for name, found in ratios.items()}
+    rows = [_row("lines and corners", both, 0)]
+    return [*rows, _row("lines", ratios, 0), _row("corners", ratios, 1)]
+
+
+def _row(what: str, ratios: dict[str, Array], column: int) -> Row:
+    """Compare the mean of the folds with its own noise."""
+    smaller, larger = 0, []
+    for name, found in ratios.items():
+        mean = found[:, column].mean()
+        noise = found[:, column].std(ddof=1) / np.sqrt(FOLDS)
+        smaller += mean < 0.0
+        if mean > NOISE * noise:
+            larger.append(f"{name} ({np.expm1(mean):+.1%})")
+    measured = f"smaller on {smaller} of {len(ratios)}"
+    good = not larger and 2 * smaller > len(ratios)
+    return Row(
+        f"held-out {what}: our camera's error beside OpenCV's, {len(ratios)} real sets",
+        measured + (f", clearly larger on {', '.join(larger)}" if larger else ""),
+        "no worse on any, better on most" if what == "lines and corners" else "",
+        good if what == "lines and corners" else None,
+    )
 
 
 def cases() -> Iterator[Case]:
@@ -105,107 +141,105 @@ def cases() -> Iterator[Case]:
     for side in ("left", "right"):
         path = DATA / "ortho-corner" / f"{side}_calib.jpg"
         reference = json.loads((path.parent / f"reference_{side}_zhang3boards.json").read_text())
-        boards = reference["boards"]
-        corners = [_corners(board["grid_ij"], board["corners_xy"]) for board in boards]
-        yield _case(f"ortho {side}", [_detected(path, "auto")], [corners])
-    views: dict[str, list[Corners]] = {}
+        corners = [board["corners_xy"] for board in reference["boards"]]
+        yield from _case(f"ortho {side}", [path], [corners])
     cube = DATA / "charuco-cube"
+    views: dict[str, list[npt.ArrayLike]] = {}
     for view in json.loads((cube / "corners_cam0.json").read_text()):
-        grid = np.array(view["obj_mm_xy"]) / 3.2
-        views.setdefault(view["image"], []).append(_corners(grid, view["corners_xy"]))
-    seen = {}
-    for name in views:
-        try:
-            seen[name] = _detected(cube / name, "auto")
-        except ts.TrisquareError as error:
-            print(f"  cube {name}: {error}")
+        views.setdefault(view["image"], []).append(view["corners_xy"])
     for name in ("cam0/7.jpg", "cam0/8.jpg"):
-        if name in seen:
-            yield _case(f"cube {name}", [seen[name]], [views[name]])
-    names = list(seen)
-    yield _case("cube pooled", [seen[name] for name in names], [views[name] for name in names])
+        yield from _case(f"cube {name}", [cube / name], [views[name]])
+    yield from _case("cube pooled", [cube / name for name in views], list(views.values()))
     chess = DATA / "opencv-chess"
-    views_of_chess = json.loads((chess / "corners_left_cornerSubPix.json").read_text())
-    found, given = [], []
-    for view in views_of_chess:
-        found.append(_detected(chess / view["image"], "chessboard:9x6"))
-        grid = np.indices(view["inner_corners"]).T.reshape(-1, 2)
-        given.append([_corners(grid, view["corners_xy"])])
-    yield _case("chess pooled", found, given)
+    seen = json.loads((chess / "corners_left_cornerSubPix.json").read_text())
+    paths, given = [chess / view["image"] for view in seen], [[v["corners_xy"]] for v in seen]
+    yield from _case("chess pooled", paths, given)
     rng = np.random.default_rng(SEED)
     for _ in range(TRIPLES):
-        triple = sorted(rng.choice(len(found), 3, replace=False).tolist())
-        yield _case(f"chess {triple}", [found[i] for i in triple], [given[i] for i in triple])
-
-
-def _detected(path: Any, targets: str) -> tuple[list[ts.PlaneEdges], tuple[int, int]]:
-    height, width = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE).shape
-    boards = [edges for edges in ts.detect(path, targets) if edges.kind == "chessboard"]
-    return boards, (width, height)
-
-
-def _corners(grid: npt.ArrayLike, pixels: npt.ArrayLike) -> Corners:
-    return Corners(np.asarray(grid, dtype=np.float64), np.asarray(pixels, dtype=np.float64))
+        triple = sorted(rng.choice(len(paths), 3, replace=False).tolist())
+        name = f"chess {triple}"
+        yield from _case(name, [paths[i] for i in triple], [given[i] for i in triple])
 
 
 def _case(
-    name: str,
-    detected: Sequence[tuple[list[ts.PlaneEdges], tuple[int, int]]],
-    corners: Iterable[list[Corners]],
-) -> Case:
-    boards: list[ts.PlaneEdges] = []
-    for image, (found, _) in enumerate(detected):
-        boards += [
-            replace(edges, image=image, plane=len(boards) + i) for i, edges in enumerate(found)
+    name: str, paths: Sequence[Path], corners: Sequence[Sequence[npt.ArrayLike]]
+) -> Iterator[Case]:
+    """Yield the boards of some pictures, with their corners, if they calibrate a camera."""
+    edges: list[ts.PlaneEdges] = []
+    height, width = cv2.imread(str(paths[0]), cv2.IMREAD_GRAYSCALE).shape
+    for image, path in enumerate(paths):
+        try:
+            found = ts.detect(path)
+        except ts.TrisquareError as error:
+            print(f"  {name}, {path.name}: {error}")
+            continue
+        edges += [
+            replace(board, image=image, plane=len(edges) + i)
+            for i, board in enumerate(board for board in found if board.kind == "chessboard")
         ]
-    return Case(name, boards, [c for some in corners for c in some], detected[0][1])
+    try:
+        result = ts.calibrate_edges(edges, (width, height))
+    except ts.TrisquareError as error:
+        print(f"  {name}: {error}")
+        return
+    boards = []
+    for board, plane in zip(edges, result.planes, strict=True):
+        pixels = np.concatenate([np.array(c, dtype=np.float64) for c in corners[board.image]])
+        boards.append(_with_corners(board, _on_plane(result.camera, plane, pixels), pixels))
+    usable = [board for board in boards if all(board.teaches(fold) for fold in range(FOLDS))]
+    yield Case(name, usable, (width, height))
 
 
-def _lines(edges: ts.PlaneEdges, held_out: bool) -> ts.PlaneEdges:
-    """Return the board with every third of its lines alone, or without them."""
-    numbers = np.arange(len(edges.lines))
-    chosen = np.flatnonzero((numbers % EVERY == EVERY // 2) == held_out)
-    return replace(
-        edges,
-        lines=edges.lines[chosen],
-        points=tuple(edges.points[i] for i in chosen),
-        std=None if edges.std is None else tuple(edges.std[i] for i in chosen),
-    )
+def _on_plane(camera: ts.Camera, plane: ts.Plane, pixels: Array) -> Array:
+    """Points of a plane at which pixels look."""
+    seen = camera.unproject(pixels) @ plane.rotation
+    camera_from_plane = plane.rotation.T @ plane.translation
+    distances = camera_from_plane[2] / seen[:, 2]
+    return np.asarray((seen * distances[:, None] - camera_from_plane)[:, :2])
 
 
-def _ours(case: Case) -> tuple[ts.Camera, Scores]:
-    result = ts.calibrate_edges([_lines(board, False) for board in case.boards], case.size)
-    scores = Scores(_line_error(case, result), _corner_error(case, result.camera))
-    return result.camera, scores
+def _with_corners(edges: ts.PlaneEdges, points: Array, pixels: Array) -> Board:
+    """Keep the corners that lie on a board's crossings."""
+    is_row = edges.lines[:, 0] == 0.0
+    offsets = [-edges.lines[~is_row, 2], -edges.lines[is_row, 2]]
+    places = points - [own.min() for own in offsets]
+    grid = np.rint(places).astype(int)
+    inside = (grid >= 0).all(axis=1) & (grid <= [np.ptp(own) for own in offsets]).all(axis=1)
+    chosen = inside & (np.abs(places - grid) < NEAR).all(axis=1)
+    return Board(edges, grid[chosen], pixels[chosen])
 
 
-def _opencv(case: Case) -> tuple[ts.Camera, Scores]:
-    kept = [corners.of(held_out=False) for corners in case.corners]
-    _, K, distortion, turns, shifts = cv2.calibrateCamera(
-        [corners.on_plane for corners in kept],
-        [corners.pixels.astype(np.float32) for corners in kept],
+def _scores(case: Case, fold: int) -> tuple[Score, Score]:
+    """Fit both cameras without a fold, and ask them for it."""
+    kept = [board.without(fold) for board in case.boards]
+    ours = ts.calibrate_edges(kept, case.size).camera
+    corners = [board.corners(fold, held_out=False) for board in case.boards]
+    _, K, distortion, _, _ = cv2.calibrateCamera(
+        [on_board for on_board, _ in corners],
+        [pixels.astype(np.float32) for _, pixels in corners],
         case.size,
         None,
         None,
         flags=FIELD,
     )
-    camera = ts.Camera(K, distortion.ravel()[:5], case.size, "radial2")
-    own = _distances(case, camera, zip(turns, shifts, strict=True))
-    # The boards' poses are fitted to two thirds of the lines, with OpenCV's camera held.
-    kept_lines = [_lines(board, False) for board in case.boards]
-    held = ts.calibrate_edges(kept_lines, case.size, fix=HELD, initial=camera)
-    return camera, Scores(_line_error(case, held), own)
+    theirs = ts.Camera(K, distortion.ravel()[:5], case.size, "radial2")
+    both = [
+        Score(_line_error(case, camera, fold), _corner_error(case, camera, fold))
+        for camera in (ours, theirs)
+    ]
+    return both[0], both[1]
 
 
-def _line_error(case: Case, result: ts.Calibration) -> float:
-    """Root mean square distance of held-out samples from the images of their lines."""
+def _line_error(case: Case, camera: ts.Camera, fold: int) -> float:
+    """Distance of held-out samples from the images of their lines."""
+    kept = [board.without(fold) for board in case.boards]
+    result = ts.calibrate_edges(kept, case.size, fix=HELD, initial=camera)
     distances = []
     for board, plane in zip(case.boards, result.planes, strict=True):
-        rest = _lines(board, True)
         homography = np.column_stack([plane.rotation[:, :2], plane.translation])
-        for line, points in zip(rest.lines, rest.points, strict=True):
+        for line, points in board.held_out(fold):
             normal = np.linalg.solve(homography.T, line)
-            distances.append(_distance(result.camera, normal, points))
+            distances.append(_distance(camera, normal, points))
     return float(np.sqrt(np.mean(np.concatenate(distances) ** 2)))
 
 
@@ -222,21 +256,13 @@ def _distance(camera: ts.Camera, normal: Array, points: Array) -> Array:
     return height(points) / np.hypot(*gradient)
 
 
-def _corner_error(case: Case, camera: ts.Camera) -> float:
-    """As OpenCV scores its own camera, poses fitted to two thirds of the corners."""
-    poses = []
-    for corners in case.corners:
-        kept = corners.of(held_out=False)
-        _, turn, shift = cv2.solvePnP(kept.on_plane, kept.pixels, camera.K, camera.distortion)
-        poses.append((turn, shift))
-    return _distances(case, camera, poses)
-
-
-def _distances(case: Case, camera: ts.Camera, poses: Iterable[tuple[Any, Any]]) -> float:
-    """Root mean square error per coordinate of held-out corners, pixels."""
+def _corner_error(case: Case, camera: ts.Camera, fold: int) -> float:
+    """Error per coordinate of held-out corners."""
     errors = []
-    for corners, (turn, shift) in zip(case.corners, poses, strict=True):
-        rest = corners.of(held_out=True)
-        seen, _ = cv2.projectPoints(rest.on_plane, turn, shift, camera.K, camera.distortion)
-        errors.append(seen.reshape(-1, 2) - rest.pixels)
+    for board in case.boards:
+        on_board, pixels = board.corners(fold, held_out=False)
+        _, turn, shift = cv2.solvePnP(on_board, pixels, camera.K, camera.distortion)
+        on_board, pixels = board.corners(fold, held_out=True)
+        seen, _ = cv2.projectPoints(on_board, turn, shift, camera.K, camera.distortion)
+        errors.append(seen.reshape(-1, 2) - pixels)
     return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))

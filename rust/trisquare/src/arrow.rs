@@ -118,18 +118,6 @@ impl ArrowSystem {
         }
     }
 
-    /// Logarithm of the determinant of the whole matrix; `None` if it is not positive definite.
-    pub fn log_determinant(&self) -> Option<f64> {
-        let mut reduced = self.prior.clone();
-        let mut sum = 0.0;
-        for block in &self.blocks {
-            let factor = Cholesky::new(block.hessian.clone())?;
-            sum += log_determinant(&factor);
-            reduced += &block.shared - eliminated(block, &factor).0;
-        }
-        Some(sum + log_determinant(&Cholesky::new(reduced)?))
-    }
-
     /// What every plane alone tells of the shared parameters, its own eliminated.
     pub fn contributions(&self) -> Option<Vec<Reduced>> {
         let contribution = |block: &Block| {
@@ -181,10 +169,6 @@ fn damped(hessian: &DMatrix<f64>, damping: f64) -> DMatrix<f64> {
         raised[(i, i)] += damping * raised[(i, i)].max(floor);
     }
     raised
-}
-
-fn log_determinant(factor: &Cholesky<f64, Dyn>) -> f64 {
-    2.0 * factor.l_dirty().diagonal().map(f64::ln).sum()
 }
 
 /// `C^T H^-1 C` and `C^T H^-1 g` of one block.

@@ -15,13 +15,17 @@ use crate::joint_fit::Fit;
 use crate::linear::{Homographies, Undistortion, first_view};
 use crate::misfit::Misfit;
 use crate::observations::{ObservedPlane, sort_by_plane};
-use crate::refine::{Refined, residuals, root_mean_square, search};
+use crate::refine::{Refined, Residual, residuals, root_mean_square, search};
+use crate::side_families::has_grid;
 use crate::squareness::Pinhole;
 use crate::task::Task;
 use crate::{Brown, Error, Fixed, ImageSize, Method, Options, PlaneEdges, set_aside};
 
 /// Candidates that must be there: of three, two cannot show which one is false.
 const LEAST_CANDIDATES: usize = 4;
+
+/// Boards that show a camera and their own errors: more than half of them are then right.
+const LEAST_BOARDS: usize = 3;
 
 /// Samples of each side that the choice looks at: a false square shows in few.
 const SAMPLES_PER_SIDE: usize = 16;
@@ -94,6 +98,9 @@ pub fn choose(edges: &[PlaneEdges], size: ImageSize, options: &Options) -> Resul
     if chooser.all_agree() {
         return Ok(Choice::of_all(&thinned));
     }
+    if let Some(choice) = chooser.beside_boards() {
+        return Ok(choice);
+    }
     let found = chooser.choice();
     Ok(found
         .filter(|choice| !chooser.is_set_aside_anyway(choice))
@@ -129,6 +136,42 @@ impl Chooser<'_> {
         let all: Vec<usize> = (0..self.planes.len()).collect();
         let refined = self.task.optimum(self.planes);
         refined.is_ok_and(|refined| self.agrees(&self.judged(&all, self.planes, refined)))
+    }
+
+    /// What agrees with boards as well as these among themselves, where they show the camera alone:
+    /// a board is no chance find, and its paper need not be as flat as its noise is small.
+    fn beside_boards(&self) -> Option<Choice> {
+        let is_board = |i: &usize| self.planes[*i].figures.iter().any(has_grid);
+        let boards: Vec<usize> = (0..self.planes.len()).filter(is_board).collect();
+        let planes: Vec<_> = boards.iter().map(|i| self.planes[*i].clone()).collect();
+        if boards.len() < LEAST_BOARDS {
+            return None;
+        }
+        let refined = self.task.optimum(&planes).ok()?;
+        if self.task.weakness(&planes, &refined).is_some() {
+            return None;
+        }
+        let of_board = |own: &Vec<Residual>| root_mean_square(own.iter());
+        let distances: Vec<f64> = refined.residuals.iter().map(of_board).collect();
+        let mut sorted = distances.clone();
+        sorted.sort_by(f64::total_cmp);
+        let limit = STICKS_OUT * sorted[sorted.len() / 2];
+        let verdict = |(i, plane): (usize, &ObservedPlane)| {
+            let residual = match boards.binary_search(&i) {
+                Ok(place) => Some(distances[place]),
+                Err(_) => self.residual(plane, &refined.view.lens),
+            };
+            let kept = residual.is_some_and(|residual| residual <= limit);
+            Verdict {
+                figure: plane.figures[0].index,
+                kept,
+                residual: residual.filter(|_| !kept),
+            }
+        };
+        Some(Choice {
+            verdicts: self.planes.iter().enumerate().map(verdict).collect(),
+            doubt: None,
+        })
     }
 
     /// The joint fit of some planes, searched from a camera.

@@ -140,6 +140,12 @@ pub(crate) fn weighed_by_noise(
     })
 }
 
+/// Variance of the noise in units of the scale at which the residuals of an optimum are summed.
+pub(crate) fn white_variance<L>(noise: &Noise, refined: &Refined<L>) -> f64 {
+    // The mean of the robust weights is below 1, as if the noise were that much smaller.
+    Loss::Tukey.mean_weight() * noise.correlation * (noise.scale / refined.scale).powi(2)
+}
+
 /// The covariance of an optimum under the correlation that its own residuals show; `None` if it
 /// is singular.
 pub(crate) fn correlated_covariance<L: Lens>(
@@ -148,16 +154,24 @@ pub(crate) fn correlated_covariance<L: Lens>(
     refined: &Refined<L>,
     noise: &Noise,
 ) -> Option<Correlated> {
-    // The mean of the robust weights is below 1, as if the noise were that much smaller.
-    let white =
-        Loss::Tukey.mean_weight() * noise.correlation * (noise.scale / refined.scale).powi(2);
+    let white = white_variance(noise, refined);
     let independent = covariance(&refined.system.leading(free.len()), white)?;
     let errors = SideErrors::gather(planes, free, &refined.view, noise, white)?;
     let strength = errors.strength()?;
-    let units = errors.unit_covariances()?;
     let contradiction = Misfit::of(planes, &refined.view, free, noise).contradiction();
+    let system = errors.marginal(&strength.mean)?;
+    // Boards with a relief have been fitted by generalised least squares, all others at weights
+    // that take the noise for white.
+    let generalised = match planes.iter().any(|plane| plane.relief.is_some()) {
+        true => Some(covariance(&system, 1.0)?),
+        false => None,
+    };
+    let units = match generalised {
+        Some(_) => Vec::new(),
+        None => errors.unit_covariances()?,
+    };
     let total_beyond = |floor: f64| {
-        let mut total = independent.clone();
+        let mut total = generalised.clone().unwrap_or_else(|| independent.clone());
         for (unit, variance) in units.iter().zip(&strength.mean) {
             total += unit * (*variance - variance_of(floor)).max(0.0);
         }
@@ -178,7 +192,6 @@ pub(crate) fn correlated_covariance<L: Lens>(
         added: &total - independent,
     };
     let focal = refined.view.lens.parameters()[0];
-    let system = errors.marginal(&strength.mean)?;
     Some(Correlated {
         covariance: total,
         disagreement: disagreement(&system, free, focal, 1.0),

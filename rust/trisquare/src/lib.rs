@@ -47,6 +47,7 @@ pub mod normal;
 mod normalisation;
 mod observations;
 mod outer;
+mod paper;
 mod parameters;
 mod photometric;
 mod picture;

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use nalgebra::{Vector2, Vector3};
 
+use crate::paper::Relief;
 use crate::{Error, Freedom, Line, PlaneEdges};
 
 /// One sample: where it was measured, and how well.
@@ -51,6 +52,8 @@ pub(crate) struct Figure {
 pub(crate) struct ObservedPlane {
     pub image: usize,
     pub figures: Vec<Figure>,
+    /// Of a board whose paper is not flat: what its samples would be on flat paper.
+    pub relief: Option<Relief>,
 }
 
 impl Figure {
@@ -142,6 +145,7 @@ pub(crate) fn sort_by_plane(edges: &[PlaneEdges]) -> Result<Vec<ObservedPlane>, 
                 planes.push(ObservedPlane {
                     image: figure_edges.image,
                     figures: vec![figure],
+                    relief: None,
                 });
             }
         }

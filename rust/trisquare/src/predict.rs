@@ -272,7 +272,11 @@ fn photographed(
             sides,
         });
     }
-    Ok(ObservedPlane { image: 0, figures })
+    Ok(ObservedPlane {
+        image: 0,
+        figures,
+        relief: None,
+    })
 }
 
 /// Samples of one side, evenly spread and each weighted as the part of the side it stands for.

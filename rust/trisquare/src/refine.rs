@@ -110,7 +110,7 @@ pub(crate) struct Refined<L> {
 
 impl<L: Lens> Refined<L> {
     /// Measures the spread of the residuals around a view.
-    fn around(
+    pub fn around(
         (view, residuals, system): (View<L>, Residuals, ArrowSystem),
         scale: f64,
         unknowns: usize,

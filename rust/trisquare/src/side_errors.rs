@@ -9,16 +9,17 @@
 //! parameters have absorbed. Marginalised over the `a_k`, the normal equations keep the shape of
 //! an arrow.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use crate::Lens;
-use crate::arrow::ArrowSystem;
+use crate::arrow::{ArrowSystem, Block};
 use crate::local_noise::Noise;
 use crate::observations::ObservedPlane;
+use crate::paper::{Relief, TERMS};
 use crate::parameters::FreeParameters;
 use crate::side_basis::ORDERS;
 use crate::side_families::{Family, families_of, spectrum};
-use crate::view::{PlaneState, View};
+use crate::view::View;
 
 /// Variances tried: from this part of what noise alone leaves of a side's mean, each so many times
 /// the last, to what moves a side by pixels.
@@ -41,6 +42,8 @@ pub(crate) struct SideErrors {
     /// Under white noise.
     system: ArrowSystem,
     families: Vec<Family>,
+    /// Of the boards' paper, by plane.
+    reliefs: Vec<Option<Relief>>,
 }
 
 /// How strongly the sides of each plane err together, all strengths weighed by how well they
@@ -60,6 +63,14 @@ impl Strength {
     }
 }
 
+/// What one plane says of the shared parameters, its own eliminated.
+struct Part {
+    information: DMatrix<f64>,
+    gradient: DVector<f64>,
+    /// Its own part of minus twice the log likelihood.
+    criterion: f64,
+}
+
 /// One strength of the side errors.
 struct Hypothesis {
     variances: Vec<f64>,
@@ -76,20 +87,28 @@ impl SideErrors {
         noise: &Noise,
         white: f64,
     ) -> Option<Self> {
-        let own = view.planes.iter().map(PlaneState::parameter_count);
-        let mut system = ArrowSystem::zeros(free.len(), own);
+        let own =
+            |p: usize| view.planes[p].parameter_count() + planes[p].relief.map_or(0, |_| TERMS);
+        let mut system = ArrowSystem::zeros(free.len(), (0..planes.len()).map(own));
         let mut families = Vec::new();
         for (p, plane) in planes.iter().enumerate() {
             let (state, block) = (&view.planes[p], &mut system.blocks[p]);
             let mut moments = noise.sides[p].iter();
             for (f, figure) in plane.figures.iter().enumerate() {
-                let mut own = families_of(figure, p, state, free);
+                let mut own = families_of(figure, p, block.hessian.nrows(), free);
                 for (index, side) in figure.sides.iter().enumerate() {
                     let moments = moments.next()?;
                     let family = own.iter_mut().find(|family| family.sides.contains(&index));
                     if let Some(family) = family {
                         let place = (state, f, index, side);
-                        family.add(place, moments, (&view.lens, free), white, block)?;
+                        family.add(
+                            place,
+                            plane.relief.as_ref(),
+                            moments,
+                            (&view.lens, free),
+                            white,
+                            block,
+                        )?;
                     }
                 }
                 families.extend(own);
@@ -98,7 +117,11 @@ impl SideErrors {
                 block.hessian.fill_diagonal(1.0);
             }
         }
-        Some(Self { system, families })
+        Some(Self {
+            system,
+            families,
+            reliefs: planes.iter().map(|plane| plane.relief).collect(),
+        })
     }
 
     /// Weighs no side errors, and those of growing strength, by their restricted likelihood.
@@ -111,6 +134,37 @@ impl SideErrors {
             found = self.hypotheses(&apart)?;
         }
         combined(&found)
+    }
+
+    /// Whether any plane is a board whose paper may not be flat.
+    pub fn has_relief(&self) -> bool {
+        self.reliefs.iter().any(Option::is_some)
+    }
+
+    /// The likeliest common variance of the sides and its criterion at a variance of the boards'
+    /// relief: no larger than one given, for what the relief explains the sides do not.
+    pub fn likeliest_at(&self, relief: f64, largest: Option<f64>) -> Option<(f64, f64)> {
+        let planes = self.system.blocks.len();
+        let criterion = |variance: f64| {
+            let part = |plane: usize| self.part(plane, relief, variance);
+            let parts: Option<Vec<Part>> = (0..planes).map(part).collect();
+            Some((variance, self.restricted(parts?.iter())?))
+        };
+        let mut best = criterion(0.0)?;
+        for index in 0..VARIANCES {
+            let variance = self.first_variance() * VARIANCE_RATIO.powi(index as i32);
+            let Some(next) = criterion(variance) else {
+                break;
+            };
+            let beyond = largest.is_some_and(|largest| variance > largest);
+            if beyond || next.1 > best.1 + HOPELESS {
+                break;
+            }
+            if next.1 < best.1 {
+                best = next;
+            }
+        }
+        Some(best)
     }
 
     /// White noise, then common variances times those of the planes.
@@ -176,12 +230,17 @@ impl SideErrors {
         let common = *best.variances.first().filter(|v| **v > 0.0)?;
         let mut variances = best.variances.clone();
         let mut criterion = best.criterion;
+        let mut parts = self.parts(&variances)?;
         for plane in 0..variances.len() {
             for index in 0..VARIANCES {
-                let mut changed = variances.clone();
-                changed[plane] = self.first_variance() * VARIANCE_RATIO.powi(index as i32);
-                if let Some(found) = self.criterion(&changed).filter(|c| *c < criterion) {
-                    (variances, criterion) = (changed, found);
+                let variance = self.first_variance() * VARIANCE_RATIO.powi(index as i32);
+                let Some(own) = self.part(plane, self.relief(plane), variance) else {
+                    continue;
+                };
+                let before = std::mem::replace(&mut parts[plane], own);
+                match self.restricted(parts.iter()).filter(|c| *c < criterion) {
+                    Some(found) => (variances[plane], criterion) = (variance, found),
+                    None => parts[plane] = before,
                 }
             }
         }
@@ -192,30 +251,80 @@ impl SideErrors {
 
     /// The normal equations marginalised over displacements of the planes' variances.
     pub fn marginal(&self, variances: &[f64]) -> Option<ArrowSystem> {
-        Some(self.marginal_and_criterion(variances)?.0)
+        let block = |(plane, variance): (usize, &f64)| {
+            Some(self.marginalise(plane, self.relief(plane), *variance)?.0)
+        };
+        let blocks: Option<Vec<Block>> = variances.iter().enumerate().map(block).collect();
+        Some(ArrowSystem {
+            prior: self.system.prior.clone(),
+            blocks: blocks?,
+        })
     }
 
     /// Minus twice the restricted log likelihood of the planes' variances, but for a constant.
     fn criterion(&self, variances: &[f64]) -> Option<f64> {
-        let (system, criterion) = self.marginal_and_criterion(variances)?;
-        let step = system.solve(0.0)?;
-        let criterion = criterion + system.log_determinant()? - 2.0 * step.predicted_decrease;
-        criterion.is_finite().then_some(criterion)
+        self.restricted(self.parts(variances)?.iter())
     }
 
-    fn marginal_and_criterion(&self, variances: &[f64]) -> Option<(ArrowSystem, f64)> {
-        let mut system = self.system.clone();
+    fn parts(&self, variances: &[f64]) -> Option<Vec<Part>> {
+        let part =
+            |(plane, variance): (usize, &f64)| self.part(plane, self.relief(plane), *variance);
+        variances.iter().enumerate().map(part).collect()
+    }
+
+    /// Takes the displacements of one plane's sides, and what is known of its relief, into its
+    /// equations; returns their part of minus twice the log likelihood.
+    fn marginalise(&self, plane: usize, relief: f64, variance: f64) -> Option<(Block, f64)> {
+        let mut block = self.system.blocks[plane].clone();
         let mut criterion = 0.0;
-        for family in &self.families {
-            let variance = match variances[family.plane] {
+        if let Some(own) = &self.reliefs[plane] {
+            criterion += own.hold(relief, &mut block);
+        }
+        for family in self.families.iter().filter(|family| family.plane == plane) {
+            let variance = match variance {
                 0.0 if family.shifted => NO_VARIANCE * self.first_variance(),
                 variance => variance,
             };
             if variance > 0.0 {
-                criterion += family.marginalise(variance, &mut system)?;
+                criterion += family.marginalise(variance, &mut block)?;
             }
         }
-        Some((system, criterion))
+        Some((block, criterion))
+    }
+
+    /// What one plane says of the shared parameters, and of its variances.
+    fn part(&self, plane: usize, relief: f64, variance: f64) -> Option<Part> {
+        let (block, criterion) = self.marginalise(plane, relief, variance)?;
+        let factor = block.hessian.cholesky()?;
+        let log_determinant = 2.0 * factor.l_dirty().diagonal().map(f64::ln).sum();
+        let pull = factor.solve(&block.gradient);
+        let own = factor.solve(&block.cross);
+        Some(Part {
+            information: block.shared - block.cross.tr_mul(&own),
+            gradient: block.shared_gradient - block.cross.tr_mul(&pull),
+            criterion: criterion + log_determinant - block.gradient.dot(&pull),
+        })
+    }
+
+    /// Variance of a plane's relief, where it has any.
+    fn relief(&self, plane: usize) -> f64 {
+        self.reliefs[plane].map_or(0.0, |relief| relief.variance)
+    }
+
+    /// Minus twice the restricted log likelihood of what all planes say together.
+    fn restricted<'a>(&self, parts: impl Iterator<Item = &'a Part>) -> Option<f64> {
+        let mut information = self.system.prior.clone();
+        let mut gradient = DVector::zeros(information.nrows());
+        let mut criterion = 0.0;
+        for part in parts {
+            information += &part.information;
+            gradient += &part.gradient;
+            criterion += part.criterion;
+        }
+        let factor = information.cholesky()?;
+        criterion += 2.0 * factor.l_dirty().diagonal().map(f64::ln).sum();
+        criterion -= gradient.dot(&factor.solve(&gradient));
+        criterion.is_finite().then_some(criterion)
     }
 }
 
@@ -278,8 +387,8 @@ mod tests {
     use crate::robust::Loss;
     use crate::side_basis::{basis, direction, places};
     use crate::synthetic::{Scene, SceneOptions};
+    use crate::view::PlaneState;
     use crate::{Fixed, Model, Pose};
-    use nalgebra::DVector;
 
     const NOISE: f64 = 0.2;
 

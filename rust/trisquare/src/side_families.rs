@@ -3,9 +3,10 @@
 use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector2, Vector3};
 
 use crate::Lens;
-use crate::arrow::{ArrowSystem, Block};
+use crate::arrow::Block;
 use crate::lens::MAX_LENS_COLUMNS;
 use crate::observations::{Figure, Side};
+use crate::paper::{Relief, TERMS};
 use crate::parameters::FreeParameters;
 use crate::side_basis::{Basis, ORDERS};
 use crate::side_moments::{Gram, SideMoments};
@@ -50,12 +51,32 @@ pub(crate) struct Family {
     pub shared: DMatrix<f64>,
 }
 
+/// Families of a figure's sides that count: those that run in one direction.
+fn directions(figure: &Figure) -> Vec<Vec<usize>> {
+    let normal = |side: usize| figure.sides[side].line.normal();
+    let parallel = |a: usize, b: usize| normal(a).perp(&normal(b)).abs() < PARALLEL;
+    let mut families: Vec<Vec<usize>> = Vec::new();
+    for side in (0..figure.sides.len()).filter(|side| !figure.sides[*side].set_aside) {
+        match families.iter_mut().find(|family| parallel(family[0], side)) {
+            Some(family) => family.push(side),
+            None => families.push(vec![side]),
+        }
+    }
+    families
+}
+
+/// Whether a figure has more than a square's lines in two directions.
+pub(crate) fn has_grid(figure: &Figure) -> bool {
+    let many = |family: &Vec<usize>| family.len() > 2;
+    figure.sides.len() > 4 && directions(figure).into_iter().filter(many).count() >= 2
+}
+
 /// The sides of a figure, those of one direction together if there are many: an error that is
 /// correlated over a third of a side is so across a third of the figure, too.
 pub(crate) fn families_of(
     figure: &Figure,
     plane: usize,
-    state: &PlaneState,
+    own: usize,
     free: &FreeParameters,
 ) -> Vec<Family> {
     let lines: Vec<Vector3<f64>> = figure
@@ -63,30 +84,19 @@ pub(crate) fn families_of(
         .iter()
         .map(|side| side.line.coefficients())
         .collect();
-    let parallel = |a: usize, b: usize| lines[a].xy().perp(&lines[b].xy()).abs() < PARALLEL;
-    let mut families: Vec<Vec<usize>> = Vec::new();
-    for side in (0..lines.len()).filter(|side| !figure.sides[*side].set_aside) {
-        match families.iter_mut().find(|family| parallel(family[0], side)) {
-            Some(family) => family.push(side),
-            None => families.push(vec![side]),
-        }
-    }
     // Opposite sides of a square are too far apart.
-    let split = families.into_iter().flat_map(|family| match family.len() {
-        0..=2 => family.into_iter().map(|side| vec![side]).collect(),
-        _ => vec![family],
-    });
+    let split = directions(figure)
+        .into_iter()
+        .flat_map(|family| match family.len() {
+            0..=2 => family.into_iter().map(|side| vec![side]).collect(),
+            _ => vec![family],
+        });
     split
         .filter_map(|sides| {
             let offset =
                 |side: usize| lines[side].z * lines[side].xy().dot(&lines[sides[0]].xy()).signum();
             let offsets: Vec<f64> = sides.iter().map(|side| offset(*side)).collect();
-            Family::new(
-                plane,
-                sides,
-                &offsets,
-                (state.parameter_count(), free.len()),
-            )
+            Family::new(plane, sides, &offsets, (own, free.len()))
         })
         .collect()
 }
@@ -127,6 +137,7 @@ impl Family {
     pub fn add<L: Lens>(
         &mut self,
         (state, figure, index, side): (&PlaneState, usize, usize, &Side),
+        relief: Option<&Relief>,
         moments: &SideMoments,
         (lens, free): (&L, &FreeParameters),
         white: f64,
@@ -141,7 +152,7 @@ impl Family {
             .component_mul(&(mirror * mirror.transpose()))
             / white;
         let pull = moments.robust.pull.component_mul(&mirror) / white;
-        let jacobian = SideJacobian::of((state, figure, side), moments, (lens, free))?;
+        let jacobian = SideJacobian::of((state, figure, side), relief, moments, (lens, free))?;
         let own = DMatrix::from_fn(ORDERS, jacobian.own.ncols(), |k, i| {
             mirror[k] * jacobian.own[(k, i)]
         });
@@ -185,7 +196,7 @@ impl Family {
 
     /// Takes the sides' displacements, of the given variance, out of the equations; returns their
     /// part of minus twice the log likelihood.
-    pub fn marginalise(&self, variance: f64, system: &mut ArrowSystem) -> Option<f64> {
+    pub fn marginalise(&self, variance: f64, block: &mut Block) -> Option<f64> {
         let count = self.sides.len();
         let mut precision = self.gram.clone();
         let mut log_determinant = ORDERS as f64 * self.log_correlation;
@@ -207,7 +218,6 @@ impl Family {
         let pull = factor.solve(&self.pull);
         let own = factor.solve(&self.own);
         let shared = factor.solve(&self.shared);
-        let block = &mut system.blocks[self.plane];
         block.hessian -= self.own.tr_mul(&own);
         block.cross -= self.own.tr_mul(&shared);
         block.shared -= self.shared.tr_mul(&shared);
@@ -228,6 +238,7 @@ impl SideJacobian {
     /// From samples spread over the side, by least squares; `None` where the lens sees none.
     fn of<L: Lens>(
         (state, figure, side): (&PlaneState, usize, &Side),
+        relief: Option<&Relief>,
         moments: &SideMoments,
         (lens, free): (&L, &FreeParameters),
     ) -> Option<Self> {
@@ -236,6 +247,7 @@ impl SideJacobian {
         let mut gram = Gram::identity() * UNSEEN;
         let mut wrt_line = SMatrix::<f64, ORDERS, 3>::zeros();
         let mut shared = SMatrix::<f64, ORDERS, MAX_LENS_COLUMNS>::zeros();
+        let mut heights = SMatrix::<f64, ORDERS, TERMS>::zeros();
         for index in nodes(&moments.places) {
             let row = &moments.rows[index];
             let sight = lens.sight(&side.samples[index].pixel)?;
@@ -245,11 +257,23 @@ impl SideJacobian {
             gram.ger(1.0, row, row, 1.0);
             wrt_line.ger(1.0, row, &distance.wrt_line, 1.0);
             shared.ger(1.0, row, &SVector::from(columns), 1.0);
+            if let Some(relief) = relief {
+                let sample = &side.samples[index];
+                let of = (lens, state);
+                // What rises displaces the sample: the residual is less by that.
+                let risen = relief.displacements(of, &line, &distance.wrt_line, sample)?;
+                heights.ger(-1.0, row, &risen, 1.0);
+            }
         }
         let factor = gram.cholesky()?;
         let own = factor.solve(&wrt_line) * state.line_jacobian(figure, side);
+        let heights = factor.solve(&heights);
+        let columns = own.ncols() + relief.map_or(0, |_| TERMS);
         Some(Self {
-            own: DMatrix::from_fn(ORDERS, own.ncols(), |k, i| own[(k, i)]),
+            own: DMatrix::from_fn(ORDERS, columns, |k, i| match i.checked_sub(own.ncols()) {
+                None => own[(k, i)],
+                Some(term) => heights[(k, term)],
+            }),
             shared: factor.solve(&shared),
         })
     }

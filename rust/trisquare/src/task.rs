@@ -9,6 +9,7 @@ use crate::geometry::{Geometry, judged_parameters};
 use crate::linear::{Homographies, Undistortion, first_view};
 use crate::local_noise::Noise;
 use crate::observations::ObservedPlane;
+use crate::paper;
 use crate::parameters::FreeParameters;
 use crate::refine::{Refined, finish, search};
 use crate::remedies;
@@ -79,6 +80,10 @@ impl<'a> Task<'a> {
             (planes, refined) = (weighed, again);
         }
         if let Some(found) = drift::accounted(&planes, &self.free, &self.judged, &refined) {
+            (planes, refined) = found;
+            noise = refined.noise(&planes);
+        }
+        if let Some(found) = paper::accounted(&planes, &self.free, &self.judged, &refined) {
             (planes, refined) = found;
             noise = refined.noise(&planes);
         }
