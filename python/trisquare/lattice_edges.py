@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -11,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trisquare.checked import FloatArray
-from trisquare.edge_shift import shift_toward_light, without_shift
+from trisquare.edge_shift import shift_toward_light, shifts_of_lines, without_shift
 from trisquare.edges import PlaneEdges
 from trisquare.outlines import Lattice
 from trisquare.spans import Samples, Span
@@ -26,11 +27,13 @@ LEAST_LINES = 2
 
 FADED = 1.05
 """Standard deviation of a sample, over the median of its line, from which a crossing takes part of
-its contrast, or it lies across one: a wrong tone curve shifts it by neither cell's amount."""
+its contrast, or it lies across one: a wrong tone curve shifts it by neither cell's amount, but by
+up to as much more as it is less certain."""
 
-TONE_SHIFT = 0.2
-"""Shift, in standard deviations of a sample, from which such samples would err by more than some
-per cent of the whole line's own deviation, and are left out."""
+MOST_DOUBT = 1.0
+"""Shift, in standard deviations of a sample, from which samples at crossings are left out: what it
+may do to them is more than their noise, and goes to and fro with the cells. Below, they are doubted
+by as much; to leave them out for less would cost short cells half of what is known of a line."""
 
 
 class GridLine(NamedTuple):
@@ -119,20 +122,19 @@ class FoundLattice:
         # do: there is no drift to account for.
         clear = [_clear_of_crossings(samples) for samples in lines]
         shift = shift_toward_light(clear)
-        usual = np.median(np.concatenate([std for _, std, _ in lines]))
-        if abs(shift) > TONE_SHIFT * usual:
+        usual = float(np.median(np.concatenate([std for _, std, _ in lines])))
+        evident = abs(shift) > MOST_DOUBT * usual
+        # It differs from line to line, as the blur across them does.
+        shifts = shifts_of_lines(clear, shift, evident=evident)
+        if evident:
             lines = clear
-            # So large a shift differs from line to line, as the blur across them does.
-            shifts = [shift_toward_light([samples]) for samples in lines]
-        else:
-            shifts = [shift] * len(lines)
         board = PlaneEdges(
             np.array(models),
             tuple(
                 without_shift(points, signs, own)
                 for (points, _, signs), own in zip(lines, shifts, strict=True)
             ),
-            tuple(std for _, std, _ in lines),
+            tuple(_doubted_at_crossings(std, shift) for _, std, _ in lines),
             plane=plane,
             kind=self.kind,
         )
@@ -161,6 +163,14 @@ def _clear_of_crossings(
     clear = std <= FADED * np.median(std)
     # Of a line of few samples, half may be too few to be a line.
     return (points[clear], std[clear], rises[clear]) if clear.sum() > 1 else samples
+
+
+def _doubted_at_crossings(std: FloatArray, shift: float) -> FloatArray:
+    """Return samples' deviations, with what a shift of the edges adds to those at crossings."""
+    usual = float(np.median(std))
+    doubt = np.where(std > FADED * usual, math.hypot(1.0, shift / usual), 1.0)
+    doubted: FloatArray = std * doubt
+    return doubted
 
 
 def _grid_lines(present: npt.NDArray[np.bool_]) -> list[GridLine]:
