@@ -40,7 +40,9 @@ def boards(rng, camera, height):
 
 @pytest.mark.parametrize("height", [0.0, 0.012])
 def test_bent_boards_give_the_camera_within_what_is_stated(height):
-    camera = ts.Camera([[1600, 0, 810], [0, 1600, 590], [0, 0, 1]], [-0.1, 0.02, 0.0, 0.0, 0.0], SIZE, "radial2")
+    camera = ts.Camera(
+        [[1600, 0, 810], [0, 1600, 590], [0, 0, 1]], [-0.1, 0.02, 0.0, 0.0, 0.0], SIZE, "radial2"
+    )
     errors, stated = [], []
     for seed in range(12):
         result = ts.calibrate_edges(boards(np.random.default_rng(seed), camera, height), SIZE)

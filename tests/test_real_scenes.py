@@ -99,5 +99,15 @@ def test_the_same_seed_draws_the_same_picture():
     again = real_picture(rng, "touching boards", (640, 480))
     np.testing.assert_array_equal(again.picture, case.picture)
     assert again.bound() == case.bound()
-    # The sensor's noise and JPEG's, neither without the other.
-    assert 0.5 * case.settings["noise"] < case.noise < 3.0 * case.settings["noise"] + 10.0
+    # Neither the sensor's noise nor JPEG's are in the ideal picture, and they are small beside it.
+    grey = again.picture if again.picture.ndim == 2 else cv2.cvtColor(again.picture, 6)
+    wrong = np.std(grey - again.ideal)
+    assert 0.5 * case.settings["noise"] < wrong < 3.0 * case.settings["noise"] + 10.0
+
+
+@pytest.mark.parametrize("kind", ["among rectangles", "tags"])
+def test_scenes_without_plain_boards_are_three_planes_to_calibrate_from(kind):
+    case = real_picture(np.random.default_rng(84), kind)
+    assert len(case.scene.targets) == 3
+    assert all(target.printed is None for target in case.scene.targets)
+    assert 0.0 < case.bound()["fx"] < 0.02 * case.scene.camera.fx

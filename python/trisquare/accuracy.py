@@ -83,25 +83,29 @@ def cramer_rao_bound(
     ValueError
         If the scene does not determine them.
     """
-    shared = [_camera_change(name) for name in free]
     counts = [6 + (target.kind == "frame") for target in scene.targets]
-    size = len(shared) + sum(counts)
+    size = len(free) + sum(counts)
     information = np.zeros((size, size))
-    first = len(shared)
+    first = len(free)
     for target, count in zip(scene.targets, counts, strict=True):
-        changes = shared + [_plane_change(i) for i in range(count)]
-        columns = np.r_[: len(shared), first : first + count]
+        changes = changes_of(free, count)
+        columns = np.r_[: len(free), first : first + count]
         sides = sample_sides(scene.camera, target, spacing)
         rows, weights = _offset_jacobian(scene.camera, target, sides, changes, spacing)
         if in_sight is not None:
             weights = weights * in_sight(np.concatenate([side.image for side in sides]))
         information[np.ix_(columns, columns)] += (rows * weights[:, None]).T @ rows / sigma**2
         first += count
-    return _standard_deviations(information, free)
+    return standard_deviations(information, free)
 
 
-def _standard_deviations(information: Array, names: Sequence[str]) -> dict[str, float]:
-    """Invert an information matrix whose first parameters have the given names."""
+def standard_deviations(
+    information: Array, names: Sequence[str], spread: Array | None = None
+) -> dict[str, float]:
+    """Invert an information matrix whose first parameters have the given names.
+
+    `spread` is the covariance of the gradient where that is not the information itself.
+    """
     diagonal = np.diag(information)
     if np.any(diagonal <= 0.0):
         raise ValueError("a parameter does not move any edge of the scene")
@@ -109,7 +113,9 @@ def _standard_deviations(information: Array, names: Sequence[str]) -> dict[str, 
     values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
     if values[0] < SINGULAR:
         raise ValueError("the scene does not determine the free parameters")
-    variances = (vectors**2 / values).sum(axis=1) * scale**2
+    inverse = (vectors / values) @ vectors.T * np.outer(scale, scale)
+    covariance = inverse if spread is None else inverse @ spread @ inverse
+    variances = np.diag(covariance)
     return {name: float(np.sqrt(variances[i])) for i, name in enumerate(names)}
 
 
@@ -131,7 +137,7 @@ def _offset_jacobian(
     derivatives = []
     for change in changes:
         moved = [
-            _project_outlines(*change(camera, target, step), target.inner, plane, of_hole)
+            project_outlines(*change(camera, target, step), target.inner, plane, of_hole)
             for step in (DIFFERENCE_STEP, -DIFFERENCE_STEP)
         ]
         slope = (moved[0] - moved[1]) / (2.0 * DIFFERENCE_STEP)
@@ -139,12 +145,17 @@ def _offset_jacobian(
     return np.stack(derivatives, axis=1), weights
 
 
-def _project_outlines(
+def project_outlines(
     camera: TrueCamera, target: Target, inner: float, plane: Array, of_hole: npt.NDArray[np.bool_]
 ) -> Array:
     """Project outline points, those of the hole scaled from size `inner` to the target's own."""
     scale = np.where(of_hole, target.inner / inner, 1.0)
     return camera.project(target.to_camera(plane * scale[:, None]))
+
+
+def changes_of(free: Sequence[str], of_plane: int) -> list[Change]:
+    """Return the changes of the free camera parameters, and those of a plane."""
+    return [_camera_change(name) for name in free] + [_plane_change(i) for i in range(of_plane)]
 
 
 def _camera_change(name: str) -> Change:

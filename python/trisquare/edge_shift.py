@@ -30,6 +30,17 @@ ROUNDING = 1e-12
 HUBER_LIMIT = 2.0
 """In robust standard deviations: beyond it a sample counts less."""
 
+LEAST_KNOWN = {False: 0.2, True: 1e-3}
+"""Part of a line's zigzag that a polynomial must leave for the line to say anything of its shift:
+of two cells it leaves a seventh, and that hangs on the samples next to the one crossing. Only where
+the shift is `evident` in every sample does such a line know it better than the others do."""
+
+MEDIAN_SQUARE = 0.455
+"""Median of a standard normal variable's square."""
+
+HALVINGS = 40
+"""Of the range in which the lines' variance is looked for: more than a float32 could tell."""
+
 MAD_TO_STD = 1.4826
 SMALLEST_SCALE = 1e-6
 
@@ -80,6 +91,46 @@ def shift_and_std(
         limit = HUBER_LIMIT * max(MAD_TO_STD * float(np.median(size[used])), SMALLEST_SCALE)
         weights = precision * np.sqrt(limit / np.maximum(size, limit))
     return shift, std
+
+
+def shifts_of_lines(
+    lines: Sequence[tuple[FloatArray, FloatArray, FloatArray]], shift: float, *, evident: bool
+) -> FloatArray:
+    """Return each line's own shift, as far as lines are seen to differ from the board's `shift`.
+
+    A line of two or three cells hardly knows its own: a zigzag of so few turns is a bend or a
+    tilt. So what each of them says is drawn to the board's, by its variance over that which the
+    lines have among themselves beyond it (the median of their squared departures in units of both
+    together is that of chance; R. C. Paule & J. Mandel, J. Res. NBS 87 (1982) 377-385).
+
+    Returns
+    -------
+    ndarray of float64, shape (L,)
+        Pixels.
+    """
+    offsets, signs, basis, weights = _padded(lines)
+    left, other = _without_polynomial(offsets, signs, basis, weights)
+    known = np.sum(other * other, axis=1)
+    known = np.where(known > LEAST_KNOWN[evident] * np.sum(weights * weights, axis=1), known, 0.0)
+    seen = known > 0.0
+    if not seen.any():
+        return np.full(len(lines), shift)
+    # Samples whose stated deviations a wrong tone curve has raised scatter less than they say.
+    scatter = (left - shift * other)[weights > 0.0]
+    variance = float(np.median(scatter * scatter)) / MEDIAN_SQUARE / known[seen]
+    variance += np.finfo(np.float64).tiny
+    departure = np.sum(other * left, axis=1)[seen] / known[seen] - shift
+    squares = departure * departure
+    low, high = 0.0, float(squares.max()) / MEDIAN_SQUARE
+    for _ in range(HALVINGS):
+        between = 0.5 * (low + high)
+        if np.median(squares / (variance + between)) > MEDIAN_SQUARE:
+            low = between
+        else:
+            high = between
+    shifts = np.full(len(lines), shift)
+    shifts[seen] += departure * low / (low + variance)
+    return shifts
 
 
 def without_shift(points: FloatArray, rises: FloatArray, shift: float) -> FloatArray:

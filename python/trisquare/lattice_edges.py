@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -11,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trisquare.checked import FloatArray
-from trisquare.edge_shift import shift_and_std, shift_toward_light, without_shift
+from trisquare.edge_shift import shift_toward_light, shifts_of_lines, without_shift
 from trisquare.edges import PlaneEdges
 from trisquare.outlines import Lattice
 from trisquare.spans import Samples, Span
@@ -25,17 +26,14 @@ LEAST_LINES = 2
 
 
 FADED = 1.05
-"""Standard deviation of a sample, over the least of its cell, from which it is left out: nearer to
-a crossing than twice the blur, `2 Phi(2) - 1 = 1 / 1.05`, a wrong tone curve shifts it by neither
-cell's amount, and a quarter of the samples is the most that costs."""
+"""Standard deviation of a sample, over the least of its cell, from which a crossing takes part of
+its contrast, `2 Phi(2) - 1 = 1 / 1.05`, or it lies across one: a wrong tone curve shifts it by
+neither cell's amount, but by up to as much more as it is less certain."""
 
-TONE_SHIFT = 0.2
-"""Shift, in standard deviations of a sample, from which such samples would err by more than some
-per cent of the whole line's own deviation, and are left out."""
-
-OWN_SHIFT = 0.3
-"""Standard deviation of a line's shift about its board's, as a part of that: blur and shade, which
-make it, differ by as much over a board that is seen at a slant."""
+MOST_DOUBT = 1.0
+"""Shift, in standard deviations of a sample, from which samples at crossings are left out: what it
+may do to them is more than their noise, and goes to and fro with the cells. Below, they are doubted
+by as much; to leave them out for less would cost short cells half of what is known of a line."""
 
 
 class GridLine(NamedTuple):
@@ -107,7 +105,7 @@ class FoundLattice:
     ) -> tuple[list[PlaneEdges], float]:
         """Return the figures, and by how much edges were shifted toward the light, pixels."""
         rows, cols = self.lattice.present.shape
-        models, lines, clear = [], [], []
+        models, lines, clear, doubted = [], [], [], []
         for line, samples in zip(_grid_lines(self.lattice.present), measured, strict=True):
             if isinstance(samples, str):
                 continue
@@ -120,25 +118,31 @@ class FoundLattice:
             lines.append((points, std, rises))
             whole = _clear_of_crossings(std, cells)
             clear.append((points[whole], std[whole], rises[whole]))
+            doubted.append(~whole)
         columns = sum(model[0] != 0.0 for model in models)
         if min(columns, len(models) - columns) < LEAST_LINES:
             return [], 0.0
         # The board's own zigzag tells the shift that a tone curve leaves, far better than profiles
         # do: there is no drift to account for.
         shift = shift_toward_light(clear)
-        usual = np.median(np.concatenate([std for _, std, _ in lines]))
-        if abs(shift) > TONE_SHIFT * usual:
-            lines = clear
-            shifts = [_own_shift(samples, shift) for samples in lines]
+        usual = float(np.median(np.concatenate([std for _, std, _ in lines])))
+        evident = abs(shift) > MOST_DOUBT * usual
+        # It differs from line to line, as the blur across them does.
+        shifts = shifts_of_lines(clear, shift, evident=evident)
+        if evident:
+            lines, deviations = clear, [std for _, std, _ in clear]
         else:
-            shifts = [shift] * len(lines)
+            deviations = [
+                _with_doubt(std, at_crossings, shift)
+                for (_, std, _), at_crossings in zip(lines, doubted, strict=True)
+            ]
         board = PlaneEdges(
             np.array(models),
             tuple(
                 without_shift(points, signs, own)
                 for (points, _, signs), own in zip(lines, shifts, strict=True)
             ),
-            tuple(std for _, std, _ in lines),
+            tuple(deviations),
             plane=plane,
             kind=self.kind,
         )
@@ -165,18 +169,15 @@ def _clear_of_crossings(std: FloatArray, cells: npt.NDArray[np.intp]) -> npt.NDA
     """Tell which samples of a line have the whole contrast of their cell."""
     least = np.full(cells.max() + 1, np.inf)
     np.minimum.at(least, cells, std)
-    return np.asarray(std <= FADED * least[cells])
+    whole = std <= FADED * least[cells]
+    # Of a line of few samples, these may be too few to be a line.
+    return np.asarray(whole if whole.sum() > 1 else np.ones_like(whole))
 
 
-def _own_shift(samples: tuple[FloatArray, FloatArray, FloatArray], usual: float) -> float:
-    """Return a line's shift, which differs from its board's usual one as the blur across it does.
-
-    The mean of what the line tells and of the usual one, by their precisions: a line of few cells
-    tells next to nothing.
-    """
-    own, std = shift_and_std([samples])
-    spread = OWN_SHIFT * abs(usual)
-    return usual + (own - usual) * spread**2 / (spread**2 + std**2)
+def _with_doubt(std: FloatArray, at_crossings: npt.NDArray[np.bool_], shift: float) -> FloatArray:
+    """Return samples' deviations, with what a shift of the edges adds to those at crossings."""
+    doubt = math.hypot(1.0, shift / float(np.median(std)))
+    return np.where(at_crossings, doubt * std, std)
 
 
 def _grid_lines(present: npt.NDArray[np.bool_]) -> list[GridLine]:

@@ -1,11 +1,13 @@
 """Scenes like those that people photograph: boards in corners, on boxes and anywhere, with truth.
 
 Three chessboards meet in the corner of a room or of a box, or hang free; some are seen at 70
-degrees, cut by the picture's border, or have an arm before them; squares may stand beside them.
+degrees, cut by the picture's border, or have an arm before them; squares may stand beside them. Or there are
+three squares among many rectangles, tags, or ChArUco boards on a box.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
@@ -14,10 +16,13 @@ import numpy as np
 import numpy.typing as npt
 
 from .accuracy import cramer_rao_bound, pixel_sigma
+from .false_squares import mixed_scene
 from .overlays import Overlay, polygon_mask
+from .picture_bound import picture_bound
 from .render import WHITE, Image, quantised, render
-from .scene import Array, Scene, Target, TrueCamera, rectangle, sample_sides
+from .scene import Array, Scene, Target, TrueCamera, rectangle
 from .simulate import faces_camera, inside, random_camera, separated, tilted
+from .tagged_scenes import charuco_box_scene, tag_scene
 
 RealKind = Literal[
     "room corner",
@@ -28,6 +33,9 @@ RealKind = Literal[
     "cut by the border",
     "partly hidden",
     "beside squares",
+    "among rectangles",
+    "tags",
+    "charuco box",
 ]
 KINDS: tuple[RealKind, ...] = get_args(RealKind)
 
@@ -75,6 +83,16 @@ ARM_WIDTHS = (0.03, 0.09)
 SKIN = np.array([0.45, 0.62, 1.0])
 SKIN_LIGHT = (0.1, 0.5)
 
+TAG_SIDES = (150.0, 260.0)
+"""Pixels, before foreshortening: three smaller tags tell too little of a camera."""
+
+CHARUCO_CELLS = (4, 6)
+"""Cells of a ChArUco board per direction."""
+
+CHARUCO_CELL_PIXELS = 24.0
+"""Shortest side of its cells in the picture: a marker's white rim, an eighth of it, is then as wide
+as the widest blur's two flanks."""
+
 ANSWERABLE = 0.004
 """Of the width: the bound of fx, cx and cy beyond which a scene is drawn again, since it is near
 where a calibration is rightly refused (3 % of f or 2 % of the width, four times over)."""
@@ -89,6 +107,14 @@ MOST_DRAWS = 20_000
 """Scenes are drawn by rejection; of some kinds one in a hundred is good."""
 
 
+FIGURES: Mapping[str, Callable[[np.random.Generator, TrueCamera], Scene]] = {
+    "among rectangles": lambda rng, camera: mixed_scene(rng, camera=camera).scene,
+    "tags": lambda rng, camera: tag_scene(rng, sides=TAG_SIDES, camera=camera)[0],
+    "charuco box": lambda rng, camera: _charuco_box(rng, camera),
+}
+"""Scenes without plain boards."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class RealPicture:
     """A rendered photograph and its truth.
@@ -99,28 +125,32 @@ class RealPicture:
     kind : str
         One of `KINDS`.
     scene : Scene
+        What is to be calibrated from: without rectangles that are no squares.
     settings : dict
         What `render` was given.
-    noise : float
-        Root mean square of what is wrong with the grey pixels along the edges: the sensor's noise,
-        of which the mean of three colours has less, and what JPEG does; grey levels.
+    ideal : ndarray of float32, shape (H, W)
+        The grey picture without noise and JPEG, 0 to 255.
     """
 
     picture: Image
     kind: RealKind
     scene: Scene
     settings: dict[str, Any]
-    noise: float
+    ideal: npt.NDArray[np.float32]
 
     def in_sight(self, points: Array) -> npt.NDArray[np.bool_]:
         """Whether pixels, shape (N, 2), are in the picture and nothing lies over them."""
         return _in_sight(self.scene.camera, self.settings["overlays"], points)
 
     def bound(self) -> dict[str, float]:
-        """Smallest standard deviations of a calibration from what is in sight, with this noise."""
-        settings = self.settings
-        sigma = pixel_sigma(self.noise, settings["contrast"], settings["blur"])
-        return _bound(self.scene, sigma, settings["overlays"])
+        """Return standard deviations of a calibration by all pixels along the edges in sight.
+
+        Their errors are the photograph's own: the sensor's noise, of which the mean of three
+        colours has less, and what JPEG does, however that hangs together within its blocks.
+        """
+        wrong = _grey(self.picture.astype(np.float32)) - self.ideal
+        blur = self.settings["blur"]
+        return picture_bound(self.scene, self.ideal, wrong, blur, in_sight=self.in_sight)
 
 
 def real_picture(
@@ -156,33 +186,26 @@ def real_picture(
         if _smallest_cell(scene) < CELL_PIXELS[0] or not _answerable(scene, sigma, arms):
             continue
         settings["overlays"] = arms
-        picture, noise = _photograph(rng, scene, settings)
-        return RealPicture(picture, kind, scene, settings, noise)
+        return _photographed(rng, kind, scene, settings)
     raise ValueError(f"no scene of the kind {kind!r} fits")
 
 
-def _photograph(
-    rng: np.random.Generator, scene: Scene, settings: dict[str, Any]
-) -> tuple[Image, float]:
-    """Render a scene, and tell how wrong the grey pixels along its edges are, in grey levels."""
-    ideal = render(
-        scene, rng, **{**settings, "noise": 0.0, "jpeg_quality": None, "dtype": np.float32}
-    )
-    coded = ideal.reshape(*ideal.shape[:2], -1).astype(np.float64)
+def _photographed(
+    rng: np.random.Generator, kind: RealKind, scene: Scene, settings: dict[str, Any]
+) -> RealPicture:
+    """Render a scene, and keep what it would be without noise."""
+    clean = {**settings, "noise": 0.0, "jpeg_quality": None, "dtype": np.float32}
+    coded = render(scene, rng, **clean)
+    ideal = np.asarray(WHITE * _grey(coded), np.float32)
+    coded = coded.reshape(*coded.shape[:2], -1).astype(np.float64)
     coded += settings["noise"] / WHITE * rng.standard_normal(coded.shape)
     picture = quantised(coded, np.dtype(np.uint8), settings["jpeg_quality"])
-    wrong = _grey(picture.astype(np.float32)) - WHITE * _grey(ideal)
-    points = np.concatenate(
-        [
-            side.image + step * side.normal
-            for target in scene.targets
-            for side in sample_sides(scene.camera, target, 2.0)
-            for step in (-1.0, 1.0)
-        ]
-    )
-    points = points[_in_sight(scene.camera, settings["overlays"], points)]
-    x, y = np.rint(points).astype(int).T
-    return picture, float(np.sqrt(np.mean(wrong[y, x] ** 2)))
+    wanted = Scene(scene.camera, tuple(target for target in scene.targets if _is_wanted(target)))
+    return RealPicture(picture, kind, wanted, settings, ideal)
+
+
+def _is_wanted(target: Target) -> bool:
+    return target.printed is None
 
 
 def _grey(picture: Image) -> Image:
@@ -214,6 +237,11 @@ def _camera(rng: np.random.Generator, image_size: tuple[int, int]) -> TrueCamera
 
 def _scene(rng: np.random.Generator, kind: RealKind, camera: TrueCamera) -> Scene | None:
     """Draw the targets of a scene; None if they do not go together."""
+    if kind in FIGURES:
+        try:
+            return FIGURES[kind](rng, camera)
+        except ValueError:  # it does not fit this camera's picture
+            return None
     if kind in ("free boards", "steep board"):
         return _free(rng, camera, boards=3, squares=0, steep=kind == "steep board")
     if kind == "beside squares":
@@ -299,6 +327,15 @@ def _free(
     return None if _overlap(targets) else Scene(camera, tuple(targets))
 
 
+def _charuco_box(rng: np.random.Generator, camera: TrueCamera) -> Scene:
+    """Three ChArUco boards of small codes on a box, near enough for their markers' white rims."""
+    squares = int(rng.integers(CHARUCO_CELLS[0], CHARUCO_CELLS[1] + 1))
+    scene = charuco_box_scene(rng, squares=squares, name="4X4_1000", camera=camera)
+    if _smallest_cell(scene) < CHARUCO_CELL_PIXELS:
+        raise ValueError("the cells are too small")
+    return scene
+
+
 def _facing(rotation: Array, centre: Array, **options: Any) -> Target | None:
     return Target(rotation, centre, **options) if faces_camera(rotation, centre) else None
 
@@ -377,9 +414,9 @@ def _partly_shown(scene: Scene, overlays: list[Overlay]) -> bool:
 
 def _smallest_cell(scene: Scene) -> float:
     """Length of the shortest side of any board's cell, pixels."""
-    shortest = []
+    shortest = [np.inf]
     for number, target in enumerate(scene.targets):
-        if target.kind == "chessboard":
+        if target.is_board:
             columns, rows = target.inner_corners
             grid = scene.image_points(number, target.board_corners()).reshape(rows, columns, 2)
             shortest += [np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1)]
@@ -397,6 +434,7 @@ def _bound(scene: Scene, sigma: float, overlays: list[Overlay]) -> dict[str, flo
 
 def _answerable(scene: Scene, sigma: float, overlays: list[Overlay]) -> bool:
     """Whether what is in sight determines the camera well enough to be answered."""
+    scene = Scene(scene.camera, tuple(target for target in scene.targets if _is_wanted(target)))
     try:
         bound = _bound(scene, sigma, overlays)
     except ValueError:

@@ -308,15 +308,13 @@ class SideSamples(NamedTuple):
 
 
 def sample_sides(camera: TrueCamera, target: Target, spacing: float) -> list[SideSamples]:
-    """Sample a figure's sides, or a chessboard's grid lines, `spacing` pixels apart.
+    """Sample a figure's sides, or a board's grid lines, `spacing` pixels apart.
 
     Each side is cut into equal pieces and sampled in their middles; a grid line runs between the
     outermost crossings.
     """
-    if target.kind == "chessboard":
+    if target.is_board:
         sides = [(start, end, 0.0) for start, end in target.grid_lines()]
-    elif target.is_board:
-        raise ValueError("a board with markers has no outline to sample; use its corners")
     else:
         sides = [
             (outline[i], outline[(i + 1) % 4], float(bows[i]))

@@ -1,0 +1,171 @@
+"""The best accuracy that a rendered picture itself allows: every pixel along its edges counts.
+
+`cramer_rao_bound` takes an edge to be alone, evenly lit, and its noise to be white. In a picture
+edges cross and take contrast from each other, light falls off, and JPEG's errors hang together:
+here slopes and errors are those of the picture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from .accuracy import (
+    DIFFERENCE_STEP,
+    Change,
+    InSight,
+    changes_of,
+    project_outlines,
+    standard_deviations,
+)
+from .scene import Array, Scene, Target, TrueCamera, sample_sides
+
+BAND_BLURS = 3.0
+"""Pixels within so many blurs of an edge know of its place."""
+
+BLOCK = 8
+"""Pixels: JPEG codes the picture in blocks of this side, whose errors are taken to be independent
+of each other, though not within them."""
+
+
+def picture_bound(
+    scene: Scene,
+    ideal: npt.NDArray[np.float32],
+    wrong: npt.NDArray[np.float32],
+    blur: float,
+    *,
+    free: Sequence[str] = ("fx", "fy", "cx", "cy", "k1", "k2"),
+    in_sight: InSight | None = None,
+) -> dict[str, float]:
+    """Return standard deviations of least squares on all pixels along a scene's edges.
+
+    With `J` the derivatives of the pixels by all parameters and `e` their errors, these are the
+    roots of the diagonal of ``(J^T J)^-1 (sum_b g_b g_b^T) (J^T J)^-1`` where ``g_b = J_b^T e_b``
+    sums over the pixels of block `b` (P. J. Huber, Proc. 5th Berkeley Symp. 1 (1967) 221-233): the
+    Cramer-Rao bound if the errors are white.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is to be calibrated from.
+    ideal, wrong : ndarray, shape (H, W)
+        The grey picture without noise, and what the photograph has on top of it.
+    blur : float
+        Standard deviation of the optical blur, pixels.
+    free : sequence of str
+        As for `cramer_rao_bound`.
+    in_sight : callable, optional
+        Tells of pixels, shape (N, 2), which of them show the scene.
+
+    Returns
+    -------
+    dict of str to float
+        One standard deviation for each free parameter.
+
+    Raises
+    ------
+    ValueError
+        If the picture does not determine them.
+    """
+    information, pulled = _sums(scene, ideal, wrong, blur, free, in_sight)
+    return standard_deviations(information, free, pulled.T @ pulled)
+
+
+def _sums(
+    scene: Scene,
+    ideal: npt.NDArray[np.float32],
+    wrong: npt.NDArray[np.float32],
+    blur: float,
+    free: Sequence[str],
+    in_sight: InSight | None,
+) -> tuple[Array, Array]:
+    """Return `J^T J`, shape (P, P), and `J_b^T e_b` of all blocks, shape (B, P)."""
+    slopes = [_slope(ideal, axis) for axis in (1, 0)]
+    counts = [6 + (target.kind == "frame") for target in scene.targets]
+    size = len(free) + sum(counts)
+    information = np.zeros((size, size))
+    blocks: dict[int, Array] = {}
+    first = len(free)
+    for target, count in zip(scene.targets, counts, strict=True):
+        pixels = _along_edges(scene.camera, target, ideal.shape, blur)
+        if in_sight is not None:
+            pixels = pixels[in_sight(pixels.astype(np.float64))]
+        plane = _plane_points(scene.camera, target, pixels.astype(np.float64))
+        if target.kind == "charuco":
+            line = ~_of_marker(target, plane)
+            pixels, plane = pixels[line], plane[line]
+        x, y = pixels.T
+        flow = _flow(scene.camera, target, plane, changes_of(free, count))
+        rows = flow[..., 0] * slopes[0][y, x, None] + flow[..., 1] * slopes[1][y, x, None]
+        columns = np.r_[: len(free), first : first + count]
+        information[np.ix_(columns, columns)] += rows.T @ rows
+        number = (y // BLOCK) * (ideal.shape[1] // BLOCK + 1) + x // BLOCK
+        for block, pull in zip(*_summed(number, rows * wrong[y, x, None]), strict=True):
+            blocks.setdefault(block, np.zeros(size))[columns] += pull
+        first += count
+    return information, np.array(list(blocks.values()))
+
+
+def _slope(picture: npt.NDArray[np.float32], axis: int) -> Array:
+    """Return the derivative along an axis, exact up to the pixels' own frequency: by Fourier's series."""
+    mirrored = np.concatenate([picture, np.flip(picture, axis)], axis).astype(np.float64)
+    count = mirrored.shape[axis]
+    frequency = 2.0 * np.pi * np.fft.rfftfreq(count)
+    if axis == 0:
+        frequency = frequency[:, None]
+    whole = np.fft.irfft(1j * frequency * np.fft.rfft(mirrored, axis=axis), count, axis)
+    return np.asarray(np.take(whole, range(picture.shape[axis]), axis))
+
+
+def _along_edges(
+    camera: TrueCamera, target: Target, shape: tuple[int, ...], blur: float
+) -> npt.NDArray[np.intp]:
+    """Pixels x, y near a target's sides or grid lines, shape (N, 2)."""
+    mask = np.zeros(shape, np.uint8)
+    width = int(np.ceil(2.0 * BAND_BLURS * np.hypot(blur, 12.0**-0.5))) + 1
+    for side in sample_sides(camera, target, 2.0):
+        path = np.rint(side.image).astype(np.int32)
+        cv2.polylines(mask, [path.reshape(-1, 1, 2)], False, 1, width)
+    y, x = np.nonzero(mask)
+    return np.stack([x, y], axis=1)
+
+
+def _plane_points(camera: TrueCamera, target: Target, pixels: Array) -> Array:
+    """Points of the target's plane that pixels show, shape (N, 2)."""
+    rays = np.column_stack([camera.undistort(pixels), np.ones(len(pixels))])
+    axes = np.column_stack([target.rotation[:, :2], target.translation])
+    plane = np.linalg.solve(axes, rays.T).T
+    return np.asarray(plane[:, :2] / plane[:, 2:])
+
+
+def _of_marker(target: Target, plane: Array) -> npt.NDArray[np.bool_]:
+    """Whether points of a ChArUco board are nearer to a marker's border than to a grid line."""
+    cells = plane / target.cell_size + 0.5 * (np.array(target.inner_corners) + 1.0)
+    light = np.floor(cells).sum(axis=1) % 2.0 == 1.0
+    from_middle = np.abs(cells - np.floor(cells) - 0.5).max(axis=1)
+    return np.asarray(light & (from_middle < 0.25 * (1.0 + target.inner)))
+
+
+def _flow(camera: TrueCamera, target: Target, plane: Array, changes: Sequence[Change]) -> Array:
+    """How far what is seen of points of a plane moves per change, shape (N, P, 2)."""
+    # Of a frame, what is nearer to the hole than to the outline moves with the hole.
+    of_hole = np.abs(plane).max(axis=1) < 0.25 * (1.0 + target.inner)
+    of_hole &= target.kind == "frame"
+    flows = []
+    for change in changes:
+        moved = [
+            project_outlines(*change(camera, target, step), target.inner, plane, of_hole)
+            for step in (DIFFERENCE_STEP, -DIFFERENCE_STEP)
+        ]
+        flows.append((moved[1] - moved[0]) / (2.0 * DIFFERENCE_STEP))
+    return np.stack(flows, axis=1)
+
+
+def _summed(number: npt.NDArray[np.intp], rows: Array) -> tuple[list[int], Array]:
+    """Return the sums of rows of equal number."""
+    order = np.argsort(number, kind="stable")
+    kinds, starts = np.unique(number[order], return_index=True)
+    return kinds.tolist(), np.add.reduceat(rows[order], starts, axis=0)
