@@ -266,6 +266,8 @@ def _nothing(wanted: Targets, drawn: Sequence[object] | None) -> str:
 
 def _placed(figure: PlaneEdges, image: int, planes_before: int) -> PlaneEdges:
     plane = None if figure.plane is None else figure.plane + planes_before
+    if (figure.image, figure.plane) == (image, plane):  # another copy would be checked anew
+        return figure
     return replace(figure, image=image, plane=plane)
 
 
