@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import fields
 from types import MappingProxyType
 from typing import Any, TypeAlias
@@ -62,6 +63,8 @@ def real_array(value: Any, name: str, shape: tuple[int | None, ...]) -> FloatArr
 
 def real_number(value: Any, name: str) -> float:
     """Return `value` as a finite float, or raise TypeError or ValueError naming it."""
+    if type(value) is float and math.isfinite(value):  # most are: an array costs ten times that
+        return value
     return float(real_array(value, name, ()))
 
 

@@ -247,9 +247,10 @@ def _samples_of_lines(points: Any, count: int) -> tuple[FloatArray, ...]:
         if hasattr(given, "__len__") and len(given) == 0:
             raise NotEnoughDataError(f"{name} is empty: a line needs at least 2 points")
         array = real_array(given, name, (None, 2))
-        if not (np.abs(array) <= MAX_COORDINATE).all():
+        low, high = array.min(axis=0, initial=np.inf), array.max(axis=0, initial=-np.inf)
+        if max(high.max(), -low.min()) > MAX_COORDINATE:
             raise ValueError(f"{name} holds coordinates beyond {MAX_COORDINATE:g} px")
-        if not np.ptp(array, axis=0).any():
+        if not (low < high).any():
             raise NotEnoughDataError(f"{name} holds one distinct point: a line needs at least 2")
         samples.append(array)
     return tuple(samples)

@@ -140,4 +140,6 @@ def _nothing(targets: Targets, drawn: Sequence[DrawnTarget] | None) -> str:
 
 def _placed(figure: PlaneEdges, image: int, planes_before: int) -> PlaneEdges:
     plane = None if figure.plane is None else figure.plane + planes_before
+    if (figure.image, figure.plane) == (image, plane):  # another copy would be checked anew
+        return figure
     return replace(figure, image=image, plane=plane)

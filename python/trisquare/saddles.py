@@ -207,6 +207,8 @@ def _crossings(picture: NDArray[np.uint8], points: FloatArray) -> Saddles:
     step = mean[every, light] - mean[every, dark]
     level = 0.5 * (mean[every, light] + mean[every, dark])
     alternate = lightest.min(axis=1) - darkest.max(axis=1) > MIN_ALTERNATION * step
+    if not alternate.any():  # as in a picture of squares
+        return Saddles(points[:0], np.empty((0, 2, 2)))
 
     above = mean - level[:, None]
     following = np.roll(above, -1, axis=1)

@@ -5,10 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from trisquare.rejected import Rejected
-from trisquare.sheet_layout import Layout, parse_layout
 from trisquare.tag_names import APRILTAG, ARUCO, DICTIONARIES, TagSearch, dictionary_name
+
+if TYPE_CHECKING:
+    from trisquare.sheet_layout import Layout
 
 SMALLEST_BOARD = 3
 """Inner corners per direction that a chessboard must have."""
@@ -69,6 +72,8 @@ class Targets:
             name = dictionary_name(text.removeprefix("tags:"))
             return cls(tags=TagSearch((name,), stated=True))
         if text.startswith(("charuco:", "aruco:", "apriltag:")) or text.lower().endswith(".json"):
+            from trisquare.sheet_layout import parse_layout  # loads pathlib: only where asked for
+
             return cls(layout=parse_layout(text))
         match = re.fullmatch(r"chessboard:(\d{1,3})x(\d{1,3})", text)
         if match is None:
