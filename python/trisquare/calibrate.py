@@ -96,7 +96,9 @@ def calibrate(
     gathered = gather(sources, wanted, tone, outlines, progress)
     by_hand = outlines is not None
     figures, size = gathered.figures, gathered.image_size
-    with told_on_failure(figures, gathered.rejected, sources, wanted):
+    # Where outlines are drawn by hand, no search has passed anything over.
+    searched_for = Targets() if by_hand else wanted
+    with told_on_failure(figures, gathered.rejected, sources, searched_for):
         if not figures:
             # What was not used is told with its place, once the error is on its way.
             untold = [text for text in gathered.warnings if not told(text, gathered.rejected)]
