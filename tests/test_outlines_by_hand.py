@@ -153,8 +153,11 @@ def test_an_outline_without_an_edge_is_named_and_left_out():
     np.testing.assert_array_equal(rejected.corners, nowhere[0])
     assert '"squares[3].corners": no edge within 8 px of its side' in rejected.reason
     assert any(rejected.reason in warning for warning in result.warnings)
-    with pytest.raises(ts.DetectionError, match=r"squares\[0\].corners"):
+    with pytest.raises(ts.DetectionError, match=r"squares\[0\].corners") as failed:
         ts.calibrate(PHOTO, outlines=own_file([nowhere]))
+    # Told once, and what a search would have passed over is not.
+    (reason,) = [candidate.reason for candidate in failed.value.rejected]
+    assert str(failed.value).count(reason) == 1
     with pytest.raises(ts.DetectionError, match=r"outlines\[0\]"):
         ts.detect(PHOTO, outlines=nowhere)
 

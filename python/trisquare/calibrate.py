@@ -18,6 +18,7 @@ from trisquare.gathering import gather
 from trisquare.model_alternative import ModelAlternative
 from trisquare.picture_tone import PictureTone, pooled, shift_warnings
 from trisquare.pictures import ImageSource, Outlines, Tone
+from trisquare.rejected import told
 from trisquare.result import Calibration, Plane
 from trisquare.settings import Settings
 from trisquare.targets import Targets, nothing_found
@@ -95,10 +96,13 @@ def calibrate(
     gathered = gather(sources, wanted, tone, outlines, progress)
     by_hand = outlines is not None
     figures, size = gathered.figures, gathered.image_size
-    with told_on_failure(figures, gathered.rejected, sources, wanted):
+    # Where outlines are drawn by hand, no search has passed anything over.
+    searched_for = Targets() if by_hand else wanted
+    with told_on_failure(figures, gathered.rejected, sources, searched_for):
         if not figures:
-            nothing = nothing_found(wanted, gathered.rejected)
-            raise DetectionError("; ".join(gathered.warnings) if by_hand else nothing)
+            # What was not used is told with its place, once the error is on its way.
+            untold = [text for text in gathered.warnings if not told(text, gathered.rejected)]
+            raise DetectionError("; ".join(untold) if by_hand else nothing_found(wanted))
         # What was asked for by its layout or drawn by hand is vouched for.
         if wanted.squares and not by_hand:
             chosen = choose(

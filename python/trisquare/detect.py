@@ -26,6 +26,8 @@ def detect(
 ) -> list[PlaneEdges]:
     """Find planar targets and measure their edges.
 
+    All that is found is returned; `calibrate` chooses of it what one camera explains.
+
     Parameters
     ----------
     image : path or ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
@@ -57,8 +59,9 @@ def detect(
     Returns
     -------
     list of PlaneEdges
-        Samples in pixels with a standard deviation each. A frame gives two figures that share
-        their `plane`.
+        Samples in pixels with a standard deviation each; `kind` is ``"square"``, ``"frame"``,
+        ``"tag"``, ``"chessboard"``, ``"charuco"`` or ``"sheet"``. What lies on one sheet shares
+        its `plane`: the two outlines of a frame, a ChArUco board's chessboard and its markers.
 
     Raises
     ------

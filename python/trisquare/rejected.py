@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -52,6 +53,11 @@ class Rejected(RebuiltByConstructor):
     def __repr__(self) -> str:
         x, y = self.corners.mean(axis=0).tolist()
         return f"<Rejected {self.kind} in image {self.image} at ({x:.0f}, {y:.0f}): {self.reason}>"
+
+
+def told(warning: str, rejected: Sequence[Rejected]) -> bool:
+    """Whether a warning says of one of the rejected why it was not used."""
+    return any(candidate.reason in warning for candidate in rejected)
 
 
 def rejected_members(candidate: Rejected) -> dict[str, Any]:

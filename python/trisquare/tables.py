@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from trisquare.camera import Camera, camera_parameters
+from trisquare.rejected import told
 from trisquare.result import Calibration, decimals_shown
 
 MOST_REJECTED = 10
@@ -99,15 +100,20 @@ def _summary(calibration: Calibration) -> Text:
 
 
 def _rejected(calibration: Calibration) -> list[Text]:
-    """Lay out a line for each of the first candidates that were not used."""
+    """Lay out a line for each of the first candidates that were not used, if no warning does."""
     lines = []
-    for candidate in calibration.rejected[:MOST_REJECTED]:
+    untold = [
+        candidate
+        for candidate in calibration.rejected
+        if not any(told(warning, [candidate]) for warning in calibration.warnings)
+    ]
+    for candidate in untold[:MOST_REJECTED]:
         x, y = candidate.corners.mean(axis=0).tolist()
         residual = "" if candidate.residual is None else f", {candidate.residual:.3g} px"
         place = f"({x:.0f}, {y:.0f}) of image {candidate.image}"
         lines.append(f"not used: {candidate.kind} around {place}: {candidate.reason}{residual}")
-    if len(calibration.rejected) > MOST_REJECTED:
-        lines.append(f"not used: {len(calibration.rejected) - MOST_REJECTED} more")
+    if len(untold) > MOST_REJECTED:
+        lines.append(f"not used: {len(untold) - MOST_REJECTED} more")
     return [Text(line, style="dim") for line in lines]
 
 

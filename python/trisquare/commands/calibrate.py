@@ -25,6 +25,7 @@ from trisquare.drawings import Drawings
 from trisquare.files import write_atomically
 from trisquare.sheet_layout import parse_layout
 from trisquare.tables import calibration_report
+from trisquare.targets import Targets
 
 
 def calibrate_command(
@@ -113,8 +114,10 @@ def calibrate_command(
     if board is not None:
         targets = _targets_of_board(board, targets)
     tone_curve = _tone(tone)
+    # Where outlines are drawn by hand, no search passes anything over.
+    searched_for = Targets.parse(targets) if outline is None else Targets()
     with (
-        drawn_on_failure(photos, debug_images, targets),
+        drawn_on_failure(photos, debug_images, searched_for),
         _progress(len(photos)) as progress,
     ):
         calibration = calibrate(
@@ -127,7 +130,9 @@ def calibrate_command(
             outlines=outline,
             progress=progress,
         )
-    contents = findings(photos, debug_images, targets, calibration.planes, calibration.rejected)
+    contents = findings(
+        photos, debug_images, searched_for, calibration.planes, calibration.rejected
+    )
     drawings = Drawings.read(outline, photos) if overlays and outline is not None else None
     for index, (photo, path) in enumerate(zip(photos, overlays, strict=False)):
         contents[path] = overlay_of(calibration, photo, index, path, targets, tone_curve, drawings)

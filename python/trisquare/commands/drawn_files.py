@@ -66,7 +66,9 @@ def overlay_of(
 
 
 @contextmanager
-def drawn_on_failure(photos: Sequence[Path], paths: Sequence[Path], targets: str) -> Iterator[None]:
+def drawn_on_failure(
+    photos: Sequence[Path], paths: Sequence[Path], targets: Targets
+) -> Iterator[None]:
     """Write the debug pictures when what the photographs show is refused."""
     try:
         yield
@@ -80,7 +82,7 @@ def drawn_on_failure(photos: Sequence[Path], paths: Sequence[Path], targets: str
 def findings(
     photos: Sequence[Path],
     paths: Sequence[Path],
-    targets: str,
+    targets: Targets,
     found: Sequence[Place],
     rejected: Sequence[Rejected],
 ) -> dict[PathLike, bytes]:
@@ -92,7 +94,7 @@ def findings(
         known = {candidate.corners.tobytes() for candidate in rejected if candidate.image == index}
         passed_over = [
             replace(candidate, image=index)
-            for candidate in explain(image, Targets.parse(targets))
+            for candidate in explain(image, targets)
             if candidate.corners.tobytes() not in known
         ]
         drawn = draw_findings(image, found, [*rejected, *passed_over], index=index)

@@ -77,16 +77,16 @@ pub struct SpanEdges {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum NoEdge {
     /// Fewer than two points, or points that coincide or are not finite.
-    #[error("the coarse path is not a path")]
+    #[error("its outline is no line to follow")]
     NoPath,
     /// Too little of the path has its surroundings inside the picture.
-    #[error("the path lies outside the picture")]
+    #[error("it lies outside the picture")]
     OutsidePicture,
     /// No smooth curve of the expected polarity near the path.
-    #[error("no edge of the expected polarity runs along the path")]
+    #[error("no smooth edge runs along its outline, dark on the side where it should be")]
     Inconsistent,
     /// There is something, but its contrast is lost in the noise, or it is not a step.
-    #[error("the edge along the path is too faint, too blurred or too short to be measured")]
+    #[error("its edge is too faint, too blurred or too short to be measured")]
     Unmeasurable,
 }
 
