@@ -16,7 +16,7 @@ from trisquare import simulate
 from trisquare.pictures import Image
 from trisquare.scene import Scene
 
-SCENES = 50
+SCENES = 30
 SEED = 61
 FOUND_TARGET = 0.98
 COVERAGE_TARGET = 0.93

@@ -16,7 +16,7 @@ from trisquare.false_squares import MixedScene, mixed_scene, photograph
 
 SEED = 31
 RECTANGLES = 10
-CASES = {0: 40, 1: 40, 2: 60, 3: 100, 4: 40, 6: 40}
+CASES = {0: 20, 1: 20, 2: 30, 3: 100, 4: 20, 6: 20}
 """How many pictures with how many true squares."""
 
 SIGMAS = 4.0

@@ -20,7 +20,7 @@ from trisquare.tagged_scenes import charuco_box_scene, tag_scene
 from trisquare.tags import recognise
 from trisquare.targets import Targets
 
-PICTURES = 104
+PICTURES = 56
 SEED = 40
 NAMES = (
     "4X4_50",
@@ -39,7 +39,7 @@ JPEG_QUALITY = 85
 FOUND_TARGET = 0.98
 BOUND_TARGET = 1.3
 
-BOXES = 12
+BOXES = 8
 BOX_SEED = 41
 
 CHANCE_PICTURES = 300
