@@ -48,6 +48,19 @@ EDGE_SHARE = 0.7
 """Of the links between crossings, those that must be edges in the photograph, too. A grille
 or a keyboard is a chessboard on its corner when it is blurred, and only then."""
 
+SMALL_EDGE_SHARE = 0.95
+"""The same of a lattice of fewer than `SMALL` crossings: print and stripes have some of them."""
+
+INTO_CELL = 3.0
+LEAST_INTO_CELL = 0.1
+MOST_INTO_CELL = 0.3
+"""Where the four cells at a crossing are looked at: pixels of the photograph along both of a cell's
+sides, which is out of the blur, within these parts of the side. A marker leaves an eighth free."""
+
+MIN_CONTRAST = 0.3
+"""Least step between a light cell and a dark one at a crossing, over the mean step: at the rim of
+a board three of the four are light."""
+
 
 def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
     """Find every lattice of 3 x 3 crossings and more in a grey picture.
@@ -70,6 +83,8 @@ def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
         # from the finer ones what is there.
         size = scale << -level
         grids = [grid for grid in grids if _is_lattice(grid, size) and _has_edges(grid, grey, size)]
+    grids = [_complete(_alternating(grid, grey, scale)) for grid in grids]
+    grids = [grid for grid in grids if _is_lattice(grid, scale) and _has_edges(grid, grey, scale)]
     grids = [part for grid in grids for part in unfolded(grid)]
     grids = [_complete(without_strays(grid)) for grid in grids if _is_lattice(grid, scale)]
     found = [_lattice(grid, scale) for grid in grids if _is_lattice(grid, scale)]
@@ -192,7 +207,36 @@ def _has_edges(grid: Grid, grey: NDArray[np.uint8], scale: int) -> bool:
         sample(grey, at + clockwise[:, None]),
     )
     steps = sign[:, None] * (before - after)
-    return bool(np.mean((steps > 0.0).all(axis=1)) >= EDGE_SHARE)
+    share = SMALL_EDGE_SHARE if np.count_nonzero(grid.present) < SMALL else EDGE_SHARE
+    return bool(np.mean((steps > 0.0).all(axis=1)) >= share)
+
+
+def _alternating(grid: Grid, grey: NDArray[np.uint8], scale: int) -> Grid:
+    """Leave out crossings at which two light cells and two dark ones do not alternate."""
+    rows, cols = np.indices(grid.present.shape)
+    points = scale * np.pad(grid.points, ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
+    here = points[1:-1, 1:-1]
+    beside = [points[1:-1, 2:], points[2:, 1:-1], points[1:-1, :-2], points[:-2, 1:-1]]
+    ways = [
+        np.where(np.isfinite(ahead), ahead - here, here - behind)
+        for ahead, behind in zip(beside, beside[2:] + beside[:2], strict=True)
+    ]
+    levels = []
+    for first, second in zip(ways, ways[1:] + ways[:1], strict=True):
+        side = np.minimum(np.linalg.norm(first, axis=2), np.linalg.norm(second, axis=2))
+        part = np.clip(INTO_CELL / np.maximum(side, 1e-9), LEAST_INTO_CELL, MOST_INTO_CELL)
+        at = here + part[..., None] * (first + second)
+        known = np.isfinite(at[..., 0])
+        level = np.full(known.shape, np.nan)
+        level[known] = sample(grey, at[known])
+        levels.append(level)
+    dark = ((rows + cols) % 2 == 0) == grid.dark_first
+    sign = np.where(dark, 1.0, -1.0)
+    even, odd = sign * np.stack(levels[::2]), sign * np.stack(levels[1::2])
+    least = odd.min(axis=0) - even.max(axis=0)
+    mean = odd.mean(axis=0) - even.mean(axis=0)
+    keep = (mean > 0.0) & (least > MIN_CONTRAST * mean)
+    return Grid(np.where(keep[..., None], grid.points, np.nan), grid.dark_first)
 
 
 def _lattice(grid: Grid, scale: int) -> Lattice:

@@ -11,6 +11,13 @@ use nalgebra::Vector2;
 /// the smoothing of slanted edges do to the direction.
 const MISALIGNED: f64 = 0.95;
 
+/// The same next to a crossing, where the corner of a slanted cell is as small as the blur: 33
+/// degrees.
+const MISALIGNED_NEAR: f64 = 0.84;
+
+/// Pixels up to which a neighbour is that near.
+const NEAR: f64 = 12.0;
+
 /// Where the edge between two crossings is looked at, as fractions of the way. The blur of the
 /// crossings themselves reaches farther in the shortest cells only, where it is symmetric.
 const PLACES: [f64; 6] = [0.15, 0.3, 0.43, 0.57, 0.7, 0.85];
@@ -18,6 +25,11 @@ const PLACES: [f64; 6] = [0.15, 0.3, 0.43, 0.57, 0.7, 0.85];
 /// Pixels beside an edge where it is light or dark: the blur has faded enough for a sign, and the
 /// white rim of a cell that holds a marker, an eighth of the cell, is not yet crossed.
 const BESIDE: f64 = 1.3;
+
+/// Pixels from a crossing within which the cell opposite is reached beside the edge, if the two
+/// edges cross aslant; but the middle of the way, from this fraction on, is always looked at.
+const CORNER: f64 = 2.2;
+const MIDDLE: f64 = 0.36;
 
 /// Least step across an edge over the mean of all its places: noise and shading leave more.
 const FAINTEST: f64 = 0.5;
@@ -88,6 +100,17 @@ impl<'a> GreyBytes<'a> {
     /// (on the right hand, as y points down) or light.
     #[must_use]
     pub fn has_edge(&self, start: Vector2<f64>, end: Vector2<f64>, dark_clockwise: bool) -> bool {
+        self.has_edge_beyond(0.0, start, end, dark_clockwise)
+    }
+
+    /// The same, but for so many pixels at both ends of the way.
+    fn has_edge_beyond(
+        &self,
+        corner: f64,
+        start: Vector2<f64>,
+        end: Vector2<f64>,
+        dark_clockwise: bool,
+    ) -> bool {
         let way = end - start;
         let length = way.norm();
         if !(length > 0.0 && length.is_finite()) {
@@ -97,7 +120,8 @@ impl<'a> GreyBytes<'a> {
         let sign = if dark_clockwise { 1.0 } else { -1.0 };
         let mut least = f64::INFINITY;
         let mut sum = 0.0;
-        for place in PLACES {
+        let first = (corner / length).clamp(PLACES[0], MIDDLE);
+        for place in PLACES.map(|place| place.clamp(first, 1.0 - first)) {
             let on_edge = start + way * place;
             let step = sign * (self.at(on_edge - clockwise) - self.at(on_edge + clockwise));
             if step <= 0.0 {
@@ -115,9 +139,14 @@ impl Crossing {
     /// The direction that a vector follows, if it follows one.
     #[must_use]
     pub fn direction(&self, vector: Vector2<f64>) -> Option<usize> {
+        self.direction_within(MISALIGNED, vector)
+    }
+
+    /// The same for another cosine of how far the vector may be beside it.
+    fn direction_within(&self, least: f64, vector: Vector2<f64>) -> Option<usize> {
         let along = self.edges.map(|edge| edge.dot(&vector));
         let edge = usize::from(along[1].abs() > along[0].abs());
-        let good = along[edge].powi(2) >= MISALIGNED.powi(2) * vector.norm_squared();
+        let good = along[edge].powi(2) >= least.powi(2) * vector.norm_squared();
         good.then_some(if along[edge] < 0.0 { edge + 2 } else { edge })
     }
 }
@@ -131,9 +160,36 @@ pub fn link_crossings(
     picture: &GreyBytes<'_>,
     crossings: &[Crossing],
 ) -> Vec<[Option<Follower>; 4]> {
+    let mut links = mutual_links(picture, crossings, false);
+    for (number, others) in mutual_links(picture, crossings, true)
+        .into_iter()
+        .enumerate()
+    {
+        for (direction, other) in others.into_iter().enumerate() {
+            let Some(follower) = other else { continue };
+            let returning = links[follower.crossing][follower.back];
+            let back = Follower {
+                crossing: number,
+                back: direction,
+            };
+            if links[number][direction].is_none() && returning.is_none_or(|it| it == back) {
+                links[number][direction] = other;
+                links[follower.crossing][follower.back] = Some(back);
+            }
+        }
+    }
+    links
+}
+
+/// Links that are the nearest at both of their ends; `aslant`, of small slanted cells.
+fn mutual_links(
+    picture: &GreyBytes<'_>,
+    crossings: &[Crossing],
+    aslant: bool,
+) -> Vec<[Option<Follower>; 4]> {
     let nearest: Vec<[Option<Follower>; 4]> = crossings
         .iter()
-        .map(|crossing| nearest_of(picture, crossings, crossing))
+        .map(|crossing| nearest_of(picture, crossings, crossing, aslant))
         .collect();
     let mutual = |number: usize, direction: usize| {
         nearest[number][direction].filter(|follower| {
@@ -153,15 +209,24 @@ fn nearest_of(
     picture: &GreyBytes<'_>,
     crossings: &[Crossing],
     from: &Crossing,
+    aslant: bool,
 ) -> [Option<Follower>; 4] {
+    let (least, corner) = if aslant {
+        (MISALIGNED_NEAR, CORNER)
+    } else {
+        (MISALIGNED, 0.0)
+    };
     let mut aligned: [Vec<(f64, Follower)>; 4] = Default::default();
     for (number, other) in crossings.iter().enumerate() {
         let way = other.point - from.point;
-        let Some(direction) = from.direction(way) else {
+        if aslant && way.norm_squared() > NEAR.powi(2) {
+            continue;
+        }
+        let Some(direction) = from.direction_within(least, way) else {
             continue;
         };
         let distance = way.norm_squared();
-        match other.direction(-way) {
+        match other.direction_within(least, -way) {
             Some(back) if distance > 0.0 && (direction + back) % 2 == 1 => {
                 let follower = Follower {
                     crossing: number,
@@ -182,7 +247,7 @@ fn nearest_of(
         candidates[..tried].sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
         let found = candidates[..tried].iter().find(|(_, follower)| {
             let end = crossings[follower.crossing].point;
-            picture.has_edge(from.point, end, direction % 2 == 0)
+            picture.has_edge_beyond(corner, from.point, end, direction % 2 == 0)
         });
         found.map(|&(_, follower)| follower)
     })
