@@ -102,8 +102,19 @@ impl Relief {
     ) -> Option<Heights> {
         let (point, distance) = on_plane(lens, state, &sample.pixel)?;
         let per_height = line.dot(&state.pose.normal()) * wrt_line.norm() / distance;
-        let place = (point - self.centre) / self.radius;
-        Some(terms(&place) * (self.radius * per_height))
+        // The sample has been moved back across its line: along it the point that was seen is not
+        // yet where its pixel looks on flat paper.
+        let height = self.radius * self.heights.dot(&terms(&self.place(&point)));
+        let towards = state.pose.rotation.tr_mul(&lens.unproject(&sample.pixel)?);
+        let along = state.pose.rotation.tr_mul(&state.pose.normal().cross(line));
+        let along = along.xy().normalize();
+        let slid = along * (along.dot(&towards.xy()) * height / towards.z);
+        Some(terms(&self.place(&(point + slid))) * (self.radius * per_height))
+    }
+
+    /// A point of the plane in units of the relief's extent.
+    fn place(&self, point: &Vector2<f64>) -> Vector2<f64> {
+        (point - self.centre) / self.radius
     }
 
     /// Precision of every height at a variance.
