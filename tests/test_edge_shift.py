@@ -5,7 +5,12 @@ import pytest
 
 import trisquare as ts
 from trisquare import simulate
-from trisquare.edge_shift import shift_and_std, shift_toward_light, without_shift
+from trisquare.edge_shift import (
+    shift_and_std,
+    shift_toward_light,
+    shifts_of_lines,
+    without_shift,
+)
 
 NOISE = 0.05
 
@@ -40,6 +45,30 @@ def test_a_tenth_of_outliers_hardly_matters():
         spoilt = rng.random(len(points)) < 0.1
         points[spoilt, 1] -= 2.0 * rises[spoilt]
     assert abs(shift_toward_light(lines) - 0.25) < 0.05
+
+
+def test_long_lines_keep_a_shift_of_their_own():
+    rng = np.random.default_rng(4)
+    lines = zigzag(0.1, rng, per_cell=12) + zigzag(0.3, rng, per_cell=12)
+    own = shifts_of_lines(lines, 0.2, evident=False)
+    assert abs(own[:9].mean() - 0.1) < 0.02
+    assert abs(own[9:].mean() - 0.3) < 0.02
+
+
+def test_lines_that_differ_by_chance_have_the_board_s_shift():
+    lines = zigzag(0.1, np.random.default_rng(5))
+    each = np.array([shift_toward_light([line]) for line in lines])
+    own = shifts_of_lines(lines, 0.1, evident=False)
+    assert np.std(own - 0.1) < 0.5 * np.std(each - 0.1)
+
+
+def test_lines_of_two_cells_are_left_to_the_board_and_never_run_away():
+    """Each one's own shift would turn it: its zigzag is a tilt but for the samples midway."""
+    rng = np.random.default_rng(6)
+    lines = zigzag(0.0, rng, lines=20, per_cell=4, cells=2)
+    np.testing.assert_array_equal(shifts_of_lines(lines, 0.01, evident=False), 0.01)
+    three = zigzag(0.0, rng, lines=20, per_cell=2, cells=2)
+    assert np.abs(shifts_of_lines(three, 0.0, evident=True)).max() < 10 * NOISE
 
 
 def test_one_cell_alone_says_nothing():

@@ -110,7 +110,7 @@ def _sums(
 
 
 def _slope(picture: npt.NDArray[np.float32], axis: int) -> Array:
-    """Return the derivative along an axis, exact up to the pixels' own frequency: by Fourier's series."""
+    """Return the derivative along an axis, exact to the pixels' frequency: a Fourier series."""
     mirrored = np.concatenate([picture, np.flip(picture, axis)], axis).astype(np.float64)
     count = mirrored.shape[axis]
     frequency = 2.0 * np.pi * np.fft.rfftfreq(count)

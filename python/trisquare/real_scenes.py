@@ -1,8 +1,8 @@
 """Scenes like those that people photograph: boards in corners, on boxes and anywhere, with truth.
 
 Three chessboards meet in the corner of a room or of a box, or hang free; some are seen at 70
-degrees, cut by the picture's border, or have an arm before them; squares may stand beside them. Or there are
-three squares among many rectangles, tags, or ChArUco boards on a box.
+degrees, cut by the picture's border, or have an arm before them; squares may stand beside them. Or
+three squares stand among many rectangles, or there are tags, or ChArUco boards on a box.
 """
 
 from __future__ import annotations
