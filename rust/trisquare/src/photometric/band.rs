@@ -342,6 +342,45 @@ struct Mark {
     near: u8,
 }
 
+/// The stripe across a trace that a point of it may be the nearest to, neighbours being on either
+/// side: a disc round every point would mark each pixel many times over.
+enum Across {
+    /// At the end of a side: all round.
+    End,
+    /// Direction of the trace, and half the stripe's width along it.
+    Middle(Vector2<f64>, f64),
+}
+
+impl Across {
+    fn of(trace: &[TracePoint], index: usize) -> Self {
+        let side = trace[index].side;
+        let other = |i: usize| trace.get(i).filter(|p| p.side == side);
+        let before = index.checked_sub(1).and_then(other);
+        let (Some(before), Some(after)) = (before, other(index + 1)) else {
+            return Self::End;
+        };
+        let along = after.place - before.place;
+        let length = along.norm();
+        // Half way to a neighbour, and as much again where the trace bends or is uneven.
+        Self::Middle(along / length, 0.5 * length)
+    }
+
+    /// Where the row `dy` below the point enters the stripe and leaves it, from the point's `x`.
+    fn stripe(&self, dy: f64) -> (f64, f64) {
+        match self {
+            Self::End => (f64::NEG_INFINITY, f64::INFINITY),
+            Self::Middle(along, half) => {
+                let (one, other) = (
+                    (-half - dy * along.y) / along.x,
+                    (half - dy * along.y) / along.x,
+                );
+                // Where the row runs along the stripe these are infinite, or NaN on its very rim.
+                (one.min(other), one.max(other))
+            }
+        }
+    }
+}
+
 impl DistanceMap {
     fn around(
         trace: &[TracePoint],
@@ -374,11 +413,13 @@ impl DistanceMap {
         };
         for (index, point) in trace.iter().enumerate() {
             let p = point.place;
+            let across = Across::of(trace, index);
             for y in clip((p.y - near).ceil(), y1).max(y0)..clip((p.y + near).floor() + 1.0, y1) {
                 let dy = y as f64 - p.y;
                 let half = (near * near - dy * dy).max(0.0).sqrt();
-                let left = clip((p.x - half).ceil(), x1).max(x0);
-                let right = clip((p.x + half).floor() + 1.0, x1);
+                let (from, to) = across.stripe(dy);
+                let left = clip((p.x + from.max(-half)).ceil(), x1).max(x0);
+                let right = clip((p.x + to.min(half)).floor() + 1.0, x1);
                 let row = (y - y0) * map.width;
                 for x in left..right {
                     let mark = &mut map.marks[row + x - x0];
