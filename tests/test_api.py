@@ -2,6 +2,8 @@
 
 import inspect
 import pickle
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from itertools import combinations
 
@@ -359,6 +361,11 @@ def test_all_names_are_there_and_documented():
         if name != "__version__":
             assert inspect.getdoc(getattr(ts, name))
     assert set(ts.__all__) <= set(dir(ts))
+
+
+def test_importing_leaves_opencv_until_a_picture_is_searched():
+    script = "import sys, trisquare; sys.exit('cv2' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
 
 
 def test_results_survive_json_and_pickle():

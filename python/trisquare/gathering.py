@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 from trisquare import _core
 from trisquare.checked import FloatArray
 from trisquare.choosing import Chosen
-from trisquare.drawing_formats import DrawnTarget
 from trisquare.edges import PlaneEdges
 from trisquare.photographs import Photograph, photographs
 from trisquare.picture_tone import PictureTone
 from trisquare.pictures import ImageSource, Outlines, Tone, checked_tone, picture_size, tone_of
 from trisquare.rejected import Rejected
 from trisquare.targets import Targets, nothing_found
+
+if TYPE_CHECKING:  # it would load OpenCV, which waits until a picture is searched
+    from trisquare.drawing_formats import DrawnTarget
 
 
 @dataclass(slots=True)
