@@ -14,7 +14,7 @@ from trisquare.json_fields import JsonFields
 from trisquare.rejected import Rejected, rejected_from_members, rejected_members
 from trisquare.targets import Targets
 
-many = settings(max_examples=120, deadline=None, derandomize=True)
+many = settings(max_examples=120, derandomize=True)
 
 numbers = st.one_of(
     st.integers(-3, 2000),

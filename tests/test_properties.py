@@ -17,8 +17,8 @@ EDGES = [edges_of(scene, 0.05, spacing=12.0) for scene in SCENES]
 RESULTS = [ts.calibrate_edges(edges, IMAGE_SIZE) for edges in EDGES]
 
 numbered_scenes = st.sampled_from(range(len(SCENES)))
-few = settings(max_examples=25, deadline=None)
-many = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+few = settings(max_examples=25)
+many = settings(max_examples=150, suppress_health_check=[HealthCheck.too_slow])
 
 
 def with_points(figure, change, lines=None):

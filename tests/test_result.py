@@ -7,7 +7,7 @@ import pickle
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from trisquare._core import __version__
@@ -193,7 +193,6 @@ def test_json_and_pickle_are_exact(change):
     assert_same(result, copy.deepcopy(result))
 
 
-@settings(deadline=None)  # a busy machine says nothing about the floats
 @given(values=st.lists(st.floats(1e-300, 1e300), min_size=4, max_size=4), seed=st.integers(0, 99))
 def test_every_float_survives_json(values, seed):
     fx, fy, cx, rms = values
