@@ -38,8 +38,8 @@ the shift is `evident` in every sample does such a line know it better than the 
 MEDIAN_SQUARE = 0.455
 """Median of a standard normal variable's square."""
 
-HALVINGS = 40
-"""Of the range in which the lines' variance is looked for: more than a float32 could tell."""
+HALVINGS = 20
+"""Of the range in which the lines' variance is looked for: to a millionth of it."""
 
 MAD_TO_STD = 1.4826
 SMALLEST_SCALE = 1e-6

@@ -43,9 +43,7 @@ def _squares_beside(
     if regions:
         grey = grey.copy()
     for polygon in regions:  # painted over, which spares the search thousands of contours
-        corners = np.rint(polygon).astype(np.int32)
-        level = cv2.mean(grey, _mask(grey.shape, corners))[0]
-        cv2.fillConvexPoly(grey, corners, level)
+        _paint(grey, np.rint(polygon).astype(np.int32))
     return [
         FoundSquare(square)
         for square in find_squares(grey, targets.tags, ENOUGH - len(lattices))
@@ -54,10 +52,15 @@ def _squares_beside(
     ]
 
 
-def _mask(shape: tuple[int, ...], corners: NDArray[np.int32]) -> NDArray[np.uint8]:
-    mask = np.zeros(shape, np.uint8)
-    cv2.fillConvexPoly(mask, corners, 255.0)
-    return mask
+def _paint(grey: NDArray[np.uint8], corners: NDArray[np.int32]) -> None:
+    """Fill a convex polygon with its mean level."""
+    low = np.maximum(corners.min(axis=0), 0)
+    part = grey[low[1] : corners[:, 1].max() + 1, low[0] : corners[:, 0].max() + 1]
+    if part.size == 0:
+        return
+    mask = np.zeros(part.shape, np.uint8)
+    cv2.fillConvexPoly(mask, corners - low, 255.0)
+    cv2.fillConvexPoly(part, corners - low, cv2.mean(part, mask)[0])
 
 
 def _inside(polygon: NDArray[np.float64], point: NDArray[np.float64]) -> bool:

@@ -176,7 +176,8 @@ def _clear_of_crossings(std: FloatArray, cells: npt.NDArray[np.intp]) -> npt.NDA
 
 def _with_doubt(std: FloatArray, at_crossings: npt.NDArray[np.bool_], shift: float) -> FloatArray:
     """Return samples' deviations, with what a shift of the edges adds to those at crossings."""
-    doubt = math.hypot(1.0, shift / float(np.median(std)))
+    usual = float(np.sort(std)[std.size // 2])
+    doubt = math.hypot(1.0, shift / usual)
     return np.where(at_crossings, doubt * std, std)
 
 
