@@ -17,7 +17,7 @@ use crate::misfit::Misfit;
 use crate::observations::{ObservedPlane, sort_by_plane};
 use crate::refine::{Refined, Residual, residuals, root_mean_square, search};
 use crate::side_families::has_grid;
-use crate::squareness::Pinhole;
+use crate::squareness::{Candidate, Pinhole};
 use crate::task::Task;
 use crate::{Brown, Error, Fixed, ImageSize, Method, Options, PlaneEdges, set_aside};
 
@@ -50,6 +50,10 @@ const MAX_SEEDS: usize = 84;
 /// Explanations that are followed up, and by how much less evidence they may have than the best.
 const MAX_EXPLANATIONS: usize = 4;
 const CONSIDERED: f64 = 8.0;
+
+/// Of more candidates, every hypothesis is first weighed by so many, evenly chosen: they show which
+/// cameras are worth weighing by all.
+const MAX_WEIGHED: usize = 64;
 
 /// What a square that agrees speaks for a joint fit: what one of median precision has in evidence.
 const SQUARE_EVIDENCE: f64 = 5.0;
@@ -293,25 +297,19 @@ impl Chooser<'_> {
         let prior = prior(&self.task);
         let mut doubt = prior.std;
         doubt[0] = doubt[0].min(FOCAL_DOUBT);
-        let mut found: Vec<Explanation> = hypotheses(&self.task, &self.pool, &prior)
-            .into_iter()
-            .filter_map(|start| Explanation::settled(&self.pool.candidates, &prior, start, &doubt))
-            .collect();
-        found.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
-        let mut different: Vec<Explanation> = Vec::new();
-        for explanation in found {
-            let squares: Vec<usize> = explanation.squares().collect();
-            if different
-                .iter()
-                .all(|known| !known.squares().eq(squares.iter().copied()))
-            {
-                different.push(explanation);
-            }
-            if different.len() == MAX_EXPLANATIONS {
-                break;
-            }
+        let all = &self.pool.candidates;
+        let starts = hypotheses(&self.task, &self.pool, &prior);
+        let explained = |candidates: &[Candidate], starts: Vec<Pinhole>| {
+            let settled = |start| Explanation::settled(candidates, &prior, start, &doubt);
+            best_different(starts.into_iter().filter_map(settled).collect())
+        };
+        if all.len() <= MAX_WEIGHED {
+            return explained(all, starts);
         }
-        different
+        let step = all.len().div_ceil(MAX_WEIGHED);
+        let some: Vec<Candidate> = all.iter().step_by(step).cloned().collect();
+        let best = explained(&some, starts);
+        explained(all, best.into_iter().map(|found| found.camera).collect())
     }
 
     /// What agrees of a fit once the planes that stick out are dropped, if anything does.
@@ -426,6 +424,24 @@ impl Chooser<'_> {
         let odd = aspect.ln().abs() > ODD_ASPECT || offset > ODD_CENTRE * unit;
         (odd && self.task.options.initial.is_none()).then_some(Doubt::OddCamera { aspect, offset })
     }
+}
+
+/// The explanations with the most evidence, of those that take the same squares only one.
+fn best_different(mut found: Vec<Explanation>) -> Vec<Explanation> {
+    found.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+    let mut different: Vec<Explanation> = Vec::new();
+    for explanation in found {
+        if different
+            .iter()
+            .all(|known| !known.squares().eq(explanation.squares()))
+        {
+            different.push(explanation);
+        }
+        if different.len() == MAX_EXPLANATIONS {
+            break;
+        }
+    }
+    different
 }
 
 /// Triples of some planes, evenly chosen where there are too many.

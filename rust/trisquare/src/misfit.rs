@@ -53,6 +53,15 @@ impl Misfit {
         }
     }
 
+    /// Of all sides of one plane, in units of the noise.
+    pub fn of_plane(noise: &Noise, plane: usize) -> Self {
+        let mut all = Self::default();
+        for side in 0..noise.sides[plane].len() {
+            all.add(&Self::of_side(noise, plane, side));
+        }
+        all
+    }
+
     /// Of all sides that count at an optimum, whose parameters took their share of freedom.
     pub fn of<L>(
         planes: &[ObservedPlane],

@@ -31,6 +31,20 @@ const FALSE_SIDE: f64 = 10.0;
 /// At most one side in so many is set aside: beyond, nobody can tell who is right.
 const SIDES_PER_OUTLIER: usize = 4;
 
+/// Planes and sides are all tried where there are this many planes. Every trial fits all planes, so
+/// beyond, fewer are tried, the farthest off first: the more planes hold the camera, the less a
+/// false one can bend it to its will, and the more plainly it shows in its own residuals.
+const ALL_TRIED: usize = 16;
+
+/// Trials of so many planes in all, over the rounds in each of which one side is set aside.
+const PLANES_FITTED: usize = ALL_TRIED * ALL_TRIED;
+
+/// Trials that are made in any case: the farthest off may be a true plane beside a false one.
+const LEAST_TRIALS: usize = 3;
+
+/// Sides of a square.
+const SIDES: usize = 4;
+
 /// The best camera for the sides and planes that agree, and the warnings that name the others.
 ///
 /// # Errors
@@ -46,7 +60,11 @@ pub(crate) fn agreeing(
         other => other?,
     };
     let sides: usize = planes.iter().map(|plane| plane.sides().count()).sum();
-    for _ in 0..sides / SIDES_PER_OUTLIER {
+    let rounds = match planes.len() {
+        ..=ALL_TRIED => sides / SIDES_PER_OUTLIER,
+        many => trials(many),
+    };
+    for _ in 0..rounds {
         match without_bent_side(task, &solution) {
             Some(straighter) => solution = straighter,
             None => break,
@@ -60,8 +78,23 @@ pub(crate) fn agreeing(
     Ok((solution, warnings))
 }
 
+/// How many of so many planes are left out in turn.
+fn trials(planes: usize) -> usize {
+    match planes {
+        ..=ALL_TRIED => planes,
+        many => (PLANES_FITTED / many).max(LEAST_TRIALS),
+    }
+}
+
+/// The farthest off of some things, by their misfit.
+fn farthest<T: Copy>(mut things: Vec<(T, Misfit)>, count: usize) -> Vec<T> {
+    things.sort_by(|(_, a), (_, b)| b.total().total_cmp(&a.total()));
+    things.iter().take(count).map(|(thing, _)| *thing).collect()
+}
+
 /// Leaves out each plane in turn where they disagree, and sets aside the one without which the
-/// others agree much better, or only its one bent side.
+/// others agree much better, or only its one bent side. Of many planes only the farthest off are
+/// left out, from the optimum of all.
 fn without_false_plane(
     task: &Task<'_>,
     planes: &[ObservedPlane],
@@ -77,13 +110,27 @@ fn without_false_plane(
     if !enough || misfit.is_some_and(|misfit| misfit.mean() < DOUBTED) {
         return all;
     }
+    let many = planes.len() > ALL_TRIED;
+    let suspects = match &all {
+        Ok(solution) if many => suspected_planes(solution),
+        // Where they gave no camera, nothing shows which of many to leave out.
+        Err(_) if many => Vec::new(),
+        _ => (0..planes.len()).collect(),
+    };
     let without = |left_out: usize| {
         let mut rest = planes.to_vec();
         rest.remove(left_out);
-        let refined = task.optimum(&rest).ok()?;
+        let refined = match &all {
+            Ok(solution) if many => {
+                let mut before = solution.refined.clone();
+                before.view.planes.remove(left_out);
+                task.again(&rest, &before)?
+            }
+            _ => task.optimum(&rest).ok()?,
+        };
         Some((left_out, Trial::of(task, rest, refined)))
     };
-    let Some((index, trial)) = best((0..planes.len()).filter_map(without)) else {
+    let Some((index, trial)) = best(suspects.into_iter().filter_map(without)) else {
         return all;
     };
     let is_false = misfit.is_none_or(|misfit| trial.relief(&misfit) > FALSE_PLANE);
@@ -131,6 +178,31 @@ impl Solution {
     }
 }
 
+/// The planes that are worth leaving out: those farthest off.
+fn suspected_planes(solution: &Solution) -> Vec<usize> {
+    let own = |noise: &Noise| {
+        let planes = 0..noise.sides.len();
+        planes
+            .map(|p| (p, Misfit::of_plane(noise, p)))
+            .collect::<Vec<_>>()
+    };
+    let misfits = solution.noise.as_ref().map(own).unwrap_or_default();
+    farthest(misfits, trials(solution.planes.len()))
+}
+
+/// The sides of squares that are worth leaving out: all, or of many those farthest off.
+fn suspected_sides(solution: &Solution) -> Vec<(usize, usize)> {
+    let sides = sides_of_squares(&solution.planes);
+    match &solution.noise {
+        Some(noise) if solution.planes.len() > ALL_TRIED => {
+            let own = |(p, s): (usize, usize)| ((p, s), Misfit::of_side(noise, p, s));
+            let count = SIDES * trials(solution.planes.len());
+            farthest(sides.map(own).collect(), count)
+        }
+        _ => sides.collect(),
+    }
+}
+
 /// Plane, and index over all figures of the plane, of every side of a square that counts.
 fn sides_of_squares(planes: &[ObservedPlane]) -> impl Iterator<Item = (usize, usize)> {
     planes.iter().enumerate().flat_map(|(p, plane)| {
@@ -140,8 +212,12 @@ fn sides_of_squares(planes: &[ObservedPlane]) -> impl Iterator<Item = (usize, us
     })
 }
 
-/// Leaves out each side of a square from the start on, where all of them together gave no camera.
+/// Leaves out each side of a square from the start on, where all of them together gave no camera:
+/// of a few planes, for among many no single side is to blame.
 fn solved_without_bent_side(task: &Task<'_>, planes: &[ObservedPlane]) -> Option<Solution> {
+    if planes.len() > ALL_TRIED {
+        return None;
+    }
     let without = |place| {
         let rest = without_side(planes, place)?;
         let refined = task.optimum(&rest).ok()?;
@@ -165,7 +241,7 @@ fn without_bent_side(task: &Task<'_>, solution: &Solution) -> Option<Solution> {
         let refined = task.again(&rest, &solution.refined)?;
         Some((place, Trial::of(task, rest, refined)))
     };
-    let (place, trial) = best(sides_of_squares(&solution.planes).filter_map(without))?;
+    let (place, trial) = best(suspected_sides(solution).into_iter().filter_map(without))?;
     if trial.relief(&misfit) < FALSE_SIDE {
         return None;
     }

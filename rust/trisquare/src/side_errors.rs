@@ -63,12 +63,20 @@ impl Strength {
     }
 }
 
-/// What one plane says of the shared parameters, its own eliminated.
+/// What one plane, or several, say of the shared parameters, their own eliminated.
 struct Part {
     information: DMatrix<f64>,
     gradient: DVector<f64>,
-    /// Its own part of minus twice the log likelihood.
+    /// Their own part of minus twice the log likelihood.
     criterion: f64,
+}
+
+impl Part {
+    fn add(&mut self, other: &Self) {
+        self.information += &other.information;
+        self.gradient += &other.gradient;
+        self.criterion += other.criterion;
+    }
 }
 
 /// One strength of the side errors.
@@ -232,15 +240,17 @@ impl SideErrors {
         let mut criterion = best.criterion;
         let mut parts = self.parts(&variances)?;
         for plane in 0..variances.len() {
+            let (before, after) = parts.split_at(plane);
+            let others = self.joined(before.iter().chain(&after[1..]));
             for index in 0..VARIANCES {
                 let variance = self.first_variance() * VARIANCE_RATIO.powi(index as i32);
                 let Some(own) = self.part(plane, self.relief(plane), variance) else {
                     continue;
                 };
-                let before = std::mem::replace(&mut parts[plane], own);
-                match self.restricted(parts.iter()).filter(|c| *c < criterion) {
-                    Some(found) => (variances[plane], criterion) = (variance, found),
-                    None => parts[plane] = before,
+                let together = self.restricted([&others, &own].into_iter());
+                if let Some(found) = together.filter(|c| *c < criterion) {
+                    (variances[plane], criterion) = (variance, found);
+                    parts[plane] = own;
                 }
             }
         }
@@ -313,18 +323,28 @@ impl SideErrors {
 
     /// Minus twice the restricted log likelihood of what all planes say together.
     fn restricted<'a>(&self, parts: impl Iterator<Item = &'a Part>) -> Option<f64> {
-        let mut information = self.system.prior.clone();
-        let mut gradient = DVector::zeros(information.nrows());
-        let mut criterion = 0.0;
-        for part in parts {
-            information += &part.information;
-            gradient += &part.gradient;
-            criterion += part.criterion;
-        }
+        let Part {
+            information,
+            gradient,
+            mut criterion,
+        } = self.joined(parts);
+        let information = information + &self.system.prior;
         let factor = information.cholesky()?;
         criterion += 2.0 * factor.l_dirty().diagonal().map(f64::ln).sum();
         criterion -= gradient.dot(&factor.solve(&gradient));
         criterion.is_finite().then_some(criterion)
+    }
+
+    /// What several planes say together.
+    fn joined<'a>(&self, parts: impl Iterator<Item = &'a Part>) -> Part {
+        let shared = self.system.prior.nrows();
+        let mut all = Part {
+            information: DMatrix::zeros(shared, shared),
+            gradient: DVector::zeros(shared),
+            criterion: 0.0,
+        };
+        parts.for_each(|part| all.add(part));
+        all
     }
 }
 

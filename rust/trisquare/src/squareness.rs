@@ -31,6 +31,7 @@ const STEP: f64 = 1e-3;
 pub(crate) type Pinhole = Vector4<f64>;
 
 /// A plane's first figure, without its distortion.
+#[derive(Clone)]
 pub(crate) struct Candidate {
     /// The first two columns of its homography.
     columns: [Vector3<f64>; 2],
