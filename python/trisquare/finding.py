@@ -68,15 +68,14 @@ def _inside(polygon: NDArray[np.float64], point: NDArray[np.float64]) -> bool:
     return cv2.pointPolygonTest(polygon.astype(np.float32), (x, y), False) >= 0.0
 
 
-def find_drawn(picture: Image, drawn: Sequence[DrawnTarget]) -> list[Found | str]:
-    """Find targets where they are drawn in a checked picture, or say why there is none."""
+def find_drawn(picture: Image, drawn: Sequence[DrawnTarget]) -> Sequence[Found | Rejected]:
+    """Find targets where they are drawn in a checked picture, or say of each why there is none."""
     grey = grey_bytes(picture)
     return [_found_drawn(grey, target) for target in drawn]
 
 
-def _found_drawn(grey: NDArray[np.uint8], target: DrawnTarget) -> Found | str:
-    if isinstance(target, DrawnGrid):
-        lattice = target.settled(grey)
-        return lattice if isinstance(lattice, str) else FoundLattice.of(lattice, grey)
-    outline = settle(grey, target)
-    return outline if isinstance(outline, str) else FoundSquare(outline)
+def _found_drawn(grey: NDArray[np.uint8], target: DrawnTarget) -> Found | Rejected:
+    settled = target.settled(grey) if isinstance(target, DrawnGrid) else settle(grey, target)
+    if isinstance(settled, str):
+        return Rejected(target.kind, 0, target.corners, settled)
+    return FoundLattice.of(settled, grey) if isinstance(settled, Lattice) else FoundSquare(settled)

@@ -24,7 +24,6 @@ of a ChArUco board's marker or on the marker, but for the most part on the light
 LEAST_LINES = 2
 """Grid lines that a plane needs in each direction: three parallel ones of four leave it open."""
 
-
 FADED = 1.05
 """Standard deviation of a sample, over the least of its cell, from which a crossing takes part of
 its contrast, `2 Phi(2) - 1 = 1 / 1.05`, or it lies across one: a wrong tone curve shifts it by

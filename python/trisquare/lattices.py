@@ -33,7 +33,6 @@ LEAST_CELL = 7.5
 """Side in pixels of the photograph of the square as large as a typical cell: smaller ones are
 pictures of boards on a screen or in print, or nothing."""
 
-
 SMALL = 16
 SMALL_SHARE = 0.9
 """A lattice of fewer crossings must have this share of its rows and columns: pieces of random
@@ -100,9 +99,7 @@ def region(lattice: Lattice) -> FloatArray:
         before, after = np.split(points, [1], axis=axis)[1], np.split(points, [-1], axis=axis)[0]
         around += [before + step, after - step]
     known = np.concatenate([part.reshape(-1, 2) for part in around])
-    known = known[np.isfinite(known[:, 0])]
-    hull = cv2.convexHull(known.astype(np.float32), clockwise=False)
-    return np.asarray(hull, dtype=np.float64).reshape(-1, 2)
+    return _hull(known[np.isfinite(known[:, 0])])
 
 
 def _pictures(grey: NDArray[np.uint8]) -> tuple[list[NDArray[np.uint8]], int]:
@@ -150,16 +147,16 @@ def _covered(points: FloatArray, grids: list[Grid]) -> NDArray[np.bool_]:
     """Which points, shape (N, 2), some grid already has within its outline."""
     covered = np.zeros(len(points), bool)
     for grid in grids:
-        hull = _hull(grid)
+        hull = _hull(grid.points[grid.present])
         edges = np.roll(hull, -1, axis=0) - hull
         gap = points[:, None] - hull
         covered |= (edges[:, 0] * gap[..., 1] - edges[:, 1] * gap[..., 0] > -1e-6).all(axis=1)
     return covered
 
 
-def _hull(grid: Grid) -> FloatArray:
-    """Convex hull of a grid, clockwise on the screen, shape (N, 2)."""
-    hull = cv2.convexHull(grid.points[grid.present].astype(np.float32), clockwise=False)
+def _hull(points: FloatArray) -> FloatArray:
+    """Convex hull of points, shape (M, 2), clockwise on the screen, shape (N, 2)."""
+    hull = cv2.convexHull(points.astype(np.float32), clockwise=False)
     return np.asarray(hull, dtype=np.float64).reshape(-1, 2)
 
 

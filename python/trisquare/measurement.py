@@ -44,45 +44,44 @@ def measure(
     """
     if drawn is None:
         candidates = find(picture, targets)
-        rejected = [candidate for candidate in candidates if isinstance(candidate, Rejected)]
-        seen = [candidate for candidate in candidates if not isinstance(candidate, Rejected)]
-        measured = _measured(seen, core, tone)
-        return measured._replace(rejected=rejected + measured.rejected)
-    found, names, nowhere = [], [], []
-    for target, settled in zip(drawn, find_drawn(picture, drawn), strict=True):
-        if isinstance(settled, str):
-            nowhere.append(Rejected(target.kind, 0, target.corners, settled))
-        else:
-            found.append(settled)
-            names.append(f"{target.where}: ")
-    measured = _measured(found, core, tone, names)
-    return measured._replace(rejected=nowhere + measured.rejected)
+        names = [""] * len(candidates)
+    else:
+        candidates = find_drawn(picture, drawn)
+        names = [f"{target.where}: " for target in drawn]
+    rejected = [candidate for candidate in candidates if isinstance(candidate, Rejected)]
+    found = [
+        (candidate, name)
+        for candidate, name in zip(candidates, names, strict=True)
+        if not isinstance(candidate, Rejected)
+    ]
+    measured = _measured(found, core, tone)
+    return measured._replace(rejected=rejected + measured.rejected)
 
 
 def _measured(
-    found: Sequence[Found], core: _core.Picture, tone: str | float, names: Sequence[str] = ()
+    found: Sequence[tuple[Found, str]], core: _core.Picture, tone: str | float
 ) -> Measurement:
-    """Measure what was found; where the targets have `names`, their rejections begin with them."""
+    """Measure what was found; each with the name that its rejection begins with."""
     spans: list[Span] = []
     ends = [0]
-    for target in found:
+    for target, _ in found:
         spans += target.spans(len(spans))
         ends.append(len(spans))
     measured, picture_tone = _localise(core, spans, tone)
     figures: list[PlaneEdges] = []
     rejected: list[Rejected] = []
-    for plane, target in enumerate(found):
+    for plane, (target, name) in enumerate(found):
         own = measured[ends[plane] : ends[plane + 1]]
         edges = target.figures(own, plane)
         figures += edges
         if not edges:
             reasons = {reason for reason in own if isinstance(reason, str)}
-            reason = (names[plane] if names else "") + ("; ".join(sorted(reasons)) or TOO_FEW_LINES)
+            reason = name + ("; ".join(sorted(reasons)) or TOO_FEW_LINES)
             rejected.append(Rejected(target.kind, 0, target.quad, reason))
     # Boards and sheets have taken every shift away, whose drift the others still carry.
     if figures and all(figure.drift is None for figure in figures):
         picture_tone = picture_tone.of_board()
-    return Measurement(figures, picture_tone, rejected, [target.quad for target in found])
+    return Measurement(figures, picture_tone, rejected, [target.quad for target, _ in found])
 
 
 def _localise(

@@ -32,6 +32,7 @@ of so many are known to a hundredth of a percent."""
 
 STRIP_ROWS = 256
 """Rows that are stretched to 8 bits at a time, lest a large picture be copied as floats."""
+
 ENOUGH = 3
 """Squares that a calibration asks for; where fewer are found, the picture is searched again at half
 its size, where a blur of 4 pixels is one of 2 and four pixels share their noise."""

@@ -16,12 +16,13 @@ import numpy as np
 import numpy.typing as npt
 
 from .accuracy import cramer_rao_bound, pixel_sigma
+from .convex_quads import any_meet
 from .false_squares import mixed_scene
 from .overlays import Overlay, polygon_mask
 from .picture_bound import picture_bound
 from .render import WHITE, Image, quantised, render
 from .scene import Array, Scene, Target, TrueCamera, rectangle
-from .simulate import faces_camera, inside, random_camera, separated, tilted
+from .simulate import faces_camera, inside, random_camera, tilted
 from .tagged_scenes import charuco_box_scene, tag_scene
 
 RealKind = Literal[
@@ -362,11 +363,7 @@ def _overlap(targets: list[Target]) -> bool:
         if np.any(points[:, 2] <= 0.0):
             return True
         quads.append(points[:, :2] / points[:, 2:])
-    return any(
-        not separated(quads[i], quads[j]) and not separated(quads[j], quads[i])
-        for i in range(len(quads))
-        for j in range(i)
-    )
+    return any_meet(quads)
 
 
 def _arms(rng: np.random.Generator, scene: Scene, settings: dict[str, Any]) -> list[Overlay]:

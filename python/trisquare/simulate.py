@@ -12,7 +12,6 @@ import numpy as np
 
 from .accuracy import cramer_rao_bound, pixel_sigma
 from .convex_quads import any_meet
-from .convex_quads import separated as separated  # `real_scenes` looks for it here
 from .motion import Motion
 from .render import SHEET_RIM, Array, Image, render, render_into
 from .scene import Scene, Target, TrueCamera, rectangle, sample_sides

@@ -98,17 +98,6 @@ def charuco_box_scene(
     raise ValueError("no box fits this camera's picture")
 
 
-def tag_grid(board: Target, columns: int, rows: int, gap: float, codes: Codes) -> list[Target]:
-    """Tags in rows on a plane whose unit is a tag's side; `board` gives the pose."""
-    targets = []
-    for i, code in enumerate(codes[: columns * rows]):
-        row, column = divmod(i, columns)
-        offset = (1.0 + gap) * np.array([column - 0.5 * (columns - 1), row - 0.5 * (rows - 1)])
-        place = board.to_camera(offset[None])[0]
-        targets.append(Target(board.rotation, place, "tag", codes=code[None]))
-    return targets
-
-
 def _box(rng: np.random.Generator, camera: TrueCamera) -> list[Target]:
     """Three faces that meet in a corner which points about at the camera, with unit sides."""
     width, height = camera.image_size
