@@ -9,6 +9,7 @@ from trisquare._core import __version__
 from trisquare.calibrate import calibrate, calibrate_edges
 from trisquare.camera import Camera
 from trisquare.coherence import Coherence
+from trisquare.comparison import Comparison, compare
 from trisquare.detect import detect
 from trisquare.edges import PlaneEdges
 from trisquare.errors import (
@@ -38,6 +39,7 @@ __all__ = [
     "Calibration",
     "Camera",
     "Coherence",
+    "Comparison",
     "ConvergenceError",
     "DegenerateGeometryError",
     "DetectionError",
@@ -58,6 +60,7 @@ __all__ = [
     "calibrate",
     "calibrate_edges",
     "camera_matrix_from_homographies",
+    "compare",
     "detect",
     "fit_distortion",
     "homography_from_lines",

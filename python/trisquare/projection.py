@@ -100,6 +100,24 @@ def rms_displacement(covariances: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.maximum(traces, 0.0)))
 
 
+def picture_grid(
+    image_size: tuple[int, int], step: float | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Return columns and rows of a grid from border to border, at most `step` pixels apart.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `step` is not a positive number.
+    """
+    width = image_size[0]
+    spacing = max(width / DEFAULT_COLUMNS, 1.0) if step is None else real_number(step, "step")
+    if spacing <= 0:
+        raise ValueError(f"step must be positive, not {spacing}")
+    x, y = (np.linspace(0.0, side - 1, math.ceil((side - 1) / spacing) + 1) for side in image_size)
+    return x, y
+
+
 def projection_map(
     camera: Camera,
     parameters: Sequence[str],
@@ -114,13 +132,7 @@ def projection_map(
     TypeError, ValueError
         If `step` is not a positive number.
     """
-    width, height = camera.image_size
-    spacing = max(width / DEFAULT_COLUMNS, 1.0) if step is None else real_number(step, "step")
-    if spacing <= 0:
-        raise ValueError(f"step must be positive, not {spacing}")
-    x, y = (
-        np.linspace(0.0, side - 1, math.ceil((side - 1) / spacing) + 1) for side in (width, height)
-    )
+    x, y = picture_grid(camera.image_size, step)
     pixels = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     known = np.array(_core.can_unproject(camera_for_core(camera), pixels), dtype=bool)
     std = np.full(len(pixels), np.inf)

@@ -1,6 +1,6 @@
 //! Between numpy arrays and nalgebra, always by copy.
 
-use nalgebra::{DMatrix, Matrix2, Matrix3, Vector2, Vector3};
+use nalgebra::{DMatrix, Matrix3, SMatrix, Vector2, Vector3};
 use numpy::{
     PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods,
 };
@@ -85,21 +85,17 @@ pub fn from_space_points<'py>(
     from_rows(py, points.len(), 3, values)
 }
 
-/// An `(N, 2, 2)` array of matrices.
-pub fn from_matrices2<'py>(
+/// An `(N, R, C)` array of matrices.
+pub fn from_matrices<'py, const R: usize, const C: usize>(
     py: Python<'py>,
-    matrices: &[Matrix2<f64>],
+    matrices: &[SMatrix<f64, R, C>],
 ) -> Bound<'py, PyArray3<f64>> {
-    let array = PyArray3::zeros(py, [matrices.len(), 2, 2], false);
+    let array = PyArray3::zeros(py, [matrices.len(), R, C], false);
     {
         let mut filled = array.readwrite();
-        for (i, matrix) in matrices.iter().enumerate() {
-            for ((row, column), value) in [(0, 0), (0, 1), (1, 0), (1, 1)]
-                .into_iter()
-                .map(|place| (place, matrix[place]))
-            {
-                filled.as_array_mut()[[i, row, column]] = value;
-            }
+        let mut places = filled.as_array_mut();
+        for ((i, row, column), value) in places.indexed_iter_mut() {
+            *value = matrices[i][(row, column)];
         }
     }
     array

@@ -131,5 +131,20 @@ pub fn projection_covariance<'py>(
             uncertainty.at_pixels(&pixels)
         })
         .map_err(exception)?;
-    Ok(arrays::from_matrices2(py, &found))
+    Ok(arrays::from_matrices(py, &found))
+}
+
+/// Derivatives, by all nine parameters, of the projections of the directions seen at pixels.
+#[pyfunction]
+#[pyo3(signature = (camera, pixels))]
+pub fn projection_jacobian<'py>(
+    py: Python<'py>,
+    camera: CameraMembers,
+    pixels: PyReadonlyArray2<'py, f64>,
+) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    let (camera, pixels) = (camera.camera(), arrays::points(&pixels)?);
+    let found = py
+        .detach(|| camera.projection_jacobians(&pixels))
+        .map_err(exception)?;
+    Ok(arrays::from_matrices(py, &found))
 }

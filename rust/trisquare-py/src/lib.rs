@@ -22,7 +22,7 @@ mod _core {
     #[pymodule_export]
     use crate::camera::{
         can_unproject, distort_pixels, invertible_radius, project_points, projection_covariance,
-        undistort_pixels, unproject_pixels, valid_pixel_radius,
+        projection_jacobian, undistort_pixels, unproject_pixels, valid_pixel_radius,
     };
     #[pymodule_export]
     use crate::crossings::{grow_lattice, link_crossings};

@@ -36,6 +36,22 @@ impl Brown {
         }
         jacobian
     }
+
+    /// The derivative, by `fx, fy, cx, cy, k1, k2, k3, p1, p2`, of where the direction seen at each
+    /// pixel is projected.
+    ///
+    /// # Errors
+    /// [`Error::BeyondValidRadius`].
+    pub fn projection_jacobians(
+        &self,
+        pixels: &[Vector2<f64>],
+    ) -> Result<Vec<SMatrix<f64, 2, 9>>, Error> {
+        self.of_all(pixels, |pixel| {
+            let ideal = self.sight(pixel)?.ideal();
+            let jacobian = self.projection_jacobian(&ideal);
+            jacobian.iter().all(|v| v.is_finite()).then_some(jacobian)
+        })
+    }
 }
 
 /// The uncertainty of projections that follows from that of a camera's parameters.
