@@ -27,6 +27,7 @@ __all__ = [
     "predict",
     "project_points",
     "projection_covariance",
+    "projection_jacobian",
     "square_lines",
     "straighten",
     "undistort_pixels",
