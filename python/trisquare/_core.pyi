@@ -66,6 +66,13 @@ class ToneFitMembers(TypedDict):
     shift: tuple[float, float] | None
 
 @type_check_only
+class PoseUncertaintyMembers(TypedDict):
+    """How well a pose is known."""
+
+    given_camera: NDArray[np.float64]
+    by_camera: NDArray[np.float64]
+
+@type_check_only
 class PlaneMembers(TypedDict):
     """One plane of a calibration."""
 
@@ -76,6 +83,7 @@ class PlaneMembers(TypedDict):
     translation: NDArray[np.float64]
     rms: float
     samples: int
+    uncertainty: PoseUncertaintyMembers | None
 
 @type_check_only
 class CoherenceMembers(TypedDict):

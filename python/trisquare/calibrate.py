@@ -18,6 +18,7 @@ from trisquare.gathering import gather
 from trisquare.model_alternative import ModelAlternative
 from trisquare.picture_tone import PictureTone, pooled, shift_warnings
 from trisquare.pictures import ImageSource, Outlines, Tone
+from trisquare.pose_uncertainty import PoseUncertainty
 from trisquare.rejected import told
 from trisquare.result import Calibration, Plane
 from trisquare.settings import Settings
@@ -211,6 +212,9 @@ def _solve(
             translation=plane["translation"],
             rms=plane["rms"],
             samples=plane["samples"],
+            uncertainty=(
+                None if plane["uncertainty"] is None else PoseUncertainty(**plane["uncertainty"])
+            ),
         )
         for plane in found["planes"]
     )

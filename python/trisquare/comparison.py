@@ -13,15 +13,15 @@ difference. The idea of comparing after such a rotation is mrcal's (https://mrca
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from trisquare import _core
-from trisquare.camera import Camera, camera_for_core, camera_parameters
+from trisquare.camera import Camera, camera_for_core
 from trisquare.checked import FloatArray, RebuiltByConstructor
 from trisquare.chi_square import chi_square_tail
+from trisquare.free_parameters import free_columns
 from trisquare.projection import picture_grid, rms_displacement
 from trisquare.result import Calibration, decimals_shown
 from trisquare.turned_cameras import TurnedCameras, best_turn
@@ -257,20 +257,9 @@ def _spread(
 def _root_of_projection(calibration: Calibration, pixels: FloatArray) -> FloatArray:
     """Return a square root, shape (N, 2, n), of the joint covariance of projections."""
     jacobian = _core.projection_jacobian(camera_for_core(calibration.camera), pixels)
-    free = jacobian @ _free_columns(calibration.camera, calibration.parameters, calibration.fixed)
+    free = jacobian @ free_columns(calibration.camera, calibration.parameters, calibration.fixed)
     values, vectors = np.linalg.eigh(calibration.covariance)
     return np.asarray(free @ (vectors * np.sqrt(np.maximum(values, 0.0))))
-
-
-def _free_columns(camera: Camera, parameters: Sequence[str], fixed: Sequence[str]) -> FloatArray:
-    """How all parameters follow the free ones, shape (9, n)."""
-    names = list(camera_parameters(camera))
-    follows = np.zeros((len(names), len(parameters)))
-    for column, name in enumerate(parameters):
-        follows[names.index(name), column] = 1.0
-        if name == "fx" and "aspect" in fixed:
-            follows[names.index("fy"), column] = camera.fy / camera.fx
-    return follows
 
 
 def _chi_square_test(difference: FloatArray, spread: FloatArray) -> tuple[float, int, float]:

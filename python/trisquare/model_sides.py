@@ -11,6 +11,7 @@ import numpy as np
 from trisquare.camera import Camera
 from trisquare.checked import FloatArray
 from trisquare.edges import PlaneEdges
+from trisquare.plane_points import onto_plane
 from trisquare.result import Calibration, Plane
 
 # Chords of this length stay within 1e-3 px of a curve of radius 125 px; no lens bends so much.
@@ -76,7 +77,7 @@ def measured_sides(
             plane_of_group[figure.plane] = plane
         if plane is None:
             continue
-        on_plane = [_onto_plane(points, calibration.camera, plane) for points in figure.points]
+        on_plane = [onto_plane(points, calibration.camera, plane) for points in figure.points]
         fixed = first_of_plane or figure.freedom == "fixed"
         lines = figure.lines if fixed else _placed_lines(figure.lines, on_plane)
         for points, line, foot_points in zip(figure.points, lines, on_plane, strict=True):
@@ -107,13 +108,6 @@ def _plane_around(planes: Sequence[Plane], figure: PlaneEdges) -> Plane | None:
         if plane.image == figure.image and distance < min(reach, nearest_distance):
             nearest, nearest_distance = plane, distance
     return nearest
-
-
-def _onto_plane(points: FloatArray, camera: Camera, plane: Plane) -> FloatArray:
-    """Intersect the rays of pixels with the plane, shape (N, 2) in its own coordinates."""
-    homography = np.column_stack([plane.rotation[:, :2], plane.translation])
-    on_plane = np.linalg.solve(homography, camera.unproject(points).T).T
-    return np.asarray(on_plane[:, :2] / on_plane[:, 2:], dtype=np.float64)
 
 
 def _placed_lines(lines: FloatArray, on_plane: Sequence[FloatArray]) -> FloatArray:

@@ -5,10 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Protocol
-
-import numpy as np
-import numpy.typing as npt
 
 from trisquare import _core
 from trisquare.camera import MODELS, Camera, camera_parameters
@@ -22,20 +18,9 @@ from trisquare.checked import (
 )
 from trisquare.plan import PlannedSquare, outlines_of
 from trisquare.settings import checked_fix
+from trisquare.standing_plane import StandingPlane
 
 __all__ = ["PlannedSquare", "Prediction", "predict"]
-
-
-class StandingPlane(Protocol):
-    """A plane that stands somewhere: `PlannedSquare`, `Plane`, `simulate.Target`."""
-
-    @property
-    def rotation(self) -> npt.NDArray[np.float64]:
-        """Shape (3, 3)."""
-
-    @property
-    def translation(self) -> npt.NDArray[np.float64]:
-        """Shape (3,), in units of the square's side."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

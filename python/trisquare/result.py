@@ -29,6 +29,11 @@ from trisquare.model_alternative import (
     alternative_from_members,
     alternative_members,
 )
+from trisquare.pose_uncertainty import (
+    PoseUncertainty,
+    uncertainty_from_members,
+    uncertainty_members,
+)
 from trisquare.projection import (
     ProjectionMap,
     projection_covariance,
@@ -39,6 +44,7 @@ from trisquare.rejected import Rejected, rejected_from_members, rejected_members
 
 if TYPE_CHECKING:
     from trisquare.diagnosis import Diagnosis
+    from trisquare.measure import Measurement
 
 __all__ = ["Calibration", "Camera", "Plane"]
 
@@ -46,6 +52,9 @@ RESULT_FORMAT = "trisquare/1"
 
 # A rotation survives being written with seven digits, and nothing that is not one passes.
 ROTATION_TOLERANCE = 1e-6
+
+CLICKED_STD = 0.5
+"""Pixels: how well somebody points at a place in a picture."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,6 +75,8 @@ class Plane(RebuiltByConstructor):
         Root mean square residual of its samples, in pixels.
     samples : int
         How many samples it rests on.
+    uncertainty : PoseUncertainty, optional
+        How well its pose is known; None in results of versions that did not say.
     """
 
     kind: str
@@ -75,6 +86,7 @@ class Plane(RebuiltByConstructor):
     translation: FloatArray
     rms: float
     samples: int
+    uncertainty: PoseUncertainty | None = None
 
     def __post_init__(self) -> None:
         rotation = real_array(self.rotation, "rotation", (3, 3))
@@ -88,6 +100,48 @@ class Plane(RebuiltByConstructor):
         object.__setattr__(self, "translation", real_array(self.translation, "translation", (3,)))
         object.__setattr__(self, "rms", not_negative(self.rms, "rms"))
         object.__setattr__(self, "samples", index_number(self.samples, "samples"))
+        if self.uncertainty is not None and not isinstance(self.uncertainty, PoseUncertainty):
+            raise TypeError("uncertainty must be of the class PoseUncertainty")
+
+    def measure(
+        self,
+        points: npt.ArrayLike,
+        camera: Calibration | Camera,
+        *,
+        side: float = 1.0,
+        point_std: float = CLICKED_STD,
+    ) -> Measurement:
+        """Measure lengths, angles and the area between points seen on the plane.
+
+        Parameters
+        ----------
+        points : array_like, shape (N, 2)
+            Pixels of the photograph, two or more; in order round a polygon for its area.
+        camera : Calibration or Camera
+            That took it: the calibration that the plane belongs to, or the camera that it was
+            located with. A `Camera` is taken as exact.
+        side : float
+            Length of the square's side (of a board: of a cell), in any unit.
+        point_std : float
+            One standard deviation of each pixel's coordinates; half a pixel is what one points
+            at by hand, `detect` and `cv2.cornerSubPix` are better.
+
+        Returns
+        -------
+        Measurement
+            With ``lengths``, ``angles`` and ``area``, and their standard deviations, which hold
+            the pixels', the pose's and the camera's uncertainty.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For bad arguments; if a point is outside the picture or the valid radius, or beyond
+            the plane's horizon; if the result of an older version does not say how well its
+            poses are known.
+        """
+        from trisquare.measure import measure_on_plane  # it measures with this module's classes
+
+        return measure_on_plane(self, points, camera, side=side, point_std=point_std)
 
     def __repr__(self) -> str:
         x, y, z = self.translation.tolist()
@@ -400,7 +454,13 @@ def _plane_members(plane: Plane) -> dict[str, Any]:
         "translation": plane.translation.tolist(),
         "rms_px": plane.rms,
         "samples": plane.samples,
+        **_uncertainty_member(plane.uncertainty),
     }
+
+
+def _uncertainty_member(uncertainty: PoseUncertainty | None) -> dict[str, Any]:
+    """Return a plane's ``pose_uncertainty`` member, which older results lack."""
+    return {} if uncertainty is None else {"pose_uncertainty": uncertainty_members(uncertainty)}
 
 
 def _plane_from_members(members: JsonFields) -> Plane:
@@ -412,4 +472,9 @@ def _plane_from_members(members: JsonFields) -> Plane:
         translation=members.array("translation", (3,)),
         rms=members.number("rms_px"),
         samples=members.integer("samples"),
+        uncertainty=(
+            uncertainty_from_members(members.object("pose_uncertainty"))
+            if members.has("pose_uncertainty")
+            else None
+        ),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from trisquare import _core
@@ -37,7 +38,7 @@ class TurnedCameras:
 
     def by(self, turn: FloatArray) -> TurnedCameras:
         """Return the same after a further small turn, a rotation vector in radians."""
-        return TurnedCameras(self.first, self.second, rotation_matrix(turn) @ self.rotation)
+        return TurnedCameras(self.first, self.second, cv2.Rodrigues(turn)[0] @ self.rotation)
 
     def sees(self, pixels: FloatArray) -> FloatArray:
         """Tell which of the pixels both cameras can follow, shape (N,) of bool."""
@@ -93,14 +94,3 @@ def _in_sight(turned: TurnedCameras, pixels: FloatArray) -> FloatArray:
             f"over {100 * seen.mean():.0f} % of the picture"
         )
     return np.asarray(seen)
-
-
-def rotation_matrix(turn: FloatArray) -> FloatArray:
-    """Return the rotation matrix of a rotation vector, radians (Rodrigues)."""
-    angle = float(np.linalg.norm(turn))
-    x, y, z = turn
-    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    if angle < CONVERGED:
-        return np.asarray(np.eye(3) + skew)
-    sine, versine = math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle**2
-    return np.asarray(np.eye(3) + sine * skew + versine * skew @ skew)

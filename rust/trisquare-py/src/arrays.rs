@@ -117,7 +117,7 @@ pub fn from_matrix3<'py>(py: Python<'py>, matrix: &Matrix3<f64>) -> Bound<'py, P
     from_rows(py, 3, 3, matrix.transpose().iter().copied())
 }
 
-/// A square matrix of any size.
+/// A matrix of any size.
 pub fn from_matrix<'py>(py: Python<'py>, matrix: &DMatrix<f64>) -> Bound<'py, PyArray2<f64>> {
     from_rows(
         py,

@@ -1,11 +1,12 @@
 //! The whole calibration.
 
+use nalgebra::DMatrix;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use trisquare::{
     Brown, Calibration, Fixed, ImageSize, Lens, Method, Model, ModelChoice, Options, Photographs,
-    PictureTone, PlaneEdges, Stage, ToneFit,
+    PictureTone, PlaneEdges, PoseUncertainty, Stage, ToneFit,
 };
 
 use crate::arrays;
@@ -178,6 +179,16 @@ fn tone_fit<'py>(py: Python<'py>, fit: &ToneFit) -> PyResult<Bound<'py, PyDict>>
     Ok(dict)
 }
 
+fn pose_uncertainty<'py>(py: Python<'py>, found: &PoseUncertainty) -> PyResult<Bound<'py, PyDict>> {
+    let (given, by) = (&found.given_camera, &found.by_camera);
+    let given = DMatrix::from_column_slice(given.nrows(), given.ncols(), given.as_slice());
+    let by = DMatrix::from_column_slice(by.nrows(), by.ncols(), by.as_slice());
+    let dict = PyDict::new(py);
+    dict.set_item("given_camera", arrays::from_matrix(py, &given))?;
+    dict.set_item("by_camera", arrays::from_matrix(py, &by))?;
+    Ok(dict)
+}
+
 fn to_dict<'py>(py: Python<'py>, found: &Calibration) -> PyResult<Bound<'py, PyDict>> {
     let std = PyDict::new(py);
     for (name, value) in found.std() {
@@ -199,6 +210,9 @@ fn to_dict<'py>(py: Python<'py>, found: &Calibration) -> PyResult<Bound<'py, PyD
             )?;
             dict.set_item("rms", plane.rms)?;
             dict.set_item("samples", plane.samples)?;
+            let uncertainty = plane.uncertainty.as_ref();
+            let uncertainty = uncertainty.map(|u| pose_uncertainty(py, u)).transpose()?;
+            dict.set_item("uncertainty", uncertainty)?;
             Ok(dict)
         })
         .collect::<PyResult<Vec<_>>>()?;

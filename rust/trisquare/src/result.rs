@@ -5,10 +5,11 @@ use nalgebra::{DMatrix, Vector2};
 use crate::consistency::Disagreement;
 use crate::correlated::{Coherence, Correlated};
 use crate::observations::{ObservedPlane, Placement};
+use crate::pose_uncertainty::pose_uncertainties;
 use crate::refine::root_mean_square;
 use crate::task::{Solution, Task};
 use crate::view::View;
-use crate::{Brown, ImageSize, Lens, Pose, ToneFit};
+use crate::{Brown, ImageSize, Lens, Pose, PoseUncertainty, ToneFit};
 
 /// The stage a result comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -126,6 +127,8 @@ pub struct Plane {
     pub rms: f64,
     /// Number of its samples.
     pub samples: usize,
+    /// How well its pose is known; `None` where its own samples do not determine it.
+    pub uncertainty: Option<PoseUncertainty>,
 }
 
 /// A calibrated camera, how well it is known, and where the planes stand.
@@ -191,6 +194,7 @@ impl Calibration {
         let together = coherence.warnings(&covariance, free);
         let disagreement = disagreement.map(Warning::Disagreement);
         let residuals = &refined.residuals;
+        let poses = pose_uncertainties(planes, refined, &covariance);
         Self {
             camera: refined.view.lens,
             image_size: task.size,
@@ -200,14 +204,16 @@ impl Calibration {
             planes: planes
                 .iter()
                 .zip(residuals)
+                .zip(poses)
                 .enumerate()
-                .map(|(i, (plane, own))| Plane {
+                .map(|(i, ((plane, own), uncertainty))| Plane {
                     figure: plane.figures[0].index,
                     image: plane.image,
                     pose: refined.view.planes[i].pose,
                     corners: observed_corners(plane, &refined.view, i),
                     rms: root_mean_square(own.iter()),
                     samples: own.len(),
+                    uncertainty,
                 })
                 .collect(),
             rms: root_mean_square(residuals.iter().flatten().filter(|r| r.counts)),

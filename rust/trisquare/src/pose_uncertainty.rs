@@ -1,0 +1,135 @@
+//! How well the poses of the planes are known, together with the camera.
+//!
+//! With `H` and `C` a plane's block of the normal equations and its cross terms with the camera,
+//! the pose that fits best follows the camera by `-H^-1 C`, and is known to `H^-1` (in units of
+//! the noise) where the camera is given. The covariance of camera and pose together follows from
+//! these and from the camera's own, whether it was found from the same planes or from others.
+
+use nalgebra::{DMatrix, Matrix6, SMatrix};
+
+use crate::arrow::{ArrowSystem, Block};
+use crate::edge_problem::EdgeProblem;
+use crate::levenberg::Problem;
+use crate::observations::ObservedPlane;
+use crate::parameters::FreeParameters;
+use crate::refine::Refined;
+use crate::view::POSE_PARAMETERS;
+use crate::{Brown, Fixed, Model};
+
+/// Samples of each side from which it is told how a pose follows the camera: that depends on where
+/// the sides are, and little on how densely they are sampled.
+const SAMPLES_PER_SIDE: usize = 16;
+
+/// How well a pose is known, and how it would follow another camera.
+///
+/// A pose's parameters are a rotation vector applied after its rotation, in camera coordinates
+/// (radians), and the translation (units of the plane).
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct PoseUncertainty {
+    /// Covariance of the pose where the camera is given.
+    pub given_camera: Matrix6<f64>,
+    /// Derivative of the pose by all of the camera's parameters, free or held, in the order of
+    /// [`Brown::parameter_names`](crate::Lens::parameter_names).
+    pub by_camera: SMatrix<f64, 6, 9>,
+}
+
+/// Of every plane of an optimum, `None` where its own samples do not determine its pose.
+///
+/// `covariance` is that of the free parameters. Where it is larger than the normal equations'
+/// inverse (correlated errors), the poses' is taken to be so too, by the mean factor.
+pub(crate) fn pose_uncertainties(
+    planes: &[ObservedPlane],
+    refined: &Refined<Brown>,
+    covariance: &DMatrix<f64>,
+) -> Vec<Option<PoseUncertainty>> {
+    let free = covariance.nrows();
+    let system = refined.system.leading(free);
+    let variance = match (free, system.reduced_information()) {
+        (1.., Some(information)) => (information * covariance).trace() / free as f64,
+        _ => refined.covariance_factor,
+    };
+    let follows = following(planes, refined);
+    let pairs = system.blocks.iter().enumerate();
+    let of_plane = |(i, block): (usize, &Block)| {
+        let inverse = block.hessian.clone().cholesky()?.inverse();
+        let found = PoseUncertainty {
+            given_camera: inverse.fixed_view::<POSE_PARAMETERS, POSE_PARAMETERS>(0, 0) * variance,
+            by_camera: follow_camera(&follows.as_ref()?.blocks[i])?,
+        };
+        let finite = found.given_camera.iter().chain(found.by_camera.iter());
+        finite.copied().all(f64::is_finite).then_some(found)
+    };
+    pairs.map(of_plane).collect()
+}
+
+/// The normal equations over all of the camera's parameters, from some of the samples.
+fn following(planes: &[ObservedPlane], refined: &Refined<Brown>) -> Option<ArrowSystem> {
+    let all = FreeParameters::new(Model::Brown, &Fixed::default(), 1.0);
+    let thinned = planes.iter().map(|p| p.thinned(SAMPLES_PER_SIDE));
+    let some: Vec<ObservedPlane> = thinned.collect();
+    let problem = EdgeProblem::new(&some, &all, refined.scale);
+    Some(problem.evaluate(&refined.view)?.1)
+}
+
+/// `-H^-1 C`, the pose's rows of it.
+fn follow_camera(block: &Block) -> Option<SMatrix<f64, 6, 9>> {
+    let follows = block.hessian.clone().cholesky()?.solve(&block.cross);
+    Some(-follows.fixed_view::<POSE_PARAMETERS, 9>(0, 0))
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use crate::synthetic::{Scene, SceneOptions};
+    use crate::{Brown, Calibration, Fixed, ImageSize, Lens, Options, Pose, calibrate};
+
+    /// The calibration of a scene, its camera held.
+    fn held(scene: &Scene, camera: Brown) -> Calibration {
+        let fixed = Fixed {
+            focal: true,
+            principal_point: true,
+            distortion: true,
+            ..Fixed::default()
+        };
+        let options = Options {
+            fixed,
+            initial: Some(camera),
+            ..Options::default()
+        };
+        let size = ImageSize {
+            width: 1280,
+            height: 960,
+        };
+        calibrate(&scene.edges(1, 0.05, 4.0), size, &options).unwrap()
+    }
+
+    fn change(from: &Pose, to: &Pose) -> (Vector3<f64>, Vector3<f64>) {
+        let turn = nalgebra::Rotation3::from_matrix(&(to.rotation * from.rotation.transpose()));
+        (turn.scaled_axis(), to.translation - from.translation)
+    }
+
+    #[test]
+    fn poses_follow_the_camera_as_they_do_when_fitted_again() {
+        let scene = Scene::random(4, SceneOptions::default());
+        let found = held(&scene, scene.camera);
+        let parameters = scene.camera.parameters();
+        let mut worst: f64 = 0.0;
+        let steps = [1.0, 1.0, 1.0, 1.0, 1e-3, 1e-3, 1e-3, 1e-4, 1e-4];
+        for (i, step) in steps.iter().enumerate() {
+            let mut moved: [f64; 9] = parameters.as_slice().try_into().unwrap();
+            moved[i] += step;
+            let again = held(&scene, Brown::new(moved));
+            for (before, after) in found.planes.iter().zip(&again.planes) {
+                let (turn, shift) = change(&before.pose, &after.pose);
+                let expected = before.uncertainty.as_ref().unwrap().by_camera.column(i) * *step;
+                let (turned, shifted) = (expected.fixed_rows::<3>(0), expected.fixed_rows::<3>(3));
+                let size = turn.norm() + shift.norm();
+                worst = worst.max(((turn - turned).norm() + (shift - shifted).norm()) / size);
+            }
+        }
+        // Second order, and robust weights that differ a little between all samples and some.
+        assert!(worst < 0.1, "{worst}");
+    }
+}
