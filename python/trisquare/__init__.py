@@ -33,6 +33,7 @@ from trisquare.steps import (
     homography_from_lines,
     pose_from_homography,
 )
+from trisquare.target import PrintedTarget, printed_target
 
 __all__ = [
     "Calibration",
@@ -49,6 +50,7 @@ __all__ = [
     "PlaneEdges",
     "PlannedSquare",
     "Prediction",
+    "PrintedTarget",
     "ProjectionMap",
     "Rejected",
     "Sighting",
@@ -63,4 +65,5 @@ __all__ = [
     "homography_from_lines",
     "pose_from_homography",
     "predict",
+    "printed_target",
 ]

@@ -18,6 +18,7 @@ from trisquare._core import __version__
 from trisquare.commands.calibrate import calibrate_command
 from trisquare.commands.demo import demo_command
 from trisquare.commands.predict import predict_command
+from trisquare.commands.target import target_command
 from trisquare.errors import (
     ConvergenceError,
     DegenerateGeometryError,
@@ -33,6 +34,7 @@ EXIT_CODES: Mapping[type[Exception], int] = {
     ValueError: USAGE_EXIT,
     TypeError: USAGE_EXIT,
     OSError: USAGE_EXIT,
+    ImportError: USAGE_EXIT,  # what an extra brings
     DetectionError: 3,
     NotEnoughPlanesError: 3,
     NotEnoughDataError: 3,
@@ -99,4 +101,5 @@ def _options(
 
 app.command("calibrate")(calibrate_command)
 app.command("predict")(predict_command)
+app.command("target")(target_command)
 app.command("demo")(demo_command)
