@@ -55,6 +55,7 @@ CORNER_OFF_DIAGONAL = 15.0  # degrees
 # How much farther off it is than would just do, and how far it is off the middle of the picture.
 CORNER_DISTANCE = (1.02, 1.2)
 CORNER_JITTER = 0.02  # of the picture's height
+CENTRING_STEPS = 3  # each leaves a fifth of what a corner's depth makes of its offset
 NEARER = 0.95  # steps by which a camera comes nearer while it still sees the whole corner
 # Scenes are drawn by rejection; one in a few is good, so this never runs out by chance.
 MOST_DRAWS = 5000
@@ -198,29 +199,38 @@ def corner_scene(
         jitter = CORNER_JITTER * camera.image_size[1] / camera.fx * rng.standard_normal(2)
         # From where a corner is surely seen whole to the nearest such place.
         distance, nearest = 8.0 * sheet.face * camera.fx / min(camera.image_size), None
-        while (targets := _corner_from(camera, sheet, turned, distance, jitter)) is not None:
+        while _seen_corner(camera, sheet, turned, distance, jitter) is not None:
             distance, nearest = NEARER * distance, distance
         if nearest is None:
             continue
         distance = nearest * rng.uniform(*CORNER_DISTANCE)
-        targets = _corner_from(camera, sheet, turned, distance, jitter)
+        targets = _seen_corner(camera, sheet, turned, distance, jitter)
         if targets is not None:
             return Scene(camera, targets)
     raise ValueError("the corner does not fit this camera's picture")
 
 
-def _corner_from(
+def _seen_corner(
     camera: TrueCamera, page: TargetPage, turned: Array, distance: float, jitter: Array
 ) -> tuple[Target, ...] | None:
     """Place a folded corner `distance` millimetres away; None if it is not seen whole."""
     frames = folded_frames(page)
-    middle = np.mean([frame.translation for frame in frames], axis=0)
     cam_from_corner = turned @ _LOOK_ALONG_DIAGONAL
-    away = distance * np.append(jitter, 1.0)
+    rotations = [cam_from_corner @ frame.rotation for frame in frames]
+    centres = np.array([cam_from_corner @ frame.translation for frame in frames])
+    centres += [0.0, 0.0, distance] - centres.mean(axis=0)
+    for _ in range(CENTRING_STEPS):
+        outlines = [
+            centre + frame.side * rectangle(0.5, 0.5) @ rotation[:, :2].T
+            for frame, rotation, centre in zip(frames, rotations, centres, strict=True)
+        ]
+        points = np.concatenate(outlines)
+        if np.any(points[:, 2] <= 0.0):
+            return None
+        seen = points[:, :2] / points[:, 2:]
+        centres[:, :2] -= distance * (0.5 * (seen.min(axis=0) + seen.max(axis=0)) - jitter)
     targets = []
-    for frame in frames:
-        rotation = cam_from_corner @ frame.rotation
-        centre = cam_from_corner @ (frame.translation - middle) + away
+    for frame, rotation, centre in zip(frames, rotations, centres, strict=True):
         if not faces_camera(rotation, centre):
             return None
         rim = 0.5 * (page.face / frame.side - 1.0)
