@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from trisquare._core import __version__
-from trisquare.files import PathLike, check_writable, write_atomically
 from trisquare.target_layout import (
     PAGES,
     PrintedFrame,
@@ -59,7 +58,7 @@ class PrintedTarget:
         """
         return pdf_of(self.pages, f"trisquare target, {self.page}", f"trisquare {__version__}")
 
-    def save(self, path: PathLike) -> None:
+    def save(self, path: str | os.PathLike[str]) -> None:
         """Write the PDF, wholly or not at all.
 
         Raises
@@ -71,6 +70,8 @@ class PrintedTarget:
         ValueError
             If the file's name says that it is something else.
         """
+        from trisquare.files import check_writable, write_atomically  # imports OpenCV
+
         if not os.fspath(path).lower().endswith(".pdf"):
             raise ValueError(f"{os.fspath(path)}: a target is written as PDF: name a .pdf file")
         check_writable(path)

@@ -68,8 +68,8 @@ CORNER_TEXT = (
     "photograph, seen from the front.",
 )
 FLAT_TEXT = (
-    "1. Print three sheets at 100 %, check the ruler, glue each flat on stiff cardboard; keep the "
-    "margin white.",
+    "1. Print all three sheets at 100 %, check the ruler, glue each flat on stiff cardboard; keep "
+    "the margin white.",
     "2. Stand them up, tilted 25-50 degrees, each in another direction, and let them fill the "
     "photograph.",
 )
