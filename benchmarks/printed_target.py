@@ -16,6 +16,7 @@ from rows import Row
 import trisquare as ts
 from trisquare import simulate
 from trisquare.scene import Scene, Target, TrueCamera
+from trisquare.target import TargetPage
 
 PICTURES = 60
 SEED = 41_000
@@ -26,6 +27,7 @@ SIDE = 84.0  # mm, of A4's corner
 CAMERA = TrueCamera(1100.0, 1100.0, 639.5, 479.5, np.array([-0.15, 0.03, 0.0, 0.0, 0.0]))
 SIGMA = 0.02  # pixels per pixel of edge: noise 2 of contrast 175, blur 0.7 px
 VIEWS = 40
+LAYOUTS = ((0.06, 0.6), (0.12, 0.4), (0.12, 0.6), (0.12, 0.8), (0.2, 0.6))  # margins, holes
 
 PAPER_SCENES = 100
 SIDE_ERROR = 0.05  # mm; the dots of a printer with 600 to the inch are 0.04 mm apart
@@ -38,20 +40,32 @@ def measure() -> list[Row]:
     return [_promised(), *_photographed(), *_on_paper()]
 
 
-def promised_std() -> dict[str, float]:
-    """Root mean square of the predicted standard deviations over views of the A4 corner."""
+def promised_std(page: TargetPage | None = None) -> dict[str, float]:
+    """Root mean square of the predicted standard deviations over views of a corner (A4's)."""
     camera = camera_of(CAMERA)
     squares: dict[str, float] = {}
     for view in range(VIEWS):
-        scene = simulate.corner_scene(np.random.default_rng(SEED + view), camera=CAMERA)
+        scene = simulate.corner_scene(np.random.default_rng(SEED + view), page=page, camera=CAMERA)
         for name, std in ts.predict(camera, scene.targets, SIGMA).std.items():
             squares[name] = squares.get(name, 0.0) + std**2 / VIEWS
     return {name: float(np.sqrt(square)) for name, square in squares.items()}
 
 
+def _print_layouts() -> None:
+    """Print what other holes and margins would promise."""
+    page = ts.printed_target("corner").pages[0]
+    for margin, inner in LAYOUTS:
+        side = page.face / (1.0 + 2.0 * margin)
+        frames = tuple(replace(frame, side=side, inner=inner) for frame in page.frames)
+        std = promised_std(replace(page, frames=frames))
+        shown = ", ".join(f"{name} {std[name]:.2g}" for name in ("fx", "cx", "k1"))
+        print(f"  margin {margin:g}, hole {inner:g} of the side: std of {shown}")
+
+
 def _promised() -> Row:
+    _print_layouts()
     std = promised_std()
-    print("  predicted:", ", ".join(f"{name} {value:.2g}" for name, value in std.items()))
+    print("  as printed: std of", ", ".join(f"{name} {value:.2g}" for name, value in std.items()))
     return Row(
         "printed corner, predicted std of fx, cx (1280 x 960, f 1100 px, 0.02 px per pixel)",
         f"{std['fx']:.3f}, {std['cx']:.3f} px",

@@ -31,12 +31,13 @@ PAGES: Mapping[str, Point] = MappingProxyType(
 """Width and height of the pages, upright: ISO 216 and ANSI A."""
 
 INNER = 0.6
-"""Side of a frame's hole, of its own side. From 0.4 to 0.8 the predicted focal length changes by
-5 % either way; at 0.6 the band is wider than the light margin, which therefore limits first."""
+"""Side of a frame's hole, of its own side. Predicted (benchmarks/printed_target.py), 0.4 or 0.8
+would change the std of f by 5 %, and 0.8 would raise that of k1 by a third; at 0.6 the band is
+wider than the light margin, which therefore limits first."""
 
 MARGIN = 0.12
 """Least light margin round a frame, of its side. With 0.06 a photograph would know the focal
-length 15 % better; but in one of 640 x 480 pixels, where the corner's faces are foreshortened by
+length 10 % better; but in one of 640 x 480 pixels, where the corner's faces are foreshortened by
 half, that is 4 pixels, the reach of an edge's blur. So it is 9."""
 
 UNPRINTABLE = 7.0
