@@ -29,6 +29,7 @@ BENCHMARKS = (
     "inserted_squares",
     "board_finding",
     "tags",
+    "printed_target",
     "robustness",
     "real_scenes",
     "clutter_choice",

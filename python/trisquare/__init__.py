@@ -34,6 +34,7 @@ from trisquare.steps import (
     homography_from_lines,
     pose_from_homography,
 )
+from trisquare.target import PrintedTarget, printed_target
 
 __all__ = [
     "Calibration",
@@ -51,6 +52,7 @@ __all__ = [
     "PlaneEdges",
     "PlannedSquare",
     "Prediction",
+    "PrintedTarget",
     "ProjectionMap",
     "Rejected",
     "Sighting",
@@ -66,4 +68,5 @@ __all__ = [
     "homography_from_lines",
     "pose_from_homography",
     "predict",
+    "printed_target",
 ]

@@ -19,6 +19,7 @@ from trisquare.commands.calibrate import calibrate_command
 from trisquare.commands.compare import compare_command
 from trisquare.commands.demo import demo_command
 from trisquare.commands.predict import predict_command
+from trisquare.commands.target import target_command
 from trisquare.errors import (
     ConvergenceError,
     DegenerateGeometryError,
@@ -34,6 +35,7 @@ EXIT_CODES: Mapping[type[Exception], int] = {
     ValueError: USAGE_EXIT,
     TypeError: USAGE_EXIT,
     OSError: USAGE_EXIT,
+    ImportError: USAGE_EXIT,  # what an extra brings
     DetectionError: 3,
     NotEnoughPlanesError: 3,
     NotEnoughDataError: 3,
@@ -101,4 +103,5 @@ def _options(
 app.command("calibrate")(calibrate_command)
 app.command("predict")(predict_command)
 app.command("compare")(compare_command)
+app.command("target")(target_command)
 app.command("demo")(demo_command)
