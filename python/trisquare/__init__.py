@@ -21,7 +21,10 @@ from trisquare.errors import (
     NotEnoughPlanesError,
     TrisquareError,
 )
+from trisquare.locating import locate
+from trisquare.measure import Measurement
 from trisquare.model_alternative import ModelAlternative
+from trisquare.pose_uncertainty import PoseUncertainty
 from trisquare.predict import PlannedSquare, Prediction, predict
 from trisquare.projection import ProjectionMap
 from trisquare.rejected import Rejected
@@ -35,6 +38,7 @@ from trisquare.steps import (
     pose_from_homography,
 )
 from trisquare.target import PrintedTarget, printed_target
+from trisquare.top_view import TopView, rectify
 
 __all__ = [
     "Calibration",
@@ -45,18 +49,21 @@ __all__ = [
     "DegenerateGeometryError",
     "DetectionError",
     "ImageError",
+    "Measurement",
     "ModelAlternative",
     "NotEnoughDataError",
     "NotEnoughPlanesError",
     "Plane",
     "PlaneEdges",
     "PlannedSquare",
+    "PoseUncertainty",
     "Prediction",
     "PrintedTarget",
     "ProjectionMap",
     "Rejected",
     "Sighting",
     "Straightening",
+    "TopView",
     "TrisquareError",
     "__version__",
     "calibrate",
@@ -66,7 +73,9 @@ __all__ = [
     "detect",
     "fit_distortion",
     "homography_from_lines",
+    "locate",
     "pose_from_homography",
     "predict",
     "printed_target",
+    "rectify",
 ]

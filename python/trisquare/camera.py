@@ -130,6 +130,25 @@ class Camera(RebuiltByConstructor):
         """
         return _core.project_points(camera_for_core(self), real_array(points, "points", (None, 3)))
 
+    def can_project(self, points: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+        """Tell which points of the camera's frame `project` can follow.
+
+        Parameters
+        ----------
+        points : array_like, shape (N, 3)
+            As in `project`.
+
+        Returns
+        -------
+        ndarray of bool, shape (N,)
+            Whether a point is ahead of the camera and within the valid radius.
+        """
+        given = real_array(points, "points", (None, 3))
+        limit = math.inf if self.valid_radius is None else self.valid_radius
+        with np.errstate(divide="ignore", invalid="ignore"):
+            radius = np.hypot(given[:, 0], given[:, 1]) / given[:, 2]
+        return np.asarray((given[:, 2] > 0) & (radius <= limit))
+
     def unproject(self, pixels: npt.ArrayLike) -> FloatArray:
         """Return the unit rays, in the camera's frame, along which pixels look.
 

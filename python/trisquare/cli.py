@@ -18,6 +18,7 @@ from trisquare._core import __version__
 from trisquare.commands.calibrate import calibrate_command
 from trisquare.commands.compare import compare_command
 from trisquare.commands.demo import demo_command
+from trisquare.commands.measure import measure_command
 from trisquare.commands.predict import predict_command
 from trisquare.commands.target import target_command
 from trisquare.errors import (
@@ -102,6 +103,7 @@ def _options(
 
 app.command("calibrate")(calibrate_command)
 app.command("predict")(predict_command)
+app.command("measure")(measure_command)
 app.command("compare")(compare_command)
 app.command("target")(target_command)
 app.command("demo")(demo_command)

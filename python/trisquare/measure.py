@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -29,6 +28,7 @@ from trisquare.free_parameters import free_columns
 from trisquare.plane_points import onto_plane
 from trisquare.pose_uncertainty import POSE_PARAMETERS
 from trisquare.result import CLICKED_STD, Calibration, Plane
+from trisquare.rotations import rotation_matrix
 
 __all__ = ["Measurement", "measure_on_plane"]
 
@@ -185,7 +185,7 @@ def _by_pose(pixels: FloatArray, camera: Camera, plane: Plane) -> FloatArray:
 
 def _moved(plane: Plane, change: FloatArray) -> Plane:
     """Change a pose by a rotation vector and a translation, as `PoseUncertainty` has it."""
-    turn = cv2.Rodrigues(change[:3])[0]
+    turn = rotation_matrix(change[:3])
     return replace(
         plane, rotation=turn @ plane.rotation, translation=plane.translation + change[3:]
     )

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from trisquare import _core
 from trisquare.camera import Camera, camera_for_core
 from trisquare.checked import FloatArray
+from trisquare.rotations import rotation_matrix
 
 MOST_STEPS = 20
 """Gauss-Newton steps for the rotation; from the start that is used, 3 or 4 do."""
@@ -38,17 +37,13 @@ class TurnedCameras:
 
     def by(self, turn: FloatArray) -> TurnedCameras:
         """Return the same after a further small turn, a rotation vector in radians."""
-        return TurnedCameras(self.first, self.second, cv2.Rodrigues(turn)[0] @ self.rotation)
+        return TurnedCameras(self.first, self.second, rotation_matrix(turn) @ self.rotation)
 
     def sees(self, pixels: FloatArray) -> FloatArray:
         """Tell which of the pixels both cameras can follow, shape (N,) of bool."""
         seen = np.array(_core.can_unproject(camera_for_core(self.first), pixels), dtype=bool)
         rays = self.first.unproject(pixels[seen]) @ self.rotation.T
-        radius = self.second.valid_radius
-        limit = math.inf if radius is None else radius
-        with np.errstate(divide="ignore"):
-            ahead = (rays[:, 2] > 0) & (np.hypot(rays[:, 0], rays[:, 1]) / rays[:, 2] < limit)
-        seen[seen] = ahead
+        seen[seen] = self.second.can_project(rays)
         return np.asarray(seen)
 
     def project(self, pixels: FloatArray) -> FloatArray:

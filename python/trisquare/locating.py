@@ -1,0 +1,59 @@
+"""Where squares stand that a known camera sees."""
+
+from __future__ import annotations
+
+from trisquare.calibrate import calibrate
+from trisquare.camera import Camera
+from trisquare.pictures import ImageSource, Outlines, Tone
+from trisquare.result import Calibration, Plane
+
+__all__ = ["locate"]
+
+
+def locate(
+    image: ImageSource,
+    camera: Calibration | Camera,
+    *,
+    targets: str = "auto",
+    tone: Tone = None,
+    outlines: Outlines | None = None,
+) -> tuple[Plane, ...]:
+    """Find the squares in a photograph, and where they stand before the camera that took it.
+
+    As `calibrate`, with the camera held: one square is enough. The photograph may be one of those
+    that the camera was calibrated from, or another of the same camera.
+
+    Parameters
+    ----------
+    image : path or ndarray
+        As in `calibrate`.
+    camera : Calibration or Camera
+        That took it.
+    targets, tone, outlines
+        As in `calibrate`.
+
+    Returns
+    -------
+    tuple of Plane
+        With poses whose ``uncertainty`` tells what `Plane.measure` needs.
+
+    Raises
+    ------
+    ImageError, DetectionError, NotEnoughDataError, ConvergenceError
+        As `calibrate`.
+    TypeError, ValueError
+        For bad arguments; if the picture is of another size than the camera's.
+    """
+    if not isinstance(camera, Calibration | Camera):
+        raise TypeError(f"camera must be a Calibration or Camera, not {type(camera).__name__}")
+    held = camera.camera if isinstance(camera, Calibration) else camera
+    found = calibrate(
+        image,
+        model=held.model,
+        fix=("focal", "principal_point", "distortion"),
+        initial=held,
+        tone=tone,
+        targets=targets,
+        outlines=outlines,
+    )
+    return found.planes
