@@ -45,7 +45,7 @@ def measure() -> list[Row]:
         camera = simulate.random_camera(rng)
         photo = {"noise": rng.uniform(*NOISE_RANGE), "blur": rng.uniform(*BLUR_RANGE)}
         for _ in range(SESSIONS):
-            boards = _photograph_boards(camera, rng, photo)
+            boards = photograph_boards(camera, rng, photo)
             for window in WINDOWS:
                 collected[_label(window)].append(_zhang(camera, boards, window))
         for kind in ("square", "frame"):
@@ -92,9 +92,10 @@ class BoardPicture:
     board: npt.NDArray[np.float32]
 
 
-def _photograph_boards(
+def photograph_boards(
     camera: TrueCamera, rng: np.random.Generator, photo: dict[str, float]
 ) -> list[BoardPicture]:
+    """Photograph a chessboard in random poses."""
     pictures = []
     for _ in range(BOARDS):
         scene = simulate.chessboard_scene(rng, camera)
@@ -111,6 +112,14 @@ def _photograph_boards(
 
 def _zhang(camera: TrueCamera, boards: list[BoardPicture], window: int) -> Array:
     """Return the error of one chessboard session, shape (6,)."""
+    K, distortion = zhang_camera(camera, boards, window)
+    return camera_vector(K, distortion) - camera_vector(camera.K, camera.distortion)
+
+
+def zhang_camera(
+    camera: TrueCamera, boards: list[BoardPicture], window: int
+) -> tuple[Array, Array]:
+    """Return camera matrix and distortion of one chessboard session, shapes (3, 3) and (5,)."""
     half = (window, window)
     corners = [
         cv2.cornerSubPix(shot.picture, shot.detected.copy(), half, (-1, -1), SUBPIX_END)
@@ -120,4 +129,4 @@ def _zhang(camera: TrueCamera, boards: list[BoardPicture], window: int) -> Array
     _, K, distortion, _, _ = cv2.calibrateCamera(
         objects, corners, camera.image_size, None, None, flags=SAME_MODEL
     )
-    return camera_vector(K, distortion.ravel()) - camera_vector(camera.K, camera.distortion)
+    return K, distortion.ravel()

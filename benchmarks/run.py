@@ -24,6 +24,7 @@ BENCHMARKS = (
     "prediction",
     "tone",
     "against_zhang",
+    "measured_lengths",
     "chess_triples",
     "held_out",
     "inserted_squares",

@@ -4,17 +4,21 @@
 //! the pose that fits best follows the camera by `-H^-1 C`, and is known to `H^-1` (in units of
 //! the noise) where the camera is given. The covariance of camera and pose together follows from
 //! these and from the camera's own, whether it was found from the same planes or from others.
+//! Where the sides of a plane err together (paper that is not flat), each side's error moves the
+//! pose as the sum of its samples pulls.
 
-use nalgebra::{DMatrix, Matrix6, SMatrix};
+use nalgebra::{DMatrix, DVector, Matrix6, SMatrix, Vector3};
 
 use crate::arrow::{ArrowSystem, Block};
 use crate::edge_problem::EdgeProblem;
+use crate::lens::Columns;
 use crate::levenberg::Problem;
 use crate::observations::ObservedPlane;
 use crate::parameters::FreeParameters;
 use crate::refine::Refined;
+use crate::robust::Loss;
 use crate::view::POSE_PARAMETERS;
-use crate::{Brown, Fixed, Model};
+use crate::{Brown, Fixed, Lens, Model};
 
 /// Samples of each side from which it is told how a pose follows the camera: that depends on where
 /// the sides are, and little on how densely they are sampled.
@@ -36,46 +40,79 @@ pub struct PoseUncertainty {
 
 /// Of every plane of an optimum, `None` where its own samples do not determine its pose.
 ///
-/// `covariance` is that of the free parameters. Where it is larger than the normal equations'
-/// inverse (correlated errors), the poses' is taken to be so too, by the mean factor.
+/// `independent` is the covariance of the free parameters that independent noise gives, and
+/// `displacements` are what the sides of each plane err by beyond it, px.
 pub(crate) fn pose_uncertainties(
     planes: &[ObservedPlane],
     refined: &Refined<Brown>,
-    covariance: &DMatrix<f64>,
+    independent: &DMatrix<f64>,
+    displacements: &[f64],
 ) -> Vec<Option<PoseUncertainty>> {
-    let free = covariance.nrows();
+    let free = independent.nrows();
     let system = refined.system.leading(free);
     let variance = match (free, system.reduced_information()) {
-        (1.., Some(information)) => (information * covariance).trace() / free as f64,
+        (1.., Some(information)) => (information * independent).trace() / free as f64,
         _ => refined.covariance_factor,
     };
-    let follows = following(planes, refined);
-    let pairs = system.blocks.iter().enumerate();
+    let thinned = planes.iter().map(|p| p.thinned(SAMPLES_PER_SIDE));
+    let some: Vec<ObservedPlane> = thinned.collect();
+    let following = following(&some, refined);
     let of_plane = |(i, block): (usize, &Block)| {
+        let follows = &following.as_ref()?.blocks[i];
+        let factor = follows.hessian.clone().cholesky()?;
         let inverse = block.hessian.clone().cholesky()?.inverse();
+        let mut given_camera =
+            inverse.fixed_view::<POSE_PARAMETERS, POSE_PARAMETERS>(0, 0) * variance;
+        for pull in pulls_of_sides(&some[i], i, refined)? {
+            let moved = factor.solve(&pull) * displacements[i];
+            let moved = moved.fixed_rows::<POSE_PARAMETERS>(0);
+            given_camera += moved * moved.transpose();
+        }
+        let by_camera = -factor.solve(&follows.cross);
         let found = PoseUncertainty {
-            given_camera: inverse.fixed_view::<POSE_PARAMETERS, POSE_PARAMETERS>(0, 0) * variance,
-            by_camera: follow_camera(&follows.as_ref()?.blocks[i])?,
+            given_camera,
+            by_camera: by_camera
+                .fixed_view::<POSE_PARAMETERS, 9>(0, 0)
+                .into_owned(),
         };
         let finite = found.given_camera.iter().chain(found.by_camera.iter());
         finite.copied().all(f64::is_finite).then_some(found)
     };
-    pairs.map(of_plane).collect()
+    system.blocks.iter().enumerate().map(of_plane).collect()
 }
 
-/// The normal equations over all of the camera's parameters, from some of the samples.
+/// The gradient, by a plane's own parameters, of each of its sides' samples all displaced by 1 px.
+fn pulls_of_sides(
+    plane: &ObservedPlane,
+    index: usize,
+    refined: &Refined<Brown>,
+) -> Option<Vec<DVector<f64>>> {
+    let (lens, state) = (&refined.view.lens, &refined.view.planes[index]);
+    let none = Columns::of(std::iter::empty());
+    let mut pulls = Vec::new();
+    for (f, figure) in plane.figures.iter().enumerate() {
+        for side in &figure.sides {
+            let line = state.line(f, side);
+            let to_scale = side.trust() / refined.scale;
+            let mut wrt_line = Vector3::zeros();
+            for sample in &side.samples {
+                let sight = lens.sight(&sample.pixel)?;
+                let distance = lens.line_distance_jacobian(&sight, &line, none);
+                let to_noise = sample.weight * to_scale;
+                let (_, weight) = Loss::Tukey.cost_and_weight(distance.value * to_noise);
+                wrt_line += distance.wrt_line * (weight * to_noise * to_noise);
+            }
+            pulls.push(state.line_jacobian(f, side).tr_mul(&wrt_line));
+        }
+    }
+    Some(pulls)
+}
+
+/// The normal equations over all of the camera's parameters.
 fn following(planes: &[ObservedPlane], refined: &Refined<Brown>) -> Option<ArrowSystem> {
     let all = FreeParameters::new(Model::Brown, &Fixed::default(), 1.0);
-    let thinned = planes.iter().map(|p| p.thinned(SAMPLES_PER_SIDE));
-    let some: Vec<ObservedPlane> = thinned.collect();
-    let problem = EdgeProblem::new(&some, &all, refined.scale);
+    let problem = EdgeProblem::new(planes, &all, refined.scale);
     Some(problem.evaluate(&refined.view)?.1)
-}
-
-/// `-H^-1 C`, the pose's rows of it.
-fn follow_camera(block: &Block) -> Option<SMatrix<f64, 6, 9>> {
-    let follows = block.hessian.clone().cholesky()?.solve(&block.cross);
-    Some(-follows.fixed_view::<POSE_PARAMETERS, 9>(0, 0))
 }
 
 #[cfg(test)]

@@ -194,7 +194,12 @@ impl Calibration {
         let together = coherence.warnings(&covariance, free);
         let disagreement = disagreement.map(Warning::Disagreement);
         let residuals = &refined.residuals;
-        let poses = pose_uncertainties(planes, refined, &covariance);
+        let added = match stage {
+            Stage::Pixels => &coherence.added_to_pixels,
+            _ => &coherence.added,
+        };
+        let independent = &covariance - added;
+        let poses = pose_uncertainties(planes, refined, &independent, &coherence.displacements);
         Self {
             camera: refined.view.lens,
             image_size: task.size,
