@@ -33,6 +33,7 @@ from trisquare.steps import (
     homography_from_lines,
     pose_from_homography,
 )
+from trisquare.undistortion import Undistorter
 
 __all__ = [
     "Calibration",
@@ -54,6 +55,7 @@ __all__ = [
     "Sighting",
     "Straightening",
     "TrisquareError",
+    "Undistorter",
     "__version__",
     "calibrate",
     "calibrate_edges",

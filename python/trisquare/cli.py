@@ -18,6 +18,7 @@ from trisquare._core import __version__
 from trisquare.commands.calibrate import calibrate_command
 from trisquare.commands.demo import demo_command
 from trisquare.commands.predict import predict_command
+from trisquare.commands.undistort import undistort_command
 from trisquare.errors import (
     ConvergenceError,
     DegenerateGeometryError,
@@ -99,4 +100,5 @@ def _options(
 
 app.command("calibrate")(calibrate_command)
 app.command("predict")(predict_command)
+app.command("undistort")(undistort_command)
 app.command("demo")(demo_command)

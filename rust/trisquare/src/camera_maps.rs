@@ -45,7 +45,8 @@ impl Brown {
     /// [`Error::BeyondValidRadius`] where the distortion is not invertible.
     pub fn undistort_pixels(&self, observed: &[Vector2<f64>]) -> Result<Vec<Vector2<f64>>, Error> {
         self.of_all(observed, |pixel| {
-            let ideal = self.sight(pixel)?.ideal().component_mul(&self.focal());
+            let observed = (pixel - self.principal_point()).component_div(&self.focal());
+            let ideal = self.undistort(&observed)?.component_mul(&self.focal());
             Some(ideal + self.principal_point()).filter(|p| p.norm().is_finite())
         })
     }
