@@ -83,7 +83,7 @@ class Undistorter:
 
     @property
     def valid_mask(self) -> npt.NDArray[np.bool_]:
-        """Which pixels of the new picture show the photograph, shape (H, W); all others are black."""
+        """Which pixels of the new picture show the photograph, shape (H, W); others are black."""
         return self._valid
 
     @cached_property
