@@ -13,6 +13,9 @@ use crate::{Brown, Error, ImageSize, Lens};
 /// rounding, and far below the 1/32 px to which a picture is resampled.
 pub(crate) const ON_THE_BORDER: f64 = 1e-6;
 
+/// Pixels that are looked at along a side: all of them in any picture that can be resampled.
+const MAX_PIXELS_PER_SIDE: u32 = 1 << 15;
+
 /// Doublings or halvings that bracket the zoom: no lens bends a picture a million times.
 const MAX_DOUBLINGS: usize = 20;
 
@@ -254,7 +257,11 @@ impl Rectangle {
     /// The pixels along the border of a new picture, in ideal pixels.
     fn border(self, size: ImageSize) -> impl Iterator<Item = Vector2<f64>> {
         let far = size.centre() * 2.0;
-        let along = |length: u32| (0..length).map(f64::from);
+        let along = |length: u32| {
+            let count = length.min(MAX_PIXELS_PER_SIDE);
+            let step = f64::from(length - 1) / f64::from((count - 1).max(1));
+            (0..count).map(move |i| f64::from(i) * step)
+        };
         let rows = along(size.width).flat_map(move |x| [(x, 0.0), (x, far.y)]);
         let columns = along(size.height).flat_map(move |y| [(0.0, y), (far.x, y)]);
         rows.chain(columns)

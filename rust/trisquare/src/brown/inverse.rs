@@ -12,7 +12,7 @@ const MAX_NEWTON_STEPS: usize = 30;
 const NEWTON_STEP_TOLERANCE: f64 = 1e-8;
 
 /// Error of an inverse, relative to the observed point, that another Newton step would lessen.
-const ROUNDING: f64 = 1e-15;
+const ROUNDING: f64 = 1e-14;
 
 /// Doublings that find an upper bound of the ratio of ideal to observed radius.
 const MAX_DOUBLINGS: usize = 64;
