@@ -39,6 +39,7 @@ from trisquare.steps import (
 )
 from trisquare.target import PrintedTarget, printed_target
 from trisquare.top_view import TopView, rectify
+from trisquare.undistortion import Undistorter
 
 __all__ = [
     "Calibration",
@@ -65,6 +66,7 @@ __all__ = [
     "Straightening",
     "TopView",
     "TrisquareError",
+    "Undistorter",
     "__version__",
     "calibrate",
     "calibrate_edges",

@@ -21,6 +21,7 @@ from trisquare.commands.demo import demo_command
 from trisquare.commands.measure import measure_command
 from trisquare.commands.predict import predict_command
 from trisquare.commands.target import target_command
+from trisquare.commands.undistort import undistort_command
 from trisquare.errors import (
     ConvergenceError,
     DegenerateGeometryError,
@@ -106,4 +107,5 @@ app.command("predict")(predict_command)
 app.command("measure")(measure_command)
 app.command("compare")(compare_command)
 app.command("target")(target_command)
+app.command("undistort")(undistort_command)
 app.command("demo")(demo_command)
