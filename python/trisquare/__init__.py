@@ -20,6 +20,7 @@ from trisquare.errors import (
     NotEnoughPlanesError,
     TrisquareError,
 )
+from trisquare.formats import LensModelError
 from trisquare.model_alternative import ModelAlternative
 from trisquare.predict import PlannedSquare, Prediction, predict
 from trisquare.projection import ProjectionMap
@@ -42,6 +43,7 @@ __all__ = [
     "DegenerateGeometryError",
     "DetectionError",
     "ImageError",
+    "LensModelError",
     "ModelAlternative",
     "NotEnoughDataError",
     "NotEnoughPlanesError",

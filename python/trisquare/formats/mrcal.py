@@ -35,11 +35,13 @@ FAMILIES = (
     BrownFamily("LENSMODEL_OPENCV5", ("k1", "k2", "p1", "p2", "k3")),
 )
 
-# What a Python literal may have and JSON has not: other strings, comments, commas at the end.
+# What a Python literal may have and JSON has not: other strings, comments, commas at the end, 1.
+# and .5 for numbers.
 # Strings come first, so that what they hold is left alone.
 PYTHON_TOKENS = re.compile(
     r"""b?'(?P<single>[^'"\\\n]*)'|b?"(?P<double>[^"\\\n]*)"|(?P<comment>\#[^\n]*)"""
-    r"""|(?P<comma>,(?=(?:\s|\#[^\n]*(?:\n|$))*[\]})]))|(?P<open>\()|(?P<close>\))""",
+    r"""|(?P<comma>,(?=(?:\s|\#[^\n]*(?:\n|$))*[\]})]))|(?P<open>\()|(?P<close>\))"""
+    r"""|(?P<number>[-+]?(?:\d+\.\d*|\.\d+|\d+(?=[eE]))(?:[eE][-+]?\d+)?)""",
 )
 
 
@@ -61,6 +63,8 @@ def _parse(text: str) -> JsonFields:
             return " "
         if token["open"] or token["close"]:
             return "[" if token["open"] else "]"
+        if token["number"] is not None:
+            return repr(float(token["number"]))
         return '"' + (token["single"] or token["double"] or "") + '"'
 
     try:

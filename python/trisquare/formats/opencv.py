@@ -42,7 +42,7 @@ def recognises(document: Document) -> bool:
     """Whether it is FileStorage's XML, or has its tagged matrices."""
     if document.starts_with("<"):
         return "<opencv_storage" in document.text[:4096]
-    return "opencv-matrix" in document.text and not re.search(
+    return bool(re.search(r"opencv-(nd-)?matrix", document.text)) and not re.search(
         r'^"?distortion_model"?\s*:', document.text, re.MULTILINE
     )
 
@@ -94,8 +94,11 @@ def _name(members: JsonFields, names: tuple[str, ...]) -> str:
 def _matrix(members: JsonFields, names: tuple[str, ...]) -> FloatArray:
     name = _name(members, names)
     matrix = members.object(name)
-    rows, columns = matrix.integer("rows"), matrix.integer("cols")
     data = matrix.array("data", (None,))
+    # Arrays of one dimension, which OpenCV writes since version 5.
+    if matrix.has("sizes") and not matrix.has("rows"):
+        return data
+    rows, columns = matrix.integer("rows"), matrix.integer("cols")
     if rows < 0 or columns < 0 or rows * columns != len(data):
         raise ValueError(f'"{name}.data" has {len(data)} numbers, not {rows} x {columns}')
     return data.reshape(rows, columns)
@@ -113,7 +116,7 @@ def _parse_xml(text: str) -> dict[str, Any]:
 
 
 def _xml_value(element: ElementTree.Element) -> Any:
-    if element.get("type_id") != "opencv-matrix":
+    if element.get("type_id") not in ("opencv-matrix", "opencv-nd-matrix"):
         return _number(element.text or "")
     members: dict[str, Any] = {part.tag: _number(part.text or "") for part in element}
     data = element.find("data")

@@ -10,7 +10,7 @@ import yaml
 MOST_CHARACTERS = 4 << 20
 """The parser in Python, which alone survives hostile nesting, reads a million in a second."""
 
-OPENCV_TAGS = ("tag:yaml.org,2002:opencv-matrix", "!opencv-matrix")
+OPENCV_TAG = "tag:yaml.org,2002:opencv-"
 OPENCV_HEADER = re.compile(r"\A%YAML[: ]1\.0[^\n]*\n")
 
 
@@ -23,12 +23,16 @@ class _PlainLoader(yaml.SafeLoader):
         return super().compose_node(parent, index)
 
 
-def _opencv_matrix(loader: yaml.SafeLoader, node: Any) -> dict[Any, Any]:
-    return loader.construct_mapping(node, deep=True)
+def _opencv_value(loader: yaml.SafeLoader, tag: str, node: Any) -> Any:
+    """Read a matrix as the mapping that it is written as, and whatever else OpenCV tags."""
+    if isinstance(node, yaml.MappingNode):
+        return loader.construct_mapping(node, deep=True)
+    if isinstance(node, yaml.SequenceNode):
+        return loader.construct_sequence(node, deep=True)
+    return loader.construct_scalar(node)
 
 
-for _tag in OPENCV_TAGS:
-    _PlainLoader.add_constructor(_tag, _opencv_matrix)
+_PlainLoader.add_multi_constructor(OPENCV_TAG, _opencv_value)
 # YAML 1.2 and the libraries in C++ write numbers such as 1e-05, which YAML 1.1 took for text.
 _PlainLoader.add_implicit_resolver(
     "tag:yaml.org,2002:float", re.compile(r"[-+]?[0-9]+[eE][-+]?[0-9]+\Z"), list("-+0123456789")
