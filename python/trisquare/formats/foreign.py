@@ -47,6 +47,9 @@ class ForeignLens:
     image_size: tuple[int, int]
     distort: Distortion
 
+    def __post_init__(self) -> None:
+        Camera(self.K, np.zeros(5), self.image_size)  # says what is wrong with K or the size
+
     def directions(self, pixels: FloatArray) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
         """Return the ideal normalised points seen at pixels, and at which there is one.
 
@@ -68,7 +71,7 @@ def camera_of(
     focal: Sequence[float],
     centre: Sequence[float],
     coefficients: Mapping[str, float],
-    image_size: tuple[int, ...],
+    image_size: tuple[int, int],
 ) -> Camera:
     """Make a camera of the simplest model that has all coefficients that are not zero.
 
@@ -89,7 +92,7 @@ def camera_of(
     return Camera(
         camera_matrix(focal, centre),
         np.array([k1, k2, p1, p2, k3]),
-        (image_size[0], image_size[1]),
+        image_size,
         model,
     )
 
@@ -103,7 +106,7 @@ def opencv_lens(
     focal: Sequence[float],
     centre: Sequence[float],
     coefficients: Sequence[float],
-    image_size: tuple[int, ...],
+    image_size: tuple[int, int],
 ) -> Camera | ForeignLens:
     """Make a camera of OpenCV's coefficients, in its order; the higher ones may vanish.
 
@@ -124,7 +127,7 @@ def opencv_lens(
         return ForeignLens(
             f"OpenCV's {parts[len(values)]} model",
             camera_matrix(focal, centre),
-            (image_size[0], image_size[1]),
+            image_size,
             lambda ideal: _distorted_by_opencv(ideal, dist),
         )
     named = dict(zip(("k1", "k2", "p1", "p2", "k3"), values, strict=False))
@@ -136,7 +139,7 @@ def fisheye_lens(
     focal: Sequence[float],
     centre: Sequence[float],
     coefficients: Sequence[float],
-    image_size: tuple[int, ...],
+    image_size: tuple[int, int],
 ) -> ForeignLens:
     """Make a lens whose observed radius is a polynomial of the angle (Kannala & Brandt).
 
@@ -152,7 +155,7 @@ def fisheye_lens(
         scale = np.where(radius > 0, seen / np.where(radius > 0, radius, 1.0), 1.0)
         return np.asarray(ideal * scale[:, None])
 
-    return ForeignLens(title, camera_matrix(focal, centre), (image_size[0], image_size[1]), distort)
+    return ForeignLens(title, camera_matrix(focal, centre), image_size, distort)
 
 
 def _distorted_by_opencv(ideal: FloatArray, coefficients: FloatArray) -> FloatArray:

@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 
 from trisquare.formats.document import Document
 from trisquare.formats.nearest import Family, Lens
+from trisquare.json_fields import JsonFields
 
 ImageSize: TypeAlias = tuple[int, int]
 
@@ -46,6 +47,14 @@ class Format:
     write: Callable[[Any, str], str]
     families: tuple[Family, ...]
     file_names: tuple[str, ...]
+
+
+def size_member(members: JsonFields, key: str) -> ImageSize:
+    """Return a member that is ``[width, height]``."""
+    values = members.integers(key)
+    if len(values) != 2:
+        raise ValueError(f'"{key}" must be [width, height]')
+    return values[0], values[1]
 
 
 def only(lens: Callable[[], Lens]) -> Cameras:

@@ -17,7 +17,7 @@ from functools import partial
 from trisquare.camera import Camera
 from trisquare.formats.document import Document
 from trisquare.formats.foreign import fisheye_lens, opencv_lens
-from trisquare.formats.format import Cameras, Format, ImageSize
+from trisquare.formats.format import Cameras, Format, ImageSize, size_member
 from trisquare.formats.nearest import BrownFamily, Lens
 from trisquare.formats.ros import yaml_real
 from trisquare.json_fields import JsonFields
@@ -49,7 +49,7 @@ def _camera(members: JsonFields) -> Lens:
             f'"camera_model" is {members.text("camera_model")!r}: only pinhole can be read'
         )
     fx, fy, cx, cy = members.array("intrinsics", (4,)).tolist()
-    size = members.integers("resolution")
+    size = size_member(members, "resolution")
     model = members.text("distortion_model")
     if model == "none":
         return opencv_lens((fx, fy), (cx, cy), (), size)

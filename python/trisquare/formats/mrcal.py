@@ -17,7 +17,7 @@ import re
 from trisquare.camera import Camera
 from trisquare.formats.document import Document, parse_json
 from trisquare.formats.foreign import opencv_lens
-from trisquare.formats.format import Cameras, Format, ImageSize, only
+from trisquare.formats.format import Cameras, Format, ImageSize, only, size_member
 from trisquare.formats.nearest import BrownFamily, Lens
 from trisquare.json_fields import JsonFields
 
@@ -80,7 +80,7 @@ def _camera(members: JsonFields) -> Lens:
             f'"lensmodel" is {model!r}; of mrcal\'s these can be read: {", ".join(COEFFICIENTS)}'
         )
     fx, fy, cx, cy, *distortion = members.array("intrinsics", (4 + COEFFICIENTS[model],)).tolist()
-    return opencv_lens((fx, fy), (cx, cy), distortion, members.integers("imagersize"))
+    return opencv_lens((fx, fy), (cx, cy), distortion, size_member(members, "imagersize"))
 
 
 def write(camera: Camera, suffix: str) -> str:

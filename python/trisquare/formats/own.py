@@ -13,7 +13,7 @@ import re
 from trisquare._core import __version__
 from trisquare.camera import Camera, camera_from_members, camera_members
 from trisquare.formats.document import Document
-from trisquare.formats.format import Cameras, Format, ImageSize, only
+from trisquare.formats.format import Cameras, Format, ImageSize, only, size_member
 from trisquare.formats.nearest import ANY_CAMERA
 from trisquare.json_fields import JsonFields, dump_members
 
@@ -43,7 +43,7 @@ def _camera(members: JsonFields) -> Camera:
         raise ValueError(
             f'"format" must be {CAMERA_FORMAT!r} or {CALIBRATION_FORMAT!r}, not {found!r}'
         )
-    return camera_from_members(members.object("camera"), members.integers("image_size"))
+    return camera_from_members(members.object("camera"), size_member(members, "image_size"))
 
 
 def write(camera: Camera, suffix: str) -> str:
