@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from trisquare.formats import colmap, kalibr, mrcal, nerfstudio, opencv, own, ros
+from trisquare.formats import colmap, hugin, kalibr, mrcal, nerfstudio, opencv, own, ros
 from trisquare.formats.document import Document
 from trisquare.formats.format import Format
 
@@ -14,6 +14,7 @@ FORMATS = (
     kalibr.FORMAT,
     mrcal.FORMAT,
     nerfstudio.FORMAT,
+    hugin.FORMAT,
     colmap.FORMAT,
 )
 FORMAT_NAMES = tuple(known.name for known in FORMATS)
