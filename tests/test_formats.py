@@ -1,6 +1,8 @@
 """Cameras in the formats of other programs, read by those themselves where they are here."""
 
 import json
+import re
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -32,6 +34,7 @@ FILES = {
     "cameras.txt": "colmap",
     "transforms.json": "nerfstudio",
     "left.cameramodel": "mrcal",
+    "lens.pto": "hugin",
 }
 DEBIAN_PYTHON = Path("/usr/bin/python3")
 
@@ -62,10 +65,18 @@ def saved(camera, path):
     return path
 
 
-def assert_same(read, camera, tolerance=0.0):
+def assert_same(read, camera, tolerance=0.0, distortion_tolerance=0.0):
     assert read.image_size == camera.image_size
     assert np.abs(read.K - camera.K).max() <= tolerance
-    np.testing.assert_array_equal(read.distortion, camera.distortion)
+    assert np.abs(read.distortion - camera.distortion).max() <= distortion_tolerance
+
+
+def camera_for_hugin(seed, coefficients):
+    """One with square pixels and no more than k1."""
+    camera = random_camera(seed, coefficients)
+    K = camera.K.copy()
+    K[1, 1] = K[0, 0]
+    return Camera(K, camera.distortion * [1, 0, 0, 0, 0], SIZE, coefficients)
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -75,11 +86,16 @@ def test_what_is_written_is_read_back(tmp_path, name, model):
         camera = random_camera(100 * seed + len(model), model)
         if FILES[name] == "kalibr":
             camera = random_camera(seed, model, distortion=camera.distortion * [1, 1, 1, 1, 0])
+        if FILES[name] == "hugin":
+            camera = camera_for_hugin(100 * seed + len(model), model)
         read = load_camera(saved(camera, tmp_path / name))
         assert (read.format, read.approximation) == (FILES[name], None)
         # Moving the origin of a principal point by half a pixel may round its last digit.
         shifted = FILES[name] in ("colmap", "nerfstudio")
-        assert_same(read.camera, camera, tolerance=2.3e-13 if shifted else 0.0)
+        if FILES[name] == "hugin":  # whose numbers are others, of which ours are computed
+            assert_same(read.camera, camera, tolerance=1e-12, distortion_tolerance=1e-15)
+        else:
+            assert_same(read.camera, camera, tolerance=2.3e-13 if shifted else 0.0)
         assert_same(Camera.load(tmp_path / name, format=FILES[name]), read.camera)
 
 
@@ -530,12 +546,81 @@ def test_mrcal_files_are_pythons_dictionaries(tmp_path):
     assert (camera.model, camera.image_size) == ("radial2", (1280, 960))
 
 
+def seen_by_hugin(path, pixels):
+    """The ideal normalised points at pixels: of the flat panorama that Hugin itself makes."""
+    width, height, view = re.search(r"^p f0 w(\d+) h(\d+) v(\d+)", path.read_text(), re.M).groups()
+    answer = subprocess.run(
+        ["pano_trafo", path, "0"],
+        input="".join(f"{x!r} {y!r}\n" for x, y in pixels.tolist()),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    flat = np.array([[float(word) for word in line.split()] for line in answer.stdout.splitlines()])
+    centre = np.array([float(width) - 1, float(height) - 1]) / 2
+    return (flat - centre) / (0.5 * float(width) / np.tan(np.radians(float(view)) / 2))
+
+
+@pytest.mark.skipif(shutil.which("pano_trafo") is None, reason="Debian's hugin-tools are not here")
+@pytest.mark.parametrize("size", [SIZE, SIZE[::-1]])
+def test_hugin_itself_sees_the_same(tmp_path, size):
+    path = tmp_path / "lens.pto"
+    for seed, model in ((17, "none"), (18, "radial1"), (19, "radial1")):
+        camera = camera_for_hugin(seed, model)
+        camera = Camera(camera.K, camera.distortion, size, model)
+        camera.save(path)
+        pixels = pixel_grid(camera)
+        ideal = np.c_[seen_by_hugin(path, pixels), np.ones(len(pixels))]
+        # Its inverse is iterated, and ends at some thousandth of a pixel.
+        assert np.abs(camera.project(ideal) - pixels).max() < 5e-3
+    camera = Camera(camera.K, [-0.1, 0.03, 0, 0, 0], size)
+    approximation = camera.save(path, approximate=True)
+    ideal = np.c_[seen_by_hugin(path, pixels), np.ones(len(pixels))]
+    off = np.linalg.norm(camera.project(ideal) - pixels, axis=1)
+    assert off.max() < 1.1 * approximation.worst + 5e-3
+    assert off.max() > 0.5 * approximation.worst
+
+
+def test_hugins_polynomial_is_the_one_of_its_documentation(tmp_path):
+    path = tmp_path / "lens.pto"
+    a, b, c, view = 0.011, -0.031, 0.007, 50.0
+    path.write_text(
+        f'p f2 w3000 h1500 v360 n"TIFF"\ni w1000 h800 f0 v{view} Ra0 Rb0 a{a} b{b} c{c} d5 e-3 '
+        'g0 t0 Eev12.5 r0 p0 y0 TrX0 Vm5 n"a b=c.jpg"\n'
+        'i w1000 h800 f0 v=0 a=0 b=0 c=0 d=0 e=0 g=0 t=0 r1 p2 y3 n"b.jpg"\n'
+    )
+    with pytest.raises(ts.LensModelError, match="Hugin's a, b, c is none of trisquare's") as info:
+        Camera.load(path)
+    pinhole = 500 / np.tan(np.radians(view / 2))
+    ideal = np.random.default_rng(2).uniform(-0.35, 0.35, (3000, 2))
+    radius = np.linalg.norm(ideal, axis=1) * pinhole / 400
+    stretch = a * radius**3 + b * radius**2 + c * radius + 1 - a - b - c
+    seen = ideal * pinhole * stretch[:, None] + [499.5 + 5, 399.5 - 3]
+    inside = np.all((seen >= 0) & (seen <= [999, 799]), axis=1)
+    off = np.linalg.norm(
+        info.value.nearest.project(np.c_[ideal, np.ones(3000)])[inside] - seen[inside], axis=1
+    )
+    assert 0.6 * info.value.worst < off.max() < 1.02 * info.value.worst < 1
+    # Without a and c it is k1, exactly.
+    path.write_text(path.read_text().replace(f"a{a}", "a0").replace(f"c{c}", "c0"))
+    camera = Camera.load(path)
+    assert camera.model == "radial1"
+    stretch = b * radius**2 + 1 - b
+    seen = ideal * pinhole * stretch[:, None] + [499.5 + 5, 399.5 - 3]
+    np.testing.assert_allclose(camera.project(np.c_[ideal, np.ones(3000)]), seen, atol=1e-10)
+    # Lenses that differ must be chosen from.
+    path.write_text(path.read_text().replace("v=0", "v40"))
+    with pytest.raises(ValueError, match="2 cameras, 0, 1"):
+        Camera.load(path)
+    assert Camera.load(path, name="1").fx > camera.fx
+
+
 def test_names_tell_the_format_that_is_written(tmp_path):
     camera = random_camera(15, "radial2")
     for name, known in FILES.items():
         if name != "opencv.json":
-            camera.save(tmp_path / name)
-            assert load_camera(tmp_path / name).format == known
+            camera.save(tmp_path / name, approximate=known == "hugin")
+            assert load_camera(tmp_path / name, approximate=True).format == known
     for name in ("camera", "camera.doc"):
         with pytest.raises(
             ValueError, match=rf"'{name}' tells no camera format.*{FORMAT_NAMES[-1]}"

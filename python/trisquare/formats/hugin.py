@@ -24,7 +24,8 @@ from trisquare.formats.format import Cameras, Format, ImageSize, only
 from trisquare.formats.nearest import Lens
 from trisquare.formats.panotools import PanoFamily, PanoLens
 
-VARIABLE = re.compile(r'([A-Za-z]+)("[^"]*"|[^\s"]*)(?=\s|$)')
+WORD = re.compile(r'(?:"[^"]*"|[^\s"])+')
+# All of one small letter; longer names begin with a capital.
 LENS_VARIABLES = ("w", "h", "f", "v", "a", "b", "c", "d", "e", "g", "t")
 # What newer lines may leave out.
 DEFAULTS = dict.fromkeys(("a", "b", "c", "d", "e", "g", "t"), "0")
@@ -42,7 +43,7 @@ def recognises(document: Document) -> bool:
 def read(document: Document, image_size: ImageSize | None) -> Cameras:
     """Read the lenses of a project's images."""
     images: list[Variables] = [
-        {key: value for key, value in VARIABLE.findall(line[2:]) if key in LENS_VARIABLES}
+        {word[0]: word[1:] for word in WORD.findall(line[2:]) if word[0] in LENS_VARIABLES}
         for line in document.text.splitlines()
         if line.startswith("i ")
     ]
