@@ -31,7 +31,9 @@ NAMES = {
     "transforms.json": "nerfstudio",
     "left.cameramodel": "mrcal",
     "lens.pto": "hugin",
+    "lensfun.xml": "lensfun",
 }
+PANORAMA = ("hugin", "lensfun")
 
 
 @pytest.fixture(scope="module")
@@ -39,14 +41,19 @@ def texts(tmp_path_factory):
     """The camera in every format."""
     folder = tmp_path_factory.mktemp("whole")
     for name, known in NAMES.items():
-        (SIMPLE if known == "hugin" else CAMERA).save(folder / name, known)
+        (SIMPLE if known in PANORAMA else CAMERA).save(folder / name, known)
     return {name: (folder / name).read_text() for name in NAMES}
+
+
+def size_for(path):
+    """What the caller must say of a file's pictures, where the file does not."""
+    return SIMPLE.image_size if path.name == "lensfun.xml" else None
 
 
 def refusal(path, **options):
     """What is said about a file, which must begin with its name."""
     with pytest.raises(ValueError, match=re.escape(f"{path}: ")) as info:
-        Camera.load(path, **options)
+        Camera.load(path, **{"image_size": size_for(path), **options})
     return str(info.value)
 
 
@@ -115,6 +122,13 @@ def load_text(folder, name, text, **options):
         ("lens.pto", ' n"photo.jpg"', "", ""),
         ("lens.pto", " a0.0", " a1.5", "a, b and c add up to"),
         ("lens.pto", " g0", " g0.5", "shear the picture"),
+        ("lensfun.xml", "rectilinear", "fisheye", '"type" is not rectilinear'),
+        ("lensfun.xml", "poly5", "acm", "'acm'; of lensfun's these are read"),
+        ("lensfun.xml", ' focal="', ' local="', '"focal" is missing'),
+        ("lensfun.xml", ' k1="', ' k1="x', '"k1" must be a finite number'),
+        ("lensfun.xml", "<cropfactor>1.0", "<cropfactor>0", '"cropfactor" and "focal" must be'),
+        ("lensfun.xml", "1279:959", "1279:0", '"aspect-ratio" must be written 3:2'),
+        ("lensfun.xml", "<distortion", "<contortion", "no <lens> with a <distortion>"),
         ("left.cameramodel", "1000.5, ", "", '"intrinsics" must have shape (8)'),
         ("left.cameramodel", "1000.5", "nan", "not a dictionary of names and numbers"),
         ("left.cameramodel", "OPENCV4", "SPLINED_STEREOGRAPHIC_order=3", "these can be read"),
@@ -128,7 +142,8 @@ def test_the_message_names_what_is_wrong(tmp_path, texts, name, written, instead
         assert said in load_text(tmp_path, name, text, format=NAMES[name])
     else:  # not needed, or harmless
         (tmp_path / name).write_text(text)
-        assert Camera.load(tmp_path / name).fx == pytest.approx(1000.5, rel=1e-15)
+        camera = Camera.load(tmp_path / name, image_size=size_for(tmp_path / name))
+        assert camera.fx == pytest.approx(1000.5, rel=1e-15)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -138,11 +153,11 @@ def test_a_truncated_file_is_refused_or_whole(tmp_path, texts, name):
     for length in range(0, len(text), 7):
         path.write_text(text[:length])
         try:
-            camera = Camera.load(path)
+            camera = Camera.load(path, image_size=size_for(path))
         except ValueError:
             continue
         assert camera.image_size[0] == 1280
-        if NAMES[name] != "hugin":  # whose numbers may be cut within
+        if NAMES[name] not in PANORAMA:  # whose numbers may be cut within
             assert (camera.fx, camera.fy) == (1000.5, 1001.5)
 
 
@@ -165,7 +180,8 @@ def test_garbled_files_are_a_camera_or_a_value_error(tmp_path_factory, texts, da
     path = tmp_path_factory.mktemp("garbled", numbered=True) / name
     path.write_bytes(text.encode("utf-8", "surrogatepass"))
     with contextlib.suppress(ValueError):
-        camera = Camera.load(path, format=data.draw(st.sampled_from([None, NAMES[name]])))
+        known = data.draw(st.sampled_from([None, NAMES[name]]))
+        camera = Camera.load(path, format=known, image_size=size_for(path))
         assert np.isfinite(camera.K).all()
 
 
@@ -181,6 +197,8 @@ BOMBS = {
     "alias.yaml": "camera_matrix: &a [1]\ndistortion_model: &b [*a, *a]\nc: [*b, *b]\n",
     "entities.xml": '<?xml version="1.0"?><!DOCTYPE o [<!ENTITY a "aa">]>'
     "<opencv_storage><image_width>&a;</image_width></opencv_storage>",
+    "entities-lensfun.xml": '<!DOCTYPE o [<!ENTITY a "aa">]><lensdatabase>&a;</lensdatabase>',
+    "comments.xml": "<opencv_storage>" + "<!--" * DEEP,
     "object.yaml": "camera_matrix: !!python/object/apply:os.system ['true']\ndistortion_model: a\n",
     "digits.json": '{"format": "trisquare-camera/1", "image_size": [' + "9" * 5000 + "]}",
     "digits.txt": "1 PINHOLE " + "9" * 5000 + " 5 1 1 1 1\n",
@@ -267,15 +285,21 @@ def convert(run, folder, *arguments):
 
 def test_converting_from_each_format_to_each(run, tmp_path):
     for source, from_name in NAMES.items():
-        camera = SIMPLE if from_name == "hugin" else CAMERA
+        camera = SIMPLE if from_name in PANORAMA else CAMERA
         camera.save(tmp_path / source, from_name)
         for target, to_name in NAMES.items():
-            if to_name == "hugin" != from_name:
+            if to_name in PANORAMA and from_name not in PANORAMA:
                 continue
             path = tmp_path / f"new-{target}"
-            code, out, err = convert(run, tmp_path, tmp_path / source, path, "--to", to_name, "-q")
+            options = [
+                "--to",
+                to_name,
+                "-q",
+                *(("--size", "1280x960") if from_name == "lensfun" else ()),
+            ]
+            code, out, err = convert(run, tmp_path, tmp_path / source, path, *options)
             assert (code, out, err) == (0, "", "")
-            read = Camera.load(path, to_name)
+            read = Camera.load(path, to_name, image_size=(1280, 960))
             np.testing.assert_allclose(read.K, camera.K, rtol=1e-14)
             np.testing.assert_allclose(read.distortion, camera.distortion, atol=1e-15)
 

@@ -35,7 +35,9 @@ FILES = {
     "transforms.json": "nerfstudio",
     "left.cameramodel": "mrcal",
     "lens.pto": "hugin",
+    "lensfun.xml": "lensfun",
 }
+PANORAMA = ("hugin", "lensfun")
 DEBIAN_PYTHON = Path("/usr/bin/python3")
 
 
@@ -86,17 +88,19 @@ def test_what_is_written_is_read_back(tmp_path, name, model):
         camera = random_camera(100 * seed + len(model), model)
         if FILES[name] == "kalibr":
             camera = random_camera(seed, model, distortion=camera.distortion * [1, 1, 1, 1, 0])
-        if FILES[name] == "hugin":
+        if FILES[name] in PANORAMA:
             camera = camera_for_hugin(100 * seed + len(model), model)
-        read = load_camera(saved(camera, tmp_path / name))
+        size = SIZE if FILES[name] == "lensfun" else None
+        read = load_camera(saved(camera, tmp_path / name), image_size=size)
         assert (read.format, read.approximation) == (FILES[name], None)
         # Moving the origin of a principal point by half a pixel may round its last digit.
         shifted = FILES[name] in ("colmap", "nerfstudio")
-        if FILES[name] == "hugin":  # whose numbers are others, of which ours are computed
+        if FILES[name] in PANORAMA:  # whose numbers are others, of which ours are computed
             assert_same(read.camera, camera, tolerance=1e-12, distortion_tolerance=1e-15)
         else:
             assert_same(read.camera, camera, tolerance=2.3e-13 if shifted else 0.0)
-        assert_same(Camera.load(tmp_path / name, format=FILES[name]), read.camera)
+        again = Camera.load(tmp_path / name, format=FILES[name], image_size=size)
+        assert_same(again, read.camera)
 
 
 def test_trisquares_own_file_keeps_model_and_valid_radius(tmp_path):
@@ -615,12 +619,47 @@ def test_hugins_polynomial_is_the_one_of_its_documentation(tmp_path):
     assert Camera.load(path, name="1").fx > camera.fx
 
 
+@pytest.mark.parametrize("size", [SIZE, SIZE[::-1]])
+@pytest.mark.parametrize(
+    "distortion", [[-0.11, 0, 0, 0, 0], [-0.14, 0.03, 0, 0, 0], [0.1, 0.02, 0, 0, 0.02]]
+)
+def test_lensfun_itself_sees_the_same(tmp_path, size, distortion):
+    lensfunpy = pytest.importorskip("lensfunpy", reason="lensfunpy is not installed")
+    camera = camera_for_hugin(20, "none")
+    camera = Camera(camera.K, distortion, size, "radial3")
+    approximation = camera.save(tmp_path / "lensfun.xml", approximate=True)
+    assert (approximation is None) == (distortion[4] == 0)
+    database = lensfunpy.Database(
+        xml=(tmp_path / "lensfun.xml").read_text(), load_common=False, load_bundled=False
+    )
+    (lens,) = database.lenses
+    width, height = size
+    modifier = lensfunpy.Modifier(lens, lens.crop_factor, width, height)
+    distortion_only = lensfunpy.ModifyFlags.DISTORTION
+    modifier.initialize(lens.min_focal, 8.0, 1000.0, scale=1.0, flags=distortion_only)
+    seen = modifier.apply_geometry_distortion().reshape(-1, 2)
+    flat = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).reshape(-1, 2)
+    # Its undistorted picture is a pinhole's of the focal length that the file says.
+    pinhole = lens.min_focal / np.hypot(36, 24) * np.hypot(width - 1, height - 1)
+    ideal = (flat - camera.K[:2, 2]) / pinhole
+    inside = np.all((seen >= 0) & (seen <= [width - 1, height - 1]), axis=1)
+    assert inside.mean() > 0.5
+    off = np.abs(camera.project(np.c_[ideal, np.ones(len(ideal))][inside]) - seen[inside])
+    # It adds up floats of 24 bits along a row.
+    single = 0.02
+    if approximation is None:
+        assert off.max() < single
+    else:
+        # With SSE, lensfun 0.3.4 computes its ptlens with a noise of up to 0.3 px.
+        assert np.sqrt(np.mean(off**2)) < approximation.rms + 0.1
+
+
 def test_names_tell_the_format_that_is_written(tmp_path):
     camera = random_camera(15, "radial2")
     for name, known in FILES.items():
         if name != "opencv.json":
-            camera.save(tmp_path / name, approximate=known == "hugin")
-            assert load_camera(tmp_path / name, approximate=True).format == known
+            camera.save(tmp_path / name, approximate=known in PANORAMA)
+            assert load_camera(tmp_path / name, approximate=True, image_size=SIZE).format == known
     for name in ("camera", "camera.doc"):
         with pytest.raises(
             ValueError, match=rf"'{name}' tells no camera format.*{FORMAT_NAMES[-1]}"

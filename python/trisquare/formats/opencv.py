@@ -26,6 +26,7 @@ from trisquare.formats.document import Document
 from trisquare.formats.foreign import opencv_lens
 from trisquare.formats.format import Cameras, Format, ImageSize, only
 from trisquare.formats.nearest import ANY_CAMERA, Lens
+from trisquare.formats.xml_text import parse_xml
 from trisquare.json_fields import JsonFields
 
 MATRIX_NAMES = ("camera_matrix", "Camera_Matrix", "cameraMatrix", "K", "mtx")
@@ -54,7 +55,7 @@ def read(document: Document, image_size: ImageSize | None) -> Cameras:
 
 def _members(document: Document) -> JsonFields:
     if document.starts_with("<"):
-        return JsonFields(_parse_xml(document.text))
+        return JsonFields({child.tag: _xml_value(child) for child in parse_xml(document.text)})
     return document.json if document.starts_with("{") else document.yaml
 
 
@@ -102,17 +103,6 @@ def _matrix(members: JsonFields, names: tuple[str, ...]) -> FloatArray:
     if rows < 0 or columns < 0 or rows * columns != len(data):
         raise ValueError(f'"{name}.data" has {len(data)} numbers, not {rows} x {columns}')
     return data.reshape(rows, columns)
-
-
-def _parse_xml(text: str) -> dict[str, Any]:
-    # Entities unfold; FileStorage writes none.
-    if "<!" in re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL):
-        raise ValueError("the XML text declares a document type or entities")
-    try:
-        root = ElementTree.fromstring(text)
-    except (ElementTree.ParseError, ValueError) as error:
-        raise ValueError(f"not XML: {error}") from error
-    return {child.tag: _xml_value(child) for child in root}
 
 
 def _xml_value(element: ElementTree.Element) -> Any:

@@ -79,9 +79,13 @@ class PanoFamily:
     ----------
     title : str
         The model's name in the format, and its coefficients.
+    border : int
+        Pixels of which the unit of length, half the shorter side, takes no account: 1 if it is
+        counted from the centre of the first pixel to that of the last one.
     """
 
     title: str
+    border: int = 0
 
     def exactly(self, camera: Camera) -> PanoLens | None:
         """Return the lens that has the same k1, where that is all."""
@@ -116,7 +120,9 @@ class PanoFamily:
         The ideal radius ``u`` whose observed radius is 1 is the one at which the program's
         undistorted picture meets the photograph: ``F = f / u``.
         """
-        half = 0.5 * min(image_size)
+        half = 0.5 * (min(image_size) - self.border)
+        if half == 0:
+            raise ValueError("there is no unit of length in a picture that is one pixel wide")
         focal, x, y, *bend = parameters.tolist()
         powers = [value * (half / focal) ** (i + 1) for i, value in enumerate(bend)]
         roots = _real_roots([-1.0, 1.0, *powers])

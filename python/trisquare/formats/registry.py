@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from trisquare.formats import colmap, hugin, kalibr, mrcal, nerfstudio, opencv, own, ros
+from trisquare.formats import colmap, hugin, kalibr, lensfun, mrcal, nerfstudio, opencv, own, ros
 from trisquare.formats.document import Document
 from trisquare.formats.format import Format
 
@@ -15,6 +15,7 @@ FORMATS = (
     mrcal.FORMAT,
     nerfstudio.FORMAT,
     hugin.FORMAT,
+    lensfun.FORMAT,
     colmap.FORMAT,
 )
 FORMAT_NAMES = tuple(known.name for known in FORMATS)
