@@ -241,6 +241,18 @@ def test_the_nearest_lens_is_the_least_squares_one(tmp_path):
     assert found.lens.distortion[4] == 0
 
 
+def test_where_the_lens_itself_has_no_direction_nothing_is_fitted(tmp_path):
+    # Invertible up to 0.816, where it shows 0.544: 544 of the 800 px to the corner.
+    K = np.array([[1000.0, 0, 639.5], [0, 1000, 479.5], [0, 0, 1]])
+    folded = Camera(K, [-0.5, 0, 0, 0, 1e-9], SIZE, "radial3")
+    with pytest.raises(ts.LensModelError, match=r"of the \d\d % of the picture that have") as info:
+        folded.save(tmp_path / "camchain.yaml")
+    inside = np.hypot(*(pixel_grid(folded) - K[:2, 2]).T) < 500
+    pixels = pixel_grid(folded)[inside]
+    off = info.value.nearest.project(folded.unproject(pixels)) - pixels
+    assert np.linalg.norm(off, axis=1).max() < info.value.worst + 1e-6 < 1e-3
+
+
 def test_a_camera_that_kalibr_cannot_hold_is_written_only_if_asked(tmp_path):
     camera, path = random_camera(9), tmp_path / "camchain.yaml"
     with pytest.raises(ts.LensModelError, match=r"radtan.*px rms.*approximate=True") as info:

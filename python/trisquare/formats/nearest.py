@@ -84,15 +84,21 @@ class Approximation:
         Its model.
     rms, worst : float
         How far apart the two project, over the picture, pixels.
+    covered : float
+        The part of the picture that this is about: beyond it, the lens that is replaced has no
+        directions itself.
     """
 
     lens: object
     title: str
     rms: float
     worst: float
+    covered: float = 1.0
 
     def __str__(self) -> str:
-        return f"{self.title}, off by {self.rms:.3g} px rms, {self.worst:.3g} px at worst"
+        said = f"{self.title}, off by {self.rms:.3g} px rms, {self.worst:.3g} px at worst"
+        where = f" of the {100 * self.covered:.0f} % of the picture that have a direction"
+        return said + (where if self.covered < 1 else "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +182,7 @@ def nearest(lens: Lens, family: Family) -> Approximation:
         If less than half the picture has directions ahead of the camera, or the nearest lens
         folds back within it.
     """
-    ideal, pixels = _seen(lens)
+    ideal, pixels, covered = _seen(lens)
     parameters = _fitted(family, family.start(lens), ideal, pixels)
     error = np.linalg.norm(family.project(parameters, ideal) - pixels, axis=1)
     if not np.isfinite(error).all() or not family.monotonic(parameters, ideal):
@@ -189,11 +195,12 @@ def nearest(lens: Lens, family: Family) -> Approximation:
         family.title,
         float(np.sqrt(np.mean(error**2))),
         float(error.max()),
+        covered,
     )
 
 
-def _seen(lens: Lens) -> tuple[FloatArray, FloatArray]:
-    """Return ideal normalised points and the pixels of a grid over the picture that show them."""
+def _seen(lens: Lens) -> tuple[FloatArray, FloatArray, float]:
+    """Return ideal normalised points, the pixels of a grid that show them, and how many do."""
     width, height = lens.image_size
     spacing = max(max(width, height) - 1, 1) / (GRID_LINES - 1)
     x, y = (
@@ -209,12 +216,13 @@ def _seen(lens: Lens) -> tuple[FloatArray, FloatArray]:
             ideal[known] = (undistorted - lens.K[:2, 2]) / lens.K.diagonal()[:2]
     else:
         ideal, known = lens.directions(pixels)
-    if known.mean() < LEAST_SEEN:
+    covered = float(known.mean())
+    if covered < LEAST_SEEN:
         raise ValueError(
-            f"the lens has a direction ahead of the camera for only {100 * known.mean():.0f} % of "
+            f"the lens has a direction ahead of the camera for only {100 * covered:.0f} % of "
             "its picture: no other can be fitted to it"
         )
-    return ideal[known], pixels[known]
+    return ideal[known], pixels[known], covered
 
 
 def _fitted(
