@@ -200,6 +200,7 @@ BOMBS = {
     "entities-lensfun.xml": '<!DOCTYPE o [<!ENTITY a "aa">]><lensdatabase>&a;</lensdatabase>',
     "comments.xml": "<opencv_storage>" + "<!--" * DEEP,
     "object.yaml": "camera_matrix: !!python/object/apply:os.system ['true']\ndistortion_model: a\n",
+    "no-integer.yaml": "camera_matrix: !!int\ndistortion_model: !!timestamp 2026-99-99\n",
     "digits.json": '{"format": "trisquare-camera/1", "image_size": [' + "9" * 5000 + "]}",
     "digits.txt": "1 PINHOLE " + "9" * 5000 + " 5 1 1 1 1\n",
     "empty.json": "",

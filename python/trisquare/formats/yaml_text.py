@@ -58,6 +58,6 @@ def parse_yaml(text: str) -> Any:
         raise ValueError("the YAML text is nested too deeply") from error
     except yaml.YAMLError as error:
         raise ValueError(f"not YAML: {error}") from error
-    except (ValueError, TypeError, OverflowError, AttributeError) as error:
-        # What the parser lets through of numbers and dates that are none.
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        # What the parser's own converters stumble over: numbers and dates that are none.
         raise ValueError(f"not YAML that can be read: {error}") from error
