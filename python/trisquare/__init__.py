@@ -16,11 +16,11 @@ from trisquare.errors import (
     DegenerateGeometryError,
     DetectionError,
     ImageError,
+    LensModelError,
     NotEnoughDataError,
     NotEnoughPlanesError,
     TrisquareError,
 )
-from trisquare.formats import LensModelError
 from trisquare.model_alternative import ModelAlternative
 from trisquare.predict import PlannedSquare, Prediction, predict
 from trisquare.projection import ProjectionMap

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from trisquare.errors import LensModelError
 from trisquare.formats.files import Loaded, load_camera, save_camera
-from trisquare.formats.nearest import Approximation, LensModelError
+from trisquare.formats.nearest import Approximation
 from trisquare.formats.registry import FORMAT_NAMES
 
 __all__ = [

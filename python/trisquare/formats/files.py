@@ -8,10 +8,11 @@ from pathlib import Path
 
 from trisquare.camera import Camera
 from trisquare.checked import size_of_image, string
+from trisquare.errors import LensModelError
 from trisquare.files import PathLike, write_atomically
 from trisquare.formats.document import Document
 from trisquare.formats.format import Cameras, Format
-from trisquare.formats.nearest import ANY_CAMERA, Approximation, Lens, LensModelError, nearest
+from trisquare.formats.nearest import ANY_CAMERA, Approximation, Lens, nearest
 from trisquare.formats.registry import format_called, format_of_document, format_of_name
 from trisquare.named_file import naming
 
@@ -68,7 +69,9 @@ def load_camera(
         raise LensModelError(
             f"{os.fspath(path)}: {lens.title} is none of trisquare's; the nearest is {stand_in}: "
             "read it so with approximate=True (--approximate)",
-            stand_in,
+            stand_in.lens,
+            stand_in.rms,
+            stand_in.worst,
         )
     assert isinstance(camera, Camera)
     return Loaded(camera, found.name, chosen, stand_in)
@@ -129,6 +132,8 @@ def written(
         raise LensModelError(
             f"{known.title} cannot hold this camera (model {camera.model}); the nearest that it "
             f"can is {stand_in}: write that with approximate=True (--approximate)",
-            stand_in,
+            stand_in.lens,
+            stand_in.rms,
+            stand_in.worst,
         )
     return known.write(stand_in.lens, suffix), stand_in

@@ -25,27 +25,6 @@ NO_GAIN = 1e-13
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")
 
 
-class LensModelError(ValueError):
-    """A file format, or trisquare itself, has no model for a lens.
-
-    Attributes
-    ----------
-    nearest : object
-        The nearest lens that it has; a `Camera` for most formats.
-    rms, worst : float
-        The error of using that one, over the picture, pixels.
-    """
-
-    def __init__(self, message: str, approximation: Approximation) -> None:
-        super().__init__(message)
-        self.nearest = approximation.lens
-        self.rms = approximation.rms
-        self.worst = approximation.worst
-
-    def __reduce__(self) -> tuple[object, ...]:
-        return LensModelError, (str(self), Approximation(self.nearest, "", self.rms, self.worst))
-
-
 class Family(Protocol):
     """The lenses that one model of a file format can say."""
 
