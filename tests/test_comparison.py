@@ -10,6 +10,7 @@ from scenes import IMAGE_SIZE, edges_of, squares
 import trisquare as ts
 from trisquare.chi_square import chi_square_tail
 from trisquare.comparison_map import LONGEST_SIDE, draw_comparison
+from trisquare.rescaling import rescaled
 
 
 @pytest.fixture(scope="module")
@@ -166,3 +167,22 @@ def test_command_refuses_what_is_no_camera(run, result, tmp_path):
     assert (code, printed) == (2, "")
     assert "b.json" in said
     assert not (tmp_path / "map.png").exists()
+
+
+def test_a_camera_of_another_resolution_is_compared_on_request(run, result, tmp_path):
+    whole, halved = tmp_path / "a.json", tmp_path / "half.yaml"
+    whole.write_text(result.to_json())
+    result.camera.rescaled((640, 480)).save(halved)
+    code, _, said = run("compare", whole, halved)
+    assert code == 2
+    assert "--rescale" in said
+    code, printed, _ = run("compare", whole, halved, "--rescale")
+    assert code == 0
+    assert "the same" in printed
+
+
+def test_a_rescaled_calibration_keeps_its_uncertainty_in_the_new_pixels(result):
+    half = rescaled(result, (640, 480))
+    points = np.array([[100.0, 50.0], [300.0, 240.0]])
+    std = result.projection_std((points + 0.5) * 2 - 0.5)
+    assert np.allclose(half.projection_std(points), std / 2, rtol=1e-9)

@@ -184,6 +184,10 @@ def test_command_reads_a_plan_and_a_camera(run, tmp_path):
     code, out, _ = run("predict", "--camera", camera, "--json")
     assert code == 0
     assert json.loads(out)["camera"]["fx"] == result.camera.fx
+    result.camera.save(tmp_path / "camera_info.yaml")
+    code, out, _ = run("predict", "--camera", tmp_path / "camera_info.yaml", "--json")
+    assert code == 0
+    assert json.loads(out)["camera"]["fx"] == result.camera.fx
 
 
 def squares_scene():

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +21,9 @@ from trisquare.checked import (
 )
 from trisquare.json_fields import JsonFields
 from trisquare.pictures import Image, ImageSource, load_picture, picture_size
+
+if TYPE_CHECKING:
+    from trisquare.formats.nearest import Approximation
 
 # A camera for the compiled core: fx, fy, cx, cy, k1, k2, k3, p1, p2, and the ideal radius up to
 # which they are trusted.
@@ -329,6 +333,84 @@ class Camera(RebuiltByConstructor):
             K[axis, 2] = (K[axis, 2] + 0.5) * (new / old) - 0.5
         valid_radius = math.inf if self.valid_radius is None else self.valid_radius
         return Camera(K, self.distortion, size, self.model, valid_radius)
+
+    def save(
+        self, path: str | os.PathLike[str], format: str | None = None, *, approximate: bool = False
+    ) -> Approximation | None:
+        """Write the camera in a format of trisquare or of another program.
+
+        Parameters
+        ----------
+        path : str or path
+            The file; it is written whole or left untouched.
+        format : str, optional
+            Of `trisquare.formats.FORMAT_NAMES`; by default what the name tells: trisquare's own
+            for ``.json``, OpenCV's for ``.yaml`` and ``.xml``, the programs' own for
+            ``transforms.json``, ``cameras.txt``, ``.cameramodel`` and the like.
+        approximate : bool
+            Whether to write the nearest lens that the format has where it cannot hold this one.
+
+        Returns
+        -------
+        Approximation or None
+            The lens that was written in place of this one, and how far off it is; None if the
+            file holds the camera exactly. A valid radius that was narrowed by hand is kept in
+            trisquare's own format only.
+
+        Raises
+        ------
+        LensModelError
+            A ValueError, if the format cannot hold the camera; it names the nearest that it can,
+            with the error in pixels.
+        ValueError
+            If the format is not known.
+        OSError
+            If the file cannot be written.
+        """
+        from trisquare.formats.files import save_camera  # which needs this module
+
+        return save_camera(self, path, format, approximate=approximate)
+
+    @classmethod
+    def load(
+        cls,
+        path: str | os.PathLike[str],
+        format: str | None = None,
+        *,
+        name: str | None = None,
+        image_size: tuple[int, int] | None = None,
+        approximate: bool = False,
+    ) -> Camera:
+        """Read a camera that trisquare or another program wrote.
+
+        Parameters
+        ----------
+        path : str or path
+            The file. The JSON of a `Calibration` is read as its camera.
+        format : str, optional
+            Of `trisquare.formats.FORMAT_NAMES`; by default what the content looks like.
+        name : str, optional
+            Which camera of a file with several: Kalibr's ``"cam1"``, COLMAP's ``"3"``.
+        image_size : (int, int), optional
+            Width and height, for files that do not say it.
+        approximate : bool
+            Whether to take the nearest camera for a lens of a model that `Camera` has not.
+
+        Raises
+        ------
+        LensModelError
+            A ValueError, if the lens is of such a model; it names the nearest camera, with the
+            error in pixels.
+        ValueError
+            If it is no camera file, damaged, or of a newer version; the message names the key.
+        OSError
+            If the file cannot be read.
+        """
+        from trisquare.formats.files import load_camera  # which needs this module
+
+        return load_camera(
+            path, format, name=name, image_size=image_size, approximate=approximate
+        ).camera
 
     def __repr__(self) -> str:
         k1, k2, p1, p2, k3 = self.distortion.tolist()

@@ -1,8 +1,9 @@
 """The `trisquare` command.
 
 Exit codes: 0 done; 2 usage, bad argument or unwritable output; 3 nothing found, or not enough of
-it; 4 the geometry does not determine the camera, or no convergence; 5 unreadable picture. Every
-error is one line on standard error, and no file is written then but what `--debug-image` asks for.
+it; 4 the geometry does not determine the camera, or no convergence; 5 unreadable picture or camera
+file. Every error is one line on standard error, and no file is written then but what
+`--debug-image` asks for.
 """
 
 from __future__ import annotations
@@ -17,7 +18,9 @@ import typer
 from trisquare._core import __version__
 from trisquare.commands.calibrate import calibrate_command
 from trisquare.commands.compare import compare_command
+from trisquare.commands.convert import convert_command
 from trisquare.commands.demo import demo_command
+from trisquare.commands.input_files import UnreadableInputError
 from trisquare.commands.measure import measure_command
 from trisquare.commands.predict import predict_command
 from trisquare.commands.target import target_command
@@ -44,6 +47,7 @@ EXIT_CODES: Mapping[type[Exception], int] = {
     DegenerateGeometryError: 4,
     ConvergenceError: 4,
     ImageError: 5,
+    UnreadableInputError: 5,
 }
 
 # What the command line's parser raises. Newer Typers carry their own copy of Click and older ones
@@ -108,4 +112,5 @@ app.command("measure")(measure_command)
 app.command("compare")(compare_command)
 app.command("target")(target_command)
 app.command("undistort")(undistort_command)
+app.command("convert")(convert_command)
 app.command("demo")(demo_command)

@@ -6,7 +6,7 @@ photograph shows is a `TrisquareError`, so that one ``except`` catches every ref
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from trisquare.rejected import Rejected
@@ -76,3 +76,27 @@ class ConvergenceError(TrisquareError):
     Usually the edges do not belong to squares, or one of them is grossly wrong. Look at the
     detected outlines (``--overlay``), and remove the target that does not fit.
     """
+
+
+class LensModelError(ValueError):
+    """A camera file's format has no model for a lens, or trisquare has none for what a file holds.
+
+    Of the arguments alone, hence no `TrisquareError`. Choose another format, or ask for the nearest
+    lens with ``approximate=True`` (``--approximate``).
+
+    Attributes
+    ----------
+    nearest : object
+        The nearest lens that there is; a `Camera` for most formats.
+    rms, worst : float
+        The error of using that one, over the picture, pixels.
+    """
+
+    def __init__(self, message: str, nearest: object, rms: float, worst: float) -> None:
+        super().__init__(message)
+        self.nearest = nearest
+        self.rms = rms
+        self.worst = worst
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return LensModelError, (str(self), self.nearest, self.rms, self.worst)

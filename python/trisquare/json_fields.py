@@ -52,6 +52,10 @@ class JsonFields:
             raise ValueError(f'"{self._key(key)}" is missing')
         return self._members[key]
 
+    def names(self) -> tuple[str, ...]:
+        """Return the keys, but those that are no strings, which YAML allows."""
+        return tuple(key for key in self._members if isinstance(key, str))
+
     def has(self, key: str) -> bool:
         """Whether there is a key that older files lack, and it is not null."""
         return self._members.get(key) is not None

@@ -7,6 +7,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+MOST_CHARACTERS = 600
+"""Of a message: it may cite what a file holds, and that may be anything."""
+
 
 def read_bytes(path: str | os.PathLike[str]) -> bytes:
     """Return what a file holds.
@@ -44,4 +47,7 @@ def naming(path: str | os.PathLike[str]) -> Iterator[None]:
     try:
         yield
     except ValueError as error:
-        raise ValueError(f"{os.fspath(path)}: {error}") from error
+        said = str(error)
+        if len(said) > MOST_CHARACTERS:
+            said = f"{said[:MOST_CHARACTERS]} ..."
+        raise ValueError(f"{os.fspath(path)}: {said}") from error

@@ -13,10 +13,10 @@ from rich.text import Text
 
 from trisquare.checked import FloatArray
 from trisquare.commands.drawn_files import check_outputs
+from trisquare.commands.input_files import of_size, read_camera
 from trisquare.comparison import Comparison, compare, two_digits
 from trisquare.comparison_map import draw_comparison
 from trisquare.files import encode_image, write_atomically
-from trisquare.named_file import naming, read_text
 from trisquare.result import Calibration
 
 COMPARISON_FORMAT = "trisquare-comparison/1"
@@ -29,6 +29,12 @@ def compare_command(
         Path | None,
         typer.Option("--map", metavar="FILE", help="Draw the differences over the picture."),
     ] = None,
+    rescale: Annotated[
+        bool,
+        typer.Option(
+            "--rescale", help="Scale B to the pictures of A, if only the resolution differs."
+        ),
+    ] = False,
     json: Annotated[
         bool, typer.Option("--json", help="Print JSON instead of text, and nothing else.")
     ] = False,
@@ -39,19 +45,16 @@ def compare_command(
     it from a turn of the camera.
     """
     check_outputs([first, second], None, [] if map_file is None else [map_file])
-    comparison = compare(_read(first), _read(second))
+    known = read_camera(first)
+    lens = known.camera if isinstance(known, Calibration) else known
+    other = of_size(read_camera(second), lens.image_size, rescale, str(first))
+    comparison = compare(known, other)
     if map_file is not None:
         write_atomically({map_file: encode_image(draw_comparison(comparison), map_file)})
     if json:
         print(json_text.dumps(_members(comparison), indent=2, allow_nan=False))
     else:
         Console().print(_report(comparison), soft_wrap=True)
-
-
-def _read(path: Path) -> Calibration:
-    text = read_text(path)
-    with naming(path):
-        return Calibration.from_json(text)
 
 
 def _members(comparison: Comparison) -> dict[str, Any]:

@@ -14,13 +14,14 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from trisquare.camera import Camera
 from trisquare.checked import FloatArray
 from trisquare.commands.drawn_files import check_outputs
+from trisquare.commands.input_files import of_size, read_camera
 from trisquare.files import encode_image, read_image, write_atomically
 from trisquare.locating import locate
 from trisquare.measure import Measurement
-from trisquare.named_file import naming, read_text
+from trisquare.named_file import naming
+from trisquare.pictures import picture_size
 from trisquare.result import CLICKED_STD, Calibration, Plane, decimals_shown
 from trisquare.top_view import TopView
 from trisquare.top_view import rectify as rectified
@@ -72,6 +73,12 @@ def measure_command(
         float | None,
         typer.Option(metavar="PX", help="Pixels to a unit of length in the view from above."),
     ] = None,
+    rescale: Annotated[
+        bool,
+        typer.Option(
+            "--rescale", help="Scale the camera to the photograph, if only the resolution differs."
+        ),
+    ] = False,
     targets: Annotated[
         str, typer.Option(metavar="WHAT", help="What to look for, as in calibrate.")
     ] = "auto",
@@ -95,9 +102,10 @@ def measure_command(
         raise ValueError("give two points or more, as X,Y; or --rectify FILE")
     length = _Length.parse(side)
     check_outputs([photo, camera], None, [] if rectify is None else [rectify])
-    known = _read_camera(camera)
-    lens = known.camera if isinstance(known, Calibration) else known
+    known = read_camera(camera)
     picture = read_image(photo)
+    known = of_size(known, picture_size(picture), rescale, str(photo))
+    lens = known.camera if isinstance(known, Calibration) else known
     with naming(photo):
         planes = locate(picture, known, targets=targets, outlines=outline)
     chosen = _chosen(planes, plane)
@@ -153,12 +161,6 @@ def _pixels(points: Sequence[str]) -> FloatArray:
             raise ValueError(f"a point is written X,Y, not {text!r}") from error
         pixels.append((x, y))
     return np.array(pixels).reshape(-1, 2)
-
-
-def _read_camera(path: Path) -> Calibration | Camera:
-    text = read_text(path)
-    with naming(path):
-        return Calibration.from_json(text)
 
 
 def _chosen(planes: Sequence[Plane], index: int) -> Plane:

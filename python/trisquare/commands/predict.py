@@ -19,7 +19,7 @@ from trisquare.json_fields import JsonFields
 from trisquare.named_file import naming, read_text
 from trisquare.plan import PlannedSquare
 from trisquare.predict import Prediction, predict
-from trisquare.result import Calibration, decimals_shown
+from trisquare.result import decimals_shown
 
 PLAN_FORMAT = "trisquare-plan/1"
 PREDICTION_FORMAT = "trisquare-prediction/1"
@@ -45,7 +45,9 @@ def predict_command(
     ] = None,
     camera: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="A calibration's JSON instead of --size and --focal."),
+        typer.Option(
+            metavar="FILE", help="A camera, as convert reads it, instead of --size and --focal."
+        ),
     ] = None,
     square: Annotated[
         list[str] | None,
@@ -110,9 +112,7 @@ def _camera(
     if camera is not None:
         if size is not None or focal is not None:
             raise ValueError("--camera brings its own size and focal length")
-        text = read_text(camera)
-        with naming(camera):
-            return Calibration.from_json(text).camera
+        return Camera.load(camera)
     if size is not None:
         width, height = _size(size)
     elif written is not None:

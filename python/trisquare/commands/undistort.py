@@ -13,10 +13,10 @@ from rich.progress import track
 
 from trisquare.camera import Camera, camera_members
 from trisquare.commands.drawn_files import check_outputs, numbered_paths
+from trisquare.commands.input_files import camera_alone
 from trisquare.files import encode_image, read_image, write_in_turn
-from trisquare.named_file import naming, read_text
+from trisquare.named_file import naming
 from trisquare.pictures import Image, picture_size
-from trisquare.result import Calibration
 from trisquare.undistortion import Undistorter
 
 UNDISTORTION_FORMAT = "trisquare-undistortion/1"
@@ -34,7 +34,7 @@ def undistort_command(
         typer.Argument(metavar="PHOTO", help="One photograph, or several of the same camera."),
     ],
     camera: Annotated[
-        Path, typer.Option(metavar="FILE", help="The camera: the JSON of a calibration.")
+        Path, typer.Option(metavar="FILE", help="The camera, in any format that convert reads.")
     ],
     output: Annotated[
         Path,
@@ -75,7 +75,7 @@ def undistort_command(
     else:
         paths = numbered_paths(output, len(photos))
     check_outputs(photos, None, paths)
-    lens = _read_camera(camera)
+    lens = camera_alone(camera)
     work = _Work(lens, balance, rescale, interpolation)
     console = Console(stderr=True)
     shown = track(
@@ -92,12 +92,6 @@ def undistort_command(
     elif not quiet:
         for line in work.lines():
             print(line)
-
-
-def _read_camera(path: Path) -> Camera:
-    text = read_text(path)
-    with naming(path):
-        return Calibration.from_json(text).camera
 
 
 class _Work:

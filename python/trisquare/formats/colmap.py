@@ -1,0 +1,138 @@
+"""COLMAP's ``cameras.txt``.
+
+Pixels, ``(0, 0)`` the top-left **corner** of the top-left one, so that a principal point is half a
+pixel larger than trisquare's in each coordinate. Schema: COLMAP's documentation, "Output format":
+lines of ``CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]``, the parameters in the order of
+src/colmap/sensor/models.h.
+
+Written: the simplest of SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and FULL_OPENCV that
+holds the camera; the last one holds every camera. Read: these, and the fisheyes (OPENCV_FISHEYE,
+SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE) and a rational FULL_OPENCV as the nearest.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from functools import partial
+
+from trisquare.camera import Camera
+from trisquare.checked import real_number
+from trisquare.formats.document import Document
+from trisquare.formats.foreign import camera_of, fisheye_lens, opencv_lens
+from trisquare.formats.format import Cameras, Format, ImageSize
+from trisquare.formats.nearest import BrownFamily, Lens
+
+HALF_PIXEL = 0.5
+"""From trisquare's origin to COLMAP's."""
+
+FOCALS_AND_COEFFICIENTS = {
+    "SIMPLE_PINHOLE": (1, 0),
+    "PINHOLE": (2, 0),
+    "SIMPLE_RADIAL": (1, 1),
+    "RADIAL": (1, 2),
+    "OPENCV": (2, 4),
+    "FULL_OPENCV": (2, 8),
+    "OPENCV_FISHEYE": (2, 4),
+    "SIMPLE_RADIAL_FISHEYE": (1, 1),
+    "RADIAL_FISHEYE": (1, 2),
+}
+"""How many focal lengths, one or two, and coefficients a model has."""
+
+FAMILIES = (
+    BrownFamily("SIMPLE_PINHOLE", (), square=True),
+    BrownFamily("PINHOLE", ()),
+    BrownFamily("SIMPLE_RADIAL", ("k1",), square=True),
+    BrownFamily("RADIAL", ("k1", "k2"), square=True),
+    BrownFamily("OPENCV", ("k1", "k2", "p1", "p2")),
+    BrownFamily("FULL_OPENCV", ("k1", "k2", "p1", "p2", "k3")),
+)
+
+CAMERA_LINE = re.compile(r"^\s*\d+\s+[A-Z][A-Z_]+\s+\d+\s+\d+(\s+\S+)+\s*$", re.MULTILINE)
+
+
+def recognises(document: Document) -> bool:
+    """Whether a line is an id, a model in capitals, a size, and parameters."""
+    return CAMERA_LINE.search(document.text[:65536]) is not None
+
+
+def read(document: Document, image_size: ImageSize | None) -> Cameras:
+    """Read the cameras of a model, by their ids."""
+    lines = [line.split() for line in document.text.splitlines()]
+    cameras = {
+        words[0]: partial(_camera, words)
+        for words in lines
+        if words and not words[0].startswith("#")
+    }
+    if not cameras:
+        raise ValueError("there is no line with a camera")
+    return cameras
+
+
+def _camera(words: Sequence[str]) -> Lens:
+    where = f"camera {words[0]}"
+    if len(words) < 4:
+        raise ValueError(f"{where}: its line must be CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]")
+    model = words[1]
+    if model not in FOCALS_AND_COEFFICIENTS:
+        raise ValueError(
+            f"{where}: the model {model!r} cannot be read; of COLMAP's these can: "
+            f"{', '.join(FOCALS_AND_COEFFICIENTS)}"
+        )
+    size = (_integer(words[2], f"{where}: WIDTH"), _integer(words[3], f"{where}: HEIGHT"))
+    focals, coefficients = FOCALS_AND_COEFFICIENTS[model]
+    if len(words) - 4 != focals + 2 + coefficients:
+        raise ValueError(
+            f"{where}: {model} has {focals + 2 + coefficients} parameters, not {len(words) - 4}"
+        )
+    numbers = [_real(word, f"{where}: PARAMS[{i}]") for i, word in enumerate(words[4:])]
+    focal = (numbers[0], numbers[focals - 1])
+    centre = (numbers[focals] - HALF_PIXEL, numbers[focals + 1] - HALF_PIXEL)
+    distortion = numbers[focals + 2 :]
+    if model.endswith("FISHEYE"):
+        return fisheye_lens(f"COLMAP's {model}", focal, centre, distortion, size)
+    if model in ("SIMPLE_RADIAL", "RADIAL"):
+        named = dict(zip(("k1", "k2"), distortion, strict=False))
+        return camera_of(focal, centre, named, size)
+    return opencv_lens(focal, centre, distortion, size)
+
+
+def _integer(word: str, name: str) -> int:
+    if not re.fullmatch(r"\d{1,10}", word):
+        raise ValueError(f"{name} must be a whole number, not {word!r}")
+    return int(word)
+
+
+def _real(word: str, name: str) -> float:
+    try:
+        return real_number(float(word), name)
+    except ValueError as error:
+        raise ValueError(f"{name} must be a finite number, not {word!r}") from error
+
+
+def write(camera: Camera, suffix: str) -> str:
+    """Write a model of one camera, whose id is 1."""
+    family = next(family for family in FAMILIES if family.exactly(camera) is not None)
+    k1, k2, p1, p2, k3 = camera.distortion.tolist()
+    in_order = (k1, k2, p1, p2, k3, 0.0, 0.0, 0.0)
+    coefficients = in_order[: FOCALS_AND_COEFFICIENTS[family.title][1]]
+    numbers = [camera.fx] if family.square else [camera.fx, camera.fy]
+    numbers += [camera.cx + HALF_PIXEL, camera.cy + HALF_PIXEL, *coefficients]
+    width, height = camera.image_size
+    return (
+        "# Camera list with one line of data per camera:\n"
+        "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
+        "# Number of cameras: 1\n"
+        f"1 {family.title} {width} {height} {' '.join(repr(float(value)) for value in numbers)}\n"
+    )
+
+
+FORMAT = Format(
+    name="colmap",
+    title="COLMAP's cameras.txt",
+    recognises=recognises,
+    read=read,
+    write=write,
+    families=FAMILIES,
+    file_names=("cameras.txt", ".txt"),
+)

@@ -1,0 +1,108 @@
+"""A file that may hold a camera: its text, and its text parsed."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import PurePath
+from typing import Any
+
+from trisquare.formats.yaml_text import parse_yaml
+from trisquare.json_fields import JsonFields, refuse_constant
+
+MOST_BYTES = 64 << 20
+"""No camera file comes near, but one that lists ten thousand pictures."""
+
+
+@dataclass(frozen=True)
+class Document:
+    """The text of a file, and the name it was found under.
+
+    Parameters
+    ----------
+    text : str
+        All of it.
+    name : str
+        Its path's last part, in small letters; empty if there is none.
+    """
+
+    text: str
+    name: str = ""
+    _start: str = field(init=False, default="")
+
+    def __post_init__(self) -> None:
+        # Enough to tell formats apart without parsing.
+        object.__setattr__(self, "_start", self.text[:4096].lstrip("\ufeff \t\r\n"))
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> Document:
+        """Read a file, but not more of it than a camera file can have.
+
+        Raises
+        ------
+        OSError
+            If it cannot be read.
+        ValueError
+            If it is too large, or no text.
+        """
+        shown = os.fspath(path)
+        try:
+            with open(path, "rb") as file:
+                content = file.read(MOST_BYTES + 1)
+        except OSError as error:
+            raise type(error)(f"{shown}: {error.strerror or error}") from error
+        if len(content) > MOST_BYTES:
+            raise ValueError(f"{shown}: larger than {MOST_BYTES >> 20} MB, which no camera file is")
+        if b"\0" in content:
+            raise ValueError(f"{shown}: not a text file")
+        try:
+            text = content.decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            raise ValueError(f"{shown}: not a text file") from error
+        return cls(text, PurePath(shown).name.lower())
+
+    @property
+    def suffix(self) -> str:
+        """The name's extension, with its dot."""
+        return PurePath(self.name).suffix
+
+    def starts_with(self, text: str) -> bool:
+        """Whether the text begins so, after white space."""
+        return self._start.startswith(text)
+
+    @cached_property
+    def json(self) -> JsonFields:
+        """The text as a JSON object.
+
+        Raises
+        ------
+        ValueError
+            If it is none.
+        """
+        return JsonFields(parse_json(self.text))
+
+    @cached_property
+    def yaml(self) -> JsonFields:
+        """The text as a YAML mapping.
+
+        Raises
+        ------
+        ValueError
+            If it is none.
+        """
+        parsed = parse_yaml(self.text)
+        if not isinstance(parsed, dict):
+            raise ValueError("the YAML text must be a mapping")
+        return JsonFields(parsed)
+
+
+def parse_json(text: str) -> Any:
+    """Parse JSON; every mistake is a ValueError."""
+    try:
+        return json.loads(text, parse_constant=refuse_constant)
+    except RecursionError as error:
+        raise ValueError("the JSON text is nested too deeply") from error
+    except json.JSONDecodeError as error:
+        raise ValueError(f"not JSON: {error}") from error

@@ -1,0 +1,111 @@
+"""mrcal's ``.cameramodel``.
+
+Pixels, ``(0, 0)`` the centre of the top-left one. Schema: mrcal's documentation, "The
+.cameramodel file format": a Python dictionary of ``lensmodel``, ``intrinsics`` [fx, fy, cx, cy,
+distortion ...], ``imagersize`` [width, height] and ``extrinsics``, a Rodrigues rotation and a
+translation from the reference, of which only zeros are written and nothing is read.
+
+Written: the simplest of LENSMODEL_PINHOLE, LENSMODEL_OPENCV4 (k1, k2, p1, p2) and
+LENSMODEL_OPENCV5 (and k3), which holds every camera. Read: these; LENSMODEL_OPENCV8 and 12 where
+their further terms vanish, else the nearest.
+"""
+
+from __future__ import annotations
+
+import re
+
+from trisquare.camera import Camera
+from trisquare.formats.document import Document, parse_json
+from trisquare.formats.foreign import opencv_lens
+from trisquare.formats.format import Cameras, Format, ImageSize, only, size_member
+from trisquare.formats.nearest import BrownFamily, Lens
+from trisquare.json_fields import JsonFields
+
+COEFFICIENTS = {
+    "LENSMODEL_PINHOLE": 0,
+    "LENSMODEL_OPENCV4": 4,
+    "LENSMODEL_OPENCV5": 5,
+    "LENSMODEL_OPENCV8": 8,
+    "LENSMODEL_OPENCV12": 12,
+}
+
+FAMILIES = (
+    BrownFamily("LENSMODEL_PINHOLE", ()),
+    BrownFamily("LENSMODEL_OPENCV4", ("k1", "k2", "p1", "p2")),
+    BrownFamily("LENSMODEL_OPENCV5", ("k1", "k2", "p1", "p2", "k3")),
+)
+
+# What a Python literal may have and JSON has not: other strings, comments, commas at the end, 1.
+# and .5 for numbers.
+# Strings come first, so that what they hold is left alone.
+PYTHON_TOKENS = re.compile(
+    r"""b?'(?P<single>[^'"\\\n]*)'|b?"(?P<double>[^"\\\n]*)"|(?P<comment>\#[^\n]*)"""
+    r"""|(?P<comma>,(?=(?:\s|\#[^\n]*(?:\n|$))*[\]})]))|(?P<open>\()|(?P<close>\))"""
+    r"""|(?P<number>[-+]?(?:\d+\.\d*|\.\d+|\d+(?=[eE]))(?:[eE][-+]?\d+)?)""",
+)
+
+
+def recognises(document: Document) -> bool:
+    """Whether it has a lensmodel in quotes."""
+    return re.search(r"""['"]lensmodel['"]\s*:""", document.text) is not None
+
+
+def read(document: Document, image_size: ImageSize | None) -> Cameras:
+    """Read a camera model."""
+    return only(lambda: _camera(_parse(document.text)))
+
+
+def _parse(text: str) -> JsonFields:
+    """Read a Python dictionary of strings and numbers without running Python's parser."""
+
+    def as_json(token: re.Match[str]) -> str:
+        if token["comment"] is not None or token["comma"] is not None:
+            return " "
+        if token["open"] or token["close"]:
+            return "[" if token["open"] else "]"
+        if token["number"] is not None:
+            return repr(float(token["number"]))
+        return '"' + (token["single"] or token["double"] or "") + '"'
+
+    try:
+        return JsonFields(parse_json(PYTHON_TOKENS.sub(as_json, text)))
+    except ValueError as error:
+        raise ValueError(f"not a dictionary of names and numbers: {error}") from error
+
+
+def _camera(members: JsonFields) -> Lens:
+    model = members.text("lensmodel")
+    if model not in COEFFICIENTS:
+        raise ValueError(
+            f'"lensmodel" is {model!r}; of mrcal\'s these can be read: {", ".join(COEFFICIENTS)}'
+        )
+    fx, fy, cx, cy, *distortion = members.array("intrinsics", (4 + COEFFICIENTS[model],)).tolist()
+    return opencv_lens((fx, fy), (cx, cy), distortion, size_member(members, "imagersize"))
+
+
+def write(camera: Camera, suffix: str) -> str:
+    """Write a camera model that stands at the reference."""
+    family = next(family for family in FAMILIES if family.exactly(camera) is not None)
+    count = COEFFICIENTS[family.title]
+    numbers = [camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion.tolist()[:count]]
+    return (
+        "{\n"
+        f"    'lensmodel':  '{family.title}',\n\n"
+        "    # intrinsics are fx,fy,cx,cy,distortion0,distortion1,....\n"
+        f"    'intrinsics': [ {', '.join(repr(float(value)) for value in numbers)},],\n\n"
+        "    # extrinsics are rt_fromref\n"
+        "    'extrinsics': [ 0, 0, 0, 0, 0, 0,],\n\n"
+        f"    'imagersize': [ {camera.image_size[0]}, {camera.image_size[1]},],\n"
+        "}\n"
+    )
+
+
+FORMAT = Format(
+    name="mrcal",
+    title="mrcal's .cameramodel",
+    recognises=recognises,
+    read=read,
+    write=write,
+    families=FAMILIES,
+    file_names=(".cameramodel",),
+)

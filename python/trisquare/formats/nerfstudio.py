@@ -1,0 +1,143 @@
+"""nerfstudio's ``transforms.json``, and the one of instant-ngp that it descends from.
+
+Pixels, ``(0, 0)`` the top-left **corner** of the top-left one (nerfstudio samples pixels at their
+centres by adding half a pixel, and takes it off again for OpenCV), so that a principal point is
+half a pixel larger than trisquare's in each coordinate. Schema: nerfstudio's documentation, "Data
+conventions": ``camera_model``, ``fl_x``, ``fl_y``, ``cx``, ``cy``, ``w``, ``h``, ``k1`` to ``k4``,
+``p1``, ``p2`` for all frames, or for each of ``frames``; its k3 and k4 are the coefficients of r^6
+and r^8.
+
+Written: OPENCV, with no frames. Read: OPENCV and its simpler relatives without k4; OPENCV_FISHEYE
+and k4 as the nearest. Frames with intrinsics of their own are named by their ``file_path``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from trisquare.camera import Camera
+from trisquare.checked import FloatArray
+from trisquare.formats.colmap import HALF_PIXEL
+from trisquare.formats.document import Document
+from trisquare.formats.foreign import ForeignLens, camera_matrix, camera_of, fisheye_lens
+from trisquare.formats.format import Cameras, Format, ImageSize, only
+from trisquare.formats.nearest import ANY_CAMERA, Lens
+from trisquare.json_fields import JsonFields, dump_members
+
+COEFFICIENTS = ("k1", "k2", "k3", "k4", "p1", "p2")
+PINHOLE_MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL")
+FOCAL_KEYS = ("fl_x", "camera_angle_x")
+
+
+def recognises(document: Document) -> bool:
+    """Whether it is JSON with focal lengths of this spelling, or with frames."""
+    return document.starts_with("{") and bool(
+        re.search(r'"(fl_x|camera_angle_x|frames)"\s*:', document.text)
+    )
+
+
+def read(document: Document, image_size: ImageSize | None) -> Cameras:
+    """Read the camera of all frames, or those of each."""
+    members = document.json
+    shared = any(members.has(key) for key in FOCAL_KEYS)
+    if shared or not members.has("frames"):
+        return only(partial(_camera, members, members))
+    cameras: dict[str, Callable[[], Lens]] = {}
+    for index, frame in enumerate(members.objects("frames")):
+        name = frame.text("file_path") if frame.has("file_path") else f"frames[{index}]"
+        cameras[name] = partial(_camera, frame, members)
+    if not cameras:
+        raise ValueError('"fl_x" is missing, and there are no frames that have one')
+    return cameras
+
+
+def _camera(members: JsonFields, shared: JsonFields) -> Lens:
+    """Read intrinsics; what a frame lacks stands for all frames."""
+
+    def number(key: str, default: float) -> float:
+        return members.number_or(key, shared.number_or(key, default))
+
+    width, height = ((members if members.has(key) else shared).number(key) for key in ("w", "h"))
+    if not (width.is_integer() and height.is_integer()):
+        raise ValueError(f'"w" and "h" must be whole numbers, not {width:g} and {height:g}')
+    size = (int(width), int(height))
+    fl_x = _focal(members if any(members.has(key) for key in FOCAL_KEYS) else shared, width)
+    focal = (fl_x, number("fl_y", fl_x))
+    # Where it is not said, instant-ngp takes the picture's centre.
+    centre = (number("cx", width / 2) - HALF_PIXEL, number("cy", height / 2) - HALF_PIXEL)
+    named = {key: number(key, 0.0) for key in COEFFICIENTS}
+    holder = members if members.has("camera_model") else shared
+    model = holder.text("camera_model") if holder.has("camera_model") else "OPENCV"
+    if model == "OPENCV_FISHEYE":
+        coefficients = [named[key] for key in ("k1", "k2", "k3", "k4")]
+        return fisheye_lens("nerfstudio's OPENCV_FISHEYE", focal, centre, coefficients, size)
+    if model not in PINHOLE_MODELS:
+        raise ValueError(
+            f'"camera_model" is {model!r}; of nerfstudio\'s these can be read: '
+            f"{', '.join(PINHOLE_MODELS)}, OPENCV_FISHEYE"
+        )
+    if named["k4"]:
+        return ForeignLens(
+            "nerfstudio's OPENCV model with k4",
+            camera_matrix(focal, centre),
+            size,
+            partial(_distort, named),
+        )
+    return camera_of(focal, centre, named, size)
+
+
+def _focal(members: JsonFields, width: float) -> float:
+    if members.has("fl_x") or not members.has("camera_angle_x"):
+        return members.number("fl_x")
+    angle = members.number("camera_angle_x")
+    if not 0 < angle < np.pi:
+        raise ValueError(f'"camera_angle_x" must be from 0 to pi, not {angle:g}')
+    return float(0.5 * width / np.tan(0.5 * angle))
+
+
+def _distort(named: dict[str, float], ideal: FloatArray) -> FloatArray:
+    x, y = ideal.T
+    square = x * x + y * y
+    radial = np.polynomial.polynomial.polyval(
+        square, [1.0, *(named[key] for key in ("k1", "k2", "k3", "k4"))]
+    )
+    p1, p2 = named["p1"], named["p2"]
+    return np.column_stack(
+        [
+            x * radial + 2 * p1 * x * y + p2 * (square + 2 * x * x),
+            y * radial + 2 * p2 * x * y + p1 * (square + 2 * y * y),
+        ]
+    )
+
+
+def write(camera: Camera, suffix: str) -> str:
+    """Write a file that lacks nothing but its frames."""
+    k1, k2, p1, p2, k3 = camera.distortion.tolist()
+    return dump_members(
+        {
+            "camera_model": "OPENCV",
+            "w": camera.image_size[0],
+            "h": camera.image_size[1],
+            "fl_x": camera.fx,
+            "fl_y": camera.fy,
+            "cx": camera.cx + HALF_PIXEL,
+            "cy": camera.cy + HALF_PIXEL,
+            **{"k1": k1, "k2": k2, "k3": k3, "k4": 0.0, "p1": p1, "p2": p2},
+            "frames": [],
+        }
+    )
+
+
+FORMAT = Format(
+    name="nerfstudio",
+    title="nerfstudio's transforms.json",
+    recognises=recognises,
+    read=read,
+    write=write,
+    families=(ANY_CAMERA,),
+    file_names=("transforms.json",),
+)

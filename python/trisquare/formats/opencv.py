@@ -1,0 +1,187 @@
+"""OpenCV's FileStorage, in YAML, XML or JSON.
+
+Pixels, ``(0, 0)`` the centre of the top-left one: trisquare's own convention. Members
+``camera_matrix`` (3 x 3), ``distortion_coefficients`` (k1, k2, p1, p2[, k3[, k4, k5, k6[, s1..s4[,
+tx, ty]]]]), ``image_width`` and ``image_height``, as OpenCV's calibration sample writes them
+(samples/cpp/calibration.cpp); other common spellings are read too. Files that do not say the size
+need it from the caller. The syntax of a file that is written follows its extension: ``.xml``,
+``.json``, else YAML.
+
+Read: every model whose higher coefficients vanish; the others as the nearest. OpenCV's ``fisheye``
+cannot be told from the pinhole's four coefficients in these files: do not read it so.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import xml.etree.ElementTree as ElementTree
+from typing import Any
+
+import numpy as np
+
+from trisquare.camera import Camera
+from trisquare.checked import FloatArray
+from trisquare.formats.document import Document
+from trisquare.formats.foreign import opencv_lens
+from trisquare.formats.format import Cameras, Format, ImageSize, only
+from trisquare.formats.nearest import ANY_CAMERA, Lens
+from trisquare.formats.xml_text import parse_xml
+from trisquare.json_fields import JsonFields
+
+MATRIX_NAMES = ("camera_matrix", "Camera_Matrix", "cameraMatrix", "K", "mtx")
+DISTORTION_NAMES = (
+    *("distortion_coefficients", "Distortion_Coefficients", "distCoeffs"),
+    *("dist_coeffs", "D", "dist"),
+)
+WIDTH_NAMES = ("image_width", "image_Width", "imageWidth", "width")
+HEIGHT_NAMES = ("image_height", "image_Height", "imageHeight", "height")
+LENGTHS = (0, 4, 5, 8, 12, 14)
+
+
+def recognises(document: Document) -> bool:
+    """Whether it is FileStorage's XML, or has its tagged matrices."""
+    if document.starts_with("<"):
+        return "<opencv_storage" in document.text[:4096]
+    return bool(re.search(r"opencv-(nd-)?matrix", document.text)) and not re.search(
+        r'^"?distortion_model"?\s*:', document.text, re.MULTILINE
+    )
+
+
+def read(document: Document, image_size: ImageSize | None) -> Cameras:
+    """Read a camera; `image_size` is needed where the file does not say it."""
+    return only(lambda: _camera(_members(document), image_size))
+
+
+def _members(document: Document) -> JsonFields:
+    if document.starts_with("<"):
+        return JsonFields({child.tag: _xml_value(child) for child in parse_xml(document.text)})
+    return document.json if document.starts_with("{") else document.yaml
+
+
+def _camera(members: JsonFields, image_size: ImageSize | None) -> Lens:
+    K = _matrix(members, MATRIX_NAMES)
+    if K.shape != (3, 3):
+        raise ValueError(f'"{_name(members, MATRIX_NAMES)}" must be 3 x 3, not {K.shape}')
+    distortion = _matrix(members, DISTORTION_NAMES).ravel()
+    if len(distortion) not in LENGTHS:
+        raise ValueError(
+            f'"{_name(members, DISTORTION_NAMES)}" has {len(distortion)} coefficients; OpenCV has '
+            "4, 5, 8, 12 or 14"
+        )
+    Camera(K, np.zeros(5), (1, 1))  # says what is wrong with K
+    width, height = _size(members, image_size)
+    return opencv_lens((K[0, 0], K[1, 1]), (K[0, 2], K[1, 2]), distortion.tolist(), (width, height))
+
+
+def _size(members: JsonFields, image_size: ImageSize | None) -> ImageSize:
+    if not any(members.has(name) for name in WIDTH_NAMES) and image_size is not None:
+        return image_size
+    if not any(members.has(name) for name in WIDTH_NAMES):
+        raise ValueError(
+            '"image_width" and "image_height" are missing: say the size with image_size= (--size)'
+        )
+    return (
+        members.integer(_name(members, WIDTH_NAMES)),
+        members.integer(_name(members, HEIGHT_NAMES)),
+    )
+
+
+def _name(members: JsonFields, names: tuple[str, ...]) -> str:
+    """Return the spelling that the file uses, or the usual one."""
+    return next((name for name in names if members.has(name)), names[0])
+
+
+def _matrix(members: JsonFields, names: tuple[str, ...]) -> FloatArray:
+    name = _name(members, names)
+    matrix = members.object(name)
+    data = matrix.array("data", (None,))
+    # Arrays of one dimension, which OpenCV writes since version 5.
+    if matrix.has("sizes") and not matrix.has("rows"):
+        return data
+    rows, columns = matrix.integer("rows"), matrix.integer("cols")
+    if rows < 0 or columns < 0 or rows * columns != len(data):
+        raise ValueError(f'"{name}.data" has {len(data)} numbers, not {rows} x {columns}')
+    return data.reshape(rows, columns)
+
+
+def _xml_value(element: ElementTree.Element) -> Any:
+    if element.get("type_id") not in ("opencv-matrix", "opencv-nd-matrix"):
+        return _number(element.text or "")
+    members: dict[str, Any] = {part.tag: _number(part.text or "") for part in element}
+    data = element.find("data")
+    if data is not None:
+        members["data"] = [_number(word) for word in (data.text or "").split()]
+    return members
+
+
+def _number(text: str) -> Any:
+    """Return a number, or the text that is none, which whoever wants a number refuses."""
+    for kind in (int, float):
+        try:
+            return kind(text.strip())
+        except ValueError:
+            continue
+    return text
+
+
+def write(camera: Camera, suffix: str) -> str:
+    """Write a camera in the syntax that the extension stands for."""
+    writers = {".xml": _xml, ".json": _json}
+    width, height = camera.image_size
+    sizes = {"image_width": width, "image_height": height}
+    matrices = {
+        "camera_matrix": (3, 3, camera.K.ravel().tolist()),
+        "distortion_coefficients": (1, 5, camera.distortion.tolist()),
+    }
+    return writers.get(suffix, _yaml)(sizes, matrices)
+
+
+Matrices = dict[str, tuple[int, int, list[float]]]
+
+
+def _yaml(sizes: dict[str, int], matrices: Matrices) -> str:
+    lines = ["%YAML:1.0", "---"]
+    lines += [f"{name}: {value}" for name, value in sizes.items()]
+    for name, (rows, columns, data) in matrices.items():
+        numbers = ", ".join(_real(value) for value in data)
+        lines += [f"{name}: !!opencv-matrix", f"   rows: {rows}", f"   cols: {columns}"]
+        lines += ["   dt: d", f"   data: [ {numbers} ]"]
+    return "\n".join(lines) + "\n"
+
+
+def _xml(sizes: dict[str, int], matrices: Matrices) -> str:
+    lines = ['<?xml version="1.0"?>', "<opencv_storage>"]
+    lines += [f"<{name}>{value}</{name}>" for name, value in sizes.items()]
+    for name, (rows, columns, data) in matrices.items():
+        numbers = " ".join(_real(value) for value in data)
+        lines += [f'<{name} type_id="opencv-matrix">', f"  <rows>{rows}</rows>"]
+        lines += [f"  <cols>{columns}</cols>", "  <dt>d</dt>"]
+        lines += [f"  <data>{numbers}</data></{name}>"]
+    return "\n".join([*lines, "</opencv_storage>"]) + "\n"
+
+
+def _json(sizes: dict[str, int], matrices: Matrices) -> str:
+    members: dict[str, Any] = dict(sizes)
+    for name, (rows, columns, data) in matrices.items():
+        members[name] = {
+            **{"type_id": "opencv-matrix", "rows": rows, "cols": columns},
+            **{"dt": "d", "data": data},
+        }
+    return json.dumps(members, indent=4, allow_nan=False) + "\n"
+
+
+def _real(value: float) -> str:
+    """Write a number with 17 digits where it needs them, and never as a whole one."""
+    return repr(float(value))
+
+
+FORMAT = Format(
+    name="opencv",
+    title="OpenCV's FileStorage (YAML, XML, JSON)",
+    recognises=recognises,
+    read=read,
+    write=write,
+    families=(ANY_CAMERA,),
+    file_names=(".yaml", ".yml", ".xml"),
+)

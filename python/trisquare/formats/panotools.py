@@ -1,0 +1,149 @@
+"""The lens of the panorama programs: one focal length, a shifted centre, and a, b, c.
+
+The radius that the photograph shows is ``R_d = R_u (a R_u^3 + b R_u^2 + c R_u + 1 - a - b - c)`` in
+halves of the picture's shorter side, where ``R_u`` is a pinhole's of the focal length F (PanoTools
+wiki, "Lens correction model"). It goes from ideal to observed, as `Camera`'s model does, of which
+it shares the second power: k1 becomes b and back without loss.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trisquare.camera import Camera
+from trisquare.checked import FloatArray
+from trisquare.formats.foreign import ForeignLens, camera_matrix, camera_of
+from trisquare.formats.nearest import Lens
+
+# What polynomials' roots may have of an imaginary part by rounding.
+REAL = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class PanoLens:
+    """A lens as panorama programs write it.
+
+    Parameters
+    ----------
+    focal : float
+        F, pixels.
+    a, b, c : float
+        The polynomial of the radius.
+    half : float
+        Pixels of a radius of 1.
+    centre : (float, float)
+        Of projection and distortion, pixels, ``(0, 0)`` the centre of the top-left one.
+    image_size : (int, int)
+        Width and height.
+    """
+
+    focal: float
+    a: float
+    b: float
+    c: float
+    half: float
+    centre: tuple[float, float]
+    image_size: tuple[int, int]
+
+    def as_seen(self, title: str) -> Lens:
+        """Return it as a camera if it is one, else as a foreign lens of the title.
+
+        Raises
+        ------
+        ValueError
+            If the polynomial turns the picture inside out.
+        """
+        scale = 1.0 - self.a - self.b - self.c
+        if not scale > 0:
+            raise ValueError(f"a, b and c add up to {1 - scale:g}; they must to less than 1")
+        # Of the radius as a pinhole's of the focal length in the centre would have it.
+        step = self.focal / self.half
+        bend = (self.c * step / scale, self.b * step**2 / scale, self.a * step**3 / scale)
+        focal = (self.focal * scale,) * 2
+        if bend[0] == bend[2] == 0:
+            return camera_of(focal, self.centre, {"k1": bend[1]}, self.image_size)
+
+        def distort(ideal: FloatArray) -> FloatArray:
+            return ideal * _stretch(bend, np.linalg.norm(ideal, axis=1))[:, None]
+
+        return ForeignLens(title, camera_matrix(focal, self.centre), self.image_size, distort)
+
+
+@dataclass(frozen=True, slots=True)
+class PanoFamily:
+    """All lenses of the panorama programs; parameters f, cx, cy and three powers of the radius.
+
+    Parameters
+    ----------
+    title : str
+        The model's name in the format, and its coefficients.
+    border : int
+        Pixels of which the unit of length, half the shorter side, takes no account: 1 if it is
+        counted from the centre of the first pixel to that of the last one.
+    """
+
+    title: str
+    border: int = 0
+
+    def exactly(self, camera: Camera) -> PanoLens | None:
+        """Return the lens that has the same k1, where that is all."""
+        k1, *others = camera.distortion.tolist()
+        if any(others) or camera.fx != camera.fy:
+            return None
+        parameters = np.array([camera.fx, camera.cx, camera.cy, 0.0, k1, 0.0])
+        try:
+            return self.lens(parameters, camera.image_size)
+        except ValueError:
+            return None  # it does not reach the radius of 1; the nearest says so
+
+    def start(self, lens: Lens) -> FloatArray:
+        """Start without distortion."""
+        focal = 0.5 * (lens.K[0, 0] + lens.K[1, 1])
+        return np.array([focal, *lens.K[:2, 2], 0.0, 0.0, 0.0])
+
+    def project(self, parameters: FloatArray, ideal: FloatArray) -> FloatArray:
+        """Map ideal normalised points to pixels."""
+        stretch = _stretch(parameters[3:], np.linalg.norm(ideal, axis=1))
+        return np.asarray(ideal * (parameters[0] * stretch)[:, None] + parameters[1:3])
+
+    def monotonic(self, parameters: FloatArray, ideal: FloatArray) -> bool:
+        """Whether the observed radius grows up to the farthest point."""
+        slope = [1.0, *(np.arange(2, 5) * parameters[3:])]
+        turns = _real_roots(slope)
+        return not np.any((turns > 0) & (turns < np.linalg.norm(ideal, axis=1).max()))
+
+    def lens(self, parameters: FloatArray, image_size: tuple[int, int]) -> PanoLens:
+        """Return the lens, stretched so that ``1 - a - b - c`` is what it must be.
+
+        The ideal radius ``u`` whose observed radius is 1 is the one at which the program's
+        undistorted picture meets the photograph: ``F = f / u``.
+        """
+        half = 0.5 * (min(image_size) - self.border)
+        if half == 0:
+            raise ValueError("there is no unit of length in a picture that is one pixel wide")
+        focal, x, y, *bend = parameters.tolist()
+        powers = [value * (half / focal) ** (i + 1) for i, value in enumerate(bend)]
+        roots = _real_roots([-1.0, 1.0, *powers])
+        if not np.any(roots > 0):
+            raise ValueError(f"the lens never shows a radius of {half:g} px")
+        u = float(roots[roots > 0].min())
+        for _ in range(2):  # the roots are good to half the digits, Newton's steps to all
+            value = u * _stretch(powers, np.array(u)) - 1.0
+            slope = 1.0 + sum((i + 2) * power * u ** (i + 1) for i, power in enumerate(powers))
+            u -= float(value) / slope
+        c, b, a = (power * u ** (i + 2) for i, power in enumerate(powers))
+        return PanoLens(focal / u, a, b, c, half, (x, y), image_size)
+
+
+def _stretch(bend: FloatArray | tuple[float, ...] | list[float], radius: FloatArray) -> FloatArray:
+    """Return ``1 + bend[0] r + bend[1] r^2 + bend[2] r^3``."""
+    return np.asarray(np.polynomial.polynomial.polyval(radius, [1.0, *bend]))
+
+
+def _real_roots(coefficients: list[float]) -> FloatArray:
+    """Return the real roots of a polynomial, the constant first."""
+    trimmed = np.trim_zeros(np.array(coefficients), "b")
+    roots = np.polynomial.polynomial.polyroots(trimmed)
+    return np.asarray(roots.real[np.abs(roots.imag) <= REAL * np.maximum(1.0, np.abs(roots))])

@@ -1,0 +1,89 @@
+"""Which formats there are, and which of them a file is."""
+
+from __future__ import annotations
+
+from trisquare.formats import colmap, hugin, kalibr, lensfun, mrcal, nerfstudio, opencv, own, ros
+from trisquare.formats.document import Document
+from trisquare.formats.format import Format
+
+# Those that demand more of a text come before those that demand less.
+FORMATS = (
+    own.FORMAT,
+    opencv.FORMAT,
+    ros.FORMAT,
+    kalibr.FORMAT,
+    mrcal.FORMAT,
+    nerfstudio.FORMAT,
+    hugin.FORMAT,
+    lensfun.FORMAT,
+    colmap.FORMAT,
+)
+FORMAT_NAMES = tuple(known.name for known in FORMATS)
+
+
+def format_called(name: str) -> Format:
+    """Return the format of a name.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If there is none.
+    """
+    if not isinstance(name, str):
+        raise TypeError(f"format must be a string, not {type(name).__name__}")
+    for known in FORMATS:
+        if known.name == name.lower():
+            return known
+    raise ValueError(f"format must be one of {', '.join(FORMAT_NAMES)}, not {name!r}")
+
+
+def format_of_document(document: Document) -> Format:
+    """Return the format that a text looks like, or else that its file's name promises.
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
+    for known in FORMATS:
+        if known.recognises(document):
+            return known
+    # The format's own reader says best what is wrong with it.
+    promised = _format_by_name(document.name)
+    if promised is None:
+        raise ValueError(
+            f"no camera file of a format that is known ({', '.join(FORMAT_NAMES)}); if it is one "
+            "of them all the same, say which with format= (--from)"
+        )
+    return promised
+
+
+def format_of_name(name: str) -> Format:
+    """Return the format in which to write a file of this name.
+
+    ``transforms.json``, ``camchain.yaml`` and the like are their programs' own; of a plain
+    ``.json`` it is trisquare's, of a plain ``.yaml`` or ``.xml`` OpenCV's.
+
+    Raises
+    ------
+    ValueError
+        If the name tells none.
+    """
+    promised = _format_by_name(name)
+    if promised is None:
+        raise ValueError(
+            f"the extension of {name!r} tells no camera format: say which with format= (--to), of "
+            f"{', '.join(FORMAT_NAMES)}"
+        )
+    return promised
+
+
+def _format_by_name(name: str) -> Format | None:
+    """Return the format with the longest ending that fits: it says most."""
+    fitting = [
+        (len(ending), known)
+        for known in FORMATS
+        for ending in known.file_names
+        if name.lower().endswith(ending)
+    ]
+    return max(fitting, key=lambda pair: pair[0])[1] if fitting else None

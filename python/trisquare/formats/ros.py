@@ -1,0 +1,105 @@
+"""ROS's ``camera_info`` YAML, as camera_calibration writes and camera_info_manager reads.
+
+Pixels, ``(0, 0)`` the centre of the top-left one (OpenCV's convention, which image_geometry
+inherits). Schema: sensor_msgs/CameraInfo as camera_calibration_parsers spells it, ``image_width``,
+``image_height``, ``camera_name``, ``camera_matrix``, ``distortion_model``,
+``distortion_coefficients``, ``rectification_matrix`` and ``projection_matrix``, matrices as rows,
+cols and row-major data.
+
+Written: ``plumb_bob`` (k1, k2, p1, p2, k3), no rectification, a projection by K itself. Read:
+``plumb_bob``, ``rational_polynomial`` where its further terms vanish; otherwise, as
+``equidistant`` and ``fisheye``, the nearest.
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from trisquare.camera import Camera
+from trisquare.formats.document import Document
+from trisquare.formats.foreign import fisheye_lens, opencv_lens
+from trisquare.formats.format import Cameras, Format, ImageSize
+from trisquare.formats.nearest import ANY_CAMERA, Lens
+from trisquare.json_fields import JsonFields
+
+LENGTHS = {
+    "plumb_bob": (0, 4, 5),
+    "rational_polynomial": (5, 8, 12, 14),
+    "equidistant": (4,),
+    "fisheye": (4,),
+}
+
+
+def recognises(document: Document) -> bool:
+    """Whether it names a distortion model beside a camera matrix."""
+    return not document.starts_with("{") and all(
+        re.search(rf"^{key}\s*:", document.text, re.MULTILINE)
+        for key in ("distortion_model", "camera_matrix")
+    )
+
+
+def read(document: Document, image_size: ImageSize | None) -> Cameras:
+    """Read the camera of a file."""
+    members = document.yaml
+    name = members.value("camera_name") if members.has("camera_name") else None
+    return {name if isinstance(name, str) else "camera": lambda: _camera(members)}
+
+
+def _camera(members: JsonFields) -> Lens:
+    size = (members.integer("image_width"), members.integer("image_height"))
+    K = members.object("camera_matrix").array("data", (9,)).reshape(3, 3)
+    distortion = members.object("distortion_coefficients").array("data", (None,)).tolist()
+    model = members.text("distortion_model")
+    if model not in LENGTHS:
+        raise ValueError(f'"distortion_model" must be one of {", ".join(LENGTHS)}, not {model!r}')
+    if len(distortion) not in LENGTHS[model]:
+        raise ValueError(
+            f'"distortion_coefficients.data" has {len(distortion)} numbers; {model} has '
+            f"{' or '.join(str(length) for length in LENGTHS[model])}"
+        )
+    Camera(K, np.zeros(5), size)  # says what is wrong with K or the size
+    focal, centre = (K[0, 0], K[1, 1]), (K[0, 2], K[1, 2])
+    if model in ("equidistant", "fisheye"):
+        return fisheye_lens(f"ROS's {model} model", focal, centre, distortion, size)
+    return opencv_lens(focal, centre, distortion, size)
+
+
+def write(camera: Camera, suffix: str) -> str:
+    """Write a camera."""
+    width, height = camera.image_size
+    projection = np.column_stack([camera.K, np.zeros(3)])
+    lines = [
+        f"image_width: {width}",
+        f"image_height: {height}",
+        "camera_name: camera",
+        *_matrix("camera_matrix", 3, 3, camera.K.ravel().tolist()),
+        "distortion_model: plumb_bob",
+        *_matrix("distortion_coefficients", 1, 5, camera.distortion.tolist()),
+        *_matrix("rectification_matrix", 3, 3, np.eye(3).ravel().tolist()),
+        *_matrix("projection_matrix", 3, 4, projection.ravel().tolist()),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _matrix(name: str, rows: int, columns: int, data: list[float]) -> list[str]:
+    numbers = ", ".join(yaml_real(value) for value in data)
+    return [f"{name}:", f"  rows: {rows}", f"  cols: {columns}", f"  data: [{numbers}]"]
+
+
+def yaml_real(value: float) -> str:
+    """Write a number so that YAML 1.1 takes it for one: with a point before an exponent."""
+    text = repr(float(value))
+    return text if "." in text else text.replace("e", ".0e")
+
+
+FORMAT = Format(
+    name="ros",
+    title="ROS's camera_info YAML",
+    recognises=recognises,
+    read=read,
+    write=write,
+    families=(ANY_CAMERA,),
+    file_names=("camera_info.yaml", "camera_info.yml"),
+)

@@ -1,0 +1,350 @@
+"""Camera files that are damaged, hostile or of another kind: refused, with a reason, at once."""
+
+import contextlib
+import json
+import os
+import pickle
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import trisquare as ts
+from trisquare import Camera
+from trisquare.formats import FORMAT_NAMES
+
+K = np.array([[1000.5, 0.0, 640.25], [0.0, 1001.5, 480.75], [0.0, 0.0, 1.0]])
+CAMERA = Camera(K, [-0.1, 0.02, 0.001, -0.002, 0.0], (1280, 960), "brown")
+SIMPLE = Camera(
+    [[1000.5, 0, 640.25], [0, 1000.5, 480.75], [0, 0, 1]], [-0.1, 0, 0, 0, 0], (1280, 960)
+)
+NAMES = {
+    "camera.json": "trisquare",
+    "camera.yaml": "opencv",
+    "camera.xml": "opencv",
+    "opencv.json": "opencv",
+    "camera_info.yaml": "ros",
+    "camchain.yaml": "kalibr",
+    "cameras.txt": "colmap",
+    "transforms.json": "nerfstudio",
+    "left.cameramodel": "mrcal",
+    "lens.pto": "hugin",
+    "lensfun.xml": "lensfun",
+}
+PANORAMA = ("hugin", "lensfun")
+
+
+@pytest.fixture(scope="module")
+def texts(tmp_path_factory):
+    """The camera in every format."""
+    folder = tmp_path_factory.mktemp("whole")
+    for name, known in NAMES.items():
+        (SIMPLE if known in PANORAMA else CAMERA).save(folder / name, known)
+    return {name: (folder / name).read_text() for name in NAMES}
+
+
+def size_for(path):
+    """What the caller must say of a file's pictures, where the file does not."""
+    return SIMPLE.image_size if path.name == "lensfun.xml" else None
+
+
+def refusal(path, **options):
+    """What is said about a file, which must begin with its name."""
+    with pytest.raises(ValueError, match=re.escape(f"{path}: ")) as info:
+        Camera.load(path, **{"image_size": size_for(path), **options})
+    return str(info.value)
+
+
+def load_text(folder, name, text, **options):
+    path = folder / name
+    path.write_text(text, "utf-8")
+    return refusal(path, **options)
+
+
+# The key that is missing, or of the wrong type.
+@pytest.mark.parametrize(
+    ("name", "written", "instead", "said"),
+    [
+        ("camera.json", '"fx": 1000.5, ', "", '"camera.fx" is missing'),
+        ("camera.json", '"fx": 1000.5', '"fx": "wide"', '"camera.fx" must hold real numbers'),
+        ("camera.json", '"fx": 1000.5', '"fx": NaN', "NaN, which is not JSON"),
+        ("camera.json", '"fx": 1000.5', '"fx": 1e999', '"camera.fx" holds NaN or infinite'),
+        ("camera.json", "trisquare-camera/1", "trisquare-camera/2", "newer than this trisquare"),
+        ("camera.json", "trisquare-camera/1", "trisquare/17", "newer than this trisquare"),
+        ("camera.json", "trisquare-camera/1", "trisquare-plan/1", '"format" must be'),
+        ("camera.json", "[1280, 960]", "[1280.5, 960]", '"image_size" must be a list of whole'),
+        ("camera.json", '"brown"', '"green"', "model must be one of"),
+        ("camera.yaml", "rows: 3", "rows: 4", '"camera_matrix.data" has 9 numbers, not 4 x 3'),
+        ("camera.yaml", "1000.5", ".nan", '"camera_matrix.data" holds NaN'),
+        ("camera.yaml", "1000.5", "wide", '"camera_matrix.data" must hold real numbers'),
+        ("camera.yaml", "1000.5", "-1000.5", "positive fx"),
+        ("camera.yaml", "image_height: 960", "", '"image_height" is missing'),
+        ("camera.yaml", "distortion_coefficients:", "d:", '"distortion_coefficients" is missing'),
+        ("camera.yaml", "camera_matrix: !!opencv-matrix", "camera_matrix:", ""),
+        ("camera.xml", "1000.5", "nan", '"camera_matrix.data" holds NaN'),
+        ("camera.xml", "<rows>3</rows>", "", '"camera_matrix.rows" is missing'),
+        ("camera.xml", "<image_width>1280", "<image_width>wide", '"image_width" must be a whole'),
+        ("camera.xml", "</camera_matrix>", "", "not XML"),
+        ("opencv.json", '"cols": 3', '"cols": true', '"camera_matrix.cols" must be a whole'),
+        (
+            "camera_info.yaml",
+            "plumb_bob",
+            "plum_bob",
+            '"distortion_model" must be one of plumb_bob',
+        ),
+        ("camera_info.yaml", "plumb_bob", "rational_polynomial", ""),
+        ("camera_info.yaml", "plumb_bob", "equidistant", '"distortion_coefficients.data" has 5'),
+        ("camera_info.yaml", "image_width: 1280", "", '"image_width" is missing'),
+        ("camera_info.yaml", "image_width: 1280", "image_width: 0", "image_size must be positive"),
+        ("camera_info.yaml", "1000.5", "~", '"camera_matrix.data" must hold real numbers'),
+        ("camchain.yaml", "radtan", "fov", "'fov': only radtan"),
+        ("camchain.yaml", "pinhole", "omni", "'omni': only pinhole"),
+        ("camchain.yaml", "1000.5, ", "", '"cam0.intrinsics" must have shape (4)'),
+        ("camchain.yaml", "[1280, 960]", "[1280]", '"resolution" must be [width, height]'),
+        ("left.cameramodel", "1280, 960", "1280", '"imagersize" must be [width, height]'),
+        ("cameras.txt", "1000.5", "nan", "camera 1: PARAMS[0] must be a finite number"),
+        ("cameras.txt", " 1000.5", "", "camera 1: OPENCV has 8 parameters, not 7"),
+        ("cameras.txt", " 1280 ", " 12.5 ", "camera 1: WIDTH must be a whole number"),
+        ("cameras.txt", " 1280 ", " -1280 ", "camera 1: WIDTH must be a whole number"),
+        ("cameras.txt", "OPENCV", "CLOSEDCV", "the model 'CLOSEDCV' cannot be read"),
+        ("transforms.json", '"fl_x": 1000.5', '"fl_x": null', '"fl_x"'),
+        ("transforms.json", '"w": 1280', '"w": 1280.5', '"w" and "h" must be whole numbers'),
+        ("transforms.json", '"OPENCV"', '"EQUIRECTANGULAR"', "'EQUIRECTANGULAR'; of nerfstudio"),
+        ("lens.pto", " f0 v", " f3 v", '"f" of image 0 is 3: only f0'),
+        ("lens.pto", "i w1280", "i w1280.5", '"w" and "h" of image 0 must be whole'),
+        ("lens.pto", "i w1280 ", "i ", '"w" of image 0 is missing'),
+        ("lens.pto", " f0 v", " f0 v=3 u", '"v" of image 0 is linked to'),
+        ("lens.pto", " f0 v", " f0 vx", '"v" of image 0 must be a number'),
+        ("lens.pto", " f0 v", " f0 v3", '"v" of image 0 must be from 0 to 180'),
+        ("lens.pto", " a0.0", " anan", '"a" of image 0 must be a number'),
+        ("lens.pto", ' n"photo.jpg"', "", ""),
+        ("lens.pto", " a0.0", " a1.5", "a, b and c add up to"),
+        ("lens.pto", " g0", " g0.5", "shear the picture"),
+        ("lensfun.xml", "rectilinear", "fisheye", '"type" is not rectilinear'),
+        ("lensfun.xml", "poly5", "acm", "'acm'; of lensfun's these are read"),
+        ("lensfun.xml", ' focal="', ' local="', '"focal" is missing'),
+        ("lensfun.xml", ' k1="', ' k1="x', '"k1" must be a finite number'),
+        ("lensfun.xml", "<cropfactor>1.0", "<cropfactor>0", '"cropfactor" and "focal" must be'),
+        ("lensfun.xml", "1279:959", "1279:0", '"aspect-ratio" must be written 3:2'),
+        ("lensfun.xml", "<distortion", "<contortion", "no <lens> with a <distortion>"),
+        ("left.cameramodel", "1000.5, ", "", '"intrinsics" must have shape (8)'),
+        ("left.cameramodel", "1000.5", "nan", "not a dictionary of names and numbers"),
+        ("left.cameramodel", "OPENCV4", "SPLINED_STEREOGRAPHIC_order=3", "these can be read"),
+        ("left.cameramodel", "'imagersize'", "'imagesize'", '"imagersize" is missing'),
+    ],
+)
+def test_the_message_names_what_is_wrong(tmp_path, texts, name, written, instead, said):
+    assert written in texts[name]
+    text = texts[name].replace(written, instead, 1)
+    if said:
+        assert said in load_text(tmp_path, name, text, format=NAMES[name])
+    else:  # not needed, or harmless
+        (tmp_path / name).write_text(text)
+        camera = Camera.load(tmp_path / name, image_size=size_for(tmp_path / name))
+        assert camera.fx == pytest.approx(1000.5, rel=1e-15)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_truncated_file_is_refused_or_whole(tmp_path, texts, name):
+    """Text formats have no end mark: what is cut may still say all, but never something else."""
+    text, path = texts[name], tmp_path / name
+    for length in range(0, len(text), 7):
+        path.write_text(text[:length])
+        try:
+            camera = Camera.load(path, image_size=size_for(path))
+        except ValueError:
+            continue
+        assert camera.image_size[0] == 1280
+        if NAMES[name] not in PANORAMA:  # whose numbers may be cut within
+            assert (camera.fx, camera.fy) == (1000.5, 1001.5)
+
+
+PIECES = (
+    *("", "-", "1e309", "nan", "[", "{", "}", "]", "'", '"', ":", "*a", "&a ", "!!int ", "~", "#"),
+    *("\n", "  ", "0", "9" * 40, "<", "]]>", "&lt;", "2026-99-99", ",", "? ", "!!opencv-matrix "),
+)
+
+
+@settings(max_examples=200)
+@given(data=st.data())
+def test_garbled_files_are_a_camera_or_a_value_error(tmp_path_factory, texts, data):
+    name = data.draw(st.sampled_from(sorted(NAMES)))
+    text = texts[name]
+    for _ in range(data.draw(st.integers(1, 4))):
+        start = data.draw(st.integers(0, len(text)))
+        end = min(len(text), start + data.draw(st.integers(0, 12)))
+        piece = data.draw(st.sampled_from(PIECES) | st.text(max_size=5))
+        text = text[:start] + piece + text[end:]
+    path = tmp_path_factory.mktemp("garbled", numbered=True) / name
+    path.write_bytes(text.encode("utf-8", "surrogatepass"))
+    with contextlib.suppress(ValueError):
+        known = data.draw(st.sampled_from([None, NAMES[name]]))
+        camera = Camera.load(path, format=known, image_size=size_for(path))
+        assert np.isfinite(camera.K).all()
+
+
+DEEP = 20_000
+BOMBS = {
+    "nested.json": '{"format": "trisquare-camera/1", "camera": ' + "[" * DEEP,
+    "nested.yaml": "camera_matrix:\ndistortion_model: " + "[" * DEEP,
+    "dashes.yaml": "camera_matrix:\ndistortion_model: \n" + "- " * DEEP,
+    "maps.yaml": "camera_matrix:\ndistortion_model: " + "{a: " * DEEP,
+    "nested.xml": "<opencv_storage>" + "<a>" * DEEP,
+    "nested.cameramodel": "{'lensmodel': " + "(" * DEEP,
+    "commas.cameramodel": "{'lensmodel': " + ", " * DEEP,
+    "alias.yaml": "camera_matrix: &a [1]\ndistortion_model: &b [*a, *a]\nc: [*b, *b]\n",
+    "entities.xml": '<?xml version="1.0"?><!DOCTYPE o [<!ENTITY a "aa">]>'
+    "<opencv_storage><image_width>&a;</image_width></opencv_storage>",
+    "entities-lensfun.xml": '<!DOCTYPE o [<!ENTITY a "aa">]><lensdatabase>&a;</lensdatabase>',
+    "comments.xml": "<opencv_storage>" + "<!--" * DEEP,
+    "object.yaml": "camera_matrix: !!python/object/apply:os.system ['true']\ndistortion_model: a\n",
+    "no-integer.yaml": "camera_matrix: !!int\ndistortion_model: !!timestamp 2026-99-99\n",
+    "digits.json": '{"format": "trisquare-camera/1", "image_size": [' + "9" * 5000 + "]}",
+    "digits.txt": "1 PINHOLE " + "9" * 5000 + " 5 1 1 1 1\n",
+    "empty.json": "",
+    "list.json": "[]",
+    "list.yaml": "- 1\n",
+    "word.yaml": "camera",
+    "header.yaml": "%YAML:1.0\n---\n",
+    "picture.txt": "\x01\x02",
+}
+
+
+@pytest.mark.parametrize("name", BOMBS)
+def test_hostile_files_are_refused(tmp_path, name):
+    said = load_text(tmp_path, name, BOMBS[name])
+    assert len(said) < 1000
+    for known in FORMAT_NAMES:
+        refusal(tmp_path / name, format=known)
+
+
+def test_what_is_no_text_or_too_large_is_refused(tmp_path):
+    (tmp_path / "zeros.json").touch()
+    os.truncate(tmp_path / "zeros.json", 20 << 30)
+    assert "larger than 64 MB" in refusal(tmp_path / "zeros.json")
+    (tmp_path / "zeros.yaml").write_bytes(bytes(1000))
+    assert "not a text file" in refusal(tmp_path / "zeros.yaml")
+    (tmp_path / "latin.yaml").write_bytes(b"camera_name: caf\xe9\n")
+    assert "not a text file" in refusal(tmp_path / "latin.yaml")
+    (tmp_path / "long.yaml").write_text(
+        "distortion_model: a\ncamera_matrix: b\n" + "# long\n" * 10**6
+    )
+    assert "longer than" in refusal(tmp_path / "long.yaml")
+    assert "no camera file of a format that is known" in load_text(tmp_path, "notes", "Hello\n")
+
+
+def test_what_cannot_be_opened_is_an_os_error(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"none\.json: No such file"):
+        Camera.load(tmp_path / "none.json")
+    with pytest.raises(IsADirectoryError):
+        Camera.load(tmp_path)
+    with pytest.raises(OSError, match="no folder"):
+        CAMERA.save(tmp_path / "nowhere" / "camera.json")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_lens_that_sees_too_little_has_no_nearest(tmp_path):
+    text = (
+        "cam0:\n  camera_model: pinhole\n  intrinsics: [200, 200, 320, 240]\n"
+        "  distortion_model: equidistant\n  distortion_coeffs: [0, 0, 0, 0]\n"
+        "  resolution: [640, 480]\n"
+    )
+    said = load_text(tmp_path, "fisheye.yaml", text, approximate=True)
+    assert "Kalibr's equidistant model: no lens of the model brown" in said
+    said = load_text(tmp_path, "fisheye.yaml", text.replace("200, 200", "20, 20"))
+    assert "has a direction ahead of the camera for only" in said
+
+
+def test_a_lens_model_error_says_its_numbers_and_survives_pickling():
+    lens = Camera(K, [-0.1, 0.02, 0.001, -0.002, 0.05], (1280, 960), "brown")
+    with pytest.raises(ts.LensModelError) as info:
+        lens.save("camchain.yaml")
+    error = pickle.loads(pickle.dumps(info.value))
+    assert (str(error), error.rms, error.worst) == (
+        str(info.value),
+        info.value.rms,
+        info.value.worst,
+    )
+    assert 0 < error.rms < error.worst < 50
+
+
+# The command.
+
+
+def convert(run, folder, *arguments):
+    before = sorted(path.name for path in folder.iterdir())
+    code, out, err = run("convert", *arguments)
+    if code:
+        assert out == ""
+        assert err.startswith("trisquare: error: ")
+        assert err.count("\n") == 1
+        assert sorted(path.name for path in folder.iterdir()) == before
+    return code, out, err
+
+
+def test_converting_from_each_format_to_each(run, tmp_path):
+    for source, from_name in NAMES.items():
+        camera = SIMPLE if from_name in PANORAMA else CAMERA
+        camera.save(tmp_path / source, from_name)
+        for target, to_name in NAMES.items():
+            if to_name in PANORAMA and from_name not in PANORAMA:
+                continue
+            path = tmp_path / f"new-{target}"
+            options = [
+                "--to",
+                to_name,
+                "-q",
+                *(("--size", "1280x960") if from_name == "lensfun" else ()),
+            ]
+            code, out, err = convert(run, tmp_path, tmp_path / source, path, *options)
+            assert (code, out, err) == (0, "", "")
+            read = Camera.load(path, to_name, image_size=(1280, 960))
+            np.testing.assert_allclose(read.K, camera.K, rtol=1e-14)
+            np.testing.assert_allclose(read.distortion, camera.distortion, atol=1e-15)
+
+
+def test_what_is_converted_is_said(run, tmp_path):
+    CAMERA.save(tmp_path / "a.json")
+    target = tmp_path / "camera_info.yaml"
+    code, out, _ = convert(run, tmp_path, tmp_path / "a.json", target)
+    assert code == 0
+    assert out == f"{tmp_path / 'a.json'} (trisquare) -> {target} (ros): 1280 x 960, brown\n"
+    code, out, _ = convert(run, tmp_path, target, tmp_path / "b.json", "--json")
+    members = json.loads(out)
+    assert (members["from"], members["to"], members["camera"]["fx"]) == ("ros", "trisquare", 1000.5)
+    assert members["read_approximation"] is members["write_approximation"] is None
+
+
+def test_what_cannot_be_held_is_approximated_only_if_asked(run, tmp_path):
+    Camera(K, [-0.1, 0.02, 0, 0, 0.05], (1280, 960), "radial3").save(tmp_path / "a.json")
+    target = tmp_path / "camchain.yaml"
+    code, _, err = convert(run, tmp_path, tmp_path / "a.json", target)
+    assert code == 2
+    assert "cannot hold" in err
+    assert "--approximate" in err
+    code, out, _ = convert(run, tmp_path, tmp_path / "a.json", target, "--approximate")
+    assert code == 0
+    assert "written as the nearest lens: radtan" in out
+    code, out, _ = convert(run, tmp_path, tmp_path / "a.json", target, "--approximate", "--json")
+    lost = json.loads(out)["write_approximation"]
+    assert 0 < lost["rms_px"] < lost["worst_px"]
+
+
+def test_the_commands_exit_codes(run, tmp_path):
+    good, bad, out = tmp_path / "a.json", tmp_path / "bad.json", tmp_path / "b.yaml"
+    CAMERA.save(good)
+    bad.write_text(good.read_text().replace('"fx"', '"gx"'))
+    assert convert(run, tmp_path, bad, out)[0] == 2
+    assert convert(run, tmp_path, tmp_path / "none.json", out)[0] == 5
+    assert convert(run, tmp_path, tmp_path, out)[0] == 5
+    assert convert(run, tmp_path, good, tmp_path / "no" / "b.yaml")[0] == 2
+    assert convert(run, tmp_path, good, tmp_path / "b.doc")[0] == 2
+    assert convert(run, tmp_path, good, out, "--to", "doc")[0] == 2
+    assert convert(run, tmp_path, good, out, "--from", "doc")[0] == 2
+    assert convert(run, tmp_path, good, out, "--size", "wide")[0] == 2
+    assert convert(run, tmp_path, good, out, "--size", "640x480")[0] == 2
+    assert convert(run, tmp_path, good, out, "--camera", "cam7")[0] == 2
+    assert convert(run, tmp_path, good, good)[0] == 2
+    assert convert(run, tmp_path, good, out, "--size", "1280x960")[0] == 0
