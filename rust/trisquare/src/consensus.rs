@@ -6,11 +6,11 @@
 //! to where it explains most, and the one with the most evidence is taken. Its squares go through
 //! the joint fit, which drops what does not agree and takes back what does.
 
-use crate::candidate_pool::{Pool, curvature, undistortion};
+use crate::candidate_pool::Pool;
 use crate::choice::{Choice, Doubt, Verdict};
 use crate::covariance::check_plane_count;
 use crate::explanation::{Explanation, squared_deviation};
-use crate::hypotheses::{FOCAL_DOUBT, MAX_COMBINED, hypotheses, matrix_of, pinhole, prior};
+use crate::hypotheses::{FOCAL_DOUBT, hypotheses, matrix_of, pinhole, prior, triples};
 use crate::joint_fit::Fit;
 use crate::linear::{Homographies, Undistortion, first_view};
 use crate::misfit::Misfit;
@@ -18,6 +18,7 @@ use crate::observations::{ObservedPlane, sort_by_plane};
 use crate::refine::{Refined, Residual, residuals, root_mean_square, search};
 use crate::side_families::has_grid;
 use crate::squareness::{Candidate, Pinhole};
+use crate::straightness::Straightness;
 use crate::task::Task;
 use crate::{Brown, Error, Fixed, ImageSize, Method, Options, PlaneEdges, set_aside};
 
@@ -46,6 +47,9 @@ const STICKS_OUT: f64 = 2.5;
 
 /// Triples of an explanation's squares that are fitted where these do not agree: all of nine.
 const MAX_SEEDS: usize = 84;
+
+/// Squares that are in all explanations, and left out in turn where no joint fit agrees.
+const MAX_SHARED: usize = 3;
 
 /// Explanations that are followed up, and by how much less evidence they may have than the best.
 const MAX_EXPLANATIONS: usize = 4;
@@ -92,11 +96,11 @@ pub fn choose(edges: &[PlaneEdges], size: ImageSize, options: &Options) -> Resul
         ..*options
     };
     let task = Task::new(size, &options);
-    let undistortion = undistortion(&thinned, &task);
+    let Straightness { undistortion, bent } = Straightness::of(&thinned, &task);
     let chooser = Chooser {
         task,
         planes: &thinned,
-        bent: curvature(&thinned, &undistortion),
+        bent,
         pool: Pool::of(&thinned, undistortion, size),
     };
     if chooser.all_agree() {
@@ -172,9 +176,25 @@ impl Chooser<'_> {
                 residual: residual.filter(|_| !kept),
             }
         };
+        let verdicts: Vec<Verdict> = self.planes.iter().enumerate().map(verdict).collect();
+        let rejected = (0..self.planes.len()).filter(|i| !verdicts[*i].kept);
         Some(Choice {
-            verdicts: self.planes.iter().enumerate().map(verdict).collect(),
-            doubt: None,
+            doubt: self.rival_of_boards(&rejected.collect::<Vec<_>>()),
+            verdicts,
+        })
+    }
+
+    /// The doubt that as many others agree on another camera: the boards may be a picture's in the
+    /// picture.
+    fn rival_of_boards(&self, rejected: &[usize]) -> Option<Doubt> {
+        if rejected.len() < LEAST_BOARDS {
+            return None;
+        }
+        let planes: Vec<_> = rejected.iter().map(|i| self.planes[*i].clone()).collect();
+        let fit = self.judged(rejected, &planes, self.task.optimum(&planes).ok()?);
+        self.agrees(&fit).then(|| Doubt::Rival {
+            squares: rejected.len(),
+            focal: fit.refined.view.lens.focal().x,
         })
     }
 
@@ -222,11 +242,9 @@ impl Chooser<'_> {
     fn choice(&self) -> Option<Choice> {
         let explanations = self.explanations();
         let best = explanations.first()?;
-        let mut fits: Vec<Fit> = Vec::new();
-        for explanation in &explanations {
-            if best.evidence - explanation.evidence < CONSIDERED {
-                self.add_fits(explanation, &mut fits);
-            }
+        let mut fits = self.fits(&explanations);
+        if !fits.iter().any(|fit| self.agrees(fit)) {
+            fits.extend(self.fits_without_one_of_all(&explanations));
         }
         let order = |fit: &Fit| (self.agrees(fit), self.worth(fit));
         fits.sort_by(|a, b| {
@@ -252,6 +270,40 @@ impl Chooser<'_> {
         })
     }
 
+    /// The joint fits that the best of some explanations lead to.
+    fn fits(&self, explanations: &[Explanation]) -> Vec<Fit> {
+        let mut fits = Vec::new();
+        for explanation in explanations {
+            if explanations[0].evidence - explanation.evidence < CONSIDERED {
+                self.add_fits(explanation, &mut fits);
+            }
+        }
+        fits
+    }
+
+    /// The joint fits that agree once a square is left out which is in all explanations: one that
+    /// is known so well as a board is in any, also where another camera saw it.
+    fn fits_without_one_of_all(&self, explanations: &[Explanation]) -> Vec<Fit> {
+        let in_all = |plane: &usize| {
+            let mut sets = explanations.iter().map(|one| self.pool.squares(one));
+            sets.all(|squares| squares.contains(plane))
+        };
+        let places = self.pool.places.iter().copied();
+        let shared = places.filter(in_all).take(MAX_SHARED);
+        let mut fits = Vec::new();
+        for plane in shared {
+            let others = Chooser {
+                task: Task::new(self.task.size, self.task.options),
+                planes: self.planes,
+                pool: self.pool.without(plane),
+                bent: self.bent,
+            };
+            fits.extend(others.fits(&others.explanations()));
+        }
+        fits.retain(|fit| self.agrees(fit));
+        fits
+    }
+
     /// The joint fits that an explanation leads to: of its squares, or of those that agree.
     fn add_fits(&self, explanation: &Explanation, fits: &mut Vec<Fit>) {
         let squares = self.pool.squares(explanation);
@@ -274,7 +326,7 @@ impl Chooser<'_> {
                 if let Some(trimmed) = self.trimmed(&fit) {
                     keep(trimmed);
                 }
-                for seed in triples(&squares) {
+                for seed in triples(&squares, MAX_SEEDS) {
                     if let Some(seed) = self.fit(&seed, start).filter(|seed| self.agrees(seed)) {
                         keep(seed);
                     }
@@ -442,19 +494,6 @@ fn best_different(mut found: Vec<Explanation>) -> Vec<Explanation> {
         }
     }
     different
-}
-
-/// Triples of some planes, evenly chosen where there are too many.
-fn triples(planes: &[usize]) -> Vec<[usize; 3]> {
-    let mut all = Vec::new();
-    for (i, a) in planes.iter().enumerate().take(MAX_COMBINED) {
-        for (j, b) in planes.iter().enumerate().take(MAX_COMBINED).skip(i + 1) {
-            let rest = planes.iter().take(MAX_COMBINED).skip(j + 1);
-            all.extend(rest.map(|c| [*a, *b, *c]));
-        }
-    }
-    let step = all.len().div_ceil(MAX_SEEDS).max(1);
-    all.into_iter().step_by(step).collect()
 }
 
 #[cfg(test)]

@@ -120,3 +120,16 @@ fn subsets(count: usize) -> Vec<Vec<usize>> {
     let step = all.len().div_ceil(MAX_SUBSETS).max(1);
     all.into_iter().step_by(step).collect()
 }
+
+/// Triples of some things, evenly chosen where there are more.
+pub(crate) fn triples(things: &[usize], most: usize) -> Vec<[usize; 3]> {
+    let mut all = Vec::new();
+    for (i, a) in things.iter().enumerate().take(MAX_COMBINED) {
+        for (j, b) in things.iter().enumerate().take(MAX_COMBINED).skip(i + 1) {
+            let rest = things.iter().take(MAX_COMBINED).skip(j + 1);
+            all.extend(rest.map(|c| [*a, *b, *c]));
+        }
+    }
+    let step = all.len().div_ceil(most).max(1);
+    all.into_iter().step_by(step).collect()
+}

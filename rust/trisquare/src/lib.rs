@@ -68,6 +68,7 @@ mod side_moments;
 mod squareness;
 mod stages;
 mod straighten;
+mod straightness;
 #[cfg(feature = "synthetic")]
 pub mod synthetic;
 mod task;
