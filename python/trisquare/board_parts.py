@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from trisquare.outlines import Lattice
 from trisquare.quads import FloatArray
@@ -23,7 +22,7 @@ BEYOND = 2.0
 covers that or its edge, a row of crossings is lost too."""
 
 LARGEST_PART = 1.4
-"""Cells: side of a board's cell, as large as the blur of both colours makes it, or of its marker."""
+"""Cells: side of the largest part, a cell as large as the blur of both colours makes it."""
 
 OFF_CENTRE = 0.2
 """Cells from the middle of a cell to that of a part, as much as the lens bends lines beyond the
