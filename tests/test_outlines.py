@@ -167,16 +167,6 @@ def test_large_pictures_are_searched_at_a_smaller_size_and_answered_in_full():
         assert min(gaps) < 2.0 * CORNER_TOLERANCE
 
 
-def test_squares_of_forty_pixels_are_found_in_a_large_picture():
-    picture = np.full((1920, 2560), 210, np.uint8)
-    places = [(400, 500), (1300, 900), (2100, 1500), (700, 1400)]
-    for x, y in places:
-        draw(picture, upright(x, y, 40.0), 40)
-    found = find_squares(photograph(picture))
-    middles = sorted(square.outer.corners.mean(axis=0).tolist() for square in found)
-    np.testing.assert_allclose(middles, np.array(sorted(places)) + 20.0, atol=2.0)
-
-
 @pytest.mark.parametrize("name", ["triangle", "disc", "rectangle", "kite", "bits", "corner", "cut"])
 def test_other_shapes_are_no_squares(name):
     picture = np.full((480, 640), 200, np.uint8)

@@ -35,8 +35,7 @@ STRIP_ROWS = 256
 
 ENOUGH = 3
 """Squares that a calibration asks for; where fewer are found, the picture is searched again at half
-its size, where a blur of 4 pixels is one of 2 and four pixels share their noise; and if these are
-still too few, at twice its size, where sides are long enough that had become too short."""
+its size, where a blur of 4 pixels is one of 2 and four pixels share their noise."""
 
 MIN_PICTURE = 32
 """Pixels per side below which a picture cannot hold a square with its ground."""
@@ -117,10 +116,6 @@ def find_squares(
     if len(squares) < enough and min(picture.shape) >= 2 * MIN_PICTURE:
         coarser = np.asarray(cv2.pyrDown(picture), dtype=np.uint8)
         others = _squares_of(grey, coarser, 2 * scale, tag_search)
-        squares += [other for other in others if not _is_known(other.outer.corners, squares)]
-    if len(squares) < enough and scale > 1:
-        finer, scale = working_picture(grey, 2 * WORKING_SIZE)
-        others = _squares_of(grey, finer, scale, tag_search)
         squares += [other for other in others if not _is_known(other.outer.corners, squares)]
     squares += _further_tags(grey, squares)
     return sorted(squares, key=lambda square: -_area(square.outer))
@@ -204,12 +199,10 @@ def _grey(image: NDArray[np.generic]) -> NDArray[np.generic]:
     return np.asarray(cv2.cvtColor(contiguous, cv2.COLOR_BGR2GRAY))
 
 
-def working_picture(
-    grey: NDArray[np.uint8], longest: int = WORKING_SIZE
-) -> tuple[NDArray[np.uint8], int]:
+def working_picture(grey: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
     """Smooth picture of moderate size, and how many pixels of the photograph make one of it."""
     scale = 1
-    while max(grey.shape) > longest and min(grey.shape) >= MIN_PICTURE:
+    while max(grey.shape) > WORKING_SIZE and min(grey.shape) >= MIN_PICTURE:
         grey, scale = np.asarray(cv2.pyrDown(grey), dtype=np.uint8), 2 * scale
     if scale == 1 and min(grey.shape) >= MIN_PICTURE:
         grey = np.asarray(cv2.GaussianBlur(grey, (3, 3), 0.0), dtype=np.uint8)
