@@ -1,5 +1,8 @@
 """Of all that is found in a picture, the squares that one camera explains are chosen."""
 
+import itertools
+
+import cv2
 import numpy as np
 import pytest
 from scenes import IMAGE_SIZE, assert_within, edges_of, squares
@@ -8,7 +11,7 @@ import trisquare as ts
 from trisquare import simulate
 from trisquare.choosing import choose
 from trisquare.false_squares import mixed_scene, photograph
-from trisquare.scene import Scene
+from trisquare.scene import Scene, rectangle
 
 # Chance exceeds so many standard deviations of a statistic once in fifteen thousand runs.
 SURE = 4.0
@@ -78,6 +81,45 @@ def test_both_outlines_of_a_frame_go_together():
     for plane in range(len(scene.targets)):
         count = sum(figure.plane == plane for figure in figures)
         assert sum(figure.plane == plane for figure in kept) in (0, count)
+
+
+def sheets_of_squares(rng, camera, sheets=6, per_side=5, false_share=0.2):
+    """Tilted sheets of squares, some of them stretched; and which are true."""
+    width, height = camera.image_size
+    cell = 0.8 * min(width / 3, height / 2) / per_side
+    targets, is_square = [], []
+    for sheet in range(sheets):
+        place = np.array([(sheet % 3 + 0.5) / 3 * width, (sheet // 3 + 0.5) / 2 * height])
+        direction = 2 * np.pi * sheet / sheets + rng.uniform(-0.3, 0.3)
+        tilt = np.radians(rng.uniform(25, 50))
+        axis = tilt * np.array([np.cos(direction), np.sin(direction), 0.0])
+        rotation = cv2.Rodrigues(axis)[0]
+        ray = np.append(camera.undistort(place[None])[0], 1.0)
+        steps = 1.6 * (np.arange(per_side) - (per_side - 1) / 2)
+        for x, y in itertools.product(steps, steps):
+            true = rng.random() >= false_share
+            stretch = 1.0 if true else np.exp(rng.choice([-1, 1]) * rng.uniform(0.2, 0.5))
+            middle = 1.6 * camera.fx / cell * ray + rotation @ [x, y, 0.0]
+            printed = rectangle(0.5 * stretch, 0.5 / stretch)
+            targets.append(simulate.Target(rotation, middle, printed=printed))
+            is_square.append(true)
+    return Scene(camera, tuple(targets)), np.array(is_square)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_of_a_hundred_and_fifty_candidates_nearly_all_squares_are_chosen(seed):
+    rng = np.random.default_rng([67, seed])
+    scene, is_square = sheets_of_squares(rng, simulate.random_camera(rng, (4000, 3000)))
+    figures = edges_of(scene, NOISE, seed)
+    quads = {figure.plane: np.eye(4, 2) for figure in figures}
+    size = scene.camera.image_size
+    found = choose(figures, size, quads, model="radial2", fixed=(), initial=None)
+    kept = np.isin(np.arange(len(is_square)), planes(found.figures))
+    assert np.mean(kept[is_square]) > 0.95
+    # From so far away, some rectangles look like squares that are tilted otherwise.
+    assert np.mean(kept[~is_square]) < 0.25
+    result = ts.calibrate_edges(found.figures, size)
+    assert_within(result, scene, SURE)
 
 
 def test_with_the_focal_length_alone_unknown_two_squares_are_chosen():

@@ -8,10 +8,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from trisquare.board_parts import belongs_to, whole_cells
 from trisquare.drawing_formats import DrawnTarget
 from trisquare.drawn_grid import DrawnGrid
 from trisquare.lattice_edges import FoundLattice
-from trisquare.lattices import find_lattices, region
+from trisquare.lattices import find_lattices
 from trisquare.outlines import ENOUGH, Lattice, find_chessboard, find_squares, grey_bytes
 from trisquare.pictures import Image
 from trisquare.rejected import Rejected
@@ -39,33 +40,23 @@ def _squares_beside(
     grey: NDArray[np.uint8], lattices: Sequence[Lattice], targets: Targets
 ) -> list[Found]:
     """Find squares and tags that are no part of a lattice: neither cells nor the sheet it is on."""
-    regions = [region(lattice) for lattice in lattices]
-    if regions:
+    if lattices:
         grey = grey.copy()
-    for polygon in regions:  # painted over, which spares the search thousands of contours
-        _paint(grey, np.rint(polygon).astype(np.int32))
+    for lattice in lattices:  # painted over, which spares the search thousands of contours
+        _paint(grey, np.rint(whole_cells(lattice)).astype(np.int32))
     return [
         FoundSquare(square)
         for square in find_squares(grey, targets.tags, ENOUGH - len(lattices))
         if (targets.squares or square.tag is not None)
-        and not any(_inside(polygon, square.outer.corners.mean(axis=0)) for polygon in regions)
+        and not any(belongs_to(lattice, square.outer.corners) for lattice in lattices)
     ]
 
 
-def _paint(grey: NDArray[np.uint8], corners: NDArray[np.int32]) -> None:
-    """Fill a convex polygon with its mean level."""
-    low = np.maximum(corners.min(axis=0), 0)
-    part = grey[low[1] : corners[:, 1].max() + 1, low[0] : corners[:, 0].max() + 1]
-    if part.size == 0:
-        return
-    mask = np.zeros(part.shape, np.uint8)
-    cv2.fillConvexPoly(mask, corners - low, 255.0)
-    cv2.fillConvexPoly(part, corners - low, cv2.mean(part, mask)[0])
-
-
-def _inside(polygon: NDArray[np.float64], point: NDArray[np.float64]) -> bool:
-    x, y = point.tolist()
-    return cv2.pointPolygonTest(polygon.astype(np.float32), (x, y), False) >= 0.0
+def _paint(grey: NDArray[np.uint8], cells: NDArray[np.int32]) -> None:
+    """Fill quads, corners of shape (M, 4, 2), with their mean level."""
+    mask = np.zeros(grey.shape, np.uint8)
+    cv2.fillPoly(mask, list(cells), (255.0,))
+    grey[mask > 0] = np.rint(cv2.mean(grey, mask)[0])
 
 
 def find_drawn(picture: Image, drawn: Sequence[DrawnTarget]) -> Sequence[Found | Rejected]:

@@ -90,18 +90,6 @@ def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
     return sorted(found, key=lambda lattice: -int(np.count_nonzero(lattice.present)))
 
 
-def region(lattice: Lattice) -> FloatArray:
-    """Convex outline of a lattice and one cell round it, clockwise on the screen, shape (N, 2)."""
-    points = np.where(lattice.present[..., None], lattice.crossings, np.nan)
-    around = [points]
-    for axis in (0, 1):
-        step = np.diff(points, axis=axis)
-        before, after = np.split(points, [1], axis=axis)[1], np.split(points, [-1], axis=axis)[0]
-        around += [before + step, after - step]
-    known = np.concatenate([part.reshape(-1, 2) for part in around])
-    return _hull(known[np.isfinite(known[:, 0])])
-
-
 def _pictures(grey: NDArray[np.uint8]) -> tuple[list[NDArray[np.uint8]], int]:
     """Pictures to search, from coarse to fine, and photograph pixels per pixel of the finest."""
     picture, scale = grey, 1

@@ -6,71 +6,22 @@
 //! to where it explains most, and the one with the most evidence is taken. Its squares go through
 //! the joint fit, which drops what does not agree and takes back what does.
 
-use crate::candidate_pool::{Pool, curvature, undistortion};
-use crate::choice::{Choice, Doubt, Verdict};
-use crate::covariance::check_plane_count;
-use crate::explanation::{Explanation, squared_deviation};
-use crate::hypotheses::{FOCAL_DOUBT, MAX_COMBINED, hypotheses, matrix_of, pinhole, prior};
+use crate::agreement::{Agreement, LEAST_CANDIDATES, STICKS_OUT};
+use crate::candidate_pool::Pool;
+use crate::choice::{Choice, Verdict};
+use crate::doubts::{self, LEAST_BOARDS};
+use crate::hypotheses::explanations;
 use crate::joint_fit::Fit;
 use crate::linear::{Homographies, Undistortion, first_view};
-use crate::misfit::Misfit;
 use crate::observations::{ObservedPlane, sort_by_plane};
-use crate::refine::{Refined, Residual, residuals, root_mean_square, search};
+use crate::refine::{Residual, residuals, root_mean_square, search};
 use crate::side_families::has_grid;
-use crate::squareness::{Candidate, Pinhole};
+use crate::straightness::Straightness;
 use crate::task::Task;
 use crate::{Brown, Error, Fixed, ImageSize, Method, Options, PlaneEdges, set_aside};
 
-/// Candidates that must be there: of three, two cannot show which one is false.
-const LEAST_CANDIDATES: usize = 4;
-
-/// Boards that show a camera and their own errors: more than half of them are then right.
-const LEAST_BOARDS: usize = 3;
-
 /// Samples of each side that the choice looks at: a false square shows in few.
 const SAMPLES_PER_SIDE: usize = 16;
-
-/// A plane does not belong if it puts sides in the wrong place by so many times the variance of the
-/// noise, per degree of freedom, of which it has two: chance does it once in three thousand times.
-const FALSE_PLANE: f64 = 8.0;
-
-/// Excluded candidates whose squared deviation is below this are put to the joint fit.
-const WORTH_A_TRIAL: f64 = 60.0;
-
-/// How many at most.
-const MAX_TRIALS: usize = 12;
-
-/// Rounds in which those planes are dropped that are so many times farther off than the median one.
-const MAX_TRIMS: usize = 12;
-const STICKS_OUT: f64 = 2.5;
-
-/// Triples of an explanation's squares that are fitted where these do not agree: all of nine.
-const MAX_SEEDS: usize = 84;
-
-/// Explanations that are followed up, and by how much less evidence they may have than the best.
-const MAX_EXPLANATIONS: usize = 4;
-const CONSIDERED: f64 = 8.0;
-
-/// Of more candidates, every hypothesis is first weighed by so many, evenly chosen: they show which
-/// cameras are worth weighing by all.
-const MAX_WEIGHED: usize = 64;
-
-/// What a square that agrees speaks for a joint fit: what one of median precision has in evidence.
-const SQUARE_EVIDENCE: f64 = 5.0;
-
-/// Logarithm of the odds below which another explanation is nearly as good.
-const CLOSE_RIVAL: f64 = 4.0;
-
-/// Evidence that one explanation needs to stand out from chance, over that of no square at all.
-const LEAST_EVIDENCE: f64 = 8.0;
-
-/// Cameras whose focal lengths differ by more than this part are different explanations.
-const DIFFERENT_FOCAL: f64 = 0.02;
-
-/// An aspect, and a principal point (over half the diagonal), this far from the ordinary are
-/// plausible for no ordinary picture: 4 standard deviations of those in use.
-const ODD_ASPECT: f64 = 0.03;
-const ODD_CENTRE: f64 = 0.12;
 
 /// Chooses the largest set of planes that one camera sees as true squares.
 ///
@@ -92,13 +43,13 @@ pub fn choose(edges: &[PlaneEdges], size: ImageSize, options: &Options) -> Resul
         ..*options
     };
     let task = Task::new(size, &options);
-    let undistortion = undistortion(&thinned, &task);
-    let chooser = Chooser {
-        task,
+    let Straightness { undistortion, bent } = Straightness::of(&thinned, &task);
+    let chooser = Chooser(Agreement {
+        task: &task,
         planes: &thinned,
-        bent: curvature(&thinned, &undistortion),
-        pool: Pool::of(&thinned, undistortion, size),
-    };
+        pool: &Pool::of(&thinned, undistortion, size),
+        bent,
+    });
     if chooser.all_agree() {
         return Ok(Choice::of_all(&thinned));
     }
@@ -111,48 +62,37 @@ pub fn choose(edges: &[PlaneEdges], size: ImageSize, options: &Options) -> Resul
         .unwrap_or_else(|| Choice::of_all(&thinned)))
 }
 
-struct Chooser<'a> {
-    task: Task<'a>,
-    planes: &'a [ObservedPlane],
-    pool: Pool,
-    /// Mean square curvature of the sides where they are as straight as a lens can make them, in
-    /// units of their noise; at least 1.
-    bent: f64,
-}
+struct Chooser<'a>(Agreement<'a>);
 
 impl Chooser<'_> {
-    fn agrees(&self, fit: &Fit) -> bool {
-        fit.agrees(self.bent)
-    }
-
     /// Whether the one plane that a choice drops is found false, or bent on one side, by the fit of
     /// all planes as well: that one names it, and may keep its other sides.
     fn is_set_aside_anyway(&self, choice: &Choice) -> bool {
-        let mut dropped = (0..self.planes.len()).filter(|i| !choice.verdicts[*i].kept);
+        let mut dropped = (0..self.0.planes.len()).filter(|i| !choice.verdicts[*i].kept);
         let (Some(one), None, None) = (dropped.next(), dropped.next(), choice.doubt) else {
             return false;
         };
-        set_aside::agreeing(&self.task, self.planes)
+        set_aside::agreeing(self.0.task, self.0.planes)
             .is_ok_and(|(solution, _)| solution.planes[one].sides().any(|side| side.set_aside))
     }
 
     fn all_agree(&self) -> bool {
-        let all: Vec<usize> = (0..self.planes.len()).collect();
-        let refined = self.task.optimum(self.planes);
-        refined.is_ok_and(|refined| self.agrees(&self.judged(&all, self.planes, refined)))
+        let all: Vec<usize> = (0..self.0.planes.len()).collect();
+        let refined = self.0.task.optimum(self.0.planes);
+        refined.is_ok_and(|refined| self.0.agrees(&self.0.judged(&all, self.0.planes, refined)))
     }
 
     /// What agrees with boards as well as these among themselves, where they show the camera alone:
     /// a board is no chance find, and its paper need not be as flat as its noise is small.
     fn beside_boards(&self) -> Option<Choice> {
-        let is_board = |i: &usize| self.planes[*i].figures.iter().any(has_grid);
-        let boards: Vec<usize> = (0..self.planes.len()).filter(is_board).collect();
-        let planes: Vec<_> = boards.iter().map(|i| self.planes[*i].clone()).collect();
+        let is_board = |i: &usize| self.0.planes[*i].figures.iter().any(has_grid);
+        let boards: Vec<usize> = (0..self.0.planes.len()).filter(is_board).collect();
+        let planes: Vec<_> = boards.iter().map(|i| self.0.planes[*i].clone()).collect();
         if boards.len() < LEAST_BOARDS {
             return None;
         }
-        let refined = self.task.optimum(&planes).ok()?;
-        if self.task.weakness(&planes, &refined).is_some() {
+        let refined = self.0.task.optimum(&planes).ok()?;
+        if self.0.task.weakness(&planes, &refined).is_some() {
             return None;
         }
         let of_board = |own: &Vec<Residual>| root_mean_square(own.iter());
@@ -172,70 +112,32 @@ impl Chooser<'_> {
                 residual: residual.filter(|_| !kept),
             }
         };
+        let verdicts: Vec<Verdict> = self.0.planes.iter().enumerate().map(verdict).collect();
+        let rejected = (0..self.0.planes.len()).filter(|i| !verdicts[*i].kept);
         Some(Choice {
-            verdicts: self.planes.iter().enumerate().map(verdict).collect(),
-            doubt: None,
+            doubt: doubts::of_boards(&self.0, &rejected.collect::<Vec<_>>()),
+            verdicts,
         })
     }
 
-    /// The joint fit of some planes, searched from a camera.
-    fn fit(&self, members: &[usize], start: &Pinhole) -> Option<Fit> {
-        let Task {
-            size,
-            options,
-            free,
-            judged,
-        } = &self.task;
-        check_plane_count(members.len(), free).ok()?;
-        let planes: Vec<_> = members.iter().map(|i| self.planes[*i].clone()).collect();
-        let view = first_view(
-            &matrix_of(start, self.task.size),
-            &self.pool.homographies_of(members),
-            &planes,
-            &self.pool.undistortion,
-            *size,
-            options,
-        );
-        let found = search(&planes, free, view.ok()?)?;
-        let refined = Refined::of_linear(&planes, free, judged, found.view)?;
-        Some(self.judged(members, &planes, refined))
-    }
-
-    fn judged(&self, members: &[usize], planes: &[ObservedPlane], refined: Refined<Brown>) -> Fit {
-        let misfit = match refined.is_exact() {
-            true => Misfit::NONE,
-            false => Misfit::of(
-                planes,
-                &refined.view,
-                &self.task.free,
-                &refined.noise(planes),
-            ),
-        };
-        Fit {
-            members: members.to_vec(),
-            camera: pinhole(&refined.view.lens.camera_matrix(), self.task.size),
-            refined,
-            misfit,
-        }
-    }
-
     fn choice(&self) -> Option<Choice> {
-        let explanations = self.explanations();
+        let agreement = &self.0;
+        let explanations = explanations(agreement.task, agreement.pool);
         let best = explanations.first()?;
-        let mut fits: Vec<Fit> = Vec::new();
-        for explanation in &explanations {
-            if best.evidence - explanation.evidence < CONSIDERED {
-                self.add_fits(explanation, &mut fits);
-            }
+        let mut fits = agreement.fits(&explanations);
+        if !fits.iter().any(|fit| agreement.agrees(fit)) {
+            fits.extend(agreement.fits_without_one_of_all(&explanations));
         }
-        let order = |fit: &Fit| (self.agrees(fit), self.worth(fit));
+        let order = |fit: &Fit| (agreement.agrees(fit), agreement.worth(fit));
         fits.sort_by(|a, b| {
             let ((a_agrees, a), (b_agrees, b)) = (order(a), order(b));
             b_agrees.cmp(&a_agrees).then(b.total_cmp(&a))
         });
-        let (members, lens) = match fits.first() {
+        let mut fits = fits.into_iter();
+        let chosen = fits.next().map(|fit| agreement.completed(fit));
+        let (members, lens) = match &chosen {
             Some(fit) => (fit.members.clone(), Some(fit.refined.view.lens)),
-            None => (self.pool.squares(best), None),
+            None => (agreement.pool.squares(best), None),
         };
         let verdict = |(i, plane): (usize, &ObservedPlane)| {
             let kept = members.contains(&i);
@@ -247,120 +149,9 @@ impl Chooser<'_> {
             }
         };
         Some(Choice {
-            verdicts: self.planes.iter().enumerate().map(verdict).collect(),
-            doubt: self.doubt(best, &fits),
+            verdicts: self.0.planes.iter().enumerate().map(verdict).collect(),
+            doubt: chosen.and_then(|fit| doubts::of_choice(agreement, best, &fit, fits.collect())),
         })
-    }
-
-    /// The joint fits that an explanation leads to: of its squares, or of those that agree.
-    fn add_fits(&self, explanation: &Explanation, fits: &mut Vec<Fit>) {
-        let squares = self.pool.squares(explanation);
-        let start = &explanation.camera;
-        let mut keep = |fit: Fit| {
-            let known = |members: &[usize]| {
-                let within = |known: &&Fit| members.iter().all(|i| known.members.contains(i));
-                fits.iter().any(|fit| self.agrees(fit) && within(&fit))
-            };
-            if !known(&fit.members) {
-                let grown = self.with_others(fit, explanation);
-                if !known(&grown.members) {
-                    fits.push(grown);
-                }
-            }
-        };
-        match self.fit(&squares, start) {
-            Some(fit) if self.agrees(&fit) || squares.len() < LEAST_CANDIDATES => keep(fit),
-            Some(fit) => {
-                if let Some(trimmed) = self.trimmed(&fit) {
-                    keep(trimmed);
-                }
-                for seed in triples(&squares) {
-                    if let Some(seed) = self.fit(&seed, start).filter(|seed| self.agrees(seed)) {
-                        keep(seed);
-                    }
-                }
-                if fits.is_empty() {
-                    fits.push(fit);
-                }
-            }
-            None => {}
-        }
-    }
-
-    /// What speaks for a joint fit: squares that do not stand alike, and an ordinary camera.
-    fn worth(&self, fit: &Fit) -> f64 {
-        fit.standing_apart() * SQUARE_EVIDENCE - prior(&self.task).cost(&fit.camera)
-    }
-
-    /// All that cameras make of the candidates, from the most evidence to the least.
-    fn explanations(&self) -> Vec<Explanation> {
-        let prior = prior(&self.task);
-        let mut doubt = prior.std;
-        doubt[0] = doubt[0].min(FOCAL_DOUBT);
-        let all = &self.pool.candidates;
-        let starts = hypotheses(&self.task, &self.pool, &prior);
-        let explained = |candidates: &[Candidate], starts: Vec<Pinhole>| {
-            let settled = |start| Explanation::settled(candidates, &prior, start, &doubt);
-            best_different(starts.into_iter().filter_map(settled).collect())
-        };
-        if all.len() <= MAX_WEIGHED {
-            return explained(all, starts);
-        }
-        let step = all.len().div_ceil(MAX_WEIGHED);
-        let some: Vec<Candidate> = all.iter().step_by(step).cloned().collect();
-        let best = explained(&some, starts);
-        explained(all, best.into_iter().map(|found| found.camera).collect())
-    }
-
-    /// What agrees of a fit once the planes that stick out are dropped, if anything does.
-    fn trimmed(&self, fit: &Fit) -> Option<Fit> {
-        let mut rest = self.fit(&fit.members, &fit.camera)?;
-        for _ in 0..MAX_TRIMS {
-            if self.agrees(&rest) {
-                return Some(rest);
-            }
-            let mut distances = rest.distances();
-            distances.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let limit = STICKS_OUT * distances[distances.len() / 2].0;
-            let within = distances.iter().filter(|(distance, _)| *distance <= limit);
-            let mut members: Vec<usize> = within.map(|(_, plane)| *plane).collect();
-            if members.len() == distances.len() {
-                // Nobody sticks out, but they do not agree: the farthest must go.
-                members.pop();
-            }
-            if members.len() + 1 < LEAST_CANDIDATES {
-                return None;
-            }
-            members.sort_unstable();
-            rest = self.fit(&members, &rest.camera)?;
-        }
-        None
-    }
-
-    /// Takes back what agrees in the joint fit, the most promising first.
-    fn with_others(&self, mut fit: Fit, explanation: &Explanation) -> Fit {
-        let mut others: Vec<(f64, usize)> = self
-            .pool
-            .candidates
-            .iter()
-            .zip(&self.pool.places)
-            .filter(|(_, place)| !fit.members.contains(place))
-            .filter_map(|(c, place)| Some((squared_deviation(c, explanation)?, *place)))
-            .filter(|(square, _)| *square < WORTH_A_TRIAL)
-            .collect();
-        others.sort_by(|a, b| a.0.total_cmp(&b.0));
-        for (_, other) in others.into_iter().take(MAX_TRIALS) {
-            let mut members = fit.members.clone();
-            members.push(other);
-            members.sort_unstable();
-            if let Some(more) = self.fit(&members, &fit.camera)
-                && fit.strain(&more) < FALSE_PLANE * self.bent
-                && self.agrees(&more)
-            {
-                fit = more;
-            }
-        }
-        fit
     }
 
     /// How far a plane's samples are from the best square that a camera allows.
@@ -373,7 +164,7 @@ impl Chooser<'_> {
                 distortion: true,
             },
             initial: Some(*lens),
-            ..*self.task.options
+            ..*self.0.task.options
         };
         let one = std::slice::from_ref(plane);
         let known = Undistortion::Known(*lens);
@@ -384,7 +175,7 @@ impl Chooser<'_> {
             &homographies,
             one,
             &known,
-            self.task.size,
+            self.0.task.size,
             &options,
         );
         let found = search(one, &options.free_parameters(), start.ok()?)?;
@@ -392,69 +183,6 @@ impl Chooser<'_> {
         let distance = root_mean_square(residuals.iter().flatten());
         distance.is_finite().then_some(distance)
     }
-
-    fn doubt(&self, best: &Explanation, fits: &[Fit]) -> Option<Doubt> {
-        let (chosen, others) = fits.split_first()?;
-        let lens = chosen.refined.view.lens;
-        let focal = |fit: &Fit| fit.refined.view.lens.focal().x;
-        let close = self.worth(chosen) - CLOSE_RIVAL;
-        let rival = others.iter().find(|other| {
-            (focal(other) / focal(chosen)).ln().abs() > DIFFERENT_FOCAL && self.worth(other) > close
-        });
-        if let Some(rival) = rival {
-            return Some(Doubt::Rival {
-                squares: rival.members.len(),
-                focal: focal(rival),
-            });
-        }
-        let unknowns = self
-            .task
-            .options
-            .known_intrinsics(&self.task.size)
-            .unknowns();
-        // Two equations each: where no more are left than unknowns, any squares agree.
-        let exact =
-            !self.task.options.fixed.focal && 2.0 * chosen.standing_apart() < unknowns as f64 + 1.0;
-        if exact || best.evidence < LEAST_EVIDENCE {
-            return Some(Doubt::Chance);
-        }
-        let aspect = lens.focal().y / lens.focal().x;
-        let offset = (lens.principal_point() - self.task.size.centre()).norm();
-        let unit = self.task.size.half_diagonal();
-        let odd = aspect.ln().abs() > ODD_ASPECT || offset > ODD_CENTRE * unit;
-        (odd && self.task.options.initial.is_none()).then_some(Doubt::OddCamera { aspect, offset })
-    }
-}
-
-/// The explanations with the most evidence, of those that take the same squares only one.
-fn best_different(mut found: Vec<Explanation>) -> Vec<Explanation> {
-    found.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
-    let mut different: Vec<Explanation> = Vec::new();
-    for explanation in found {
-        if different
-            .iter()
-            .all(|known| !known.squares().eq(explanation.squares()))
-        {
-            different.push(explanation);
-        }
-        if different.len() == MAX_EXPLANATIONS {
-            break;
-        }
-    }
-    different
-}
-
-/// Triples of some planes, evenly chosen where there are too many.
-fn triples(planes: &[usize]) -> Vec<[usize; 3]> {
-    let mut all = Vec::new();
-    for (i, a) in planes.iter().enumerate().take(MAX_COMBINED) {
-        for (j, b) in planes.iter().enumerate().take(MAX_COMBINED).skip(i + 1) {
-            let rest = planes.iter().take(MAX_COMBINED).skip(j + 1);
-            all.extend(rest.map(|c| [*a, *b, *c]));
-        }
-    }
-    let step = all.len().div_ceil(MAX_SEEDS).max(1);
-    all.into_iter().step_by(step).collect()
 }
 
 #[cfg(test)]

@@ -1,12 +1,13 @@
-//! Cameras that may explain candidates, before any is known to be a square.
+//! Cameras that may explain candidates, before any is known to be a square, and what they make of
+//! them.
 
 use nalgebra::Matrix3;
 
 use crate::candidate_pool::Pool;
 use crate::conic::camera_matrix;
-use crate::explanation::Prior;
+use crate::explanation::{Explanation, Prior};
 use crate::linear::Homographies;
-use crate::squareness::Pinhole;
+use crate::squareness::{Candidate, Pinhole};
 use crate::task::Task;
 use crate::{ImageSize, Options};
 
@@ -18,7 +19,14 @@ const FOCAL_STEPS: usize = 48;
 const MAX_SUBSETS: usize = 160;
 
 /// Of more candidates, only so many are combined.
-pub(crate) const MAX_COMBINED: usize = 24;
+const MAX_COMBINED: usize = 24;
+
+/// Explanations that are kept.
+const MAX_EXPLANATIONS: usize = 4;
+
+/// Of more candidates, every hypothesis is first weighed by so many, evenly chosen: they show which
+/// cameras are worth weighing by all.
+const MAX_WEIGHED: usize = 64;
 
 /// What the prior knows of cameras: focal length (its logarithm), aspect, and principal point over
 /// half the diagonal. Nearly all pixels are square and principal points near the centre; of the
@@ -58,9 +66,47 @@ pub(crate) fn prior(task: &Task<'_>) -> Prior {
     Prior { mean, std }
 }
 
+/// All that cameras make of the candidates, from the most evidence to the least.
+pub(crate) fn explanations(task: &Task<'_>, pool: &Pool) -> Vec<Explanation> {
+    let prior = prior(task);
+    let mut doubt = prior.std;
+    doubt[0] = doubt[0].min(FOCAL_DOUBT);
+    let all = &pool.candidates;
+    let starts = hypotheses(task, pool, &prior);
+    let explained = |candidates: &[Candidate], starts: Vec<Pinhole>| {
+        let settled = |start| Explanation::settled(candidates, &prior, start, &doubt);
+        best_different(starts.into_iter().filter_map(settled).collect())
+    };
+    if all.len() <= MAX_WEIGHED {
+        return explained(all, starts);
+    }
+    let step = all.len().div_ceil(MAX_WEIGHED);
+    let some: Vec<Candidate> = all.iter().step_by(step).cloned().collect();
+    let best = explained(&some, starts);
+    explained(all, best.into_iter().map(|found| found.camera).collect())
+}
+
+/// The explanations with the most evidence, of those that take the same squares only one.
+fn best_different(mut found: Vec<Explanation>) -> Vec<Explanation> {
+    found.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+    let mut different: Vec<Explanation> = Vec::new();
+    for explanation in found {
+        if different
+            .iter()
+            .all(|known| !known.squares().eq(explanation.squares()))
+        {
+            different.push(explanation);
+        }
+        if different.len() == MAX_EXPLANATIONS {
+            break;
+        }
+    }
+    different
+}
+
 /// Cameras that may explain candidates: every plausible focal length, and what pairs and triples of
 /// candidates ask for.
-pub(crate) fn hypotheses(task: &Task<'_>, pool: &Pool, prior: &Prior) -> Vec<Pinhole> {
+fn hypotheses(task: &Task<'_>, pool: &Pool, prior: &Prior) -> Vec<Pinhole> {
     let mut cameras = vec![prior.mean];
     if task.options.fixed.focal {
         return cameras;
@@ -118,5 +164,18 @@ fn subsets(count: usize) -> Vec<Vec<usize>> {
         }
     }
     let step = all.len().div_ceil(MAX_SUBSETS).max(1);
+    all.into_iter().step_by(step).collect()
+}
+
+/// Triples of some things, evenly chosen where there are more.
+pub(crate) fn triples(things: &[usize], most: usize) -> Vec<[usize; 3]> {
+    let mut all = Vec::new();
+    for (i, a) in things.iter().enumerate().take(MAX_COMBINED) {
+        for (j, b) in things.iter().enumerate().take(MAX_COMBINED).skip(i + 1) {
+            let rest = things.iter().take(MAX_COMBINED).skip(j + 1);
+            all.extend(rest.map(|c| [*a, *b, *c]));
+        }
+    }
+    let step = all.len().div_ceil(most).max(1);
     all.into_iter().step_by(step).collect()
 }

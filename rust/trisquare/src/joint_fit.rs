@@ -15,6 +15,9 @@ const AGREED: f64 = 2.0;
 /// Standard deviations of chance that are allowed beyond what is expected.
 const CHANCE: f64 = 4.0;
 
+/// Median of what chance makes of one square, whose sides have two degrees of freedom in place.
+const MEDIAN_OF_CHANCE: f64 = std::f64::consts::LN_2;
+
 /// The joint fit of some planes.
 pub(crate) struct Fit {
     /// Their indices, ascending.
@@ -22,6 +25,9 @@ pub(crate) struct Fit {
     pub camera: Pinhole,
     pub refined: Refined<Brown>,
     pub misfit: Misfit,
+    /// By how much every member puts its sides in the wrong place, per degree of freedom and in
+    /// units of the noise.
+    pub own_misfits: Vec<f64>,
 }
 
 impl Fit {
@@ -35,6 +41,17 @@ impl Fit {
         let misfit = &self.misfit;
         within(misfit.straight, misfit.straight_freedom)
             && within(misfit.curved, misfit.curved_freedom)
+    }
+
+    /// By how much an ordinary member puts its sides in the wrong place: more than noise alone, at
+    /// least 1, where paper is not flat.
+    pub fn ordinary_misfit(&self) -> f64 {
+        let mut own = self.own_misfits.clone();
+        own.sort_by(f64::total_cmp);
+        let median = own
+            .get(own.len() / 2)
+            .map_or(0.0, |median| median / MEDIAN_OF_CHANCE);
+        median.max(1.0)
     }
 
     /// The number of members, of which those that stand alike count as little more than one.

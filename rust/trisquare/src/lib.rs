@@ -12,6 +12,7 @@
 //!   `l_plane ~ H^T l_image` under `H_image_from_plane`.
 //! - A standard deviation is one sigma.
 
+mod agreement;
 mod arrow;
 mod brown;
 mod calibrate;
@@ -24,6 +25,7 @@ mod consistency;
 mod correlated;
 mod covariance;
 mod crossings;
+mod doubts;
 mod drift;
 mod edge_problem;
 mod edges;
@@ -69,6 +71,7 @@ mod side_moments;
 mod squareness;
 mod stages;
 mod straighten;
+mod straightness;
 #[cfg(feature = "synthetic")]
 pub mod synthetic;
 mod task;

@@ -22,6 +22,7 @@ const CONCENTRIC_SHIFT: f64 = 0.05;
 const CONCENTRIC_ANGLE: f64 = 0.09;
 
 /// The pictures' samples freed from distortion, before any camera matrix is known.
+#[derive(Debug, Clone)]
 pub(crate) enum Undistortion {
     /// Estimated from straightness.
     Straightened(Straightening),
@@ -97,6 +98,7 @@ impl Undistortion {
 }
 
 /// Step 2 for every figure: homographies from the figures' planes to undistorted pixels.
+#[derive(Debug, Clone)]
 pub(crate) struct Homographies {
     pub figures: Vec<Vec<Matrix3<f64>>>,
     /// A sample of each plane's first figure, in that figure's coordinates.
