@@ -1,7 +1,8 @@
 """Measure how good and how fast trisquare is: `benchmarks/run.py [NAME...]`.
 
 Every benchmark is a module of this folder with a function `measure`, prints what it sees and
-returns the rows of the table at the end. All draws are seeded; times are ratios taken in one run.
+returns the rows of the table at the end, which also replace its rows in `docs/measured.md`. All
+draws are seeded; times are ratios taken in one run.
 """
 
 from __future__ import annotations
@@ -58,6 +59,7 @@ def main(names: list[str]) -> None:
         sys.exit(f"no benchmark {', '.join(unknown)}: choose among {', '.join(BENCHMARKS)}")
     for variable in THREAD_LIMITS:
         os.environ[variable] = "1"
+    import results_page
     from rows import markdown_table
 
     rows = []
@@ -69,6 +71,8 @@ def main(names: list[str]) -> None:
         for row in found:
             print(f"  {row.measured_on}: {row.measured} / must reach {row.must_reach}")
         print(f"  ({time.perf_counter() - start:.1f} s)", flush=True)
+        # At once: a run of an hour may be interrupted.
+        results_page.update(name, found, BENCHMARKS)
         rows += found
     print("\n" + markdown_table(rows))
 
