@@ -14,6 +14,7 @@ unexport PYTHONPATH
 
 VENV_PYTHON := .venv/bin/python
 READY := .venv/.trisquare-ready
+DOCS_READY := .venv/.trisquare-docs-ready
 SOURCES := pyproject.toml Cargo.toml Cargo.lock \
 	$(wildcard rust/*/Cargo.toml rust/*/src/*.rs rust/*/src/*/*.rs)
 
@@ -22,7 +23,7 @@ help:
 	@echo 'make test    run the tests'
 	@echo 'make bench   measure accuracy and speed'
 	@echo 'make lint    check format, style and types'
-	@echo 'make docs    build the documentation of the crate'
+	@echo 'make docs    build the documentation, in docs/_build/html'
 	@echo 'make fuzz    a million damaged inputs for every entry point (about an hour)'
 
 demo: $(READY)
@@ -43,8 +44,13 @@ lint: $(READY)
 	$(VENV_PYTHON) -m mypy
 	$(VENV_PYTHON) -m mypy.stubtest trisquare._core
 
-docs:
-	RUSTDOCFLAGS='-D warnings' cargo doc --workspace --no-deps
+# The crate's reference goes where the other pages link to it. Its own folder of target: what else
+# was documented there has no place among the pages.
+docs: $(DOCS_READY)
+	rm -rf docs/_build docs/_generated
+	$(VENV_PYTHON) -m sphinx --fail-on-warning --keep-going --nitpicky docs docs/_build/html
+	RUSTDOCFLAGS='-D warnings' cargo doc --package trisquare --no-deps --target-dir target/crate-docs
+	cp -R target/crate-docs/doc docs/_build/html/rust
 
 # Random bytes everywhere; where cargo-fuzz is installed, guided by coverage as well. It needs no
 # nightly compiler without a sanitizer, which safe code can do without.
@@ -62,7 +68,7 @@ fuzz:
 build: $(READY)
 
 clean:
-	rm -rf .venv target fuzz/target dist demo-output
+	rm -rf .venv target fuzz/target dist demo-output docs/_build docs/_generated
 
 # One sentence says what is missing. Of several Pythons the default one is taken if it will do,
 # else the newest.
@@ -79,4 +85,9 @@ $(READY): $(VENV_PYTHON) $(SOURCES)
 	@command -v cargo >/dev/null || { echo 'trisquare needs cargo (Rust): see https://rustup.rs' >&2; exit 1; }
 	$(VENV_PYTHON) -m pip install --quiet 'maturin>=1.9.4,<2'
 	$(VENV_PYTHON) -m maturin develop --release --extras dev
+	@touch $@
+
+# The package is there already: this adds what its extra names.
+$(DOCS_READY): $(READY)
+	$(VENV_PYTHON) -m pip install --quiet 'trisquare[docs]'
 	@touch $@
