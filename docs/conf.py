@@ -42,5 +42,6 @@ def setup(app):
     """Write the page of all commands from what they say of themselves."""
     GENERATED.mkdir(exist_ok=True)
     docs = ["-m", "typer", "trisquare.cli", "utils", "docs", "--name", "trisquare"]
+    docs += ["--title", "The command"]
     written = subprocess.run([sys.executable, *docs], check=True, capture_output=True, text=True)
     (GENERATED / "commands.md").write_text(written.stdout, encoding="utf-8")
