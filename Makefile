@@ -44,13 +44,13 @@ lint: $(READY)
 	$(VENV_PYTHON) -m mypy
 	$(VENV_PYTHON) -m mypy.stubtest trisquare._core
 
-# The crate's reference goes where the other pages link to it. Its own folder of target: what else
-# was documented there has no place among the pages.
+# The crate's reference goes where the other pages link to it.
 docs: $(DOCS_READY)
-	rm -rf docs/_build docs/_generated
-	$(VENV_PYTHON) -m sphinx --fail-on-warning --keep-going --nitpicky docs docs/_build/html
-	RUSTDOCFLAGS='-D warnings' cargo doc --package trisquare --no-deps --target-dir target/crate-docs
-	cp -R target/crate-docs/doc docs/_build/html/rust
+	rm -rf docs/_build docs/_generated target/doc
+	$(VENV_PYTHON) -m sphinx --fail-on-warning --keep-going --quiet docs docs/_build/html
+	RUSTDOCFLAGS='-D warnings' cargo doc --workspace --no-deps
+	cp -R target/doc docs/_build/html/rust
+	@test -f docs/_build/html/rust/trisquare/index.html
 
 # Random bytes everywhere; where cargo-fuzz is installed, guided by coverage as well. It needs no
 # nightly compiler without a sanitizer, which safe code can do without.
