@@ -1,6 +1,5 @@
 """How Sphinx builds the documentation: `make docs`, warnings denied."""
 
-import subprocess
 import sys
 from pathlib import Path
 
@@ -42,9 +41,8 @@ GENERATED = HERE / "_generated"
 
 
 def setup(app):
-    """Write the page of all commands from what they say of themselves."""
+    """Write the page of all commands."""
+    from commands_page import commands_page
+
     GENERATED.mkdir(exist_ok=True)
-    docs = ["-m", "typer", "trisquare.cli", "utils", "docs", "--name", "trisquare"]
-    docs += ["--title", "The command"]
-    written = subprocess.run([sys.executable, *docs], check=True, capture_output=True, text=True)
-    (GENERATED / "commands.md").write_text(written.stdout, encoding="utf-8")
+    (GENERATED / "commands.md").write_text(commands_page(), encoding="utf-8")

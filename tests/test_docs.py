@@ -153,6 +153,22 @@ def test_every_format_is_described():
         assert f"automodule:: trisquare.formats.{module}\n" in described
 
 
+def test_every_option_of_every_command_is_described(monkeypatch, capsys):
+    monkeypatch.syspath_prepend(str(DOCS / "_extensions"))
+    from commands_page import commands_page
+
+    described = commands_page()
+    sections = dict(re.findall(r"^## (\w+)\n(.*?)(?=^## |\Z)", described, re.DOTALL | re.MULTILINE))
+    shown = {path.stem for path in Path(ts.__file__).parent.glob("commands/*.py")}
+    assert {"calibrate", "convert", "measure"} <= set(sections) <= shown
+    for name, section in sections.items():
+        with pytest.raises(SystemExit):
+            main([name, "--help"])
+        options = set(re.findall(r"--[a-z][a-z-]+", capsys.readouterr().out))
+        assert len(options) > 1
+        assert options <= set(re.findall(r"--[a-z][a-z-]+", section)), name
+
+
 @pytest.fixture
 def benchmarks(monkeypatch):
     monkeypatch.syspath_prepend(str(CHECKOUT / "benchmarks"))

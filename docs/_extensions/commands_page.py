@@ -1,0 +1,59 @@
+"""The page of all commands, from what they say of themselves."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import typer
+
+from trisquare.cli import app
+
+TITLE = "The command"
+
+PYTHON_TYPE = re.compile(r" <[^>]*>$")
+"""What follows an argument's name; the text says it better."""
+
+
+def commands_page() -> str:
+    """Return the page as Markdown: arguments, options and examples of every command."""
+    group = typer.main.get_command(app)
+    context = group.make_context("trisquare", ["--help"], resilient_parsing=True)
+    lines = [f"# {TITLE}", "", *_described(group, context)]
+    for name in group.list_commands(context):
+        # Not looked up in the group, which may load a command only when it is to run.
+        command = group.resolve_command(context, [name])[1]
+        own = command.make_context(name, [], parent=context, resilient_parsing=True)
+        lines += ["", f"## {name}", "", *_described(command, own)]
+    return "\n".join(lines) + "\n"
+
+
+def _described(command: Any, context: Any) -> Iterator[str]:
+    yield command.help
+    yield ""
+    yield "```text"
+    yield f"{context.command_path} {' '.join(command.collect_usage_pieces(context))}"
+    yield "```"
+    records = [
+        record
+        for parameter in command.get_params(context)
+        if (record := parameter.get_help_record(context)) is not None
+    ]
+    if records:
+        yield ""
+        yield "| | |"
+        yield "| --- | --- |"
+        for names, text in records:
+            yield f"| `{PYTHON_TYPE.sub('', names)}` | {_cell(text)} |"
+    examples = getattr(command, "examples", ())
+    if examples:
+        yield ""
+        yield "```sh"
+        yield from examples
+        yield "```"
+
+
+def _cell(text: str | None) -> str:
+    """Keep what stands in a table from ending its cell, or from being taken for HTML."""
+    return " ".join((text or "").split()).replace("|", "\\|").replace("<", "&lt;")
