@@ -17,7 +17,7 @@ extensions = ["mathml", "myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleo
 # The table of measured results is included by a page, and is none itself.
 exclude_patterns = ["_build", "_extensions", "measured.md"]
 
-myst_enable_extensions = ["colon_fence", "dollarmath"]
+myst_enable_extensions = ["deflist", "dollarmath"]
 myst_heading_anchors = 3
 
 # Quotes and dots are set in type, but dashes are options.

@@ -30,7 +30,7 @@ def commands_page() -> str:
 
 
 def _described(command: Any, context: Any) -> Iterator[str]:
-    yield command.help
+    yield "\n\n".join(_prose(paragraph) for paragraph in command.help.split("\n\n"))
     yield ""
     yield "```text"
     yield f"{context.command_path} {' '.join(command.collect_usage_pieces(context))}"
@@ -40,12 +40,10 @@ def _described(command: Any, context: Any) -> Iterator[str]:
         for parameter in command.get_params(context)
         if (record := parameter.get_help_record(context)) is not None
     ]
-    if records:
+    for names, text in records:
         yield ""
-        yield "| | |"
-        yield "| --- | --- |"
-        for names, text in records:
-            yield f"| `{PYTHON_TYPE.sub('', names)}` | {_cell(text)} |"
+        yield f"`{PYTHON_TYPE.sub('', names)}`"
+        yield f": {_prose(text)}"
     examples = getattr(command, "examples", ())
     if examples:
         yield ""
@@ -54,6 +52,6 @@ def _described(command: Any, context: Any) -> Iterator[str]:
         yield "```"
 
 
-def _cell(text: str | None) -> str:
-    """Keep what stands in a table from ending its cell, or from being taken for HTML."""
-    return " ".join((text or "").split()).replace("|", "\\|").replace("<", "&lt;")
+def _prose(text: str | None) -> str:
+    """Keep what stands in a help from being taken for Markdown."""
+    return re.sub(r"([\\`*_<\[])", r"\\\1", " ".join((text or "").split()))
