@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import cv2
@@ -48,16 +49,16 @@ class Sight(NamedTuple):
     along_y: Array
 
     @classmethod
-    def of(cls, camera: ts.Camera, edges: ts.PlaneEdges) -> Sight:
-        """Look at all samples of a board."""
-        pixels = np.concatenate(edges.points)
+    def of(cls, camera: ts.Camera, lines: Array, points: Sequence[Array]) -> Sight:
+        """Look at the samples of some lines of a board."""
+        pixels = np.concatenate(points)
         x, y = (
             (camera.unproject(pixels + step) - camera.unproject(pixels - step))
             / (2.0 * GRADIENT_STEP)
             for step in np.eye(2) * GRADIENT_STEP
         )
-        lines = np.repeat(edges.lines, [len(own) for own in edges.points], axis=0)
-        return cls(lines, camera.unproject(pixels), x, y)
+        each = np.repeat(lines, [len(own) for own in points], axis=0)
+        return cls(each, camera.unproject(pixels), x, y)
 
     def distances(self, pose: Array) -> Array:
         """Return the samples' distances from the images of their lines, pixels."""
@@ -73,7 +74,8 @@ class Sight(NamedTuple):
         points = ((self.rays * depths[:, None] - shift) @ rotation)[:, :2]
         x, y = (np.polynomial.legendre.legvander(own, 4) for own in (points - middle).T / radius)
         heights = np.column_stack([x[:, i] * y[:, j] for i, j in ORDERS]) * radius
-        # A point P + z n on the ray x = (P + z n) / s of a line through P has l . x = z (l . n) / s.
+        # A point P + z n, on the ray x = (P + z n) / s, of a line through P has
+        # l . x = z (l . n) / s.
         return np.asarray(heights * ((planes @ normal) / depths / gradients)[:, None])
 
     def _planes(self, pose: Array) -> tuple[Array, Array]:

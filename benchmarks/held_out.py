@@ -63,12 +63,12 @@ def measure() -> list[Row]:
         scores = _all_scores(case)
         if len(scores) < 2:
             continue
-        root = np.sqrt((scores**2).mean(axis=0))
+        errors = np.exp(np.log(scores[:, :, :3]).mean(axis=0))
         ratios[case.name] = np.log(scores[:, 0, :3] / scores[:, 1, :3])
-        print(f"  {case.name}, {len(case.boards)} boards, {len(scores)} folds: {_summary(root)}")
+        print(f"  {case.name}, {len(case.boards)} boards, {len(scores)} folds: {_summary(errors)}")
         if case.name in SQUARE_CORNERS:
-            angles.append(root[:, 3])
-            print(f"    angles off by {root[0, 3]:.2f} degrees, OpenCV's by {root[1, 3]:.2f}")
+            angles.append(np.sqrt((scores[:, :, 3] ** 2).mean(axis=0)))
+            print(f"    angles off by {angles[-1][0]:.2f} degrees, OpenCV's {angles[-1][1]:.2f}")
     both = {name: found[:, :2].mean(axis=1) for name, found in ratios.items()}
     rows = [_row("lines and corners", both, ISSUE)]
     rows += [
@@ -169,14 +169,16 @@ def _score(fit: Fit, boards: list[tuple[Board, Thirds]], fold: int) -> Score:
     camera = fit.camera
     lines, corners, bent = [], [], []
     for board, thirds in boards:
-        kept, held = (board.with_lines(own) for own in (thirds.lines != fold, thirds.lines == fold))
         held_corners = thirds.held_corners(fold)
         on_board, pixels = board.corners[~held_corners], board.pixels[~held_corners]
         _, turn, shift = cv2.solvePnP(on_board, pixels, camera.K, camera.distortion)
         asked = board.corners[held_corners]
         seen, _ = cv2.projectPoints(asked, turn, shift, camera.K, camera.distortion)
         corners.append((seen.reshape(-1, 2) - board.pixels[held_corners]).ravel())
-        known, unknown = Sight.of(camera, kept), Sight.of(camera, held)
+        known, unknown = (
+            Sight.of(camera, board.edges.lines[own], board.samples(own))
+            for own in (thirds.lines != fold, thirds.lines == fold)
+        )
         start = np.concatenate([turn.ravel(), shift.ravel()])
         flat = stand(start, known, bent=False)
         lines.append(flat.errors(unknown))

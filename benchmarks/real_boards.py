@@ -60,8 +60,9 @@ class Board(NamedTuple):
                 rng.permutation(1 + numbers[own].max()) % FOLDS
                 for own in (~self.is_row, self.is_row)
             )
+            directions = [rows if is_row else columns for is_row in self.is_row]
             drawn = Thirds(
-                np.array([(rows if r else columns)[n] for r, n in zip(self.is_row, numbers)]),
+                np.array([own[n] for own, n in zip(directions, numbers, strict=True)]),
                 np.column_stack([columns[self.grid[:, 0]], rows[self.grid[:, 1]]]),
             )
             if all(self._teaches(drawn, fold) for fold in range(FOLDS)):
@@ -75,13 +76,17 @@ class Board(NamedTuple):
 
     def with_lines(self, chosen: npt.NDArray[np.bool_]) -> ts.PlaneEdges:
         """Return the board with some of its lines only."""
-        numbers = np.flatnonzero(chosen)
+        std = self.edges.std
         return replace(
             self.edges,
-            lines=self.edges.lines[numbers],
-            points=tuple(self.edges.points[i] for i in numbers),
-            std=None if self.edges.std is None else tuple(self.edges.std[i] for i in numbers),
+            lines=self.edges.lines[chosen],
+            points=tuple(self.samples(chosen)),
+            std=None if std is None else tuple(std[i] for i in np.flatnonzero(chosen)),
         )
+
+    def samples(self, chosen: npt.NDArray[np.bool_]) -> list[Array]:
+        """Return the samples of some of its lines."""
+        return [self.edges.points[i] for i in np.flatnonzero(chosen)]
 
 
 class Thirds(NamedTuple):
