@@ -38,6 +38,10 @@ SETTLING_STEP = 1.5
 MOST_SETTLING = 3.0
 """Pixels that a point may be moved by settling: it comes from a picture half as fine."""
 
+MOST_UNEVEN = 3.0
+"""Ratio of a saddle's two curvatures. Where edges cross they are equal, at whatever angle and
+however blurred; the smallest cells leave a ratio of 2. Noise along stripes leaves any."""
+
 RING = 2.5
 """Pixels from a saddle at which its four sectors are looked at: inside a cell of five pixels."""
 
@@ -102,7 +106,7 @@ def find_saddles(picture: NDArray[np.uint8]) -> Saddles:
     if len(pixels) > MOST_SADDLES:
         pixels = pixels[np.argsort(-strengths)[:MOST_SADDLES]]
     offset, curvature = _newton(picture, pixels)
-    near = (np.abs(offset).max(axis=1) < MAX_OFFSET) & (curvature[:, 3] < 0.0)
+    near = (np.abs(offset).max(axis=1) < MAX_OFFSET) & _is_even(curvature)
     return _crossings(picture, pixels[near] + offset[near])
 
 
@@ -189,6 +193,12 @@ def _newton(picture: NDArray[np.uint8], pixels: NDArray[np.intp]) -> tuple[Float
     step = np.stack([xy * y - yy * x, xy * x - xx * y], axis=1)
     step /= np.where(determinant < 0.0, determinant, -1e-9)[:, None]
     return step, np.stack([xx, xy, yy, determinant], axis=1)
+
+
+def _is_even(curvature: FloatArray) -> NDArray[np.bool_]:
+    """Whether the second derivatives, shape (N, 4), are those of a saddle as steep both ways."""
+    trace = curvature[:, 0] + curvature[:, 2]
+    return np.asarray(trace**2 <= (MOST_UNEVEN - 1.0) ** 2 / MOST_UNEVEN * -curvature[:, 3])
 
 
 def _crossings(picture: NDArray[np.uint8], points: FloatArray) -> Saddles:
