@@ -31,6 +31,11 @@ MAX_OFFSET = 1.2
 """Pixels from the strongest pixel to the saddle point itself. At the corner of a lone square the
 grey levels are curved alike, but have a slope: the saddle lies farther away or nowhere."""
 
+FAR_OFFSET = 2.5
+ARRIVED = 0.6
+"""Pixels to a saddle that print beside it has drawn the strongest pixel away from, and what is
+left of them one step later, when the nearest pixel is at most half a pixel off."""
+
 SETTLING_STEPS = 5
 SETTLING_STEP = 1.5
 """Newton's method on a saddle, in steps of a pixel: beyond, the slope tells a direction only."""
@@ -106,8 +111,30 @@ def find_saddles(picture: NDArray[np.uint8]) -> Saddles:
     if len(pixels) > MOST_SADDLES:
         pixels = pixels[np.argsort(-strengths)[:MOST_SADDLES]]
     offset, curvature = _newton(picture, pixels)
-    near = (np.abs(offset).max(axis=1) < MAX_OFFSET) & _is_even(curvature)
-    return _crossings(picture, pixels[near] + offset[near])
+    gap, even = np.abs(offset).max(axis=1), _is_even(curvature)
+    near = even & (gap < MAX_OFFSET)
+    points = pixels[near] + offset[near]
+    drawn = even & ~near & (gap < FAR_OFFSET)
+    if drawn.any():
+        beside = _settled_beside(picture, pixels[drawn] + offset[drawn], points)
+        points = np.concatenate([points, beside])
+    return _crossings(picture, points)
+
+
+def _settled_beside(
+    picture: NDArray[np.uint8], points: FloatArray, others: FloatArray
+) -> FloatArray:
+    """Those points, shape (N, 2), that are one step from a saddle which no other one is on."""
+    pixels = np.rint(points).astype(np.intp)
+    _, first = np.unique(pixels, axis=0, return_index=True)
+    pixels = pixels[np.sort(first)]
+    taken = np.zeros(picture.shape, np.uint8)
+    x, y = np.rint(others).astype(np.intp).T
+    taken[y, x] = 1
+    free = cv2.dilate(taken, np.ones((3, 3), np.uint8))[pixels[:, 1], pixels[:, 0]] == 0
+    offset, curvature = _newton(picture, pixels[free])
+    arrived = (np.abs(offset).max(axis=1, initial=0.0) < ARRIVED) & _is_even(curvature)
+    return np.asarray(pixels[free][arrived] + offset[arrived], np.float64)
 
 
 def _peaks(picture: NDArray[np.uint8]) -> tuple[NDArray[np.intp], FloatArray]:
