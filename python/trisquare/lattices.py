@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from trisquare.chequered import is_chequered
 from trisquare.grids import Grid, grids_of, grow, trimmed
 from trisquare.links import link
 from trisquare.outlines import Lattice
@@ -88,6 +89,7 @@ def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
         grids = _looked_closer(grids, grey)
     grids = [_complete(_alternating(grid, grey, scale)) for grid in grids]
     grids = [grid for grid in grids if _is_lattice(grid, scale) and _has_edges(grid, grey, scale)]
+    grids = [grid for grid in grids if is_chequered(grid, grey, scale)]
     grids = [part for grid in grids for part in unfolded(grid)]
     grids = [_complete(without_strays(grid)) for grid in grids if _is_lattice(grid, scale)]
     found = [_lattice(grid, scale) for grid in grids if _is_lattice(grid, scale)]
