@@ -2,8 +2,7 @@
 
 Blurred, or in a coarse picture, dark tiles apart from each other look like a chessboard that stands
 on its corner: crossings lie where two tiles are nearest. But there the picture is as light as what
-is between the tiles. On a chessboard, light and dark meet in every crossing, so that it is as light
-as the middle of an edge is, whatever the blur and the tone curve.
+is between the tiles. On a chessboard light and dark meet in every crossing, in equal shares.
 """
 
 from __future__ import annotations
@@ -14,18 +13,24 @@ from numpy.typing import NDArray
 from trisquare.grids import Grid
 from trisquare.quads import sample
 
-BESIDE = 0.08
-"""Of an edge's length: how far beside its middle the light and the dark side are looked at. The rim
-of a marker is an eighth of its cell, seen aslant less."""
+RIM = 0.08
+"""Of a cell's side: where a light cell is looked at beside its edges, as it may hold a marker. The
+marker's white rim is an eighth."""
 
-MOST_UNLIKE = 0.36
-"""Mean difference between the middle of an edge and its two crossings, over the step across the
-edge. Rendered boards have 0.05, prints whose ink has spread 0.31, grilles 0.42 and more, also with
-a blur of two pixels."""
+SHARES = (0.2, 0.77)
+"""How light crossings and the middles of edges may be, from 0 (as dark cells) to 1 (as light ones).
+A tone curve lifts the half of it to 0.73, ink that has spread leaves 0.31; crossings of tiles apart
+from each other have 0.05 or 0.97, and blurred by two pixels 0.13 or 0.80."""
+
+_CORNERS = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0))
+_MIDDLES = ((0.0, 0.5), (1.0, 0.5), (0.5, 0.0), (0.5, 1.0))
+_CENTRE = ((0.5, 0.5),)
+_RIMS = ((RIM, 0.5), (1.0 - RIM, 0.5), (0.5, RIM), (0.5, 1.0 - RIM))
+"""Places in a cell, in units of its sides."""
 
 
 def is_chequered(grid: Grid, grey: NDArray[np.uint8], scale: int) -> bool:
-    """Whether crossings are as light in a photograph as the edges between them.
+    """Whether a grid's crossings and edges are midway between the light and the dark of its cells.
 
     Parameters
     ----------
@@ -37,18 +42,24 @@ def is_chequered(grid: Grid, grey: NDArray[np.uint8], scale: int) -> bool:
         Pixels of the photograph per pixel of the searched picture.
     """
     points = scale * grid.points
-    start = np.concatenate([points[:, :-1].reshape(-1, 2), points[:-1].reshape(-1, 2)])
-    end = np.concatenate([points[:, 1:].reshape(-1, 2), points[1:].reshape(-1, 2)])
-    rows, cols = np.indices(grid.present.shape)
-    dark = np.where((rows + cols) % 2 == 0, 1.0, -1.0)
-    signs = np.concatenate([dark[:, :-1].ravel(), -dark[:-1].ravel()])
-    known = np.isfinite(start[:, 0]) & np.isfinite(end[:, 0])
-    start, end, signs = start[known], end[known], signs[known]
+    corners = np.stack([points[:-1, :-1], points[:-1, 1:], points[1:, :-1], points[1:, 1:]])
+    whole = np.isfinite(corners[..., 0]).all(axis=0)
+    rows, cols = np.nonzero(whole)
+    dark = ((rows + cols) % 2 == 0) == grid.dark_first
+    cells = corners[:, whole]
 
-    middle, along = 0.5 * (start + end), end - start
-    beside = BESIDE * np.stack([-along[:, 1], along[:, 0]], axis=1)
-    steps = signs * (sample(grey, middle - beside) - sample(grey, middle + beside))
-    step = abs(float(steps.mean()))
-    unlike = sample(grey, middle) - 0.5 * (sample(grey, start) + sample(grey, end))
-    # What lies over some of the edges shall not count for more than it can.
-    return bool(abs(np.clip(unlike, -step, step).mean()) < MOST_UNLIKE * step)
+    def level(places: tuple[tuple[float, float], ...], which: NDArray[np.bool_]) -> float:
+        weights = np.array(
+            [[(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v] for u, v in places]
+        )
+        return float(sample(grey, np.einsum("pk,kcx->pcx", weights, cells[:, which])).mean())
+
+    if dark.all() or not dark.any():
+        return False
+    least = level(_CENTRE, dark)
+    most = max(level(_CENTRE, ~dark), level(_RIMS, ~dark))
+    if most <= least:
+        return False
+    every = np.ones_like(dark)
+    shares = (np.array([level(_CORNERS, every), level(_MIDDLES, every)]) - least) / (most - least)
+    return bool((shares > SHARES[0]).all() and (shares < SHARES[1]).all())
