@@ -195,7 +195,8 @@ def _single_boards() -> Row:
 
 def _single_board(rng: np.random.Generator) -> tuple[Picture, Points, tuple[int, int]]:
     """Draw a picture of one board, its crossings, and how many columns and rows it has of them."""
-    size = (int(rng.integers(3, 12)), int(rng.integers(3, 12)))
+    rows, columns = sorted(rng.integers(3, 12, 2).tolist())
+    size = (columns, rows)  # a wide picture holds the longer side across
     scene = simulate.chessboard_scene(rng, simulate.random_camera(rng), inner_corners=size)
     picture = simulate.render(
         scene,
