@@ -11,16 +11,18 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from trisquare.chequered import is_chequered
 from trisquare.grids import Grid, grids_of, grow, trimmed
 from trisquare.links import link
 from trisquare.outlines import Lattice
 from trisquare.quads import FloatArray, sample
-from trisquare.saddles import find_saddles, settle
+from trisquare.saddles import Saddles, find_saddles, settle
 from trisquare.smoothness import unfolded, without_strays
 
 FINEST = 1000
 """Longest side in pixels of a picture that is searched as it is; a larger one is halved once,
-which leaves its smallest cells (10 pixels) five pixels."""
+which leaves its smallest cells (10 pixels) five pixels. Where that shows crossings which make no
+lattice, as the rims of markers fade in it, the whole is searched as well."""
 
 COARSEST = 100
 """Shortest side in pixels of the coarsest picture: a board in it has cells of five pixels."""
@@ -77,13 +79,17 @@ def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
     pictures, scale = _pictures(grey)
     for level, picture in enumerate(pictures, 1 - len(pictures)):
         grids = [_doubled(grid, picture) for grid in grids]
-        grids = [_complete(grid) for grid in _grids_at(picture, grids)]
+        saddles = find_saddles(picture)
+        grids = [_complete(grid) for grid in _grids_at(picture, saddles, grids)]
         # What a coarse picture makes of a grille, or of the cells of two boards, would else hide
         # from the finer ones what is there.
         size = scale << -level
         grids = [grid for grid in grids if _is_lattice(grid, size) and _has_edges(grid, grey, size)]
+    if scale > 1 and _shows_more(picture, saddles, grids):
+        grids = _looked_closer(grids, grey)
     grids = [_complete(_alternating(grid, grey, scale)) for grid in grids]
     grids = [grid for grid in grids if _is_lattice(grid, scale) and _has_edges(grid, grey, scale)]
+    grids = [grid for grid in grids if is_chequered(grid, grey, scale)]
     grids = [part for grid in grids for part in unfolded(grid)]
     grids = [_complete(without_strays(grid)) for grid in grids if _is_lattice(grid, scale)]
     found = [_lattice(grid, scale) for grid in grids if _is_lattice(grid, scale)]
@@ -110,9 +116,8 @@ def _doubled(grid: Grid, picture: NDArray[np.uint8]) -> Grid:
     return Grid(points, grid.dark_first)
 
 
-def _grids_at(picture: NDArray[np.uint8], known: list[Grid]) -> list[Grid]:
+def _grids_at(picture: NDArray[np.uint8], saddles: Saddles, known: list[Grid]) -> list[Grid]:
     """Complete the grids known from a coarser picture and find those that it did not show."""
-    saddles = find_saddles(picture)
     if len(saddles) < LEAST_CROSSINGS:
         return known
     grids: list[Grid] = []
@@ -129,6 +134,30 @@ def _grids_at(picture: NDArray[np.uint8], known: list[Grid]) -> list[Grid]:
         if np.count_nonzero(grid.present) >= LEAST_CROSSINGS:
             grids.append(grid)
     return grids
+
+
+def _shows_more(picture: NDArray[np.uint8], saddles: Saddles, grids: list[Grid]) -> bool:
+    """Whether there are as many linked crossings beside some grids as a lattice has."""
+    free = saddles.subset(~_covered(saddles.points, grids))
+    if len(free) < LEAST_CROSSINGS:
+        return False
+    linked = np.count_nonzero(link(picture, free).following >= 0, axis=1)
+    return bool(np.count_nonzero(linked >= 2) >= LEAST_CROSSINGS)
+
+
+def _looked_closer(grids: list[Grid], grey: NDArray[np.uint8]) -> list[Grid]:
+    """Search the photograph itself, of which grids in the halved picture are known."""
+    doubled = [_doubled(grid, grey) for grid in grids]
+    finer = [_complete(grid) for grid in _grids_at(grey, find_saddles(grey), doubled)]
+    good = [_is_lattice(grid, 1) and _has_edges(grid, grey, 1) for grid in finer]
+    halved = [Grid(0.5 * grid.points, grid.dark_first) for grid in finer]
+    # Noise and blur may hide from the photograph what the halved picture shows.
+    known = [
+        new if kept and np.count_nonzero(new.present) >= np.count_nonzero(old.present) else old
+        for old, new, kept in zip(grids, halved, good, strict=False)
+    ]
+    count = len(grids)
+    return known + [new for new, kept in zip(halved[count:], good[count:], strict=True) if kept]
 
 
 def _covered(points: FloatArray, grids: list[Grid]) -> NDArray[np.bool_]:
