@@ -7,16 +7,19 @@ settles and completes what the coarser one showed.
 
 from __future__ import annotations
 
+import operator
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from trisquare.grids import Grid, grids_of, grow, trimmed
+from trisquare.joining import joined
 from trisquare.links import link
 from trisquare.outlines import Lattice
 from trisquare.quads import FloatArray, sample
-from trisquare.saddles import find_saddles, settle
-from trisquare.smoothness import unfolded, without_strays
+from trisquare.saddles import Saddles, find_saddles, settle
+from trisquare.smoothness import is_large, smooth_parts
 
 FINEST = 1000
 """Longest side in pixels of a picture that is searched as it is; a larger one is halved once,
@@ -76,16 +79,15 @@ def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
     grids: list[Grid] = []
     pictures, scale = _pictures(grey)
     for level, picture in enumerate(pictures, 1 - len(pictures)):
+        size = scale << -level
         grids = [_doubled(grid, picture) for grid in grids]
-        grids = [_complete(grid) for grid in _grids_at(picture, grids)]
         # What a coarse picture makes of a grille, or of the cells of two boards, would else hide
         # from the finer ones what is there.
-        size = scale << -level
+        grids = [grid for grid in grids if _has_edges(grid, grey, size)]
+        grids = _grids_at(picture, grids)
         grids = [grid for grid in grids if _is_lattice(grid, size) and _has_edges(grid, grey, size)]
     grids = [_complete(_alternating(grid, grey, scale)) for grid in grids]
     grids = [grid for grid in grids if _is_lattice(grid, scale) and _has_edges(grid, grey, scale)]
-    grids = [part for grid in grids for part in unfolded(grid)]
-    grids = [_complete(without_strays(grid)) for grid in grids if _is_lattice(grid, scale)]
     found = [_lattice(grid, scale) for grid in grids if _is_lattice(grid, scale)]
     return sorted(found, key=lambda lattice: -int(np.count_nonzero(lattice.present)))
 
@@ -127,20 +129,44 @@ def _grids_at(picture: NDArray[np.uint8], known: list[Grid]) -> list[Grid]:
     saddles = find_saddles(picture)
     if len(saddles) < LEAST_CROSSINGS:
         return known
+    grids, scraps = _grown(picture, saddles, known)
+    parts = _smooth(grids, scraps, picture)
+    if len(parts) == len(grids) and all(map(operator.is_, parts, grids)):
+        return parts
+    # What a grid had of its neighbour over a fold is there for the neighbour now.
+    return _smooth(*_grown(picture, saddles, parts), picture)
+
+
+def _smooth(grids: list[Grid], scraps: list[Grid], picture: NDArray[np.uint8]) -> list[Grid]:
+    """Parts of grids that are smooth and have whole cells, put together where they continue."""
+    parts = [part for grid in grids for part in smooth_parts(_complete(grid), picture.shape)]
+    parts = [_complete(part) for part in parts]
+    whole = [part for part in parts if is_large(part)]
+    rest = [_complete(scrap) for scrap in scraps] + [part for part in parts if not is_large(part)]
+    return joined(whole, [scrap for scrap in rest if scrap.present.any()], picture.shape)
+
+
+def _grown(
+    picture: NDArray[np.uint8], saddles: Saddles, known: list[Grid]
+) -> tuple[list[Grid], list[Grid]]:
+    """Grow known grids, each into what no other has, and then those that nothing is known of.
+
+    The latter that have remained small come apart from the others.
+    """
     grids: list[Grid] = []
     for number, grid in enumerate(known):
         others = saddles.subset(~_covered(saddles.points, grids + known[number + 1 :]))
         grids.append(grow(grid, picture, others))
     free = saddles.subset(~_covered(saddles.points, grids))
+    scraps: list[Grid] = []
     if len(free) < LEAST_CROSSINGS:
-        return grids
+        return grids, scraps
     for seed in grids_of(free.points, link(picture, free)):
         if _covered(seed.points[seed.present], grids).any():
             continue
         grid = grow(seed, picture, free.subset(~_covered(free.points, grids)))
-        if np.count_nonzero(grid.present) >= LEAST_CROSSINGS:
-            grids.append(grid)
-    return grids
+        (grids if is_large(grid) else scraps).append(grid)
+    return grids, scraps
 
 
 def _covered(points: FloatArray, grids: list[Grid]) -> NDArray[np.bool_]:
@@ -166,6 +192,8 @@ def _complete(grid: Grid) -> Grid:
     cells = present[:-1, :-1] & present[1:, :-1] & present[:-1, 1:] & present[1:, 1:]
     around = np.pad(cells, 1)
     kept = around[:-1, :-1] | around[1:, :-1] | around[:-1, 1:] | around[1:, 1:]
+    if not (present & ~kept).any():
+        return grid
     return trimmed(Grid(np.where(kept[..., None], grid.points, np.nan), grid.dark_first))
 
 
