@@ -20,6 +20,10 @@ ASTRAY = 0.3
 """Cells that a piece's crossings may lie off those that another one's surface foretells: fewer
 than half a cell, or the next ones might be meant."""
 
+NEARLY = 0.15
+LEAST_MISLINKED = 6
+"""Cells that each of so many crossings lies off the host's at most: once in a million by chance."""
+
 SAME = 0.25
 """Cells between two crossings that are the same, found twice."""
 
@@ -57,12 +61,14 @@ def _with_pieces(host: Grid, pieces: list[Grid], shape: tuple[int, ...]) -> tupl
     number = 0
     while number < len(left):
         union = _union(host, left[number], surface)
-        if union is None or not is_smooth(union, shape):
+        if union is not None and is_smooth(union, shape):
+            host, surface = union, Surface.of(union, shape)
+            del left[number]
+            number = 0  # it reaches farther now
+        elif _is_mislinked(host, left[number], surface):
+            del left[number]
+        else:
             number += 1
-            continue
-        host, surface = union, Surface.of(union, shape)
-        del left[number]
-        number = 0  # it reaches farther now
     return host, left
 
 
@@ -70,14 +76,9 @@ def _union(host: Grid, piece: Grid, surface: Surface) -> Grid | None:
     """Both as one grid, if the piece's crossings lie where the host's must; else None."""
     index: Places = np.argwhere(piece.present)
     sites = surface.sites(piece.points[piece.present])
-    if not np.isfinite(sites).all():
+    if not np.isfinite(sites).all() or not _is_near(host, sites):
         return None
     sites = sites[:, ::-1]  # row, column
-    rows, cols = host.present.shape
-    reach = max(rows, cols)
-    beyond = np.maximum(-sites, sites - [rows - 1, cols - 1]).max(axis=1)
-    if beyond.min() > reach:  # farther than it tells of
-        return None
     turn = _turn(index, sites)
     if turn is None:
         return None
@@ -91,6 +92,21 @@ def _union(host: Grid, piece: Grid, surface: Surface) -> Grid | None:
     if dark != (host.dark_first == (int(placed[0].sum()) % 2 == 0)):
         return None
     return _merged(host, piece.points[piece.present], placed)
+
+
+def _is_mislinked(host: Grid, piece: Grid, surface: Surface) -> bool:
+    """Whether a piece has put crossings of the host's own lattice into other rows and columns."""
+    sites = surface.sites(piece.points[piece.present])
+    with np.errstate(invalid="ignore"):
+        off = np.abs(sites - np.rint(sites)).max(axis=1)
+    return len(off) >= LEAST_MISLINKED and bool((off < NEARLY).all()) and _is_near(host, sites)
+
+
+def _is_near(host: Grid, sites: FloatArray) -> bool:
+    """Whether columns and rows are no farther from a grid than that is wide."""
+    rows, cols = host.present.shape
+    beyond = np.maximum(-sites, sites - [cols - 1, rows - 1]).max(axis=1)
+    return bool(beyond.min() <= max(rows, cols))
 
 
 def _turn(index: Places, sites: FloatArray) -> int | None:

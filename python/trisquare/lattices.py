@@ -47,7 +47,8 @@ BESIDE = 1.3
 picture beside it."""
 
 EDGE_SHARE = 0.7
-"""Of the links between crossings, those that must be edges in the photograph, too. A grille
+"""Of the links between crossings, those that must be edges in the photograph, too, in the rows as
+well as in the columns. A grille
 or a keyboard is a chessboard on its corner when it is blurred, and only then."""
 
 SMALL_EDGE_SHARE = 0.95
@@ -223,6 +224,7 @@ def _has_edges(grid: Grid, grey: NDArray[np.uint8], scale: int) -> bool:
     start = np.concatenate([part.reshape(-1, 2) for part in starts])
     sign = np.concatenate([part.ravel() for part in signs])
     known = np.isfinite(way[:, 0])
+    in_row = np.arange(len(way)) < ways[0][..., 0].size
     way, start, sign = way[known], start[known], sign[known]
     length = np.maximum(np.linalg.norm(way, axis=1), 1e-9)
     clockwise = np.stack([-way[:, 1], way[:, 0]], axis=1) * (scale * BESIDE / length)[:, None]
@@ -232,8 +234,10 @@ def _has_edges(grid: Grid, grey: NDArray[np.uint8], scale: int) -> bool:
         sample(grey, at + clockwise[:, None]),
     )
     steps = sign[:, None] * (before - after)
+    edge = (steps > 0.0).all(axis=1)
     share = SMALL_EDGE_SHARE if np.count_nonzero(grid.present) < SMALL else EDGE_SHARE
-    return bool(np.mean((steps > 0.0).all(axis=1)) >= share)
+    # Rows that are linked across every second one have all the edges that lie along them.
+    return bool(min(edge[along].mean() for along in (in_row[known], ~in_row[known])) >= share)
 
 
 def _alternating(grid: Grid, grey: NDArray[np.uint8], scale: int) -> Grid:
