@@ -38,14 +38,15 @@ def turned(grid):
 
 
 def test_a_surface_has_every_crossing_of_a_bent_board():
-    grid = crossings(board(40.0), range(10), range(8))
-    part = Grid(grid.points[1:6, 2:9], True)
+    grid = crossings(board(25.0, (-3.0, -2.0, 20.0)), range(10), range(8))
+    part = Grid(grid.points[1:7, 1:9], True)
     surface = Surface.of(part, SHAPE)
-    sites = np.stack(np.meshgrid(np.arange(-2.0, 8.0), np.arange(-1.0, 7.0)), axis=-1)
-    # A cell is 30 pixels wide; a few crossings do not tell the lens's bend exactly.
+    sites = np.stack(np.meshgrid(np.arange(-1.0, 9.0), np.arange(-1.0, 7.0)), axis=-1)
+    # A cell is 50 pixels wide, and the lens bends the rows by some pixels.
     assert np.linalg.norm(surface.at(sites) - grid.points, axis=2).max() < 1.0
-    assert surface.deviations(part).max() < 0.1
-    inside = sites[1:6, 2:9].reshape(-1, 2)
+    assert surface.bend < -0.05
+    assert surface.deviations(part).max() < 0.3
+    inside = sites[1:7, 1:9].reshape(-1, 2)
     assert np.abs(surface.sites(surface.at(inside)) - inside).max() < 1e-8
 
 
@@ -139,4 +140,4 @@ def test_a_board_behind_an_arm_is_one_lattice():
     truth = scene.image_points(0, target.board_corners())
     found = lattice.crossings[lattice.present]
     assert len(found) >= 13 * 8 - 4 * 8
-    assert np.linalg.norm(found[:, None] - truth, axis=2).min(axis=1).max() < 1.0
+    assert np.linalg.norm(found[:, None] - truth, axis=2).min(axis=1).max() < 1.5

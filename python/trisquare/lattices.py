@@ -7,8 +7,6 @@ settles and completes what the coarser one showed.
 
 from __future__ import annotations
 
-import operator
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -86,7 +84,8 @@ def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
         # from the finer ones what is there.
         grids = [grid for grid in grids if _has_edges(grid, grey, size)]
         grids = _grids_at(picture, grids)
-        grids = [grid for grid in grids if _is_lattice(grid, size) and _has_edges(grid, grey, size)]
+        grids = [grid for grid in grids if _is_lattice(grid, size)]
+    grids = [grid for grid in grids if _has_edges(grid, grey, scale)]
     grids = [_complete(_alternating(grid, grey, scale)) for grid in grids]
     grids = [grid for grid in grids if _is_lattice(grid, scale) and _has_edges(grid, grey, scale)]
     found = [_lattice(grid, scale) for grid in grids if _is_lattice(grid, scale)]
@@ -132,10 +131,15 @@ def _grids_at(picture: NDArray[np.uint8], known: list[Grid]) -> list[Grid]:
         return known
     grids, scraps = _grown(picture, saddles, known)
     parts = _smooth(grids, scraps, picture)
-    if len(parts) == len(grids) and all(map(operator.is_, parts, grids)):
+    if len(parts) == len(grids) and _crossings(parts) > _crossings(grids) - LEAST_SIDE:
         return parts
-    # What a grid had of its neighbour over a fold is there for the neighbour now.
+    # What a grid had of its neighbour over a fold is there for the neighbour now, and between two
+    # pieces that were joined there may be more.
     return _smooth(*_grown(picture, saddles, parts), picture)
+
+
+def _crossings(grids: list[Grid]) -> int:
+    return sum(int(np.count_nonzero(grid.present)) for grid in grids)
 
 
 def _smooth(grids: list[Grid], scraps: list[Grid], picture: NDArray[np.uint8]) -> list[Grid]:

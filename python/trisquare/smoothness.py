@@ -53,6 +53,8 @@ def smooth_parts(grid: Grid, shape: tuple[int, ...], most_folds: int = MOST_FOLD
     if not is_large(grid):
         return []
     deviation = Surface.of(grid, shape).deviations(grid)
+    if np.nanmax(deviation) < LEAST_FOLDED:
+        return [grid]
     whole, flat = _roughness(deviation), _flat(grid)
     if whole <= flat or not most_folds or grid.present.size > MOST_SITES:
         return [_without_strays(grid, deviation)]
@@ -62,7 +64,11 @@ def smooth_parts(grid: Grid, shape: tuple[int, ...], most_folds: int = MOST_FOLD
             pair = [part for part in _cut(grid, axis, cut) if is_large(part)]
             if not pair:
                 continue
-            rough = max(_roughness(Surface.of(part, shape).deviations(part)) for part in pair)
+            rough = 0.0
+            for part in sorted(pair, key=lambda one: one.present.size):
+                rough = max(rough, _roughness(Surface.of(part, shape).deviations(part)))
+                if rough > max(flat, best[1]):  # the other, larger one, does not matter
+                    break
             kept = sum(int(np.count_nonzero(part.present)) for part in pair)
             # Of cuts that leave flat parts, the one that loses least; else the flattest.
             rank = (-kept if rough <= flat else 0, rough)
@@ -75,6 +81,8 @@ def smooth_parts(grid: Grid, shape: tuple[int, ...], most_folds: int = MOST_FOLD
 def is_smooth(grid: Grid, shape: tuple[int, ...]) -> bool:
     """Whether a grid has neither fold nor stray."""
     deviation = Surface.of(grid, shape).deviations(grid)
+    if np.nanmax(deviation) < LEAST_FOLDED:
+        return True
     return _roughness(deviation) <= _flat(grid) and not _strays(grid, deviation).any()
 
 

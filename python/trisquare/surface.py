@@ -20,7 +20,7 @@ SETTLED = 0.3
 """Pixels below which deviations weigh the same; the search's own scatter."""
 
 CLOSE = 0.6
-"""Pixels: where no crossing is farther off, there are no strays to take weight from."""
+"""Pixels: where no crossing is farther off, there are no strays, and a bend is not evident."""
 
 USUAL_BEND = 0.2
 MOST_BEND = 0.5
@@ -106,26 +106,29 @@ def _fit(at: FloatArray, points: FloatArray, size: float) -> tuple[FloatArray, f
     homography, bend = _homography(at, points), 0.0
     place = np.column_stack([at, np.ones(len(at))])
     r2 = np.sum(points**2, axis=1)
-    prior = np.append(np.zeros(8), np.sqrt(SETTLED) / USUAL_BEND)
-    for _ in range(STEPS):
+    rows = np.zeros((len(at), 2, 9))
+    for number in range(STEPS):
         mapped = place @ homography.T
-        depth = np.where(np.abs(mapped[:, 2]) > 1e-9, mapped[:, 2], 1e-9)[:, None]
-        ideal = mapped[:, :2] / depth
-        factor = (1.0 / (1.0 + bend * r2))[:, None]
-        gap = size * (ideal - points * factor)
-        off = np.linalg.norm(gap, axis=1)
-        root = np.sqrt(1.0 / np.maximum(off, SETTLED)) if off.max() > CLOSE else np.ones(len(at))
-        rows = np.zeros((2, len(at), 9))
-        for axis in (0, 1):
-            rows[axis, :, 3 * axis : 3 * axis + 3] = place / depth
-            rows[axis, :, 6:8] = -ideal[:, axis, None] * at / depth
-            rows[axis, :, 8] = points[:, axis] * r2 * factor[:, 0] ** 2
-        rows *= size * root[:, None]
-        system = np.vstack([rows.reshape(-1, 9), prior])
-        wrong = np.append((root * gap.T).ravel(), prior[8] * bend)
-        if not (np.isfinite(system).all() and np.isfinite(wrong).all()):
+        depth = np.where(np.abs(mapped[:, 2]) > 1e-9, mapped[:, 2], 1e-9)
+        ideal = mapped[:, :2] / depth[:, None]
+        factor = 1.0 / (1.0 + bend * r2)
+        gap = size * (ideal - points * factor[:, None])
+        off = np.hypot(gap[:, 0], gap[:, 1])
+        is_close = off.max() < CLOSE
+        if is_close and number != 1:  # with a bend where one was needed at all
             break
-        step = np.linalg.lstsq(system, -wrong, rcond=None)[0]
+        weight = 1.0 / np.maximum(off, CLOSE if is_close else SETTLED)
+        rows[:, 0, :3] = rows[:, 1, 3:6] = place * (size / depth)[:, None]
+        rows[:, :, 6:8] = ideal[:, :, None] * at[:, None, :] * (-size / depth)[:, None, None]
+        rows[:, :, 8] = points * (size * r2 * factor**2)[:, None]
+        weighted = (rows * weight[:, None, None]).reshape(-1, 9)
+        information = weighted.T @ rows.reshape(-1, 9)
+        information[8, 8] += SETTLED / USUAL_BEND**2
+        gradient = weighted.T @ gap.ravel()
+        gradient[8] += SETTLED / USUAL_BEND**2 * bend
+        if not (np.isfinite(information).all() and np.isfinite(gradient).all()):
+            break
+        step = np.linalg.lstsq(information, -gradient, rcond=None)[0]
         homography = homography + np.append(step[:8], 0.0).reshape(3, 3)
         bend = float(np.clip(bend + step[8], -MOST_BEND, MOST_BEND))
     return homography, bend
@@ -136,13 +139,10 @@ def _homography(at: FloatArray, points: FloatArray) -> FloatArray:
     centre, size = points.mean(axis=0), max(float(points.std()), 1e-9)
     scaled = (points - centre) / size
     place = np.column_stack([at, np.ones(len(at))])
-    zero = np.zeros_like(place)
-    rows = np.concatenate(
-        [
-            np.hstack([place, zero, -scaled[:, :1] * place]),
-            np.hstack([zero, place, -scaled[:, 1:] * place]),
-        ]
-    )
+    rows = np.zeros((len(at), 2, 9))
+    rows[:, 0, :3] = rows[:, 1, 3:6] = place
+    rows[:, :, 6:] = -scaled[:, :, None] * place[:, None, :]
+    rows = rows.reshape(-1, 9)
     _, vectors = np.linalg.eigh(rows.T @ rows)
     moved = np.array([[size, 0.0, centre[0]], [0.0, size, centre[1]], [0.0, 0.0, 1.0]])
     homography = moved @ vectors[:, 0].reshape(3, 3)
