@@ -11,13 +11,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from trisquare.completion import with_neighbours
 from trisquare.grids import Grid, grids_of, grow, trimmed
 from trisquare.joining import joined
 from trisquare.links import link
 from trisquare.outlines import Lattice
 from trisquare.quads import FloatArray, sample
 from trisquare.saddles import Saddles, find_saddles, settle
-from trisquare.smoothness import is_large, smooth_parts
+from trisquare.smoothness import LEAST_STRAY, LEAST_STRAY_CELLS, is_large, smooth_parts
 
 FINEST = 1000
 """Longest side in pixels of a picture that is searched as it is; a larger one is halved once,
@@ -51,6 +52,9 @@ or a keyboard is a chessboard on its corner when it is blurred, and only then.""
 
 SMALL_EDGE_SHARE = 0.95
 """The same of a lattice of fewer than `SMALL` crossings: print and stripes have some of them."""
+
+MOST_EXTENSIONS = 12
+"""Rows and columns that are added one after another: as many as a large board has."""
 
 INTO_CELL = 3.0
 LEAST_INTO_CELL = 0.1
@@ -86,6 +90,7 @@ def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
         grids = _grids_at(picture, grids)
         grids = [grid for grid in grids if _is_lattice(grid, size)]
     grids = [grid for grid in grids if _has_edges(grid, grey, scale)]
+    grids = [_extended(grid, picture, grey) for grid in grids]
     grids = [_complete(_alternating(grid, grey, scale)) for grid in grids]
     grids = [grid for grid in grids if _is_lattice(grid, scale) and _has_edges(grid, grey, scale)]
     found = [_lattice(grid, scale) for grid in grids if _is_lattice(grid, scale)]
@@ -216,8 +221,58 @@ def _is_lattice(grid: Grid, scale: int) -> bool:
     return bool(scale * np.sqrt(np.nanmedian(areas)) >= LEAST_CELL)
 
 
+def _extended(grid: Grid, picture: NDArray[np.uint8], grey: NDArray[np.uint8]) -> Grid:
+    """Add crossings that were too faint to be found, but are where the lattice goes on.
+
+    Cells alternate round them, and edges lead to their neighbours in the photograph.
+    """
+    scale = round(grey.shape[0] / picture.shape[0])
+    for _ in range(MOST_EXTENSIONS):
+        wider = with_neighbours(grid, picture.shape)
+        known = np.pad(grid.present, 1)
+        new = _alternating(wider, grey, scale).present & ~known
+        if not new.any():
+            break
+        points = wider.points.copy()
+        points[new] = settle(picture, wider.points[new])
+        gap = np.linalg.norm(points - wider.points, axis=2)
+        new &= ~(gap > max(LEAST_STRAY, LEAST_STRAY_CELLS * grid.cell))
+        wider = Grid(np.where((new | known)[..., None], points, np.nan), grid.dark_first)
+        linked = wider.present
+        for axis, edge in enumerate(reversed(_edges(wider, grey, scale))):
+            # Without an edge between two crossings, one of them may be none.
+            first, second = (
+                np.split(linked, [-1], axis=axis)[0],
+                np.split(linked, [1], axis=axis)[1],
+            )
+            first &= edge
+            second &= edge
+        kept = (new & linked) | known
+        wider = Grid(np.where(kept[..., None], points, np.nan), grid.dark_first)
+        extended = trimmed(_complete(wider))
+        if np.count_nonzero(extended.present) <= np.count_nonzero(grid.present):
+            break
+        grid = extended
+    return grid
+
+
 def _has_edges(grid: Grid, grey: NDArray[np.uint8], scale: int) -> bool:
-    """Whether edges of the right sign lead from crossing to crossing in the photograph."""
+    """Whether edges lead from crossing to crossing in the photograph, in rows and in columns."""
+    share = SMALL_EDGE_SHARE if np.count_nonzero(grid.present) < SMALL else EDGE_SHARE
+    present = grid.present
+    links = present[:, 1:] & present[:, :-1], present[1:] & present[:-1]
+    edges = _edges(grid, grey, scale)
+    # Rows that are linked across every second one have all the edges that lie along them.
+    return all(edge[link].mean() >= share for edge, link in zip(edges, links, strict=True))
+
+
+def _edges(
+    grid: Grid, grey: NDArray[np.uint8], scale: int
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which links of the rows, and of the columns, are edges of the right sign, or are not there.
+
+    Shapes (rows, cols - 1) and (rows - 1, cols).
+    """
     points = scale * grid.points
     rows, cols = np.indices(grid.present.shape)
     dark = ((rows + cols) % 2 == 0) == grid.dark_first
@@ -228,7 +283,7 @@ def _has_edges(grid: Grid, grey: NDArray[np.uint8], scale: int) -> bool:
     start = np.concatenate([part.reshape(-1, 2) for part in starts])
     sign = np.concatenate([part.ravel() for part in signs])
     known = np.isfinite(way[:, 0])
-    in_row = np.arange(len(way)) < ways[0][..., 0].size
+    edge = np.ones(len(way), bool)
     way, start, sign = way[known], start[known], sign[known]
     length = np.maximum(np.linalg.norm(way, axis=1), 1e-9)
     clockwise = np.stack([-way[:, 1], way[:, 0]], axis=1) * (scale * BESIDE / length)[:, None]
@@ -237,11 +292,9 @@ def _has_edges(grid: Grid, grey: NDArray[np.uint8], scale: int) -> bool:
         sample(grey, at - clockwise[:, None]),
         sample(grey, at + clockwise[:, None]),
     )
-    steps = sign[:, None] * (before - after)
-    edge = (steps > 0.0).all(axis=1)
-    share = SMALL_EDGE_SHARE if np.count_nonzero(grid.present) < SMALL else EDGE_SHARE
-    # Rows that are linked across every second one have all the edges that lie along them.
-    return bool(min(edge[along].mean() for along in (in_row[known], ~in_row[known])) >= share)
+    edge[known] = (sign[:, None] * (before - after) > 0.0).all(axis=1)
+    in_row, in_column = np.split(edge, [signs[0].size])
+    return in_row.reshape(signs[0].shape), in_column.reshape(signs[1].shape)
 
 
 def _alternating(grid: Grid, grey: NDArray[np.uint8], scale: int) -> Grid:

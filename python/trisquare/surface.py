@@ -142,8 +142,8 @@ def _homography(at: FloatArray, points: FloatArray) -> FloatArray:
     rows = np.zeros((len(at), 2, 9))
     rows[:, 0, :3] = rows[:, 1, 3:6] = place
     rows[:, :, 6:] = -scaled[:, :, None] * place[:, None, :]
-    rows = rows.reshape(-1, 9)
-    _, vectors = np.linalg.eigh(rows.T @ rows)
+    flat = rows.reshape(-1, 9)
+    _, vectors = np.linalg.eigh(flat.T @ flat)
     moved = np.array([[size, 0.0, centre[0]], [0.0, size, centre[1]], [0.0, 0.0, 1.0]])
     homography = moved @ vectors[:, 0].reshape(3, 3)
     last = homography[2, 2]
