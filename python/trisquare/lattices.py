@@ -56,6 +56,9 @@ SMALL_EDGE_SHARE = 0.95
 MOST_EXTENSIONS = 12
 """Rows and columns that are added one after another: as many as a large board has."""
 
+AT_FOLD = 0.25
+"""Cells from the outline of another lattice, with one cell round it, at which a fold may be."""
+
 INTO_CELL = 3.0
 LEAST_INTO_CELL = 0.1
 MOST_INTO_CELL = 0.3
@@ -90,7 +93,11 @@ def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
         grids = _grids_at(picture, grids)
         grids = [grid for grid in grids if _is_lattice(grid, size)]
     grids = [grid for grid in grids if _has_edges(grid, grey, scale)]
-    grids = [_extended(grid, picture, grey) for grid in grids]
+    regions = [region(_lattice(grid, 1)) for grid in grids]
+    grids = [
+        _extended(grid, picture, grey, regions[:number] + regions[number + 1 :])
+        for number, grid in enumerate(grids)
+    ]
     grids = [_complete(_alternating(grid, grey, scale)) for grid in grids]
     grids = [grid for grid in grids if _is_lattice(grid, scale) and _has_edges(grid, grey, scale)]
     found = [_lattice(grid, scale) for grid in grids if _is_lattice(grid, scale)]
@@ -221,16 +228,21 @@ def _is_lattice(grid: Grid, scale: int) -> bool:
     return bool(scale * np.sqrt(np.nanmedian(areas)) >= LEAST_CELL)
 
 
-def _extended(grid: Grid, picture: NDArray[np.uint8], grey: NDArray[np.uint8]) -> Grid:
+def _extended(
+    grid: Grid, picture: NDArray[np.uint8], grey: NDArray[np.uint8], others: list[FloatArray]
+) -> Grid:
     """Add crossings that were too faint to be found, but are where the lattice goes on.
 
-    Cells alternate round them, and edges lead to their neighbours in the photograph.
+    Cells alternate round them, and edges lead to their neighbours in the photograph. At a fold
+    they do so, too, where two sheets' cells happen to meet: what is next to one of the `others`,
+    outlines of shape (N, 2), is not added.
     """
     scale = round(grey.shape[0] / picture.shape[0])
     for _ in range(MOST_EXTENSIONS):
         wider = with_neighbours(grid, picture.shape)
         known = np.pad(grid.present, 1)
         new = _alternating(wider, grey, scale).present & ~known
+        new[new] = ~_is_at(wider.points[new], others, AT_FOLD * grid.cell)
         if not new.any():
             break
         points = wider.points.copy()
@@ -254,6 +266,20 @@ def _extended(grid: Grid, picture: NDArray[np.uint8], grey: NDArray[np.uint8]) -
             break
         grid = extended
     return grid
+
+
+def _is_at(points: FloatArray, outlines: list[FloatArray], reach: float) -> NDArray[np.bool_]:
+    """Which points, shape (N, 2), are in some outline or within a distance of it."""
+    return np.array(
+        [
+            any(
+                cv2.pointPolygonTest(outline.astype(np.float32), point, True) > -reach
+                for outline in outlines
+            )
+            for point in points.tolist()
+        ],
+        dtype=bool,
+    )
 
 
 def _has_edges(grid: Grid, grey: NDArray[np.uint8], scale: int) -> bool:
