@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from trisquare import simulate
+from trisquare.completion import with_neighbours
 from trisquare.grids import Grid
 from trisquare.joining import joined
 from trisquare.lattices import find_lattices
@@ -141,3 +142,29 @@ def test_a_board_behind_an_arm_is_one_lattice():
     found = lattice.crossings[lattice.present]
     assert len(found) >= 13 * 8 - 4 * 8
     assert np.linalg.norm(found[:, None] - truth, axis=2).min(axis=1).max() < 1.5
+
+
+def test_neighbours_are_foretold_where_the_board_has_them():
+    target = board(30.0)
+    whole = crossings(target, range(10), range(8))
+    inner = Grid(whole.points[1:-1, 1:-1], whole.dark_first)
+    wider = with_neighbours(inner, SHAPE)
+    ring = wider.present & ~np.pad(inner.present, 1)
+    assert ring.sum() == 2 * 8 + 2 * 6  # without corners, which are next to none
+    assert np.linalg.norm(wider.points - whole.points, axis=2)[ring].max() < 1.0
+
+
+def test_faint_crossings_are_found_by_their_neighbours():
+    """A row whose contrast is a tenth has no saddles to find, but cells that alternate."""
+    scene = simulate.Scene(CAMERA, (board(15.0),))
+    picture = simulate.render(scene, np.random.default_rng(97), noise=0.5, shading=0.0)
+    faded = scene.image_points(0, np.array([[-5.6, 3.1], [5.6, 3.1], [5.6, 4.0], [-5.6, 4.0]]))
+    mask = np.zeros_like(picture)
+    cv2.fillConvexPoly(mask, np.rint(faded).astype(np.int32), 1)
+    picture = np.where(mask > 0, 120 + 0.1 * (picture - 120.0), picture).astype(np.uint8)
+    (lattice,) = find_lattices(picture)
+    assert sorted(lattice.present.shape) == [8, 10]
+    assert lattice.present.all()
+    truth = scene.image_points(0, scene.targets[0].board_corners())
+    gaps = np.linalg.norm(truth[:, None] - lattice.crossings.reshape(-1, 2), axis=2)
+    assert gaps.min(axis=1).max() < 1.5
