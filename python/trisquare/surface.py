@@ -86,10 +86,9 @@ class Surface:
         """Columns and rows, shape (N, 2), of points of the photograph; NaN if there are none."""
         observed = (points - self.middle) / self.size
         ideal = observed / (1.0 + self.bend * np.sum(observed**2, axis=1, keepdims=True))
-        # The adjugate is the inverse up to scale, and exists where that does not.
-        a, b, c = self.homography.T
-        adjugate = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
-        mapped = ideal @ adjugate[:, :2].T + adjugate[:, 2]
+        # A homography without inverse, which noise may give, is solved as nearly as can be.
+        right = np.column_stack([ideal, np.ones(len(ideal))]).T
+        mapped = np.linalg.lstsq(self.homography, right, rcond=None)[0].T
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(mapped[:, :2] / mapped[:, 2:])
 
