@@ -95,6 +95,10 @@ def _numbers(lattice: Lattice, points: FloatArray) -> FloatArray | None:
     found, _ = cv2.findHomography(at[near], numbers)
     if found is None:
         return None
-    mapped = np.column_stack([points, np.ones(len(points))]) @ np.asarray(found, np.float64).T
-    # Beyond the plane's horizon nothing can be seen of it.
-    return mapped[:, :2] / mapped[:, 2:] if (mapped[:, 2] > 0.0).all() else None
+    known, mapped = (
+        np.column_stack([some, np.ones(len(some))]) @ np.asarray(found, np.float64).T
+        for some in (at[near], points)
+    )
+    # Beyond the plane's horizon, on the other side than the crossings, nothing is seen of it.
+    seen = (mapped[:, 2] * known[0, 2] > 0.0).all()
+    return mapped[:, :2] / mapped[:, 2:] if seen else None
