@@ -55,7 +55,7 @@ class FoundSheet:
         lattice = None
         if sheet.squares is not None and arrangement.dark_corner is not None:
             crossings = _crossings(sheet.squares, model, corners, homography)
-            lattice = FoundLattice.with_corner(crossings, arrangement.dark_corner)
+            lattice = FoundLattice.of_board(crossings, arrangement.dark_corner, sheet.rim)
         return cls(sheet.kind, model, corners, lattice)
 
     @property

@@ -71,12 +71,15 @@ class Sheet:
         Those that go by the same name; the picture tells which it is.
     squares : tuple of int or None
         Chess squares across and down.
+    rim : float
+        Of a chessboard, the white between a square's edges and its marker, over the square's side.
     """
 
     kind: str
     name: str
     arrangements: tuple[Arrangement, ...]
     squares: tuple[int, int] | None = None
+    rim: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -165,7 +168,7 @@ def _charuco(cols: int, rows: int, ratio: float) -> Sheet:
         ]
         corners = 0.5 + ratio * (UNIT_SQUARE - 0.5) - middle + np.array(white)[:, None]
         arrangements.append(Arrangement(corners, dark_corner))
-    return Sheet("charuco", "board", tuple(arrangements), (cols, rows))
+    return Sheet("charuco", "board", tuple(arrangements), (cols, rows), 0.5 * (1.0 - ratio))
 
 
 def _grid(cols: int, rows: int, gap: float) -> Sheet:
