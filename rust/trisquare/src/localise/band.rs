@@ -158,7 +158,7 @@ impl Band<'_> {
             let below = row - column.centre;
             if crossings
                 .as_ref()
-                .is_some_and(|crossings| crossings.is_within_marker(column.distance(below)))
+                .is_some_and(|crossings| crossings.is_near_marker(column.distance(below)))
             {
                 continue;
             }

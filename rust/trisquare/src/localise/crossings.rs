@@ -19,6 +19,11 @@ use crate::normal::cdf_and_pdf;
 
 /// From so many blurs on a line's change of sides is complete, to 6e-5 of the contrast.
 const COMPLETE: f64 = 4.0;
+/// A marker's border may be a twentieth of a pixel beside its modelled place: from so many blurs
+/// before it that does not matter ...
+const CLEAR_OF_MARKER: f64 = 2.0;
+/// ... but where that would leave less than this of the light cell, it has to be borne.
+const LEAST_REACH: f64 = 2.0;
 /// Steps towards the crossing of two curves; each squares the error of what was a pixel or two.
 const STEPS: usize = 3;
 /// The largest correlation reckoned with: lines at less than 18 degrees to each other.
@@ -174,10 +179,14 @@ impl Between<'_> {
         }
     }
 
-    /// Whether a pixel so far from the line may belong to what a marker has within its border.
-    pub fn is_within_marker(&self, distance: f64) -> bool {
-        self.marker
-            .is_some_and(|marker| marker.side * distance > marker.depth)
+    /// Whether a pixel so far from the line is too near to a marker.
+    pub fn is_near_marker(&self, distance: f64) -> bool {
+        let (Some(marker), Some(before)) = (self.marker, self.before) else {
+            return false;
+        };
+        let blurs = marker.depth * before.inverse_blur;
+        let reach = (blurs - CLEAR_OF_MARKER).max(blurs.min(LEAST_REACH));
+        marker.side * distance * before.inverse_blur > reach
     }
 
     /// What a marker takes of the light, over the contrast.
@@ -364,16 +373,19 @@ fn marker_after(spans: &[EdgeSpan], index: usize, number: usize) -> Option<Marke
     let ends = [*span.path.get(number)?, *span.path.get(number + 1)?];
     let along = (ends[1] - ends[0]).try_normalize(f64::MIN_POSITIVE)?;
     let side = span.rise.signum() * span.sign(span.crossings.get(number)?.1);
-    // A cell at the board's rim is about as deep as the one across the line.
-    let depth = [side, -side].into_iter().find_map(|side| {
+    let [own, across] = [side, -side].map(|side| {
         let depths = [number, number + 1]
             .into_iter()
             .filter_map(|end| distance_to_next(spans, index, end, side * along));
         depths.reduce(|one, other| 0.5 * (one + other))
-    })?;
+    });
+    // A cell at the board's rim is about as deep as the one across the line.
+    let (own, across) = (own.or(across)?, across.or(own)?);
+    // The perspective of lines that are equally far apart.
+    let narrowing = (across - own) / (across + own);
     Some(Marker {
         side,
-        depth: rim * depth,
+        depth: rim * own * (1.0 + narrowing) / (1.0 + rim * narrowing),
         margin: rim * (ends[1] - ends[0]).norm(),
     })
 }
