@@ -1,8 +1,8 @@
 """The white that is left round the markers in a ChArUco board's light cells, from the picture.
 
 A grid line is measured from the pixels beside it, and in a board with markers most of those on the
-light side are a marker's. Where its dark border begins is seen in the cell's profile: dark before the
-cell's edge, light behind it, and dark again.
+light side are a marker's. Where its dark border begins is seen in the cell's profile: dark before
+the cell's edge, light behind it, and dark again.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ LEAST_MARKERS = 3
 """Cells that must show one: stains and glare seldom come by threes."""
 
 SPREAD = 0.05
-"""Cells by which the rims of one board may seem to differ: in cells around the crossings by 0.04."""
+"""Cells by which the rims of one board may seem to differ: in cells around the crossings 0.04."""
 
 REFINED_REACH = 3
 """Samples about an edge where the steepest place is looked for: tone curves move it by less."""
@@ -152,8 +152,8 @@ def _rims(profiles: FloatArray) -> FloatArray:
 def _refined(profile: FloatArray, rim: float) -> float:
     """Measure a rim again, where the mean profile of cells, shape (samples,), is steepest.
 
-    The bits beyond a marker's border lift the level that the profile falls to, but move the place of
-    its steepest fall far less.
+    The bits beyond a marker's border lift the level that the profile falls to, but move the place
+    of its steepest fall far less.
     """
     slope = np.gradient(profile)
     fall = BEFORE + round(rim / STEP)

@@ -12,9 +12,7 @@ Edge: TypeAlias = tuple[FloatArray, float, tuple[int | None, int | None]]
 """A coarse path (N, 2) in pixels, where it gets lighter (+1 toward the right-hand normal, else
 -1), and the spans that bound it at its start and end, by their numbers."""
 
-Confined: TypeAlias = tuple[
-    FloatArray, float, tuple[int | None, int | None], tuple[float, float]
-]
+Confined: TypeAlias = tuple[FloatArray, float, tuple[int | None, int | None], tuple[float, float]]
 """The same with the room that it has on its left and on its right, pixels (or infinite): beyond it
 something else begins."""
 

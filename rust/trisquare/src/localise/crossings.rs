@@ -191,7 +191,8 @@ impl Between<'_> {
 
     /// What a marker takes of the light, over the contrast.
     fn darkened(&self, point: Vector2<f64>, distance: f64) -> f64 {
-        let (Some(marker), Some(before), Some(after)) = (self.marker, self.before, self.after) else {
+        let (Some(marker), Some(before), Some(after)) = (self.marker, self.before, self.after)
+        else {
             return 0.0;
         };
         let within = [
@@ -401,7 +402,9 @@ fn distance_to_next(
     let place = position(spans, other, index)?;
     let path = &spans[other].path;
     let here = path.get(place)?;
-    let next = [place.checked_sub(1), Some(place + 1)].into_iter().flatten();
+    let next = [place.checked_sub(1), Some(place + 1)]
+        .into_iter()
+        .flatten();
     next.filter_map(|next| Some(along.perp(&(path.get(next)? - here))))
         .find(|distance| *distance > 0.0)
 }

@@ -218,10 +218,7 @@ pub fn spans(shape: &Shape, rise: f64, error: impl Fn(usize) -> [f64; 2]) -> Vec
             let [at_start, at_end] = error(side);
             EdgeSpan {
                 bounds: [Some((side + 3) % 4), Some((side + 1) % 4)],
-                ..EdgeSpan::new(
-                    vec![start + normal * at_start, end + normal * at_end],
-                    rise,
-                )
+                ..EdgeSpan::new(vec![start + normal * at_start, end + normal * at_end], rise)
             }
         })
         .collect()
