@@ -18,7 +18,7 @@ from trisquare.sheet_layout import Arrangement, Sheet
 from trisquare.sheet_shift import marker_shift
 from trisquare.spans import Samples, Span
 
-LEAST_ROOM = 2.5
+LEAST_ROOM = 3.0
 """Pixels to either side of an edge that hold it. A marker's edge with less between a chessboard's
 and its own bits is off by some hundredths of a pixel, and the grid lines do without it."""
 

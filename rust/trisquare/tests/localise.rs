@@ -244,7 +244,7 @@ fn small_chessboard_cells_are_measured_between_their_crossings() {
     };
     // The four sides of the light cell in the middle of the upper row, clockwise.
     let square = [corner(1, 0), corner(2, 0), corner(2, 1), corner(1, 1)];
-    let inner: Vec<EdgeSpan> = (1..4)
+    let inner: Vec<EdgeSpan> = (1_usize..4)
         .map(|side| EdgeSpan {
             bounds: [side.checked_sub(2), Some(side).filter(|&next| next < 3)],
             ..EdgeSpan::new(vec![square[side], square[(side + 1) % 4]], 1.0)
