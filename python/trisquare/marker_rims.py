@@ -141,7 +141,7 @@ def _rims(profiles: FloatArray) -> FloatArray:
     fall = falls.argmax(axis=1)
     rise = profiles.shape[1] - below[:, ::-1].argmax(axis=1)
     rim = np.zeros(len(profiles))
-    seen = falls.any(axis=1) & below.any(axis=1)
+    seen = falls.any(axis=1) & below.any(axis=1) & (peak > profiles[:, 0])
     if seen.any():
         every = np.flatnonzero(seen)
         ends = [_level(profiles[every], half[every], at[every]) for at in (rise, fall)]
