@@ -16,6 +16,7 @@ BENCHMARKS = (
     "edge_bound",
     "coverage",
     "projection",
+    "undistort",
     "model_choice",
     "pixel_bound",
     "lattice_bound",

@@ -5,6 +5,8 @@ import math
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from trisquare import Camera, fit_distortion
 from trisquare.steps import Straightening
@@ -136,3 +138,55 @@ def test_a_straightening_ends_at_its_first_fold():
             folded.undistort([[640.0 + radius, 480.0]])
     with pytest.raises(ValueError, match="3 coefficients"):
         fit_distortion([np.zeros((9, 2))], SIZE, 4)
+
+
+@st.composite
+def strong_cameras(draw):
+    """Cameras up to 70 degrees off the axis, their lenses bending as much as any model's can."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    fx = SIZE[0] * np.exp(rng.uniform(np.log(0.3), np.log(5.0)))
+    centre = rng.normal([639.5, 479.5], [100.0, 80.0])
+    matrix = [[fx, 0, centre[0]], [0, fx * rng.uniform(0.5, 2.0), centre[1]], [0, 0, 1]]
+    reach = 800.0 / fx
+    k1, k2, k3 = rng.uniform(-1.0, 1.0, 3) / reach ** np.array([2, 4, 6]) * (rng.random(3) < 0.6)
+    p1, p2 = rng.uniform(-0.1, 0.1, 2) / reach * (rng.random() < 0.5)
+    return Camera(matrix, [k1, k2, p1, p2, k3], SIZE, "brown")
+
+
+@settings(max_examples=60)
+@given(strong_cameras(), st.integers(0, 2**32 - 1))
+def test_the_inverse_is_exact_inside_the_valid_radius(lens, seed):
+    """Every pixel whose ideal point lies inside, up to a thousandth from the rim, comes back."""
+    rng = np.random.default_rng(seed)
+    corner = np.hypot(*SIZE) / min(lens.fx, lens.fy)
+    limit = min(lens.valid_radius or math.inf, corner)
+    radius = limit * np.append(np.sqrt(rng.random(300)), [0.99, 0.999, 0.0])
+    angle = rng.uniform(0, 2 * np.pi, len(radius))
+    x, y = radius * np.cos(angle), radius * np.sin(angle)
+    rays = np.column_stack([x, y, np.ones(len(radius))])
+    pixels = lens.project(rays)
+    # A pixel far outside a picture has fewer digits behind the point.
+    rounding = 1e-9 * np.maximum(1.0, np.abs(pixels).max(axis=1) / 1e4)
+    ideal = lens.undistort_points(pixels)
+    assert (np.abs(lens.distort_points(ideal) - pixels).max(axis=1) < rounding).all()
+    assert (np.abs(lens.project(lens.unproject(pixels)) - pixels).max(axis=1) < rounding).all()
+    # The way there and back is as exact as the distortion's slope lets it be: at the rim it ends.
+    focal = np.array([lens.fx, lens.fy])
+    expected = rays[:, :2] * focal + [lens.cx, lens.cy]
+    slope = smallest_slope(lens, rays[:, :2])
+    assert (np.abs(ideal - expected).max(axis=1) < rounding / np.minimum(slope, 1.0)).all()
+    assert np.abs(ideal - expected)[slope > 0.5].max(initial=0.0) < 2e-9
+
+
+def smallest_slope(lens, ideal):
+    """Smallest singular value of the distortion's Jacobian, by central differences."""
+    step = 1e-4 * lens.valid_radius if lens.valid_radius else 1e-4
+    ideal = ideal * (1.0 - 1e-3)
+    columns = []
+    for shift in step * np.eye(2):
+        ends = [
+            lens.project(np.column_stack([ideal + sign * shift, np.ones(len(ideal))]))
+            for sign in (1, -1)
+        ]
+        columns.append((ends[0] - ends[1]) / (2 * step * np.array([lens.fx, lens.fy])))
+    return np.linalg.svd(np.stack(columns, axis=-1), compute_uv=False)[:, 1]

@@ -35,6 +35,7 @@ from trisquare.steps import (
     pose_from_homography,
 )
 from trisquare.target import PrintedTarget, printed_target
+from trisquare.undistortion import Undistorter
 
 __all__ = [
     "Calibration",
@@ -58,6 +59,7 @@ __all__ = [
     "Sighting",
     "Straightening",
     "TrisquareError",
+    "Undistorter",
     "__version__",
     "calibrate",
     "calibrate_edges",

@@ -17,10 +17,12 @@ __all__ = [
     "can_unproject",
     "choose",
     "distort_pixels",
+    "fill_undistortion_map",
     "fit_distortion",
     "grow_lattice",
     "homography_from_lines",
     "invertible_radius",
+    "largest_rectangle",
     "link_crossings",
     "localise",
     "pose_from_homography",
@@ -31,6 +33,7 @@ __all__ = [
     "square_lines",
     "straighten",
     "undistort_pixels",
+    "undistorted_view",
     "unproject_pixels",
     "valid_pixel_radius",
 ]
@@ -208,6 +211,18 @@ def project_points(camera: CoreCamera, points: NDArray[np.float64]) -> NDArray[n
 def unproject_pixels(camera: CoreCamera, pixels: NDArray[np.float64]) -> NDArray[np.float64]: ...
 def distort_pixels(camera: CoreCamera, ideal: NDArray[np.float64]) -> NDArray[np.float64]: ...
 def undistort_pixels(camera: CoreCamera, observed: NDArray[np.float64]) -> NDArray[np.float64]: ...
+def undistorted_view(
+    camera: CoreCamera, image_size: tuple[int, int], balance: float
+) -> tuple[float, float, float, float]: ...
+def fill_undistortion_map(
+    camera: CoreCamera,
+    image_size: tuple[int, int],
+    view: CoreCamera,
+    whole: NDArray[np.int16],
+    parts: NDArray[np.uint16],
+    valid: NDArray[np.bool_],
+) -> None: ...
+def largest_rectangle(mask: NDArray[np.bool_]) -> tuple[int, int, int, int]: ...
 def can_unproject(camera: CoreCamera, pixels: NDArray[np.float64]) -> list[bool]: ...
 def projection_covariance(
     camera: CoreCamera,

@@ -19,6 +19,7 @@ from trisquare.checked import (
     size_of_image,
 )
 from trisquare.json_fields import JsonFields
+from trisquare.pictures import Image, ImageSource, load_picture, picture_size
 
 # A camera for the compiled core: fx, fy, cx, cy, k1, k2, k3, p1, p2, and the ideal radius up to
 # which they are trusted.
@@ -197,6 +198,118 @@ class Camera(RebuiltByConstructor):
         return _core.undistort_pixels(
             camera_for_core(self), real_array(observed, "observed", (None, 2))
         )
+
+    def undistorted(self, balance: float = 0.0) -> Camera:
+        """Return the pinhole that sees this camera's pictures without distortion.
+
+        Its pictures have the same size, and its pixels the same shape (``fy / fx``); its zoom and
+        its principal point are chosen.
+
+        Parameters
+        ----------
+        balance : float
+            0: every pixel of the new picture lies in the photograph, and the view is the widest
+            for which that is so. 1: every pixel of the photograph within the valid radius lies in
+            the new picture. In between, the camera matrix changes linearly.
+
+        Returns
+        -------
+        Camera
+            Without distortion.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If `balance` is not from 0 to 1, or no part of the picture lies within the valid
+            radius.
+        """
+        fx, fy, cx, cy = _core.undistorted_view(
+            camera_for_core(self), self.image_size, real_number(balance, "balance")
+        )
+        K = [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
+        return Camera(K, np.zeros(5), self.image_size, "none")  # type: ignore[arg-type]
+
+    def undistort(
+        self,
+        image: ImageSource,
+        balance: float = 0.0,
+        *,
+        new_camera: Camera | None = None,
+        rescale: bool = False,
+        interpolation: str = "linear",
+    ) -> Image:
+        """Return a picture without its distortion.
+
+        For many pictures make an `Undistorter` once: most of the work does not depend on the
+        picture.
+
+        Parameters
+        ----------
+        image : path or ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
+            A picture of this camera, grey or BGR.
+        balance : float
+            From 0, no black border, to 1, all of the photograph.
+        new_camera : Camera, optional
+            The pinhole to look through, instead of ``undistorted(balance)``.
+        rescale : bool
+            Take a picture of another size as scaled, by the rule of `rescaled`, before or after
+            it was taken. Otherwise such a picture is an error.
+        interpolation : {"linear", "nearest", "cubic", "lanczos"}
+            See `Undistorter.undistort`.
+
+        Returns
+        -------
+        ndarray, shape (H, W) or (H, W, 3)
+            Of the same type; black where there is nothing of the photograph.
+
+        Raises
+        ------
+        ImageError
+            If a file is no whole picture.
+        TypeError, ValueError
+            If an array is no picture, the picture's size is not the camera's (nor, with
+            `rescale`, its shape), or another argument is wrong.
+        """
+        from trisquare.undistortion import Undistorter  # which needs cameras itself
+
+        picture = load_picture(image)
+        camera = self.rescaled(picture_size(picture)) if rescale else self
+        return Undistorter(camera, balance, new_camera=new_camera).undistort(
+            picture, interpolation=interpolation
+        )
+
+    def rescaled(self, image_size: tuple[int, int]) -> Camera:
+        """Return the camera of this camera's pictures scaled to another size.
+
+        With ``(0, 0)`` at the centre of the top-left pixel, the picture's own corner is at
+        ``(-1/2, -1/2)`` and stays there: ``fx' = s fx``, ``cx' = s (cx + 1/2) - 1/2``, likewise
+        for y, with ``s`` the ratio of the widths in x and that of the heights in y. The
+        distortion and the valid radius stay.
+
+        Parameters
+        ----------
+        image_size : (int, int)
+            Width and height of the scaled pictures.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If it is no size, or one of another shape: the ratios may differ only by what rounding
+            to whole pixels makes. A picture that was cropped or turned is not a scaled one.
+        """
+        size = size_of_image(image_size)
+        # Of one scale for both sides, each may have been rounded up or down.
+        sides = list(zip(self.image_size, size, strict=True))
+        if max((new - 1) / old for old, new in sides) >= min((new + 1) / old for old, new in sides):
+            raise ValueError(
+                f"{size[0]} x {size[1]} has another shape than {sides[0][0]} x {sides[1][0]}"
+            )
+        K = np.array(self.K)
+        for axis, (old, new) in enumerate(sides):
+            K[axis, axis] *= new / old
+            K[axis, 2] = (K[axis, 2] + 0.5) * (new / old) - 0.5
+        valid_radius = math.inf if self.valid_radius is None else self.valid_radius
+        return Camera(K, self.distortion, size, self.model, valid_radius)
 
     def __repr__(self) -> str:
         k1, k2, p1, p2, k3 = self.distortion.tolist()

@@ -20,6 +20,7 @@ from trisquare.commands.compare import compare_command
 from trisquare.commands.demo import demo_command
 from trisquare.commands.predict import predict_command
 from trisquare.commands.target import target_command
+from trisquare.commands.undistort import undistort_command
 from trisquare.errors import (
     ConvergenceError,
     DegenerateGeometryError,
@@ -104,4 +105,5 @@ app.command("calibrate")(calibrate_command)
 app.command("predict")(predict_command)
 app.command("compare")(compare_command)
 app.command("target")(target_command)
+app.command("undistort")(undistort_command)
 app.command("demo")(demo_command)

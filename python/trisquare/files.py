@@ -8,7 +8,7 @@ import secrets
 import shutil
 import struct
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TypeAlias
 
@@ -170,9 +170,18 @@ def write_atomically(contents: Mapping[PathLike, bytes]) -> None:
     OSError
         If a file cannot be written; no target was touched then.
     """
+    write_in_turn(contents.items())
+
+
+def write_in_turn(contents: Iterable[tuple[PathLike, bytes]]) -> None:
+    """Write files as `write_atomically` does, each content made when its turn has come.
+
+    So that many pictures are never in memory at once; an error while one is made touches no
+    target either.
+    """
     staged: list[tuple[Path, Path]] = []
     try:
-        for path, content in contents.items():
+        for path, content in contents:
             check_writable(path)
             target = Path(os.path.realpath(path))
             temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}.tmp")

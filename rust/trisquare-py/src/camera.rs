@@ -1,9 +1,13 @@
 //! A camera's maps, for arrays of points.
 
 use nalgebra::Vector2;
-use numpy::{PyArray2, PyArray3, PyReadonlyArray2};
+use numpy::{
+    PyArray2, PyArray3, PyReadonlyArray2, PyReadwriteArray2, PyReadwriteArray3,
+    PyUntypedArrayMethods,
+};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use trisquare::{Brown, Error, Lens, ProjectionUncertainty};
+use trisquare::{Brown, Error, ImageSize, Lens, ProjectionUncertainty, UndistortionMap};
 
 use crate::arrays;
 use crate::errors::exception;
@@ -95,6 +99,65 @@ fn mapped<'py>(
     let (camera, pixels) = (camera.camera(), arrays::points(pixels)?);
     let found = py.detach(|| map(&camera, &pixels)).map_err(exception)?;
     Ok(arrays::from_points(py, &found))
+}
+
+/// `fx, fy, cx, cy` of the pinhole that sees a camera's pictures undistorted.
+#[pyfunction]
+#[pyo3(signature = (camera, image_size, balance))]
+pub fn undistorted_view(
+    py: Python<'_>,
+    camera: CameraMembers,
+    image_size: (u32, u32),
+    balance: f64,
+) -> PyResult<(f64, f64, f64, f64)> {
+    let camera = camera.camera();
+    let view = py
+        .detach(|| camera.undistorted(size(image_size), balance))
+        .map_err(exception)?;
+    let (focal, centre) = (view.focal(), view.principal_point());
+    Ok((focal.x, focal.y, centre.x, centre.y))
+}
+
+/// Fills the map of where a pinhole's pixels lie in a camera's picture.
+#[pyfunction]
+#[pyo3(signature = (camera, image_size, view, whole, parts, valid))]
+pub fn fill_undistortion_map(
+    py: Python<'_>,
+    camera: CameraMembers,
+    image_size: (u32, u32),
+    view: CameraMembers,
+    mut whole: PyReadwriteArray3<'_, i16>,
+    mut parts: PyReadwriteArray2<'_, u16>,
+    mut valid: PyReadwriteArray2<'_, bool>,
+) -> PyResult<()> {
+    let (camera, view) = (camera.camera(), view.camera());
+    let (height, width) = (valid.shape()[0] as u32, valid.shape()[1] as u32);
+    let mut map = UndistortionMap {
+        whole: whole.as_slice_mut()?,
+        parts: parts.as_slice_mut()?,
+        valid: valid.as_slice_mut()?,
+    };
+    py.detach(|| map.fill(&camera, size(image_size), &view, size((width, height))))
+        .map_err(exception)
+}
+
+/// `(x, y, width, height)` of the largest rectangle in which a mask is set everywhere.
+#[pyfunction]
+#[pyo3(signature = (mask))]
+pub fn largest_rectangle(
+    py: Python<'_>,
+    mask: PyReadonlyArray2<'_, bool>,
+) -> PyResult<(usize, usize, usize, usize)> {
+    let width = mask.shape()[1];
+    let mask = mask
+        .as_slice()
+        .map_err(|_| PyValueError::new_err("the mask must be contiguous"))?;
+    let [x, y, width, height] = py.detach(|| trisquare::largest_rectangle(mask, width));
+    Ok((x, y, width, height))
+}
+
+fn size((width, height): (u32, u32)) -> ImageSize {
+    ImageSize { width, height }
 }
 
 /// Which of the pixels the lens model can follow back.

@@ -21,8 +21,9 @@ mod _core {
     use crate::calibration::{calibrate, choose};
     #[pymodule_export]
     use crate::camera::{
-        can_unproject, distort_pixels, invertible_radius, project_points, projection_covariance,
-        projection_jacobian, undistort_pixels, unproject_pixels, valid_pixel_radius,
+        can_unproject, distort_pixels, fill_undistortion_map, invertible_radius, largest_rectangle,
+        project_points, projection_covariance, projection_jacobian, undistort_pixels,
+        undistorted_view, unproject_pixels, valid_pixel_radius,
     };
     #[pymodule_export]
     use crate::crossings::{grow_lattice, link_crossings};

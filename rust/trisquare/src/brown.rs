@@ -120,7 +120,7 @@ impl Brown {
     }
 
     /// The symmetric Jacobian `d(observed)/d(ideal)`.
-    fn distortion_jacobian(&self, ideal: &Vector2<f64>, square: f64) -> Matrix2<f64> {
+    pub(crate) fn distortion_jacobian(&self, ideal: &Vector2<f64>, square: f64) -> Matrix2<f64> {
         let [.., p1, p2] = self.parameters;
         let (x, y) = (ideal.x, ideal.y);
         let factor = self.radial_factor(square);

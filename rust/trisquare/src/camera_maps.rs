@@ -45,7 +45,8 @@ impl Brown {
     /// [`Error::BeyondValidRadius`] where the distortion is not invertible.
     pub fn undistort_pixels(&self, observed: &[Vector2<f64>]) -> Result<Vec<Vector2<f64>>, Error> {
         self.of_all(observed, |pixel| {
-            let ideal = self.sight(pixel)?.ideal().component_mul(&self.focal());
+            let observed = (pixel - self.principal_point()).component_div(&self.focal());
+            let ideal = self.undistort(&observed)?.component_mul(&self.focal());
             Some(ideal + self.principal_point()).filter(|p| p.norm().is_finite())
         })
     }
@@ -71,16 +72,18 @@ impl Brown {
         points: &[P],
         map: impl Fn(&P) -> Option<Q>,
     ) -> Result<Vec<Q>, Error> {
-        let found: Vec<Option<Q>> = points.iter().map(map).collect();
-        let count = found.iter().filter(|point| point.is_none()).count();
-        match found.iter().position(Option::is_none) {
-            Some(first) => Err(Error::BeyondValidRadius {
-                count,
-                first,
-                radius: self.valid_radius(),
-            }),
-            None => Ok(found.into_iter().flatten().collect()),
+        let mut found = Vec::with_capacity(points.len());
+        found.extend(points.iter().map_while(&map));
+        if found.len() == points.len() {
+            return Ok(found);
         }
+        let first = found.len();
+        let others = &points[first + 1..];
+        Err(Error::BeyondValidRadius {
+            count: 1 + others.iter().filter(|point| map(point).is_none()).count(),
+            first,
+            radius: self.valid_radius(),
+        })
     }
 }
 

@@ -73,6 +73,8 @@ mod straighten;
 pub mod synthetic;
 mod task;
 mod tone;
+mod undistorted_view;
+mod undistortion_map;
 mod view;
 mod weakness;
 
@@ -110,4 +112,5 @@ pub use projection_uncertainty::ProjectionUncertainty;
 pub use result::{Calibration, Plane, Stage, Warning};
 pub use straighten::{Straightening, fit_distortion};
 pub use tone::{Tone, ToneCurve};
+pub use undistortion_map::{UndistortionMap, largest_rectangle};
 pub use weakness::{Cause, Remedy, Weakness};

@@ -9,7 +9,10 @@ const MAX_NEWTON_STEPS: usize = 30;
 
 /// A Newton step below this (relative, and times the slope: near the rim convergence slows down)
 /// leaves an error of its square, at rounding.
-const NEWTON_STEP_TOLERANCE: f64 = 1e-7;
+const NEWTON_STEP_TOLERANCE: f64 = 1e-8;
+
+/// Error of an inverse, relative to the observed point, that another Newton step would lessen.
+const ROUNDING: f64 = 1e-15;
 
 /// Doublings that find an upper bound of the ratio of ideal to observed radius.
 const MAX_DOUBLINGS: usize = 64;
@@ -67,7 +70,7 @@ impl Brown {
             }
             let (step, slope, _) = self.ratio_step(ratio, square)?;
             ratio += step;
-            if step.abs() < NEWTON_STEP_TOLERANCE * slope.min(1.0) {
+            if step.abs() < NEWTON_STEP_TOLERANCE * ratio.min(1.0) * slope.min(1.0) {
                 return (ratio * ratio * observed_square <= limit).then_some(ratio);
             }
         }
@@ -153,12 +156,34 @@ impl Brown {
             }
             (ideal, error) = (next, next_error);
             if step.norm() < NEWTON_STEP_TOLERANCE * determinant.min(1.0) {
+                if error.norm() > ROUNDING * distorted.norm() {
+                    (ideal, error) = self.polished(distorted, ideal, error);
+                }
                 let inside = ideal.norm() <= self.valid_radius;
                 let arrived = error.norm() < ARRIVED * (1.0 + distorted.norm());
                 return (inside && arrived).then_some(ideal);
             }
         }
         None
+    }
+
+    /// The better of a point and of where one more Newton step leads, with its error.
+    ///
+    /// Where the distortion grows steeply, a step that is small leaves an error that is not.
+    fn polished(
+        &self,
+        distorted: &Vector2<f64>,
+        ideal: Vector2<f64>,
+        error: Vector2<f64>,
+    ) -> (Vector2<f64>, Vector2<f64>) {
+        let jacobian = self.distortion_jacobian(&ideal, ideal.norm_squared());
+        let next = ideal + adjugate(&jacobian) * error / jacobian.determinant();
+        let next_error = distorted - self.distort(&next);
+        if next_error.norm() < error.norm() {
+            (next, next_error)
+        } else {
+            (ideal, error)
+        }
     }
 }
 
@@ -168,7 +193,7 @@ mod tests {
     use crate::Lens;
 
     /// Lenses of every kind, their bends stronger than any real one's.
-    const LENSES: [[f64; 5]; 7] = [
+    const LENSES: [[f64; 5]; 9] = [
         [-0.3, 0.0, 0.0, 0.0, 0.0],
         [0.5, -0.2, 0.0, 0.0, 0.0],
         [-0.3, 0.12, 0.0, 0.0, 0.0],
@@ -176,6 +201,8 @@ mod tests {
         [-0.28, 0.1, -0.02, 0.003, -0.002],
         [0.5, -0.2, 0.0, 0.01, 0.02],
         [0.05, 0.0, 0.0, -0.05, 0.02],
+        [-1.5, -2.6, 45.0, 0.1, 0.02],
+        [0.0, 0.0, 0.17, 0.0, 0.0],
     ];
 
     fn lens(k: [f64; 5]) -> Brown {
