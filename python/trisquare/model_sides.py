@@ -32,12 +32,15 @@ class MeasuredSide:
         Signed distance of each sample from the curve, in pixels, positive along `normals`.
     normals : ndarray, shape (N, 2)
         Unit normal of the curve at each sample.
+    plane : int
+        Which of the calibration's planes it lies on.
     """
 
     points: FloatArray
     curve: FloatArray
     residuals: FloatArray
     normals: FloatArray
+    plane: int
 
 
 def measured_sides(
@@ -77,11 +80,13 @@ def measured_sides(
             plane_of_group[figure.plane] = plane
         if plane is None:
             continue
+        number = next(n for n, other in enumerate(calibration.planes) if other is plane)
         on_plane = [onto_plane(points, calibration.camera, plane) for points in figure.points]
         fixed = first_of_plane or figure.freedom == "fixed"
         lines = figure.lines if fixed else _placed_lines(figure.lines, on_plane)
         for points, line, foot_points in zip(figure.points, lines, on_plane, strict=True):
-            yield _compare(points, _projected_line(line, foot_points, calibration.camera, plane))
+            curve = _projected_line(line, foot_points, calibration.camera, plane)
+            yield _compare(points, curve, number)
 
 
 def project(camera: Camera, plane: Plane, points: FloatArray) -> FloatArray:
@@ -145,11 +150,11 @@ def _projected_line(
     return curve
 
 
-def _compare(points: FloatArray, curve: FloatArray) -> MeasuredSide:
+def _compare(points: FloatArray, curve: FloatArray, plane: int) -> MeasuredSide:
     starts, chords = curve[:-1], np.diff(curve, axis=0)
     middles = starts + chords / 2
     nearest = np.argmin(((points[:, None] - middles[None]) ** 2).sum(axis=2), axis=1)
     directions = chords[nearest] / np.linalg.norm(chords[nearest], axis=1, keepdims=True)
     normals = np.column_stack([-directions[:, 1], directions[:, 0]])
     residuals = ((points - starts[nearest]) * normals).sum(axis=1)
-    return MeasuredSide(points, curve, residuals, normals)
+    return MeasuredSide(points, curve, residuals, normals, plane)
