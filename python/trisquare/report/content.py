@@ -12,6 +12,7 @@ import numpy as np
 from trisquare._core import __version__
 from trisquare.camera import Camera, camera_parameters
 from trisquare.checked import FloatArray
+from trisquare.comparison import two_digits
 from trisquare.projection import ProjectionMap
 from trisquare.report.plot_style import SERIES
 from trisquare.report.reported import ReportedPicture
@@ -143,8 +144,8 @@ def summary(calibration: Calibration, known: ProjectionMap) -> Iterator[str]:
     finite = known.std[np.isfinite(known.std)]
     if len(finite) > 0 and finite.max() > 0.0:
         yield (
-            f"Where a direction is seen is known to {finite.min():.2g} px in the best place of the "
-            f"picture, to {np.median(finite):.2g} px in the median and to {finite.max():.2g} px in "
+            f"Where a direction is seen is known to {two_digits(finite.min())} px in the best place of the "
+            f"picture, to {two_digits(float(np.median(finite)))} px in the median and to {two_digits(finite.max())} px in "
             "the worst (one standard deviation)."
         )
     beyond = 1.0 - len(finite) / known.std.size
@@ -154,7 +155,7 @@ def summary(calibration: Calibration, known: ProjectionMap) -> Iterator[str]:
             "nothing is known."
         )
     yield (
-        f"The measured edges lie {calibration.rms:.2g} px (rms) from where camera and planes put "
+        f"The measured edges lie {two_digits(calibration.rms)} px (rms) from where camera and planes put "
         f"them, {calibration.noise_scale:.2f} times what their own noise lets expect."
     )
 

@@ -30,6 +30,10 @@ MOST_NEEDLES = 3000
 """Residuals drawn in a picture: more would be one blot, and a file too large for a mail."""
 
 
+NOTED_BEND = 1.2
+"""Residuals that are larger by this than the calibration says would puzzle a reader."""
+
+
 @dataclass(frozen=True, slots=True)
 class PlaneLayer:
     """A plane's lines as paths of SVG, in pixels of the photograph or of the undistorted one."""
@@ -53,7 +57,8 @@ class RejectedLayer:
 class PictureLayers:
     """A photograph and its undistorted self, each with its lines.
 
-    `photograph` and `undistorted` are data URIs, or None where there is no photograph, or no
+    `exaggeration` and `rms` are those of the residuals, of which one in `every` is drawn; `bent_rms`
+    is what they are once boards may bend, where that matters, else None. `photograph` and `undistorted` are data URIs, or None where there is no photograph, or no
     undistorting it; `view_box` is in pixels, whose centres are whole numbers.
     """
 
@@ -70,6 +75,7 @@ class PictureLayers:
     rejected: tuple[RejectedLayer, ...]
     exaggeration: float
     rms: float | None
+    bent_rms: float | None
     every: int
 
 
@@ -103,8 +109,16 @@ def picture_layers(calibration: Calibration, picture: ReportedPicture) -> Pictur
         ),
         exaggeration=exaggeration,
         rms=rms if sides else None,
+        bent_rms=_bent_rms(calibration, rms),
         every=every,
     )
+
+
+def _bent_rms(calibration: Calibration, flat_rms: float) -> float | None:
+    """Return the calibration's own rms where it granted boards a relief, which is not drawn."""
+    coherence = calibration.coherence
+    bent = coherence is not None and coherence.sides_err_together
+    return calibration.rms if bent and flat_rms > NOTED_BEND * calibration.rms else None
 
 
 def jpeg_uri(pixels: Image) -> str:

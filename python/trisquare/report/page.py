@@ -11,6 +11,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from trisquare.comparison import two_digits
 from trisquare.edges import PlaneEdges
 from trisquare.model_sides import MeasuredSide
 from trisquare.pictures import ImageSource, Outlines
@@ -107,6 +108,7 @@ def _template() -> Any:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["two_digits"] = two_digits
     return environment.get_template("report.html.j2")
 
 

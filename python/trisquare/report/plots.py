@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from trisquare.checked import FloatArray
+from trisquare.comparison import two_digits
 from trisquare.report.plot_style import (
     FAINT,
     GROUND,
@@ -144,7 +145,7 @@ def uncertainty_map(calibration: Calibration, known: ProjectionMap) -> Figure | 
     drawn = axes.contourf(known.x, known.y, std, levels=levels, cmap="viridis", extend="both")
     bar = figure.colorbar(drawn, ax=axes, label="px", shrink=0.9)
     bar.outline.set_visible(False)  # type: ignore[operator]  # the stubs take it for a function
-    bar.set_ticks(levels.tolist(), labels=[f"{level:.2g}" for level in levels])
+    bar.set_ticks(levels.tolist(), labels=[two_digits(level) for level in levels])
     for number, plane in enumerate(calibration.planes):
         outline = np.vstack([plane.corners, plane.corners[:1]])
         axes.plot(*outline.T, color="black", linewidth=2.2)
