@@ -143,10 +143,11 @@ def summary(calibration: Calibration, known: ProjectionMap) -> Iterator[str]:
     )
     finite = known.std[np.isfinite(known.std)]
     if len(finite) > 0 and finite.max() > 0.0:
+        places = (finite.min(), float(np.median(finite)), finite.max())
+        best, median, worst = (two_digits(place) for place in places)
         yield (
-            f"Where a direction is seen is known to {two_digits(finite.min())} px in the best place of the "
-            f"picture, to {two_digits(float(np.median(finite)))} px in the median and to {two_digits(finite.max())} px in "
-            "the worst (one standard deviation)."
+            f"Where a direction is seen is known to {best} px in the best place of the picture, to "
+            f"{median} px in the median and to {worst} px in the worst (one standard deviation)."
         )
     beyond = 1.0 - len(finite) / known.std.size
     if beyond > 0.0:
@@ -155,8 +156,8 @@ def summary(calibration: Calibration, known: ProjectionMap) -> Iterator[str]:
             "nothing is known."
         )
     yield (
-        f"The measured edges lie {two_digits(calibration.rms)} px (rms) from where camera and planes put "
-        f"them, {calibration.noise_scale:.2f} times what their own noise lets expect."
+        f"The measured edges lie {two_digits(calibration.rms)} px (rms) from where camera and "
+        f"planes put them, {calibration.noise_scale:.2f} times what their own noise lets expect."
     )
 
 

@@ -57,9 +57,10 @@ class RejectedLayer:
 class PictureLayers:
     """A photograph and its undistorted self, each with its lines.
 
-    `exaggeration` and `rms` are those of the residuals, of which one in `every` is drawn; `bent_rms`
-    is what they are once boards may bend, where that matters, else None. `photograph` and `undistorted` are data URIs, or None where there is no photograph, or no
-    undistorting it; `view_box` is in pixels, whose centres are whole numbers.
+    `photograph` and `undistorted` are data URIs, or None where there is no photograph, or no
+    undistorting it; `view_box` is in pixels, whose centres are whole numbers. `exaggeration` and
+    `rms` are those of the residuals, of which one in `every` is drawn; `bent_rms` is what they are
+    once boards may bend, where that matters, else None.
     """
 
     name: str
