@@ -38,6 +38,7 @@ class Browser:
         os.close(to_browser)
         os.close(from_browser)
         self._received, self._number, self._session = b"", 0, None
+        self._features = []
         self.events, self.complaints = [], []
 
     def __enter__(self):
@@ -72,6 +73,7 @@ class Browser:
                 return answer["result"]
 
     def open(self, path):
+        self.events.clear()
         self.send("Page.navigate", url=path.resolve().as_uri())
         while "Page.loadEventFired" not in self.events:
             self._receive()
@@ -102,8 +104,12 @@ class Browser:
         )
 
     def colour_scheme(self, scheme):
-        feature = {"name": "prefers-color-scheme", "value": scheme}
-        self.send("Emulation.setEmulatedMedia", features=[feature])
+        self._features = [{"name": "prefers-color-scheme", "value": scheme}]
+        self.send("Emulation.setEmulatedMedia", features=self._features)
+
+    def media(self, kind):
+        """Show the page as on paper ("print") or on a screen ("")."""
+        self.send("Emulation.setEmulatedMedia", media=kind, features=self._features)
 
     def screenshot(self):
         """Return the whole page as PNG."""
