@@ -5,6 +5,7 @@ import json
 import re
 import shlex
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from html.parser import HTMLParser
 from importlib import resources
@@ -204,7 +205,7 @@ def test_many_residuals_are_thinned_and_the_page_says_so(calibration, scene):
     dense = edges_of(scene, noise=0.05, spacing=0.5)
     layers = picture_layers(calibration, reported(calibration, dense))
     assert layers.every > 1
-    assert f"every {layers.every}. is drawn".encode() in report_page(calibration, edges=dense)
+    assert f"one in {layers.every} is drawn".encode() in report_page(calibration, edges=dense)
 
 
 def side(residual, plane, *, at, normal, count=20):
@@ -393,6 +394,14 @@ def test_nobodys_own_settings_matter(calibration, edges, page, demo):
         with resources.as_file(DEMO) as path:
             assert report_page(demo, path, command="trisquare calibrate demo.png") == page
         assert dict(matplotlib.rcParams) == before
+
+
+def test_threads_do_not_disturb_each_other(calibration, edges):
+    """Settings of matplotlib belong to the process."""
+    alone = report_page(calibration, edges=edges)
+    with ThreadPoolExecutor(3) as pool:
+        pages = list(pool.map(lambda _: report_page(calibration, edges=edges), range(3)))
+    assert pages == [alone] * 3
 
 
 @pytest.mark.parametrize("module", ["jinja2", "matplotlib"])
