@@ -26,6 +26,7 @@ class Browser:
         to_browser, self._commands = os.pipe()
         self._answers, from_browser = os.pipe()
         command = [CHROMIUM, "--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run"]
+        command += ["--disable-dev-shm-usage"]  # which containers keep small
         command += ["--remote-debugging-pipe", f"--user-data-dir={self._profile.name}"]
         # The browser reads from descriptor 3 and writes to 4.
         redirect = f'exec "$@" 3<&{to_browser} 4>&{from_browser}'
@@ -94,6 +95,15 @@ class Browser:
         for kind in ("mousePressed", "mouseReleased"):
             self.send("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
 
+    def drag_finger(self, start, end, y, steps=5):
+        """Touch, move along a row, and lift."""
+        touch = "Input.dispatchTouchEvent"
+        self.send(touch, type="touchStart", touchPoints=[{"x": start, "y": y}])
+        for step in range(1, steps + 1):
+            x = start + (end - start) * step / steps
+            self.send(touch, type="touchMove", touchPoints=[{"x": x, "y": y}])
+        self.send(touch, type="touchEnd", touchPoints=[])
+
     def screen(self, width, height=900, *, phone=False):
         self.send(
             "Emulation.setDeviceMetricsOverride",
@@ -102,6 +112,7 @@ class Browser:
             deviceScaleFactor=1,
             mobile=phone,
         )
+        self.send("Emulation.setTouchEmulationEnabled", enabled=phone)
 
     def colour_scheme(self, scheme):
         self._features = [{"name": "prefers-color-scheme", "value": scheme}]

@@ -111,6 +111,13 @@ def test_the_slider_moves_by_pointer_and_by_key(demo):
     assert visible_part(demo) == 0.0
 
 
+def test_the_slider_follows_a_finger(demo):
+    demo.screen(390, 844, phone=True)
+    x, y, width, height = demo.evaluate(BOX)
+    demo.drag_finger(x + 0.5 * width, x + 0.8 * width, y + 0.4 * height)
+    assert visible_part(demo) == pytest.approx(80.0, abs=2.0)
+
+
 def luminance(rgb):
     linear = [c / 12.92 if c <= 0.03928 else ((c + 0.055) / 1.055) ** 2.4 for c in rgb]
     return float(np.dot([0.2126, 0.7152, 0.0722], linear))
