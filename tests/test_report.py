@@ -331,6 +331,27 @@ def test_a_report_of_a_tiny_camera(size):
     assert correlations(bare) == []
 
 
+def turned(plane):
+    """The plane, standing elsewhere than its samples say."""
+    return replace(plane, rotation=np.roll(plane.rotation, 1, axis=1))
+
+
+@pytest.mark.parametrize(
+    "contort",
+    [
+        lambda c: replace(c, planes=[turned(plane) for plane in c.planes]),
+        lambda c: replace(c, planes=[replace(p, corners=1e6 * p.corners) for p in c.planes]),
+        lambda c: replace(c, camera=replace(c.camera, image_size=(3, 20000))),
+        lambda c: replace(c, covariance=1e40 * c.covariance, rms=1e300),
+    ],
+    ids=["poses", "corners", "narrow", "uncertain"],
+)
+def test_a_result_that_makes_no_sense_makes_a_page_all_the_same(calibration, edges, contort):
+    text = report_page(contort(calibration), edges=edges).decode()
+    assert text.endswith("</html>")
+    assert not re.search(r"[ML >](nan|inf)\b", text)
+
+
 def test_a_lens_that_reaches_nothing_is_not_undistorted(calibration):
     size = calibration.camera.image_size
     far = ts.Camera([[900.0, 0, -5e4], [0, 900.0, -5e4], [0, 0, 1]], [-0.3, 0, 0, 0, 0], size)

@@ -17,6 +17,9 @@ from trisquare.result import Calibration, Plane
 # Chords of this length stay within 1e-3 px of a curve of radius 125 px; no lens bends so much.
 CHORD_PX = 1.0
 
+MOST_CHORDS = 32768
+"""A side is no longer than a picture; only a pose that contradicts its samples has longer ones."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeasuredSide:
@@ -146,7 +149,8 @@ def _projected_line(
     for _ in range(2):  # the first pass, of the two ends, only tells how long the curve is
         stretch = np.linspace(ends[0], ends[1], count)
         curve = project(camera, plane, np.column_stack([stretch, np.zeros(count)]))
-        count = 2 + int(np.linalg.norm(np.diff(curve, axis=0), axis=1).sum() / CHORD_PX)
+        length = float(np.linalg.norm(np.diff(curve, axis=0), axis=1).sum())
+        count = 2 + int(min(MOST_CHORDS, length / CHORD_PX))
     return curve
 
 

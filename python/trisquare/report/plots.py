@@ -50,6 +50,9 @@ FEWEST_LEVELS = 5
 MOST_LEVELS = 14
 """Shades that an eye can follow from the map to its scale."""
 
+NARROW = 8
+"""Times as long as wide: a line camera's picture, whose map would be a line as well."""
+
 LARGEST_MAPPED = 1e6
 """Pixels: an uncertainty beyond any picture's size is as good as infinite."""
 
@@ -152,9 +155,12 @@ def uncertainty_map(calibration: Calibration, known: ProjectionMap) -> Figure | 
         axes.plot(*outline.T, color="white", linewidth=1.0)
         if number < MOST_TICKS:
             x, y = plane.corners.mean(axis=0)
-            axes.text(x, y, str(number), color="white", ha="center", va="center")
+            label = axes.text(x, y, str(number), color="white", ha="center", va="center")
+            label.set(clip_on=True, in_layout=False)  # it may stand outside the picture
     width, height = calibration.camera.image_size
-    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal")
+    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))
+    if max(width, height) < NARROW * min(width, height):
+        axes.set_aspect("equal")
     axes.grid(visible=False)
     axes.set_facecolor(GROUND)
     axes.set_xlabel("x, px")
