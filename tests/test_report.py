@@ -208,6 +208,17 @@ def test_many_residuals_are_thinned_and_the_page_says_so(calibration, scene):
     assert f"one in {layers.every} is drawn".encode() in report_page(calibration, edges=dense)
 
 
+def test_residuals_of_boards_that_may_bend_are_explained(calibration, edges):
+    """They are drawn from flat planes, and larger than those the calibration states."""
+    half = [replace(plane, rms=plane.rms / 2) for plane in calibration.planes]
+    together = ts.Coherence(5.0, 0.99, (0.1, 0.1, 0.1), 1.0)
+    bent = replace(calibration, planes=half, coherence=together)
+    layers = picture_layers(bent, reported(calibration, edges))
+    assert layers.bent_rms == pytest.approx(calibration.rms / 2, rel=0.02)
+    assert "drawn flat" in Page(report_page(bent, edges=edges)).text
+    assert "drawn flat" not in Page(report_page(calibration, edges=edges)).text
+
+
 def side(residual, plane, *, at, normal, count=20):
     """Samples around one place that all have one residual."""
     points = np.array(at, float) + np.linspace(-1.0, 1.0, count)[:, None] * [normal[1], -normal[0]]

@@ -110,16 +110,20 @@ def picture_layers(calibration: Calibration, picture: ReportedPicture) -> Pictur
         ),
         exaggeration=exaggeration,
         rms=rms if sides else None,
-        bent_rms=_bent_rms(calibration, rms),
+        bent_rms=_bent_rms(calibration, picture.index, rms),
         every=every,
     )
 
 
-def _bent_rms(calibration: Calibration, flat_rms: float) -> float | None:
-    """Return the calibration's own rms where it granted boards a relief, which is not drawn."""
+def _bent_rms(calibration: Calibration, image: int, flat_rms: float) -> float | None:
+    """Return a picture's rms where the calibration granted boards a relief, which is not drawn."""
+    own = [plane for plane in calibration.planes if plane.image == image]
+    samples = sum(plane.samples for plane in own)
     coherence = calibration.coherence
-    bent = coherence is not None and coherence.sides_err_together
-    return calibration.rms if bent and flat_rms > NOTED_BEND * calibration.rms else None
+    if samples == 0 or coherence is None or not coherence.sides_err_together:
+        return None
+    rms = float(np.sqrt(sum(plane.samples * plane.rms**2 for plane in own) / samples))
+    return rms if flat_rms > NOTED_BEND * rms else None
 
 
 def jpeg_uri(pixels: Image) -> str:

@@ -149,11 +149,13 @@ def uncertainty_map(calibration: Calibration, known: ProjectionMap) -> Figure | 
     bar = figure.colorbar(drawn, ax=axes, label="px", shrink=0.9)
     bar.outline.set_visible(False)  # type: ignore[operator]  # the stubs take it for a function
     bar.set_ticks(levels.tolist(), labels=[two_digits(level) for level in levels])
+    # Planes of several pictures lie over each other, and so would their numbers.
+    one_picture = len({plane.image for plane in calibration.planes}) == 1
     for number, plane in enumerate(calibration.planes):
         outline = np.vstack([plane.corners, plane.corners[:1]])
         axes.plot(*outline.T, color="black", linewidth=2.2)
         axes.plot(*outline.T, color="white", linewidth=1.0)
-        if number < MOST_TICKS:
+        if one_picture:
             x, y = plane.corners.mean(axis=0)
             label = axes.text(x, y, str(number), color="white", ha="center", va="center")
             label.set(clip_on=True, in_layout=False)  # it may stand outside the picture
