@@ -143,7 +143,7 @@ def _boxes() -> Row:
         noise, blur = rng.uniform(*NOISE_RANGE), rng.uniform(*BLUR_RANGE)
         picture = simulate.render(scene, rng, noise=noise, blur=blur, contrast=CONTRAST)
         edges = ts.detect(picture, targets="charuco:5x5:0.75:4X4_1000", tone="linear")
-        lattices = [figure for figure in edges if figure.kind == "chessboard"]
+        lattices = [figure for figure in edges if figure.polarity is None]
         size = scene.camera.image_size
         for name, figures in (("lattices alone", lattices), ("with markers", edges)):
             result = ts.calibrate_edges(figures, size)

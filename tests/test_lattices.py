@@ -37,6 +37,53 @@ def test_rendered_boards_are_found_whole(inner_corners):
         assert along[0] * down[1] - along[1] * down[0] > 0.0
 
 
+def flat_board(along, down, cells, blur, rng):
+    """A board without perspective whose cells have these sides, on light ground, noisy."""
+    ys, xs = np.mgrid[0:960, 0:1280].astype(np.float64)
+    sides = np.linalg.inv(np.column_stack([along, down]))
+    u, v = np.tensordot(sides, np.stack([xs - 640.0, ys - 480.0]), axes=1)
+    columns, rows = cells
+    on = (np.abs(u) < columns / 2) & (np.abs(v) < rows / 2)
+    dark = (np.floor(u + columns / 2) + np.floor(v + rows / 2)) % 2 == 0
+    picture = np.where(on & dark, 60.0, 180.0)
+    return photographed(picture, blur, rng)
+
+
+def photographed(picture, blur, rng):
+    blurred = cv2.GaussianBlur(picture, (0, 0), blur) + 2.0 * rng.standard_normal(picture.shape)
+    return np.clip(np.rint(blurred), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("along", "down"),
+    [((22.0, 2.0), (19.0, 14.0)), ((13.0, 1.0), (-11.0, 9.0)), ((9.5, 0.0), (0.0, 24.0))],
+)
+def test_small_slanted_cells_are_linked(along, down):
+    rng = np.random.default_rng(83)
+    (lattice,) = find_lattices(flat_board(along, down, (11, 8), 1.0, rng))
+    assert sorted(lattice.present.shape) == [7, 10]
+    assert lattice.present.all()
+
+
+@pytest.mark.parametrize("blur", [0.7, 2.0])
+def test_tiles_apart_from_each_other_are_no_board(blur):
+    """Blurred, they look like a chessboard on its corner."""
+    ys, xs = np.mgrid[0:480, 0:640]
+    for pitch, tile in ((14, 7), (18, 9), (30, 20), (40, 18)):
+        inside = (xs % pitch < tile) & (ys % pitch < tile)
+        for tiles, gaps in ((40.0, 200.0), (200.0, 40.0)):
+            picture = np.where(inside, tiles, gaps)
+            seen = photographed(picture, blur, np.random.default_rng(84))
+            assert find_lattices(seen) == []
+
+
+def test_noise_along_stripes_is_no_board():
+    rng = np.random.default_rng(85)
+    for pitch in (8, 9, 10):
+        stripes = np.where(np.arange(480) % pitch < pitch / 2, 40.0, 200.0)
+        assert find_lattices(photographed(np.tile(stripes, (360, 1)), 0.6, rng)) == []
+
+
 @pytest.mark.parametrize("shape", [(1, 1), (1, 500), (40, 40), (300, 200)])
 def test_pictures_without_boards(shape):
     noise = np.random.default_rng(81).integers(0, 256, shape, dtype=np.uint8)

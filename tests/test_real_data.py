@@ -1,5 +1,6 @@
 """Photographs that no simulator made: `../shared/data` beside the repository, if it is there."""
 
+import dataclasses
 import json
 import subprocess
 import sys
@@ -77,6 +78,34 @@ def test_three_boards_in_a_corner(side):
     np.testing.assert_allclose(angles, 90.0, rtol=0, atol=5.0)
     one_focal_length = ts.calibrate(photograph, fix="aspect")
     assert 0.97 * 1624 < one_focal_length.camera.fx < 1.03 * 1650
+
+
+def test_three_boards_of_which_a_third_is_left_out_lead_to_no_wrong_optimum():
+    """From the conic's start alone these lines led to focal lengths of 1707 and 2036 px."""
+    edges = ts.detect(DATA / "ortho-corner" / "right_calib.jpg")
+    boards = [board for board in edges if board.kind == "chessboard"]
+    # Rows and columns left out of the left wall, the right wall and the floor.
+    left_out = [({3, 4, 7}, {0, 1, 4}), ({3, 6, 7}, {2, 5}), ({0, 1, 5}, {0, 3})]
+    some = []
+    for board, (rows, columns) in zip(boards, left_out, strict=True):
+        is_row = board.lines[:, 0] == 0.0
+        offsets = -board.lines[:, 2]
+        first = np.where(is_row, offsets[is_row].min(), offsets[~is_row].min())
+        numbers = np.rint(offsets - first).astype(int)
+        kept = [i for i, n in enumerate(numbers) if n not in (rows if is_row[i] else columns)]
+        some.append(
+            dataclasses.replace(
+                board,
+                lines=board.lines[kept],
+                points=tuple(board.points[i] for i in kept),
+                std=tuple(board.std[i] for i in kept),
+            )
+        )
+    result = ts.calibrate_edges(some, (1600, 1200))
+    for name in ("fx", "fy"):
+        value = getattr(result.camera, name)
+        assert 0.94 * 1624 < value < 1.06 * 1650
+        assert abs(value - 1637) < 3.0 * result.std[name] + 13.0
 
 
 @pytest.mark.parametrize("number", [7, 8])

@@ -1,6 +1,8 @@
 """Tags, found by their codes, and sheets of markers whose layout is known."""
 
 import json
+import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -11,6 +13,8 @@ import trisquare as ts
 from trisquare import simulate
 from trisquare.accuracy import cramer_rao_bound, pixel_sigma
 from trisquare.finding import find
+from trisquare.lattice_edges import FoundLattice
+from trisquare.outlines import Lattice
 from trisquare.sheet_layout import parse_layout
 from trisquare.tag_codes import dictionary, opencv_dictionary
 from trisquare.tag_names import DICTIONARIES, SIZES, TagSearch, dictionary_name
@@ -138,11 +142,40 @@ def test_a_charuco_box_calibrates_a_camera(box):
 def test_boards_of_a_layout_are_told_apart_by_their_numbers(box):
     _, picture = box
     edges = ts.detect(picture, targets="charuco:4x4:0.75", tone="linear")
-    assert {figure.kind for figure in edges} == {"chessboard", "charuco"}
+    assert {figure.kind for figure in edges} == {"charuco"}
     for plane in range(3):
         figures = [figure for figure in edges if figure.plane == plane]
-        assert [len(figure.lines) for figure in figures] == [6] + [4] * 8
+        grid, *markers = [len(figure.lines) for figure in figures]
+        # Markers are measured where they stand clear of the grid lines.
+        assert grid == 6
+        assert set(markers) <= {4}
+        assert len(markers) <= 8
         assert misfit(figures) < 0.3
+
+
+def test_the_white_round_markers_is_measured(box):
+    """In cells of 25 pixels and more, to a few hundredths of a pixel; nothing in a plain board."""
+    scene, picture = box
+    plain = [replace(target, codes=np.zeros((0, 1, 1), bool)) for target in scene.targets]
+    empty = simulate.render(replace(scene, targets=tuple(plain)), np.random.default_rng(1))
+    for number, target in enumerate(scene.targets):
+        grid = scene.image_points(number, target.board_corners()).reshape(3, 3, 2)
+        lattice = Lattice(grid, np.ones((3, 3), bool))
+        rims = FoundLattice.of(lattice, picture).rims
+        assert rims.shape == (4, 4)
+        np.testing.assert_allclose(rims[rims > 0.0], 0.125, atol=0.005)
+        assert np.count_nonzero(rims) == 8
+        assert FoundLattice.of(lattice, empty).rims is None
+
+
+def test_a_tag_s_edges_say_how_wide_its_border_is(tagged):
+    edges = ts.detect(tagged[2], tone="linear")
+    assert [figure.border for figure in edges] == [1.0 / 8.0] * 3
+    again = ts.PlaneEdges.from_json(edges[0].to_json())
+    assert again.border == pickle.loads(pickle.dumps(edges[0])).border == 1.0 / 8.0
+    assert "border" not in replace(edges[0], border=None).to_json()
+    with pytest.raises(ValueError, match="border"):
+        replace(edges[0], border=0.0)
 
 
 def test_markers_of_known_places_bear_witness_together():

@@ -100,6 +100,7 @@ impl Board {
                     rise: if own.is_multiple_of(2) == is_row { 1.0 } else { -1.0 },
                     bounds: [None, None],
                     crossings: (1..=inner).map(|k| (Some(crosses(k)), k)).collect(),
+                    ..EdgeSpan::new(Vec::new(), 1.0)
                 }
             })
             .collect()
@@ -251,7 +252,7 @@ fn damage_line(lines: &mut [EdgeSpan], bytes: &mut Bytes<'_>) {
     let any = (bytes.once_in(2)).then(|| bytes.below(2 * lines.len()));
     let span = &mut lines[line];
     let at = bytes.below(span.path.len().max(1));
-    match bytes.below(9) {
+    match bytes.below(10) {
         0 => span.path = bytes.points(SIZE, 6),
         1 => span.rise = bytes.coefficient(),
         2 => span.bounds = [any, Some(line)],
@@ -261,7 +262,8 @@ fn damage_line(lines: &mut [EdgeSpan], bytes: &mut Bytes<'_>) {
         6 if at < span.path.len() => {
             span.path[at] += Vector2::new(bytes.coefficient(), bytes.coefficient());
         }
-        7 if at < span.crossings.len() => {
+        7 => span.rims = vec![bytes.coefficient(); at],
+        8 if at < span.crossings.len() => {
             span.crossings[at] = (any, bytes.seed() as usize);
         }
         // A crossing that is hidden.

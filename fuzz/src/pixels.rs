@@ -177,7 +177,7 @@ fn sides(view: &View) -> impl Iterator<Item = EdgeSpan> + '_ {
             // The plane's Z points away: its sides run clockwise on the screen.
             rise: -1.0,
             bounds: [side + 3, side + 1].map(|i| Some(4 * plane + i % 4)),
-            crossings: Vec::new(),
+            ..EdgeSpan::new(Vec::new(), 1.0)
         })
     })
 }
@@ -200,6 +200,11 @@ fn any_span(size: ImageSize, bytes: &mut Bytes<'_>) -> EdgeSpan {
         rise: bytes.coefficient(),
         bounds: std::array::from_fn(|_| bytes.once_in(2).then(|| bytes.below(20))),
         crossings: Vec::new(),
+        rims: Vec::new(),
+        room: match bytes.once_in(4) {
+            true => [10.0 * bytes.coefficient(), 10.0 * bytes.coefficient()],
+            false => [f64::INFINITY; 2],
+        },
     }
 }
 

@@ -171,11 +171,19 @@ def localise(
     picture: Picture,
     spans: Sequence[
         tuple[NDArray[np.float64], float, tuple[int | None, int | None]]
+        | tuple[NDArray[np.float64], float, tuple[int | None, int | None], tuple[float, float]]
         | tuple[
             NDArray[np.float64],
             float,
             tuple[int | None, int | None],
             Sequence[tuple[int | None, int]],
+        ]
+        | tuple[
+            NDArray[np.float64],
+            float,
+            tuple[int | None, int | None],
+            Sequence[tuple[int | None, int]],
+            Sequence[float],
         ]
     ],
     tone: str | float | None,

@@ -17,6 +17,10 @@ NEAREST = 16
 """Crossings about a place by which it is numbered: those of four by four, from which lines that
 the lens bends are nearly straight."""
 
+RIM = 1.0
+"""Cells that every board goes on beyond its outermost crossings. There and within, what blur,
+glare and hands make of its cells is as large as one, and stands anywhere."""
+
 BEYOND = 2.0
 """Cells that a board may go on beyond its outermost crossings: it has one more, and where something
 covers that or its edge, a row of crossings is lost too."""
@@ -61,7 +65,7 @@ def _is_under(lattice: Lattice, corners: FloatArray) -> bool:
 
 
 def _is_cell(lattice: Lattice, corners: FloatArray) -> bool:
-    """Whether a quad is a cell, or stands in the middle of one and along the grid lines."""
+    """Whether a quad is no larger than a cell and on the board, or is as the cells beyond are."""
     numbers = _numbers(lattice, corners)
     if numbers is None:
         return False
@@ -71,6 +75,8 @@ def _is_cell(lattice: Lattice, corners: FloatArray) -> bool:
     last = np.array(lattice.present.shape[::-1]) - 1.0
     if (middle < -BEYOND).any() or (middle > last + BEYOND).any() or side > LARGEST_PART:
         return False
+    if (middle > -RIM).all() and (middle < last + RIM).all():
+        return True
     off_centre = np.abs(middle - np.floor(middle) - 0.5).max()
     off_grid = np.abs(np.abs(numbers - middle) - 0.5 * side).max()
     return bool(off_centre < OFF_CENTRE and off_grid < OFF_GRID * side)
@@ -89,6 +95,10 @@ def _numbers(lattice: Lattice, points: FloatArray) -> FloatArray | None:
     found, _ = cv2.findHomography(at[near], numbers)
     if found is None:
         return None
-    mapped = np.column_stack([points, np.ones(len(points))]) @ np.asarray(found, np.float64).T
-    # Beyond the plane's horizon nothing can be seen of it.
-    return mapped[:, :2] / mapped[:, 2:] if (mapped[:, 2] > 0.0).all() else None
+    known, mapped = (
+        np.column_stack([some, np.ones(len(some))]) @ np.asarray(found, np.float64).T
+        for some in (at[near], points)
+    )
+    # Beyond the plane's horizon, on the other side than the crossings, nothing is seen of it.
+    seen = (mapped[:, 2] * known[0, 2] > 0.0).all()
+    return mapped[:, :2] / mapped[:, 2:] if seen else None

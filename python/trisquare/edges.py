@@ -10,7 +10,14 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 
 from trisquare._core import square_lines
-from trisquare.checked import FloatArray, index_number, real_array, string, whole_number
+from trisquare.checked import (
+    FloatArray,
+    index_number,
+    real_array,
+    real_number,
+    string,
+    whole_number,
+)
 from trisquare.errors import NotEnoughDataError
 from trisquare.json_fields import JsonFields, dump_members
 
@@ -64,6 +71,9 @@ class PlaneEdges:
     drift : sequence of L array_like, shape (N_i, 2), optional
         How far, in pixels, one standard deviation of an error that all samples of a picture share
         displaces each: that of an estimated tone curve.
+    border : float, optional
+        Width of the plain border within a square's outline, in units of its coordinates: further
+        inside is something else, as the bits of a tag. None if nothing is known of it.
 
     Raises
     ------
@@ -85,6 +95,7 @@ class PlaneEdges:
     kind: str = "square"
     freedom: Freedom = "auto"
     drift: tuple[FloatArray, ...] | None = None
+    border: float | None = None
 
     def __post_init__(self) -> None:
         lines = _unit_normal_lines(self.lines)
@@ -95,6 +106,11 @@ class PlaneEdges:
         object.__setattr__(self, "std", std)
         if self.drift is not None:
             object.__setattr__(self, "drift", _drift_of_lines(self.drift, points))
+        if self.border is not None:
+            border = real_number(self.border, "border")
+            if border <= 0.0:
+                raise ValueError(f"border must be positive, not {border:g}")
+            object.__setattr__(self, "border", border)
         if self.polarity is not None:
             polarity = whole_number(self.polarity, "polarity")
             if polarity not in (1, -1):
@@ -162,6 +178,7 @@ class PlaneEdges:
             kind=self.kind,
             freedom=self.freedom,
             drift=self.drift,
+            border=self.border,
         )
         return rebuild, (self.lines, self.points, self.std)
 
@@ -188,6 +205,7 @@ class PlaneEdges:
                 "points": [points.tolist() for points in self.points],
                 "std": None if self.std is None else [std.tolist() for std in self.std],
                 **({} if self.drift is None else {"drift": [d.tolist() for d in self.drift]}),
+                **({} if self.border is None else {"border": self.border}),
             }
         )
 
@@ -214,6 +232,7 @@ class PlaneEdges:
             kind=fields.text("kind"),
             freedom=freedom,
             drift=fields.arrays("drift", (None, 2)) if fields.has("drift") else None,
+            border=fields.number("border") if fields.has("border") else None,
         )
 
 

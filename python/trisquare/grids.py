@@ -42,6 +42,12 @@ class Grid:
         """Which crossings there are, shape (rows, cols)."""
         return np.isfinite(self.points[..., 0])
 
+    @property
+    def cell(self) -> float:
+        """Length of a typical link, in the direction where they are shorter, pixels."""
+        links = [np.linalg.norm(np.diff(self.points, axis=axis), axis=2) for axis in (0, 1)]
+        return float(min(np.nanmedian(link) for link in links))
+
 
 def trimmed(grid: Grid) -> Grid:
     """Leave out empty rows and columns at the rim."""

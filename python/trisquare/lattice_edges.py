@@ -14,6 +14,7 @@ import numpy.typing as npt
 from trisquare.checked import FloatArray
 from trisquare.edge_shift import shift_toward_light, shifts_of_lines, without_shift
 from trisquare.edges import PlaneEdges
+from trisquare.marker_rims import light_cells, marker_rims
 from trisquare.outlines import Lattice
 from trisquare.spans import Samples, Span
 
@@ -53,21 +54,24 @@ class FoundLattice:
     rise: float
     """+1 if a row gets lighter toward its right-hand normal after the very first crossing of the
     lattice, else -1; from cell to cell, and from row to row, it is the opposite."""
+    rims: FloatArray | None = None
+    """Of the markers in the cells between and around R x C crossings, shape (R + 1, C + 1): the
+    distance from their cell's edges over its side; 0 for a cell without one."""
+    kind: str = "chessboard"
 
     @classmethod
     def of(cls, lattice: Lattice, grey: npt.NDArray[np.uint8]) -> FoundLattice:
-        """Look up in a grey picture which cells are light."""
-        return cls(lattice, _rise(lattice, grey))
+        """Look up in a grey picture which cells are light, and which of them carry a marker."""
+        rise = _rise(lattice, grey)
+        return cls(lattice, rise, marker_rims(grey, lattice, first_is_dark=rise < 0.0))
 
     @classmethod
-    def with_corner(cls, lattice: Lattice, dark_corner: bool) -> FoundLattice:
-        """Know which cells are light from the colour of the whole board's first cell."""
-        return cls(lattice, -1.0 if dark_corner else 1.0)
-
-    @property
-    def kind(self) -> str:
-        """Return ``"chessboard"``."""
-        return "chessboard"
+    def of_board(cls, lattice: Lattice, dark_corner: bool, rim: float) -> FoundLattice:
+        """Know the cells of a ChArUco board from the colour of its first, and its markers' rims."""
+        rise = -1.0 if dark_corner else 1.0
+        rows, cols = lattice.present.shape
+        light = light_cells((rows + 1, cols + 1), first_is_dark=dark_corner)
+        return cls(lattice, rise, np.where(light, rim, 0.0), "charuco")
 
     @property
     def quad(self) -> FloatArray:
@@ -92,7 +96,12 @@ class FoundLattice:
                 for other, place in zip(others, line.places.tolist(), strict=True)
             ]
             path = np.ascontiguousarray(self.lattice.crossings[rows, cols])
-            spans.append((path, self._rise_after_first(line), (None, None), crossings))
+            rise = self._rise_after_first(line)
+            if self.rims is None:
+                spans.append((path, rise, (None, None), crossings))
+            else:
+                rims = _rims_along(self.rims, line)
+                spans.append((path, rise, (None, None), crossings, rims))
         return spans
 
     def figures(self, measured: Sequence[Samples | str], plane: int) -> list[PlaneEdges]:
@@ -199,6 +208,14 @@ def _indices(line: GridLine) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]
     """Rows and columns of a line's crossings."""
     number = np.full_like(line.places, line.number)
     return (number, line.places) if line.is_row else (line.places, number)
+
+
+def _rims_along(rims: FloatArray, line: GridLine) -> list[float]:
+    """Rims in the light cells beside the stretches after a line's crossings."""
+    beside = rims if line.is_row else rims.T
+    # Of the two cells beside a stretch one is light, and the other has no marker.
+    either: list[float] = (beside[line.number] + beside[line.number + 1])[line.places + 1].tolist()
+    return either
 
 
 def _alternation(number: npt.NDArray[np.intp] | int) -> FloatArray:

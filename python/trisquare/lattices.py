@@ -11,16 +11,20 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from trisquare.chequered import is_chequered
+from trisquare.completion import with_neighbours
 from trisquare.grids import Grid, grids_of, grow, trimmed
+from trisquare.joining import joined
 from trisquare.links import link
 from trisquare.outlines import Lattice
 from trisquare.quads import FloatArray, sample
-from trisquare.saddles import find_saddles, settle
-from trisquare.smoothness import unfolded, without_strays
+from trisquare.saddles import Saddles, find_saddles, settle
+from trisquare.smoothness import LEAST_STRAY, LEAST_STRAY_CELLS, is_large, smooth_parts
 
 FINEST = 1000
 """Longest side in pixels of a picture that is searched as it is; a larger one is halved once,
-which leaves its smallest cells (10 pixels) five pixels."""
+which leaves its smallest cells (10 pixels) five pixels. Where that shows crossings which make no
+lattice, as the rims of markers fade in it, the whole is searched as well."""
 
 COARSEST = 100
 """Shortest side in pixels of the coarsest picture: a board in it has cells of five pixels."""
@@ -44,11 +48,18 @@ BESIDE = 1.3
 picture beside it."""
 
 EDGE_SHARE = 0.7
-"""Of the links between crossings, those that must be edges in the photograph, too. A grille
+"""Of the links between crossings, those that must be edges in the photograph, too, in the rows as
+well as in the columns. A grille
 or a keyboard is a chessboard on its corner when it is blurred, and only then."""
 
 SMALL_EDGE_SHARE = 0.95
 """The same of a lattice of fewer than `SMALL` crossings: print and stripes have some of them."""
+
+MOST_EXTENSIONS = 12
+"""Rows and columns that are added one after another: as many as a large board has."""
+
+AT_FOLD = 0.25
+"""Cells from the outline of another lattice, with one cell round it, at which a fold may be."""
 
 INTO_CELL = 3.0
 LEAST_INTO_CELL = 0.1
@@ -76,16 +87,25 @@ def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
     grids: list[Grid] = []
     pictures, scale = _pictures(grey)
     for level, picture in enumerate(pictures, 1 - len(pictures)):
+        size = scale << -level
         grids = [_doubled(grid, picture) for grid in grids]
-        grids = [_complete(grid) for grid in _grids_at(picture, grids)]
+        saddles = find_saddles(picture)
         # What a coarse picture makes of a grille, or of the cells of two boards, would else hide
         # from the finer ones what is there.
-        size = scale << -level
-        grids = [grid for grid in grids if _is_lattice(grid, size) and _has_edges(grid, grey, size)]
+        grids = [grid for grid in grids if _has_edges(grid, grey, size)]
+        grids = _grids_at(picture, saddles, grids)
+        grids = [grid for grid in grids if _is_lattice(grid, size)]
+    if scale > 1 and _shows_more(picture, saddles, grids):
+        grids = _looked_closer(grids, grey)
+    grids = [grid for grid in grids if _has_edges(grid, grey, scale)]
+    outlines = [_outline(grid) for grid in grids]
+    grids = [
+        _extended(grid, picture, grey, outlines[:number] + outlines[number + 1 :])
+        for number, grid in enumerate(grids)
+    ]
     grids = [_complete(_alternating(grid, grey, scale)) for grid in grids]
     grids = [grid for grid in grids if _is_lattice(grid, scale) and _has_edges(grid, grey, scale)]
-    grids = [part for grid in grids for part in unfolded(grid)]
-    grids = [_complete(without_strays(grid)) for grid in grids if _is_lattice(grid, scale)]
+    grids = [grid for grid in grids if is_chequered(grid, grey, scale)]
     found = [_lattice(grid, scale) for grid in grids if _is_lattice(grid, scale)]
     return sorted(found, key=lambda lattice: -int(np.count_nonzero(lattice.present)))
 
@@ -110,25 +130,77 @@ def _doubled(grid: Grid, picture: NDArray[np.uint8]) -> Grid:
     return Grid(points, grid.dark_first)
 
 
-def _grids_at(picture: NDArray[np.uint8], known: list[Grid]) -> list[Grid]:
+def _grids_at(picture: NDArray[np.uint8], saddles: Saddles, known: list[Grid]) -> list[Grid]:
     """Complete the grids known from a coarser picture and find those that it did not show."""
-    saddles = find_saddles(picture)
     if len(saddles) < LEAST_CROSSINGS:
         return known
+    grids, scraps = _grown(picture, saddles, known)
+    parts = _smooth(grids, scraps, picture)
+    if len(parts) == len(grids) and _crossings(parts) > _crossings(grids) - LEAST_SIDE:
+        return parts
+    # What a grid had of its neighbour over a fold is there for the neighbour now, and between two
+    # pieces that were joined there may be more.
+    return _smooth(*_grown(picture, saddles, parts), picture)
+
+
+def _crossings(grids: list[Grid]) -> int:
+    return sum(int(np.count_nonzero(grid.present)) for grid in grids)
+
+
+def _smooth(grids: list[Grid], scraps: list[Grid], picture: NDArray[np.uint8]) -> list[Grid]:
+    """Parts of grids that are smooth and have whole cells, put together where they continue."""
+    parts = [part for grid in grids for part in smooth_parts(_complete(grid), picture.shape)]
+    parts = [_complete(part) for part in parts]
+    whole = [part for part in parts if is_large(part)]
+    rest = [_complete(scrap) for scrap in scraps] + [part for part in parts if not is_large(part)]
+    return joined(whole, [scrap for scrap in rest if scrap.present.any()], picture.shape)
+
+
+def _grown(
+    picture: NDArray[np.uint8], saddles: Saddles, known: list[Grid]
+) -> tuple[list[Grid], list[Grid]]:
+    """Grow known grids, each into what no other has, and then those that nothing is known of.
+
+    The latter that have remained small come apart from the others.
+    """
     grids: list[Grid] = []
     for number, grid in enumerate(known):
         others = saddles.subset(~_covered(saddles.points, grids + known[number + 1 :]))
         grids.append(grow(grid, picture, others))
     free = saddles.subset(~_covered(saddles.points, grids))
+    scraps: list[Grid] = []
     if len(free) < LEAST_CROSSINGS:
-        return grids
+        return grids, scraps
     for seed in grids_of(free.points, link(picture, free)):
         if _covered(seed.points[seed.present], grids).any():
             continue
         grid = grow(seed, picture, free.subset(~_covered(free.points, grids)))
-        if np.count_nonzero(grid.present) >= LEAST_CROSSINGS:
-            grids.append(grid)
-    return grids
+        (grids if is_large(grid) else scraps).append(grid)
+    return grids, scraps
+
+
+def _shows_more(picture: NDArray[np.uint8], saddles: Saddles, grids: list[Grid]) -> bool:
+    """Whether there are as many linked crossings beside some grids as a lattice has."""
+    free = saddles.subset(~_covered(saddles.points, grids))
+    if len(free) < LEAST_CROSSINGS:
+        return False
+    linked = np.count_nonzero(link(picture, free).following >= 0, axis=1)
+    return bool(np.count_nonzero(linked >= 2) >= LEAST_CROSSINGS)
+
+
+def _looked_closer(grids: list[Grid], grey: NDArray[np.uint8]) -> list[Grid]:
+    """Search the photograph itself, of which grids in the halved picture are known."""
+    doubled = [_doubled(grid, grey) for grid in grids]
+    finer = [_complete(grid) for grid in _grids_at(grey, find_saddles(grey), doubled)]
+    good = [_is_lattice(grid, 1) and _has_edges(grid, grey, 1) for grid in finer]
+    halved = [Grid(0.5 * grid.points, grid.dark_first) for grid in finer]
+    # Noise and blur may hide from the photograph what the halved picture shows.
+    known = [
+        new if kept and np.count_nonzero(new.present) >= np.count_nonzero(old.present) else old
+        for old, new, kept in zip(grids, halved, good, strict=False)
+    ]
+    count = len(grids)
+    return known + [new for new, kept in zip(halved[count:], good[count:], strict=True) if kept]
 
 
 def _covered(points: FloatArray, grids: list[Grid]) -> NDArray[np.bool_]:
@@ -154,6 +226,8 @@ def _complete(grid: Grid) -> Grid:
     cells = present[:-1, :-1] & present[1:, :-1] & present[:-1, 1:] & present[1:, 1:]
     around = np.pad(cells, 1)
     kept = around[:-1, :-1] | around[1:, :-1] | around[:-1, 1:] | around[1:, 1:]
+    if not (present & ~kept).any():
+        return grid
     return trimmed(Grid(np.where(kept[..., None], grid.points, np.nan), grid.dark_first))
 
 
@@ -171,8 +245,89 @@ def _is_lattice(grid: Grid, scale: int) -> bool:
     return bool(scale * np.sqrt(np.nanmedian(areas)) >= LEAST_CELL)
 
 
+def _extended(
+    grid: Grid, picture: NDArray[np.uint8], grey: NDArray[np.uint8], others: list[FloatArray]
+) -> Grid:
+    """Add crossings that were too faint to be found, but are where the lattice goes on.
+
+    Cells alternate round them, and edges lead to their neighbours in the photograph. At a fold
+    they do so, too, where two sheets' cells happen to meet: what is next to one of the `others`,
+    outlines of shape (N, 2), is not added.
+    """
+    scale = round(grey.shape[0] / picture.shape[0])
+    for _ in range(MOST_EXTENSIONS):
+        wider = with_neighbours(grid, picture.shape)
+        known = np.pad(grid.present, 1)
+        new = _alternating(wider, grey, scale).present & ~known
+        new[new] = ~_is_at(wider.points[new], others, AT_FOLD * grid.cell)
+        if not new.any():
+            break
+        points = wider.points.copy()
+        points[new] = settle(picture, wider.points[new])
+        gap = np.linalg.norm(points - wider.points, axis=2)
+        new &= ~(gap > max(LEAST_STRAY, LEAST_STRAY_CELLS * grid.cell))
+        wider = Grid(np.where((new | known)[..., None], points, np.nan), grid.dark_first)
+        linked = wider.present
+        for axis, edge in enumerate(reversed(_edges(wider, grey, scale))):
+            # Without an edge between two crossings, one of them may be none.
+            first, second = (
+                np.split(linked, [-1], axis=axis)[0],
+                np.split(linked, [1], axis=axis)[1],
+            )
+            first &= edge
+            second &= edge
+        kept = (new & linked) | known
+        wider = Grid(np.where(kept[..., None], points, np.nan), grid.dark_first)
+        extended = trimmed(_complete(wider))
+        if np.count_nonzero(extended.present) <= np.count_nonzero(grid.present):
+            break
+        grid = extended
+    return grid
+
+
+def _outline(grid: Grid) -> FloatArray:
+    """Convex outline of a grid and one cell round it, clockwise on the screen, shape (N, 2)."""
+    around = [grid.points]
+    for axis in (0, 1):
+        step = np.diff(grid.points, axis=axis)
+        before = np.split(grid.points, [1], axis=axis)[1]
+        after = np.split(grid.points, [-1], axis=axis)[0]
+        around += [before + step, after - step]
+    known = np.concatenate([part.reshape(-1, 2) for part in around])
+    return _hull(known[np.isfinite(known[:, 0])])
+
+
+def _is_at(points: FloatArray, outlines: list[FloatArray], reach: float) -> NDArray[np.bool_]:
+    """Which points, shape (N, 2), are in some outline or within a distance of it."""
+    return np.array(
+        [
+            any(
+                cv2.pointPolygonTest(outline.astype(np.float32), point, True) > -reach
+                for outline in outlines
+            )
+            for point in points.tolist()
+        ],
+        dtype=bool,
+    )
+
+
 def _has_edges(grid: Grid, grey: NDArray[np.uint8], scale: int) -> bool:
-    """Whether edges of the right sign lead from crossing to crossing in the photograph."""
+    """Whether edges lead from crossing to crossing in the photograph, in rows and in columns."""
+    share = SMALL_EDGE_SHARE if np.count_nonzero(grid.present) < SMALL else EDGE_SHARE
+    present = grid.present
+    links = present[:, 1:] & present[:, :-1], present[1:] & present[:-1]
+    edges = _edges(grid, grey, scale)
+    # Rows that are linked across every second one have all the edges that lie along them.
+    return all(edge[link].mean() >= share for edge, link in zip(edges, links, strict=True))
+
+
+def _edges(
+    grid: Grid, grey: NDArray[np.uint8], scale: int
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which links of the rows, and of the columns, are edges of the right sign, or are not there.
+
+    Shapes (rows, cols - 1) and (rows - 1, cols).
+    """
     points = scale * grid.points
     rows, cols = np.indices(grid.present.shape)
     dark = ((rows + cols) % 2 == 0) == grid.dark_first
@@ -183,6 +338,7 @@ def _has_edges(grid: Grid, grey: NDArray[np.uint8], scale: int) -> bool:
     start = np.concatenate([part.reshape(-1, 2) for part in starts])
     sign = np.concatenate([part.ravel() for part in signs])
     known = np.isfinite(way[:, 0])
+    edge = np.ones(len(way), bool)
     way, start, sign = way[known], start[known], sign[known]
     length = np.maximum(np.linalg.norm(way, axis=1), 1e-9)
     clockwise = np.stack([-way[:, 1], way[:, 0]], axis=1) * (scale * BESIDE / length)[:, None]
@@ -191,9 +347,9 @@ def _has_edges(grid: Grid, grey: NDArray[np.uint8], scale: int) -> bool:
         sample(grey, at - clockwise[:, None]),
         sample(grey, at + clockwise[:, None]),
     )
-    steps = sign[:, None] * (before - after)
-    share = SMALL_EDGE_SHARE if np.count_nonzero(grid.present) < SMALL else EDGE_SHARE
-    return bool(np.mean((steps > 0.0).all(axis=1)) >= share)
+    edge[known] = (sign[:, None] * (before - after) > 0.0).all(axis=1)
+    in_row, in_column = np.split(edge, [signs[0].size])
+    return in_row.reshape(signs[0].shape), in_column.reshape(signs[1].shape)
 
 
 def _alternating(grid: Grid, grey: NDArray[np.uint8], scale: int) -> Grid:

@@ -21,6 +21,7 @@ class Marker(NamedTuple):
 
     number: int
     corners: FloatArray  # (4, 2)
+    border: float  # its width over the marker's side
 
 
 def detect_markers(
@@ -31,8 +32,9 @@ def detect_markers(
     parameters.markerBorderBits = border
     detector = cv2.aruco.ArucoDetector(opencv_dictionary(name), parameters)
     corners, numbers, others = detector.detectMarkers(grey)
+    share = border / (opencv_dictionary(name).markerSize + 2 * border)
     markers = [
-        Marker(int(number), np.asarray(quad, dtype=np.float64).reshape(4, 2))
+        Marker(int(number), np.asarray(quad, dtype=np.float64).reshape(4, 2), share)
         for number, quad in zip(
             [] if numbers is None else np.ravel(numbers).tolist(), corners, strict=True
         )

@@ -7,7 +7,7 @@ three squares stand among many rectangles, or there are tags, or ChArUco boards 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
@@ -97,6 +97,15 @@ as the widest blur's two flanks."""
 ANSWERABLE = 0.004
 """Of the width: the bound of fx, cx and cy beyond which a scene is drawn again, since it is near
 where a calibration is rightly refused (3 % of f or 2 % of the width, four times over)."""
+
+PINHOLE_AND_RADIAL = ("fx", "fy", "cx", "cy", "k1", "k2")
+
+JUDGED = (*PINHOLE_AND_RADIAL, "p1", "p2")
+JUDGED_NOISE = 0.2
+JUDGED_LIMIT = 0.02
+"""A calibration is refused where, with its centre of distortion freed from the principal point (to
+first order, `p1` and `p2`) and noise of at least so many pixels per pixel of edge, fx, fy, cx or cy
+have a standard deviation of 4 % of f or of the width. No scene comes nearer than half of it."""
 
 BOUND_SPACING = 8.0
 """Pixels of edge per sample of the bound; the sums are smooth."""
@@ -420,11 +429,14 @@ def _smallest_cell(scene: Scene) -> float:
     return float(min(shortest))
 
 
-def _bound(scene: Scene, sigma: float, overlays: list[Overlay]) -> dict[str, float]:
+def _bound(
+    scene: Scene, sigma: float, overlays: list[Overlay], free: Sequence[str] = PINHOLE_AND_RADIAL
+) -> dict[str, float]:
     return cramer_rao_bound(
         scene,
         sigma / np.sqrt(BOUND_SPACING),
         spacing=BOUND_SPACING,
+        free=free,
         in_sight=lambda points: _in_sight(scene.camera, overlays, points),
     )
 
@@ -432,9 +444,13 @@ def _bound(scene: Scene, sigma: float, overlays: list[Overlay]) -> dict[str, flo
 def _answerable(scene: Scene, sigma: float, overlays: list[Overlay]) -> bool:
     """Whether what is in sight determines the camera well enough to be answered."""
     scene = Scene(scene.camera, tuple(target for target in scene.targets if _is_wanted(target)))
+    width = scene.camera.image_size[0]
     try:
         bound = _bound(scene, sigma, overlays)
+        if max(bound[name] for name in ("fx", "cx", "cy")) >= ANSWERABLE * width:
+            return False
+        judged = _bound(scene, max(sigma, JUDGED_NOISE), overlays, JUDGED)
     except ValueError:
         return False
-    width = scene.camera.image_size[0]
-    return max(bound[name] for name in ("fx", "cx", "cy")) < ANSWERABLE * width
+    units = {"fx": scene.camera.fx, "fy": scene.camera.fy, "cx": width, "cy": width}
+    return max(judged[name] / unit for name, unit in units.items()) < JUDGED_LIMIT

@@ -31,12 +31,21 @@ MAX_OFFSET = 1.2
 """Pixels from the strongest pixel to the saddle point itself. At the corner of a lone square the
 grey levels are curved alike, but have a slope: the saddle lies farther away or nowhere."""
 
+FAR_OFFSET = 2.5
+ARRIVED = 0.6
+"""Pixels to a saddle that print beside it has drawn the strongest pixel away from, and what is
+left of them one step later, when the nearest pixel is at most half a pixel off."""
+
 SETTLING_STEPS = 5
 SETTLING_STEP = 1.5
 """Newton's method on a saddle, in steps of a pixel: beyond, the slope tells a direction only."""
 
 MOST_SETTLING = 3.0
 """Pixels that a point may be moved by settling: it comes from a picture half as fine."""
+
+MOST_UNEVEN = 3.0
+"""Ratio of a saddle's two curvatures. Where edges cross they are equal, at whatever angle and
+however blurred; the smallest cells leave a ratio of 2. Noise along stripes leaves any."""
 
 RING = 2.5
 """Pixels from a saddle at which its four sectors are looked at: inside a cell of five pixels."""
@@ -102,8 +111,30 @@ def find_saddles(picture: NDArray[np.uint8]) -> Saddles:
     if len(pixels) > MOST_SADDLES:
         pixels = pixels[np.argsort(-strengths)[:MOST_SADDLES]]
     offset, curvature = _newton(picture, pixels)
-    near = (np.abs(offset).max(axis=1) < MAX_OFFSET) & (curvature[:, 3] < 0.0)
-    return _crossings(picture, pixels[near] + offset[near])
+    gap, even = np.abs(offset).max(axis=1), _is_even(curvature)
+    near = even & (gap < MAX_OFFSET)
+    points = pixels[near] + offset[near]
+    drawn = even & ~near & (gap < FAR_OFFSET)
+    if drawn.any():
+        beside = _settled_beside(picture, pixels[drawn] + offset[drawn], points)
+        points = np.concatenate([points, beside])
+    return _crossings(picture, points)
+
+
+def _settled_beside(
+    picture: NDArray[np.uint8], points: FloatArray, others: FloatArray
+) -> FloatArray:
+    """Those points, shape (N, 2), that are one step from a saddle which no other one is on."""
+    pixels = np.rint(points).astype(np.intp)
+    _, first = np.unique(pixels, axis=0, return_index=True)
+    pixels = pixels[np.sort(first)]
+    taken = np.zeros(picture.shape, np.uint8)
+    x, y = np.rint(others).astype(np.intp).T
+    taken[y, x] = 1
+    free = cv2.dilate(taken, np.ones((3, 3), np.uint8))[pixels[:, 1], pixels[:, 0]] == 0
+    offset, curvature = _newton(picture, pixels[free])
+    arrived = (np.abs(offset).max(axis=1, initial=0.0) < ARRIVED) & _is_even(curvature)
+    return np.asarray(pixels[free][arrived] + offset[arrived], np.float64)
 
 
 def _peaks(picture: NDArray[np.uint8]) -> tuple[NDArray[np.intp], FloatArray]:
@@ -189,6 +220,12 @@ def _newton(picture: NDArray[np.uint8], pixels: NDArray[np.intp]) -> tuple[Float
     step = np.stack([xy * y - yy * x, xy * x - xx * y], axis=1)
     step /= np.where(determinant < 0.0, determinant, -1e-9)[:, None]
     return step, np.stack([xx, xy, yy, determinant], axis=1)
+
+
+def _is_even(curvature: FloatArray) -> NDArray[np.bool_]:
+    """Whether the second derivatives, shape (N, 4), are those of a saddle as steep both ways."""
+    trace = curvature[:, 0] + curvature[:, 2]
+    return np.asarray(trace**2 <= (MOST_UNEVEN - 1.0) ** 2 / MOST_UNEVEN * -curvature[:, 3])
 
 
 def _crossings(picture: NDArray[np.uint8], points: FloatArray) -> Saddles:

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from trisquare.checked import FloatArray
 from trisquare.edge_shift import without_shift
 from trisquare.edges import PlaneEdges
 from trisquare.lattice_edges import FoundLattice
+from trisquare.marker_room import side_room
 from trisquare.outlines import Lattice
 from trisquare.sheet_layout import Arrangement, Sheet
 from trisquare.sheet_shift import marker_shift
 from trisquare.spans import Samples, Span
+
+LEAST_ROOM = 3.0
+"""Pixels to either side of an edge that hold it. A marker's edge with less between a chessboard's
+and its own bits is off by some hundredths of a pixel, and the grid lines do without it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,30 +37,33 @@ class FoundSheet:
         The same in the picture, coarse, pixels.
     lattice : FoundLattice or None
         The chessboard round the markers, if there is one.
+    border, gap : float
+        Of the markers' black border and of the white round it, over their side.
     """
 
     kind: str
     model: FloatArray
     corners: FloatArray
     lattice: FoundLattice | None
+    border: float
+    gap: float
 
     @classmethod
     def of(
         cls,
-        grey: NDArray[np.uint8],
         sheet: Sheet,
         arrangement: Arrangement,
-        places: NDArray[np.intp],
         model: FloatArray,
         corners: FloatArray,
         homography: FloatArray,
+        border: float,
     ) -> FoundSheet:
-        """Add the chessboard to the markers at some places of an arrangement."""
+        """Add the chessboard to some markers of an arrangement."""
         lattice = None
         if sheet.squares is not None and arrangement.dark_corner is not None:
             crossings = _crossings(sheet.squares, model, corners, homography)
-            lattice = FoundLattice.with_corner(crossings, arrangement.dark_corner)
-        return cls(sheet.kind, model, corners, lattice)
+            lattice = FoundLattice.of_board(crossings, arrangement.dark_corner, sheet.rim)
+        return cls(sheet.kind, model, corners, lattice, border, sheet.gap)
 
     @property
     def quad(self) -> FloatArray:
@@ -69,8 +76,14 @@ class FoundSheet:
         spans = [] if self.lattice is None else self.lattice.spans(first)
         for corners in self.corners:
             number = first + len(spans)
+            room = side_room(corners, self.border, self.gap)
             spans += [
-                (corners[[i, (i + 1) % 4]], -1.0, (number + (i + 3) % 4, number + (i + 1) % 4))
+                (
+                    corners[[i, (i + 1) % 4]],
+                    -1.0,
+                    (number + (i + 3) % 4, number + (i + 1) % 4),
+                    room[i],
+                )
                 for i in range(4)
             ]
         return spans
@@ -83,16 +96,25 @@ class FoundSheet:
             own = measured[grid + 4 * index : grid + 4 * index + 4]
             samples = [side for side in own if not isinstance(side, str)]
             if len(samples) == 4:
-                markers.append((model, samples))
+                markers.append((index, model, samples))
         figures: list[PlaneEdges] = []
         if self.lattice is not None:
             figures, shift = self.lattice.figures_and_shift(measured[:grid], plane)
-        if not figures:
-            models = np.array([model for model, _ in markers])
-            shift = marker_shift(models, [[side[0] for side in own] for _, own in markers])
-        for model, samples in markers:
-            figures.append(_marker_edges(model, samples, shift, plane, self.kind))
+        if figures:
+            markers = [marker for marker in markers if self._stands_apart(marker[0])]
+        else:
+            models = np.array([model for _, model, _ in markers])
+            shift = marker_shift(models, [[side[0] for side in own] for _, _, own in markers])
+        for _, model, samples in markers:
+            side = float(np.linalg.norm(model[1] - model[0]))
+            edges = _marker_edges(model, samples, shift, plane, self.kind)
+            figures.append(replace(edges, border=self.border * side))
         return figures
+
+    def _stands_apart(self, marker: int) -> bool:
+        """Whether a marker's edges are clear of the chessboard's, which then are not enough."""
+        room = side_room(self.corners[marker], self.border, self.gap)
+        return min(min(sides) for sides in room) >= LEAST_ROOM
 
 
 def _marker_edges(

@@ -7,6 +7,7 @@ unit is a chess square, or a marker's side, or whatever a file is written in.
 from __future__ import annotations
 
 import json
+import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -71,12 +72,18 @@ class Sheet:
         Those that go by the same name; the picture tells which it is.
     squares : tuple of int or None
         Chess squares across and down.
+    rim : float
+        Of a chessboard, the white between a square's edges and its marker, over the square's side.
+    gap : float
+        White round a marker before the next thing, over the marker's side.
     """
 
     kind: str
     name: str
     arrangements: tuple[Arrangement, ...]
     squares: tuple[int, int] | None = None
+    rim: float = 0.0
+    gap: float = math.inf
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,6 +165,7 @@ def _charuco(cols: int, rows: int, ratio: float) -> Sheet:
     that it had before 4.6.
     """
     middle = np.array([cols, rows]) / 2.0
+    rim = 0.5 * (1.0 - ratio)
     arrangements = []
     for dark_corner in (True, False) if rows % 2 == 0 else (True,):
         white = [
@@ -165,7 +173,7 @@ def _charuco(cols: int, rows: int, ratio: float) -> Sheet:
         ]
         corners = 0.5 + ratio * (UNIT_SQUARE - 0.5) - middle + np.array(white)[:, None]
         arrangements.append(Arrangement(corners, dark_corner))
-    return Sheet("charuco", "board", tuple(arrangements), (cols, rows))
+    return Sheet("charuco", "board", tuple(arrangements), (cols, rows), rim, rim / ratio)
 
 
 def _grid(cols: int, rows: int, gap: float) -> Sheet:
@@ -174,7 +182,7 @@ def _grid(cols: int, rows: int, gap: float) -> Sheet:
     cells = np.stack([x.ravel(), y.ravel()], axis=1) * (1.0 + gap)
     corners = UNIT_SQUARE + cells[:, None] - 0.5 * (cells[-1] + 1.0)
     from_bottom = corners.reshape(rows, cols, 4, 2)[::-1].reshape(-1, 4, 2)
-    return Sheet("sheet", "sheet", (Arrangement(corners), Arrangement(from_bottom)))
+    return Sheet("sheet", "sheet", (Arrangement(corners), Arrangement(from_bottom)), gap=gap)
 
 
 def _from_file(path: Path) -> Layout:

@@ -40,17 +40,18 @@ def find_sheets(grey: NDArray[np.uint8], layout: Layout) -> list[FoundSheet | Re
     if min(grey.shape) < MIN_PICTURE:
         return []
     seen: dict[int, list[tuple[int, FloatArray]]] = {}
-    for number, corners in _markers(grey, layout):
-        place = layout.place(number)
+    markers = _markers(grey, layout)
+    for marker in markers:
+        place = layout.place(marker.number)
         if place is not None:
-            seen.setdefault(place[0], []).append((place[1], corners))
+            seen.setdefault(place[0], []).append((place[1], marker.corners))
     found: list[FoundSheet | Rejected] = []
     for index in sorted(seen):
         sheet = layout.sheet(index)
         places = np.array([place for place, _ in seen[index]])
         corners = np.array([corners for _, corners in seen[index]])
         if len(places) >= min(LEAST_MARKERS, len(sheet.arrangements[0].corners)):
-            found.append(_fit(grey, layout, sheet, places, corners))
+            found.append(_fit(layout, sheet, places, corners, markers[0].border))
     return found
 
 
@@ -86,11 +87,11 @@ class _Fit(NamedTuple):
 
 
 def _fit(
-    grey: NDArray[np.uint8],
     layout: Layout,
     sheet: Sheet,
     places: NDArray[np.intp],
     corners: FloatArray,
+    border: float,
 ) -> FoundSheet | Rejected:
     """Put markers on a sheet, or say why they are not on it."""
     fits = [
@@ -112,13 +113,7 @@ def _fit(
         return Rejected(sheet.kind, 0, quad, reason)
     kept = best.fits
     return FoundSheet.of(
-        grey,
-        sheet,
-        best.arrangement,
-        places[kept],
-        best.model[kept],
-        corners[kept],
-        best.homography,
+        sheet, best.arrangement, best.model[kept], corners[kept], best.homography, border
     )
 
 

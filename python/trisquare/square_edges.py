@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -9,8 +10,11 @@ import numpy as np
 
 from trisquare.checked import FloatArray
 from trisquare.edges import PlaneEdges
+from trisquare.marker_room import side_room
 from trisquare.outlines import Outline, SquareOutline
 from trisquare.spans import Samples, Span
+from trisquare.tag_codes import dictionary
+from trisquare.tags import BORDER
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,7 +39,7 @@ class FoundSquare:
         """Four spans for each outline, in order."""
         spans: list[Span] = []
         for outline in self._outlines():
-            spans += _outline_spans(outline, first + len(spans))
+            spans += _outline_spans(outline, first + len(spans), self._border)
         return spans
 
     def figures(self, measured: Sequence[Samples | str], plane: int) -> list[PlaneEdges]:
@@ -48,18 +52,26 @@ class FoundSquare:
             # An outline with a side that is no edge is no square; without its outer outline, a
             # frame's inner one is a square of its own.
             if len(samples) == 4:
-                figures.append(_square_edges(outline, samples, plane, self.kind))
+                edges = _square_edges(outline, samples, plane, self.kind)
+                figures.append(replace(edges, border=self._border))
         return figures
+
+    @property
+    def _border(self) -> float | None:
+        """Width of a tag's black border over its side."""
+        tag = self.outline.tag
+        return None if tag is None else BORDER / (dictionary(tag.dictionary).side + 2 * BORDER)
 
     def _outlines(self) -> list[Outline]:
         outer, inner = self.outline.outer, self.outline.inner
         return [outer] if inner is None else [outer, inner]
 
 
-def _outline_spans(outline: Outline, first: int) -> list[Span]:
+def _outline_spans(outline: Outline, first: int, border: float | None) -> list[Span]:
     rise = -1.0 if outline.dark_inside else 1.0
+    room = side_room(outline.corners, math.inf if border is None else border, math.inf)
     return [
-        (np.ascontiguousarray(side), rise, (first + (i + 3) % 4, first + (i + 1) % 4))
+        (np.ascontiguousarray(side), rise, (first + (i + 3) % 4, first + (i + 1) % 4), room[i])
         for i, side in enumerate(outline.sides)
     ]
 

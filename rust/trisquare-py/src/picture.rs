@@ -102,16 +102,24 @@ pub fn tone(value: &Bound<'_, PyAny>) -> PyResult<Tone> {
 
 type Bounds = (Option<usize>, Option<usize>);
 
-/// A path, its rise and the spans that bound it; and the spans that cross a grid line, with the
-/// number of each crossing.
+/// A path, its rise and the spans that bound it; of an edge the room beside it; of a grid line the
+/// spans that cross it, with the number of each crossing, and the rims of the markers after them.
 #[derive(FromPyObject)]
 pub enum Span<'py> {
+    MarkedLine(
+        PyReadonlyArray2<'py, f64>,
+        f64,
+        Bounds,
+        Vec<(Option<usize>, usize)>,
+        Vec<f64>,
+    ),
     GridLine(
         PyReadonlyArray2<'py, f64>,
         f64,
         Bounds,
         Vec<(Option<usize>, usize)>,
     ),
+    Confined(PyReadonlyArray2<'py, f64>, f64, Bounds, (f64, f64)),
     Edge(PyReadonlyArray2<'py, f64>, f64, Bounds),
 }
 
@@ -180,18 +188,22 @@ fn edge_spans(spans: &[Span<'_>]) -> PyResult<Vec<EdgeSpan>> {
     let spans: Vec<EdgeSpan> = spans
         .iter()
         .map(|span| {
-            let (path, rise, bounds, crossings) = match span {
-                Span::GridLine(path, rise, bounds, crossings) => {
-                    (path, *rise, *bounds, crossings.clone())
+            let (Span::MarkedLine(path, rise, bounds, ..)
+            | Span::GridLine(path, rise, bounds, _)
+            | Span::Confined(path, rise, bounds, _)
+            | Span::Edge(path, rise, bounds)) = span;
+            let mut edge = EdgeSpan::new(arrays::points(path)?, *rise);
+            edge.bounds = [bounds.0, bounds.1];
+            match span {
+                Span::MarkedLine(.., crossings, rims) => {
+                    edge.crossings.clone_from(crossings);
+                    edge.rims.clone_from(rims);
                 }
-                Span::Edge(path, rise, bounds) => (path, *rise, *bounds, Vec::new()),
-            };
-            Ok(EdgeSpan {
-                path: arrays::points(path)?,
-                rise,
-                bounds: [bounds.0, bounds.1],
-                crossings,
-            })
+                Span::GridLine(.., crossings) => edge.crossings.clone_from(crossings),
+                Span::Confined(.., room) => edge.room = [room.0, room.1],
+                Span::Edge(..) => {}
+            }
+            Ok(edge)
         })
         .collect::<PyResult<_>>()?;
     let met = |span: &EdgeSpan| {

@@ -34,6 +34,10 @@ const MIDDLE: f64 = 0.36;
 /// Least step across an edge over the mean of all its places: noise and shading leave more.
 const FAINTEST: f64 = 0.5;
 
+/// The same at the first and the last place: next to a crossing the step fades, the more so the
+/// more aslant the two edges cross. Noise alone would leave a step of either sign.
+const FAINTEST_END: f64 = 0.1;
+
 /// Grey levels across an edge: a tenth of a contrast of 30, for what two pixels of blur leave of
 /// it; noise would not step the same way at all of `PLACES`.
 const LEAST_STEP: f64 = 3.0;
@@ -118,20 +122,20 @@ impl<'a> GreyBytes<'a> {
         }
         let clockwise = Vector2::new(-way.y, way.x) * (BESIDE / length);
         let sign = if dark_clockwise { 1.0 } else { -1.0 };
-        let mut least = f64::INFINITY;
-        let mut sum = 0.0;
+        let mut steps = [0.0; PLACES.len()];
         let first = (corner / length).clamp(PLACES[0], MIDDLE);
-        for place in PLACES.map(|place| place.clamp(first, 1.0 - first)) {
-            let on_edge = start + way * place;
-            let step = sign * (self.at(on_edge - clockwise) - self.at(on_edge + clockwise));
-            if step <= 0.0 {
+        for (step, place) in steps.iter_mut().zip(PLACES) {
+            let on_edge = start + way * place.clamp(first, 1.0 - first);
+            *step = sign * (self.at(on_edge - clockwise) - self.at(on_edge + clockwise));
+            if *step <= 0.0 {
                 return false;
             }
-            least = least.min(step);
-            sum += step;
         }
-        let mean = sum / PLACES.len() as f64;
-        least > FAINTEST * mean && mean > LEAST_STEP
+        let [start_step, between @ .., end_step] = steps;
+        let mean = steps.iter().sum::<f64>() / PLACES.len() as f64;
+        mean > LEAST_STEP
+            && start_step.min(end_step) > FAINTEST_END * mean
+            && between.iter().all(|step| *step > FAINTEST * mean)
     }
 }
 

@@ -55,6 +55,9 @@ pub struct PlaneEdges {
     /// How far one standard deviation of an error that all samples of a picture share, as that of
     /// its estimated tone curve, displaces each sample, in pixels; no such error where absent.
     pub drift: Option<Vec<Vec<Vector2<f64>>>>,
+    /// Width of the plain border within a square's outline, in the lines' units: further inside is
+    /// something else, as the bits of a tag. Absent if nothing is known of it.
+    pub border: Option<f64>,
 }
 
 impl PlaneEdges {
@@ -89,6 +92,7 @@ impl PlaneEdges {
             image: 0,
             freedom: Freedom::Auto,
             drift: None,
+            border: None,
         }
     }
 

@@ -51,6 +51,28 @@ pub struct EdgeSpan {
     /// among all that there are on the board, seen or not. At each the rise changes its sign; that given is
     /// the one after the first. Between two whose numbers are no neighbours nothing is measured.
     pub crossings: Vec<(Option<usize>, usize)>,
+    /// Where the light cell beside the stretch after each crossing carries a marker: how far from the
+    /// cell's edges its dark border begins, over the cell's side; 0 where there is none. Empty if
+    /// there are none at all.
+    pub rims: Vec<f64>,
+    /// How far from the path, pixels, the picture is the edge's own, on the negative side and on the
+    /// other: beyond it something else begins. Infinite where nothing is known of it.
+    pub room: [f64; 2],
+}
+
+impl EdgeSpan {
+    /// An edge that meets no other, and of whose surroundings nothing is known.
+    #[must_use]
+    pub fn new(path: Vec<Vector2<f64>>, rise: f64) -> Self {
+        Self {
+            path,
+            rise,
+            bounds: [None; 2],
+            crossings: Vec::new(),
+            rims: Vec::new(),
+            room: [f64::INFINITY; 2],
+        }
+    }
 }
 
 /// The samples of one span, and what was found about the picture along it.
@@ -85,6 +107,9 @@ pub enum NoEdge {
     /// No smooth curve of the expected polarity near the path.
     #[error("no smooth edge runs along its outline, dark on the side where it should be")]
     Inconsistent,
+    /// Something else is so near that its blur would be taken for this edge's.
+    #[error("something else is too close to it")]
+    Cramped,
     /// There is something, but its contrast is lost in the noise, or it is not a step.
     #[error("its edge is too faint, too blurred or too short to be measured")]
     Unmeasurable,
@@ -99,6 +124,9 @@ const FAR_RATIO: f64 = 2.5;
 const FAR_SHARE: f64 = 0.25;
 /// Of the distance between neighbouring grid lines a line has this much to either side.
 const SPACING_SHARE: f64 = 0.5;
+/// An edge with less room beside it, in blurs, is not measured: at twice that distance the next thing
+/// takes or adds 2 % of what the edge rises by where it is steepest.
+const LEAST_ROOM_BLURS: f64 = 1.5;
 /// Before the neighbours are known, pixels this near to the path's ends are left out, in pixels or
 /// as a share of the length, whichever is less.
 const END_MARGIN: f64 = 6.0;
@@ -231,30 +259,34 @@ impl<'a> Localiser<'a> {
             false => inner_end(&side),
         };
         let room = room(spans, index, &side);
+        let within = |width: f64| room.map(|room| width.min(room));
         let crossings = |side: &Side| {
             is_crossed.then(|| Crossings::coarse(spans, index, &side.curve, side.blur))
         };
         let crossed = crossings(&side);
-        let band = |curve, width, crossings| Band {
+        let band = |curve, near, reach, crossings| Band {
             curve,
-            near: width,
-            reach: [width; 2],
+            near,
+            reach,
             ends: [-end, end],
             fences: Vec::new(),
             hidden: &coarse.hidden,
             crossings,
             stride: (length / PREVIEW_COLUMNS) as usize + 1,
         };
-        let narrow = near(&side).min(room);
-        self.gather(&band(side.curve.clone(), narrow, crossed.as_ref()))?;
+        let narrow = near(&side);
+        let curve = side.curve.clone();
+        self.gather(&band(curve, narrow, within(narrow), crossed.as_ref()))?;
         let noise = self.noise_about(&side);
         let steps = (PREVIEW_STEPS, ROUGHLY_SETTLED);
         side.fit(self.reader.curve(), &self.pixels, noise, steps);
 
-        let near = near(&side).min(room);
-        let far = (FAR_RATIO * near).min(far_room(&side, room)).max(near);
+        let near = near(&side).min(room[0].max(room[1]));
+        let far = (FAR_RATIO * near).min(far_room(&side, is_crossed));
+        let far = within(far.max(near));
         let crossed = crossings(&side);
-        self.gather(&band(side.curve.clone(), far, crossed.as_ref()))?;
+        let curve = side.curve.clone();
+        self.gather(&band(curve, far[0].max(far[1]), far, crossed.as_ref()))?;
         std::mem::swap(&mut self.pixels, &mut self.wide);
         let is_near = |pixel: &&Pixel| side.distance(pixel).abs() <= near;
         self.pixels.clear();
@@ -271,7 +303,10 @@ impl<'a> Localiser<'a> {
             false => noise,
         };
         self.judge(&side, span.rise, noise)?;
-        let reach = plateaus::reach(&side, self.reader.curve(), &self.wide, noise, [near, far]);
+        if span.room[0].min(span.room[1]) < LEAST_ROOM_BLURS * side.blur {
+            return Err(NoEdge::Cramped);
+        }
+        let reach = plateaus::reach(&side, self.reader.curve(), &self.wide, noise, near, far);
         let pixels = match self.tone {
             Tone::Power(_) => self.wide_within(&side, reach),
             _ => Vec::new(),
@@ -317,11 +352,12 @@ impl<'a> Localiser<'a> {
             true => ([-1.0, 1.0].map(|s| s * side.curve.half_length), Vec::new()),
             false => limits(span, &side, previews),
         };
-        let near = near(&side).min(room(spans, index, &side));
+        let room = room(spans, index, &side);
+        let near = near(&side).min(room[0].max(room[1]));
         let band = Band {
             curve: side.curve.clone(),
             near,
-            reach: reach.map(|reach| reach.max(near)),
+            reach: [0, 1].map(|i| reach[i].max(near).min(room[i])),
             ends,
             fences,
             hidden,
@@ -420,21 +456,21 @@ fn near(side: &Side) -> f64 {
     MIN_NEAR.max(NEAR_BLURS * side.blur)
 }
 
-/// How far to either side of a grid line its surroundings are its own, pixels; of another span
-/// nothing is known.
-fn room(spans: &[EdgeSpan], index: usize, side: &Side) -> f64 {
-    match spans[index].crossings.is_empty() {
-        true => f64::INFINITY,
-        false => SPACING_SHARE * crossings::spacing(spans, index, side.curve.along),
+/// How far to either side of an edge its surroundings are its own, pixels.
+fn room(spans: &[EdgeSpan], index: usize, side: &Side) -> [f64; 2] {
+    let span = &spans[index];
+    if span.crossings.is_empty() {
+        return span.room;
     }
+    let spacing = crossings::spacing(spans, index, side.curve.along);
+    span.room.map(|room| room.min(SPACING_SHARE * spacing))
 }
 
-/// The same for plateaus, where a side's length has to tell what is not known.
-fn far_room(side: &Side, room: f64) -> f64 {
-    if room.is_finite() {
-        room
-    } else {
-        FAR_SHARE * side.curve.length()
+/// The same for plateaus, where nothing crosses the edge and its length has to tell what is not known.
+fn far_room(side: &Side, is_crossed: bool) -> f64 {
+    match is_crossed {
+        true => f64::INFINITY,
+        false => FAR_SHARE * side.curve.length(),
     }
 }
 

@@ -43,8 +43,9 @@ const VARIANCES: i32 = 7;
 /// Twice the log likelihood that a relief has to gain: chance does so once in a hundred times.
 const CLEARLY: f64 = 6.6;
 
-/// Generalised least-squares steps; two or three are used.
-const MAX_STEPS: usize = 8;
+/// Generalised least-squares steps; two or three are used, and nine where the fit of flat boards
+/// was far off.
+const MAX_STEPS: usize = 20;
 
 /// Predicted fall of the cost, in units of the noise variance, below which a step is the last.
 const LAST_DECREASE: f64 = 0.03;

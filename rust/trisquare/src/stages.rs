@@ -6,6 +6,7 @@ use crate::levenberg::Termination;
 use crate::linear::{
     Homographies, Undistortion, conic_camera_matrix, fallback_camera_matrices, first_view,
 };
+use crate::misfit::Misfit;
 use crate::observations::{ObservedPlane, Sample};
 use crate::parameters::FreeParameters;
 use crate::refine::{Refined, Search, finish, search};
@@ -53,6 +54,9 @@ fn keep_better(best: &mut Option<Refined<Brown>>, found: Refined<Brown>) {
         *best = Some(found);
     }
 }
+
+/// Mean square misfit from which an optimum may be a wrong one; that of noise alone is 1.
+const STRAINED: f64 = 2.0;
 
 /// What every stage may look at.
 pub(crate) struct Stages<'a> {
@@ -123,7 +127,9 @@ impl Stages<'_> {
     /// settles where that one does not.
     ///
     /// A doubtful answer may be a wrong optimum, with the principal point far off and the planes
-    /// turned to match: then all starts are tried and the one that fits best is taken.
+    /// turned to match: then all starts are tried and the one that fits best is taken. One that
+    /// leaves much more than noise may be wrong, too, where the robust loss gave up a part of the
+    /// samples for the rest: it has to stand against that of another start.
     fn refine(&self) -> Result<Refined<Brown>, Error> {
         let conic = conic_camera_matrix(self.homographies, self.task.size, self.task.options);
         let starts = conic.into_iter().chain(fallback_camera_matrices(
@@ -143,8 +149,14 @@ impl Stages<'_> {
                 continue;
             };
             match self.finish(found.clone()) {
-                Some(refined) if !self.is_doubtful(&refined) => return Ok(refined),
-                Some(refined) => keep_better(&mut best, refined),
+                Some(refined) => {
+                    // A doubtful geometry asks for all starts, large residuals for one more.
+                    let enough = best.is_some() || !self.is_strained(&refined);
+                    keep_better(&mut best, refined);
+                    if enough && let Some(sound) = best.take_if(|b| !self.is_doubtful(b)) {
+                        return Ok(sound);
+                    }
+                }
                 None => unsettled = unsettled.or(Some(found)),
             }
         }
@@ -240,6 +252,12 @@ impl Stages<'_> {
         let factor = refined.covariance_factor;
         let weakest = geometry.weakest(&refined.system, &self.task.free, factor);
         weakest.is_some_and(|weakest| weakest.is_doubtful())
+    }
+
+    /// Whether the sides are much farther from their lines than noise explains.
+    fn is_strained(&self, refined: &Refined<Brown>) -> bool {
+        let noise = refined.noise(self.planes);
+        Misfit::of(self.planes, &refined.view, &self.task.free, &noise).mean() > STRAINED
     }
 
     fn advised(&self, refined: &Refined<Brown>, weakness: Weakness) -> Error {

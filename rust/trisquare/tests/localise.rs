@@ -212,12 +212,7 @@ fn curved_edges_are_followed() {
         )
     };
     let path = vec![at(-12.0, 2.0), at(-4.0, 3.0), at(4.0, 0.0), at(12.0, -2.0)];
-    let spans = [EdgeSpan {
-        path,
-        rise: -1.0,
-        bounds: [None, None],
-        crossings: Vec::new(),
-    }];
+    let spans = [EdgeSpan::new(path, -1.0)];
     let mut sides = Vec::new();
     for seed in 0..24 {
         let edges = measured(&CAMERA.bytes(&exposure, seed), &spans, Tone::Linear).remove(0);
@@ -249,12 +244,10 @@ fn small_chessboard_cells_are_measured_between_their_crossings() {
     };
     // The four sides of the light cell in the middle of the upper row, clockwise.
     let square = [corner(1, 0), corner(2, 0), corner(2, 1), corner(1, 1)];
-    let inner: Vec<EdgeSpan> = (1..4)
+    let inner: Vec<EdgeSpan> = (1_usize..4)
         .map(|side| EdgeSpan {
-            path: vec![square[side], square[(side + 1) % 4]],
-            rise: 1.0,
             bounds: [side.checked_sub(2), Some(side).filter(|&next| next < 3)],
-            crossings: Vec::new(),
+            ..EdgeSpan::new(vec![square[side], square[(side + 1) % 4]], 1.0)
         })
         .collect();
     let mut lower = Vec::new();
@@ -407,10 +400,8 @@ fn specks_hardly_cost_anything() {
 fn path(points: &[[f64; 2]]) -> EdgeSpan {
     let path = points.iter().map(|&[x, y]| Vector2::new(x, y)).collect();
     EdgeSpan {
-        path,
-        rise: 1.0,
         bounds: [None, Some(77)],
-        crossings: Vec::new(),
+        ..EdgeSpan::new(path, 1.0)
     }
 }
 
@@ -470,8 +461,8 @@ proptest::proptest! {
         }).collect();
         let picture = Picture::from_u8(60, 60, 1, values).unwrap();
         let path = points.iter().map(|&(x, y)| Vector2::new(x, y)).collect();
-        let span = EdgeSpan { path, rise, bounds: [Some(1), Some(0)], crossings: Vec::new() };
-        let other = EdgeSpan { path: vec![Vector2::new(26.0, 5.0), Vector2::new(26.0, 50.0)], rise: -1.0, bounds: [Some(0), None], crossings: Vec::new() };
+        let span = EdgeSpan { bounds: [Some(1), Some(0)], ..EdgeSpan::new(path, rise) };
+        let other = EdgeSpan { bounds: [Some(0), None], ..EdgeSpan::new(vec![Vector2::new(26.0, 5.0), Vector2::new(26.0, 50.0)], -1.0) };
         for edges in localise(&picture, &[span, other], Tone::Srgb).into_iter().flatten() {
             let sound = edges.std.iter().all(|std| *std > 0.0 && std.is_finite());
             proptest::prop_assert!(sound && edges.points.len() == edges.std.len());

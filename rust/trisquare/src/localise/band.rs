@@ -156,6 +156,12 @@ impl Band<'_> {
                 continue;
             }
             let below = row - column.centre;
+            if crossings
+                .as_ref()
+                .is_some_and(|crossings| crossings.is_near_marker(column.distance(below)))
+            {
+                continue;
+            }
             if below.abs() <= near {
                 pixels.push(Pixel {
                     s,

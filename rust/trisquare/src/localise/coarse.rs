@@ -100,8 +100,8 @@ pub(super) fn degree_for(length: f64) -> usize {
 /// Finds the edge near a span's path.
 pub(super) fn find(reader: &GreyReader<'_>, span: &EdgeSpan) -> Result<CoarseEdge, NoEdge> {
     let path = path_curve(&span.path).ok_or(NoEdge::NoPath)?;
-    match seen(reader, &path, span.rise, &SHARP) {
-        Err(NoEdge::Inconsistent) => seen(reader, &path, span.rise, &BLUNT),
+    match seen(reader, &path, span, &SHARP) {
+        Err(NoEdge::Inconsistent) => seen(reader, &path, span, &BLUNT),
         found => found,
     }
 }
@@ -110,7 +110,7 @@ pub(super) fn find(reader: &GreyReader<'_>, span: &EdgeSpan) -> Result<CoarseEdg
 fn seen(
     reader: &GreyReader<'_>,
     path: &Curve,
-    rise: f64,
+    span: &EdgeSpan,
     sight: &Sight,
 ) -> Result<CoarseEdge, NoEdge> {
     let count =
@@ -122,7 +122,7 @@ fn seen(
         let s = end * (2.0 * index as f64 / (count - 1) as f64 - 1.0);
         if let Some(profile) = sight.profile(reader, path, s) {
             stations.push(s);
-            rises.extend(sight.steepest(&profile, path, s, rise));
+            rises.extend(sight.steepest(&profile, path, s, span));
         }
     }
     let inside = stations.len();
@@ -225,13 +225,13 @@ impl Sight {
     }
 
     /// Where a profile rises most in the wanted direction, between samples.
-    fn steepest(&self, values: &Profile, path: &Curve, s: f64, direction: f64) -> Option<Rise> {
+    fn steepest(&self, values: &Profile, path: &Curve, s: f64, span: &EdgeSpan) -> Option<Rise> {
         let at = |t: i32| values[place(t)];
         let strength = |t: i32| {
             let difference: f64 = (1..=self.filter)
                 .map(|step| at(t + step) - at(t - step))
                 .sum();
-            direction.signum() * difference
+            span.rise.signum() * difference
         };
         let best = (-REACH..=REACH).max_by(|&a, &b| strength(a).total_cmp(&strength(b)))?;
         let peak = strength(best);
@@ -248,11 +248,14 @@ impl Sight {
         }
         let (_, y) = path.local(path.point(s, offset));
         let plateau = |t: i32| at(t.clamp(-self.reach(), self.reach()));
+        let [before, after] = span
+            .room
+            .map(|room| f64::from(self.plateau).min(room).max(1.0) as i32);
         Some(Rise {
             s,
             y,
             strength: peak,
-            plateaus: [plateau(best - self.plateau), plateau(best + self.plateau)],
+            plateaus: [plateau(best - before), plateau(best + after)],
             slope: 0.5 * (at(best + 1) - at(best - 1)),
         })
     }

@@ -19,6 +19,11 @@ use crate::normal::cdf_and_pdf;
 
 /// From so many blurs on a line's change of sides is complete, to 6e-5 of the contrast.
 const COMPLETE: f64 = 4.0;
+/// A marker's border may be a twentieth of a pixel beside its modelled place: from so many blurs
+/// before it that does not matter ...
+const CLEAR_OF_MARKER: f64 = 2.0;
+/// ... but where that would leave less than this of the light cell, it has to be borne.
+const LEAST_REACH: f64 = 2.0;
 /// Steps towards the crossing of two curves; each squares the error of what was a pixel or two.
 const STEPS: usize = 3;
 /// The largest correlation reckoned with: lines at less than 18 degrees to each other.
@@ -37,6 +42,8 @@ const NODES: [(f64, f64); 5] = [
 #[derive(Debug, Clone, Default)]
 pub(super) struct Crossings {
     places: Vec<Crossing>,
+    /// +1 if the line's step rises, -1 if it falls.
+    rise: f64,
 }
 
 /// A crossing: the line that crosses, taken to be straight as far as the band reaches.
@@ -50,19 +57,40 @@ struct Crossing {
     angle: Angle,
     /// Sign of the contrast after it, that after the first being 1.
     sign: f64,
+    /// The marker in the light cell after it.
+    marker: Option<Marker>,
+}
+
+/// A dark square within a light cell, white being left all round it.
+///
+/// Its border's step is modelled, as far as it blurs into the white: `Phi` of the distances from the
+/// three sides that are near. It is as dark as the dark cells, being printed in the same ink.
+#[derive(Debug, Clone, Copy)]
+struct Marker {
+    /// Sign of the distances from the line where the cell lies.
+    side: f64,
+    /// Distance (px) from the line to the marker, and from the lines that bound the cell.
+    depth: f64,
+    margin: f64,
 }
 
 impl Crossings {
     /// As the coarse paths have them.
     pub fn coarse(spans: &[EdgeSpan], index: usize, curve: &Curve, blur: f64) -> Self {
         let span = &spans[index];
-        let places = span.path.iter().zip(&span.crossings).map(|(point, other)| {
+        let places = span.path.iter().zip(&span.crossings).enumerate();
+        let places = places.map(|(number, (point, other))| {
             let along = other.0.and_then(|line| direction_at(spans, line, index));
             let along = along.unwrap_or(curve.across);
-            Crossing::new(*point, along, blur, (curve, span.sign(other.1)))
+            let marker = marker_after(spans, index, number);
+            Crossing {
+                marker,
+                ..Crossing::new(*point, along, blur, (curve, span.sign(other.1)))
+            }
         });
         Self {
             places: places.collect(),
+            rise: span.rise.signum(),
         }
     }
 
@@ -84,6 +112,7 @@ impl Crossings {
             );
         Self {
             places: places.collect(),
+            rise: coarse.rise,
         }
     }
 
@@ -94,10 +123,14 @@ impl Crossings {
             0 => self.places.first().map_or(1.0, |first| -first.sign),
             _ => self.places[next - 1].sign,
         };
+        let before = next.checked_sub(1).map(|i| &self.places[i]);
+        let after = self.places.get(next);
         Between {
-            before: next.checked_sub(1).map(|i| &self.places[i]),
-            after: self.places.get(next),
+            before,
+            after,
             sign,
+            rise: self.rise,
+            marker: before.zip(after).and_then(|(before, _)| before.marker),
         }
     }
 }
@@ -107,6 +140,8 @@ pub(super) struct Between<'a> {
     before: Option<&'a Crossing>,
     after: Option<&'a Crossing>,
     sign: f64,
+    rise: f64,
+    marker: Option<Marker>,
 }
 
 /// What crossings make of a blurred step, `2 Phi(d) - 1` from -1 to 1: it times `slope`, and `shift`.
@@ -136,10 +171,39 @@ impl Between<'_> {
                 shift: -shift,
             }
         });
+        let shift = self.sign * (before.shift * after.slope + after.shift * before.slope);
         Flip {
             slope: self.sign * before.slope * after.slope,
-            shift: self.sign * (before.shift * after.slope + after.shift * before.slope),
+            // Twice, since a step from -1 to 1 is meant.
+            shift: shift - 2.0 * self.rise * self.darkened(point, distance),
         }
+    }
+
+    /// Whether a pixel so far from the line is too near to a marker.
+    pub fn is_near_marker(&self, distance: f64) -> bool {
+        let (Some(marker), Some(before)) = (self.marker, self.before) else {
+            return false;
+        };
+        let blurs = marker.depth * before.inverse_blur;
+        let reach = (blurs - CLEAR_OF_MARKER).max(blurs.min(LEAST_REACH));
+        marker.side * distance * before.inverse_blur > reach
+    }
+
+    /// What a marker takes of the light, over the contrast.
+    fn darkened(&self, point: Vector2<f64>, distance: f64) -> f64 {
+        let (Some(marker), Some(before), Some(after)) = (self.marker, self.before, self.after)
+        else {
+            return 0.0;
+        };
+        let within = [
+            (marker.side * distance - marker.depth) * before.inverse_blur,
+            before.blurs(point) - marker.margin * before.inverse_blur,
+            -after.blurs(point) - marker.margin * after.inverse_blur,
+        ];
+        if within.iter().any(|blurs| *blurs < -COMPLETE) {
+            return 0.0;
+        }
+        within.iter().map(|blurs| cdf_and_pdf(*blurs).0).product()
     }
 
     /// That of two pixels and all between them, if it is the same.
@@ -151,7 +215,7 @@ impl Between<'_> {
         };
         let all = self.before.is_none_or(|c| is_far(c, 1.0))
             && self.after.is_none_or(|c| is_far(c, -1.0));
-        all.then_some(Flip {
+        (all && self.marker.is_none()).then_some(Flip {
             slope: self.sign,
             shift: 0.0,
         })
@@ -174,6 +238,7 @@ impl Crossing {
             inverse_blur: 1.0 / blur,
             angle: Angle::of_cosine(forward.dot(&curve.across)),
             sign,
+            marker: None,
         }
     }
 
@@ -300,6 +365,48 @@ fn direction_at(spans: &[EdgeSpan], line: usize, other: usize) -> Option<Vector2
     let before = path.get(place.saturating_sub(1))?;
     let after = path.get(place + 1).or(path.get(place))?;
     (after - before).try_normalize(f64::MIN_POSITIVE)
+}
+
+/// The marker in the light cell beside the stretch after a crossing, if there is one.
+fn marker_after(spans: &[EdgeSpan], index: usize, number: usize) -> Option<Marker> {
+    let span = &spans[index];
+    let rim = *span.rims.get(number).filter(|rim| **rim > 0.0)?;
+    let ends = [*span.path.get(number)?, *span.path.get(number + 1)?];
+    let along = (ends[1] - ends[0]).try_normalize(f64::MIN_POSITIVE)?;
+    let side = span.rise.signum() * span.sign(span.crossings.get(number)?.1);
+    let [own, across] = [side, -side].map(|side| {
+        let depths = [number, number + 1]
+            .into_iter()
+            .filter_map(|end| distance_to_next(spans, index, end, side * along));
+        depths.reduce(|one, other| 0.5 * (one + other))
+    });
+    // A cell at the board's rim is about as deep as the one across the line.
+    let (own, across) = (own.or(across)?, across.or(own)?);
+    // The perspective of lines that are equally far apart.
+    let narrowing = (across - own) / (across + own);
+    Some(Marker {
+        side,
+        depth: rim * own * (1.0 + narrowing) / (1.0 + rim * narrowing),
+        margin: rim * (ends[1] - ends[0]).norm(),
+    })
+}
+
+/// Distance at a crossing from a line to the next one on the right of the given direction.
+fn distance_to_next(
+    spans: &[EdgeSpan],
+    index: usize,
+    number: usize,
+    along: Vector2<f64>,
+) -> Option<f64> {
+    let other = spans[index].crossings.get(number)?.0?;
+    let place = position(spans, other, index)?;
+    let path = &spans[other].path;
+    let here = path.get(place)?;
+    let next = [place.checked_sub(1), Some(place + 1)]
+        .into_iter()
+        .flatten();
+    next.filter_map(|next| Some(along.perp(&(path.get(next)? - here))))
+        .find(|distance| *distance > 0.0)
 }
 
 /// Least distance to the neighbouring lines of the same direction, as the lines that cross both

@@ -11,7 +11,8 @@ use crate::picture::GreyReader;
 /// Where, between two crossings, a line is looked at.
 const STATIONS: [f64; 3] = [0.35, 0.5, 0.65];
 /// Its shades are read so far from it, as a part of the distance to the next line, and at most so
-/// many pixels: clear of the blur, and short of a marker within the cell.
+/// many pixels: clear of the blur, and short of a marker within the cell; where it is known how much
+/// white there is round that, half way to it.
 const SHADE_SHARE: f64 = 0.4;
 const SHADE_REACH: f64 = 3.0;
 /// Its steepest rise is looked for so far from the path, in steps of half a pixel.
@@ -38,7 +39,9 @@ pub(super) fn find(
     let span = &spans[index];
     let curve = through_crossings(span).ok_or(NoEdge::NoPath)?;
     let spacing = crossings::spacing(spans, index, curve.along);
-    let reach = SHADE_REACH.min(SHADE_SHARE * spacing);
+    let least_rim = span.rims.iter().copied().filter(|rim| *rim > 0.0);
+    let share = least_rim.map(|rim| 0.5 * rim).fold(SHADE_SHARE, f64::min);
+    let reach = SHADE_REACH.min(share * spacing);
     let mut seen: Vec<Stretch> = Vec::new();
     let mut hidden = span.gaps(&curve);
     let mut stretches = 0.0;

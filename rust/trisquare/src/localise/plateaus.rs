@@ -22,7 +22,7 @@ impl Ring {
     }
 }
 
-/// How far, between `near` and `far` pixels, the pixels on either side follow the model.
+/// How far, from `near` to at most `far` pixels, the pixels on either side follow the model.
 ///
 /// A thin frame's other edge, a paper's rim or uneven light show in the mean of a ring, one pixel
 /// wide along the whole side, long before they show in a pixel: without this the other edge of a
@@ -32,10 +32,10 @@ pub(super) fn reach(
     tone: &ToneCurve,
     pixels: &[Pixel],
     noise: f64,
-    [near, far]: [f64; 2],
+    near: f64,
+    far: [f64; 2],
 ) -> [f64; 2] {
-    let count = (far - near).ceil() as usize;
-    let mut rings = [vec![Ring::default(); count], vec![Ring::default(); count]];
+    let mut rings = far.map(|far| vec![Ring::default(); (far - near).ceil().max(0.0) as usize]);
     // Cut off, so that a speck does not pass for a disturbance of the whole ring.
     let limit = RING_DEVIATIONS * noise;
     for pixel in pixels {
@@ -50,10 +50,10 @@ pub(super) fn reach(
             ring.count += 1.0;
         }
     }
-    rings.map(
-        |rings| match rings.iter().position(|ring| !ring.is_clean(noise)) {
+    [0, 1].map(
+        |i| match rings[i].iter().position(|ring| !ring.is_clean(noise)) {
             Some(first) => (near + first as f64 - GUARD_BLURS * side.blur).max(near),
-            None => far,
+            None => far[i],
         },
     )
 }

@@ -26,6 +26,10 @@ const SHARED_REACH: f64 = 0.45;
 /// An outline whose reach is cut below this (px) shows no plateau beside its blur.
 const MIN_REACH: f64 = 3.0;
 
+/// Of the plain border within an outline this part is used: its other half is blurred by what comes
+/// next.
+const BORDER_SHARE: f64 = 0.5;
+
 /// A side blurs the pixels within so many px of its ends and itself: more than the reach, because
 /// a blunt corner's sides part slowly.
 const NEAR: f64 = 13.0;
@@ -141,7 +145,10 @@ pub(super) fn collect(
         }
         let reader = readers.get(plane.image).ok_or(Refusal::NotApplicable)?;
         let outlines: Option<Vec<Outline>> = (0..plane.figures.len())
-            .map(|f| Outline::of(plane, &view.planes[p], f, &view.lens))
+            .map(|f| {
+                let border = edges[plane.figures[f].index].border;
+                Outline::of(plane, &view.planes[p], f, (&view.lens, border))
+            })
             .collect();
         let outlines = outlines.ok_or(Refusal::NotApplicable)?;
         for (f, outline) in outlines.iter().enumerate() {
@@ -173,10 +180,17 @@ struct Outline {
 struct TracePoint {
     place: Vector2<f64>,
     side: usize,
+    /// How far inside (px) pixels are the outline's own.
+    inward: f64,
 }
 
 impl Outline {
-    fn of(plane: &ObservedPlane, state: &PlaneState, figure: usize, lens: &Brown) -> Option<Self> {
+    fn of(
+        plane: &ObservedPlane,
+        state: &PlaneState,
+        figure: usize,
+        (lens, border): (&Brown, Option<f64>),
+    ) -> Option<Self> {
         let mut sides: [Side; 4] = plane.figures[figure].sides.clone().try_into().ok()?;
         let mut corners = [Vector2::zeros(); 4];
         for i in 0..4 {
@@ -193,17 +207,28 @@ impl Outline {
         let mut trace = Vec::new();
         for i in 0..4 {
             let (a, b) = (corners[i], corners[(i + 1) % 4]);
-            let see = |t: f64| {
-                let point = state.figures[figure].point(a.lerp(&b, t));
+            let inside = sides[i].line.normal();
+            let see_beside = |t: f64, depth: f64| {
+                let point = a.lerp(&b, t) + inside * depth;
+                let point = state.figures[figure].point(point);
                 lens.project(&state.pose.transform(&point))
             };
+            let see = |t: f64| see_beside(t, 0.0);
             let length = (see(1.0)? - see(0.0)?).norm();
             let count = (length / TRACE_SPACING).ceil().clamp(1.0, MAX_TRACE);
             // Both ends included: a corner belongs to both of its sides.
             for step in 0..=count as usize {
+                let t = step as f64 / count;
+                let place = see(t)?;
+                let along = (see(1.0)? - see(0.0)?).normalize();
+                let inward = match border.and_then(|border| see_beside(t, BORDER_SHARE * border)) {
+                    Some(end) => along.perp(&(end - place)).abs(),
+                    None => f64::INFINITY,
+                };
                 trace.push(TracePoint {
-                    place: see(step as f64 / count)?,
+                    place,
                     side: i,
+                    inward,
                 });
             }
         }
@@ -266,11 +291,15 @@ impl Outline {
                 let turn = self
                     .direction(nearest)
                     .map_or(-winding, |along| along.perp(&offset));
+                let depth = f64::from(mark.square).sqrt().copysign(turn * winding);
+                if depth > self.trace[nearest].inward {
+                    return None;
+                }
                 Some(BandPixel {
                     place,
                     value: reader.get(x, y)?,
                     near: mark.near,
-                    depth: f64::from(mark.square).sqrt().copysign(turn * winding),
+                    depth,
                     stretch: stretches[nearest],
                 })
             })

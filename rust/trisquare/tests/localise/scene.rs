@@ -217,10 +217,8 @@ pub fn spans(shape: &Shape, rise: f64, error: impl Fn(usize) -> [f64; 2]) -> Vec
             let normal = Vector2::new(-along.y, along.x);
             let [at_start, at_end] = error(side);
             EdgeSpan {
-                path: vec![start + normal * at_start, end + normal * at_end],
-                rise,
                 bounds: [Some((side + 3) % 4), Some((side + 1) % 4)],
-                crossings: Vec::new(),
+                ..EdgeSpan::new(vec![start + normal * at_start, end + normal * at_end], rise)
             }
         })
         .collect()

@@ -1,0 +1,139 @@
+"""Where a board stands by its lines alone, for a known camera: as flat, or as bent paper."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+import trisquare as ts
+
+Array = npt.NDArray[np.float64]
+
+ORDERS = tuple((i, order - i) for order in (2, 3, 4) for i in range(order + 1))
+"""Of Legendre's polynomials in both directions: the heights of a sheet, but for its pose."""
+
+STIFFNESS = np.array([((i + j) / 2.0) ** 4 for i, j in ORDERS])
+"""Sheets resist curvature, which grows with the square of the order."""
+
+HEIGHT = 0.01
+"""Heights that are expected of paper, in parts of half its extent, where a sample is worth a pixel:
+some tens of them share the errors, of some tenths of a pixel, of their line."""
+
+GRADIENT_STEP = 0.01
+"""Pixels over which a ray's gradient is taken."""
+
+POSE_STEP = 1e-6
+MAX_STEPS = 10
+LAST_STEP = 1e-7
+"""Radians, or cells: a millionth of a cell is some thousandths of a pixel at most."""
+
+
+class Sight(NamedTuple):
+    """Samples of a board's lines as a camera sees them.
+
+    Attributes
+    ----------
+    lines : ndarray of float64, shape (N, 3)
+        The line of each sample.
+    rays, along_x, along_y : ndarray of float64, shape (N, 3)
+        The samples' rays and their derivatives in the picture.
+    """
+
+    lines: Array
+    rays: Array
+    along_x: Array
+    along_y: Array
+
+    @classmethod
+    def of(cls, camera: ts.Camera, lines: Array, points: Sequence[Array]) -> Sight:
+        """Look at the samples of some lines of a board."""
+        pixels = np.concatenate(points)
+        x, y = (
+            (camera.unproject(pixels + step) - camera.unproject(pixels - step))
+            / (2.0 * GRADIENT_STEP)
+            for step in np.eye(2) * GRADIENT_STEP
+        )
+        each = np.repeat(lines, [len(own) for own in points], axis=0)
+        return cls(each, camera.unproject(pixels), x, y)
+
+    def distances(self, pose: Array) -> Array:
+        """Return the samples' distances from the images of their lines, pixels."""
+        planes, gradients = self._planes(pose)
+        return np.asarray((planes * self.rays).sum(axis=1) / gradients)
+
+    def displacements(self, pose: Array, middle: Array, radius: float) -> Array:
+        """Return what each unit of height does to the distances, shape (N, terms)."""
+        planes, gradients = self._planes(pose)
+        rotation, shift = _matrix(pose), pose[3:]
+        normal = rotation[:, 2]
+        depths = (normal @ shift) / (self.rays @ normal)
+        points = ((self.rays * depths[:, None] - shift) @ rotation)[:, :2]
+        x, y = (np.polynomial.legendre.legvander(own, 4) for own in (points - middle).T / radius)
+        heights = np.column_stack([x[:, i] * y[:, j] for i, j in ORDERS]) * radius
+        # A point P + z n, on the ray x = (P + z n) / s, of a line through P has
+        # l . x = z (l . n) / s.
+        return np.asarray(heights * ((planes @ normal) / depths / gradients)[:, None])
+
+    def _planes(self, pose: Array) -> tuple[Array, Array]:
+        """Return the planes through the camera and the lines, and how steeply distances grow."""
+        homography = np.column_stack([_matrix(pose)[:, :2], pose[3:]])
+        planes = self.lines @ np.linalg.inv(homography)
+        x, y = ((planes * own).sum(axis=1) for own in (self.along_x, self.along_y))
+        return planes, np.hypot(x, y)
+
+
+class Stand(NamedTuple):
+    """Where a board stands, and how it is bent."""
+
+    pose: Array  # rotation vector and translation
+    heights: Array
+    middle: Array
+    radius: float
+
+    def errors(self, sight: Sight) -> Array:
+        """Return how far samples are from where they are expected, pixels."""
+        distances = sight.distances(self.pose)
+        if not self.heights.any():
+            return distances
+        bend = sight.displacements(self.pose, self.middle, self.radius)
+        return distances - bend @ self.heights
+
+
+def stand(start: Array, sight: Sight, bent: bool) -> Stand:
+    """Fit a board's pose, and its heights if it may be bent, by least squares."""
+    reach = -sight.lines[:, 2]
+    columns, rows = reach[sight.lines[:, 0] != 0.0], reach[sight.lines[:, 0] == 0.0]
+    middle = 0.5 * np.array([columns.min() + columns.max(), rows.min() + rows.max()])
+    radius = 0.5 * max(np.ptp(columns), np.ptp(rows))
+    found = Stand(start, np.zeros(len(ORDERS)), middle, radius)
+    for _ in range(MAX_STEPS):
+        jacobian = _wrt_pose(found.pose, sight)
+        if bent:
+            jacobian = np.column_stack([jacobian, -sight.displacements(found.pose, middle, radius)])
+        information = jacobian.T @ jacobian
+        pull = jacobian.T @ found.errors(sight)
+        if bent:
+            information[6:, 6:] += np.diag(STIFFNESS / HEIGHT**2)
+            pull[6:] += STIFFNESS / HEIGHT**2 * found.heights
+        step = np.linalg.solve(information, pull)
+        heights = found.heights - step[6:] if bent else found.heights
+        found = found._replace(pose=found.pose - step[:6], heights=heights)
+        if np.abs(step[:6]).max() < LAST_STEP:
+            break
+    return found
+
+
+def _wrt_pose(pose: Array, sight: Sight) -> Array:
+    columns = [
+        (sight.distances(pose + step) - sight.distances(pose - step)) / (2.0 * POSE_STEP)
+        for step in np.eye(6) * POSE_STEP
+    ]
+    return np.column_stack(columns)
+
+
+def _matrix(pose: Array) -> Array:
+    return np.asarray(cv2.Rodrigues(pose[:3])[0])
