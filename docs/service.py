@@ -1,4 +1,4 @@
-"""A service that calibrates cameras: a photograph goes in, the calibration comes out as JSON.
+"""A service that calibrates cameras: a photograph goes in, JSON comes out.
 
 uvicorn service:app
 curl --data-binary @photo.jpg 'http://localhost:8000/calibrations?model=auto'
@@ -20,10 +20,10 @@ from fastapi import FastAPI, HTTPException, Request, Response
 import trisquare as ts
 
 THREADS = os.cpu_count() or 1
-"""Calibrations at a time. The core gives up Python's lock, so that threads are enough."""
+"""Calibrations at a time; the core gives up Python's lock while it computes."""
 
 MOST_WAITING = 8 * THREADS
-"""Calibrations accepted at a time: whoever comes next is told to come again, and not kept."""
+"""Photographs accepted at a time; whoever comes next is told to come again."""
 
 MOST_BYTES = 32 << 20
 """Of a photograph's file."""
@@ -43,7 +43,10 @@ app = FastAPI(lifespan=lifespan)
 
 @app.post("/calibrations")
 async def calibrations(
-    request: Request, model: str = "radial2", tone: str | None = None, targets: str = "squares"
+    request: Request,
+    model: str = "radial2",
+    tone: str | None = None,
+    targets: str = "squares",
 ) -> Response:
     """Calibrate the camera that took the photograph in the request's body."""
     state = request.app.state
@@ -73,12 +76,12 @@ async def _body(request: Request) -> bytes:
 def _calibrated(photo: bytes, model: str, tone: str | None, targets: str) -> ts.Calibration:
     """Calibrate from an encoded photograph, in a thread of the pool."""
     with tempfile.TemporaryDirectory() as folder:
-        # A path: trisquare refuses files that are not whole, which cv2.imdecode does not.
+        # From a file: trisquare refuses what is not whole; cv2.imdecode does not.
         path = Path(folder, "photograph")
         path.write_bytes(photo)
         try:
             if targets.lower().endswith(".json"):
-                raise ValueError("a layout's file would be the server's: name a board instead")
+                raise ValueError("a layout's file is the server's: name a board")
             return ts.calibrate(path, model=model, tone=tone, targets=targets)
         except (ts.TrisquareError, ValueError) as error:
             reason = {
@@ -89,7 +92,7 @@ def _calibrated(photo: bytes, model: str, tone: str | None, targets: str) -> ts.
 
 
 def _status(error: Exception) -> int:
-    """Tell wrong arguments from what is no picture, and from one that shows too little."""
+    """Tell wrong arguments, what is no picture, and one that shows too little."""
     if isinstance(error, ts.ImageError):
         return 415
     return 422 if isinstance(error, ts.TrisquareError) else 400
