@@ -20,9 +20,6 @@ exclude_patterns = ["_build", "_extensions", "measured.md"]
 myst_enable_extensions = ["deflist", "dollarmath"]
 myst_heading_anchors = 3
 
-# Quotes and dots are set in type, but dashes are options.
-smartquotes_action = "qe"
-
 # What single backticks in docstrings name, where it is documented.
 default_role = "py:obj"
 autodoc_member_order = "bysource"

@@ -15,6 +15,8 @@ TITLE = "The command"
 PYTHON_TYPE = re.compile(r" <[^>]*>$")
 """What follows an argument's name; the text says it better."""
 
+OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
+
 
 def commands_page() -> str:
     """Return the page as Markdown: arguments, options and examples of every command."""
@@ -53,5 +55,6 @@ def _described(command: Any, context: Any) -> Iterator[str]:
 
 
 def _prose(text: str | None) -> str:
-    """Keep what stands in a help from being taken for Markdown."""
-    return re.sub(r"([\\`*_<\[])", r"\\\1", " ".join((text or "").split()))
+    """Keep a help from being taken for Markdown, and its options from being set in type."""
+    escaped = re.sub(r"([\\`*_<\[])", r"\\\1", " ".join((text or "").split()))
+    return OPTION.sub(r"`\g<0>`", escaped)
