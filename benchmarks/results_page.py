@@ -7,8 +7,9 @@ measured. A run replaces the sections of the benchmarks that it measures and kee
 from __future__ import annotations
 
 import importlib
+import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from datetime import datetime, timezone
 from pathlib import Path
 
@@ -23,13 +24,15 @@ MARK = "<!-- benchmark: {} -->"
 SECTION = re.compile(r"^<!-- benchmark: (\w+) -->\n(.*?)(?=^<!-- benchmark|\Z)", re.DOTALL | re.M)
 
 
-def update(name: str, rows: Sequence[Row], order: Sequence[str], page: Path = PAGE) -> None:
+def update(
+    name: str, rows: Sequence[Row], order: Sequence[str], conditions: str, page: Path = PAGE
+) -> None:
     """Write a benchmark's rows into the page, in the place that `order` gives it.
 
     Sections of benchmarks that are not in `order` any more are dropped.
     """
     sections = read(page)
-    sections[name] = _section(name, rows)
+    sections[name] = _section(name, rows, conditions)
     page.write_text(
         "\n".join(
             f"{MARK.format(known)}\n{sections[known]}" for known in order if known in sections
@@ -44,16 +47,19 @@ def read(page: Path = PAGE) -> dict[str, str]:
     return {name: f"{body.strip()}\n" for name, body in SECTION.findall(text)}
 
 
-def _section(name: str, rows: Sequence[Row]) -> str:
-    title = (importlib.import_module(name).__doc__ or name).splitlines()[0]
+def conditions() -> str:
+    """Say of what, and when, what follows is measured, and how busy others keep the machine."""
     day = datetime.now(timezone.utc).date().isoformat()
-    versions = ", ".join(f"{program} {version}" for program, version in _versions().items())
+    said = f"{day}: trisquare {ts.__version__}, OpenCV {cv2.__version__}"
+    if not hasattr(os, "getloadavg"):
+        return said
+    # Times of a busy machine are not worth much; a reader has to know.
+    return f"{said}; {os.cpu_count()} cores under a load of {os.getloadavg()[0]:.1f}"
+
+
+def _section(name: str, rows: Sequence[Row], conditions: str) -> str:
+    title = (importlib.import_module(name).__doc__ or name).splitlines()[0]
     return (
         f"## {title.rstrip('.')}\n\n{markdown_table(rows)}\n\n"
-        f"*`benchmarks/{name}.py`, {day}: {versions}*\n"
+        f"*`benchmarks/{name}.py`, {conditions}*\n"
     )
-
-
-def _versions() -> Mapping[str, str]:
-    """Return the versions of what is measured and of its rival."""
-    return {"trisquare": ts.__version__, "OpenCV": cv2.__version__}

@@ -66,13 +66,13 @@ def main(names: list[str]) -> None:
     for name in names or BENCHMARKS:
         module = importlib.import_module(name)
         print(f"{name}: {module.__doc__.splitlines()[0]}", flush=True)
-        start = time.perf_counter()
+        conditions, start = results_page.conditions(), time.perf_counter()
         found = module.measure()
         for row in found:
             print(f"  {row.measured_on}: {row.measured} / must reach {row.must_reach}")
         print(f"  ({time.perf_counter() - start:.1f} s)", flush=True)
         # At once: a run of an hour may be interrupted.
-        results_page.update(name, found, BENCHMARKS)
+        results_page.update(name, found, BENCHMARKS, conditions)
         rows += found
     print("\n" + markdown_table(rows))
 

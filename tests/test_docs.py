@@ -193,11 +193,12 @@ def test_a_benchmark_replaces_its_own_rows_and_no_others(benchmarks, tmp_path):
     path = tmp_path / "measured.md"
     order = ("exactness", "tags", "tone")
     for name, value in (("tone", "1"), ("exactness", "2"), ("tags", "3"), ("exactness", "4")):
-        results_page.update(name, [Row("error", value, "5", True)], order, path)
+        results_page.update(name, [Row("error", value, "5", True)], order, "today", path)
     sections = results_page.read(path)
     assert list(sections) == list(order)
     for name, value in (("exactness", "4"), ("tags", "3"), ("tone", "1")):
         assert f"| error | {value} | 5 | yes |\n" in sections[name]
-        assert f"trisquare {ts.__version__}" in sections[name]
-    results_page.update("tone", [], order[1:], path)
+        assert sections[name].endswith(f"*`benchmarks/{name}.py`, today*\n")
+    results_page.update("tone", [], order[1:], "today", path)
     assert list(results_page.read(path)) == ["tags", "tone"]
+    assert f"trisquare {ts.__version__}" in results_page.conditions()
