@@ -24,7 +24,9 @@ def test_the_python_lines_run(tmp_path, monkeypatch, capsys):
     for code in blocks(README, "python"):
         exec(code, names)
     result = ts.Calibration.from_json((tmp_path / "camera.json").read_text())
-    assert capsys.readouterr().out == f"{result}\n"
+    printed = capsys.readouterr().out
+    assert printed.startswith(f"{result}\n")
+    assert "the same within their uncertainty" in printed
     assert names["K"].shape == (3, 3)
     assert names["distortion"].shape == (5,)
 
@@ -40,6 +42,17 @@ def test_the_commands_are_targets_of_the_makefile():
     assert targets == ["demo", "test"]
     for target in targets:
         assert re.search(rf"^{target}:", makefile, re.MULTILINE)
+
+
+def test_the_commands_shown_are_there(run):
+    (shown,) = blocks(README, "bash")
+    commands = re.findall(r"^trisquare (\w+)", shown, re.MULTILINE)
+    options = re.findall(r"--\w+", shown)
+    for command in commands:
+        code, printed, _ = run(command, "--help")
+        assert code == 0
+        options = [option for option in options if option not in printed]
+    assert not options
 
 
 def test_every_link_leads_somewhere():
