@@ -8,7 +8,8 @@ import secrets
 import shutil
 import struct
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TypeAlias
 
@@ -140,16 +141,31 @@ def encode_image(image: Image, path: PathLike) -> bytes:
     return encoded.tobytes()
 
 
+@contextmanager
+def writing(path: PathLike) -> Iterator[None]:
+    """Let an OSError of the system about an output begin with the name that the user gave."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None:
+            raise  # said already
+        said = f"{os.fspath(path)}: cannot be written: {error.strerror}"
+        raise type(error)(said) from error
+
+
 def check_writable(path: PathLike) -> None:
     """Raise OSError if `write_atomically` could not write to this path.
 
     So that a long calibration does not run for an answer that cannot be kept.
     """
     target = Path(os.path.realpath(path))
-    if not target.parent.is_dir():
-        raise FileNotFoundError(f"{os.fspath(path)}: there is no folder {target.parent}")
-    if target.exists() and not target.is_file():
-        raise OSError(f"{os.fspath(path)}: is not a file")
+    with writing(path):
+        if not target.parent.is_dir():
+            raise FileNotFoundError(f"{os.fspath(path)}: there is no folder {target.parent}")
+        if target.is_dir():
+            raise IsADirectoryError(f"{os.fspath(path)}: is a folder")
+        if target.exists() and not target.is_file():
+            raise OSError(f"{os.fspath(path)}: is not a file")
     if not os.access(target.parent, os.W_OK | os.X_OK):
         raise PermissionError(f"{os.fspath(path)}: the folder {target.parent} is not writable")
 
@@ -179,22 +195,23 @@ def write_in_turn(contents: Iterable[tuple[PathLike, bytes]]) -> None:
     So that many pictures are never in memory at once; an error while one is made touches no
     target either.
     """
-    staged: list[tuple[Path, Path]] = []
+    staged: list[tuple[PathLike, Path, Path]] = []
     try:
         for path, content in contents:
             check_writable(path)
             target = Path(os.path.realpath(path))
             temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}.tmp")
-            staged.append((temporary, target))
             # Opened, not made by tempfile: the file shall have the mode that the umask gives.
-            with temporary.open("xb") as file:
+            with writing(path), temporary.open("xb") as file:
+                staged.append((path, temporary, target))
                 file.write(content)
                 file.flush()
                 os.fsync(file.fileno())
             if target.exists():
                 shutil.copymode(target, temporary)
-        for temporary, target in staged:
-            temporary.replace(target)
+        for path, temporary, target in staged:
+            with writing(path):
+                temporary.replace(target)
     finally:
-        for temporary, _ in staged:
+        for _, temporary, _ in staged:
             temporary.unlink(missing_ok=True)
