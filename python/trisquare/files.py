@@ -162,8 +162,6 @@ def check_writable(path: PathLike) -> None:
     with writing(path):
         if not target.parent.is_dir():
             raise FileNotFoundError(f"{os.fspath(path)}: there is no folder {target.parent}")
-        if target.is_dir():
-            raise IsADirectoryError(f"{os.fspath(path)}: is a folder")
         if target.exists() and not target.is_file():
             raise OSError(f"{os.fspath(path)}: is not a file")
     if not os.access(target.parent, os.W_OK | os.X_OK):
