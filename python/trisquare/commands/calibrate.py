@@ -21,11 +21,20 @@ from trisquare.commands.drawn_files import (
     overlay_of,
 )
 from trisquare.commands.fix_option import FixOption, fixed_names
+from trisquare.commands.input_errors import reading
+from trisquare.commands.printing import JsonOption, QuietOption, check_printing
 from trisquare.drawings import Drawings
 from trisquare.files import write_atomically
 from trisquare.sheet_layout import parse_layout
 from trisquare.tables import calibration_report
 from trisquare.targets import Targets
+
+EXAMPLES = (
+    "trisquare calibrate photo.jpg",
+    "trisquare calibrate photo.jpg -o camera.json --overlay overlay.png --diagnose",
+    "trisquare calibrate one.jpg two.jpg three.jpg --model auto --json",
+    "trisquare calibrate board.png --targets chessboard:9x6 --fix aspect",
+)
 
 
 def calibrate_command(
@@ -37,9 +46,8 @@ def calibrate_command(
         Path | None,
         typer.Option("--output", "-o", metavar="FILE", help="Write the result there as JSON."),
     ] = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print JSON instead of tables, and nothing else.")
-    ] = False,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
     overlay: Annotated[
         Path | None,
         typer.Option(
@@ -106,6 +114,7 @@ def calibrate_command(
     ] = False,
 ) -> None:
     """Calibrate a camera from its photographs."""
+    check_printing(json, quiet)
     if diagnose and json:
         raise ValueError("--diagnose adds to the tables, which --json replaces: give one of them")
     overlays = numbered_paths(overlay, len(photos))
@@ -118,7 +127,8 @@ def calibrate_command(
     searched_for = Targets.parse(targets) if outline is None else Targets()
     with (
         drawn_on_failure(photos, debug_images, searched_for),
-        _progress(len(photos)) as progress,
+        _progress(quiet) as progress,
+        reading(),
     ):
         calibration = calibrate(
             photos[0] if len(photos) == 1 else photos,
@@ -141,7 +151,7 @@ def calibrate_command(
     write_atomically(contents)
     if json:
         print(calibration.to_json(), end="")
-    else:
+    elif not quiet:
         Console().print(calibration_report(calibration), soft_wrap=True)
         if diagnose:
             Console().print(Text(str(calibration.diagnosis)), soft_wrap=True)
@@ -151,7 +161,8 @@ def _targets_of_board(board: str, targets: str) -> str:
     """Return the targets that a board is; in Python they are one argument."""
     if targets != "auto":
         raise ValueError("--board and --targets both say what to look for: give one of them")
-    parse_layout(board)
+    with reading():
+        parse_layout(board)
     return board
 
 
@@ -163,10 +174,10 @@ def _tone(text: str | None) -> str | float | None:
 
 
 @contextmanager
-def _progress(photos: int) -> Iterator[Callable[[int, int], None] | None]:
+def _progress(quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
     """Show a bar on standard error, where somebody may be watching it."""
     console = Console(stderr=True)
-    if photos < 2 or not console.is_terminal:
+    if quiet or not console.is_terminal:
         yield None
         return
     with Progress(console=console, transient=True) as bar:

@@ -12,13 +12,20 @@ from rich.console import Console
 from rich.text import Text
 
 from trisquare.camera import camera_parameters
-from trisquare.commands.input_files import reading
+from trisquare.commands.input_errors import reading
+from trisquare.commands.printing import JsonOption, QuietOption, check_printing
 from trisquare.files import check_writable
 from trisquare.formats.files import Loaded, load_camera, save_camera
 from trisquare.formats.nearest import Approximation
 from trisquare.formats.registry import FORMATS, format_called, format_of_name
 
 CONVERSION_FORMAT = "trisquare-conversion/1"
+
+EXAMPLES = (
+    "trisquare convert camera.json camera_info.yaml",
+    "trisquare convert camchain.yaml camera.json --camera cam1",
+    "trisquare convert camera.json cameras.txt --to colmap --approximate",
+)
 
 FORMATS_HELP = "; ".join(f"{known.name} is {known.title}" for known in FORMATS)
 
@@ -59,15 +66,11 @@ def convert_command(
             help="Where a format has no model for the lens, use the nearest that it has.",
         ),
     ] = False,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print JSON instead of a line, and nothing else.")
-    ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
-    """Convert a camera from one program's file format to another's.
-
-    Example: trisquare convert camera.json camera_info.yaml
-    """
+    """Convert a camera from one program's file format to another's."""
+    check_printing(json, quiet)
     check_writable(target)
     if os.path.realpath(source) == os.path.realpath(target):
         raise ValueError(f"{target}: would overwrite what is converted")

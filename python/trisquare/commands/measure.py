@@ -16,7 +16,9 @@ from rich.text import Text
 
 from trisquare.checked import FloatArray
 from trisquare.commands.drawn_files import check_outputs
+from trisquare.commands.input_errors import reading
 from trisquare.commands.input_files import of_size, read_camera
+from trisquare.commands.printing import JsonOption, QuietOption, check_printing
 from trisquare.files import encode_image, read_image, write_atomically
 from trisquare.locating import locate
 from trisquare.measure import Measurement
@@ -27,6 +29,12 @@ from trisquare.top_view import TopView
 from trisquare.top_view import rectify as rectified
 
 MEASUREMENT_FORMAT = "trisquare-measurement/1"
+
+EXAMPLES = (
+    "trisquare measure photo.jpg --camera camera.json --side 50mm 312,440 518,402",
+    "trisquare measure photo.jpg --camera camera.json --plane 2 90,80 130,85 120,140",
+    "trisquare measure photo.jpg --camera camera.json --rectify above.png",
+)
 
 UNITS = ("um", "mm", "cm", "m", "km", "in", "ft")
 LENGTH = re.compile(r"([0-9.eE+-]+)\s*([A-Za-z]*)")
@@ -86,15 +94,15 @@ def measure_command(
         Path | None,
         typer.Option(metavar="FILE", help="Outlines drawn by hand, as in calibrate."),
     ] = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print JSON instead of text, and nothing else.")
-    ] = False,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Measure lengths, angles and areas on the plane of a square.
 
     The square is found in the photograph again, before the camera that is given; all that is
     uncertain about the pixels, its pose and the camera is in the standard deviations.
     """
+    check_printing(json, quiet)
     if camera is None:
         raise ValueError("say which camera took the photograph: --camera camera.json")
     pixels = _pixels(points or [])
@@ -106,7 +114,7 @@ def measure_command(
     picture = read_image(photo)
     known = of_size(known, picture_size(picture), rescale, str(photo))
     lens = known.camera if isinstance(known, Calibration) else known
-    with naming(photo):
+    with naming(photo), reading():
         planes = locate(picture, known, targets=targets, outlines=outline)
     chosen = _chosen(planes, plane)
     measured = None
@@ -120,7 +128,7 @@ def measure_command(
     if json:
         members = _members(chosen, plane, length, measured, view)
         print(json_text.dumps(members, indent=2, allow_nan=False))
-    else:
+    elif not quiet:
         for line in _lines(chosen, plane, length, measured, view):
             Console().print(Text(line), soft_wrap=True)
         if rectify is not None:

@@ -15,6 +15,9 @@ from rich.text import Text
 
 from trisquare.camera import Camera, camera_parameters
 from trisquare.commands.fix_option import FixOption, fixed_names
+from trisquare.commands.input_errors import reading
+from trisquare.commands.input_files import camera_alone
+from trisquare.commands.printing import JsonOption, QuietOption, check_printing
 from trisquare.json_fields import JsonFields
 from trisquare.named_file import naming, read_text
 from trisquare.plan import PlannedSquare
@@ -23,6 +26,13 @@ from trisquare.result import decimals_shown
 
 PLAN_FORMAT = "trisquare-plan/1"
 PREDICTION_FORMAT = "trisquare-prediction/1"
+
+EXAMPLES = (
+    "trisquare predict --size 4000x3000 --focal 3200",
+    "trisquare predict --camera camera.json --sigma 0.05 --model radial1",
+    "trisquare predict --size 1280x960 --square 25%,40%,30%,35,0 --square 75%,40%,30%,35,120 "
+    "--square 50%,70%,30%,35,240",
+)
 
 # Planned where nothing else is said: three squares over the picture, as section "How to take a
 # good photograph" of the README wants them. Parts of width, height and height; degrees.
@@ -74,11 +84,11 @@ def predict_command(
         typer.Option(metavar="MODEL", help="Distortion: none, radial1, radial2, radial3 or brown."),
     ] = None,
     fix: FixOption = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print JSON instead of a table, and nothing else.")
-    ] = False,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Predict the standard deviations that a planned photograph will have."""
+    check_printing(json, quiet)
     written = None if plan is None else _written(plan)
     guess = _camera(written, size, focal, camera)
     if square or written is None:
@@ -95,12 +105,13 @@ def predict_command(
     )
     if json:
         print(json_text.dumps(_members(found, planned), indent=2, allow_nan=False))
-    else:
+    elif not quiet:
         Console().print(_report(found, planned), soft_wrap=True)
 
 
 def _written(plan: Path) -> JsonFields:
-    text = read_text(plan)
+    with reading():
+        text = read_text(plan)
     with naming(plan):
         return JsonFields.parse(text, PLAN_FORMAT)
 
@@ -112,7 +123,7 @@ def _camera(
     if camera is not None:
         if size is not None or focal is not None:
             raise ValueError("--camera brings its own size and focal length")
-        return Camera.load(camera)
+        return camera_alone(camera)
     if size is not None:
         width, height = _size(size)
     elif written is not None:

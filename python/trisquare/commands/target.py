@@ -11,9 +11,16 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
+from trisquare.commands.printing import JsonOption, QuietOption, check_printing
 from trisquare.target import PrintedTarget, TargetKind, printed_target
 
 TARGET_FORMAT = "trisquare-target/1"
+
+EXAMPLES = (
+    "trisquare target",
+    "trisquare target --kind corner --page Letter -o target.pdf",
+    "trisquare target --kind flat --side 120 --json",
+)
 
 
 def target_command(
@@ -35,15 +42,14 @@ def target_command(
         float | None,
         typer.Option(metavar="MM", help="Side of each frame; by default the largest that fits."),
     ] = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print where everything stands, mm, as JSON.")
-    ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Write a PDF with three framed squares to print, for one photograph that calibrates.
 
-    Example: trisquare target --kind corner --page Letter -o target.pdf
+    JSON tells where everything stands, in mm.
     """
+    check_printing(json, quiet)
     # The library says what is wrong with a kind that it does not know.
     target = printed_target(cast(TargetKind, kind), page=page, side=side)
     target.save(output)

@@ -14,12 +14,19 @@ from rich.progress import track
 from trisquare.camera import Camera, camera_members
 from trisquare.commands.drawn_files import check_outputs, numbered_paths
 from trisquare.commands.input_files import camera_alone
+from trisquare.commands.printing import JsonOption, QuietOption, check_printing
 from trisquare.files import encode_image, read_image, write_in_turn
 from trisquare.named_file import naming
 from trisquare.pictures import Image, picture_size
 from trisquare.undistortion import Undistorter
 
 UNDISTORTION_FORMAT = "trisquare-undistortion/1"
+
+EXAMPLES = (
+    "trisquare undistort photo.jpg --camera camera.json -o straight.jpg",
+    "trisquare undistort frame-*.png --camera camera.json -o straight/ --balance 0.5",
+    "trisquare undistort small.png --camera camera.json -o straight.png --rescale",
+)
 
 DEEP_FORMATS = {
     "uint16": (".png", ".tif", ".tiff", ".jp2", ".pgm", ".ppm", ".pnm", ".pxm"),
@@ -61,15 +68,11 @@ def undistort_command(
     interpolation: Annotated[
         str, typer.Option(metavar="HOW", help="linear, nearest, cubic or lanczos.")
     ] = "linear",
-    json: Annotated[
-        bool,
-        typer.Option("--json", help="Print the new cameras as JSON, and nothing else."),
-    ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Remove the lens distortion from photographs; none is written unless all can be."""
-    if json and quiet:
-        raise ValueError("--json prints, and --quiet does not: give one of them")
+    check_printing(json, quiet)
     if output.is_dir():
         paths = [output / photo.name for photo in photos]
     else:
