@@ -12,6 +12,7 @@ Besides these, as by other commands: 1 where nobody reads standard output any mo
 from __future__ import annotations
 
 import os
+import re
 import sys
 import traceback
 from collections.abc import Mapping, Sequence
@@ -48,6 +49,9 @@ EXIT_CODES: Mapping[type[Exception], int] = {
     ImageError: 5,
     UnreadableInputError: 5,
 }
+
+NEGATIVE_NUMBER = re.compile(r"-[0-9.]")
+"""What such an argument begins with; the parser takes it for an option."""
 
 TRACEBACK_VARIABLE = "TRISQUARE_TRACEBACK"
 """Environment variable that shows where a fault of trisquare's own comes from."""
@@ -111,7 +115,10 @@ def _drop_output() -> None:
 def _usage_message(error: Any) -> str:
     context = getattr(error, "ctx", None)
     path = "trisquare" if context is None else context.command_path
-    return f"{error.format_message()} (see {path} --help)"
+    said = error.format_message()
+    if NEGATIVE_NUMBER.match(getattr(error, "option_name", None) or ""):
+        said = f"{said}; before an argument that begins with a minus, put --"
+    return f"{said} (see {path} --help)"
 
 
 def _message(error: Exception) -> str:

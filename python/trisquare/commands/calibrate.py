@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import Progress
 from rich.text import Text
 
 from trisquare.calibrate import calibrate
@@ -23,6 +20,7 @@ from trisquare.commands.drawn_files import (
 from trisquare.commands.fix_option import FixOption, fixed_names
 from trisquare.commands.input_errors import reading
 from trisquare.commands.printing import JsonOption, QuietOption, check_printing
+from trisquare.commands.progress import progress_bar
 from trisquare.drawings import Drawings
 from trisquare.files import write_atomically
 from trisquare.sheet_layout import parse_layout
@@ -119,7 +117,7 @@ def calibrate_command(
         raise ValueError("--diagnose adds to the tables, which --json replaces: give one of them")
     overlays = numbered_paths(overlay, len(photos))
     debug_images = numbered_paths(debug_image, len(photos))
-    check_outputs(photos, output, [*overlays, *debug_images])
+    check_outputs(_inputs(photos, outline, board), output, [*overlays, *debug_images])
     if board is not None:
         targets = _targets_of_board(board, targets)
     tone_curve = _tone(tone)
@@ -127,7 +125,7 @@ def calibrate_command(
     searched_for = Targets.parse(targets) if outline is None else Targets()
     with (
         drawn_on_failure(photos, debug_images, searched_for),
-        _progress(quiet) as progress,
+        progress_bar("calibrating", quiet) as progress,
         reading(),
     ):
         calibration = calibrate(
@@ -157,6 +155,12 @@ def calibrate_command(
             Console().print(Text(str(calibration.diagnosis)), soft_wrap=True)
 
 
+def _inputs(photos: list[Path], outline: Path | None, board: str | None) -> list[Path]:
+    """Return all that is read, and so must not be written to; no board but a file has a name."""
+    others = (outline, None if board is None else Path(board))
+    return [*photos, *(path for path in others if path is not None)]
+
+
 def _targets_of_board(board: str, targets: str) -> str:
     """Return the targets that a board is; in Python they are one argument."""
     if targets != "auto":
@@ -171,15 +175,3 @@ def _tone(text: str | None) -> str | float | None:
         return text if text is None else float(text)
     except ValueError:
         return text
-
-
-@contextmanager
-def _progress(quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
-    """Show a bar on standard error, where somebody may be watching it."""
-    console = Console(stderr=True)
-    if quiet or not console.is_terminal:
-        yield None
-        return
-    with Progress(console=console, transient=True) as bar:
-        task = bar.add_task("calibrating", total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)

@@ -14,6 +14,7 @@ from rich.text import Text
 from trisquare.camera import camera_parameters
 from trisquare.commands.input_errors import reading
 from trisquare.commands.printing import JsonOption, QuietOption, check_printing
+from trisquare.commands.size_option import parse_size
 from trisquare.files import check_writable
 from trisquare.formats.files import Loaded, load_camera, save_camera
 from trisquare.formats.nearest import Approximation
@@ -73,14 +74,14 @@ def convert_command(
     check_printing(json, quiet)
     check_writable(target)
     if os.path.realpath(source) == os.path.realpath(target):
-        raise ValueError(f"{target}: would overwrite what is converted")
+        raise ValueError(f"{target}: would overwrite the input")
     known = format_of_name(target.name) if to_format is None else format_called(to_format)
     with reading():
         loaded = load_camera(
             source,
             from_format,
             name=camera,
-            image_size=None if size is None else _size(size),
+            image_size=None if size is None else parse_size(size),
             approximate=approximate,
         )
     approximation = save_camera(loaded.camera, target, known.name, approximate=approximate)
@@ -89,14 +90,6 @@ def convert_command(
         print(json_text.dumps(members, indent=2, allow_nan=False))
     elif not quiet:
         _print_report(source, target, loaded, known.name, approximation)
-
-
-def _size(text: str) -> tuple[int, int]:
-    try:
-        width, height = (int(part) for part in text.lower().split("x"))
-    except ValueError as error:
-        raise ValueError(f"a size is written 1280x960, not {text!r}") from error
-    return width, height
 
 
 def _members(

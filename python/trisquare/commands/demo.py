@@ -11,6 +11,7 @@ from rich.console import Console
 
 from trisquare.camera import camera_members
 from trisquare.commands.printing import JsonOption, QuietOption, check_printing
+from trisquare.commands.progress import progress_bar
 from trisquare.demo import Demo, run_demo
 from trisquare.tables import comparison_report
 
@@ -28,7 +29,8 @@ def demo_command(
 ) -> None:
     """Calibrate the bundled photograph and compare with the camera that it was made with."""
     check_printing(json, quiet)
-    demo = run_demo(output)
+    with progress_bar("calibrating", quiet):
+        demo = run_demo(output)
     if json:
         print(json_text.dumps(_members(demo), indent=2, allow_nan=False))
     elif not quiet:

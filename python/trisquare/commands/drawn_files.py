@@ -32,13 +32,13 @@ def numbered_paths(path: Path | None, photos: int) -> list[Path]:
     return [path.with_name(f"{path.stem}-{number}{path.suffix}") for number in range(1, photos + 1)]
 
 
-def check_outputs(photos: Sequence[Path], output: Path | None, drawings: Sequence[Path]) -> None:
+def check_outputs(inputs: Sequence[Path], output: Path | None, drawings: Sequence[Path]) -> None:
     """Refuse outputs that cannot be written before anything is computed."""
-    taken = {os.path.realpath(photo) for photo in photos}
+    taken = {os.path.realpath(path) for path in inputs}
     for path in (*drawings, *([] if output is None else [output])):
         check_writable(path)
         if os.path.realpath(path) in taken:
-            raise ValueError(f"{path}: would overwrite a photograph or another output")
+            raise ValueError(f"{path}: would overwrite an input or another output")
         taken.add(os.path.realpath(path))
     for path in drawings:
         if not cv2.haveImageWriter(str(path)):

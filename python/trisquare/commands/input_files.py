@@ -44,10 +44,12 @@ def of_size(
     lens = camera.camera if isinstance(camera, Calibration) else camera
     if lens.image_size == image_size:
         return camera
+    with naming(what):
+        scaled = rescaled(camera, image_size)
     if not rescale:
         own, other = ("{} x {}".format(*size) for size in (lens.image_size, image_size))
         raise ValueError(
             f"{what} has {other} pixels, the camera's pictures {own}: --rescale scales the camera, "
             "where they are the same picture in another resolution"
         )
-    return rescaled(camera, image_size)
+    return scaled

@@ -15,14 +15,15 @@ from rich.console import Console
 from rich.text import Text
 
 from trisquare.checked import FloatArray
+from trisquare.choices import unknown
 from trisquare.commands.drawn_files import check_outputs
 from trisquare.commands.input_errors import reading
 from trisquare.commands.input_files import of_size, read_camera
 from trisquare.commands.printing import JsonOption, QuietOption, check_printing
+from trisquare.commands.progress import progress_bar
 from trisquare.files import encode_image, read_image, write_atomically
 from trisquare.locating import locate
 from trisquare.measure import Measurement
-from trisquare.named_file import naming
 from trisquare.pictures import picture_size
 from trisquare.result import CLICKED_STD, Calibration, Plane, decimals_shown
 from trisquare.top_view import TopView
@@ -109,12 +110,13 @@ def measure_command(
     if len(pixels) == 1 or (not len(pixels) and rectify is None):
         raise ValueError("give two points or more, as X,Y; or --rectify FILE")
     length = _Length.parse(side)
-    check_outputs([photo, camera], None, [] if rectify is None else [rectify])
+    inputs = [photo, camera, *([] if outline is None else [outline])]
+    check_outputs(inputs, None, [] if rectify is None else [rectify])
     known = read_camera(camera)
     picture = read_image(photo)
     known = of_size(known, picture_size(picture), rescale, str(photo))
     lens = known.camera if isinstance(known, Calibration) else known
-    with naming(photo), reading():
+    with progress_bar("measuring", quiet), reading():
         planes = locate(picture, known, targets=targets, outlines=outline)
     chosen = _chosen(planes, plane)
     measured = None
@@ -152,7 +154,7 @@ class _Length:
         if found is None or not 0 < value < np.inf:
             raise ValueError(f"a length is written 50mm, not {text!r}")
         if found[2] not in ("", *UNITS):
-            raise ValueError(f"unknown unit {found[2]!r}: choose one of {', '.join(UNITS)}")
+            raise unknown("unit", found[2], UNITS)
         return cls(value, found[2])
 
     def after(self, number: str, power: str = "") -> str:

@@ -18,6 +18,7 @@ from trisquare.commands.fix_option import FixOption, fixed_names
 from trisquare.commands.input_errors import reading
 from trisquare.commands.input_files import camera_alone
 from trisquare.commands.printing import JsonOption, QuietOption, check_printing
+from trisquare.commands.size_option import parse_size
 from trisquare.json_fields import JsonFields
 from trisquare.named_file import naming, read_text
 from trisquare.plan import PlannedSquare
@@ -125,7 +126,7 @@ def _camera(
             raise ValueError("--camera brings its own size and focal length")
         return camera_alone(camera)
     if size is not None:
-        width, height = _size(size)
+        width, height = parse_size(size)
     elif written is not None:
         width, height = written.array("image_size", (2,)).astype(int).tolist()
     else:
@@ -135,14 +136,6 @@ def _camera(
     centre = (0.5 * (width - 1), 0.5 * (height - 1))
     K = np.array([[focal, 0.0, centre[0]], [0.0, focal, centre[1]], [0.0, 0.0, 1.0]])
     return Camera(K, np.zeros(5), (width, height))
-
-
-def _size(text: str) -> tuple[int, int]:
-    try:
-        width, height = (int(part) for part in text.lower().split("x"))
-    except ValueError as error:
-        raise ValueError(f"a size is written 1280x960, not {text!r}") from error
-    return width, height
 
 
 def _square(text: str, camera: Camera, frame: float | None) -> PlannedSquare:

@@ -12,13 +12,14 @@ from rich.console import Console
 from rich.progress import track
 
 from trisquare.camera import Camera, camera_members
+from trisquare.choices import unknown
 from trisquare.commands.drawn_files import check_outputs, numbered_paths
 from trisquare.commands.input_files import camera_alone
 from trisquare.commands.printing import JsonOption, QuietOption, check_printing
 from trisquare.files import encode_image, read_image, write_in_turn
 from trisquare.named_file import naming
 from trisquare.pictures import Image, picture_size
-from trisquare.undistortion import Undistorter
+from trisquare.undistortion import INTERPOLATIONS, Undistorter
 
 UNDISTORTION_FORMAT = "trisquare-undistortion/1"
 
@@ -77,7 +78,9 @@ def undistort_command(
         paths = [output / photo.name for photo in photos]
     else:
         paths = numbered_paths(output, len(photos))
-    check_outputs(photos, None, paths)
+    check_outputs([*photos, camera], None, paths)
+    if interpolation not in INTERPOLATIONS:  # not to be said of the first photograph
+        raise unknown("interpolation", interpolation, INTERPOLATIONS)
     lens = camera_alone(camera)
     work = _Work(lens, balance, rescale, interpolation)
     console = Console(stderr=True)
