@@ -10,6 +10,8 @@ from rich.console import Console
 from rich.text import Text
 
 from trisquare.calibrate import calibrate
+from trisquare.camera import MODELS
+from trisquare.commands.completing import completing
 from trisquare.commands.drawn_files import (
     check_outputs,
     drawn_on_failure,
@@ -23,9 +25,11 @@ from trisquare.commands.printing import JsonOption, QuietOption, check_printing
 from trisquare.commands.progress import progress_bar
 from trisquare.drawings import Drawings
 from trisquare.files import write_atomically
+from trisquare.pictures import TONE_CURVES
+from trisquare.settings import AUTO, METHODS
 from trisquare.sheet_layout import parse_layout
 from trisquare.tables import calibration_report
-from trisquare.targets import Targets
+from trisquare.targets import TAG_SEARCHES, Targets
 
 EXAMPLES = (
     "trisquare calibrate photo.jpg",
@@ -66,18 +70,24 @@ def calibrate_command(
         str,
         typer.Option(
             metavar="MODEL",
+            autocompletion=completing((*MODELS, AUTO)),
             help="Distortion: none, radial1, radial2, radial3, brown, or auto: by evidence.",
         ),
     ] = "radial2",
     method: Annotated[
         str,
-        typer.Option(metavar="METHOD", help="ml, or linear for the paper's three steps alone."),
+        typer.Option(
+            metavar="METHOD",
+            autocompletion=completing(METHODS),
+            help="ml, or linear for the paper's three steps alone.",
+        ),
     ] = "ml",
     fix: FixOption = None,
     tone: Annotated[
         str | None,
         typer.Option(
             metavar="TONE",
+            autocompletion=completing(TONE_CURVES),
             help="Tone curve: auto (estimated), srgb, linear or a gamma. By default srgb for 8-bit "
             "pictures.",
         ),
@@ -86,6 +96,7 @@ def calibrate_command(
         str,
         typer.Option(
             metavar="TARGETS",
+            autocompletion=completing(TAG_SEARCHES),
             help="auto, squares, tags, aruco, apriltag, or chessboard:9x6 (inner corners).",
         ),
     ] = "auto",

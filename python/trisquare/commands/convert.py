@@ -12,13 +12,14 @@ from rich.console import Console
 from rich.text import Text
 
 from trisquare.camera import camera_parameters
+from trisquare.commands.completing import completing
 from trisquare.commands.input_errors import reading
 from trisquare.commands.printing import JsonOption, QuietOption, check_printing
 from trisquare.commands.size_option import parse_size
 from trisquare.files import check_writable
 from trisquare.formats.files import Loaded, load_camera, save_camera
 from trisquare.formats.nearest import Approximation
-from trisquare.formats.registry import FORMATS, format_called, format_of_name
+from trisquare.formats.registry import FORMAT_NAMES, FORMATS, format_called, format_of_name
 
 CONVERSION_FORMAT = "trisquare-conversion/1"
 
@@ -39,7 +40,10 @@ def convert_command(
     from_format: Annotated[
         str | None,
         typer.Option(
-            "--from", metavar="FORMAT", help=f"By default what IN looks like. {FORMATS_HELP}."
+            "--from",
+            metavar="FORMAT",
+            autocompletion=completing(FORMAT_NAMES),
+            help=f"By default what IN looks like. {FORMATS_HELP}.",
         ),
     ] = None,
     to_format: Annotated[
@@ -47,6 +51,7 @@ def convert_command(
         typer.Option(
             "--to",
             metavar="FORMAT",
+            autocompletion=completing(FORMAT_NAMES),
             help="By default what the name of OUT tells: trisquare for .json, opencv for .yaml and "
             ".xml, and the programs' own for camera_info.yaml, camchain.yaml, cameras.txt, "
             "transforms.json, .cameramodel and .pto.",

@@ -16,6 +16,7 @@ from rich.text import Text
 
 from trisquare.checked import FloatArray
 from trisquare.choices import unknown
+from trisquare.commands.completing import completing
 from trisquare.commands.drawn_files import check_outputs
 from trisquare.commands.input_errors import reading
 from trisquare.commands.input_files import of_size, read_camera
@@ -26,6 +27,7 @@ from trisquare.locating import locate
 from trisquare.measure import Measurement
 from trisquare.pictures import picture_size
 from trisquare.result import CLICKED_STD, Calibration, Plane, decimals_shown
+from trisquare.targets import TAG_SEARCHES
 from trisquare.top_view import TopView
 from trisquare.top_view import rectify as rectified
 
@@ -89,7 +91,12 @@ def measure_command(
         ),
     ] = False,
     targets: Annotated[
-        str, typer.Option(metavar="WHAT", help="What to look for, as in calibrate.")
+        str,
+        typer.Option(
+            metavar="WHAT",
+            autocompletion=completing(TAG_SEARCHES),
+            help="What to look for, as in calibrate.",
+        ),
     ] = "auto",
     outline: Annotated[
         Path | None,

@@ -13,7 +13,8 @@ from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from trisquare.camera import Camera, camera_parameters
+from trisquare.camera import MODELS, Camera, camera_parameters
+from trisquare.commands.completing import completing
 from trisquare.commands.fix_option import FixOption, fixed_names
 from trisquare.commands.input_errors import reading
 from trisquare.commands.input_files import camera_alone
@@ -82,7 +83,11 @@ def predict_command(
     ] = 1.0,
     model: Annotated[
         str | None,
-        typer.Option(metavar="MODEL", help="Distortion: none, radial1, radial2, radial3 or brown."),
+        typer.Option(
+            metavar="MODEL",
+            autocompletion=completing(MODELS),
+            help="Distortion: none, radial1, radial2, radial3 or brown.",
+        ),
     ] = None,
     fix: FixOption = None,
     json: JsonOption = False,

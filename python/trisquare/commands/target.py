@@ -11,8 +11,10 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
+from trisquare.commands.completing import completing
 from trisquare.commands.printing import JsonOption, QuietOption, check_printing
-from trisquare.target import PrintedTarget, TargetKind, printed_target
+from trisquare.target import KINDS, PrintedTarget, TargetKind, printed_target
+from trisquare.target_layout import PAGES
 
 TARGET_FORMAT = "trisquare-target/1"
 
@@ -28,12 +30,18 @@ def target_command(
         Path, typer.Option("--output", "-o", metavar="FILE", help="The PDF to write.")
     ] = Path("target.pdf"),
     page: Annotated[
-        str, typer.Option(metavar="PAGE", help="The paper, upright: A4, A3 or Letter.")
+        str,
+        typer.Option(
+            metavar="PAGE",
+            autocompletion=completing(PAGES),
+            help="The paper, upright: A4, A3 or Letter.",
+        ),
     ] = "A4",
     kind: Annotated[
         str,
         typer.Option(
             metavar="KIND",
+            autocompletion=completing(KINDS),
             help="corner: one sheet that folds and glues into a corner of three planes; flat: "
             "three sheets with a frame each; both: all four.",
         ),

@@ -13,6 +13,7 @@ from rich.progress import track
 
 from trisquare.camera import Camera, camera_members
 from trisquare.choices import unknown
+from trisquare.commands.completing import completing
 from trisquare.commands.drawn_files import check_outputs, numbered_paths
 from trisquare.commands.input_files import camera_alone
 from trisquare.commands.printing import JsonOption, QuietOption, check_printing
@@ -67,7 +68,12 @@ def undistort_command(
         ),
     ] = False,
     interpolation: Annotated[
-        str, typer.Option(metavar="HOW", help="linear, nearest, cubic or lanczos.")
+        str,
+        typer.Option(
+            metavar="HOW",
+            autocompletion=completing(INTERPOLATIONS),
+            help="linear, nearest, cubic or lanczos.",
+        ),
     ] = "linear",
     json: JsonOption = False,
     quiet: QuietOption = False,
