@@ -21,6 +21,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 from trisquare._core import __version__
+from trisquare.choices import nearest_name
 from trisquare.commands.group import CommandGroup
 from trisquare.commands.input_errors import UnreadableInputError
 from trisquare.errors import (
@@ -116,7 +117,11 @@ def _usage_message(error: Any) -> str:
     context = getattr(error, "ctx", None)
     path = "trisquare" if context is None else context.command_path
     said = error.format_message()
-    if NEGATIVE_NUMBER.match(getattr(error, "option_name", None) or ""):
+    option = getattr(error, "option_name", None) or ""
+    meant = nearest_name(option, getattr(error, "possibilities", None) or ())
+    if meant is not None:
+        said = f"No such option: {option}. Did you mean {meant}?"
+    elif NEGATIVE_NUMBER.match(option):
         said = f"{said}; before an argument that begins with a minus, put --"
     return f"{said} (see {path} --help)"
 

@@ -10,6 +10,8 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from trisquare.choices import nearest_name
+
 SUMMARIES: Mapping[str, str] = MappingProxyType(
     {
         "calibrate": "Calibrate a camera from its photographs.",
@@ -39,7 +41,7 @@ The command ``x`` is the function ``x_command`` of the module ``x`` beside this 
 
 EXIT_CODES_HELP = """\
 0  done
-2  wrong usage or argument, damaged file that is no picture, or unwritable output
+2  wrong usage or argument, a damaged file (other than a picture), or unwritable output
 3  nothing found in the photograph, or not enough of it
 4  the geometry does not determine the camera, or no convergence
 5  a picture or a file is missing or cannot be read"""
@@ -50,9 +52,6 @@ GROUP_EXAMPLES = (
     "trisquare calibrate photo.jpg -o camera.json --overlay overlay.png",
     "trisquare undistort photo.jpg --camera camera.json -o straight.png",
 )
-
-FEWEST_COLUMNS = 60
-"""No terminal is so narrow that examples and exit codes would have to be wrapped in the help."""
 
 
 class HelpfulCommand(TyperCommand):
@@ -77,6 +76,9 @@ class CommandGroup(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Put the command itself in the place of its summary."""
         name = args[0]
+        meant = None if name in SUMMARIES or name.startswith("-") else nearest_name(name, SUMMARIES)
+        if meant is not None and not ctx.resilient_parsing:
+            ctx.fail(f"No such command {name!r}. Did you mean {meant!r}?")
         if name in SUMMARIES and not isinstance(self.commands[name], HelpfulCommand):
             self.commands[name] = load_command(name)
         return super().resolve_command(ctx, args)

@@ -32,8 +32,7 @@ PREDICTION_FORMAT = "trisquare-prediction/1"
 EXAMPLES = (
     "trisquare predict --size 4000x3000 --focal 3200",
     "trisquare predict --camera camera.json --sigma 0.05 --model radial1",
-    "trisquare predict --size 1280x960 --square 25%,40%,30%,35,0 --square 75%,40%,30%,35,120 "
-    "--square 50%,70%,30%,35,240",
+    "trisquare predict plan.json --frame 0.6 --json",
 )
 
 # Planned where nothing else is said: three squares over the picture, as section "How to take a
