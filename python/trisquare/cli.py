@@ -16,6 +16,7 @@ import re
 import sys
 import traceback
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import Annotated, Any, NoReturn
 
 import typer
@@ -96,15 +97,8 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 
 def _flush_output() -> None:
     """Meet a full disk or a closed pipe while there is still somebody to tell."""
-    if sys.stdout is None:  # as where it is closed: python >&-
-        return
-    try:
+    if sys.stdout is not None:  # as it is where it was closed: trisquare >&-
         sys.stdout.flush()
-    except BrokenPipeError:
-        raise
-    except OSError as error:
-        _drop_output()
-        raise OSError(f"standard output: {error.strerror or error}") from error
 
 
 def _drop_output() -> None:
@@ -129,7 +123,8 @@ def _usage_message(error: Any) -> str:
 def _message(error: Exception) -> str:
     """Say what was wrong; of the system's errors without their number."""
     if isinstance(error, OSError) and error.strerror:
-        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+        # A file has a name; what has none is the stream that is printed to.
+        return f"{error.filename or 'standard output'}: {error.strerror}"
     return str(error) or type(error).__name__
 
 
@@ -146,7 +141,12 @@ def _fault_message(error: Exception) -> str:
 
 
 def _fail(message: str, exit_code: int) -> NoReturn:
-    print("trisquare: error:", " ".join(message.split()), file=sys.stderr)
+    with suppress(OSError):  # nobody reads it: the exit code has to do
+        print("trisquare: error:", " ".join(message.split()), file=sys.stderr)
+    try:
+        _flush_output()
+    except OSError:
+        _drop_output()
     sys.exit(exit_code)
 
 
