@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json as json_text
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.progress import track
 
 from trisquare.camera import Camera, camera_members
 from trisquare.choices import unknown
@@ -17,6 +15,7 @@ from trisquare.commands.completing import completing
 from trisquare.commands.drawn_files import check_outputs, numbered_paths
 from trisquare.commands.input_files import camera_alone
 from trisquare.commands.printing import JsonOption, QuietOption, check_printing
+from trisquare.commands.progress import progress_bar
 from trisquare.files import encode_image, read_image, write_in_turn
 from trisquare.named_file import naming
 from trisquare.pictures import Image, picture_size
@@ -89,15 +88,8 @@ def undistort_command(
         raise unknown("interpolation", interpolation, INTERPOLATIONS)
     lens = camera_alone(camera)
     work = _Work(lens, balance, rescale, interpolation)
-    console = Console(stderr=True)
-    shown = track(
-        list(zip(photos, paths, strict=True)),
-        "undistorting",
-        console=console,
-        transient=True,
-        disable=quiet or len(photos) == 1 or not console.is_terminal,
-    )
-    write_in_turn((path, work.undistorted(photo, path)) for photo, path in shown)
+    with progress_bar("undistorting", quiet) as progress:
+        write_in_turn(work.all_undistorted(photos, paths, progress))
     if json:
         members = {"format": UNDISTORTION_FORMAT, "balance": balance, "pictures": work.members}
         print(json_text.dumps(members, indent=2, allow_nan=False))
@@ -114,6 +106,18 @@ class _Work:
         # Whatever is wrong with camera or balance shall not wait for a photograph.
         self._camera, self._undistorter = camera, Undistorter(camera, balance)
         self.members: list[dict[str, Any]] = []
+
+    def all_undistorted(
+        self,
+        photos: Sequence[Path],
+        paths: Sequence[Path],
+        progress: Callable[[int, int], None] | None,
+    ) -> Iterator[tuple[Path, bytes]]:
+        """Undistort one photograph when the one before has been taken care of."""
+        for done, (photo, path) in enumerate(zip(photos, paths, strict=True)):
+            if progress is not None:
+                progress(done, len(photos))
+            yield path, self.undistorted(photo, path)
 
     def undistorted(self, photo: Path, path: Path) -> bytes:
         """Return the content of the file at `path`."""
