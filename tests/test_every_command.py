@@ -337,6 +337,36 @@ def test_no_input_is_overwritten(run, folder, arguments):
     assert_refused(run(*arguments), 2, folder, before)
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="needs names of any bytes")
+def test_names_need_not_be_text(run, folder):
+    """OpenCV crashes on them."""
+    odd = os.fsdecode(b"o\xff")
+    for arguments in WRITTEN[1:]:
+        code, _, err = run(*with_argument(arguments, "OUT", odd), "-q")
+        assert (code, err) == (0, "")
+        (folder / arguments[-1].replace("OUT", odd)).rename("out")
+    before = held(folder)
+    for arguments in (("calibrate", "photo.png", "--overlay"), ("undistort", *TAKEN, "-o")):
+        outcome = run(*arguments, f"out.{odd}")
+        assert_refused(outcome, 2, folder, before)
+        assert "extension" in outcome[2]
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "utf-8"])
+def test_names_that_cannot_be_encoded_are_escaped(folder, encoding):
+    (folder / "pagé.json").write_bytes((folder / "camera.json").read_bytes())
+    done = subprocess.run(
+        [*COMMAND, "convert", "pagé.json", b"o\xff.yaml"],
+        env=plain_environment(PYTHONIOENCODING=encoding),
+        capture_output=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, b"")
+    shown = rb"pag\xe9.json" if encoding == "ascii" else "pagé.json".encode()
+    assert done.stdout.startswith(shown)
+    assert rb"o\udcff.yaml" in done.stdout
+
+
 def test_a_negative_coordinate_is_no_option(run, folder):
     before = held(folder)
     outcome = run("measure", *TAKEN, "-5,3", SECOND)

@@ -17,6 +17,7 @@ import sys
 import traceback
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from io import TextIOWrapper
 from typing import Annotated, Any, NoReturn
 
 import typer
@@ -72,6 +73,7 @@ app = typer.Typer(
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command and exit; `arguments` defaults to those of the process."""
+    _let_output_show_any_name()
     try:
         code = typer.main.get_command(app).main(
             arguments, prog_name="trisquare", standalone_mode=False
@@ -93,6 +95,12 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     if code == INTERRUPTED_EXIT:
         _fail("interrupted", INTERRUPTED_EXIT)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _let_output_show_any_name() -> None:
+    """Escape what standard output cannot encode, as standard error does: file names may be that."""
+    if isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors == "strict":
+        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def _flush_output() -> None:
