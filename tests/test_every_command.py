@@ -64,6 +64,7 @@ FILES_READ = (
 )
 WRITTEN = (
     ("calibrate", "photo.png", "-o", "OUT.json"),
+    ("calibrate", "photo.png", "--report", "OUT.html"),
     ("calibrate", "photo.png", "--overlay", "OUT.png"),
     ("calibrate", "photo.png", "--debug-image", "OUT.png"),
     ("measure", *TAKEN, "--rectify", "OUT.png"),
@@ -75,6 +76,7 @@ WRITTEN = (
 OVERWRITING = (
     ("calibrate", "photo.png", "-o", "photo.png"),
     ("calibrate", "photo.png", "-o", "./photo.png"),
+    ("calibrate", "photo.png", "--report", "photo.png"),
     ("calibrate", "photo.png", "-o", "link.png"),
     ("calibrate", "photo.png", "--overlay", "photo.png"),
     ("calibrate", "photo.png", "--debug-image", "photo.png"),
@@ -323,10 +325,9 @@ def test_an_unwritable_output_exits_2(run, folder, arguments, where):
 
 @pytest.mark.parametrize("arguments", WRITTEN, ids=" ".join)
 def test_a_folder_is_no_output(run, folder, arguments):
-    for suffix in (".json", ".png", ".pdf", ".yaml"):
-        (folder / f"out{suffix}").mkdir()
-    # Photographs are put into a folder; there it is the name that cannot be written.
-    (folder / "out.png" / "photo.png").mkdir()
+    output = folder / arguments[-1].replace("OUT", "out")
+    # Photographs are put into a folder; there it is their own name that cannot be written.
+    (output / "photo.png").mkdir(parents=True)
     before = held(folder)
     assert_refused(run(*with_argument(arguments, "OUT", "out")), 2, folder, before)
 

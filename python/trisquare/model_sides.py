@@ -17,6 +17,9 @@ from trisquare.result import Calibration, Plane
 # Chords of this length stay within 1e-3 px of a curve of radius 125 px; no lens bends so much.
 CHORD_PX = 1.0
 
+MOST_CHORDS = 32768
+"""A side is no longer than a picture; only a pose that contradicts its samples has longer ones."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeasuredSide:
@@ -32,12 +35,15 @@ class MeasuredSide:
         Signed distance of each sample from the curve, in pixels, positive along `normals`.
     normals : ndarray, shape (N, 2)
         Unit normal of the curve at each sample.
+    plane : int
+        Which of the calibration's planes it lies on.
     """
 
     points: FloatArray
     curve: FloatArray
     residuals: FloatArray
     normals: FloatArray
+    plane: int
 
 
 def measured_sides(
@@ -77,11 +83,13 @@ def measured_sides(
             plane_of_group[figure.plane] = plane
         if plane is None:
             continue
+        number = next(n for n, other in enumerate(calibration.planes) if other is plane)
         on_plane = [onto_plane(points, calibration.camera, plane) for points in figure.points]
         fixed = first_of_plane or figure.freedom == "fixed"
         lines = figure.lines if fixed else _placed_lines(figure.lines, on_plane)
         for points, line, foot_points in zip(figure.points, lines, on_plane, strict=True):
-            yield _compare(points, _projected_line(line, foot_points, calibration.camera, plane))
+            curve = _projected_line(line, foot_points, calibration.camera, plane)
+            yield _compare(points, curve, number)
 
 
 def project(camera: Camera, plane: Plane, points: FloatArray) -> FloatArray:
@@ -141,15 +149,16 @@ def _projected_line(
     for _ in range(2):  # the first pass, of the two ends, only tells how long the curve is
         stretch = np.linspace(ends[0], ends[1], count)
         curve = project(camera, plane, np.column_stack([stretch, np.zeros(count)]))
-        count = 2 + int(np.linalg.norm(np.diff(curve, axis=0), axis=1).sum() / CHORD_PX)
+        length = float(np.linalg.norm(np.diff(curve, axis=0), axis=1).sum())
+        count = 2 + int(min(MOST_CHORDS, length / CHORD_PX))
     return curve
 
 
-def _compare(points: FloatArray, curve: FloatArray) -> MeasuredSide:
+def _compare(points: FloatArray, curve: FloatArray, plane: int) -> MeasuredSide:
     starts, chords = curve[:-1], np.diff(curve, axis=0)
     middles = starts + chords / 2
     nearest = np.argmin(((points[:, None] - middles[None]) ** 2).sum(axis=2), axis=1)
     directions = chords[nearest] / np.linalg.norm(chords[nearest], axis=1, keepdims=True)
     normals = np.column_stack([-directions[:, 1], directions[:, 0]])
     residuals = ((points - starts[nearest]) * normals).sum(axis=1)
-    return MeasuredSide(points, curve, residuals, normals)
+    return MeasuredSide(points, curve, residuals, normals, plane)

@@ -77,7 +77,7 @@ def draw_overlay(
     sides = list(measured_sides(calibration, edges or (), index))
     rms = float(np.sqrt(np.mean(np.concatenate([s.residuals for s in sides]) ** 2))) if sides else 0
     if exaggeration is None:
-        exaggeration = _round_exaggeration(rms, float(np.hypot(*canvas.shape[:2])))
+        exaggeration = round_exaggeration(rms, float(np.hypot(*canvas.shape[:2])))
     for side in sides:
         _draw_residuals(canvas, side, exaggeration, thickness)
     for number, side in enumerate(sides):
@@ -98,7 +98,7 @@ def draw_overlay(
     return canvas
 
 
-def _round_exaggeration(rms: float, diagonal: float) -> float:
+def round_exaggeration(rms: float, diagonal: float) -> float:
     """Return 1, 2 or 5 times a power of ten that makes residuals visible."""
     wanted = DRAWN_RESIDUAL * diagonal / max(rms, 1e-9)
     power = 10.0 ** np.floor(np.log10(wanted))

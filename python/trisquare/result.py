@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -29,6 +30,7 @@ from trisquare.model_alternative import (
     alternative_from_members,
     alternative_members,
 )
+from trisquare.pictures import ImageSource, Outlines
 from trisquare.pose_uncertainty import (
     PoseUncertainty,
     uncertainty_from_members,
@@ -345,6 +347,42 @@ class Calibration(RebuiltByConstructor):
         return projection_map(
             self.camera, self.parameters, self._aspect_fixed, self.covariance, step
         )
+
+    def report(
+        self,
+        path: str | os.PathLike[str],
+        image: ImageSource | Sequence[ImageSource] = (),
+        *,
+        targets: str = "auto",
+        outlines: Outlines | None = None,
+    ) -> None:
+        """Write the result as one HTML page, with pictures and plots, that opens offline.
+
+        `trisquare.report.write_report` takes more: edges that were measured elsewhere.
+
+        Parameters
+        ----------
+        path : str or path
+            The file; it is written whole or not at all.
+        image : path or ndarray, or a sequence of them
+            The photographs that were calibrated, in their order.
+        targets, outlines
+            What `calibrate` was given.
+
+        Raises
+        ------
+        ImportError
+            Without the extra ``trisquare[report]``.
+        ImageError
+            If a photograph cannot be read whole.
+        OSError
+            If the file cannot be written.
+        TypeError, ValueError
+            For bad arguments, or if a photograph is not of the camera's size.
+        """
+        from trisquare.report import write_report  # which needs this module's classes
+
+        write_report(path, self, image, targets=targets, outlines=outlines)
 
     @property
     def _aspect_fixed(self) -> bool:

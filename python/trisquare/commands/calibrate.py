@@ -12,6 +12,7 @@ from rich.text import Text
 from trisquare.calibrate import calibrate
 from trisquare.camera import MODELS
 from trisquare.commands.completing import completing
+from trisquare.commands.command_line import command_line
 from trisquare.commands.drawn_files import (
     check_outputs,
     drawn_on_failure,
@@ -27,6 +28,7 @@ from trisquare.drawings import Drawings
 from trisquare.files import write_atomically
 from trisquare.pictures import TONE_CURVES
 from trisquare.settings import AUTO, METHODS
+from trisquare.report import check_extra, report_page
 from trisquare.sheet_layout import parse_layout
 from trisquare.tables import calibration_report
 from trisquare.targets import TAG_SEARCHES, Targets
@@ -40,6 +42,7 @@ EXAMPLES = (
 
 
 def calibrate_command(
+    context: typer.Context,
     photos: Annotated[
         list[Path],
         typer.Argument(metavar="PHOTO", help="One photograph, or several of the same camera."),
@@ -64,6 +67,14 @@ def calibrate_command(
             metavar="FILE",
             help="Draw what was found, and in another colour what was not used and why; also when "
             "the calibration fails. Several photographs as for --overlay.",
+        ),
+    ] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Write all of it as one HTML page, with pictures and plots, that opens offline. "
+            "Needs pip install 'trisquare[report]'.",
         ),
     ] = None,
     model: Annotated[
@@ -128,7 +139,10 @@ def calibrate_command(
         raise ValueError("--diagnose adds to the tables, which --json replaces: give one of them")
     overlays = numbered_paths(overlay, len(photos))
     debug_images = numbered_paths(debug_image, len(photos))
-    check_outputs(_inputs(photos, outline, board), output, [*overlays, *debug_images])
+    inputs = _inputs(photos, outline, board)
+    check_outputs(inputs, output, [*overlays, *debug_images], report)
+    if report is not None:
+        check_extra()
     if board is not None:
         targets = _targets_of_board(board, targets)
     tone_curve = _tone(tone)
@@ -155,6 +169,14 @@ def calibrate_command(
     drawings = Drawings.read(outline, photos) if overlays and outline is not None else None
     for index, (photo, path) in enumerate(zip(photos, overlays, strict=False)):
         contents[path] = overlay_of(calibration, photo, index, path, targets, tone_curve, drawings)
+    if report is not None:
+        contents[report] = report_page(
+            calibration,
+            photos,
+            targets=targets,
+            outlines=outline,
+            command=command_line(context),
+        )
     if output is not None:
         contents[output] = calibration.to_json().encode()
     write_atomically(contents)

@@ -37,10 +37,15 @@ def numbered_paths(path: Path | None, photos: int) -> list[Path]:
     return [path.with_name(f"{path.stem}-{number}{path.suffix}") for number in range(1, photos + 1)]
 
 
-def check_outputs(inputs: Sequence[Path], output: Path | None, drawings: Sequence[Path]) -> None:
+def check_outputs(
+    inputs: Sequence[Path],
+    output: Path | None,
+    drawings: Sequence[Path],
+    report: Path | None = None,
+) -> None:
     """Refuse outputs that cannot be written before anything is computed."""
     taken = {os.path.realpath(path) for path in inputs}
-    for path in (*drawings, *([] if output is None else [output])):
+    for path in (*drawings, *(path for path in (output, report) if path is not None)):
         check_writable(path)
         if os.path.realpath(path) in taken:
             raise ValueError(f"{path}: would overwrite an input or another output")

@@ -1,0 +1,124 @@
+"""A calibration as a page: one HTML file that opens anywhere, offline, and can be printed.
+
+Its text is laid out by Jinja and its plots are drawn by matplotlib: the extra `trisquare[report]`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from trisquare.edges import PlaneEdges
+from trisquare.pictures import ImageSource, Outlines
+from trisquare.result import Calibration
+
+if TYPE_CHECKING:
+    from trisquare.files import PathLike
+
+__all__ = ["check_extra", "report_page", "write_report"]
+
+
+def write_report(
+    path: PathLike,
+    calibration: Calibration,
+    image: ImageSource | Sequence[ImageSource] = (),
+    *,
+    edges: Sequence[PlaneEdges] | None = None,
+    targets: str = "auto",
+    outlines: Outlines | None = None,
+    command: str | None = None,
+) -> None:
+    """Write a calibration as one HTML file that needs no other.
+
+    Parameters
+    ----------
+    path : str or path
+        The file; it is written whole or not at all.
+    calibration : Calibration
+        What to report.
+    image, edges, targets, outlines, command
+        As in `report_page`.
+
+    Raises
+    ------
+    ImportError
+        If Jinja or matplotlib is not installed.
+    ImageError
+        If a photograph cannot be read whole.
+    OSError
+        If the file cannot be written.
+    TypeError, ValueError
+        For bad arguments, or if a photograph is not of the camera's size.
+    """
+    from trisquare.files import check_writable, write_atomically
+
+    check_writable(path)
+    page = report_page(
+        calibration, image, edges=edges, targets=targets, outlines=outlines, command=command
+    )
+    write_atomically({path: page})
+
+
+def report_page(
+    calibration: Calibration,
+    image: ImageSource | Sequence[ImageSource] = (),
+    *,
+    edges: Sequence[PlaneEdges] | None = None,
+    targets: str = "auto",
+    outlines: Outlines | None = None,
+    command: str | None = None,
+) -> bytes:
+    """Return a calibration as an HTML page that needs nothing besides.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        What to report.
+    image : path or ndarray, or a sequence of them
+        The photographs, in the order they were given to `calibrate`; without them the page has
+        plots and tables only.
+    edges : sequence of PlaneEdges, optional
+        What was measured; by default it is measured again in the photographs, with the
+        calibration's own tone curve.
+    targets, outlines
+        What `calibrate` was given.
+    command : str, optional
+        A command line that repeats the calibration, to be stated.
+
+    Returns
+    -------
+    bytes
+        UTF-8; the same for the same arguments.
+
+    Raises
+    ------
+    ImportError
+        If Jinja or matplotlib is not installed.
+    ImageError
+        If a photograph cannot be read whole.
+    TypeError, ValueError
+        For bad arguments, or if a photograph is not of the camera's size.
+    """
+    check_extra()
+    if not isinstance(calibration, Calibration):
+        raise TypeError(f"calibration must be a Calibration, not {type(calibration).__name__}")
+    from trisquare.report.page import page_of  # it needs the extra
+
+    return page_of(calibration, _sources(image), edges, targets, outlines, command)
+
+
+def _sources(image: ImageSource | Sequence[ImageSource]) -> list[ImageSource]:
+    if isinstance(image, Sequence) and not isinstance(image, str):
+        return list(image)
+    return [image]
+
+
+def check_extra() -> None:
+    """Raise ImportError, which says what to install, unless a report can be made."""
+    try:
+        import jinja2  # noqa: F401
+        import matplotlib  # noqa: F401
+    except ImportError as error:
+        raise ImportError(
+            "a report needs jinja2 and matplotlib: pip install 'trisquare[report]'"
+        ) from error

@@ -1,0 +1,165 @@
+"""A headless Chromium, spoken to through its DevTools protocol over a pair of pipes."""
+
+import base64
+import json
+import os
+import select
+import shutil
+import subprocess
+import tempfile
+import time
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+# What may go wrong takes for ever; what goes right takes seconds, also on a busy machine.
+PATIENCE = 60.0
+
+
+class Browser:
+    """One page of a browser that keeps no profile; a context manager.
+
+    `complaints` are what the page logged at the level of a warning or above, threw, or tried to
+    fetch.
+    """
+
+    def __init__(self):
+        self._profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
+        to_browser, self._commands = os.pipe()
+        self._answers, from_browser = os.pipe()
+        command = [CHROMIUM, "--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run"]
+        command += ["--disable-dev-shm-usage"]  # which containers keep small
+        command += ["--remote-debugging-pipe", f"--user-data-dir={self._profile.name}"]
+        # The browser reads from descriptor 3 and writes to 4.
+        redirect = f'exec "$@" 3<&{to_browser} 4>&{from_browser}'
+        self._process = subprocess.Popen(
+            ["bash", "-c", redirect, "chromium", *command, "about:blank"],
+            pass_fds=(to_browser, from_browser),
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        os.close(to_browser)
+        os.close(from_browser)
+        self._received, self._number, self._session = b"", 0, None
+        self._features = []
+        self.events, self.complaints = [], []
+
+    def __enter__(self):
+        target = self.send("Target.createTarget", url="about:blank")["targetId"]
+        attached = self.send("Target.attachToTarget", targetId=target, flatten=True)
+        self._session = attached["sessionId"]
+        for domain in ("Page", "Runtime", "Log", "Network"):
+            self.send(f"{domain}.enable")
+        return self
+
+    def __exit__(self, *error):
+        os.close(self._commands)  # which ends the browser
+        try:
+            self._process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        os.close(self._answers)
+        self._profile.cleanup()
+
+    def send(self, method, **params):
+        """Give a command and return its result."""
+        self._number += 1
+        message = {"id": self._number, "method": method, "params": params}
+        if self._session is not None:
+            message["sessionId"] = self._session
+        os.write(self._commands, json.dumps(message).encode() + b"\0")
+        while True:
+            answer = self._receive()
+            if answer.get("id") == self._number:
+                assert "error" not in answer, (method, answer["error"])
+                return answer["result"]
+
+    def open(self, path):
+        self.events.clear()
+        self.send("Page.navigate", url=path.resolve().as_uri())
+        while "Page.loadEventFired" not in self.events:
+            self._receive()
+
+    def evaluate(self, expression):
+        """Return what an expression of JavaScript, or its promise, comes to."""
+        done = self.send(
+            "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True
+        )
+        assert "exceptionDetails" not in done, done
+        return done["result"].get("value")
+
+    def press_key(self, key):
+        for kind in ("keyDown", "keyUp"):
+            self.send("Input.dispatchKeyEvent", type=kind, key=key, code=key, **KEY_CODES[key])
+
+    def click(self, x, y):
+        for kind in ("mousePressed", "mouseReleased"):
+            self.send("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+
+    def drag_finger(self, start, end, y, steps=5):
+        """Touch, move along a row, and lift."""
+        touch = "Input.dispatchTouchEvent"
+        self.send(touch, type="touchStart", touchPoints=[{"x": start, "y": y}])
+        for step in range(1, steps + 1):
+            x = start + (end - start) * step / steps
+            self.send(touch, type="touchMove", touchPoints=[{"x": x, "y": y}])
+        self.send(touch, type="touchEnd", touchPoints=[])
+
+    def screen(self, width, height=900, *, phone=False):
+        self.send(
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=phone,
+        )
+        self.send("Emulation.setTouchEmulationEnabled", enabled=phone)
+
+    def colour_scheme(self, scheme):
+        self._features = [{"name": "prefers-color-scheme", "value": scheme}]
+        self.send("Emulation.setEmulatedMedia", features=self._features)
+
+    def media(self, kind):
+        """Show the page as on paper ("print") or on a screen ("")."""
+        self.send("Emulation.setEmulatedMedia", media=kind, features=self._features)
+
+    def screenshot(self):
+        """Return the whole page as PNG."""
+        shot = self.send("Page.captureScreenshot", captureBeyondViewport=True)
+        return base64.b64decode(shot["data"])
+
+    def pdf(self):
+        printed = self.send("Page.printToPDF", printBackground=False)
+        return base64.b64decode(printed["data"])
+
+    def _receive(self):
+        end = time.monotonic() + PATIENCE
+        while b"\0" not in self._received:
+            ready = select.select([self._answers], [], [], max(0.0, end - time.monotonic()))[0]
+            assert ready, "the browser does not answer"
+            received = os.read(self._answers, 1 << 20)
+            assert received, "the browser has ended"
+            self._received += received
+        text, self._received = self._received.split(b"\0", 1)
+        message = json.loads(text)
+        self._note(message)
+        return message
+
+    def _note(self, message):
+        method, params = message.get("method", ""), message.get("params", {})
+        self.events.append(method)
+        if method == "Runtime.exceptionThrown":
+            self.complaints.append(params["exceptionDetails"])
+        elif method == "Runtime.consoleAPICalled" and params["type"] in ("warning", "error"):
+            self.complaints.append(params)
+        elif method == "Log.entryAdded" and params["entry"]["level"] in ("warning", "error"):
+            self.complaints.append(params["entry"])
+        elif method == "Network.requestWillBeSent":
+            url = params["request"]["url"]
+            if not url.startswith(("file:", "data:")):
+                self.complaints.append(f"fetches {url}")
+
+
+KEY_CODES = {
+    "Home": {"windowsVirtualKeyCode": 36},
+    "End": {"windowsVirtualKeyCode": 35},
+}
