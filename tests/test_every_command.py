@@ -323,10 +323,9 @@ def test_an_unwritable_output_exits_2(run, folder, arguments, where):
 
 @pytest.mark.parametrize("arguments", WRITTEN, ids=" ".join)
 def test_a_folder_is_no_output(run, folder, arguments):
-    for suffix in (".json", ".png", ".pdf", ".yaml"):
-        (folder / f"out{suffix}").mkdir()
-    # Photographs are put into a folder; there it is the name that cannot be written.
-    (folder / "out.png" / "photo.png").mkdir()
+    output = folder / arguments[-1].replace("OUT", "out")
+    # Photographs are put into a folder; there it is their own name that cannot be written.
+    (output / "photo.png").mkdir(parents=True)
     before = held(folder)
     assert_refused(run(*with_argument(arguments, "OUT", "out")), 2, folder, before)
 
