@@ -279,6 +279,17 @@ def test_a_bad_file_exits_5_or_2(run, folder, arguments, kind):
     assert outcome[2].startswith("trisquare: error: bad.json: ")
 
 
+@pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="needs /dev/zero")
+@pytest.mark.parametrize("arguments", [*PICTURES_READ, *FILES_READ], ids=" ".join)
+def test_an_endless_file_is_not_read_to_its_end(run, folder, arguments):
+    (folder / "endless.json").symlink_to("/dev/zero")
+    before = held(folder) | {"endless.json": None}
+    code, out, err = run(*with_argument(arguments, "GIVEN", "endless.json"))
+    assert code in (2, 5)
+    assert err.startswith("trisquare: error: endless.json: ")
+    assert_refused((code, out, err), code, folder, before)
+
+
 @pytest.mark.parametrize("name", ["calibrate", "measure"])
 @pytest.mark.parametrize("size", [(1, 1), IMAGE_SIZE])
 def test_a_picture_of_nothing_is_refused(run, folder, name, size):
