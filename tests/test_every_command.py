@@ -29,6 +29,7 @@ FIRST, SECOND = (
     "{:.0f},{:.0f}".format(*corner)
     for corner in SCENE.image_points(0, np.array([[-0.5, -0.5], [0.5, -0.5]]))
 )
+COMMAND = (sys.executable, "-m", "trisquare")
 TAKEN = ("photo.png", "--camera", "camera.json")
 
 WORKING = {
@@ -387,6 +388,18 @@ def test_a_negative_coordinate_is_no_option(run, folder):
     assert "outside the picture" in outcome[2]
 
 
+@pytest.mark.parametrize("suffix", [".tif", ".bmp", ".pgm"])
+def test_opencv_adds_nothing_to_the_line(folder, encoded, suffix):
+    """In a process of its own, where OpenCV is not loaded before the command is."""
+    picture = cv2.imencode(suffix, PHOTO)[1].tobytes()
+    (folder / f"cut{suffix}").write_bytes(picture[: len(picture) // 2])
+    done = subprocess.run(
+        [*COMMAND, "calibrate", f"cut{suffix}"], capture_output=True, text=True, check=False
+    )
+    said = f"trisquare: error: cut{suffix}: not a readable picture\n"
+    assert (done.returncode, done.stdout, done.stderr) == (5, "", said)
+
+
 # How a command ends.
 
 
@@ -394,7 +407,7 @@ def fail_with(monkeypatch, error):
     def fail(*_, **__):
         raise error
 
-    monkeypatch.setattr(commands.target, "printed_target", fail)
+    monkeypatch.setattr(module_of("target"), "printed_target", fail)
 
 
 def test_ctrl_c_is_one_line(run, folder, monkeypatch):
@@ -402,12 +415,13 @@ def test_ctrl_c_is_one_line(run, folder, monkeypatch):
     assert run("target") == (130, "", "trisquare: error: interrupted\n")
 
 
-def test_a_fault_of_our_own_is_one_line(run, folder, monkeypatch):
+@pytest.mark.parametrize("kind", [KeyError, BaseException])
+def test_a_fault_of_our_own_is_one_line(run, folder, monkeypatch, kind):
     before = held(folder)
-    fail_with(monkeypatch, KeyError("of ours"))
+    fail_with(monkeypatch, kind("of ours"))
     outcome = run("target")
     assert_refused(outcome, 70, folder, before)
-    assert "KeyError: 'of ours'" in outcome[2]
+    assert f"{kind.__name__}: {kind('of ours')}" in outcome[2]
     monkeypatch.setenv("TRISQUARE_TRACEBACK", "1")
     code, _, err = run("target")
     assert code == 70
@@ -416,7 +430,6 @@ def test_a_fault_of_our_own_is_one_line(run, folder, monkeypatch):
 
 # In a process of its own.
 
-COMMAND = (sys.executable, "-m", "trisquare")
 COLOUR = re.compile(r"\x1b\[[0-9;]*3[0-7]m")
 
 
