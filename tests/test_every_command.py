@@ -158,11 +158,15 @@ def test_help_shows_examples_and_exit_codes(run, monkeypatch, name):
 
 
 @pytest.mark.parametrize("name", SUMMARIES)
-def test_the_summary_is_the_command_s_own(run, name):
+def test_the_description_is_the_command_s_own(run, monkeypatch, name):
     function = getattr(module_of(name), f"{name}_command")
     assert inspect.getdoc(function).split("\n\n")[0].replace("\n", " ") == SUMMARIES[name]
     shown = " ".join(run("--help")[1].replace("│", " ").split())
     assert f"{name} {SUMMARIES[name]}" in shown
+    monkeypatch.setenv("COLUMNS", "400")
+    lines = [line.strip() for line in run(name, "--help")[1].splitlines()]
+    for paragraph in inspect.getdoc(function).split("\n\n"):
+        assert " ".join(paragraph.split()) in lines
 
 
 @pytest.mark.parametrize("name", SUMMARIES)

@@ -97,6 +97,9 @@ def load_command(name: str) -> HelpfulCommand:
     command = typer.main.get_command(app)
     assert isinstance(command, HelpfulCommand)
     command.examples = module.EXAMPLES
+    # Typer would keep the source's line breaks in all paragraphs but the first.
+    paragraphs = (command.help or "").split("\n\n")
+    command.help = "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs)
     return command
 
 
