@@ -29,6 +29,7 @@ FIRST, SECOND = (
     "{:.0f},{:.0f}".format(*corner)
     for corner in SCENE.image_points(0, np.array([[-0.5, -0.5], [0.5, -0.5]]))
 )
+COMMAND = (sys.executable, "-m", "trisquare")
 TAKEN = ("photo.png", "--camera", "camera.json")
 
 WORKING = {
@@ -159,11 +160,15 @@ def test_help_shows_examples_and_exit_codes(run, monkeypatch, name):
 
 
 @pytest.mark.parametrize("name", SUMMARIES)
-def test_the_summary_is_the_command_s_own(run, name):
+def test_the_description_is_the_command_s_own(run, monkeypatch, name):
     function = getattr(module_of(name), f"{name}_command")
     assert inspect.getdoc(function).split("\n\n")[0].replace("\n", " ") == SUMMARIES[name]
     shown = " ".join(run("--help")[1].replace("│", " ").split())
     assert f"{name} {SUMMARIES[name]}" in shown
+    monkeypatch.setenv("COLUMNS", "400")
+    lines = [line.strip() for line in run(name, "--help")[1].splitlines()]
+    for paragraph in inspect.getdoc(function).split("\n\n"):
+        assert " ".join(paragraph.split()) in lines
 
 
 @pytest.mark.parametrize("name", SUMMARIES)
@@ -281,6 +286,17 @@ def test_a_bad_file_exits_5_or_2(run, folder, arguments, kind):
     assert outcome[2].startswith("trisquare: error: bad.json: ")
 
 
+@pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="needs /dev/zero")
+@pytest.mark.parametrize("arguments", [*PICTURES_READ, *FILES_READ], ids=" ".join)
+def test_an_endless_file_is_not_read_to_its_end(run, folder, arguments):
+    (folder / "endless.json").symlink_to("/dev/zero")
+    before = held(folder) | {"endless.json": None}
+    code, out, err = run(*with_argument(arguments, "GIVEN", "endless.json"))
+    assert code in (2, 5)
+    assert err.startswith("trisquare: error: endless.json: ")
+    assert_refused((code, out, err), code, folder, before)
+
+
 @pytest.mark.parametrize("name", ["calibrate", "measure"])
 @pytest.mark.parametrize("size", [(1, 1), IMAGE_SIZE])
 def test_a_picture_of_nothing_is_refused(run, folder, name, size):
@@ -378,6 +394,18 @@ def test_a_negative_coordinate_is_no_option(run, folder):
     assert "outside the picture" in outcome[2]
 
 
+@pytest.mark.parametrize("suffix", [".tif", ".bmp", ".pgm"])
+def test_opencv_adds_nothing_to_the_line(folder, encoded, suffix):
+    """In a process of its own, where OpenCV is not loaded before the command is."""
+    picture = cv2.imencode(suffix, PHOTO)[1].tobytes()
+    (folder / f"cut{suffix}").write_bytes(picture[: len(picture) // 2])
+    done = subprocess.run(
+        [*COMMAND, "calibrate", f"cut{suffix}"], capture_output=True, text=True, check=False
+    )
+    said = f"trisquare: error: cut{suffix}: not a readable picture\n"
+    assert (done.returncode, done.stdout, done.stderr) == (5, "", said)
+
+
 # How a command ends.
 
 
@@ -385,7 +413,7 @@ def fail_with(monkeypatch, error):
     def fail(*_, **__):
         raise error
 
-    monkeypatch.setattr(commands.target, "printed_target", fail)
+    monkeypatch.setattr(module_of("target"), "printed_target", fail)
 
 
 def test_ctrl_c_is_one_line(run, folder, monkeypatch):
@@ -393,12 +421,13 @@ def test_ctrl_c_is_one_line(run, folder, monkeypatch):
     assert run("target") == (130, "", "trisquare: error: interrupted\n")
 
 
-def test_a_fault_of_our_own_is_one_line(run, folder, monkeypatch):
+@pytest.mark.parametrize("kind", [KeyError, BaseException])
+def test_a_fault_of_our_own_is_one_line(run, folder, monkeypatch, kind):
     before = held(folder)
-    fail_with(monkeypatch, KeyError("of ours"))
+    fail_with(monkeypatch, kind("of ours"))
     outcome = run("target")
     assert_refused(outcome, 70, folder, before)
-    assert "KeyError: 'of ours'" in outcome[2]
+    assert f"{kind.__name__}: {kind('of ours')}" in outcome[2]
     monkeypatch.setenv("TRISQUARE_TRACEBACK", "1")
     code, _, err = run("target")
     assert code == 70
@@ -407,7 +436,6 @@ def test_a_fault_of_our_own_is_one_line(run, folder, monkeypatch):
 
 # In a process of its own.
 
-COMMAND = (sys.executable, "-m", "trisquare")
 COLOUR = re.compile(r"\x1b\[[0-9;]*3[0-7]m")
 
 

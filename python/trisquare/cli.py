@@ -73,6 +73,7 @@ app = typer.Typer(
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command and exit; `arguments` defaults to those of the process."""
+    _silence_opencv()
     _let_output_show_any_name()
     try:
         code = typer.main.get_command(app).main(
@@ -89,12 +90,27 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     except tuple(EXIT_CODES) as error:
         exit_code = next(code for kind, code in EXIT_CODES.items() if isinstance(error, kind))
         _fail(_message(error), exit_code)
-    except Exception as error:
+    except SystemExit:
+        raise
+    except BaseException as error:  # a panic of the core is no Exception
         _fail(_fault_message(error), FAULT_EXIT)
     # Newer Typers return the code of Ctrl-C, older ones raise Abort.
     if code == INTERRUPTED_EXIT:
         _fail("interrupted", INTERRUPTED_EXIT)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _silence_opencv() -> None:
+    """Keep OpenCV from adding its own lines to the one that says what is wrong."""
+    if "cv2" not in sys.modules:  # and it shall not be loaded for this
+        os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+        return
+    import cv2
+
+    silent = 0
+    # OpenCV 5 moved the function.
+    set_level = getattr(cv2, "setLogLevel", None) or cv2.utils.logging.setLogLevel
+    set_level(silent)
 
 
 def _let_output_show_any_name() -> None:
@@ -136,7 +152,7 @@ def _message(error: Exception) -> str:
     return str(error) or type(error).__name__
 
 
-def _fault_message(error: Exception) -> str:
+def _fault_message(error: BaseException) -> str:
     """Say what no input should have led to; the traceback comes first where it is asked for."""
     if os.environ.get(TRACEBACK_VARIABLE):
         traceback.print_exception(error)

@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 
 from trisquare.errors import ImageError
+from trisquare.named_file import read_bytes
 from trisquare.orientation import TIFF_STARTS, find_orientation
 from trisquare.pictures import PIXEL_TYPES, Image
 
@@ -66,9 +67,9 @@ def read_photograph(path: PathLike) -> tuple[Image, str | None]:
     is no tag, or an upright picture's.
     """
     try:
-        encoded = Path(path).read_bytes()
+        encoded = read_bytes(path)
     except OSError as error:
-        raise ImageError(f"{os.fspath(path)}: {error.strerror or error}") from error
+        raise ImageError(str(error)) from error
     reason = _incompleteness(encoded)
     if reason:
         raise ImageError(f"{os.fspath(path)}: {reason}")

@@ -46,13 +46,6 @@ EXIT_CODES_HELP = """\
 4  the geometry does not determine the camera, or no convergence
 5  a picture or a file is missing or cannot be read"""
 
-GROUP_EXAMPLES = (
-    "trisquare demo",
-    "trisquare target -o target.pdf",
-    "trisquare calibrate photo.jpg -o camera.json --overlay overlay.png",
-    "trisquare undistort photo.jpg --camera camera.json -o straight.png",
-)
-
 
 class HelpfulCommand(TyperCommand):
     """A command whose help ends with examples and exit codes."""
@@ -67,6 +60,13 @@ class HelpfulCommand(TyperCommand):
 
 class CommandGroup(TyperGroup):
     """`trisquare` itself: knows all commands by name and summary, and loads those that run."""
+
+    examples = (
+        "trisquare demo",
+        "trisquare target -o target.pdf",
+        "trisquare calibrate photo.jpg -o camera.json --overlay overlay.png",
+        "trisquare undistort photo.jpg --camera camera.json -o straight.png",
+    )
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
@@ -86,7 +86,7 @@ class CommandGroup(TyperGroup):
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help; what the formatter holds comes after what Typer prints by itself."""
         super().format_help(ctx, formatter)
-        _write_ending(formatter, GROUP_EXAMPLES)
+        _write_ending(formatter, self.examples)
 
 
 def load_command(name: str) -> HelpfulCommand:
@@ -97,6 +97,9 @@ def load_command(name: str) -> HelpfulCommand:
     command = typer.main.get_command(app)
     assert isinstance(command, HelpfulCommand)
     command.examples = module.EXAMPLES
+    # Typer would keep the source's line breaks in all paragraphs but the first.
+    paragraphs = (command.help or "").split("\n\n")
+    command.help = "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs)
     return command
 
 
