@@ -306,7 +306,7 @@ def test_a_missing_file_is_named(run, tmp_path):
     photo = tmp_path / "photo.png"
     cv2.imwrite(str(photo), PHOTO)
     code, _, err = run("calibrate", photo, "--outline", tmp_path / "none.json")
-    assert code == 2
+    assert code == 5
     assert "none.json: No such file" in err
 
 

@@ -203,7 +203,7 @@ def squares_scene():
         (["--size", "1280x960", "--square", "a,2,3,4,5"], 2, "centre x"),
         (["--size", "1280x960", "--sigma", "0"], 2, "positive"),
         (["--size", "1280x960", "--focal", "-5"], 2, "positive"),
-        (["missing.json"], 2, "missing.json"),
+        (["missing.json"], 5, "missing.json"),
         (["--size", "1280x960", "--square", "0,0,300,30,0"], 3, "1 plane"),
         (["--size", "1280x960", *(["--square", "50%,50%,300,30,0"] * 3)], 4, "parallel"),
     ],

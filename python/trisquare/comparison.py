@@ -31,6 +31,9 @@ __all__ = ["Comparison", "compare"]
 SIGNIFICANCE = 0.05
 """Cameras that are the same are said to differ so often."""
 
+NEGLIGIBLE = 1e-6
+"""Pixels and degrees below it are rounding."""
+
 WEAKEST = 1e-2
 """Directions of difference known this much better than the least known are not put to the test.
 
@@ -277,4 +280,4 @@ def _chi_square_test(difference: FloatArray, spread: FloatArray) -> tuple[float,
 
 def two_digits(value: float) -> str:
     """Write a number with two significant digits, and never as a power of ten."""
-    return f"{value:.{min(decimals_shown(value), 6)}f}"
+    return f"{value:.{min(decimals_shown(value), 6)}f}" if value >= NEGLIGIBLE else "0"

@@ -9,7 +9,7 @@ from pathlib import Path
 from trisquare.calibrate import calibrate
 from trisquare.camera import Camera, camera_from_members
 from trisquare.detect import detect
-from trisquare.files import encode_image, read_image, write_atomically
+from trisquare.files import encode_image, read_image, write_atomically, writing
 from trisquare.json_fields import JsonFields
 from trisquare.overlay import draw_overlay
 from trisquare.result import Calibration
@@ -49,7 +49,8 @@ def run_demo(folder: Path) -> Demo:
     OSError
         If the folder cannot be made or written to.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
     data = resources.files("trisquare") / "data"
     truth = JsonFields.parse((data / "demo.json").read_text("utf-8"), TRUTH_FORMAT)
     with resources.as_file(data / "demo.png") as photograph:

@@ -8,7 +8,8 @@ import secrets
 import shutil
 import struct
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TypeAlias
 
@@ -16,6 +17,7 @@ import cv2
 import numpy as np
 
 from trisquare.errors import ImageError
+from trisquare.named_file import read_bytes
 from trisquare.orientation import TIFF_STARTS, find_orientation
 from trisquare.pictures import PIXEL_TYPES, Image
 
@@ -65,9 +67,9 @@ def read_photograph(path: PathLike) -> tuple[Image, str | None]:
     is no tag, or an upright picture's.
     """
     try:
-        encoded = Path(path).read_bytes()
+        encoded = read_bytes(path)
     except OSError as error:
-        raise ImageError(f"{os.fspath(path)}: {error.strerror or error}") from error
+        raise ImageError(str(error)) from error
     reason = _incompleteness(encoded)
     if reason:
         raise ImageError(f"{os.fspath(path)}: {reason}")
@@ -134,10 +136,37 @@ def _jpeg_ends(encoded: bytes) -> bool:
     return False
 
 
+def check_picture_name(path: PathLike) -> None:
+    """Raise ValueError if no picture format has the path's extension."""
+    suffix = Path(path).suffix
+    # The extension alone: a name that is no UTF-8 crashes OpenCV.
+    if not (suffix.isascii() and cv2.haveImageWriter(f"picture{suffix}")):
+        raise ValueError(f"{os.fspath(path)}: no picture format has the extension {suffix!r}")
+
+
 def encode_image(image: Image, path: PathLike) -> bytes:
-    """Encode a picture in the format that the path's extension names."""
+    """Encode a picture in the format that the path's extension names.
+
+    Raises
+    ------
+    ValueError
+        If it names none.
+    """
+    check_picture_name(path)
     encoded = cv2.imencode(Path(path).suffix, image)[1]
     return encoded.tobytes()
+
+
+@contextmanager
+def writing(path: PathLike) -> Iterator[None]:
+    """Let an OSError of the system about an output begin with the name that the user gave."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None:
+            raise  # said already
+        said = f"{os.fspath(path)}: cannot be written: {error.strerror}"
+        raise type(error)(said) from error
 
 
 def check_writable(path: PathLike) -> None:
@@ -146,10 +175,11 @@ def check_writable(path: PathLike) -> None:
     So that a long calibration does not run for an answer that cannot be kept.
     """
     target = Path(os.path.realpath(path))
-    if not target.parent.is_dir():
-        raise FileNotFoundError(f"{os.fspath(path)}: there is no folder {target.parent}")
-    if target.exists() and not target.is_file():
-        raise OSError(f"{os.fspath(path)}: is not a file")
+    with writing(path):
+        if not target.parent.is_dir():
+            raise FileNotFoundError(f"{os.fspath(path)}: there is no folder {target.parent}")
+        if target.exists() and not target.is_file():
+            raise OSError(f"{os.fspath(path)}: is not a file")
     if not os.access(target.parent, os.W_OK | os.X_OK):
         raise PermissionError(f"{os.fspath(path)}: the folder {target.parent} is not writable")
 
@@ -179,22 +209,23 @@ def write_in_turn(contents: Iterable[tuple[PathLike, bytes]]) -> None:
     So that many pictures are never in memory at once; an error while one is made touches no
     target either.
     """
-    staged: list[tuple[Path, Path]] = []
+    staged: list[tuple[PathLike, Path, Path]] = []
     try:
         for path, content in contents:
             check_writable(path)
             target = Path(os.path.realpath(path))
             temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}.tmp")
-            staged.append((temporary, target))
             # Opened, not made by tempfile: the file shall have the mode that the umask gives.
-            with temporary.open("xb") as file:
+            with writing(path), temporary.open("xb") as file:
+                staged.append((path, temporary, target))
                 file.write(content)
                 file.flush()
                 os.fsync(file.fileno())
             if target.exists():
                 shutil.copymode(target, temporary)
-        for temporary, target in staged:
-            temporary.replace(target)
+        for path, temporary, target in staged:
+            with writing(path):
+                temporary.replace(target)
     finally:
-        for temporary, _ in staged:
+        for _, temporary, _ in staged:
             temporary.unlink(missing_ok=True)

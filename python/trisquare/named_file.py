@@ -17,9 +17,12 @@ def read_bytes(path: str | os.PathLike[str]) -> bytes:
     Raises
     ------
     OSError
-        "FILE: why", where Python says "[Errno 2] why: 'FILE'".
+        "FILE: why", where Python says "[Errno 2] why: 'FILE'"; also for a device such as
+        ``/dev/zero``, of which there may be no end.
     """
     try:
+        if Path(path).is_char_device():
+            raise OSError("is a device, not a file")
         return Path(path).read_bytes()
     except OSError as error:
         raise type(error)(f"{os.fspath(path)}: {error.strerror or error}") from error

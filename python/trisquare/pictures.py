@@ -9,6 +9,8 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from trisquare.choices import unknown
+
 Image: TypeAlias = npt.NDArray[Any]
 ImageSource: TypeAlias = "str | os.PathLike[str] | Image"
 Tone: TypeAlias = "str | float | None"
@@ -64,7 +66,7 @@ def checked_tone(tone: Tone) -> str | float | None:
     if tone is None or (isinstance(tone, str) and tone in TONE_CURVES):
         return tone
     if isinstance(tone, str):
-        raise ValueError(f"unknown tone curve {tone!r}: choose auto, srgb, linear, or a gamma")
+        raise unknown("tone curve", tone, TONE_CURVES, "auto, srgb, linear, or a gamma")
     if isinstance(tone, bool) or not isinstance(tone, int | float | np.number):
         raise TypeError(f"tone must be a name or a gamma, not {type(tone).__name__}")
     gamma = float(tone)

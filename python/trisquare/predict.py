@@ -16,6 +16,7 @@ from trisquare.checked import (
     real_number,
     strings,
 )
+from trisquare.choices import unknown
 from trisquare.plan import PlannedSquare, outlines_of
 from trisquare.settings import checked_fix
 from trisquare.standing_plane import StandingPlane
@@ -119,7 +120,7 @@ def predict(
         raise TypeError(f"camera must be a Camera, not {type(camera).__name__}")
     chosen = camera.model if model is None else model
     if chosen not in MODELS:
-        raise ValueError(f"unknown model {chosen!r}: choose one of {', '.join(MODELS)}")
+        raise unknown("model", chosen, MODELS)
     noise = real_number(sigma, "sigma")
     distance = real_number(spacing, "spacing")
     found = _core.predict(

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from trisquare.camera import MODELS, Camera, camera_parameters
+from trisquare.choices import nearest_name, unknown
 
 # The model that stands for the choice among all of them by evidence.
 AUTO = "auto"
@@ -40,7 +41,7 @@ class Settings:
             if not isinstance(value, str):
                 raise TypeError(f"{name} must be a string, not {type(value).__name__}")
             if value not in known:
-                raise ValueError(f"unknown {name} {value!r}: choose one of {', '.join(known)}")
+                raise unknown(name, value, known)
         names = checked_fix(fix)
         if initial is not None and not isinstance(initial, Camera):
             raise TypeError(f"initial must be a Camera, not {type(initial).__name__}")
@@ -76,5 +77,7 @@ def checked_fix(fix: str | Iterable[str]) -> tuple[str, ...]:
     names = [fix] if isinstance(fix, str) else list(fix)
     for name in names:
         if name not in FIXABLE:
-            raise ValueError(f"cannot fix {name!r}: choose among {', '.join(FIXABLE)}")
+            meant = nearest_name(name, FIXABLE) if isinstance(name, str) else None
+            hint = "" if meant is None else f"did you mean {meant!r}? "
+            raise ValueError(f"cannot fix {name!r}: {hint}choose among {', '.join(FIXABLE)}")
     return tuple(name for name in FIXABLE if name in names)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from trisquare.choices import unknown
+
 SIZES = {
     **{f"{n}X{n}_{size}": size for n in (4, 5, 6, 7) for size in (50, 100, 250, 1000)},
     "ARUCO_ORIGINAL": 1024,
@@ -43,4 +45,4 @@ def dictionary_name(text: str) -> str:
     for name in (wanted, f"APRILTAG_{wanted.removeprefix('TAG')}", f"ARUCO_{wanted}"):
         if name in SIZES:
             return name
-    raise ValueError(f"unknown dictionary {text!r}: choose among {', '.join(DICTIONARIES)}")
+    raise unknown("dictionary", text, DICTIONARIES, f"among {', '.join(DICTIONARIES)}")

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from trisquare._core import __version__
+from trisquare.choices import unknown
 from trisquare.target_layout import (
     PAGES,
     PrintedFrame,
@@ -105,7 +106,7 @@ def printed_target(
         too small to be printed well.
     """
     if kind not in KINDS:
-        raise ValueError(f"unknown kind of target {kind!r}: choose one of {', '.join(KINDS)}")
+        raise unknown("kind of target", str(kind), KINDS)
     pages: list[TargetPage] = []
     if kind != "flat":
         pages.append(corner_page(page, side))

@@ -20,6 +20,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from trisquare.checked import FloatArray, real_number
+from trisquare.choices import unknown
 
 Point: TypeAlias = tuple[float, float]
 Line: TypeAlias = tuple[Point, Point]
@@ -152,7 +153,7 @@ def page_named(name: str) -> tuple[str, Point]:
     for known, size in PAGES.items():
         if known.lower() == name.strip().lower():
             return known, size
-    raise ValueError(f"unknown page {name!r}: choose one of {', '.join(PAGES)}")
+    raise unknown("page", name, PAGES)
 
 
 def flat_pages(page: str, side: float | None) -> list[TargetPage]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from trisquare.choices import unknown
 from trisquare.rejected import Rejected
 from trisquare.tag_names import APRILTAG, ARUCO, DICTIONARIES, TagSearch, dictionary_name
 
@@ -77,7 +78,7 @@ class Targets:
             return cls(layout=parse_layout(text))
         match = re.fullmatch(r"chessboard:(\d{1,3})x(\d{1,3})", text)
         if match is None:
-            raise ValueError(f"unknown targets {text!r}: choose {CHOICES}")
+            raise unknown("targets", text, TAG_SEARCHES, CHOICES)
         cols, rows = int(match[1]), int(match[2])
         if min(cols, rows) < SMALLEST_BOARD:
             raise ValueError(f"a chessboard needs 3 x 3 inner corners or more, not {cols} x {rows}")

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from trisquare import _core
 from trisquare.camera import Camera, camera_for_core
+from trisquare.choices import unknown
 from trisquare.pictures import Image, ImageSource, load_picture, picture_size
 
 if TYPE_CHECKING:
@@ -121,9 +122,7 @@ class Undistorter:
             interpolation.
         """
         if interpolation not in INTERPOLATIONS:
-            raise ValueError(
-                f"interpolation must be one of {INTERPOLATIONS}, not {interpolation!r}"
-            )
+            raise unknown("interpolation", str(interpolation), INTERPOLATIONS)
         picture = load_picture(image)
         if picture_size(picture) != self._camera.image_size:
             _refuse_size(picture_size(picture), self._camera)

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import Progress
 from rich.text import Text
 
 from trisquare.calibrate import calibrate
+from trisquare.camera import MODELS
 from trisquare.commands.command_line import command_line
+from trisquare.commands.completing import completing
 from trisquare.commands.drawn_files import (
     check_outputs,
     drawn_on_failure,
@@ -22,12 +21,24 @@ from trisquare.commands.drawn_files import (
     overlay_of,
 )
 from trisquare.commands.fix_option import FixOption, fixed_names
+from trisquare.commands.input_errors import reading
+from trisquare.commands.printing import JsonOption, QuietOption, check_printing
+from trisquare.commands.progress import progress_bar
 from trisquare.drawings import Drawings
 from trisquare.files import write_atomically
+from trisquare.pictures import TONE_CURVES
 from trisquare.report import check_extra, report_page
+from trisquare.settings import AUTO, METHODS
 from trisquare.sheet_layout import parse_layout
 from trisquare.tables import calibration_report
-from trisquare.targets import Targets
+from trisquare.targets import TAG_SEARCHES, Targets
+
+EXAMPLES = (
+    "trisquare calibrate photo.jpg",
+    "trisquare calibrate photo.jpg -o camera.json --overlay overlay.png --diagnose",
+    "trisquare calibrate one.jpg two.jpg three.jpg --model auto --json",
+    "trisquare calibrate board.png --targets chessboard:9x6 --fix aspect",
+)
 
 
 def calibrate_command(
@@ -40,9 +51,8 @@ def calibrate_command(
         Path | None,
         typer.Option("--output", "-o", metavar="FILE", help="Write the result there as JSON."),
     ] = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print JSON instead of tables, and nothing else.")
-    ] = False,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
     overlay: Annotated[
         Path | None,
         typer.Option(
@@ -71,18 +81,24 @@ def calibrate_command(
         str,
         typer.Option(
             metavar="MODEL",
+            autocompletion=completing((*MODELS, AUTO)),
             help="Distortion: none, radial1, radial2, radial3, brown, or auto: by evidence.",
         ),
     ] = "radial2",
     method: Annotated[
         str,
-        typer.Option(metavar="METHOD", help="ml, or linear for the paper's three steps alone."),
+        typer.Option(
+            metavar="METHOD",
+            autocompletion=completing(METHODS),
+            help="ml, or linear for the paper's three steps alone.",
+        ),
     ] = "ml",
     fix: FixOption = None,
     tone: Annotated[
         str | None,
         typer.Option(
             metavar="TONE",
+            autocompletion=completing(TONE_CURVES),
             help="Tone curve: auto (estimated), srgb, linear or a gamma. By default srgb for 8-bit "
             "pictures.",
         ),
@@ -91,6 +107,7 @@ def calibrate_command(
         str,
         typer.Option(
             metavar="TARGETS",
+            autocompletion=completing(TAG_SEARCHES),
             help="auto, squares, tags, aruco, apriltag, or chessboard:9x6 (inner corners).",
         ),
     ] = "auto",
@@ -117,11 +134,13 @@ def calibrate_command(
     ] = False,
 ) -> None:
     """Calibrate a camera from its photographs."""
+    check_printing(json, quiet)
     if diagnose and json:
         raise ValueError("--diagnose adds to the tables, which --json replaces: give one of them")
     overlays = numbered_paths(overlay, len(photos))
     debug_images = numbered_paths(debug_image, len(photos))
-    check_outputs(photos, output, [*overlays, *debug_images], report)
+    inputs = _inputs(photos, outline, board)
+    check_outputs(inputs, output, [*overlays, *debug_images], report)
     if report is not None:
         check_extra()
     if board is not None:
@@ -131,7 +150,8 @@ def calibrate_command(
     searched_for = Targets.parse(targets) if outline is None else Targets()
     with (
         drawn_on_failure(photos, debug_images, searched_for),
-        _progress(len(photos)) as progress,
+        progress_bar("calibrating", quiet) as progress,
+        reading(),
     ):
         calibration = calibrate(
             photos[0] if len(photos) == 1 else photos,
@@ -162,17 +182,24 @@ def calibrate_command(
     write_atomically(contents)
     if json:
         print(calibration.to_json(), end="")
-    else:
+    elif not quiet:
         Console().print(calibration_report(calibration), soft_wrap=True)
         if diagnose:
             Console().print(Text(str(calibration.diagnosis)), soft_wrap=True)
+
+
+def _inputs(photos: list[Path], outline: Path | None, board: str | None) -> list[Path]:
+    """Return all that is read, and so must not be written to; no board but a file has a name."""
+    others = (outline, None if board is None else Path(board))
+    return [*photos, *(path for path in others if path is not None)]
 
 
 def _targets_of_board(board: str, targets: str) -> str:
     """Return the targets that a board is; in Python they are one argument."""
     if targets != "auto":
         raise ValueError("--board and --targets both say what to look for: give one of them")
-    parse_layout(board)
+    with reading():
+        parse_layout(board)
     return board
 
 
@@ -181,15 +208,3 @@ def _tone(text: str | None) -> str | float | None:
         return text if text is None else float(text)
     except ValueError:
         return text
-
-
-@contextmanager
-def _progress(photos: int) -> Iterator[Callable[[int, int], None] | None]:
-    """Show a bar on standard error, where somebody may be watching it."""
-    console = Console(stderr=True)
-    if photos < 2 or not console.is_terminal:
-        yield None
-        return
-    with Progress(console=console, transient=True) as bar:
-        task = bar.add_task("calibrating", total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)

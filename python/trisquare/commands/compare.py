@@ -14,12 +14,19 @@ from rich.text import Text
 from trisquare.checked import FloatArray
 from trisquare.commands.drawn_files import check_outputs
 from trisquare.commands.input_files import of_size, read_camera
+from trisquare.commands.printing import JsonOption, QuietOption, check_printing
 from trisquare.comparison import Comparison, compare, two_digits
 from trisquare.comparison_map import draw_comparison
 from trisquare.files import encode_image, write_atomically
 from trisquare.result import Calibration
 
 COMPARISON_FORMAT = "trisquare-comparison/1"
+
+EXAMPLES = (
+    "trisquare compare today.json last_month.json",
+    "trisquare compare camera.json camera_info.yaml --map difference.png",
+    "trisquare compare full.json half.json --rescale --json",
+)
 
 
 def compare_command(
@@ -35,15 +42,15 @@ def compare_command(
             "--rescale", help="Scale B to the pictures of A, if only the resolution differs."
         ),
     ] = False,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print JSON instead of text, and nothing else.")
-    ] = False,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Tell how far apart two cameras project, and whether their uncertainties explain it.
 
     The rotation between the two cameras that fits best is taken out first: intrinsics cannot tell
     it from a turn of the camera.
     """
+    check_printing(json, quiet)
     check_outputs([first, second], None, [] if map_file is None else [map_file])
     known = read_camera(first)
     lens = known.camera if isinstance(known, Calibration) else known
@@ -53,7 +60,7 @@ def compare_command(
         write_atomically({map_file: encode_image(draw_comparison(comparison), map_file)})
     if json:
         print(json_text.dumps(_members(comparison), indent=2, allow_nan=False))
-    else:
+    elif not quiet:
         Console().print(_report(comparison), soft_wrap=True)
 
 

@@ -12,13 +12,22 @@ from rich.console import Console
 from rich.text import Text
 
 from trisquare.camera import camera_parameters
-from trisquare.commands.input_files import reading
+from trisquare.commands.completing import completing
+from trisquare.commands.input_errors import reading
+from trisquare.commands.printing import JsonOption, QuietOption, check_printing
+from trisquare.commands.size_option import parse_size
 from trisquare.files import check_writable
 from trisquare.formats.files import Loaded, load_camera, save_camera
 from trisquare.formats.nearest import Approximation
-from trisquare.formats.registry import FORMATS, format_called, format_of_name
+from trisquare.formats.registry import FORMAT_NAMES, FORMATS, format_called, format_of_name
 
 CONVERSION_FORMAT = "trisquare-conversion/1"
+
+EXAMPLES = (
+    "trisquare convert camera.json camera_info.yaml",
+    "trisquare convert camchain.yaml camera.json --camera cam1",
+    "trisquare convert camera.json cameras.txt --to colmap --approximate",
+)
 
 FORMATS_HELP = "; ".join(f"{known.name} is {known.title}" for known in FORMATS)
 
@@ -31,7 +40,10 @@ def convert_command(
     from_format: Annotated[
         str | None,
         typer.Option(
-            "--from", metavar="FORMAT", help=f"By default what IN looks like. {FORMATS_HELP}."
+            "--from",
+            metavar="FORMAT",
+            autocompletion=completing(FORMAT_NAMES),
+            help=f"By default what IN looks like. {FORMATS_HELP}.",
         ),
     ] = None,
     to_format: Annotated[
@@ -39,6 +51,7 @@ def convert_command(
         typer.Option(
             "--to",
             metavar="FORMAT",
+            autocompletion=completing(FORMAT_NAMES),
             help="By default what the name of OUT tells: trisquare for .json, opencv for .yaml and "
             ".xml, and the programs' own for camera_info.yaml, camchain.yaml, cameras.txt, "
             "transforms.json, .cameramodel and .pto.",
@@ -59,25 +72,21 @@ def convert_command(
             help="Where a format has no model for the lens, use the nearest that it has.",
         ),
     ] = False,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print JSON instead of a line, and nothing else.")
-    ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
-    """Convert a camera from one program's file format to another's.
-
-    Example: trisquare convert camera.json camera_info.yaml
-    """
+    """Convert a camera from one program's file format to another's."""
+    check_printing(json, quiet)
     check_writable(target)
     if os.path.realpath(source) == os.path.realpath(target):
-        raise ValueError(f"{target}: would overwrite what is converted")
+        raise ValueError(f"{target}: would overwrite the input")
     known = format_of_name(target.name) if to_format is None else format_called(to_format)
     with reading():
         loaded = load_camera(
             source,
             from_format,
             name=camera,
-            image_size=None if size is None else _size(size),
+            image_size=None if size is None else parse_size(size),
             approximate=approximate,
         )
     approximation = save_camera(loaded.camera, target, known.name, approximate=approximate)
@@ -86,14 +95,6 @@ def convert_command(
         print(json_text.dumps(members, indent=2, allow_nan=False))
     elif not quiet:
         _print_report(source, target, loaded, known.name, approximation)
-
-
-def _size(text: str) -> tuple[int, int]:
-    try:
-        width, height = (int(part) for part in text.lower().split("x"))
-    except ValueError as error:
-        raise ValueError(f"a size is written 1280x960, not {text!r}") from error
-    return width, height
 
 
 def _members(

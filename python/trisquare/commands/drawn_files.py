@@ -8,12 +8,17 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
-
 from trisquare.detect import detect
 from trisquare.drawings import Drawings
 from trisquare.errors import ImageError, TrisquareError
-from trisquare.files import PathLike, check_writable, encode_image, read_image, write_atomically
+from trisquare.files import (
+    PathLike,
+    check_picture_name,
+    check_writable,
+    encode_image,
+    read_image,
+    write_atomically,
+)
 from trisquare.findings import Place, draw_findings
 from trisquare.overlay import draw_overlay
 from trisquare.pictures import picture_size
@@ -33,21 +38,20 @@ def numbered_paths(path: Path | None, photos: int) -> list[Path]:
 
 
 def check_outputs(
-    photos: Sequence[Path],
+    inputs: Sequence[Path],
     output: Path | None,
     drawings: Sequence[Path],
     report: Path | None = None,
 ) -> None:
     """Refuse outputs that cannot be written before anything is computed."""
-    taken = {os.path.realpath(photo) for photo in photos}
+    taken = {os.path.realpath(path) for path in inputs}
     for path in (*drawings, *(path for path in (output, report) if path is not None)):
         check_writable(path)
         if os.path.realpath(path) in taken:
-            raise ValueError(f"{path}: would overwrite a photograph or another output")
+            raise ValueError(f"{path}: would overwrite an input or another output")
         taken.add(os.path.realpath(path))
     for path in drawings:
-        if not cv2.haveImageWriter(str(path)):
-            raise ValueError(f"{path}: no picture format has the extension {path.suffix!r}")
+        check_picture_name(path)
 
 
 def overlay_of(

@@ -7,10 +7,14 @@ from typing import Annotated, TypeAlias
 
 import typer
 
+from trisquare.commands.completing import completing
+from trisquare.settings import FIXABLE
+
 FixOption: TypeAlias = Annotated[
     list[str] | None,
     typer.Option(
         metavar="WHAT",
+        autocompletion=completing(FIXABLE),
         help="Hold aspect, principal_point, focal or distortion; repeatable, or with commas.",
     ),
 ]

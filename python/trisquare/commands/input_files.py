@@ -3,29 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from trisquare.camera import Camera
+from trisquare.commands.input_errors import reading
 from trisquare.formats import load_camera
 from trisquare.formats.own import CALIBRATION_FORMAT
 from trisquare.named_file import naming, read_text
 from trisquare.rescaling import rescaled
 from trisquare.result import Calibration
-
-
-class UnreadableInputError(Exception):
-    """A file that was named cannot be read, as a picture may be missing."""
-
-
-@contextmanager
-def reading() -> Iterator[None]:
-    """Tell that a file cannot be read from that one cannot be written, both of them OSErrors."""
-    try:
-        yield
-    except OSError as error:
-        raise UnreadableInputError(str(error)) from error
 
 
 def read_camera(path: Path) -> Calibration | Camera:
@@ -58,10 +44,12 @@ def of_size(
     lens = camera.camera if isinstance(camera, Calibration) else camera
     if lens.image_size == image_size:
         return camera
+    with naming(what):
+        scaled = rescaled(camera, image_size)
     if not rescale:
         own, other = ("{} x {}".format(*size) for size in (lens.image_size, image_size))
         raise ValueError(
             f"{what} has {other} pixels, the camera's pictures {own}: --rescale scales the camera, "
             "where they are the same picture in another resolution"
         )
-    return rescaled(camera, image_size)
+    return scaled

@@ -15,18 +15,29 @@ from rich.console import Console
 from rich.text import Text
 
 from trisquare.checked import FloatArray
+from trisquare.choices import unknown
+from trisquare.commands.completing import completing
 from trisquare.commands.drawn_files import check_outputs
+from trisquare.commands.input_errors import reading
 from trisquare.commands.input_files import of_size, read_camera
+from trisquare.commands.printing import JsonOption, QuietOption, check_printing
+from trisquare.commands.progress import progress_bar
 from trisquare.files import encode_image, read_image, write_atomically
 from trisquare.locating import locate
 from trisquare.measure import Measurement
-from trisquare.named_file import naming
 from trisquare.pictures import picture_size
 from trisquare.result import CLICKED_STD, Calibration, Plane, decimals_shown
+from trisquare.targets import TAG_SEARCHES
 from trisquare.top_view import TopView
 from trisquare.top_view import rectify as rectified
 
 MEASUREMENT_FORMAT = "trisquare-measurement/1"
+
+EXAMPLES = (
+    "trisquare measure photo.jpg --camera camera.json --side 50mm 312,440 518,402",
+    "trisquare measure photo.jpg --camera camera.json --plane 2 90,80 130,85 120,140",
+    "trisquare measure photo.jpg --camera camera.json --rectify above.png",
+)
 
 UNITS = ("um", "mm", "cm", "m", "km", "in", "ft")
 LENGTH = re.compile(r"([0-9.eE+-]+)\s*([A-Za-z]*)")
@@ -80,33 +91,39 @@ def measure_command(
         ),
     ] = False,
     targets: Annotated[
-        str, typer.Option(metavar="WHAT", help="What to look for, as in calibrate.")
+        str,
+        typer.Option(
+            metavar="WHAT",
+            autocompletion=completing(TAG_SEARCHES),
+            help="What to look for, as in calibrate.",
+        ),
     ] = "auto",
     outline: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Outlines drawn by hand, as in calibrate."),
     ] = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print JSON instead of text, and nothing else.")
-    ] = False,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Measure lengths, angles and areas on the plane of a square.
 
     The square is found in the photograph again, before the camera that is given; all that is
     uncertain about the pixels, its pose and the camera is in the standard deviations.
     """
+    check_printing(json, quiet)
     if camera is None:
         raise ValueError("say which camera took the photograph: --camera camera.json")
     pixels = _pixels(points or [])
     if len(pixels) == 1 or (not len(pixels) and rectify is None):
         raise ValueError("give two points or more, as X,Y; or --rectify FILE")
     length = _Length.parse(side)
-    check_outputs([photo, camera], None, [] if rectify is None else [rectify])
+    inputs = [photo, camera, *([] if outline is None else [outline])]
+    check_outputs(inputs, None, [] if rectify is None else [rectify])
     known = read_camera(camera)
     picture = read_image(photo)
     known = of_size(known, picture_size(picture), rescale, str(photo))
     lens = known.camera if isinstance(known, Calibration) else known
-    with naming(photo):
+    with progress_bar("measuring", quiet), reading():
         planes = locate(picture, known, targets=targets, outlines=outline)
     chosen = _chosen(planes, plane)
     measured = None
@@ -120,7 +137,7 @@ def measure_command(
     if json:
         members = _members(chosen, plane, length, measured, view)
         print(json_text.dumps(members, indent=2, allow_nan=False))
-    else:
+    elif not quiet:
         for line in _lines(chosen, plane, length, measured, view):
             Console().print(Text(line), soft_wrap=True)
         if rectify is not None:
@@ -144,7 +161,7 @@ class _Length:
         if found is None or not 0 < value < np.inf:
             raise ValueError(f"a length is written 50mm, not {text!r}")
         if found[2] not in ("", *UNITS):
-            raise ValueError(f"unknown unit {found[2]!r}: choose one of {', '.join(UNITS)}")
+            raise unknown("unit", found[2], UNITS)
         return cls(value, found[2])
 
     def after(self, number: str, power: str = "") -> str:

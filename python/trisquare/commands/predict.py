@@ -13,8 +13,13 @@ from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from trisquare.camera import Camera, camera_parameters
+from trisquare.camera import MODELS, Camera, camera_parameters
+from trisquare.commands.completing import completing
 from trisquare.commands.fix_option import FixOption, fixed_names
+from trisquare.commands.input_errors import reading
+from trisquare.commands.input_files import camera_alone
+from trisquare.commands.printing import JsonOption, QuietOption, check_printing
+from trisquare.commands.size_option import parse_size
 from trisquare.json_fields import JsonFields
 from trisquare.named_file import naming, read_text
 from trisquare.plan import PlannedSquare
@@ -23,6 +28,12 @@ from trisquare.result import decimals_shown
 
 PLAN_FORMAT = "trisquare-plan/1"
 PREDICTION_FORMAT = "trisquare-prediction/1"
+
+EXAMPLES = (
+    "trisquare predict --size 4000x3000 --focal 3200",
+    "trisquare predict --camera camera.json --sigma 0.05 --model radial1",
+    "trisquare predict plan.json --frame 0.6 --json",
+)
 
 # Planned where nothing else is said: three squares over the picture, as section "How to take a
 # good photograph" of the README wants them. Parts of width, height and height; degrees.
@@ -71,14 +82,18 @@ def predict_command(
     ] = 1.0,
     model: Annotated[
         str | None,
-        typer.Option(metavar="MODEL", help="Distortion: none, radial1, radial2, radial3 or brown."),
+        typer.Option(
+            metavar="MODEL",
+            autocompletion=completing(MODELS),
+            help="Distortion: none, radial1, radial2, radial3 or brown.",
+        ),
     ] = None,
     fix: FixOption = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print JSON instead of a table, and nothing else.")
-    ] = False,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Predict the standard deviations that a planned photograph will have."""
+    check_printing(json, quiet)
     written = None if plan is None else _written(plan)
     guess = _camera(written, size, focal, camera)
     if square or written is None:
@@ -95,12 +110,13 @@ def predict_command(
     )
     if json:
         print(json_text.dumps(_members(found, planned), indent=2, allow_nan=False))
-    else:
+    elif not quiet:
         Console().print(_report(found, planned), soft_wrap=True)
 
 
 def _written(plan: Path) -> JsonFields:
-    text = read_text(plan)
+    with reading():
+        text = read_text(plan)
     with naming(plan):
         return JsonFields.parse(text, PLAN_FORMAT)
 
@@ -112,9 +128,9 @@ def _camera(
     if camera is not None:
         if size is not None or focal is not None:
             raise ValueError("--camera brings its own size and focal length")
-        return Camera.load(camera)
+        return camera_alone(camera)
     if size is not None:
-        width, height = _size(size)
+        width, height = parse_size(size)
     elif written is not None:
         width, height = written.array("image_size", (2,)).astype(int).tolist()
     else:
@@ -124,14 +140,6 @@ def _camera(
     centre = (0.5 * (width - 1), 0.5 * (height - 1))
     K = np.array([[focal, 0.0, centre[0]], [0.0, focal, centre[1]], [0.0, 0.0, 1.0]])
     return Camera(K, np.zeros(5), (width, height))
-
-
-def _size(text: str) -> tuple[int, int]:
-    try:
-        width, height = (int(part) for part in text.lower().split("x"))
-    except ValueError as error:
-        raise ValueError(f"a size is written 1280x960, not {text!r}") from error
-    return width, height
 
 
 def _square(text: str, camera: Camera, frame: float | None) -> PlannedSquare:

@@ -11,9 +11,18 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from trisquare.target import PrintedTarget, TargetKind, printed_target
+from trisquare.commands.completing import completing
+from trisquare.commands.printing import JsonOption, QuietOption, check_printing
+from trisquare.target import KINDS, PrintedTarget, TargetKind, printed_target
+from trisquare.target_layout import PAGES
 
 TARGET_FORMAT = "trisquare-target/1"
+
+EXAMPLES = (
+    "trisquare target",
+    "trisquare target --kind corner --page Letter -o target.pdf",
+    "trisquare target --kind flat --side 120 --json",
+)
 
 
 def target_command(
@@ -21,12 +30,18 @@ def target_command(
         Path, typer.Option("--output", "-o", metavar="FILE", help="The PDF to write.")
     ] = Path("target.pdf"),
     page: Annotated[
-        str, typer.Option(metavar="PAGE", help="The paper, upright: A4, A3 or Letter.")
+        str,
+        typer.Option(
+            metavar="PAGE",
+            autocompletion=completing(PAGES),
+            help="The paper, upright: A4, A3 or Letter.",
+        ),
     ] = "A4",
     kind: Annotated[
         str,
         typer.Option(
             metavar="KIND",
+            autocompletion=completing(KINDS),
             help="corner: one sheet that folds and glues into a corner of three planes; flat: "
             "three sheets with a frame each; both: all four.",
         ),
@@ -35,15 +50,14 @@ def target_command(
         float | None,
         typer.Option(metavar="MM", help="Side of each frame; by default the largest that fits."),
     ] = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print where everything stands, mm, as JSON.")
-    ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Write a PDF with three framed squares to print, for one photograph that calibrates.
 
-    Example: trisquare target --kind corner --page Letter -o target.pdf
+    JSON tells where everything stands, in mm.
     """
+    check_printing(json, quiet)
     # The library says what is wrong with a kind that it does not know.
     target = printed_target(cast(TargetKind, kind), page=page, side=side)
     target.save(output)

@@ -3,23 +3,31 @@
 from __future__ import annotations
 
 import json as json_text
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.progress import track
 
 from trisquare.camera import Camera, camera_members
+from trisquare.choices import unknown
+from trisquare.commands.completing import completing
 from trisquare.commands.drawn_files import check_outputs, numbered_paths
 from trisquare.commands.input_files import camera_alone
+from trisquare.commands.printing import JsonOption, QuietOption, check_printing
+from trisquare.commands.progress import progress_bar
 from trisquare.files import encode_image, read_image, write_in_turn
 from trisquare.named_file import naming
 from trisquare.pictures import Image, picture_size
-from trisquare.undistortion import Undistorter
+from trisquare.undistortion import INTERPOLATIONS, Undistorter
 
 UNDISTORTION_FORMAT = "trisquare-undistortion/1"
+
+EXAMPLES = (
+    "trisquare undistort photo.jpg --camera camera.json -o straight.jpg",
+    "trisquare undistort frame-*.png --camera camera.json -o straight/ --balance 0.5",
+    "trisquare undistort small.png --camera camera.json -o straight.png --rescale",
+)
 
 DEEP_FORMATS = {
     "uint16": (".png", ".tif", ".tiff", ".jp2", ".pgm", ".ppm", ".pnm", ".pxm"),
@@ -59,33 +67,29 @@ def undistort_command(
         ),
     ] = False,
     interpolation: Annotated[
-        str, typer.Option(metavar="HOW", help="linear, nearest, cubic or lanczos.")
+        str,
+        typer.Option(
+            metavar="HOW",
+            autocompletion=completing(INTERPOLATIONS),
+            help="linear, nearest, cubic or lanczos.",
+        ),
     ] = "linear",
-    json: Annotated[
-        bool,
-        typer.Option("--json", help="Print the new cameras as JSON, and nothing else."),
-    ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Remove the lens distortion from photographs; none is written unless all can be."""
-    if json and quiet:
-        raise ValueError("--json prints, and --quiet does not: give one of them")
+    check_printing(json, quiet)
     if output.is_dir():
         paths = [output / photo.name for photo in photos]
     else:
         paths = numbered_paths(output, len(photos))
-    check_outputs(photos, None, paths)
+    check_outputs([*photos, camera], None, paths)
+    if interpolation not in INTERPOLATIONS:  # not to be said of the first photograph
+        raise unknown("interpolation", interpolation, INTERPOLATIONS)
     lens = camera_alone(camera)
     work = _Work(lens, balance, rescale, interpolation)
-    console = Console(stderr=True)
-    shown = track(
-        list(zip(photos, paths, strict=True)),
-        "undistorting",
-        console=console,
-        transient=True,
-        disable=quiet or len(photos) == 1 or not console.is_terminal,
-    )
-    write_in_turn((path, work.undistorted(photo, path)) for photo, path in shown)
+    with progress_bar("undistorting", quiet) as progress:
+        write_in_turn(work.all_undistorted(photos, paths, progress))
     if json:
         members = {"format": UNDISTORTION_FORMAT, "balance": balance, "pictures": work.members}
         print(json_text.dumps(members, indent=2, allow_nan=False))
@@ -102,6 +106,18 @@ class _Work:
         # Whatever is wrong with camera or balance shall not wait for a photograph.
         self._camera, self._undistorter = camera, Undistorter(camera, balance)
         self.members: list[dict[str, Any]] = []
+
+    def all_undistorted(
+        self,
+        photos: Sequence[Path],
+        paths: Sequence[Path],
+        progress: Callable[[int, int], None] | None,
+    ) -> Iterator[tuple[Path, bytes]]:
+        """Undistort one photograph when the one before has been taken care of."""
+        for done, (photo, path) in enumerate(zip(photos, paths, strict=True)):
+            if progress is not None:
+                progress(done, len(photos))
+            yield path, self.undistorted(photo, path)
 
     def undistorted(self, photo: Path, path: Path) -> bytes:
         """Return the content of the file at `path`."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from trisquare.choices import unknown
 from trisquare.formats import colmap, hugin, kalibr, lensfun, mrcal, nerfstudio, opencv, own, ros
 from trisquare.formats.document import Document
 from trisquare.formats.format import Format
@@ -34,7 +35,7 @@ def format_called(name: str) -> Format:
     for known in FORMATS:
         if known.name == name.lower():
             return known
-    raise ValueError(f"format must be one of {', '.join(FORMAT_NAMES)}, not {name!r}")
+    raise unknown("format", name, FORMAT_NAMES)
 
 
 def format_of_document(document: Document) -> Format:
@@ -51,6 +52,8 @@ def format_of_document(document: Document) -> Format:
     # The format's own reader says best what is wrong with it.
     promised = _format_by_name(document.name)
     if promised is None:
+        if not document.text.strip():
+            raise ValueError("the file is empty")
         raise ValueError(
             f"no camera file of a format that is known ({', '.join(FORMAT_NAMES)}); if it is one "
             "of them all the same, say which with format= (--from)"

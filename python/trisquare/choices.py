@@ -1,0 +1,35 @@
+"""What to say of a name that is none of those that there are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+def unknown(what: str, value: str, known: Iterable[str], choose: str | None = None) -> ValueError:
+    """Return the error for a name that is not known: the nearest of those known, and all of them.
+
+    Parameters
+    ----------
+    what : str
+        What the name would be one of.
+    value : str
+        The name that was given.
+    known : iterable of str
+        The names that there are.
+    choose : str, optional
+        What to choose from, where that is more than the names that are known.
+    """
+    names = list(known)
+    meant = nearest_name(value, names)
+    hint = "" if meant is None else f"did you mean {meant!r}? "
+    choices = f"one of {', '.join(names)}" if choose is None else choose
+    return ValueError(f"unknown {what} {value!r}: {hint}choose {choices}")
+
+
+def nearest_name(value: str, known: Iterable[str]) -> str | None:
+    """Return the name that was probably meant, capitals aside; None if none is near."""
+    from difflib import get_close_matches  # needed after a mistake only
+
+    by_lower = {name.lower(): name for name in known}
+    found = get_close_matches(value.lower(), by_lower, n=1)
+    return by_lower[found[0]] if found else None
