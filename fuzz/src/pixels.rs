@@ -81,6 +81,7 @@ pub(crate) fn measured_spans(found: &[Result<SpanEdges, NoEdge>]) -> Outcome {
             Err(NoEdge::OutsidePicture) => "OutsidePicture",
             Err(NoEdge::Inconsistent) => "Inconsistent",
             Err(NoEdge::Unmeasurable) => "Unmeasurable",
+            Err(NoEdge::Cramped) => "Cramped",
         };
         if outcome == "Ok" {
             break;
