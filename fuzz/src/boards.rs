@@ -97,7 +97,11 @@ impl Board {
                 let path = (1..=inner).map(|k| self.crossing(site(k).0, site(k).1).point);
                 EdgeSpan {
                     path: path.collect(),
-                    rise: if own.is_multiple_of(2) == is_row { 1.0 } else { -1.0 },
+                    rise: if own.is_multiple_of(2) == is_row {
+                        1.0
+                    } else {
+                        -1.0
+                    },
                     bounds: [None, None],
                     crossings: (1..=inner).map(|k| (Some(crosses(k)), k)).collect(),
                     ..EdgeSpan::new(Vec::new(), 1.0)
