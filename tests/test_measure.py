@@ -183,6 +183,27 @@ def test_the_view_from_above_is_to_scale(photograph, scene):
         ts.rectify(photograph, result.planes[0], result.camera, resolution=1e6)
     with pytest.raises(ValueError, match="pixels"):
         ts.rectify(photograph[:100], result.planes[0], result.camera)
+    with pytest.raises(ValueError, match="cannot be shown"):
+        ts.rectify(photograph, result.planes[0], result, margin=1e308)
+    point = replace(result.planes[0], corners=np.full((4, 2), 300.0))
+    with pytest.raises(ValueError, match="cannot be shown"):
+        ts.rectify(photograph, point, result)
+    with pytest.raises(TypeError, match="plane must be"):
+        ts.rectify(photograph, 0, result)
+    with pytest.raises(TypeError, match="camera must be"):
+        ts.rectify(photograph, result.planes[0], result.camera.K)
+
+
+def test_a_view_from_above_is_black_beyond_the_photograph_and_keeps_its_type(photograph):
+    result = ts.calibrate(photograph)
+    for plane in result.planes:
+        white = np.full((*photograph.shape, 3), 65535, np.uint16)
+        view = ts.rectify(white, plane, result, resolution=10, margin=40)
+        assert view.image.dtype == np.uint16
+        assert set(np.unique(view.image)) >= {0, 65535}
+        # The photograph is one piece of the plane, also where that goes on behind the camera.
+        pieces, _ = cv2.connectedComponents((view.image[..., 0] > 0).astype(np.uint8))
+        assert pieces == 2
 
 
 @pytest.fixture(scope="module")

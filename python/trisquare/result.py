@@ -140,8 +140,8 @@ class Plane(RebuiltByConstructor):
         ------
         TypeError, ValueError
             For bad arguments; if a point is outside the picture or the valid radius, beyond the
-            plane's horizon, or the same as the one before; if the result of an older version does not say how well its
-            poses are known.
+            plane's horizon, or the same as the one before; if the result of an older version does
+            not say how well its poses are known.
         """
         from trisquare.measure import measure_on_plane  # it measures with this module's classes
 
