@@ -202,6 +202,10 @@ BOMBS = {
     "object.yaml": "camera_matrix: !!python/object/apply:os.system ['true']\ndistortion_model: a\n",
     "no-integer.yaml": "camera_matrix: !!int\ndistortion_model: !!timestamp 2026-99-99\n",
     "digits.json": '{"format": "trisquare-camera/1", "image_size": [' + "9" * 5000 + "]}",
+    # Of these a reader that tries each place anew makes minutes.
+    "digits.cameramodel": "{'lensmodel': " + "1" * 10 * DEEP + "}",
+    "lines.txt": "\n" * 3 * DEEP,
+    "lenses.xml": "<lensdatabase>" + "<lens>" * DEEP + "</lens>" * DEEP + "</lensdatabase>",
     "digits.txt": "1 PINHOLE " + "9" * 5000 + " 5 1 1 1 1\n",
     "empty.json": "",
     "list.json": "[]",

@@ -1,6 +1,7 @@
 """Two cameras compared: against known differences, and against repeated measurements."""
 
 import json
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -104,6 +105,51 @@ def test_a_difference_that_no_parameter_makes_is_no_noise(result):
     comparison = ts.compare(result, other)
     assert comparison.unexplained > expected
     assert comparison.same is False
+    assert "px (rms) that no uncertain parameter makes" in comparison.verdict
+
+
+def test_a_difference_in_well_known_ways_is_said_to_be_one(result):
+    """A vague k1 makes every place uncertain, but not the shape of what k2 does."""
+    stds = {"fx": 0.1, "fy": 0.1, "cx": 0.1, "cy": 0.1, "k1": 0.02, "k2": 0.001}
+    covariance = np.diag([stds[name] ** 2 for name in result.parameters])
+    vague = replace(result, covariance=covariance)
+    distortion = result.camera.distortion + np.array([0, 0.03, 0, 0, 0])
+    comparison = ts.compare(vague, replace(result.camera, distortion=distortion))
+    assert comparison.worst_in_stds < 2
+    assert comparison.same is False
+    assert "better known than any one place" in comparison.verdict
+
+
+def test_cameras_without_a_visible_difference_are_the_same(result):
+    """However small their uncertainty is said to be: files round, and so do computers."""
+    certain = replace(result, covariance=np.zeros_like(result.covariance))
+    assert ts.compare(certain, certain).same is True
+    rounded = replace(result.camera, K=np.round(result.camera.K, 8))
+    assert ts.compare(certain, rounded).same is True
+    other = replace(result.camera, K=result.camera.K + np.diag([1e-3, 0, 0]))
+    assert ts.compare(certain, other).same is False
+
+
+def test_comparisons_are_read_only_also_after_pickling(result):
+    for comparison in (
+        found := ts.compare(result, result.camera),
+        pickle.loads(pickle.dumps(found)),
+    ):
+        assert comparison.verdict == found.verdict
+        for name in ("rotation", "x", "y", "difference", "std"):
+            with pytest.raises(ValueError, match="read-only"):
+                getattr(comparison, name)[0] = 0
+
+
+def test_long_lenses_are_compared_up_to_their_valid_radius():
+    K = np.array([[1e6, 0, 639.5], [0, 1e6, 479.5], [0, 0, 1]])
+    whole = ts.Camera(K, np.zeros(5), IMAGE_SIZE)
+    part = ts.Camera(
+        K * [[1.01, 1, 1], [1, 1, 1], [1, 1, 1]], np.zeros(5), IMAGE_SIZE, "none", 5e-4
+    )
+    comparison = ts.compare(whole, part)
+    assert 0.4 < comparison.coverage < 0.7
+    assert comparison.worst < 0.01 * 640
 
 
 def test_beyond_what_a_lens_can_follow_nothing_is_said(result):

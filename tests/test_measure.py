@@ -73,6 +73,20 @@ def test_with_the_pixels_exact_pose_and_camera_alone_scatter_the_lengths(scene):
     assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(1, abs=0.2)
 
 
+def test_what_is_in_line_has_an_angle_and_an_area_that_are_not_certain():
+    """At 0 and 180 degrees the angle has no derivative, but it scatters there as elsewhere."""
+    std = 1e-3
+    covariance = std**2 * np.eye(6)
+    straight = ts.Measurement([[0, 0], [1, 0], [2, 0]], covariance)
+    assert (straight.angles, straight.area) == (180, 0)
+    # The middle's y turns both arms, the ends' one each: 1, 1, and 2 radians to a unit.
+    assert straight.angles_std == pytest.approx(np.degrees(std) * np.sqrt(6), rel=1e-6)
+    assert straight.area_std == pytest.approx(std * 0.5 * np.sqrt(6), rel=1e-6)
+    back = ts.Measurement([[1, 0], [0, 0], [2, 0]], covariance)
+    assert back.angles == 0
+    assert back.angles_std == pytest.approx(np.degrees(std) * np.sqrt(1.5), rel=1e-6)
+
+
 def test_a_camera_without_uncertainty_adds_none(scene, result):
     pixels = seen(scene, TRIANGLE)
     of_all = result.planes[0].measure(pixels, result, point_std=0)
@@ -91,6 +105,12 @@ def test_bad_points_are_refused(scene, result):
         plane.measure([[5, 3], [np.nan, 3]], result)
     with pytest.raises(ValueError, match="side must be positive"):
         plane.measure(seen(scene, TRIANGLE), result, side=0)
+    with pytest.raises(ValueError, match="side must be positive and less"):
+        plane.measure(seen(scene, TRIANGLE), result, side=1e200)
+    with pytest.raises(ValueError, match="point_std must be less"):
+        plane.measure(seen(scene, TRIANGLE), result, point_std=1e200)
+    with pytest.raises(ValueError, match="points 1 and 2 are the same"):
+        plane.measure([[5, 3], [9, 3], [9, 3]], result)
     with pytest.raises(TypeError, match="camera must be"):
         plane.measure(seen(scene, TRIANGLE), "camera.json")
     with pytest.raises(ValueError, match="calibrate again"):
@@ -163,6 +183,27 @@ def test_the_view_from_above_is_to_scale(photograph, scene):
         ts.rectify(photograph, result.planes[0], result.camera, resolution=1e6)
     with pytest.raises(ValueError, match="pixels"):
         ts.rectify(photograph[:100], result.planes[0], result.camera)
+    with pytest.raises(ValueError, match="cannot be shown"):
+        ts.rectify(photograph, result.planes[0], result, margin=1e308)
+    point = replace(result.planes[0], corners=np.full((4, 2), 300.0))
+    with pytest.raises(ValueError, match="cannot be shown"):
+        ts.rectify(photograph, point, result)
+    with pytest.raises(TypeError, match="plane must be"):
+        ts.rectify(photograph, 0, result)
+    with pytest.raises(TypeError, match="camera must be"):
+        ts.rectify(photograph, result.planes[0], result.camera.K)
+
+
+def test_a_view_from_above_is_black_beyond_the_photograph_and_keeps_its_type(photograph):
+    result = ts.calibrate(photograph)
+    for plane in result.planes:
+        white = np.full((*photograph.shape, 3), 65535, np.uint16)
+        view = ts.rectify(white, plane, result, resolution=10, margin=40)
+        assert view.image.dtype == np.uint16
+        assert set(np.unique(view.image)) >= {0, 65535}
+        # The photograph is one piece of the plane, also where that goes on behind the camera.
+        pieces, _ = cv2.connectedComponents((view.image[..., 0] > 0).astype(np.uint8))
+        assert pieces == 2
 
 
 @pytest.fixture(scope="module")

@@ -31,15 +31,15 @@ __all__ = ["Comparison", "compare"]
 SIGNIFICANCE = 0.05
 """Cameras that are the same are said to differ so often."""
 
-NEGLIGIBLE = 1e-6
-"""Pixels and degrees below it are rounding."""
+ROUNDING = 1e-6
+"""Directions of difference known this much better than the least known are rounding."""
 
-WEAKEST = 1e-2
-"""Directions of difference known this much better than the least known are not put to the test.
+AGREEING = 1e-6
+"""Pixels: cameras nowhere farther apart are the same, however well they are said to be known; files
+round as much away."""
 
-The difference is linear in the parameters to about a thousandth (a pixel over a focal length), so
-that what is left of large ones would be mistaken there for something significant.
-"""
+REMARKABLE = 2.0
+"""Standard deviations that a single place seldom exceeds."""
 
 LEAST_STATED = 1e-6
 """Probabilities below it are not told apart: no noise is normal so far out."""
@@ -64,7 +64,8 @@ class Comparison(RebuiltByConstructor):
         Root mean square distance that the stated uncertainties lead to expect between two
         calibrations of one camera, pixels, infinite likewise; None if neither states one.
     p_value : float or None
-        How often two calibrations of one camera differ at least so much (chi-squared).
+        How often two calibrations of one camera, each from photographs of its own, differ at
+        least so much (chi-squared); of the same photographs it is too large.
     degrees_of_freedom : int
         Of the chi-squared: independent differences that the uncertainties allow.
     unexplained : float
@@ -82,6 +83,14 @@ class Comparison(RebuiltByConstructor):
     p_value: float | None
     degrees_of_freedom: int
     unexplained: float
+
+    def __post_init__(self) -> None:
+        for name in ("rotation", "x", "y", "difference", "std"):
+            value = getattr(self, name)
+            if value is not None:
+                array = np.array(value, dtype=np.float64, order="C")
+                array.flags.writeable = False
+                object.__setattr__(self, name, array)
 
     @property
     def distance(self) -> FloatArray:
@@ -139,6 +148,8 @@ class Comparison(RebuiltByConstructor):
         expected = self.expected_rms
         if self.p_value is None or expected is None:
             return None
+        if self.worst <= AGREEING:
+            return True
         return self.p_value >= SIGNIFICANCE and self.unexplained <= expected
 
     @property
@@ -156,7 +167,13 @@ class Comparison(RebuiltByConstructor):
             usual = f"{two_digits(expected)} px (rms) is to be expected"
             return f"the same within their uncertainty: {apart}; {usual}"
         p = f"p = {p_value:.2g}" if p_value > LEAST_STATED else f"p < {LEAST_STATED:g}"
-        return f"they differ: {apart}; up to {two_digits(stds)} standard deviations, {p}"
+        size = f"up to {two_digits(stds)} standard deviations"
+        if stds < REMARKABLE:
+            size = f"{size}, but in ways that are better known than any one place"
+        said = f"they differ: {apart}; {size}, {p}"
+        if self.unexplained <= expected:
+            return said
+        return f"{said}; {two_digits(self.unexplained)} px (rms) that no uncertain parameter makes"
 
     @property
     def _worst_place(self) -> tuple[int, int]:
@@ -175,9 +192,9 @@ def compare(first: Calibration | Camera, second: Calibration | Camera) -> Compar
     Parameters
     ----------
     first, second : Calibration or Camera
-        Of pictures of one size. A `Calibration` brings its uncertainty; a `Camera` is taken as
-        exact. Two calibrations from the same photographs share their errors, and differ by less
-        than is said to be expected.
+        Of pictures of one size. A `Calibration` brings its uncertainty, in which what was held
+        counts as exact; a `Camera` is taken as exact. Two calibrations from the same photographs
+        share their errors, and differ by less than is said to be expected.
 
     Returns
     -------
@@ -206,7 +223,9 @@ def compare(first: Calibration | Camera, second: Calibration | Camera) -> Compar
     p_value, freedom, unexplained = None, 0, 0.0
     spread = _spread(first, second, turned, pixels[seen])
     if spread is not None:
-        p_value, freedom, unexplained = _chi_square_test(difference[seen].ravel(), spread)
+        p_value, freedom, unexplained = _chi_square_test(
+            difference[seen].ravel(), spread, focal=min(a.fx, a.fy)
+        )
         blocks = spread.reshape(len(pixels[seen]), 2, -1)
         expected = np.full(len(pixels), np.inf)
         expected[seen] = rms_displacement(blocks @ blocks.transpose(0, 2, 1))
@@ -265,10 +284,18 @@ def _root_of_projection(calibration: Calibration, pixels: FloatArray) -> FloatAr
     return np.asarray(free @ (vectors * np.sqrt(np.maximum(values, 0.0))))
 
 
-def _chi_square_test(difference: FloatArray, spread: FloatArray) -> tuple[float, int, float]:
-    """Return a difference's p-value, degrees of freedom, and the rms left unexplained."""
+def _chi_square_test(
+    difference: FloatArray, spread: FloatArray, focal: float
+) -> tuple[float, int, float]:
+    """Return a difference's p-value, degrees of freedom, and the rms left unexplained.
+
+    What the least known direction leaves in the second order, its own size over the focal length
+    times itself, would look significant in directions that are better known than that: they are
+    not put to the test.
+    """
     directions, sizes, _ = np.linalg.svd(spread, full_matrices=False)
-    known = sizes > WEAKEST * sizes[0]
+    second_order = sizes[0] * np.sqrt(2 / len(difference)) / focal
+    known = sizes > max(second_order, ROUNDING) * sizes[0]
     directions = directions[:, known]
     components = directions.T @ difference
     statistic = float(np.sum((components / sizes[known]) ** 2)) if known.any() else 0.0
@@ -280,4 +307,4 @@ def _chi_square_test(difference: FloatArray, spread: FloatArray) -> tuple[float,
 
 def two_digits(value: float) -> str:
     """Write a number with two significant digits, and never as a power of ten."""
-    return f"{value:.{min(decimals_shown(value), 6)}f}" if value >= NEGLIGIBLE else "0"
+    return f"{value:.{min(decimals_shown(value), 6)}f}" if value >= AGREEING else "0"

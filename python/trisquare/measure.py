@@ -44,6 +44,12 @@ RELATIVE_STEP = 1e-6
 SMALLEST = 1e-9
 """Extent of points that coincide, lest a step vanish."""
 
+LARGEST = 1e100
+"""Sides and deviations from here on: their squares would soon be more than a number holds."""
+
+FULL_TURN = 360.0
+"""Degrees."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measurement(RebuiltByConstructor):
@@ -81,30 +87,33 @@ class Measurement(RebuiltByConstructor):
     @property
     def angles(self) -> FloatArray:
         """At each point but the first and the last, degrees from 0 to 180, shape (N - 2,)."""
-        return _angles(self.points)
+        return np.asarray(np.abs(_turns(self.points)))
 
     @property
     def angles_std(self) -> FloatArray:
         """One standard deviation of each angle, degrees."""
-        return self._std(_angles)
+        return self._std(_turns, period=FULL_TURN)
 
     @property
     def area(self) -> float | None:
         """Of the polygon with these corners; None for fewer than three."""
-        return float(_area(self.points)[0]) if len(self.points) > 2 else None
+        return abs(float(_signed_area(self.points)[0])) if len(self.points) > 2 else None
 
     @property
     def area_std(self) -> float | None:
         """One standard deviation of the area."""
-        return float(self._std(_area)[0]) if len(self.points) > 2 else None
+        return float(self._std(_signed_area)[0]) if len(self.points) > 2 else None
 
-    def _std(self, of_points: Callable[[FloatArray], FloatArray]) -> FloatArray:
-        """Carry the covariance over to a function of the points."""
+    def _std(
+        self, of_points: Callable[[FloatArray], FloatArray], period: float | None = None
+    ) -> FloatArray:
+        """Carry the covariance over to a smooth function of the points, which may have a period."""
         step = RELATIVE_STEP * max(float(np.ptp(self.points, axis=0).max()), SMALLEST)
         columns = []
-        for change in step * np.eye(self.points.size):
-            moved = change.reshape(self.points.shape)
-            columns.append(of_points(self.points + moved) - of_points(self.points - moved))
+        for shift in step * np.eye(self.points.size):
+            moved = shift.reshape(self.points.shape)
+            change = of_points(self.points + moved) - of_points(self.points - moved)
+            columns.append(change if period is None else change - period * np.rint(change / period))
         jacobian = np.stack(columns, axis=-1) / (2 * step)
         variance = np.einsum("ij,jk,ik->i", jacobian, self.covariance, jacobian)
         return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
@@ -130,18 +139,21 @@ def measure_on_plane(
     if len(pixels) < 2:
         raise ValueError(f"a length takes two points, not {len(pixels)}")
     length = real_number(side, "side")
-    if length <= 0:
-        raise ValueError(f"side must be positive, not {length}")
+    if not 0 < length < LARGEST:
+        raise ValueError(f"side must be positive and less than {LARGEST:g}, not {length:g}")
     if not isinstance(camera, Calibration | Camera):
         raise TypeError(f"camera must be a Calibration or Camera, not {type(camera).__name__}")
     lens = camera.camera if isinstance(camera, Calibration) else camera
     _check_in_picture(pixels, lens)
-    noise = not_negative(point_std, "point_std") ** 2
+    _check_apart(pixels)
+    noise = not_negative(point_std, "point_std")
+    if noise >= LARGEST:
+        raise ValueError(f"point_std must be less than {LARGEST:g} px, not {noise:g}")
     if plane.uncertainty is None:
         raise ValueError("the plane's pose has no uncertainty: calibrate again with this version")
     by_pixel = _by_pixel(pixels, lens, plane)
     by_pose = _by_pose(pixels, lens, plane)
-    total = _each_from_its_pixel(noise * by_pixel @ by_pixel.transpose(0, 2, 1))
+    total = _each_from_its_pixel(noise**2 * by_pixel @ by_pixel.transpose(0, 2, 1))
     total += by_pose @ plane.uncertainty.given_camera @ by_pose.T
     if isinstance(camera, Calibration):
         # Where the camera projects a ray further along, a pixel's ray is the one before.
@@ -151,6 +163,13 @@ def measure_on_plane(
         by_free = by_camera @ free_columns(lens, camera.parameters, camera.fixed)
         total += by_free @ camera.covariance @ by_free.T
     return Measurement(length * onto_plane(pixels, lens, plane), length**2 * total)
+
+
+def _check_apart(pixels: FloatArray) -> None:
+    together = ~np.diff(pixels, axis=0).any(axis=1)
+    if together.any():
+        index = int(np.argmax(together))
+        raise ValueError(f"points {index} and {index + 1} are the same: they have no length")
 
 
 def _check_in_picture(pixels: FloatArray, camera: Camera) -> None:
@@ -204,13 +223,14 @@ def _lengths(points: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.norm(np.diff(points, axis=0), axis=1))
 
 
-def _angles(points: FloatArray) -> FloatArray:
+def _turns(points: FloatArray) -> FloatArray:
+    """Return the angles with their sense: smooth where the three points are in line, too."""
     before, after = points[:-2] - points[1:-1], points[2:] - points[1:-1]
     cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-    return np.asarray(np.degrees(np.arctan2(np.abs(cross), (before * after).sum(axis=1))))
+    return np.asarray(np.degrees(np.arctan2(cross, (before * after).sum(axis=1))))
 
 
-def _area(points: FloatArray) -> FloatArray:
-    """Return a polygon's area (the shoelace formula), shape (1,)."""
+def _signed_area(points: FloatArray) -> FloatArray:
+    """Return a polygon's area (the shoelace formula) with its sense, shape (1,)."""
     x, y = points.T
-    return np.array([0.5 * abs(x @ np.roll(y, -1) - y @ np.roll(x, -1))])
+    return np.array([0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1))])

@@ -132,14 +132,16 @@ class Plane(RebuiltByConstructor):
         -------
         Measurement
             With ``lengths``, ``angles`` and ``area``, and their standard deviations, which hold
-            the pixels', the pose's and the camera's uncertainty.
+            the pixels', the pose's and the camera's uncertainty. They take the plane as flat
+            where the points are: what paper is bent by beyond the sides that were measured is
+            not in them, nor is what a camera's held parameters are wrong by.
 
         Raises
         ------
         TypeError, ValueError
-            For bad arguments; if a point is outside the picture or the valid radius, or beyond
-            the plane's horizon; if the result of an older version does not say how well its
-            poses are known.
+            For bad arguments; if a point is outside the picture or the valid radius, beyond the
+            plane's horizon, or the same as the one before; if the result of an older version does
+            not say how well its poses are known.
         """
         from trisquare.measure import measure_on_plane  # it measures with this module's classes
 

@@ -11,7 +11,7 @@ from trisquare.camera import Camera
 from trisquare.checked import FloatArray, not_negative, real_number
 from trisquare.pictures import Image, ImageSource, load_picture, picture_size
 from trisquare.plane_points import onto_plane
-from trisquare.result import Plane
+from trisquare.result import Calibration, Plane
 
 __all__ = ["TopView", "rectify"]
 
@@ -23,6 +23,9 @@ MOST = 16384
 
 BAND = 64
 """Rows mapped at a time, so that the maps take next to no memory."""
+
+LARGEST_PICTURE = 32766
+"""Pixels of a photograph's longer side: OpenCV, which resamples it, counts them in 16 bits."""
 
 UNSEEN = -2.0
 """A pixel outside every picture."""
@@ -55,7 +58,7 @@ class TopView:
 def rectify(
     image: ImageSource,
     plane: Plane,
-    camera: Camera,
+    camera: Calibration | Camera,
     *,
     margin: float = 0.5,
     resolution: float | None = None,
@@ -68,7 +71,7 @@ def rectify(
         The photograph: uint8, uint16 or float32, shape (H, W) or (H, W, 3).
     plane : Plane
         Of a calibration, or from `locate`.
-    camera : Camera
+    camera : Calibration or Camera
         That took it.
     margin : float
         What is shown around the plane's figure, over the figure's own width and height.
@@ -88,16 +91,21 @@ def rectify(
         For bad arguments; if the picture is of another size than the camera's; if the view would
         be larger than `MOST` pixels.
     """
+    if not isinstance(plane, Plane):
+        raise TypeError(f"plane must be a Plane, not {type(plane).__name__}")
+    if not isinstance(camera, Calibration | Camera):
+        raise TypeError(f"camera must be a Calibration or Camera, not {type(camera).__name__}")
+    lens = camera.camera if isinstance(camera, Calibration) else camera
     picture = load_picture(image)
-    if picture_size(picture) != camera.image_size:
-        raise ValueError(
-            f"the picture has {picture_size(picture)} pixels, the camera's {camera.image_size}"
-        )
-    figure = onto_plane(plane.corners, camera, plane)
+    _check_size(picture, lens)
+    figure = onto_plane(plane.corners, lens, plane)
     low, high = figure.min(axis=0), figure.max(axis=0)
-    around = not_negative(margin, "margin") * (high - low)
+    shown = 1.0 + 2.0 * not_negative(margin, "margin")
+    longest = shown * float(np.max(high - low))
+    if not 0 < longest < math.inf:
+        raise ValueError(f"a view of {longest:g} sides cannot be shown")
+    around = margin * (high - low)
     low, high = low - around, high + around
-    longest = float(np.max(high - low))
     if resolution is None:
         scale = min(_sharpest(plane, figure), (LARGEST - 1) / longest)
     else:
@@ -112,10 +120,20 @@ def rectify(
         for start, end in zip(low, high, strict=True)
     )
     bands = [
-        _remapped(picture, plane, camera, x, y[start : start + BAND])
+        _remapped(picture, plane, lens, x, y[start : start + BAND])
         for start in range(0, len(y), BAND)
     ]
     return TopView(np.concatenate(bands), (float(x[0]), float(y[0])), scale)
+
+
+def _check_size(picture: Image, camera: Camera) -> None:
+    size = picture_size(picture)
+    if size != camera.image_size:
+        raise ValueError(f"the picture has {size} pixels, the camera's {camera.image_size}")
+    if max(size) > LARGEST_PICTURE:
+        raise ValueError(
+            f"pictures of more than {LARGEST_PICTURE} pixels a side cannot be resampled"
+        )
 
 
 def _sharpest(plane: Plane, figure: FloatArray) -> float:

@@ -80,7 +80,8 @@ def best_turn(first: Camera, second: Camera, pixels: FloatArray) -> tuple[FloatA
 
 def _in_sight(turned: TurnedCameras, pixels: FloatArray) -> FloatArray:
     """Which pixels (N,) can be followed, with as much room around as the derivatives take."""
-    room = 2 * PIXEL_STEP
+    focal = max(turned.first.fx, turned.first.fy)
+    room = 2 * max(PIXEL_STEP, ROTATION_STEP * focal)
     corners = [(dx, dy) for dx in (-room, room) for dy in (-room, room)]
     seen = np.all([turned.sees(pixels + corner) for corner in corners], axis=0)
     if seen.mean() < LEAST_IN_COMMON:

@@ -48,7 +48,10 @@ FAMILIES = (
     BrownFamily("FULL_OPENCV", ("k1", "k2", "p1", "p2", "k3")),
 )
 
-CAMERA_LINE = re.compile(r"^\s*\d+\s+[A-Z][A-Z_]+\s+\d+\s+\d+(\s+\S+)+\s*$", re.MULTILINE)
+# Blanks only, as white space at large would run on through a file of empty lines from each of them.
+CAMERA_LINE = re.compile(
+    r"^[ \t]*\d+[ \t]+[A-Z][A-Z_]+[ \t]+\d+[ \t]+\d+([ \t]+\S+)+[ \t\r]*$", re.MULTILINE
+)
 
 
 def recognises(document: Document) -> bool:

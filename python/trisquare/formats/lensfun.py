@@ -46,8 +46,9 @@ def recognises(document: Document) -> bool:
 def read(document: Document, image_size: ImageSize | None) -> Cameras:
     """Read the lenses of a database, by their names and focal lengths."""
     cameras = {}
-    for lens in parse_xml(document.text).iter("lens"):
-        for distortion in lens.iter("distortion"):
+    # Each at its own place: looked for at any depth, lenses within lenses would take for ever.
+    for lens in parse_xml(document.text).findall("lens"):
+        for distortion in lens.findall("calibration/distortion"):
             name = f"{lens.findtext('model', 'lens')} {distortion.get('focal', '')}".strip()
             cameras[name] = partial(_lens, lens, distortion, image_size)
     if not cameras:

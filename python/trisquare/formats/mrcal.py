@@ -37,11 +37,12 @@ FAMILIES = (
 
 # What a Python literal may have and JSON has not: other strings, comments, commas at the end, 1.
 # and .5 for numbers.
-# Strings come first, so that what they hold is left alone.
+# Strings come first, so that what they hold is left alone. A number begins where no digit stands
+# before it: tried from each digit of a long one, it would take for ever to be none.
 PYTHON_TOKENS = re.compile(
     r"""b?'(?P<single>[^'"\\\n]*)'|b?"(?P<double>[^"\\\n]*)"|(?P<comment>\#[^\n]*)"""
     r"""|(?P<comma>,(?=(?:\s|\#[^\n]*(?:\n|$))*[\]})]))|(?P<open>\()|(?P<close>\))"""
-    r"""|(?P<number>[-+]?(?:\d+\.\d*|\.\d+|\d+(?=[eE]))(?:[eE][-+]?\d+)?)""",
+    r"""|(?P<number>(?<![\d.])[-+]?(?:\d+\.\d*|\.\d+|\d+(?=[eE]))(?:[eE][-+]?\d+)?)""",
 )
 
 
