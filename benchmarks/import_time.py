@@ -19,7 +19,7 @@ from rows import Row
 
 REPETITIONS = 15
 TARGET = 1.15
-FIRST_PHOTOGRAPH = "trisquare, trisquare.files, trisquare.measurement"
+FIRST_PHOTOGRAPH = "trisquare, trisquare.files, trisquare.measured_targets"
 """What `trisquare.calibrate` has imported by the time it searches a photograph."""
 
 TIMED_IMPORT = """

@@ -72,7 +72,7 @@ def detect(
     TypeError, ValueError
         For bad arguments.
     """
-    from trisquare.measurement import measure  # OpenCV is loaded where a picture is searched
+    from trisquare.measured_targets import measure  # OpenCV is loaded where a picture is searched
 
     wanted = Targets.parse(targets)
     checked = checked_tone(tone)

@@ -62,7 +62,9 @@ class Gathered:
         drawn: Sequence[DrawnTarget] | None,
     ) -> None:
         """Measure what is in a photograph, or what is `drawn` on it, and remark on it."""
-        from trisquare.measurement import measure  # OpenCV is loaded where a picture is searched
+        from trisquare.measured_targets import (
+            measure,  # OpenCV is loaded where a picture is searched
+        )
 
         core = _core.Picture(photograph.pixels)
         # In one that was given before nothing is looked for either.

@@ -19,7 +19,7 @@ from trisquare.targets import Targets
 TOO_FEW_LINES = "too few of its lines could be measured"
 
 
-class Measurement(NamedTuple):
+class MeasuredTargets(NamedTuple):
     """What was measured in a picture; all lists may be empty.
 
     `quads` holds, for each plane by its number, four points (4, 2) that enclose it.
@@ -37,7 +37,7 @@ def measure(
     targets: Targets,
     tone: str | float,
     drawn: Sequence[DrawnTarget] | None = None,
-) -> Measurement:
+) -> MeasuredTargets:
     """Find the targets in a checked picture and measure them.
 
     With targets `drawn` by hand nothing else is looked for.
@@ -60,7 +60,7 @@ def measure(
 
 def _measured(
     found: Sequence[tuple[Found, str]], core: _core.Picture, tone: str | float
-) -> Measurement:
+) -> MeasuredTargets:
     """Measure what was found; each with the name that its rejection begins with."""
     spans: list[Span] = []
     ends = [0]
@@ -81,7 +81,7 @@ def _measured(
     # Boards and sheets have taken every shift away, whose drift the others still carry.
     if figures and all(figure.drift is None for figure in figures):
         picture_tone = picture_tone.of_board()
-    return Measurement(figures, picture_tone, rejected, [target.quad for target, _ in found])
+    return MeasuredTargets(figures, picture_tone, rejected, [target.quad for target, _ in found])
 
 
 def _localise(
