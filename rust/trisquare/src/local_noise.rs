@@ -109,7 +109,8 @@ impl LocalNoise {
         let first = median_scale(rough.iter().copied()).max(MIN_SCALE);
         let mut spread = Spread::default();
         for value in rough {
-            spread.add(Loss::Tukey, value / first);
+            let x = value / first;
+            spread.add(Loss::Tukey, x, Loss::Tukey.cost_and_weight(x).1);
         }
         let factor = spread.covariance_factor(taken) / Loss::Tukey.mean_weight();
         Self {

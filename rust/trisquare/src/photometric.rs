@@ -43,10 +43,10 @@ pub struct Photographs<'a> {
 }
 
 /// One pixel in so many tells the exposures, while camera and planes are held.
-const EXPOSURE_STRIDE: usize = 12;
+const EXPOSURE_STRIDE: u32 = 12;
 
 /// One in so many tells whether something lies over a stretch of a side.
-const JUDGED_STRIDE: usize = 8;
+const JUDGED_STRIDE: u32 = 8;
 
 /// Gauss-Newton steps allowed to the joint fit.
 const MAX_STEPS: usize = 8;

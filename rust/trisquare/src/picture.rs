@@ -208,6 +208,17 @@ impl<'a> GreyReader<'a> {
             return None;
         }
         let index = y * self.picture.width + x;
+        match &self.picture.pixels {
+            // Small enough to be inlined: by far the most are such.
+            Pixels::U8(values) if self.picture.channels == 1 => {
+                Some(self.levels[0][usize::from(values[index])])
+            }
+            _ => self.get_other(index),
+        }
+    }
+
+    /// The same of a pixel in colour, or of more than 8 bits.
+    fn get_other(&self, index: usize) -> Option<f64> {
         if self.picture.channels == 3 {
             return self.mixed(3 * index);
         }

@@ -118,7 +118,8 @@ impl<L: Lens> Refined<L> {
     ) -> Self {
         let mut spread = Spread::default();
         for residual in residuals.iter().flatten().filter(|r| r.counts) {
-            spread.add(Loss::Tukey, residual.distance * residual.weight / scale);
+            let x = residual.distance * residual.weight / scale;
+            spread.add(Loss::Tukey, x, Loss::Tukey.cost_and_weight(x).1);
         }
         let covariance_factor = spread.covariance_factor(unknowns as f64);
         Self {

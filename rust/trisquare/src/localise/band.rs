@@ -45,7 +45,7 @@ pub(super) struct Fence<'a> {
 
 impl Fence<'_> {
     fn keeps(&self, point: Vector2<f64>) -> bool {
-        self.side * self.curve.signed_distance(point) > self.clearance
+        self.curve.is_beyond(point, self.side, self.clearance)
     }
 }
 

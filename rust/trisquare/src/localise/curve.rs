@@ -86,11 +86,29 @@ impl Curve {
     /// Distance of a point, positive along the normal; beyond its ends the curve runs straight on,
     /// where a polynomial would run wild.
     pub fn signed_distance(&self, point: Vector2<f64>) -> f64 {
-        let (s, y) = self.local(point);
+        let (height, slope) = self.height_above(point);
+        height / (1.0 + slope * slope).sqrt()
+    }
+
+    /// Whether a point's [`signed_distance`](Self::signed_distance), times a sign, exceeds a bound.
+    #[inline]
+    pub fn is_beyond(&self, point: Vector2<f64>, sign: f64, bound: f64) -> bool {
+        let (height, slope) = self.height_above(point);
+        sign * height > bound * (1.0 + slope * slope).sqrt()
+    }
+
+    /// How far a point lies above the curve, in its frame, and the curve's slope there.
+    #[inline]
+    fn height_above(&self, point: Vector2<f64>) -> (f64, f64) {
+        let offset = point - self.origin;
+        let (x, y) = (offset.dot(&self.along), offset.dot(&self.across));
+        let per_length = 1.0 / self.half_length;
+        let s = x * per_length;
         let end = s.clamp(-1.0, 1.0);
-        let (height, slope) = self.height_and_slope(end);
-        let straight_on = height + slope * (s - end) * self.half_length;
-        (y - straight_on) / (1.0 + slope * slope).sqrt()
+        let [_, c1, c2, c3, c4] = self.coefficients;
+        let by_s = c1 + end * (2.0 * c2 + end * (3.0 * c3 + end * 4.0 * c4));
+        let straight_on = self.height(end) + by_s * (s - end);
+        (y - straight_on, by_s * per_length)
     }
 
     /// Fits the polynomial of the given degree to `(s, y, weight)`; false if they do not fix it.

@@ -96,11 +96,10 @@ pub(crate) struct PixelFigure {
 
 impl PixelFigure {
     /// The same with about one pixel in `stride`, spread evenly.
-    pub fn thinned(&self, stride: usize) -> Self {
+    pub fn thinned(&self, stride: u32) -> Self {
         // Neighbours along rows, columns and diagonals fall into different classes.
-        let keep = |p: &&BandPixel| {
-            (p.place.x as usize * 3 + p.place.y as usize * 5).is_multiple_of(stride)
-        };
+        let keep =
+            |p: &&BandPixel| (p.place.x as u32 * 3 + p.place.y as u32 * 5).is_multiple_of(stride);
         Self {
             pixels: self.pixels.iter().filter(keep).copied().collect(),
             sides: self.sides.clone(),
@@ -115,11 +114,6 @@ impl PixelFigure {
             self.pixels
                 .retain(|pixel| !marked[usize::from(pixel.stretch)]);
         }
-    }
-
-    /// Place in the figure, from -1/2 to 1/2: the variables of its linear shading.
-    pub fn shading_place(&self, pixel: &Vector2<f64>) -> Vector2<f64> {
-        (pixel - self.centre) / self.size
     }
 }
 
@@ -279,31 +273,28 @@ impl Outline {
     ) -> PixelFigure {
         let (low, high) = self.bounds();
         let map = DistanceMap::around(&self.trace, low, high, reader.picture(), width);
-        let winding = self.winding();
         let (stretches, stretch_sides) = self.stretches();
-        let pixels = map
-            .pixels_within(reach)
-            .filter_map(|(x, y, mark)| {
-                let place = Vector2::new(x as f64, y as f64);
-                let nearest = usize::from(mark.nearest);
-                let offset = place - self.trace[nearest].place;
-                // Whatever is nearest to a corner lies outside: the square is convex.
-                let turn = self
-                    .direction(nearest)
-                    .map_or(-winding, |along| along.perp(&offset));
-                let depth = f64::from(mark.square).sqrt().copysign(turn * winding);
-                if depth > self.trace[nearest].inward {
-                    return None;
-                }
-                Some(BandPixel {
-                    place,
-                    value: reader.get(x, y)?,
-                    near: mark.near,
-                    depth,
-                    stretch: stretches[nearest],
-                })
+        let inward = self.inward_normals();
+        let own = |(x, y, mark): (usize, usize, &Mark)| {
+            let place = Vector2::new(x as f64, y as f64);
+            let nearest = usize::from(mark.nearest);
+            let point = &self.trace[nearest];
+            // Whatever is nearest to a corner lies outside: the square is convex.
+            let inside = inward[nearest].map_or(-1.0, |n| n.dot(&(place - point.place)));
+            let depth = f64::from(mark.square).sqrt().copysign(inside);
+            if depth > point.inward {
+                return None;
+            }
+            Some(BandPixel {
+                place,
+                value: reader.get(x, y)?,
+                near: mark.near,
+                depth,
+                stretch: stretches[nearest],
             })
-            .collect();
+        };
+        let mut pixels = Vec::with_capacity(map.expected_count(self.trace.len(), reach));
+        pixels.extend(map.pixels_within(reach).filter_map(own));
         PixelFigure {
             image: 0,
             plane,
@@ -331,6 +322,14 @@ impl Outline {
             sides.extend(std::iter::repeat_n(side[0].side as u8, count));
         }
         (points, sides)
+    }
+
+    /// Across the outline at every point of its trace, of any length; `None` at a corner.
+    fn inward_normals(&self) -> Vec<Option<Vector2<f64>>> {
+        let winding = self.winding();
+        let across = |along: Vector2<f64>| Vector2::new(-along.y, along.x) * winding;
+        let points = 0..self.trace.len();
+        points.map(|i| self.direction(i).map(across)).collect()
     }
 
     /// Direction of the outline at a point of its trace; `None` at a corner.
@@ -443,6 +442,7 @@ impl DistanceMap {
         for (index, point) in trace.iter().enumerate() {
             let p = point.place;
             let across = Across::of(trace, index);
+            let (bit, number) = (1 << point.side, index as u16);
             for y in clip((p.y - near).ceil(), y1).max(y0)..clip((p.y + near).floor() + 1.0, y1) {
                 let dy = y as f64 - p.y;
                 let half = (near * near - dy * dy).max(0.0).sqrt();
@@ -450,19 +450,31 @@ impl DistanceMap {
                 let left = clip((p.x + from.max(-half)).ceil(), x1).max(x0);
                 let right = clip((p.x + to.min(half)).floor() + 1.0, x1);
                 let row = (y - y0) * map.width;
-                for x in left..right {
-                    let mark = &mut map.marks[row + x - x0];
-                    let dx = x as f64 - p.x;
-                    let square = (dx * dx + dy * dy) as f32;
-                    mark.near |= 1 << point.side;
-                    if square < mark.square {
-                        mark.square = square;
-                        mark.nearest = index as u16;
-                    }
+                if left >= right {
+                    continue;
+                }
+                let (mut dx, square_dy) = (left as f64 - p.x, dy * dy);
+                for mark in &mut map.marks[row + left - x0..row + right - x0] {
+                    let square = (dx * dx + square_dy) as f32;
+                    dx += 1.0;
+                    mark.near |= bit;
+                    // Without a branch: which way it went nobody could foresee.
+                    let nearer = square < mark.square;
+                    mark.square = if nearer { square } else { mark.square };
+                    mark.nearest = if nearer { number } else { mark.nearest };
                 }
             }
         }
         map
+    }
+
+    /// About how many pixels lie within `reach` of an outline of so many points.
+    fn expected_count(&self, points: usize, reach: f64) -> usize {
+        let dense = self.full_density.min(reach);
+        // On both sides, beyond the density every second one.
+        let across = 2.0 * dense + (reach - dense);
+        let along = TRACE_SPACING * points as f64;
+        ((along * across) as usize).min(self.marks.len())
     }
 
     fn pixels_within(&self, reach: f64) -> impl Iterator<Item = (usize, usize, &Mark)> {

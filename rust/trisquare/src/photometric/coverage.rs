@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use crate::normal::{bivariate_cdf, cdf, cdf_and_pdf};
+use crate::normal::{BivariateNormal, cdf, cdf_and_pdf};
 
 /// Beyond so many blurs an edge is at its plateau: Phi(-3.8) is 7e-5 of the contrast, a hundredth
 /// of a grey level.
@@ -32,7 +32,37 @@ pub(crate) fn box_kurtosis(direction: &Vector2<f64>, blur: f64) -> f64 {
     -fourth / (120.0 * 24.0 * blur.powi(4))
 }
 
+/// Two blurred sides that meet at a corner: correlated like their inward normals.
+#[derive(Debug, Clone)]
+pub(crate) struct Corner {
+    correlation: f64,
+    /// Deviation of one given the other.
+    across: f64,
+    joint: BivariateNormal,
+}
+
+impl Corner {
+    /// Of sides with this cosine between their inward normals.
+    pub fn new(correlation: f64) -> Self {
+        Self {
+            correlation,
+            across: (1.0 - correlation * correlation).sqrt().max(0.1),
+            joint: BivariateNormal::new(correlation),
+        }
+    }
+
+    /// The part inside both at distances in blurs, and its derivatives by these.
+    fn covered(&self, [a, b]: [f64; 2]) -> (f64, [f64; 2]) {
+        let given = |h: f64, k: f64| {
+            let (_, density) = cdf_and_pdf(h);
+            density * cdf((k - self.correlation * h) / self.across)
+        };
+        (self.joint.cdf(a, b), [given(a, b), given(b, a)])
+    }
+}
+
 /// All or nothing.
+#[inline]
 pub(crate) fn plateau(inside: bool) -> Coverage {
     Coverage {
         value: f64::from(u8::from(inside)),
@@ -45,13 +75,14 @@ pub(crate) fn plateau(inside: bool) -> Coverage {
 /// A side alone covers `Phi(z) - k (z^3 - 3 z) phi(z)`, with `k` the kurtosis of its blur (the first
 /// term of Edgeworth's series). Two that meet at a corner cover the bivariate normal
 /// distribution with the correlation of their inward normals: a Gaussian-blurred wedge.
-/// `corner_correlation(i)` is that of sides `i - 1` and `i`. A pixel between two opposite sides
-/// takes their product.
+/// `corners[i]` is that of sides `i - 1` and `i`. A pixel between two opposite sides takes their
+/// product.
+#[inline(always)]
 pub(crate) fn coverage(
     near: u8,
     z: &[f64; 4],
     kurtosis: &[f64; 4],
-    corner_correlation: impl Fn(usize) -> f64,
+    corners: &[Corner; 4],
 ) -> Coverage {
     let mut cutting = [0; 4];
     let mut count = 0;
@@ -82,27 +113,27 @@ pub(crate) fn coverage(
         }
         // With three sides at one pixel the square is as small as its blur: the first two stand
         // for it, and the robust loss takes the rest.
+        _ => between_two([cutting[0], cutting[1]], z, corners),
+    }
+}
+
+/// The part inside two sides.
+#[inline(never)]
+fn between_two([a, b]: [usize; 2], z: &[f64; 4], corners: &[Corner; 4]) -> Coverage {
+    let pair = [z[a], z[b]];
+    let (value, [by_a, by_b]) = match (a, b) {
+        (0, 3) => corners[0].covered(pair),
+        (a, b) if b == a + 1 => corners[b].covered(pair),
         _ => {
-            let (a, b) = (cutting[0], cutting[1]);
-            let rho = match (a, b) {
-                (0, 3) => corner_correlation(0),
-                (a, b) if b == a + 1 => corner_correlation(b),
-                _ => 0.0,
-            };
-            let across = (1.0 - rho * rho).sqrt().max(0.1);
-            let (za, zb) = (z[a], z[b]);
-            let (_, density_a) = cdf_and_pdf(za);
-            let (_, density_b) = cdf_and_pdf(zb);
-            Coverage {
-                value: bivariate_cdf(za, zb, rho),
-                cuts: [
-                    (a, density_a * cdf((zb - rho * za) / across)),
-                    (b, density_b * cdf((za - rho * zb) / across)),
-                ],
-                cut_count: 2,
-                by_log_blur: 0.0,
-            }
+            let [(part_a, density_a), (part_b, density_b)] = pair.map(cdf_and_pdf);
+            (part_a * part_b, [density_a * part_b, density_b * part_a])
         }
+    };
+    Coverage {
+        value,
+        cuts: [(a, by_a), (b, by_b)],
+        cut_count: 2,
+        by_log_blur: 0.0,
     }
 }
 
@@ -110,13 +141,24 @@ pub(crate) fn coverage(
 mod tests {
     use super::*;
 
+    fn corners(correlation: f64) -> [Corner; 4] {
+        std::array::from_fn(|_| Corner::new(correlation))
+    }
+
     #[test]
     fn derivatives_agree_with_central_differences() {
-        for (near, rho) in [(0b0001, 0.0), (0b0011, 0.4), (0b1001, -0.5), (0b0110, 0.2)] {
+        for (near, rho) in [
+            (0b0001, 0.0),
+            (0b0011, 0.4),
+            (0b1001, -0.5),
+            (0b0110, 0.2),
+            (0b0101, 0.3),
+        ] {
             let z = [0.3, -0.6, 0.9, 0.2];
             let kurtosis = [-0.003, 0.002, -0.001, 0.004];
-            let value = |z: &[f64; 4]| coverage(near, z, &kurtosis, |_| rho).value;
-            let found = coverage(near, &z, &kurtosis, |_| rho);
+            let corners = corners(rho);
+            let value = |z: &[f64; 4]| coverage(near, z, &kurtosis, &corners).value;
+            let found = coverage(near, &z, &kurtosis, &corners);
             for (side, derivative) in &found.cuts[..found.cut_count] {
                 let h = 1e-4;
                 let (mut up, mut down) = (z, z);
@@ -145,7 +187,7 @@ mod tests {
                 / f64::from(parts);
             let mut z = [0.0; 4];
             z[0] = distance / blur;
-            let modelled = coverage(1, &z, &[kurtosis; 4], |_| 0.0).value;
+            let modelled = coverage(1, &z, &[kurtosis; 4], &corners(0.0)).value;
             worst = worst.max((modelled - exact).abs());
             worst_normal = worst_normal.max((cdf(z[0]) - exact).abs());
         }
@@ -155,9 +197,9 @@ mod tests {
 
     #[test]
     fn plateaus_are_flat() {
-        let inside = coverage(0b0011, &[4.0, 6.0, 0.0, 0.0], &[0.0; 4], |_| 0.0);
+        let inside = coverage(0b0011, &[4.0, 6.0, 0.0, 0.0], &[0.0; 4], &corners(0.0));
         assert_eq!((inside.value, inside.cut_count), (1.0, 0));
-        let outside = coverage(0b0011, &[-5.0, 0.0, 0.0, 0.0], &[0.0; 4], |_| 0.0);
+        let outside = coverage(0b0011, &[-5.0, 0.0, 0.0, 0.0], &[0.0; 4], &corners(0.0));
         assert_eq!((outside.value, outside.cut_count), (0.0, 0));
     }
 }

@@ -7,7 +7,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::arrow::Block;
-use crate::lens::Columns;
+use crate::lens::{Columns, MAX_LENS_COLUMNS};
 use crate::outer::{add_outer, symmetric};
 use crate::parameters::FreeParameters;
 use crate::photometric::exposure::EXPOSURE_PARAMETERS;
@@ -42,6 +42,9 @@ pub(super) struct FigureSums<'a, const N: usize> {
     sides: [[[f64; N]; N]; 4],
     plateau: ExposureSums,
     pictured_plateau: PicturedSums,
+    /// Derivatives of one pixel at a corner, by the plane's own parameters and the shared ones.
+    corner_own: DVector<f64>,
+    corner_shared: Vec<f64>,
 }
 
 impl<'a, const N: usize> FigureSums<'a, N> {
@@ -49,9 +52,11 @@ impl<'a, const N: usize> FigureSums<'a, N> {
         free: &'a FreeParameters,
         shared: Vec<usize>,
         jacobians: [DMatrix<f64>; 4],
-        exposure_offset: usize,
+        (own_count, exposure_offset): (usize, usize),
     ) -> Self {
         Self {
+            corner_own: DVector::zeros(own_count),
+            corner_shared: vec![0.0; shared.len()],
             free,
             wanted: free.columns(),
             shared,
@@ -89,16 +94,19 @@ impl<'a, const N: usize> FigureSums<'a, N> {
 
     /// Adds a pixel that two sides cut.
     pub fn add_corner(
-        &self,
+        &mut self,
         scene: &Scene<'_>,
         sight: &BrownSight,
         shade: &Shade,
         weight: f64,
         block: &mut Block,
     ) {
-        let mut own = DVector::zeros(block.hessian.nrows());
-        let mut shared = DVector::zeros(self.shared.len());
-        let mut part = DVector::zeros(self.free.len());
+        let picture = self.has_picture().then(|| scene.wrt_picture(shade));
+        let (own, shared) = (&mut self.corner_own, &mut self.corner_shared);
+        own.fill(0.0);
+        shared.fill(0.0);
+        let camera = self.free.len();
+        let mut part = [0.0; MAX_LENS_COLUMNS];
         for (side, density) in shade.coverage.cuts {
             let line = &scene.lines[side];
             let distance = scene.lens.line_distance_jacobian(sight, line, self.wanted);
@@ -106,23 +114,23 @@ impl<'a, const N: usize> FigureSums<'a, N> {
             let jacobian = &self.jacobians[side];
             let mut geometry = own.rows_mut(0, jacobian.ncols());
             geometry.gemv_tr(gain, jacobian, &distance.wrt_line, 1.0);
-            self.free.gather(&distance.wrt_lens, part.as_mut_slice());
-            shared.rows_mut(0, self.free.len()).axpy(gain, &part, 1.0);
+            self.free.gather(&distance.wrt_lens, &mut part[..camera]);
+            for (sum, value) in shared.iter_mut().zip(&part[..camera]) {
+                *sum += gain * value;
+            }
         }
-        if self.has_picture() {
-            shared
-                .rows_mut(self.free.len(), PICTURE_PARAMETERS)
-                .copy_from_slice(&scene.wrt_picture(shade));
+        if let Some(picture) = picture {
+            shared[camera..].copy_from_slice(&picture);
         }
         own.rows_mut(self.exposure_offset, EXPOSURE_PARAMETERS)
             .copy_from_slice(&scene.wrt_exposure(shade));
-        block.hessian.ger(weight, &own, &own, 1.0);
-        block.gradient.axpy(weight * shade.residual, &own, 1.0);
-        for (i, (&row, by_row)) in self.shared.iter().zip(&shared).enumerate() {
+        block.hessian.ger(weight, own, own, 1.0);
+        block.gradient.axpy(weight * shade.residual, own, 1.0);
+        for (i, (&row, by_row)) in self.shared.iter().zip(shared.iter()).enumerate() {
             let mut cross = block.cross.column_mut(row);
-            cross.axpy(weight * by_row, &own, 1.0);
+            cross.axpy(weight * by_row, own, 1.0);
             block.shared_gradient[row] += weight * shade.residual * by_row;
-            for (&column, by_column) in self.shared.iter().zip(&shared).take(i + 1) {
+            for (&column, by_column) in self.shared.iter().zip(shared.iter()).take(i + 1) {
                 let product = weight * by_row * by_column;
                 block.shared[(row, column)] += product;
                 if row != column {

@@ -87,7 +87,8 @@ impl PixelFit<'_> {
         let exposure_offset = self.exposure_offset(state, index);
         let block = &mut sum.system.blocks[figure.plane];
         let shared = self.shared_columns(figure);
-        let mut sums = FigureSums::<N>::new(self.free, shared, jacobians, exposure_offset);
+        let own = (block.hessian.nrows(), exposure_offset);
+        let mut sums = FigureSums::<N>::new(self.free, shared, jacobians, own);
         let to_noise = 1.0 / self.scales[index];
         for pixel in &figure.pixels {
             let sight = match scene.may_cut(pixel) {
@@ -99,7 +100,7 @@ impl PixelFit<'_> {
             let (cost, weight) = self.loss.cost_and_weight(shade.residual * to_noise);
             sum.cost += cost;
             if shade.coverage.cut_count > 0 {
-                sum.spread.add(self.loss, shade.residual * to_noise);
+                sum.spread.add(self.loss, shade.residual * to_noise, weight);
             }
             let weight = weight * to_noise * to_noise;
             match (shade.coverage.cut_count, &sight) {

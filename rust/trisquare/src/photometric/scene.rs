@@ -3,7 +3,7 @@
 use nalgebra::{Vector2, Vector3};
 
 use crate::photometric::band::{BandPixel, PixelFigure};
-use crate::photometric::coverage::{self, Coverage, PLATEAU, box_kurtosis, coverage};
+use crate::photometric::coverage::{self, Corner, Coverage, PLATEAU, box_kurtosis, coverage};
 use crate::photometric::exposure::{EXPOSURE_PARAMETERS, Exposure};
 use crate::photometric::picture_tone::{PICTURE_PARAMETERS, PictureState};
 use crate::power_curve::TONE_PARAMETERS;
@@ -28,10 +28,13 @@ pub(super) struct Scene<'a> {
     exposure: &'a Exposure,
     /// The planes through the camera centre and the sides.
     pub lines: [Vector3<f64>; 4],
-    /// Correlation of the blurred sides `i - 1` and `i`: the cosine between their normals.
-    corner_correlations: [f64; 4],
+    /// Where the blurred sides `i - 1` and `i` meet.
+    corners: [Corner; 4],
     /// Of the blur across each side.
     kurtosis: [f64; 4],
+    /// One over the blur and over the figure's size: every pixel asks for them.
+    per_blur: f64,
+    per_size: f64,
 }
 
 /// The model at one pixel.
@@ -61,9 +64,9 @@ impl<'a> Scene<'a> {
         let lens = &view.lens;
         let project =
             |point: Vector2<f64>| lens.project(&plane.pose.transform(&placement.point(point)));
-        let mut corner_correlations = [0.0; 4];
+        let mut correlations = [0.0; 4];
         let mut kurtosis = [0.0; 4];
-        for (i, correlation) in corner_correlations.iter_mut().enumerate() {
+        for (i, correlation) in correlations.iter_mut().enumerate() {
             let [before, corner, after] = [(i + 3) % 4, i, (i + 1) % 4].map(|k| figure.corners[k]);
             let here = project(corner)?;
             let arriving = here - project(corner.lerp(&before, CORNER_STEP))?;
@@ -79,17 +82,27 @@ impl<'a> Scene<'a> {
             lens,
             exposure,
             lines: [0, 1, 2, 3].map(|i| plane.line(figure.figure, &figure.sides[i])),
-            corner_correlations,
+            corners: correlations.map(Corner::new),
             kurtosis,
+            per_blur: 1.0 / exposure.blur,
+            per_size: 1.0 / figure.size,
         })
     }
 
+    /// Place in the figure, from -1/2 to 1/2: the variables of its linear shading.
+    #[inline]
+    fn shading_place(&self, pixel: &BandPixel) -> Vector2<f64> {
+        (pixel.place - self.figure.centre) * self.per_size
+    }
+
     /// Whether an edge may cut the pixel; if not, it is on a plateau.
+    #[inline]
     pub fn may_cut(&self, pixel: &BandPixel) -> bool {
         pixel.depth.abs() < PLATEAU * self.exposure.blur + DEPTH_SLACK
     }
 
     /// Signed distances (px) of a pixel to the sides near it.
+    #[inline]
     pub fn distances(&self, pixel: &BandPixel, sight: &BrownSight) -> [f64; 4] {
         let mut distances = [0.0; 4];
         let shift = self.shift_direction() * self.picture.shift;
@@ -102,17 +115,17 @@ impl<'a> Scene<'a> {
     }
 
     /// The model at a pixel, given its distances if an edge may cut it.
+    #[inline(always)] // of its result a caller needs but a part, and at once
     pub fn shade(&self, pixel: &BandPixel, distances: Option<&[f64; 4]>) -> Shade {
         let mut z = [0.0; 4];
         let covered = match distances {
             None => coverage::plateau(pixel.depth > 0.0),
             Some(distances) => {
-                z = distances.map(|d| d / self.exposure.blur);
-                let correlation = |corner: usize| self.corner_correlations[corner];
-                coverage(pixel.near, &z, &self.kurtosis, correlation)
+                z = distances.map(|d| d * self.per_blur);
+                coverage(pixel.near, &z, &self.kurtosis, &self.corners)
             }
         };
-        let place = self.figure.shading_place(&pixel.place);
+        let place = self.shading_place(pixel);
         let light = self.exposure.light(&place);
         let reflected = self.exposure.ground + self.exposure.contrast * covered.value;
         let (value, slope) = self.curve.encode_with_slope(light * reflected);
@@ -128,8 +141,9 @@ impl<'a> Scene<'a> {
     }
 
     /// Derivative of the coded value by the distance to a side that cuts it with the given density.
+    #[inline]
     pub fn gain(&self, shade: &Shade, density: f64) -> f64 {
-        shade.slope * shade.light * self.exposure.contrast * density / self.exposure.blur
+        shade.slope * shade.light * self.exposure.contrast * density * self.per_blur
     }
 
     /// What a shift of the edges towards the dark adds to the distances: they are positive inside.
@@ -159,6 +173,7 @@ impl<'a> Scene<'a> {
     }
 
     /// Derivatives by the exposure's parameters, then the residual.
+    #[inline]
     pub fn exposure_row(&self, shade: &Shade) -> [f64; EXPOSURE_PARAMETERS + 1] {
         let mut row = [shade.residual; EXPOSURE_PARAMETERS + 1];
         row[..EXPOSURE_PARAMETERS].copy_from_slice(&self.wrt_exposure(shade));
@@ -166,6 +181,7 @@ impl<'a> Scene<'a> {
     }
 
     /// Derivatives by the exposure's parameters.
+    #[inline]
     pub fn wrt_exposure(&self, shade: &Shade) -> [f64; EXPOSURE_PARAMETERS] {
         let Shade {
             slope,
