@@ -220,7 +220,7 @@ def _interior_grid() -> tuple[FloatArray, FloatArray, FloatArray]:
     u, v = (grid.ravel() for grid in np.meshgrid(fractions, fractions))
     weights = np.stack([(1 - u) * (1 - v), u * (1 - v), u * v, (1 - u) * v], axis=1)
     plane = np.stack([np.ones_like(u), u, v], axis=1)
-    return weights, plane.T, np.linalg.pinv(plane).T
+    return weights, plane.T, np.asarray(np.linalg.pinv(plane).T, np.float64)
 
 
 _INTERIOR_WEIGHTS, _PLANES, _FIT_OF_PLANE = _interior_grid()
