@@ -20,6 +20,7 @@ __all__ = [
     "fill_undistortion_map",
     "fit_distortion",
     "fit_lattice_surface",
+    "fit_side_cubics",
     "grow_lattice",
     "homography_from_lines",
     "invertible_radius",
@@ -172,6 +173,13 @@ def grow_lattice(
 def fit_lattice_surface(
     grid: NDArray[np.float64], middle: tuple[float, float], size: float
 ) -> tuple[NDArray[np.float64], float]: ...
+def fit_side_cubics(
+    basis: NDArray[np.float64],
+    offsets: NDArray[np.float64],
+    used: NDArray[np.bool_],
+    lengths: NDArray[np.float64],
+    trimmed: bool,
+) -> NDArray[np.float64]: ...
 def lattice_surface_points(
     homography: NDArray[np.float64], bend: float, sites: NDArray[np.float64]
 ) -> NDArray[np.float64]: ...

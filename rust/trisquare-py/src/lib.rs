@@ -9,6 +9,7 @@ mod figures;
 mod picture;
 mod predict;
 mod saddles;
+mod sides;
 mod steps;
 mod surface;
 
@@ -37,6 +38,8 @@ mod _core {
     use crate::predict::predict;
     #[pymodule_export]
     use crate::saddles::{saddle_steps, settle_on_saddles};
+    #[pymodule_export]
+    use crate::sides::fit_side_cubics;
     #[pymodule_export]
     use crate::steps::{
         camera_matrix_from_homographies, fit_distortion, homography_from_lines,

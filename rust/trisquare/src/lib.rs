@@ -67,6 +67,7 @@ mod robust;
 mod saddles;
 mod set_aside;
 mod side_basis;
+mod side_cubics;
 mod side_errors;
 mod side_families;
 mod side_moments;
@@ -117,6 +118,7 @@ pub use predict::{EdgeNoise, PlannedPlane, Prediction, predict, predict_unjudged
 pub use projection_uncertainty::ProjectionUncertainty;
 pub use result::{Calibration, Plane, Stage, Warning};
 pub use saddles::{SaddleStep, settled_on_saddle};
+pub use side_cubics::{SidePoints, trimmed_cubics};
 pub use straighten::{Straightening, fit_distortion};
 pub use tone::{Tone, ToneCurve};
 pub use undistortion_map::{UndistortionMap, largest_rectangle};
