@@ -19,10 +19,14 @@ __all__ = [
     "distort_pixels",
     "fill_undistortion_map",
     "fit_distortion",
+    "fit_lattice_surface",
+    "fit_side_cubics",
     "grow_lattice",
     "homography_from_lines",
     "invertible_radius",
     "largest_rectangle",
+    "lattice_surface_points",
+    "lattice_surface_sites",
     "link_crossings",
     "localise",
     "pose_from_homography",
@@ -30,6 +34,8 @@ __all__ = [
     "project_points",
     "projection_covariance",
     "projection_jacobian",
+    "saddle_steps",
+    "settle_on_saddles",
     "square_lines",
     "straighten",
     "undistort_pixels",
@@ -164,6 +170,28 @@ def grow_lattice(
     grid: NDArray[np.float64],
     dark_first: bool,
 ) -> tuple[NDArray[np.float64], tuple[int, int]]: ...
+def fit_lattice_surface(
+    grid: NDArray[np.float64], middle: tuple[float, float], size: float
+) -> tuple[NDArray[np.float64], float]: ...
+def fit_side_cubics(
+    basis: NDArray[np.float64],
+    offsets: NDArray[np.float64],
+    used: NDArray[np.bool_],
+    lengths: NDArray[np.float64],
+    trimmed: bool,
+) -> NDArray[np.float64]: ...
+def lattice_surface_points(
+    homography: NDArray[np.float64], bend: float, sites: NDArray[np.float64]
+) -> NDArray[np.float64]: ...
+def lattice_surface_sites(
+    homography: NDArray[np.float64], bend: float, points: NDArray[np.float64]
+) -> NDArray[np.float64]: ...
+def saddle_steps(
+    picture: NDArray[np.uint8], pixels: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+def settle_on_saddles(
+    picture: NDArray[np.uint8], points: NDArray[np.float64]
+) -> NDArray[np.float64]: ...
 def link_crossings(
     picture: NDArray[np.uint8], points: NDArray[np.float64], edges: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]: ...

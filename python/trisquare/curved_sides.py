@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from trisquare import _core
 from trisquare.bitten_quads import FRACTIONS
 from trisquare.quads import MIN_CONTRAST, FloatArray, Quads, sample, without_repeats
 
@@ -41,24 +42,6 @@ MIN_INLIERS = 0.85
 MIN_INLIERS_HIDDEN = 0.65
 """... and of the one side, if any, that a finger, glare or a tear may hide a quarter of, with the
 blur at both ends."""
-
-STRAY = 2.5
-STRAY_PIXELS = 1.5
-TRIMMINGS = 4
-"""Contour points that stray from their side's first cubic, by so many times the median or at
-least so many pixels, follow whatever hides the edge; without them the cubic is fitted again, a few
-times, since at first they pull it."""
-
-EXPECTED_TERMS = np.array([1e3, 1e3, 0.02, 0.003])
-"""Size of a side's offset, slope, quadratic and cubic term, over the chord: the first two are
-free, the others what strong distortion makes."""
-
-STIFF_TERMS = EXPECTED_TERMS * [1.0, 1.0, 0.1, 0.1]
-"""While a piece of contour that is none of the edge may be among the points, lest the curve follow
-it."""
-
-POINT_NOISE = 0.2
-"""Pixels; of one edge position."""
 
 MAX_SAGITTA = 0.07
 """Over the chord; the strongest lens bends a long side by 4 %, a quarter circle has 0.21."""
@@ -97,7 +80,7 @@ def fit_sides(picture: NDArray[np.float32], quads: Quads) -> Quads:
     along = chords.inner_positions(FRACTIONS)
     rough_along, offset = chords.coordinates(quads.sides)
     off_corners = (rough_along > along[..., :1]) & (rough_along < along[..., -1:])
-    cubic = _fit_trimmed(_powers(rough_along), offset, off_corners, chords.lengths)
+    cubic = _cubics(_powers(rough_along), offset, off_corners, chords.lengths, trimmed=True)
     basis = _powers(along)
     curve = _evaluate(cubic, basis)
     for _ in range(ROUNDS):
@@ -107,9 +90,9 @@ def fit_sides(picture: NDArray[np.float32], quads: Quads) -> Quads:
         typical = np.median(contrast, axis=2, keepdims=True)
         sharp = contrast > MIN_RELATIVE_CONTRAST * np.maximum(typical, MIN_CONTRAST)
         measured = offset + step
-        cubic = _fit_trimmed(basis, measured, sharp, chords.lengths)
+        cubic = _cubics(basis, measured, sharp, chords.lengths, trimmed=True)
         on_curve = sharp & (np.abs(measured - _evaluate(cubic, basis)) < MAX_RESIDUAL)
-        cubic = _fit_cubics(basis, measured, on_curve, chords.lengths)
+        cubic = _cubics(basis, measured, on_curve, chords.lengths, trimmed=False)
         curve = _evaluate(cubic, basis)
         if np.abs(curve - offset).max() < SETTLED:
             break
@@ -188,44 +171,27 @@ def _powers(along: FloatArray) -> FloatArray:
     return basis
 
 
-def _fit_cubics(
+def _cubics(
     basis: FloatArray,
     offset: FloatArray,
     used: NDArray[np.bool_],
     lengths: FloatArray,
-    terms: FloatArray = EXPECTED_TERMS,
+    *,
+    trimmed: bool,
 ) -> FloatArray:
     """Least squares of offset on position, shapes (Q, 4, N, 4), (Q, 4, N), (Q, 4) -> (Q, 4, 4).
 
-    A lens bends short sides little, and free curvature would swing at their ends, where nothing
-    was measured; the expected size of each coefficient holds it back.
+    Those `trimmed` are without the points that stray from what most of a side's points say.
     """
-    weighted = np.swapaxes(basis * used[..., None], -1, -2)
-    normal = weighted @ basis
-    expected = terms * lengths[..., None]
-    normal += (POINT_NOISE / expected)[..., None] ** 2 * np.eye(4)
-    right = weighted @ offset[..., None]
-    return np.asarray(np.linalg.solve(normal, right)[..., 0], dtype=np.float64)
-
-
-def _fit_trimmed(
-    basis: FloatArray, offset: FloatArray, used: NDArray[np.bool_], lengths: FloatArray
-) -> FloatArray:
-    """As `_fit_cubics`, without the points that stray from what most of a side's points say."""
-    cubic = _fit_cubics(basis, offset, used, lengths)
-    if np.abs(offset - _evaluate(cubic, basis)).max(where=used, initial=0.0) < STRAY_PIXELS:
-        return cubic
-    kept = used
-    for terms in (STIFF_TERMS, EXPECTED_TERMS):
-        cubic = _fit_cubics(basis, offset, kept, lengths, terms)
-        for _ in range(TRIMMINGS):
-            strays = np.abs(offset - _evaluate(cubic, basis))
-            typical = np.median(strays, axis=2, keepdims=True)
-            kept_before, kept = kept, used & (strays < np.maximum(STRAY * typical, STRAY_PIXELS))
-            if np.array_equal(kept, kept_before):
-                break
-            cubic = _fit_cubics(basis, offset, kept, lengths, terms)
-    return cubic
+    count = basis.shape[2]
+    cubics = _core.fit_side_cubics(
+        basis.reshape(-1, count, 4),
+        offset.reshape(-1, count),
+        used.reshape(-1, count),
+        lengths.ravel(),
+        trimmed,
+    )
+    return cubics.reshape(*lengths.shape, 4)
 
 
 def _evaluate(cubic: FloatArray, basis: FloatArray) -> FloatArray:

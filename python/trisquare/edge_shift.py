@@ -122,9 +122,11 @@ def shifts_of_lines(
     departure = np.sum(other * left, axis=1)[seen] / known[seen] - shift
     squares = departure * departure
     low, high = 0.0, float(squares.max()) / MEDIAN_SQUARE
+    middle = [(squares.size - 1) // 2, squares.size // 2]
     for _ in range(HALVINGS):
         between = 0.5 * (low + high)
-        if np.median(squares / (variance + between)) > MEDIAN_SQUARE:
+        ratios = np.sort(squares / (variance + between))  # numpy's median takes ten times longer
+        if ratios[middle].mean() > MEDIAN_SQUARE:
             low = between
         else:
             high = between

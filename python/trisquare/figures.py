@@ -214,22 +214,22 @@ def _but_for_one_run(on_ground: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(enough)
 
 
-def _interior_grid() -> tuple[FloatArray, FloatArray]:
-    """Weigh the corners at each point, (N, 4), and project the points' values on planes, (N, N)."""
+def _interior_grid() -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Weigh the corners at each point, (N, 4); planes there, (3, N), and what fits them, (N, 3)."""
     fractions = np.linspace(INTERIOR_MARGIN, 1.0 - INTERIOR_MARGIN, INTERIOR_GRID)
     u, v = (grid.ravel() for grid in np.meshgrid(fractions, fractions))
     weights = np.stack([(1 - u) * (1 - v), u * (1 - v), u * v, (1 - u) * v], axis=1)
     plane = np.stack([np.ones_like(u), u, v], axis=1)
-    return weights, plane @ np.linalg.pinv(plane)
+    return weights, plane.T, np.asarray(np.linalg.pinv(plane).T, np.float64)
 
 
-_INTERIOR_WEIGHTS, _ONTO_PLANE = _interior_grid()
+_INTERIOR_WEIGHTS, _PLANES, _FIT_OF_PLANE = _interior_grid()
 
 
 def _uniform(picture: NDArray[np.float32], quads: Quads) -> NDArray[np.bool_]:
     """Whether the inside of each quad is even but for a plane of light."""
     values = sample(picture, np.einsum("nc,qci->qni", _INTERIOR_WEIGHTS, quads.corners))
-    values -= values @ _ONTO_PLANE
+    values -= (values @ _FIT_OF_PLANE) @ _PLANES
     values -= np.median(values, axis=1, keepdims=True)
     step = quads.contrasts.mean(axis=1, keepdims=True)
     uneven = np.abs(values) > MAX_UNEVENNESS * step

@@ -54,9 +54,14 @@ def _squares_beside(
 
 def _paint(grey: NDArray[np.uint8], cells: NDArray[np.int32]) -> None:
     """Fill quads, corners of shape (M, 4, 2), with their mean level."""
-    mask = np.zeros(grey.shape, np.uint8)
-    cv2.fillPoly(mask, list(cells), (255.0,))
-    grey[mask > 0] = np.rint(cv2.mean(grey, mask)[0])
+    if not len(cells):
+        return
+    left, top, width, height = cv2.boundingRect(cells.reshape(-1, 2))
+    left, top = max(left, 0), max(top, 0)
+    part = grey[top : top + height, left : left + width]
+    mask = np.zeros(part.shape, np.uint8)
+    cv2.fillPoly(mask, list(cells - np.array([left, top], np.int32)), (255.0,))
+    part[mask > 0] = np.rint(cv2.mean(part, mask)[0])
 
 
 def find_drawn(picture: Image, drawn: Sequence[DrawnTarget]) -> Sequence[Found | Rejected]:

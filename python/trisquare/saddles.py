@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from trisquare import _core
 from trisquare.quads import FloatArray, sample
 
 MIN_SADDLE = 1.1
@@ -35,13 +36,6 @@ FAR_OFFSET = 2.5
 ARRIVED = 0.6
 """Pixels to a saddle that print beside it has drawn the strongest pixel away from, and what is
 left of them one step later, when the nearest pixel is at most half a pixel off."""
-
-SETTLING_STEPS = 5
-SETTLING_STEP = 1.5
-"""Newton's method on a saddle, in steps of a pixel: beyond, the slope tells a direction only."""
-
-MOST_SETTLING = 3.0
-"""Pixels that a point may be moved by settling: it comes from a picture half as fine."""
 
 MOST_UNEVEN = 3.0
 """Ratio of a saddle's two curvatures. Where edges cross they are equal, at whatever angle and
@@ -110,7 +104,7 @@ def find_saddles(picture: NDArray[np.uint8]) -> Saddles:
     pixels, strengths = _peaks(picture)
     if len(pixels) > MOST_SADDLES:
         pixels = pixels[np.argsort(-strengths)[:MOST_SADDLES]]
-    offset, curvature = _newton(picture, pixels)
+    offset, curvature = _core.saddle_steps(picture, pixels)
     gap, even = np.abs(offset).max(axis=1), _is_even(curvature)
     near = even & (gap < MAX_OFFSET)
     points = pixels[near] + offset[near]
@@ -132,7 +126,7 @@ def _settled_beside(
     x, y = np.rint(others).astype(np.intp).T
     taken[y, x] = 1
     free = cv2.dilate(taken, np.ones((3, 3), np.uint8))[pixels[:, 1], pixels[:, 0]] == 0
-    offset, curvature = _newton(picture, pixels[free])
+    offset, curvature = _core.saddle_steps(picture, pixels[free])
     arrived = (np.abs(offset).max(axis=1, initial=0.0) < ARRIVED) & _is_even(curvature)
     return np.asarray(pixels[free][arrived] + offset[arrived], np.float64)
 
@@ -177,49 +171,9 @@ def _strength(picture: NDArray[np.uint8]) -> NDArray[np.float32]:
     return np.asarray(cv2.subtract(xy, xx, dst=xy), dtype=np.float32)
 
 
-_SMOOTH = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
-_SLOPE = np.array([-1.0, -2.0, 0.0, 2.0, 1.0]) / 8.0
-_CURVE = np.array([1.0, 0.0, -2.0, 0.0, 1.0]) / 4.0
-_DERIVATIVES = np.stack(
-    [
-        np.outer(_SMOOTH, _SLOPE).ravel(),
-        np.outer(_SLOPE, _SMOOTH).ravel(),
-        np.outer(_SMOOTH, _CURVE).ravel(),
-        np.outer(_SLOPE, _SLOPE).ravel(),
-        np.outer(_CURVE, _SMOOTH).ravel(),
-    ]
-)
-"""Filters of `APERTURE` for the derivatives x, y, xx, xy, yy."""
-
-
 def settle(picture: NDArray[np.uint8], points: FloatArray) -> FloatArray:
     """Move points, shape (N, 2), onto the saddle next to them where there is one."""
-    height, width = picture.shape
-    reach = APERTURE // 2
-    low, high = reach, np.array([width, height]) - 1 - reach
-    settled: FloatArray = points
-    for _ in range(SETTLING_STEPS):
-        pixels = np.clip(np.rint(settled), low, high).astype(np.intp)
-        offset, curvature = _newton(picture, pixels)
-        settled = pixels.astype(np.float64) + np.clip(offset, -SETTLING_STEP, SETTLING_STEP)
-    arrived = (np.abs(offset).max(axis=1, initial=0.0) < MAX_OFFSET) & (curvature[:, 3] < 0.0)
-    arrived &= np.abs(settled - points).max(axis=1, initial=0.0) < MOST_SETTLING
-    return np.where(arrived[:, None], settled, points)
-
-
-def _newton(picture: NDArray[np.uint8], pixels: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
-    """Where the slope vanishes relative to pixels, shape (N, 2), and second derivatives there.
-
-    The latter are xx, xy, yy and their determinant, shape (N, 4).
-    """
-    reach = np.arange(APERTURE) - APERTURE // 2
-    rows = pixels[:, 1, None, None] + reach[None, :, None]
-    patches = picture[rows, pixels[:, 0, None, None] + reach[None, None, :]]
-    x, y, xx, xy, yy = _DERIVATIVES @ patches.reshape(len(pixels), APERTURE**2).T.astype(np.float64)
-    determinant = xx * yy - xy * xy
-    step = np.stack([xy * y - yy * x, xy * x - xx * y], axis=1)
-    step /= np.where(determinant < 0.0, determinant, -1e-9)[:, None]
-    return step, np.stack([xx, xy, yy, determinant], axis=1)
+    return _core.settle_on_saddles(picture, points)
 
 
 def _is_even(curvature: FloatArray) -> NDArray[np.bool_]:

@@ -127,7 +127,8 @@ pub fn from_matrix<'py>(py: Python<'py>, matrix: &DMatrix<f64>) -> Bound<'py, Py
     )
 }
 
-fn from_rows<'py>(
+/// A two-dimensional array of values in row order.
+pub fn from_rows<'py>(
     py: Python<'py>,
     rows: usize,
     columns: usize,

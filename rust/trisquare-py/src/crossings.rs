@@ -1,5 +1,6 @@
 //! Crossings of a chessboard's grid lines and how they follow one another.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use nalgebra::Vector2;
@@ -26,6 +27,7 @@ pub fn link_crossings<'py>(
 ) -> PyResult<Linked<'py>> {
     let crossings = crossings_of(&points, &edges)?;
     let (width, height, values) = bytes_of(&picture);
+    let values = values.into_owned();
     let grey = GreyBytes::new(width, height, &values).ok_or_else(no_picture)?;
     let linked = py.detach(|| trisquare::link_crossings(&grey, &crossings));
     let following = PyArray2::zeros(py, [linked.len(), 4], false);
@@ -58,6 +60,7 @@ pub fn grow_lattice<'py>(
 ) -> PyResult<Grown<'py>> {
     let crossings = crossings_of(&points, &edges)?;
     let (width, height, values) = bytes_of(&picture);
+    let values = values.into_owned();
     let grey = GreyBytes::new(width, height, &values).ok_or_else(no_picture)?;
     let mut lattice = Lattice {
         crossings: sites_of(&grid)?,
@@ -104,7 +107,7 @@ fn crossings_of(
 }
 
 /// Sites of a lattice, shape `(rows, columns, 2)`, that hold a crossing.
-fn sites_of(grid: &PyReadonlyArray3<'_, f64>) -> PyResult<BTreeMap<Site, Vector2<f64>>> {
+pub fn sites_of(grid: &PyReadonlyArray3<'_, f64>) -> PyResult<BTreeMap<Site, Vector2<f64>>> {
     let view = grid.as_array();
     if view.shape()[2] != 2 {
         return Err(PyValueError::new_err("a point has two coordinates"));
@@ -121,16 +124,16 @@ fn sites_of(grid: &PyReadonlyArray3<'_, f64>) -> PyResult<BTreeMap<Site, Vector2
     Ok(sites)
 }
 
-/// Width, height and the values of a grey picture in row order.
-fn bytes_of(picture: &PyReadonlyArray2<'_, u8>) -> (usize, usize, Vec<u8>) {
+/// Width, height and the values of a grey picture in row order, borrowed if they lie so.
+pub fn bytes_of<'a>(picture: &'a PyReadonlyArray2<'_, u8>) -> (usize, usize, Cow<'a, [u8]>) {
     let (height, width) = (picture.shape()[0], picture.shape()[1]);
     let values = match picture.as_slice() {
-        Ok(values) => values.to_vec(),
-        Err(_) => picture.as_array().iter().copied().collect(),
+        Ok(values) if picture.is_c_contiguous() => Cow::Borrowed(values),
+        _ => Cow::Owned(picture.as_array().iter().copied().collect()),
     };
     (width, height, values)
 }
 
-fn no_picture() -> PyErr {
+pub fn no_picture() -> PyErr {
     PyValueError::new_err("the picture is empty")
 }

@@ -8,7 +8,10 @@ mod errors;
 mod figures;
 mod picture;
 mod predict;
+mod saddles;
+mod sides;
 mod steps;
+mod surface;
 
 /// The compiled core of trisquare.
 #[pyo3::pymodule]
@@ -34,8 +37,14 @@ mod _core {
     #[pymodule_export]
     use crate::predict::predict;
     #[pymodule_export]
+    use crate::saddles::{saddle_steps, settle_on_saddles};
+    #[pymodule_export]
+    use crate::sides::fit_side_cubics;
+    #[pymodule_export]
     use crate::steps::{
         camera_matrix_from_homographies, fit_distortion, homography_from_lines,
         pose_from_homography, straighten,
     };
+    #[pymodule_export]
+    use crate::surface::{fit_lattice_surface, lattice_surface_points, lattice_surface_sites};
 }

@@ -84,6 +84,16 @@ impl<'a> GreyBytes<'a> {
         })
     }
 
+    /// Width and height.
+    pub(crate) fn size(&self) -> [usize; 2] {
+        [self.width, self.height]
+    }
+
+    /// In row order.
+    pub(crate) fn values(&self) -> &[u8] {
+        self.values
+    }
+
     /// Bilinear interpolation; beyond the border its value goes on.
     fn at(&self, point: Vector2<f64>) -> f64 {
         let x = point.x.clamp(0.0, (self.width - 1) as f64);

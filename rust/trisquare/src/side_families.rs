@@ -215,15 +215,17 @@ impl Family {
         }
         let factor = precision.cholesky()?;
         log_determinant += 2.0 * factor.l_dirty().diagonal().map(f64::ln).sum();
-        let pull = factor.solve(&self.pull);
-        let own = factor.solve(&self.own);
-        let shared = factor.solve(&self.shared);
-        block.hessian -= self.own.tr_mul(&own);
-        block.cross -= self.own.tr_mul(&shared);
-        block.shared -= self.shared.tr_mul(&shared);
-        block.gradient -= self.own.tr_mul(&pull);
-        block.shared_gradient -= self.shared.tr_mul(&pull);
-        Some(log_determinant - self.pull.dot(&pull))
+        // `X^T (L L^T)^-1 Y = (L^-1 X)^T (L^-1 Y)` asks for half of the solution only.
+        let lower = factor.l_dirty();
+        let pull = lower.solve_lower_triangular(&self.pull)?;
+        let own = lower.solve_lower_triangular(&self.own)?;
+        let shared = lower.solve_lower_triangular(&self.shared)?;
+        block.hessian -= own.tr_mul(&own);
+        block.cross -= own.tr_mul(&shared);
+        block.shared -= shared.tr_mul(&shared);
+        block.gradient -= own.tr_mul(&pull);
+        block.shared_gradient -= shared.tr_mul(&pull);
+        Some(log_determinant - pull.norm_squared())
     }
 }
 

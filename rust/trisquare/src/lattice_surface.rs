@@ -1,0 +1,309 @@
+//! The smooth surface that a plane's crossings lie on: a homography, then a lens's bending.
+//!
+//! An ideal point lies at `p / (1 + bend |p|^2)` if the photograph has it at `p`, in half diagonals
+//! from the picture's middle: the division model, which leaves a hundredth of a cell of any usual
+//! lens (A. W. Fitzgibbon, *Simultaneous linear estimation of multiple view geometry and lens
+//! distortion*, CVPR 2001).
+
+use nalgebra::{Matrix2x3, Matrix3, SMatrix, SVector, Vector2, Vector3};
+
+/// Gauss-Newton steps, which reweight as well: a few strays have lost their weight by then.
+const STEPS: usize = 6;
+
+/// Pixels below which deviations weigh the same; the search's own scatter.
+const SETTLED: f64 = 0.3;
+
+/// Pixels: where no crossing is farther off, there are no strays, and a bend is not evident.
+const CLOSE: f64 = 0.6;
+
+/// Of lenses: a strong barrel distortion has 0.25, a lens of 120 degrees 0.4. A few crossings tell
+/// it no better than that.
+const USUAL_BEND: f64 = 0.2;
+const MOST_BEND: f64 = 0.5;
+
+/// What is as good as zero of a depth or a scale that is about one.
+const LEAST: f64 = 1e-9;
+
+/// Iterations of the decompositions at most; they take ten or so.
+const MOST_ITERATIONS: usize = 1000;
+
+const PARAMETERS: usize = 9;
+
+type Normal = SMatrix<f64, PARAMETERS, PARAMETERS>;
+type Step = SVector<f64, PARAMETERS>;
+
+/// Where a plane has the crossings of each row and column.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LatticeSurface {
+    /// From (column, row, 1) to ideal points, in half diagonals from the picture's middle.
+    pub homography: Matrix3<f64>,
+    /// Of the lens.
+    pub bend: f64,
+}
+
+impl LatticeSurface {
+    /// Fits crossings by least absolute deviations, but for a few strays.
+    ///
+    /// `sites` are (column, row); `points` in half diagonals from the picture's middle, of which one
+    /// is `size` pixels. There are four and more that are not on one line.
+    #[must_use]
+    pub fn fitted(sites: &[Vector2<f64>], points: &[Vector2<f64>], size: f64) -> Self {
+        let Some(&first) = sites.first() else {
+            return Self {
+                homography: Matrix3::identity(),
+                bend: 0.0,
+            };
+        };
+        let (low, high) = sites
+            .iter()
+            .fold((first, first), |(low, high), s| (low.inf(s), high.sup(s)));
+        let centre = (low + high) * 0.5;
+        let half = (high - centre).sup(&Vector2::repeat(1.0));
+        let scaled: Vec<_> = sites
+            .iter()
+            .map(|site| (site - centre).component_div(&half))
+            .collect();
+        let scaling = Matrix3::new(
+            1.0 / half.x,
+            0.0,
+            -centre.x / half.x,
+            0.0,
+            1.0 / half.y,
+            -centre.y / half.y,
+            0.0,
+            0.0,
+            1.0,
+        );
+        let mut surface = Self {
+            homography: algebraic_homography(&scaled, points),
+            bend: 0.0,
+        };
+        surface.refine(&scaled, points, size);
+        surface.homography *= scaling;
+        surface
+    }
+
+    /// The point of the photograph, in half diagonals, for a column and a row; NaN if there is none.
+    #[must_use]
+    pub fn at(&self, site: Vector2<f64>) -> Vector2<f64> {
+        let mapped = self.homography * site.push(1.0);
+        // The depth is one in the middle of the crossings.
+        if !(mapped.z > 0.0) {
+            return Vector2::repeat(f64::NAN);
+        }
+        let ideal = mapped.xy() / mapped.z;
+        let bent = 4.0 * self.bend * ideal.norm_squared();
+        ideal * (2.0 / (1.0 + (1.0 - bent).sqrt()))
+    }
+
+    /// Column and row of a point of the photograph, in half diagonals; not finite if there are none.
+    #[must_use]
+    pub fn sites(&self, points: &[Vector2<f64>]) -> Vec<Vector2<f64>> {
+        // A homography without inverse, which noise may give, is solved as nearly as can be.
+        let inverse = self
+            .homography
+            .try_svd(true, true, f64::EPSILON, MOST_ITERATIONS)
+            .and_then(|svd| {
+                svd.pseudo_inverse(f64::EPSILON * svd.singular_values.max())
+                    .ok()
+            });
+        let site = |point: &Vector2<f64>| {
+            let ideal = point / (1.0 + self.bend * point.norm_squared());
+            inverse.map_or(Vector2::repeat(f64::NAN), |inverse| {
+                let mapped = inverse * ideal.push(1.0);
+                mapped.xy() / mapped.z
+            })
+        };
+        points.iter().map(site).collect()
+    }
+
+    fn refine(&mut self, sites: &[Vector2<f64>], points: &[Vector2<f64>], size: f64) {
+        for number in 0..STEPS {
+            let places: Vec<_> = sites
+                .iter()
+                .zip(points)
+                .map(|(&site, &point)| Place::new(self, site, point, size))
+                .collect();
+            let farthest = places.iter().map(|p| p.gap.norm()).fold(0.0, f64::max);
+            let is_close = farthest < CLOSE;
+            // With a bend where one was needed at all.
+            if is_close && number != 1 {
+                break;
+            }
+            let least = if is_close { CLOSE } else { SETTLED };
+            let held = SETTLED / (USUAL_BEND * USUAL_BEND);
+            let (mut information, mut gradient) = (Normal::zeros(), Step::zeros());
+            information[(8, 8)] = held;
+            gradient[8] = held * self.bend;
+            for place in &places {
+                place.add_to(&mut information, &mut gradient, least);
+            }
+            if !information.iter().chain(&gradient).all(|x| x.is_finite()) {
+                break;
+            }
+            information.fill_lower_triangle_with_upper_triangle();
+            let Some(step) = solved(&information, &gradient) else {
+                break;
+            };
+            for k in 0..8 {
+                self.homography[(k / 3, k % 3)] -= step[k];
+            }
+            self.bend = (self.bend - step[8]).clamp(-MOST_BEND, MOST_BEND);
+        }
+    }
+}
+
+/// A crossing's gap and its derivatives.
+struct Place {
+    site: Vector3<f64>,
+    /// Pixels.
+    gap: Vector2<f64>,
+    ideal: Vector2<f64>,
+    /// Pixels per unit of what is mapped.
+    scale: f64,
+    by_bend: Vector2<f64>,
+}
+
+impl Place {
+    fn new(surface: &LatticeSurface, site: Vector2<f64>, point: Vector2<f64>, size: f64) -> Self {
+        let site = site.push(1.0);
+        let mapped = surface.homography * site;
+        let depth = if mapped.z.abs() > LEAST {
+            mapped.z
+        } else {
+            LEAST
+        };
+        let ideal = mapped.xy() / depth;
+        let square = point.norm_squared();
+        let factor = 1.0 / (1.0 + surface.bend * square);
+        Self {
+            site,
+            gap: (ideal - point * factor) * size,
+            ideal,
+            scale: size / depth,
+            by_bend: point * (size * square * factor * factor),
+        }
+    }
+
+    /// Adds to the upper triangle of the normal matrix and to the gradient.
+    fn add_to(&self, information: &mut Normal, gradient: &mut Step, least: f64) {
+        let weight = 1.0 / self.gap.norm().max(least);
+        for axis in 0..2 {
+            let mut row = Step::zeros();
+            for k in 0..3 {
+                row[3 * axis + k] = self.scale * self.site[k];
+            }
+            for k in 0..2 {
+                row[6 + k] = -self.scale * self.ideal[axis] * self.site[k];
+            }
+            row[8] = self.by_bend[axis];
+            for i in 0..PARAMETERS {
+                let weighted = weight * row[i];
+                for j in i..PARAMETERS {
+                    information[(i, j)] += weighted * row[j];
+                }
+                gradient[i] += weighted * self.gap[axis];
+            }
+        }
+    }
+}
+
+/// Solves the normal equations, those without a unique solution for the shortest one.
+fn solved(information: &Normal, gradient: &Step) -> Option<Step> {
+    if let Some(factor) = information.cholesky() {
+        return Some(factor.solve(gradient));
+    }
+    let svd = information.try_svd(true, true, f64::EPSILON, MOST_ITERATIONS)?;
+    let least = PARAMETERS as f64 * f64::EPSILON * svd.singular_values.max();
+    svd.solve(gradient, least).ok()
+}
+
+/// The homography that fits best in the algebraic sense; its last entry is one.
+fn algebraic_homography(sites: &[Vector2<f64>], points: &[Vector2<f64>]) -> Matrix3<f64> {
+    let count = points.len() as f64;
+    let centre = points.iter().sum::<Vector2<f64>>() / count;
+    // Of all coordinates about their common mean.
+    let mean = 0.5 * (centre.x + centre.y);
+    let squares = points.iter().map(|p| p.add_scalar(-mean).norm_squared());
+    let size = (0.5 * squares.sum::<f64>() / count).sqrt().max(LEAST);
+    let mut products = Normal::zeros();
+    for (site, point) in sites.iter().zip(points) {
+        let (place, scaled) = (site.push(1.0), (point - centre) / size);
+        let outer = place * place.transpose();
+        for axis in 0..2 {
+            let mut own = products.fixed_view_mut::<3, 3>(3 * axis, 3 * axis);
+            own += outer;
+            let mut cross = products.fixed_view_mut::<3, 3>(3 * axis, 6);
+            cross -= outer * scaled[axis];
+        }
+        let mut last = products.fixed_view_mut::<3, 3>(6, 6);
+        last += outer * scaled.norm_squared();
+    }
+    products.fill_lower_triangle_with_upper_triangle();
+    let Some(eigen) = products.try_symmetric_eigen(f64::EPSILON, MOST_ITERATIONS) else {
+        return Matrix3::identity();
+    };
+    let smallest = eigen.eigenvectors.column(eigen.eigenvalues.imin());
+    let homography = Matrix3::from_row_iterator(smallest.iter().copied());
+    let top: Matrix2x3<f64> =
+        homography.fixed_rows::<2>(0) * size + centre * homography.fixed_rows::<1>(2);
+    let mut moved = homography;
+    moved.fixed_rows_mut::<2>(0).copy_from(&top);
+    let last = moved[(2, 2)];
+    moved / if last.abs() > LEAST { last } else { LEAST }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: f64 = 800.0;
+
+    fn sites() -> Vec<Vector2<f64>> {
+        let every = (0..7).flat_map(|row| (0..9).map(move |col| (col, row)));
+        every
+            .map(|(c, r)| Vector2::new(f64::from(c), f64::from(r)))
+            .collect()
+    }
+
+    fn truth() -> LatticeSurface {
+        let homography = Matrix3::new(0.08, 0.01, -0.4, -0.02, 0.07, -0.2, 0.02, -0.01, 1.0);
+        LatticeSurface {
+            homography,
+            bend: -0.2,
+        }
+    }
+
+    #[test]
+    fn a_fit_has_every_crossing_and_site_of_the_truth() {
+        let points: Vec<_> = sites().iter().map(|&site| truth().at(site)).collect();
+        let fitted = LatticeSurface::fitted(&sites(), &points, SIZE);
+        for (&site, point) in sites().iter().zip(&points) {
+            assert!((fitted.at(site) - point).norm() * SIZE < 0.02);
+        }
+        for (site, found) in sites().iter().zip(fitted.sites(&points)) {
+            assert!((site - found).norm() < 1e-3);
+        }
+    }
+
+    #[test]
+    fn a_stray_is_far_off_the_surface_of_the_others() {
+        let mut points: Vec<_> = sites().iter().map(|&site| truth().at(site)).collect();
+        points[20].x += 12.0 / SIZE;
+        let fitted = LatticeSurface::fitted(&sites(), &points, SIZE);
+        for (number, (&site, point)) in sites().iter().zip(&points).enumerate() {
+            let off = (fitted.at(site) - point).norm() * SIZE;
+            assert_eq!(off > 5.0, number == 20, "{number}: {off}");
+            assert!(number == 20 || off < 0.5, "{number}: {off}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_lattice_gives_a_surface_all_the_same() {
+        let same = vec![Vector2::new(0.3, 0.3); 5];
+        let fitted = LatticeSurface::fitted(&sites()[..5], &same, SIZE);
+        let _ = (fitted.at(Vector2::zeros()), fitted.sites(&same));
+        let none = LatticeSurface::fitted(&[], &[], SIZE);
+        assert!(none.sites(&[]).is_empty());
+    }
+}
