@@ -176,7 +176,7 @@ def _grown(
             continue
         left = free.subset(~_covered(free.points, grids))
         grid = grow(seed, picture, left)
-        if not is_large(grid):
+        if not is_large(_complete(grid)):
             outlines = [_outline(one) for one in grids]
             grid = grow(_extended(grid, picture, picture, outlines), picture, left)
         (grids if is_large(grid) else scraps).append(grid)
