@@ -55,7 +55,7 @@ FAR_RING = 5.0
 each other's right angle in the ring, and it has faded."""
 
 MOST_TURNED = 0.6
-"""Radians, 34 degrees, by which blur turns an edge at most: what lies farther off is another one."""
+"""Radians, 34 degrees, by which blur turns an edge at most: what lies farther off is another."""
 
 LEAST_EDGE = 0.3
 """Of the step between light and dark, what an edge has at a pixel beside it, or there is none but
