@@ -27,8 +27,8 @@ _MIDDLES = ((0.0, 0.5), (1.0, 0.5), (0.5, 0.0), (0.5, 1.0))
 _CENTRE = ((0.5, 0.5),)
 _RIMS = ((RIM, 0.5), (1.0 - RIM, 0.5), (0.5, RIM), (0.5, 1.0 - RIM))
 _INNER = ((RIM, RIM), (1.0 - RIM, RIM), (RIM, 1.0 - RIM), (1.0 - RIM, 1.0 - RIM))
-"""Places in a cell, in units of its sides. The corners of a light cell are farther from a marker than
-its rim is, which blur darkens where that is narrow."""
+"""Places in a cell, in units of its sides. The corners of a light cell are farther from a marker
+than the middle of its rim, which blur darkens where that is narrow."""
 
 
 def is_chequered(grid: Grid, grey: NDArray[np.uint8], scale: int) -> bool:
