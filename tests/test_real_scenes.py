@@ -6,6 +6,9 @@ import pytest
 from scenes import IMAGE_SIZE
 
 from trisquare import simulate
+from trisquare.lattice_edges import FoundLattice
+from trisquare.lattices import find_lattices
+from trisquare.outlines import grey_bytes
 from trisquare.real_scenes import KINDS, SHOWN, real_picture
 
 DRAWN = {}
@@ -111,3 +114,24 @@ def test_scenes_without_plain_boards_are_three_planes_to_calibrate_from(kind):
     assert len(case.scene.targets) == 3
     assert all(target.printed is None for target in case.scene.targets)
     assert 0.0 < case.bound()["fx"] < 0.02 * case.scene.camera.fx
+
+
+@pytest.mark.parametrize("index", [7, 36])
+def test_small_charuco_boards_are_found_whole_and_their_markers_rims_measured(index):
+    # Print beside crossings hides some: one of nine in one, under a blur of 1.5 px in the other.
+    case = real_picture(np.random.default_rng([100, index]), "charuco box")
+    grey = grey_bytes(case.picture)
+    found = find_lattices(grey)
+    assert len(found) == len(case.scene.targets) == 3
+    for number, target in enumerate(case.scene.targets):
+        true = case.scene.image_points(number, target.board_corners())
+        gaps = [
+            np.linalg.norm(lattice.crossings[lattice.present][:, None] - true, axis=2).min(axis=0)
+            for lattice in found
+        ]
+        assert min(gap.max() for gap in gaps) < 2.0
+    true_rim = 0.5 * (1.0 - case.scene.targets[0].inner)
+    for lattice in found:
+        rims = FoundLattice.of(lattice, grey).rims
+        assert rims is not None
+        assert abs(rims.max() - true_rim) < 0.05 * true_rim

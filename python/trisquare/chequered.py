@@ -26,7 +26,9 @@ _CORNERS = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0))
 _MIDDLES = ((0.0, 0.5), (1.0, 0.5), (0.5, 0.0), (0.5, 1.0))
 _CENTRE = ((0.5, 0.5),)
 _RIMS = ((RIM, 0.5), (1.0 - RIM, 0.5), (0.5, RIM), (0.5, 1.0 - RIM))
-"""Places in a cell, in units of its sides."""
+_INNER = ((RIM, RIM), (1.0 - RIM, RIM), (RIM, 1.0 - RIM), (1.0 - RIM, 1.0 - RIM))
+"""Places in a cell, in units of its sides. The corners of a light cell are farther from a marker
+than the middle of its rim, which blur darkens where that is narrow."""
 
 
 def is_chequered(grid: Grid, grey: NDArray[np.uint8], scale: int) -> bool:
@@ -57,7 +59,7 @@ def is_chequered(grid: Grid, grey: NDArray[np.uint8], scale: int) -> bool:
     if dark.all() or not dark.any():
         return False
     least = level(_CENTRE, dark)
-    most = max(level(_CENTRE, ~dark), level(_RIMS, ~dark))
+    most = max(level(_CENTRE, ~dark), level(_RIMS, ~dark), level(_INNER, ~dark))
     if most <= least:
         return False
     every = np.ones_like(dark)

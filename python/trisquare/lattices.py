@@ -174,7 +174,11 @@ def _grown(
     for seed in grids_of(free.points, link(picture, free)):
         if _covered(seed.points[seed.present], grids).any():
             continue
-        grid = grow(seed, picture, free.subset(~_covered(free.points, grids)))
+        left = free.subset(~_covered(free.points, grids))
+        grid = grow(seed, picture, left)
+        if not is_large(_complete(grid)):
+            outlines = [_outline(one) for one in grids]
+            grid = grow(_extended(grid, picture, picture, outlines), picture, left)
         (grids if is_large(grid) else scraps).append(grid)
     return grids, scraps
 
@@ -192,6 +196,14 @@ def _looked_closer(grids: list[Grid], grey: NDArray[np.uint8]) -> list[Grid]:
     """Search the photograph itself, of which grids in the halved picture are known."""
     doubled = [_doubled(grid, grey) for grid in grids]
     finer = [_complete(grid) for grid in _grids_at(grey, find_saddles(grey), doubled)]
+    outlines = [_outline(grid) for grid in finer]
+    # Of a small board hardly a crossing may be missing.
+    finer = [
+        grid
+        if _is_lattice(grid, 1)
+        else _extended(grid, grey, grey, outlines[:number] + outlines[number + 1 :])
+        for number, grid in enumerate(finer)
+    ]
     good = [_is_lattice(grid, 1) and _has_edges(grid, grey, 1) for grid in finer]
     halved = [Grid(0.5 * grid.points, grid.dark_first) for grid in finer]
     # Noise and blur may hide from the photograph what the halved picture shows.

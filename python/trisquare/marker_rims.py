@@ -32,8 +32,9 @@ LEAST_MARKERS = 3
 SPREAD = 0.05
 """Cells by which the rims of one board may seem to differ: in cells around the crossings 0.04."""
 
-REFINED_REACH = 3
-"""Samples about an edge where the steepest place is looked for: tone curves move it by less."""
+UPPER_PART = np.array([0.6, 0.7, 0.8])
+"""Of a profile's rise where a rim is measured: above the half, but below its rounded top, where
+noise would move it."""
 
 PIECE = 1000
 """Cells that are sampled at once: OpenCV has a limit."""
@@ -150,25 +151,24 @@ def _rims(profiles: FloatArray) -> FloatArray:
 
 
 def _refined(profile: FloatArray, rim: float) -> float:
-    """Measure a rim again, where the mean profile of cells, shape (samples,), is steepest.
+    """Measure a rim again, in the upper part of the mean profile of cells, shape (samples,).
 
-    The bits beyond a marker's border lift the level that the profile falls to, but move the place
-    of its steepest fall far less.
+    There the rise and the fall mirror each other, whatever the blur and the tone curve are. The
+    bits beyond a marker's border lift what is below.
     """
-    slope = np.gradient(profile)
-    fall = BEFORE + round(rim / STEP)
-    first, last = max(fall - REFINED_REACH, 1), min(fall + REFINED_REACH, len(slope) - 2)
-    before = BEFORE - REFINED_REACH
-    at = [
-        before + int(slope[before : BEFORE + REFINED_REACH + 1].argmax()),
-        first + int(slope[first : last + 1].argmin()),
-    ]
-    places = []
-    for place in at:
-        bend = slope[place - 1] - 2.0 * slope[place] + slope[place + 1]
-        step = 0.5 * (slope[place - 1] - slope[place + 1]) / bend if bend != 0.0 else 0.0
-        places.append(place + float(np.clip(step, -0.5, 0.5)))
-    refined = STEP * (places[0] + places[1] - 2.0 * BEFORE)
+    top = BEFORE + int(profile[BEFORE : BEFORE + round(rim / STEP) + 1].argmax())
+    levels = profile[0] + UPPER_PART * (profile[top] - profile[0])
+    above = profile > levels[:, None]
+    samples = np.arange(len(profile))
+    below_before, below_behind = ~above & (samples < top), ~above & (samples > top)
+    both = below_before.any(axis=1) & below_behind.any(axis=1)
+    if not both.any():
+        return rim
+    rise = len(profile) - below_before[both, ::-1].argmax(axis=1)
+    fall = below_behind[both].argmax(axis=1)
+    profiles = np.broadcast_to(profile, (len(rise), len(profile)))
+    ends = [_level(profiles, levels[both], at) for at in (rise, fall)]
+    refined = STEP * float((ends[0] + ends[1] - 2.0 * BEFORE).mean())
     return refined if abs(refined - rim) < SPREAD else rim
 
 

@@ -44,6 +44,17 @@ however blurred; the smallest cells leave a ratio of 2. Noise along stripes leav
 RING = 2.5
 """Pixels from a saddle at which its four sectors are looked at: inside a cell of five pixels."""
 
+FAR_RING = 5.0
+"""Pixels from a saddle at which its edges are looked for again: as far as blur turns them toward
+each other's right angle in the ring, and it has faded."""
+
+MOST_TURNED = 0.6
+"""Radians, 34 degrees, by which blur turns an edge at most: what lies farther off is another."""
+
+LEAST_EDGE = 0.3
+"""Of the step between light and dark, what an edge has at a pixel beside it, or there is none but
+the end of a cell."""
+
 HALF_TURN = 16
 """Directions looked in from a saddle, over half a turn."""
 
@@ -202,18 +213,54 @@ def _crossings(picture: NDArray[np.uint8], points: FloatArray) -> Saddles:
         return Saddles(points[:0], np.empty((0, 2, 2)))
 
     above = mean - level[:, None]
-    following = np.roll(above, -1, axis=1)
-    following_sign = following > 0.0
-    falls = (above > 0.0) & ~following_sign
-    rises = (above <= 0.0) & following_sign
+    falls, rises = _signs(above)
     keep = alternate & (np.count_nonzero(falls, axis=1) == 1) & (step > 0.0)
-    angles = []
-    for turn in (falls, rises):
-        at = turn.argmax(axis=1)
-        here, there = above[every, at], following[every, at]
-        part = here / np.where(here == there, 1.0, here - there)
-        angles.append((at + part)[keep] * (np.pi / HALF_TURN))
-    first, second = angles
+    first, second = (
+        (turn.argmax(axis=1) + _parts(above)[every, turn.argmax(axis=1)])[keep]
+        for turn in (falls, rises)
+    )
+    turned = _edges_afar(picture, points[keep], np.stack([first, second], axis=1), step[keep])
+    turned *= np.pi / HALF_TURN
+    first, second = turned.T % np.pi
     second = np.where(second < first, second + np.pi, second)
     turned = np.stack([first, second], axis=1)
     return Saddles(points[keep], np.stack([np.cos(turned), np.sin(turned)], axis=2))
+
+
+def _signs(above: FloatArray) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Where rings, shape (N, HALF_TURN), fall to below zero, and where they rise above it."""
+    here, next_one = above > 0.0, np.roll(above, -1, axis=1) > 0.0
+    return here & ~next_one, ~here & next_one
+
+
+def _parts(above: FloatArray) -> FloatArray:
+    """How far from each direction of rings, shape (N, HALF_TURN), to the next one they are zero."""
+    gap = above - np.roll(above, -1, axis=1)
+    return np.asarray(above / np.where(gap == 0.0, 1.0, gap))
+
+
+def _edges_afar(
+    picture: NDArray[np.uint8], points: FloatArray, turned: FloatArray, step: FloatArray
+) -> FloatArray:
+    """Directions of the edges, shape (N, 2), as a wider ring has them where it shows both.
+
+    Where edges cross aslant, blur turns what is near of them toward a right angle.
+    """
+    shades = sample(picture, points[:, None] + FAR_RING * _DIRECTIONS)
+    mean = shades.reshape(len(points), 2, HALF_TURN).mean(axis=1)
+    level = 0.5 * (mean.max(axis=1) + mean.min(axis=1))
+    above = mean - level[:, None]
+    places = np.arange(HALF_TURN) + _parts(above)
+    beside = np.roll(above, 1, axis=1) - np.roll(above, -2, axis=1)
+    every = np.arange(len(points))
+    found = turned.copy()
+    good = np.ones(len(points), bool)
+    for number, turn in enumerate(_signs(above)):
+        gap = places - turned[:, number, None]
+        gap -= HALF_TURN * np.rint(gap / HALF_TURN)
+        edge = turn & (np.abs(beside) > LEAST_EDGE * step[:, None])
+        gap = np.where(edge, gap, np.inf)
+        nearest = np.abs(gap).argmin(axis=1)
+        good &= np.abs(gap[every, nearest]) < MOST_TURNED * HALF_TURN / np.pi
+        found[:, number] += np.where(good, gap[every, nearest], 0.0)
+    return np.where(good[:, None], found, turned)

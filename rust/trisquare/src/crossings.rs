@@ -11,7 +11,11 @@ use nalgebra::Vector2;
 /// the smoothing of slanted edges do to the direction.
 const MISALIGNED: f64 = 0.95;
 
-/// The same next to a crossing, where the corner of a slanted cell is as small as the blur: 33
+/// The same of a neighbour that is looked for first: 10 degrees, as all but small cells have it. What
+/// is printed in a cell crosses its white rim, whose middle is 15 degrees beside the cell's edge.
+const MISALIGNED_LITTLE: f64 = 0.985;
+
+/// The same as the first next to a crossing, where the corner of a slanted cell is as small as the blur: 33
 /// degrees.
 const MISALIGNED_NEAR: f64 = 0.84;
 
@@ -174,36 +178,69 @@ pub fn link_crossings(
     picture: &GreyBytes<'_>,
     crossings: &[Crossing],
 ) -> Vec<[Option<Follower>; 4]> {
-    let mut links = mutual_links(picture, crossings, false);
-    for (number, others) in mutual_links(picture, crossings, true)
-        .into_iter()
-        .enumerate()
-    {
-        for (direction, other) in others.into_iter().enumerate() {
-            let Some(follower) = other else { continue };
+    let mut links = vec![[None; 4]; crossings.len()];
+    for pass in PASSES {
+        add_links(&mut links, &mutual_links(picture, crossings, pass));
+    }
+    links
+}
+
+/// Adds links between directions of which neither has one yet.
+fn add_links(links: &mut [[Option<Follower>; 4]], others: &[[Option<Follower>; 4]]) {
+    for (number, others) in others.iter().enumerate() {
+        for (direction, other) in others.iter().enumerate() {
+            let Some(follower) = *other else { continue };
             let returning = links[follower.crossing][follower.back];
             let back = Follower {
                 crossing: number,
                 back: direction,
             };
             if links[number][direction].is_none() && returning.is_none_or(|it| it == back) {
-                links[number][direction] = other;
+                links[number][direction] = Some(follower);
                 links[follower.crossing][follower.back] = Some(back);
             }
         }
     }
-    links
 }
 
-/// Links that are the nearest at both of their ends; `aslant`, of small slanted cells.
+/// Which neighbours are looked for at a time.
+#[derive(Debug, Clone, Copy)]
+struct Pass {
+    /// Cosine of how far a neighbour may be beside an edge's direction.
+    aligned: f64,
+    /// Pixels to the farthest.
+    reach: f64,
+    /// Pixels at both ends of the way that are not looked at.
+    corner: f64,
+}
+
+const PASSES: [Pass; 3] = [
+    Pass {
+        aligned: MISALIGNED_LITTLE,
+        reach: f64::INFINITY,
+        corner: 0.0,
+    },
+    Pass {
+        aligned: MISALIGNED,
+        reach: f64::INFINITY,
+        corner: 0.0,
+    },
+    Pass {
+        aligned: MISALIGNED_NEAR,
+        reach: NEAR,
+        corner: CORNER,
+    },
+];
+
+/// Links that are the nearest at both of their ends.
 fn mutual_links(
     picture: &GreyBytes<'_>,
     crossings: &[Crossing],
-    aslant: bool,
+    pass: Pass,
 ) -> Vec<[Option<Follower>; 4]> {
     let nearest: Vec<[Option<Follower>; 4]> = crossings
         .iter()
-        .map(|crossing| nearest_of(picture, crossings, crossing, aslant))
+        .map(|crossing| nearest_of(picture, crossings, crossing, pass))
         .collect();
     let mutual = |number: usize, direction: usize| {
         nearest[number][direction].filter(|follower| {
@@ -223,24 +260,19 @@ fn nearest_of(
     picture: &GreyBytes<'_>,
     crossings: &[Crossing],
     from: &Crossing,
-    aslant: bool,
+    pass: Pass,
 ) -> [Option<Follower>; 4] {
-    let (least, corner) = if aslant {
-        (MISALIGNED_NEAR, CORNER)
-    } else {
-        (MISALIGNED, 0.0)
-    };
     let mut aligned: [Vec<(f64, Follower)>; 4] = Default::default();
     for (number, other) in crossings.iter().enumerate() {
         let way = other.point - from.point;
-        if aslant && way.norm_squared() > NEAR.powi(2) {
+        if way.norm_squared() > pass.reach * pass.reach {
             continue;
         }
-        let Some(direction) = from.direction_within(least, way) else {
+        let Some(direction) = from.direction_within(pass.aligned, way) else {
             continue;
         };
         let distance = way.norm_squared();
-        match other.direction_within(least, -way) {
+        match other.direction_within(pass.aligned, -way) {
             Some(back) if distance > 0.0 && (direction + back) % 2 == 1 => {
                 let follower = Follower {
                     crossing: number,
@@ -261,7 +293,7 @@ fn nearest_of(
         candidates[..tried].sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
         let found = candidates[..tried].iter().find(|(_, follower)| {
             let end = crossings[follower.crossing].point;
-            picture.has_edge_beyond(corner, from.point, end, direction % 2 == 0)
+            picture.has_edge_beyond(pass.corner, from.point, end, direction % 2 == 0)
         });
         found.map(|&(_, follower)| follower)
     })

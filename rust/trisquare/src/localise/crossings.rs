@@ -23,7 +23,7 @@ const COMPLETE: f64 = 4.0;
 const ENTIRE: f64 = 7.0;
 /// A marker's border may be a twentieth of a pixel beside its modelled place: from so many blurs
 /// before it that does not matter ...
-const CLEAR_OF_MARKER: f64 = 2.0;
+const CLEAR_OF_MARKER: f64 = 3.0;
 /// ... but where that would leave less than this of the light cell, it has to be borne.
 const LEAST_REACH: f64 = 2.0;
 /// Steps towards the crossing of two curves; each squares the error of what was a pixel or two.
