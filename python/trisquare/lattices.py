@@ -93,7 +93,8 @@ def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
         # What a coarse picture makes of a grille, or of the cells of two boards, would else hide
         # from the finer ones what is there.
         grids = [grid for grid in grids if _has_edges(grid, grey, size)]
-        grids = _grids_at(picture, saddles, grids)
+        # What hangs on by a thread in a coarse picture is better seen in the next.
+        grids = _grids_at(picture, saddles, grids, thorough=level == 0)
         grids = [grid for grid in grids if _is_lattice(grid, size)]
     if scale > 1 and _shows_more(picture, saddles, grids):
         grids = _looked_closer(grids, grey)
@@ -130,17 +131,19 @@ def _doubled(grid: Grid, picture: NDArray[np.uint8]) -> Grid:
     return Grid(points, grid.dark_first)
 
 
-def _grids_at(picture: NDArray[np.uint8], saddles: Saddles, known: list[Grid]) -> list[Grid]:
+def _grids_at(
+    picture: NDArray[np.uint8], saddles: Saddles, known: list[Grid], *, thorough: bool = True
+) -> list[Grid]:
     """Complete the grids known from a coarser picture and find those that it did not show."""
     if len(saddles) < LEAST_CROSSINGS:
         return known
-    grids, scraps = _grown(picture, saddles, known)
+    grids, scraps = _grown(picture, saddles, known, thorough)
     parts = _smooth(grids, scraps, picture)
     if len(parts) == len(grids) and _crossings(parts) > _crossings(grids) - LEAST_SIDE:
         return parts
     # What a grid had of its neighbour over a fold is there for the neighbour now, and between two
     # pieces that were joined there may be more.
-    return _smooth(*_grown(picture, saddles, parts), picture)
+    return _smooth(*_grown(picture, saddles, parts, thorough), picture)
 
 
 def _crossings(grids: list[Grid]) -> int:
@@ -157,11 +160,12 @@ def _smooth(grids: list[Grid], scraps: list[Grid], picture: NDArray[np.uint8]) -
 
 
 def _grown(
-    picture: NDArray[np.uint8], saddles: Saddles, known: list[Grid]
+    picture: NDArray[np.uint8], saddles: Saddles, known: list[Grid], thorough: bool
 ) -> tuple[list[Grid], list[Grid]]:
     """Grow known grids, each into what no other has, and then those that nothing is known of.
 
-    The latter that have remained small come apart from the others.
+    The latter that have remained small come apart from the others; if `thorough`, only after
+    faint crossings have been looked for beside theirs.
     """
     grids: list[Grid] = []
     for number, grid in enumerate(known):
@@ -176,7 +180,7 @@ def _grown(
             continue
         left = free.subset(~_covered(free.points, grids))
         grid = grow(seed, picture, left)
-        if not is_large(_complete(grid)):
+        if thorough and not is_large(_complete(grid)):
             outlines = [_outline(one) for one in grids]
             grid = grow(_extended(grid, picture, picture, outlines), picture, left)
         (grids if is_large(grid) else scraps).append(grid)
