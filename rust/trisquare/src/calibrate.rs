@@ -70,6 +70,9 @@ fn run(
     if let (Stage::Edges, Some(photographs)) = (stage, photographs) {
         photometric::improve(edges, &task, &solution, photographs, &mut calibration);
     }
+    if calibration.stage == stage {
+        calibration.state_poses(&solution);
+    }
     calibration.warnings.splice(0..0, outliers);
     Ok(calibration)
 }

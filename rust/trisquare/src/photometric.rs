@@ -263,6 +263,7 @@ fn answer(
         noise: None,
     };
     let mut better = Calibration::assemble(task, &fitted, Stage::Pixels);
+    better.state_poses(&fitted);
     better.tones = tones;
     Some(better)
 }

@@ -177,7 +177,22 @@ impl Calibration {
         all
     }
 
-    /// The numbers of an optimum.
+    /// Says how well the poses of the optimum are known that it was assembled from.
+    pub(crate) fn state_poses(&mut self, solution: &Solution) {
+        let added = match self.stage {
+            Stage::Pixels => &self.coherence.added_to_pixels,
+            _ => &self.coherence.added,
+        };
+        let independent = &self.covariance - added;
+        let displacements = &self.coherence.displacements;
+        let (planes, refined) = (&solution.planes, &solution.refined);
+        let poses = pose_uncertainties(planes, refined, &independent, displacements);
+        for (plane, uncertainty) in self.planes.iter_mut().zip(poses) {
+            plane.uncertainty = uncertainty;
+        }
+    }
+
+    /// The numbers of an optimum, but for how well its poses are known.
     pub(crate) fn assemble(task: &Task<'_>, solution: &Solution, stage: Stage) -> Self {
         let Solution {
             planes,
@@ -194,12 +209,6 @@ impl Calibration {
         let together = coherence.warnings(&covariance, free);
         let disagreement = disagreement.map(Warning::Disagreement);
         let residuals = &refined.residuals;
-        let added = match stage {
-            Stage::Pixels => &coherence.added_to_pixels,
-            _ => &coherence.added,
-        };
-        let independent = &covariance - added;
-        let poses = pose_uncertainties(planes, refined, &independent, &coherence.displacements);
         Self {
             camera: refined.view.lens,
             image_size: task.size,
@@ -209,16 +218,15 @@ impl Calibration {
             planes: planes
                 .iter()
                 .zip(residuals)
-                .zip(poses)
                 .enumerate()
-                .map(|(i, ((plane, own), uncertainty))| Plane {
+                .map(|(i, (plane, own))| Plane {
                     figure: plane.figures[0].index,
                     image: plane.image,
                     pose: refined.view.planes[i].pose,
                     corners: observed_corners(plane, &refined.view, i),
                     rms: root_mean_square(own.iter()),
                     samples: own.len(),
-                    uncertainty,
+                    uncertainty: None,
                 })
                 .collect(),
             rms: root_mean_square(residuals.iter().flatten().filter(|r| r.counts)),
