@@ -8,6 +8,7 @@ import re
 
 import numpy as np
 import pytest
+from camera_files import FILES, PANORAMA
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -20,29 +21,15 @@ CAMERA = Camera(K, [-0.1, 0.02, 0.001, -0.002, 0.0], (1280, 960), "brown")
 SIMPLE = Camera(
     [[1000.5, 0, 640.25], [0, 1000.5, 480.75], [0, 0, 1]], [-0.1, 0, 0, 0, 0], (1280, 960)
 )
-NAMES = {
-    "camera.json": "trisquare",
-    "camera.yaml": "opencv",
-    "camera.xml": "opencv",
-    "opencv.json": "opencv",
-    "camera_info.yaml": "ros",
-    "camchain.yaml": "kalibr",
-    "cameras.txt": "colmap",
-    "transforms.json": "nerfstudio",
-    "left.cameramodel": "mrcal",
-    "lens.pto": "hugin",
-    "lensfun.xml": "lensfun",
-}
-PANORAMA = ("hugin", "lensfun")
 
 
 @pytest.fixture(scope="module")
 def texts(tmp_path_factory):
     """The camera in every format."""
     folder = tmp_path_factory.mktemp("whole")
-    for name, known in NAMES.items():
+    for name, known in FILES.items():
         (SIMPLE if known in PANORAMA else CAMERA).save(folder / name, known)
-    return {name: (folder / name).read_text() for name in NAMES}
+    return {name: (folder / name).read_text() for name in FILES}
 
 
 def size_for(path):
@@ -139,14 +126,14 @@ def test_the_message_names_what_is_wrong(tmp_path, texts, name, written, instead
     assert written in texts[name]
     text = texts[name].replace(written, instead, 1)
     if said:
-        assert said in load_text(tmp_path, name, text, format=NAMES[name])
+        assert said in load_text(tmp_path, name, text, format=FILES[name])
     else:  # not needed, or harmless
         (tmp_path / name).write_text(text)
         camera = Camera.load(tmp_path / name, image_size=size_for(tmp_path / name))
         assert camera.fx == pytest.approx(1000.5, rel=1e-15)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FILES)
 def test_a_truncated_file_is_refused_or_whole(tmp_path, texts, name):
     """Text formats have no end mark: what is cut may still say all, but never something else."""
     text, path = texts[name], tmp_path / name
@@ -157,7 +144,7 @@ def test_a_truncated_file_is_refused_or_whole(tmp_path, texts, name):
         except ValueError:
             continue
         assert camera.image_size[0] == 1280
-        if NAMES[name] not in PANORAMA:  # whose numbers may be cut within
+        if FILES[name] not in PANORAMA:  # whose numbers may be cut within
             assert (camera.fx, camera.fy) == (1000.5, 1001.5)
 
 
@@ -170,7 +157,7 @@ PIECES = (
 @settings(max_examples=200)
 @given(data=st.data())
 def test_garbled_files_are_a_camera_or_a_value_error(tmp_path_factory, texts, data):
-    name = data.draw(st.sampled_from(sorted(NAMES)))
+    name = data.draw(st.sampled_from(sorted(FILES)))
     text = texts[name]
     for _ in range(data.draw(st.integers(1, 4))):
         start = data.draw(st.integers(0, len(text)))
@@ -180,7 +167,7 @@ def test_garbled_files_are_a_camera_or_a_value_error(tmp_path_factory, texts, da
     path = tmp_path_factory.mktemp("garbled", numbered=True) / name
     path.write_bytes(text.encode("utf-8", "surrogatepass"))
     with contextlib.suppress(ValueError):
-        known = data.draw(st.sampled_from([None, NAMES[name]]))
+        known = data.draw(st.sampled_from([None, FILES[name]]))
         camera = Camera.load(path, format=known, image_size=size_for(path))
         assert np.isfinite(camera.K).all()
 
@@ -289,10 +276,10 @@ def convert(run, folder, *arguments):
 
 
 def test_converting_from_each_format_to_each(run, tmp_path):
-    for source, from_name in NAMES.items():
+    for source, from_name in FILES.items():
         camera = SIMPLE if from_name in PANORAMA else CAMERA
         camera.save(tmp_path / source, from_name)
-        for target, to_name in NAMES.items():
+        for target, to_name in FILES.items():
             if to_name in PANORAMA and from_name not in PANORAMA:
                 continue
             path = tmp_path / f"new-{target}"

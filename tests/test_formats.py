@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from camera_files import FILES, PANORAMA
 
 import trisquare as ts
 from trisquare import Camera
@@ -24,20 +25,6 @@ MODELS = {
     "radial3": (0, 1, 4),
     "brown": (0, 1, 2, 3, 4),
 }
-FILES = {
-    "camera.json": "trisquare",
-    "camera.yaml": "opencv",
-    "camera.xml": "opencv",
-    "opencv.json": "opencv",
-    "camera_info.yaml": "ros",
-    "camchain.yaml": "kalibr",
-    "cameras.txt": "colmap",
-    "transforms.json": "nerfstudio",
-    "left.cameramodel": "mrcal",
-    "lens.pto": "hugin",
-    "lensfun.xml": "lensfun",
-}
-PANORAMA = ("hugin", "lensfun")
 DEBIAN_PYTHON = Path("/usr/bin/python3")
 
 

@@ -22,6 +22,7 @@ from trisquare.camera import Camera, camera_for_core
 from trisquare.checked import FloatArray, RebuiltByConstructor
 from trisquare.chi_square import chi_square_tail
 from trisquare.free_parameters import free_columns
+from trisquare.known_camera import lens_of
 from trisquare.projection import picture_grid, rms_displacement
 from trisquare.result import Calibration, decimals_shown
 from trisquare.turned_cameras import TurnedCameras, best_turn
@@ -207,7 +208,7 @@ def compare(first: Calibration | Camera, second: Calibration | Camera) -> Compar
     ValueError
         If the pictures' sizes differ, or the cameras have too little of the picture in common.
     """
-    a, b = _camera(first, "first"), _camera(second, "second")
+    a, b = lens_of(first, "first"), lens_of(second, "second")
     if a.image_size != b.image_size:
         sizes = " and ".join(
             f"{width} x {height}" for width, height in (a.image_size, b.image_size)
@@ -242,14 +243,6 @@ def compare(first: Calibration | Camera, second: Calibration | Camera) -> Compar
         freedom,
         unexplained,
     )
-
-
-def _camera(given: Calibration | Camera, name: str) -> Camera:
-    if isinstance(given, Calibration):
-        return given.camera
-    if isinstance(given, Camera):
-        return given
-    raise TypeError(f"{name} must be a Calibration or a Camera, not {type(given).__name__}")
 
 
 def _spread(

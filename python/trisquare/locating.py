@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from trisquare.calibrate import calibrate
 from trisquare.camera import Camera
+from trisquare.known_camera import lens_of
 from trisquare.pictures import ImageSource, Outlines, Tone
 from trisquare.result import Calibration, Plane
 
@@ -44,9 +45,7 @@ def locate(
     TypeError, ValueError
         For bad arguments; if the picture is of another size than the camera's.
     """
-    if not isinstance(camera, Calibration | Camera):
-        raise TypeError(f"camera must be a Calibration or Camera, not {type(camera).__name__}")
-    held = camera.camera if isinstance(camera, Calibration) else camera
+    held = lens_of(camera)
     found = calibrate(
         image,
         model=held.model,

@@ -25,6 +25,7 @@ from trisquare.checked import (
     real_number,
 )
 from trisquare.free_parameters import free_columns
+from trisquare.known_camera import lens_of
 from trisquare.plane_points import onto_plane
 from trisquare.pose_uncertainty import POSE_PARAMETERS
 from trisquare.result import CLICKED_STD, Calibration, Plane
@@ -141,9 +142,7 @@ def measure_on_plane(
     length = real_number(side, "side")
     if not 0 < length < LARGEST:
         raise ValueError(f"side must be positive and less than {LARGEST:g}, not {length:g}")
-    if not isinstance(camera, Calibration | Camera):
-        raise TypeError(f"camera must be a Calibration or Camera, not {type(camera).__name__}")
-    lens = camera.camera if isinstance(camera, Calibration) else camera
+    lens = lens_of(camera)
     _check_in_picture(pixels, lens)
     _check_apart(pixels)
     noise = not_negative(point_std, "point_std")

@@ -9,6 +9,7 @@ import numpy as np
 
 from trisquare.camera import Camera
 from trisquare.checked import FloatArray, not_negative, real_number
+from trisquare.known_camera import lens_of
 from trisquare.pictures import Image, ImageSource, load_picture, picture_size
 from trisquare.plane_points import onto_plane
 from trisquare.result import Calibration, Plane
@@ -93,9 +94,7 @@ def rectify(
     """
     if not isinstance(plane, Plane):
         raise TypeError(f"plane must be a Plane, not {type(plane).__name__}")
-    if not isinstance(camera, Calibration | Camera):
-        raise TypeError(f"camera must be a Calibration or Camera, not {type(camera).__name__}")
-    lens = camera.camera if isinstance(camera, Calibration) else camera
+    lens = lens_of(camera)
     picture = load_picture(image)
     _check_size(picture, lens)
     figure = onto_plane(plane.corners, lens, plane)

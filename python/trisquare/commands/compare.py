@@ -18,7 +18,7 @@ from trisquare.commands.printing import JsonOption, QuietOption, check_printing
 from trisquare.comparison import Comparison, compare, two_digits
 from trisquare.comparison_map import draw_comparison
 from trisquare.files import encode_image, write_atomically
-from trisquare.result import Calibration
+from trisquare.known_camera import lens_of
 
 COMPARISON_FORMAT = "trisquare-comparison/1"
 
@@ -53,7 +53,7 @@ def compare_command(
     check_printing(json, quiet)
     check_outputs([first, second], None, [] if map_file is None else [map_file])
     known = read_camera(first)
-    lens = known.camera if isinstance(known, Calibration) else known
+    lens = lens_of(known)
     other = of_size(read_camera(second), lens.image_size, rescale, str(first))
     comparison = compare(known, other)
     if map_file is not None:

@@ -9,6 +9,7 @@ from trisquare.camera import Camera
 from trisquare.commands.input_errors import reading
 from trisquare.formats import load_camera
 from trisquare.formats.own import CALIBRATION_FORMAT
+from trisquare.known_camera import lens_of
 from trisquare.named_file import naming, read_text
 from trisquare.rescaling import rescaled
 from trisquare.result import Calibration
@@ -41,7 +42,7 @@ def of_size(
     ValueError
         If the camera's pictures are of another size and `rescale` is not set, or of another shape.
     """
-    lens = camera.camera if isinstance(camera, Calibration) else camera
+    lens = lens_of(camera)
     if lens.image_size == image_size:
         return camera
     with naming(what):

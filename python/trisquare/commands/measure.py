@@ -23,10 +23,11 @@ from trisquare.commands.input_files import of_size, read_camera
 from trisquare.commands.printing import JsonOption, QuietOption, check_printing
 from trisquare.commands.progress import progress_bar
 from trisquare.files import encode_image, read_image, write_atomically
+from trisquare.known_camera import lens_of
 from trisquare.locating import locate
 from trisquare.measure import Measurement
 from trisquare.pictures import picture_size
-from trisquare.result import CLICKED_STD, Calibration, Plane, decimals_shown
+from trisquare.result import CLICKED_STD, Plane, decimals_shown
 from trisquare.targets import TAG_SEARCHES
 from trisquare.top_view import TopView
 from trisquare.top_view import rectify as rectified
@@ -122,7 +123,7 @@ def measure_command(
     known = read_camera(camera)
     picture = read_image(photo)
     known = of_size(known, picture_size(picture), rescale, str(photo))
-    lens = known.camera if isinstance(known, Calibration) else known
+    lens = lens_of(known)
     with progress_bar("measuring", quiet), reading():
         planes = locate(picture, known, targets=targets, outlines=outline)
     chosen = _chosen(planes, plane)

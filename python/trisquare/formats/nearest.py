@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
@@ -80,6 +81,19 @@ class Approximation:
         return said + (where if self.covered < 1 else "")
 
 
+def brown_distorted(
+    ideal: FloatArray, radial: Sequence[float], tangential: tuple[float, float]
+) -> FloatArray:
+    """Map ideal to observed normalised points (N, 2), by any number of radial coefficients."""
+    x, y = ideal.T
+    square = x * x + y * y
+    scale = np.polynomial.polynomial.polyval(square, [1.0, *radial])
+    p1, p2 = tangential
+    seen_x = x * scale + 2 * p1 * x * y + p2 * (square + 2 * x * x)
+    seen_y = y * scale + 2 * p2 * x * y + p1 * (square + 2 * y * y)
+    return np.column_stack([seen_x, seen_y])
+
+
 @dataclass(frozen=True, slots=True)
 class BrownFamily:
     """Cameras of `Camera`'s own model with some of its numbers tied.
@@ -120,12 +134,7 @@ class BrownFamily:
         """Map ideal normalised points to pixels, also beyond a fold."""
         focal, centre, named = self._split(parameters)
         k1, k2, p1, p2, k3 = (named.get(name, 0.0) for name in COEFFICIENTS)
-        x, y = ideal.T
-        square = x * x + y * y
-        radial = 1 + square * (k1 + square * (k2 + square * k3))
-        seen_x = x * radial + 2 * p1 * x * y + p2 * (square + 2 * x * x)
-        seen_y = y * radial + 2 * p2 * x * y + p1 * (square + 2 * y * y)
-        return np.asarray(np.column_stack([seen_x, seen_y]) * focal + centre)
+        return np.asarray(brown_distorted(ideal, (k1, k2, k3), (p1, p2)) * focal + centre)
 
     def lens(self, parameters: FloatArray, image_size: tuple[int, int]) -> Camera:
         """Return the camera."""

@@ -25,7 +25,7 @@ from trisquare.formats.colmap import HALF_PIXEL
 from trisquare.formats.document import Document
 from trisquare.formats.foreign import ForeignLens, camera_matrix, camera_of, fisheye_lens
 from trisquare.formats.format import Cameras, Format, ImageSize, only
-from trisquare.formats.nearest import ANY_CAMERA, Lens
+from trisquare.formats.nearest import ANY_CAMERA, Lens, brown_distorted
 from trisquare.json_fields import JsonFields, dump_members
 
 COEFFICIENTS = ("k1", "k2", "k3", "k4", "p1", "p2")
@@ -100,18 +100,8 @@ def _focal(members: JsonFields, width: float) -> float:
 
 
 def _distort(named: dict[str, float], ideal: FloatArray) -> FloatArray:
-    x, y = ideal.T
-    square = x * x + y * y
-    radial = np.polynomial.polynomial.polyval(
-        square, [1.0, *(named[key] for key in ("k1", "k2", "k3", "k4"))]
-    )
-    p1, p2 = named["p1"], named["p2"]
-    return np.column_stack(
-        [
-            x * radial + 2 * p1 * x * y + p2 * (square + 2 * x * x),
-            y * radial + 2 * p2 * x * y + p1 * (square + 2 * y * y),
-        ]
-    )
+    radial = [named[key] for key in ("k1", "k2", "k3", "k4")]
+    return brown_distorted(ideal, radial, (named["p1"], named["p2"]))
 
 
 def write(camera: Camera, suffix: str) -> str:
