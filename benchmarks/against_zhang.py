@@ -14,7 +14,7 @@ from truth import PINHOLE, Array, camera_vector, errors, rms, rms_per_parameter
 import trisquare as ts
 from trisquare import simulate
 from trisquare.pictures import Image
-from trisquare.scene import TrueCamera
+from trisquare.simulate.scene import TrueCamera
 
 CAMERAS = 12
 SESSIONS = 3  # of 13 chessboard pictures, per camera

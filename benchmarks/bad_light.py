@@ -14,7 +14,7 @@ from truth import PINHOLE, errors, rms
 import trisquare as ts
 from trisquare import simulate
 from trisquare.pictures import Image
-from trisquare.scene import Scene
+from trisquare.simulate.scene import Scene
 
 SCENES = 30
 SEED = 61

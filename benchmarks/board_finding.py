@@ -14,11 +14,11 @@ from calib_targets_finder import VERSION, find_with_calib_targets
 from rows import Row
 
 from trisquare import simulate
-from trisquare.clutter import cluttered_ground
 from trisquare.lattices import find_lattices
 from trisquare.outlines import Lattice
-from trisquare.real_scenes import FIGURES, KINDS, real_picture
-from trisquare.scene import Scene
+from trisquare.simulate.clutter import cluttered_ground
+from trisquare.simulate.scene import Scene
+from trisquare_scenes.photo_like import FIGURES, KINDS, real_picture
 
 SEED = 43
 PICTURES = 54

@@ -10,9 +10,9 @@ import numpy as np
 from rows import Row
 
 import trisquare as ts
-from trisquare import _core
+import trisquare._core as _core
 from trisquare.detect import detect
-from trisquare.false_squares import MixedScene, mixed_scene, photograph
+from trisquare_scenes.distractors import MixedScene, mixed_scene, photograph
 
 SEED = 31
 RECTANGLES = 10

@@ -8,7 +8,7 @@ import numpy as np
 from truth import Array
 
 import trisquare as ts
-from trisquare.scene import Scene, SideSamples, sample_sides
+from trisquare.simulate.scene import Scene, SideSamples, sample_sides
 
 ORDERS = np.arange(6)
 """Legendre polynomials that a smooth displacement is made of."""

@@ -10,7 +10,7 @@ from rows import Row
 import trisquare as ts
 from trisquare import simulate
 from trisquare.camera import MODELS, camera_parameters
-from trisquare.scene import TrueCamera
+from trisquare.simulate.scene import TrueCamera
 
 SCENES = 40
 SEED = 4

@@ -10,7 +10,7 @@ from rows import Row
 import trisquare as ts
 from trisquare import simulate
 from trisquare.pictures import Image
-from trisquare.scene import Scene
+from trisquare.simulate.scene import Scene
 
 SEED = 55
 SCENES = 50  # of each kind

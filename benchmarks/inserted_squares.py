@@ -18,7 +18,7 @@ from rows import Row
 import trisquare as ts
 from trisquare import simulate
 from trisquare.pictures import Image
-from trisquare.scene import Scene
+from trisquare.simulate.scene import Scene
 
 PICTURES = 50
 SEED = 11

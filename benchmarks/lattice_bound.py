@@ -10,7 +10,7 @@ from truth import PINHOLE, by_name, errors, rms, rms_per_parameter
 
 import trisquare as ts
 from trisquare import simulate
-from trisquare.scene import Scene
+from trisquare.simulate.scene import Scene
 
 SCENES = 40
 SEED = 21

@@ -20,7 +20,7 @@ from truth import Array, rms
 import trisquare as ts
 from trisquare import simulate
 from trisquare.plane_points import onto_plane
-from trisquare.scene import Scene
+from trisquare.simulate.scene import Scene
 
 CAMERAS = 6
 PICTURES = 4

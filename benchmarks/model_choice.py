@@ -13,7 +13,7 @@ from truth import Array
 import trisquare as ts
 from trisquare import simulate
 from trisquare.camera import MODELS
-from trisquare.scene import Scene, TrueCamera
+from trisquare.simulate.scene import Scene, TrueCamera
 
 SCENES = 100
 SEED = 11

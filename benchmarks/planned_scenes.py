@@ -6,7 +6,7 @@ import numpy as np
 
 import trisquare as ts
 from trisquare import simulate
-from trisquare.scene import TrueCamera
+from trisquare.simulate.scene import TrueCamera
 
 PLACES = np.array([[0.23, 0.3], [0.77, 0.3], [0.5, 0.72]])
 PLACE_JITTER = 0.03  # of the picture

@@ -15,7 +15,7 @@ from rows import Row
 
 import trisquare as ts
 from trisquare import simulate
-from trisquare.scene import Scene, Target, TrueCamera
+from trisquare.simulate.scene import Scene, Target, TrueCamera
 from trisquare.target import TargetPage
 
 PICTURES = 60

@@ -20,8 +20,8 @@ from truth import PINHOLE, errors, rms
 
 import trisquare as ts
 from trisquare.pictures import Image
-from trisquare.real_scenes import KINDS, real_picture
-from trisquare.scene import Scene
+from trisquare.simulate.scene import Scene
+from trisquare_scenes.photo_like import KINDS, real_picture
 
 PICTURES = 100
 SEED = 41

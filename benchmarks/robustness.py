@@ -11,8 +11,8 @@ from truth import NAMES, Array, errors
 
 import trisquare as ts
 from trisquare import simulate
-from trisquare.damage import KINDS, Damage, DamageKind, damaged_scene
-from trisquare.scene import Scene, sample_sides
+from trisquare.simulate.scene import Scene, sample_sides
+from trisquare_scenes.damage import KINDS, Damage, DamageKind, damaged_scene
 
 CASES_PER_KIND = 25
 CLEAN_PICTURES = 50

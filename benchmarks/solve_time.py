@@ -11,7 +11,7 @@ from truth import Array, camera_vector
 
 import trisquare as ts
 from trisquare import simulate
-from trisquare.scene import Scene, TrueCamera
+from trisquare.simulate.scene import Scene, TrueCamera
 
 SCENES = 5
 REPETITIONS = 9

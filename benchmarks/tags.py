@@ -16,9 +16,9 @@ from trisquare.sheet_edges import FoundSheet
 from trisquare.square_edges import FoundSquare
 from trisquare.tag_codes import opencv_dictionary
 from trisquare.tag_names import DICTIONARIES, TagSearch
-from trisquare.tagged_scenes import charuco_box_scene, tag_scene
 from trisquare.tags import recognise
 from trisquare.targets import Targets
+from trisquare_scenes.tagged import charuco_box_scene, tag_scene
 
 PICTURES = 56
 SEED = 40

@@ -8,7 +8,7 @@ from truth import NAMES, by_name, errors
 
 import trisquare as ts
 from trisquare import simulate
-from trisquare.render import ToneCurve
+from trisquare.simulate.render import ToneCurve
 
 TONES: tuple[ToneCurve, ...] = (1.0, 1.4, 1.8, 2.2, 2.6, "srgb")
 SCENES = 40

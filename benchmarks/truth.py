@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 import trisquare as ts
-from trisquare.scene import TrueCamera
+from trisquare.simulate.scene import TrueCamera
 
 Array = npt.NDArray[np.float64]
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from trisquare import PlaneEdges
-from trisquare.scene import sample_sides
+from trisquare.simulate.scene import sample_sides
 
 SPACING = 4.0
 

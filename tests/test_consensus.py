@@ -10,8 +10,8 @@ from scenes import IMAGE_SIZE, assert_within, edges_of, squares
 import trisquare as ts
 from trisquare import simulate
 from trisquare.choosing import choose
-from trisquare.false_squares import mixed_scene, photograph
-from trisquare.scene import Scene, rectangle
+from trisquare.simulate.scene import Scene, rectangle
+from trisquare_scenes.distractors import mixed_scene, photograph
 
 # Chance exceeds so many standard deviations of a statistic once in fifteen thousand runs.
 SURE = 4.0

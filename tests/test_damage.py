@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import trisquare as ts
-from trisquare.coverage import quadrilateral_coverage
-from trisquare.damage import BOW_RANGE, HIDDEN_RANGE, KINDS, MIN_HIDDEN, damaged_scene
 from trisquare.outlines import find_squares
-from trisquare.overlays import Overlay, polygon_mask, spot_mask
-from trisquare.scene import Target, TrueCamera, sample_sides
+from trisquare.simulate.occluders import Overlay, polygon_mask, spot_mask
+from trisquare.simulate.pixel_coverage import quadrilateral_coverage
+from trisquare.simulate.scene import Target, TrueCamera, sample_sides
+from trisquare_scenes.damage import BOW_RANGE, HIDDEN_RANGE, KINDS, MIN_HIDDEN, damaged_scene
 
 SMALL = (640, 480)
 HIDING = ("finger", "glare", "torn", "stain")

@@ -5,12 +5,7 @@ import pytest
 
 import trisquare as ts
 from trisquare import simulate
-from trisquare.edge_shift import (
-    shift_and_std,
-    shift_toward_light,
-    shifts_of_lines,
-    without_shift,
-)
+from trisquare.edge_shift import shift_and_std, shift_toward_light, shifts_of_lines, without_shift
 
 NOISE = 0.05
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import trisquare as ts
-from trisquare import _core, simulate
+import trisquare._core as _core
+from trisquare import simulate
 from trisquare.lattice_edges import FoundLattice
 from trisquare.outlines import Lattice
 

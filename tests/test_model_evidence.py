@@ -8,7 +8,7 @@ from scenes import IMAGE_SIZE, assert_within, edges_of, squares
 
 import trisquare as ts
 from trisquare import simulate
-from trisquare.scene import TrueCamera
+from trisquare.simulate.scene import TrueCamera
 
 # k1, k2, p1, p2, k3, each far beyond its standard deviation in the scenes below.
 LENSES = {

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from trisquare.outlines import Outline, SquareOutline, find_chessboard, find_squares
-from trisquare.render import render_into
 from trisquare.simulate import Scene, chessboard_scene, photo_like, random_camera, random_scene
 from trisquare.simulate import render as render_scene
+from trisquare.simulate.render import render_into
 
 PHOTOGRAPHS = Path(__file__).resolve().parents[1].parent / "shared" / "data"
 CORNER_TOLERANCE = 3.0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from trisquare import simulate
-from trisquare.picture_bound import picture_bound
+from trisquare_scenes.picture_bound import picture_bound
 
 NOISE, BLUR, CONTRAST = 2.0, 0.8, 150.0
 

@@ -9,7 +9,7 @@ from trisquare import simulate
 from trisquare.lattice_edges import FoundLattice
 from trisquare.lattices import find_lattices
 from trisquare.outlines import grey_bytes
-from trisquare.real_scenes import KINDS, SHOWN, real_picture
+from trisquare_scenes.photo_like import KINDS, SHOWN, real_picture
 
 DRAWN = {}
 

@@ -7,16 +7,17 @@ from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm
 
 from trisquare import simulate
-from trisquare.coverage import EdgeCurve, quadrilateral_coverage
-from trisquare.edge_profile import (
+from trisquare.simulate import random_scene, render
+from trisquare.simulate.edge_profile import (
     bivariate_normal_cdf,
     blurred_step,
     blurred_wedge,
     normal_cdf,
 )
-from trisquare.render import decode_tone, encode_tone
-from trisquare.scene import Scene, Target, TrueCamera
-from trisquare.simulate import random_scene, render, tilted
+from trisquare.simulate.pixel_coverage import EdgeCurve, quadrilateral_coverage
+from trisquare.simulate.render import decode_tone, encode_tone
+from trisquare.simulate.scene import Scene, Target, TrueCamera
+from trisquare.simulate.scenes import tilted
 
 BENT = TrueCamera(900.0, 903.0, 650.0, 470.0, np.array([-0.3, 0.1, 1e-3, -8e-4, 0.0]))
 

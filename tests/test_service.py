@@ -13,7 +13,8 @@ import pytest
 from scenes import IMAGE_SIZE, edges_of, squares
 
 import trisquare as ts
-from trisquare import _core, simulate
+import trisquare._core as _core
+from trisquare import simulate
 
 THREADS = 8
 SMALL = (640, 480)

@@ -9,7 +9,6 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from trisquare import simulate
-from trisquare.scene import Scene, Target, TrueCamera, sample_sides
 from trisquare.simulate import (
     chessboard_scene,
     cramer_rao_bound,
@@ -18,6 +17,7 @@ from trisquare.simulate import (
     random_camera,
     random_scene,
 )
+from trisquare.simulate.scene import Scene, Target, TrueCamera, sample_sides
 
 BROWN = TrueCamera(870.0, 874.0, 655.0, 470.0, np.array([-0.21, 0.08, 1.2e-3, -7e-4, -0.01]))
 SEEDS = range(60)

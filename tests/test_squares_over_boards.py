@@ -5,7 +5,7 @@ import pytest
 
 from trisquare import simulate
 from trisquare.finding import find
-from trisquare.render import render_into
+from trisquare.simulate.render import render_into
 from trisquare.targets import Targets
 
 SIZE = (1280, 960)

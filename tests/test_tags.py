@@ -11,16 +11,16 @@ import pytest
 
 import trisquare as ts
 from trisquare import simulate
-from trisquare.accuracy import cramer_rao_bound, pixel_sigma
 from trisquare.finding import find
 from trisquare.lattice_edges import FoundLattice
 from trisquare.outlines import Lattice
 from trisquare.sheet_layout import parse_layout
+from trisquare.simulate.cramer_rao import cramer_rao_bound, pixel_sigma
 from trisquare.tag_codes import dictionary, opencv_dictionary
 from trisquare.tag_names import DICTIONARIES, SIZES, TagSearch, dictionary_name
-from trisquare.tagged_scenes import charuco_box_scene, tag_scene
 from trisquare.tags import recognise
 from trisquare.targets import Targets
+from trisquare_scenes.tagged import charuco_box_scene, tag_scene
 
 CUBE = Path(__file__).resolve().parents[2] / "shared" / "data" / "charuco-cube"
 

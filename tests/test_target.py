@@ -13,9 +13,9 @@ import pytest
 
 import trisquare as ts
 from trisquare import simulate
-from trisquare.folded_corner import folded_frames
-from trisquare.render import encode_tone
-from trisquare.scene import TrueCamera
+from trisquare.simulate.folded_corner import folded_frames
+from trisquare.simulate.render import encode_tone
+from trisquare.simulate.scene import TrueCamera
 from trisquare.target import PAGES
 
 pytest.importorskip("reportlab", reason="reportlab is not installed: pip install reportlab")

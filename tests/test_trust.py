@@ -18,8 +18,8 @@ from scenes import IMAGE_SIZE, assert_exact, assert_within, errors_in_std, squar
 
 import trisquare as ts
 from trisquare import simulate
-from trisquare.damage import RECTANGLE_RATIO, damaged_scene
-from trisquare.scene import Scene, rectangle, sample_sides
+from trisquare.simulate.scene import Scene, rectangle, sample_sides
+from trisquare_scenes.damage import RECTANGLE_RATIO, damaged_scene
 
 NOISE = 0.2
 

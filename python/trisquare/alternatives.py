@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from trisquare import _core
+import trisquare._core as _core
 from trisquare.camera import Camera, camera_parameters
 from trisquare.checked import FloatArray
 from trisquare.convex_quads import any_meet

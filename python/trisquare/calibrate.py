@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from trisquare import _core
+import trisquare._core as _core
 from trisquare.camera import Camera
 from trisquare.checked import size_of_image
 from trisquare.choosing import choose

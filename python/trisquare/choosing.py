@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trisquare import _core
+import trisquare._core as _core
 from trisquare.checked import FloatArray
 from trisquare.edges import PlaneEdges
 from trisquare.rejected import Rejected

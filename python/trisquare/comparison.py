@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trisquare import _core
+import trisquare._core as _core
 from trisquare.camera import Camera, camera_for_core
 from trisquare.checked import FloatArray, RebuiltByConstructor
 from trisquare.chi_square import chi_square_tail

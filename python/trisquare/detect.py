@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from trisquare import _core
+import trisquare._core as _core
 from trisquare.edges import PlaneEdges
 from trisquare.errors import DetectionError
 from trisquare.pictures import (

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from trisquare import _core
+import trisquare._core as _core
 from trisquare.checked import FloatArray
 from trisquare.choosing import Chosen
 from trisquare.edges import PlaneEdges
@@ -62,9 +62,7 @@ class Gathered:
         drawn: Sequence[DrawnTarget] | None,
     ) -> None:
         """Measure what is in a photograph, or what is `drawn` on it, and remark on it."""
-        from trisquare.measured_targets import (
-            measure,  # OpenCV is loaded where a picture is searched
-        )
+        from trisquare.measured_targets import measure
 
         core = _core.Picture(photograph.pixels)
         # In one that was given before nothing is looked for either.

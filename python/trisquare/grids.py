@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trisquare import _core
+import trisquare._core as _core
 from trisquare.links import Links, closed_cells, straight
 from trisquare.quads import FloatArray
 from trisquare.saddles import Saddles

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trisquare import _core
+import trisquare._core as _core
 from trisquare.quads import FloatArray
 from trisquare.saddles import Saddles
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from trisquare import _core
+import trisquare._core as _core
 from trisquare.camera import Camera, camera_for_core
 from trisquare.checked import (
     FloatArray,

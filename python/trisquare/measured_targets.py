@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from trisquare import _core
+import trisquare._core as _core
 from trisquare.checked import FloatArray
 from trisquare.drawing_formats import DrawnTarget
 from trisquare.edges import PlaneEdges

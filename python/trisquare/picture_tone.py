@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
-from trisquare import _core
+import trisquare._core as _core
 
 CoreTone: TypeAlias = "str | float | tuple[float, float, float | None]"
 

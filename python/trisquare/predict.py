@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from trisquare import _core
+import trisquare._core as _core
 from trisquare.camera import MODELS, Camera, camera_parameters
 from trisquare.checked import (
     FloatArray,

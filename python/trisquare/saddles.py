@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from trisquare import _core
+import trisquare._core as _core
 from trisquare.quads import FloatArray, sample
 
 MIN_SADDLE = 1.1

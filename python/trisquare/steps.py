@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from trisquare import _core
+import trisquare._core as _core
 from trisquare.checked import (
     FloatArray,
     RebuiltByConstructor,

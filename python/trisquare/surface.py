@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trisquare import _core
+import trisquare._core as _core
 from trisquare.grids import Grid
 from trisquare.quads import FloatArray
 

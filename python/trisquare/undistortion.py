@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 import numpy.typing as npt
 
-from trisquare import _core
+import trisquare._core as _core
 from trisquare.camera import Camera, camera_for_core
 from trisquare.choices import unknown
 from trisquare.pictures import Image, ImageSource, load_picture, picture_size

@@ -9,7 +9,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from trisquare import _core
+import trisquare._core as _core
 from trisquare.camera import Camera, camera_for_core, camera_parameters
 from trisquare.checked import FloatArray
 from trisquare.formats.foreign import ForeignLens, camera_of

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from trisquare import _core
+import trisquare._core as _core
 from trisquare.camera import Camera, camera_for_core
 from trisquare.checked import FloatArray
 from trisquare.model_sides import MeasuredSide

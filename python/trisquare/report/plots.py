@@ -9,14 +9,7 @@ import numpy as np
 
 from trisquare.checked import FloatArray
 from trisquare.comparison import two_digits
-from trisquare.report.plot_style import (
-    FAINT,
-    GROUND,
-    INK,
-    PLOT_HEIGHT,
-    PLOT_WIDTH,
-    plane_colour,
-)
+from trisquare.report.plot_style import FAINT, GROUND, INK, PLOT_HEIGHT, PLOT_WIDTH, plane_colour
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

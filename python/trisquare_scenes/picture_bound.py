@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from .accuracy import (
+from trisquare.simulate.cramer_rao import (
     DIFFERENCE_STEP,
     Change,
     InSight,
@@ -21,7 +21,7 @@ from .accuracy import (
     project_outlines,
     standard_deviations,
 )
-from .scene import Array, Scene, Target, TrueCamera, sample_sides
+from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, sample_sides
 
 BAND_BLURS = 3.0
 """Pixels within so many blurs of an edge know of its place."""

@@ -15,15 +15,16 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from .accuracy import cramer_rao_bound, pixel_sigma
-from .convex_quads import any_meet
-from .false_squares import mixed_scene
-from .overlays import Overlay, polygon_mask
-from .picture_bound import picture_bound
-from .render import WHITE, Image, quantised, render
-from .scene import Array, Scene, Target, TrueCamera, rectangle
-from .simulate import faces_camera, inside, random_camera, tilted
-from .tagged_scenes import charuco_box_scene, tag_scene
+from trisquare.convex_quads import any_meet
+from trisquare.simulate import random_camera
+from trisquare.simulate.cramer_rao import cramer_rao_bound, pixel_sigma
+from trisquare.simulate.occluders import Overlay, polygon_mask
+from trisquare.simulate.render import WHITE, Image, quantised, render
+from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, rectangle
+from trisquare.simulate.scenes import faces_camera, inside, tilted
+from trisquare_scenes.distractors import mixed_scene
+from trisquare_scenes.picture_bound import picture_bound
+from trisquare_scenes.tagged import charuco_box_scene, tag_scene
 
 RealKind = Literal[
     "room corner",

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from .render import SHEET_RIM
-from .scene import Array, Scene, Target, TrueCamera, rectangle
-from .simulate import random_camera, tilted
-from .tag_codes import dictionary
+from trisquare.simulate import random_camera
+from trisquare.simulate.render import SHEET_RIM
+from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, rectangle
+from trisquare.simulate.scenes import tilted
+from trisquare.tag_codes import dictionary
 
 Codes = npt.NDArray[np.bool_]
 

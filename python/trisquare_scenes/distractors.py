@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from .convex_quads import apart
-from .render import SHEET_RIM, Image, render
-from .scene import Array, Scene, Target, TrueCamera, rectangle
-from .simulate import faces_camera, inside, random_camera, tilted
+from trisquare.convex_quads import apart
+from trisquare.simulate import random_camera
+from trisquare.simulate.render import SHEET_RIM, Image, render
+from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, rectangle
+from trisquare.simulate.scenes import faces_camera, inside, tilted
 
 TRUE_SIDES = (0.20, 0.32)
 """Sides of the true squares, of the picture's height: three leave room for ten others."""

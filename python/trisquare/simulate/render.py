@@ -13,11 +13,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from .clutter import cluttered_ground
-from .coverage import quadrilateral_coverage
-from .motion import Motion
-from .overlays import Overlay
-from .scene import Scene, Target, TrueCamera, rectangle
+from trisquare.simulate.clutter import cluttered_ground
+from trisquare.simulate.motion_blur import Motion
+from trisquare.simulate.occluders import Overlay
+from trisquare.simulate.pixel_coverage import quadrilateral_coverage
+from trisquare.simulate.scene import Scene, Target, TrueCamera, rectangle
 
 Array = npt.NDArray[np.float64]
 Image = npt.NDArray[Any]

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from .scene import Scene, SideSamples, Target, TrueCamera, sample_sides
+from trisquare.simulate.scene import Scene, SideSamples, Target, TrueCamera, sample_sides
 
 Array = npt.NDArray[np.float64]
 Change = Callable[[TrueCamera, Target, float], tuple[TrueCamera, Target]]

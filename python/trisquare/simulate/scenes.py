@@ -10,30 +10,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from .accuracy import cramer_rao_bound, pixel_sigma
-from .convex_quads import any_meet
-from .folded_corner import CORNER_DIAGONAL, folded_frames
-from .motion import Motion
-from .render import SHEET_RIM, Array, Image, render, render_into
-from .scene import Scene, Target, TrueCamera, rectangle, sample_sides
-from .target_layout import TargetPage, corner_page
-
-__all__ = [
-    "Motion",
-    "Scene",
-    "Target",
-    "TrueCamera",
-    "chessboard_scene",
-    "corner_scene",
-    "cramer_rao_bound",
-    "edge_points",
-    "photo_like",
-    "pixel_sigma",
-    "random_camera",
-    "random_scene",
-    "render",
-    "render_into",
-]
+from trisquare.convex_quads import any_meet
+from trisquare.simulate.folded_corner import CORNER_DIAGONAL, folded_frames
+from trisquare.simulate.render import SHEET_RIM, Array, Image, render
+from trisquare.simulate.scene import Scene, Target, TrueCamera, rectangle, sample_sides
+from trisquare.target_layout import TargetPage, corner_page
 
 # The distribution of design section 6.
 FOCAL_RANGE = (0.65, 1.3)  # of the width

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from .edge_profile import blurred_step, blurred_wedge
-from .scene import Target, TrueCamera, points_of_side
+from trisquare.simulate.edge_profile import blurred_step, blurred_wedge
+from trisquare.simulate.scene import Target, TrueCamera, points_of_side
 
 Array = npt.NDArray[np.float64]
 
