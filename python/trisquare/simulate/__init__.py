@@ -15,6 +15,7 @@ from trisquare.simulate.scenes import (
     photo_like,
     random_camera,
     random_scene,
+    tilted,
 )
 
 __all__ = [
@@ -32,4 +33,5 @@ __all__ = [
     "random_scene",
     "render",
     "render_into",
+    "tilted",
 ]
