@@ -5,7 +5,7 @@ import os
 import pytest
 from hypothesis import settings
 
-from trisquare import cli
+from trisquare.cli import app as cli
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from typing import Any
 
 import typer
 
-from trisquare.cli import app
+from trisquare.cli.app import app
 
 TITLE = "The command"
 

@@ -6,11 +6,22 @@
 """
 
 from trisquare._core import __version__
-from trisquare.calibrate import calibrate, calibrate_edges
-from trisquare.camera import Camera
-from trisquare.coherence import Coherence
-from trisquare.comparison import Comparison, compare
-from trisquare.detect import detect
+from trisquare.analysis.comparison import Comparison, compare
+from trisquare.analysis.diagnosis import Diagnosis, diagnose
+from trisquare.analysis.measure import Measurement, measure
+from trisquare.analysis.predict import PlannedSquare, Prediction, predict
+from trisquare.analysis.rectify import TopView, rectify
+from trisquare.calibration.calibrate import calibrate, calibrate_edges
+from trisquare.calibration.linear_steps import (
+    Straightening,
+    camera_matrix_from_homographies,
+    fit_distortion,
+    homography_from_lines,
+    pose_from_homography,
+)
+from trisquare.calibration.locate import locate
+from trisquare.camera.camera import Camera
+from trisquare.camera.projection_uncertainty import ProjectionMap
 from trisquare.edges import PlaneEdges
 from trisquare.errors import (
     ConvergenceError,
@@ -22,27 +33,21 @@ from trisquare.errors import (
     NotEnoughPlanesError,
     TrisquareError,
 )
-from trisquare.locating import locate
-from trisquare.measure import Measurement
-from trisquare.model_alternative import ModelAlternative
-from trisquare.pose_uncertainty import PoseUncertainty
-from trisquare.predict import PlannedSquare, Prediction, predict
-from trisquare.projection import ProjectionMap
-from trisquare.rejected import Rejected
-from trisquare.result import Calibration, Plane
-from trisquare.sighting import Sighting
-from trisquare.steps import (
-    Straightening,
-    camera_matrix_from_homographies,
-    fit_distortion,
-    homography_from_lines,
-    pose_from_homography,
-)
-from trisquare.target import PrintedTarget, printed_target
-from trisquare.top_view import TopView, rectify
-from trisquare.undistortion import Undistorter
+from trisquare.formats import Approximation
+from trisquare.measurement.detect import detect
+from trisquare.printing.target import PrintedTarget, printed_target
+from trisquare.report import write_report
+from trisquare.results.calibration import Calibration
+from trisquare.results.coherence import Coherence
+from trisquare.results.model_alternative import ModelAlternative
+from trisquare.results.plane import Plane
+from trisquare.results.pose_uncertainty import PoseUncertainty
+from trisquare.results.rejected import Rejected
+from trisquare.results.sighting import Sighting
+from trisquare.undistortion.undistort import Undistorter, undistort
 
 __all__ = [
+    "Approximation",
     "Calibration",
     "Camera",
     "Coherence",
@@ -50,6 +55,7 @@ __all__ = [
     "ConvergenceError",
     "DegenerateGeometryError",
     "DetectionError",
+    "Diagnosis",
     "ImageError",
     "LensModelError",
     "Measurement",
@@ -75,11 +81,15 @@ __all__ = [
     "camera_matrix_from_homographies",
     "compare",
     "detect",
+    "diagnose",
     "fit_distortion",
     "homography_from_lines",
     "locate",
+    "measure",
     "pose_from_homography",
     "predict",
     "printed_target",
     "rectify",
+    "undistort",
+    "write_report",
 ]

@@ -1,5 +1,5 @@
 """Makes `python -m trisquare` the `trisquare` command."""
 
-from trisquare.cli import main
+from trisquare.cli.app import main
 
 main()

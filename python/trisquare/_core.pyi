@@ -1,13 +1,10 @@
 """The compiled core of trisquare."""
 
 from collections.abc import Sequence
-from typing import Any, Final, TypedDict, final, type_check_only
+from typing import Any, Final, Protocol, TypeAlias, TypedDict, final, type_check_only
 
 import numpy as np
 from numpy.typing import NDArray
-
-from trisquare.camera import CoreCamera
-from trisquare.edges import PlaneEdges
 
 __all__ = [
     "Picture",
@@ -45,6 +42,32 @@ __all__ = [
 ]
 
 __version__: Final[str]
+
+_Camera: TypeAlias = tuple[Sequence[float], float]
+"""fx, fy, cx, cy, k1, k2, k3, p1, p2, and the ideal radius up to which they are trusted."""
+
+@type_check_only
+class _Edges(Protocol):
+    """The members of a `PlaneEdges` that the core reads."""
+
+    @property
+    def lines(self) -> NDArray[np.float64]: ...
+    @property
+    def points(self) -> Sequence[NDArray[np.float64]]: ...
+    @property
+    def std(self) -> Sequence[NDArray[np.float64]] | None: ...
+    @property
+    def drift(self) -> Sequence[NDArray[np.float64]] | None: ...
+    @property
+    def polarity(self) -> int | None: ...
+    @property
+    def plane(self) -> int | None: ...
+    @property
+    def image(self) -> int: ...
+    @property
+    def border(self) -> float | None: ...
+    @property
+    def freedom(self) -> str: ...
 
 @final
 class Picture:
@@ -125,7 +148,7 @@ class CalibrationMembers(TypedDict):
     tones: list[ToneFitMembers]
 
 def calibrate(
-    figures: Sequence[PlaneEdges],
+    figures: Sequence[_Edges],
     image_size: tuple[int, int],
     *,
     method: str,
@@ -136,7 +159,7 @@ def calibrate(
     tones: Sequence[str | float | tuple[float, float, float | None]],
 ) -> CalibrationMembers: ...
 def choose(
-    figures: Sequence[PlaneEdges],
+    figures: Sequence[_Edges],
     image_size: tuple[int, int],
     *,
     model: str,
@@ -242,29 +265,29 @@ def pose_from_homography(
     camera_matrix: NDArray[np.float64], homography: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 def invertible_radius(k1: float, k2: float, p1: float, p2: float, k3: float) -> float: ...
-def valid_pixel_radius(camera: CoreCamera) -> float: ...
-def project_points(camera: CoreCamera, points: NDArray[np.float64]) -> NDArray[np.float64]: ...
-def unproject_pixels(camera: CoreCamera, pixels: NDArray[np.float64]) -> NDArray[np.float64]: ...
-def distort_pixels(camera: CoreCamera, ideal: NDArray[np.float64]) -> NDArray[np.float64]: ...
-def undistort_pixels(camera: CoreCamera, observed: NDArray[np.float64]) -> NDArray[np.float64]: ...
+def valid_pixel_radius(camera: _Camera) -> float: ...
+def project_points(camera: _Camera, points: NDArray[np.float64]) -> NDArray[np.float64]: ...
+def unproject_pixels(camera: _Camera, pixels: NDArray[np.float64]) -> NDArray[np.float64]: ...
+def distort_pixels(camera: _Camera, ideal: NDArray[np.float64]) -> NDArray[np.float64]: ...
+def undistort_pixels(camera: _Camera, observed: NDArray[np.float64]) -> NDArray[np.float64]: ...
 def undistorted_view(
-    camera: CoreCamera, image_size: tuple[int, int], balance: float
+    camera: _Camera, image_size: tuple[int, int], balance: float
 ) -> tuple[float, float, float, float]: ...
 def fill_undistortion_map(
-    camera: CoreCamera,
+    camera: _Camera,
     image_size: tuple[int, int],
-    view: CoreCamera,
+    view: _Camera,
     whole: NDArray[np.int16],
     parts: NDArray[np.uint16],
     valid: NDArray[np.bool_],
 ) -> None: ...
 def largest_rectangle(mask: NDArray[np.bool_]) -> tuple[int, int, int, int]: ...
-def can_unproject(camera: CoreCamera, pixels: NDArray[np.float64]) -> list[bool]: ...
+def can_unproject(camera: _Camera, pixels: NDArray[np.float64]) -> list[bool]: ...
 def projection_covariance(
-    camera: CoreCamera,
+    camera: _Camera,
     parameters: Sequence[str],
     aspect_fixed: bool,
     covariance: NDArray[np.float64],
     pixels: NDArray[np.float64],
 ) -> NDArray[np.float64]: ...
-def projection_jacobian(camera: CoreCamera, pixels: NDArray[np.float64]) -> NDArray[np.float64]: ...
+def projection_jacobian(camera: _Camera, pixels: NDArray[np.float64]) -> NDArray[np.float64]: ...

@@ -10,7 +10,7 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 
 from trisquare._core import square_lines
-from trisquare.checked import (
+from trisquare._support.arrays import (
     FloatArray,
     index_number,
     real_array,
@@ -18,8 +18,8 @@ from trisquare.checked import (
     string,
     whole_number,
 )
+from trisquare._support.json_members import JsonFields, dump_members
 from trisquare.errors import NotEnoughDataError
-from trisquare.json_fields import JsonFields, dump_members
 
 Freedom: TypeAlias = Literal["auto", "fixed", "size", "similarity"]
 

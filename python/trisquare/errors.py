@@ -6,11 +6,7 @@ photograph shows is a `TrisquareError`, so that one ``except`` catches every ref
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from trisquare.rejected import Rejected
-    from trisquare.sighting import Sighting
+from typing import Any
 
 
 class TrisquareError(Exception):
@@ -24,8 +20,8 @@ class TrisquareError(Exception):
         What was seen in them but not used, and why.
     """
 
-    found: tuple[Sighting, ...] = ()
-    rejected: tuple[Rejected, ...] = ()
+    found: tuple[Any, ...] = ()
+    rejected: tuple[Any, ...] = ()
 
 
 class ImageError(TrisquareError):

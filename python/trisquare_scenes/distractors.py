@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from trisquare.convex_quads import apart
+from trisquare._support.convex_quads import apart
 from trisquare.simulate import random_camera
 from trisquare.simulate.render import SHEET_RIM, Image, render
 from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, rectangle

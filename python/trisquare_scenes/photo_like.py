@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from trisquare.convex_quads import any_meet
+from trisquare._support.convex_quads import any_meet
 from trisquare.simulate import random_camera
 from trisquare.simulate.cramer_rao import cramer_rao_bound, pixel_sigma
 from trisquare.simulate.occluders import Overlay, polygon_mask

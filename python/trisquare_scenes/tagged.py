@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from trisquare.detection.tags.codes import dictionary
 from trisquare.simulate import random_camera
 from trisquare.simulate.render import SHEET_RIM
 from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, rectangle
 from trisquare.simulate.scenes import tilted
-from trisquare.tag_codes import dictionary
 
 Codes = npt.NDArray[np.bool_]
 
@@ -46,7 +46,7 @@ def tag_scene(
     rng : numpy.random.Generator
         Source of everything.
     name : str
-        One of `trisquare.tag_names.DICTIONARIES`.
+        One of `trisquare.detection.tags.families.DICTIONARIES`.
     sides : tuple of float
         Range of the tags' sides, pixels.
     camera : TrueCamera, optional

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from trisquare.camera.approximation import Approximation
+from trisquare.camera.file_formats import CameraFiles, register_files
 from trisquare.errors import LensModelError
-from trisquare.formats.files import Loaded, load_camera, save_camera
-from trisquare.formats.nearest import Approximation
+from trisquare.formats.load_save import Loaded, load_camera, save_camera
 from trisquare.formats.registry import FORMAT_NAMES
 
 __all__ = [
@@ -15,3 +16,5 @@ __all__ = [
     "load_camera",
     "save_camera",
 ]
+
+register_files(CameraFiles(save_camera, load_camera))

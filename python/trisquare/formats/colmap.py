@@ -16,12 +16,12 @@ import re
 from collections.abc import Sequence
 from functools import partial
 
-from trisquare.camera import Camera
-from trisquare.checked import real_number
+from trisquare._support.arrays import real_number
+from trisquare.camera.camera import Camera
+from trisquare.formats.approximation import BrownFamily, Lens
+from trisquare.formats.base import Cameras, Format, ImageSize
 from trisquare.formats.document import Document
-from trisquare.formats.foreign import camera_of, fisheye_lens, opencv_lens
-from trisquare.formats.format import Cameras, Format, ImageSize
-from trisquare.formats.nearest import BrownFamily, Lens
+from trisquare.formats.other_lenses import camera_of, fisheye_lens, opencv_lens
 
 HALF_PIXEL = 0.5
 """From trisquare's origin to COLMAP's."""

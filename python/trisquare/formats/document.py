@@ -9,8 +9,8 @@ from functools import cached_property
 from pathlib import PurePath
 from typing import Any
 
+from trisquare._support.json_members import JsonFields, refuse_constant
 from trisquare.formats.yaml_text import parse_yaml
-from trisquare.json_fields import JsonFields, refuse_constant
 
 MOST_BYTES = 64 << 20
 """No camera file comes near, but one that lists ten thousand pictures."""

@@ -18,10 +18,10 @@ import re
 from collections.abc import Mapping, Sequence
 from functools import partial
 
-from trisquare.checked import real_number, size_of_image
+from trisquare._support.arrays import real_number, size_of_image
+from trisquare.formats.approximation import Lens
+from trisquare.formats.base import Cameras, Format, ImageSize, only
 from trisquare.formats.document import Document
-from trisquare.formats.format import Cameras, Format, ImageSize, only
-from trisquare.formats.nearest import Lens
 from trisquare.formats.panotools import PanoFamily, PanoLens
 
 WORD = re.compile(r'(?:"[^"]*"|[^\s"])+')

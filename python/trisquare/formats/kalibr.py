@@ -14,13 +14,13 @@ from __future__ import annotations
 import re
 from functools import partial
 
-from trisquare.camera import Camera
+from trisquare._support.json_members import JsonFields
+from trisquare.camera.camera import Camera
+from trisquare.formats.approximation import BrownFamily, Lens
+from trisquare.formats.base import Cameras, Format, ImageSize, size_member
 from trisquare.formats.document import Document
-from trisquare.formats.foreign import fisheye_lens, opencv_lens
-from trisquare.formats.format import Cameras, Format, ImageSize, size_member
-from trisquare.formats.nearest import BrownFamily, Lens
+from trisquare.formats.other_lenses import fisheye_lens, opencv_lens
 from trisquare.formats.ros import yaml_real
-from trisquare.json_fields import JsonFields
 
 CAMERA_NAME = re.compile(r"cam\d{1,4}")
 

@@ -20,12 +20,12 @@ import math
 import xml.etree.ElementTree as ElementTree
 from functools import partial
 
-from trisquare.camera import Camera
-from trisquare.checked import real_number
+from trisquare._support.arrays import real_number
+from trisquare.camera.camera import Camera
+from trisquare.formats.approximation import BrownFamily, Lens
+from trisquare.formats.base import Cameras, Format, ImageSize, only
 from trisquare.formats.document import Document
-from trisquare.formats.foreign import camera_of
-from trisquare.formats.format import Cameras, Format, ImageSize, only
-from trisquare.formats.nearest import BrownFamily, Lens
+from trisquare.formats.other_lenses import camera_of
 from trisquare.formats.panotools import PanoFamily, PanoLens
 from trisquare.formats.xml_text import parse_xml
 

@@ -14,12 +14,12 @@ from __future__ import annotations
 
 import re
 
-from trisquare.camera import Camera
+from trisquare._support.json_members import JsonFields
+from trisquare.camera.camera import Camera
+from trisquare.formats.approximation import BrownFamily, Lens
+from trisquare.formats.base import Cameras, Format, ImageSize, only, size_member
 from trisquare.formats.document import Document, parse_json
-from trisquare.formats.foreign import opencv_lens
-from trisquare.formats.format import Cameras, Format, ImageSize, only, size_member
-from trisquare.formats.nearest import BrownFamily, Lens
-from trisquare.json_fields import JsonFields
+from trisquare.formats.other_lenses import opencv_lens
 
 COEFFICIENTS = {
     "LENSMODEL_PINHOLE": 0,

@@ -19,14 +19,14 @@ from functools import partial
 
 import numpy as np
 
-from trisquare.camera import Camera
-from trisquare.checked import FloatArray
+from trisquare._support.arrays import FloatArray
+from trisquare._support.json_members import JsonFields, dump_members
+from trisquare.camera.camera import Camera
+from trisquare.formats.approximation import ANY_CAMERA, Lens, brown_distorted
+from trisquare.formats.base import Cameras, Format, ImageSize, only
 from trisquare.formats.colmap import HALF_PIXEL
 from trisquare.formats.document import Document
-from trisquare.formats.foreign import ForeignLens, camera_matrix, camera_of, fisheye_lens
-from trisquare.formats.format import Cameras, Format, ImageSize, only
-from trisquare.formats.nearest import ANY_CAMERA, Lens, brown_distorted
-from trisquare.json_fields import JsonFields, dump_members
+from trisquare.formats.other_lenses import ForeignLens, camera_matrix, camera_of, fisheye_lens
 
 COEFFICIENTS = ("k1", "k2", "k3", "k4", "p1", "p2")
 PINHOLE_MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL")

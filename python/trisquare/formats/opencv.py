@@ -20,14 +20,14 @@ from typing import Any
 
 import numpy as np
 
-from trisquare.camera import Camera
-from trisquare.checked import FloatArray
+from trisquare._support.arrays import FloatArray
+from trisquare._support.json_members import JsonFields
+from trisquare.camera.camera import Camera
+from trisquare.formats.approximation import ANY_CAMERA, Lens
+from trisquare.formats.base import Cameras, Format, ImageSize, only
 from trisquare.formats.document import Document
-from trisquare.formats.foreign import opencv_lens
-from trisquare.formats.format import Cameras, Format, ImageSize, only
-from trisquare.formats.nearest import ANY_CAMERA, Lens
+from trisquare.formats.other_lenses import opencv_lens
 from trisquare.formats.xml_text import parse_xml
-from trisquare.json_fields import JsonFields
 
 MATRIX_NAMES = ("camera_matrix", "Camera_Matrix", "cameraMatrix", "K", "mtx")
 DISTORTION_NAMES = (

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trisquare.camera import Camera
-from trisquare.checked import FloatArray
-from trisquare.formats.foreign import ForeignLens, camera_matrix, camera_of
-from trisquare.formats.nearest import Lens
+from trisquare._support.arrays import FloatArray
+from trisquare.camera.camera import Camera
+from trisquare.formats.approximation import Lens
+from trisquare.formats.other_lenses import ForeignLens, camera_matrix, camera_of
 
 # What polynomials' roots may have of an imaginary part by rounding.
 REAL = 1e-9

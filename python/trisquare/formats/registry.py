@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
-from trisquare.choices import unknown
-from trisquare.formats import colmap, hugin, kalibr, lensfun, mrcal, nerfstudio, opencv, own, ros
+from trisquare._support.suggestions import unknown
+from trisquare.formats import (
+    colmap,
+    hugin,
+    kalibr,
+    lensfun,
+    mrcal,
+    native_json,
+    nerfstudio,
+    opencv,
+    ros,
+)
+from trisquare.formats.base import Format
 from trisquare.formats.document import Document
-from trisquare.formats.format import Format
 
 # Those that demand more of a text come before those that demand less.
 FORMATS = (
-    own.FORMAT,
+    native_json.FORMAT,
     opencv.FORMAT,
     ros.FORMAT,
     kalibr.FORMAT,

@@ -17,12 +17,12 @@ import re
 
 import numpy as np
 
-from trisquare.camera import Camera
+from trisquare._support.json_members import JsonFields
+from trisquare.camera.camera import Camera
+from trisquare.formats.approximation import ANY_CAMERA, Lens
+from trisquare.formats.base import Cameras, Format, ImageSize
 from trisquare.formats.document import Document
-from trisquare.formats.foreign import fisheye_lens, opencv_lens
-from trisquare.formats.format import Cameras, Format, ImageSize
-from trisquare.formats.nearest import ANY_CAMERA, Lens
-from trisquare.json_fields import JsonFields
+from trisquare.formats.other_lenses import fisheye_lens, opencv_lens
 
 LENGTHS = {
     "plumb_bob": (0, 4, 5),

@@ -9,18 +9,18 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from trisquare.edges import PlaneEdges
-from trisquare.pictures import ImageSource, Outlines
-from trisquare.result import Calibration
+from trisquare.images.pixels import ImageSource, Outlines
+from trisquare.results.calibration import Calibration
 
 if TYPE_CHECKING:
-    from trisquare.files import PathLike
+    from trisquare._support.writing import PathLike
 
 __all__ = ["check_extra", "report_page", "write_report"]
 
 
 def write_report(
-    path: PathLike,
     calibration: Calibration,
+    path: PathLike,
     image: ImageSource | Sequence[ImageSource] = (),
     *,
     edges: Sequence[PlaneEdges] | None = None,
@@ -32,10 +32,10 @@ def write_report(
 
     Parameters
     ----------
-    path : str or path
-        The file; it is written whole or not at all.
     calibration : Calibration
         What to report.
+    path : str or path
+        The file; it is written whole or not at all.
     image, edges, targets, outlines, command
         As in `report_page`.
 
@@ -50,7 +50,7 @@ def write_report(
     TypeError, ValueError
         For bad arguments, or if a photograph is not of the camera's size.
     """
-    from trisquare.files import check_writable, write_atomically
+    from trisquare._support.writing import check_writable, write_atomically
 
     check_writable(path)
     page = report_page(

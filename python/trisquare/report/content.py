@@ -10,13 +10,15 @@ import cv2
 import numpy as np
 
 from trisquare._core import __version__
-from trisquare.camera import Camera, camera_parameters
-from trisquare.checked import FloatArray
-from trisquare.comparison import two_digits
-from trisquare.projection import ProjectionMap
+from trisquare._support.arrays import FloatArray
+from trisquare._support.number_text import decimals_shown
+from trisquare.analysis.comparison import two_digits
+from trisquare.analysis.diagnosis import diagnose
+from trisquare.camera.camera import Camera, camera_parameters
+from trisquare.camera.projection_uncertainty import ProjectionMap
+from trisquare.report.pictures import ReportedPicture
 from trisquare.report.plot_style import SERIES
-from trisquare.report.reported import ReportedPicture
-from trisquare.result import Calibration, decimals_shown
+from trisquare.results.calibration import Calibration
 
 MEANINGS = {
     "fx": "focal length along x, px",
@@ -74,7 +76,7 @@ class RejectedRow:
 def parameter_rows(calibration: Calibration) -> list[ParameterRow]:
     """Return the free parameters, and the held ones that matter."""
     rows = []
-    diagnosis = calibration.diagnosis
+    diagnosis = diagnose(calibration)
     for name, value in camera_parameters(calibration.camera).items():
         if name in calibration.std:
             std = calibration.std[name]

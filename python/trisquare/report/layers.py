@@ -10,15 +10,15 @@ import cv2
 import numpy as np
 
 import trisquare._core as _core
-from trisquare.camera import Camera, camera_for_core
-from trisquare.checked import FloatArray
-from trisquare.model_sides import MeasuredSide
-from trisquare.overlay import round_exaggeration
-from trisquare.pictures import Image, picture_size
+from trisquare._support.arrays import FloatArray
+from trisquare.analysis.residuals import MeasuredSide
+from trisquare.camera.camera import Camera, camera_for_core
+from trisquare.drawing.overlay import round_exaggeration
+from trisquare.images.pixels import Image, picture_size
+from trisquare.report.pictures import ReportedPicture
 from trisquare.report.plot_style import SERIES
-from trisquare.report.reported import ReportedPicture
-from trisquare.result import Calibration
-from trisquare.undistortion import Undistorter
+from trisquare.results.calibration import Calibration
+from trisquare.undistortion.undistort import Undistorter
 
 JPEG_QUALITY = 85
 """Its errors are under what a screen shows at this size."""

@@ -11,18 +11,18 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from trisquare.comparison import two_digits
+from trisquare.analysis.comparison import two_digits
+from trisquare.analysis.residuals import MeasuredSide
+from trisquare.camera.projection_uncertainty import ProjectionMap
 from trisquare.edges import PlaneEdges
-from trisquare.model_sides import MeasuredSide
-from trisquare.pictures import ImageSource, Outlines
-from trisquare.projection import ProjectionMap
+from trisquare.images.pixels import ImageSource, Outlines
 from trisquare.report import content
 from trisquare.report.layers import PictureLayers, picture_layers
+from trisquare.report.pictures import ReportedPicture, reported_pictures
 from trisquare.report.plot_style import SERIES, inline_svg, plotting
 from trisquare.report.plots import residuals_by_radius, residuals_by_side, uncertainty_map
-from trisquare.report.reported import ReportedPicture, reported_pictures
-from trisquare.report.sketch import scene_sketch
-from trisquare.result import Calibration
+from trisquare.report.scene_sketch import scene_sketch
+from trisquare.results.calibration import Calibration
 
 MOST_PICTURES = 6
 """Photographs shown: what is odd is seen in the first, and a page of hundreds would not open."""

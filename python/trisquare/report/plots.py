@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from trisquare.checked import FloatArray
-from trisquare.comparison import two_digits
+from trisquare._support.arrays import FloatArray
+from trisquare.analysis.comparison import two_digits
 from trisquare.report.plot_style import FAINT, GROUND, INK, PLOT_HEIGHT, PLOT_WIDTH, plane_colour
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from trisquare.model_sides import MeasuredSide
-    from trisquare.projection import ProjectionMap
-    from trisquare.result import Calibration
+    from trisquare.analysis.residuals import MeasuredSide
+    from trisquare.camera.projection_uncertainty import ProjectionMap
+    from trisquare.results.calibration import Calibration
 
 MOST_DOTS = 1500
 """Samples drawn one by one: more would only make the file larger, the means are of all."""

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trisquare.printing.layout import TargetPage
 from trisquare.simulate.scene import Array
-from trisquare.target_layout import TargetPage
 
 CORNER_DIAGONAL = np.ones(3) / np.sqrt(3.0)
 """Along it a camera sees the three faces alike, each tilted by 54.7 degrees."""

@@ -10,11 +10,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from trisquare.convex_quads import any_meet
+from trisquare._support.convex_quads import any_meet
+from trisquare.printing.layout import TargetPage, corner_page
 from trisquare.simulate.folded_corner import CORNER_DIAGONAL, folded_frames
 from trisquare.simulate.render import SHEET_RIM, Array, Image, render
 from trisquare.simulate.scene import Scene, Target, TrueCamera, rectangle, sample_sides
-from trisquare.target_layout import TargetPage, corner_page
 
 # The distribution of design section 6.
 FOCAL_RANGE = (0.65, 1.3)  # of the width

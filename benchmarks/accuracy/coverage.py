@@ -1,0 +1,129 @@
+"""How often the stated 95 % intervals hold the truth, from edge points and from pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from accuracy.disturbed_edges import (
+    Errors,
+    bowed,
+    correlated,
+    displaced,
+    disturbed_edges,
+    rough,
+    white,
+)
+from harness.rows import Row
+from harness.truth import NAMES, Array, by_name, errors, rms_per_parameter
+
+import trisquare as ts
+from trisquare import simulate
+
+EDGE_TRIALS = 1000
+DISTURBED_TRIALS = 150
+PICTURE_TRIALS = 200
+JPEG_TRIALS = 60
+SEED = 40
+NOISE_RANGE = (0.05, 0.5)  # pixels
+SPACING = 4.0  # pixels of edge per sample
+PIXEL_NOISE_RANGE = (1.0, 4.0)  # grey levels
+BLUR_RANGE = (0.5, 1.2)  # pixels
+CONTRAST_RANGE = (120.0, 190.0)  # grey levels
+SHADING_RANGE = (0.0, 0.3)
+TONES = ("linear", "srgb", 1.8, 2.2)
+FRAMES_EVERY = 3
+JPEG_QUALITY = 85
+# A 95 % interval of a normal distribution.
+HALF_WIDTH = 1.959964
+EDGES_TARGET = (0.94, 0.96)
+PICTURES_TARGET = (0.92, 0.97)
+
+Trial = Callable[[np.random.Generator], Array]
+"""Draws a scene, and returns the errors of its calibration in stated standard deviations."""
+
+
+def edge_trial(kind: Errors) -> Trial:
+    """Return the trial of edge points with errors of one kind."""
+
+    def trial(rng: np.random.Generator) -> Array:
+        scene = simulate.random_scene(rng)
+        noise = rng.uniform(*NOISE_RANGE)
+        edges = disturbed_edges(scene, rng, kind, noise, SPACING)
+        result = ts.calibrate_edges(edges, scene.camera.image_size)
+        return errors(result, scene.camera) / by_name(result.std)
+
+    return trial
+
+
+def picture_trial(jpeg_quality: int | None = None) -> Trial:
+    """Return the trial of a rendered picture whose tone curve is known."""
+
+    def trial(rng: np.random.Generator) -> Array:
+        scene = simulate.random_scene(
+            rng, kind="frame" if rng.integers(FRAMES_EVERY) == 0 else "square"
+        )
+        tone = TONES[rng.integers(len(TONES))]
+        picture = simulate.render(
+            scene,
+            rng,
+            noise=rng.uniform(*PIXEL_NOISE_RANGE),
+            blur=rng.uniform(*BLUR_RANGE),
+            contrast=rng.uniform(*CONTRAST_RANGE),
+            shading=rng.uniform(*SHADING_RANGE),
+            tone=tone,
+            jpeg_quality=jpeg_quality,
+        )
+        result = ts.calibrate(picture, tone=tone)
+        return errors(result, scene.camera) / by_name(result.std)
+
+    return trial
+
+
+def coverage(name: str, trial: Trial, trials: int) -> float:
+    """Print how often each parameter's interval holds the truth, and return the pooled share.
+
+    What is refused states no interval and is counted apart.
+    """
+    deviations = []
+    refusals: list[str] = []
+    for seed in range(trials):
+        try:
+            deviations.append(trial(np.random.default_rng([SEED, seed])))
+        except ts.TrisquareError as error:
+            refusals.append(f"{seed}: {error}")
+    z = np.array(deviations)
+    held = np.abs(z) <= HALF_WIDTH
+    shares = ", ".join(
+        f"{name} {share:.1%}" for name, share in zip(NAMES, held.mean(axis=0), strict=True)
+    )
+    print(f"  {name}, {len(z)} trials: {held.mean():.1%} ({shares})")
+    print(f"    rms error in stated std: {rms_per_parameter(z)}", flush=True)
+    for refusal in refusals:
+        print(f"    refused {refusal}")
+    return float(held.mean())
+
+
+def measure() -> list[Row]:
+    """Print the shares under errors of every kind; targets are for white noise."""
+    edges = coverage("edge points, white noise", edge_trial(white), EDGE_TRIALS)
+    pictures = coverage("pictures", picture_trial(), PICTURE_TRIALS)
+    quality = f"pictures, JPEG quality {JPEG_QUALITY}"
+    coverage(quality, picture_trial(JPEG_QUALITY), JPEG_TRIALS)
+    for name, kind in (
+        ("sides displaced by as much as the noise", displaced),
+        ("sides bowed by as much as the noise", bowed),
+        ("neighbours correlated by 0.3", correlated),
+        ("one plane five times rougher", rough),
+    ):
+        coverage(name, edge_trial(kind), DISTURBED_TRIALS)
+    name = "95 % intervals that hold the truth"
+    return [
+        _row(f"{name}, {EDGE_TRIALS} trials from edge points", edges, EDGES_TARGET),
+        _row(f"{name}, {PICTURE_TRIALS} rendered trials", pictures, PICTURES_TARGET),
+    ]
+
+
+def _row(name: str, share: float, target: tuple[float, float]) -> Row:
+    low, high = target
+    return Row(name, f"{share:.1%}", f"{low:.0%}-{high:.0%}", low <= share <= high)

@@ -1,0 +1,54 @@
+"""Noisy edge points: the error beside the Cramer-Rao bound, and the stated intervals."""
+
+from __future__ import annotations
+
+import numpy as np
+from harness.rows import Row
+from harness.truth import NAMES, by_name, errors, rms, rms_per_parameter
+
+import trisquare as ts
+from trisquare import simulate
+
+SCENES = 200
+SEED = 1
+NOISE_RANGE = (0.05, 0.5)  # pixels
+SPACING = 4.0  # pixels of edge per sample
+# Below the lower end an estimate would beat the bound, so the bound would be wrong.
+TARGET = (0.93, 1.08)
+# A 95 % interval of a normal distribution.
+HALF_WIDTH = 1.959964
+
+
+def measure() -> list[Row]:
+    """Print error / bound for every parameter, and how often the intervals hold the truth."""
+    ratios, covered = np.zeros((2, SCENES, len(NAMES)))
+    for seed in range(SCENES):
+        rng = np.random.default_rng([SEED, seed])
+        scene = simulate.random_scene(rng)
+        noise = rng.uniform(*NOISE_RANGE)
+        points = simulate.edge_points(scene, rng, noise=noise, spacing=SPACING)
+        edges = [ts.PlaneEdges.square(sides) for sides in points]
+        result = ts.calibrate_edges(edges, scene.camera.image_size)
+        error = errors(result, scene.camera)
+        ratios[seed] = error / by_name(simulate.cramer_rao_bound(scene, noise, spacing=SPACING))
+        covered[seed] = np.abs(error) <= HALF_WIDTH * by_name(result.std)
+    ratio = rms(ratios)
+    print(f"  error / bound: {rms_per_parameter(ratios)}")
+    shares = ", ".join(
+        f"{name} {100 * share:.1f} %" for name, share in zip(NAMES, covered.mean(0), strict=True)
+    )
+    print(f"  stated 95 % intervals hold the truth: {shares}")
+    return [
+        Row(
+            f"error / Cramer-Rao bound, edge points, {SCENES} scenes, 0.05-0.5 px",
+            f"{ratio:.3f}",
+            f"{TARGET[0]}-{TARGET[1]}",
+            TARGET[0] <= ratio <= TARGET[1],
+        ),
+        Row(
+            "coverage of the stated 95 % intervals, same scenes",
+            f"{100 * covered.mean():.1f} %",
+            "",
+            None,
+        ),
+    ]

@@ -1,0 +1,68 @@
+"""Noise-free edges: `linear` and `ml` must return the camera itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from harness.rows import Row
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare.camera.camera import MODELS, camera_parameters
+from trisquare.simulate.scene import TrueCamera
+
+SCENES = 40
+SEED = 4
+EXACT = 1e-8  # relative for lengths, absolute for the distortion's pure numbers
+
+
+def measure() -> list[Row]:
+    """Print the worst error of either method over the scenes."""
+    linear = [_error(seed, "none", "none", "linear") for seed in range(SCENES)]
+    # The distortion is free here and has to come out as zero.
+    freed = [_error(seed, "none", "radial2", "linear") for seed in range(SCENES)]
+    refined = {
+        model: max(_error(seed, model, model, "ml") for seed in range(SCENES)) for model in MODELS
+    }
+    print(f"  linear: model none {max(linear):.1e}, radial2 {max(freed):.1e}")
+    print("  ml:", ", ".join(f"{model} {error:.1e}" for model, error in refined.items()))
+    return [
+        _row("`linear`, noise-free and distortion-free edges", max(linear + freed)),
+        _row("`ml`, noise-free edges of its own model", max(refined.values())),
+    ]
+
+
+def _row(name: str, worst: float) -> Row:
+    return Row(f"{name}, {SCENES} scenes", f"{worst:.1e}", f"{EXACT:.0e}", worst <= EXACT)
+
+
+def _error(seed: int, true_model: str, model: str, method: str) -> float:
+    """Return the worst parameter's error."""
+    rng = np.random.default_rng([SEED, seed])
+    scene = simulate.random_scene(rng, camera=_camera(rng, true_model))
+    edges = [ts.PlaneEdges.square(sides) for sides in simulate.edge_points(scene, rng, noise=0.0)]
+    size = scene.camera.image_size
+    found = ts.calibrate_edges(edges, size, method=method, model=model).camera
+    truth = camera_parameters(ts.Camera(scene.camera.K, scene.camera.distortion, size))
+    return max(
+        abs(value - truth[name]) / (abs(truth[name]) if name[0] in "fc" else 1.0)
+        for name, value in camera_parameters(found).items()
+    )
+
+
+def _camera(rng: np.random.Generator, model: str) -> TrueCamera:
+    """Draw a camera of the usual distribution whose distortion is of the given model."""
+    while True:
+        camera = simulate.random_camera(rng)
+        k1, k2 = camera.distortion[:2]
+        distortion = {
+            "none": [0.0, 0.0, 0.0, 0.0, 0.0],
+            "radial1": [k1, 0.0, 0.0, 0.0, 0.0],
+            "radial2": [k1, k2, 0.0, 0.0, 0.0],
+            "radial3": [k1, k2, 0.0, 0.0, 0.02 * rng.standard_normal()],
+            "brown": [k1, k2, *(0.001 * rng.standard_normal(2)), 0.02 * rng.standard_normal()],
+        }[model]
+        camera = replace(camera, distortion=np.array(distortion))
+        if camera.is_monotonic():
+            return camera

@@ -1,0 +1,186 @@
+"""Which distortion model the evidence chooses, lens by lens, and what that does to fx."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from harness.rows import Row
+from harness.truth import Array
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare.camera.camera import MODELS
+from trisquare.simulate.scene import Scene, TrueCamera
+
+SCENES = 100
+SEED = 11
+NOISE_RANGE = (0.05, 0.5)  # pixels
+SPACING = 4.0
+SIZE = (1280, 960)
+COEFFICIENTS = ("k1", "k2", "k3", "p1", "p2")
+COUNT = dict(zip(MODELS, (0, 1, 2, 3, 5), strict=True))
+# A coefficient this many standard deviations from zero is there to be found.
+DETECTABLE = 4.0
+MOST_WRONGLY_RICHER = 0.05
+LEAST_FOUND = 0.90
+# A 95 % interval of a normal distribution.
+HALF_WIDTH = 1.959964
+
+
+@dataclass
+class Tally:
+    """What happened to the scenes of one kind of lens."""
+
+    chosen: Counter[str] = field(default_factory=Counter)
+    richer: int = 0
+    detectable: int = 0
+    found: int = 0
+    # Errors of fx over the bound for radial2, and whether its 95 % interval held it: auto, radial2.
+    errors: list[tuple[float, float]] = field(default_factory=list)
+    held: list[tuple[bool, bool]] = field(default_factory=list)
+
+
+def measure() -> list[Row]:
+    """Print the confusion table; lenses of design section 6 but for their coefficients."""
+    tallies = {kind: _tally(kind) for kind in MODELS}
+    outside = _outside()
+    print(f"  {'true lens':14}" + "".join(f"{model:>9}" for model in MODELS) + "   rms error of fx")
+    for kind, tally in tallies.items():
+        counts = "".join(f"{tally.chosen[model]:9}" for model in MODELS)
+        auto, usual = np.sqrt((np.array(tally.errors) ** 2).mean(axis=0))
+        held = 100 * np.array(tally.held).mean(axis=0)
+        print(
+            f"  {kind:14}{counts}   auto {auto:.2f}, radial2 {usual:.2f} of the bound; 95 % "
+            f"intervals hold it in {held[0]:.0f} %, {held[1]:.0f} %; detectable {tally.detectable}"
+        )
+    print(f"  {'division':14}" + "".join(f"{outside[model]:9}" for model in MODELS))
+    scenes = sum(tally.chosen.total() for tally in tallies.values())
+    richer = sum(tally.richer for tally in tallies.values()) / scenes
+    found = sum(t.found for t in tallies.values()) / sum(t.detectable for t in tallies.values())
+    errors = np.array([pair for tally in tallies.values() for pair in tally.errors])
+    auto, usual = np.sqrt((errors**2).mean(axis=0))
+    held = 100 * np.array([pair for t in tallies.values() for pair in t.held]).mean(axis=0)
+    return [
+        Row(
+            f"model too rich, {scenes} lenses of {len(MODELS)} kinds",
+            f"{100 * richer:.1f} %",
+            f"<= {100 * MOST_WRONGLY_RICHER:.0f} %",
+            richer <= MOST_WRONGLY_RICHER,
+        ),
+        Row(
+            f"true model or richer, where its coefficients are beyond {DETECTABLE:.0f} std",
+            f"{100 * found:.0f} %",
+            f">= {100 * LEAST_FOUND:.0f} %",
+            found >= LEAST_FOUND,
+        ),
+        Row(
+            "rms error of fx, chosen model / always radial2, all lenses",
+            f"{auto / usual:.2f}",
+            "<= 1",
+            bool(auto <= usual),
+        ),
+        Row(
+            "95 % intervals of fx, chosen model (always radial2)",
+            f"{held[0]:.1f} % ({held[1]:.1f} %)",
+            "",
+            None,
+        ),
+    ]
+
+
+def _tally(kind: str) -> Tally:
+    tally = Tally()
+    for number in range(SCENES):
+        rng = np.random.default_rng([SEED, MODELS.index(kind), number])
+        scene = _scene(rng, lambda rng: _coefficients(rng, kind))
+        noise = rng.uniform(*NOISE_RANGE)
+        edges = _edges(scene, rng, noise)
+        try:
+            auto = ts.calibrate_edges(edges, SIZE, model="auto")
+            usual = ts.calibrate_edges(edges, SIZE)
+        except ts.DegenerateGeometryError:  # a weak scene, refused as it should be
+            continue
+        model = auto.camera.model
+        tally.chosen[model] += 1
+        tally.richer += COUNT[model] > COUNT[kind]
+        if _is_detectable(scene, noise, kind):
+            tally.detectable += 1
+            tally.found += COUNT[model] >= COUNT[kind]
+        bound = simulate.cramer_rao_bound(scene, noise, spacing=SPACING)["fx"]
+        errors = [result.camera.fx - scene.camera.fx for result in (auto, usual)]
+        tally.errors.append((errors[0] / bound, errors[1] / bound))
+        stds = (auto.std["fx"], usual.std["fx"])
+        first, second = (bool(abs(e) <= HALF_WIDTH * s) for e, s in zip(errors, stds, strict=True))
+        tally.held.append((first, second))
+    return tally
+
+
+def _outside() -> Counter[str]:
+    """Count the models chosen for division lenses, which none of them describes."""
+    chosen: Counter[str] = Counter()
+    for number in range(SCENES):
+        rng = np.random.default_rng([SEED, len(MODELS), number])
+        scene = _scene(rng, lambda rng: _coefficients(rng, "none"))
+        strength = rng.uniform(-0.4, -0.1)
+        sides = [
+            ts.PlaneEdges.square([_divided(points, scene.camera, strength) for points in four])
+            for four in simulate.edge_points(scene, rng, noise=0.1, spacing=SPACING)
+        ]
+        chosen[ts.calibrate_edges(sides, SIZE, model="auto").camera.model] += 1
+    return chosen
+
+
+def _divided(points: Array, camera: TrueCamera, strength: float) -> Array:
+    """Bend a pinhole's pixels by `r_u = r_d / (1 + strength r_d^2)`."""
+    offset = (points - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
+    ideal = np.linalg.norm(offset, axis=1, keepdims=True)
+    # The smaller root of strength r_u r_d^2 - r_d + r_u = 0, in the form that does not cancel.
+    observed = 2.0 * ideal / (1.0 + np.sqrt(1.0 - 4.0 * strength * ideal**2))
+    bent = offset * (observed / ideal) * [camera.fx, camera.fy] + [camera.cx, camera.cy]
+    return np.asarray(bent)
+
+
+def _edges(scene: Scene, rng: np.random.Generator, noise: float) -> list[ts.PlaneEdges]:
+    points = simulate.edge_points(scene, rng, noise=noise, spacing=SPACING)
+    return [ts.PlaneEdges.square(sides) for sides in points]
+
+
+def _scene(rng: np.random.Generator, lens: Callable[[np.random.Generator], Array]) -> Scene:
+    """Three squares before a camera of the design's kind with coefficients of `lens`."""
+    width, height = SIZE
+    while True:
+        fx = width * rng.uniform(0.65, 1.3)
+        fy = fx * rng.uniform(0.995, 1.005)
+        cx, cy = rng.normal([(width - 1) / 2, (height - 1) / 2], 0.012 * width)
+        camera = TrueCamera(fx, fy, cx, cy, lens(rng), SIZE)
+        if camera.is_monotonic():
+            try:
+                return simulate.random_scene(rng, camera=camera)
+            except ValueError:  # no three squares fit this camera's picture
+                continue
+
+
+def _coefficients(rng: np.random.Generator, kind: str) -> Array:
+    """Draw ``k1, k2, p1, p2, k3`` of a kind of lens."""
+    k1 = rng.uniform(-0.32, 0.12) if kind != "none" else 0.0
+    k2 = abs(k1) * rng.uniform(0.0, 0.35) if COUNT[kind] > 1 else 0.0
+    k3 = 0.0
+    if kind == "radial3":
+        k2, k3 = rng.uniform(-0.2, 0.3), rng.uniform(-0.3, 0.3)
+    p1, p2 = rng.normal(0.0, 0.002, 2) if kind == "brown" else (0.0, 0.0)
+    return np.array([k1, k2, p1, p2, k3])
+
+
+def _is_detectable(scene: Scene, noise: float, kind: str) -> bool:
+    """Whether the coefficients that only this kind has are far from zero, by the bound."""
+    if kind == "none":
+        return False
+    free = ("fx", "fy", "cx", "cy", *COEFFICIENTS[: COUNT[kind]])
+    bound = simulate.cramer_rao_bound(scene, noise, spacing=SPACING, free=free)
+    k1, k2, p1, p2, k3 = scene.camera.distortion
+    values = {"k1": k1, "k2": k2, "k3": k3, "p1": p1, "p2": p2}
+    own = {"radial1": ("k1",), "radial2": ("k2",), "radial3": ("k3",), "brown": ("p1", "p2")}
+    return max(abs(values[name]) / bound[name] for name in own[kind]) > DETECTABLE

@@ -1,0 +1,178 @@
+"""The printed corner: what it promises, what its photographs give, what paper costs.
+
+Photographs are rendered from within 15 degrees of the corner's diagonal; paper errs as printers
+do, by sides that are off and by one direction that is stretched.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from accuracy.planned_scenes import camera_of, edges_of
+from harness.rows import Row
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare.printing.target import TargetPage
+from trisquare.simulate.scene import Scene, Target, TrueCamera
+
+PICTURES = 60
+SEED = 41_000
+NAMES = ("fx", "fy", "cx", "cy")
+SIDE = 84.0  # mm, of A4's corner
+
+# The camera of the README's advice, and what it says of noise.
+CAMERA = TrueCamera(1100.0, 1100.0, 639.5, 479.5, np.array([-0.15, 0.03, 0.0, 0.0, 0.0]))
+SIGMA = 0.02  # pixels per pixel of edge: noise 2 of contrast 175, blur 0.7 px
+VIEWS = 40
+LAYOUTS = ((0.06, 0.6), (0.12, 0.4), (0.12, 0.6), (0.12, 0.8), (0.2, 0.6))  # margins, holes
+
+PAPER_SCENES = 100
+SIDE_ERROR = 0.05  # mm; the dots of a printer with 600 to the inch are 0.04 mm apart
+STRETCH = 0.001  # of one direction: a roller that is a little worn
+NOISE, SPACING = 0.05, 4.0  # pixels, of an edge sample
+
+
+def measure() -> list[Row]:
+    """Return the rows about the printed corner."""
+    return [_promised(), *_photographed(), *_on_paper()]
+
+
+def promised_std(page: TargetPage | None = None) -> dict[str, float]:
+    """Root mean square of the predicted standard deviations over views of a corner (A4's)."""
+    camera = camera_of(CAMERA)
+    squares: dict[str, float] = {}
+    for view in range(VIEWS):
+        scene = simulate.corner_scene(np.random.default_rng(SEED + view), page=page, camera=CAMERA)
+        for name, std in ts.predict(camera, scene.targets, SIGMA).std.items():
+            squares[name] = squares.get(name, 0.0) + std**2 / VIEWS
+    return {name: float(np.sqrt(square)) for name, square in squares.items()}
+
+
+def _print_layouts() -> None:
+    """Print what other holes and margins would promise."""
+    page = ts.printed_target("corner").pages[0]
+    for margin, inner in LAYOUTS:
+        side = page.face / (1.0 + 2.0 * margin)
+        frames = tuple(replace(frame, side=side, inner=inner) for frame in page.frames)
+        std = promised_std(replace(page, frames=frames))
+        shown = ", ".join(f"{name} {std[name]:.2g}" for name in ("fx", "cx", "k1"))
+        print(f"  margin {margin:g}, hole {inner:g} of the side: std of {shown}")
+
+
+def _promised() -> Row:
+    _print_layouts()
+    std = promised_std()
+    print("  as printed: std of", ", ".join(f"{name} {value:.2g}" for name, value in std.items()))
+    return Row(
+        "printed corner, predicted std of fx, cx (1280 x 960, f 1100 px, 0.02 px per pixel)",
+        f"{std['fx']:.3f}, {std['cx']:.3f} px",
+        "fx 0.11 px, as three frames in the README's advice",
+        std["fx"] <= 0.11,
+    )
+
+
+def _photographed() -> list[Row]:
+    """Calibrate rendered photographs with no options."""
+    right, silent, errors, ratios = 0, 0, [], []
+    for seed in range(SEED + 1000, SEED + 1000 + PICTURES):
+        rng = np.random.default_rng(seed)
+        scene = simulate.corner_scene(rng)
+        picture = simulate.render(
+            scene,
+            rng,
+            noise=rng.uniform(1.0, 4.0),
+            blur=rng.uniform(0.5, 1.2),
+            contrast=rng.uniform(130.0, 200.0),
+            tone="srgb",
+            colour=True,
+            shading=rng.uniform(0.0, 0.4),
+            clutter=int(rng.integers(20, 80)),
+            jpeg_quality=int(rng.integers(80, 96)),
+        )
+        try:
+            result = ts.calibrate(picture)
+        except ts.TrisquareError as error:
+            print(f"  seed {seed}: {type(error).__name__}: {error}")
+            continue
+        ratio = np.array(
+            [
+                (getattr(result.camera, name) - getattr(scene.camera, name)) / result.std[name]
+                for name in NAMES
+            ]
+        )
+        good = len(result.planes) == 3 and bool(np.abs(ratio).max() < 4.0)
+        right += good
+        silent += not good and not result.warnings
+        if not good:
+            print(f"  seed {seed}: {np.round(ratio, 1)} {result.warnings}")
+        errors.append(abs(result.camera.fx / scene.camera.fx - 1.0))
+        ratios.append(ratio)
+    held = float(np.mean(np.abs(ratios) < 1.96))
+    return [
+        Row(
+            f"printed corner, {PICTURES} rendered pictures, no options: right; silently wrong",
+            f"{right}; {silent}",
+            f"{PICTURES}; 0",
+            right == PICTURES and silent == 0,
+        ),
+        Row(
+            "the same, error of fx: median, worst",
+            f"{100 * np.median(errors):.4f} %, {100 * max(errors):.3f} %",
+            "",
+            None,
+        ),
+        Row("the same, stated 95 % intervals held the truth", f"{100 * held:.1f} %", "", None),
+    ]
+
+
+def _on_paper() -> list[Row]:
+    """Calibrate corners that are not printed truly, from edge points."""
+    rng = np.random.default_rng(SEED + 5000)
+    errors, held = [], []
+    for _ in range(PAPER_SCENES):
+        scene = simulate.corner_scene(rng)
+        error, ratio = _fx_error(scene, rng, lambda target: _sides_off(target, rng))
+        errors.append(error)
+        held.append(abs(ratio) < 1.96)
+    stretched = [
+        _fx_error(simulate.corner_scene(rng), rng, _stretched)[0] for _ in range(PAPER_SCENES)
+    ]
+    return [
+        Row(
+            f"printed corner, every side off by {SIDE_ERROR} mm: rms error of fx; 95 % held",
+            f"{100 * np.sqrt(np.mean(np.square(errors))):.2f} %; {100 * np.mean(held):.0f} %",
+            "",
+            None,
+        ),
+        Row(
+            f"printed corner, one direction of the sheet stretched by {100 * STRETCH:g} %: "
+            "rms error of fx",
+            f"{100 * np.sqrt(np.mean(np.square(stretched))):.2f} %",
+            "",
+            None,
+        ),
+    ]
+
+
+def _fx_error(
+    scene: Scene, rng: np.random.Generator, spoilt: Callable[[Target], Target]
+) -> tuple[float, float]:
+    """Relative error of fx, and its error in stated standard deviations."""
+    printed = Scene(scene.camera, tuple(spoilt(target) for target in scene.targets))
+    edges = edges_of(printed, rng, NOISE, SPACING)
+    result = ts.calibrate_edges(edges, image_size=scene.camera.image_size)
+    error = result.camera.fx - scene.camera.fx
+    return error / scene.camera.fx, error / result.std["fx"]
+
+
+def _sides_off(target: Target, rng: np.random.Generator) -> Target:
+    left, right, top, bottom = [-0.5, 0.5, -0.5, 0.5] + SIDE_ERROR / SIDE * rng.standard_normal(4)
+    corners = np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
+    return replace(target, printed=corners)
+
+
+def _stretched(target: Target) -> Target:
+    return replace(target, printed=np.array(target.outlines()[0]) * [1.0, 1.0 + STRETCH])

@@ -1,0 +1,78 @@
+"""Pictures whose tone curve is not told: what estimating it costs, and whether it shows."""
+
+from __future__ import annotations
+
+import numpy as np
+from harness.rows import Row
+from harness.truth import NAMES, by_name, errors
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare.simulate.render import ToneCurve
+
+TONES: tuple[ToneCurve, ...] = (1.0, 1.4, 1.8, 2.2, 2.6, "srgb")
+SCENES = 40
+SEED = 12
+NOISE_RANGE = (1.0, 4.0)  # grey levels
+BLUR_RANGE = (0.5, 1.2)  # pixels
+BIAS_TARGET = 0.5  # standard deviations
+STD_TARGET = 1.3
+TWO_SIDED_95 = 1.96
+
+
+def measure() -> list[Row]:
+    """Print for each curve the bias of fx, and its spread beside that of the known curve."""
+    biases, ratios, error_ratios, covered = [], [], [], []
+    for tone in TONES:
+        scores, known_scores, ratio, inside = _scores(tone)
+        bias, error = float(scores.mean()), float(scores.std() / np.sqrt(SCENES))
+        error_ratio = float(np.sqrt(np.mean((scores * ratio) ** 2) / np.mean(known_scores**2)))
+        print(
+            f"  {tone}: bias of fx {bias:+.2f} +- {error:.2f} std (curve known: "
+            f"{known_scores.mean():+.2f}), std / that of the known curve: median "
+            f"{np.median(ratio):.2f}, largest {ratio.max():.2f}, errors {error_ratio:.2f}; 95 % "
+            f"intervals hold {100 * inside:.0f} %"
+        )
+        biases.append(bias)
+        ratios.append(float(np.sqrt(np.mean(ratio**2))))
+        error_ratios.append(error_ratio)
+        covered.append(inside)
+    worst = max(biases, key=abs)
+    name = f'tone="auto" on pictures of {len(TONES)} tone curves, {SCENES} each'
+    return [
+        Row(
+            f"{name}: largest mean bias of fx / std",
+            f"{worst:+.2f}",
+            f"within {BIAS_TARGET}",
+            abs(worst) < BIAS_TARGET,
+        ),
+        Row(
+            "the same: rms std of fx / that of the known curve, worst curve (errors)",
+            f"{max(ratios):.2f} ({max(error_ratios):.2f})",
+            f"<= {STD_TARGET}",
+            max(ratios) <= STD_TARGET,
+        ),
+        Row(
+            "the same: 95 % intervals of fx, fy, cx, cy, k1, k2 that hold the truth",
+            f"{100 * np.mean(covered):.1f} %",
+            "92-97 %",
+            0.92 <= np.mean(covered) <= 0.97,
+        ),
+    ]
+
+
+def _scores(tone: ToneCurve) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Return errors of fx in std, with the curve estimated and known, ratios of std, coverage."""
+    estimated, known, ratio = np.zeros((3, SCENES))
+    inside = np.zeros((SCENES, len(NAMES)), dtype=bool)
+    for seed in range(SCENES):
+        rng = np.random.default_rng([SEED, seed])
+        scene = simulate.random_scene(rng, kind="square" if seed % 2 else "frame")
+        noise, blur = rng.uniform(*NOISE_RANGE), rng.uniform(*BLUR_RANGE)
+        picture = simulate.render(scene, rng, noise=noise, blur=blur, tone=tone)
+        found, told = (ts.calibrate(picture, tone=given) for given in ("auto", tone))
+        estimated[seed] = (found.camera.fx - scene.camera.fx) / found.std["fx"]
+        known[seed] = (told.camera.fx - scene.camera.fx) / told.std["fx"]
+        ratio[seed] = found.std["fx"] / told.std["fx"]
+        inside[seed] = np.abs(errors(found, scene.camera)) < TWO_SIDED_95 * by_name(found.std)
+    return estimated, known, ratio, float(inside.mean())

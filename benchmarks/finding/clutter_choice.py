@@ -1,0 +1,168 @@
+"""True squares among rectangles: whether the right ones are chosen, and how long that takes."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from harness.rows import Row
+
+import trisquare as ts
+import trisquare._core as _core
+from trisquare.measurement.detect import detect
+from trisquare_scenes.distractors import MixedScene, mixed_scene, photograph
+
+SEED = 31
+RECTANGLES = 10
+CASES = {0: 20, 1: 20, 2: 30, 3: 100, 4: 20, 6: 20}
+"""How many pictures with how many true squares."""
+
+SIGMAS = 4.0
+PART = 0.01
+"""A focal length is wrong if it is off by more than both, in its own std and as a part of it."""
+
+UNCERTAIN = ("choice", "contradict", "disagree", "set aside")
+"""Words of warnings that tell of planes that may be false; that of larger things rejected, which
+is there in most of these pictures, is not counted."""
+
+RIGHT_TARGET = 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """What became of one picture.
+
+    Attributes
+    ----------
+    found, false_found : int
+        True squares and rectangles that the search found.
+    kept, false_kept : int
+        Those that the calibration used.
+    error : float
+        Of fx, as a part of it; NaN where the calibration was refused.
+    sigmas : float
+        The same in stated standard deviations.
+    warned, told : bool
+        Whether a warning tells of doubt about the planes, or at least that something was left out.
+    """
+
+    found: int
+    false_found: int
+    kept: int
+    false_kept: int
+    error: float
+    sigmas: float
+    warned: bool
+    told: bool
+    refusal: str
+    seconds: float
+
+    @property
+    def refused(self) -> bool:
+        """Whether there was an error in place of an answer."""
+        return bool(self.refusal)
+
+    @property
+    def wrong(self) -> bool:
+        """Whether there was an answer, and it was wrong."""
+        return not self.refused and self.sigmas > SIGMAS and self.error > PART
+
+
+def run_case(squares: int, index: int, seed: int = SEED) -> Case:
+    """Draw, photograph and calibrate one scene."""
+    rng = np.random.default_rng([seed, squares, index])
+    mixed = mixed_scene(rng, squares=squares, rectangles=RECTANGLES)
+    picture = photograph(mixed, rng)
+    try:
+        edges = detect(picture)
+    except ts.DetectionError as error:
+        return Case(0, 0, 0, 0, np.nan, np.nan, False, False, str(error), 0.0)
+    found = [_target(mixed, np.mean(np.concatenate(one.points), axis=0)) for one in edges]
+    start = time.perf_counter()
+    _core.choose(edges, mixed.scene.camera.image_size, model="radial2", fixed=(), initial=None)
+    seconds = time.perf_counter() - start
+    true, false = _count(mixed, found)
+    try:
+        result = ts.calibrate(picture)
+    except ts.TrisquareError as refusal:
+        text = f"{type(refusal).__name__}: {refusal}"
+        return Case(true, false, 0, 0, np.nan, np.nan, False, False, text, seconds)
+    kept = [_target(mixed, plane.corners.mean(axis=0)) for plane in result.planes]
+    error = abs(result.camera.K[0, 0] - mixed.scene.camera.fx)
+    return Case(
+        true,
+        false,
+        *_count(mixed, kept),
+        error / mixed.scene.camera.fx,
+        error / result.std["fx"],
+        any(word in text for text in result.warnings for word in UNCERTAIN),
+        bool(result.warnings),
+        "",
+        seconds,
+    )
+
+
+def _target(mixed: MixedScene, middle: np.typing.NDArray[np.float64]) -> int:
+    """Return which target is seen at a place."""
+    middles = [
+        mixed.scene.image_points(i, np.zeros((1, 2)))[0] for i in range(len(mixed.is_square))
+    ]
+    return int(np.linalg.norm(np.array(middles) - middle, axis=1).argmin())
+
+
+def _count(mixed: MixedScene, targets: list[int]) -> tuple[int, int]:
+    """Return how many of the targets, each counted once, are squares, and how many are not."""
+    squares = sum(mixed.is_square[i] for i in set(targets))
+    return squares, len(set(targets)) - squares
+
+
+def measure() -> list[Row]:
+    """Print what became of the pictures, by the number of true squares."""
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        return [row for squares, count in CASES.items() for row in _rows(squares, count)]
+    finally:
+        cv2.setNumThreads(threads)
+
+
+def _rows(squares: int, count: int) -> list[Row]:
+    cases = [run_case(squares, index) for index in range(count)]
+    for index, case in enumerate(cases):
+        if case.wrong or (squares > 2 and case.refused):
+            print(f"    {squares} squares, picture {index}: {case}")
+    right = sum(not case.refused and not case.wrong for case in cases)
+    exactly = sum(case.kept == squares and case.false_kept == 0 for case in cases)
+    wrong = sum(case.wrong for case in cases)
+    silent = sum(case.wrong and not case.warned for case in cases)
+    mute = sum(case.wrong and not case.told for case in cases)
+    refused = sum(case.refused for case in cases)
+    doubted = sum(case.warned for case in cases)
+    found = np.mean([case.found for case in cases])
+    false_found = np.mean([case.false_found for case in cases])
+    milliseconds = 1e3 * np.array([case.seconds for case in cases])
+    print(
+        f"  {squares} squares, {RECTANGLES} rectangles, {count} pictures: {found:.2f} and "
+        f"{false_found:.1f} found; right {right} (exactly the squares {exactly}), doubted "
+        f"{doubted}, refused {refused}, wrong {wrong}, of these without doubt {silent}, without "
+        f"any warning {mute}; choice {np.median(milliseconds):.0f} ms, at most "
+        f"{milliseconds.max():.0f} ms",
+        flush=True,
+    )
+    name = f"{squares} squares among {RECTANGLES} rectangles, {count} pictures"
+    never = Row(f"{name}: wrong without doubt", str(silent), "0", silent == 0)
+    if squares < 3:
+        return [never]
+    share = right / count
+    target = RIGHT_TARGET if squares == 3 else None
+    return [
+        Row(
+            f"{name}: right",
+            f"{right}",
+            f">= {target * count:.0f}" if target else "",
+            share >= target if target else None,
+        ),
+        never,
+    ]

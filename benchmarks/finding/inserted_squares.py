@@ -1,0 +1,120 @@
+"""Three squares rendered into each of 50 real photographs: found, and calibrated.
+
+The photographs show boards, which another camera saw than drew the squares: one side has to be
+rejected. The answer is the squares' camera, or the photograph's own where it shows three boards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from harness.rows import Row
+from real.real_pictures import blur_of, noise_of, photographs
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare.images.pixels import Image
+from trisquare.simulate.scene import Scene
+
+PICTURES = 50
+SEED = 11
+CONTRAST_RANGE = (60.0, 200.0)  # grey levels
+JPEG_QUALITY = 85
+
+RIGHT_PERCENT = 0.5  # of fx: tells a calibrated camera from a wrong one
+SIGMAS = 4.0
+
+OWN_BOARDS = 3
+OWN_FOCAL = 5145.0  # pixels, of the photographs of charuco-cube, which alone show three boards
+
+
+@dataclass(frozen=True, slots=True)
+class Inserted:
+    """A photograph with three squares in it, and the camera that they were drawn with."""
+
+    photograph: Path
+    picture: Image
+    scene: Scene
+    settings: dict[str, float]
+
+
+def inserted_squares(count: int) -> Iterator[Inserted]:
+    """Yield `count` pictures: all photographs in turn, then again with other squares."""
+    paths = photographs()
+    for index in range(count):
+        # Neighbours in the list are alike: step through it so that a few already differ.
+        path = paths[index * 17 % len(paths)]
+        rng = np.random.default_rng([SEED, index])
+        yield _insert(path, rng)
+
+
+def _insert(path: Path, rng: np.random.Generator) -> Inserted:
+    background = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    grey = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    height, width = grey.shape
+    kind = "frame" if rng.random() < 0.5 else "square"
+    scene = simulate.random_scene(rng, image_size=(width, height), kind=kind)
+    targets = tuple(replace(target, dark=rng.random() < 0.5) for target in scene.targets)
+    scene = replace(scene, targets=targets)
+    settings = {
+        "contrast": rng.uniform(*CONTRAST_RANGE),
+        "blur": blur_of(grey),
+        "noise": noise_of(grey),
+    }
+    picture = simulate.render_into(background, scene, rng, jpeg_quality=JPEG_QUALITY, **settings)
+    return Inserted(path, picture, scene, settings)
+
+
+def is_own_camera(case: Inserted, result: ts.Calibration) -> bool:
+    """Whether an answer is the photograph's own camera, by three boards of it."""
+    boards = sum(plane.kind == "chessboard" for plane in result.planes)
+    off = abs(result.camera.fx - OWN_FOCAL)
+    return (
+        case.photograph.parents[1].name == "charuco-cube"
+        and boards >= OWN_BOARDS
+        and off < SIGMAS * result.std["fx"]
+    )
+
+
+def says_so(result: ts.Calibration) -> bool:
+    """Whether a result names what it does not use: as rejected, or as set aside."""
+    return bool(result.rejected) or any("set aside" in text for text in result.warnings)
+
+
+def measure() -> list[Row]:
+    """Print how many pictures were calibrated from one side, and how well."""
+    name = f"three squares in each of {PICTURES} real photographs"
+    must_reach = "all found and calibrated"
+    if not photographs():
+        return [Row(name, "no ../shared/data", must_reach, None)]
+    right, own, percents, deviations = 0, 0, [], []
+    for case in inserted_squares(PICTURES):
+        label = f"{case.photograph.parent.name}/{case.photograph.name} {case.settings}"
+        try:
+            result = ts.calibrate(case.picture)
+        except ts.TrisquareError as error:
+            print(f"  {label}: {error}")
+            continue
+        if is_own_camera(case, result) and says_so(result):
+            print(f"  {label}: the photograph's own camera")
+            own += 1
+            continue
+        error = abs(result.camera.fx - case.scene.camera.fx)
+        percents.append(100.0 * error / case.scene.camera.fx)
+        deviations.append(error / result.std["fx"])
+        if percents[-1] > RIGHT_PERCENT:
+            print(f"  {label}: fx {percents[-1]:.2f} % off, {result.warnings}")
+            continue
+        right += 1
+    for unit, values in (("% of fx", percents), ("of its stated std", deviations)):
+        median, worst = np.median(values), np.max(values)
+        print(f"  error of fx: median {median:.3f}, worst {worst:.3f} {unit}")
+    measured = (
+        f"{right} of {PICTURES}, and {own} by the photograph's own three boards; fx error median "
+        f"{np.median(percents):.3f} %, worst {max(percents):.2f} % ({max(deviations):.1f} std)"
+    )
+    return [Row(name, measured, must_reach, right + own == PICTURES)]

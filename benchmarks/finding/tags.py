@@ -1,0 +1,189 @@
+"""Tags and ChArUco sheets: found, with the right number, and how accurate what follows is."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import cv2
+import numpy as np
+from harness.rows import Row
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare.detection.kinds import Targets
+from trisquare.detection.tags.codes import opencv_dictionary
+from trisquare.detection.tags.decode import recognise
+from trisquare.detection.tags.families import DICTIONARIES, TagSearch
+from trisquare.measurement.find import find
+from trisquare.measurement.sheets import FoundSheet
+from trisquare.measurement.squares import FoundSquare
+from trisquare_scenes.tagged import charuco_box_scene, tag_scene
+
+PICTURES = 56
+SEED = 40
+NAMES = (
+    "4X4_50",
+    "4X4_1000",
+    "5X5_250",
+    "6X6_250",
+    "7X7_1000",
+    "APRILTAG_16H5",
+    "APRILTAG_36H11",
+    "ARUCO_ORIGINAL",
+)
+NOISE_RANGE = (1.0, 4.0)  # grey levels
+BLUR_RANGE = (0.5, 1.2)  # pixels
+CONTRAST = 175.0
+JPEG_QUALITY = 85
+FOUND_TARGET = 0.98
+BOUND_TARGET = 1.3
+
+BOXES = 8
+BOX_SEED = 41
+
+CHANCE_PICTURES = 300
+QUADS_PER_PICTURE = 5
+CHANCE_SEED = 42
+FALSE_TARGET = 0.01
+
+CUBE = Path(__file__).resolve().parents[3] / "shared" / "data" / "charuco-cube" / "cam0"
+CUBE_LAYOUT = "charuco:10x10:0.75:6X6_1000"
+CUBE_FOCAL = 5145.0  # +- 13, by Zhang's method from all pictures
+CUBE_TARGET = 20
+POOLED_TARGET = 0.005
+
+
+def measure() -> list[Row]:
+    """Draw tags, boxes and clutter, and look at the photographs of the cube."""
+    rows = [*_single_tags(), _chance(), _boxes()]
+    return rows + (_cube() if CUBE.is_dir() else [])
+
+
+def _single_tags() -> list[Row]:
+    """Three tags of 60 to 250 px, tilted by 25 to 60 degrees; no dictionary is named."""
+    whole = found = false = by_opencv = 0
+    ratios = []
+    for index in range(PICTURES):
+        rng = np.random.default_rng([SEED, index])
+        name = NAMES[index % len(NAMES)]
+        scene, numbers = tag_scene(rng, name)
+        noise, blur = rng.uniform(*NOISE_RANGE), rng.uniform(*BLUR_RANGE)
+        picture = simulate.render(scene, rng, noise=noise, blur=blur, contrast=CONTRAST)
+        _, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+        coded = np.asarray(cv2.imdecode(data, cv2.IMREAD_GRAYSCALE), dtype=np.uint8)
+        targets = find(coded, Targets.parse("auto"))
+        tags = [one.outline.tag for one in targets if isinstance(one, FoundSquare)]
+        seen = [tag.number for tag in tags if tag is not None]
+        whole += sorted(seen) == sorted(numbers)
+        found += len(set(seen) & set(numbers))
+        false += sum(number not in numbers for number in seen)
+        detector = cv2.aruco.ArucoDetector(opencv_dictionary(name))
+        _, told, _ = detector.detectMarkers(coded)
+        by_opencv += len(set(numbers) & set(np.ravel([] if told is None else told).tolist()))
+        try:
+            result = ts.calibrate(picture, tone="linear")
+        except ts.TrisquareError:
+            continue
+        sigma = simulate.pixel_sigma(noise, CONTRAST, blur)
+        bound = simulate.cramer_rao_bound(scene, sigma)["fx"]
+        ratios.append((result.camera.fx - scene.camera.fx) / bound)
+    ratio = float(np.sqrt(np.mean(np.square(ratios))))
+    every = 3 * PICTURES
+    print(f"  OpenCV's detector, told the dictionary: {by_opencv} of {every} tags; ours {found}")
+    print(f"  {len(ratios)} of {PICTURES} pictures calibrate alone (the others are refused)")
+    return [
+        Row(
+            f"three single tags, no dictionary given, {PICTURES} pictures, JPEG {JPEG_QUALITY}",
+            f"{whole} with all three, {found} of {every} tags, {false} false",
+            f">= {FOUND_TARGET:.0%} of pictures, none false",
+            whole >= FOUND_TARGET * PICTURES and false == 0,
+        ),
+        Row(
+            "fx error / pixel-level bound of three tags, no JPEG",
+            f"{ratio:.2f}",
+            f"<= {BOUND_TARGET:.2f}",
+            ratio <= BOUND_TARGET,
+        ),
+    ]
+
+
+def _chance() -> Row:
+    """Dark squares with random cells of 4 x 4, the shortest code, are taken for tags how often."""
+    believed = 0
+    for index in range(CHANCE_PICTURES):
+        rng = np.random.default_rng([CHANCE_SEED, index])
+        grey = np.full((90, 90 * QUADS_PER_PICTURE), 220, np.uint8)
+        for quad in range(QUADS_PER_PICTURE):
+            cells = np.zeros((6, 6), np.uint8)
+            cells[1:-1, 1:-1] = rng.integers(0, 2, (4, 4))
+            x = 90 * quad + 15
+            grey[15:75, x : x + 60] = 20 + 200 * np.kron(cells, np.ones((10, 10), np.uint8))
+        square = np.array([[14.5, 14.5], [74.5, 14.5], [74.5, 74.5], [14.5, 74.5]])
+        corners = square + np.array([[[90 * quad, 0]] for quad in range(QUADS_PER_PICTURE)])
+        steps = np.full(QUADS_PER_PICTURE, 200.0)
+        blurred = np.asarray(cv2.GaussianBlur(grey, (0, 0), 0.8), dtype=np.uint8)
+        found = recognise(blurred, corners, steps, TagSearch(DICTIONARIES))
+        believed += any(tag is not None for tag in found)
+    share = believed / CHANCE_PICTURES
+    return Row(
+        f"pictures with {QUADS_PER_PICTURE} dark squares of 4 x 4 random cells that show a tag",
+        f"{believed} of {CHANCE_PICTURES}",
+        f"<= {FALSE_TARGET:.0%}",
+        share <= FALSE_TARGET,
+    )
+
+
+def _boxes() -> Row:
+    """ChArUco boards of known layout: markers and grid lines on one plane, or the lines alone."""
+    errors: dict[str, list[float]] = {"lattices alone": [], "with markers": []}
+    for index in range(BOXES):
+        rng = np.random.default_rng([BOX_SEED, index])
+        scene = charuco_box_scene(rng, squares=5, name="4X4_1000")
+        noise, blur = rng.uniform(*NOISE_RANGE), rng.uniform(*BLUR_RANGE)
+        picture = simulate.render(scene, rng, noise=noise, blur=blur, contrast=CONTRAST)
+        edges = ts.detect(picture, targets="charuco:5x5:0.75:4X4_1000", tone="linear")
+        lattices = [figure for figure in edges if figure.polarity is None]
+        size = scene.camera.image_size
+        for name, figures in (("lattices alone", lattices), ("with markers", edges)):
+            result = ts.calibrate_edges(figures, size)
+            errors[name].append((result.camera.fx - scene.camera.fx) / scene.camera.fx)
+    alone, both = (100 * np.sqrt(np.mean(np.square(of))) for of in errors.values())
+    return Row(
+        f"fx error of {BOXES} boxes with three ChArUco boards, layout known",
+        f"{both:.3f} % with markers, {alone:.3f} % by grid lines alone",
+        "no worse with markers",
+        bool(both <= alone),
+    )
+
+
+def _cube() -> list[Row]:
+    """24 photographs of a paper cube."""
+    targets = Targets.parse(CUBE_LAYOUT)
+    photographs = [str(CUBE / f"{number}.jpg") for number in range(24)]
+    faces: Counter[int] = Counter()
+    for photograph in photographs:
+        picture = cv2.imread(photograph, cv2.IMREAD_GRAYSCALE)
+        found = find(np.asarray(picture), targets)
+        faces[sum(isinstance(sheet, FoundSheet) for sheet in found)] += 1
+    print(f"  cube: pictures by the number of faces found: {dict(sorted(faces.items()))}")
+    with_planes = len(photographs) - faces[0]
+    rows = [
+        Row(
+            f"photographs of the cube with planes, {CUBE_LAYOUT}",
+            f"{with_planes} of 24",
+            f">= {CUBE_TARGET}",
+            with_planes >= CUBE_TARGET,
+        )
+    ]
+    for number in (7, 8):
+        result = ts.calibrate(photographs[number], targets=CUBE_LAYOUT)
+        fx, std = result.camera.fx, result.std["fx"]
+        off = abs(fx - CUBE_FOCAL) / std
+        shown = f"fx {fx:.0f} +- {std:.0f}"
+        rows.append(Row(f"cube, picture {number} alone", shown, "5145 within 3 std", off <= 3.0))
+    pooled = ts.calibrate(photographs, targets=CUBE_LAYOUT)
+    off = abs(pooled.camera.fx / CUBE_FOCAL - 1.0)
+    shown = f"fx {pooled.camera.fx:.0f} +- {pooled.std['fx']:.0f} ({100 * off:.2f} % off)"
+    rows.append(Row("cube, all pooled", shown, "5145 within 0.5 %", off <= POOLED_TARGET))
+    return rows

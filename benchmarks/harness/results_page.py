@@ -1,0 +1,67 @@
+"""What the documentation's page "how exact" includes: the last rows of every benchmark.
+
+One section a benchmark, headed by its title and closed by when, and by which versions, it was
+measured. A run replaces the sections of the benchmarks that it measures and keeps the others.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import re
+from collections.abc import Sequence
+from datetime import datetime, timezone
+from pathlib import Path
+
+import cv2
+from harness.rows import Row, markdown_table
+
+import trisquare as ts
+
+PAGE = Path(__file__).parents[2] / "docs" / "measured.md"
+
+MARK = "<!-- benchmark: {} -->"
+SECTION = re.compile(
+    r"^<!-- benchmark: ([\w.]+) -->\n(.*?)(?=^<!-- benchmark|\Z)", re.DOTALL | re.M
+)
+
+
+def update(
+    name: str, rows: Sequence[Row], order: Sequence[str], conditions: str, page: Path = PAGE
+) -> None:
+    """Write a benchmark's rows into the page, in the place that `order` gives it.
+
+    Sections of benchmarks that are not in `order` any more are dropped.
+    """
+    sections = read(page)
+    sections[name] = _section(name, rows, conditions)
+    page.write_text(
+        "\n".join(
+            f"{MARK.format(known)}\n{sections[known]}" for known in order if known in sections
+        ),
+        encoding="utf-8",
+    )
+
+
+def read(page: Path = PAGE) -> dict[str, str]:
+    """Return the sections of the page by the names of their benchmarks."""
+    text = page.read_text(encoding="utf-8") if page.exists() else ""
+    return {name: f"{body.strip()}\n" for name, body in SECTION.findall(text)}
+
+
+def conditions() -> str:
+    """Say of what, and when, what follows is measured, and how busy others keep the machine."""
+    day = datetime.now(timezone.utc).date().isoformat()
+    said = f"{day}: trisquare {ts.__version__}, OpenCV {cv2.__version__}"
+    if not hasattr(os, "getloadavg"):
+        return said
+    # Times of a busy machine are not worth much; a reader has to know.
+    return f"{said}; {os.cpu_count()} cores under a load of {os.getloadavg()[0]:.1f}"
+
+
+def _section(name: str, rows: Sequence[Row], conditions: str) -> str:
+    title = (importlib.import_module(name).__doc__ or name).splitlines()[0]
+    return (
+        f"## {title.rstrip('.')}\n\n{markdown_table(rows)}\n\n"
+        f"*`benchmarks/{name.replace('.', '/')}.py`, {conditions}*\n"
+    )

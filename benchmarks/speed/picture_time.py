@@ -1,0 +1,67 @@
+"""From a picture in memory to the result, in units of OpenCV's Canny on the same picture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+from harness.rows import Row
+from harness.stopwatch import alternated_medians
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare.images.pixels import Image
+
+PICTURES = 5
+REPETITIONS = 15
+SEED = 6
+TARGET, GOAL = 15.0, 6.0
+
+
+def measure() -> list[Row]:
+    """Print the ratio for plain grey pictures of squares, and for photo-like colour ones."""
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        ratio, seconds = _ratio(_plain)
+        photo_ratio, photo_seconds = _ratio(_photo)
+    finally:
+        cv2.setNumThreads(threads)
+    print(f"  plain grey {1e3 * seconds:.1f} ms, {ratio:.1f} Canny")
+    print(f"  photo-like colour {1e3 * photo_seconds:.1f} ms, {photo_ratio:.1f} Canny")
+    return [
+        Row(
+            "picture (1280 x 960) to result / `cv2.Canny` on it, one thread",
+            f"{ratio:.1f} ({1e3 * seconds:.1f} ms)",
+            f"<= {TARGET:.0f}, goal {GOAL:.0f}",
+            ratio <= TARGET,
+        )
+    ]
+
+
+def _ratio(draw: Callable[[np.random.Generator], Image]) -> tuple[float, float]:
+    """Return the median ratio over the pictures, and the median seconds to a result."""
+    ratios, seconds = [], []
+    for seed in range(PICTURES):
+        picture = draw(np.random.default_rng([SEED, seed]))
+        whole, canny = alternated_medians(
+            [
+                lambda shot=picture: ts.calibrate(shot),
+                lambda shot=picture: cv2.Canny(shot, 50, 150),
+            ],
+            REPETITIONS,
+        )
+        ratios.append(whole / canny)
+        seconds.append(whole)
+    print(f"  {draw.__name__.lstrip('_')}: {', '.join(f'{ratio:.1f}' for ratio in ratios)}")
+    return float(np.median(ratios)), float(np.median(seconds))
+
+
+def _plain(rng: np.random.Generator) -> Image:
+    noise, blur = rng.uniform(1.0, 4.0), rng.uniform(0.5, 1.2)
+    return simulate.render(simulate.random_scene(rng), rng, noise=noise, blur=blur, tone="srgb")
+
+
+def _photo(rng: np.random.Generator) -> Image:
+    return simulate.photo_like(rng)[0]

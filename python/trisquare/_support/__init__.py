@@ -1,0 +1,1 @@
+"""What every room may use: checks of arguments, JSON members, files, numbers as text."""

@@ -1,0 +1,161 @@
+"""Reading JSON objects whose every mistake is named by its key."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any, NoReturn
+
+import numpy as np
+
+from trisquare._support.arrays import FloatArray, real_array
+
+
+class JsonFields:
+    """The members of one JSON object, read by key and by type.
+
+    Every reader raises ValueError naming the full key, such as ``planes[1].corners``. Keys that
+    nobody reads are ignored, so that older programs read newer files.
+    """
+
+    def __init__(self, members: Any, where: str = "") -> None:
+        if not isinstance(members, dict):
+            raise ValueError(f"{where or 'the JSON text'} must be an object")
+        self._members: dict[str, Any] = members
+        self._where = where
+
+    @classmethod
+    def parse(cls, text: str | bytes, wanted_format: str) -> JsonFields:
+        """Parse a whole text and check its ``format`` member."""
+        if not isinstance(text, str | bytes):
+            raise TypeError(f"JSON text must be a str, not {type(text).__name__}")
+        try:
+            fields = cls(json.loads(text, parse_constant=refuse_constant))
+        except RecursionError as error:
+            raise ValueError("the JSON text is nested too deeply") from error
+        except json.JSONDecodeError as error:
+            raise ValueError(f"not JSON: {error}") from error
+        found = fields.text("format")
+        if found != wanted_format:
+            raise ValueError(f'"format" must be {wanted_format!r}, not {found!r}')
+        return fields
+
+    def _key(self, key: str) -> str:
+        return f"{self._where}.{key}" if self._where else key
+
+    def _fail(self, key: str, wanted: str) -> NoReturn:
+        raise ValueError(f'"{self._key(key)}" must be {wanted}')
+
+    def value(self, key: str) -> Any:
+        """Return the member as it was parsed; it must be there."""
+        if key not in self._members:
+            raise ValueError(f'"{self._key(key)}" is missing')
+        return self._members[key]
+
+    def names(self) -> tuple[str, ...]:
+        """Return the keys, but those that are no strings, which YAML allows."""
+        return tuple(key for key in self._members if isinstance(key, str))
+
+    def has(self, key: str) -> bool:
+        """Whether there is a key that older files lack, and it is not null."""
+        return self._members.get(key) is not None
+
+    def text(self, key: str) -> str:
+        """Return a string."""
+        value = self.value(key)
+        if not isinstance(value, str):
+            self._fail(key, "a string")
+        return value
+
+    def integer(self, key: str) -> int:
+        """Return a whole number."""
+        value = self.value(key)
+        if isinstance(value, bool) or not isinstance(value, int):
+            self._fail(key, "a whole number")
+        return value
+
+    def number(self, key: str) -> float:
+        """Return a finite number."""
+        return float(self.array(key, ()))
+
+    def number_or(self, key: str, default: float) -> float:
+        """Return a finite number, or `default` if the member is not there."""
+        return self.number(key) if key in self._members else default
+
+    def array(self, key: str, shape: tuple[int | None, ...]) -> FloatArray:
+        """Return a finite, read-only array of numbers of the given shape."""
+        return self._array(self.value(key), key, shape)
+
+    def arrays(self, key: str, shape: tuple[int | None, ...]) -> tuple[FloatArray, ...]:
+        """Return a list of finite, read-only arrays of numbers."""
+        return tuple(
+            self._array(value, f"{key}[{index}]", shape)
+            for index, value in enumerate(self._list(key))
+        )
+
+    def texts(self, key: str) -> tuple[str, ...]:
+        """Return a list of strings."""
+        values = self._list(key)
+        if not all(isinstance(value, str) for value in values):
+            self._fail(key, "a list of strings")
+        return tuple(values)
+
+    def integers(self, key: str) -> tuple[int, ...]:
+        """Return a list of whole numbers."""
+        values = self._list(key)
+        if not all(isinstance(value, int) and not isinstance(value, bool) for value in values):
+            self._fail(key, "a list of whole numbers")
+        return tuple(values)
+
+    def numbers_by_name(self, key: str) -> dict[str, float]:
+        """Return an object whose members are all finite numbers."""
+        members = self.object(key)
+        return {name: members.number(name) for name in members._members}
+
+    def object(self, key: str) -> JsonFields:
+        """Return a nested object."""
+        return JsonFields(self.value(key), self._key(key))
+
+    def objects(self, key: str) -> tuple[JsonFields, ...]:
+        """Return a list of nested objects."""
+        return tuple(
+            JsonFields(value, f"{self._key(key)}[{index}]")
+            for index, value in enumerate(self._list(key))
+        )
+
+    def _list(self, key: str) -> list[Any]:
+        value = self.value(key)
+        if not isinstance(value, list):
+            self._fail(key, "a list")
+        return value
+
+    def _array(self, value: Any, key: str, shape: tuple[int | None, ...]) -> FloatArray:
+        try:
+            # An empty list of rows has lost its second dimension.
+            if value == [] and len(shape) == 2 and shape[0] in (None, 0):
+                value = np.empty((0, shape[1] or 0))
+            return real_array(value, f'"{self._key(key)}"', shape)
+        except TypeError as error:
+            raise ValueError(str(error)) from error
+
+
+def refuse_constant(constant: str) -> NoReturn:
+    """Refuse NaN and the infinities; for ``parse_constant`` of `json.loads`."""
+    raise ValueError(f"the JSON text holds {constant}, which is not JSON")
+
+
+def dump_members(members: Mapping[str, Any]) -> str:
+    """Write an object with one member per line, and lists of objects with one object per line.
+
+    The arrays stay on their lines, so that the file can be read and compared by people. Floats
+    are written so that they read back exactly; NaN is refused.
+    """
+    lines = [f"  {json.dumps(key)}: {_dump_value(value)}" for key, value in members.items()]
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def _dump_value(value: Any) -> str:
+    if isinstance(value, Sequence) and value and isinstance(value[0], Mapping):
+        rows = ",\n".join(f"    {json.dumps(row, allow_nan=False)}" for row in value)
+        return f"[\n{rows}\n  ]"
+    return json.dumps(value, allow_nan=False)

@@ -1,0 +1,87 @@
+"""Writing files whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import shutil
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TypeAlias
+
+PathLike: TypeAlias = str | os.PathLike[str]
+
+
+@contextmanager
+def writing(path: PathLike) -> Iterator[None]:
+    """Let an OSError of the system about an output begin with the name that the user gave."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None:
+            raise  # said already
+        said = f"{os.fspath(path)}: cannot be written: {error.strerror}"
+        raise type(error)(said) from error
+
+
+def check_writable(path: PathLike) -> None:
+    """Raise OSError if `write_atomically` could not write to this path.
+
+    So that a long calibration does not run for an answer that cannot be kept.
+    """
+    target = Path(os.path.realpath(path))
+    with writing(path):
+        if not target.parent.is_dir():
+            raise FileNotFoundError(f"{os.fspath(path)}: there is no folder {target.parent}")
+        if target.exists() and not target.is_file():
+            raise OSError(f"{os.fspath(path)}: is not a file")
+    if not os.access(target.parent, os.W_OK | os.X_OK):
+        raise PermissionError(f"{os.fspath(path)}: the folder {target.parent} is not writable")
+
+
+def write_atomically(contents: Mapping[PathLike, bytes]) -> None:
+    """Write files so that each is either complete or untouched.
+
+    Every content goes to a temporary file beside its target first; only when all of them are on
+    the disk does the first one take its place.
+
+    Parameters
+    ----------
+    contents : mapping of path to bytes
+        What to write where. A symbolic link is followed, an existing file keeps its mode.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be written; no target was touched then.
+    """
+    write_in_turn(contents.items())
+
+
+def write_in_turn(contents: Iterable[tuple[PathLike, bytes]]) -> None:
+    """Write files as `write_atomically` does, each content made when its turn has come.
+
+    So that many pictures are never in memory at once; an error while one is made touches no
+    target either.
+    """
+    staged: list[tuple[PathLike, Path, Path]] = []
+    try:
+        for path, content in contents:
+            check_writable(path)
+            target = Path(os.path.realpath(path))
+            temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}.tmp")
+            # Opened, not made by tempfile: the file shall have the mode that the umask gives.
+            with writing(path), temporary.open("xb") as file:
+                staged.append((path, temporary, target))
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())
+            if target.exists():
+                shutil.copymode(target, temporary)
+        for path, temporary, target in staged:
+            with writing(path):
+                temporary.replace(target)
+    finally:
+        for _, temporary, _ in staged:
+            temporary.unlink(missing_ok=True)

@@ -1,0 +1,1 @@
+"""What is asked of a result: measuring, comparing, diagnosing, predicting."""

@@ -1,0 +1,321 @@
+"""How far apart two cameras project, and whether their uncertainties explain it.
+
+Two calibrations of one camera never agree to the digit, and their parameters tell little: a longer
+focal length and a stronger distortion may project alike. What counts is where directions are seen.
+But a calibration does not say which way the camera points: a shift of the principal point is all
+but a turn of the camera, which nobody who poses the camera afterwards would notice. So the
+directions seen at pixels of the first camera are turned by the one rotation that brings the second
+camera's projections of them closest (least squares over the picture), and what is left is the
+difference. The idea of comparing after such a rotation is mrcal's (https://mrcal.secretsauce.net,
+"projection difference").
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+import trisquare._core as _core
+from trisquare._support.arrays import FloatArray, RebuiltByConstructor
+from trisquare._support.number_text import decimals_shown
+from trisquare.analysis.camera_rotation import TurnedCameras, best_turn
+from trisquare.camera.camera import Camera, camera_for_core
+from trisquare.camera.projection_uncertainty import free_columns, picture_grid, rms_displacement
+from trisquare.results.calibration import Calibration
+from trisquare.results.camera_of import lens_of
+
+__all__ = ["Comparison", "compare"]
+
+SIGNIFICANCE = 0.05
+"""Cameras that are the same are said to differ so often."""
+
+ROUNDING = 1e-6
+"""Directions of difference known this much better than the least known are rounding."""
+
+AGREEING = 1e-6
+"""Pixels: cameras nowhere farther apart are the same, however well they are said to be known; files
+round as much away."""
+
+REMARKABLE = 2.0
+"""Standard deviations that a single place seldom exceeds."""
+
+LEAST_STATED = 1e-6
+"""Probabilities below it are not told apart: no noise is normal so far out."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Comparison(RebuiltByConstructor):
+    """How far apart two cameras project.
+
+    Parameters
+    ----------
+    first, second : Camera
+        What was compared; the pixels are the first one's.
+    rotation : ndarray, shape (3, 3)
+        ``second_from_first``: turns the first camera's directions into the second's.
+    x, y : ndarray, shape (C,) and (R,)
+        Columns and rows of the grid, pixels, from border to border.
+    difference : ndarray, shape (R, C, 2)
+        The second camera's projection of the direction that the first sees at ``(x[j], y[i])``,
+        less that pixel; infinite where one of the two cannot follow.
+    std : ndarray, shape (R, C), or None
+        Root mean square distance that the stated uncertainties lead to expect between two
+        calibrations of one camera, pixels, infinite likewise; None if neither states one.
+    p_value : float or None
+        How often two calibrations of one camera, each from photographs of its own, differ at
+        least so much (chi-squared); of the same photographs it is too large.
+    degrees_of_freedom : int
+        Of the chi-squared: independent differences that the uncertainties allow.
+    unexplained : float
+        Root mean square, pixels, of the difference of a shape that no change of the uncertain
+        parameters makes; 0 if no uncertainty is stated.
+    """
+
+    first: Camera
+    second: Camera
+    rotation: FloatArray
+    x: FloatArray
+    y: FloatArray
+    difference: FloatArray
+    std: FloatArray | None
+    p_value: float | None
+    degrees_of_freedom: int
+    unexplained: float
+
+    def __post_init__(self) -> None:
+        for name in ("rotation", "x", "y", "difference", "std"):
+            value = getattr(self, name)
+            if value is not None:
+                array = np.array(value, dtype=np.float64, order="C")
+                array.flags.writeable = False
+                object.__setattr__(self, name, array)
+
+    @property
+    def distance(self) -> FloatArray:
+        """Length of the difference, shape (R, C), pixels; infinite where it is not known."""
+        return np.asarray(np.hypot(self.difference[..., 0], self.difference[..., 1]))
+
+    @property
+    def rms(self) -> float:
+        """Root mean square distance over the picture, pixels."""
+        distance = self.distance
+        return float(np.sqrt(np.mean(distance[np.isfinite(distance)] ** 2)))
+
+    @property
+    def expected_rms(self) -> float | None:
+        """The rms that the stated uncertainties lead to expect, pixels."""
+        if self.std is None:
+            return None
+        return float(np.sqrt(np.mean(self.std[np.isfinite(self.std)] ** 2)))
+
+    @property
+    def worst(self) -> float:
+        """The largest distance, pixels."""
+        return float(self.distance[self._worst_place])
+
+    @property
+    def worst_at(self) -> tuple[float, float]:
+        """The pixel of the largest distance."""
+        row, column = self._worst_place
+        return float(self.x[column]), float(self.y[row])
+
+    @property
+    def worst_in_stds(self) -> float | None:
+        """The largest distance over what is to be expected there, wherever that is."""
+        if self.std is None:
+            return None
+        known = np.isfinite(self.distance) & (self.std > 0)
+        return float(np.max(self.distance[known] / self.std[known], initial=0.0))
+
+    @property
+    def angle(self) -> float:
+        """The rotation between the two, degrees."""
+        # From the antisymmetric part, which is exact for small angles as the trace is not.
+        skew = self.rotation - self.rotation.T
+        sine = 0.5 * math.hypot(skew[2, 1], skew[0, 2], skew[1, 0])
+        return math.degrees(math.atan2(sine, 0.5 * (float(np.trace(self.rotation)) - 1.0)))
+
+    @property
+    def coverage(self) -> float:
+        """Part of the picture's grid that both cameras can follow."""
+        return float(np.isfinite(self.distance).mean())
+
+    @property
+    def same(self) -> bool | None:
+        """Whether the uncertainties explain the difference; None if none is stated."""
+        expected = self.expected_rms
+        if self.p_value is None or expected is None:
+            return None
+        if self.worst <= AGREEING:
+            return True
+        return self.p_value >= SIGNIFICANCE and self.unexplained <= expected
+
+    @property
+    def verdict(self) -> str:
+        """What it comes to, in a sentence."""
+        x, y = self.worst_at
+        apart = (
+            f"{two_digits(self.rms)} px apart (rms over the picture), "
+            f"{two_digits(self.worst)} px at most, at ({x:.0f}, {y:.0f})"
+        )
+        expected, stds, p_value = self.expected_rms, self.worst_in_stds, self.p_value
+        if expected is None or stds is None or p_value is None:
+            return f"{apart}; neither states its uncertainty, so what that means is not known"
+        if self.same:
+            usual = f"{two_digits(expected)} px (rms) is to be expected"
+            return f"the same within their uncertainty: {apart}; {usual}"
+        p = f"p = {p_value:.2g}" if p_value > LEAST_STATED else f"p < {LEAST_STATED:g}"
+        size = f"up to {two_digits(stds)} standard deviations"
+        if stds < REMARKABLE:
+            size = f"{size}, but in ways that are better known than any one place"
+        said = f"they differ: {apart}; {size}, {p}"
+        if self.unexplained <= expected:
+            return said
+        return f"{said}; {two_digits(self.unexplained)} px (rms) that no uncertain parameter makes"
+
+    @property
+    def _worst_place(self) -> tuple[int, int]:
+        distance = self.distance
+        finite = np.where(np.isfinite(distance), distance, -1.0)
+        row, column = np.unravel_index(int(np.argmax(finite)), finite.shape)
+        return int(row), int(column)
+
+    def __repr__(self) -> str:
+        return f"<Comparison: {self.verdict}>"
+
+
+def compare(first: Calibration | Camera, second: Calibration | Camera) -> Comparison:
+    """Tell how far apart two cameras project, after the rotation that fits best.
+
+    Parameters
+    ----------
+    first, second : Calibration or Camera
+        Of pictures of one size. A `Calibration` brings its uncertainty, in which what was held
+        counts as exact; a `Camera` is taken as exact. Two calibrations from the same photographs
+        share their errors, and differ by less than is said to be expected.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    TypeError
+        If an argument is neither.
+    ValueError
+        If the pictures' sizes differ, or the cameras have too little of the picture in common.
+    """
+    a, b = lens_of(first, "first"), lens_of(second, "second")
+    if a.image_size != b.image_size:
+        sizes = " and ".join(
+            f"{width} x {height}" for width, height in (a.image_size, b.image_size)
+        )
+        raise ValueError(f"the cameras' pictures differ in size, {sizes}: rescale one of them")
+    x, y = picture_grid(a.image_size)
+    pixels = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    rotation, seen = best_turn(a, b, pixels)
+    turned = TurnedCameras(a, b, rotation)
+    difference = np.full(pixels.shape, np.inf)
+    difference[seen] = turned.project(pixels[seen]) - pixels[seen]
+    std = None
+    p_value, freedom, unexplained = None, 0, 0.0
+    spread = _spread(first, second, turned, pixels[seen])
+    if spread is not None:
+        p_value, freedom, unexplained = _chi_square_test(
+            difference[seen].ravel(), spread, focal=min(a.fx, a.fy)
+        )
+        blocks = spread.reshape(len(pixels[seen]), 2, -1)
+        expected = np.full(len(pixels), np.inf)
+        expected[seen] = rms_displacement(blocks @ blocks.transpose(0, 2, 1))
+        std = expected.reshape(len(y), len(x))
+    return Comparison(
+        a,
+        b,
+        rotation,
+        x,
+        y,
+        difference.reshape(len(y), len(x), 2),
+        std,
+        p_value,
+        freedom,
+        unexplained,
+    )
+
+
+def _spread(
+    first: Calibration | Camera,
+    second: Calibration | Camera,
+    turned: TurnedCameras,
+    pixels: FloatArray,
+) -> FloatArray | None:
+    """Return a square root, shape (2 N, n), of the covariance of the differences, if one is known.
+
+    The rotation takes up what it can of each error: its columns are projected out.
+    """
+    roots = []
+    if isinstance(first, Calibration) and first.parameters:
+        # What moves the first camera's projection moves the direction seen at a pixel back.
+        moved = _root_of_projection(first, pixels)
+        roots.append(-(turned.by_pixel(pixels) @ moved))
+    if isinstance(second, Calibration) and second.parameters:
+        roots.append(_root_of_projection(second, turned.project(pixels)))
+    if not roots:
+        return None
+    spread = np.concatenate(roots, axis=-1).reshape(2 * len(pixels), -1)
+    basis = np.linalg.qr(turned.by_turn(pixels).reshape(-1, 3))[0]
+    return np.asarray(spread - basis @ (basis.T @ spread))
+
+
+def _root_of_projection(calibration: Calibration, pixels: FloatArray) -> FloatArray:
+    """Return a square root, shape (N, 2, n), of the joint covariance of projections."""
+    jacobian = _core.projection_jacobian(camera_for_core(calibration.camera), pixels)
+    free = jacobian @ free_columns(calibration.camera, calibration.parameters, calibration.fixed)
+    values, vectors = np.linalg.eigh(calibration.covariance)
+    return np.asarray(free @ (vectors * np.sqrt(np.maximum(values, 0.0))))
+
+
+def _chi_square_test(
+    difference: FloatArray, spread: FloatArray, focal: float
+) -> tuple[float, int, float]:
+    """Return a difference's p-value, degrees of freedom, and the rms left unexplained.
+
+    What the least known direction leaves in the second order, its own size over the focal length
+    times itself, would look significant in directions that are better known than that: they are
+    not put to the test.
+    """
+    directions, sizes, _ = np.linalg.svd(spread, full_matrices=False)
+    second_order = sizes[0] * np.sqrt(2 / len(difference)) / focal
+    known = sizes > max(second_order, ROUNDING) * sizes[0]
+    directions = directions[:, known]
+    components = directions.T @ difference
+    statistic = float(np.sum((components / sizes[known]) ** 2)) if known.any() else 0.0
+    freedom = int(known.sum())
+    left = difference - directions @ components
+    unexplained = float(np.sqrt(2 * np.mean(left**2)))
+    return chi_square_tail(statistic, freedom), freedom, unexplained
+
+
+def two_digits(value: float) -> str:
+    """Write a number with two significant digits, and never as a power of ten."""
+    return f"{value:.{min(decimals_shown(value), 6)}f}" if value >= AGREEING else "0"
+
+
+def chi_square_tail(statistic: float, freedom: int) -> float:
+    """Return how often a chi-squared variable exceeds a value.
+
+    The finite sums for whole degrees of freedom (Abramowitz & Stegun, 26.4.4 and 26.4.5).
+    """
+    if freedom == 0:
+        return 1.0
+    half = 0.5 * statistic
+    if freedom % 2:
+        total, power = math.erfc(math.sqrt(half)), 0.5
+    else:
+        total, power = math.exp(-half), 1.0
+    while power < 0.5 * freedom:
+        if half > 0:
+            total += math.exp(power * math.log(half) - half - math.lgamma(power + 1.0))
+        power += 1.0
+    return min(total, 1.0)

@@ -1,0 +1,274 @@
+"""Lengths, angles and areas on the plane of a square.
+
+A pixel's ray meets the plane in a point, and lengths between such points follow the side that the
+square is said to have. This is the paper's own test of a calibration (Zhou, Cui, Gao & Wang,
+Optics and Lasers in Engineering 51 (2013) 1332-1343, section 4). The standard deviations hold what
+the pixels, the pose and the camera contribute, jointly: a length beside the square is known better
+than the focal length, since the pose follows the camera.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+import trisquare._core as _core
+from trisquare._support.arrays import (
+    FloatArray,
+    RebuiltByConstructor,
+    not_negative,
+    real_array,
+    real_number,
+)
+from trisquare.analysis.camera_rotation import rotation_matrix
+from trisquare.analysis.plane_points import onto_plane
+from trisquare.camera.camera import Camera, camera_for_core
+from trisquare.camera.projection_uncertainty import free_columns
+from trisquare.results.calibration import Calibration
+from trisquare.results.camera_of import lens_of
+from trisquare.results.plane import Plane
+from trisquare.results.pose_uncertainty import POSE_PARAMETERS
+
+if TYPE_CHECKING:
+    pass
+
+__all__ = ["Measurement", "measure"]
+
+CLICKED_STD = 0.5
+"""Pixels: how well somebody points at a place in a picture."""
+
+PIXEL_STEP = 1e-3
+"""Pixels, for derivatives by differences: six digits of them are right."""
+
+POSE_STEP = 1e-6
+"""Radians and sides, likewise."""
+
+RELATIVE_STEP = 1e-6
+"""Of the points' extent, likewise."""
+
+SMALLEST = 1e-9
+"""Extent of points that coincide, lest a step vanish."""
+
+LARGEST = 1e100
+"""Sides and deviations from here on: their squares would soon be more than a number holds."""
+
+FULL_TURN = 360.0
+"""Degrees."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measurement(RebuiltByConstructor):
+    """Points on a plane, and the lengths, angles and area between them.
+
+    Lengths are in the unit of the side that was given; angles in degrees.
+
+    Parameters
+    ----------
+    points : array_like, shape (N, 2)
+        On the plane: its origin at the square's centre, X along its side 0.
+    covariance : array_like, shape (2 N, 2 N)
+        Of ``x0, y0, x1, y1, ...``.
+    """
+
+    points: FloatArray
+    covariance: FloatArray
+
+    def __post_init__(self) -> None:
+        points = real_array(self.points, "points", (None, 2))
+        shape = (points.size, points.size)
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "covariance", real_array(self.covariance, "covariance", shape))
+
+    @property
+    def lengths(self) -> FloatArray:
+        """From each point to the next, shape (N - 1,)."""
+        return _lengths(self.points)
+
+    @property
+    def lengths_std(self) -> FloatArray:
+        """One standard deviation of each length."""
+        return self._std(_lengths)
+
+    @property
+    def angles(self) -> FloatArray:
+        """At each point but the first and the last, degrees from 0 to 180, shape (N - 2,)."""
+        return np.asarray(np.abs(_turns(self.points)))
+
+    @property
+    def angles_std(self) -> FloatArray:
+        """One standard deviation of each angle, degrees."""
+        return self._std(_turns, period=FULL_TURN)
+
+    @property
+    def area(self) -> float | None:
+        """Of the polygon with these corners; None for fewer than three."""
+        return abs(float(_signed_area(self.points)[0])) if len(self.points) > 2 else None
+
+    @property
+    def area_std(self) -> float | None:
+        """One standard deviation of the area."""
+        return float(self._std(_signed_area)[0]) if len(self.points) > 2 else None
+
+    def _std(
+        self, of_points: Callable[[FloatArray], FloatArray], period: float | None = None
+    ) -> FloatArray:
+        """Carry the covariance over to a smooth function of the points, which may have a period."""
+        step = RELATIVE_STEP * max(float(np.ptp(self.points, axis=0).max()), SMALLEST)
+        columns = []
+        for shift in step * np.eye(self.points.size):
+            moved = shift.reshape(self.points.shape)
+            change = of_points(self.points + moved) - of_points(self.points - moved)
+            columns.append(change if period is None else change - period * np.rint(change / period))
+        jacobian = np.stack(columns, axis=-1) / (2 * step)
+        variance = np.einsum("ij,jk,ik->i", jacobian, self.covariance, jacobian)
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+
+    def __repr__(self) -> str:
+        said = [
+            f"{length:.6g} +- {std:.2g}"
+            for length, std in zip(self.lengths, self.lengths_std, strict=True)
+        ]
+        return f"<Measurement of {len(self.points)} points: lengths {', '.join(said)}>"
+
+
+def measure(
+    plane: Plane,
+    points: npt.ArrayLike,
+    camera: Calibration | Camera,
+    *,
+    side: float = 1.0,
+    point_std: float = CLICKED_STD,
+) -> Measurement:
+    """Measure lengths, angles and the area between points seen on the plane.
+
+    Parameters
+    ----------
+    plane : Plane
+        Of a `Calibration`, or what `locate` returned.
+    points : array_like, shape (N, 2)
+        Pixels of the photograph, two or more; in order round a polygon for its area.
+    camera : Calibration or Camera
+        That took it: the calibration that the plane belongs to, or the camera that it was
+        located with. A `Camera` is taken as exact.
+    side : float
+        Length of the square's side (of a board: of a cell), in any unit.
+    point_std : float
+        One standard deviation of each pixel's coordinates; half a pixel is what one points
+        at by hand, `detect` and `cv2.cornerSubPix` are better.
+
+    Returns
+    -------
+    Measurement
+        With ``lengths``, ``angles`` and ``area``, and their standard deviations, which hold
+        the pixels', the pose's and the camera's uncertainty. They take the plane as flat
+        where the points are: what paper is bent by beyond the sides that were measured is
+        not in them, nor is what a camera's held parameters are wrong by.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For bad arguments; if a point is outside the picture or the valid radius, beyond the
+        plane's horizon, or the same as the one before; if the result of an older version does
+        not say how well its poses are known.
+    """
+    pixels = real_array(points, "points", (None, 2))
+    if len(pixels) < 2:
+        raise ValueError(f"a length takes two points, not {len(pixels)}")
+    length = real_number(side, "side")
+    if not 0 < length < LARGEST:
+        raise ValueError(f"side must be positive and less than {LARGEST:g}, not {length:g}")
+    lens = lens_of(camera)
+    _check_in_picture(pixels, lens)
+    _check_apart(pixels)
+    noise = not_negative(point_std, "point_std")
+    if noise >= LARGEST:
+        raise ValueError(f"point_std must be less than {LARGEST:g} px, not {noise:g}")
+    if plane.uncertainty is None:
+        raise ValueError("the plane's pose has no uncertainty: calibrate again with this version")
+    by_pixel = _by_pixel(pixels, lens, plane)
+    by_pose = _by_pose(pixels, lens, plane)
+    total = _each_from_its_pixel(noise**2 * by_pixel @ by_pixel.transpose(0, 2, 1))
+    total += by_pose @ plane.uncertainty.given_camera @ by_pose.T
+    if isinstance(camera, Calibration):
+        # Where the camera projects a ray further along, a pixel's ray is the one before.
+        moved = _core.projection_jacobian(camera_for_core(lens), pixels)
+        by_camera = by_pose @ plane.uncertainty.by_camera
+        by_camera -= (by_pixel @ moved).reshape(pixels.size, -1)
+        by_free = by_camera @ free_columns(lens, camera.parameters, camera.fixed)
+        total += by_free @ camera.covariance @ by_free.T
+    return Measurement(length * onto_plane(pixels, lens, plane), length**2 * total)
+
+
+def _check_apart(pixels: FloatArray) -> None:
+    together = ~np.diff(pixels, axis=0).any(axis=1)
+    if together.any():
+        index = int(np.argmax(together))
+        raise ValueError(f"points {index} and {index + 1} are the same: they have no length")
+
+
+def _check_in_picture(pixels: FloatArray, camera: Camera) -> None:
+    width, height = camera.image_size
+    inside = np.all((pixels >= -0.5) & (pixels <= np.array([width, height]) - 0.5), axis=1)
+    if not inside.all():
+        index = int(np.argmin(inside))
+        x, y = pixels[index]
+        raise ValueError(
+            f"point {index}, ({x:g}, {y:g}), is outside the picture of {width} x {height}"
+        )
+
+
+def _by_pixel(pixels: FloatArray, camera: Camera, plane: Plane) -> FloatArray:
+    """Differentiate points on the plane by their pixels, shape (N, 2, 2)."""
+    steps = PIXEL_STEP * np.eye(2)
+    moved = [
+        onto_plane(pixels + step, camera, plane) - onto_plane(pixels - step, camera, plane)
+        for step in steps
+    ]
+    return np.stack(moved, axis=-1) / (2 * PIXEL_STEP)
+
+
+def _by_pose(pixels: FloatArray, camera: Camera, plane: Plane) -> FloatArray:
+    """Differentiate points on the plane by its pose, shape (2 N, 6)."""
+    columns = []
+    for step in POSE_STEP * np.eye(POSE_PARAMETERS):
+        ahead, behind = (onto_plane(pixels, camera, _moved(plane, s * step)) for s in (1, -1))
+        columns.append((ahead - behind).ravel())
+    return np.stack(columns, axis=-1) / (2 * POSE_STEP)
+
+
+def _moved(plane: Plane, change: FloatArray) -> Plane:
+    """Change a pose by a rotation vector and a translation, as `PoseUncertainty` has it."""
+    turn = rotation_matrix(change[:3])
+    return replace(
+        plane, rotation=turn @ plane.rotation, translation=plane.translation + change[3:]
+    )
+
+
+def _each_from_its_pixel(blocks: FloatArray) -> FloatArray:
+    """Return the covariance (2 N, 2 N) of points whose own are (N, 2, 2), and independent."""
+    count = len(blocks)
+    total = np.zeros((count, 2, count, 2))
+    each = np.arange(count)
+    total[each, :, each, :] = blocks
+    return total.reshape(2 * count, 2 * count)
+
+
+def _lengths(points: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.norm(np.diff(points, axis=0), axis=1))
+
+
+def _turns(points: FloatArray) -> FloatArray:
+    """Return the angles with their sense: smooth where the three points are in line, too."""
+    before, after = points[:-2] - points[1:-1], points[2:] - points[1:-1]
+    cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    return np.asarray(np.degrees(np.arctan2(cross, (before * after).sum(axis=1))))
+
+
+def _signed_area(points: FloatArray) -> FloatArray:
+    """Return a polygon's area (the shoelace formula) with its sense, shape (1,)."""
+    x, y = points.T
+    return np.array([0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1))])

@@ -1,0 +1,151 @@
+"""How well a camera will be known from a photograph that is still to be taken."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import trisquare._core as _core
+from trisquare._support.arrays import (
+    FloatArray,
+    RebuiltByConstructor,
+    not_negative,
+    real_array,
+    real_number,
+    strings,
+)
+from trisquare._support.suggestions import unknown
+from trisquare.analysis.plan import PlannedSquare, outlines_of
+from trisquare.analysis.plane_points import StandingPlane
+from trisquare.camera.camera import MODELS, Camera, camera_parameters
+from trisquare.camera.settings import checked_fix
+
+__all__ = ["PlannedSquare", "Prediction", "predict"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prediction(RebuiltByConstructor):
+    """The standard deviations that a planned photograph will have.
+
+    Parameters
+    ----------
+    camera : Camera
+        The camera it was predicted for.
+    std : mapping of str to float
+        One standard deviation of each free parameter, by name; with the aspect ratio held,
+        ``std["fy"]`` follows ``std["fx"]`` although ``fy`` is not among `parameters`.
+    covariance : array_like, shape (n, n)
+        Of the free parameters, in the order of `parameters`.
+    parameters : sequence of str
+        Names of the free parameters: of ``fx fy cx cy k1 k2 k3 p1 p2``.
+    sigma, spacing : float
+        Standard deviation of one edge sample and the edge length it stands for, pixels.
+    """
+
+    camera: Camera
+    std: Mapping[str, float]
+    covariance: FloatArray
+    parameters: tuple[str, ...]
+    sigma: float
+    spacing: float
+
+    def __post_init__(self) -> None:
+        parameters = strings(self.parameters, "parameters")
+        size = len(parameters)
+        std = {name: not_negative(value, f"std[{name!r}]") for name, value in self.std.items()}
+        object.__setattr__(self, "std", MappingProxyType(std))
+        object.__setattr__(
+            self, "covariance", real_array(self.covariance, "covariance", (size,) * 2)
+        )
+        object.__setattr__(self, "parameters", parameters)
+
+    def __repr__(self) -> str:
+        width, height = self.camera.image_size
+        values = camera_parameters(self.camera)
+        lines = [
+            f"Prediction for a {width} x {height} camera ({self.camera.model}), "
+            f"edges known to {self.sigma:.3g} px every {self.spacing:g} px"
+        ]
+        lines += [
+            f"  {name}  std {std:8.2g}  of {values[name]:.6g}" for name, std in self.std.items()
+        ]
+        return "\n".join(lines)
+
+
+def predict(
+    camera: Camera,
+    planes: Iterable[StandingPlane],
+    sigma: float,
+    *,
+    spacing: float = 1.0,
+    model: str | None = None,
+    fix: str | Iterable[str] = (),
+) -> Prediction:
+    """Predict how well a camera will be known from squares that are to be photographed.
+
+    The Cramer-Rao bound of all samples along the squares' edges, from the very normal equations,
+    covariance and judgement that a calibration uses: a plan is refused where its photograph
+    would be.
+
+    Parameters
+    ----------
+    camera : Camera
+        A guess of the camera: the standard deviations depend on it but weakly.
+    planes : iterable of PlannedSquare, Plane or simulate.Target
+        Where the squares will stand. Squares of several photographs simply add up.
+    sigma : float
+        Standard deviation of one edge sample across its edge, pixels: 0.01 to 0.03 for sharp
+        pictures, `simulate.pixel_sigma` for known noise, contrast and blur.
+    spacing : float
+        Pixels of edge per sample.
+    model : {"none", "radial1", "radial2", "radial3", "brown"}, optional
+        The distortion coefficients that will be estimated; by default the camera's own.
+    fix : names among "aspect", "principal_point", "focal", "distortion"
+        What will be held, at the camera's values.
+
+    Returns
+    -------
+    Prediction
+
+    Raises
+    ------
+    ValueError
+        If a square is not wholly in the picture (the message numbers it), or for other bad
+        arguments.
+    NotEnoughPlanesError, DegenerateGeometryError
+        If the squares would not determine the camera; the message says why and what would help.
+    """
+    if not isinstance(camera, Camera):
+        raise TypeError(f"camera must be a Camera, not {type(camera).__name__}")
+    chosen = camera.model if model is None else model
+    if chosen not in MODELS:
+        raise unknown("model", chosen, MODELS)
+    noise = real_number(sigma, "sigma")
+    distance = real_number(spacing, "spacing")
+    found = _core.predict(
+        list(camera_parameters(camera).values()),
+        camera.image_size,
+        [planned_members(plane, outlines_of(plane)) for plane in planes],
+        sigma=noise,
+        spacing=distance,
+        model=chosen,
+        fixed=checked_fix(fix),
+        judged=True,
+    )
+    return Prediction(
+        camera=camera,
+        std=found["std"],
+        covariance=found["covariance"],
+        parameters=tuple(found["parameters"]),
+        sigma=noise,
+        spacing=distance,
+    )
+
+
+def planned_members(
+    plane: StandingPlane, outlines: list[FloatArray]
+) -> tuple[FloatArray, list[float], list[FloatArray]]:
+    """Return a plane as the core takes it."""
+    placed = PlannedSquare(plane.rotation, plane.translation)
+    return placed.rotation, placed.translation.tolist(), outlines

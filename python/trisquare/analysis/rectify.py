@@ -1,0 +1,157 @@
+"""A plane as it would look from straight above, lens and perspective undone."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from trisquare._support.arrays import FloatArray, not_negative, real_number
+from trisquare.analysis.plane_points import onto_plane
+from trisquare.camera.camera import Camera
+from trisquare.images.pixels import Image, ImageSource, picture_size
+from trisquare.images.reading import load_picture
+from trisquare.results.calibration import Calibration
+from trisquare.results.camera_of import lens_of
+from trisquare.results.plane import Plane
+
+__all__ = ["TopView", "rectify"]
+
+LARGEST = 4096
+"""Pixels of the longer side, where no resolution is asked for."""
+
+MOST = 16384
+"""Pixels of the longer side that may be asked for: 0.8 GB in colour."""
+
+BAND = 64
+"""Rows mapped at a time, so that the maps take next to no memory."""
+
+LARGEST_PICTURE = 32766
+"""Pixels of a photograph's longer side: OpenCV, which resamples it, counts them in 16 bits."""
+
+UNSEEN = -2.0
+"""A pixel outside every picture."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TopView:
+    """A picture of a plane to scale.
+
+    Attributes
+    ----------
+    image : ndarray, shape (H, W) or (H, W, 3)
+        Of the photograph's type; X of the plane to the right, Y down, black where the photograph
+        shows nothing.
+    origin : (float, float)
+        Where the centre of the top-left pixel lies on the plane, in units of the side.
+    resolution : float
+        Pixels to a side.
+    """
+
+    image: Image
+    origin: tuple[float, float]
+    resolution: float
+
+    def __repr__(self) -> str:
+        height, width = self.image.shape[:2]
+        return f"<TopView {width} x {height}: {self.resolution:.6g} px to a side>"
+
+
+def rectify(
+    image: ImageSource,
+    plane: Plane,
+    camera: Calibration | Camera,
+    *,
+    margin: float = 0.5,
+    resolution: float | None = None,
+) -> TopView:
+    """Show a plane from straight above.
+
+    Parameters
+    ----------
+    image : path or ndarray
+        The photograph: uint8, uint16 or float32, shape (H, W) or (H, W, 3).
+    plane : Plane
+        Of a calibration, or from `locate`.
+    camera : Calibration or Camera
+        That took it.
+    margin : float
+        What is shown around the plane's figure, over the figure's own width and height.
+    resolution : float, optional
+        Pixels to a side of the square; by default what the photograph has where it is sharpest, at
+        most `LARGEST` pixels in all.
+
+    Returns
+    -------
+    TopView
+
+    Raises
+    ------
+    ImageError
+        If the picture cannot be read.
+    TypeError, ValueError
+        For bad arguments; if the picture is of another size than the camera's; if the view would
+        be larger than `MOST` pixels.
+    """
+    if not isinstance(plane, Plane):
+        raise TypeError(f"plane must be a Plane, not {type(plane).__name__}")
+    lens = lens_of(camera)
+    picture = load_picture(image)
+    _check_size(picture, lens)
+    figure = onto_plane(plane.corners, lens, plane)
+    low, high = figure.min(axis=0), figure.max(axis=0)
+    shown = 1.0 + 2.0 * not_negative(margin, "margin")
+    longest = shown * float(np.max(high - low))
+    if not 0 < longest < math.inf:
+        raise ValueError(f"a view of {longest:g} sides cannot be shown")
+    around = margin * (high - low)
+    low, high = low - around, high + around
+    if resolution is None:
+        scale = min(_sharpest(plane, figure), (LARGEST - 1) / longest)
+    else:
+        scale = real_number(resolution, "resolution")
+        if not 0 < scale * longest < MOST:
+            raise ValueError(
+                f"resolution must be positive and at most {(MOST - 1) / longest:.4g} pixels to a "
+                f"side, not {scale:g}"
+            )
+    x, y = (
+        start + np.arange(math.floor((end - start) * scale) + 1) / scale
+        for start, end in zip(low, high, strict=True)
+    )
+    bands = [
+        _remapped(picture, plane, lens, x, y[start : start + BAND])
+        for start in range(0, len(y), BAND)
+    ]
+    return TopView(np.concatenate(bands), (float(x[0]), float(y[0])), scale)
+
+
+def _check_size(picture: Image, camera: Camera) -> None:
+    size = picture_size(picture)
+    if size != camera.image_size:
+        raise ValueError(f"the picture has {size} pixels, the camera's {camera.image_size}")
+    if max(size) > LARGEST_PICTURE:
+        raise ValueError(
+            f"pictures of more than {LARGEST_PICTURE} pixels a side cannot be resampled"
+        )
+
+
+def _sharpest(plane: Plane, figure: FloatArray) -> float:
+    """Pixels of the photograph to a unit of the plane, along the figure's best resolved side."""
+    sides = np.linalg.norm(np.roll(figure, -1, axis=0) - figure, axis=1)
+    seen = np.linalg.norm(np.roll(plane.corners, -1, axis=0) - plane.corners, axis=1)
+    return float(np.max(seen / sides))
+
+
+def _remapped(picture: Image, plane: Plane, camera: Camera, x: FloatArray, y: FloatArray) -> Image:
+    """Interpolate the photograph at the points of a grid on the plane."""
+    import cv2  # as all of the package, only once there is a picture
+
+    on_plane = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    points = on_plane @ plane.rotation[:, :2].T + plane.translation
+    seen = camera.can_project(points)
+    pixels = np.full(on_plane.shape, UNSEEN, dtype=np.float32)
+    pixels[seen] = np.clip(camera.project(points[seen]), UNSEEN, max(picture.shape))
+    at_x, at_y = (pixels[:, i].reshape(len(y), len(x)) for i in (0, 1))
+    return np.asarray(cv2.remap(picture, at_x, at_y, cv2.INTER_LINEAR, borderValue=0))

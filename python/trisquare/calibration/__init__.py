@@ -1,0 +1,1 @@
+"""Calibrating: gathering edges, choosing, solving, explaining a failure."""

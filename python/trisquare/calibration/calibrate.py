@@ -1,0 +1,238 @@
+"""Calibrating: from pictures, or from edges measured elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+import trisquare._core as _core
+from trisquare._support.arrays import size_of_image
+from trisquare.calibration.explain_failure import told_on_failure
+from trisquare.calibration.gather import gather
+from trisquare.calibration.select import choose
+from trisquare.camera.camera import Camera
+from trisquare.camera.settings import Settings
+from trisquare.detection.kinds import Targets, nothing_found
+from trisquare.edges import PlaneEdges
+from trisquare.errors import DetectionError
+from trisquare.images.pixels import ImageSource, Outlines, Tone
+from trisquare.images.tone import PictureTone, pooled, shift_warnings
+from trisquare.results.calibration import Calibration
+from trisquare.results.coherence import Coherence
+from trisquare.results.model_alternative import ModelAlternative
+from trisquare.results.plane import Plane
+from trisquare.results.pose_uncertainty import PoseUncertainty
+from trisquare.results.rejected import told
+
+
+def calibrate(
+    image: ImageSource | Sequence[ImageSource],
+    *,
+    method: str = "ml",
+    model: str = "radial2",
+    fix: str | Iterable[str] = (),
+    initial: Camera | None = None,
+    tone: Tone = None,
+    targets: str = "auto",
+    outlines: Outlines | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Calibration:
+    """Calibrate a camera from one photograph of three squares, or from several photographs.
+
+    Of what looks like squares, the largest set is used that one camera sees as such; the others
+    are in the result's ``rejected``, and a warning tells where the choice is uncertain.
+
+    Parameters
+    ----------
+    image : path or ndarray, or a sequence of them
+        uint8, uint16 or float32 of shape (H, W) or (H, W, 3) in BGR order. Several photographs
+        must be of one camera and size; their planes are pooled. One in which nothing is found is
+        named in `warnings` and left out, as is one that is given twice. A file's orientation tag
+        is not obeyed: the result refers to the picture as it is stored, and says so.
+    method : {"ml", "linear"}
+        Joint maximum likelihood, or the three linear steps of Zhou et al. (2013) alone, whose
+        stated standard deviations are those that maximum likelihood would have with residuals of
+        that size: they leave out what the steps themselves lose.
+    model : {"none", "radial1", "radial2", "radial3", "brown", "auto"}
+        The distortion coefficients that are estimated. ``"auto"`` takes the model with the largest
+        evidence, by the density ratio of Dickey (1971) from the richest fit; the rejected ones are
+        in ``alternatives``, and what they would say stays, by their probabilities, in the
+        covariance. It needs ``method="ml"`` and a free distortion.
+    fix : names among "aspect", "principal_point", "focal", "distortion"
+        Held at the values of `initial`, or else at aspect 1, the image centre, and zero.
+    initial : Camera, optional
+        Values for what is fixed; "focal" needs them.
+    tone : {"auto", "srgb", "linear"} or float, optional
+        How light was coded; a number is a gamma, and "auto" estimates the curve of each picture
+        along with the camera. By default sRGB for 8-bit pictures, linear for others.
+    targets : str
+        See `detect`.
+    outlines : path, mapping or sequence, optional
+        Coarse outlines of the squares, drawn by hand, in place of a search: see `detect`. A file
+        or its content may be for several photographs, by name or index.
+    progress : callable, optional
+        Called with (pictures done, pictures in all).
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    ImageError
+        If a file cannot be read whole, also if it is one of many: it is named.
+    DetectionError
+        If no picture shows a target.
+    NotEnoughPlanesError, NotEnoughDataError, DegenerateGeometryError, ConvergenceError
+        If the planes cannot answer; the message says why and what would help. These and
+        `DetectionError` say what was found and what was not used, and hold it as their `found`
+        and `rejected`.
+    TypeError, ValueError
+        For bad arguments.
+    """
+    settings = Settings.check(method, model, fix, initial)
+    wanted = Targets.parse(targets)
+    sources = _sources(image)
+    gathered = gather(sources, wanted, tone, outlines, progress)
+    by_hand = outlines is not None
+    figures, size = gathered.figures, gathered.image_size
+    # Where outlines are drawn by hand, no search has passed anything over.
+    searched_for = Targets() if by_hand else wanted
+    with told_on_failure(figures, gathered.rejected, sources, searched_for):
+        if not figures:
+            # What was not used is told with its place, once the error is on its way.
+            untold = [text for text in gathered.warnings if not told(text, gathered.rejected)]
+            raise DetectionError("; ".join(untold) if by_hand else nothing_found(wanted))
+        # What was asked for by its layout or drawn by hand is vouched for.
+        if wanted.squares and not by_hand:
+            chosen = choose(
+                figures,
+                size,
+                gathered.quads,
+                model=settings.model,
+                fixed=settings.fixed,
+                initial=settings.initial_parameters(size),
+            )
+            gathered.keep(chosen)
+        result = _solve(
+            figures, size, settings, gathered.pictures, gathered.tones, gathered.warnings
+        )
+    return replace(result, rejected=tuple(gathered.rejected))
+
+
+def calibrate_edges(
+    edges: Sequence[PlaneEdges],
+    image_size: tuple[int, int],
+    *,
+    method: str = "ml",
+    model: str = "radial2",
+    fix: str | Iterable[str] = (),
+    initial: Camera | None = None,
+) -> Calibration:
+    """Calibrate a camera from measured edges alone, without a picture.
+
+    Parameters
+    ----------
+    edges : sequence of PlaneEdges
+        Figures on three or more planes; fewer planes if enough parameters are fixed.
+    image_size : (int, int)
+        Width and height in pixels.
+    method, model, fix, initial
+        As in `calibrate`.
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    NotEnoughPlanesError, NotEnoughDataError, DegenerateGeometryError, ConvergenceError
+        If the planes cannot answer; the message says why and what would help.
+    TypeError, ValueError
+        For bad arguments.
+    """
+    settings = Settings.check(method, model, fix, initial)
+    figures = list(edges)
+    for figure in figures:
+        if not isinstance(figure, PlaneEdges):
+            raise TypeError(f"edges must be PlaneEdges, not {type(figure).__name__}")
+    # Any whole number may name a plane; the core counts from zero.
+    names = dict.fromkeys(figure.plane for figure in figures if figure.plane is not None)
+    number = {name: count for count, name in enumerate(names)}
+    counted = [
+        figure if figure.plane is None else replace(figure, plane=number[figure.plane])
+        for figure in figures
+    ]
+    return _solve(counted, size_of_image(image_size), settings, None, [], [])
+
+
+def _sources(image: ImageSource | Sequence[ImageSource]) -> list[ImageSource]:
+    """Return the pictures, one or several, as a list."""
+    if isinstance(image, Sequence) and not isinstance(image, str):
+        return list(image)
+    return [image]
+
+
+def _solve(
+    figures: list[PlaneEdges],
+    image_size: tuple[int, int],
+    settings: Settings,
+    pictures: list[_core.Picture] | None,
+    tones: list[PictureTone],
+    warnings: list[str],
+) -> Calibration:
+    found = _core.calibrate(
+        figures,
+        image_size,
+        method=settings.method,
+        model=settings.model,
+        fixed=settings.fixed,
+        initial=settings.initial_parameters(image_size),
+        pictures=pictures,
+        tones=[tone.curve for tone in tones],
+    )
+    # The fit to the pixels knows more of the tone than the edges' profiles alone.
+    if found["tones"]:
+        tones = [tone.refined(fit) for tone, fit in zip(tones, found["tones"], strict=True)]
+    tone, tone_std = pooled(tones)
+    camera = Camera(
+        found["camera_matrix"],
+        found["distortion"],
+        image_size,
+        found["model"],
+        valid_radius=found["valid_radius"],
+    )
+    planes = tuple(
+        Plane(
+            kind=figures[plane["figure"]].kind,
+            image=plane["image"],
+            corners=plane["corners"],
+            rotation=plane["rotation"],
+            translation=plane["translation"],
+            rms=plane["rms"],
+            samples=plane["samples"],
+            uncertainty=(
+                None if plane["uncertainty"] is None else PoseUncertainty(**plane["uncertainty"])
+            ),
+        )
+        for plane in found["planes"]
+    )
+    return Calibration(
+        camera=camera,
+        std=found["std"],
+        covariance=np.asarray(found["covariance"]),
+        parameters=tuple(found["parameters"]),
+        planes=planes,
+        rms=found["rms"],
+        noise_scale=found["noise_scale"],
+        warnings=(*warnings, *found["warnings"], *shift_warnings(tones)),
+        method=settings.method,
+        tone=tone,
+        fixed=settings.fixed,
+        stage=found["stage"],
+        alternatives=tuple(ModelAlternative(*other) for other in found["alternatives"]),
+        coherence=Coherence(**found["coherence"]),
+        tone_std=tone_std,
+    )

@@ -1,0 +1,59 @@
+"""Where squares stand that a known camera sees."""
+
+from __future__ import annotations
+
+from trisquare.calibration.calibrate import calibrate
+from trisquare.camera.camera import Camera
+from trisquare.images.pixels import ImageSource, Outlines, Tone
+from trisquare.results.calibration import Calibration
+from trisquare.results.camera_of import lens_of
+from trisquare.results.plane import Plane
+
+__all__ = ["locate"]
+
+
+def locate(
+    image: ImageSource,
+    camera: Calibration | Camera,
+    *,
+    targets: str = "auto",
+    tone: Tone = None,
+    outlines: Outlines | None = None,
+) -> tuple[Plane, ...]:
+    """Find the squares in a photograph, and where they stand before the camera that took it.
+
+    As `calibrate`, with the camera held: one square is enough. The photograph may be one of those
+    that the camera was calibrated from, or another of the same camera.
+
+    Parameters
+    ----------
+    image : path or ndarray
+        As in `calibrate`.
+    camera : Calibration or Camera
+        That took it.
+    targets, tone, outlines
+        As in `calibrate`.
+
+    Returns
+    -------
+    tuple of Plane
+        With poses whose ``uncertainty`` tells what `Plane.measure` needs.
+
+    Raises
+    ------
+    ImageError, DetectionError, NotEnoughDataError, ConvergenceError
+        As `calibrate`.
+    TypeError, ValueError
+        For bad arguments; if the picture is of another size than the camera's.
+    """
+    held = lens_of(camera)
+    found = calibrate(
+        image,
+        model=held.model,
+        fix=("focal", "principal_point", "distortion"),
+        initial=held,
+        tone=tone,
+        targets=targets,
+        outlines=outlines,
+    )
+    return found.planes

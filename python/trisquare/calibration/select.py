@@ -1,0 +1,77 @@
+"""Choosing, of what was found and measured, the squares that one camera explains."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+import trisquare._core as _core
+from trisquare._support.arrays import FloatArray
+from trisquare.edges import PlaneEdges
+from trisquare.results.rejected import Rejected
+
+NO_SQUARE = "no true square to the camera that the others show"
+
+
+class Chosen(NamedTuple):
+    """What is left to calibrate from, what is not, and what the user should know of it."""
+
+    figures: list[PlaneEdges]
+    rejected: list[Rejected]
+    warnings: list[str]
+
+
+def choose(
+    figures: Sequence[PlaneEdges],
+    image_size: tuple[int, int],
+    quads: Mapping[int, FloatArray],
+    *,
+    model: str,
+    fixed: Sequence[str],
+    initial: Sequence[float] | None,
+) -> Chosen:
+    """Keep the largest set of planes that one camera sees as true squares.
+
+    Parameters
+    ----------
+    figures : sequence of PlaneEdges
+        Each with the number of its plane.
+    image_size : (int, int)
+        Width and height in pixels.
+    quads : mapping of int to ndarray, shape (4, 2)
+        Corners of every plane, by its number.
+    model, fixed, initial
+        As in `calibrate`; `initial` as the core takes it.
+    """
+    verdicts, doubt = _core.choose(figures, image_size, model=model, fixed=fixed, initial=initial)
+    dropped = {
+        figures[first].plane: (figures[first], residual)
+        for first, kept, residual in verdicts
+        if not kept
+    }
+    rejected = [
+        Rejected(figure.kind, figure.image, quads[plane], NO_SQUARE, residual)
+        for plane, (figure, residual) in dropped.items()
+        if plane is not None
+    ]
+    kept = [figure for figure in figures if figure.plane not in dropped]
+    planes = {figure.plane for figure in kept if figure.plane is not None}
+    smallest = min((_area(quads[plane]) for plane in planes), default=0.0)
+    larger = sum(_area(one.corners) > smallest for one in rejected)
+    warnings = []
+    chosen = f"of {len(verdicts)} planes found, {len(planes)} are squares that one camera explains"
+    if doubt is not None:
+        warnings.append(f"the choice among candidates is uncertain: {chosen}, and {doubt}")
+    elif larger:
+        warnings.append(
+            f"{chosen}; {larger} of the rejected are larger than one of these: if they are true "
+            "squares, the answer is wrong"
+        )
+    return Chosen(kept, rejected, warnings)
+
+
+def _area(corners: FloatArray) -> float:
+    first, second = corners[2:] - corners[:2]
+    return float(0.5 * np.abs(first[0] * second[1] - first[1] * second[0]))

@@ -1,0 +1,34 @@
+"""A lens that stands in for another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Approximation:
+    """A lens in place of another.
+
+    Parameters
+    ----------
+    lens : object
+        What stands in: a `Camera` for most formats.
+    title : str
+        Its model.
+    rms, worst : float
+        How far apart the two project, over the picture, pixels.
+    covered : float
+        The part of the picture that this is about: beyond it, the lens that is replaced has no
+        directions itself.
+    """
+
+    lens: object
+    title: str
+    rms: float
+    worst: float
+    covered: float = 1.0
+
+    def __str__(self) -> str:
+        said = f"{self.title}, off by {self.rms:.3g} px rms, {self.worst:.3g} px at worst"
+        where = f" of the {100 * self.covered:.0f} % of the picture that have a direction"
+        return said + (where if self.covered < 1 else "")

@@ -1,0 +1,390 @@
+"""The camera: a pinhole with lens distortion."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+import trisquare._core as _core
+from trisquare._support.arrays import (
+    FloatArray,
+    RebuiltByConstructor,
+    real_array,
+    real_number,
+    size_of_image,
+)
+from trisquare.camera.approximation import Approximation
+from trisquare.camera.file_formats import registered_files
+
+# A camera for the compiled core: fx, fy, cx, cy, k1, k2, k3, p1, p2, and the ideal radius up to
+# which they are trusted.
+CoreCamera: TypeAlias = "tuple[Sequence[float], float]"
+
+MODELS = ("none", "radial1", "radial2", "radial3", "brown")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Camera(RebuiltByConstructor):
+    """A pinhole camera with lens distortion.
+
+    Parameters
+    ----------
+    K : array_like, shape (3, 3)
+        ``[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`` in pixels; ``(0, 0)`` is the centre of the
+        top-left pixel.
+    distortion : array_like, shape (5,)
+        ``(k1, k2, p1, p2, k3)`` in OpenCV's order, from ideal to observed normalised points.
+    image_size : (int, int)
+        Width and height in pixels.
+    model : {"none", "radial1", "radial2", "radial3", "brown"}
+        Which of the coefficients may differ from zero.
+    valid_radius : float, optional
+        The ideal normalised radius (tangent of the angle from the axis) up to which the
+        distortion is monotonic, hence invertible; None if it is so everywhere. Computed unless
+        given. Beyond it, or beyond a smaller one that was given, every map raises ValueError.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a value has the wrong type or shape, is not finite, or is no camera's.
+    """
+
+    K: FloatArray
+    distortion: FloatArray
+    image_size: tuple[int, int]
+    model: str = "radial2"
+    valid_radius: float | None = None
+
+    def __post_init__(self) -> None:
+        K = real_array(self.K, "K", (3, 3))
+        fixed_entries = (K[0, 1], K[1, 0], K[2, 0], K[2, 1], K[2, 2])
+        if fixed_entries != (0, 0, 0, 0, 1) or K[0, 0] <= 0 or K[1, 1] <= 0:
+            raise ValueError("K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with positive fx, fy")
+        distortion = real_array(self.distortion, "distortion", (5,))
+        if self.model not in MODELS:
+            raise ValueError(f"model must be one of {MODELS}, not {self.model!r}")
+        if self.valid_radius is None:
+            radius = _core.invertible_radius(*distortion.tolist())
+        elif self.valid_radius == math.inf:
+            radius = math.inf
+        else:
+            radius = real_number(self.valid_radius, "valid_radius")
+            if radius <= 0:
+                raise ValueError(f"valid_radius must be positive, not {radius}")
+        object.__setattr__(self, "K", K)
+        object.__setattr__(self, "distortion", distortion)
+        object.__setattr__(self, "image_size", size_of_image(self.image_size))
+        object.__setattr__(self, "valid_radius", None if radius == math.inf else radius)
+
+    @property
+    def fx(self) -> float:
+        """Focal length along x, in pixels."""
+        return float(self.K[0, 0])
+
+    @property
+    def fy(self) -> float:
+        """Focal length along y, in pixels."""
+        return float(self.K[1, 1])
+
+    @property
+    def cx(self) -> float:
+        """Principal point's x, in pixels."""
+        return float(self.K[0, 2])
+
+    @property
+    def cy(self) -> float:
+        """Principal point's y, in pixels."""
+        return float(self.K[1, 2])
+
+    @property
+    def valid_radius_px(self) -> float | None:
+        """Distance from the principal point within which every pixel can be undistorted.
+
+        In pixels of the photograph; None if there is no limit.
+        """
+        radius = _core.valid_pixel_radius(camera_for_core(self))
+        return None if radius == math.inf else radius
+
+    def project(self, points: npt.ArrayLike) -> FloatArray:
+        """Return where points of the camera's frame are seen.
+
+        Parameters
+        ----------
+        points : array_like, shape (N, 3)
+            ``(X, Y, Z)``, Z ahead of the camera, in any unit.
+
+        Returns
+        -------
+        ndarray, shape (N, 2)
+            Pixels; they may lie outside the picture.
+
+        Raises
+        ------
+        ValueError
+            If a point lies behind the camera or beyond the valid radius; the message says how
+            many do, and the first one's index.
+        """
+        return _core.project_points(camera_for_core(self), real_array(points, "points", (None, 3)))
+
+    def can_project(self, points: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+        """Tell which points of the camera's frame `project` can follow.
+
+        Parameters
+        ----------
+        points : array_like, shape (N, 3)
+            As in `project`.
+
+        Returns
+        -------
+        ndarray of bool, shape (N,)
+            Whether a point is ahead of the camera and within the valid radius.
+        """
+        given = real_array(points, "points", (None, 3))
+        limit = math.inf if self.valid_radius is None else self.valid_radius
+        with np.errstate(divide="ignore", invalid="ignore"):
+            radius = np.hypot(given[:, 0], given[:, 1]) / given[:, 2]
+        return np.asarray((given[:, 2] > 0) & (radius <= limit))
+
+    def unproject(self, pixels: npt.ArrayLike) -> FloatArray:
+        """Return the unit rays, in the camera's frame, along which pixels look.
+
+        Parameters
+        ----------
+        pixels : array_like, shape (N, 2)
+            In the photograph.
+
+        Returns
+        -------
+        ndarray, shape (N, 3)
+
+        Raises
+        ------
+        ValueError
+            If a pixel lies beyond the valid radius; the message says how many do, and the first
+            one's index.
+        """
+        return _core.unproject_pixels(
+            camera_for_core(self), real_array(pixels, "pixels", (None, 2))
+        )
+
+    def distort_points(self, ideal: npt.ArrayLike) -> FloatArray:
+        """Return where the lens moves the pixels of a pinhole with the same K.
+
+        Parameters
+        ----------
+        ideal : array_like, shape (N, 2)
+            Pixels that a pinhole would have seen.
+
+        Returns
+        -------
+        ndarray, shape (N, 2)
+            Pixels of the photograph.
+
+        Raises
+        ------
+        ValueError
+            If a point lies beyond the valid radius; the message says how many do, and the first
+            one's index.
+        """
+        return _core.distort_pixels(camera_for_core(self), real_array(ideal, "ideal", (None, 2)))
+
+    def undistort_points(self, observed: npt.ArrayLike) -> FloatArray:
+        """Return where a pinhole with the same K would have seen what pixels show.
+
+        The inverse of `distort_points`, to rounding.
+
+        Parameters
+        ----------
+        observed : array_like, shape (N, 2)
+            Pixels of the photograph.
+
+        Returns
+        -------
+        ndarray, shape (N, 2)
+            Ideal pixels.
+
+        Raises
+        ------
+        ValueError
+            If a pixel lies beyond the valid radius; the message says how many do, and the first
+            one's index.
+        """
+        return _core.undistort_pixels(
+            camera_for_core(self), real_array(observed, "observed", (None, 2))
+        )
+
+    def undistorted(self, balance: float = 0.0) -> Camera:
+        """Return the pinhole that sees this camera's pictures without distortion.
+
+        Its pictures have the same size, and its pixels the same shape (``fy / fx``); its zoom and
+        its principal point are chosen.
+
+        Parameters
+        ----------
+        balance : float
+            0: every pixel of the new picture lies in the photograph, and the view is the widest
+            for which that is so. 1: every pixel of the photograph within the valid radius lies in
+            the new picture. In between, the camera matrix changes linearly.
+
+        Returns
+        -------
+        Camera
+            Without distortion.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If `balance` is not from 0 to 1, or no part of the picture lies within the valid
+            radius.
+        """
+        fx, fy, cx, cy = _core.undistorted_view(
+            camera_for_core(self), self.image_size, real_number(balance, "balance")
+        )
+        K = [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
+        return Camera(K, np.zeros(5), self.image_size, "none")  # type: ignore[arg-type]
+
+    def rescaled(self, image_size: tuple[int, int]) -> Camera:
+        """Return the camera of this camera's pictures scaled to another size.
+
+        With ``(0, 0)`` at the centre of the top-left pixel, the picture's own corner is at
+        ``(-1/2, -1/2)`` and stays there: ``fx' = s fx``, ``cx' = s (cx + 1/2) - 1/2``, likewise
+        for y, with ``s`` the ratio of the widths in x and that of the heights in y. The
+        distortion and the valid radius stay.
+
+        Parameters
+        ----------
+        image_size : (int, int)
+            Width and height of the scaled pictures.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If it is no size, or one of another shape: the ratios may differ only by what rounding
+            to whole pixels makes. A picture that was cropped or turned is not a scaled one.
+        """
+        size = size_of_image(image_size)
+        # Of one scale for both sides, each may have been rounded up or down.
+        sides = list(zip(self.image_size, size, strict=True))
+        if max((new - 1) / old for old, new in sides) >= min((new + 1) / old for old, new in sides):
+            raise ValueError(
+                f"{size[0]} x {size[1]} has another shape than {sides[0][0]} x {sides[1][0]}"
+            )
+        K = np.array(self.K)
+        for axis, (old, new) in enumerate(sides):
+            K[axis, axis] *= new / old
+            K[axis, 2] = (K[axis, 2] + 0.5) * (new / old) - 0.5
+        valid_radius = math.inf if self.valid_radius is None else self.valid_radius
+        return Camera(K, self.distortion, size, self.model, valid_radius)
+
+    def save(
+        self, path: str | os.PathLike[str], format: str | None = None, *, approximate: bool = False
+    ) -> Approximation | None:
+        """Write the camera in a format of trisquare or of another program.
+
+        Parameters
+        ----------
+        path : str or path
+            The file; it is written whole or left untouched.
+        format : str, optional
+            Of `trisquare.formats.FORMAT_NAMES`; by default what the name tells: trisquare's own
+            for ``.json``, OpenCV's for ``.yaml`` and ``.xml``, the programs' own for
+            ``transforms.json``, ``cameras.txt``, ``.cameramodel`` and the like.
+        approximate : bool
+            Whether to write the nearest lens that the format has where it cannot hold this one.
+
+        Returns
+        -------
+        Approximation or None
+            The lens that was written in place of this one, and how far off it is; None if the
+            file holds the camera exactly. A valid radius that was narrowed by hand is kept in
+            trisquare's own format only.
+
+        Raises
+        ------
+        LensModelError
+            A ValueError, if the format cannot hold the camera; it names the nearest that it can,
+            with the error in pixels.
+        ValueError
+            If the format is not known.
+        OSError
+            If the file cannot be written.
+        """
+        return registered_files().save(self, path, format, approximate=approximate)
+
+    @classmethod
+    def load(
+        cls,
+        path: str | os.PathLike[str],
+        format: str | None = None,
+        *,
+        name: str | None = None,
+        image_size: tuple[int, int] | None = None,
+        approximate: bool = False,
+    ) -> Camera:
+        """Read a camera that trisquare or another program wrote.
+
+        Parameters
+        ----------
+        path : str or path
+            The file. The JSON of a `Calibration` is read as its camera.
+        format : str, optional
+            Of `trisquare.formats.FORMAT_NAMES`; by default what the content looks like.
+        name : str, optional
+            Which camera of a file with several: Kalibr's ``"cam1"``, COLMAP's ``"3"``.
+        image_size : (int, int), optional
+            Width and height, for files that do not say it.
+        approximate : bool
+            Whether to take the nearest camera for a lens of a model that `Camera` has not.
+
+        Raises
+        ------
+        LensModelError
+            A ValueError, if the lens is of such a model; it names the nearest camera, with the
+            error in pixels.
+        ValueError
+            If it is no camera file, damaged, or of a newer version; the message names the key.
+        OSError
+            If the file cannot be read.
+        """
+        return (
+            registered_files()
+            .load(path, format, name=name, image_size=image_size, approximate=approximate)
+            .camera
+        )
+
+    def __repr__(self) -> str:
+        k1, k2, p1, p2, k3 = self.distortion.tolist()
+        width, height = self.image_size
+        return (
+            f"<Camera {width} x {height}, {self.model}: fx {self.fx:.6g}, fy {self.fy:.6g}, "
+            f"cx {self.cx:.6g}, cy {self.cy:.6g}, "
+            f"k1 {k1:.5g}, k2 {k2:.5g}, p1 {p1:.5g}, p2 {p2:.5g}, k3 {k3:.5g}>"
+        )
+
+
+def camera_parameters(camera: Camera) -> dict[str, float]:
+    """Return all the camera's numbers by their parameter names, in the order of reports."""
+    k1, k2, p1, p2, k3 = camera.distortion.tolist()
+    return {
+        "fx": camera.fx,
+        "fy": camera.fy,
+        "cx": camera.cx,
+        "cy": camera.cy,
+        "k1": k1,
+        "k2": k2,
+        "k3": k3,
+        "p1": p1,
+        "p2": p2,
+    }
+
+
+def camera_for_core(camera: Camera) -> CoreCamera:
+    """Return what the compiled core takes for a camera."""
+    radius = math.inf if camera.valid_radius is None else camera.valid_radius
+    return list(camera_parameters(camera).values()), radius

@@ -1,0 +1,41 @@
+"""The camera as members of JSON objects."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from trisquare._support.arrays import size_of_image
+from trisquare._support.json_members import JsonFields
+
+if TYPE_CHECKING:
+    pass
+from trisquare.camera.camera import Camera
+
+
+def camera_members(camera: Camera) -> dict[str, Any]:
+    """Return the ``camera`` object of the JSON format."""
+    return {
+        "model": camera.model,
+        "fx": camera.fx,
+        "fy": camera.fy,
+        "cx": camera.cx,
+        "cy": camera.cy,
+        "distortion": camera.distortion.tolist(),
+        "valid_radius": camera.valid_radius,
+    }
+
+
+def camera_from_members(members: JsonFields, image_size: tuple[int, ...]) -> Camera:
+    """Read the ``camera`` object of the JSON format."""
+    fx, fy, cx, cy = (members.number(name) for name in ("fx", "fy", "cx", "cy"))
+    unlimited = members.value("valid_radius") is None
+    return Camera(
+        K=np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]),
+        distortion=members.array("distortion", (5,)),
+        image_size=size_of_image(image_size),
+        model=members.text("model"),
+        valid_radius=math.inf if unlimited else members.number("valid_radius"),
+    )

@@ -1,0 +1,157 @@
+"""How far the projection of a viewing direction may be off, in pixels."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+import trisquare._core as _core
+from trisquare._support.arrays import FloatArray, RebuiltByConstructor, real_array, real_number
+from trisquare.camera.camera import Camera, camera_for_core, camera_parameters
+
+# Columns of a map that is drawn without a step of its own.
+DEFAULT_COLUMNS = 32
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ProjectionMap(RebuiltByConstructor):
+    """Standard deviations of projections over the picture.
+
+    Parameters
+    ----------
+    x : array_like, shape (C,)
+        Columns of the grid, pixels, from the left border to the right one.
+    y : array_like, shape (R,)
+        Rows of the grid, pixels, from top to bottom.
+    std : array_like, shape (R, C)
+        How far the projection of the direction seen at ``(x[j], y[i])`` may be off (rms, pixels);
+        infinite where the distortion is not invertible, so that nothing is known.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    std: FloatArray
+
+    def __post_init__(self) -> None:
+        x, y = real_array(self.x, "x", (None,)), real_array(self.y, "y", (None,))
+        std = np.array(self.std, dtype=np.float64, order="C")
+        if std.shape != (len(y), len(x)) or not np.all(std >= 0):
+            raise ValueError(f"std must have shape {(len(y), len(x))} and not be negative")
+        std.flags.writeable = False
+        object.__setattr__(self, "x", x)
+        object.__setattr__(self, "y", y)
+        object.__setattr__(self, "std", std)
+
+    def __repr__(self) -> str:
+        rows, columns = self.std.shape
+        low, high = self.std.min(), self.std.max()
+        return f"<ProjectionMap {columns} x {rows}: std {low:.3g} to {high:.3g} px>"
+
+
+def projection_covariance(
+    camera: Camera,
+    parameters: Sequence[str],
+    aspect_fixed: bool,
+    covariance: FloatArray,
+    points: npt.ArrayLike,
+) -> FloatArray:
+    """Return the covariances of the projections of the directions seen at pixels.
+
+    For the direction ``u`` seen at a pixel, held fixed in the camera's frame, it is ``J C J^T``
+    with ``J`` the derivative of the projection by the free parameters and ``C`` their covariance.
+
+    Parameters
+    ----------
+    camera : Camera
+        The estimate.
+    parameters : sequence of str
+        Names of the free parameters.
+    aspect_fixed : bool
+        Whether ``fy`` follows ``fx``.
+    covariance : ndarray, shape (n, n)
+        Of the free parameters.
+    points : array_like, shape (N, 2)
+        Pixels of the photograph.
+
+    Returns
+    -------
+    ndarray, shape (N, 2, 2)
+        Square pixels.
+
+    Raises
+    ------
+    ValueError
+        If a pixel lies beyond the radius up to which the distortion is invertible.
+    """
+    pixels = real_array(points, "points", (None, 2))
+    return _core.projection_covariance(
+        camera_for_core(camera), list(parameters), aspect_fixed, covariance, pixels
+    )
+
+
+def rms_displacement(covariances: FloatArray) -> FloatArray:
+    """Return ``sqrt(trace)`` of covariances of shape (N, 2, 2), shape (N,)."""
+    traces = np.trace(covariances, axis1=1, axis2=2)
+    # Rounding may leave a trace that vanishes a little below zero.
+    return np.asarray(np.sqrt(np.maximum(traces, 0.0)))
+
+
+def picture_grid(
+    image_size: tuple[int, int], step: float | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Return columns and rows of a grid from border to border, at most `step` pixels apart.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `step` is not a positive number.
+    """
+    width = image_size[0]
+    spacing = max(width / DEFAULT_COLUMNS, 1.0) if step is None else real_number(step, "step")
+    if spacing <= 0:
+        raise ValueError(f"step must be positive, not {spacing}")
+    x, y = (np.linspace(0.0, side - 1, math.ceil((side - 1) / spacing) + 1) for side in image_size)
+    return x, y
+
+
+def projection_map(
+    camera: Camera,
+    parameters: Sequence[str],
+    aspect_fixed: bool,
+    covariance: FloatArray,
+    step: float | None,
+) -> ProjectionMap:
+    """Return the standard deviations on a grid over the picture, at most `step` pixels apart.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `step` is not a positive number.
+    """
+    x, y = picture_grid(camera.image_size, step)
+    pixels = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    known = np.array(_core.can_unproject(camera_for_core(camera), pixels), dtype=bool)
+    std = np.full(len(pixels), np.inf)
+    std[known] = rms_displacement(
+        projection_covariance(camera, parameters, aspect_fixed, covariance, pixels[known])
+    )
+    return ProjectionMap(x, y, std.reshape(len(y), len(x)))
+
+
+def free_columns(camera: Camera, parameters: Sequence[str], fixed: Sequence[str]) -> FloatArray:
+    """Return the derivative of all nine parameters by the free ones, shape (9, n).
+
+    Rows are in the order ``fx fy cx cy k1 k2 k3 p1 p2``. Where the aspect ratio is held, ``fy``
+    follows ``fx``.
+    """
+    names = list(camera_parameters(camera))
+    follows = np.zeros((len(names), len(parameters)))
+    for column, name in enumerate(parameters):
+        follows[names.index(name), column] = 1.0
+        if name == "fx" and "aspect" in fixed:
+            follows[names.index("fy"), column] = camera.fy / camera.fx
+    return follows

@@ -1,0 +1,83 @@
+"""What of a camera is estimated, and how."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from trisquare._support.suggestions import nearest_name, unknown
+from trisquare.camera.camera import MODELS, Camera, camera_parameters
+
+# The model that stands for the choice among all of them by evidence.
+AUTO = "auto"
+METHODS = ("ml", "linear")
+FIXABLE = ("aspect", "principal_point", "focal", "distortion")
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What to estimate and how, checked."""
+
+    method: str
+    model: str
+    fixed: tuple[str, ...]
+    initial: Camera | None
+
+    @classmethod
+    def check(
+        cls, method: str, model: str, fix: str | Iterable[str], initial: Camera | None
+    ) -> Settings:
+        """Check the arguments of `calibrate` that bear these names.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For any other value.
+        """
+        for name, value, known in (
+            ("method", method, METHODS),
+            ("model", model, (*MODELS, AUTO)),
+        ):
+            if not isinstance(value, str):
+                raise TypeError(f"{name} must be a string, not {type(value).__name__}")
+            if value not in known:
+                raise unknown(name, value, known)
+        names = checked_fix(fix)
+        if initial is not None and not isinstance(initial, Camera):
+            raise TypeError(f"initial must be a Camera, not {type(initial).__name__}")
+        if "focal" in names and initial is None:
+            raise ValueError("fixing the focal length needs an initial camera to hold it at")
+        if model == AUTO and (method == "linear" or "distortion" in names):
+            raise ValueError(
+                'model="auto" compares maximum-likelihood fits with the distortion free: name a '
+                "model for the linear method or a fixed distortion"
+            )
+        return cls(method, model, names, initial)
+
+    def initial_parameters(self, image_size: tuple[int, int]) -> list[float] | None:
+        """Return the initial camera as the core takes it; it must be of the pictures' size."""
+        if self.initial is None:
+            return None
+        if self.initial.image_size != image_size:
+            raise ValueError(
+                f"the initial camera is of size {self.initial.image_size}, the pictures of "
+                f"{image_size}"
+            )
+        return list(camera_parameters(self.initial).values())
+
+
+def checked_fix(fix: str | Iterable[str]) -> tuple[str, ...]:
+    """Return the names of what is held, each once and in the order of `FIXABLE`.
+
+    Raises
+    ------
+    ValueError
+        If one of them cannot be held.
+    """
+    names = [fix] if isinstance(fix, str) else list(fix)
+    for name in names:
+        if name not in FIXABLE:
+            meant = nearest_name(name, FIXABLE) if isinstance(name, str) else None
+            hint = "" if meant is None else f"did you mean {meant!r}? "
+            raise ValueError(f"cannot fix {name!r}: {hint}choose among {', '.join(FIXABLE)}")
+    return tuple(name for name in FIXABLE if name in names)

@@ -1,0 +1,5 @@
+"""The command line: `trisquare`, with one file a command."""
+
+from trisquare.cli.app import main
+
+__all__ = ["main"]

@@ -1,0 +1,189 @@
+"""The `trisquare` command.
+
+Exit codes: 0 done; 2 usage, bad argument, damaged file or unwritable output; 3 nothing found, or
+not enough of it; 4 the geometry does not determine the camera, or no convergence; 5 a picture or
+another file is missing or unreadable. Every error is one line on standard error, and no file is
+written then but what `--debug-image` asks for.
+
+Besides these, as by other commands: 1 where nobody reads standard output any more (``| head``),
+130 after Ctrl-C, and 70 after a fault of trisquare's own.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+import traceback
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from io import TextIOWrapper
+from typing import Annotated, Any, NoReturn
+
+import typer
+
+from trisquare._core import __version__
+from trisquare._support.suggestions import nearest_name
+from trisquare.cli.framework import CommandGroup, UnreadableInputError
+from trisquare.errors import (
+    ConvergenceError,
+    DegenerateGeometryError,
+    DetectionError,
+    ImageError,
+    NotEnoughDataError,
+    NotEnoughPlanesError,
+)
+
+CLOSED_PIPE_EXIT = 1  # as Python's documentation and rich have it
+USAGE_EXIT = 2
+FAULT_EXIT = 70  # EX_SOFTWARE of sysexits.h
+INTERRUPTED_EXIT = 130  # what shells report for a process ended by Ctrl-C
+EXIT_CODES: Mapping[type[Exception], int] = {
+    ValueError: USAGE_EXIT,
+    TypeError: USAGE_EXIT,
+    OSError: USAGE_EXIT,
+    ImportError: USAGE_EXIT,  # what an extra brings
+    DetectionError: 3,
+    NotEnoughPlanesError: 3,
+    NotEnoughDataError: 3,
+    DegenerateGeometryError: 4,
+    ConvergenceError: 4,
+    ImageError: 5,
+    UnreadableInputError: 5,
+}
+
+NEGATIVE_NUMBER = re.compile(r"-[0-9.]")
+"""What such an argument begins with; the parser takes it for an option."""
+
+TRACEBACK_VARIABLE = "TRISQUARE_TRACEBACK"
+"""Environment variable that shows where a fault of trisquare's own comes from."""
+
+# What the command line's parser raises. Newer Typers carry their own copy of Click and older ones
+# use Click itself; this finds the class in either.
+UsageError: type[Any] = typer.BadParameter.__mro__[1]
+
+app = typer.Typer(
+    cls=CommandGroup,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Calibrate a camera from one photograph of three squares, and use what it tells.",
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> NoReturn:
+    """Run the command and exit; `arguments` defaults to those of the process."""
+    _silence_opencv()
+    _let_output_show_any_name()
+    try:
+        code = typer.main.get_command(app).main(
+            arguments, prog_name="trisquare", standalone_mode=False
+        )
+        _flush_output()
+    except UsageError as error:
+        _fail(_usage_message(error), USAGE_EXIT)
+    except (KeyboardInterrupt, typer.Abort):
+        code = INTERRUPTED_EXIT
+    except BrokenPipeError:
+        _drop_output()
+        code = CLOSED_PIPE_EXIT
+    except tuple(EXIT_CODES) as error:
+        exit_code = next(code for kind, code in EXIT_CODES.items() if isinstance(error, kind))
+        _fail(_message(error), exit_code)
+    except SystemExit:
+        raise
+    except BaseException as error:  # a panic of the core is no Exception
+        _fail(_fault_message(error), FAULT_EXIT)
+    # Newer Typers return the code of Ctrl-C, older ones raise Abort.
+    if code == INTERRUPTED_EXIT:
+        _fail("interrupted", INTERRUPTED_EXIT)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _silence_opencv() -> None:
+    """Keep OpenCV from adding its own lines to the one that says what is wrong."""
+    if "cv2" not in sys.modules:  # and it shall not be loaded for this
+        os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+        return
+    import cv2
+
+    silent = 0
+    # OpenCV 5 moved the function.
+    set_level = getattr(cv2, "setLogLevel", None) or cv2.utils.logging.setLogLevel
+    set_level(silent)
+
+
+def _let_output_show_any_name() -> None:
+    """Escape what standard output cannot encode, as standard error does: file names may be that."""
+    if isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors == "strict":
+        sys.stdout.reconfigure(errors="backslashreplace")
+
+
+def _flush_output() -> None:
+    """Meet a full disk or a closed pipe while there is still somebody to tell."""
+    if sys.stdout is not None:  # as it is where it was closed: trisquare >&-
+        sys.stdout.flush()
+
+
+def _drop_output() -> None:
+    """Keep the interpreter from trying once more to write what cannot be written."""
+    if sys.stdout is not None:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _usage_message(error: Any) -> str:
+    context = getattr(error, "ctx", None)
+    path = "trisquare" if context is None else context.command_path
+    said = error.format_message()
+    option = getattr(error, "option_name", None) or ""
+    meant = nearest_name(option, getattr(error, "possibilities", None) or ())
+    if meant is not None:
+        said = f"No such option: {option}. Did you mean {meant}?"
+    elif NEGATIVE_NUMBER.match(option):
+        said = f"{said}; before an argument that begins with a minus, put --"
+    return f"{said} (see {path} --help)"
+
+
+def _message(error: Exception) -> str:
+    """Say what was wrong; of the system's errors without their number."""
+    if isinstance(error, OSError) and error.strerror:
+        # A file has a name; what has none is the stream that is printed to.
+        return f"{error.filename or 'standard output'}: {error.strerror}"
+    return str(error) or type(error).__name__
+
+
+def _fault_message(error: BaseException) -> str:
+    """Say what no input should have led to; the traceback comes first where it is asked for."""
+    if os.environ.get(TRACEBACK_VARIABLE):
+        traceback.print_exception(error)
+    elif isinstance(error, MemoryError):
+        return f"not enough memory: {error}"
+    return (
+        f"a fault of trisquare's own, please report it: {type(error).__name__}: {error} "
+        f"({TRACEBACK_VARIABLE}=1 shows where)"
+    )
+
+
+def _fail(message: str, exit_code: int) -> NoReturn:
+    with suppress(OSError):  # nobody reads it: the exit code has to do
+        print("trisquare: error:", " ".join(message.split()), file=sys.stderr)
+    try:
+        _flush_output()
+    except OSError:
+        _drop_output()
+    sys.exit(exit_code)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"trisquare {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Print version."),
+    ] = False,
+) -> None:
+    pass

@@ -1,0 +1,104 @@
+"""`trisquare compare`: how far apart two cameras project."""
+
+from __future__ import annotations
+
+import json as json_text
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.console import Console, Group, RenderableType
+from rich.text import Text
+
+from trisquare._support.arrays import FloatArray
+from trisquare._support.writing import write_atomically
+from trisquare.analysis.comparison import Comparison, compare, two_digits
+from trisquare.cli.console import JsonOption, QuietOption, check_printing
+from trisquare.cli.input_files import of_size, read_camera
+from trisquare.cli.pictures_drawn import check_outputs
+from trisquare.drawing.difference_map import draw_comparison
+from trisquare.images.encoding import encode_image
+from trisquare.results.camera_of import lens_of
+
+COMPARISON_FORMAT = "trisquare-comparison/1"
+
+EXAMPLES = (
+    "trisquare compare today.json last_month.json",
+    "trisquare compare camera.json camera_info.yaml --map difference.png",
+    "trisquare compare full.json half.json --rescale --json",
+)
+
+
+def compare_command(
+    first: Annotated[Path, typer.Argument(metavar="A", help="A camera file; pixels are its.")],
+    second: Annotated[Path, typer.Argument(metavar="B", help="The camera file to compare.")],
+    map_file: Annotated[
+        Path | None,
+        typer.Option("--map", metavar="FILE", help="Draw the differences over the picture."),
+    ] = None,
+    rescale: Annotated[
+        bool,
+        typer.Option(
+            "--rescale", help="Scale B to the pictures of A, if only the resolution differs."
+        ),
+    ] = False,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Tell how far apart two cameras project, and whether their uncertainties explain it.
+
+    The rotation between the two cameras that fits best is taken out first: intrinsics cannot tell
+    it from a turn of the camera.
+    """
+    check_printing(json, quiet)
+    check_outputs([first, second], None, [] if map_file is None else [map_file])
+    known = read_camera(first)
+    lens = lens_of(known)
+    other = of_size(read_camera(second), lens.image_size, rescale, str(first))
+    comparison = compare(known, other)
+    if map_file is not None:
+        write_atomically({map_file: encode_image(draw_comparison(comparison), map_file)})
+    if json:
+        print(json_text.dumps(_members(comparison), indent=2, allow_nan=False))
+    elif not quiet:
+        Console().print(_report(comparison), soft_wrap=True)
+
+
+def _members(comparison: Comparison) -> dict[str, Any]:
+    return {
+        "format": COMPARISON_FORMAT,
+        "image_size": list(comparison.first.image_size),
+        "rms_px": comparison.rms,
+        "worst_px": comparison.worst,
+        "worst_at": list(comparison.worst_at),
+        "worst_in_stds": comparison.worst_in_stds,
+        "expected_rms_px": comparison.expected_rms,
+        "unexplained_px": comparison.unexplained,
+        "p_value": comparison.p_value,
+        "degrees_of_freedom": comparison.degrees_of_freedom,
+        "same": comparison.same,
+        "verdict": comparison.verdict,
+        "coverage": comparison.coverage,
+        "rotation": comparison.rotation.tolist(),
+        "angle_degrees": comparison.angle,
+        "x": comparison.x.tolist(),
+        "y": comparison.y.tolist(),
+        "distance_px": _finite_or_none(comparison.distance),
+        "std_px": None if comparison.std is None else _finite_or_none(comparison.std),
+    }
+
+
+def _finite_or_none(grid: FloatArray) -> list[list[float | None]]:
+    """Return the values on a grid, None where there is none: JSON has no infinity."""
+    return [[value if np.isfinite(value) else None for value in row] for row in grid.tolist()]
+
+
+def _report(comparison: Comparison) -> RenderableType:
+    lines = [
+        comparison.verdict,
+        f"rotation between them: {two_digits(comparison.angle)} degrees (taken out)",
+    ]
+    if comparison.coverage < 1:
+        lines.append(f"compared over {100 * comparison.coverage:.0f} % of the picture")
+    return Group(*(Text(line) for line in lines))

@@ -1,0 +1,152 @@
+"""The commands of `trisquare`, each of them loaded when it is asked for."""
+
+from __future__ import annotations
+
+import os
+import shlex
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+from trisquare._support.suggestions import nearest_name
+
+SUMMARIES: Mapping[str, str] = MappingProxyType(
+    {
+        "calibrate": "Calibrate a camera from its photographs.",
+        "predict": "Predict the standard deviations that a planned photograph will have.",
+        "measure": "Measure lengths, angles and areas on the plane of a square.",
+        "compare": (
+            "Tell how far apart two cameras project, and whether their uncertainties explain it."
+        ),
+        "target": (
+            "Write a PDF with three framed squares to print, for one photograph that calibrates."
+        ),
+        "undistort": (
+            "Remove the lens distortion from photographs; none is written unless all can be."
+        ),
+        "convert": "Convert a camera from one program's file format to another's.",
+        "demo": (
+            "Calibrate the bundled photograph and compare with the camera that it was made with."
+        ),
+    }
+)
+"""What each command does, in the order of the help.
+
+The command ``x`` is the function ``x_command`` of the module ``x`` beside this one, whose
+`EXAMPLES` its help ends with. The summaries stand here as well as in its docstring, because
+``trisquare --help`` would else import OpenCV and all the rest for a screen of text.
+"""
+
+EXIT_CODES_HELP = """\
+0  done
+2  wrong usage or argument, a damaged file (other than a picture), or unwritable output
+3  nothing found in the photograph, or not enough of it
+4  the geometry does not determine the camera, or no convergence
+5  a picture or a file is missing or cannot be read"""
+
+
+class HelpfulCommand(TyperCommand):
+    """A command whose help ends with examples and exit codes."""
+
+    examples: tuple[str, ...] = ()
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the help; what the formatter holds comes after what Typer prints by itself."""
+        super().format_help(ctx, formatter)
+        _write_ending(formatter, self.examples)
+
+
+class CommandGroup(TyperGroup):
+    """`trisquare` itself: knows all commands by name and summary, and loads those that run."""
+
+    examples = (
+        "trisquare demo",
+        "trisquare target -o target.pdf",
+        "trisquare calibrate photo.jpg -o camera.json --overlay overlay.png",
+        "trisquare undistort photo.jpg --camera camera.json -o straight.png",
+    )
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        for name, summary in SUMMARIES.items():
+            self.commands[name] = TyperCommand(name, help=summary)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Put the command itself in the place of its summary."""
+        name = args[0]
+        meant = None if name in SUMMARIES or name.startswith("-") else nearest_name(name, SUMMARIES)
+        if meant is not None and not ctx.resilient_parsing:
+            ctx.fail(f"No such command {name!r}. Did you mean {meant!r}?")
+        if name in SUMMARIES and not isinstance(self.commands[name], HelpfulCommand):
+            self.commands[name] = load_command(name)
+        return super().resolve_command(ctx, args)
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the help; what the formatter holds comes after what Typer prints by itself."""
+        super().format_help(ctx, formatter)
+        _write_ending(formatter, self.examples)
+
+
+def load_command(name: str) -> HelpfulCommand:
+    """Import a command of `SUMMARIES`."""
+    module = import_module(f"trisquare.cli.{name}")
+    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    app.command(name, cls=HelpfulCommand)(getattr(module, f"{name}_command"))
+    command = typer.main.get_command(app)
+    assert isinstance(command, HelpfulCommand)
+    command.examples = module.EXAMPLES
+    # Typer would keep the source's line breaks in all paragraphs but the first.
+    paragraphs = (command.help or "").split("\n\n")
+    command.help = "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs)
+    return command
+
+
+def _write_ending(formatter: Any, examples: tuple[str, ...]) -> None:
+    for heading, lines in (("Examples", examples), ("Exit codes", EXIT_CODES_HELP.splitlines())):
+        formatter.write(f" {heading}:\n")
+        formatter.write("".join(f"   {line}\n" for line in lines))
+        formatter.write("\n")
+
+
+def command_line(context: typer.Context) -> str:
+    """Return a command line, quoted for a shell, that does the same again.
+
+    Its own words are not kept: options stand before arguments and at their long names, those at
+    their defaults are left out.
+    """
+    options: list[str] = []
+    arguments: list[str] = []
+    for parameter in context.command.params:
+        value = context.params.get(parameter.name or "")
+        texts = _texts(value)
+        if parameter.param_type_name == "argument":
+            arguments += texts
+        elif value != parameter.get_default(context) and value is not False and value is not None:
+            # Of several names (--output, -o) the longest says what it is.
+            name = max(parameter.opts, key=len)
+            options += [name] if value is True else [w for text in texts for w in (name, text)]
+    return shlex.join([*context.command_path.split(), *options, *arguments])
+
+
+def _texts(value: Any) -> list[str]:
+    values = value if isinstance(value, list | tuple) else [value]
+    return [os.fspath(v) if isinstance(v, Path) else str(v) for v in values]
+
+
+class UnreadableInputError(Exception):
+    """A file that was named cannot be read, as a picture may be missing."""
+
+
+@contextmanager
+def reading() -> Iterator[None]:
+    """Tell that a file cannot be read from that one cannot be written, both of them OSErrors."""
+    try:
+        yield
+    except OSError as error:
+        raise UnreadableInputError(str(error)) from error

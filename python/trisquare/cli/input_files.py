@@ -1,0 +1,91 @@
+"""Files that a command reads besides photographs."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from trisquare._support.paths import naming, read_text
+from trisquare.camera.camera import Camera
+from trisquare.cli.framework import reading
+from trisquare.formats import load_camera
+from trisquare.formats.native_json import CALIBRATION_FORMAT
+from trisquare.results.calibration import Calibration
+from trisquare.results.camera_of import lens_of
+
+
+def read_camera(path: Path) -> Calibration | Camera:
+    """Read a calibration with its uncertainty, or the camera that a file of any format holds."""
+    with reading():
+        loaded = load_camera(path)
+        text = read_text(path) if loaded.format == "trisquare" else "{}"
+    if json.loads(text).get("format") != CALIBRATION_FORMAT:
+        return loaded.camera
+    with naming(path):
+        return Calibration.from_json(text)
+
+
+def camera_alone(path: Path) -> Camera:
+    """Read the camera that a file of any format holds, a calibration's included."""
+    with reading():
+        return load_camera(path).camera
+
+
+def of_size(
+    camera: Calibration | Camera, image_size: tuple[int, int], rescale: bool, what: str
+) -> Calibration | Camera:
+    """Return a camera for pictures of a size, scaled to it if that is allowed.
+
+    Raises
+    ------
+    ValueError
+        If the camera's pictures are of another size and `rescale` is not set, or of another shape.
+    """
+    lens = lens_of(camera)
+    if lens.image_size == image_size:
+        return camera
+    with naming(what):
+        scaled = rescaled(camera, image_size)
+    if not rescale:
+        own, other = ("{} x {}".format(*size) for size in (lens.image_size, image_size))
+        raise ValueError(
+            f"{what} has {other} pixels, the camera's pictures {own}: --rescale scales the camera, "
+            "where they are the same picture in another resolution"
+        )
+    return scaled
+
+
+# The name of each parameter that is in pixels, and its axis.
+IN_PIXELS = {"fx": 0, "fy": 1, "cx": 0, "cy": 1}
+
+
+def rescaled(camera: Calibration | Camera, image_size: tuple[int, int]) -> Calibration | Camera:
+    """Scale a camera, with its covariance if there is one, by the rule of `Camera.rescaled`.
+
+    The planes and what else belongs to the pictures of the other size are left behind.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `Camera.rescaled`.
+    """
+    if isinstance(camera, Camera):
+        return camera.rescaled(image_size)
+    scaled = camera.camera.rescaled(image_size)
+    ratios = np.divide(scaled.image_size, camera.camera.image_size)
+    by_name = {name: float(ratios[axis]) for name, axis in IN_PIXELS.items()}
+    factors = np.array([by_name.get(name, 1.0) for name in camera.parameters])
+    return replace(
+        camera,
+        camera=scaled,
+        covariance=factors[:, None] * camera.covariance * factors,
+        std={name: by_name.get(name, 1.0) * std for name, std in camera.std.items()},
+        rms=camera.rms * float(np.sqrt(np.prod(ratios))),
+        planes=(),
+        rejected=(),
+        alternatives=(),
+        coherence=None,
+    )

@@ -1,0 +1,247 @@
+"""`trisquare measure`: lengths, angles and areas on the plane of a square."""
+
+from __future__ import annotations
+
+import json as json_text
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.text import Text
+
+from trisquare._support.arrays import FloatArray
+from trisquare._support.number_text import decimals_shown
+from trisquare._support.suggestions import unknown
+from trisquare._support.writing import write_atomically
+from trisquare.analysis.measure import CLICKED_STD, Measurement, measure
+from trisquare.analysis.rectify import TopView
+from trisquare.analysis.rectify import rectify as rectified
+from trisquare.calibration.locate import locate
+from trisquare.cli.console import JsonOption, QuietOption, check_printing, progress_bar
+from trisquare.cli.framework import reading
+from trisquare.cli.input_files import of_size, read_camera
+from trisquare.cli.options import completing
+from trisquare.cli.pictures_drawn import check_outputs
+from trisquare.detection.kinds import TAG_SEARCHES
+from trisquare.images.encoding import encode_image
+from trisquare.images.pixels import picture_size
+from trisquare.images.reading import read_image
+from trisquare.results.camera_of import lens_of
+from trisquare.results.plane import Plane
+
+MEASUREMENT_FORMAT = "trisquare-measurement/1"
+
+EXAMPLES = (
+    "trisquare measure photo.jpg --camera camera.json --side 50mm 312,440 518,402",
+    "trisquare measure photo.jpg --camera camera.json --plane 2 90,80 130,85 120,140",
+    "trisquare measure photo.jpg --camera camera.json --rectify above.png",
+)
+
+UNITS = ("um", "mm", "cm", "m", "km", "in", "ft")
+LENGTH = re.compile(r"([0-9.eE+-]+)\s*([A-Za-z]*)")
+
+
+def measure_command(
+    photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="Shows the square.")],
+    points: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[X,Y]...",
+            help="Pixels on the square's plane: two for a length, three for an angle, in order "
+            "round a polygon for its area.",
+        ),
+    ] = None,
+    camera: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="The camera that took it: a calibration's JSON, or any format that convert reads, "
+            "which is taken as exact.",
+        ),
+    ] = None,
+    plane: Annotated[
+        int,
+        typer.Option(metavar="N", help="Which of the photograph's planes; the first is 0."),
+    ] = 0,
+    side: Annotated[
+        str,
+        typer.Option(
+            metavar="LENGTH",
+            help=f"Of the square (of a board: of a cell), such as 50mm; units {', '.join(UNITS)}.",
+        ),
+    ] = "1",
+    point_std: Annotated[
+        float,
+        typer.Option(metavar="PX", help="How well the pixels are given, one standard deviation."),
+    ] = CLICKED_STD,
+    rectify: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Draw the plane from straight above, to scale."),
+    ] = None,
+    resolution: Annotated[
+        float | None,
+        typer.Option(metavar="PX", help="Pixels to a unit of length in the view from above."),
+    ] = None,
+    rescale: Annotated[
+        bool,
+        typer.Option(
+            "--rescale", help="Scale the camera to the photograph, if only the resolution differs."
+        ),
+    ] = False,
+    targets: Annotated[
+        str,
+        typer.Option(
+            metavar="WHAT",
+            autocompletion=completing(TAG_SEARCHES),
+            help="What to look for, as in calibrate.",
+        ),
+    ] = "auto",
+    outline: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Outlines drawn by hand, as in calibrate."),
+    ] = None,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Measure lengths, angles and areas on the plane of a square.
+
+    The square is found in the photograph again, before the camera that is given; all that is
+    uncertain about the pixels, its pose and the camera is in the standard deviations.
+    """
+    check_printing(json, quiet)
+    if camera is None:
+        raise ValueError("say which camera took the photograph: --camera camera.json")
+    pixels = _pixels(points or [])
+    if len(pixels) == 1 or (not len(pixels) and rectify is None):
+        raise ValueError("give two points or more, as X,Y; or --rectify FILE")
+    length = _Length.parse(side)
+    inputs = [photo, camera, *([] if outline is None else [outline])]
+    check_outputs(inputs, None, [] if rectify is None else [rectify])
+    known = read_camera(camera)
+    picture = read_image(photo)
+    known = of_size(known, picture_size(picture), rescale, str(photo))
+    lens = lens_of(known)
+    with progress_bar("measuring", quiet), reading():
+        planes = locate(picture, known, targets=targets, outlines=outline)
+    chosen = _chosen(planes, plane)
+    measured = None
+    if len(pixels):
+        measured = measure(chosen, pixels, known, side=length.value, point_std=point_std)
+    view = None
+    if rectify is not None:
+        scale = None if resolution is None else resolution * length.value
+        view = rectified(picture, chosen, lens, resolution=scale)
+        write_atomically({rectify: encode_image(view.image, rectify)})
+    if json:
+        members = _members(chosen, plane, length, measured, view)
+        print(json_text.dumps(members, indent=2, allow_nan=False))
+    elif not quiet:
+        for line in _lines(chosen, plane, length, measured, view):
+            Console().print(Text(line), soft_wrap=True)
+        if rectify is not None:
+            Console().print(Text(f"wrote {rectify}"), soft_wrap=True)
+
+
+@dataclass(frozen=True, slots=True)
+class _Length:
+    """A length with its unit, empty where there is none."""
+
+    value: float
+    unit: str
+
+    @classmethod
+    def parse(cls, text: str) -> _Length:
+        found = LENGTH.fullmatch(text.strip())
+        try:
+            value = float(found[1]) if found else np.nan
+        except ValueError:
+            value = np.nan
+        if found is None or not 0 < value < np.inf:
+            raise ValueError(f"a length is written 50mm, not {text!r}")
+        if found[2] not in ("", *UNITS):
+            raise unknown("unit", found[2], UNITS)
+        return cls(value, found[2])
+
+    def after(self, number: str, power: str = "") -> str:
+        """Write a number in this unit."""
+        return f"{number} {self.unit}{power}" if self.unit else number
+
+
+def _pixels(points: Sequence[str]) -> FloatArray:
+    pixels = []
+    for text in points:
+        try:
+            x, y = (float(part) for part in text.split(","))
+        except ValueError as error:
+            raise ValueError(f"a point is written X,Y, not {text!r}") from error
+        pixels.append((x, y))
+    return np.array(pixels).reshape(-1, 2)
+
+
+def _chosen(planes: Sequence[Plane], index: int) -> Plane:
+    if not 0 <= index < len(planes):
+        shown = "; ".join(
+            "{}: a {} around ({:.0f}, {:.0f})".format(i, p.kind, *p.corners.mean(axis=0))
+            for i, p in enumerate(planes)
+        )
+        raise ValueError(f"there is no plane {index} in the photograph, but {shown}")
+    return planes[index]
+
+
+def _members(
+    plane: Plane, index: int, length: _Length, measured: Measurement | None, view: TopView | None
+) -> dict[str, Any]:
+    members: dict[str, Any] = {
+        "format": MEASUREMENT_FORMAT,
+        "plane": index,
+        "kind": plane.kind,
+        "corners": plane.corners.tolist(),
+        "side": length.value,
+        "unit": length.unit,
+    }
+    if measured is not None:
+        members |= {
+            "points": measured.points.tolist(),
+            "covariance": measured.covariance.tolist(),
+            "lengths": measured.lengths.tolist(),
+            "lengths_std": measured.lengths_std.tolist(),
+            "angles": measured.angles.tolist(),
+            "angles_std": measured.angles_std.tolist(),
+            "area": measured.area,
+            "area_std": measured.area_std,
+        }
+    if view is not None:
+        members["rectified"] = {
+            "image_size": list(view.image.shape[1::-1]),
+            "origin": [length.value * value for value in view.origin],
+            "resolution": view.resolution / length.value,
+        }
+    return members
+
+
+def _lines(
+    plane: Plane, index: int, length: _Length, measured: Measurement | None, view: TopView | None
+) -> Iterator[str]:
+    x, y = plane.corners.mean(axis=0)
+    yield f"on plane {index}, a {plane.kind} around ({x:.0f}, {y:.0f})"
+    if measured is not None:
+        for i, (value, std) in enumerate(zip(measured.lengths, measured.lengths_std, strict=True)):
+            yield f"length {i + 1} to {i + 2}: {length.after(_with_std(value, std))}"
+        for i, (value, std) in enumerate(zip(measured.angles, measured.angles_std, strict=True)):
+            yield f"angle at {i + 2}: {_with_std(value, std)} degrees"
+        if measured.area is not None and measured.area_std is not None:
+            yield f"area: {length.after(_with_std(measured.area, measured.area_std), '^2')}"
+    if view is not None:
+        resolution = view.resolution / length.value
+        unit = length.unit or ("side" if length.value == 1 else "unit")
+        yield f"from above: {resolution:.6g} px to a {unit}"
+
+
+def _with_std(value: float, std: float) -> str:
+    decimals = decimals_shown(std)
+    return f"{value:.{decimals}f} +- {std:.{decimals}f}"

@@ -1,0 +1,215 @@
+"""`trisquare predict`: what a photograph would tell, before it is taken."""
+
+from __future__ import annotations
+
+import json as json_text
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich import box
+from rich.console import Console, Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from trisquare._support.json_members import JsonFields
+from trisquare._support.number_text import decimals_shown
+from trisquare._support.paths import naming, read_text
+from trisquare.analysis.plan import PlannedSquare
+from trisquare.analysis.predict import Prediction, predict
+from trisquare.camera.camera import MODELS, Camera, camera_parameters
+from trisquare.cli.console import JsonOption, QuietOption, check_printing
+from trisquare.cli.framework import reading
+from trisquare.cli.input_files import camera_alone
+from trisquare.cli.options import FixOption, completing, fixed_names, parse_size
+
+PLAN_FORMAT = "trisquare-plan/1"
+PREDICTION_FORMAT = "trisquare-prediction/1"
+
+EXAMPLES = (
+    "trisquare predict --size 4000x3000 --focal 3200",
+    "trisquare predict --camera camera.json --sigma 0.05 --model radial1",
+    "trisquare predict plan.json --frame 0.6 --json",
+)
+
+# Planned where nothing else is said: three squares over the picture, as section "How to take a
+# good photograph" of the README wants them. Parts of width, height and height; degrees.
+DEFAULT_SQUARES = ("23%,30%,36%,35,0", "77%,30%,36%,35,120", "50%,72%,36%,35,240")
+SQUARE_FIELDS = ("centre x", "centre y", "side", "tilt", "direction", "spin")
+
+
+def predict_command(
+    plan: Annotated[
+        Path | None,
+        typer.Argument(metavar="[PLAN]", help="A plan as JSON; what options say comes first."),
+    ] = None,
+    size: Annotated[
+        str | None,
+        typer.Option(metavar="WxH", help="Size of the picture in pixels, such as 1280x960."),
+    ] = None,
+    focal: Annotated[
+        float | None,
+        typer.Option(metavar="PX", help="Guess of the focal length; by default the width."),
+    ] = None,
+    camera: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="A camera, as convert reads it, instead of --size and --focal."
+        ),
+    ] = None,
+    square: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="X,Y,SIDE,TILT,DIRECTION[,SPIN]",
+            help="A square: its centre and side in pixels, or in % of the picture's width, height "
+            "and height; its tilt, the direction of the axis it is tilted about, and its spin in "
+            "degrees. Repeatable; by default three good ones.",
+        ),
+    ] = None,
+    frame: Annotated[
+        float | None,
+        typer.Option(metavar="PART", help="All are frames with a hole of so much of their side."),
+    ] = None,
+    sigma: Annotated[
+        float,
+        typer.Option(metavar="PX", help="How well one pixel of edge is known."),
+    ] = 0.02,
+    spacing: Annotated[
+        float, typer.Option(metavar="PX", help="Edge length that sigma is for.")
+    ] = 1.0,
+    model: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MODEL",
+            autocompletion=completing(MODELS),
+            help="Distortion: none, radial1, radial2, radial3 or brown.",
+        ),
+    ] = None,
+    fix: FixOption = None,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Predict the standard deviations that a planned photograph will have."""
+    check_printing(json, quiet)
+    written = None if plan is None else _written(plan)
+    guess = _camera(written, size, focal, camera)
+    if square or written is None:
+        planned = [_square(text, guess, frame) for text in square or DEFAULT_SQUARES]
+    else:
+        planned = [_planned(members, guess, frame) for members in written.objects("squares")]
+    found = predict(
+        guess,
+        planned,
+        sigma,
+        spacing=spacing,
+        model=model,
+        fix=fixed_names(fix),
+    )
+    if json:
+        print(json_text.dumps(_members(found, planned), indent=2, allow_nan=False))
+    elif not quiet:
+        Console().print(_report(found, planned), soft_wrap=True)
+
+
+def _written(plan: Path) -> JsonFields:
+    with reading():
+        text = read_text(plan)
+    with naming(plan):
+        return JsonFields.parse(text, PLAN_FORMAT)
+
+
+def _camera(
+    written: JsonFields | None, size: str | None, focal: float | None, camera: Path | None
+) -> Camera:
+    """Take the camera from a calibration, or make a pinhole of size and focal length."""
+    if camera is not None:
+        if size is not None or focal is not None:
+            raise ValueError("--camera brings its own size and focal length")
+        return camera_alone(camera)
+    if size is not None:
+        width, height = parse_size(size)
+    elif written is not None:
+        width, height = written.array("image_size", (2,)).astype(int).tolist()
+    else:
+        raise ValueError("give the size of the picture (--size 1280x960), a --camera or a PLAN")
+    if focal is None:
+        focal = float(width) if written is None else written.number_or("focal", width)
+    centre = (0.5 * (width - 1), 0.5 * (height - 1))
+    K = np.array([[focal, 0.0, centre[0]], [0.0, focal, centre[1]], [0.0, 0.0, 1.0]])
+    return Camera(K, np.zeros(5), (width, height))
+
+
+def _square(text: str, camera: Camera, frame: float | None) -> PlannedSquare:
+    """Read X,Y,SIDE,TILT,DIRECTION[,SPIN]; the first three may be per cent."""
+    parts = [part.strip() for part in text.split(",")]
+    if len(parts) not in (len(SQUARE_FIELDS) - 1, len(SQUARE_FIELDS)):
+        raise ValueError(f"a square is written X,Y,SIDE,TILT,DIRECTION[,SPIN], not {text!r}")
+    width, height = camera.image_size
+    wholes = (width - 1.0, height - 1.0, float(height))
+    numbers = []
+    for index, (name, part) in enumerate(zip(SQUARE_FIELDS, parts, strict=False)):
+        try:
+            if index < len(wholes) and part.endswith("%"):
+                numbers.append(float(part[:-1]) / 100.0 * wholes[index])
+            else:
+                numbers.append(float(part))
+        except ValueError as error:
+            raise ValueError(f"the {name} of the square {text!r} is no number") from error
+    x, y, side, tilt, direction, *spin = numbers
+    return PlannedSquare.at(
+        camera, (x, y), side, tilt=tilt, direction=direction, spin=sum(spin), inner=frame
+    )
+
+
+def _planned(members: JsonFields, camera: Camera, frame: float | None) -> PlannedSquare:
+    x, y = members.array("centre", (2,)).tolist()
+    inner = members.number_or("inner", 0.0) if frame is None else frame
+    return PlannedSquare.at(
+        camera,
+        (x, y),
+        members.number("side"),
+        tilt=members.number("tilt"),
+        direction=members.number("direction"),
+        spin=members.number_or("spin", 0.0),
+        inner=inner or None,
+    )
+
+
+def _members(found: Prediction, planned: list[PlannedSquare]) -> dict[str, object]:
+    return {
+        "format": PREDICTION_FORMAT,
+        "image_size": list(found.camera.image_size),
+        "sigma": found.sigma,
+        "spacing": found.spacing,
+        "camera": camera_parameters(found.camera),
+        "std": dict(found.std),
+        "parameters": list(found.parameters),
+        "covariance": found.covariance.tolist(),
+        "squares": [
+            {
+                "rotation": square.rotation.tolist(),
+                "translation": square.translation.tolist(),
+                "inner": square.inner,
+            }
+            for square in planned
+        ],
+    }
+
+
+def _report(found: Prediction, planned: list[PlannedSquare]) -> RenderableType:
+    table = Table("parameter", box=box.SIMPLE_HEAD)
+    for heading in ("assumed", "predicted std"):
+        table.add_column(heading, justify="right")
+    values = camera_parameters(found.camera)
+    for name, std in found.std.items():
+        decimals = decimals_shown(std)
+        table.add_row(name, f"{values[name]:.6g}", f"{std:.{decimals}f}")
+    width, height = found.camera.image_size
+    tilts = [np.degrees(np.arccos(np.clip(square.rotation[2, 2], -1, 1))) for square in planned]
+    said = ", ".join(f"{tilt:.0f}" for tilt in tilts)
+    summary = Text(
+        f"{width} x {height}, {len(planned)} squares tilted by {said} degrees, "
+        f"edges known to {found.sigma:g} px every {found.spacing:g} px"
+    )
+    return Group(table, summary)

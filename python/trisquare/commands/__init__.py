@@ -1,1 +1,0 @@
-"""The commands of `trisquare`, one module each."""

@@ -1,0 +1,1 @@
+"""Finding targets in a picture with OpenCV: coarse outlines, nothing measured."""

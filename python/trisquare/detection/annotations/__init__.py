@@ -1,0 +1,1 @@
+"""Outlines drawn by hand: their files, and snapping them to edges."""

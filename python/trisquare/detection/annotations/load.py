@@ -1,0 +1,156 @@
+"""What somebody drew by hand on each of the pictures, from a file or from lists."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import PureWindowsPath
+from typing import Any
+
+from trisquare._support.json_members import refuse_constant
+from trisquare._support.paths import naming, read_bytes
+from trisquare.detection.annotations.formats import DrawnPicture, DrawnTarget, drawn_pictures
+from trisquare.detection.annotations.grid import DrawnGrid
+from trisquare.detection.annotations.outlines import DrawnOutline, DrawnSquare
+from trisquare.images.pixels import ImageSource, Outlines
+
+
+@dataclass(frozen=True, slots=True)
+class Drawings:
+    """Drawn outlines of each picture of a calibration, by its index."""
+
+    of_pictures: tuple[DrawnPicture | None, ...]
+
+    @classmethod
+    def read(cls, outlines: Outlines, sources: Sequence[ImageSource]) -> Drawings:
+        """Read outlines and match them with the pictures they belong to.
+
+        Parameters
+        ----------
+        outlines : path, mapping, or sequence
+            A JSON file, its parsed content, or, for a single picture, a sequence of outlines: each
+            an array_like of shape (N, 2), four corners or a closed polygon, or four polylines.
+        sources : sequence of path or ndarray
+            The pictures.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Naming the key that is wrong; or if nothing is drawn on any of the pictures.
+        OSError
+            If the file cannot be read.
+        """
+        if isinstance(outlines, str | os.PathLike):
+            text = read_bytes(outlines)
+            with naming(outlines):
+                return cls._matched(drawn_pictures(_parsed(text)), sources)
+        if isinstance(outlines, Mapping):
+            return cls._matched(drawn_pictures(dict(outlines)), sources)
+        if len(sources) != 1:
+            raise ValueError(
+                "a list of outlines is for one picture: give several a file, or its content, that "
+                "says which outlines are on which"
+            )
+        return cls((DrawnPicture(tuple(_listed(outlines))),))
+
+    @classmethod
+    def _matched(cls, drawn: list[DrawnPicture], sources: Sequence[ImageSource]) -> Drawings:
+        names = [_base_name(s) if isinstance(s, str | os.PathLike) else None for s in sources]
+        found: list[DrawnPicture | None] = [None] * len(sources)
+        if names == [None] and len(drawn) == 1 and drawn[0].index is None:
+            return cls((drawn[0],))  # an array has no name that could differ
+        for picture in drawn:
+            for index in _places_of(picture, names):
+                earlier = found[index]
+                found[index] = picture if earlier is None else earlier.joined(picture)
+        if all(picture is None for picture in found):
+            raise ValueError(
+                f"nothing is drawn on {_listed_names(names)}: the outlines are for "
+                f"{_listed_names([picture.name for picture in drawn])}"
+            )
+        return cls(tuple(found))
+
+    def on(self, index: int, image_size: tuple[int, int]) -> tuple[DrawnTarget, ...]:
+        """Return what is drawn on a picture of this size; it may be nothing.
+
+        Raises
+        ------
+        ValueError
+            If the outlines were drawn on a picture of another size, or reach outside.
+        """
+        drawn = self.of_pictures[index]
+        if drawn is None:
+            return ()
+        drawn.check_size(image_size)
+        for target in drawn.targets:
+            target.check_inside(image_size)
+        return drawn.targets
+
+
+def _parsed(text: bytes) -> Any:
+    try:
+        return json.loads(text, parse_constant=refuse_constant)
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"not JSON that can be read ({error})") from error
+
+
+def _listed(outlines: Any) -> list[DrawnTarget]:
+    if isinstance(outlines, bytes) or not hasattr(outlines, "__iter__"):
+        raise TypeError(
+            f"outlines are a path, parsed JSON or a sequence, not {type(outlines).__name__}"
+        )
+    targets: list[DrawnTarget] = []
+    for index, outline in enumerate(outlines):
+        where = f"outlines[{index}]"
+        if isinstance(outline, DrawnSquare | DrawnGrid):
+            targets.append(outline)
+        elif _depth(outline) == 3:
+            targets.append(DrawnSquare(DrawnOutline.of_sides(outline, where)))
+        else:
+            targets.append(DrawnSquare(DrawnOutline.of_polygon(outline, where)))
+    if not targets:
+        raise ValueError("no outline given")
+    return targets
+
+
+def _depth(value: Any) -> int:
+    """How deeply lists are nested: two for points, three for polylines."""
+    depth = 0
+    while hasattr(value, "__len__") and not isinstance(value, str | Mapping) and len(value) > 0:
+        value = value[0]
+        depth += 1
+    return depth
+
+
+def _base_name(path: str | os.PathLike[str]) -> str:
+    # Labelling programs on Windows write its separators; no photograph's name holds one.
+    return PureWindowsPath(os.fspath(path)).name
+
+
+def _places_of(picture: DrawnPicture, names: Sequence[str | None]) -> list[int]:
+    """Return the indices of the pictures that a drawing belongs to."""
+    if picture.index is not None:
+        if picture.index >= len(names):
+            raise ValueError(
+                f'"{picture.where}index" is {picture.index}, but there are {len(names)} pictures '
+                "(the first is 0)"
+            )
+        return [picture.index]
+    if picture.name is None:
+        if len(names) > 1:
+            raise ValueError(
+                "the outlines do not say which of the pictures they are for: give each an index or "
+                "a file"
+            )
+        return [0]
+    places = [i for i, name in enumerate(names) if name == _base_name(picture.name)]
+    if len(places) > 1:
+        raise ValueError(f"{len(places)} pictures are called {picture.name}: give indices instead")
+    return places
+
+
+def _listed_names(names: Sequence[str | None], most: int = 3) -> str:
+    shown = ["an array" if name is None else name for name in names[:most]]
+    return ", ".join(shown) + (f" and {len(names) - most} more" if len(names) > most else "")

@@ -1,0 +1,270 @@
+"""Outlines of squares as somebody drew them: coarse, and checked for being outlines at all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from trisquare._support.arrays import FloatArray, real_array
+from trisquare.edges import MAX_COORDINATE
+
+SHORTEST_SIDE = 12.0
+"""Pixels; what is left of a shorter side between its corners' blur cannot be measured."""
+
+MOST_POINTS = 200
+"""Points of a polygon among which its corners are looked for, which takes time by their cube;
+polygons of more are masks traced pixel by pixel, and lose nothing by being thinned."""
+
+JOINED = 10.0
+"""Pixels between the end of one drawn side and the start of the next, at most: two ends that are
+each 5 px off."""
+
+OUTSIDE = 1.0
+"""Pixels that a point may lie outside the picture: programs that count from the corner of the
+first pixel, not its centre, reach half a pixel further."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DrawnOutline:
+    """One closed outline of four sides, within some pixels of the edges.
+
+    Attributes
+    ----------
+    sides : tuple of four ndarrays of float64, shape (N, 2), N >= 2
+        Polylines, clockwise on the screen; in pixels of the photograph as it is stored.
+    where : str
+        What its file or list calls it; messages begin with it.
+    """
+
+    sides: tuple[FloatArray, ...]
+    where: str
+
+    @property
+    def corners(self) -> FloatArray:
+        """Where the sides start, shape (4, 2)."""
+        return np.array([side[0] for side in self.sides])
+
+    @classmethod
+    def of_polygon(cls, points: Any, where: str) -> DrawnOutline:
+        """Take four corners, or a closed polygon whose four corners are to be found.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Naming `where`, if that is no outline.
+        """
+        polygon = _points(points, where)
+        if len(polygon) > 1 and np.array_equal(polygon[0], polygon[-1]):
+            polygon = polygon[:-1]  # closed by a repeated point
+        if len(polygon) < 4:
+            raise ValueError(f"{where} has {len(polygon)} points: a square needs its 4 corners")
+        if len(polygon) > MOST_POINTS:
+            polygon = polygon[_spread(len(polygon))]
+        _refuse_crossings(polygon, where)
+        polygon = _clockwise(polygon, where)
+        corners = np.arange(4) if len(polygon) == 4 else _corners_of(polygon)
+        ends = np.append(corners[1:], corners[0] + len(polygon))
+        sides = [
+            polygon[np.arange(first, last + 1) % len(polygon)]
+            for first, last in zip(corners, ends, strict=True)
+        ]
+        return cls._checked(sides, where)
+
+    @classmethod
+    def of_sides(cls, sides: Any, where: str) -> DrawnOutline:
+        """Take four polylines, in order round the square, each given either way round.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Naming `where`, if they make no outline.
+        """
+        try:
+            given = list(sides)
+        except TypeError as error:
+            raise TypeError(f"{where} must hold four polylines") from error
+        if len(given) != 4:
+            raise ValueError(f"{where} has {len(given)} sides: a square has 4")
+        lines = [_points(side, f"{where}[{i}]") for i, side in enumerate(given)]
+        for i, line in enumerate(lines):
+            if len(line) < 2:
+                raise ValueError(f"{where}[{i}] has {len(line)} points: a side needs 2 or more")
+        lines = _head_to_tail(lines, where)
+        if _signed_area(np.concatenate(lines)) < 0:
+            lines = [line[::-1] for line in lines[::-1]]
+        return cls._checked(lines, where)
+
+    @classmethod
+    def _checked(cls, sides: list[FloatArray], where: str) -> DrawnOutline:
+        lengths = [np.hypot(*(side[-1] - side[0])) for side in sides]
+        if min(lengths) < SHORTEST_SIDE:
+            raise ValueError(
+                f"{where} has a side of {min(lengths):.1f} px: it needs {SHORTEST_SIDE:.0f} or more"
+            )
+        corners = np.array([side[0] for side in sides])
+        if not cv2.isContourConvex(corners.astype(np.float32)):
+            raise ValueError(f"{where}: its four corners make no convex quadrilateral")
+        for side in sides:
+            side.flags.writeable = False
+        return cls(tuple(sides), where)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DrawnSquare:
+    """A drawn square, or a frame with a second outline on the same plane."""
+
+    outer: DrawnOutline
+    inner: DrawnOutline | None = None
+
+    @classmethod
+    def of_two(cls, first: DrawnOutline, second: DrawnOutline) -> DrawnSquare:
+        """Take the two outlines of a frame in either order.
+
+        Raises
+        ------
+        ValueError
+            If neither lies inside the other.
+        """
+        for outer, inner in ((first, second), (second, first)):
+            polygon = outer.corners.astype(np.float32)
+            distances = [cv2.pointPolygonTest(polygon, (x, y), False) for x, y in inner.corners]
+            if min(distances) > 0:
+                return cls(outer, inner)
+        raise ValueError(
+            f"{first.where} and {second.where} are to be a frame: one must lie inside the other"
+        )
+
+    @property
+    def kind(self) -> str:
+        """Return ``"square"`` or ``"frame"``."""
+        return "square" if self.inner is None else "frame"
+
+    @property
+    def where(self) -> str:
+        """Return what its file or list calls it."""
+        return self.outer.where
+
+    @property
+    def corners(self) -> FloatArray:
+        """Of the outer outline, shape (4, 2), pixels."""
+        return self.outer.corners
+
+    def check_inside(self, image_size: tuple[int, int]) -> None:
+        """Raise ValueError if a point lies outside a picture of this width and height."""
+        for outline in self.outlines:
+            refuse_outside(np.concatenate(outline.sides), image_size, outline.where)
+
+    @property
+    def outlines(self) -> tuple[DrawnOutline, ...]:
+        """Return the outer one and, of a frame, the inner one."""
+        return (self.outer,) if self.inner is None else (self.outer, self.inner)
+
+
+def refuse_outside(points: FloatArray, image_size: tuple[int, int], where: str) -> None:
+    """Raise ValueError if a point lies outside a picture of this width and height."""
+    outside = (points < -OUTSIDE) | (points > np.array(image_size) - 1 + OUTSIDE)
+    if outside.any():
+        x, y = points[outside.any(axis=1).argmax()]
+        raise ValueError(
+            f"{where}: the point ({x:g}, {y:g}) lies outside the picture of "
+            f"{image_size[0]} x {image_size[1]} pixels"
+        )
+
+
+def _points(points: Any, where: str) -> FloatArray:
+    array = real_array(points, where, (None, 2))
+    if not (np.abs(array) <= MAX_COORDINATE).all():
+        raise ValueError(f"{where} holds coordinates beyond {MAX_COORDINATE:g} px")
+    return array
+
+
+def _spread(count: int) -> NDArray[np.intp]:
+    """Return indices of `MOST_POINTS` of so many points."""
+    return np.linspace(0, count, MOST_POINTS, endpoint=False).astype(np.intp)
+
+
+def _signed_area(polygon: FloatArray) -> float:
+    """Twice the area, positive if the polygon runs clockwise on the screen."""
+    x, y = (polygon - polygon.mean(axis=0)).T
+    return float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+
+
+def _clockwise(polygon: FloatArray, where: str) -> FloatArray:
+    area = _signed_area(polygon)
+    if area == 0:
+        raise ValueError(f"{where} encloses nothing")
+    return polygon if area > 0 else polygon[::-1]
+
+
+def _corners_of(polygon: FloatArray) -> NDArray[np.intp]:
+    """Find the four points that enclose the largest area, in order round the polygon.
+
+    The sides of a square bend little: of whatever polygon follows them, no other four points
+    enclose as much. Given a diagonal, the best points on its two sides are independent.
+    """
+    index = np.arange(len(polygon))
+    best = -np.inf
+    corners = index[:4]
+    for start in index[:-2]:
+        ends = index[start + 2 :]
+        diagonals, relative = polygon[ends] - polygon[start], polygon - polygon[start]
+        # Positive to the right on the screen, where a clockwise polygon has the points that follow
+        # the diagonal's end; those between its start and its end lie to the left.
+        beside = np.outer(diagonals[:, 0], relative[:, 1]) - np.outer(
+            diagonals[:, 1], relative[:, 0]
+        )
+        between = (index > start) & (index < ends[:, None])
+        beyond = (index < start) | (index > ends[:, None])
+        left, right = np.where(between, -beside, -np.inf), np.where(beyond, beside, -np.inf)
+        areas = left.max(axis=1) + right.max(axis=1)
+        row = int(areas.argmax())
+        if areas[row] > best:
+            best = float(areas[row])
+            corners = np.array([start, ends[row], left[row].argmax(), right[row].argmax()])
+    return np.sort(corners)
+
+
+def _head_to_tail(lines: list[FloatArray], where: str) -> list[FloatArray]:
+    """Turn polylines so that each starts where the one before ends."""
+
+    def gaps(ordered: list[FloatArray]) -> list[float]:
+        following = [*ordered[1:], ordered[0]]
+        return [
+            float(np.hypot(*(after[0] - before[-1])))
+            for before, after in zip(ordered, following, strict=True)
+        ]
+
+    turned = []
+    for ways in np.ndindex(2, 2, 2, 2):
+        turned.append([line[::-1] if way else line for way, line in zip(ways, lines, strict=True)])
+    best = min(turned, key=lambda ordered: sum(gaps(ordered)))
+    wide = int(np.argmax(gaps(best)))
+    if gaps(best)[wide] > JOINED:
+        raise ValueError(
+            f"{where}: sides {wide} and {(wide + 1) % 4} are {gaps(best)[wide]:.0f} px apart: give "
+            "the sides in order round the square, corner to corner"
+        )
+    return best
+
+
+def _refuse_crossings(polygon: FloatArray, where: str) -> None:
+    """Raise ValueError if two edges of a closed polygon cross."""
+    start, end = polygon, np.roll(polygon, -1, axis=0)
+    direction = end - start
+
+    def side_of(point: FloatArray) -> FloatArray:
+        """On which side of every edge i each point j lies, shape (N, N)."""
+        relative = point[None] - start[:, None]
+        return np.asarray(
+            np.sign(
+                direction[:, None, 0] * relative[..., 1] - direction[:, None, 1] * relative[..., 0]
+            )
+        )
+
+    apart = side_of(start) * side_of(end) < 0
+    if (apart & apart.T).any():
+        raise ValueError(f"{where} crosses itself: give the points in order round the square")

@@ -1,0 +1,246 @@
+"""From an outline drawn by hand to one within a pixel of the edges, on the photograph itself.
+
+What is drawn is some pixels off, and straight where the lens bends a side. Along every side the
+picture is read across the drawn line, and of all gently curved paths that begin and end near it,
+the one is taken that has the strongest step all along; the measurement then knows where to look.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from trisquare._support.arrays import FloatArray
+from trisquare.detection.annotations.outlines import DrawnOutline, DrawnSquare
+from trisquare.detection.candidates import Outline, SquareOutline
+from trisquare.detection.squares.framed import alignment
+
+REACH = 8.0
+"""Pixels across a drawn line within which its edge is looked for: drawn within 5, and some more
+where two ends are off in opposite directions or the corner is drawn past its place."""
+
+REACH_SHARE = 1.0 / 400.0
+"""The same over the picture's longer side: a large photograph is drawn on at reduced size, where
+the same hand is off by more of its pixels."""
+
+NARROW = 0.25
+"""Of a side's length, at most, so that the opposite side is out of reach."""
+
+BULGE = 0.05
+"""Over the chord, how far a side may bend from what was drawn: strong lenses bend one by 4 %."""
+
+POSITIONS = 48
+"""Places along a side where the picture is read across it."""
+
+FILTER = 4
+"""Pixels averaged on both sides of an edge: wider than the blur of a fairly defocused picture, and
+little enough to tell the outlines of a frame apart."""
+
+ENDS = 17
+BULGES = 41
+"""Offsets tried for each end of a side, and for its bend: a pixel or two apart at first."""
+
+REFINEMENTS = 2
+"""How often the best path's neighbours are tried again, at half the distance each time: half a
+pixel is finer than the filter resolves."""
+
+NEARER = 0.4
+"""By how much a step counts less at the end of the reach than on the drawn line: of two edges that
+are equally strong, the one that was meant is nearer."""
+
+MIN_STEP = 4.0
+"""Grey levels of 255 over a whole side, below which there is no edge."""
+
+MIN_STEP_NOISES = 1.5
+"""The same over the typical step between the pixels around: along the best of ten thousand paths
+through mere noise it is below one."""
+
+FARTHEST_CORNER = 4.0
+"""Reaches from a drawn corner to where the settled sides meet: at an acute corner more than one."""
+
+MEDIAN_OF_NORMAL = 0.6745
+"""Median of a normal variable's size, over its standard deviation."""
+
+ENDING = 6
+"""Positions over which a side's direction at its end is read, an eighth of it."""
+
+LEAST_SINE = 0.2
+"""Of the angle between two sides: flatter than 12 degrees, no square can be measured."""
+
+PATH_POINTS = 32
+"""Points of a settled side."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Side:
+    """Steps of the picture across one drawn side, on a grid of positions and offsets."""
+
+    points: FloatArray  # (POSITIONS, 2), on the drawn line
+    outward: FloatArray  # (2,), unit
+    along: FloatArray  # (POSITIONS,), 0 to 1 over the whole side
+    steps: FloatArray  # (POSITIONS, 2 N + 1), outside - inside, at -N to N pixels outward
+    reach: float
+    needed_step: float
+
+
+def settle(picture: NDArray[np.uint8], drawn: DrawnSquare) -> SquareOutline | str:
+    """Move a drawn square or frame onto the edges of a picture.
+
+    Parameters
+    ----------
+    picture : ndarray of uint8, shape (H, W)
+    drawn : DrawnSquare
+        Inside the picture.
+
+    Returns
+    -------
+    SquareOutline or str
+        Within a pixel or two of the edges; or which side of it has none.
+    """
+    outer = _settle_outline(picture, drawn.outer)
+    if isinstance(outer, str) or drawn.inner is None:
+        return outer if isinstance(outer, str) else SquareOutline(outer, None)
+    inner = _settle_outline(picture, drawn.inner)
+    if isinstance(inner, str):
+        return inner
+    places = alignment(inner.corners, outer.corners)
+    first, second, third, fourth = (inner.sides[(i - places) % 4] for i in range(4))
+    corners = np.roll(inner.corners, places, axis=0)
+    return SquareOutline(outer, Outline(corners, (first, second, third, fourth), inner.dark_inside))
+
+
+@dataclass(frozen=True, slots=True)
+class _Path:
+    """A curved path along a side: pixels outward of the drawn line at its ends and by its bend."""
+
+    first: float
+    last: float
+    bend: float
+    step: float
+    """Mean step of the picture across it."""
+    score: float
+    """The same, less where the path is far from the drawn line."""
+
+    def offsets(self, along: FloatArray) -> FloatArray:
+        """Pixels outward at positions from 0 to 1."""
+        straight = self.first + (self.last - self.first) * along
+        return np.asarray(straight + 4.0 * self.bend * along * (1.0 - along))
+
+
+def _settle_outline(picture: NDArray[np.uint8], drawn: DrawnOutline) -> Outline | str:
+    sides = [_read_side(picture, side) for side in drawn.sides]
+    # All round its inside, an outline is darker or lighter than what is outside.
+    light, dark = ([_best_path(side, sign) for side in sides] for sign in (-1.0, 1.0))
+    dark_inside = sum(path.score for path in dark) > sum(path.score for path in light)
+    paths = dark if dark_inside else light
+    for number, (side, path) in enumerate(zip(sides, paths, strict=True)):
+        if path.step < side.needed_step:
+            start, end = drawn.sides[number][0], drawn.sides[number][-1]
+            return (
+                f"{drawn.where}: no edge within {side.reach:.0f} px of its side {number}, "
+                f"from ({start[0]:.0f}, {start[1]:.0f}) to ({end[0]:.0f}, {end[1]:.0f})"
+            )
+    curves = [
+        side.points + path.offsets(side.along)[:, None] * side.outward
+        for side, path in zip(sides, paths, strict=True)
+    ]
+    corners = [_meet(curves[i - 1], curves[i]) for i in range(4)]
+    for number, corner in enumerate(corners):
+        farthest = FARTHEST_CORNER * sides[number].reach
+        if corner is None or np.hypot(*(corner - drawn.corners[number])) > farthest:
+            x, y = drawn.corners[number]
+            return f"{drawn.where}: the edges near it do not meet at its corner ({x:.0f}, {y:.0f})"
+    closed = np.array(corners)
+    settled = [
+        _path_through(np.vstack([closed[i], curves[i], closed[(i + 1) % 4]])) for i in range(4)
+    ]
+    closed.flags.writeable = False
+    return Outline(closed, (settled[0], settled[1], settled[2], settled[3]), bool(dark_inside))
+
+
+def _read_side(picture: NDArray[np.uint8], polyline: FloatArray) -> _Side:
+    """Read the steps across a drawn side; outside the picture its border is continued."""
+    lengths = np.hypot(*np.diff(polyline, axis=0).T)
+    travelled = np.append(0.0, np.cumsum(lengths))
+    length = float(np.hypot(*(polyline[-1] - polyline[0])))
+    reach = max(REACH, REACH_SHARE * max(picture.shape))
+    reach = min(reach, NARROW * length)
+    # Near the ends, the steps of the neighbouring sides are in reach as well.
+    margin = min(reach / length, NARROW)
+    along = np.linspace(margin, 1.0 - margin, POSITIONS)
+    points = np.stack(
+        [np.interp(along * travelled[-1], travelled, polyline[:, axis]) for axis in range(2)],
+        axis=1,
+    )
+    chord = (polyline[-1] - polyline[0]) / length
+    outward = np.array([chord[1], -chord[0]])
+    farthest = int(np.ceil(reach + BULGE * length))
+    read = np.arange(-farthest - FILTER, farthest + FILTER + 1, dtype=np.float64)
+    across = (points[:, None] + read[:, None] * outward).astype(np.float32)
+    values = cv2.remap(
+        picture, across[..., 0], across[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    )
+    sums = np.cumsum(np.pad(values.astype(np.float64), ((0, 0), (1, 0))), axis=1)
+    means = (sums[:, FILTER:] - sums[:, :-FILTER]) / FILTER  # of the pixels from each on
+    steps = means[:, FILTER + 1 :] - means[:, : -FILTER - 1]
+    needed = max(MIN_STEP, MIN_STEP_NOISES * float(np.median(np.abs(steps))) / MEDIAN_OF_NORMAL)
+    return _Side(points, outward, along, steps, reach, needed)
+
+
+def _best_path(side: _Side, sign: float) -> _Path:
+    """Find the path with the strongest step of one sign, on a grid that is refined around it."""
+    steps = sign * side.steps
+    # A short piece of something far more contrasty shall not outweigh an edge all along.
+    strongest = max(float(np.median(steps.max(axis=1))), 0.0)
+    steps = np.clip(steps, -strongest, strongest)
+    middle = side.steps.shape[1] // 2
+    bulge = middle - side.reach
+    best = _Path(0.0, 0.0, 0.0, -np.inf, -np.inf)
+    spacing = np.array([2.0 * side.reach / (ENDS - 1)] * 2 + [2.0 * bulge / (BULGES - 1)])
+    counts = (ENDS // 2, ENDS // 2, BULGES // 2)
+    for _ in range(1 + REFINEMENTS):
+        ranges = [
+            centre + step * np.arange(-count, count + 1)
+            for centre, step, count in zip(
+                (best.first, best.last, best.bend), spacing, counts, strict=True
+            )
+        ]
+        first, last, bend = (grid.ravel() for grid in np.meshgrid(*ranges, indexing="ij"))
+        inside = (np.maximum(np.abs(first), np.abs(last)) <= side.reach) & (np.abs(bend) <= bulge)
+        first, last, bend = first[inside], last[inside], bend[inside]
+        along = side.along[:, None]
+        offsets = first * (1.0 - along) + last * along + 4.0 * bend * along * (1.0 - along)
+        index = np.rint(offsets).astype(np.intp) + middle
+        step = np.take_along_axis(steps, index, axis=1).mean(axis=0)
+        away = np.maximum(
+            np.maximum(np.abs(first), np.abs(last)) / side.reach, np.abs(bend) / bulge
+        )
+        score = step * (1.0 - NEARER * away)
+        top = int(score.argmax())
+        if score[top] > best.score:
+            found = (first[top], last[top], bend[top], step[top], score[top])
+            best = _Path(*(float(value) for value in found))
+        spacing, counts = 0.5 * spacing, (2, 2, 2)
+    return best
+
+
+def _meet(before: FloatArray, after: FloatArray) -> FloatArray | None:
+    """Where the straight continuations of one side's end and the next one's start meet."""
+    there, here = before[-1] - before[-ENDING], after[0] - after[ENDING - 1]
+    cross = there[0] * here[1] - there[1] * here[0]
+    if abs(cross) < LEAST_SINE * np.hypot(*there) * np.hypot(*here):
+        return None
+    gap = after[0] - before[-1]
+    return np.asarray(before[-1] + (gap[0] * here[1] - gap[1] * here[0]) / cross * there)
+
+
+def _path_through(points: FloatArray) -> FloatArray:
+    """Points of a polyline at equal distances, its ends included, read-only."""
+    travelled = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
+    places = np.linspace(0.0, travelled[-1], PATH_POINTS)
+    path = np.stack([np.interp(places, travelled, points[:, axis]) for axis in range(2)], axis=1)
+    path.flags.writeable = False
+    return path

@@ -1,0 +1,1 @@
+"""Chessboards: saddle points, the lattice that links them."""

@@ -1,0 +1,74 @@
+"""What a search returns: coarse outlines, good to a pixel or two."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trisquare._support.arrays import FloatArray
+
+MIN_CONTRAST = 14.0
+"""Grey levels: a contrast of 60 in the weak half of strongly uneven light, and blurred."""
+
+ENOUGH = 3
+"""Squares that a calibration asks for; where fewer are found, the picture is searched again at half
+its size, where a blur of 4 pixels is one of 2 and four pixels share their noise."""
+
+
+class Tag(NamedTuple):
+    """A code that was recognised; turned left `turns` times against its quad's corners."""
+
+    dictionary: str
+    number: int
+    turns: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outline:
+    """One closed outline of four curved sides, in pixels of the photograph.
+
+    Attributes
+    ----------
+    corners : ndarray of float64, shape (4, 2)
+        Clockwise on the screen (x right, y down).
+    sides : tuple of four ndarrays of float64, shape (N, 2)
+        Points along side i, from corner i to corner i + 1, both included.
+    dark_inside : bool
+        Whether the inside is darker than the outside.
+    """
+
+    corners: FloatArray
+    sides: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+    dark_inside: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SquareOutline:
+    """A solid square, a frame with a second, inner outline numbered like the outer one, or a tag.
+
+    The corners of a tag begin at the top left of its code.
+    """
+
+    outer: Outline
+    inner: Outline | None
+    tag: Tag | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lattice:
+    """Crossings of a chessboard's grid lines, in pixels of the photograph.
+
+    Attributes
+    ----------
+    crossings : ndarray of float64, shape (rows, cols, 2)
+        Columns go clockwise from rows on the screen: the board is seen from its front. Where
+        there is no crossing, the numbers mean nothing (but are finite).
+    present : ndarray of bool, shape (rows, cols)
+        Which crossings were found; what is hidden or outside the picture is not.
+    """
+
+    crossings: FloatArray
+    present: NDArray[np.bool_]

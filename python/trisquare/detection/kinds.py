@@ -1,0 +1,119 @@
+"""What to look for in a picture."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from trisquare._support.suggestions import unknown
+from trisquare.detection.tags.families import (
+    APRILTAG,
+    ARUCO,
+    DICTIONARIES,
+    TagSearch,
+    dictionary_name,
+)
+from trisquare.results.rejected import Rejected
+
+if TYPE_CHECKING:
+    from trisquare.detection.sheets.layout import Layout
+
+SMALLEST_BOARD = 3
+"""Inner corners per direction that a chessboard must have."""
+
+CHOICES = (
+    "auto, squares, tags, aruco, apriltag, tags:6X6_250, chessboard:9x6, or a board of known "
+    "layout, such as charuco:10x10:0.75, aruco:5x7:0.2, apriltag:6x6:0.3 or layout.json"
+)
+
+TAG_SEARCHES = {
+    "auto": TagSearch(DICTIONARIES),
+    "squares": None,
+    "tags": TagSearch(DICTIONARIES),
+    "aruco": TagSearch(ARUCO),
+    "apriltag": TagSearch(APRILTAG),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Targets:
+    """What to look for: squares, tags, chessboards, or sheets of markers.
+
+    Attributes
+    ----------
+    board : tuple of int or None
+        Inner corners across and down of the one chessboard that is looked for.
+    layout : Layout or None
+        The sheets that are looked for.
+    tags : TagSearch or None
+        Tags that are looked for, each on its own.
+    squares : bool
+        Whether squares without a code are looked for.
+    lattices : bool
+        Whether chessboards of any size are looked for.
+    """
+
+    board: tuple[int, int] | None = None
+    layout: Layout | None = None
+    tags: TagSearch | None = None
+    squares: bool = False
+    lattices: bool = False
+
+    @classmethod
+    def parse(cls, text: str) -> Targets:
+        """Read a name of `CHOICES`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For anything else.
+        """
+        if not isinstance(text, str):
+            raise TypeError(f"targets must be a string, not {type(text).__name__}")
+        if text in TAG_SEARCHES:
+            squares = text in ("auto", "squares")
+            return cls(tags=TAG_SEARCHES[text], squares=squares, lattices=text == "auto")
+        if text.startswith("tags:"):
+            name = dictionary_name(text.removeprefix("tags:"))
+            return cls(tags=TagSearch((name,), stated=True))
+        if text.startswith(("charuco:", "aruco:", "apriltag:")) or text.lower().endswith(".json"):
+            from trisquare.detection.sheets.layout import parse_layout
+
+            return cls(layout=parse_layout(text))
+        match = re.fullmatch(r"chessboard:(\d{1,3})x(\d{1,3})", text)
+        if match is None:
+            raise unknown("targets", text, TAG_SEARCHES, CHOICES)
+        cols, rows = int(match[1]), int(match[2])
+        if min(cols, rows) < SMALLEST_BOARD:
+            raise ValueError(f"a chessboard needs 3 x 3 inner corners or more, not {cols} x {rows}")
+        return cls(board=(cols, rows))
+
+
+def nothing_found(targets: Targets, rejected: Sequence[Rejected] = ()) -> str:
+    """Say what was looked for in vain, and of what came near why it was not that."""
+    reasons = dict.fromkeys(f"a {one.kind} was not used: {one.reason}" for one in rejected)
+    return "; ".join([_missing(targets), *reasons])
+
+
+def _missing(targets: Targets) -> str:
+    if targets.board is not None:
+        cols, rows = targets.board
+        return f"no chessboard of {cols} x {rows} inner corners found"
+    if targets.layout is not None:
+        return f"no sheet of {targets.layout.text} found"
+    if targets.lattices:
+        return (
+            "no square, chessboard or tag found: show dark squares on a light ground (or the "
+            "reverse), whole, apart from each other, at least some 30 pixels wide, and tags 40"
+        )
+    if not targets.squares:
+        return (
+            "no tag found: show its whole black border on a white margin, at least some 40 pixels "
+            "wide"
+        )
+    return (
+        "no square found: show dark squares on a light ground (or the reverse), whole, apart "
+        "from each other, each at least some 30 pixels wide"
+    )

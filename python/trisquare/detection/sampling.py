@@ -1,0 +1,20 @@
+"""Values of a picture between its pixels."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from trisquare._support.arrays import FloatArray
+
+
+def sample(picture: NDArray[np.float32] | NDArray[np.uint8], points: FloatArray) -> FloatArray:
+    """Interpolate a picture bilinearly at points of shape (..., 2); the border is continued."""
+    if points.size == 0:
+        return np.zeros(points.shape[:-1])
+    # OpenCV maps pictures to pictures: one row of points to a row.
+    rows = points.reshape(-1, points.shape[-2], 2).astype(np.float32)
+    x, y = np.ascontiguousarray(rows[..., 0]), np.ascontiguousarray(rows[..., 1])
+    values = cv2.remap(picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(values, dtype=np.float64).reshape(points.shape[:-1])

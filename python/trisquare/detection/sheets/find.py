@@ -1,0 +1,189 @@
+"""Finding the sheets of a known layout in a picture, by their markers."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from trisquare._support.arrays import FloatArray
+from trisquare.detection.grey import MIN_PICTURE
+from trisquare.detection.sheets.layout import Arrangement, Layout, Sheet
+from trisquare.detection.tags.decode import BORDER, WIDE_BORDER, WIDE_BORDERED, recognise
+from trisquare.detection.tags.families import TagSearch
+from trisquare.detection.tags.find import Marker, detect_markers, shortest_side
+from trisquare.results.rejected import Rejected
+
+LEAST_MARKERS = 3
+"""Of a sheet that has as many: two could still lie about by chance, and tell little."""
+
+MAX_MISFIT = 0.5
+"""Of a marker's side: how far its corners may be from where the sheet's homography has them. The
+strongest lens bends a whole sheet of ten markers across by 0.4; a marker that belongs elsewhere is
+off by one or more."""
+
+MIN_SHARE = 0.8
+"""Of a sheet's markers, those that must fit."""
+
+MAX_SIZE_ERROR = 0.04
+MAX_SIZE_ERROR_PIXELS = 2.0
+"""Difference between the markers' stated side and that seen, over the side, and in pixels on top: a
+thresholded outline lies up to a pixel inside or outside of the edge."""
+
+
+class SheetMatch(NamedTuple):
+    """Markers that lie on a sheet as its layout says.
+
+    Attributes
+    ----------
+    sheet, arrangement
+        The sheet, and the one of its arrangements that fits.
+    model : ndarray, shape (N, 4, 2)
+        Corners of the markers that fit, sheet coordinates.
+    corners : ndarray, shape (N, 4, 2)
+        The same in the picture, coarse, pixels.
+    homography : ndarray, shape (3, 3)
+        Image from sheet.
+    border : float
+        Width of the markers' black border, over their side.
+    """
+
+    sheet: Sheet
+    arrangement: Arrangement
+    model: FloatArray
+    corners: FloatArray
+    homography: FloatArray
+    border: float
+
+
+def find_sheets(grey: NDArray[np.uint8], layout: Layout) -> list[SheetMatch | Rejected]:
+    """Find the sheets of a layout in a grey picture; sheets that do not fit are rejected."""
+    if min(grey.shape) < MIN_PICTURE:
+        return []
+    seen: dict[int, list[tuple[int, FloatArray]]] = {}
+    markers = _markers(grey, layout)
+    for marker in markers:
+        place = layout.place(marker.number)
+        if place is not None:
+            seen.setdefault(place[0], []).append((place[1], marker.corners))
+    found: list[SheetMatch | Rejected] = []
+    for index in sorted(seen):
+        sheet = layout.sheet(index)
+        places = np.array([place for place, _ in seen[index]])
+        corners = np.array([corners for _, corners in seen[index]])
+        if len(places) >= min(LEAST_MARKERS, len(sheet.arrangements[0].corners)):
+            found.append(_fit(layout, sheet, places, corners, markers[0].border))
+    return found
+
+
+def _markers(grey: NDArray[np.uint8], layout: Layout) -> list[Marker]:
+    """Detect markers with the layout's dictionary, or with the one that most readings tell of."""
+    names = layout.dictionaries
+    first, others = detect_markers(grey, names[0], BORDER)
+    if len(names) > 1:
+        quads = np.array([marker.corners for marker in first] + others).reshape(-1, 4, 2)
+        tags = recognise(grey, quads, np.zeros(len(quads)), TagSearch(names))
+        votes = [tag.dictionary for tag in tags if tag is not None]
+        if not votes:
+            return []
+        chosen = max(sorted(set(votes)), key=votes.count)
+        if chosen != names[0]:
+            first, _ = detect_markers(grey, chosen, BORDER)
+        names = (chosen,)
+    if names[0] != WIDE_BORDERED:
+        return first
+    wide, _ = detect_markers(grey, names[0], WIDE_BORDER)
+    # Of as many, the wide ones: a wide border's inner half may pass for a narrow one's outline.
+    return max(wide, first, key=len)
+
+
+class _Fit(NamedTuple):
+    """Markers of a sheet on one of its arrangements."""
+
+    arrangement: Arrangement
+    model: FloatArray  # (N, 4, 2), sheet coordinates
+    homography: FloatArray  # image from sheet, (3, 3)
+    fits: NDArray[np.bool_]  # (N,)
+    error: float  # median misfit, in markers' sides
+
+
+def _fit(
+    layout: Layout,
+    sheet: Sheet,
+    places: NDArray[np.intp],
+    corners: FloatArray,
+    border: float,
+) -> SheetMatch | Rejected:
+    """Put markers on a sheet, or say why they are not on it."""
+    fits = [
+        fit
+        for arrangement in sheet.arrangements
+        for turns in range(4)
+        if (fit := _on_arrangement(arrangement, turns, places, corners)) is not None
+    ]
+    best = min(fits, key=lambda fit: fit.error, default=None)
+    box = cv2.boxPoints(cv2.minAreaRect(corners.reshape(-1, 2).astype(np.float32)))
+    quad = np.asarray(box, dtype=np.float64)
+    if best is None or best.fits.mean() < MIN_SHARE:
+        reason = f"its {len(places)} markers are not where {layout.text} has them"
+        return Rejected(sheet.kind, 0, quad, reason)
+    size = _size_seen(best, corners)
+    shortest = float(np.median([shortest_side(marker) for marker in corners]))
+    if abs(size - 1.0) > MAX_SIZE_ERROR + MAX_SIZE_ERROR_PIXELS / shortest:
+        reason = f"its markers are {size:.2f} times as large as {layout.text} says"
+        return Rejected(sheet.kind, 0, quad, reason)
+    kept = best.fits
+    return SheetMatch(
+        sheet, best.arrangement, best.model[kept], corners[kept], best.homography, border
+    )
+
+
+def _on_arrangement(
+    arrangement: Arrangement, turns: int, places: NDArray[np.intp], corners: FloatArray
+) -> _Fit | None:
+    """Fit a homography; `turns` allows for codes that are printed turned, all alike."""
+    model = np.roll(arrangement.corners[places], turns, axis=1)
+    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).mean(axis=1)
+    tolerance = MAX_MISFIT * float(np.median(sides))
+    homography, _ = cv2.findHomography(
+        model.reshape(-1, 2), corners.reshape(-1, 2), cv2.RANSAC, tolerance
+    )
+    if homography is None or not np.isfinite(homography).all() or np.linalg.det(homography) <= 0.0:
+        return None
+    seen = cv2.perspectiveTransform(model.reshape(1, -1, 2), homography).reshape(-1, 4, 2)
+    misfit = np.linalg.norm(seen - corners, axis=-1).max(axis=1) / sides
+    if not np.isfinite(misfit).all():
+        return None
+    image_from_sheet = np.asarray(homography, dtype=np.float64)
+    return _Fit(arrangement, model, image_from_sheet, misfit < MAX_MISFIT, float(np.median(misfit)))
+
+
+def _size_seen(fit: _Fit, corners: FloatArray) -> float:
+    """Markers' sides over those stated, by a homography of their middles where those suffice."""
+    model, seen = fit.model[fit.fits], corners[fit.fits]
+    sheet_from_image = np.linalg.inv(fit.homography)
+    middles = model.mean(axis=1)
+    if len(middles) >= 4 and np.linalg.matrix_rank(middles - middles[0], tol=1e-3) == 2:
+        image_middles = _middles(seen)
+        own, _ = cv2.findHomography(image_middles, middles)
+        if own is not None and np.isfinite(own).all():
+            sheet_from_image = np.asarray(own, dtype=np.float64)
+    mapped = cv2.perspectiveTransform(seen.reshape(1, -1, 2), sheet_from_image)
+    ratios = _sides(np.asarray(mapped, dtype=np.float64).reshape(-1, 4, 2)) / _sides(model)
+    return float(np.median(ratios)) if np.isfinite(ratios).all() else math.inf
+
+
+def _middles(corners: FloatArray) -> FloatArray:
+    """Where the diagonals of quadrilaterals cross, shape (N, 2): the images of squares' middles."""
+    a, b, c, d = np.moveaxis(corners, 1, 0)
+    ac, bd, ab = c - a, d - b, b - a
+    cross = ac[:, 0] * bd[:, 1] - ac[:, 1] * bd[:, 0]
+    part = (ab[:, 0] * bd[:, 1] - ab[:, 1] * bd[:, 0]) / cross
+    return np.asarray(a + part[:, None] * ac)
+
+
+def _sides(corners: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).mean(axis=1))

@@ -1,0 +1,259 @@
+"""Where the markers of a printed sheet are: ChArUco boards, grids of tags, and layouts from files.
+
+Sheet coordinates: x right and y down on the sheet as it is read, the origin at its middle; the
+unit is a chess square, or a marker's side, or whatever a file is written in.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trisquare._support.arrays import FloatArray, real_array
+from trisquare._support.paths import read_text
+from trisquare.detection.tags.families import APRILTAG, ARUCO, LARGEST, SIZES, dictionary_name
+
+GRAMMAR = (
+    "charuco:COLSxROWS:RATIO (squares across and down, marker side over square side), "
+    "aruco:COLSxROWS:GAP or apriltag:COLSxROWS:GAP (markers across and down, gap over marker "
+    "side), each with :DICTIONARY if you like, or FILE.json"
+)
+
+MOST_ACROSS = 100
+"""Markers or squares in a row: no dictionary has enough for a sheet of more both ways."""
+
+LEAST_SQUARES = 3
+"""Chess squares each way."""
+
+RATIOS = (0.1, 0.99)
+"""Marker over square: below it nothing could be read, above it no white would be left."""
+
+GAPS = (0.01, 10.0)
+"""Gap over marker."""
+
+MOST_FILE_BYTES = 10_000_000
+
+UNIT_SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Arrangement:
+    """One way in which a sheet's markers may be arranged.
+
+    Attributes
+    ----------
+    corners : ndarray, shape (M, 4, 2)
+        Of every marker, clockwise from the top left of its code, sheet coordinates.
+    dark_corner : bool or None
+        Of a chessboard, whether its top left square is dark.
+    """
+
+    corners: FloatArray
+    dark_corner: bool | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sheet:
+    """A printed sheet with markers.
+
+    Attributes
+    ----------
+    kind : str
+        ``"charuco"`` or ``"sheet"``.
+    name : str
+        For messages.
+    arrangements : tuple of Arrangement
+        Those that go by the same name; the picture tells which it is.
+    squares : tuple of int or None
+        Chess squares across and down.
+    rim : float
+        Of a chessboard, the white between a square's edges and its marker, over the square's side.
+    gap : float
+        White round a marker before the next thing, over the marker's side.
+    """
+
+    kind: str
+    name: str
+    arrangements: tuple[Arrangement, ...]
+    squares: tuple[int, int] | None = None
+    rim: float = 0.0
+    gap: float = math.inf
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Layout:
+    """The sheets that a picture may show.
+
+    Attributes
+    ----------
+    text : str
+        As it was asked for.
+    dictionaries : tuple of str
+        Those that the markers may be from.
+    sheets : tuple of Sheet
+        One that is repeated with further numbers, or those of a file.
+    numbers : tuple of dict or None
+        Of each sheet of a file, the place of each marker number; None if the one sheet is
+        repeated: sheet f carries the numbers from f M to f M + M - 1.
+    """
+
+    text: str
+    dictionaries: tuple[str, ...]
+    sheets: tuple[Sheet, ...]
+    numbers: tuple[dict[int, int], ...] | None = None
+
+    def place(self, number: int) -> tuple[int, int] | None:
+        """Sheet and place on it of a marker; None if it is on no sheet."""
+        if self.numbers is None:
+            return divmod(number, len(self.sheets[0].arrangements[0].corners))
+        for sheet, places in enumerate(self.numbers):
+            if number in places:
+                return sheet, places[number]
+        return None
+
+    def sheet(self, index: int) -> Sheet:
+        """Return the sheet of that index."""
+        return self.sheets[0] if self.numbers is None else self.sheets[index]
+
+
+def parse_layout(text: str) -> Layout:
+    """Read a layout: see `GRAMMAR`.
+
+    Raises
+    ------
+    ValueError
+        If it is none; the message says what would be.
+    """
+    if text.lower().endswith(".json"):
+        return _from_file(Path(text))
+    match = re.fullmatch(
+        r"(charuco|aruco|apriltag):(\d{1,4})x(\d{1,4}):(\d{0,6}\.?\d{0,9})(?::(\w+))?", text
+    )
+    if match is None or not any(character.isdigit() for character in match[4]):
+        raise ValueError(f"unknown board {text!r}: give {GRAMMAR}")
+    kind, cols, rows, size = match[1], int(match[2]), int(match[3]), float(match[4])
+    least = LEAST_SQUARES if kind == "charuco" else 1
+    if not (least <= cols <= MOST_ACROSS and least <= rows <= MOST_ACROSS):
+        raise ValueError(
+            f"a board of {cols} x {rows} in {text!r}: give from {least} to {MOST_ACROSS} each way"
+        )
+    what, (low, high) = ("marker over square", RATIOS) if kind == "charuco" else ("gap", GAPS)
+    if not low <= size <= high:
+        raise ValueError(f"{what} {size:g} in {text!r}: give from {low:g} to {high:g}")
+    sheet = _charuco(cols, rows, size) if kind == "charuco" else _grid(cols, rows, size)
+    count = len(sheet.arrangements[0].corners)
+    of_kind = ARUCO if kind == "aruco" else APRILTAG if kind == "apriltag" else LARGEST
+    names: tuple[str, ...] = tuple(name for name in LARGEST if name in of_kind)
+    if match[5] is not None:
+        names = (dictionary_name(match[5]),)
+    enough = tuple(name for name in names if SIZES[name] >= count)
+    if not enough:
+        raise ValueError(f"{text!r} needs {count} markers, more than {', '.join(names)} have")
+    return Layout(text, enough, (sheet,))
+
+
+def _charuco(cols: int, rows: int, ratio: float) -> Sheet:
+    """Markers in the white squares, row by row.
+
+    With an even number of rows the colour of the first square tells OpenCV's pattern from the one
+    that it had before 4.6.
+    """
+    middle = np.array([cols, rows]) / 2.0
+    rim = 0.5 * (1.0 - ratio)
+    arrangements = []
+    for dark_corner in (True, False) if rows % 2 == 0 else (True,):
+        white = [
+            (x, y) for y in range(rows) for x in range(cols) if ((x + y) % 2 == 1) == dark_corner
+        ]
+        corners = 0.5 + ratio * (UNIT_SQUARE - 0.5) - middle + np.array(white)[:, None]
+        arrangements.append(Arrangement(corners, dark_corner))
+    return Sheet("charuco", "board", tuple(arrangements), (cols, rows), rim, rim / ratio)
+
+
+def _grid(cols: int, rows: int, gap: float) -> Sheet:
+    """Markers row by row, from the top as OpenCV counts them or from the bottom as Kalibr does."""
+    x, y = np.meshgrid(np.arange(cols), np.arange(rows))
+    cells = np.stack([x.ravel(), y.ravel()], axis=1) * (1.0 + gap)
+    corners = UNIT_SQUARE + cells[:, None] - 0.5 * (cells[-1] + 1.0)
+    from_bottom = corners.reshape(rows, cols, 4, 2)[::-1].reshape(-1, 4, 2)
+    return Sheet("sheet", "sheet", (Arrangement(corners), Arrangement(from_bottom)), gap=gap)
+
+
+def _from_file(path: Path) -> Layout:
+    """Read ``{"dictionary": ..., "sheets": [{"name": ..., "markers": {"7": [[x, y] x 4]}}]}``.
+
+    One sheet's ``markers`` may stand alone, without ``sheets``; dictionary and names may be left
+    out.
+    """
+    if path.is_file() and path.stat().st_size > MOST_FILE_BYTES:
+        raise ValueError(f"{path}: too large for a layout")
+    text = read_text(path)
+    try:
+        content = json.loads(text)
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise ValueError(f"{path}: not JSON: {error}") from error
+    if not isinstance(content, dict):
+        raise ValueError(f'{path}: must be an object with "sheets" or "markers"')
+    given = content.get("sheets", [content])
+    if not isinstance(given, list) or not given:
+        raise ValueError(f"{path}: sheets must be a list of at least one")
+    sheets: list[Sheet] = []
+    numbers: list[dict[int, int]] = []
+    for index, member in enumerate(given):
+        sheet, places = _file_sheet(path, index, member)
+        for other in numbers:
+            if twice := sorted(places.keys() & other.keys()):
+                raise ValueError(f"{path}: marker {twice[0]} is on two sheets")
+        sheets.append(sheet)
+        numbers.append(places)
+    name = content.get("dictionary")
+    if name is not None and not isinstance(name, str):
+        raise ValueError(f"{path}: dictionary must be a string")
+    try:
+        names = LARGEST if name is None else (dictionary_name(name),)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+    return Layout(str(path), names, tuple(sheets), tuple(numbers))
+
+
+def _file_sheet(path: Path, index: int, member: Any) -> tuple[Sheet, dict[int, int]]:
+    markers = member.get("markers") if isinstance(member, dict) else None
+    if not isinstance(markers, dict) or not markers:
+        raise ValueError(f"{path}: sheet {index} needs markers, an object of corners by number")
+    places: dict[int, int] = {}
+    corners = []
+    for place, (key, value) in enumerate(markers.items()):
+        if not re.fullmatch(r"\d{1,6}", key) or int(key) in places:
+            raise ValueError(f"{path}: {key!r} is no marker number of its own")
+        places[int(key)] = place
+        try:
+            corners.append(real_array(value, f"marker {key}", (4, 2)))
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"{path}: {error}") from error
+        if not _is_clockwise_square(corners[-1]):
+            raise ValueError(
+                f"{path}: marker {key} must be a square, its corners clockwise (x right, y down)"
+            )
+    name = member.get("name", f"sheet {index}")
+    if not isinstance(name, str):
+        raise ValueError(f"{path}: the name of sheet {index} must be a string")
+    # About the middle, in sides: the coordinates then neither lose digits nor condition badly.
+    all_corners = np.array(corners)
+    middle = 0.5 * (all_corners.min(axis=(0, 1)) + all_corners.max(axis=(0, 1)))
+    side = float(np.linalg.norm(all_corners[0, 1] - all_corners[0, 0]))
+    return Sheet("sheet", name, (Arrangement((all_corners - middle) / side),)), places
+
+
+def _is_clockwise_square(corners: FloatArray) -> bool:
+    along = np.roll(corners, -1, axis=0) - corners
+    next_along = np.roll(along, -1, axis=0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        side = np.linalg.norm(along[0])
+        turned = np.stack([-along[:, 1], along[:, 0]], axis=1)
+        return bool(0.0 < side < np.inf and np.abs(next_along - turned).max() < 1e-3 * side)

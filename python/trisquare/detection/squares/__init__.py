@@ -1,0 +1,1 @@
+"""Solid and framed squares."""

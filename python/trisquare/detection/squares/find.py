@@ -1,0 +1,136 @@
+"""Coarse outlines of squares and chessboards in a photograph.
+
+The outlines are good to a pixel or two and exist to tell the measurement of the edges where to
+look; no figure of a calibration depends on their accuracy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from trisquare._support.arrays import FloatArray
+from trisquare.detection.candidates import ENOUGH, Outline, SquareOutline, Tag
+from trisquare.detection.grey import MIN_PICTURE, grey_bytes, working_picture
+from trisquare.detection.squares.framed import MIN_RELATIVE_SIDE, alignment, find_figures
+from trisquare.detection.squares.quads import Quads, find_quads
+from trisquare.detection.squares.rectified import views_of_squares
+from trisquare.detection.squares.side_curves import fit_sides
+from trisquare.detection.tags.decode import recognise
+from trisquare.detection.tags.families import TagSearch
+from trisquare.detection.tags.find import detect_markers
+
+
+def find_squares(
+    image: NDArray[np.generic], tag_search: TagSearch | None = None, enough: int = ENOUGH
+) -> list[SquareOutline]:
+    """Find dark squares on a lighter ground and light ones on a darker, solid or framed; and tags.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
+        Grey or BGR.
+    tag_search : TagSearch, optional
+        Without it tags are not looked for.
+    enough : int
+        Squares below which the picture is searched again at half its size.
+
+    Returns
+    -------
+    list of SquareOutline
+        From the largest to the smallest; empty if there is none.
+    """
+    grey = grey_bytes(image)
+    picture, scale = working_picture(grey)
+    if min(picture.shape) < MIN_PICTURE:
+        return []
+    squares = _squares_of(grey, picture, scale, tag_search)
+    if len(squares) < enough and min(picture.shape) >= 2 * MIN_PICTURE:
+        coarser = np.asarray(cv2.pyrDown(picture), dtype=np.uint8)
+        others = _squares_of(grey, coarser, 2 * scale, tag_search)
+        squares += [other for other in others if not _is_known(other.outer.corners, squares)]
+    squares += _further_tags(grey, squares)
+    return sorted(squares, key=lambda square: -_area(square.outer))
+
+
+def _squares_of(
+    grey: NDArray[np.uint8], picture: NDArray[np.uint8], scale: int, tag_search: TagSearch | None
+) -> list[SquareOutline]:
+    """Squares of a smooth picture in pixels of the photograph, `scale` to one of its own."""
+    smooth = picture.astype(np.float32)
+    quads = fit_sides(smooth, find_quads(picture, smooth))
+    quads = views_of_squares(quads, image_size=(picture.shape[1], picture.shape[0]))
+
+    def read_tags(indices: NDArray[np.intp]) -> list[Tag | None]:
+        assert tag_search is not None
+        steps = quads.contrasts[indices].mean(axis=1)
+        return recognise(grey, scale * quads.corners[indices], steps, tag_search)
+
+    squares = []
+    for figure in find_figures(smooth, quads, None if tag_search is None else read_tags):
+        outer = _outline(quads, figure.outer, figure.tag.turns if figure.tag else 0, scale)
+        inner = None
+        if figure.inner is not None:
+            places = alignment(quads.corners[figure.inner], quads.corners[figure.outer])
+            inner = _outline(quads, figure.inner, places, scale)
+        squares.append(SquareOutline(outer, inner, figure.tag))
+    return squares
+
+
+def _outline(quads: Quads, index: int, places: int, scale: int) -> Outline:
+    """Outline in pixels of the photograph, its numbering rolled by `places`."""
+    # pyrDown keeps every second pixel's centre, so that coordinates only need the factor.
+    corners = scale * np.roll(quads.corners[index], places, axis=0)
+    sides = scale * np.roll(quads.sides[index], places, axis=0)
+    corners.flags.writeable = sides.flags.writeable = False
+    first, second, third, fourth = sides
+    return Outline(corners, (first, second, third, fourth), bool(quads.dark_inside[index]))
+
+
+def _further_tags(grey: NDArray[np.uint8], found: list[SquareOutline]) -> list[SquareOutline]:
+    """Find tags that are too small for the working picture, of the dictionaries that are there.
+
+    OpenCV's detector has to be told of a dictionary, and is, once other tags have named it.
+    """
+    further: list[SquareOutline] = []
+    for name in sorted({square.tag.dictionary for square in found if square.tag is not None}):
+        corners = np.array([marker.corners for marker in detect_markers(grey, name)[0]])
+        corners = corners.reshape(-1, 4, 2)
+        search = TagSearch((name,), stated=True)
+        tags = recognise(grey, corners, np.zeros(len(corners)), search)
+        for quad, tag in zip(corners, tags, strict=True):
+            if tag is not None and not _is_known(quad, (*found, *further)):
+                own = np.roll(quad, tag.turns, axis=0)
+                ends = np.stack([own, np.roll(own, -1, axis=0)], axis=1)
+                own.flags.writeable = ends.flags.writeable = False
+                outline = Outline(own, (ends[0], ends[1], ends[2], ends[3]), dark_inside=True)
+                further.append(SquareOutline(outline, None, tag))
+    sizes = sorted(_side(square.outer) for square in (*found, *further))
+    smallest = MIN_RELATIVE_SIDE * sizes[-3] if len(sizes) > 3 else 0.0
+    return [square for square in further if _side(square.outer) >= smallest]
+
+
+def one_in_other(quad: FloatArray, other: FloatArray) -> bool:
+    """Whether the middle of one of two quads, shape (4, 2), lies within the other."""
+    return any(
+        cv2.pointPolygonTest(one.astype(np.float32), tuple(two.mean(axis=0)), False) >= 0.0
+        for one, two in ((quad, other), (other, quad))
+    )
+
+
+def _is_known(quad: FloatArray, squares: Iterable[SquareOutline]) -> bool:
+    """Whether one of some squares is where a quad is."""
+    return any(one_in_other(quad, square.outer.corners) for square in squares)
+
+
+def _side(outline: Outline) -> float:
+    """Mean length of the sides' chords, pixels."""
+    along = outline.corners - np.roll(outline.corners, 1, axis=0)
+    return float(np.linalg.norm(along, axis=1).mean())
+
+
+def _area(outline: Outline) -> float:
+    return float(cv2.contourArea(outline.corners.astype(np.float32)))

@@ -1,0 +1,280 @@
+"""Four-cornered contours of a picture, found at many grey levels: where squares may be.
+
+A threshold between figure and ground turns a square into one connected region whatever its
+sides look like, so sides bent by the lens need no special care here. No single level suits a
+whole picture under uneven light; a figure is looked for at a dozen and taken from the level
+nearest to the middle between its own inside and outside, where shading disturbs it least.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from cv2.typing import MatLike
+from numpy.typing import NDArray
+
+from trisquare._support.arrays import FloatArray
+from trisquare.detection.candidates import MIN_CONTRAST
+from trisquare.detection.grey import RANGE_PERCENTILES
+from trisquare.detection.sampling import sample
+from trisquare.detection.squares.notched_quads import FRACTIONS, POINTS_PER_SIDE, sides_of_bitten
+
+LEVELS = 14
+"""Thresholds over the picture's range: one every 18 grey levels or fewer, so that the lowest
+contrast looked for (60 before shading) still spans two or three."""
+
+FLAT_STEP = 14
+"""Grey levels over 4 pixels in a row or column, below which a pixel is flat; the blurred edge of
+a figure that is looked for is steeper, and light that varies is not."""
+
+MIN_PLATEAU = 16
+"""Flat pixels, of every second row, that may be a figure or its ground. The smallest square has
+12 pixels a side, 8 of which are out of the reach of its edges: 32 of every second row."""
+
+LEVELS_BETWEEN_PLATEAUS = 3
+"""Levels kept of those that no plateau lies between: all of them cut the same figures out, and
+one in three is near enough to the middle of a figure's contrast."""
+
+MIN_SIDE = 12.0
+"""Shortest side, in pixels of the searched picture: the ends of a side are lost to the corners'
+blur, and a curve needs some ten pixels between them."""
+
+MIN_AREA = 0.4 * MIN_SIDE**2
+"""A rhombus of 25 degrees with sides of that length."""
+
+MIN_CONTOUR_POINTS = int(4 * MIN_SIDE / np.sqrt(2.0))
+"""An 8-connected contour has at least length / sqrt(2) points."""
+
+MIN_COMPACTNESS = 0.02
+"""Area over the squared number of contour points: 1/16 for an upright square, 1/8 for one on
+its tip, 0.026 for a rhombus of 25 degrees; ragged texture has far less."""
+
+MIN_BITTEN_COMPACTNESS = 0.008
+"""The same with a notch or, in a frame that is cut through, with the hole's outline as well."""
+
+MIN_BITTEN_POINTS = 100
+"""A contour with a piece missing is mended only if it is worth it: sides of 25 px."""
+
+APPROXIMATION_STEPS = (0.02, 0.035, 0.05)
+"""Tolerances of the polygon, over the contour's length: a sagitta of 4 % of a side is 1 % of
+the length, and the last step still keeps a rhombus of 25 degrees apart from a line."""
+
+AREA_SLACK = 0.2
+"""Relative difference between contour and polygon; bulging sides (sagitta 4 %) make 11 %."""
+
+CLEARANCE = 3.5
+"""Pixels from a contour to where the edge's blur has ended; contours are up to 1.5 px off."""
+
+BORDER = 4
+"""Pixels of ground that a figure needs between itself and the picture's border."""
+
+MIN_EDGE_SHARE = 0.8
+"""Of the points tried on a contour, those that must show an edge of the contour's own sign."""
+
+SAME_QUAD_PIXELS = 2.5
+SAME_QUAD_FRACTION = 0.04
+"""Centres and sides this close, in pixels plus a fraction of the side, are one figure twice."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Quads:
+    """Closed outlines with four corners, batched.
+
+    Attributes
+    ----------
+    sides : ndarray of float64, shape (Q, 4, POINTS_PER_SIDE, 2)
+        Points in order, clockwise on the screen: side i runs from corner i to corner i + 1, both
+        included.
+    dark_inside : ndarray of bool, shape (Q,)
+        Whether the inside is darker than the outside.
+    contrasts : ndarray of float64, shape (Q, 4)
+        Step in grey levels across each side, positive.
+    seen : ndarray of bool, shape (Q, 4, POINTS_PER_SIDE)
+        Where the side's edge is in sight; elsewhere something lies over it.
+    """
+
+    sides: FloatArray
+    dark_inside: NDArray[np.bool_]
+    contrasts: FloatArray
+    seen: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.sides)
+
+    @property
+    def corners(self) -> FloatArray:
+        """Corners, shape (Q, 4, 2)."""
+        return self.sides[:, :, 0]
+
+    @property
+    def normals(self) -> FloatArray:
+        """Outward unit normals of the sides' chords, shape (Q, 4, 2)."""
+        chords = self.sides[:, :, -1] - self.sides[:, :, 0]
+        chords /= np.linalg.norm(chords, axis=-1, keepdims=True)
+        return np.stack([chords[..., 1], -chords[..., 0]], axis=-1)
+
+    @property
+    def areas(self) -> FloatArray:
+        """Areas of the quadrilaterals of the corners, shape (Q,)."""
+        diagonals = self.corners[:, 2:] - self.corners[:, :2]
+        first, second = diagonals[:, 0], diagonals[:, 1]
+        return 0.5 * np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
+
+    def subset(self, keep: NDArray[np.bool_] | NDArray[np.intp]) -> Quads:
+        """Return the quads that a mask or index array selects."""
+        return Quads(
+            self.sides[keep], self.dark_inside[keep], self.contrasts[keep], self.seen[keep]
+        )
+
+
+def find_quads(picture: NDArray[np.uint8], smooth: NDArray[np.float32]) -> Quads:
+    """Find every four-cornered contour of a grey picture, each once.
+
+    Parameters
+    ----------
+    picture : ndarray of uint8, shape (H, W)
+    smooth : ndarray of float32, shape (H, W)
+        The same picture, for measuring on it.
+
+    Returns
+    -------
+    Quads
+        Of both polarities, nested ones included, none touching the border; up to about a pixel
+        and a half off the edges.
+    """
+    found = [
+        (sides, level, dark_inside)
+        for level in _levels(picture)
+        for sides, dark_inside in _quads_at_level(picture, level)
+    ]
+    sides = np.array([quad[0] for quad in found], dtype=np.float64)
+    sides = sides.reshape(-1, 4, POINTS_PER_SIDE, 2)
+    dark_inside = np.array([quad[2] for quad in found], bool)
+    seen = np.ones(sides.shape[:3], bool)
+    quads = Quads(sides, dark_inside, np.zeros((len(sides), 4)), seen)
+    return _with_edges(smooth, quads, np.array([quad[1] for quad in found], np.float64))
+
+
+def without_repeats(quads: Quads) -> Quads:
+    """Keep the first of all quads that show the same outline."""
+    centres = quads.corners.mean(axis=1)
+    sizes = np.sqrt(quads.areas)
+    kept: list[int] = []
+    remaining = np.arange(len(quads))
+    while len(remaining):
+        best, others = remaining[0], remaining[1:]
+        kept.append(int(best))
+        gap = np.abs(centres[others] - centres[best]).max(axis=1)
+        gap = np.maximum(gap, np.abs(sizes[others] - sizes[best]))
+        same = gap < SAME_QUAD_PIXELS + SAME_QUAD_FRACTION * sizes[best]
+        same &= quads.dark_inside[others] == quads.dark_inside[best]
+        remaining = others[~same]
+    return quads.subset(np.array(kept, dtype=np.intp))
+
+
+def _levels(picture: NDArray[np.uint8]) -> list[int]:
+    """Thresholds over the picture's range that may cut different figures out."""
+    shares = 100.0 * _histogram(picture[::4]).cumsum() / picture[::4].size
+    darkest, brightest = np.searchsorted(shares, RANGE_PERCENTILES)
+    levels = darkest + (brightest - darkest) * (np.arange(LEVELS) + 0.5) / LEVELS
+    levels = np.unique(levels.astype(np.intp))
+    flat_below = _flat_pixels(picture).cumsum()[levels]
+    runs = np.split(levels, np.flatnonzero(np.diff(flat_below) >= MIN_PLATEAU) + 1)
+    return [int(level) for run in runs for level in _spread(run)]
+
+
+def _flat_pixels(picture: NDArray[np.uint8]) -> FloatArray:
+    """Count the pixels of each grey level, in every second row, that no edge is at."""
+    along = cv2.absdiff(picture[2:-2:2, 4:], picture[2:-2:2, :-4])
+    across = cv2.absdiff(picture[4::2, 2:-2], picture[:-4:2, 2:-2])
+    flat = cv2.threshold(cv2.max(along, across), FLAT_STEP - 1, 255, cv2.THRESH_BINARY_INV)[1]
+    return _histogram(picture[2:-2:2, 2:-2], flat)
+
+
+def _histogram(picture: NDArray[np.uint8], mask: MatLike | None = None) -> FloatArray:
+    """Count the pixels of each of the 256 grey levels."""
+    counts = cv2.calcHist([picture], [0], mask, [256], [0.0, 256.0])
+    return np.asarray(counts, dtype=np.float64).ravel()
+
+
+def _spread(run: NDArray[np.intp]) -> NDArray[np.intp]:
+    """At most `LEVELS_BETWEEN_PLATEAUS` of a run of levels, evenly spread over it."""
+    kept = min(len(run), LEVELS_BETWEEN_PLATEAUS)
+    return run[((np.arange(kept) + 0.5) * len(run) / kept).astype(np.intp)]
+
+
+def _quads_at_level(
+    picture: NDArray[np.uint8], level: int
+) -> list[tuple[NDArray[np.generic], bool]]:
+    """Sides of the regions above `level` and of the holes in them, and whether it is a hole."""
+    mask = cv2.threshold(picture, level, 255, cv2.THRESH_BINARY)[1]
+    contours, _ = cv2.findContours(mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+    height, width = picture.shape
+    quads: list[tuple[NDArray[np.generic], bool]] = []
+    for contour in contours:
+        count = len(contour)
+        if count < MIN_CONTOUR_POINTS:
+            continue
+        # Outlines of light regions run anticlockwise on the screen (negative), holes clockwise.
+        area = cv2.contourArea(contour, oriented=True)
+        if abs(area) < max(MIN_BITTEN_COMPACTNESS * count**2, MIN_AREA):
+            continue
+        x, y, box_width, box_height = cv2.boundingRect(contour)
+        if min(x, y, width - x - box_width, height - y - box_height) < BORDER:
+            continue
+        sides: NDArray[np.generic] | None = None
+        if abs(area) >= MIN_COMPACTNESS * count**2:
+            polygon = _four_corners(contour, area)
+            sides = None if polygon is None else _sides(contour, polygon)
+        if sides is None and count >= MIN_BITTEN_POINTS:
+            sides = sides_of_bitten(contour, area)
+        if sides is not None:
+            quads.append((sides, True) if area > 0.0 else (sides[::-1, ::-1], False))
+    return quads
+
+
+def _four_corners(contour: MatLike, area: float) -> MatLike | None:
+    """Corners of a contour, shape (4, 1, 2), or None if it has not four."""
+    for step in APPROXIMATION_STEPS:
+        polygon = cv2.approxPolyDP(contour, step * len(contour), closed=True)
+        if len(polygon) <= 4:
+            break
+    if len(polygon) != 4 or not cv2.isContourConvex(polygon):
+        return None
+    if abs(cv2.contourArea(polygon) - abs(area)) > AREA_SLACK * abs(area):
+        return None
+    return polygon
+
+
+def _sides(contour: MatLike, polygon: MatLike) -> NDArray[np.int32]:
+    """Contour points at equal steps from corner to corner, shape (4, POINTS_PER_SIDE, 2)."""
+    count = len(contour)
+    # A point as one 64-bit number is found by one comparison.
+    keys, wanted = contour.view(np.int64).ravel(), polygon.view(np.int64).ravel()
+    corners = np.sort((keys == wanted[:, None]).argmax(axis=1))
+    steps = np.append(corners[1:], corners[0] + count) - corners
+    indices = corners[:, None] + steps[:, None] * FRACTIONS
+    sides: NDArray[np.int32] = contour[(indices + 0.5).astype(np.intp) % count, 0]
+    return sides
+
+
+def _with_edges(smooth: NDArray[np.float32], quads: Quads, levels: FloatArray) -> Quads:
+    """Keep quads with an edge of their own sign on all sides, each from its best level."""
+    lengths = np.linalg.norm(quads.sides[:, :, -1] - quads.sides[:, :, 0], axis=-1)
+    long_enough = lengths.min(axis=1, initial=np.inf) >= MIN_SIDE
+    quads, levels = quads.subset(long_enough), levels[long_enough]
+    step = CLEARANCE * quads.normals[:, :, None]
+    points = quads.sides[:, :, POINTS_PER_SIDE // 8 :: POINTS_PER_SIDE // 4]
+    outside, inside = sample(smooth, points + step), sample(smooth, points - step)
+    sign = np.where(quads.dark_inside, 1.0, -1.0)[:, None, None]
+    steps = sign * (outside - inside)
+    has_edges = (steps >= MIN_CONTRAST).mean(axis=(1, 2)) >= MIN_EDGE_SHARE
+    contrasts = steps.mean(axis=2)
+    middle = 0.5 * (outside + inside).mean(axis=(1, 2))
+    with np.errstate(divide="ignore"):
+        off_middle = np.abs(levels - middle) / np.abs(contrasts.mean(axis=1))
+    order = np.argsort(off_middle, kind="stable")
+    order = order[has_edges[order]]
+    return without_repeats(replace(quads, contrasts=contrasts).subset(order))

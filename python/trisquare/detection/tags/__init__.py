@@ -1,0 +1,1 @@
+"""Square markers: families, codes, decoding."""

@@ -1,0 +1,186 @@
+"""Which dark quads are tags: their inside read as bits, and looked up in dictionaries.
+
+Something in a picture may agree with a code by chance. How often it would is counted, and a
+dictionary is believed only if that many hits among that many readings are next to impossible by
+chance (a contrario reasoning: A. Desolneux, L. Moisan, J.-M. Morel, International Journal of
+Computer Vision 40 (2000) 7-23).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from trisquare._support.arrays import FloatArray
+from trisquare.detection.candidates import MIN_CONTRAST, Tag
+from trisquare.detection.tags.codes import Bits, Dictionary, dictionary
+from trisquare.detection.tags.families import TagSearch
+
+BORDER = 1
+"""Cells of black round a code."""
+
+WIDE_BORDER = 2
+WIDE_BORDERED = "APRILTAG_36H11"
+"""Kalibr prints the border of AprilTags, of which this is the usual family, twice as wide."""
+
+PROBES = np.array([0.3, 0.5, 0.7])
+"""Where a cell's shade is looked up, in cells: clear of its neighbours' blur."""
+
+MIN_CLEARANCE = 0.2
+"""Over the step from black to white: a bit nearer to their middle is not readable."""
+
+MIN_CLEAR_SHARE = 0.95
+"""Of a code's cells, those that must be readable; glare or dirt may spoil one."""
+
+MIN_DARK_SHARE = 0.9
+"""Of the border's cells, those that must be black."""
+
+MIN_RELATIVE_STEP = 0.5
+"""Step from black to white inside, over the step across the outline."""
+
+MAX_FALSE_ALARMS = 1e-2
+"""Dictionaries that chance may make believed, per picture."""
+
+
+def recognise(
+    grey: NDArray[np.uint8], corners: FloatArray, steps: FloatArray, search: TagSearch
+) -> list[Tag | None]:
+    """Tell which quads are tags.
+
+    Parameters
+    ----------
+    grey : ndarray of uint8, shape (H, W)
+    corners : ndarray, shape (Q, 4, 2)
+        Of dark quads, clockwise on the screen, pixels.
+    steps : ndarray, shape (Q,)
+        Grey levels by which the ground is lighter.
+    search : TagSearch
+
+    Returns
+    -------
+    list of Tag or None, one for each quad
+    """
+    found: list[Tag | None] = [None] * len(corners)
+    if len(corners) == 0:
+        return found
+    books = [dictionary(name) for name in search.names]
+    readings = {key: _Reading.of(grey, corners, steps, *key) for key in sorted(_grids(books))}
+    open_quads = np.ones(len(corners), bool)
+    while True:
+        best = min(
+            (
+                _Hits.of(book, readings[book.side, border], open_quads, border)
+                for book in books
+                for border in _borders(book)
+            ),
+            key=lambda hits: hits.log_chance,
+            default=None,
+        )
+        if best is None or not best.tags:
+            return found
+        if not search.stated and best.log_chance + math.log(len(books)) > math.log(
+            MAX_FALSE_ALARMS
+        ):
+            return found
+        for quad, tag in best.tags.items():
+            found[quad], open_quads[quad] = tag, False
+
+
+def _borders(book: Dictionary) -> Sequence[int]:
+    return (BORDER, WIDE_BORDER) if book.name == WIDE_BORDERED else (BORDER,)
+
+
+def _grids(books: Iterable[Dictionary]) -> set[tuple[int, int]]:
+    return {(book.side, border) for book in books for border in _borders(book)}
+
+
+class _Reading(NamedTuple):
+    """Bits of quads read as codes of one size, and which quads look like such a code at all."""
+
+    bits: Bits  # (Q, n, n)
+    clear: Bits  # (Q,)
+
+    @classmethod
+    def of(
+        cls,
+        grey: NDArray[np.uint8],
+        corners: FloatArray,
+        steps: FloatArray,
+        side: int,
+        border: int,
+    ) -> _Reading:
+        cells = _cell_shades(grey, corners, side + 2 * border)
+        inner = np.zeros(cells.shape[1:], bool)
+        inner[border:-border, border:-border] = True
+        dark = np.median(cells[:, ~inner], axis=1)[:, None, None]
+        brightest = cells[:, inner].max(axis=1)[:, None, None]
+        lit = inner & (cells > 0.5 * (dark + brightest))
+        count = np.maximum(lit.sum(axis=(1, 2), keepdims=True), 1)
+        light = np.where(lit, cells, 0.0).sum(axis=(1, 2), keepdims=True) / count
+        step = light - dark
+        usable = np.maximum(step, 1.0)
+        above = (cells - 0.5 * (dark + light)) / usable
+        clear = (np.abs(above[:, inner]) >= MIN_CLEARANCE).mean(axis=1) >= MIN_CLEAR_SHARE
+        clear &= (above[:, ~inner] <= -MIN_CLEARANCE).mean(axis=1) >= MIN_DARK_SHARE
+        clear &= step[:, 0, 0] >= np.maximum(MIN_CONTRAST, MIN_RELATIVE_STEP * steps)
+        return cls(above[:, border:-border, border:-border] > 0.0, clear)
+
+
+class _Hits(NamedTuple):
+    """What one dictionary says, and the logarithm of chance's probability to say as much."""
+
+    tags: dict[int, Tag]
+    log_chance: float
+
+    @classmethod
+    def of(cls, book: Dictionary, reading: _Reading, open_quads: Bits, border: int) -> _Hits:
+        quads = np.flatnonzero(reading.clear & open_quads)
+        codes = book.look_up(reading.bits[quads])
+        tags = {
+            int(quad): Tag(book.name, *code)
+            for quad, code in zip(quads, codes, strict=True)
+            if code is not None
+        }
+        return cls(tags, _log_binomial_tail(len(quads), len(tags), book.chance))
+
+
+def _log_binomial_tail(trials: int, hits: int, chance: float) -> float:
+    """Logarithm of the probability of so many hits or more."""
+    if hits == 0:
+        return 0.0
+    odds = math.log(chance) if chance > 0.0 else -math.inf
+    misses = math.log1p(-chance) if chance < 1.0 else -math.inf
+    terms = [
+        math.log(math.comb(trials, k)) + k * odds + ((trials - k) * misses if k < trials else 0.0)
+        for k in range(hits, trials + 1)
+    ]
+    largest = max(terms)
+    return largest + math.log(sum(math.exp(term - largest) for term in terms))
+
+
+def _cell_shades(grey: NDArray[np.uint8], corners: FloatArray, cells: int) -> FloatArray:
+    """Mean shade of each cell of quads cut into a grid, shape (Q, cells, cells)."""
+    unit = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float32)
+    places = (np.arange(cells)[:, None] + PROBES).ravel() / cells
+    u, v = np.meshgrid(places, places)
+    points = np.stack([u.ravel(), v.ravel(), np.ones(u.size)])
+    homographies = np.array(
+        [cv2.getPerspectiveTransform(unit, quad.astype(np.float32)) for quad in corners]
+    )
+    mapped = homographies @ points
+    x, y = (mapped[:, axis] / mapped[:, 2] for axis in range(2))
+    shades = cv2.remap(
+        grey,
+        x.astype(np.float32),
+        y.astype(np.float32),
+        cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    # A row of samples for every quad: rows of cells, probes, columns of cells, probes.
+    grid = np.asarray(shades, dtype=np.float64).reshape(-1, cells, len(PROBES), cells, len(PROBES))
+    return np.asarray(grid.mean(axis=(2, 4)))

@@ -1,0 +1,48 @@
+"""Markers of one dictionary, by OpenCV's detector."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from trisquare._support.arrays import FloatArray
+from trisquare.detection.tags.codes import opencv_dictionary
+from trisquare.detection.tags.decode import BORDER
+
+SMALLEST_SIDE = 10.0
+"""Pixels of a marker's shortest side: below it nothing is left between its corners' blur."""
+
+
+class Marker(NamedTuple):
+    """A marker as OpenCV's detector saw it: corners clockwise from the code's top left."""
+
+    number: int
+    corners: FloatArray  # (4, 2)
+    border: float  # its width over the marker's side
+
+
+def detect_markers(
+    grey: NDArray[np.uint8], name: str, border: int = BORDER
+) -> tuple[list[Marker], list[FloatArray]]:
+    """Find the markers of a dictionary, and what else has four corners."""
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.markerBorderBits = border
+    detector = cv2.aruco.ArucoDetector(opencv_dictionary(name), parameters)
+    corners, numbers, others = detector.detectMarkers(grey)
+    share = border / (opencv_dictionary(name).markerSize + 2 * border)
+    markers = [
+        Marker(int(number), np.asarray(quad, dtype=np.float64).reshape(4, 2), share)
+        for number, quad in zip(
+            [] if numbers is None else np.ravel(numbers).tolist(), corners, strict=True
+        )
+    ]
+    large = [marker for marker in markers if shortest_side(marker.corners) >= SMALLEST_SIDE]
+    return large, [np.asarray(quad, dtype=np.float64).reshape(4, 2) for quad in others]
+
+
+def shortest_side(corners: FloatArray) -> float:
+    """Length of the shortest side of a quadrilateral (4, 2)."""
+    return float(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).min())

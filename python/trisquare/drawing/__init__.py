@@ -1,0 +1,1 @@
+"""Drawing on photographs: overlays, detections, difference maps."""

@@ -1,0 +1,139 @@
+"""A picture of how far apart two cameras project."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from trisquare._support.arrays import FloatArray
+from trisquare.analysis.comparison import Comparison, two_digits
+from trisquare.drawing.canvas import (
+    Canvas,
+    Colour,
+    draw_label,
+    draw_lines,
+    draw_text,
+    text_scale,
+    text_size,
+)
+
+LONGEST_SIDE = 1200
+"""Of the map, pixels: large enough for its text, whatever the cameras' pictures are."""
+
+BAR_WIDTH = 0.03
+"""Of the colour bar, over the map's width."""
+
+BAR_STEPS = 4
+"""Labels along the colour bar, less one."""
+
+ARROWS_ACROSS = 16
+"""Columns of arrows: farther apart than they are long, near enough to show the shape."""
+
+TEXT_COLOUR: Colour = (240, 240, 240)
+ARROW_COLOUR: Colour = (255, 255, 255)
+UNKNOWN_COLOUR: Colour = (90, 90, 90)
+GROUND_COLOUR: Colour = (30, 30, 30)
+
+
+def draw_comparison(comparison: Comparison) -> Canvas:
+    """Draw the distances in colour, and the differences as exaggerated arrows.
+
+    Beside it the colours' meaning in pixels, below it the verdict. Grey is where one of the two
+    cameras cannot follow.
+
+    Returns
+    -------
+    ndarray of uint8, shape (H, W, 3)
+        BGR; the map is `LONGEST_SIDE` pixels on its longer side.
+    """
+    width, height = comparison.first.image_size
+    shrink = LONGEST_SIDE / max(width, height)
+    size = (max(round(width * shrink), 1), max(round(height * shrink), 1))
+    chart = _colours(comparison, size)
+    _draw_arrows(chart, comparison)
+    return _framed(chart, comparison)
+
+
+def _colours(comparison: Comparison, size: tuple[int, int]) -> Canvas:
+    distance = comparison.distance
+    known = np.isfinite(distance)
+    worst = max(comparison.worst, np.finfo(float).tiny)
+    grid = np.where(known, distance, 0.0) / worst
+    level = _enlarged(grid, size, cv2.INTER_LINEAR)
+    chart = cv2.applyColorMap(np.rint(255 * level).astype(np.uint8), cv2.COLORMAP_VIRIDIS)
+    chart[_enlarged(known.astype(np.float64), size, cv2.INTER_NEAREST) < 0.5] = UNKNOWN_COLOUR
+    return np.asarray(chart, dtype=np.uint8)
+
+
+def _enlarged(grid: FloatArray, size: tuple[int, int], interpolation: int) -> FloatArray:
+    """Interpolate values on a grid from border to border."""
+    rows, columns = grid.shape
+    x = np.linspace(0, columns - 1, size[0], dtype=np.float32)
+    y = np.linspace(0, rows - 1, size[1], dtype=np.float32)
+    at_x, at_y = np.meshgrid(x, y)
+    return np.asarray(cv2.remap(grid.astype(np.float32), at_x, at_y, interpolation))
+
+
+def _draw_arrows(chart: Canvas, comparison: Comparison) -> None:
+    """Draw every few of the differences, the largest about as long as they are apart."""
+    rows, columns = comparison.distance.shape
+    height, width = chart.shape[:2]
+    every = max(columns // ARROWS_ACROSS, 1)
+    scale = np.array([width, height]) / np.array(comparison.first.image_size)
+    length = width / ARROWS_ACROSS / max(comparison.worst, np.finfo(float).tiny)
+    for row in range(every // 2, rows, every):
+        for column in range(every // 2, columns, every):
+            difference = comparison.difference[row, column]
+            if not np.all(np.isfinite(difference)):
+                continue
+            foot = np.array([comparison.x[column], comparison.y[row]]) * scale
+            _draw_arrow(chart, foot, foot + length * difference)
+
+
+def _draw_arrow(chart: Canvas, foot: FloatArray, tip: FloatArray) -> None:
+    along = 0.25 * (tip - foot)
+    across = 0.5 * np.array([-along[1], along[0]])
+    head = np.array([tip - along + across, tip, tip - along - across])
+    draw_lines(chart, [np.array([foot, tip]), head], ARROW_COLOUR, 1)
+
+
+def _framed(chart: Canvas, comparison: Comparison) -> Canvas:
+    """Put the colour bar to the right and the verdict below."""
+    height, width = chart.shape[:2]
+    scale = text_scale(chart)
+    letter_width, letter = text_size("0", scale)
+    bar = max(round(BAR_WIDTH * width), 1)
+    lines = _verdict_lines(comparison, width, scale)
+    below = round(2 * letter * (len(lines) + 0.5))
+    canvas = np.full((height + below, width + 2 * bar + 8 * letter_width, 3), GROUND_COLOUR, "u1")
+    canvas[:height, :width] = chart
+    shades = np.linspace(255, 0, height).round().astype(np.uint8)[:, None].repeat(bar, axis=1)
+    canvas[:height, width + bar // 2 : width + bar // 2 + bar] = cv2.applyColorMap(
+        shades, cv2.COLORMAP_VIRIDIS
+    )
+    for step in range(BAR_STEPS + 1):
+        part = step / BAR_STEPS
+        baseline = np.clip((1 - part) * height + 0.5 * letter, 1.5 * letter, height - 0.5 * letter)
+        place = np.array([width + 1.75 * bar, baseline])
+        unit = " px" if step == BAR_STEPS else ""
+        draw_text(canvas, f"{two_digits(part * comparison.worst)}{unit}", place, TEXT_COLOUR, scale)
+    for number, line in enumerate(lines):
+        place = np.array([letter_width, height + 2 * letter * (number + 1)])
+        draw_text(canvas, line, place, TEXT_COLOUR, scale)
+    x, y = np.array(comparison.worst_at) * [width, height] / comparison.first.image_size
+    room = 4 * letter_width
+    where = np.array([np.clip(x, room, width - room), np.clip(y, 2 * letter, height - 2 * letter)])
+    draw_label(canvas, f"{two_digits(comparison.worst)} px", where, TEXT_COLOUR, scale)
+    return canvas
+
+
+def _verdict_lines(comparison: Comparison, width: int, scale: float) -> list[str]:
+    """Break the verdict into lines that fit."""
+    lines = [""]
+    for word in comparison.verdict.split():
+        longer = f"{lines[-1]} {word}".strip()
+        if lines[-1] and text_size(longer, scale)[0] > width:
+            lines.append(word)
+        else:
+            lines[-1] = longer
+    return lines

@@ -1,0 +1,162 @@
+"""A photograph with what was measured in it and how well the calibration explains it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from trisquare._support.number_text import decimals_shown
+from trisquare.analysis.residuals import MeasuredSide, measured_sides, project
+from trisquare.camera.camera import camera_parameters
+from trisquare.drawing.canvas import (
+    Canvas,
+    Colour,
+    dimmed_grey,
+    draw_label,
+    draw_legend,
+    draw_lines,
+    text_scale,
+)
+from trisquare.edges import PlaneEdges
+from trisquare.images.pixels import Image
+from trisquare.results.calibration import Calibration
+from trisquare.results.plane import Plane
+
+# BGR. The sides are told apart by colour so that a wrong order can be seen.
+SIDE_COLOURS: tuple[Colour, ...] = (
+    (80, 220, 255),
+    (255, 200, 60),
+    (160, 255, 120),
+    (255, 140, 220),
+)
+AXIS_COLOURS: tuple[Colour, ...] = ((60, 60, 255), (60, 220, 60), (255, 120, 60))
+RESIDUAL_COLOUR: Colour = (40, 140, 255)
+CENTRE_COLOUR: Colour = (255, 255, 255)
+CHORD_COLOUR: Colour = (190, 190, 190)
+TEXT_COLOUR: Colour = (240, 240, 240)
+
+# The residuals' root mean square is drawn this long, relative to the picture's diagonal.
+DRAWN_RESIDUAL = 0.01
+
+
+def draw_overlay(
+    image: Image,
+    calibration: Calibration,
+    edges: Sequence[PlaneEdges] | None = None,
+    *,
+    index: int = 0,
+    exaggeration: float | None = None,
+) -> Canvas:
+    """Draw a calibration over its photograph.
+
+    The photograph, grey and dimmed; each side as the calibration sees it, and as a thin line what
+    it would be if the lens left it straight; the residuals of its samples as exaggerated normals;
+    each plane's number and axes (X red, Y green, Z blue, half a side long) through the full lens
+    model; the principal point as a cross; a legend.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
+        Grey or BGR; float pictures are taken to span 0 to 1.
+    calibration : Calibration
+        What to draw.
+    edges : sequence of PlaneEdges, optional
+        What was measured; without them no samples and residuals are drawn.
+    index : int
+        Which of the calibration's pictures this is.
+    exaggeration : float, optional
+        By how much the residuals are lengthened; by default the round number that draws their
+        root mean square about a hundredth of the diagonal long. The legend states it.
+
+    Returns
+    -------
+    ndarray of uint8, shape (H, W, 3)
+        BGR.
+    """
+    canvas = dimmed_grey(image)
+    thickness = max(1, round(max(canvas.shape) / 1600))
+    sides = list(measured_sides(calibration, edges or (), index))
+    rms = float(np.sqrt(np.mean(np.concatenate([s.residuals for s in sides]) ** 2))) if sides else 0
+    if exaggeration is None:
+        exaggeration = round_exaggeration(rms, float(np.hypot(*canvas.shape[:2])))
+    for side in sides:
+        _draw_residuals(canvas, side, exaggeration, thickness)
+    for number, side in enumerate(sides):
+        draw_lines(canvas, [side.curve[[0, -1]]], CHORD_COLOUR, thickness)
+        draw_lines(canvas, [side.curve], SIDE_COLOURS[number % 4], 2 * thickness)
+    for number, plane in enumerate(calibration.planes):
+        if plane.image == index:
+            _draw_axes(canvas, calibration, plane, number, thickness)
+    _draw_principal_point(canvas, calibration, thickness)
+    entries = _legend_entries(calibration)
+    if sides:
+        entries.append(("the sides, were they straight", CHORD_COLOUR))
+        entries.append((f"residuals drawn x {exaggeration:g} (rms {rms:.2g} px)", RESIDUAL_COLOUR))
+    corners = [plane.corners for plane in calibration.planes if plane.image == index]
+    draw_legend(
+        canvas, entries, np.vstack([np.empty((0, 2)), *corners, *(side.points for side in sides)])
+    )
+    return canvas
+
+
+def round_exaggeration(rms: float, diagonal: float) -> float:
+    """Return 1, 2 or 5 times a power of ten that makes residuals visible."""
+    wanted = DRAWN_RESIDUAL * diagonal / max(rms, 1e-9)
+    power = 10.0 ** np.floor(np.log10(wanted))
+    return float(max(step * power for step in (1, 2, 5) if step * power <= wanted * (1 + 1e-9)))
+
+
+def _draw_residuals(
+    canvas: Canvas, side: MeasuredSide, exaggeration: float, thickness: int
+) -> None:
+    tips = side.points + exaggeration * side.residuals[:, None] * side.normals
+    needles = list(np.stack([side.points, tips], axis=1))
+    draw_lines(canvas, needles, RESIDUAL_COLOUR, thickness)
+
+
+def _draw_axes(
+    canvas: Canvas, calibration: Calibration, plane: Plane, number: int, thickness: int
+) -> None:
+    if plane.translation[2] <= 0:
+        return
+    steps = np.linspace(0, 0.5, 17)
+    size = text_scale(canvas)
+    origin = project(calibration.camera, plane, np.zeros((1, 3)))[0]
+    taken = []
+    for axis, (name, colour) in enumerate(zip("XYZ", AXIS_COLOURS, strict=True)):
+        points = np.zeros((len(steps), 3))
+        points[:, axis] = steps
+        depths = points @ plane.rotation[2] + plane.translation[2]
+        if depths.min() <= 0:
+            continue
+        curve = project(calibration.camera, plane, points)
+        draw_lines(canvas, [curve], colour, 3 * thickness)
+        direction = (curve[-1] - origin) / max(float(np.hypot(*(curve[-1] - origin))), 1.0)
+        taken.append(direction)
+        draw_label(canvas, name, curve[-1] + 24 * size * direction, colour, size)
+    # The number stands where it is farthest from the directions that the axes take.
+    angles = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+    around = np.column_stack([np.cos(angles), np.sin(angles)])
+    free = around[np.argmin((around @ np.transpose(taken)).max(axis=1))] if taken else np.zeros(2)
+    draw_label(canvas, str(number), origin + 28 * size * free, CENTRE_COLOUR, 1.2 * size)
+
+
+def _draw_principal_point(canvas: Canvas, calibration: Calibration, thickness: int) -> None:
+    centre = np.array([calibration.camera.cx, calibration.camera.cy])
+    arm = max(4.0, max(canvas.shape) / 100)
+    cross = [np.array([centre - step, centre + step]) for step in ([arm, 0.0], [0.0, arm])]
+    draw_lines(canvas, cross, CENTRE_COLOUR, thickness)
+
+
+def _legend_entries(calibration: Calibration) -> list[tuple[str, Colour]]:
+    entries = []
+    for name, value in camera_parameters(calibration.camera).items():
+        if name in calibration.std:
+            std = calibration.std[name]
+            decimals = decimals_shown(std)
+            entries.append((f"{name}  {value:.{decimals}f} +- {std:.{decimals}f}", TEXT_COLOUR))
+    entries.append(("+ principal point", CENTRE_COLOUR))
+    if calibration.warnings:
+        entries.append((f"{len(calibration.warnings)} warning(s)", RESIDUAL_COLOUR))
+    return entries

@@ -1,0 +1,140 @@
+"""Reading cameras from files of any format, and writing them."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from trisquare._support.arrays import size_of_image, string
+from trisquare._support.paths import naming
+from trisquare._support.writing import PathLike, write_atomically
+from trisquare.camera.approximation import Approximation
+from trisquare.camera.camera import Camera
+from trisquare.errors import LensModelError
+from trisquare.formats.approximation import ANY_CAMERA, Lens, nearest
+from trisquare.formats.base import Cameras, Format
+from trisquare.formats.document import Document
+from trisquare.formats.registry import format_called, format_of_document, format_of_name
+
+MOST_NAMES = 5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loaded:
+    """A camera from a file.
+
+    Parameters
+    ----------
+    camera : Camera
+        The camera.
+    format : str
+        The format of the file.
+    name : str
+        What the file calls it, ``"camera"`` if nothing.
+    approximation : Approximation or None
+        What was lost, where the file's lens is of a model that `Camera` has not.
+    """
+
+    camera: Camera
+    format: str
+    name: str
+    approximation: Approximation | None = None
+
+
+def load_camera(
+    path: PathLike,
+    format: str | None = None,
+    *,
+    name: str | None = None,
+    image_size: tuple[int, int] | None = None,
+    approximate: bool = False,
+) -> Loaded:
+    """Read a camera; see `Camera.load`."""
+    known = None if format is None else format_called(format)
+    size = None if image_size is None else size_of_image(image_size)
+    document = Document.read(path)
+    with naming(path):
+        found = format_of_document(document) if known is None else known
+        chosen, lens = _chosen(found.read(document, size), name)
+        if size is not None and lens.image_size != size:
+            raise ValueError(f"its pictures have {lens.image_size} pixels, not {size}")
+        if isinstance(lens, Camera):
+            return Loaded(lens, found.name, chosen)
+        try:
+            stand_in = nearest(lens, ANY_CAMERA)
+        except ValueError as error:
+            raise ValueError(f"{lens.title}: {error}") from error
+    camera = stand_in.lens
+    if not approximate:
+        raise LensModelError(
+            f"{os.fspath(path)}: {lens.title} is none of trisquare's; the nearest is {stand_in}: "
+            "read it so with approximate=True (--approximate)",
+            stand_in.lens,
+            stand_in.rms,
+            stand_in.worst,
+        )
+    assert isinstance(camera, Camera)
+    return Loaded(camera, found.name, chosen, stand_in)
+
+
+def _chosen(cameras: Cameras, name: str | None) -> tuple[str, Lens]:
+    if name is not None:
+        if string(name, "name") not in cameras:
+            raise ValueError(f"there is no camera {name!r}, but {_listed(cameras)}")
+        return name, cameras[name]()
+    if len(cameras) > 1:
+        raise ValueError(
+            f"there are {len(cameras)} cameras, {_listed(cameras)}: say which with name= (--camera)"
+        )
+    ((only, read),) = cameras.items()
+    return only, read()
+
+
+def _listed(cameras: Cameras) -> str:
+    shown = list(cameras)[:MOST_NAMES]
+    return ", ".join(shown) + (
+        f" and {len(cameras) - MOST_NAMES} more" if len(cameras) > MOST_NAMES else ""
+    )
+
+
+def save_camera(
+    camera: Camera,
+    path: PathLike,
+    format: str | None = None,
+    *,
+    approximate: bool = False,
+) -> Approximation | None:
+    """Write a camera; see `Camera.save`."""
+    target = Path(path)
+    known = format_of_name(target.name) if format is None else format_called(format)
+    text, approximation = written(camera, known, target.suffix.lower(), approximate)
+    write_atomically({path: text.encode()})
+    return approximation
+
+
+def written(
+    camera: Camera, known: Format, suffix: str, approximate: bool
+) -> tuple[str, Approximation | None]:
+    """Return a file's text, and what is lost by it.
+
+    Raises
+    ------
+    LensModelError
+        If the format has no model for the camera and `approximate` is not set.
+    """
+    for family in known.families:
+        lens = family.exactly(camera)
+        if lens is not None:
+            return known.write(lens, suffix), None
+    most_general = known.families[-1]
+    stand_in = nearest(camera, most_general)
+    if not approximate:
+        raise LensModelError(
+            f"{known.title} cannot hold this camera (model {camera.model}); the nearest that it "
+            f"can is {stand_in}: write that with approximate=True (--approximate)",
+            stand_in.lens,
+            stand_in.rms,
+            stand_in.worst,
+        )
+    return known.write(stand_in.lens, suffix), stand_in

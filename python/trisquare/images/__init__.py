@@ -1,0 +1,1 @@
+"""Photographs as pixels: reading them whole, their orientation and tone, encoding."""

@@ -1,0 +1,32 @@
+"""Encoding pictures in the format that a file name asks for."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import cv2
+
+from trisquare._support.writing import PathLike
+from trisquare.images.pixels import Image
+
+
+def check_picture_name(path: PathLike) -> None:
+    """Raise ValueError if no picture format has the path's extension."""
+    suffix = Path(path).suffix
+    # The extension alone: a name that is no UTF-8 crashes OpenCV.
+    if not (suffix.isascii() and cv2.haveImageWriter(f"picture{suffix}")):
+        raise ValueError(f"{os.fspath(path)}: no picture format has the extension {suffix!r}")
+
+
+def encode_image(image: Image, path: PathLike) -> bytes:
+    """Encode a picture in the format that the path's extension names.
+
+    Raises
+    ------
+    ValueError
+        If it names none.
+    """
+    check_picture_name(path)
+    encoded = cv2.imencode(Path(path).suffix, image)[1]
+    return encoded.tobytes()

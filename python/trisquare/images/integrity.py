@@ -1,0 +1,64 @@
+"""Whether an encoded picture is whole, as OpenCV does not say."""
+
+from __future__ import annotations
+
+import re
+import struct
+import zlib
+
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+
+JPEG_SIGNATURE = b"\xff\xd8\xff"
+
+# Within JPEG's coded data, 0xFF is a marker unless a zero (stuffing), a restart marker or another
+# 0xFF (padding) follows.
+JPEG_MARKER = re.compile(rb"\xff([^\x00\x01\xd0-\xd7\xff])", re.DOTALL)
+
+
+JPEG_END = 0xD9
+
+
+def incompleteness(encoded: bytes) -> str | None:
+    """Say why an encoded picture cannot be whole; None if nothing speaks against it."""
+    if not encoded:
+        return "the file is empty"
+    if encoded.startswith(PNG_SIGNATURE):
+        return _png_incompleteness(encoded)
+    if encoded.startswith(JPEG_SIGNATURE) and not _jpeg_ends(encoded):
+        return "the JPEG is truncated: its end marker is missing"
+    return None
+
+
+def _png_incompleteness(encoded: bytes) -> str | None:
+    position = len(PNG_SIGNATURE)
+    while position + 12 <= len(encoded):
+        (length,) = struct.unpack_from(">I", encoded, position)
+        end = position + 12 + length
+        if end > len(encoded):
+            break
+        (checksum,) = struct.unpack_from(">I", encoded, end - 4)
+        if zlib.crc32(memoryview(encoded)[position + 4 : end - 4]) != checksum:
+            return "the PNG is damaged: a checksum is wrong"
+        if encoded[position + 4 : position + 8] == b"IEND":
+            return None
+        position = end
+    return "the PNG is truncated: its end chunk is missing"
+
+
+def _jpeg_ends(encoded: bytes) -> bool:
+    """Walk the segments to the picture's own end marker.
+
+    Searching for the marker would not do: a thumbnail in the header has one of its own, and
+    cameras append data after the last.
+    """
+    position = 2
+    while marker := JPEG_MARKER.search(encoded, position):
+        kind = marker[1][0]
+        position = marker.end()
+        if kind == JPEG_END:
+            return True
+        if position + 2 > len(encoded):
+            return False
+        # After a scan's header follows its coded data, which the search passes over.
+        position += struct.unpack_from(">H", encoded, position)[0]
+    return False

@@ -1,0 +1,95 @@
+"""The photographs of one calibration, one after another."""
+
+from __future__ import annotations
+
+import os
+import zlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from trisquare.images.pixels import Image, ImageSource, picture_size
+from trisquare.images.reading import load_picture
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Photograph:
+    """One of the pictures, checked.
+
+    Attributes
+    ----------
+    index : int
+    name : str
+        What messages call it.
+    pixels : ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
+        Grey or BGR, rows and columns as they are stored.
+    remarks : tuple of str
+        What its user should know of it, each beginning with its name.
+    repeats : bool
+        Whether an earlier picture is the same.
+    """
+
+    index: int
+    name: str
+    pixels: Image
+    remarks: tuple[str, ...]
+    repeats: bool
+
+
+def photographs(sources: Sequence[ImageSource]) -> Iterator[Photograph]:
+    """Load pictures one at a time and compare each with the ones before.
+
+    Raises
+    ------
+    ImageError
+        If a file cannot be read: who named it wants it used, and is told which one it is.
+    ValueError
+        If two pictures differ in size; both are named.
+    TypeError, ValueError
+        If an array is no picture.
+    """
+    first: tuple[str, tuple[int, int]] | None = None
+    seen: dict[int, str] = {}
+    for index, source in enumerate(sources):
+        name = _name(index, source)
+        pixels, turn = _loaded(source)
+        size = picture_size(pixels)
+        if first is None:
+            first = (name, size)
+        if size != first[1]:
+            raise ValueError(
+                f"{name} is {size[0]} x {size[1]} pixels, {first[0]} {first[1][0]} x "
+                f"{first[1][1]}: pictures of one camera have one size"
+            )
+        remarks = []
+        if turn is not None:
+            remarks.append(
+                f"{name}: its orientation tag says that it is to be shown {turn}; the result "
+                f"refers to the picture as it is stored, {size[0]} x {size[1]} pixels"
+            )
+        key = _fingerprint(pixels) if len(sources) > 1 else 0
+        twin = seen.setdefault(key, name)
+        if twin != name:
+            remarks.append(f"{name} is the same picture as {twin}: it is counted once")
+        yield Photograph(index, name, pixels, tuple(remarks), twin != name)
+
+
+def _name(index: int, source: ImageSource) -> str:
+    if isinstance(source, str | os.PathLike):
+        return f"picture {index} ({os.path.basename(source)})"
+    return f"picture {index}"
+
+
+def _loaded(source: ImageSource) -> tuple[Image, str | None]:
+    """Return a picture and how its orientation tag would turn it."""
+    if isinstance(source, str | os.PathLike):
+        from trisquare.images.reading import read_photograph
+
+        return read_photograph(source)
+    return load_picture(source), None
+
+
+def _fingerprint(pixels: Image) -> int:
+    """Return a number that two photographs share only if they are one: noise alone tells them."""
+    return zlib.crc32(np.ascontiguousarray(pixels).data)

@@ -1,0 +1,52 @@
+"""Pictures as callers hand them over: arrays or files, checked once."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from trisquare._support.suggestions import unknown
+
+Image: TypeAlias = npt.NDArray[Any]
+ImageSource: TypeAlias = "str | os.PathLike[str] | Image"
+Tone: TypeAlias = "str | float | None"
+Outlines: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any] | Sequence[Any]"
+
+PIXEL_TYPES = (np.uint8, np.uint16, np.float32)
+TONE_CURVES = ("srgb", "linear", "auto")
+
+
+def picture_size(picture: Image) -> tuple[int, int]:
+    """Return ``(width, height)``."""
+    return picture.shape[1], picture.shape[0]
+
+
+def checked_tone(tone: Tone) -> str | float | None:
+    """Return a tone curve that is one.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `tone` is neither a known curve, nor a positive gamma, nor None.
+    """
+    if tone is None or (isinstance(tone, str) and tone in TONE_CURVES):
+        return tone
+    if isinstance(tone, str):
+        raise unknown("tone curve", tone, TONE_CURVES, "auto, srgb, linear, or a gamma")
+    if isinstance(tone, bool) or not isinstance(tone, int | float | np.number):
+        raise TypeError(f"tone must be a name or a gamma, not {type(tone).__name__}")
+    gamma = float(tone)
+    if not (np.isfinite(gamma) and gamma > 0):
+        raise ValueError(f"a gamma must be positive and finite, not {gamma}")
+    return gamma
+
+
+def tone_of(picture: Image, tone: str | float | None) -> str | float:
+    """Return the tone curve of a picture: sRGB for 8 bits, linear for others, unless stated."""
+    if tone is not None:
+        return tone
+    return "srgb" if picture.dtype == np.uint8 else "linear"

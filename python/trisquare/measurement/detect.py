@@ -1,0 +1,84 @@
+"""Finding targets in a picture and measuring them."""
+
+from __future__ import annotations
+
+import trisquare._core as _core
+from trisquare.detection.kinds import Targets, nothing_found
+from trisquare.edges import PlaneEdges
+from trisquare.errors import DetectionError
+from trisquare.images.pixels import ImageSource, Outlines, Tone, checked_tone, picture_size, tone_of
+from trisquare.images.reading import load_picture
+
+
+def detect(
+    image: ImageSource,
+    targets: str = "auto",
+    tone: Tone = None,
+    *,
+    outlines: Outlines | None = None,
+) -> list[PlaneEdges]:
+    """Find planar targets and measure their edges.
+
+    All that is found is returned; `calibrate` chooses of it what one camera explains.
+
+    Parameters
+    ----------
+    image : path or ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
+        Grey or BGR.
+    targets : str
+        - ``"squares"``: dark squares on a lighter ground or the reverse, solid or framed;
+        - ``"tags"``, ``"aruco"``, ``"apriltag"``: the black borders of tags of any dictionary, each
+          a square of its own; ``"tags:6X6_250"``: of that dictionary, without a doubt;
+        - ``"auto"``: these, and chessboards of any size;
+        - ``"chessboard:9x6"``: one board of 9 x 6 inner corners;
+        - ``"charuco:10x10:0.75"``: ChArUco boards of 10 x 10 squares (across and down) with markers
+          of 0.75 of a square, each one plane; board f carries the numbers from f M to f M + M - 1,
+          M being the number of its markers;
+        - ``"aruco:5x7:0.2"`` or ``"apriltag:6x6:0.3"``: likewise sheets of 5 x 7 markers with gaps
+          of 0.2 of a marker's side, numbered row by row from the top, or the bottom as Kalibr does;
+        - each of these with a dictionary, as ``"charuco:10x10:0.75:6X6_1000"``, is faster;
+        - ``"layout.json"``: sheets of markers whose corners the file has by their numbers,
+          ``{"dictionary": "6X6_250", "sheets": [{"markers": {"7": [[0, 0], [1, 0], [1, 1], [0, 1]],
+          ...}}, ...]}``, x to the right and y down, clockwise from the top left of the code.
+    tone : {"auto", "srgb", "linear"} or float, optional
+        How light was coded into pixel values; a number is a gamma, and "auto" estimates the curve
+        from the edges' profiles. By default sRGB for 8-bit pictures and linear for others.
+    outlines : path, mapping or sequence, optional
+        Coarse outlines of the squares, drawn by hand, in place of a search. Within 5 px of the
+        edges is good enough: the edges are measured, not believed. A JSON file (trisquare's own
+        format, labelme's or COCO's polygons), its parsed content, or a sequence of outlines, each
+        an array_like of shape (N, 2), four corners or a closed polygon, or four polylines.
+
+    Returns
+    -------
+    list of PlaneEdges
+        Samples in pixels with a standard deviation each; `kind` is ``"square"``, ``"frame"``,
+        ``"tag"``, ``"chessboard"``, ``"charuco"`` or ``"sheet"``. What lies on one sheet shares
+        its `plane`: the two outlines of a frame, a ChArUco board's chessboard and its markers.
+
+    Raises
+    ------
+    ImageError
+        If a file cannot be read whole.
+    DetectionError
+        If no target is found, or no outline lies on the edges of a square.
+    TypeError, ValueError
+        For bad arguments.
+    """
+    from trisquare.measurement.measure import measure
+
+    wanted = Targets.parse(targets)
+    checked = checked_tone(tone)
+    picture = load_picture(image)
+    drawn = None
+    if outlines is not None:
+        from trisquare.detection.annotations.load import Drawings
+
+        drawn = Drawings.read(outlines, [image]).on(0, picture_size(picture))
+    core = _core.Picture(picture)
+    measured = measure(picture, core, wanted, tone_of(picture, checked), drawn)
+    if not measured.figures:
+        reasons = [candidate.reason for candidate in measured.rejected]
+        nothing = nothing_found(wanted, measured.rejected)
+        raise DetectionError("; ".join(reasons) if drawn else nothing)
+    return measured.figures

@@ -1,0 +1,226 @@
+"""The white that is left round the markers in a ChArUco board's light cells, from the picture.
+
+A grid line is measured from the pixels beside it, and in a board with markers most of those on the
+light side are a marker's. Where its dark border begins is seen in the cell's profile: dark before
+the cell's edge, light behind it, and dark again.
+"""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from trisquare._support.arrays import FloatArray
+from trisquare.detection.candidates import Lattice
+
+STEP = 1.0 / 48.0
+BEFORE = 12
+BEHIND = 22
+"""Samples of a profile: their distance in cells, and how many lie before the cell's edge and behind
+it, which is nearly as far as the middle."""
+
+ALONG = np.array([0.3, 0.4, 0.5, 0.6, 0.7])
+"""Where along a cell's edge profiles are taken: a marker is as wide as this at least."""
+
+WIDEST = 0.4
+"""Rim in cells: a marker would be a fifth of its cell, of which no camera reads anything."""
+
+LEAST_MARKERS = 3
+"""Cells that must show one: stains and glare seldom come by threes."""
+
+SPREAD = 0.05
+"""Cells by which the rims of one board may seem to differ: in cells around the crossings 0.04."""
+
+UPPER_PART = np.array([0.6, 0.7, 0.8])
+"""Of a profile's rise where a rim is measured: above the half, but below its rounded top, where
+noise would move it."""
+
+PIECE = 1000
+"""Cells that are sampled at once: OpenCV has a limit."""
+
+
+def light_cells(shape: tuple[int, int], *, first_is_dark: bool) -> npt.NDArray[np.bool_]:
+    """Which cells of a board are light."""
+    rows, cols = np.indices(shape)
+    return np.asarray((rows + cols) % 2 == int(first_is_dark))
+
+
+def marker_rims(
+    grey: npt.NDArray[np.uint8], lattice: Lattice, *, first_is_dark: bool
+) -> FloatArray | None:
+    """Measure how far markers lie from the edges of their cells.
+
+    Parameters
+    ----------
+    grey : ndarray of uint8, shape (H, W)
+    lattice : Lattice
+        Of R x C crossings.
+    first_is_dark : bool
+        Whether the cell before the first crossing, in its row and column, is dark.
+
+    Returns
+    -------
+    ndarray, shape (R + 1, C + 1), or None
+        Of each cell between and around the crossings the rim over the cell's side, 0 where there is
+        no marker; None if there are none.
+    """
+    rows, cols = lattice.present.shape
+    corners = _cell_corners(lattice)
+    light = light_cells((rows + 1, cols + 1), first_is_dark=first_is_dark)
+    places = np.argwhere(light & np.isfinite(corners).all(axis=(2, 3)))
+    if len(places) < LEAST_MARKERS:
+        return None
+    own = corners[places[:, 0], places[:, 1]]
+    pieces = [own[first : first + PIECE] for first in range(0, len(own), PIECE)]
+    profiles = np.concatenate([_profiles(grey, piece) for piece in pieces])
+    seen = _rims(profiles)
+    # Of the cells around, the outer corners are a guess.
+    whole = (seen > 0.0) & ((places > 0) & (places < lattice.present.shape)).all(axis=1)
+    if not whole.any():
+        return None
+    rim = float(np.median(seen[whole]))
+    alike = np.abs(seen - rim) < SPREAD
+    if np.count_nonzero(alike) < LEAST_MARKERS or not (alike & whole).any():
+        return None
+    rims = np.zeros((rows + 1, cols + 1))
+    rims[places[alike, 0], places[alike, 1]] = _refined(profiles[alike & whole].mean(axis=0), rim)
+    return rims
+
+
+def _cell_corners(lattice: Lattice) -> FloatArray:
+    """Corners of the cells between and around crossings, clockwise, shape (R + 1, C + 1, 4, 2).
+
+    NaN where they are not known; those of the cells around are extrapolated.
+    """
+    points = np.where(lattice.present[..., None], lattice.crossings, np.nan)
+    for axis in (0, 1):
+        first, second, *_ = np.moveaxis(points, axis, 0)
+        *_, before, last = np.moveaxis(points, axis, 0)
+        ahead, behind = 2.0 * first - second, 2.0 * last - before
+        points = np.concatenate(
+            [np.expand_dims(ahead, axis), points, np.expand_dims(behind, axis)], axis
+        )
+    around = [points[:-1, :-1], points[:-1, 1:], points[1:, 1:], points[1:, :-1]]
+    return np.stack(around, axis=2)
+
+
+def _profiles(grey: npt.NDArray[np.uint8], corners: FloatArray) -> FloatArray:
+    """Mean shades of cells by the distance from their edges, inward, shape (N, samples)."""
+    start, end = corners, np.roll(corners, -1, axis=1)
+    inner_start, inner_end = np.roll(corners, 1, axis=1), np.roll(corners, -2, axis=1)
+    depth = STEP * np.arange(-BEFORE, BEHIND + 1)[:, None, None]
+    along = ALONG[:, None]
+    outer = start[:, :, None] + along * (end - start)[:, :, None]
+    inner = inner_start[:, :, None] + along * (inner_end - inner_start)[:, :, None]
+    places = outer[:, :, None] + depth * (inner - outer)[:, :, None]
+    x, y = np.moveaxis(places.astype(np.float32), -1, 0).reshape(2, len(corners), -1)
+    shades = cv2.remap(
+        grey,
+        np.ascontiguousarray(x),
+        np.ascontiguousarray(y),
+        cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    table = np.asarray(shades, dtype=np.float64).reshape(len(corners), 4, -1, len(ALONG))
+    return np.asarray(table.mean(axis=(1, 3)))
+
+
+def _rims(profiles: FloatArray) -> FloatArray:
+    """Where profiles, shape (N, samples), fall again behind the edge, in cells; 0 if they do not.
+
+    Blur and a wrong tone curve move the fall as far inward as they move the rise outward.
+    """
+    behind = profiles[:, BEFORE:]
+    top = behind.argmax(axis=1)
+    peak = np.take_along_axis(behind, top[:, None], axis=1)[:, 0]
+    half = 0.5 * (profiles[:, 0] + peak)
+    above = profiles > half[:, None]
+    samples = np.arange(profiles.shape[1])
+    falls = ~above & (samples > BEFORE + top[:, None])
+    below = ~above & (samples < BEFORE + top[:, None])
+    fall = falls.argmax(axis=1)
+    rise = profiles.shape[1] - below[:, ::-1].argmax(axis=1)
+    rim = np.zeros(len(profiles))
+    seen = falls.any(axis=1) & below.any(axis=1) & (peak > profiles[:, 0])
+    if seen.any():
+        every = np.flatnonzero(seen)
+        ends = [_level(profiles[every], half[every], at[every]) for at in (rise, fall)]
+        rim[every] = STEP * (ends[0] + ends[1] - 2.0 * BEFORE)
+    return np.where((rim > 0.0) & (rim < WIDEST), rim, 0.0)
+
+
+def _refined(profile: FloatArray, rim: float) -> float:
+    """Measure a rim again, in the upper part of the mean profile of cells, shape (samples,).
+
+    There the rise and the fall mirror each other, whatever the blur and the tone curve are. The
+    bits beyond a marker's border lift what is below.
+    """
+    top = BEFORE + int(profile[BEFORE : BEFORE + round(rim / STEP) + 1].argmax())
+    levels = profile[0] + UPPER_PART * (profile[top] - profile[0])
+    above = profile > levels[:, None]
+    samples = np.arange(len(profile))
+    below_before, below_behind = ~above & (samples < top), ~above & (samples > top)
+    both = below_before.any(axis=1) & below_behind.any(axis=1)
+    if not both.any():
+        return rim
+    rise = len(profile) - below_before[both, ::-1].argmax(axis=1)
+    fall = below_behind[both].argmax(axis=1)
+    profiles = np.broadcast_to(profile, (len(rise), len(profile)))
+    ends = [_level(profiles, levels[both], at) for at in (rise, fall)]
+    refined = STEP * float((ends[0] + ends[1] - 2.0 * BEFORE).mean())
+    return refined if abs(refined - rim) < SPREAD else rim
+
+
+def _level(profiles: FloatArray, level: FloatArray, after: npt.NDArray[np.intp]) -> FloatArray:
+    """Where each profile meets its level between a sample and the one before it."""
+    high = np.take_along_axis(profiles, after[:, None], axis=1)[:, 0]
+    low = np.take_along_axis(profiles, after[:, None] - 1, axis=1)[:, 0]
+    return np.asarray(after - 1 + (level - low) / (high - low))
+
+
+SHARE = 0.5
+"""Of the border and of the gap that is used: the other half is blurred by what comes next."""
+
+PLACES = (0.1, 0.5, 0.9)
+"""Along a side, as parts of it, where the room is looked up; the least counts."""
+
+UNIT = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float32)
+
+
+def side_room(corners: FloatArray, border: float, gap: float) -> list[tuple[float, float]]:
+    """Return the room on the left, outside, and on the right of each side.
+
+    Parameters
+    ----------
+    corners : ndarray, shape (4, 2)
+        Of the marker, clockwise on the screen, pixels.
+    border, gap : float
+        Of its plain border and of the white round it, over its side; infinite where nothing comes
+        next.
+
+    Returns
+    -------
+    list of four tuples of float
+        Pixels.
+    """
+    inside, outside = (_room(corners, share) for share in (border, -gap))
+    return list(zip(outside, inside, strict=True))
+
+
+def _room(corners: FloatArray, share: float) -> list[float]:
+    """Distance from each side to the line that runs inside of it by this part of the square."""
+    if math.isinf(share):
+        return [math.inf] * 4
+    turned = [np.roll(corners, -side, axis=0).astype(np.float32) for side in range(4)]
+    room = []
+    for quad in turned:
+        beside = np.array([[(place, SHARE * share) for place in PLACES]])
+        seen = cv2.perspectiveTransform(beside, cv2.getPerspectiveTransform(UNIT, quad))[0]
+        along = (quad[1] - quad[0]).astype(np.float64)
+        off = np.asarray(seen, dtype=np.float64) - quad[0]
+        room.append(float(np.abs(along[0] * off[:, 1] - along[1] * off[:, 0]).min()))
+        room[-1] /= max(float(np.hypot(*along)), 1e-9)
+    return room

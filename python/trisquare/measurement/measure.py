@@ -1,0 +1,94 @@
+"""Measuring what was found: OpenCV finds the outlines, Rust measures their sides."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import trisquare._core as _core
+from trisquare._support.arrays import FloatArray
+from trisquare.detection.annotations.formats import DrawnTarget
+from trisquare.detection.kinds import Targets
+from trisquare.edges import PlaneEdges
+from trisquare.images.pixels import Image
+from trisquare.images.tone import PictureTone
+from trisquare.measurement.find import find, find_drawn
+from trisquare.measurement.side_spans import Found, Samples, Span
+from trisquare.results.rejected import Rejected
+
+TOO_FEW_LINES = "too few of its lines could be measured"
+
+
+class MeasuredTargets(NamedTuple):
+    """What was measured in a picture; all lists may be empty.
+
+    `quads` holds, for each plane by its number, four points (4, 2) that enclose it.
+    """
+
+    figures: list[PlaneEdges]
+    tone: PictureTone
+    rejected: list[Rejected]
+    quads: list[FloatArray]
+
+
+def measure(
+    picture: Image,
+    core: _core.Picture,
+    targets: Targets,
+    tone: str | float,
+    drawn: Sequence[DrawnTarget] | None = None,
+) -> MeasuredTargets:
+    """Find the targets in a checked picture and measure them.
+
+    With targets `drawn` by hand nothing else is looked for.
+    """
+    if drawn is None:
+        candidates = find(picture, targets)
+        names = [""] * len(candidates)
+    else:
+        candidates = find_drawn(picture, drawn)
+        names = [f"{target.where}: " for target in drawn]
+    rejected = [candidate for candidate in candidates if isinstance(candidate, Rejected)]
+    found = [
+        (candidate, name)
+        for candidate, name in zip(candidates, names, strict=True)
+        if not isinstance(candidate, Rejected)
+    ]
+    measured = _measured(found, core, tone)
+    return measured._replace(rejected=rejected + measured.rejected)
+
+
+def _measured(
+    found: Sequence[tuple[Found, str]], core: _core.Picture, tone: str | float
+) -> MeasuredTargets:
+    """Measure what was found; each with the name that its rejection begins with."""
+    spans: list[Span] = []
+    ends = [0]
+    for target, _ in found:
+        spans += target.spans(len(spans))
+        ends.append(len(spans))
+    measured, picture_tone = _localise(core, spans, tone)
+    figures: list[PlaneEdges] = []
+    rejected: list[Rejected] = []
+    for plane, (target, name) in enumerate(found):
+        own = measured[ends[plane] : ends[plane + 1]]
+        edges = target.figures(own, plane)
+        figures += edges
+        if not edges:
+            reasons = {reason for reason in own if isinstance(reason, str)}
+            reason = name + ("; ".join(sorted(reasons)) or TOO_FEW_LINES)
+            rejected.append(Rejected(target.kind, 0, target.quad, reason))
+    # Boards and sheets have taken every shift away, whose drift the others still carry.
+    if figures and all(figure.drift is None for figure in figures):
+        picture_tone = picture_tone.of_board()
+    return MeasuredTargets(figures, picture_tone, rejected, [target.quad for target, _ in found])
+
+
+def _localise(
+    core: _core.Picture, spans: list[Span], tone: str | float
+) -> tuple[list[Samples | str], PictureTone]:
+    """Measure spans, and the tone curve where that is to be estimated."""
+    measured, estimate = _core.localise(core, spans, None if tone == "auto" else tone)
+    if estimate is None:
+        return measured, PictureTone.known(tone)
+    return measured, PictureTone.estimated(estimate)

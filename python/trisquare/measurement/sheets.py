@@ -1,0 +1,161 @@
+"""The edges of a sheet of known layout: its markers' borders, and a ChArUco board's grid lines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from trisquare._support.arrays import FloatArray
+from trisquare.detection.candidates import Lattice
+from trisquare.detection.sheets.find import SheetMatch
+from trisquare.edges import PlaneEdges
+from trisquare.measurement.board_shift import marker_shift, without_shift
+from trisquare.measurement.boards import FoundLattice
+from trisquare.measurement.marker_margins import side_room
+from trisquare.measurement.side_spans import Samples, Span
+
+LEAST_ROOM = 3.0
+"""Pixels to either side of an edge that hold it. A marker's edge with less between a chessboard's
+and its own bits is off by some hundredths of a pixel, and the grid lines do without it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundSheet:
+    """A sheet of known layout that was found: see `Found`.
+
+    Attributes
+    ----------
+    kind : str
+        ``"charuco"`` or ``"sheet"``.
+    model : ndarray, shape (N, 4, 2)
+        Corners of the markers that were found, sheet coordinates.
+    corners : ndarray, shape (N, 4, 2)
+        The same in the picture, coarse, pixels.
+    lattice : FoundLattice or None
+        The chessboard round the markers, if there is one.
+    border, gap : float
+        Of the markers' black border and of the white round it, over their side.
+    """
+
+    kind: str
+    model: FloatArray
+    corners: FloatArray
+    lattice: FoundLattice | None
+    border: float
+    gap: float
+
+    @classmethod
+    def of(cls, match: SheetMatch) -> FoundSheet:
+        """Add the chessboard, if the sheet has one, to the markers that were found."""
+        sheet, arrangement, model, corners, homography, border = match
+        lattice = None
+        if sheet.squares is not None and arrangement.dark_corner is not None:
+            crossings = _crossings(sheet.squares, model, corners, homography)
+            lattice = FoundLattice.of_board(crossings, arrangement.dark_corner, sheet.rim)
+        return cls(sheet.kind, model, corners, lattice, border, sheet.gap)
+
+    @property
+    def quad(self) -> FloatArray:
+        """The rectangle round all markers that is smallest, shape (4, 2), pixels."""
+        points = self.corners.reshape(-1, 2).astype(np.float32)
+        return np.asarray(cv2.boxPoints(cv2.minAreaRect(points)), dtype=np.float64)
+
+    def spans(self, first: int) -> list[Span]:
+        """Spans of the grid lines, then four for each marker."""
+        spans = [] if self.lattice is None else self.lattice.spans(first)
+        for corners in self.corners:
+            number = first + len(spans)
+            room = side_room(corners, self.border, self.gap)
+            spans += [
+                (
+                    corners[[i, (i + 1) % 4]],
+                    -1.0,
+                    (number + (i + 3) % 4, number + (i + 1) % 4),
+                    room[i],
+                )
+                for i in range(4)
+            ]
+        return spans
+
+    def figures(self, measured: Sequence[Samples | str], plane: int) -> list[PlaneEdges]:
+        """One figure of the grid lines and one for each marker, all in sheet coordinates."""
+        grid = len(measured) - 4 * len(self.corners)
+        markers = []
+        for index, model in enumerate(self.model):
+            own = measured[grid + 4 * index : grid + 4 * index + 4]
+            samples = [side for side in own if not isinstance(side, str)]
+            if len(samples) == 4:
+                markers.append((index, model, samples))
+        figures: list[PlaneEdges] = []
+        if self.lattice is not None:
+            figures, shift = self.lattice.figures_and_shift(measured[:grid], plane)
+        if figures:
+            markers = [marker for marker in markers if self._stands_apart(marker[0])]
+        else:
+            models = np.array([model for _, model, _ in markers])
+            shift = marker_shift(models, [[side[0] for side in own] for _, _, own in markers])
+        for _, model, samples in markers:
+            side = float(np.linalg.norm(model[1] - model[0]))
+            edges = _marker_edges(model, samples, shift, plane, self.kind)
+            figures.append(replace(edges, border=self.border * side))
+        return figures
+
+    def _stands_apart(self, marker: int) -> bool:
+        """Whether a marker's edges are clear of the chessboard's, which then are not enough."""
+        room = side_room(self.corners[marker], self.border, self.gap)
+        return min(min(sides) for sides in room) >= LEAST_ROOM
+
+
+def _marker_edges(
+    model: FloatArray, samples: list[Samples], shift: float, plane: int, kind: str
+) -> PlaneEdges:
+    """Edges of one marker, less a shift toward the light that the whole sheet's edges have."""
+    along = np.roll(model, -1, axis=0) - model
+    inward = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    inward /= np.linalg.norm(inward, axis=1, keepdims=True)
+    offsets = -(inward * model).sum(axis=1)
+    # Where the sheet itself tells the shift, none is left to be accounted for.
+    drift = tuple(drift for _, _, drift in samples if drift is not None and shift == 0.0)
+    return PlaneEdges(
+        np.column_stack([inward, offsets]),
+        tuple(without_shift(points, -np.ones(len(points)), shift) for points, _, _ in samples),
+        tuple(std for _, std, _ in samples),
+        polarity=1,
+        plane=plane,
+        kind=kind,
+        freedom="fixed",
+        drift=drift or None,
+    )
+
+
+def _crossings(
+    squares: tuple[int, int], model: FloatArray, corners: FloatArray, homography: FloatArray
+) -> Lattice:
+    """Crossings beside the markers, coarse.
+
+    They are where the homography has them, moved as the markers' nearest corners are, which follows
+    the lens's distortion and bent paper.
+    """
+    cols, rows = squares
+    x, y = np.meshgrid(np.arange(1, cols) - cols / 2, np.arange(1, rows) - rows / 2)
+    grid = np.stack([x, y], axis=-1)
+    moved = np.zeros((*grid.shape[:2], 2))
+    count = np.zeros(grid.shape[:2])
+    shifts = corners - cv2.perspectiveTransform(model.reshape(1, -1, 2), homography).reshape(
+        corners.shape
+    )
+    for marker, shift in zip(model, shifts, strict=True):
+        # The four crossings round a marker are its corners, further out.
+        outward = np.sign(marker - marker.mean(axis=0))
+        places = np.rint(marker.mean(axis=0) + 0.5 * outward + [cols / 2 - 1, rows / 2 - 1])
+        for (column, row), step in zip(places.astype(int).tolist(), shift, strict=True):
+            if 0 <= column < cols - 1 and 0 <= row < rows - 1:
+                moved[row, column] += step
+                count[row, column] += 1.0
+    seen = cv2.perspectiveTransform(grid.reshape(1, -1, 2), homography).reshape(grid.shape)
+    present = count > 0.0
+    crossings = np.where(present[..., None], seen + moved / np.maximum(count, 1.0)[..., None], 0.0)
+    return Lattice(crossings, present)

@@ -1,0 +1,89 @@
+"""The edges of a square or a frame, from its outlines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from trisquare._support.arrays import FloatArray
+from trisquare.detection.candidates import Outline, SquareOutline
+from trisquare.detection.tags.codes import dictionary
+from trisquare.detection.tags.decode import BORDER
+from trisquare.edges import PlaneEdges
+from trisquare.measurement.marker_margins import side_room
+from trisquare.measurement.side_spans import Samples, Span
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundSquare:
+    """A square or a frame that was found: see `Found`."""
+
+    outline: SquareOutline
+
+    @property
+    def kind(self) -> str:
+        """Return ``"square"``, ``"frame"`` or ``"tag"``."""
+        if self.outline.tag is not None:
+            return "tag"
+        return "square" if self.outline.inner is None else "frame"
+
+    @property
+    def quad(self) -> FloatArray:
+        """Corners of the outer outline, shape (4, 2), pixels."""
+        return self.outline.outer.corners
+
+    def spans(self, first: int) -> list[Span]:
+        """Four spans for each outline, in order."""
+        spans: list[Span] = []
+        for outline in self._outlines():
+            spans += _outline_spans(outline, first + len(spans), self._border)
+        return spans
+
+    def figures(self, measured: Sequence[Samples | str], plane: int) -> list[PlaneEdges]:
+        """One figure for each outline, all four sides of which are edges."""
+        sides = iter(measured)
+        figures = []
+        for outline in self._outlines():
+            own = [next(sides) for _ in range(4)]
+            samples = [side for side in own if not isinstance(side, str)]
+            # An outline with a side that is no edge is no square; without its outer outline, a
+            # frame's inner one is a square of its own.
+            if len(samples) == 4:
+                edges = _square_edges(outline, samples, plane, self.kind)
+                figures.append(replace(edges, border=self._border))
+        return figures
+
+    @property
+    def _border(self) -> float | None:
+        """Width of a tag's black border over its side."""
+        tag = self.outline.tag
+        return None if tag is None else BORDER / (dictionary(tag.dictionary).side + 2 * BORDER)
+
+    def _outlines(self) -> list[Outline]:
+        outer, inner = self.outline.outer, self.outline.inner
+        return [outer] if inner is None else [outer, inner]
+
+
+def _outline_spans(outline: Outline, first: int, border: float | None) -> list[Span]:
+    rise = -1.0 if outline.dark_inside else 1.0
+    room = side_room(outline.corners, math.inf if border is None else border, math.inf)
+    return [
+        (np.ascontiguousarray(side), rise, (first + (i + 3) % 4, first + (i + 1) % 4), room[i])
+        for i, side in enumerate(outline.sides)
+    ]
+
+
+def _square_edges(outline: Outline, sides: list[Samples], plane: int, kind: str) -> PlaneEdges:
+    edges = PlaneEdges.square(
+        [points for points, _, _ in sides],
+        [std for _, std, _ in sides],
+        polarity=1 if outline.dark_inside else -1,
+        plane=plane,
+        kind=kind,
+        freedom="size" if kind == "frame" else "auto",
+    )
+    drift = tuple(drift for _, _, drift in sides if drift is not None)
+    return replace(edges, drift=drift) if drift else edges

@@ -1,0 +1,254 @@
+"""Where everything stands on the pages of a printed target: millimetres, from the upper left.
+
+The corner's sheet is a square of four faces round one point, the apex: three carry a frame, and
+the fourth, cut from its left neighbour and glued behind it, closes the corner::
+
+    +---+---+
+    | 0 | 1 |      fold between 0 and 1, 0 and 2, 1 and the tab
+    +---+---+
+    | 2 |tab|      cut between 2 and the tab
+    +---+---+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from trisquare._support.arrays import FloatArray, real_number
+from trisquare._support.suggestions import unknown
+
+Point: TypeAlias = tuple[float, float]
+Line: TypeAlias = tuple[Point, Point]
+Kind: TypeAlias = Literal["flat", "corner"]
+
+PAGES: Mapping[str, Point] = MappingProxyType(
+    {"A4": (210.0, 297.0), "A3": (297.0, 420.0), "Letter": (215.9, 279.4)}
+)
+"""Width and height of the pages, upright: ISO 216 and ANSI A."""
+
+INNER = 0.6
+"""Side of a frame's hole, of its own side. Predicted (benchmarks/printed_target.py), 0.4 or 0.8
+would change the std of f by 5 %, and 0.8 would raise that of k1 by a third; at 0.6 the band is
+wider than the light margin, which therefore limits first."""
+
+MARGIN = 0.12
+"""Least light margin round a frame, of its side. With 0.06 a photograph would know the focal
+length 10 % better; but in one of 640 x 480 pixels, where the corner's faces are foreshortened by
+half, that is 4 pixels, the reach of an edge's blur. So it is 9."""
+
+UNPRINTABLE = 7.0
+"""Millimetres along the paper's border that printers leave white: a quarter inch and a bit."""
+
+LEAST_SIDE = 10.0
+"""Millimetres: the raggedness of a printed edge, some 0.05 mm, is then half a per cent."""
+
+SLIVER = 10.0
+"""Millimetres beyond the faces that are left on them: too narrow to cut off well, and a cutting
+line so near the paper's border is not printed everywhere."""
+
+TAB_TAPER = 5.0
+"""Millimetres by which the tab is smaller than the face that it is glued to, to stay behind it."""
+
+RULER = 100.0
+"""Length of the check ruler, millimetres."""
+
+RULER_DROP = 16.0
+"""Millimetres of the ruler below the faces: what is printed there stays clear of the frames."""
+
+FRAMES_OF_CORNER = ((-1, -1), (1, -1), (-1, 1))
+"""The quadrants about the apex that carry a frame; y down."""
+
+CORNER_TEXT = (
+    "1. Print at 100 % and check the ruler. Cut along the solid lines. Fold along the dashed ones "
+    "to right angles, print inside.",
+    "2. Glue the grey tab to the back of the face on its left. Let the three frames fill the "
+    "photograph, seen from the front.",
+)
+FLAT_TEXT = (
+    "1. Print all three sheets at 100 %, check the ruler, glue each flat on stiff cardboard; keep "
+    "the margin white.",
+    "2. Stand them up, tilted 25-50 degrees, each in another direction, and let them fill the "
+    "photograph.",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class PrintedFrame:
+    """A dark square with a square hole, on paper.
+
+    Attributes
+    ----------
+    centre : (float, float)
+        Millimetres from the page's upper left corner, x right, y down.
+    side : float
+        Of the outer square, millimetres.
+    inner : float
+        Side of the hole, of `side`.
+    """
+
+    centre: Point
+    side: float
+    inner: float = INNER
+
+    def outlines(self) -> FloatArray:
+        """Corners of the square and of its hole, clockwise from the upper left, mm, (2, 4, 2)."""
+        unit = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+        sides = self.side * np.array([1.0, self.inner])
+        outlines: FloatArray = np.asarray(self.centre) + sides[:, None, None] * unit
+        return outlines
+
+
+@dataclass(frozen=True, slots=True)
+class TargetPage:
+    """One page of a printed target; all in millimetres from its upper left corner.
+
+    Attributes
+    ----------
+    kind : {"flat", "corner"}
+    size : (float, float)
+        Width and height of the paper.
+    frames : tuple of PrintedFrame
+        One, or the three of a corner: upper left, upper right, lower left.
+    face : float
+        Side of the part of the paper that each frame is in the middle of.
+    apex : (float, float), optional
+        Where a corner's faces meet.
+    folds, cuts : tuple of lines
+        Ends of each line.
+    tab : tuple of points
+        The outline of what is glued behind; none on a flat page.
+    ruler : (float, float)
+        Left end of the check ruler.
+    text : tuple of str
+        The lines below it.
+    """
+
+    kind: Kind
+    size: Point
+    frames: tuple[PrintedFrame, ...]
+    face: float
+    apex: Point | None
+    folds: tuple[Line, ...]
+    cuts: tuple[Line, ...]
+    tab: tuple[Point, ...]
+    ruler: Point
+    text: tuple[str, ...]
+
+
+def page_named(name: str) -> tuple[str, Point]:
+    """Return a page's proper name and its size; capitals do not matter.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is no text, or not one of `PAGES`.
+    """
+    if not isinstance(name, str):
+        raise TypeError(f"page must be a name, not {name!r}")
+    for known, size in PAGES.items():
+        if known.lower() == name.strip().lower():
+            return known, size
+    raise unknown("page", name, PAGES)
+
+
+def flat_pages(page: str, side: float | None) -> list[TargetPage]:
+    """Lay out three pages with one frame each.
+
+    Parameters
+    ----------
+    page : str
+        One of `PAGES`.
+    side : float, optional
+        Of the frames, millimetres; by default the largest whole number that fits.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the page is unknown or too small for the side, or the side is too small to be printed.
+    """
+    name, size = page_named(page)
+    width = size[0]
+    length = _checked_side(side, width, f"one frame on {name}")
+    # In the middle of a square at the page's top, as wide as the page.
+    frame = PrintedFrame((0.5 * width, 0.5 * width), length)
+    return [
+        TargetPage(
+            kind="flat",
+            size=size,
+            frames=(frame,),
+            face=width,
+            apex=None,
+            folds=(),
+            cuts=(),
+            tab=(),
+            ruler=(0.5 * (width - RULER), width + RULER_DROP),
+            text=(_heading(name, length, f"flat target, frame {number} of 3"), *FLAT_TEXT),
+        )
+        for number in (1, 2, 3)
+    ]
+
+
+def corner_page(page: str, side: float | None) -> TargetPage:
+    """Lay out the sheet that folds into a corner of three planes; see `flat_pages`."""
+    name, size = page_named(page)
+    width = size[0]
+    length = _checked_side(side, 0.5 * width, f"a corner of three frames on {name}")
+    needed = length + 2.0 * _margin(length)
+    face = 0.5 * width if 0.5 * width - needed < SLIVER else needed
+    x, y = apex = (0.5 * width, face)
+    left, right, bottom = x - face, x + face, y + face
+    frames = [
+        PrintedFrame((x + 0.5 * across * face, y + 0.5 * down * face), length)
+        for across, down in FRAMES_OF_CORNER
+    ]
+    tab = (
+        apex,
+        (right, y),
+        (right - TAB_TAPER, bottom - TAB_TAPER),
+        (x + TAB_TAPER, bottom - TAB_TAPER),
+    )
+    cuts = [(apex, (x, bottom)), ((left, bottom), (x, bottom))]
+    cuts += [(tab[1], tab[2]), (tab[2], tab[3]), (tab[3], apex)]
+    if left > 0.0:  # else the paper ends there
+        cuts += [((left, 0.0), (left, bottom)), ((right, 0.0), (right, y))]
+    return TargetPage(
+        kind="corner",
+        size=size,
+        frames=tuple(frames),
+        face=face,
+        apex=apex,
+        folds=(((x, 0.0), apex), ((left, y), apex), (apex, (right, y))),
+        cuts=tuple(cuts),
+        tab=tab,
+        ruler=(0.5 * (width - RULER), bottom + RULER_DROP),
+        text=(_heading(name, length, "corner target"), *CORNER_TEXT),
+    )
+
+
+def _margin(side: float) -> float:
+    return max(MARGIN * side, UNPRINTABLE)
+
+
+def _checked_side(side: float | None, room: float, what: str) -> float:
+    """Return the side of frames that have `room` millimetres each, their margins included."""
+    largest = float(np.floor(min(room / (1.0 + 2.0 * MARGIN), room - 2.0 * UNPRINTABLE)))
+    if side is None:
+        return largest
+    length = real_number(side, "side")
+    if length > largest:
+        raise ValueError(
+            f"the page is too small: {what} can be {largest:g} mm wide with its light margin, "
+            f"not {length:g} mm"
+        )
+    if length < LEAST_SIDE:
+        raise ValueError(f"side must be at least {LEAST_SIDE:g} mm, not {length:g} mm")
+    return length
+
+
+def _heading(page: str, side: float, what: str) -> str:
+    return f"trisquare: {what}, {page}, side {side:g} mm, hole {INNER * side:g} mm"

@@ -1,0 +1,115 @@
+"""A target to print: three framed squares, one to a sheet, or folded into a corner.
+
+>>> import trisquare as ts
+>>> ts.printed_target("corner", page="A4").save("target.pdf")  # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from trisquare._core import __version__
+from trisquare._support.suggestions import unknown
+from trisquare.printing.layout import (
+    PAGES,
+    PrintedFrame,
+    TargetPage,
+    corner_page,
+    flat_pages,
+    page_named,
+)
+from trisquare.printing.pdf import pdf_of
+
+__all__ = ["PAGES", "PrintedFrame", "PrintedTarget", "TargetPage", "printed_target"]
+
+TargetKind: TypeAlias = Literal["corner", "flat", "both"]
+KINDS: tuple[TargetKind, ...] = ("corner", "flat", "both")
+
+
+@dataclass(frozen=True, slots=True)
+class PrintedTarget:
+    """A target to print.
+
+    Attributes
+    ----------
+    page : str
+        Name of the paper's size.
+    pages : tuple of TargetPage
+        What stands where, in millimetres.
+    """
+
+    page: str
+    pages: tuple[TargetPage, ...]
+
+    def __repr__(self) -> str:
+        sides = ", ".join(
+            f"{page.kind} {page.frames[0].side:g} mm x {len(page.frames)}" for page in self.pages
+        )
+        return f"<PrintedTarget on {self.page}: {sides}>"
+
+    def to_pdf(self) -> bytes:
+        """Return the pages as PDF; the same target gives the same bytes.
+
+        Raises
+        ------
+        ImportError
+            If reportlab is not installed: it comes with ``trisquare[target]``.
+        """
+        return pdf_of(self.pages, f"trisquare target, {self.page}", f"trisquare {__version__}")
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the PDF, wholly or not at all.
+
+        Raises
+        ------
+        ImportError
+            As `to_pdf`.
+        OSError
+            If it cannot be written there.
+        ValueError
+            If the file's name says that it is something else.
+        """
+        from trisquare._support.writing import check_writable, write_atomically  # imports OpenCV
+
+        if not os.fspath(path).lower().endswith(".pdf"):
+            raise ValueError(f"{os.fspath(path)}: a target is written as PDF: name a .pdf file")
+        check_writable(path)
+        write_atomically({path: self.to_pdf()})
+
+
+def printed_target(
+    kind: TargetKind = "both", *, page: str = "A4", side: float | None = None
+) -> PrintedTarget:
+    """Lay out three framed squares for printing.
+
+    Parameters
+    ----------
+    kind : {"corner", "flat", "both"}
+        One sheet that folds and glues into a corner of three planes; three sheets with one frame
+        each; or all four.
+    page : {"A4", "A3", "Letter"}
+        The paper, upright.
+    side : float, optional
+        Of each frame, millimetres; by default the largest whole number that leaves the frame its
+        light margin: on A4 84 for the corner, 169 for a flat frame.
+
+    Returns
+    -------
+    PrintedTarget
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the kind or the page is unknown, the page is too small for the side, or the side is
+        too small to be printed well.
+    """
+    if kind not in KINDS:
+        raise unknown("kind of target", str(kind), KINDS)
+    pages: list[TargetPage] = []
+    if kind != "flat":
+        pages.append(corner_page(page, side))
+    if kind != "corner":
+        pages += flat_pages(page, side)
+    return PrintedTarget(page_named(page)[0], tuple(pages))

@@ -1,0 +1,1 @@
+"""What a calibration returns: frozen data, checked, exact through JSON and pickle."""

@@ -1,0 +1,364 @@
+"""The results of a calibration: frozen, checked, and exact through JSON and pickle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy.typing as npt
+
+from trisquare._core import __version__
+from trisquare._support.arrays import (
+    FloatArray,
+    RebuiltByConstructor,
+    not_negative,
+    real_array,
+    real_number,
+    string,
+    strings,
+)
+from trisquare._support.json_members import JsonFields, dump_members
+from trisquare.camera.camera import Camera, camera_parameters
+from trisquare.camera.members import camera_from_members, camera_members
+from trisquare.camera.projection_uncertainty import (
+    ProjectionMap,
+    projection_covariance,
+    projection_map,
+    rms_displacement,
+)
+from trisquare.results.coherence import Coherence, coherence_from_members, coherence_members
+from trisquare.results.model_alternative import (
+    ModelAlternative,
+    alternative_from_members,
+    alternative_members,
+)
+from trisquare.results.plane import Plane
+from trisquare.results.pose_uncertainty import (
+    PoseUncertainty,
+    uncertainty_from_members,
+    uncertainty_members,
+)
+from trisquare.results.rejected import Rejected, rejected_from_members, rejected_members
+
+__all__ = ["Calibration", "Camera", "Plane"]
+
+RESULT_FORMAT = "trisquare/1"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Calibration(RebuiltByConstructor):
+    """A camera with its uncertainty, and the planes that it was calibrated from.
+
+    Parameters
+    ----------
+    camera : Camera
+        The estimate.
+    std : mapping of str to float
+        One standard deviation of each free parameter, by name; with the aspect ratio held,
+        ``std["fy"]`` equals ``std["fx"]`` although ``fy`` is not among `parameters`.
+    covariance : array_like, shape (n, n)
+        Of the free parameters, in the order of `parameters`.
+    parameters : sequence of str
+        Names of the free parameters: of ``fx fy cx cy k1 k2 k3 p1 p2``.
+    planes : sequence of Plane
+        The physical planes.
+    rms : float
+        Root mean square residual of all edge samples, in pixels.
+    noise_scale : float
+        The residuals' spread relative to the stated standard deviations; the covariance is
+        scaled by its square.
+    warnings : sequence of str
+        What a reader should know before trusting the numbers.
+    method : str
+        ``"ml"`` or ``"linear"``.
+    tone : str, float or None
+        Tone curve the pixels were read with; None if there were no pixels. An estimated one is
+        given as the pure gamma that codes mid-grey (18 % of white) alike.
+    fixed : sequence of str
+        What was held: of ``aspect``, ``principal_point``, ``focal``, ``distortion``.
+    stage : str
+        The stage of the pipeline that the numbers come from.
+    software : str
+        Version of trisquare that computed it.
+    alternatives : sequence of ModelAlternative
+        The models that ``model="auto"`` rejected, the simplest first; empty unless it chose.
+    coherence : Coherence, optional
+        How far the residuals are from independent noise, which the covariance allows for; None
+        in results of versions that did not ask.
+    rejected : sequence of Rejected
+        What was found in the pictures but not used, and why.
+    tone_std : float, optional
+        One standard deviation of an estimated gamma; None where the tone curve was stated.
+    """
+
+    camera: Camera
+    std: Mapping[str, float]
+    covariance: FloatArray
+    parameters: tuple[str, ...]
+    planes: tuple[Plane, ...]
+    rms: float
+    noise_scale: float
+    warnings: tuple[str, ...]
+    method: str
+    tone: str | float | None
+    fixed: tuple[str, ...]
+    stage: str
+    software: str = __version__
+    alternatives: tuple[ModelAlternative, ...] = ()
+    tone_std: float | None = None
+    coherence: Coherence | None = None
+    rejected: tuple[Rejected, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.camera, Camera):
+            raise TypeError(f"camera must be a Camera, not {type(self.camera).__name__}")
+        planes = tuple(self.planes)
+        if not all(isinstance(plane, Plane) for plane in planes):
+            raise TypeError("planes must all be of the class Plane")
+        parameters = strings(self.parameters, "parameters")
+        size = len(parameters)
+        covariance = real_array(self.covariance, "covariance", (size, size))
+        std = {
+            string(name, "std's key"): not_negative(value, f"std[{name!r}]")
+            for name, value in dict(self.std).items()
+        }
+        missing = [name for name in parameters if name not in std]
+        if missing:
+            raise ValueError(f"std lacks the free parameters {', '.join(missing)}")
+        tone = self.tone
+        if tone is not None and not isinstance(tone, str):
+            tone = real_number(tone, "tone")
+        object.__setattr__(self, "std", MappingProxyType(std))
+        object.__setattr__(self, "covariance", covariance)
+        object.__setattr__(self, "parameters", parameters)
+        object.__setattr__(self, "planes", planes)
+        object.__setattr__(self, "rms", not_negative(self.rms, "rms"))
+        object.__setattr__(self, "noise_scale", not_negative(self.noise_scale, "noise_scale"))
+        object.__setattr__(self, "warnings", strings(self.warnings, "warnings"))
+        object.__setattr__(self, "tone", tone)
+        if self.tone_std is not None:
+            object.__setattr__(self, "tone_std", not_negative(self.tone_std, "tone_std"))
+        object.__setattr__(self, "fixed", strings(self.fixed, "fixed"))
+        if self.coherence is not None and not isinstance(self.coherence, Coherence):
+            raise TypeError("coherence must be of the class Coherence")
+        alternatives = tuple(self.alternatives)
+        if not all(isinstance(other, ModelAlternative) for other in alternatives):
+            raise TypeError("alternatives must all be of the class ModelAlternative")
+        object.__setattr__(self, "alternatives", alternatives)
+        rejected = tuple(self.rejected)
+        if not all(isinstance(candidate, Rejected) for candidate in rejected):
+            raise TypeError("rejected must all be of the class Rejected")
+        object.__setattr__(self, "rejected", rejected)
+        for name in ("method", "stage", "software"):
+            string(getattr(self, name), name)
+
+    def __repr__(self) -> str:
+        width, height = self.camera.image_size
+        lines = [
+            f"Calibration of a {width} x {height} camera "
+            f"({self.camera.model}, {self.method}, from the {self.stage} stage)"
+        ]
+        for name, value in camera_parameters(self.camera).items():
+            if name in self.std:
+                lines.append(f"  {name}  {value:12.6g}  std {self.std[name]:.2g}")
+            elif value != 0:
+                lines.append(f"  {name}  {value:12.6g}  held")
+        lines.append(
+            f"  rms {self.rms:.3g} px over {len(self.planes)} planes, "
+            f"noise scale {self.noise_scale:.3g}"
+        )
+        lines.extend(f"  warning: {warning}" for warning in self.warnings)
+        return "\n".join(lines)
+
+    def projection_covariance(self, points: npt.ArrayLike) -> FloatArray:
+        """Return the covariances of where the directions seen at pixels are projected.
+
+        The uncertainty that counts for whoever uses the camera: a viewing direction, fixed in the
+        camera's frame, is projected by a camera that is known so well; the parameters' own
+        uncertainties may cancel or add up.
+
+        Parameters
+        ----------
+        points : array_like, shape (N, 2)
+            Pixels, within the valid radius; they may lie outside the picture.
+
+        Returns
+        -------
+        ndarray, shape (N, 2, 2)
+            Square pixels.
+
+        Raises
+        ------
+        ValueError
+            If a point lies beyond the valid radius.
+        """
+        return projection_covariance(
+            self.camera, self.parameters, self._aspect_fixed, self.covariance, points
+        )
+
+    def projection_std(self, points: npt.ArrayLike) -> FloatArray:
+        """Return how far the projections of the directions seen at pixels may be off.
+
+        Parameters
+        ----------
+        points : array_like, shape (N, 2)
+            As in `projection_covariance`.
+
+        Returns
+        -------
+        ndarray, shape (N,)
+            The rms displacement, pixels: the square root of the covariance's trace.
+
+        Raises
+        ------
+        ValueError
+            If a point lies beyond the valid radius.
+        """
+        return rms_displacement(self.projection_covariance(points))
+
+    def projection_map(self, step: float | None = None) -> ProjectionMap:
+        """Return `projection_std` on a grid over the picture, border to border.
+
+        Parameters
+        ----------
+        step : float, optional
+            The grid's lines are at most so many pixels apart; by default a 32nd of the width.
+
+        Returns
+        -------
+        ProjectionMap
+            ``x``, ``y`` and ``std[row, column]``, infinite beyond the valid radius.
+        """
+        return projection_map(
+            self.camera, self.parameters, self._aspect_fixed, self.covariance, step
+        )
+
+    @property
+    def _aspect_fixed(self) -> bool:
+        """Whether ``fy`` follows ``fx``."""
+        return "aspect" in self.fixed and "fx" in self.parameters
+
+    def to_json(self) -> str:
+        """Return the result as JSON text that `from_json` reads back exactly."""
+        return dump_members(
+            {
+                "format": RESULT_FORMAT,
+                "software": self.software,
+                "method": self.method,
+                "stage": self.stage,
+                "tone": self.tone,
+                **({} if self.tone_std is None else {"tone_std": self.tone_std}),
+                "fixed": list(self.fixed),
+                "image_size": list(self.camera.image_size),
+                "camera": camera_members(self.camera),
+                "std": dict(self.std),
+                "parameters": list(self.parameters),
+                "covariance": self.covariance.tolist(),
+                "rms_px": self.rms,
+                "noise_scale": self.noise_scale,
+                "planes": [_plane_members(plane) for plane in self.planes],
+                "warnings": list(self.warnings),
+                **_alternatives_member(self.alternatives),
+                **_coherence_member(self.coherence),
+                **_rejected_member(self.rejected),
+            }
+        )
+
+    @classmethod
+    def from_json(cls, text: str) -> Calibration:
+        """Read what `to_json` wrote; keys that are not known are ignored.
+
+        Raises
+        ------
+        ValueError
+            If the text is not JSON, is of another format, or a key is missing, of the wrong type
+            or not finite; the message names it.
+        """
+        members = JsonFields.parse(text, RESULT_FORMAT)
+        parameters = members.texts("parameters")
+        tone = members.value("tone")
+        return cls(
+            camera=camera_from_members(members.object("camera"), members.integers("image_size")),
+            std=members.numbers_by_name("std"),
+            covariance=members.array("covariance", (len(parameters), len(parameters))),
+            parameters=parameters,
+            planes=tuple(_plane_from_members(plane) for plane in members.objects("planes")),
+            rms=members.number("rms_px"),
+            noise_scale=members.number("noise_scale"),
+            warnings=members.texts("warnings"),
+            method=members.text("method"),
+            tone=tone if tone is None or isinstance(tone, str) else members.number("tone"),
+            fixed=members.texts("fixed"),
+            stage=members.text("stage"),
+            software=members.text("software"),
+            alternatives=tuple(
+                alternative_from_members(other)
+                for other in (
+                    members.objects("alternatives") if members.has("alternatives") else ()
+                )
+            ),
+            tone_std=members.number("tone_std") if members.has("tone_std") else None,
+            coherence=(
+                coherence_from_members(members.object("coherence"))
+                if members.has("coherence")
+                else None
+            ),
+            rejected=tuple(
+                rejected_from_members(candidate)
+                for candidate in (members.objects("rejected") if members.has("rejected") else ())
+            ),
+        )
+
+
+def _coherence_member(coherence: Coherence | None) -> dict[str, Any]:
+    """Return the ``coherence`` member, which older results lack."""
+    return {} if coherence is None else {"coherence": coherence_members(coherence)}
+
+
+def _alternatives_member(alternatives: tuple[ModelAlternative, ...]) -> dict[str, Any]:
+    """Return the ``alternatives`` member, which is there only where models were compared."""
+    members = [alternative_members(other) for other in alternatives]
+    return {"alternatives": members} if members else {}
+
+
+def _rejected_member(rejected: tuple[Rejected, ...]) -> dict[str, Any]:
+    """Return the ``rejected`` member, which is there only where something was."""
+    members = [rejected_members(candidate) for candidate in rejected]
+    return {"rejected": members} if members else {}
+
+
+def _plane_members(plane: Plane) -> dict[str, Any]:
+    return {
+        "kind": plane.kind,
+        "image": plane.image,
+        "corners": plane.corners.tolist(),
+        "rotation": plane.rotation.tolist(),
+        "translation": plane.translation.tolist(),
+        "rms_px": plane.rms,
+        "samples": plane.samples,
+        **_uncertainty_member(plane.uncertainty),
+    }
+
+
+def _uncertainty_member(uncertainty: PoseUncertainty | None) -> dict[str, Any]:
+    """Return a plane's ``pose_uncertainty`` member, which older results lack."""
+    return {} if uncertainty is None else {"pose_uncertainty": uncertainty_members(uncertainty)}
+
+
+def _plane_from_members(members: JsonFields) -> Plane:
+    return Plane(
+        kind=members.text("kind"),
+        image=members.integer("image"),
+        corners=members.array("corners", (4, 2)),
+        rotation=members.array("rotation", (3, 3)),
+        translation=members.array("translation", (3,)),
+        rms=members.number("rms_px"),
+        samples=members.integer("samples"),
+        uncertainty=(
+            uncertainty_from_members(members.object("pose_uncertainty"))
+            if members.has("pose_uncertainty")
+            else None
+        ),
+    )

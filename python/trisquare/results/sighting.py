@@ -1,0 +1,107 @@
+"""Where a target was found, whether or not a camera could be calibrated from it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+import trisquare._core as _core
+from trisquare._support.arrays import (
+    FloatArray,
+    RebuiltByConstructor,
+    index_number,
+    real_array,
+    string,
+)
+from trisquare.edges import PlaneEdges
+from trisquare.errors import TrisquareError
+
+PARALLEL = 0.1
+"""Sine of the angle below which two lines of a figure's model count as parallel; the lines of
+squares and grids are parallel or perpendicular."""
+
+FARTHEST = 1.0
+"""A corner further beyond the samples than so many of their spans has run toward the horizon."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sighting(RebuiltByConstructor):
+    """A target that was found and measured in a picture.
+
+    Parameters
+    ----------
+    kind : str
+        What it is called: ``"square"``, ``"frame"``, ``"chessboard"``, ...
+    image : int
+        Index of the picture it was found in.
+    corners : array_like, shape (4, 2)
+        Where it is, in pixels of the photograph; a board's outermost crossings.
+    """
+
+    kind: str
+    image: int
+    corners: FloatArray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "kind", string(self.kind, "kind"))
+        object.__setattr__(self, "image", index_number(self.image, "image"))
+        object.__setattr__(self, "corners", real_array(self.corners, "corners", (4, 2)))
+
+    def __repr__(self) -> str:
+        x, y = self.corners.mean(axis=0).tolist()
+        return f"<Sighting {self.kind} in image {self.image} around ({x:.0f}, {y:.0f})>"
+
+
+def sightings(figures: Iterable[PlaneEdges]) -> list[Sighting]:
+    """Return where each plane's first figure was found."""
+    planes: set[int] = set()
+    found = []
+    for figure in figures:
+        if figure.plane is None or figure.plane not in planes:
+            found.append(Sighting(figure.kind, figure.image, _corners(figure)))
+        if figure.plane is not None:
+            planes.add(figure.plane)
+    return found
+
+
+def _corners(figure: PlaneEdges) -> FloatArray:
+    """Corners of the rectangle that a figure's lines span, in the picture: good to a few pixels."""
+    samples = np.concatenate(figure.points)
+    low, high = samples.min(axis=0), samples.max(axis=0)
+    around = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
+    crossings = _crossings(figure.lines)
+    if len(crossings) < 3:
+        return around
+    try:
+        image_lines = np.array([_line(points) for points in figure.points])
+        homography = _core.homography_from_lines(figure.lines, image_lines)
+    except TrisquareError:
+        return around
+    (left, top), (right, bottom) = crossings.min(axis=0), crossings.max(axis=0)
+    rectangle = np.array([[left, top, 1], [right, top, 1], [right, bottom, 1], [left, bottom, 1]])
+    homogeneous = rectangle @ homography.T
+    depths = homogeneous[:, 2]
+    if not (np.abs(depths).min() > 0 and np.ptp(np.sign(depths)) == 0):
+        return around
+    corners = homogeneous[:, :2] / depths[:, None]
+    reach = FARTHEST * (high - low)
+    near = (corners >= low - reach).all() and (corners <= high + reach).all()
+    return np.asarray(corners) if near else around
+
+
+def _crossings(lines: FloatArray) -> FloatArray:
+    """Where the lines (L, 3) of a model cross, shape (C, 2)."""
+    i, j = np.triu_indices(len(lines), 1)
+    points = np.cross(lines[i], lines[j])
+    across = np.abs(points[:, 2]) > PARALLEL
+    return np.asarray(points[across, :2] / points[across, 2:])
+
+
+def _line(points: FloatArray) -> FloatArray:
+    """Line ``(a, b, c)`` that fits points best."""
+    centre = points.mean(axis=0)
+    values, vectors = np.linalg.eigh((points - centre).T @ (points - centre))
+    normal = vectors[:, int(np.argmin(values))]
+    return np.array([*normal, -normal @ centre])

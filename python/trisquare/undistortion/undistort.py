@@ -1,0 +1,234 @@
+"""Pictures without their lens's distortion."""
+
+from __future__ import annotations
+
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import numpy as np
+import numpy.typing as npt
+
+import trisquare._core as _core
+from trisquare._support.suggestions import unknown
+from trisquare.camera.camera import Camera, camera_for_core
+from trisquare.images.pixels import Image, ImageSource, picture_size
+from trisquare.images.reading import load_picture
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+INTERPOLATIONS = ("nearest", "linear", "cubic", "lanczos")
+
+LARGEST_SIDE = 32766
+"""What OpenCV resamples: it counts pixels in 16 bits, and 32767 is the end."""
+
+PART_BITS = 5
+"""OpenCV resamples at positions rounded to so many binary digits of a pixel."""
+
+
+class Undistorter:
+    """Removes the distortion from any number of a camera's pictures.
+
+    Where every pixel comes from is worked out once; a frame of a video then costs no more than
+    OpenCV's ``remap``. An object may be used by several threads at once.
+
+    Parameters
+    ----------
+    camera : Camera
+        The camera of the pictures.
+    balance : float
+        From 0, where the new picture holds nothing but the photograph (no black border), to 1,
+        where it holds all of the photograph; see `Camera.undistorted`.
+    new_camera : Camera, optional
+        The pinhole to look through, of any size, instead of the one that `balance` gives.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is no camera or no number from 0 to 1, `new_camera` has a distortion, a
+        picture is larger than 32766 pixels, or none of it can be undistorted.
+    """
+
+    def __init__(
+        self, camera: Camera, balance: float = 0.0, *, new_camera: Camera | None = None
+    ) -> None:
+        _check_camera(camera, "camera")
+        if new_camera is None:
+            new_camera = camera.undistorted(balance)
+        _check_camera(new_camera, "new_camera")
+        if new_camera.distortion.any():
+            raise ValueError("new_camera must be a pinhole, but it has a distortion")
+        self._camera, self._new_camera = camera, new_camera
+        width, height = new_camera.image_size
+        self._whole = np.empty((height, width, 2), np.int16)
+        self._parts = np.empty((height, width), np.uint16)
+        self._valid = np.empty((height, width), np.bool_)
+        _core.fill_undistortion_map(
+            camera_for_core(camera),
+            camera.image_size,
+            camera_for_core(new_camera),
+            self._whole,
+            self._parts,
+            self._valid,
+        )
+        self._valid.flags.writeable = False
+
+    @property
+    def camera(self) -> Camera:
+        """The camera of the pictures."""
+        return self._camera
+
+    @property
+    def new_camera(self) -> Camera:
+        """The pinhole that has taken what `undistort` returns."""
+        return self._new_camera
+
+    @property
+    def valid_mask(self) -> npt.NDArray[np.bool_]:
+        """Which pixels of the new picture show the photograph, shape (H, W); others are black."""
+        return self._valid
+
+    @cached_property
+    def valid_rectangle(self) -> tuple[int, int, int, int]:
+        """The largest rectangle without a black pixel.
+
+        ``(x, y, width, height)``, so that ``picture[y : y + height, x : x + width]`` is it; all
+        zeros if nothing of the photograph is seen.
+        """
+        return _core.largest_rectangle(self._valid)
+
+    def undistort(self, image: ImageSource, *, interpolation: str = "linear") -> Image:
+        """Return a picture as the pinhole `new_camera` would have taken it.
+
+        Parameters
+        ----------
+        image : path or ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
+            A picture of the camera's size.
+        interpolation : {"linear", "nearest", "cubic", "lanczos"}
+            ``"linear"`` gives what ``cv2.undistort`` gives; ``"nearest"`` is for labels, which must
+            not be mixed; the others are sharper, and may overshoot at edges.
+
+        Returns
+        -------
+        ndarray, shape (H', W') or (H', W', 3)
+            Of the same type, and of `new_camera`'s size. Black where `valid_mask` is not set, but
+            for a linear transition one pixel wide.
+
+        Raises
+        ------
+        ImageError
+            If a file is no whole picture.
+        TypeError, ValueError
+            If an array is no picture, the picture is of another size, or there is no such
+            interpolation.
+        """
+        if interpolation not in INTERPOLATIONS:
+            raise unknown("interpolation", str(interpolation), INTERPOLATIONS)
+        picture = load_picture(image)
+        if picture_size(picture) != self._camera.image_size:
+            _refuse_size(picture_size(picture), self._camera)
+        picture = np.ascontiguousarray(picture)
+        if interpolation == "linear":
+            return self._remap(picture, "INTER_LINEAR", "BORDER_CONSTANT")
+        if interpolation == "nearest":
+            return self._remap(picture, "INTER_NEAREST", "BORDER_CONSTANT")
+        # These weigh pixels beyond the next: black ones from outside would darken the border.
+        flag = "INTER_CUBIC" if interpolation == "cubic" else "INTER_LANCZOS4"
+        undistorted = self._remap(picture, flag, "BORDER_REPLICATE")
+        undistorted[~self._valid] = 0
+        return undistorted
+
+    def _remap(self, picture: Image, interpolation: str, border: str) -> Image:
+        import cv2  # loaded where a picture is first undistorted
+
+        nearest = interpolation == "INTER_NEAREST"
+        return cv2.remap(
+            picture,
+            self._nearest if nearest else self._whole,
+            None if nearest else self._parts,  # type: ignore[arg-type]  # the stubs want an array
+            getattr(cv2, interpolation),
+            borderMode=getattr(cv2, border),
+        )
+
+    @cached_property
+    def _nearest(self) -> npt.NDArray[np.int16]:
+        """The map rounded to whole pixels: OpenCV ignores the parts where nothing is mixed."""
+        half, most = 1 << (PART_BITS - 1), (1 << PART_BITS) - 1
+        parts = np.stack([self._parts & most, self._parts >> PART_BITS], axis=-1)
+        return self._whole + (parts >= half)
+
+    def __reduce__(self) -> tuple[Callable[..., Undistorter], tuple[Any, ...]]:
+        return partial(type(self), new_camera=self._new_camera), (self._camera,)
+
+    def __repr__(self) -> str:
+        return f"<Undistorter from {self._camera!r} to {self._new_camera!r}>"
+
+
+def _check_camera(camera: Any, name: str) -> None:
+    if not isinstance(camera, Camera):
+        raise TypeError(f"{name} must be a Camera, not {type(camera).__name__}")
+    if max(camera.image_size) > LARGEST_SIDE:
+        raise ValueError(
+            f"{name}: pictures of more than {LARGEST_SIDE} pixels a side cannot be resampled"
+        )
+
+
+def _refuse_size(found: tuple[int, int], camera: Camera) -> NoReturn:
+    width, height = camera.image_size
+    remedy = "scale the camera to it (rescale=True, --rescale)"
+    try:
+        camera.rescaled(found)
+    except ValueError:
+        remedy = "it has another shape, so that it is no scaled picture of this camera"
+    raise ValueError(
+        f"the picture is {found[0]} x {found[1]}, the camera's are {width} x {height}: {remedy}"
+    )
+
+
+def undistort(
+    image: ImageSource,
+    camera: Camera,
+    balance: float = 0.0,
+    *,
+    new_camera: Camera | None = None,
+    rescale: bool = False,
+    interpolation: str = "linear",
+) -> Image:
+    """Return a picture without its distortion.
+
+    For many pictures make an `Undistorter` once: most of the work does not depend on the
+    picture.
+
+    Parameters
+    ----------
+    image : path or ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
+        A picture of the camera, grey or BGR.
+    camera : Camera
+        The camera that took it.
+    balance : float
+        From 0, no black border, to 1, all of the photograph.
+    new_camera : Camera, optional
+        The pinhole to look through, instead of ``camera.undistorted(balance)``.
+    rescale : bool
+        Take a picture of another size as scaled, by the rule of `Camera.rescaled`, before or after
+        it was taken. Otherwise such a picture is an error.
+    interpolation : {"linear", "nearest", "cubic", "lanczos"}
+        See `Undistorter.undistort`.
+
+    Returns
+    -------
+    ndarray, shape (H, W) or (H, W, 3)
+        Of the same type; black where there is nothing of the photograph.
+
+    Raises
+    ------
+    ImageError
+        If a file is no whole picture.
+    TypeError, ValueError
+        If an array is no picture, the picture's size is not the camera's (nor, with
+        `rescale`, its shape), or another argument is wrong.
+    """
+    picture = load_picture(image)
+    taken_by = camera.rescaled(picture_size(picture)) if rescale else camera
+    undistorter = Undistorter(taken_by, balance, new_camera=new_camera)
+    return undistorter.undistort(picture, interpolation=interpolation)

@@ -1,0 +1,234 @@
+"""Two cameras compared: against known differences, and against repeated measurements."""
+
+import json
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import IMAGE_SIZE, edges_of, squares
+
+import trisquare as ts
+from trisquare.analysis.comparison import chi_square_tail
+from trisquare.cli.input_files import rescaled
+from trisquare.drawing.difference_map import LONGEST_SIDE, draw_comparison
+
+
+@pytest.fixture(scope="module")
+def result():
+    return ts.calibrate_edges(edges_of(squares(5), noise=0.05, seed=1), IMAGE_SIZE)
+
+
+def test_a_camera_is_the_same_as_itself(result):
+    comparison = ts.compare(result, result)
+    assert comparison.same
+    assert comparison.worst < 1e-9
+    assert comparison.angle < 1e-9
+    assert comparison.coverage == 1
+
+
+def test_a_turn_of_a_wide_pinhole_is_no_difference_but_a_scale_is():
+    pinhole = ts.Camera([[900, 0, 639.5], [0, 900, 479.5], [0, 0, 1]], np.zeros(5), IMAGE_SIZE)
+    longer = ts.Camera([[909, 0, 639.5], [0, 909, 479.5], [0, 0, 1]], np.zeros(5), IMAGE_SIZE)
+    comparison = ts.compare(pinhole, longer)
+    # One per cent of the distance from the centre, and no rotation helps.
+    expected = 0.01 * (np.stack(np.meshgrid(comparison.x, comparison.y), axis=-1) - [639.5, 479.5])
+    assert np.allclose(comparison.difference, expected, atol=1e-9)
+    assert comparison.angle < 1e-9
+    assert comparison.same is None
+    assert comparison.p_value is None
+    assert "neither" in comparison.verdict
+
+
+def test_the_rotation_takes_up_a_shift_of_the_principal_point():
+    K = np.array([[20000, 0, 639.5], [0, 20000, 479.5], [0, 0, 1.0]])
+    shifted = K + np.array([[0, 0, 7], [0, 0, -3], [0, 0, 0]])
+    comparison = ts.compare(
+        ts.Camera(K, np.zeros(5), IMAGE_SIZE), ts.Camera(shifted, np.zeros(5), IMAGE_SIZE)
+    )
+    # What a tele lens' turn leaves of it: in the second order of the angles, 7 px * 0.04^2.
+    assert comparison.worst < 0.02
+    assert np.isclose(np.radians(comparison.angle), np.hypot(7, 3) / 20000, rtol=1e-3)
+
+
+def test_the_rotation_is_the_best_one(result):
+    other = replace(
+        result.camera, distortion=result.camera.distortion + np.array([0.02, 0, 0.003, 0, 0])
+    )
+    comparison = ts.compare(result.camera, other)
+    pixels = np.stack(np.meshgrid(comparison.x, comparison.y), axis=-1).reshape(-1, 2)
+    rays = result.camera.unproject(pixels) @ comparison.rotation.T
+    for turn in 1e-4 * np.concatenate([np.eye(3), -np.eye(3)]):
+        turned = rays + np.cross(turn, rays)
+        rms = np.sqrt(2 * np.mean((other.project(turned) - pixels) ** 2))
+        assert rms > comparison.rms
+
+
+def test_calibrations_of_one_camera_are_the_same_in_95_of_100():
+    """Of 60 at the 5 % level 3 are to be told apart; 8 or more once in a hundred times."""
+    scene, draws = squares(8), 60
+    comparisons = []
+    for seed in range(draws):
+        first, second = (
+            ts.calibrate_edges(edges_of(scene, 0.2, 2 * seed + i, spacing=8.0), IMAGE_SIZE)
+            for i in range(2)
+        )
+        comparisons.append(ts.compare(first, second))
+    assert sum(not comparison.same for comparison in comparisons) < 8
+    found = np.sqrt(np.mean([comparison.rms**2 for comparison in comparisons]))
+    expected = np.sqrt(np.mean([comparison.expected_rms**2 for comparison in comparisons]))
+    # Some four free directions of difference: 60 draws know their rms to 5 %.
+    assert found == pytest.approx(expected, rel=0.2)
+
+
+@pytest.mark.parametrize("change", [{"fx": 1.02, "fy": 1.02}, {"fy": 1.01}])
+def test_cameras_that_differ_are_told_apart(change):
+    scene = squares(5)
+    camera = scene.camera
+    changed = {name: factor * getattr(camera, name) for name, factor in change.items()}
+    other = squares(5, camera=replace(camera, **changed))
+    results = [
+        ts.calibrate_edges(edges_of(some, noise=0.05, seed=seed), IMAGE_SIZE)
+        for seed, some in enumerate((scene, other))
+    ]
+    comparison = ts.compare(*results)
+    assert comparison.same is False
+    assert comparison.p_value < 1e-3
+    assert "differ" in comparison.verdict
+
+
+def test_a_difference_that_no_parameter_makes_is_no_noise(result):
+    """Decentring is not among the model's parameters, so no chi-squared of theirs sees it."""
+    expected = ts.compare(result, result.camera).expected_rms
+    decentred = result.camera.distortion + np.array([0, 0, 0.01, 0.01, 0])
+    other = ts.Camera(result.camera.K, decentred, IMAGE_SIZE, "brown")
+    comparison = ts.compare(result, other)
+    assert comparison.unexplained > expected
+    assert comparison.same is False
+    assert "px (rms) that no uncertain parameter makes" in comparison.verdict
+
+
+def test_a_difference_in_well_known_ways_is_said_to_be_one(result):
+    """A vague k1 makes every place uncertain, but not the shape of what k2 does."""
+    stds = {"fx": 0.1, "fy": 0.1, "cx": 0.1, "cy": 0.1, "k1": 0.02, "k2": 0.001}
+    covariance = np.diag([stds[name] ** 2 for name in result.parameters])
+    vague = replace(result, covariance=covariance)
+    distortion = result.camera.distortion + np.array([0, 0.03, 0, 0, 0])
+    comparison = ts.compare(vague, replace(result.camera, distortion=distortion))
+    assert comparison.worst_in_stds < 2
+    assert comparison.same is False
+    assert "better known than any one place" in comparison.verdict
+
+
+def test_cameras_without_a_visible_difference_are_the_same(result):
+    """However small their uncertainty is said to be: files round, and so do computers."""
+    certain = replace(result, covariance=np.zeros_like(result.covariance))
+    assert ts.compare(certain, certain).same is True
+    rounded = replace(result.camera, K=np.round(result.camera.K, 8))
+    assert ts.compare(certain, rounded).same is True
+    other = replace(result.camera, K=result.camera.K + np.diag([1e-3, 0, 0]))
+    assert ts.compare(certain, other).same is False
+
+
+def test_comparisons_are_read_only_also_after_pickling(result):
+    for comparison in (
+        found := ts.compare(result, result.camera),
+        pickle.loads(pickle.dumps(found)),
+    ):
+        assert comparison.verdict == found.verdict
+        for name in ("rotation", "x", "y", "difference", "std"):
+            with pytest.raises(ValueError, match="read-only"):
+                getattr(comparison, name)[0] = 0
+
+
+def test_long_lenses_are_compared_up_to_their_valid_radius():
+    K = np.array([[1e6, 0, 639.5], [0, 1e6, 479.5], [0, 0, 1]])
+    whole = ts.Camera(K, np.zeros(5), IMAGE_SIZE)
+    part = ts.Camera(
+        K * [[1.01, 1, 1], [1, 1, 1], [1, 1, 1]], np.zeros(5), IMAGE_SIZE, "none", 5e-4
+    )
+    comparison = ts.compare(whole, part)
+    assert 0.4 < comparison.coverage < 0.7
+    assert comparison.worst < 0.01 * 640
+
+
+def test_beyond_what_a_lens_can_follow_nothing_is_said(result):
+    K = result.camera.K
+    short = ts.Camera(K, np.zeros(5), IMAGE_SIZE, valid_radius=400 / K[0, 0])
+    comparison = ts.compare(ts.Camera(K, np.zeros(5), IMAGE_SIZE), short)
+    assert 0.2 < comparison.coverage < 0.6
+    assert np.isinf(comparison.distance[0, 0])
+    assert np.isfinite(comparison.rms)
+    with pytest.raises(ValueError, match="too little in common"):
+        ts.compare(short, replace(short, valid_radius=20 / K[0, 0]))
+
+
+def test_bad_arguments_are_refused(result):
+    with pytest.raises(TypeError, match="second must be"):
+        ts.compare(result, "camera.json")
+    smaller = ts.Camera(result.camera.K, np.zeros(5), (640, 480))
+    with pytest.raises(ValueError, match="640 x 480"):
+        ts.compare(result, smaller)
+
+
+def test_chi_square_tail_is_that_of_the_tables():
+    """Quantiles at 5 % and 1 % (NIST handbook, 1.3.6.7.4)."""
+    for freedom, at_5, at_1 in [(1, 3.841, 6.635), (2, 5.991, 9.210), (7, 14.067, 18.475)]:
+        assert chi_square_tail(at_5, freedom) == pytest.approx(0.05, rel=2e-3)
+        assert chi_square_tail(at_1, freedom) == pytest.approx(0.01, rel=2e-3)
+    assert chi_square_tail(0.0, 3) == 1.0
+
+
+def test_the_map_is_coloured_where_the_cameras_differ(result):
+    K = result.camera.K * [[1.01, 1, 1], [1, 1.01, 1], [1, 1, 1]]
+    canvas = draw_comparison(ts.compare(result, replace(result.camera, K=K)))
+    height = round(LONGEST_SIDE * IMAGE_SIZE[1] / IMAGE_SIZE[0])
+    assert canvas.shape[0] > height
+    # From violet, blue and red much alike, in the middle to yellow, without blue, in the corner.
+    middle, corner = canvas[height // 2, LONGEST_SIDE // 2 + 20], canvas[5, 5]
+    assert int(middle[0]) > int(middle[1])
+    assert int(corner[1]) > int(corner[0])
+
+
+def test_command_says_it_in_words_in_json_and_in_a_picture(run, result, tmp_path):
+    first, second = tmp_path / "a.json", tmp_path / "b.json"
+    first.write_text(result.to_json())
+    other = ts.calibrate_edges(edges_of(squares(5), noise=0.05, seed=2), IMAGE_SIZE)
+    second.write_text(other.to_json())
+    code, printed, _ = run("compare", first, second, "--map", tmp_path / "map.png")
+    assert code == 0
+    assert "the same within their uncertainty" in printed
+    assert (tmp_path / "map.png").stat().st_size > 1000
+    members = json.loads(run("compare", first, second, "--json")[1])
+    assert members["format"] == "trisquare-comparison/1"
+    assert members["same"] is True
+    assert members["rms_px"] == pytest.approx(ts.compare(result, other).rms)
+
+
+def test_command_refuses_what_is_no_camera(run, result, tmp_path):
+    camera, other = tmp_path / "a.json", tmp_path / "b.json"
+    camera.write_text(result.to_json())
+    other.write_text("{}")
+    code, printed, said = run("compare", camera, other, "--map", tmp_path / "map.png")
+    assert (code, printed) == (2, "")
+    assert "b.json" in said
+    assert not (tmp_path / "map.png").exists()
+
+
+def test_a_camera_of_another_resolution_is_compared_on_request(run, result, tmp_path):
+    whole, halved = tmp_path / "a.json", tmp_path / "half.yaml"
+    whole.write_text(result.to_json())
+    result.camera.rescaled((640, 480)).save(halved)
+    code, _, said = run("compare", whole, halved)
+    assert code == 2
+    assert "--rescale" in said
+    code, printed, _ = run("compare", whole, halved, "--rescale")
+    assert code == 0
+    assert "the same" in printed
+
+
+def test_a_rescaled_calibration_keeps_its_uncertainty_in_the_new_pixels(result):
+    half = rescaled(result, (640, 480))
+    points = np.array([[100.0, 50.0], [300.0, 240.0]])
+    std = result.projection_std((points + 0.5) * 2 - 0.5)
+    assert np.allclose(half.projection_std(points), std / 2, rtol=1e-9)

@@ -1,0 +1,110 @@
+"""What limits a calibration, and whether the advice comes true."""
+
+import numpy as np
+import pytest
+from scenes import IMAGE_SIZE, edges_of, squares
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare.analysis.diagnosis import diagnose
+from trisquare.analysis.what_if import alternatives_of, planes_of
+
+NOISE = 0.05
+
+
+def result_of(scene, seed=0, **options):
+    return ts.calibrate_edges(edges_of(scene, NOISE, seed, spacing=2.0), IMAGE_SIZE, **options)
+
+
+def test_every_free_parameter_is_diagnosed():
+    result = result_of(squares(1))
+    diagnosis = diagnose(result)
+    assert tuple(diagnosis) == result.parameters
+    spread = np.sqrt(np.diag(result.covariance))
+    correlation = result.covariance / np.outer(spread, spread)
+    for i, (name, found) in enumerate(diagnosis.items()):
+        assert found.std == result.std[name]
+        others = [other for other in result.parameters if other != name]
+        assert list(found.correlation) == others
+        np.testing.assert_allclose(list(found.correlation.values()), np.delete(correlation[i], i))
+        assert found.limits
+        assert found.remedy
+        assert name in str(diagnosis)
+    with pytest.raises(AttributeError):
+        diagnosis["fx"].std = 1.0
+
+
+def test_a_result_from_json_has_the_same_diagnosis():
+    result = result_of(squares(2), fix="aspect")
+    read = ts.Calibration.from_json(result.to_json())
+    assert str(diagnose(read)) == str(diagnose(result))
+    assert "fy" not in diagnose(read)
+
+
+@pytest.mark.parametrize("seed", [3, 8])
+def test_advice_comes_true(seed):
+    """Photographed as advised, the stated standard deviations are those that were promised."""
+    scene = squares(seed)
+    result = result_of(scene)
+    planes = planes_of(result)
+    before = ts.predict(result.camera, result.planes, NOISE, spacing=2.0).std
+    tried = 0
+    for alternative in alternatives_of(result, planes):
+        planned = alternative.planned
+        try:
+            promised = planned.std()
+        except ValueError:
+            continue
+        kind = "frame" if len(planned.planes[0].outlines) == 2 else "square"
+        targets = [simulate.Target(p.rotation, p.translation, kind) for p in planned.planes]
+        held = [name for name in planned.fixed if name not in result.fixed]
+        found = ts.calibrate_edges(
+            edges_of(simulate.Scene(scene.camera, tuple(targets)), NOISE, 1, spacing=2.0),
+            IMAGE_SIZE,
+            fix=held,
+            initial=ts.Camera(scene.camera.K, scene.camera.distortion, IMAGE_SIZE),
+        )
+        # Both are up to the noise: the promise's unit is that of the plan before.
+        unit = before["fx"] / planned_before(result)["fx"]
+        for name, std in promised.items():
+            assert found.std[name] == pytest.approx(std * unit, rel=0.15), alternative.change
+        tried += 1
+    assert tried >= 5
+
+
+def planned_before(result):
+    from trisquare.analysis.what_if import Planned
+
+    return Planned(result.camera, planes_of(result), result.fixed).std()
+
+
+def test_little_tilt_and_small_squares_are_named():
+    def placed(tilt, side):
+        camera = squares(0).camera
+        guess = ts.Camera(camera.K, camera.distortion, IMAGE_SIZE)
+        places = [((330, 300), 20), ((950, 300), 140), ((640, 680), 260)]
+        planned = [
+            ts.PlannedSquare.at(guess, centre, side, tilt=tilt, direction=direction)
+            for centre, direction in places
+        ]
+        targets = tuple(simulate.Target(p.rotation, p.translation) for p in planned)
+        return result_of(simulate.Scene(camera, targets))
+
+    assert "tilted by only" in diagnose(placed(12, 360))["fx"].limits
+    assert "tilting every square" in diagnose(placed(12, 360))["fx"].remedy
+    small = diagnose(placed(40, 150))["fx"]
+    assert "small" in small.limits
+    assert "1.25 times larger" in small.remedy
+
+
+def test_chessboards_and_planes_that_cannot_be_planned_are_diagnosed():
+    result = result_of(squares(4))
+    lattice = [
+        ts.Plane("chessboard", p.image, p.corners, p.rotation, p.translation, p.rms, p.samples)
+        for p in result.planes
+    ]
+    members = {name: getattr(result, name) for name in result.__dataclass_fields__}
+    found = diagnose(ts.Calibration(**members | {"planes": lattice}))
+    assert "would bring it" in found["k2"].remedy
+    alone = diagnose(ts.Calibration(**members | {"planes": lattice[:1]}))
+    assert alone["fx"].std == result.std["fx"]

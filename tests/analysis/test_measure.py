@@ -1,0 +1,256 @@
+"""Lengths, angles and areas on planes: against the truth, and against their own deviations."""
+
+import json
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from scenes import IMAGE_SIZE, camera_of, edges_of, squares
+
+import trisquare as ts
+from trisquare import simulate
+
+# A triangle on the first plane, in sides; within the picture of scene 5.
+TRIANGLE = np.array([[-0.5, -0.5], [-0.2, 0.8], [0.2, 0.6]])
+AREA = 0.5 * abs(np.linalg.det(TRIANGLE[1:] - TRIANGLE[0]))
+
+
+def seen(scene, points, target=0):
+    """Pixels of points on a target of a scene."""
+    pose = scene.targets[target]
+    return camera_of(scene).project(points @ pose.rotation[:, :2].T + pose.translation)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return squares(5)
+
+
+@pytest.fixture(scope="module")
+def result(scene):
+    return ts.calibrate_edges(edges_of(scene, noise=0.1, seed=1), IMAGE_SIZE)
+
+
+@pytest.fixture(scope="module")
+def exact(scene):
+    return ts.calibrate_edges(edges_of(scene), IMAGE_SIZE)
+
+
+def test_lengths_angles_and_areas_are_those_of_the_plane(scene, exact):
+    found = ts.measure(exact.planes[0], seen(scene, TRIANGLE), exact, side=50)
+    assert np.allclose(found.lengths, 50 * np.hypot([0.3, 0.4], [1.3, 0.2]), rtol=1e-7)
+    sides = TRIANGLE[0] - TRIANGLE[1], TRIANGLE[2] - TRIANGLE[1]
+    cosine = sides[0] @ sides[1] / np.prod(np.linalg.norm(sides, axis=1))
+    assert found.angles == pytest.approx([np.degrees(np.arccos(cosine))], abs=1e-5)
+    assert found.area == pytest.approx(50**2 * AREA, rel=1e-7)
+
+
+def test_standard_deviations_are_the_scatter_of_repeated_measurements(scene):
+    """Camera, pose and points all err; 150 draws know a scatter to 6 %, and 20 % is over 3."""
+    rng, draws, point_std = np.random.default_rng(3), 150, 0.05
+    true_pixels = seen(scene, TRIANGLE)
+    truth = [*np.linalg.norm(np.diff(TRIANGLE, axis=0), axis=1), AREA]
+    errors = []
+    for seed in range(draws):
+        result = ts.calibrate_edges(edges_of(scene, 0.1, seed, spacing=8.0), IMAGE_SIZE)
+        pixels = true_pixels + rng.normal(0, point_std, true_pixels.shape)
+        found = ts.measure(result.planes[0], pixels, result, point_std=point_std)
+        std = [*found.lengths_std, found.area_std]
+        errors.append((np.array([*found.lengths, found.area]) - truth) / std)
+    scatter = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert np.all(np.abs(scatter - 1) < 0.2), scatter
+
+
+def test_with_the_pixels_exact_pose_and_camera_alone_scatter_the_lengths(scene):
+    """The same without noise of the points, in two planes' worth of distance from the square."""
+    errors = []
+    far = np.array([[-0.4, 0.9], [0.3, 0.4]])
+    for seed in range(150):
+        result = ts.calibrate_edges(edges_of(scene, 0.1, seed, spacing=8.0), IMAGE_SIZE)
+        found = ts.measure(result.planes[0], seen(scene, far), result, point_std=0)
+        errors.append((found.lengths[0] - np.linalg.norm(far[1] - far[0])) / found.lengths_std[0])
+    assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(1, abs=0.2)
+
+
+def test_what_is_in_line_has_an_angle_and_an_area_that_are_not_certain():
+    """At 0 and 180 degrees the angle has no derivative, but it scatters there as elsewhere."""
+    std = 1e-3
+    covariance = std**2 * np.eye(6)
+    straight = ts.Measurement([[0, 0], [1, 0], [2, 0]], covariance)
+    assert (straight.angles, straight.area) == (180, 0)
+    # The middle's y turns both arms, the ends' one each: 1, 1, and 2 radians to a unit.
+    assert straight.angles_std == pytest.approx(np.degrees(std) * np.sqrt(6), rel=1e-6)
+    assert straight.area_std == pytest.approx(std * 0.5 * np.sqrt(6), rel=1e-6)
+    back = ts.Measurement([[1, 0], [0, 0], [2, 0]], covariance)
+    assert back.angles == 0
+    assert back.angles_std == pytest.approx(np.degrees(std) * np.sqrt(1.5), rel=1e-6)
+
+
+def test_a_camera_without_uncertainty_adds_none(scene, result):
+    pixels = seen(scene, TRIANGLE)
+    of_all = ts.measure(result.planes[0], pixels, result, point_std=0)
+    of_pose = ts.measure(result.planes[0], pixels, result.camera, point_std=0)
+    assert np.array_equal(of_all.lengths, of_pose.lengths)
+    assert np.all(of_pose.lengths_std < of_all.lengths_std)
+
+
+def test_bad_points_are_refused(scene, result):
+    plane = result.planes[0]
+    with pytest.raises(ValueError, match=r"point 1, \(-5, 3\), is outside the picture of 1280 x"):
+        ts.measure(plane, [[5, 3], [-5, 3]], result)
+    with pytest.raises(ValueError, match="two points"):
+        ts.measure(plane, [[5, 3]], result)
+    with pytest.raises(ValueError, match=r"NaN|finite"):
+        ts.measure(plane, [[5, 3], [np.nan, 3]], result)
+    with pytest.raises(ValueError, match="side must be positive"):
+        ts.measure(plane, seen(scene, TRIANGLE), result, side=0)
+    with pytest.raises(ValueError, match="side must be positive and less"):
+        ts.measure(plane, seen(scene, TRIANGLE), result, side=1e200)
+    with pytest.raises(ValueError, match="point_std must be less"):
+        ts.measure(plane, seen(scene, TRIANGLE), result, point_std=1e200)
+    with pytest.raises(ValueError, match="points 1 and 2 are the same"):
+        ts.measure(plane, [[5, 3], [9, 3], [9, 3]], result)
+    with pytest.raises(TypeError, match="camera must be"):
+        ts.measure(plane, seen(scene, TRIANGLE), "camera.json")
+    with pytest.raises(ValueError, match="calibrate again"):
+        ts.measure(replace(plane, uncertainty=None), seen(scene, TRIANGLE), result)
+
+
+def test_beyond_the_horizon_nothing_is_measured():
+    camera = ts.Camera([[900, 0, 639.5], [0, 900, 479.5], [0, 0, 1]], np.zeros(5), IMAGE_SIZE)
+    steep = cv2.Rodrigues(np.radians([80.0, 0, 0]))[0]
+    zeros = ts.PoseUncertainty(np.zeros((6, 6)), np.zeros((6, 9)))
+    plane = ts.Plane("square", 0, np.zeros((4, 2)), steep, [0, 1, 5], 0.0, 100, zeros)
+    upright = steep[:, 2] / steep[2, 2]
+    horizon = 479.5 - 900 / upright[1]
+    below, above = [640, horizon + 40], [640, horizon - 40]
+    assert np.all(ts.measure(plane, [below, [600, horizon + 60]], camera).lengths > 0)
+    for order in ([below, above], [above, below]):
+        with pytest.raises(ValueError, match="horizon"):
+            ts.measure(plane, order, camera)
+
+
+def test_results_keep_the_poses_uncertainty_and_older_ones_have_none(result):
+    again = ts.Calibration.from_json(result.to_json())
+    for plane, before in zip(again.planes, result.planes, strict=True):
+        assert np.array_equal(plane.uncertainty.by_camera, before.uncertainty.by_camera)
+        assert np.array_equal(plane.uncertainty.given_camera, before.uncertainty.given_camera)
+    members = json.loads(result.to_json())
+    for plane in members["planes"]:
+        del plane["pose_uncertainty"]
+    assert ts.Calibration.from_json(json.dumps(members)).planes[0].uncertainty is None
+
+
+@pytest.fixture(scope="module")
+def photograph(scene):
+    return simulate.render(scene, np.random.default_rng(2), tone="srgb")
+
+
+def test_located_planes_are_those_of_the_calibration(photograph):
+    result = ts.calibrate(photograph)
+    for plane, before in zip(ts.locate(photograph, result), result.planes, strict=True):
+        assert np.allclose(plane.translation, before.translation, atol=1e-4)
+        assert np.allclose(plane.rotation, before.rotation, atol=1e-4)
+        ratio = np.diag(plane.uncertainty.given_camera) / np.diag(before.uncertainty.given_camera)
+        assert np.all((ratio > 0.5) & (ratio < 2))
+
+
+def test_one_square_is_enough_for_a_known_camera(scene):
+    alone = replace(scene, targets=scene.targets[:1])
+    picture = simulate.render(alone, np.random.default_rng(4), tone="srgb")
+    (plane,) = ts.locate(picture, camera_of(scene))
+    found = ts.measure(plane, seen(scene, TRIANGLE), camera_of(scene), point_std=0)
+    errors = found.lengths - np.linalg.norm(np.diff(TRIANGLE, axis=0), axis=1)
+    assert np.all(np.abs(errors) < 4 * found.lengths_std)
+    with pytest.raises(TypeError, match="camera must be"):
+        ts.locate(picture, camera_of(scene).K)
+
+
+def test_the_view_from_above_is_to_scale(photograph, scene):
+    result = ts.calibrate(photograph)
+    view = ts.rectify(photograph, result.planes[0], result.camera, resolution=200, margin=0.2)
+    side = 200
+    assert view.resolution == side
+    dark = cv2.GaussianBlur(view.image, (5, 5), 0) < 0.5 * view.image.mean() + 40
+    # A square of one side, edges along the axes, its centre where the plane's origin is.
+    middle = np.rint(-np.array(view.origin) * side).astype(int)
+    row, column = dark[middle[1]], dark[:, middle[0]]
+    assert abs(int(row.sum()) - side) <= 2
+    assert abs(int(column.sum()) - side) <= 2
+    assert abs(np.flatnonzero(row).mean() - middle[0]) <= 1.5
+    with pytest.raises(ValueError, match="resolution"):
+        ts.rectify(photograph, result.planes[0], result.camera, resolution=1e6)
+    with pytest.raises(ValueError, match="pixels"):
+        ts.rectify(photograph[:100], result.planes[0], result.camera)
+    with pytest.raises(ValueError, match="cannot be shown"):
+        ts.rectify(photograph, result.planes[0], result, margin=1e308)
+    point = replace(result.planes[0], corners=np.full((4, 2), 300.0))
+    with pytest.raises(ValueError, match="cannot be shown"):
+        ts.rectify(photograph, point, result)
+    with pytest.raises(TypeError, match="plane must be"):
+        ts.rectify(photograph, 0, result)
+    with pytest.raises(TypeError, match="camera must be"):
+        ts.rectify(photograph, result.planes[0], result.camera.K)
+
+
+def test_a_view_from_above_is_black_beyond_the_photograph_and_keeps_its_type(photograph):
+    result = ts.calibrate(photograph)
+    for plane in result.planes:
+        white = np.full((*photograph.shape, 3), 65535, np.uint16)
+        view = ts.rectify(white, plane, result, resolution=10, margin=40)
+        assert view.image.dtype == np.uint16
+        assert set(np.unique(view.image)) >= {0, 65535}
+        # The photograph is one piece of the plane, also where that goes on behind the camera.
+        pieces, _ = cv2.connectedComponents((view.image[..., 0] > 0).astype(np.uint8))
+        assert pieces == 2
+
+
+@pytest.fixture(scope="module")
+def files(photograph, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("measure")
+    cv2.imwrite(str(folder / "photo.png"), photograph)
+    (folder / "camera.json").write_text(ts.calibrate(photograph).to_json())
+    return folder / "photo.png", folder / "camera.json"
+
+
+def as_points(pixels):
+    return [f"{x},{y}" for x, y in pixels]
+
+
+def test_command_measures_and_draws(run, files, scene, tmp_path):
+    photo, camera = files
+    points = as_points(seen(scene, TRIANGLE))
+    options = ("--camera", camera, "--side", "50mm", "--plane", 0)
+    code, printed, _ = run("measure", photo, *options, *points, "--rectify", tmp_path / "top.png")
+    assert code == 0
+    assert "mm^2" in printed
+    assert cv2.imread(str(tmp_path / "top.png")).shape[0] > 100
+    members = json.loads(run("measure", photo, *options, *points, "--json")[1])
+    assert members["unit"] == "mm"
+    truth = 50 * np.linalg.norm(np.diff(TRIANGLE, axis=0), axis=1)
+    errors = np.array(members["lengths"]) - truth
+    # The points are exact, though a click's uncertainty is stated.
+    assert np.all(np.abs(errors) < members["lengths_std"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--plane", 9, "5,5", "9,9"], "there is no plane 9 in the photograph, but 0: a square"),
+        (["--side", "5 parsecs", "5,5", "9,9"], "unknown unit 'parsecs'"),
+        (["--side", "-5mm", "5,5", "9,9"], "a length is written 50mm"),
+        (["5;5", "9,9"], "a point is written X,Y"),
+        (["5,5"], "two points or more"),
+        ([], "two points or more"),
+        (["5,5", "5000,9"], "outside the picture"),
+    ],
+)
+def test_command_refuses_and_writes_nothing(run, files, tmp_path, arguments, message):
+    photo, camera = files
+    out = tmp_path / "top.png"
+    rectify = ["--rectify", out] if arguments else []
+    code, printed, said = run("measure", photo, "--camera", camera, *arguments, *rectify)
+    assert (code, printed) == (2, "")
+    assert message in said
+    assert not out.exists()

@@ -1,0 +1,184 @@
+"""Of all that is found in a picture, the squares that one camera explains are chosen."""
+
+import itertools
+
+import cv2
+import numpy as np
+import pytest
+from scenes import IMAGE_SIZE, assert_within, edges_of, squares
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare.calibration.select import choose
+from trisquare.simulate.scene import Scene, rectangle
+from trisquare_scenes.distractors import mixed_scene, photograph
+
+# Chance exceeds so many standard deviations of a statistic once in fifteen thousand runs.
+SURE = 4.0
+
+# A false square so close to a true one may pass for one: the noise hides the difference.
+HARDLY_FALSE = 0.12
+
+NOISE = 0.05
+WORDS_OF_DOUBT = ("choice", "contradict", "disagree", "set aside")
+
+
+def chosen(figures, quads=None, fixed=()):
+    quads = quads or {figure.plane: np.eye(4, 2) for figure in figures}
+    return choose(figures, IMAGE_SIZE, quads, model="radial2", fixed=fixed, initial=None)
+
+
+def planes(figures):
+    return sorted({figure.plane for figure in figures})
+
+
+def is_clearly_false(target):
+    width, height = target.extent
+    return abs(np.log(width / height)) > HARDLY_FALSE
+
+
+def calibrated(squares, seed):
+    """A photograph of squares among ten rectangles, and what the calibration makes of it."""
+    rng = np.random.default_rng([61, squares, seed])
+    mixed = mixed_scene(rng, squares=squares, rectangles=10)
+    picture = photograph(mixed, rng)
+    try:
+        return mixed, ts.calibrate(picture)
+    except ts.TrisquareError as error:
+        return mixed, error
+
+
+def targets_at(mixed, quads):
+    """Indices of the targets that are seen where some corners are."""
+    count = len(mixed.is_square)
+    middles = [mixed.scene.image_points(i, np.zeros((1, 2)))[0] for i in range(count)]
+    gaps = [np.linalg.norm(np.array(middles) - quad.mean(axis=0), axis=1) for quad in quads]
+    return [int(gap.argmin()) for gap in gaps]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_three_squares_among_ten_rectangles_are_chosen(seed):
+    mixed = mixed_scene(np.random.default_rng([62, seed]))
+    kept = planes(chosen(edges_of(mixed.scene, NOISE, seed)).figures)
+    assert {0, 1, 2} <= set(kept)
+    assert not any(is_clearly_false(mixed.scene.targets[plane]) for plane in kept)
+
+
+def test_squares_that_agree_are_all_kept_without_a_word():
+    figures = edges_of(squares(3, count=6), NOISE)
+    found = chosen(figures)
+    assert found.figures == figures
+    assert found.rejected == found.warnings == []
+
+
+def test_both_outlines_of_a_frame_go_together():
+    frames = squares(5, count=4, kind="frame")
+    others = mixed_scene(np.random.default_rng(63), squares=0, camera=frames.camera)
+    scene = Scene(frames.camera, (*frames.targets, *others.scene.targets))
+    figures = edges_of(scene, NOISE)
+    kept = chosen(figures).figures
+    assert {0, 1, 2, 3} <= set(planes(kept))
+    for plane in range(len(scene.targets)):
+        count = sum(figure.plane == plane for figure in figures)
+        assert sum(figure.plane == plane for figure in kept) in (0, count)
+
+
+def sheets_of_squares(rng, camera, sheets=6, per_side=5, false_share=0.2):
+    """Tilted sheets of squares, some of them stretched; and which are true."""
+    width, height = camera.image_size
+    cell = 0.8 * min(width / 3, height / 2) / per_side
+    targets, is_square = [], []
+    for sheet in range(sheets):
+        place = np.array([(sheet % 3 + 0.5) / 3 * width, (sheet // 3 + 0.5) / 2 * height])
+        direction = 2 * np.pi * sheet / sheets + rng.uniform(-0.3, 0.3)
+        tilt = np.radians(rng.uniform(25, 50))
+        axis = tilt * np.array([np.cos(direction), np.sin(direction), 0.0])
+        rotation = cv2.Rodrigues(axis)[0]
+        ray = np.append(camera.undistort(place[None])[0], 1.0)
+        steps = 1.6 * (np.arange(per_side) - (per_side - 1) / 2)
+        for x, y in itertools.product(steps, steps):
+            true = rng.random() >= false_share
+            stretch = 1.0 if true else np.exp(rng.choice([-1, 1]) * rng.uniform(0.2, 0.5))
+            middle = 1.6 * camera.fx / cell * ray + rotation @ [x, y, 0.0]
+            printed = rectangle(0.5 * stretch, 0.5 / stretch)
+            targets.append(simulate.Target(rotation, middle, printed=printed))
+            is_square.append(true)
+    return Scene(camera, tuple(targets)), np.array(is_square)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_of_a_hundred_and_fifty_candidates_nearly_all_squares_are_chosen(seed):
+    rng = np.random.default_rng([67, seed])
+    scene, is_square = sheets_of_squares(rng, simulate.random_camera(rng, (4000, 3000)))
+    figures = edges_of(scene, NOISE, seed)
+    quads = {figure.plane: np.eye(4, 2) for figure in figures}
+    size = scene.camera.image_size
+    found = choose(figures, size, quads, model="radial2", fixed=(), initial=None)
+    kept = np.isin(np.arange(len(is_square)), planes(found.figures))
+    assert np.mean(kept[is_square]) > 0.95
+    # From so far away, some rectangles look like squares that are tilted otherwise.
+    assert np.mean(kept[~is_square]) < 0.25
+    result = ts.calibrate_edges(found.figures, size)
+    assert_within(result, scene, SURE)
+
+
+def test_with_the_focal_length_alone_unknown_two_squares_are_chosen():
+    camera = simulate.TrueCamera(1100.0, 1100.0, 639.5, 479.5)
+    mixed = mixed_scene(np.random.default_rng(64), squares=2, rectangles=6, camera=camera)
+    fixed = ("aspect", "principal_point", "distortion")
+    kept = planes(chosen(edges_of(mixed.scene, NOISE), fixed=fixed).figures)
+    assert {0, 1} <= set(kept)
+    assert not any(is_clearly_false(mixed.scene.targets[plane]) for plane in kept)
+
+
+def test_pictures_of_one_camera_pool_their_candidates():
+    figures, is_square, targets = [], [], []
+    rng = np.random.default_rng(65)
+    camera = simulate.random_camera(rng, IMAGE_SIZE)
+    for image in range(5):
+        mixed = mixed_scene(rng, camera=camera)
+        own = edges_of(mixed.scene, NOISE, image)
+        # Every picture counts its planes from where the last one ended.
+        figures += [
+            ts.PlaneEdges(
+                one.lines,
+                one.points,
+                plane=one.plane + len(is_square),
+                image=image,
+                freedom=one.freedom,
+            )
+            for one in own
+        ]
+        is_square += mixed.is_square
+        targets += mixed.scene.targets
+    kept = planes(chosen(figures).figures)
+    assert all(plane in kept for plane, square in enumerate(is_square) if square)
+    assert not any(is_clearly_false(targets[plane]) for plane in kept)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_picture_of_squares_and_rectangles_calibrates_and_reports_the_rest(seed):
+    mixed, result = calibrated(3, seed)
+    assert_within(result, mixed.scene, SURE)
+    used = targets_at(mixed, [plane.corners for plane in result.planes])
+    assert {0, 1, 2} <= set(used)
+    assert result.rejected
+    for other in result.rejected:
+        (target,) = targets_at(mixed, [other.corners])
+        assert target not in used
+        assert other.residual is None or other.residual > 0.0
+    assert any(other.residual is not None for other in result.rejected)
+    again = ts.Calibration.from_json(result.to_json())
+    assert [one.reason for one in again.rejected] == [one.reason for one in result.rejected]
+
+
+@pytest.mark.parametrize("squares", [0, 1, 2])
+@pytest.mark.parametrize("seed", range(2))
+def test_too_few_squares_are_refused_or_doubted_or_right(squares, seed):
+    mixed, result = calibrated(squares, seed)
+    if isinstance(result, ts.TrisquareError):
+        return
+    error = abs(result.camera.K[0, 0] - mixed.scene.camera.fx)
+    right = error < max(SURE * result.std["fx"], 0.01 * mixed.scene.camera.fx)
+    doubted = any(word in text for text in result.warnings for word in WORDS_OF_DOUBT)
+    assert right or doubted

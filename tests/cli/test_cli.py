@@ -1,0 +1,346 @@
+"""The `trisquare` command: what it prints, what it writes, and its exit codes."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+import trisquare.cli.calibrate
+import trisquare.cli.pictures_drawn
+from trisquare import cli as commands
+from trisquare import errors, simulate
+from trisquare.drawing.overlay import draw_overlay
+from trisquare.edges import PlaneEdges
+from trisquare.results.calibration import Calibration, Camera
+from trisquare.results.plane import Plane
+
+SCENE = simulate.random_scene(np.random.default_rng(11))
+PHOTO = simulate.render(SCENE, np.random.default_rng(12))
+UNIT_SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+
+
+def true_calibration(images=1, warnings=()):
+    """The result that a perfect calibration of the scene would give."""
+    truth = SCENE.camera
+    parameters = ("fx", "fy", "cx", "cy", "k1", "k2")
+    planes = [
+        Plane(
+            kind="square",
+            image=image,
+            corners=SCENE.image_points(number, UNIT_SQUARE),
+            rotation=target.rotation,
+            translation=target.translation,
+            rms=0.01,
+            samples=300,
+        )
+        for image in range(images)
+        for number, target in enumerate(SCENE.targets)
+    ]
+    return Calibration(
+        camera=Camera(truth.K, truth.distortion, truth.image_size),
+        std=dict.fromkeys(parameters, 0.1),
+        covariance=np.eye(6) * 0.01,
+        parameters=parameters,
+        planes=tuple(planes),
+        rms=0.01,
+        noise_scale=1.0,
+        warnings=tuple(warnings),
+        method="ml",
+        tone="srgb",
+        fixed=(),
+        stage="edges",
+    )
+
+
+def true_edges(*_, **__):
+    rng = np.random.default_rng(13)
+    return [PlaneEdges.square(sides) for sides in simulate.edge_points(SCENE, rng, noise=0.01)]
+
+
+@pytest.fixture
+def photo(tmp_path):
+    path = tmp_path / "photo.png"
+    cv2.imwrite(str(path), PHOTO)
+    return path
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """Let the command meet a calibration that is done already; returns what it asked for."""
+    calls = []
+
+    def calibrate(photos, **options):
+        calls.append((photos, options))
+        several = isinstance(photos, list)
+        return true_calibration(len(photos) if several else 1, warnings=["a warning"])
+
+    monkeypatch.setattr(commands.calibrate, "calibrate", calibrate)
+    monkeypatch.setattr(commands.pictures_drawn, "detect", true_edges)
+    return calls
+
+
+def assert_refused(outcome, exit_code, folder, left=("photo.png",)):
+    """One line on standard error, nothing on standard output, no file written."""
+    code, out, err = outcome
+    assert (code, out) == (exit_code, "")
+    assert err.startswith("trisquare: error: ")
+    assert err.endswith("\n")
+    assert err.count("\n") == 1
+    assert sorted(path.name for path in folder.iterdir()) == sorted(left)
+
+
+# The command around a calibration that is done already.
+
+
+def test_the_options_reach_the_library(run, photo, asked):
+    code, _, err = run(
+        *("calibrate", photo, "--model", "brown", "--method", "linear", "--tone", "2.2"),
+        *("--fix", "aspect,focal", "--fix", "distortion", "--targets", "squares"),
+    )
+    assert (code, err) == (0, "")
+    photos, options = asked[0]
+    assert photos == photo
+    assert options == {
+        **{"model": "brown", "method": "linear", "tone": 2.2, "targets": "squares"},
+        **{"fix": ("aspect", "focal", "distortion"), "progress": None, "outlines": None},
+    }
+    run("calibrate", photo)
+    assert asked[1][1] == {
+        **{"model": "radial2", "method": "ml", "tone": None, "targets": "auto"},
+        **{"fix": (), "progress": None, "outlines": None},
+    }
+
+
+def test_the_table_shows_numbers_planes_and_warnings(run, photo, asked):
+    code, out, err = run("calibrate", photo)
+    assert (code, err, len(asked)) == (0, "", 1)
+    assert "\x1b" not in out
+    shown = {line.split()[0]: line.split()[1:] for line in out.splitlines() if line.split()}
+    for name, value in (("fx", SCENE.camera.fx), ("cy", SCENE.camera.cy)):
+        assert shown[name] == [f"{value:.2f}", "0.10"]
+    assert shown["2"][:2] == ["square", "0"]
+    assert "warning: a warning" in out
+
+
+def test_json_alone_stands_on_standard_output(run, photo, asked):
+    code, out, err = run("calibrate", photo, "--json")
+    assert (code, err, len(asked)) == (0, "", 1)
+    assert Calibration.from_json(out).to_json() == out
+
+
+def test_files_are_written(run, photo, asked, tmp_path):
+    camera, overlay = tmp_path / "camera.json", tmp_path / "overlay.png"
+    code, out, _ = run("calibrate", photo, "--json", "-o", camera, "--overlay", overlay)
+    assert (code, len(asked)) == (0, 1)
+    assert camera.read_text() == out
+    drawn = cv2.imread(str(overlay))
+    assert drawn.shape == (*PHOTO.shape[:2], 3)
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"photo.png", "camera.json", "overlay.png"}
+
+
+def test_several_photographs_have_an_overlay_each(run, photo, asked, tmp_path):
+    again = tmp_path / "again.png"
+    again.write_bytes(photo.read_bytes())
+    code, _, err = run("calibrate", photo, again, "--overlay", tmp_path / "over.png")
+    assert (code, err) == (0, "")
+    assert asked[0][0] == [photo, again]
+    calibration = true_calibration(2, warnings=["a warning"])
+    for index in (0, 1):
+        edges = [replace(figure, image=index) for figure in true_edges()]
+        drawn = draw_overlay(PHOTO, calibration, edges, index=index)
+        written = cv2.imread(str(tmp_path / f"over-{index + 1}.png"))
+        np.testing.assert_array_equal(written, drawn)
+    assert not (tmp_path / "over.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("error", "exit_code"),
+    [
+        (ValueError("no such model"), 2),
+        (TypeError("wrong type"), 2),
+        (errors.DetectionError("nothing\nfound"), 3),
+        (errors.NotEnoughPlanesError("two planes"), 3),
+        (errors.NotEnoughDataError("few samples"), 3),
+        (errors.DegenerateGeometryError("parallel"), 4),
+        (errors.ConvergenceError("no minimum"), 4),
+        (errors.ImageError("photo.png: truncated"), 5),
+    ],
+)
+def test_every_error_has_its_exit_code(run, photo, tmp_path, monkeypatch, error, exit_code):
+    def fail(*_, **__):
+        raise error
+
+    monkeypatch.setattr(commands.calibrate, "calibrate", fail)
+    outcome = run("calibrate", photo, "-o", tmp_path / "camera.json", "--json")
+    assert_refused(outcome, exit_code, tmp_path)
+    assert " ".join(str(error).split()) in outcome[2]
+
+
+def test_a_failing_overlay_leaves_no_file(run, photo, asked, tmp_path, monkeypatch):
+    def fail(*_, **__):
+        raise errors.ImageError("gone")
+
+    monkeypatch.setattr(commands.pictures_drawn, "detect", fail)
+    camera, overlay = tmp_path / "camera.json", tmp_path / "overlay.png"
+    outcome = run("calibrate", photo, "-o", camera, "--overlay", overlay)
+    assert_refused(outcome, 5, tmp_path)
+    assert len(asked) == 1
+
+
+@pytest.mark.parametrize(
+    "outputs",
+    [
+        ["-o", "missing/camera.json"],
+        ["--overlay", "missing/overlay.png"],
+        ["-o", "."],
+        ["-o", "photo.png"],
+        ["--overlay", "photo.png"],
+        ["--overlay", "overlay.xyz"],
+        ["--overlay", "overlay"],
+        ["-o", "same.png", "--overlay", "same.png"],
+    ],
+    ids=" ".join,
+)
+def test_impossible_outputs_are_refused_before_any_work(run, photo, asked, tmp_path, outputs):
+    before = photo.read_bytes()
+    arguments = [arg if arg.startswith("-") and arg != "-" else tmp_path / arg for arg in outputs]
+    assert_refused(run("calibrate", photo, *arguments), 2, tmp_path)
+    assert asked == []
+    assert photo.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [[], ["calibrate"], ["calibrate", "photo.png", "--wrong"], ["wrong"], ["calibrate", "-o"]],
+    ids=" ".join,
+)
+def test_wrong_usage_is_one_line(run, tmp_path, arguments):
+    assert_refused(run(*arguments), 2, tmp_path, left=())
+
+
+def test_version_and_help(run):
+    code, out, _ = run("--version")
+    assert (code, out.split()[0]) == (0, "trisquare")
+    code, out, _ = run("calibrate", "--help")
+    assert code == 0
+    for option in ("--output", "--json", "--overlay", "--model", "--method", "--fix", "--tone"):
+        assert option in out
+
+
+# End to end: nothing replaced.
+
+
+def trisquare(*arguments, folder):
+    """Run the installed command in a process of its own."""
+    command = [sys.executable, "-c", "from trisquare.cli import main; main()"]
+    return subprocess.run(
+        [*command, *map(str, arguments)], cwd=folder, capture_output=True, text=True, check=False
+    )
+
+
+def test_a_photograph_is_calibrated(photo, tmp_path):
+    arguments = ("photo.png", "-o", "camera.json", "--json", "--overlay", "overlay.png")
+    done = trisquare("calibrate", *arguments, "--tone", "linear", folder=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    result = Calibration.from_json(done.stdout)
+    assert (tmp_path / "camera.json").read_text() == done.stdout
+    assert cv2.imread(str(tmp_path / "overlay.png")).shape == (*PHOTO.shape[:2], 3)
+    for name in ("fx", "fy", "cx", "cy"):
+        error = getattr(result.camera, name) - getattr(SCENE.camera, name)
+        assert abs(error) < 4 * result.std[name]
+
+
+def test_the_demo_shows_the_truth(tmp_path):
+    done = trisquare("demo", "--output", "results", folder=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    result = Calibration.from_json((tmp_path / "results" / "camera.json").read_text())
+    assert cv2.imread(str(tmp_path / "results" / "overlay.png")) is not None
+    rows = [line.split() for line in done.stdout.splitlines() if line.split()]
+    shown = {row[0]: [float(value) for value in row[1:]] for row in rows if row[0] in result.std}
+    assert set(shown) == set(result.std)
+    for estimate, std, truth, _, _ in shown.values():
+        assert abs(estimate - truth) < 4 * std
+
+
+@pytest.mark.parametrize("content", [None, b"", b"no picture"], ids=["missing", "empty", "text"])
+def test_an_unreadable_photograph_exits_5(tmp_path, content):
+    if content is not None:
+        (tmp_path / "photo.png").write_bytes(content)
+    done = trisquare("calibrate", "photo.png", "-o", "camera.json", folder=tmp_path)
+    left = () if content is None else ("photo.png",)
+    assert_refused((done.returncode, done.stdout, done.stderr), 5, tmp_path, left)
+
+
+def test_a_truncated_photograph_exits_5(photo, tmp_path):
+    photo.write_bytes(photo.read_bytes()[:-100])
+    done = trisquare("calibrate", "photo.png", "-o", "camera.json", folder=tmp_path)
+    assert_refused((done.returncode, done.stdout, done.stderr), 5, tmp_path)
+
+
+def test_a_photograph_of_nothing_exits_3(photo, tmp_path):
+    cv2.imwrite(str(photo), np.full((480, 640), 128, np.uint8))
+    done = trisquare("calibrate", "photo.png", "-o", "camera.json", folder=tmp_path)
+    assert_refused((done.returncode, done.stdout, done.stderr), 3, tmp_path)
+
+
+@pytest.mark.parametrize(
+    "option",
+    [
+        ("--model", "fishy"),
+        ("--method", "magic"),
+        ("--fix", "everything"),
+        ("--tone", "warm"),
+        ("--tone", "nan"),
+        ("--tone", "-1"),
+        ("--targets", "chessboard"),
+    ],
+    ids=" ".join,
+)
+def test_wrong_option_values_exit_2(run, photo, tmp_path, option):
+    outcome = run("calibrate", photo, "-o", tmp_path / "camera.json", *option)
+    assert_refused(outcome, 2, tmp_path)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("calibrate", "photo.png", "--board", "given.json"),
+        ("calibrate", "photo.png", "--outline", "given.json"),
+        ("predict", "given.json"),
+        ("predict", "--camera", "given.json"),
+    ],
+    ids=" ".join,
+)
+@pytest.mark.parametrize("content", [None, b"", b"\xff\xfe", b"[]"])
+def test_a_file_that_is_wrong_is_named_first(run, photo, tmp_path, monkeypatch, arguments, content):
+    monkeypatch.chdir(tmp_path)
+    left = ["photo.png"]
+    if content is not None:
+        (tmp_path / "given.json").write_bytes(content)
+        left.append("given.json")
+    outcome = run(*arguments)
+    assert_refused(outcome, 5 if content is None else 2, tmp_path, left)
+    assert outcome[2].startswith("trisquare: error: given.json: ")
+
+
+def test_json_is_the_library_s(photo, tmp_path):
+    done = trisquare("calibrate", "photo.png", "--json", "--tone", "linear", folder=tmp_path)
+    members = json.loads(done.stdout)
+    assert members["tone"] == "linear"
+    assert members["image_size"] == list(SCENE.camera.image_size)
+    assert len(members["planes"]) == len(SCENE.targets)
+
+
+def test_diagnosis_follows_the_tables(run, asked, photo):
+    code, out, error = run("calibrate", photo, "--diagnose")
+    assert (code, error) == (0, "")
+    assert "fx  std 0.1: " in out
+    assert "would bring it from 0.1 to" in out
+    code, _, error = run("calibrate", photo, "--diagnose", "--json")
+    assert code == 2
+    assert "--json" in error

@@ -1,0 +1,549 @@
+"""What all commands have in common: their help, options, output, errors and exit codes.
+
+A new command has to be added to the tables below; the first test says so.
+"""
+
+import importlib
+import inspect
+import json
+import os
+import pkgutil
+import re
+import shlex
+import subprocess
+import sys
+
+import cv2
+import numpy as np
+import pytest
+from scenes import IMAGE_SIZE, edges_of, squares
+
+import trisquare as ts
+from trisquare import cli as commands
+from trisquare import simulate
+from trisquare.cli.framework import EXIT_CODES_HELP, SUMMARIES, load_command
+
+SCENE = squares(11)
+CALIBRATION = ts.calibrate_edges(edges_of(SCENE), IMAGE_SIZE)
+PHOTO = simulate.render(SCENE, np.random.default_rng(12))
+FIRST, SECOND = (
+    "{:.0f},{:.0f}".format(*corner)
+    for corner in SCENE.image_points(0, np.array([[-0.5, -0.5], [0.5, -0.5]]))
+)
+COMMAND = (sys.executable, "-m", "trisquare")
+TAKEN = ("photo.png", "--camera", "camera.json")
+
+WORKING = {
+    "calibrate": ("photo.png",),
+    "predict": ("--size", "640x480"),
+    "measure": (*TAKEN, FIRST, SECOND),
+    "compare": ("camera.json", "camera.json"),
+    "target": ("-o", "target.pdf"),
+    "undistort": (*TAKEN, "-o", "out.png"),
+    "convert": ("camera.json", "out.yaml"),
+    "demo": ("-o", "results"),
+}
+"""Arguments with which each command does something."""
+
+PICTURES_READ = (
+    ("calibrate", "GIVEN"),
+    ("calibrate", "photo.png", "GIVEN"),
+    ("measure", "GIVEN", "--camera", "camera.json", FIRST, SECOND),
+    ("undistort", "GIVEN", "--camera", "camera.json", "-o", "out.png"),
+)
+FILES_READ = (
+    ("calibrate", "photo.png", "--outline", "GIVEN"),
+    ("calibrate", "photo.png", "--board", "GIVEN"),
+    ("predict", "GIVEN"),
+    ("predict", "--camera", "GIVEN"),
+    ("measure", "photo.png", "--camera", "GIVEN", FIRST, SECOND),
+    ("measure", *TAKEN, "--outline", "GIVEN", FIRST, SECOND),
+    ("measure", *TAKEN, "--targets", "GIVEN", FIRST, SECOND),
+    ("compare", "GIVEN", "camera.json"),
+    ("compare", "camera.json", "GIVEN"),
+    ("undistort", "photo.png", "--camera", "GIVEN", "-o", "out.png"),
+    ("convert", "GIVEN", "out.yaml"),
+)
+WRITTEN = (
+    ("calibrate", "photo.png", "-o", "OUT.json"),
+    ("calibrate", "photo.png", "--report", "OUT.html"),
+    ("calibrate", "photo.png", "--overlay", "OUT.png"),
+    ("calibrate", "photo.png", "--debug-image", "OUT.png"),
+    ("measure", *TAKEN, "--rectify", "OUT.png"),
+    ("compare", "camera.json", "camera.json", "--map", "OUT.png"),
+    ("target", "-o", "OUT.pdf"),
+    ("undistort", *TAKEN, "-o", "OUT.png"),
+    ("convert", "camera.json", "OUT.yaml"),
+)
+OVERWRITING = (
+    ("calibrate", "photo.png", "-o", "photo.png"),
+    ("calibrate", "photo.png", "-o", "./photo.png"),
+    ("calibrate", "photo.png", "--report", "photo.png"),
+    ("calibrate", "photo.png", "-o", "link.png"),
+    ("calibrate", "photo.png", "--overlay", "photo.png"),
+    ("calibrate", "photo.png", "--debug-image", "photo.png"),
+    ("calibrate", "photo.png", "-o", "new.png", "--overlay", "new.png"),
+    ("calibrate", "photo.png", "--outline", "camera.json", "-o", "camera.json"),
+    ("calibrate", "photo.png", "--board", "camera.json", "-o", "camera.json"),
+    ("measure", *TAKEN, "--rectify", "photo.png"),
+    ("compare", "camera.json", "photo.png", "--map", "photo.png"),
+    ("undistort", *TAKEN, "-o", "photo.png"),
+    ("undistort", *TAKEN, "-o", "."),
+    ("undistort", "photo.png", "--camera", "link.png", "-o", "photo.png"),
+    ("convert", "camera.json", "camera.json"),
+    ("convert", "camera.json", "./camera.json", "--to", "ros"),
+    ("demo", "-o", "photo.png"),
+)
+
+
+@pytest.fixture(scope="module")
+def encoded():
+    return cv2.imencode(".png", PHOTO)[1].tobytes()
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch, encoded):
+    (tmp_path / "photo.png").write_bytes(encoded)
+    (tmp_path / "link.png").symlink_to("photo.png")
+    (tmp_path / "camera.json").write_text(CALIBRATION.to_json())
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def held(folder):
+    """All files of a folder, and what they hold."""
+    return {
+        str(path.relative_to(folder)): path.read_bytes() if path.is_file() else None
+        for path in folder.rglob("*")
+    }
+
+
+def assert_refused(outcome, exit_code, folder, before):
+    """One line that says what is wrong, and no file is written or touched."""
+    code, out, err = outcome
+    assert (code, out) == (exit_code, ""), err
+    assert err.startswith("trisquare: error: ")
+    assert err.count("\n") == 1
+    assert not re.search(r"\[Errno|Traceback|\.tmp\b", err)
+    assert held(folder) == before
+
+
+def with_argument(arguments, placeholder, value):
+    return [argument.replace(placeholder, value) for argument in arguments]
+
+
+def module_of(name):
+    return importlib.import_module(f"{commands.__name__}.{name}")
+
+
+# What a command is.
+
+
+def test_the_tables_name_all_commands():
+    names = [module.name for module in pkgutil.iter_modules(commands.__path__)]
+    found = {name for name in names if hasattr(module_of(name), f"{name}_command")}
+    assert found == set(SUMMARIES) == set(WORKING)
+
+
+@pytest.mark.parametrize("name", SUMMARIES)
+def test_help_shows_examples_and_exit_codes(run, monkeypatch, name):
+    monkeypatch.setenv("COLUMNS", "120")
+    code, out, err = run(name, "--help")
+    assert (code, err) == (0, "")
+    assert run(name, "-h") == (code, out, err)
+    assert "\x1b" not in out
+    examples = load_command(name).examples
+    assert len(examples) >= 2
+    for line in (*examples, *EXIT_CODES_HELP.splitlines()):
+        assert re.search(rf"^ *{re.escape(line)}$", out, re.MULTILINE)
+    for parameter in load_command(name).params:
+        assert max(parameter.opts, key=len) in out or parameter.metavar in out
+
+
+@pytest.mark.parametrize("name", SUMMARIES)
+def test_the_description_is_the_command_s_own(run, monkeypatch, name):
+    function = getattr(module_of(name), f"{name}_command")
+    assert inspect.getdoc(function).split("\n\n")[0].replace("\n", " ") == SUMMARIES[name]
+    shown = " ".join(run("--help")[1].replace("│", " ").split())
+    assert f"{name} {SUMMARIES[name]}" in shown
+    monkeypatch.setenv("COLUMNS", "400")
+    lines = [line.strip() for line in run(name, "--help")[1].splitlines()]
+    for paragraph in inspect.getdoc(function).split("\n\n"):
+        assert " ".join(paragraph.split()) in lines
+
+
+@pytest.mark.parametrize("name", SUMMARIES)
+def test_the_examples_can_be_parsed(name):
+    command = load_command(name)
+    for example in command.examples:
+        program, called, *arguments = shlex.split(example)
+        assert (program, called) == ("trisquare", name)
+        command.make_context(name, arguments)
+
+
+@pytest.mark.parametrize("name", SUMMARIES)
+def test_options_are_named_alike(name):
+    options = {parameter.name: parameter for parameter in load_command(name).params}
+    assert options["json"].opts == ["--json"]
+    assert options["quiet"].opts == ["--quiet", "-q"]
+    if "output" in options:
+        assert options["output"].opts == ["--output", "-o"]
+    for parameter in options.values():
+        assert parameter.help
+        assert parameter.help.endswith((".", ")"))
+        # A Python type says nothing to a person.
+        assert parameter.metavar or getattr(parameter, "is_flag", False)
+
+
+# What a command prints.
+
+
+@pytest.mark.parametrize("name", SUMMARIES)
+def test_json_stands_alone_and_quiet_is_silent(run, folder, name):
+    code, out, err = run(name, *WORKING[name], "--json")
+    assert (code, err) == (0, "")
+    assert re.fullmatch(r"trisquare[a-z-]*/\d+", json.loads(out)["format"])
+    written = set(held(folder))
+    assert run(name, *WORKING[name], "-q") == (0, "", "")
+    assert set(held(folder)) == written
+
+
+@pytest.mark.parametrize("name", SUMMARIES)
+def test_json_and_quiet_exclude_each_other(run, folder, name):
+    before = held(folder)
+    assert_refused(run(name, *WORKING[name], "--json", "--quiet"), 2, folder, before)
+
+
+@pytest.mark.parametrize("name", SUMMARIES)
+def test_the_option_that_was_meant_is_suggested(run, folder, name):
+    before = held(folder)
+    outcome = run(name, *WORKING[name], "--jsno")
+    assert_refused(outcome, 2, folder, before)
+    assert f"Did you mean --json? (see trisquare {name} --help)" in outcome[2]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "meant"),
+    [
+        (("calbrate",), "calibrate"),
+        (("calibrate", "photo.png", "--model", "radail1"), "radial1"),
+        (("calibrate", "photo.png", "--method", "liner"), "linear"),
+        (("calibrate", "photo.png", "--fix", "principal-point"), "principal_point"),
+        (("calibrate", "photo.png", "--tone", "sgrb"), "srgb"),
+        (("calibrate", "photo.png", "--targets", "Squares"), "squares"),
+        (("predict", "--size", "640x480", "--model", "Brown"), "brown"),
+        (("measure", *TAKEN, FIRST, SECOND, "--targets", "tag"), "tags"),
+        (("undistort", *TAKEN, "-o", "out.png", "--interpolation", "cubik"), "cubic"),
+        (("convert", "camera.json", "out.yaml", "--to", "opencv4"), "opencv"),
+        (("convert", "camera.json", "out.yaml", "--from", "colmpa"), "colmap"),
+        (("target", "--page", "Leter"), "Letter"),
+        (("target", "--kind", "flats"), "flat"),
+    ],
+)
+def test_the_name_that_was_meant_is_suggested(run, folder, arguments, meant):
+    before = held(folder)
+    outcome = run(*arguments)
+    assert_refused(outcome, 2, folder, before)
+    assert f"id you mean {meant!r}?" in outcome[2]
+
+
+def test_what_is_unlike_everything_suggests_nothing(run, folder):
+    for arguments in (("zzz",), ("target", "--page", "zzz"), ("target", "--zzz")):
+        code, out, err = run(*arguments)
+        assert (code, out, err.count("\n")) == (2, "", 1)
+        assert "id you mean" not in err
+
+
+# What a command reads and writes.
+
+
+def make_bad(path, kind):
+    if kind == "folder":
+        path.mkdir()
+    elif kind != "missing":
+        path.write_bytes({"empty": b"", "text": b"hello\n", "binary": bytes(range(256))}[kind])
+
+
+BAD = ("missing", "folder", "empty", "text", "binary")
+
+
+@pytest.mark.parametrize("kind", BAD)
+@pytest.mark.parametrize("arguments", PICTURES_READ, ids=" ".join)
+def test_a_bad_picture_exits_5(run, folder, arguments, kind):
+    make_bad(folder / "bad.json", kind)
+    before = held(folder)
+    outcome = run(*with_argument(arguments, "GIVEN", "bad.json"))
+    assert_refused(outcome, 5, folder, before)
+    assert outcome[2].startswith("trisquare: error: bad.json: ")
+
+
+@pytest.mark.parametrize("kind", BAD)
+@pytest.mark.parametrize("arguments", FILES_READ, ids=" ".join)
+def test_a_bad_file_exits_5_or_2(run, folder, arguments, kind):
+    make_bad(folder / "bad.json", kind)
+    before = held(folder)
+    outcome = run(*with_argument(arguments, "GIVEN", "bad.json"))
+    assert_refused(outcome, 5 if kind in ("missing", "folder") else 2, folder, before)
+    assert outcome[2].startswith("trisquare: error: bad.json: ")
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="needs /dev/zero")
+@pytest.mark.parametrize("arguments", [*PICTURES_READ, *FILES_READ], ids=" ".join)
+def test_an_endless_file_is_not_read_to_its_end(run, folder, arguments):
+    (folder / "endless.json").symlink_to("/dev/zero")
+    before = held(folder) | {"endless.json": None}
+    code, out, err = run(*with_argument(arguments, "GIVEN", "endless.json"))
+    assert code in (2, 5)
+    assert err.startswith("trisquare: error: endless.json: ")
+    assert_refused((code, out, err), code, folder, before)
+
+
+@pytest.mark.parametrize("name", ["calibrate", "measure"])
+@pytest.mark.parametrize("size", [(1, 1), IMAGE_SIZE])
+def test_a_picture_of_nothing_is_refused(run, folder, name, size):
+    width, height = size
+    cv2.imwrite("photo.png", np.zeros((height, width), np.uint8))
+    before = held(folder)
+    exit_code = 2 if name == "measure" and size != IMAGE_SIZE else 3
+    assert_refused(run(name, *WORKING[name]), exit_code, folder, before)
+
+
+@pytest.mark.parametrize("options", [(), ("--rescale",)])
+@pytest.mark.parametrize("name", ["measure", "undistort"])
+def test_a_picture_of_another_shape_is_no_scaled_one(run, folder, name, options):
+    cv2.imwrite("photo.png", PHOTO[:-20])
+    before = held(folder)
+    outcome = run(name, *WORKING[name], *options)
+    assert_refused(outcome, 2, folder, before)
+    assert outcome[2].startswith("trisquare: error: photo.png: ")
+    assert "another shape" in outcome[2]
+
+
+@pytest.mark.parametrize(
+    "where",
+    [
+        "missing/out",
+        "photo.png/out",
+        "n" * 300,
+        pytest.param(
+            "/proc/out",
+            marks=pytest.mark.skipif(not os.path.isdir("/proc"), reason="needs Linux's /proc"),
+        ),
+    ],
+    ids=lambda where: where[:12],
+)
+@pytest.mark.parametrize("arguments", WRITTEN, ids=" ".join)
+def test_an_unwritable_output_exits_2(run, folder, arguments, where):
+    before = held(folder)
+    outcome = run(*with_argument(arguments, "OUT", where))
+    assert_refused(outcome, 2, folder, before)
+    assert where in outcome[2]
+
+
+@pytest.mark.parametrize("arguments", WRITTEN, ids=" ".join)
+def test_a_folder_is_no_output(run, folder, arguments):
+    output = folder / arguments[-1].replace("OUT", "out")
+    # Photographs are put into a folder; there it is their own name that cannot be written.
+    (output / "photo.png").mkdir(parents=True)
+    before = held(folder)
+    assert_refused(run(*with_argument(arguments, "OUT", "out")), 2, folder, before)
+
+
+@pytest.mark.parametrize("arguments", OVERWRITING, ids=" ".join)
+def test_no_input_is_overwritten(run, folder, arguments):
+    before = held(folder)
+    assert_refused(run(*arguments), 2, folder, before)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs names of any bytes")
+def test_names_need_not_be_text(run, folder):
+    """OpenCV crashes on them."""
+    odd = os.fsdecode(b"o\xff")
+    for arguments in WRITTEN[1:]:
+        code, _, err = run(*with_argument(arguments, "OUT", odd), "-q")
+        assert (code, err) == (0, "")
+        (folder / arguments[-1].replace("OUT", odd)).rename("out")
+    before = held(folder)
+    for arguments in (("calibrate", "photo.png", "--overlay"), ("undistort", *TAKEN, "-o")):
+        outcome = run(*arguments, f"out.{odd}")
+        assert_refused(outcome, 2, folder, before)
+        assert "extension" in outcome[2]
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "utf-8"])
+def test_names_that_cannot_be_encoded_are_escaped(folder, encoding):
+    (folder / "pagé.json").write_bytes((folder / "camera.json").read_bytes())
+    done = subprocess.run(
+        [*COMMAND, "convert", "pagé.json", b"o\xff.yaml"],
+        env=plain_environment(PYTHONIOENCODING=encoding),
+        capture_output=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, b"")
+    shown = rb"pag\xe9.json" if encoding == "ascii" else "pagé.json".encode()
+    assert done.stdout.startswith(shown)
+    assert rb"o\udcff.yaml" in done.stdout
+
+
+def test_a_negative_coordinate_is_no_option(run, folder):
+    before = held(folder)
+    outcome = run("measure", *TAKEN, "-5,3", SECOND)
+    assert_refused(outcome, 2, folder, before)
+    assert "put --" in outcome[2]
+    outcome = run("measure", *TAKEN, "--", "-5,3", SECOND)
+    assert_refused(outcome, 2, folder, before)
+    assert "outside the picture" in outcome[2]
+
+
+@pytest.mark.parametrize("suffix", [".tif", ".bmp", ".pgm"])
+def test_opencv_adds_nothing_to_the_line(folder, encoded, suffix):
+    """In a process of its own, where OpenCV is not loaded before the command is."""
+    picture = cv2.imencode(suffix, PHOTO)[1].tobytes()
+    (folder / f"cut{suffix}").write_bytes(picture[: len(picture) // 2])
+    done = subprocess.run(
+        [*COMMAND, "calibrate", f"cut{suffix}"], capture_output=True, text=True, check=False
+    )
+    said = f"trisquare: error: cut{suffix}: not a readable picture\n"
+    assert (done.returncode, done.stdout, done.stderr) == (5, "", said)
+
+
+# How a command ends.
+
+
+def fail_with(monkeypatch, error):
+    def fail(*_, **__):
+        raise error
+
+    monkeypatch.setattr(module_of("target"), "printed_target", fail)
+
+
+def test_ctrl_c_is_one_line(run, folder, monkeypatch):
+    fail_with(monkeypatch, KeyboardInterrupt())
+    assert run("target") == (130, "", "trisquare: error: interrupted\n")
+
+
+@pytest.mark.parametrize("kind", [KeyError, BaseException])
+def test_a_fault_of_our_own_is_one_line(run, folder, monkeypatch, kind):
+    before = held(folder)
+    fail_with(monkeypatch, kind("of ours"))
+    outcome = run("target")
+    assert_refused(outcome, 70, folder, before)
+    assert f"{kind.__name__}: {kind('of ours')}" in outcome[2]
+    monkeypatch.setenv("TRISQUARE_TRACEBACK", "1")
+    code, _, err = run("target")
+    assert code == 70
+    assert "Traceback" in err
+
+
+# In a process of its own.
+
+COLOUR = re.compile(r"\x1b\[[0-9;]*3[0-7]m")
+
+
+def plain_environment(**more):
+    asking = ("NO_COLOR", "FORCE_COLOR", "PY_COLORS", "GITHUB_ACTIONS", "TTY_COMPATIBLE")
+    return {name: value for name, value in os.environ.items() if name not in asking} | {
+        **more,
+        "TERM": "xterm-256color",
+    }
+
+
+def on_terminal(arguments, stream, environment):
+    """Run with one stream on a terminal; what came there."""
+    pty = pytest.importorskip("pty")
+    controlling, terminal = pty.openpty()
+    streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, stream: terminal}
+    with subprocess.Popen([*COMMAND, *arguments], env=environment, **streams) as process:
+        os.close(terminal)
+        shown = b""
+        # At the end Linux says that it cannot be read, and others that there is no more.
+        try:
+            while part := os.read(controlling, 1 << 16):
+                shown += part
+        except OSError:
+            pass
+    os.close(controlling)
+    assert process.returncode == 0
+    return shown.decode()
+
+
+def test_colours_are_for_terminals_that_want_them():
+    arguments = ("target", "--help")
+    assert COLOUR.search(on_terminal(arguments, "stdout", plain_environment()))
+    quenched = on_terminal(arguments, "stdout", plain_environment(NO_COLOR="1"))
+    assert "Examples" in quenched
+    assert not COLOUR.search(quenched)
+    piped = subprocess.run(
+        [*COMMAND, *arguments], env=plain_environment(), capture_output=True, check=True
+    )
+    assert b"\x1b" not in piped.stdout
+
+
+def test_progress_is_shown_to_whoever_watches(folder):
+    arguments = ("calibrate", "photo.png")
+    assert "calibrating" in on_terminal(arguments, "stderr", plain_environment())
+    assert on_terminal((*arguments, "-q"), "stderr", plain_environment()) == ""
+
+
+@pytest.mark.parametrize("buffered", [True, False])
+@pytest.mark.parametrize("option", ["--json", "--help"])
+def test_a_closed_pipe_is_no_error_to_tell(folder, option, buffered):
+    environment = plain_environment(PYTHONUNBUFFERED="" if buffered else "1")
+    with subprocess.Popen(
+        [*COMMAND, "target", option],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as process:
+        process.stdout.close()
+        said = process.stderr.read()
+    assert (process.returncode, said) == (1, b"")
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
+@pytest.mark.parametrize("buffered", [True, False])
+@pytest.mark.parametrize("arguments", [("target", "--json"), ("--version",)])
+def test_a_full_disk_behind_standard_output_is_one_line(folder, arguments, buffered):
+    environment = plain_environment(PYTHONUNBUFFERED="" if buffered else "1")
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [*COMMAND, *arguments],
+            env=environment,
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 2
+    assert done.stderr == "trisquare: error: standard output: No space left on device\n"
+
+
+def test_help_does_not_wait_for_opencv():
+    for argument in ("--help", "--version"):
+        script = (
+            "import sys\nfrom trisquare.cli import main\n"
+            f"try: main([{argument!r}])\n"
+            "finally: assert 'cv2' not in sys.modules, 'loaded'"
+        )
+        done = subprocess.run([sys.executable, "-c", script], capture_output=True, check=False)
+        assert (done.returncode, done.stderr) == (0, b"")
+
+
+@pytest.mark.parametrize(
+    ("words", "offered"),
+    [
+        (["trisquare", "co"], ["compare", "convert"]),
+        (["trisquare", "calibrate", "--ov"], ["--overlay"]),
+        (["trisquare", "calibrate", "--model", "radial"], ["radial1", "radial2", "radial3"]),
+        (["trisquare", "convert", "--to", "ro"], ["ros"]),
+        (["trisquare", "target", "--page", "A"], ["A4", "A3"]),
+    ],
+)
+def test_the_shell_is_offered_names(words, offered):
+    environment = plain_environment(
+        _TRISQUARE_COMPLETE="complete_bash",
+        COMP_WORDS=" ".join(words),
+        COMP_CWORD=str(len(words) - 1),
+    )
+    done = subprocess.run(COMMAND, env=environment, capture_output=True, text=True, check=True)
+    assert (done.stdout.split(), done.stderr) == (offered, "")

@@ -1,0 +1,116 @@
+"""`trisquare undistort`: what it writes and prints, and what it refuses."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+from scenes import IMAGE_SIZE, edges_of, squares
+
+import trisquare as ts
+
+CALIBRATION = ts.calibrate_edges(edges_of(squares(11)), IMAGE_SIZE)
+CAMERA = CALIBRATION.camera
+PHOTO = np.random.default_rng(2).integers(0, 256, (960, 1280), np.uint8)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "camera.json").write_text(CALIBRATION.to_json())
+    cv2.imwrite(str(tmp_path / "photo.png"), PHOTO)
+    return tmp_path
+
+
+@pytest.fixture
+def undistort(run, folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    return lambda *arguments: run("undistort", *arguments)
+
+
+def read(path):
+    return cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+
+
+def test_a_photograph_is_undistorted(undistort, folder):
+    code, out, err = undistort(
+        "photo.png", "--camera", "camera.json", "-o", "out.png", "--balance", 0.5
+    )
+    assert (code, err) == (0, "")
+    np.testing.assert_array_equal(read(folder / "out.png"), ts.undistort(PHOTO, CAMERA, 0.5))
+    new = CAMERA.undistorted(0.5)
+    x, y, width, height = ts.Undistorter(CAMERA, 0.5).valid_rectangle
+    assert f"1280 x 960, fx {new.fx:.6g}, fy {new.fy:.6g}, cx {new.cx:.6g}" in out
+    assert f"from ({x}, {y}) of {width} x {height}" in out
+    assert "wrote out.png" in out
+
+
+def test_json_and_quiet(undistort, folder):
+    code, out, err = undistort("photo.png", "--camera", "camera.json", "-o", "out.png", "--json")
+    assert (code, err) == (0, "")
+    (picture,) = json.loads(out)["pictures"]
+    new = CAMERA.undistorted()
+    assert [picture[name] for name in ("photo", "output")] == ["photo.png", "out.png"]
+    assert [picture["camera"][name] for name in ("fx", "fy", "cx", "cy")] == [
+        *(new.fx, new.fy, new.cx, new.cy)
+    ]
+    assert picture["camera"]["distortion"] == [0.0] * 5
+    assert picture["image_size"] == [1280, 960]
+    assert picture["valid_rectangle"] == [0, 0, 1280, 960]
+    assert undistort("photo.png", "--camera", "camera.json", "-o", "o.png", "-q") == (0, "", "")
+    np.testing.assert_array_equal(read(folder / "o.png"), read(folder / "out.png"))
+
+
+def test_several_photographs_of_several_sizes(undistort, folder):
+    small = cv2.resize(cv2.merge([PHOTO, PHOTO, 255 - PHOTO]), (640, 480)).astype(np.uint16) * 257
+    cv2.imwrite(str(folder / "small.png"), small)
+    photos = ("photo.png", "small.png", "photo.png")
+    options = ("--camera", "camera.json", "--rescale", "--interpolation", "cubic", "--json")
+    code, out, _ = undistort(*photos, *options, "-o", "out.png")
+    assert code == 0
+    expected = [ts.undistort(PHOTO, CAMERA, interpolation="cubic")]
+    expected += [ts.undistort(small, CAMERA, rescale=True, interpolation="cubic"), expected[0]]
+    for number, picture in enumerate(expected, 1):
+        np.testing.assert_array_equal(read(folder / f"out-{number}.png"), picture)
+    sizes = [picture["image_size"] for picture in json.loads(out)["pictures"]]
+    assert sizes == [[1280, 960], [640, 480], [1280, 960]]
+    (folder / "into").mkdir()
+    code, out, _ = undistort(*photos[:2], *options[:-1], "-o", "into")
+    assert (code, out.count("new camera"), out.count("wrote")) == (0, 2, 2)
+    np.testing.assert_array_equal(read(folder / "into" / "small.png"), expected[1])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "exit_code", "said"),
+    [
+        ("photo.png -o out.png", 2, "--camera"),
+        ("photo.png --camera camera.json", 2, "--output"),
+        ("photo.png --camera gone.json -o out.png", 5, "gone.json"),
+        ("photo.png --camera photo.png -o out.png", 2, "photo.png: not a text file"),
+        ("gone.png --camera camera.json -o out.png", 5, "gone.png"),
+        ("photo.png camera.json --camera camera.json -o out.png", 5, "camera.json"),
+        ("photo.png small.png --camera camera.json -o out.png", 2, "small.png: the picture is 64"),
+        ("photo.png wide.png --camera camera.json -o out.png --rescale", 2, "another shape"),
+        ("photo.png deep.png --camera camera.json -o out.jpg --rescale", 2, "uint16"),
+        ("photo.png --camera camera.json -o photo.png", 2, "overwrite"),
+        ("photo.png --camera camera.json -o .", 2, "overwrite"),
+        ("photo.png --camera camera.json -o missing/out.png", 2, "no folder"),
+        ("photo.png --camera camera.json -o out.xyz", 2, "extension"),
+        ("photo.png --camera camera.json -o out.png --balance 1.5", 2, "balance"),
+        ("photo.png --camera camera.json -o out.png --balance nan", 2, "balance"),
+        ("photo.png --camera camera.json -o out.png --interpolation x", 2, "interpolation"),
+        ("photo.png --camera camera.json -o out.png --json -q", 2, "--quiet"),
+    ],
+)
+def test_what_is_wrong_is_one_line_and_writes_nothing(
+    undistort, folder, arguments, exit_code, said
+):
+    cv2.imwrite(str(folder / "small.png"), PHOTO[:480, :640])
+    cv2.imwrite(str(folder / "wide.png"), PHOTO[:720])
+    cv2.imwrite(str(folder / "deep.png"), PHOTO.astype(np.uint16))
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    code, out, err = undistort(*arguments.split())
+    assert (code, out) == (exit_code, "")
+    assert err.startswith("trisquare: error: ")
+    assert err.count("\n") == 1
+    assert said in err
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before

@@ -1,0 +1,167 @@
+"""Chessboards are found without being told of them, and nothing else is taken for one."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from trisquare import simulate
+from trisquare.detection.boards.find import find_lattices
+
+DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
+
+needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="there is no ../shared/data")
+
+
+def worst_gap(points, others):
+    """Largest distance of a point to the nearest of the others, pixels."""
+    return float(np.linalg.norm(points[:, None] - others, axis=2).min(axis=1).max())
+
+
+@pytest.mark.parametrize("inner_corners", [(3, 3), (9, 6), (17, 12)])
+def test_rendered_boards_are_found_whole(inner_corners):
+    for seed in range(3):
+        rng = np.random.default_rng([80, seed])
+        camera = simulate.random_camera(rng)
+        scene = simulate.chessboard_scene(rng, camera, inner_corners=inner_corners)
+        picture = simulate.render(scene, rng, noise=6.0, contrast=60.0, shading=0.4)
+        (lattice,) = find_lattices(picture)
+        assert sorted(lattice.present.shape) == sorted(inner_corners)
+        assert lattice.present.all()
+        truth = scene.image_points(0, scene.targets[0].board_corners())
+        assert worst_gap(truth, lattice.crossings.reshape(-1, 2)) < 1.0
+        along = lattice.crossings[0, -1] - lattice.crossings[0, 0]
+        down = lattice.crossings[-1, 0] - lattice.crossings[0, 0]
+        assert along[0] * down[1] - along[1] * down[0] > 0.0
+
+
+def flat_board(along, down, cells, blur, rng):
+    """A board without perspective whose cells have these sides, on light ground, noisy."""
+    ys, xs = np.mgrid[0:960, 0:1280].astype(np.float64)
+    sides = np.linalg.inv(np.column_stack([along, down]))
+    u, v = np.tensordot(sides, np.stack([xs - 640.0, ys - 480.0]), axes=1)
+    columns, rows = cells
+    on = (np.abs(u) < columns / 2) & (np.abs(v) < rows / 2)
+    dark = (np.floor(u + columns / 2) + np.floor(v + rows / 2)) % 2 == 0
+    picture = np.where(on & dark, 60.0, 180.0)
+    return photographed(picture, blur, rng)
+
+
+def photographed(picture, blur, rng):
+    blurred = cv2.GaussianBlur(picture, (0, 0), blur) + 2.0 * rng.standard_normal(picture.shape)
+    return np.clip(np.rint(blurred), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("along", "down"),
+    [((22.0, 2.0), (19.0, 14.0)), ((13.0, 1.0), (-11.0, 9.0)), ((9.5, 0.0), (0.0, 24.0))],
+)
+def test_small_slanted_cells_are_linked(along, down):
+    rng = np.random.default_rng(83)
+    (lattice,) = find_lattices(flat_board(along, down, (11, 8), 1.0, rng))
+    assert sorted(lattice.present.shape) == [7, 10]
+    assert lattice.present.all()
+
+
+@pytest.mark.parametrize("blur", [0.7, 2.0])
+def test_tiles_apart_from_each_other_are_no_board(blur):
+    """Blurred, they look like a chessboard on its corner."""
+    ys, xs = np.mgrid[0:480, 0:640]
+    for pitch, tile in ((14, 7), (18, 9), (30, 20), (40, 18)):
+        inside = (xs % pitch < tile) & (ys % pitch < tile)
+        for tiles, gaps in ((40.0, 200.0), (200.0, 40.0)):
+            picture = np.where(inside, tiles, gaps)
+            seen = photographed(picture, blur, np.random.default_rng(84))
+            assert find_lattices(seen) == []
+
+
+def test_noise_along_stripes_is_no_board():
+    rng = np.random.default_rng(85)
+    for pitch in (8, 9, 10):
+        stripes = np.where(np.arange(480) % pitch < pitch / 2, 40.0, 200.0)
+        assert find_lattices(photographed(np.tile(stripes, (360, 1)), 0.6, rng)) == []
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 500), (40, 40), (300, 200)])
+def test_pictures_without_boards(shape):
+    noise = np.random.default_rng(81).integers(0, 256, shape, dtype=np.uint8)
+    for picture in (noise, np.zeros_like(noise), np.full_like(noise, 255)):
+        assert find_lattices(picture) == []
+
+
+@needs_data
+def test_boards_of_real_photographs():
+    records = json.loads((DATA / "opencv-chess" / "corners_left_cornerSubPix.json").read_text())
+    for record in records:
+        grey = cv2.imread(str(DATA / "opencv-chess" / record["image"]), cv2.IMREAD_GRAYSCALE)
+        lattice = find_lattices(grey)[0]
+        assert np.count_nonzero(lattice.present) == 54
+        corners = np.array(record["corners_xy"])
+        assert worst_gap(corners, lattice.crossings[lattice.present]) < 1.0
+
+
+def room_corner(rng, cells=(7, 6)):
+    """Two boards that meet at a fold, their cells going on round it."""
+    camera = simulate.TrueCamera(1200.0, 1200.0, 640.0, 480.0, [-0.2, 0.03, 0, 0, 0])
+    lean = cv2.Rodrigues(np.array([0.35, 0.0, rng.uniform(-0.2, 0.2)]))[0]
+    columns, rows = cells
+    down = lean @ [0.0, 1.0, 0.0]
+    fold = np.array([0.0, 0.0, 24.0])
+    targets = []
+    for side, turn in ((-1.0, 0.9), (1.0, -0.6)):
+        along = lean @ [np.cos(turn), 0.0, np.sin(turn)]
+        rotation = np.column_stack([along, down, np.cross(along, down)])
+        centre = fold + 0.5 * side * columns * along
+        inner = (columns - 1, rows - 1)
+        targets.append(simulate.Target(rotation, centre, "chessboard", inner_corners=inner))
+    return simulate.Scene(camera, tuple(targets))
+
+
+@pytest.mark.parametrize("columns", [6, 7])
+def test_boards_that_meet_at_a_fold_are_two_planes(columns):
+    """With 6 columns the cells alternate across the fold, with 7 each meets one of its shade."""
+    for seed in range(2):
+        rng = np.random.default_rng([82, seed])
+        scene = room_corner(rng, (columns, 6))
+        lattices = find_lattices(simulate.render(scene, rng, noise=3.0))
+        assert len(lattices) == 2
+        lattices.sort(key=lambda lattice: lattice.crossings[lattice.present][:, 0].mean())
+        for number, lattice in enumerate(lattices):
+            truth = scene.image_points(number, scene.targets[number].board_corners())
+            assert worst_gap(truth, lattice.crossings[lattice.present]) < 2.0
+            half = 0.5 * columns  # with the fold's own crossings, which belong to either
+            rim = np.stack(
+                np.meshgrid(np.arange(columns + 1) - half, np.arange(7) - 3.0), axis=-1
+            ).reshape(-1, 2)
+            plane = scene.image_points(number, rim)
+            assert worst_gap(lattice.crossings[lattice.present], plane) < 2.0
+
+
+@needs_data
+def test_planes_of_the_room_corner():
+    for name in ("left", "right"):
+        grey = cv2.imread(str(DATA / "ortho-corner" / f"{name}_calib.jpg"), cv2.IMREAD_GRAYSCALE)
+        lattices = find_lattices(grey)
+        assert len(lattices) == 3
+        assert all(np.count_nonzero(lattice.present) >= 40 for lattice in lattices)
+
+
+@needs_data
+def test_faces_of_the_cube_with_markers_in_its_light_cells():
+    records = json.loads((DATA / "charuco-cube" / "corners_cam0.json").read_text())
+    for number, faces in ((7, 3), (8, 3), (19, 1)):
+        path = DATA / "charuco-cube" / "cam0" / f"{number}.jpg"
+        lattices = find_lattices(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE))
+        assert len(lattices) == faces
+        for record in records:
+            if record["image"] != f"cam0/{number}.jpg":
+                continue
+            corners = np.array(record["corners_xy"])
+            gaps = [
+                np.linalg.norm(corners[:, None] - lattice.crossings[lattice.present], axis=2)
+                for lattice in lattices
+            ]
+            # The corners are some other finder's, and the markers disturb both.
+            assert max(np.mean(gap.min(axis=1) < 1.5) for gap in gaps) > 0.85

@@ -1,0 +1,356 @@
+"""Outlines drawn by hand: the edges are measured wherever a coarse outline says they are."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+from scenes import squares
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare.detection.annotations import formats as drawing_formats
+from trisquare.detection.annotations.outlines import DrawnOutline
+
+SCENE = squares(31)
+FRAMES = squares(32, kind="frame")
+PHOTO = simulate.render(SCENE, np.random.default_rng(1), noise=2.0, tone="srgb")
+FRAMED = simulate.render(FRAMES, np.random.default_rng(2), noise=2.0, tone="srgb")
+HEIGHT, WIDTH = PHOTO.shape
+
+
+def drawn(scene, seed=0, off=5.0):
+    """Corners of all outlines of each target, each corner within so many pixels of its place."""
+    rng = np.random.default_rng([seed, 7])
+    targets = []
+    for number, target in enumerate(scene.targets):
+        outlines = []
+        for outline in target.outlines():
+            radius, angle = off * np.sqrt(rng.uniform(size=4)), rng.uniform(0, 2 * np.pi, 4)
+            aside = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+            outlines.append((scene.image_points(number, outline) + aside).tolist())
+        targets.append(outlines)
+    return targets
+
+
+def own_file(targets, **members):
+    squares = [
+        {"corners": outlines[0], **({"inner": {"corners": outlines[1]}} if outlines[1:] else {})}
+        for outlines in targets
+    ]
+    return {"format": "trisquare-outlines/1", "squares": squares, **members}
+
+
+def labelme_file(targets, name="photo.png", size=(WIDTH, HEIGHT)):
+    shapes = [
+        {"label": "square", "points": outline, "shape_type": "polygon", "group_id": group}
+        for group, outlines in enumerate(targets)
+        for outline in outlines
+    ]
+    return {
+        **{"version": "5.4.1", "shapes": shapes, "imagePath": f"..\\photos\\{name}"},
+        **{"imageWidth": size[0], "imageHeight": size[1]},
+    }
+
+
+def coco_file(pictures):
+    """One annotation per target, of pictures given as name -> targets."""
+    images = [
+        {"id": 10 + i, "file_name": name, "width": WIDTH, "height": HEIGHT}
+        for i, name in enumerate(pictures)
+    ]
+    annotations = [
+        {"image_id": 10 + i, "segmentation": [np.ravel(outline).tolist() for outline in outlines]}
+        for i, targets in enumerate(pictures.values())
+        for outlines in targets
+    ]
+    return {"images": images, "annotations": annotations, "categories": []}
+
+
+def assert_same(result, reference, sigmas=0.1):
+    """Both found the same edges: they differ by far less than the pixels' noise allows."""
+    assert len(result.planes) == len(reference.planes)
+    for name in ("fx", "fy", "cx", "cy"):
+        gap = getattr(result.camera, name) - getattr(reference.camera, name)
+        assert abs(gap) < sigmas * reference.std[name], name
+    assert result.std["fx"] == pytest.approx(reference.std["fx"], rel=0.05)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_corners_within_five_pixels_find_the_edges_that_a_search_finds(seed):
+    result = ts.calibrate(PHOTO, outlines=own_file(drawn(SCENE, seed)))
+    assert_same(result, ts.calibrate(PHOTO))
+    assert result.rejected == ()
+
+
+def test_a_frame_is_one_plane_of_two_outlines():
+    result = ts.calibrate(FRAMED, outlines=own_file(drawn(FRAMES)))
+    assert [plane.kind for plane in result.planes] == ["frame"] * 3
+    assert_same(result, ts.calibrate(FRAMED))
+    edges = ts.detect(FRAMED, outlines=own_file(drawn(FRAMES)))
+    assert [figure.plane for figure in edges] == [0, 0, 1, 1, 2, 2]
+
+
+def test_light_squares_on_a_dark_ground_need_no_hint():
+    negative = 255 - PHOTO
+    result = ts.calibrate(negative, outlines=own_file(drawn(SCENE)), tone="linear")
+    assert_same(result, ts.calibrate(negative, tone="linear"))
+
+
+@pytest.mark.parametrize("form", ["lists", "sides", "polygon", "labelme", "linestrips", "coco"])
+def test_every_form_says_the_same(tmp_path, form):
+    targets = drawn(SCENE, 4, off=3.0)
+    corners = [np.array(outlines[0]) for outlines in targets]
+    sides = [
+        [np.linspace(quad[i], quad[(i + 1) % 4], 5)[:: (-1) ** i].tolist() for i in range(4)]
+        for quad in corners
+    ]
+    polygons = [
+        np.roll([p for i in range(4) for p in np.linspace(q[i], q[i - 3], 6)[:-1]], 7, axis=0)
+        for q in corners
+    ]
+    outlines = {
+        "lists": [corners[0][::-1], corners[1].tolist(), sides[2]],
+        "sides": {"format": "trisquare-outlines/1", "squares": [{"sides": s} for s in sides]},
+        "polygon": {
+            "format": "trisquare-outlines/1",
+            "pictures": [{"index": 0, "squares": [{"polygon": p.tolist()} for p in polygons]}],
+        },
+        "labelme": labelme_file(targets),
+        "linestrips": {
+            "shapes": [
+                {"points": side, "shape_type": "linestrip", "group_id": group}
+                for group, square in enumerate(sides)
+                for side in square
+            ]
+        },
+        "coco": coco_file({"photo.png": targets, "other.png": targets[:1]}),
+    }[form]
+    source = tmp_path / "photo.png"
+    cv2.imwrite(str(source), PHOTO)
+    if isinstance(outlines, dict):
+        path = tmp_path / "outlines.json"
+        path.write_text(json.dumps(outlines))
+        outlines = path
+    assert_same(ts.calibrate(source, outlines=outlines), ts.calibrate(source))
+
+
+def test_a_side_that_the_lens_bends_is_found_from_its_corners_alone():
+    camera = simulate.TrueCamera(
+        fx=900.0, fy=900.0, cx=639.5, cy=479.5, distortion=(-0.3, 0.08, 0, 0, 0)
+    )
+    scene = squares(33, camera=camera)
+    photo = simulate.render(scene, np.random.default_rng(3), noise=2.0, tone="srgb")
+    result = ts.calibrate(photo, outlines=own_file(drawn(scene)))
+    assert_same(result, ts.calibrate(photo))
+
+
+def test_an_outline_without_an_edge_is_named_and_left_out():
+    targets = drawn(SCENE)
+    nowhere = [[[600, 20], [660, 20], [660, 80], [600, 80]]]
+    result = ts.calibrate(PHOTO, outlines=own_file([*targets, nowhere]))
+    assert len(result.planes) == 3
+    (rejected,) = result.rejected
+    np.testing.assert_array_equal(rejected.corners, nowhere[0])
+    assert '"squares[3].corners": no edge within 8 px of its side' in rejected.reason
+    assert any(rejected.reason in warning for warning in result.warnings)
+    with pytest.raises(ts.DetectionError, match=r"squares\[0\].corners") as failed:
+        ts.calibrate(PHOTO, outlines=own_file([nowhere]))
+    # Told once, and what a search would have passed over is not.
+    (reason,) = [candidate.reason for candidate in failed.value.rejected]
+    assert str(failed.value).count(reason) == 1
+    with pytest.raises(ts.DetectionError, match=r"outlines\[0\]"):
+        ts.detect(PHOTO, outlines=nowhere)
+
+
+def test_nothing_else_is_searched():
+    with pytest.raises(ts.NotEnoughPlanesError):
+        ts.calibrate(PHOTO, outlines=own_file(drawn(SCENE)[:1]))
+
+
+def test_several_pictures_are_told_apart_by_name_or_index(tmp_path):
+    paths = [tmp_path / "a.png", tmp_path / "b.png", tmp_path / "c.png"]
+    scene = squares(34, camera=SCENE.camera)
+    other = simulate.render(scene, np.random.default_rng(4), noise=2.0, tone="srgb")
+    blank = np.full_like(PHOTO, 128)
+    for path, picture in zip(paths, (PHOTO, other, blank), strict=True):
+        cv2.imwrite(str(path), picture)
+    here, there = drawn(SCENE), drawn(scene)
+    by_index = {
+        "format": "trisquare-outlines/1",
+        "pictures": [own_file(there, index=1), own_file(here, index=0)],
+    }
+    for outlines in (coco_file({"b.png": there, "a.png": here, "z.png": here}), by_index):
+        result = ts.calibrate(paths, outlines=outlines)
+        assert [plane.image for plane in result.planes] == [0, 0, 0, 1, 1, 1]
+        assert any("picture 2 (c.png): nothing is drawn" in text for text in result.warnings)
+    assert_same(ts.calibrate(paths[:2], outlines=by_index), ts.calibrate(paths[:2]))
+
+
+def test_a_chessboard_by_its_crossings_is_the_board_that_a_search_finds():
+    rng = np.random.default_rng(61)
+    scene = simulate.chessboard_scene(rng, SCENE.camera)
+    photo = simulate.render(scene, rng, noise=2.0, tone="srgb")
+    corners = scene.image_points(0, scene.targets[0].board_corners()).reshape(6, 9, 2)
+    crossings = (corners + rng.uniform(-3.5, 3.5, corners.shape)).tolist()
+    whole = ts.detect(photo, targets="chessboard:9x6")[0]
+    crossings[0][:2] = [None, None]
+    crossings[5][8] = None
+    for rows in (crossings, [row[::-1] for row in crossings], crossings[::-1]):
+        board = {"format": "trisquare-outlines/1", "chessboards": [{"crossings": rows}]}
+        (edges,) = ts.detect(photo, outlines=board)
+        assert edges.kind == "chessboard"
+        assert len(edges.lines) == 15
+        samples, reference = np.concatenate(edges.points), np.concatenate(whole.points)
+        # Seven of 93 edges end at a crossing that was not drawn.
+        assert 0.9 < len(samples) / len(reference) < 1
+        # Across the edge: along it the samples of a line with a gap lie elsewhere.
+        nearest = np.argsort(np.linalg.norm(samples[:, None] - reference[None], axis=2), axis=1)
+        one, other = reference[nearest[:, 0]], reference[nearest[:, 1]]
+        along = (other - one) / np.linalg.norm(other - one, axis=1)[:, None]
+        across = np.linalg.det(np.stack([along, samples - one], axis=1))
+        assert np.quantile(np.abs(across), 0.9) < 0.05
+    blank = np.full_like(photo, 128)
+    with pytest.raises(ts.TrisquareError):
+        ts.calibrate(blank, outlines=board)
+
+
+GOOD = drawn(SCENE)[0][0]
+GRID = [[[50 * x + 50, 50 * y + 50] for x in range(4)] for y in range(3)]
+
+
+def with_board(crossings):
+    return {"format": "trisquare-outlines/1", "chessboards": [{"crossings": crossings}]}
+
+
+def with_square(**square):
+    return {"format": "trisquare-outlines/1", "squares": [square]}
+
+
+@pytest.mark.parametrize(
+    ("outlines", "key"),
+    [
+        ("{", "not JSON"),
+        ("[" * 100_000, "not JSON"),
+        ("[1, 2]", "must be an object"),
+        ("{}", "none of the keys"),
+        ('{"format": "trisquare/1"}', '"format"'),
+        ('{"format": "trisquare-outlines/1", "squares": 3}', '"squares" must be a list'),
+        ('{"format": "trisquare-outlines/1", "squares": []}', "no outline"),
+        (
+            {"format": "trisquare-outlines/1", "pictures": [own_file([[GOOD]], index=-1)]},
+            r'"pictures\[0\].index" must not be negative',
+        ),
+        (
+            {"format": "trisquare-outlines/1", "pictures": [own_file([[GOOD]], index=1)]},
+            r'"pictures\[0\].index" is 1, but there are 1 pictures',
+        ),
+        (with_square(), r'"squares\[0\].corners" is missing'),
+        (with_square(corners=GOOD[:3]), r"squares\[0\].corners.* 3 points"),
+        (with_square(polygon=GOOD[:3]), r"squares\[0\].polygon.* 3 points"),
+        (with_square(corners=[*GOOD[:3], [1, "2"]]), r"squares\[0\].corners"),
+        (with_square(corners=[*GOOD[:3], [1]]), r"squares\[0\].corners.*ragged"),
+        ('{"format": "trisquare-outlines/1", "squares": [{"corners": [[NaN]]}]}', "NaN"),
+        (with_square(corners=[*GOOD[:3], [1e308, 1e308]]), r"squares\[0\].corners"),
+        (
+            with_square(corners=[[-5, 10], [90, 10], [90, 90], [-5, 90]]),
+            r"squares\[0\].corners.*\(-5, 10\).*outside",
+        ),
+        (with_square(corners=[GOOD[0], GOOD[2], GOOD[1], GOOD[3]]), "crosses itself"),
+        (with_square(corners=[[9, 9]] * 4), r"squares\[0\].corners"),
+        (with_square(corners=[[9, 9], [19, 9], [19, 19], [9, 19]]), "a side of 10.0 px"),
+        (with_square(sides=[GOOD[:2]] * 3), r"squares\[0\].sides.* 3 sides"),
+        (
+            with_square(sides=[[GOOD[i], GOOD[i - 3]] for i in (0, 2, 1, 3)]),
+            r"squares\[0\].sides.* apart",
+        ),
+        (with_square(corners=GOOD, inner={"corners": GOOD}), "one must lie inside the other"),
+        (with_board(GRID[:2]), r"chessboards\[0\].crossings.* 2 x 4 crossings"),
+        (with_board([*GRID[:2], GRID[2][:3]]), r"chessboards\[0\].crossings.*ragged"),
+        (with_board([[None] * 4] * 3), r"chessboards\[0\].crossings.* no cell"),
+        (with_board([[[x, y] for x in range(3)] for y in range(3)]), "crossings 1.0 px apart"),
+        (with_board([[[9e9 * x, 9e9 * y] for x in range(3)] for y in range(3)]), "beyond 1e"),
+        (with_board(3), r"chessboards\[0\].crossings.* list of rows"),
+        (with_board([[[50 * x, 500 * y] for x in range(3)] for y in range(3)]), "outside"),
+        (labelme_file([[GOOD]], size=(HEIGHT, WIDTH)), "orientation tag"),
+        (labelme_file([[GOOD]], size=(640, 480)), "drawn on a picture of 640 x 480"),
+        (labelme_file([[GOOD]], name="other.png"), r"nothing is drawn on photo.png"),
+        (labelme_file([[GOOD, GOOD, GOOD]]), "third outline"),
+        (
+            {"shapes": [{"points": GOOD, "shape_type": "linestrip", "group_id": 7}]},
+            '"group_id" 7 has 1 sides',
+        ),
+        ({"shapes": [{"points": GOOD, "shape_type": "circle"}]}, r"shapes\[0\].shape_type"),
+        ({"shapes": [{"shape_type": "polygon"}]}, r'"shapes\[0\].points" is missing'),
+        ({"annotations": [{"segmentation": {"counts": []}}]}, r"annotations\[0\].segmentation"),
+        (coco_file({"photo.png": [[GOOD]]}) | {"images": []}, '"images" has none with the id 10'),
+        ({"annotations": [{"segmentation": [[1, 2, 3]]}]}, "x and y in turn"),
+    ],
+)
+def test_a_bad_file_is_one_line_that_names_the_key(run, tmp_path, outlines, key):
+    photo, file = tmp_path / "photo.png", tmp_path / "drawn.json"
+    cv2.imwrite(str(photo), PHOTO)
+    file.write_text(outlines if isinstance(outlines, str) else json.dumps(outlines))
+    code, out, err = run("calibrate", photo, "--outline", file)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    with pytest.raises(ValueError, match=key):
+        ts.calibrate(photo, outlines=file)
+
+
+@pytest.mark.parametrize("outlines", [3, 2.5, b"x", [], [[]], [None], [[GOOD, 3]], ["abcd"], {}])
+def test_bad_arguments_are_refused(outlines):
+    with pytest.raises((TypeError, ValueError)):
+        ts.calibrate(PHOTO, outlines=outlines)
+
+
+def test_a_missing_file_is_named(run, tmp_path):
+    photo = tmp_path / "photo.png"
+    cv2.imwrite(str(photo), PHOTO)
+    code, _, err = run("calibrate", photo, "--outline", tmp_path / "none.json")
+    assert code == 5
+    assert "none.json: No such file" in err
+
+
+def test_the_command_draws_what_it_measured(run, tmp_path):
+    photo, file, over = (tmp_path / name for name in ("photo.png", "drawn.json", "over.png"))
+    cv2.imwrite(str(photo), PHOTO)
+    file.write_text(json.dumps(own_file(drawn(SCENE))))
+    code, out, _ = run("calibrate", photo, "--outline", file, "--json", "--overlay", over)
+    assert code == 0
+    assert len(json.loads(out)["planes"]) == 3
+    assert over.exists()
+
+
+@pytest.mark.parametrize("size", [(1, 1), (3, 200), (40, 40), (200, 150)])
+@pytest.mark.parametrize("fill", ["black", "noise"])
+def test_hostile_pictures_end_in_an_error_of_ours(size, fill):
+    rng = np.random.default_rng(5)
+    picture = np.zeros(size, np.uint8)
+    if fill == "noise":
+        picture = rng.integers(0, 256, size, dtype=np.uint8)
+    height, width = size
+    whole = [[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]]
+    with pytest.raises((ts.TrisquareError, ValueError)):
+        ts.calibrate(picture, outlines=[whole])
+    grid = np.stack(np.meshgrid(np.linspace(0, width, 3), np.linspace(0, height, 3)), axis=-1)
+    with pytest.raises((ts.TrisquareError, ValueError)):
+        ts.calibrate(picture, outlines=with_board(grid.tolist()))
+
+
+def test_a_traced_mask_has_its_corners_found():
+    quad = np.array([[100, 120], [420, 90], [460, 400], [80, 380]])
+    mask = np.zeros((500, 500), np.uint8)
+    cv2.fillConvexPoly(mask, quad, 255)
+    contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    corners = DrawnOutline.of_polygon(contours[0][:, 0], "mask").corners
+    distances = np.linalg.norm(corners[:, None] - quad[None], axis=2)
+    assert distances.min(axis=0).max() < 8
+    assert sorted(distances.argmin(axis=1).tolist()) == [0, 1, 2, 3]
+
+
+def test_the_documented_example_is_read():
+    text = drawing_formats.__doc__
+    example = json.loads(text[text.index("   {") : text.index("For a single")])
+    first, second = drawing_formats.drawn_pictures(example)
+    assert [target.kind for target in first.targets] == ["square", "square", "frame"]
+    assert (first.name, second.index, second.targets[0].present.sum()) == ("front.jpg", 1, 11)

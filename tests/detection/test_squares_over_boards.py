@@ -1,0 +1,43 @@
+"""Squares before a chessboard are found; the board's own cells and its sheet are no squares."""
+
+import numpy as np
+import pytest
+
+from trisquare import simulate
+from trisquare.detection.kinds import Targets
+from trisquare.measurement.find import find
+from trisquare.simulate.render import render_into
+
+SIZE = (1280, 960)
+INNER_CORNERS = (9, 6)
+
+# The mean of a tilted square's corners is some pixels from where its middle is seen.
+NEAR = 30.0
+
+
+def board_picture(seed):
+    rng = np.random.default_rng([81, seed])
+    camera = simulate.random_camera(rng, SIZE)
+    scene = simulate.chessboard_scene(rng, camera, inner_corners=INNER_CORNERS)
+    return simulate.render(scene, rng, noise=2.0)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_board_alone_gives_no_squares(seed):
+    found = find(board_picture(seed), Targets.parse("auto"))
+    assert [target.kind for target in found] == ["chessboard"]
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("kind", ["square", "frame"])
+def test_three_squares_before_a_board_are_found_and_nothing_else(kind, seed):
+    rng = np.random.default_rng([82, seed])
+    scene = simulate.random_scene(rng, image_size=SIZE, kind=kind)
+    picture = render_into(board_picture(seed), scene, rng)
+    found = find(picture, Targets.parse("auto"))
+    squares = [target for target in found if target.kind != "chessboard"]
+    truth = np.array([scene.image_points(i, np.zeros((1, 2)))[0] for i in range(3)])
+    assert len(squares) == 3
+    gaps = np.array([np.linalg.norm(truth - one.quad.mean(axis=0), axis=1) for one in squares])
+    assert sorted(gaps.argmin(axis=1)) == [0, 1, 2]
+    assert gaps.min(axis=1).max() < NEAR

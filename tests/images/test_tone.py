@@ -1,0 +1,115 @@
+"""Pictures whose tone curve is not told."""
+
+import json
+import pickle
+
+import cv2
+import numpy as np
+import pytest
+from scenes import IMAGE_SIZE, assert_within, squares
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare.cli.app import main
+
+SRGB_GAMMA = float(np.log(0.18) / np.log(1.055 * 0.18 ** (1 / 2.4) - 0.055))
+SCENE = squares(91)
+
+
+def photo(tone, **options):
+    return simulate.render(SCENE, np.random.default_rng(92), tone=tone, **options)
+
+
+@pytest.mark.parametrize(("tone", "gamma"), [(1.0, 1.0), (1.8, 1.8), ("srgb", SRGB_GAMMA)])
+def test_the_curve_and_the_camera_are_found_together(tone, gamma):
+    picture = photo(tone)
+    result = ts.calibrate(picture, tone="auto")
+    known = ts.calibrate(picture, tone=tone)
+    assert_within(result, SCENE, 4)
+    assert abs(result.tone - gamma) < 4 * result.tone_std
+    assert result.tone_std < 0.1
+    assert (result.stage, result.warnings) == ("pixels", ())
+    assert known.std["fx"] < result.std["fx"] < 1.3 * known.std["fx"]
+    assert known.tone_std is None
+
+
+def test_edges_alone_account_for_the_curve():
+    picture = photo(2.6)
+    edges = ts.detect(picture, tone="auto")
+    result = ts.calibrate_edges(edges, IMAGE_SIZE)
+    assert_within(result, SCENE, 4)
+    bare = [ts.PlaneEdges(figure.lines, figure.points, figure.std) for figure in edges]
+    assert result.std["fx"] > ts.calibrate_edges(bare, IMAGE_SIZE).std["fx"]
+    wrong = ts.calibrate_edges(ts.detect(picture, tone="linear"), IMAGE_SIZE)
+    error = abs(wrong.camera.fx - SCENE.camera.fx)
+    assert error > 4 * abs(result.camera.fx - SCENE.camera.fx)
+
+
+def test_where_no_curve_fits_the_edges_share_one_shift():
+    picture = photo("srgb", noise=1.0, blur=1.0).astype(np.float64)
+    sharpened = picture + 0.8 * (picture - cv2.GaussianBlur(picture, (0, 0), 1.0))
+    result = ts.calibrate(np.clip(np.rint(sharpened), 0, 255).astype(np.uint8), tone="auto")
+    assert any("no tone curve" in warning for warning in result.warnings)
+    assert_within(result, SCENE, 5)
+
+
+def test_pictures_of_one_camera_have_a_tone_each():
+    other = squares(93, camera=SCENE.camera)
+    second = simulate.render(other, np.random.default_rng(94), tone=1.4)
+    result = ts.calibrate([photo(1.8), second], tone="auto")
+    assert_within(result, SCENE, 4)
+    assert 1.4 < result.tone < 1.8
+
+
+def test_results_with_an_estimated_tone_are_kept_exactly():
+    result = ts.calibrate(photo(1.8), tone="auto")
+    for copy in (ts.Calibration.from_json(result.to_json()), pickle.loads(pickle.dumps(result))):
+        assert (copy.tone, copy.tone_std) == (result.tone, result.tone_std)
+    members = json.loads(result.to_json())
+    del members["tone_std"]  # as versions before it wrote
+    assert ts.Calibration.from_json(json.dumps(members)).tone_std is None
+
+
+def test_drift_is_kept_exactly_and_checked():
+    figure = ts.detect(photo(1.8), tone="auto")[0]
+    assert [drift.shape for drift in figure.drift] == [points.shape for points in figure.points]
+    for copy in (ts.PlaneEdges.from_json(figure.to_json()), pickle.loads(pickle.dumps(figure))):
+        np.testing.assert_array_equal(np.concatenate(copy.drift), np.concatenate(figure.drift))
+    known = ts.detect(photo(1.8), tone=1.8)[0]
+    assert known.drift is None
+    assert "drift" not in json.loads(known.to_json())
+    for bad in ([np.zeros((3, 2))] * 4, [np.full(p.shape, np.nan) for p in figure.points]):
+        with pytest.raises(ValueError, match="drift"):
+            ts.PlaneEdges(figure.lines, figure.points, drift=bad)
+
+
+def test_the_command_estimates_the_tone(tmp_path, capsys):
+    path = tmp_path / "photo.png"
+    cv2.imwrite(str(path), photo(1.8))
+    with pytest.raises(SystemExit) as done:
+        main(["calibrate", str(path), "--tone", "auto", "--json"])
+    assert done.value.code == 0
+    members = json.loads(capsys.readouterr().out)
+    assert abs(members["tone"] - 1.8) < 4 * members["tone_std"]
+
+
+def test_the_same_picture_gives_the_same_bits():
+    picture = photo(2.2)
+    first, again = (ts.calibrate(picture, tone="auto").to_json() for _ in range(2))
+    assert first == again
+
+
+def test_estimating_the_curve_moves_no_side_by_itself():
+    picture = photo("srgb")
+    known = ts.detect(picture, tone="srgb")
+    estimated = ts.detect(picture, tone="auto")
+    shifts, stds = [], []
+    for one, other in zip(known, estimated, strict=True):
+        for before, after, std in zip(one.points, other.points, one.std, strict=True):
+            along = before[-1] - before[0]
+            normal = np.array([-along[1], along[0]]) / np.hypot(*along)
+            # Few samples may differ, beside something that only one curve lets through.
+            shifts.append(np.mean(after @ normal) - np.mean(before @ normal))
+            stds.append(np.mean(std) / np.sqrt(len(std)))
+    # One shift to the dark for all; what a side has beyond it all of its samples would share.
+    assert np.std(shifts) < 0.5 * np.mean(stds)

@@ -1,0 +1,205 @@
+"""What the documentation shows is what works."""
+
+import json
+import re
+import shlex
+import sys
+from importlib import resources
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare.cli.app import main
+from trisquare.detection.sheets.layout import parse_layout
+
+CHECKOUT = Path(__file__).parents[2]
+DOCS = CHECKOUT / "docs"
+PAGES = sorted(path.name for path in DOCS.glob("*.md"))
+FRAMES = 3
+
+# Lines of a shell that no test runs: they fetch packages or never end.
+ELSEWHERE = ("pip install ", "uvicorn ")
+
+
+def blocks(text, *languages):
+    """Return (language, content) of the code blocks of some languages, in order."""
+    wanted = "|".join(languages)
+    return re.findall(rf"^```({wanted})\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+
+
+def page(name):
+    return (DOCS / name).read_text("utf-8")
+
+
+@pytest.fixture(scope="module")
+def given(tmp_path_factory):
+    """Make the files that a reader has: two photographs of one camera, a video, a calibration."""
+    folder = tmp_path_factory.mktemp("given")
+    demo = (resources.files("trisquare") / "data" / "demo.png").read_bytes()
+    photo = cv2.imdecode(np.frombuffer(demo, np.uint8), cv2.IMREAD_COLOR)
+    cv2.imwrite(str(folder / "photo.jpg"), photo, [cv2.IMWRITE_JPEG_QUALITY, 95])
+    found = ts.calibrate(folder / "photo.jpg")
+    (folder / "camera.json").write_text(found.to_json())
+    lens = found.camera
+    camera = simulate.TrueCamera(
+        lens.fx, lens.fy, lens.cx, lens.cy, lens.distortion, lens.image_size
+    )
+    rng = np.random.default_rng(5)
+    later = simulate.render(simulate.random_scene(rng, camera=camera, kind="frame"), rng)
+    cv2.imwrite(str(folder / "later.jpg"), later, [cv2.IMWRITE_JPEG_QUALITY, 95])
+    fourcc = cv2.VideoWriter.fourcc(*"mp4v")
+    video = cv2.VideoWriter(str(folder / "video.mp4"), fourcc, 25.0, lens.image_size)
+    for _ in range(FRAMES):
+        video.write(photo)
+    video.release()
+    return folder
+
+
+@pytest.fixture
+def folder(given, tmp_path, monkeypatch):
+    """Work in a copy of what a reader has."""
+    for path in given.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def run_line(line):
+    if line.startswith(ELSEWHERE):
+        return
+    command, *arguments = shlex.split(line, comments=True)
+    assert command == "trisquare", line
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    assert ended.value.code == 0, line
+
+
+def run_page(name):
+    """Run the commands and the Python of a page in order, and return the names it has made."""
+    names = {}
+    for language, content in blocks(page(name), "sh", "python"):
+        if language == "python":
+            exec(compile(content, name, "exec"), names)
+        else:
+            for line in content.splitlines():
+                run_line(line)
+    return names
+
+
+@pytest.mark.parametrize("name", [name for name in PAGES if name != "tutorial.md"])
+def test_what_a_page_shows_runs(name, folder):
+    run_page(name)
+
+
+def test_the_tutorial_leads_to_a_straight_video(folder):
+    names = run_page("tutorial.md")
+    assert (folder / "target.pdf").read_bytes().startswith(b"%PDF")
+    video, straight = (
+        cv2.VideoCapture(str(folder / f"{name}.mp4")) for name in ("video", "straight")
+    )
+    expected = names["undistorter"].undistort(video.read()[1])
+    for _ in range(FRAMES):
+        there_is_one, frame = straight.read()
+        assert there_is_one
+        # It was compressed; the distorted frame differs from it by more than ten levels.
+        assert np.abs(frame.astype(float) - expected).mean() < 3
+    assert not straight.read()[0]
+    # The two photographs are of one camera.
+    assert ts.compare(names["result"], names["later"]).same
+
+
+def test_the_outlines_calibrate(folder):
+    (outlines,) = [
+        json.loads(content)
+        for _, content in blocks(page("formats.md"), "json")
+        if "outlines" in content
+    ]
+    drawn = ts.calibrate("photo.jpg", outlines=outlines)
+    assert drawn.camera.fx == pytest.approx(902.4, abs=1)
+
+
+def test_the_plan_is_predicted(folder):
+    (plan,) = [content for _, content in blocks(page("formats.md"), "json") if "plan" in content]
+    Path("plan.json").write_text(plan)
+    run_line("trisquare predict plan.json")
+
+
+def test_the_layout_is_read(folder):
+    (text,) = [content for _, content in blocks(page("formats.md"), "json") if "sheets" in content]
+    Path("layout.json").write_text(text)
+    parse_layout("layout.json")
+
+
+def test_the_rust_lines_are_those_that_are_compiled():
+    crate = (CHECKOUT / "rust" / "trisquare" / "README.md").read_text("utf-8")
+    assert blocks(page("rust.md"), "rust") == blocks(crate, "rust") != []
+
+
+def test_the_reference_has_every_public_name():
+    reference = (DOCS / "python.rst").read_text("utf-8")
+    named = re.findall(r"^\.\. auto(?:function|class|exception):: (\w+)$", reference, re.MULTILINE)
+    assert sorted(named) == sorted(set(ts.__all__) - {"__version__"})
+
+
+def test_every_format_is_described():
+    described = page("formats.md")
+    for name in ts.formats.FORMAT_NAMES:
+        assert f"| `{name}` |" in described
+        module = "native_json" if name == "trisquare" else name
+        assert f"automodule:: trisquare.formats.{module}\n" in described
+
+
+def test_every_option_of_every_command_is_described(monkeypatch, capsys):
+    monkeypatch.syspath_prepend(str(DOCS / "_extensions"))
+    from commands_page import commands_page
+
+    described = commands_page()
+    sections = dict(re.findall(r"^## (\w+)\n(.*?)(?=^## |\Z)", described, re.DOTALL | re.MULTILINE))
+    shown = {path.stem for path in Path(ts.__file__).parent.glob("cli/*.py")}
+    assert {"calibrate", "convert", "measure"} <= set(sections) <= shown
+    for name, section in sections.items():
+        with pytest.raises(SystemExit):
+            main([name, "--help"])
+        options = set(re.findall(r"--[a-z][a-z-]+", capsys.readouterr().out))
+        assert len(options) > 1
+        assert options <= set(re.findall(r"--[a-z][a-z-]+", section)), name
+
+
+@pytest.fixture
+def benchmarks(monkeypatch):
+    monkeypatch.syspath_prepend(str(CHECKOUT / "benchmarks"))
+    import run
+    from harness import results_page
+
+    yield results_page, run.BENCHMARKS
+    for name in ("harness.results_page", "harness.rows", "harness", "run"):
+        sys.modules.pop(name, None)
+
+
+def test_the_measured_rows_are_of_benchmarks_that_there_are(benchmarks):
+    results_page, names = benchmarks
+    measured = list(results_page.read())
+    assert measured == [name for name in names if name in measured] != []
+
+
+def test_a_benchmark_replaces_its_own_rows_and_no_others(benchmarks, tmp_path):
+    from harness.rows import Row
+
+    results_page, _ = benchmarks
+    path = tmp_path / "measured.md"
+    order = ("accuracy.exactness", "finding.tags", "accuracy.tone")
+    exactness, tags, tone = order
+    for name, value in ((tone, "1"), (exactness, "2"), (tags, "3"), (exactness, "4")):
+        results_page.update(name, [Row("error", value, "5", True)], order, "today", path)
+    sections = results_page.read(path)
+    assert list(sections) == list(order)
+    for name, value in ((exactness, "4"), (tags, "3"), (tone, "1")):
+        assert f"| error | {value} | 5 | yes |\n" in sections[name]
+        assert sections[name].endswith(f"*`benchmarks/{name.replace('.', '/')}.py`, today*\n")
+    results_page.update(tone, [], order[1:], "today", path)
+    assert list(results_page.read(path)) == [tags, tone]
+    assert f"trisquare {ts.__version__}" in results_page.conditions()

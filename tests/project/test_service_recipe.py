@@ -1,0 +1,107 @@
+"""The documentation's service, run as it stands there."""
+
+import runpy
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from importlib import resources
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import trisquare as ts
+
+pytest.importorskip("fastapi", reason="FastAPI is not installed (it needs Python 3.11)")
+pytest.importorskip("httpx2", reason="httpx2 is not installed (it needs Python 3.11)")
+from fastapi.testclient import TestClient
+
+RECIPE = Path(__file__).parents[2] / "docs" / "service.py"
+DEMO = (resources.files("trisquare") / "data" / "demo.png").read_bytes()
+
+
+@pytest.fixture(scope="module")
+def service():
+    return runpy.run_path(str(RECIPE))
+
+
+@pytest.fixture(scope="module")
+def client(service):
+    threads = cv2.getNumThreads()
+    with TestClient(service["app"]) as client:
+        yield client
+    cv2.setNumThreads(threads)
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    photo = tmp_path_factory.mktemp("photo") / "photo.png"
+    photo.write_bytes(DEMO)
+    return ts.calibrate(photo, targets="squares")
+
+
+def encoded(picture, extension=".png"):
+    return cv2.imencode(extension, picture)[1].tobytes()
+
+
+def test_a_photograph_becomes_a_calibration(client, alone):
+    answer = client.post("/calibrations", content=DEMO)
+    assert answer.status_code == 200
+    assert answer.headers["content-type"] == "application/json"
+    assert answer.text == alone.to_json()
+
+
+def test_callers_at_the_same_time_get_the_same_answer(client, alone):
+    begin = threading.Barrier(4)
+
+    def ask(_):
+        begin.wait(timeout=60)
+        return client.post("/calibrations", content=DEMO).text
+
+    with ThreadPoolExecutor(4) as callers:
+        assert set(callers.map(ask, range(4))) == {alone.to_json()}
+
+
+def test_arguments_reach_the_calibration(client):
+    answer = client.post("/calibrations?model=none&tone=linear", content=DEMO)
+    found = ts.Calibration.from_json(answer.text)
+    assert (found.camera.model, found.tone) == ("none", "linear")
+
+
+@pytest.mark.parametrize(
+    ("query", "content", "status", "error", "said"),
+    [
+        ("", b"", 415, "ImageError", "empty"),
+        ("", b"no picture", 415, "ImageError", "not a readable picture"),
+        ("", DEMO[: len(DEMO) // 2], 415, "ImageError", "truncated"),
+        ("", encoded(np.full((480, 640), 128, np.uint8)), 422, "DetectionError", "no square"),
+        ("", encoded(np.zeros((1, 1), np.uint8)), 422, "DetectionError", "no square"),
+        ("?model=fisheye", DEMO, 400, "ValueError", "fisheye"),
+        ("?tone=bright", DEMO, 400, "ValueError", "bright"),
+        ("?targets=/etc/secret.JSON", DEMO, 400, "ValueError", "name a board"),
+    ],
+)
+def test_what_is_wrong_is_said(client, query, content, status, error, said):
+    answer = client.post(f"/calibrations{query}", content=content)
+    assert answer.status_code == status
+    detail = answer.json()["detail"]
+    assert detail["error"] == error
+    assert said in detail["message"]
+    assert "/tmp" not in detail["message"]
+
+
+def test_a_photograph_that_is_too_large_is_not_even_received(client, service):
+    answer = client.post("/calibrations", content=bytes(service["MOST_BYTES"] + 1))
+    assert answer.status_code == 413
+
+
+def test_a_full_service_says_when_to_come_again(client, service):
+    state = service["app"].state
+    state.accepted = service["MOST_WAITING"]
+    try:
+        answer = client.post("/calibrations", content=DEMO)
+    finally:
+        state.accepted = 0
+    assert answer.status_code == 503
+    assert int(answer.headers["retry-after"]) > 0
+    assert client.post("/calibrations", content=DEMO).status_code == 200

@@ -1,0 +1,484 @@
+"""The report: true numbers, true drawings, and nothing in it that could run or be fetched."""
+
+import base64
+import json
+import re
+import shlex
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from html.parser import HTMLParser
+from importlib import resources
+
+import cv2
+import numpy as np
+import pytest
+from scenes import edges_of, squares
+
+import trisquare as ts
+from trisquare.analysis.residuals import MeasuredSide, measured_sides
+from trisquare.camera.camera import camera_parameters
+from trisquare.camera.projection_uncertainty import ProjectionMap
+from trisquare.images.reading import read_image
+from trisquare.report import report_page, write_report
+from trisquare.report.content import correlations
+from trisquare.report.layers import picture_layers
+from trisquare.report.pictures import LARGEST_SHOWN, ReportedPicture, shown_pixels
+from trisquare.report.plot_style import inline_svg, plotting
+from trisquare.report.plots import residuals_by_radius, residuals_by_side, uncertainty_map
+from trisquare.report.scene_sketch import scene_sketch
+from trisquare.results.rejected import Rejected
+
+DEMO = resources.files("trisquare") / "data" / "demo.png"
+HOSTILE = "<img src=x onerror=alert(1)>\"'&<script>alert(2)</script>"
+
+
+class Page(HTMLParser):
+    """The elements of a page, its visible text, and what it says of other files."""
+
+    def __init__(self, content):
+        super().__init__()
+        self.tags, self.references, self.handlers, self.text = [], [], [], ""
+        self._hidden = False
+        self.feed(content.decode("utf-8"))
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self._hidden = tag in ("style", "script")
+        for name, value in attrs:
+            if name in ("src", "href", "xlink:href", "action", "srcset"):
+                self.references.append(value)
+            if name.startswith("on"):
+                self.handlers.append(name)
+
+    def handle_endtag(self, tag):
+        self._hidden = False
+        self.text += "\n"
+
+    def handle_data(self, data):
+        if not self._hidden:
+            self.text += data
+
+
+@pytest.fixture(scope="module")
+def demo():
+    with resources.as_file(DEMO) as path:
+        return ts.calibrate(path)
+
+
+@pytest.fixture(scope="module")
+def page(demo):
+    with resources.as_file(DEMO) as path:
+        return report_page(demo, path, command="trisquare calibrate demo.png")
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return squares(5)
+
+
+@pytest.fixture(scope="module")
+def edges(scene):
+    return edges_of(scene, noise=0.05)
+
+
+@pytest.fixture(scope="module")
+def calibration(scene, edges):
+    return ts.calibrate_edges(edges, scene.camera.image_size)
+
+
+def test_the_page_holds_every_number_and_the_result_itself(demo, page):
+    text = Page(page).text
+    for name, std in demo.std.items():
+        value = camera_parameters(demo.camera)[name]
+        row = re.search(rf"\b{name}\s+(-?[\d.]+)\s+([\d.]+)", text)
+        assert float(row[1]) == pytest.approx(value, abs=0.06 * std)
+        assert float(row[2]) == pytest.approx(std, rel=0.06)
+    assert "trisquare calibrate demo.png" in text
+    assert f"NumPy {np.__version__}" in text
+    uri = next(r for r in Page(page).references if r.startswith("data:application/json"))
+    written = ts.Calibration.from_json(base64.b64decode(uri.split(",")[1]).decode())
+    assert written.to_json() == demo.to_json()
+
+
+def test_the_page_needs_no_other_file_and_is_the_same_again(demo, page):
+    found = Page(page)
+    assert found.tags.count("img") == 2
+    assert found.tags.count("script") == 1
+    assert found.references
+    assert all(re.match(r"data:|#", reference) for reference in found.references)
+    with resources.as_file(DEMO) as path:
+        assert report_page(demo, path, command="trisquare calibrate demo.png") == page
+    ids = re.findall(r'\bid="([^"]*)"', page.decode())
+    assert len(ids) == len(set(ids))
+
+
+def test_pictures_are_the_photograph_and_what_undistort_makes_of_it(demo, page):
+    with resources.as_file(DEMO) as path:
+        photograph = read_image(path)
+    uris = [r for r in Page(page).references if r.startswith("data:image/jpeg")]
+    shown = [
+        cv2.imdecode(np.frombuffer(base64.b64decode(uri.split(",")[1]), np.uint8), 0)
+        for uri in uris
+    ]
+    grey = photograph if photograph.ndim == 2 else cv2.cvtColor(photograph, cv2.COLOR_BGR2GRAY)
+    wanted = {"photograph": grey, "undistorted": ts.undistort(grey, demo.camera)}
+    for picture in wanted.values():
+        differences = [np.abs(other.astype(float) - picture).mean() for other in shown]
+        assert min(differences) < 3.0 < max(differences)
+
+
+def test_whatever_names_and_messages_hold_is_text(calibration, tmp_path):
+    photograph = tmp_path / "<img src=x onerror=alert(1)>\"'&.png"
+    width, height = calibration.camera.image_size
+    cv2.imwrite(str(photograph), np.zeros((height, width), np.uint8))
+    corners = calibration.planes[0].corners
+    hostile = replace(
+        calibration,
+        warnings=(HOSTILE,),
+        software=HOSTILE,
+        method=HOSTILE,
+        stage=HOSTILE,
+        tone="srgb",
+        fixed=(HOSTILE,),
+        planes=tuple(replace(plane, kind=HOSTILE) for plane in calibration.planes),
+        rejected=(Rejected(HOSTILE, 0, corners, HOSTILE),),
+    )
+    found = Page(report_page(hostile, photograph, command=HOSTILE))
+    assert found.tags.count("img") == 2
+    assert found.tags.count("script") == 1
+    assert found.handlers == []
+    assert found.text.count(HOSTILE) >= 10
+    assert photograph.name in found.text
+
+
+def test_a_name_that_is_no_text_can_be_told(calibration, tmp_path):
+    photograph = tmp_path / "caf\udce9.png"
+    width, height = calibration.camera.image_size
+    encoded = cv2.imencode(".png", np.zeros((height, width), np.uint8))[1]
+    photograph.write_bytes(encoded.tobytes())
+    assert rb"caf\udce9.png" in report_page(calibration, photograph)
+
+
+def reported(calibration, edges, image=0):
+    return ReportedPicture(image, "x", None, tuple(measured_sides(calibration, edges, image)))
+
+
+def polylines(path):
+    """The polylines of an SVG path."""
+    return [
+        np.array([[float(number) for number in point.split()] for point in line.split("L")])
+        for line in path.split("M")[1:]
+    ]
+
+
+def bend(line):
+    """How far a polyline leaves its chord."""
+    chord = line[-1] - line[0]
+    across = np.array([-chord[1], chord[0]]) / np.hypot(*chord)
+    return np.abs((line - line[0]) @ across).max()
+
+
+def test_sides_lie_on_the_samples_and_are_straight_once_undistorted(calibration, edges):
+    layers = picture_layers(calibration, reported(calibration, edges))
+    assert len(layers.planes) == len(layers.undistorted_planes) == 3
+    for plane, figure in zip(layers.planes, edges, strict=True):
+        for line, samples in zip(polylines(plane.sides), figure.points, strict=True):
+            gaps = [np.hypot(*(line - sample).T).min() for sample in samples]
+            assert max(gaps) < np.hypot(*np.diff(line, axis=0).T).max()
+    assert max(bend(line) for plane in layers.planes for line in polylines(plane.sides)) > 1.0
+    for plane in layers.undistorted_planes:
+        assert max(bend(line) for line in polylines(plane.sides)) < 0.15  # of tenths
+
+
+def test_needles_are_the_residuals_times_the_stated_exaggeration(calibration, edges):
+    picture = reported(calibration, edges)
+    layers = picture_layers(calibration, picture)
+    residuals = np.concatenate([side.residuals for side in picture.sides])
+    needles = np.array([n for plane in layers.planes for n in polylines(plane.needles)])
+    lengths = np.hypot(*(needles[:, 1] - needles[:, 0]).T)
+    np.testing.assert_allclose(lengths, layers.exaggeration * np.abs(residuals), atol=0.15)
+    assert layers.rms == pytest.approx(calibration.rms, rel=0.02)
+
+
+def test_many_residuals_are_thinned_and_the_page_says_so(calibration, scene):
+    dense = edges_of(scene, noise=0.05, spacing=0.5)
+    layers = picture_layers(calibration, reported(calibration, dense))
+    assert layers.every > 1
+    assert f"one in {layers.every} is drawn".encode() in report_page(calibration, edges=dense)
+
+
+def test_residuals_of_boards_that_may_bend_are_explained(calibration, edges):
+    """They are drawn from flat planes, and larger than those the calibration states."""
+    half = [replace(plane, rms=plane.rms / 2) for plane in calibration.planes]
+    together = ts.Coherence(5.0, 0.99, (0.1, 0.1, 0.1), 1.0)
+    bent = replace(calibration, planes=half, coherence=together)
+    layers = picture_layers(bent, reported(calibration, edges))
+    assert layers.bent_rms == pytest.approx(calibration.rms / 2, rel=0.02)
+    assert "drawn flat" in Page(report_page(bent, edges=edges)).text
+    assert "drawn flat" not in Page(report_page(calibration, edges=edges)).text
+
+
+def side(residual, plane, *, at, normal, count=20):
+    """Samples around one place that all have one residual."""
+    points = np.array(at, float) + np.linspace(-1.0, 1.0, count)[:, None] * [normal[1], -normal[0]]
+    return MeasuredSide(
+        points,
+        points,
+        np.full(count, residual),
+        np.tile(np.array(normal, float), (count, 1)),
+        plane,
+    )
+
+
+def test_the_plot_by_side_shows_each_sides_mean(calibration, edges):
+    sides = list(measured_sides(calibration, edges))
+    sides[6] = replace(sides[6], residuals=sides[6].residuals + 0.7)
+    with plotting():
+        axes = residuals_by_side(sides).axes[0]
+    drawn = np.asarray(axes.collections[1].get_offsets())
+    np.testing.assert_allclose(drawn[:, 1], [s.residuals.mean() for s in sides])
+    assert np.argmax(drawn[:, 1]) == 6
+    assert [tick.get_text() for tick in axes.get_xticklabels()] == ["0", "1", "2"]
+
+
+def test_the_plot_by_radius_counts_outward_as_positive(calibration):
+    """Whichever way the sides' normals point, and only where sides run across the radius."""
+    centre = np.array([calibration.camera.cx, calibration.camera.cy])
+    sides = [
+        side(+0.2, 0, at=np.add(centre, [300, 0]), normal=[1, 0]),
+        side(-0.2, 0, at=np.add(centre, [300, 0]), normal=[-1, 0]),
+        side(+0.1, 1, at=np.add(centre, [-100, 0]), normal=[1, 0]),
+        side(9.0, 2, at=np.add(centre, [200, 0]), normal=[0, 1]),
+    ]
+    with plotting():
+        figure, _ = residuals_by_radius(calibration, sides)
+        assert residuals_by_radius(calibration, sides[3:]) is None
+        assert residuals_by_radius(calibration, []) is None
+    drawn = np.asarray(figure.axes[0].collections[0].get_offsets())
+    outward = {round(radius, -1): value for radius, value in drawn.tolist()}
+    assert outward == {300.0: pytest.approx(0.2), 100.0: pytest.approx(-0.1)}
+
+
+def test_the_map_covers_the_picture_and_not_what_the_lens_does_not_reach(calibration):
+    known = calibration.projection_map()
+    with plotting():
+        axes = uncertainty_map(calibration, known).axes[0]
+    width, height = calibration.camera.image_size
+    assert axes.get_xlim() == (-0.5, width - 0.5)
+    assert axes.get_ylim() == (height - 0.5, -0.5)
+    half = np.where(known.x > width / 2, np.inf, known.std)
+    with plotting():
+        axes = uncertainty_map(calibration, ProjectionMap(known.x, known.y, half)).axes[0]
+    filled = [path.get_extents() for path in axes.collections[0].get_paths() if len(path)]
+    assert 0.4 * width < max(box.xmax for box in filled) <= 0.55 * width
+
+
+@pytest.mark.parametrize(
+    "std", [np.zeros((4, 5)), np.full((4, 5), np.inf), np.ones((1, 5)), np.full((4, 5), 1e300)]
+)
+def test_no_map_is_drawn_of_nothing(calibration, std):
+    rows, columns = std.shape
+    known = ProjectionMap(np.arange(columns), np.arange(rows), std)
+    with plotting():
+        assert uncertainty_map(calibration, known) is None
+
+
+@pytest.mark.parametrize("std", [np.full((4, 5), 0.3), np.geomspace(1e-9, 1e5, 20).reshape(4, 5)])
+def test_every_other_map_is_drawn(calibration, std):
+    known = ProjectionMap(np.arange(5), np.arange(4), std)
+    with plotting():
+        assert "<svg" in inline_svg(uncertainty_map(calibration, known), "map")
+
+
+def test_the_sketch_from_above_has_true_directions_and_distances(calibration):
+    with plotting():
+        figure = scene_sketch(calibration, 0)
+    _, from_above = figure.axes
+    numbers = {text.get_text(): text.get_position() for text in from_above.texts}
+    for number, plane in enumerate(calibration.planes):
+        np.testing.assert_allclose(numbers[str(number)], plane.translation[[0, 2]], atol=1e-6)
+
+
+def test_planes_behind_the_camera_are_not_sketched(calibration):
+    behind = replace(
+        calibration,
+        planes=[
+            replace(plane, translation=plane.translation * [1, 1, -1])
+            for plane in calibration.planes
+        ],
+    )
+    with plotting():
+        assert scene_sketch(behind, 0) is None
+        assert scene_sketch(calibration, 1) is None
+    assert report_page(behind).endswith(b"</html>")
+
+
+def test_a_report_without_pictures_or_edges(calibration, edges):
+    text = Page(report_page(calibration)).text
+    assert "no photograph was given" in text
+    assert "There are no residuals" in text
+    assert "There are no residuals" not in Page(report_page(calibration, edges=edges)).text
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 700), (3, 2)])
+def test_a_report_of_a_tiny_camera(size):
+    camera = ts.Camera([[5.0, 0, 0], [0, 5.0, 0], [0, 0, 1]], np.zeros(5), size)
+    bare = ts.Calibration(
+        camera=camera,
+        std={},
+        covariance=np.zeros((0, 0)),
+        parameters=[],
+        planes=[],
+        rms=0.0,
+        noise_scale=0.0,
+        warnings=[],
+        method="ml",
+        tone="linear",
+        fixed=[],
+        stage="edges",
+    )
+    assert Page(report_page(bare, np.zeros(size[::-1], np.float32))).tags.count("img") == 2
+    assert correlations(bare) == []
+
+
+def turned(plane):
+    """The plane, standing elsewhere than its samples say."""
+    return replace(plane, rotation=np.roll(plane.rotation, 1, axis=1))
+
+
+@pytest.mark.parametrize(
+    "contort",
+    [
+        lambda c: replace(c, planes=[turned(plane) for plane in c.planes]),
+        lambda c: replace(c, planes=[replace(p, corners=1e6 * p.corners) for p in c.planes]),
+        lambda c: replace(c, camera=replace(c.camera, image_size=(3, 20000))),
+        lambda c: replace(c, covariance=1e40 * c.covariance, rms=1e300),
+    ],
+    ids=["poses", "corners", "narrow", "uncertain"],
+)
+def test_a_result_that_makes_no_sense_makes_a_page_all_the_same(calibration, edges, contort):
+    text = report_page(contort(calibration), edges=edges).decode()
+    assert text.endswith("</html>")
+    assert not re.search(r"[ML >](nan|inf)\b", text)
+
+
+def test_a_lens_that_reaches_nothing_is_not_undistorted(calibration):
+    size = calibration.camera.image_size
+    far = ts.Camera([[900.0, 0, -5e4], [0, 900.0, -5e4], [0, 0, 1]], [-0.3, 0, 0, 0, 0], size)
+    lost = replace(calibration, camera=far, planes=[])
+    found = Page(report_page(lost, np.zeros(size[::-1], np.uint8)))
+    assert found.tags.count("img") == 1
+    assert "cannot be undistorted" in found.text
+
+
+def test_correlations_are_those_of_the_covariance(demo):
+    matrix = np.array(correlations(demo))
+    spread = np.sqrt(np.diag(demo.covariance))
+    np.testing.assert_allclose(matrix * np.outer(spread, spread), demo.covariance, rtol=1e-12)
+
+
+def test_pictures_are_shown_in_eight_bits_and_no_larger_than_needed():
+    deep = np.full((1000, 4000, 3), 32768, np.uint16)
+    shown = shown_pixels(deep, linear=False)
+    assert (shown.dtype, shown.shape) == (np.uint8, (400, LARGEST_SHOWN, 3))
+    assert np.unique(shown).tolist() == [128]
+    # Half the light is 188 of 255 as sRGB codes it.
+    assert np.unique(shown_pixels(deep, linear=True)).tolist() == [188]
+    assert np.unique(shown_pixels(np.full((2, 2), 0.5, np.float32), linear=True)).tolist() == [188]
+    bright = np.array([[-1.0, 2.0]], np.float32)
+    assert shown_pixels(bright, linear=True).tolist() == [[0, 255]]
+
+
+def test_of_several_photographs_the_first_are_shown(calibration, edges):
+    size = calibration.camera.image_size
+    photographs = [np.zeros(size[::-1], np.uint8)] * 8
+    text = Page(report_page(calibration, photographs, edges=edges)).text
+    assert "2 more photographs are not shown" in text
+    assert "picture 7" in text  # among the files
+
+
+def test_refusals(calibration, tmp_path):
+    with pytest.raises(TypeError, match="Calibration"):
+        write_report("calibration", tmp_path / "x.html")
+    with pytest.raises(ValueError, match="is it one of them"):
+        calibration.report(tmp_path / "x.html", np.zeros((5, 7), np.uint8))
+    with pytest.raises(ts.ImageError):
+        write_report(calibration, tmp_path / "x.html", tmp_path / "no.png")
+    with pytest.raises(OSError, match="no folder"):
+        write_report(calibration, tmp_path / "no" / "x.html")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_another_picture_of_that_size_has_no_residuals(calibration, tmp_path):
+    size = calibration.camera.image_size
+    calibration.report(tmp_path / "x.html", np.zeros(size[::-1], np.uint8))
+    assert "no residual is drawn" in Page((tmp_path / "x.html").read_bytes()).text
+
+
+def test_nobodys_own_settings_matter(calibration, edges, page, demo):
+    import matplotlib
+
+    with matplotlib.rc_context(
+        {"font.size": 30.0, "axes.facecolor": "red", "svg.fonttype": "path"}
+    ):
+        before = dict(matplotlib.rcParams)
+        with resources.as_file(DEMO) as path:
+            assert report_page(demo, path, command="trisquare calibrate demo.png") == page
+        assert dict(matplotlib.rcParams) == before
+
+
+def test_threads_do_not_disturb_each_other(calibration, edges):
+    """Settings of matplotlib belong to the process."""
+    alone = report_page(calibration, edges=edges)
+    with ThreadPoolExecutor(3) as pool:
+        pages = list(pool.map(lambda _: report_page(calibration, edges=edges), range(3)))
+    assert pages == [alone] * 3
+
+
+@pytest.mark.parametrize("module", ["jinja2", "matplotlib"])
+def test_a_missing_extra_is_told_before_anything_is_computed(run, tmp_path, monkeypatch, module):
+    def compute(*_arguments, **_options):
+        raise AssertionError("computed in vain")
+
+    monkeypatch.setitem(sys.modules, module, None)
+    monkeypatch.setattr("trisquare.cli.calibrate.calibrate", compute)
+    photograph, report = tmp_path / "photo.png", tmp_path / "out.html"
+    photograph.write_bytes(DEMO.read_bytes())
+    code, out, err = run("calibrate", photograph, "--report", report)
+    assert (code, out) == (2, "")
+    assert "pip install 'trisquare[report]'" in err
+    assert not report.exists()
+
+
+def test_the_command_writes_a_report_that_says_how_to_repeat_it(run, tmp_path):
+    photograph, report = tmp_path / "a photo.png", tmp_path / "out.html"
+    photograph.write_bytes(DEMO.read_bytes())
+    options = ["--fix", "aspect", "--model", "radial1", "--json"]
+    code, out, _ = run("calibrate", photograph, "--report", report, *options)
+    assert code == 0
+    found = Page(report.read_bytes())
+    (told,) = re.findall(r"^trisquare calibrate .*$", found.text, re.MULTILINE)
+    assert "--method" not in told  # which is as it would be anyway
+    report.unlink()
+    code, again, _ = run(*shlex.split(told)[1:])
+    assert code == 0
+    assert json.loads(again) == json.loads(out)
+    assert Page(report.read_bytes()).text == found.text
+
+
+def test_a_report_does_not_overwrite_what_else_is_named(run, tmp_path):
+    photograph = tmp_path / "photo.png"
+    photograph.write_bytes(DEMO.read_bytes())
+    for taken, others in [(photograph, []), (tmp_path / "x", ["-o", tmp_path / "x"])]:
+        code, _, err = run("calibrate", photograph, "--report", taken, *others)
+        assert code == 2
+        assert "overwrite" in err
+    assert photograph.read_bytes() == DEMO.read_bytes()
+
+
+def test_a_calibration_that_fails_leaves_no_report(run, tmp_path):
+    photograph, report = tmp_path / "black.png", tmp_path / "out.html"
+    cv2.imwrite(str(photograph), np.zeros((96, 128), np.uint8))
+    assert run("calibrate", photograph, "--report", report)[0] == 3
+    assert not report.exists()
