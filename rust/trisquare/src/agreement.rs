@@ -10,9 +10,9 @@ use crate::Brown;
 use crate::candidate_pool::Pool;
 use crate::covariance::check_plane_count;
 use crate::explanation::{Explanation, alike, squared_deviation};
+use crate::first_view::first_view;
 use crate::hypotheses::{FOCAL_DOUBT, explanations, matrix_of, pinhole, prior, triples};
 use crate::joint_fit::Fit;
-use crate::linear::first_view;
 use crate::local_noise::Noise;
 use crate::misfit::Misfit;
 use crate::observations::ObservedPlane;
@@ -113,7 +113,7 @@ impl Agreement<'_> {
         planes: &[ObservedPlane],
         refined: Refined<Brown>,
     ) -> Fit {
-        let noise = (!refined.is_exact()).then(|| refined.noise(planes));
+        let noise = (!refined.is_exact()).then(|| Noise::of_optimum(planes, &refined));
         let misfit = noise.as_ref().map_or(Misfit::NONE, |noise| {
             Misfit::of(planes, &refined.view, &self.task.free, noise)
         });

@@ -3,8 +3,9 @@
 use crate::covariance::check_plane_count;
 use crate::observations::sort_by_plane;
 use crate::photometric::{self, Photographs};
-use crate::result::{Calibration, Stage};
+use crate::result::Calibration;
 use crate::task::Task;
+use crate::warning::Stage;
 use crate::{Error, ImageSize, Method, Options, PlaneEdges, set_aside};
 
 /// Calibrates a camera from edge samples of planes with known lines.

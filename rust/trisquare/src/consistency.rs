@@ -3,7 +3,8 @@
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use crate::arrow::ArrowSystem;
-use crate::parameters::FreeParameters;
+use crate::disagreement::Disagreement;
+use crate::free_parameters::FreeParameters;
 
 /// Sweeps of the symmetric eigenvalue iteration; a few per column suffice.
 const MAX_SWEEPS: usize = 1000;
@@ -17,18 +18,6 @@ const DISAGREEMENT: f64 = 4.0;
 /// A focal length or principal point that moves by less than this part of the focal length when
 /// a plane is left out is of no consequence, however significant.
 const CONSEQUENCE: f64 = 0.002;
-
-/// A plane that disagrees with the rest.
-#[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Disagreement {
-    /// Index of the plane.
-    pub plane: usize,
-    /// By how much the focal length `fx` changes without it, as a part of it.
-    pub focal_change: f64,
-    /// The size of the disagreement, as a normal deviate.
-    pub sigmas: f64,
-}
 
 /// The plane that disagrees most with the rest, if any does beyond chance.
 ///

@@ -4,16 +4,17 @@
 use nalgebra::DMatrix;
 
 use crate::Lens;
-use crate::consistency::{Disagreement, disagreement};
+use crate::coherence::Coherence;
+use crate::consistency::disagreement;
 use crate::covariance::covariance;
-use crate::local_noise::Noise;
+use crate::disagreement::Disagreement;
+use crate::free_parameters::FreeParameters;
+use crate::local_noise::{Noise, white_variance};
 use crate::misfit::Misfit;
 use crate::observations::ObservedPlane;
-use crate::parameters::FreeParameters;
 use crate::refine::Refined;
-use crate::result::Warning;
-use crate::robust::Loss;
 use crate::side_errors::{SideErrors, rms_displacement, variance_of};
+use crate::warning::Warning;
 
 /// A plane's noise differs from that of all if it does so by so many of its own standard
 /// deviations...
@@ -22,35 +23,9 @@ const DIFFERENT: f64 = 4.0;
 /// ... of which its logarithm has `0.71 / sqrt(n)`.
 const LOG_SCALE_STD: f64 = 0.71;
 
-/// Sides are said to err together where that is likelier than not.
-const LIKELIER: f64 = 0.5;
-
 /// How far (px) samples measured with an estimated tone curve may be displaced together: a few
 /// thousandths on rendered pictures.
 const CURVE_ERROR: f64 = 0.01;
-
-/// How the residuals differ from independent noise of the stated standard deviations.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Coherence {
-    /// Variance of the mean of many neighbouring samples over what independent ones would have.
-    pub neighbours: f64,
-    /// Probability that the samples of a side share an error beyond their noise.
-    pub probability: f64,
-    /// Root mean square of that error where there is one, for every plane, px.
-    pub displacements: Vec<f64>,
-    /// Variance with which the planes contradict each other over what their sides' curvature lets
-    /// expect; 1 where they do not.
-    pub contradiction: f64,
-    /// What all that adds to the covariance of the free parameters.
-    pub added: DMatrix<f64>,
-    /// Variance of the samples over what pixels of independent noise would give them, if their
-    /// stated standard deviations are those.
-    pub(crate) pixels: f64,
-    /// Displacements up to this (px) are what an estimated tone curve does to samples...
-    pub(crate) floor: f64,
-    /// ... which the fit to the pixels takes out: what the rest adds to its covariance.
-    pub(crate) added_to_pixels: DMatrix<f64>,
-}
 
 /// What is known once correlation is allowed for.
 #[derive(Clone)]
@@ -63,26 +38,6 @@ pub(crate) struct Correlated {
 }
 
 impl Coherence {
-    /// Independent noise.
-    pub(crate) fn none(planes: usize, parameters: usize) -> Self {
-        Self {
-            neighbours: 1.0,
-            probability: 0.0,
-            displacements: vec![0.0; planes],
-            contradiction: 1.0,
-            added: DMatrix::zeros(parameters, parameters),
-            pixels: 1.0,
-            floor: 0.0,
-            added_to_pixels: DMatrix::zeros(parameters, parameters),
-        }
-    }
-
-    /// Whether sides err together, likelier than not.
-    pub fn is_likely(&self) -> bool {
-        let largest = self.displacements.iter().copied().fold(0.0, f64::max);
-        self.probability > LIKELIER && largest > self.floor
-    }
-
     /// By how much the standard deviation of each parameter of a covariance was raised.
     fn factors(&self, covariance: &DMatrix<f64>) -> Vec<f64> {
         let (all, added) = (covariance.diagonal(), self.added.diagonal());
@@ -138,12 +93,6 @@ pub(crate) fn weighed_by_noise(
         }
         weighed
     })
-}
-
-/// Variance of the noise in units of the scale at which the residuals of an optimum are summed.
-pub(crate) fn white_variance<L>(noise: &Noise, refined: &Refined<L>) -> f64 {
-    // The mean of the robust weights is below 1, as if the noise were that much smaller.
-    Loss::Tukey.mean_weight() * noise.correlation * (noise.scale / refined.scale).powi(2)
 }
 
 /// The covariance of an optimum under the correlation that its own residuals show; `None` if it

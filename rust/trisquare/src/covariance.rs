@@ -4,7 +4,7 @@ use nalgebra::DMatrix;
 
 use crate::Error;
 use crate::arrow::ArrowSystem;
-use crate::parameters::FreeParameters;
+use crate::free_parameters::FreeParameters;
 
 /// The covariance of the free parameters from the normal equations at the optimum; `None` if they
 /// are singular. `factor` turns the inverse of the weighted information into a covariance.

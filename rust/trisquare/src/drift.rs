@@ -5,14 +5,14 @@
 //! edges lie a little to the dark. The geometry of the planes may tell more of it, and what
 //! it leaves open belongs into the covariance.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 use crate::arrow::{ArrowSystem, Block};
 use crate::edge_problem::EdgeProblem;
+use crate::free_parameters::FreeParameters;
 use crate::lens::MAX_LENS_COLUMNS;
 use crate::levenberg::Problem;
 use crate::observations::ObservedPlane;
-use crate::parameters::FreeParameters;
 use crate::refine::Refined;
 use crate::robust::Loss;
 use crate::{Brown, Lens};
@@ -39,7 +39,7 @@ pub(crate) fn accounted(
         plane.take_out_drift(step.shared[free.len() + plane.image]);
     }
     let refined = Refined {
-        residuals: crate::refine::residuals(&planes, &view)?,
+        residuals: crate::residuals::residuals(&planes, &view)?,
         view,
         system: system.marginal(judged.len())?,
         ..*refined
@@ -130,67 +130,8 @@ impl DriftRow {
     }
 }
 
-impl ArrowSystem {
-    /// The equations with further shared parameters, of which nothing is known yet.
-    fn extended(&self, further: usize) -> Self {
-        let grown = |matrix: &DMatrix<f64>, rows: usize| {
-            let (height, width) = matrix.shape();
-            matrix.clone().resize(height + rows, width + further, 0.0)
-        };
-        Self {
-            prior: grown(&self.prior, further),
-            blocks: self
-                .blocks
-                .iter()
-                .map(|block| Block {
-                    shared: grown(&block.shared, further),
-                    shared_gradient: block
-                        .shared_gradient
-                        .clone()
-                        .resize_vertically(block.shared_gradient.len() + further, 0.0),
-                    hessian: block.hessian.clone(),
-                    cross: grown(&block.cross, 0),
-                    gradient: block.gradient.clone(),
-                })
-                .collect(),
-        }
-    }
-
-    /// The equations of some of the shared parameters: the others are held.
-    fn selected(&self, shared: &[usize]) -> Self {
-        Self {
-            prior: self.prior.select_rows(shared).select_columns(shared),
-            blocks: self
-                .blocks
-                .iter()
-                .map(|block| Block {
-                    shared: block.shared.select_rows(shared).select_columns(shared),
-                    shared_gradient: block.shared_gradient.select_rows(shared),
-                    hessian: block.hessian.clone(),
-                    cross: block.cross.select_columns(shared),
-                    gradient: block.gradient.clone(),
-                })
-                .collect(),
-        }
-    }
-
-    /// The equations with the shared parameters after the first `kept` eliminated: what these cost
-    /// is taken off the prior, so that the reduced information is the marginal one.
-    pub fn marginal(&self, kept: usize) -> Option<Self> {
-        let full = self.reduced_information()?;
-        let further = full.nrows() - kept;
-        let cross = full.view((kept, 0), (further, kept)).into_owned();
-        let square = full.view((kept, kept), (further, further)).into_owned();
-        let lost = cross.tr_mul(&square.cholesky()?.solve(&cross));
-        let mut system = self.leading(kept);
-        system.prior -= lost;
-        Some(system)
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::synthetic::{Scene, SceneOptions};
     use crate::{ImageSize, Options, PlaneEdges, calibrate};
     use nalgebra::Vector2;
@@ -262,24 +203,5 @@ mod tests {
         };
         let edges = shifted(&scene);
         assert!(std(&edges) > std(&without_drift(edges.clone())));
-    }
-
-    #[test]
-    fn the_marginal_information_is_that_of_the_whole_covariance() {
-        let mut system = ArrowSystem::zeros(4, [3, 2].into_iter());
-        for (k, block) in system.blocks.iter_mut().enumerate() {
-            let own = block.hessian.nrows();
-            let rows = DMatrix::from_fn(20, 4 + own, |i, j| {
-                ((i * 13 + 7 * k + 3) as f64 * (j as f64 + 1.3)).sin()
-            });
-            let square = rows.tr_mul(&rows);
-            block.shared = square.view((0, 0), (4, 4)).into_owned();
-            block.hessian = square.view((4, 4), (own, own)).into_owned();
-            block.cross = square.view((4, 0), (own, 4)).into_owned();
-        }
-        let whole = system.reduced_information().unwrap().try_inverse().unwrap();
-        let marginal = system.marginal(3).unwrap().reduced_information().unwrap();
-        let covariance = marginal.try_inverse().unwrap();
-        assert!((covariance - whole.view((0, 0), (3, 3))).norm() < 1e-12);
     }
 }

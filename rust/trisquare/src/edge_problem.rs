@@ -11,11 +11,11 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use crate::Lens;
 use crate::arrow::{ArrowStep, ArrowSystem};
+use crate::free_parameters::FreeParameters;
 use crate::lens::MAX_LENS_COLUMNS;
 use crate::levenberg::Problem;
 use crate::observations::{ObservedPlane, Side};
 use crate::outer::{add_outer, symmetric};
-use crate::parameters::FreeParameters;
 use crate::robust::Loss;
 use crate::view::{PlaneState, View};
 
@@ -160,8 +160,9 @@ impl<L: Lens> Problem for EdgeProblem<'_, L> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::observations::{Placement, sort_by_plane};
-    use crate::refine::residuals;
+    use crate::observations::sort_by_plane;
+    use crate::placement::Placement;
+    use crate::residuals::residuals;
     use crate::synthetic::{Scene, SceneOptions};
     use crate::{Fixed, Model};
     use nalgebra::DVector;

@@ -25,8 +25,9 @@ use nalgebra::{DMatrix, Vector2};
 
 use crate::arrow::ArrowSystem;
 use crate::covariance::covariance;
+use crate::free_parameters::FreeParameters;
 use crate::observations::ObservedPlane;
-use crate::parameters::{FreeParameters, Options};
+use crate::parameters::Options;
 use crate::view::View;
 use crate::weakness::{Cause, Weakness};
 use crate::{ImageSize, Lens};

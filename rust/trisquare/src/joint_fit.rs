@@ -5,7 +5,8 @@ use nalgebra::Vector3;
 use crate::Brown;
 use crate::explanation::{ALIKE_SHARE, alike};
 use crate::misfit::Misfit;
-use crate::refine::{Refined, root_mean_square};
+use crate::refine::Refined;
+use crate::residuals::root_mean_square;
 use crate::squareness::Pinhole;
 
 /// A joint fit agrees if its sides are in the wrong place, and bent, by less than so many times the

@@ -4,7 +4,8 @@ use std::collections::{BTreeMap, BTreeSet, HashSet};
 
 use nalgebra::Vector2;
 
-use crate::crossings::{Crossing, GreyBytes};
+use crate::crossings::Crossing;
+use crate::grey_bytes::GreyBytes;
 
 /// Rows and columns that are added one after another.
 const MOST_ROUNDS: usize = 100;

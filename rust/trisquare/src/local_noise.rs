@@ -4,7 +4,8 @@
 use nalgebra::Cholesky;
 
 use crate::observations::ObservedPlane;
-use crate::refine::{MIN_SCALE, Residual, Residuals};
+use crate::refine::Refined;
+use crate::residuals::{MIN_SCALE, Residual, Residuals};
 use crate::robust::{Loss, Spread, median_scale};
 use crate::side_basis::{Basis, ORDERS};
 use crate::side_moments::SideMoments;
@@ -55,6 +56,11 @@ struct Neighbours {
 }
 
 impl Noise {
+    /// Measures the noise that the residuals of an optimum show.
+    pub fn of_optimum<L>(planes: &[ObservedPlane], refined: &Refined<L>) -> Self {
+        Self::of(planes, &refined.residuals, refined.scale)
+    }
+
     /// Measures the noise that `residuals` show at a robust `scale` of all of them.
     pub fn of(planes: &[ObservedPlane], residuals: &Residuals, scale: f64) -> Self {
         let mut neighbours = Neighbours::default();
@@ -100,6 +106,12 @@ impl Noise {
             summed_at: scale,
         }
     }
+}
+
+/// Variance of the noise in units of the scale at which the residuals of an optimum are summed.
+pub(crate) fn white_variance<L>(noise: &Noise, refined: &Refined<L>) -> f64 {
+    // The mean of the robust weights is below 1, as if the noise were that much smaller.
+    Loss::Tukey.mean_weight() * noise.correlation * (noise.scale / refined.scale).powi(2)
 }
 
 impl LocalNoise {

@@ -1,9 +1,9 @@
 //! How far sides miss their lines beyond the noise: as straight lines in the wrong place, and as
 //! curves.
 
+use crate::free_parameters::FreeParameters;
 use crate::local_noise::Noise;
 use crate::observations::ObservedPlane;
-use crate::parameters::FreeParameters;
 use crate::side_basis::ORDERS;
 use crate::side_moments::Moments;
 use crate::view::View;

@@ -2,9 +2,9 @@
 
 use std::collections::HashMap;
 
-use nalgebra::{Vector2, Vector3};
+use nalgebra::Vector2;
 
-use crate::paper::Relief;
+use crate::relief::Relief;
 use crate::{Error, Freedom, Line, PlaneEdges};
 
 /// One sample: where it was measured, and how well.
@@ -27,6 +27,9 @@ pub(crate) struct Side {
     /// others determine.
     pub set_aside: bool,
 }
+
+/// Sine of the angle below which two lines of a plane have one direction.
+const PARALLEL: f64 = 0.1;
 
 /// Weight of a side that was set aside, over that of others: it still places its own plane where
 /// nothing else does, and moves no camera.
@@ -123,6 +126,26 @@ impl ObservedPlane {
     }
 }
 
+/// Families of a figure's sides that count: those that run in one direction.
+pub(crate) fn directions(figure: &Figure) -> Vec<Vec<usize>> {
+    let normal = |side: usize| figure.sides[side].line.normal();
+    let parallel = |a: usize, b: usize| normal(a).perp(&normal(b)).abs() < PARALLEL;
+    let mut families: Vec<Vec<usize>> = Vec::new();
+    for side in (0..figure.sides.len()).filter(|side| !figure.sides[*side].set_aside) {
+        match families.iter_mut().find(|family| parallel(family[0], side)) {
+            Some(family) => family.push(side),
+            None => families.push(vec![side]),
+        }
+    }
+    families
+}
+
+/// Whether a figure has more than a square's lines in two directions.
+pub(crate) fn has_grid(figure: &Figure) -> bool {
+    let many = |family: &Vec<usize>| family.len() > 2;
+    figure.sides.len() > 4 && directions(figure).into_iter().filter(many).count() >= 2
+}
+
 /// Checks all figures and sorts them by plane, in the order in which planes first appear.
 pub(crate) fn sort_by_plane(edges: &[PlaneEdges]) -> Result<Vec<ObservedPlane>, Error> {
     let mut planes: Vec<ObservedPlane> = Vec::new();
@@ -180,97 +203,5 @@ fn figure(index: usize, edges: &PlaneEdges) -> Figure {
         index,
         freedom: edges.freedom,
         sides,
-    }
-}
-
-/// A figure's place on its plane: `P_plane = scale R(angle) P_figure + shift`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Placement {
-    pub scale: f64,
-    pub angle: f64,
-    pub shift: Vector2<f64>,
-    /// How many of scale, angle, shift x, shift y are estimated: 0, 1 or 4.
-    pub free: usize,
-}
-
-impl Placement {
-    /// The plane's own coordinates.
-    pub const IDENTITY: Self = Self {
-        scale: 1.0,
-        angle: 0.0,
-        shift: Vector2::new(0.0, 0.0),
-        free: 0,
-    };
-
-    /// The line `(a, b, c)` in the plane's coordinates: normal `R n`, offset
-    /// `scale c - (R n) . shift`.
-    pub fn line(&self, line: &Line) -> Vector3<f64> {
-        let normal = self.rotate(line.normal());
-        let offset = self.scale * line.coefficients().z - normal.dot(&self.shift);
-        Vector3::new(normal.x, normal.y, offset)
-    }
-
-    /// Derivatives of [`Self::line`] with respect to scale, angle, shift x, shift y.
-    pub fn line_derivatives(&self, line: &Line) -> [Vector3<f64>; 4] {
-        let normal = self.rotate(line.normal());
-        let turned = Vector2::new(-normal.y, normal.x);
-        [
-            Vector3::new(0.0, 0.0, line.coefficients().z),
-            Vector3::new(turned.x, turned.y, -turned.dot(&self.shift)),
-            Vector3::new(0.0, 0.0, -normal.x),
-            Vector3::new(0.0, 0.0, -normal.y),
-        ]
-    }
-
-    /// A point of the figure on the plane.
-    pub fn point(&self, point: Vector2<f64>) -> Vector2<f64> {
-        self.rotate(point) * self.scale + self.shift
-    }
-
-    /// The placement after a step of its free parameters.
-    pub fn moved(&self, step: &[f64]) -> Self {
-        let mut next = *self;
-        if let [scale, rest @ ..] = step {
-            next.scale += scale;
-            if let [angle, x, y] = rest {
-                next.angle += angle;
-                next.shift += Vector2::new(*x, *y);
-            }
-        }
-        next
-    }
-
-    fn rotate(&self, v: Vector2<f64>) -> Vector2<f64> {
-        let (sin, cos) = self.angle.sin_cos();
-        Vector2::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn placement_moves_lines_with_their_points() {
-        let placement = Placement {
-            scale: 0.6,
-            angle: 0.7,
-            shift: Vector2::new(0.1, -0.3),
-            free: 4,
-        };
-        let line = Line::new(0.6, -0.8, 0.2).unwrap();
-        let on_line = Vector2::new(0.4, 0.55);
-        assert!(line.distance(&on_line).abs() < 1e-15);
-        let moved = placement.line(&line);
-        assert!(moved.dot(&placement.point(on_line).push(1.0)).abs() < 1e-15);
-
-        for (i, derivative) in placement.line_derivatives(&line).iter().enumerate() {
-            let mut step = [0.0; 4];
-            step[i] = 1e-6;
-            let forward = placement.moved(&step).line(&line);
-            step[i] = -1e-6;
-            let backward = placement.moved(&step).line(&line);
-            assert!(((forward - backward) / 2e-6 - derivative).norm() < 1e-9);
-        }
     }
 }

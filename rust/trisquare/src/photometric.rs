@@ -12,35 +12,28 @@ mod exposure;
 mod exposure_fit;
 mod figure_sums;
 mod fit;
-mod picture_tone;
+mod photographs;
 mod scene;
 mod stretches;
 
+use crate::PlaneEdges;
 use crate::correlated::Correlated;
 use crate::covariance::covariance;
-use crate::parameters::FreeParameters;
-use crate::refine::{Refined, residuals};
-use crate::result::{Calibration, Stage, Warning};
+use crate::free_parameters::FreeParameters;
+use crate::picture_tone::{PictureState, PictureTone};
+use crate::refine::Refined;
+use crate::residuals::residuals;
+use crate::result::Calibration;
 use crate::robust::Loss;
 use crate::task::{Solution, Task};
-use crate::{Picture, PlaneEdges};
+use crate::warning::{Stage, Warning};
 use band::{PixelFigure, Width, collect};
-pub(crate) use coverage::box_kurtosis;
 use exposure::Exposure;
 use exposure_fit::fit_exposures;
 use fit::{PixelFit, PixelState, PixelSystem};
-use picture_tone::PictureState;
-pub use picture_tone::{PictureTone, ToneFit};
+pub use photographs::Photographs;
+use photographs::Refusal;
 use stretches::{HiddenPart, hidden_parts};
-
-/// The pictures that show the figures, and how they were coded.
-#[derive(Debug, Clone, Copy)]
-pub struct Photographs<'a> {
-    /// One picture per image index of the figures.
-    pub pictures: &'a [&'a Picture],
-    /// How each was coded.
-    pub tones: &'a [PictureTone],
-}
 
 /// One pixel in so many tells the exposures, while camera and planes are held.
 const EXPOSURE_STRIDE: u32 = 12;
@@ -83,13 +76,6 @@ pub(crate) fn improve(
             calibration.warnings.push(Warning::PixelsNotUsed { reason });
         }
     }
-}
-
-/// Why the fit to the pixels is not taken.
-enum Refusal {
-    /// The figures are not squares of known polarity in known pictures.
-    NotApplicable,
-    Reason(&'static str),
 }
 
 /// What the joint fit starts from.

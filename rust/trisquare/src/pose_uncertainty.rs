@@ -7,14 +7,15 @@
 //! Where the sides of a plane err together (paper that is not flat), each side's error moves the
 //! pose as the sum of its samples pulls.
 
-use nalgebra::{DMatrix, DVector, Matrix6, SMatrix, Vector3};
+use nalgebra::{DMatrix, DVector, Vector3};
 
 use crate::arrow::{ArrowSystem, Block};
 use crate::edge_problem::EdgeProblem;
+use crate::free_parameters::FreeParameters;
 use crate::lens::Columns;
 use crate::levenberg::Problem;
 use crate::observations::ObservedPlane;
-use crate::parameters::FreeParameters;
+use crate::pose_data::PoseUncertainty;
 use crate::refine::Refined;
 use crate::robust::Loss;
 use crate::view::POSE_PARAMETERS;
@@ -23,20 +24,6 @@ use crate::{Brown, Fixed, Lens, Model};
 /// Samples of each side from which it is told how a pose follows the camera: that depends on where
 /// the sides are, and little on how densely they are sampled.
 const SAMPLES_PER_SIDE: usize = 16;
-
-/// How well a pose is known, and how it would follow another camera.
-///
-/// A pose's parameters are a rotation vector applied after its rotation, in camera coordinates
-/// (radians), and the translation (units of the plane).
-#[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct PoseUncertainty {
-    /// Covariance of the pose where the camera is given.
-    pub given_camera: Matrix6<f64>,
-    /// Derivative of the pose by all of the camera's parameters, free or held, in the order of
-    /// [`Brown::parameter_names`](crate::Lens::parameter_names).
-    pub by_camera: SMatrix<f64, 6, 9>,
-}
 
 /// Of every plane of an optimum, `None` where its own samples do not determine its pose.
 ///

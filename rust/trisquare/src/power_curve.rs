@@ -2,7 +2,11 @@
 
 use nalgebra::{Matrix2, Vector2};
 
-use crate::tone::GAMMA_FLOOR;
+/// Below this light a pure gamma curve, whose own slope has no limit at black, is continued along
+/// its tangent; with gamma 2.2 that touches the lowest 3 of 255 levels only.
+pub(crate) const GAMMA_FLOOR: f64 = 1.0 / (1 << FLOOR_OCTAVES) as f64;
+
+pub(crate) const FLOOR_OCTAVES: u32 = 14;
 
 /// Derivatives of a coded value by a [`PowerCurve`]'s parameters: the logarithm of its gamma, and
 /// its toe.

@@ -4,15 +4,12 @@
 use crate::Lens;
 use crate::arrow::ArrowSystem;
 use crate::edge_problem::EdgeProblem;
+use crate::free_parameters::FreeParameters;
 use crate::levenberg::{Limits, Problem, Termination, minimise};
-use crate::local_noise::Noise;
 use crate::observations::ObservedPlane;
-use crate::parameters::FreeParameters;
-use crate::robust::{Loss, Spread, median_scale};
+use crate::residuals::{Residuals, residuals, robust_scale};
+use crate::robust::{Loss, Spread};
 use crate::view::View;
-
-/// Noise below this (px) is rounding, not measurement.
-pub(crate) const MIN_SCALE: f64 = 1e-9;
 
 /// Evaluations allowed to each round of one scale; from the linear start about six are used.
 const MAX_ITERATIONS: usize = 100;
@@ -43,53 +40,6 @@ const FINAL_ROUNDING: f64 = 1e-9;
 
 /// A scale that changes by less than this part no longer changes the weights.
 const SCALE_TOLERANCE: f64 = 0.1;
-
-/// Distance of a sample to the image of its line.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Residual {
-    /// Signed, in pixels.
-    pub distance: f64,
-    /// One over the standard deviation given for the sample.
-    pub weight: f64,
-    /// Whether its side belongs to the scene; one that was set aside tells nothing of the noise.
-    pub counts: bool,
-}
-
-/// The residuals of all samples, by plane.
-pub(crate) type Residuals = Vec<Vec<Residual>>;
-
-/// Root mean square distance, in pixels.
-pub(crate) fn root_mean_square<'a>(residuals: impl Iterator<Item = &'a Residual>) -> f64 {
-    let (mut squares, mut count) = (0.0, 0.0);
-    for residual in residuals {
-        squares += residual.distance * residual.distance;
-        count += 1.0;
-    }
-    (squares / f64::max(count, 1.0)).sqrt()
-}
-
-/// Distances of all samples; `None` where the lens is not invertible.
-pub(crate) fn residuals<L: Lens>(planes: &[ObservedPlane], view: &View<L>) -> Option<Residuals> {
-    let mut all = Vec::with_capacity(planes.len());
-    for (plane, state) in planes.iter().zip(&view.planes) {
-        let mut own = Vec::new();
-        for (f, figure) in plane.figures.iter().enumerate() {
-            for side in &figure.sides {
-                let line = state.line(f, side);
-                for sample in &side.samples {
-                    let sight = view.lens.sight(&sample.pixel)?;
-                    own.push(Residual {
-                        distance: view.lens.line_distance(&sight, &line),
-                        weight: sample.weight,
-                        counts: !side.set_aside,
-                    });
-                }
-            }
-        }
-        all.push(own);
-    }
-    Some(all)
-}
 
 /// The optimum, with what the covariance needs.
 #[derive(Clone)]
@@ -158,11 +108,6 @@ impl<L: Lens> Refined<L> {
         let all = || self.residuals.iter().flatten();
         let squares: f64 = all().map(|r| r.distance * r.distance).sum();
         squares <= COMPUTED * COMPUTED * all().count() as f64
-    }
-
-    /// The noise that its residuals show.
-    pub fn noise(&self, planes: &[ObservedPlane]) -> Noise {
-        Noise::of(planes, &self.residuals, self.scale)
     }
 
     /// Where a search from here would begin.
@@ -273,11 +218,4 @@ pub(crate) fn finish<L: Lens>(
 /// The scale of the bulk of the residuals, in units of their given standard deviations.
 fn scale_of<L: Lens>(planes: &[ObservedPlane], view: &View<L>) -> Option<f64> {
     Some(robust_scale(&residuals(planes, view)?))
-}
-
-/// The same of residuals.
-pub(crate) fn robust_scale(residuals: &Residuals) -> f64 {
-    let counting = residuals.iter().flatten().filter(|r| r.counts);
-    let normalised = counting.map(|r| r.distance * r.weight);
-    median_scale(normalised).max(MIN_SCALE)
 }

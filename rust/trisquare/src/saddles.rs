@@ -2,7 +2,7 @@
 
 use nalgebra::{Vector2, Vector4};
 
-use crate::crossings::GreyBytes;
+use crate::grey_bytes::GreyBytes;
 
 /// Pixels per side of the derivative filters.
 const APERTURE: usize = 5;

@@ -5,9 +5,10 @@ use crate::covariance::check_plane_count;
 use crate::local_noise::Noise;
 use crate::misfit::Misfit;
 use crate::observations::ObservedPlane;
-use crate::refine::{Refined, root_mean_square};
-use crate::result::Warning;
+use crate::refine::Refined;
+use crate::residuals::root_mean_square;
 use crate::task::{Solution, Task};
+use crate::warning::Warning;
 use crate::{Brown, Error};
 
 /// Planes that must remain where one is set aside: two cannot show which of three is false.
@@ -268,7 +269,7 @@ struct Trial {
 
 impl Trial {
     fn of(task: &Task<'_>, planes: Vec<ObservedPlane>, refined: Refined<Brown>) -> Self {
-        let noise = refined.noise(&planes);
+        let noise = Noise::of_optimum(&planes, &refined);
         let misfit = Misfit::of(&planes, &refined.view, &task.free, &noise);
         Self {
             planes,

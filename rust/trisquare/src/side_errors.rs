@@ -13,10 +13,10 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::Lens;
 use crate::arrow::{ArrowSystem, Block};
+use crate::free_parameters::FreeParameters;
 use crate::local_noise::Noise;
 use crate::observations::ObservedPlane;
-use crate::paper::{Relief, TERMS};
-use crate::parameters::FreeParameters;
+use crate::relief::{Relief, TERMS};
 use crate::side_basis::ORDERS;
 use crate::side_families::{Family, families_of, spectrum};
 use crate::view::View;
@@ -402,8 +402,9 @@ pub(crate) fn rms_displacement(variance: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::observations::{Placement, sort_by_plane};
-    use crate::refine::residuals;
+    use crate::observations::sort_by_plane;
+    use crate::placement::Placement;
+    use crate::residuals::residuals;
     use crate::robust::Loss;
     use crate::side_basis::{basis, direction, places};
     use crate::synthetic::{Scene, SceneOptions};

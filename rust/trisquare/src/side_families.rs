@@ -4,16 +4,13 @@ use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector2, Vector3};
 
 use crate::Lens;
 use crate::arrow::Block;
+use crate::free_parameters::FreeParameters;
 use crate::lens::MAX_LENS_COLUMNS;
-use crate::observations::{Figure, Side};
-use crate::paper::{Relief, TERMS};
-use crate::parameters::FreeParameters;
+use crate::observations::{Figure, Side, directions};
+use crate::relief::{Relief, TERMS};
 use crate::side_basis::{Basis, ORDERS};
 use crate::side_moments::{Gram, SideMoments};
 use crate::view::PlaneState;
-
-/// Sine of the angle below which two lines of a plane have one direction.
-const PARALLEL: f64 = 0.1;
 
 /// Distance, in parts of a figure's extent, over which the displacements of parallel sides lose
 /// their correlation.
@@ -49,26 +46,6 @@ pub(crate) struct Family {
     /// `B^T W J`, by the plane's own parameters and by the shared ones.
     pub own: DMatrix<f64>,
     pub shared: DMatrix<f64>,
-}
-
-/// Families of a figure's sides that count: those that run in one direction.
-fn directions(figure: &Figure) -> Vec<Vec<usize>> {
-    let normal = |side: usize| figure.sides[side].line.normal();
-    let parallel = |a: usize, b: usize| normal(a).perp(&normal(b)).abs() < PARALLEL;
-    let mut families: Vec<Vec<usize>> = Vec::new();
-    for side in (0..figure.sides.len()).filter(|side| !figure.sides[*side].set_aside) {
-        match families.iter_mut().find(|family| parallel(family[0], side)) {
-            Some(family) => family.push(side),
-            None => families.push(vec![side]),
-        }
-    }
-    families
-}
-
-/// Whether a figure has more than a square's lines in two directions.
-pub(crate) fn has_grid(figure: &Figure) -> bool {
-    let many = |family: &Vec<usize>| family.len() > 2;
-    figure.sides.len() > 4 && directions(figure).into_iter().filter(many).count() >= 2
 }
 
 /// The sides of a figure, those of one direction together if there are many: an error that is

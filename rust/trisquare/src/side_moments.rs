@@ -3,7 +3,7 @@
 use nalgebra::{SMatrix, Vector2};
 
 use crate::observations::Side;
-use crate::refine::Residual;
+use crate::residuals::Residual;
 use crate::robust::Loss;
 use crate::side_basis::{Basis, ORDERS, basis, direction, places};
 

@@ -2,13 +2,13 @@
 
 use nalgebra::Matrix3;
 
+use crate::first_view::{conic_camera_matrix, fallback_camera_matrices, first_view};
+use crate::free_parameters::FreeParameters;
 use crate::levenberg::Termination;
-use crate::linear::{
-    Homographies, Undistortion, conic_camera_matrix, fallback_camera_matrices, first_view,
-};
+use crate::linear::{Homographies, Undistortion};
+use crate::local_noise::Noise;
 use crate::misfit::Misfit;
 use crate::observations::{ObservedPlane, Sample};
-use crate::parameters::FreeParameters;
 use crate::refine::{Refined, Search, finish, search};
 use crate::task::Task;
 use crate::view::View;
@@ -256,7 +256,7 @@ impl Stages<'_> {
 
     /// Whether the sides are much farther from their lines than noise explains.
     fn is_strained(&self, refined: &Refined<Brown>) -> bool {
-        let noise = refined.noise(self.planes);
+        let noise = Noise::of_optimum(self.planes, refined);
         Misfit::of(self.planes, &refined.view, &self.task.free, &noise).mean() > STRAINED
     }
 

@@ -11,7 +11,7 @@ use crate::linear::Undistortion;
 use crate::local_noise::Noise;
 use crate::misfit::Misfit;
 use crate::observations::{ObservedPlane, Sample, Side};
-use crate::refine::{Residual, Residuals, robust_scale};
+use crate::residuals::{Residual, Residuals, robust_scale};
 use crate::task::Task;
 use crate::{Line, Straightening};
 

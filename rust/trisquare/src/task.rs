@@ -1,16 +1,18 @@
 //! What is asked of the planes, and what a solution knows: its optimum weighed by the planes' own
 //! noise, its covariance, its judgement.
 
+use crate::coherence::Coherence;
 use crate::consistency::disagreement;
-use crate::correlated::{Coherence, Correlated, correlated_covariance, weighed_by_noise};
+use crate::correlated::{Correlated, correlated_covariance, weighed_by_noise};
 use crate::covariance::covariance;
 use crate::drift;
+use crate::first_view::first_view;
+use crate::free_parameters::FreeParameters;
 use crate::geometry::{Geometry, judged_parameters};
-use crate::linear::{Homographies, Undistortion, first_view};
+use crate::linear::{Homographies, Undistortion};
 use crate::local_noise::Noise;
 use crate::observations::ObservedPlane;
 use crate::paper;
-use crate::parameters::FreeParameters;
 use crate::refine::{Refined, finish, search};
 use crate::remedies;
 use crate::stages::with_stages;
@@ -71,21 +73,21 @@ impl<'a> Task<'a> {
         if refined.is_exact() {
             return self.independent_solution(planes, refined);
         }
-        let mut noise = refined.noise(planes);
+        let mut noise = Noise::of_optimum(planes, &refined);
         let mut planes = planes.to_vec();
         if let Some(weighed) = weighed_by_noise(&planes, &noise)
             && let Some(again) = self.again(&weighed, &refined)
         {
-            noise = again.noise(&weighed);
+            noise = Noise::of_optimum(&weighed, &again);
             (planes, refined) = (weighed, again);
         }
         if let Some(found) = drift::accounted(&planes, &self.free, &self.judged, &refined) {
             (planes, refined) = found;
-            noise = refined.noise(&planes);
+            noise = Noise::of_optimum(&planes, &refined);
         }
         if let Some(found) = paper::accounted(&planes, &self.free, &self.judged, &refined) {
             (planes, refined) = found;
-            noise = refined.noise(&planes);
+            noise = Noise::of_optimum(&planes, &refined);
         }
         let correlated = correlated_covariance(&planes, &self.free, &refined, &noise);
         Ok(Solution {

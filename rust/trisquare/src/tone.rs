@@ -2,7 +2,7 @@
 //!
 //! All values are normalised: 0 is black and 1 is the largest value the file can hold.
 
-use crate::power_curve::{PowerCurve, Sensitivity};
+use crate::power_curve::{FLOOR_OCTAVES, GAMMA_FLOOR, PowerCurve, Sensitivity};
 
 /// The curve `g` from light to the value written in the picture, `coded = g(linear)`.
 ///
@@ -25,11 +25,6 @@ const SRGB_KNEE: f64 = 0.003_130_8;
 const SRGB_SLOPE: f64 = 12.92;
 const SRGB_EXPONENT: f64 = 1.0 / 2.4;
 const SRGB_SCALE: f64 = 1.055;
-
-/// Below this light a pure gamma curve, whose own slope has no limit at black, is continued along
-/// its tangent; with gamma 2.2 that touches the lowest 3 of 255 levels only.
-pub(crate) const GAMMA_FLOOR: f64 = 1.0 / (1 << FLOOR_OCTAVES) as f64;
-const FLOOR_OCTAVES: u32 = 14;
 
 impl Tone {
     /// Whether the curve is usable: a gamma must be positive and finite.

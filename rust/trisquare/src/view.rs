@@ -3,8 +3,9 @@
 use nalgebra::{DMatrix, Vector3};
 
 use crate::arrow::ArrowStep;
-use crate::observations::{Placement, Side};
-use crate::parameters::FreeParameters;
+use crate::free_parameters::FreeParameters;
+use crate::observations::Side;
+use crate::placement::Placement;
 use crate::{Lens, Pose};
 
 /// Parameters of a pose: rotation vector, translation.

@@ -3,7 +3,7 @@
 use nalgebra::Vector2;
 
 use super::curve::Curve;
-use super::{EdgeSpan, NoEdge};
+use super::span::{EdgeSpan, NoEdge};
 use crate::picture::GreyReader;
 
 /// How an edge is looked at.

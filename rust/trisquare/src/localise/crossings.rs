@@ -12,9 +12,9 @@ use std::f64::consts::FRAC_2_PI;
 
 use nalgebra::Vector2;
 
-use super::band::Band;
 use super::curve::Curve;
-use super::{EdgeSpan, Preview};
+use super::flip::Flip;
+use super::span::EdgeSpan;
 use crate::normal::cdf_and_pdf;
 
 /// From so many blurs on a line's change of sides is complete, to 6e-5 of the contrast.
@@ -104,21 +104,20 @@ impl Crossings {
     }
 
     /// Where the curves that were fitted to both lines meet.
-    pub fn fitted<E>(
+    ///
+    /// `found` gives the curve and the blur of a span, if it was found.
+    pub fn fitted<'a>(
         spans: &[EdgeSpan],
         index: usize,
         (curve, blur): (&Curve, f64),
-        previews: &[Result<Preview, E>],
+        found: impl Fn(usize) -> Option<(&'a Curve, f64)>,
     ) -> Self {
         let coarse = Self::coarse(spans, index, curve, blur);
         let pairs = coarse.places.iter().zip(&spans[index].crossings);
-        let places =
-            pairs.map(
-                |(place, (other, _))| match other.and_then(|line| previews.get(line)) {
-                    Some(Ok(other)) => place.moved_to(curve, &other.side.curve, other.side.blur),
-                    _ => *place,
-                },
-            );
+        let places = pairs.map(|(place, (other, _))| match other.and_then(&found) {
+            Some((other, blur)) => place.moved_to(curve, other, blur),
+            None => *place,
+        });
         Self {
             places: places.collect(),
             rise: coarse.rise,
@@ -151,29 +150,6 @@ pub(super) struct Between<'a> {
     sign: f64,
     rise: f64,
     marker: Option<Marker>,
-}
-
-/// What crossings make of a blurred step, `2 Phi(d) - 1` from -1 to 1: it times `slope`, and `shift`.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Flip {
-    /// 1 where light and dark are on the wanted sides, -1 where they are exchanged.
-    pub slope: f64,
-    pub shift: f64,
-}
-
-impl Flip {
-    /// Of a line without crossings.
-    pub const NONE: Self = Self {
-        slope: 1.0,
-        shift: 0.0,
-    };
-
-    fn opposite(self) -> Self {
-        Self {
-            slope: -self.slope,
-            shift: -self.shift,
-        }
-    }
 }
 
 impl Between<'_> {
@@ -457,11 +433,4 @@ pub(super) fn spacing(spans: &[EdgeSpan], index: usize, along: Vector2<f64>) -> 
         }
     }
     least
-}
-
-impl Band<'_> {
-    /// What a column's pixels are told of crossings, if there are any.
-    pub(super) fn crossings_about(&self, s: f64) -> Option<Between<'_>> {
-        self.crossings.map(|crossings| crossings.about(s))
-    }
 }

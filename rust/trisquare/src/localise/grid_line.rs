@@ -3,8 +3,9 @@
 use nalgebra::Vector2;
 
 use super::coarse::{CoarseEdge, degree_for};
+use super::crossings;
 use super::curve::Curve;
-use super::{EdgeSpan, NoEdge, crossings};
+use super::span::{EdgeSpan, NoEdge};
 use crate::normal;
 use crate::picture::GreyReader;
 

@@ -4,7 +4,7 @@
 use nalgebra::{SMatrix, SVector};
 
 use super::band::Pixel;
-use super::blur_shape::BlurShape;
+use super::blur::BlurShape;
 use super::curve::{COEFFICIENTS, Curve};
 use super::noise::{self, robust_cost, robust_weight};
 use crate::tone::ToneCurve;

@@ -9,11 +9,13 @@ use nalgebra::{Cholesky, Const, Matrix2, SMatrix, SVector, Vector2};
 use super::band::Pixel;
 use super::curve::COEFFICIENTS;
 use super::noise::robust_weight;
+use super::preview::Preview;
 use super::profile::Profile;
 use super::side::{BASE, BIN_LENGTH, BLUR, PARAMETERS, RISE, Side};
-use super::{NoEdge, Preview};
+use super::span::NoEdge;
 use crate::outer::{add_outer, symmetric};
-use crate::photometric::{PictureTone, box_kurtosis};
+use crate::picture_tone::PictureTone;
+use crate::pixel_box::box_kurtosis;
 use crate::power_curve::{PowerCurve, TONE_PARAMETERS, TonePrior};
 use crate::tone::{Tone, ToneCurve};
 

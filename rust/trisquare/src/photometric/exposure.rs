@@ -4,7 +4,7 @@ use nalgebra::Vector2;
 
 use crate::Tone;
 use crate::photometric::band::PixelFigure;
-use crate::photometric::picture_tone::PictureState;
+use crate::picture_tone::PictureState;
 use crate::power_curve::TONE_PARAMETERS;
 
 /// Parameters of an exposure: ground, contrast, the light's gradient in x and y, blur.

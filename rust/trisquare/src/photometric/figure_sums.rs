@@ -7,12 +7,12 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::arrow::Block;
+use crate::free_parameters::FreeParameters;
 use crate::lens::{Columns, MAX_LENS_COLUMNS};
 use crate::outer::{add_outer, symmetric};
-use crate::parameters::FreeParameters;
 use crate::photometric::exposure::EXPOSURE_PARAMETERS;
-use crate::photometric::picture_tone::PICTURE_PARAMETERS;
 use crate::photometric::scene::{Scene, Shade};
+use crate::picture_tone::PICTURE_PARAMETERS;
 use crate::{BrownSight, Lens};
 
 /// Columns of a side's sums before the shared parameters: the line's three, and the residual.

@@ -1,12 +1,12 @@
 //! The pixels as a least-squares problem over camera, planes and exposures.
 
 use crate::arrow::{ArrowStep, ArrowSystem};
-use crate::parameters::FreeParameters;
+use crate::free_parameters::FreeParameters;
 use crate::photometric::band::PixelFigure;
 use crate::photometric::exposure::{EXPOSURE_PARAMETERS, Exposure};
 use crate::photometric::figure_sums::FigureSums;
-use crate::photometric::picture_tone::{PICTURE_PARAMETERS, PicturePrior, PictureState, ToneFit};
 use crate::photometric::scene::Scene;
+use crate::picture_tone::{PICTURE_PARAMETERS, PicturePrior, PictureState, ToneFit};
 use crate::robust::{Loss, Spread};
 use crate::view::View;
 use crate::{Brown, Lens};
@@ -256,7 +256,8 @@ mod tests {
     use super::*;
     use crate::observations::sort_by_plane;
     use crate::photometric::band::{Width, collect};
-    use crate::photometric::{Photographs, PictureTone};
+    use crate::photometric::photographs::Photographs;
+    use crate::picture_tone::PictureTone;
     use crate::synthetic::{Scene as Truth, SceneOptions};
     use crate::view::PlaneState;
     use crate::{Fixed, Model, Picture, Polarity, PowerCurve};
@@ -294,7 +295,7 @@ mod tests {
                 .iter()
                 .map(|pose| PlaneState {
                     pose: *pose,
-                    figures: vec![crate::observations::Placement::IDENTITY],
+                    figures: vec![crate::placement::Placement::IDENTITY],
                 })
                 .collect(),
         };

@@ -3,9 +3,10 @@
 use nalgebra::{Vector2, Vector3};
 
 use crate::photometric::band::{BandPixel, PixelFigure};
-use crate::photometric::coverage::{self, Corner, Coverage, PLATEAU, box_kurtosis, coverage};
+use crate::photometric::coverage::{self, Corner, Coverage, PLATEAU, coverage};
 use crate::photometric::exposure::{EXPOSURE_PARAMETERS, Exposure};
-use crate::photometric::picture_tone::{PICTURE_PARAMETERS, PictureState};
+use crate::picture_tone::{PICTURE_PARAMETERS, PictureState};
+use crate::pixel_box::box_kurtosis;
 use crate::power_curve::TONE_PARAMETERS;
 use crate::tone::ToneCurve;
 use crate::view::View;

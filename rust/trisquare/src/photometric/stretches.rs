@@ -6,14 +6,10 @@
 use crate::photometric::band::{BandPixel, PixelFigure};
 use crate::photometric::exposure::Exposure;
 use crate::photometric::fit::PixelFit;
-use crate::photometric::picture_tone::PictureState;
+use crate::picture_tone::PictureState;
 use crate::robust::median_scale;
 use crate::view::View;
 use crate::{Brown, Lens};
-
-/// Points of an outline's trace that make a stretch: 16 px, half of the shortest thing that hides
-/// a twelfth of a side of 400 px.
-pub(super) const STRETCH_POINTS: usize = 4;
 
 /// Pixels nearer to the outline than this (px) show the edge, the others the light beside it; each
 /// of the three zones is judged on its own.
