@@ -16,9 +16,9 @@ use crate::joint_fit::Fit;
 use crate::local_noise::Noise;
 use crate::misfit::Misfit;
 use crate::observations::ObservedPlane;
+use crate::problem::Task;
 use crate::refine::{Refined, search};
 use crate::squareness::Pinhole;
-use crate::task::Task;
 use crate::view::PlaneState;
 
 /// Planes that an agreement has: of three, two cannot show which one is false.

@@ -3,8 +3,8 @@
 use crate::covariance::check_plane_count;
 use crate::observations::sort_by_plane;
 use crate::photometric::{self, Photographs};
+use crate::problem::Task;
 use crate::result::Calibration;
-use crate::task::Task;
 use crate::warning::Stage;
 use crate::{Error, ImageSize, Method, Options, PlaneEdges, set_aside};
 
@@ -60,12 +60,14 @@ fn run(
     let task = Task::new(size, options);
     check_plane_count(planes.len(), &task.free)?;
 
-    let (stage, (solution, outliers)) = match options.method {
-        Method::Linear => (Stage::Linear, (task.solve(&planes)?, Vec::new())),
-        Method::MaximumLikelihood => (Stage::Edges, set_aside::agreeing(&task, &planes)?),
+    let advised = |failure| task.advised(failure);
+    let (stage, found) = match options.method {
+        Method::Linear => (Stage::Linear, task.solve(&planes).map(|s| (s, Vec::new()))),
+        Method::MaximumLikelihood => (Stage::Edges, set_aside::agreeing(&task, &planes)),
     };
+    let (solution, outliers) = found.map_err(advised)?;
     if judging {
-        task.judge(&solution)?;
+        task.judge(&solution).map_err(advised)?;
     }
     let mut calibration = Calibration::assemble(&task, &solution, stage);
     if let (Stage::Edges, Some(photographs)) = (stage, photographs) {

@@ -15,10 +15,10 @@ use crate::hypotheses::explanations;
 use crate::joint_fit::Fit;
 use crate::linear::{Homographies, Undistortion};
 use crate::observations::{ObservedPlane, has_grid, sort_by_plane};
+use crate::problem::Task;
 use crate::refine::search;
 use crate::residuals::{Residual, residuals, root_mean_square};
 use crate::straightness::Straightness;
-use crate::task::Task;
 use crate::{Brown, Error, Fixed, ImageSize, Method, Options, PlaneEdges, set_aside};
 
 /// Samples of each side that the choice looks at: a false square shows in few.

@@ -7,8 +7,8 @@ use crate::candidate_pool::Pool;
 use crate::conic::camera_matrix;
 use crate::explanation::{Explanation, Prior};
 use crate::linear::Homographies;
+use crate::problem::Task;
 use crate::squareness::{Candidate, Pinhole};
-use crate::task::Task;
 use crate::{ImageSize, Options};
 
 /// Focal lengths tried, over half the image diagonal, and how many: neighbours differ by 8 %.

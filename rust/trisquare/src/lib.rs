@@ -12,6 +12,7 @@
 //!   `l_plane ~ H^T l_image` under `H_image_from_plane`.
 //! - A standard deviation is one sigma.
 
+mod advice;
 mod agreement;
 mod arrow;
 mod assemble;
@@ -69,6 +70,7 @@ mod pose_data;
 mod pose_uncertainty;
 mod power_curve;
 mod predict;
+mod problem;
 mod projection_uncertainty;
 pub mod radial;
 mod refine;

@@ -1,15 +1,16 @@
 //! Sides and planes that do not belong to the scene: bent, torn or covered sides, and targets that
 //! are no squares. They are found by how much better the rest agrees without them.
 
+use crate::Brown;
 use crate::covariance::check_plane_count;
 use crate::local_noise::Noise;
 use crate::misfit::Misfit;
 use crate::observations::ObservedPlane;
+use crate::problem::{Failure, Task};
 use crate::refine::Refined;
 use crate::residuals::root_mean_square;
-use crate::task::{Solution, Task};
+use crate::task::Solution;
 use crate::warning::Warning;
-use crate::{Brown, Error};
 
 /// Planes that must remain where one is set aside: two cannot show which of three is false.
 const LEAST_PLANES: usize = 3;
@@ -53,10 +54,10 @@ const SIDES: usize = 4;
 pub(crate) fn agreeing(
     task: &Task<'_>,
     planes: &[ObservedPlane],
-) -> Result<(Solution, Vec<Warning>), Error> {
+) -> Result<(Solution, Vec<Warning>), Failure> {
     let mut solution = match without_false_plane(task, planes, task.solve(planes)) {
-        Err(error @ (Error::NotConverged { .. } | Error::WeakGeometry(_))) => {
-            solved_without_bent_side(task, planes).ok_or(error)?
+        Err(failure) if failure.may_be_outliers() => {
+            solved_without_bent_side(task, planes).ok_or(failure)?
         }
         other => other?,
     };
@@ -99,13 +100,13 @@ fn farthest<T: Copy>(mut things: Vec<(T, Misfit)>, count: usize) -> Vec<T> {
 fn without_false_plane(
     task: &Task<'_>,
     planes: &[ObservedPlane],
-    all: Result<Solution, Error>,
-) -> Result<Solution, Error> {
+    all: Result<Solution, Failure>,
+) -> Result<Solution, Failure> {
     let enough =
         planes.len() > LEAST_PLANES && check_plane_count(planes.len() - 1, &task.free).is_ok();
     let misfit = match &all {
         Ok(solution) => Some(solution.misfit(task)),
-        Err(Error::NotConverged { .. } | Error::WeakGeometry(_)) => None,
+        Err(failure) if failure.may_be_outliers() => None,
         Err(_) => return all,
     };
     if !enough || misfit.is_some_and(|misfit| misfit.mean() < DOUBTED) {

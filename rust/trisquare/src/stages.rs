@@ -9,8 +9,8 @@ use crate::linear::{Homographies, Undistortion};
 use crate::local_noise::Noise;
 use crate::misfit::Misfit;
 use crate::observations::{ObservedPlane, Sample};
+use crate::problem::{Failure, Task};
 use crate::refine::{Refined, Search, finish, search};
-use crate::task::Task;
 use crate::view::View;
 use crate::weakness::Weakness;
 use crate::{Brown, Error, Fixed, Method, Options};
@@ -27,8 +27,8 @@ const BEATEN: f64 = 0.98;
 pub(crate) fn with_stages<T>(
     task: &Task<'_>,
     planes: &[ObservedPlane],
-    answer: impl FnOnce(&Stages<'_>) -> Result<T, Error>,
-) -> Result<T, Error> {
+    answer: impl FnOnce(&Stages<'_>) -> Result<T, Failure>,
+) -> Result<T, Failure> {
     let sample_limit = match task.options.method {
         Method::Linear => usize::MAX,
         Method::MaximumLikelihood => START_SAMPLES_PER_SIDE,
@@ -91,7 +91,7 @@ impl Stages<'_> {
     }
 
     /// The answer of the method asked for.
-    pub fn optimum(&self) -> Result<Refined<Brown>, Error> {
+    pub fn optimum(&self) -> Result<Refined<Brown>, Failure> {
         match self.task.options.method {
             Method::Linear => self.linear().map_err(|error| self.why_not_linear(error)),
             Method::MaximumLikelihood => self.refine(),
@@ -112,13 +112,13 @@ impl Stages<'_> {
 
     /// Where the linear steps give no camera, its geometry is the likeliest reason, and the
     /// refinement can tell.
-    fn why_not_linear(&self, error: Error) -> Error {
+    fn why_not_linear(&self, error: Error) -> Failure {
         match self.refine() {
-            Err(weak @ Error::WeakGeometry(_)) => weak,
-            Err(_) => error,
+            Err(weak @ Failure::Weak(_)) => weak,
+            Err(_) => error.into(),
             Ok(refined) => match self.weakness(&refined) {
-                Some(weakness) => self.advised(&refined, weakness),
-                None => error,
+                Some(weakness) => self.task.refuse(self.planes, &refined, weakness),
+                None => error.into(),
             },
         }
     }
@@ -130,7 +130,7 @@ impl Stages<'_> {
     /// turned to match: then all starts are tried and the one that fits best is taken. One that
     /// leaves much more than noise may be wrong, too, where the robust loss gave up a part of the
     /// samples for the rest: it has to stand against that of another start.
-    fn refine(&self) -> Result<Refined<Brown>, Error> {
+    fn refine(&self) -> Result<Refined<Brown>, Failure> {
         let conic = conic_camera_matrix(self.homographies, self.task.size, self.task.options);
         let starts = conic.into_iter().chain(fallback_camera_matrices(
             self.homographies,
@@ -141,7 +141,7 @@ impl Stages<'_> {
         let mut best: Option<Refined<Brown>> = None;
         for camera_matrix in starts {
             let start = match self.view(&camera_matrix) {
-                Err(error @ Error::TooFewDegreesOfFreedom { .. }) => return Err(error),
+                Err(error @ Error::TooFewDegreesOfFreedom { .. }) => return Err(error.into()),
                 Err(_) => continue,
                 Ok(start) => start,
             };
@@ -227,20 +227,20 @@ impl Stages<'_> {
     }
 
     /// A geometry that cannot answer is the likeliest reason, and has its own error.
-    fn no_convergence(&self, unsettled: Option<Search<Brown>>) -> Error {
+    fn no_convergence(&self, unsettled: Option<Search<Brown>>) -> Failure {
         let iterations = unsettled.as_ref().map_or(0, |found| found.iterations);
         let refined = unsettled.and_then(|found| self.around(found.view));
         let rms = refined.as_ref().map_or(0.0, |refined| refined.noise_scale);
         if let Some(refined) = &refined
             && let Some(weakness) = self.weakness(refined)
         {
-            return self.advised(refined, weakness);
+            return self.task.refuse(self.planes, refined, weakness);
         }
-        Error::NotConverged {
+        Failure::Other(Error::NotConverged {
             stage: "the joint refinement",
             iterations,
             rms,
-        }
+        })
     }
 
     pub fn weakness(&self, refined: &Refined<Brown>) -> Option<Weakness> {
@@ -258,9 +258,5 @@ impl Stages<'_> {
     fn is_strained(&self, refined: &Refined<Brown>) -> bool {
         let noise = Noise::of_optimum(self.planes, refined);
         Misfit::of(self.planes, &refined.view, &self.task.free, &noise).mean() > STRAINED
-    }
-
-    fn advised(&self, refined: &Refined<Brown>, weakness: Weakness) -> Error {
-        self.task.advised(self.planes, refined, weakness)
     }
 }

@@ -11,8 +11,8 @@ use crate::linear::Undistortion;
 use crate::local_noise::Noise;
 use crate::misfit::Misfit;
 use crate::observations::{ObservedPlane, Sample, Side};
+use crate::problem::Task;
 use crate::residuals::{Residual, Residuals, robust_scale};
-use crate::task::Task;
 use crate::{Line, Straightening};
 
 /// Mean square curvature, in units of the noise, from which lenses of some planes are tried: that

@@ -1,5 +1,5 @@
-//! What is asked of the planes, and what a solution knows: its optimum weighed by the planes' own
-//! noise, its covariance, its judgement.
+//! What a solution knows: its optimum weighed by the planes' own noise, its covariance, its
+//! judgement.
 
 use crate::coherence::Coherence;
 use crate::consistency::disagreement;
@@ -7,25 +7,14 @@ use crate::correlated::{Correlated, correlated_covariance, weighed_by_noise};
 use crate::covariance::covariance;
 use crate::drift;
 use crate::first_view::first_view;
-use crate::free_parameters::FreeParameters;
-use crate::geometry::{Geometry, judged_parameters};
 use crate::linear::{Homographies, Undistortion};
 use crate::local_noise::Noise;
 use crate::observations::ObservedPlane;
 use crate::paper;
+use crate::problem::{Failure, Task};
 use crate::refine::{Refined, finish, search};
-use crate::remedies;
 use crate::stages::with_stages;
-use crate::weakness::Weakness;
-use crate::{Brown, Error, Fixed, ImageSize, Method, Options};
-
-/// What is asked of the planes.
-pub(crate) struct Task<'a> {
-    pub size: ImageSize,
-    pub options: &'a Options,
-    pub free: FreeParameters,
-    pub judged: FreeParameters,
-}
+use crate::{Brown, Error, Method};
 
 /// The best camera for some planes, and what is known of it.
 #[derive(Clone)]
@@ -38,24 +27,14 @@ pub(crate) struct Solution {
     pub noise: Option<Noise>,
 }
 
-impl<'a> Task<'a> {
-    pub fn new(size: ImageSize, options: &'a Options) -> Self {
-        let free = options.free_parameters();
-        Self {
-            size,
-            options,
-            judged: judged_parameters(&free),
-            free,
-        }
-    }
-
+impl Task<'_> {
     /// The answer of the method asked for.
-    pub fn optimum(&self, planes: &[ObservedPlane]) -> Result<Refined<Brown>, Error> {
+    pub fn optimum(&self, planes: &[ObservedPlane]) -> Result<Refined<Brown>, Failure> {
         with_stages(self, planes, |stages| stages.optimum())
     }
 
     /// The same, with what is known of it.
-    pub fn solve(&self, planes: &[ObservedPlane]) -> Result<Solution, Error> {
+    pub fn solve(&self, planes: &[ObservedPlane]) -> Result<Solution, Failure> {
         let refined = self.optimum(planes)?;
         match self.options.method {
             Method::MaximumLikelihood => self.settle(planes, refined),
@@ -69,7 +48,7 @@ impl<'a> Task<'a> {
         &self,
         planes: &[ObservedPlane],
         mut refined: Refined<Brown>,
-    ) -> Result<Solution, Error> {
+    ) -> Result<Solution, Failure> {
         if refined.is_exact() {
             return self.independent_solution(planes, refined);
         }
@@ -139,7 +118,7 @@ impl<'a> Task<'a> {
         &self,
         planes: &[ObservedPlane],
         refined: Refined<Brown>,
-    ) -> Result<Solution, Error> {
+    ) -> Result<Solution, Failure> {
         let system = refined.system.leading(self.free.len());
         let focal = refined.view.lens.focal().x;
         let factor = refined.covariance_factor;
@@ -163,73 +142,27 @@ impl<'a> Task<'a> {
         self.weakness(&solution.planes, &solution.refined).is_some()
     }
 
-    /// Refuses geometry that cannot answer, and says what would help.
+    /// Refuses geometry that cannot answer.
     ///
     /// # Errors
-    /// [`Error::WeakGeometry`].
-    pub fn judge(&self, solution: &Solution) -> Result<(), Error> {
+    /// [`Failure::Weak`].
+    pub fn judge(&self, solution: &Solution) -> Result<(), Failure> {
         let (planes, refined) = (&solution.planes, &solution.refined);
         match self.weakness(planes, refined) {
-            Some(weakness) => Err(self.advised(planes, refined, weakness)),
+            Some(weakness) => Err(self.refuse(planes, refined, weakness)),
             None => Ok(()),
         }
     }
 
     /// Why there is no covariance: most likely the geometry.
-    fn singular(&self, planes: &[ObservedPlane], refined: &Refined<Brown>) -> Error {
+    fn singular(&self, planes: &[ObservedPlane], refined: &Refined<Brown>) -> Failure {
         match self.weakness(planes, refined) {
-            Some(weakness) => self.advised(planes, refined, weakness),
-            None => Error::NotConverged {
+            Some(weakness) => self.refuse(planes, refined, weakness),
+            None => Failure::Other(Error::NotConverged {
                 stage: "the covariance",
                 iterations: refined.iterations,
                 rms: refined.noise_scale,
-            },
+            }),
         }
-    }
-
-    /// Why the geometry of an optimum cannot answer, if it cannot.
-    pub fn weakness(&self, planes: &[ObservedPlane], refined: &Refined<Brown>) -> Option<Weakness> {
-        let factor = refined.covariance_factor;
-        let geometry = self.geometry(planes, refined);
-        geometry.judge(&refined.system, &self.free, factor).err()
-    }
-
-    pub fn geometry<'b>(
-        &'b self,
-        planes: &'b [ObservedPlane],
-        refined: &'b Refined<Brown>,
-    ) -> Geometry<'b, Brown> {
-        Geometry {
-            view: &refined.view,
-            planes,
-            size: self.size,
-            options: self.options,
-            noise_scale: refined.noise_scale,
-        }
-    }
-
-    /// A refusal with what would help.
-    pub fn advised(
-        &self,
-        planes: &[ObservedPlane],
-        refined: &Refined<Brown>,
-        mut weakness: Weakness,
-    ) -> Error {
-        let succeeds = |fixed: Fixed| {
-            let options = Options {
-                fixed,
-                ..*self.options
-            };
-            let trial = Task::new(self.size, &options);
-            let judged = with_stages(&trial, planes, |stages| {
-                Ok(stages.weakness(&stages.optimum()?).is_none())
-            });
-            judged.unwrap_or(false)
-        };
-        weakness.remedies = remedies::holding(&self.options.fixed, succeeds);
-        let geometry = self.geometry(planes, refined);
-        let shown = remedies::showing(&geometry, &weakness);
-        weakness.remedies.extend(shown);
-        Error::WeakGeometry(Box::new(weakness))
     }
 }
