@@ -1,12 +1,12 @@
 //! The stages, in order, and nothing else.
 
-use crate::covariance::check_plane_count;
-use crate::observations::sort_by_plane;
-use crate::photometric::{self, Photographs};
-use crate::problem::Task;
-use crate::result::Calibration;
-use crate::warning::Stage;
-use crate::{Error, ImageSize, Method, Options, PlaneEdges, set_aside};
+use crate::error::Error;
+use crate::image_size::ImageSize;
+use crate::observations::{Method, Options, PlaneEdges, sort_by_plane};
+use crate::photometric::{Photographs, improve};
+use crate::result::{Calibration, Stage};
+use crate::solver::{Task, reject_outliers};
+use crate::uncertainty::check_plane_count;
 
 /// Calibrates a camera from edge samples of planes with known lines.
 ///
@@ -63,7 +63,7 @@ fn run(
     let advised = |failure| task.advised(failure);
     let (stage, found) = match options.method {
         Method::Linear => (Stage::Linear, task.solve(&planes).map(|s| (s, Vec::new()))),
-        Method::MaximumLikelihood => (Stage::Edges, set_aside::agreeing(&task, &planes)),
+        Method::MaximumLikelihood => (Stage::Edges, reject_outliers(&task, &planes)),
     };
     let (solution, outliers) = found.map_err(advised)?;
     if judging {
@@ -71,7 +71,7 @@ fn run(
     }
     let mut calibration = Calibration::assemble(&task, &solution, stage);
     if let (Stage::Edges, Some(photographs)) = (stage, photographs) {
-        photometric::improve(edges, &task, &solution, photographs, &mut calibration);
+        improve(edges, &task, &solution, photographs, &mut calibration);
     }
     if calibration.stage == stage {
         calibration.state_poses(&solution);

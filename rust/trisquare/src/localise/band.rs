@@ -2,10 +2,10 @@
 
 use nalgebra::Vector2;
 
-use super::crossings::Crossings;
 use super::curve::Curve;
 use super::flip::Flip;
-use crate::picture::GreyReader;
+use super::grid_crossings::Crossings;
+use crate::image::GreyReader;
 
 /// Columns whose far pixels are averaged into one.
 const FAR_COLUMNS: usize = 4;

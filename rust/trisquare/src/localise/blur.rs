@@ -1,6 +1,6 @@
 //! The shape of a blur.
 
-use crate::normal::cdf_and_pdf;
+use crate::numeric::cdf_and_pdf;
 
 /// Beyond this square there is no lens nor pixel left.
 pub(super) const MOST: f64 = 0.97;

@@ -6,9 +6,9 @@
 
 use super::band::Pixel;
 use super::blur::{BlurShape, MOST};
-use super::noise::{robust_cost, robust_weight};
+use super::pixel_noise::{robust_cost, robust_weight};
 use super::side::{SETTLED, Side};
-use crate::tone::ToneCurve;
+use crate::image::ToneCurve;
 
 /// Blurs (px) that are mostly the pixel's own box and the lens, and taken as normal.
 const NORMAL_BLUR: f64 = 1.0;

@@ -6,7 +6,7 @@ use super::curve::COEFFICIENTS;
 use super::measured::Measured;
 use super::span::{NoEdge, SpanEdges};
 use super::tone_fit::{ToneEstimate, Trust, pool};
-use crate::power_curve::PowerCurve;
+use crate::image::PowerCurve;
 
 /// Moves the samples to where the estimate from all pixels sees them, and tells how far one
 /// standard deviation of it displaces them.

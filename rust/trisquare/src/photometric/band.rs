@@ -2,12 +2,11 @@
 
 use nalgebra::Vector2;
 
-use crate::observations::{ObservedPlane, Side};
-use crate::photometric::coverage::PLATEAU;
-use crate::photometric::photographs::{Photographs, Refusal};
-use crate::picture::GreyReader;
-use crate::view::{PlaneState, View};
-use crate::{Brown, Lens, Picture, PlaneEdges, Polarity};
+use super::coverage::PLATEAU;
+use super::photographs::{Photographs, Refusal};
+use crate::image::{GreyReader, Picture};
+use crate::lens::{Brown, Lens};
+use crate::observations::{ObservedPlane, PlaneEdges, PlaneState, Polarity, Side, View};
 
 /// Pixels this near (px) to an outline are used: farther ones still tell the plateaus' light.
 const REACH: f64 = 12.0;

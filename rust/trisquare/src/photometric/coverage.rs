@@ -1,6 +1,6 @@
 //! How much of a pixel a blurred square covers.
 
-use crate::normal::{BivariateNormal, cdf, cdf_and_pdf};
+use crate::numeric::{BivariateNormal, cdf, cdf_and_pdf};
 
 /// Beyond so many blurs an edge is at its plateau: Phi(-3.8) is 7e-5 of the contrast, a hundredth
 /// of a grey level.
@@ -127,7 +127,7 @@ fn between_two([a, b]: [usize; 2], z: &[f64; 4], corners: &[Corner; 4]) -> Cover
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pixel_box::box_kurtosis;
+    use crate::image::box_kurtosis;
     use nalgebra::Vector2;
 
     fn corners(correlation: f64) -> [Corner; 4] {

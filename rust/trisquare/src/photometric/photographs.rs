@@ -1,7 +1,6 @@
 //! What a fit to the pixels looks at, and why it may not be taken.
 
-use crate::Picture;
-use crate::picture_tone::PictureTone;
+use crate::image::{Picture, PictureTone};
 
 /// The pictures that show the figures, and how they were coded.
 #[derive(Debug, Clone, Copy)]
