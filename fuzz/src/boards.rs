@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
 use nalgebra::{Matrix3, Vector2};
+use trisquare::internals::{Crossing, Follower, GreyBytes, Lattice};
 use trisquare::synthetic::Scene;
-use trisquare::{Crossing, EdgeSpan, Follower, GreyBytes, ImageSize, Lattice, Lens, Pose};
+use trisquare::{EdgeSpan, ImageSize, Lens, Pose};
 
 use crate::Outcome;
 use crate::bytes::Bytes;
@@ -123,13 +124,13 @@ fn on_plane(view: &View, pose: &Pose, pixel: Vector2<f64>) -> Option<Vector2<f64
     Some(found.xy())
 }
 
-/// `trisquare::link_crossings` on a board or on anything.
+/// `trisquare::internals::link_crossings` on a board or on anything.
 pub fn link_crossings(data: &[u8]) -> Outcome {
     let bytes = &mut Bytes::new(data);
     let (crossings, _, canvas) = crossings_and_picture(bytes);
     let (width, height, values) = canvas.grey_bytes();
     let picture = GreyBytes::new(width, height, &values).expect("the values fill the size");
-    let links = trisquare::link_crossings(&picture, &crossings);
+    let links = trisquare::internals::link_crossings(&picture, &crossings);
     assert_eq!(links.len(), crossings.len());
     for (number, followers) in links.iter().enumerate() {
         for (direction, follower) in followers.iter().enumerate() {
@@ -150,7 +151,7 @@ pub fn link_crossings(data: &[u8]) -> Outcome {
     }
 }
 
-/// `trisquare::Lattice::grow` from some cells of a board, or from anything.
+/// `trisquare::internals::Lattice::grow` from some cells of a board, or from anything.
 pub fn grow_lattice(data: &[u8]) -> Outcome {
     let bytes = &mut Bytes::new(data);
     let (crossings, sites, canvas) = crossings_and_picture(bytes);

@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 
 use nalgebra::Vector2;
-use trisquare::normal::cdf;
+use trisquare::internals::cdf;
 use trisquare::synthetic::Scene;
 use trisquare::{
     EdgeSpan, ImageSize, Method, NoEdge, Photographs, Picture, PictureTone, PlaneEdges, Polarity,

@@ -1,7 +1,8 @@
 //! The steps of the linear method, one by one, and the lens.
 
 use nalgebra::{Matrix3, Vector3};
-use trisquare::{Lens, Line, Pose, camera_matrix_from_homographies, homography_from_lines, radial};
+use trisquare::internals::monotonic_radius;
+use trisquare::{Lens, Line, Pose, camera_matrix_from_homographies, homography_from_lines};
 
 use crate::bytes::Bytes;
 use crate::coordinates::{SCENES, SIZE};
@@ -119,7 +120,7 @@ pub fn lens(data: &[u8]) -> Outcome {
     } else {
         bytes.camera(SIZE)
     };
-    let reach = radial::monotonic_radius(std::array::from_fn(|_| bytes.coefficient()));
+    let reach = monotonic_radius(std::array::from_fn(|_| bytes.coefficient()));
     assert!(reach >= 0.0, "{reach}"); // NaN is not
     assert!(!lens.valid_radius().is_nan());
     let space = Vector3::from_fn(|_, _| bytes.coefficient());

@@ -16,7 +16,7 @@ use crate::errors::exception;
 #[pyfunction]
 #[pyo3(signature = (k1, k2, p1, p2, k3))]
 pub fn invertible_radius(k1: f64, k2: f64, p1: f64, p2: f64, k3: f64) -> f64 {
-    trisquare::radial::invertible_radius([k1, k2, k3], [p1, p2])
+    trisquare::internals::invertible_radius([k1, k2, k3], [p1, p2])
 }
 
 /// A camera as Python hands it over: its nine parameters, and the radius it is trusted up to.
@@ -152,7 +152,7 @@ pub fn largest_rectangle(
     let mask = mask
         .as_slice()
         .map_err(|_| PyValueError::new_err("the mask must be contiguous"))?;
-    let [x, y, width, height] = py.detach(|| trisquare::largest_rectangle(mask, width));
+    let [x, y, width, height] = py.detach(|| trisquare::internals::largest_rectangle(mask, width));
     Ok((x, y, width, height))
 }
 

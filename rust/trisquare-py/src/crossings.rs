@@ -9,7 +9,7 @@ use numpy::{
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use trisquare::{Crossing, GreyBytes, Lattice, Site};
+use trisquare::internals::{Crossing, GreyBytes, Lattice, Site};
 
 use crate::arrays;
 
@@ -29,7 +29,7 @@ pub fn link_crossings<'py>(
     let (width, height, values) = bytes_of(&picture);
     let values = values.into_owned();
     let grey = GreyBytes::new(width, height, &values).ok_or_else(no_picture)?;
-    let linked = py.detach(|| trisquare::link_crossings(&grey, &crossings));
+    let linked = py.detach(|| trisquare::internals::link_crossings(&grey, &crossings));
     let following = PyArray2::zeros(py, [linked.len(), 4], false);
     let back = PyArray2::zeros(py, [linked.len(), 4], false);
     {

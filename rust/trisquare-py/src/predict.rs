@@ -49,7 +49,9 @@ pub fn predict<'py>(
     let found = py
         .detach(|| match judged {
             true => trisquare::predict(&camera, size, &planes, noise, &options),
-            false => trisquare::predict_unjudged(&camera, size, &planes, noise, &options),
+            false => {
+                trisquare::internals::predict_unjudged(&camera, size, &planes, noise, &options)
+            }
         })
         .map_err(exception)?;
     let std = PyDict::new(py);

@@ -5,7 +5,7 @@ use nalgebra::Vector2;
 use numpy::{PyArray2, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use trisquare::{GreyBytes, SaddleStep, settled_on_saddle};
+use trisquare::internals::{GreyBytes, SaddleStep, settled_on_saddle};
 
 use crate::arrays;
 use crate::crossings::{bytes_of, no_picture};

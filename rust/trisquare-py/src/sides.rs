@@ -6,7 +6,7 @@ use numpy::{
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use trisquare::{SidePoints, trimmed_cubics};
+use trisquare::internals::{SidePoints, trimmed_cubics};
 
 use crate::arrays;
 

@@ -3,7 +3,7 @@
 use nalgebra::Vector2;
 use numpy::{PyArray2, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
-use trisquare::LatticeSurface;
+use trisquare::internals::LatticeSurface;
 
 use crate::arrays;
 use crate::crossings::sites_of;

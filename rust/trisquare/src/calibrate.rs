@@ -1,11 +1,12 @@
 //! The stages, in order, and nothing else.
 
-use crate::covariance::check_plane_count;
-use crate::observations::sort_by_plane;
-use crate::photometric::{self, Photographs};
+use crate::error::Error;
+use crate::image_size::ImageSize;
+use crate::observations::{Method, Options, PlaneEdges, sort_by_plane};
+use crate::photometric::{Photographs, improve};
 use crate::result::{Calibration, Stage};
-use crate::task::Task;
-use crate::{Error, ImageSize, Method, Options, PlaneEdges, set_aside};
+use crate::solver::{Task, reject_outliers};
+use crate::uncertainty::check_plane_count;
 
 /// Calibrates a camera from edge samples of planes with known lines.
 ///
@@ -59,16 +60,18 @@ fn run(
     let task = Task::new(size, options);
     check_plane_count(planes.len(), &task.free)?;
 
-    let (stage, (solution, outliers)) = match options.method {
-        Method::Linear => (Stage::Linear, (task.solve(&planes)?, Vec::new())),
-        Method::MaximumLikelihood => (Stage::Edges, set_aside::agreeing(&task, &planes)?),
+    let advised = |failure| task.advised(failure);
+    let (stage, found) = match options.method {
+        Method::Linear => (Stage::Linear, task.solve(&planes).map(|s| (s, Vec::new()))),
+        Method::MaximumLikelihood => (Stage::Edges, reject_outliers(&task, &planes)),
     };
+    let (solution, outliers) = found.map_err(advised)?;
     if judging {
-        task.judge(&solution)?;
+        task.judge(&solution).map_err(advised)?;
     }
     let mut calibration = Calibration::assemble(&task, &solution, stage);
     if let (Stage::Edges, Some(photographs)) = (stage, photographs) {
-        photometric::improve(edges, &task, &solution, photographs, &mut calibration);
+        improve(edges, &task, &solution, photographs, &mut calibration);
     }
     if calibration.stage == stage {
         calibration.state_poses(&solution);

@@ -1,6 +1,6 @@
 //! The one error type: each variant carries the numbers a caller can act on.
 
-use crate::Weakness;
+use crate::ill_conditioning::Weakness;
 
 /// Why a calibration, or one of its steps, gives no answer.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use crate::Error;
+use crate::error::Error;
 
 /// Width and height of a picture in pixels; `(0, 0)` is the centre of its top-left pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -8,8 +8,10 @@ use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 
-use crate::edges::square_lines;
-use crate::{Brown, ImageSize, Lens, PlaneEdges, Pose};
+use crate::geometry::Pose;
+use crate::image_size::ImageSize;
+use crate::lens::{Brown, Lens};
+use crate::observations::{PlaneEdges, square_lines};
 
 /// Where the squares stand, in parts of the picture.
 const PLACES: [(f64, f64); 3] = [(0.23, 0.3), (0.77, 0.3), (0.5, 0.72)];

@@ -2,9 +2,10 @@
 
 use nalgebra::Vector2;
 
-use super::crossings::{Crossings, Flip};
 use super::curve::Curve;
-use crate::picture::GreyReader;
+use super::flip::Flip;
+use super::grid_crossings::Crossings;
+use crate::image::GreyReader;
 
 /// Columns whose far pixels are averaged into one.
 const FAR_COLUMNS: usize = 4;
@@ -132,7 +133,7 @@ impl Band<'_> {
         });
         let ends = self.ends.map(|x| x / curve.half_length);
         let near = self.near * column.per_pixel;
-        let crossings = self.crossings_about(column.s);
+        let crossings = self.crossings.map(|crossings| crossings.about(column.s));
         let constant = crossings.as_ref().map_or(Some(Flip::NONE), |crossings| {
             crossings.constant([top, bottom].map(|row| column.place(row as f64)))
         });

@@ -5,18 +5,16 @@
 //! shift of the edge: at a motion of 14 pixels and sRGB, fx is off by 0.2 %.
 
 use super::band::Pixel;
-use super::noise::{robust_cost, robust_weight};
+use super::blur::{BlurShape, MOST};
+use super::pixel_noise::{robust_cost, robust_weight};
 use super::side::{SETTLED, Side};
-use crate::normal::cdf_and_pdf;
-use crate::tone::ToneCurve;
+use crate::image::ToneCurve;
 
 /// Blurs (px) that are mostly the pixel's own box and the lens, and taken as normal.
 const NORMAL_BLUR: f64 = 1.0;
 /// The fourth cumulant is that of a box, times the square of the box's share in the variance. These
 /// squares are tried; a disc is alike one of 0.83.
 const TRIED: [f64; 5] = [0.25, 0.45, 0.65, 0.8, 0.92];
-/// Beyond this square there is no lens nor pixel left.
-const MOST: f64 = 0.97;
 /// A shape other than normal lowers the cost by so much: four standard deviations.
 const MIN_GAIN: f64 = 8.0;
 /// Squares this far on both sides are tried where all pixels tell.
@@ -27,56 +25,6 @@ const SLOPE_ROUNDS: usize = 2;
 /// The blur of a side bent by 30 degrees between its ends, seen at 45 degrees to the motion, changes
 /// by a quarter to either end.
 const MAX_SLOPE: f64 = 0.4;
-
-/// A symmetric density of variance 1: a box, blurred normally.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct BlurShape {
-    /// Square of the box's share in the variance.
-    square: f64,
-    /// Half the width of the box, and the standard deviation of the rest.
-    half_width: f64,
-    spread: f64,
-}
-
-impl BlurShape {
-    pub const NORMAL: Self = Self {
-        square: 0.0,
-        half_width: 0.0,
-        spread: 1.0,
-    };
-
-    fn with_square(square: f64) -> Self {
-        let share = square.clamp(0.0, MOST).sqrt();
-        Self {
-            square: share * share,
-            half_width: (3.0 * share).sqrt(),
-            spread: (1.0 - share).sqrt(),
-        }
-    }
-
-    /// Integral of the density up to `z`, and the density.
-    #[inline]
-    pub fn step_and_density(&self, z: f64) -> (f64, f64) {
-        match self.square {
-            0.0 => cdf_and_pdf(z),
-            _ => self.of_box(z),
-        }
-    }
-
-    #[cold]
-    fn of_box(&self, z: f64) -> (f64, f64) {
-        let [upper, lower] = [z + self.half_width, z - self.half_width].map(|z| z / self.spread);
-        let ((upper_cdf, upper_pdf), (lower_cdf, lower_pdf)) =
-            (cdf_and_pdf(upper), cdf_and_pdf(lower));
-        // x Phi(x) + phi(x) is the integral of Phi.
-        let area = upper * upper_cdf + upper_pdf - lower * lower_cdf - lower_pdf;
-        let inverse_width = 0.5 / self.half_width;
-        (
-            self.spread * inverse_width * area,
-            inverse_width * (upper_cdf - lower_cdf),
-        )
-    }
-}
 
 impl Side {
     /// Gives a side, fitted with a normal blur, the shape that its pixels ask for; false if that is
@@ -188,28 +136,6 @@ fn lowest([(x0, y0), (x1, y1), (x2, y2)]: [(f64, f64); 3]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn every_shape_has_variance_one_and_the_fourth_cumulant_of_its_box() {
-        for square in [0.0, 0.1, 0.5, 0.9, MOST] {
-            let shape = BlurShape::with_square(square);
-            let mut moments = [0.0; 3];
-            let mut step = 0.0;
-            const WIDTH: f64 = 1e-3;
-            for index in -8000..8000 {
-                let z = (f64::from(index) + 0.5) * WIDTH;
-                let (value, density) = shape.step_and_density(z);
-                step += density * WIDTH;
-                assert!((step - value - 0.5 * density * WIDTH).abs() < 1e-5);
-                for (k, moment) in moments.iter_mut().enumerate() {
-                    *moment += density * z.powi(2 * k as i32) * WIDTH;
-                }
-            }
-            let [mass, variance, fourth] = moments;
-            assert!((mass - 1.0).abs() < 1e-6 && (variance - 1.0).abs() < 1e-5);
-            assert!((fourth - 3.0 + 1.2 * square).abs() < 1e-4, "{square}");
-        }
-    }
 
     #[test]
     fn a_parabola_is_lowest_at_its_vertex() {

@@ -3,8 +3,8 @@
 use nalgebra::Vector2;
 
 use super::curve::Curve;
-use super::{EdgeSpan, NoEdge};
-use crate::picture::GreyReader;
+use super::span::{EdgeSpan, NoEdge};
+use crate::image::GreyReader;
 
 /// How an edge is looked at.
 struct Sight {
@@ -137,7 +137,7 @@ fn seen(
     let plateaus = [0, 1].map(|side| median(&mut rises, |rise| rise.plateaus[side]));
     let slope = median(&mut rises, |rise| rise.slope);
     // At the edge itself the slope is the contrast times the normal density over the blur.
-    let blur = crate::normal::pdf(0.0) * (plateaus[1] - plateaus[0]) / slope;
+    let blur = crate::numeric::pdf(0.0) * (plateaus[1] - plateaus[0]) / slope;
     let most = MAX_DEPARTURE * (plateaus[1] - plateaus[0]).abs();
     let departure = |rise: &Rise, i: usize| (rise.plateaus[i] - plateaus[i]).abs();
     let most =

@@ -3,9 +3,10 @@
 use nalgebra::{Matrix2, SVector, Vector2};
 
 use super::curve::COEFFICIENTS;
+use super::measured::Measured;
+use super::span::{NoEdge, SpanEdges};
 use super::tone_fit::{ToneEstimate, Trust, pool};
-use super::{Measured, NoEdge, SpanEdges};
-use crate::power_curve::PowerCurve;
+use crate::image::PowerCurve;
 
 /// Moves the samples to where the estimate from all pixels sees them, and tells how far one
 /// standard deviation of it displaces them.

@@ -4,9 +4,10 @@ use nalgebra::Vector2;
 
 use super::coarse::{CoarseEdge, degree_for};
 use super::curve::Curve;
-use super::{EdgeSpan, NoEdge, crossings};
-use crate::normal;
-use crate::picture::GreyReader;
+use super::grid_crossings;
+use super::span::{EdgeSpan, NoEdge};
+use crate::image::GreyReader;
+use crate::numeric::pdf;
 
 /// Where, between two crossings, a line is looked at.
 const STATIONS: [f64; 3] = [0.35, 0.5, 0.65];
@@ -38,7 +39,7 @@ pub(super) fn find(
 ) -> Result<CoarseEdge, NoEdge> {
     let span = &spans[index];
     let curve = through_crossings(span).ok_or(NoEdge::NoPath)?;
-    let spacing = crossings::spacing(spans, index, curve.along);
+    let spacing = grid_crossings::spacing(spans, index, curve.along);
     let least_rim = span.rims.iter().copied().filter(|rim| *rim > 0.0);
     let share = least_rim.map(|rim| 0.5 * rim).fold(SHADE_SHARE, f64::min);
     let reach = SHADE_REACH.min(share * spacing);
@@ -79,7 +80,7 @@ pub(super) fn find(
         curve,
         plateaus: [0, 1].map(|side| median(seen.iter().map(|stretch| stretch.shades[side]))),
         // At the edge itself the slope is the contrast times the normal density over the blur.
-        blur: normal::pdf(0.0) * usual / slope,
+        blur: pdf(0.0) * usual / slope,
         hidden,
     })
 }

@@ -5,9 +5,10 @@ use std::f64::consts::PI;
 use nalgebra::Vector2;
 
 use super::band::Pixel;
-use super::noise::{self, robust_weight};
+use super::pixel_noise;
+use super::pixel_noise::robust_weight;
 use super::side::{EDGE_BLURS, Side};
-use crate::tone::ToneCurve;
+use crate::image::ToneCurve;
 
 /// Length of a patch along the curve, pixels: longer ones would smooth what a lens does to a
 /// line, shorter ones hold too few pixels to be judged.
@@ -59,7 +60,7 @@ pub(super) fn measure(
     let mut patches = Patches::over(side, tone, pixels, expected_noise);
     residuals.clear();
     patches.update(side, tone, pixels, expected_noise, |r| residuals.push(r));
-    let noise = noise::scale(residuals, side.edge_parameters(), floor);
+    let noise = pixel_noise::scale(residuals, side.edge_parameters(), floor);
     if patches.patches.iter().any(Patch::is_unsettled) {
         patches.update(side, tone, pixels, noise, |_| {});
     }

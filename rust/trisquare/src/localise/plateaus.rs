@@ -2,7 +2,7 @@
 
 use super::band::Pixel;
 use super::side::Side;
-use crate::tone::ToneCurve;
+use crate::image::ToneCurve;
 
 /// A ring of pixels departs from its plateau if its mean does by so many of its deviations ...
 const RING_DEVIATIONS: f64 = 3.5;

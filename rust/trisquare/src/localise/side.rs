@@ -4,10 +4,11 @@
 use nalgebra::{SMatrix, SVector};
 
 use super::band::Pixel;
-use super::blur_shape::BlurShape;
+use super::blur::BlurShape;
 use super::curve::{COEFFICIENTS, Curve};
-use super::noise::{self, robust_cost, robust_weight};
-use crate::tone::ToneCurve;
+use super::pixel_noise;
+use super::pixel_noise::{robust_cost, robust_weight};
+use crate::image::ToneCurve;
 
 /// Bounds of the blur, pixels: a pixel's own box alone is 0.29, and beyond the upper one there is
 /// no edge to speak of.
@@ -212,7 +213,7 @@ impl Side {
                 residuals.push(self.predict(tone, pixel, 0.0).residual);
             }
         }
-        noise::scale(residuals, self.edge_parameters(), floor)
+        pixel_noise::scale(residuals, self.edge_parameters(), floor)
     }
 
     /// How many parameters the pixels at the edge carry: the curve's, the blur, and about half of

@@ -8,14 +8,15 @@ use nalgebra::{Cholesky, Const, Matrix2, SMatrix, SVector, Vector2};
 
 use super::band::Pixel;
 use super::curve::COEFFICIENTS;
-use super::noise::robust_weight;
+use super::pixel_noise::robust_weight;
+use super::preview::Preview;
 use super::profile::Profile;
 use super::side::{BASE, BIN_LENGTH, BLUR, PARAMETERS, RISE, Side};
-use super::{NoEdge, Preview};
-use crate::outer::{add_outer, symmetric};
-use crate::photometric::{PictureTone, box_kurtosis};
-use crate::power_curve::{PowerCurve, TONE_PARAMETERS, TonePrior};
-use crate::tone::{Tone, ToneCurve};
+use super::span::NoEdge;
+use crate::image::{
+    PictureTone, PowerCurve, TONE_PARAMETERS, Tone, ToneCurve, TonePrior, box_kurtosis,
+};
+use crate::numeric::{add_outer, symmetric};
 
 /// A side whose dark or light comes this near to the file's limits, in deviations of its noise and
 /// at least in values, is clipped there: its profile's asymmetry is not the tone curve's.

@@ -2,13 +2,11 @@
 
 use nalgebra::Vector2;
 
-use crate::observations::{ObservedPlane, Side};
-use crate::photometric::coverage::PLATEAU;
-use crate::photometric::stretches::STRETCH_POINTS;
-use crate::photometric::{Photographs, Refusal};
-use crate::picture::GreyReader;
-use crate::view::{PlaneState, View};
-use crate::{Brown, Lens, Picture, PlaneEdges, Polarity};
+use super::coverage::PLATEAU;
+use super::photographs::{Photographs, Refusal};
+use crate::image::{GreyReader, Picture};
+use crate::lens::{Brown, Lens};
+use crate::observations::{ObservedPlane, PlaneEdges, PlaneState, Polarity, Side, View};
 
 /// Pixels this near (px) to an outline are used: farther ones still tell the plateaus' light.
 const REACH: f64 = 12.0;
@@ -54,6 +52,10 @@ impl Width {
 
 /// Spacing (px) of the points at which a side's image is traced.
 const TRACE_SPACING: f64 = 4.0;
+
+/// Points of an outline's trace that make a stretch: 16 px, half of the shortest thing that hides
+/// a twelfth of a side of 400 px.
+const STRETCH_POINTS: usize = 4;
 
 /// Points of a side's trace at most, so that 16 bits number those of an outline.
 const MAX_TRACE: f64 = 16_000.0;

@@ -1,8 +1,6 @@
 //! How much of a pixel a blurred square covers.
 
-use nalgebra::Vector2;
-
-use crate::normal::{BivariateNormal, cdf, cdf_and_pdf};
+use crate::numeric::{BivariateNormal, cdf, cdf_and_pdf};
 
 /// Beyond so many blurs an edge is at its plateau: Phi(-3.8) is 7e-5 of the contrast, a hundredth
 /// of a grey level.
@@ -19,17 +17,6 @@ pub(crate) struct Coverage {
     /// Derivative by the logarithm of the blur at constant distances in blurs: the blur's kurtosis
     /// changes with it.
     pub by_log_blur: f64,
-}
-
-/// Fourth cumulant, over 24 and the blur's fourth power, of the blur across a side of the given
-/// direction: a square pixel's box is not normal, and stands for all that is not.
-///
-/// A box of width `a` has `-a^4 / 120`; along a normal `n` the square pixel is two of them, of
-/// widths `n_x` and `n_y`. A normal blur of half a pixel's width alone leaves residuals of a
-/// quarter of a grey level, which an unknown tone curve takes for its own.
-pub(crate) fn box_kurtosis(direction: &Vector2<f64>, blur: f64) -> f64 {
-    let fourth = direction.x.powi(4) + direction.y.powi(4);
-    -fourth / (120.0 * 24.0 * blur.powi(4))
 }
 
 /// Two blurred sides that meet at a corner: correlated like their inward normals.
@@ -140,6 +127,8 @@ fn between_two([a, b]: [usize; 2], z: &[f64; 4], corners: &[Corner; 4]) -> Cover
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::box_kurtosis;
+    use nalgebra::Vector2;
 
     fn corners(correlation: f64) -> [Corner; 4] {
         std::array::from_fn(|_| Corner::new(correlation))

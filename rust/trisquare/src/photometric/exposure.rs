@@ -2,10 +2,8 @@
 
 use nalgebra::Vector2;
 
-use crate::Tone;
-use crate::photometric::band::PixelFigure;
-use crate::photometric::picture_tone::PictureState;
-use crate::power_curve::TONE_PARAMETERS;
+use super::band::PixelFigure;
+use crate::image::{PictureState, TONE_PARAMETERS, Tone};
 
 /// Parameters of an exposure: ground, contrast, the light's gradient in x and y, blur.
 pub(crate) const EXPOSURE_PARAMETERS: usize = 5;

@@ -2,17 +2,16 @@
 //!
 //! The distances of the pixels to the sides do not change then, and are computed once.
 
-use crate::arrow::{ArrowStep, ArrowSystem};
-use crate::levenberg::{Limits, Problem, Termination, minimise};
-use crate::outer::add_outer;
-use crate::photometric::exposure::{EXPOSURE_PARAMETERS, Exposure};
-use crate::photometric::figure_sums::{ExposureRow, ExposureSums, add_exposure};
-use crate::photometric::fit::PixelFit;
-use crate::photometric::picture_tone::PictureState;
-use crate::photometric::scene::Shade;
-use crate::robust::{Loss, median_scale};
-use crate::view::View;
-use crate::{Brown, Lens};
+use super::exposure::{EXPOSURE_PARAMETERS, Exposure};
+use super::figure_sums::{ExposureRow, ExposureSums, add_exposure};
+use super::fit::PixelFit;
+use super::scene::Shade;
+use crate::image::PictureState;
+use crate::lens::{Brown, Lens};
+use crate::numeric::{
+    ArrowStep, ArrowSystem, Limits, Loss, Problem, Termination, add_outer, median_scale, minimise,
+};
+use crate::observations::View;
 
 /// Rounds of the fit: Huber's loss, then Tukey's at the scale found.
 const LOSSES: [Loss; 2] = [Loss::Huber, Loss::WideTukey];

@@ -6,14 +6,12 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::arrow::Block;
-use crate::lens::{Columns, MAX_LENS_COLUMNS};
-use crate::outer::{add_outer, symmetric};
-use crate::parameters::FreeParameters;
-use crate::photometric::exposure::EXPOSURE_PARAMETERS;
-use crate::photometric::picture_tone::PICTURE_PARAMETERS;
-use crate::photometric::scene::{Scene, Shade};
-use crate::{BrownSight, Lens};
+use super::exposure::EXPOSURE_PARAMETERS;
+use super::scene::{Scene, Shade};
+use crate::image::PICTURE_PARAMETERS;
+use crate::lens::{BrownSight, Columns, Lens, MAX_LENS_COLUMNS};
+use crate::numeric::{Block, add_outer, symmetric};
+use crate::observations::FreeParameters;
 
 /// Columns of a side's sums before the shared parameters: the line's three, and the residual.
 const SHARED_OFFSET: usize = 4;

@@ -1,15 +1,13 @@
 //! The pixels as a least-squares problem over camera, planes and exposures.
 
-use crate::arrow::{ArrowStep, ArrowSystem};
-use crate::parameters::FreeParameters;
-use crate::photometric::band::PixelFigure;
-use crate::photometric::exposure::{EXPOSURE_PARAMETERS, Exposure};
-use crate::photometric::figure_sums::FigureSums;
-use crate::photometric::picture_tone::{PICTURE_PARAMETERS, PicturePrior, PictureState, ToneFit};
-use crate::photometric::scene::Scene;
-use crate::robust::{Loss, Spread};
-use crate::view::View;
-use crate::{Brown, Lens};
+use super::band::PixelFigure;
+use super::exposure::{EXPOSURE_PARAMETERS, Exposure};
+use super::figure_sums::FigureSums;
+use super::scene::Scene;
+use crate::image::{PICTURE_PARAMETERS, PicturePrior, PictureState, ToneFit};
+use crate::lens::{Brown, Lens};
+use crate::numeric::{ArrowStep, ArrowSystem, Loss, Spread};
+use crate::observations::{FreeParameters, View};
 
 /// What the fit moves.
 #[derive(Clone)]
@@ -253,13 +251,13 @@ impl PixelFit<'_> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::band::{Width, collect};
+    use super::super::photographs::Photographs;
     use super::*;
-    use crate::observations::sort_by_plane;
-    use crate::photometric::band::{Width, collect};
-    use crate::photometric::{Photographs, PictureTone};
-    use crate::synthetic::{Scene as Truth, SceneOptions};
-    use crate::view::PlaneState;
-    use crate::{Fixed, Model, Picture, Polarity, PowerCurve};
+    use crate::image::{Picture, PictureTone, PowerCurve};
+    use crate::observations::{Fixed, Model, PlaneState, Polarity, sort_by_plane};
+    use crate::synthetic::Scene as Truth;
+    use crate::synthetic::SceneOptions;
     use nalgebra::DVector;
 
     const CURVE: PowerCurve = PowerCurve {
@@ -365,7 +363,7 @@ mod tests {
 
     #[test]
     fn residual_and_gradient_vanish_at_the_truth() {
-        let (figures, state) = modelled(PictureTone::Known(crate::Tone::Srgb));
+        let (figures, state) = modelled(PictureTone::Known(crate::image::Tone::Srgb));
         let free = free();
         let fit = PixelFit {
             free_pictures: 0,

@@ -2,14 +2,13 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use crate::photometric::band::{BandPixel, PixelFigure};
-use crate::photometric::coverage::{self, Corner, Coverage, PLATEAU, box_kurtosis, coverage};
-use crate::photometric::exposure::{EXPOSURE_PARAMETERS, Exposure};
-use crate::photometric::picture_tone::{PICTURE_PARAMETERS, PictureState};
-use crate::power_curve::TONE_PARAMETERS;
-use crate::tone::ToneCurve;
-use crate::view::View;
-use crate::{Brown, BrownSight, Lens};
+use super::band::{BandPixel, PixelFigure};
+use super::coverage;
+use super::coverage::{Corner, Coverage, PLATEAU, coverage};
+use super::exposure::{EXPOSURE_PARAMETERS, Exposure};
+use crate::image::{PICTURE_PARAMETERS, PictureState, TONE_PARAMETERS, ToneCurve, box_kurtosis};
+use crate::lens::{Brown, BrownSight, Lens};
+use crate::observations::View;
 
 /// A pixel's distance to the outline changes by less than this (px) from its first estimate.
 const DEPTH_SLACK: f64 = 1.0;

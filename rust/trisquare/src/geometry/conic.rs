@@ -1,0 +1,328 @@
+//! Step 3: the camera matrix from the image of the absolute conic.
+
+use nalgebra::{DMatrix, Matrix3, SVector, Vector2};
+
+use crate::error::Error;
+
+/// Sweeps of the singular value decomposition; a few per column suffice.
+const MAX_SVD_SWEEPS: usize = 1000;
+
+/// Below this ratio of the second smallest to the largest singular value the constraints leave
+/// more than the scale open.
+const RANK_TOLERANCE: f64 = 1e-9;
+
+/// Entries of a conic without skew: `w11, w13, w22, w23, w33`.
+type ConicVector = SVector<f64, 5>;
+
+/// One homogeneous linear equation on the entries of the conic, with its weight.
+///
+/// Any source may give them: planes here; vanishing points, rectangles or cubes elsewhere.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ConicConstraint {
+    /// Coefficients of `w11, w13, w22, w23, w33`.
+    pub row: ConicVector,
+    /// Weight of the equation, after its row has been brought to unit length.
+    pub weight: f64,
+}
+
+impl ConicConstraint {
+    /// The equation `h^T omega g = 0`.
+    pub fn conjugate(h: &nalgebra::Vector3<f64>, g: &nalgebra::Vector3<f64>) -> Self {
+        Self::weighted(bilinear(h, g))
+    }
+
+    /// The two equations of a plane, `h1^T omega h2 = 0` and `h1^T omega h1 = h2^T omega h2`
+    /// (Hartley & Zisserman, 2nd ed., section 8.5).
+    pub fn of_plane(homography: &Matrix3<f64>) -> [Self; 2] {
+        let h1 = homography.column(0).into_owned();
+        let h2 = homography.column(1).into_owned();
+        let sum = h1 + h2;
+        let difference = h1 - h2;
+        [
+            Self::conjugate(&h1, &h2),
+            Self::weighted(bilinear(&sum, &difference)),
+        ]
+    }
+
+    fn weighted(row: ConicVector) -> Self {
+        Self { row, weight: 1.0 }
+    }
+}
+
+/// Coefficients of `h^T omega g`.
+fn bilinear(h: &nalgebra::Vector3<f64>, g: &nalgebra::Vector3<f64>) -> ConicVector {
+    ConicVector::new(
+        h.x * g.x,
+        h.x * g.z + h.z * g.x,
+        h.y * g.y,
+        h.y * g.z + h.z * g.y,
+        h.z * g.z,
+    )
+}
+
+/// What is known of a camera matrix beforehand.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct KnownIntrinsics {
+    /// The ratio `fy / fx`.
+    pub aspect: Option<f64>,
+    /// The principal point, in pixels.
+    pub principal_point: Option<Vector2<f64>>,
+}
+
+impl KnownIntrinsics {
+    /// Unknowns of the camera matrix that remain.
+    pub fn unknowns(&self) -> usize {
+        let focal = if self.aspect.is_some() { 1 } else { 2 };
+        focal + if self.principal_point.is_some() { 0 } else { 2 }
+    }
+}
+
+/// The camera matrix `K` with `omega ~ K^-T K^-1` from the homographies of planes.
+///
+/// Zero skew leaves four unknowns, every plane direction gives two equations: two well-tilted
+/// planes may do, three over-determine them (Hartley & Zisserman, 2nd ed., section 8.5; Zhou et
+/// al. 2013, step 3). Pixels.
+///
+/// # Errors
+/// [`Error::NotEnoughPlanes`], [`Error::UndeterminedConic`] (parallel planes) or
+/// [`Error::IndefiniteConic`] (planes that contradict each other).
+pub fn camera_matrix_from_homographies(
+    homographies: &[Matrix3<f64>],
+) -> Result<Matrix3<f64>, Error> {
+    camera_matrix(homographies, &KnownIntrinsics::default())
+}
+
+/// As [`camera_matrix_from_homographies`], with part of the camera matrix known.
+///
+/// # Errors
+/// As [`camera_matrix_from_homographies`].
+pub fn camera_matrix(
+    homographies: &[Matrix3<f64>],
+    known: &KnownIntrinsics,
+) -> Result<Matrix3<f64>, Error> {
+    let unknowns = known.unknowns();
+    let needed = unknowns.div_ceil(2);
+    if homographies.len() < needed {
+        return Err(Error::NotEnoughPlanes {
+            found: homographies.len(),
+            needed,
+            free: format!("{unknowns} of fx, fy, cx, cy"),
+        });
+    }
+    if homographies
+        .iter()
+        .any(|h| h.iter().any(|v| !v.is_finite()))
+    {
+        return Err(Error::NotFinite {
+            what: "a homography",
+        });
+    }
+    let frame = Frame::around(homographies, known);
+    let constraints: Vec<ConicConstraint> = homographies
+        .iter()
+        .flat_map(|h| ConicConstraint::of_plane(&(frame.normalising * h)))
+        .collect();
+    let conic = solve_conic(&constraints, known)?;
+    Ok(frame.denormalise(&intrinsics_of(&conic)?))
+}
+
+/// Coordinates in which the conic is well-conditioned: centred on the picture's middle (or the
+/// known principal point), of its size, with square pixels where the aspect is known.
+struct Frame {
+    normalising: Matrix3<f64>,
+    centre: Vector2<f64>,
+    scale: Vector2<f64>,
+}
+
+impl Frame {
+    fn around(homographies: &[Matrix3<f64>], known: &KnownIntrinsics) -> Self {
+        // Images of the planes' origins and unit points stand for the picture's extent.
+        let mut seen = Vec::with_capacity(3 * homographies.len());
+        for h in homographies {
+            for point in [(0.0, 0.0), (0.5, 0.0), (0.0, 0.5)] {
+                let image = h * nalgebra::Vector3::new(point.0, point.1, 1.0);
+                seen.push(image.xy() / image.z);
+            }
+        }
+        seen.retain(|p| p.x.is_finite() && p.y.is_finite());
+        let count = seen.len().max(1) as f64;
+        let mean = seen.iter().sum::<Vector2<f64>>() / count;
+        let centre = known.principal_point.unwrap_or(mean);
+        let square: f64 = seen
+            .iter()
+            .map(|p| (p - centre).norm_squared())
+            .sum::<f64>()
+            / count;
+        let size = if square > 0.0 { square.sqrt() } else { 1.0 };
+        let scale = Vector2::new(size, size * known.aspect.unwrap_or(1.0));
+        let normalising = Matrix3::new(
+            1.0 / scale.x,
+            0.0,
+            -centre.x / scale.x,
+            0.0,
+            1.0 / scale.y,
+            -centre.y / scale.y,
+            0.0,
+            0.0,
+            1.0,
+        );
+        Self {
+            normalising,
+            centre,
+            scale,
+        }
+    }
+
+    fn denormalise(&self, [fx, fy, cx, cy]: &[f64; 4]) -> Matrix3<f64> {
+        Matrix3::new(
+            fx * self.scale.x,
+            0.0,
+            cx * self.scale.x + self.centre.x,
+            0.0,
+            fy * self.scale.y,
+            cy * self.scale.y + self.centre.y,
+            0.0,
+            0.0,
+            1.0,
+        )
+    }
+}
+
+/// The conic that fits homogeneous constraints best, in coordinates where the known principal
+/// point is the origin and a known aspect is 1.
+///
+/// # Errors
+/// [`Error::UndeterminedConic`] if the constraints leave more than the scale open.
+pub fn solve_conic(
+    constraints: &[ConicConstraint],
+    known: &KnownIntrinsics,
+) -> Result<[f64; 5], Error> {
+    // Columns of the basis: what the remaining unknowns move.
+    let mut basis: Vec<ConicVector> = Vec::with_capacity(5);
+    let unit = |i: usize| ConicVector::ith(i, 1.0);
+    if known.aspect.is_some() {
+        basis.push(unit(0) + unit(2));
+    } else {
+        basis.extend([unit(0), unit(2)]);
+    }
+    if known.principal_point.is_none() {
+        basis.extend([unit(1), unit(3)]);
+    }
+    basis.push(unit(4));
+
+    // Padded with zero rows: the decomposition's right-hand factor must be square.
+    let rows = constraints.len().max(basis.len());
+    let mut design = DMatrix::zeros(rows, basis.len());
+    for (i, constraint) in constraints.iter().enumerate() {
+        let norm = constraint.row.norm();
+        if norm > 0.0 {
+            for (j, direction) in basis.iter().enumerate() {
+                design[(i, j)] = constraint.row.dot(direction) * constraint.weight / norm;
+            }
+        }
+    }
+    let undetermined = |ratio| Error::UndeterminedConic { ratio };
+    // The decomposition panics on NaN, which overflowing constraints end in.
+    if !design.iter().all(|v| v.is_finite()) {
+        return Err(undetermined(0.0));
+    }
+    let svd = design
+        .try_svd(false, true, f64::EPSILON, MAX_SVD_SWEEPS)
+        .ok_or_else(|| undetermined(0.0))?;
+    let values = &svd.singular_values;
+    let mut order: Vec<usize> = (0..values.len()).collect();
+    order.sort_by(|a, b| values[*a].total_cmp(&values[*b]));
+    let ratio = values[order[1]] / values[order[order.len() - 1]];
+    if !(ratio > RANK_TOLERANCE) {
+        return Err(undetermined(if ratio.is_nan() { 0.0 } else { ratio }));
+    }
+    let v_t = svd.v_t.ok_or_else(|| undetermined(0.0))?;
+    let mut conic = ConicVector::zeros();
+    for (j, direction) in basis.iter().enumerate() {
+        conic += direction * v_t[(order[0], j)];
+    }
+    Ok(conic.into())
+}
+
+/// `fx, fy, cx, cy` of `omega ~ K^-T K^-1`, in the conic's own coordinates.
+///
+/// The closed form of the Cholesky factor of a conic without skew.
+///
+/// # Errors
+/// [`Error::IndefiniteConic`] if `omega` is not definite.
+pub fn intrinsics_of(conic: &[f64; 5]) -> Result<[f64; 4], Error> {
+    let [w11, w13, w22, w23, w33] = *conic;
+    let (cx, cy) = (-w13 / w11, -w23 / w22);
+    let lambda = w33 - w13 * w13 / w11 - w23 * w23 / w22;
+    let (fx2, fy2) = (lambda / w11, lambda / w22);
+    // Written so that NaN is refused, too.
+    if !(fx2 > 0.0 && fy2 > 0.0 && fx2.is_finite() && fy2.is_finite()) {
+        return Err(Error::IndefiniteConic);
+    }
+    Ok([fx2.sqrt(), fy2.sqrt(), cx, cy])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::pose::Pose;
+    use super::*;
+    use nalgebra::{Rotation3, Vector3};
+
+    fn homographies(camera: &Matrix3<f64>, angles: &[(f64, f64)]) -> Vec<Matrix3<f64>> {
+        angles
+            .iter()
+            .map(|(a, b)| {
+                let pose = Pose {
+                    rotation: *Rotation3::from_euler_angles(*a, *b, 0.3).matrix(),
+                    translation: Vector3::new(*b, -*a, 3.0),
+                };
+                camera * pose.homography() * (1.0 + a)
+            })
+            .collect()
+    }
+
+    fn camera() -> Matrix3<f64> {
+        Matrix3::new(1200.0, 0.0, 650.0, 0.0, 1190.0, 470.0, 0.0, 0.0, 1.0)
+    }
+
+    #[test]
+    fn three_planes_give_the_camera_matrix() {
+        let planes = homographies(&camera(), &[(0.5, 0.1), (-0.3, 0.6), (-0.4, -0.5)]);
+        let found = camera_matrix_from_homographies(&planes).unwrap();
+        assert!((found - camera()).norm() < 1e-9 * camera().norm());
+    }
+
+    #[test]
+    fn known_intrinsics_need_fewer_planes() {
+        let planes = homographies(&camera(), &[(0.5, 0.3)]);
+        assert!(matches!(
+            camera_matrix_from_homographies(&planes),
+            Err(Error::NotEnoughPlanes { needed: 2, .. })
+        ));
+        let known = KnownIntrinsics {
+            aspect: None,
+            principal_point: Some(Vector2::new(650.0, 470.0)),
+        };
+        let found = camera_matrix(&planes, &known).unwrap();
+        assert!((found - camera()).norm() < 1e-9 * camera().norm());
+        let known = KnownIntrinsics {
+            aspect: Some(1190.0 / 1200.0),
+            ..known
+        };
+        let found = camera_matrix(&planes, &known).unwrap();
+        assert!((found - camera()).norm() < 1e-9 * camera().norm());
+    }
+
+    #[test]
+    fn parallel_planes_and_indefinite_conics_are_refused() {
+        let planes = homographies(&camera(), &[(0.5, 0.1); 3]);
+        assert!(matches!(
+            camera_matrix_from_homographies(&planes),
+            Err(Error::UndeterminedConic { .. })
+        ));
+        assert_eq!(
+            intrinsics_of(&[1.0, 0.0, -1.0, 0.0, 1.0]),
+            Err(Error::IndefiniteConic)
+        );
+    }
+}

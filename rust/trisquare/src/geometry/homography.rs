@@ -1,0 +1,185 @@
+//! Step 2: the homography of a plane from line correspondences (normalised DLT).
+
+use nalgebra::{DMatrix, Matrix3, Vector3};
+
+use super::line::Line;
+use super::normalisation::Normalisation;
+use crate::error::Error;
+
+/// Lines a homography needs, no three of them through one point.
+pub const MIN_LINES: usize = 4;
+
+/// Sweeps of the singular value decomposition; a few per column suffice.
+const MAX_SVD_SWEEPS: usize = 1000;
+
+/// Below this ratio of the second smallest to the largest singular value the lines leave more
+/// than the scale open.
+const RANK_TOLERANCE: f64 = 1e-10;
+
+/// Estimates `H_image_from_plane` from lines of the plane and their images.
+///
+/// Every correspondence gives `l_plane x (H^T l_image) = 0`, solved in the least-squares sense
+/// with unit-normal lines (Hartley & Zisserman, 2nd ed., section 4.1; for lines and their
+/// normalisation Zeng, Deng & Hu, Pattern Recognition Letters 29 (2008) 1236-1244). The result
+/// has unit Frobenius norm.
+///
+/// # Errors
+/// [`Error::InvalidArgument`] for unequal numbers of lines, [`Error::TooFewLines`] for fewer than
+/// four, [`Error::DegenerateHomography`] if three of four meet in a point or are parallel.
+pub fn homography_from_lines(
+    plane_lines: &[Line],
+    image_lines: &[Line],
+) -> Result<Matrix3<f64>, Error> {
+    let image = Normalisation::of_lines(image_lines);
+    normalised_homography(plane_lines, image_lines, image)
+}
+
+/// As [`homography_from_lines`], with the image's normalisation measured on the edge samples.
+pub(crate) fn normalised_homography(
+    plane_lines: &[Line],
+    image_lines: &[Line],
+    image: Option<Normalisation>,
+) -> Result<Matrix3<f64>, Error> {
+    if plane_lines.len() != image_lines.len() {
+        return Err(Error::InvalidArgument(format!(
+            "{} plane lines cannot correspond to {} image lines",
+            plane_lines.len(),
+            image_lines.len()
+        )));
+    }
+    if plane_lines.len() < MIN_LINES {
+        return Err(Error::TooFewLines {
+            figure: 0,
+            found: plane_lines.len(),
+            needed: MIN_LINES,
+        });
+    }
+    let degenerate = |reason| Error::DegenerateHomography { figure: 0, reason };
+    let plane = Normalisation::of_lines(plane_lines)
+        .ok_or_else(|| degenerate("the plane's lines meet in one point or are parallel"))?;
+    let image =
+        image.ok_or_else(|| degenerate("the image lines meet in one point or are parallel"))?;
+
+    let mut design = DMatrix::zeros(3 * plane_lines.len(), 9);
+    for (i, (plane_line, image_line)) in plane_lines.iter().zip(image_lines).enumerate() {
+        let from = unit_normal(plane.inverse().transpose() * plane_line.coefficients());
+        let to = unit_normal(image.inverse().transpose() * image_line.coefficients());
+        let cross = from.cross_matrix();
+        for row in 0..3 {
+            for column in 0..3 {
+                for k in 0..3 {
+                    // (H^T to)_column = sum_k H_(k, column) to_k; H stored row by row.
+                    design[(3 * i + row, 3 * k + column)] = cross[(row, column)] * to[k];
+                }
+            }
+        }
+    }
+    // The decomposition panics on NaN, which overflowing coordinates end in.
+    if !design.iter().all(|v| v.is_finite()) {
+        return Err(degenerate("their coordinates are too large"));
+    }
+    let svd = design
+        .try_svd(false, true, f64::EPSILON, MAX_SVD_SWEEPS)
+        .ok_or_else(|| degenerate("its singular values did not settle"))?;
+    let values = &svd.singular_values;
+    let mut order: Vec<usize> = (0..values.len()).collect();
+    order.sort_by(|a, b| values[*a].total_cmp(&values[*b]));
+    // NaN must not pass for a full rank.
+    if !(values[order[1]] > RANK_TOLERANCE * values[order[8]]) {
+        return Err(degenerate(
+            "three of them meet in one point or are parallel",
+        ));
+    }
+    let Some(v_t) = svd.v_t else {
+        return Err(degenerate("its singular vectors were not found"));
+    };
+    let normalised = Matrix3::from_row_iterator(v_t.row(order[0]).iter().copied());
+    // Three concurrent lines that are imaged apart are answered by a singular map.
+    if normalised.determinant().abs() < RANK_TOLERANCE {
+        return Err(degenerate(
+            "three of them meet in one point or are parallel",
+        ));
+    }
+    let homography = image.inverse() * normalised * plane.matrix();
+    let norm = homography.norm();
+    // Overflow here would pass for a map that sends everything to zero.
+    if !(norm > 0.0 && norm.is_finite()) {
+        return Err(degenerate("their coordinates are too large"));
+    }
+    Ok(homography / norm)
+}
+
+fn unit_normal(line: Vector3<f64>) -> Vector3<f64> {
+    line / line.xy().norm()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Vector2;
+
+    fn square() -> Vec<Line> {
+        [(0.0, 1.0), (-1.0, 0.0), (0.0, -1.0), (1.0, 0.0)]
+            .iter()
+            .map(|(a, b)| Line::new(*a, *b, 0.5).unwrap())
+            .collect()
+    }
+
+    fn images(homography: &Matrix3<f64>, lines: &[Line]) -> Vec<Line> {
+        let back = homography.try_inverse().unwrap().transpose();
+        lines
+            .iter()
+            .map(|line| {
+                let image = back * line.coefficients();
+                Line::new(image.x, image.y, image.z).unwrap()
+            })
+            .collect()
+    }
+
+    #[test]
+    fn recovers_a_homography_even_with_a_line_through_the_origin() {
+        for (x, y) in [(400.0, 300.0), (100.0, 0.0), (0.0, 0.0), (-3000.0, 2500.0)] {
+            let truth = Matrix3::new(200.0, -40.0, x, 30.0, 180.0, y, 1e-4, -2e-4, 1.0);
+            let mut plane = square();
+            plane.push(Line::new(1.0, 1.0, 0.1).unwrap());
+            for lines in [&plane[..4], &plane[..]] {
+                let found = homography_from_lines(lines, &images(&truth, lines)).unwrap();
+                let found = found / found[(2, 2)];
+                for corner in [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)] {
+                    let corner = Vector2::new(corner.0, corner.1).push(1.0);
+                    let (a, b) = (found * corner, truth * corner);
+                    assert!((a.xy() / a.z - b.xy() / b.z).norm() < 1e-9);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn refuses_lines_that_leave_it_open() {
+        let plane = square();
+        assert!(matches!(
+            homography_from_lines(&plane[..3], &plane[..3]),
+            Err(Error::TooFewLines { found: 3, .. })
+        ));
+        assert!(homography_from_lines(&plane, &plane[..3]).is_err());
+        let concurrent: Vec<Line> = [(1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (1.0, -1.0)]
+            .iter()
+            .map(|(a, b)| Line::new(*a, *b, 0.0).unwrap())
+            .collect();
+        assert!(matches!(
+            homography_from_lines(&concurrent, &plane),
+            Err(Error::DegenerateHomography { .. })
+        ));
+        // Either is in range, but not what maps one to the other.
+        let [tiny, huge] = [1e-100, 1e100].map(|size| {
+            let sides = plane.iter().map(|line| line.coefficients());
+            sides
+                .map(|l| Line::new(l.x, l.y, l.z * size).unwrap())
+                .collect::<Vec<_>>()
+        });
+        assert!(homography_from_lines(&tiny, &huge).is_err());
+        let mut three = plane.clone();
+        three[2] = Line::new(1.0, 1.0, 1.0).unwrap(); // through the corner of sides 0 and 3
+        assert!(homography_from_lines(&three, &plane).is_err());
+    }
+}

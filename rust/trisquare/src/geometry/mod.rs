@@ -1,0 +1,17 @@
+//! Lines, poses, homographies and the image of the absolute conic.
+
+mod conic;
+mod homography;
+mod line;
+mod normalisation;
+mod pose;
+
+pub use conic::{
+    ConicConstraint, KnownIntrinsics, camera_matrix, camera_matrix_from_homographies,
+    intrinsics_of, solve_conic,
+};
+pub use homography::homography_from_lines;
+pub(crate) use homography::{MIN_LINES, normalised_homography};
+pub use line::Line;
+pub use normalisation::Normalisation;
+pub use pose::Pose;

@@ -1,0 +1,144 @@
+//! Where a plane stands: from a camera matrix and a homography to `cam_from_plane`.
+
+use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
+
+use crate::error::Error;
+
+/// Columns of a homography whose lengths differ by more show no plane in any picture.
+const MAX_STRETCH: f64 = 1e8;
+
+/// Sweeps of the 3 x 3 singular value decomposition; a handful suffice.
+const MAX_SVD_SWEEPS: usize = 100;
+
+/// A rigid motion `X_cam = R X_plane + t`; lengths in the plane's unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Pose {
+    /// The rotation `R`.
+    pub rotation: Matrix3<f64>,
+    /// The translation `t`.
+    pub translation: Vector3<f64>,
+}
+
+impl Pose {
+    /// The pose that a homography `H_image_from_plane ~ K [r1 r2 t]` implies, in front of the
+    /// camera at the plane's point `witness`.
+    ///
+    /// The scale makes `r1` and `r2` unit vectors in the geometric mean; the rotation is the one
+    /// nearest to `[r1 r2 r1 x r2]` in the Frobenius norm (Zhang, IEEE PAMI 22 (2000), appendix C).
+    ///
+    /// # Errors
+    /// [`Error::DegenerateHomography`] if the homography is singular.
+    pub fn from_homography(
+        camera_matrix: &Matrix3<f64>,
+        homography: &Matrix3<f64>,
+        witness: &Vector2<f64>,
+    ) -> Result<Self, Error> {
+        let singular = || Error::DegenerateHomography {
+            figure: 0,
+            reason: "it is singular",
+        };
+        let inverse = camera_matrix.try_inverse().ok_or_else(singular)?;
+        let columns = inverse * homography;
+        let (c1, c2) = (columns.column(0), columns.column(1));
+        let mut scale = 1.0 / (c1.norm() * c2.norm()).sqrt();
+        if (columns * witness.push(1.0)).z * scale < 0.0 {
+            scale = -scale;
+        }
+        let (r1, r2) = (c1 * scale, c2 * scale);
+        let translation = columns.column(2) * scale;
+        let stretched = !(r1.norm() < MAX_STRETCH && r2.norm() < MAX_STRETCH);
+        if stretched || !translation.iter().all(|v| v.is_finite()) {
+            return Err(singular());
+        }
+        let near = Matrix3::from_columns(&[r1, r2, r1.cross(&r2)]);
+        let svd = near
+            .try_svd(true, true, f64::EPSILON, MAX_SVD_SWEEPS)
+            .ok_or_else(singular)?;
+        let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else {
+            return Err(singular());
+        };
+        let sign = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v_t).determinant()));
+        Ok(Self {
+            rotation: u * sign * v_t,
+            translation,
+        })
+    }
+
+    /// The homography `[r1 r2 t]` from the plane to normalised image coordinates.
+    pub fn homography(&self) -> Matrix3<f64> {
+        Matrix3::from_columns(&[
+            self.rotation.column(0).into_owned(),
+            self.rotation.column(1).into_owned(),
+            self.translation,
+        ])
+    }
+
+    /// The matrix `L` with `l = L (a, b, c)`: the plane through the camera centre and the line
+    /// `a X + b Y + c = 0` of this plane, oriented so that `l . X_cam` has the line's own sign
+    /// wherever `r3 . t > 0`.
+    pub fn line_map(&self) -> Matrix3<f64> {
+        let [r1, r2, r3] = [0, 1, 2].map(|i| self.rotation.column(i).into_owned());
+        Matrix3::from_columns(&[r2.cross(&self.translation), self.translation.cross(&r1), r3])
+    }
+
+    /// The pose after a small rotation vector (camera frame) and a translation.
+    #[must_use]
+    pub fn moved(&self, rotation: &Vector3<f64>, translation: &Vector3<f64>) -> Self {
+        Self {
+            rotation: Rotation3::new(*rotation).matrix() * self.rotation,
+            translation: self.translation + translation,
+        }
+    }
+
+    /// Maps a point of the plane to camera coordinates.
+    pub fn transform(&self, point: &Vector2<f64>) -> Vector3<f64> {
+        self.rotation * point.push(0.0) + self.translation
+    }
+
+    /// The plane's normal `r3` in camera coordinates.
+    pub fn normal(&self) -> Vector3<f64> {
+        self.rotation.column(2).into_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn example() -> (Matrix3<f64>, Pose) {
+        let camera_matrix = Matrix3::new(1000.0, 0.0, 640.0, 0.0, 1010.0, 480.0, 0.0, 0.0, 1.0);
+        let pose = Pose {
+            rotation: *Rotation3::from_euler_angles(0.5, -0.4, 1.0).matrix(),
+            translation: Vector3::new(0.3, -0.2, 3.0),
+        };
+        (camera_matrix, pose)
+    }
+
+    #[test]
+    fn pose_survives_the_homography_at_any_scale() {
+        let (camera_matrix, pose) = example();
+        for scale in [1.0, -0.3, 1e-6, -1e6] {
+            let homography = camera_matrix * pose.homography() * scale;
+            let found =
+                Pose::from_homography(&camera_matrix, &homography, &Vector2::zeros()).unwrap();
+            assert!((found.rotation - pose.rotation).norm() < 1e-12);
+            assert!((found.translation - pose.translation).norm() < 1e-12);
+        }
+        let singular = Matrix3::zeros();
+        assert!(Pose::from_homography(&camera_matrix, &singular, &Vector2::zeros()).is_err());
+    }
+
+    #[test]
+    fn line_map_keeps_incidence_and_sign() {
+        let (_, pose) = example();
+        let line = Vector3::new(0.6, -0.8, 0.2);
+        let seen = pose.line_map() * line;
+        let depth = pose.normal().dot(&pose.translation);
+        for (x, y) in [(0.1, 0.2), (-0.5, 0.5), (0.0, 0.25)] {
+            let point = Vector2::new(x, y);
+            let expected = depth * line.dot(&point.push(1.0));
+            assert!((seen.dot(&pose.transform(&point)) - expected).abs() < 1e-14);
+        }
+    }
+}

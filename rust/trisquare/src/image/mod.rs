@@ -1,0 +1,17 @@
+//! Pictures, and the tone curves by which they are coded.
+
+mod grey_bytes;
+mod picture;
+mod picture_tone;
+mod pixel_box;
+mod power_curve;
+mod tone;
+
+pub use grey_bytes::GreyBytes;
+pub use picture::{GreyReader, Picture, PictureError};
+pub(crate) use picture_tone::{PICTURE_PARAMETERS, PicturePrior, PictureState};
+pub use picture_tone::{PictureTone, ToneFit};
+pub(crate) use pixel_box::box_kurtosis;
+pub use power_curve::{PowerCurve, Sensitivity};
+pub(crate) use power_curve::{TONE_PARAMETERS, TonePrior, USUAL};
+pub use tone::{Tone, ToneCurve};

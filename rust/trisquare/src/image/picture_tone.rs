@@ -1,0 +1,141 @@
+//! What is not known of how a picture was coded, and moves all of its edges.
+
+use nalgebra::Matrix2;
+
+use super::power_curve::{PowerCurve, TONE_PARAMETERS, TonePrior};
+use super::tone::{Tone, ToneCurve};
+
+/// How a picture was coded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum PictureTone {
+    /// By this curve.
+    Known(Tone),
+    /// By a curve that is to be estimated, from this one on.
+    Estimated(PowerCurve),
+    /// By something that no curve describes: with this one its edges lie off, all by the same
+    /// distance towards the dark, which is zero up to the given standard deviation, pixels.
+    Shifted(PowerCurve, f64),
+}
+
+impl PictureTone {
+    /// The curve to begin with.
+    #[must_use]
+    pub fn tone(&self) -> Tone {
+        match *self {
+            Self::Known(tone) => tone,
+            Self::Estimated(curve) | Self::Shifted(curve, _) => Tone::Power(curve),
+        }
+    }
+
+    /// Whether the curve is usable, and the deviation positive.
+    #[must_use]
+    pub fn is_valid(&self) -> bool {
+        let positive = |std: f64| std > 0.0 && std.is_finite();
+        self.tone().is_valid() && !matches!(*self, Self::Shifted(_, std) if !positive(std))
+    }
+}
+
+/// Parameters that the pixels of a picture share: those of its tone curve, and the shift.
+pub(crate) const PICTURE_PARAMETERS: usize = TONE_PARAMETERS + 1;
+
+/// What a fit believes of the coding of a picture.
+#[derive(Clone)]
+pub(crate) struct PictureState {
+    given: PictureTone,
+    pub curve: ToneCurve,
+    /// How far all edges appear moved towards the dark, px.
+    pub shift: f64,
+}
+
+/// Information on a picture's parameters from elsewhere than its pixels, and that times the way to
+/// where it points.
+pub(crate) struct PicturePrior {
+    pub information: [f64; PICTURE_PARAMETERS],
+    pub pull: [f64; PICTURE_PARAMETERS],
+}
+
+impl PictureState {
+    pub fn of(given: PictureTone) -> Self {
+        Self {
+            given,
+            curve: given.tone().curve(),
+            shift: 0.0,
+        }
+    }
+
+    pub fn has_free_curve(&self) -> bool {
+        matches!(self.given, PictureTone::Estimated(_))
+    }
+
+    pub fn has_free_shift(&self) -> bool {
+        matches!(self.given, PictureTone::Shifted(..))
+    }
+
+    /// The estimated curve.
+    pub fn power(&self) -> Option<PowerCurve> {
+        match self.curve.tone() {
+            Tone::Power(power) => Some(power),
+            _ => None,
+        }
+    }
+
+    /// What keeps the parameters: usual curves, a small shift, and any at all for what is held and
+    /// has no derivatives.
+    pub fn prior(&self) -> PicturePrior {
+        let mut prior = PicturePrior {
+            information: [1.0; PICTURE_PARAMETERS],
+            pull: [0.0; PICTURE_PARAMETERS],
+        };
+        match self.given {
+            PictureTone::Known(_) => {}
+            PictureTone::Estimated(_) => {
+                if let Some(power) = self.power() {
+                    let usual = TonePrior::at(&power);
+                    prior.information[..TONE_PARAMETERS].copy_from_slice(&usual.information);
+                    prior.pull[..TONE_PARAMETERS].copy_from_slice(&usual.pull);
+                }
+            }
+            PictureTone::Shifted(_, std) => {
+                let information = 1.0 / (std * std);
+                prior.information[TONE_PARAMETERS] = information;
+                prior.pull[TONE_PARAMETERS] = -information * self.shift;
+            }
+        }
+        prior
+    }
+
+    pub fn moved(&self, step: &[f64]) -> Self {
+        let mut next = self.clone();
+        match self.given {
+            PictureTone::Known(_) => {}
+            PictureTone::Estimated(_) => {
+                if let Some(power) = self.power() {
+                    next.curve = Tone::Power(power.moved(&[step[0], step[1]])).curve();
+                }
+            }
+            PictureTone::Shifted(..) => next.shift += step[TONE_PARAMETERS],
+        }
+        next
+    }
+}
+
+/// What a fit found out of the coding of a picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ToneFit {
+    /// The tone curve.
+    pub curve: PowerCurve,
+    /// Covariance of the logarithm of its gamma, and its toe, where it was estimated.
+    pub covariance: Option<Matrix2<f64>>,
+    /// How far all edges appeared moved towards the dark, and a standard deviation of that, pixels,
+    /// where no curve described them.
+    pub shift: Option<(f64, f64)>,
+}
+
+impl ToneFit {
+    /// Standard deviation of the curve's effective gamma, where it was estimated.
+    #[must_use]
+    pub fn effective_gamma_std(&self) -> Option<f64> {
+        let covariance = self.covariance?;
+        Some(self.curve.effective_gamma_std(&covariance))
+    }
+}

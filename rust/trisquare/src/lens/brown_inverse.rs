@@ -1,0 +1,250 @@
+//! From observed to ideal points: Brown's distortion inverted, wherever it can be.
+
+use nalgebra::Vector2;
+
+use super::brown::{Brown, adjugate, is_finite};
+
+/// Newton steps when a pixel is followed back; monotonic from the observed radius, seldom above 6.
+const MAX_NEWTON_STEPS: usize = 30;
+
+/// A Newton step below this (relative, and times the slope: near the rim convergence slows down)
+/// leaves an error of its square, at rounding.
+const NEWTON_STEP_TOLERANCE: f64 = 1e-8;
+
+/// Error of an inverse, relative to the observed point, that another Newton step would lessen.
+const ROUNDING: f64 = 1e-14;
+
+/// Doublings that find an upper bound of the ratio of ideal to observed radius.
+const MAX_DOUBLINGS: usize = 64;
+
+/// Newton steps or bisections of a bracket; bisection alone would need 60.
+const MAX_BRACKETED_STEPS: usize = 100;
+
+/// A bracketed step below this (relative) is rounding.
+const BRACKETED_TOLERANCE: f64 = 1e-15;
+
+/// Where the search in the plane starts at most, in valid radii: on the rim itself the Jacobian is
+/// singular.
+const RIM: f64 = 0.99;
+
+/// Halvings of a Newton step that leads astray.
+const MAX_HALVINGS: usize = 10;
+
+/// Error of an inverse (normalised) that is no answer: beyond the rim, shortened steps stop
+/// short of the observed point.
+const ARRIVED: f64 = 1e-12;
+
+impl Brown {
+    /// Inverts the distortion; `None` beyond the valid radius.
+    pub(crate) fn undistort(&self, distorted: &Vector2<f64>) -> Option<Vector2<f64>> {
+        let [.., p1, p2] = self.parameters;
+        let ideal = if p1 == 0.0 && p2 == 0.0 {
+            self.undistort_radially(distorted)
+        } else {
+            self.undistort_in_plane(distorted)
+        };
+        ideal.filter(is_finite)
+    }
+
+    /// Newton's method on the ratio of ideal to observed radius.
+    ///
+    /// The inverse's power series starts it close. Where that leads astray, the ratio is bracketed.
+    fn undistort_radially(&self, distorted: &Vector2<f64>) -> Option<Vector2<f64>> {
+        let [_, _, _, _, k1, k2, ..] = self.parameters;
+        let square = distorted.norm_squared();
+        let series = 1.0 - square * (k1 - square * (3.0 * k1 * k1 - k2));
+        let ratio = self
+            .ideal_ratio(square, series)
+            .or_else(|| self.bracketed_ratio(square))?;
+        Some(distorted * ratio)
+    }
+
+    fn ideal_ratio(&self, observed_square: f64, start: f64) -> Option<f64> {
+        let limit = self.valid_radius * self.valid_radius;
+        let mut ratio = start;
+        for _ in 0..MAX_NEWTON_STEPS {
+            let square = ratio * ratio * observed_square;
+            // Written so that NaN ends here, too.
+            if !(square <= limit && ratio > 0.0) {
+                return None;
+            }
+            let (step, slope, _) = self.ratio_step(ratio, square)?;
+            ratio += step;
+            if step.abs() < NEWTON_STEP_TOLERANCE * ratio.min(1.0) * slope.min(1.0) {
+                return (ratio * ratio * observed_square <= limit).then_some(ratio);
+            }
+        }
+        None
+    }
+
+    /// Newton's step of the ratio, the slope there, and what is missing from the observed radius.
+    fn ratio_step(&self, ratio: f64, square: f64) -> Option<(f64, f64, f64)> {
+        let factor = self.radial_factor(square);
+        let slope = factor + 2.0 * square * self.radial_slopes(square).0;
+        let missing = 1.0 - ratio * factor;
+        (slope > 0.0).then_some((missing / slope, slope, missing))
+    }
+
+    /// Newton's method between bounds: up to the valid radius the observed radius only grows.
+    fn bracketed_ratio(&self, observed_square: f64) -> Option<f64> {
+        let observed = observed_square.sqrt();
+        let mut low = 0.0;
+        let mut high = self.valid_radius / observed;
+        if high.is_infinite() {
+            high = 1.0;
+            for _ in 0..MAX_DOUBLINGS {
+                let square = high * high * observed_square;
+                if high * self.radial_factor(square) >= 1.0 {
+                    break;
+                }
+                high *= 2.0;
+            }
+        }
+        // Written so that NaN is refused, too.
+        if !(high * self.radial_factor(high * high * observed_square) >= 1.0) {
+            return None;
+        }
+        let mut ratio = 0.5 * high;
+        for _ in 0..MAX_BRACKETED_STEPS {
+            let newton = self.ratio_step(ratio, ratio * ratio * observed_square);
+            match newton {
+                Some((.., missing)) if missing > 0.0 => low = ratio,
+                _ => high = ratio,
+            }
+            let next = newton
+                .map(|(step, ..)| ratio + step)
+                .filter(|next| (low..=high).contains(next))
+                .unwrap_or(0.5 * (low + high));
+            let arrived = (next - ratio).abs() < BRACKETED_TOLERANCE * next;
+            ratio = next;
+            if arrived {
+                break;
+            }
+        }
+        Some(ratio)
+    }
+
+    /// Newton's method on both coordinates, from the inverse of the radial part.
+    ///
+    /// The ideal point minimises the convex function whose gradient is the distortion less the
+    /// observed point, so that shortened steps always lead there.
+    fn undistort_in_plane(&self, distorted: &Vector2<f64>) -> Option<Vector2<f64>> {
+        let mut ideal = self.undistort_radially(distorted).unwrap_or(*distorted);
+        // From the rim inward where the radial part alone leads out of the disc.
+        let rim = RIM * self.valid_radius;
+        // Written so that NaN ends here, too.
+        if !(ideal.norm() <= rim) {
+            ideal = distorted.try_normalize(0.0)? * rim;
+        }
+        let mut error = distorted - self.distort(&ideal);
+        for _ in 0..MAX_NEWTON_STEPS {
+            let jacobian = self.distortion_jacobian(&ideal, ideal.norm_squared());
+            let determinant = jacobian.determinant();
+            if !(determinant > 0.0) {
+                return None;
+            }
+            let mut step = adjugate(&jacobian) * error / determinant;
+            let mut next = ideal + step;
+            let mut next_error = distorted - self.distort(&next);
+            for _ in 0..MAX_HALVINGS {
+                if next.norm() <= self.valid_radius && next_error.norm() <= error.norm() {
+                    break;
+                }
+                step *= 0.5;
+                next = ideal + step;
+                next_error = distorted - self.distort(&next);
+            }
+            (ideal, error) = (next, next_error);
+            if step.norm() < NEWTON_STEP_TOLERANCE * determinant.min(1.0) {
+                if error.norm() > ROUNDING * distorted.norm() {
+                    (ideal, error) = self.polished(distorted, ideal, error);
+                }
+                let inside = ideal.norm() <= self.valid_radius;
+                let arrived = error.norm() < ARRIVED * (1.0 + distorted.norm());
+                return (inside && arrived).then_some(ideal);
+            }
+        }
+        None
+    }
+
+    /// The better of a point and of where one more Newton step leads, with its error.
+    ///
+    /// Where the distortion grows steeply, a step that is small leaves an error that is not.
+    fn polished(
+        &self,
+        distorted: &Vector2<f64>,
+        ideal: Vector2<f64>,
+        error: Vector2<f64>,
+    ) -> (Vector2<f64>, Vector2<f64>) {
+        let jacobian = self.distortion_jacobian(&ideal, ideal.norm_squared());
+        let next = ideal + adjugate(&jacobian) * error / jacobian.determinant();
+        let next_error = distorted - self.distort(&next);
+        if next_error.norm() < error.norm() {
+            (next, next_error)
+        } else {
+            (ideal, error)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Lens;
+    use super::*;
+
+    /// Lenses of every kind, their bends stronger than any real one's.
+    const LENSES: [[f64; 5]; 9] = [
+        [-0.3, 0.0, 0.0, 0.0, 0.0],
+        [0.5, -0.2, 0.0, 0.0, 0.0],
+        [-0.3, 0.12, 0.0, 0.0, 0.0],
+        [0.4, 0.3, 0.2, 0.0, 0.0],
+        [-0.28, 0.1, -0.02, 0.003, -0.002],
+        [0.5, -0.2, 0.0, 0.01, 0.02],
+        [0.05, 0.0, 0.0, -0.05, 0.02],
+        [-1.5, -2.6, 45.0, 0.1, 0.02],
+        [0.0, 0.0, 0.17, 0.0, 0.0],
+    ];
+
+    fn lens(k: [f64; 5]) -> Brown {
+        let [k1, k2, k3, p1, p2] = k;
+        Brown::new([1000.0, 1000.0, 0.0, 0.0, k1, k2, k3, p1, p2])
+    }
+
+    #[test]
+    fn everything_within_the_valid_radius_comes_back() {
+        for lens in LENSES.map(lens) {
+            // As far as any picture, where the lens has no rim.
+            let radius = lens.valid_radius().min(5.0);
+            for part in [0.0, 1e-9, 0.2, 0.5, 0.8, 0.95, 0.99, 0.999] {
+                for degrees in (0..360).step_by(10) {
+                    let (sin, cos) = f64::from(degrees).to_radians().sin_cos();
+                    let ideal = Vector2::new(cos, sin) * (part * radius);
+                    let found = lens.undistort(&lens.distort(&ideal));
+                    let error = found.map(|found| (found - ideal).norm());
+                    // A billionth of a pixel.
+                    assert!(
+                        error.is_some_and(|e| e < 1e-12),
+                        "{lens:?} {ideal}: {error:?}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_comes_back_from_beyond_the_image_of_the_rim() {
+        for lens in LENSES
+            .map(lens)
+            .into_iter()
+            .filter(|l| l.valid_radius() < 5.0)
+        {
+            let rim =
+                |t: f64| lens.distort(&(Vector2::new(t.cos(), t.sin()) * lens.valid_radius()));
+            for degrees in (0..360).step_by(10) {
+                let seen = rim(f64::from(degrees).to_radians());
+                assert!(lens.undistort(&(seen * 1.001)).is_none(), "{lens:?}");
+                assert!(lens.undistort(&(seen * 3.0)).is_none(), "{lens:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! Lenses: from rays to pixels and back, and the distance of a pixel to the image of a line.
+//!
+//! The residual of everything that is refined is the distance, in pixels of the photograph, of a
+//! sample to the image of a straight line. A lens therefore only has to say which ray a pixel
+//! looks along, and how that distance changes with its parameters.
+
+mod brown;
+mod brown_inverse;
+mod point_maps;
+mod radial;
+mod undistorted_view;
+mod undistortion_map;
+
+pub use brown::{Brown, BrownSight};
+pub(crate) use radial::{forward_coefficients, sign_changes};
+pub use radial::{invertible_radius, monotonic_radius};
+pub use undistortion_map::{UndistortionMap, largest_rectangle};
+
+use nalgebra::{Vector2, Vector3};
+
+/// Room for the parameters of any lens and the two offsets of its centre of distortion.
+pub const MAX_LENS_COLUMNS: usize = 11;
+
+/// Index of the first of the two columns that move the centre of distortion away from the
+/// principal point; they are not parameters, but tell what the planes alone know of the camera.
+pub const CENTRE_COLUMNS: usize = 9;
+
+/// Signed distance of a pixel to the image of a line, with its derivatives.
+///
+/// `value = l.x / |d(l.x)/dp|` (Sampson), in pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LineDistance {
+    /// The distance, in pixels.
+    pub value: f64,
+    /// Derivative with respect to the line `l` (a plane through the camera centre).
+    pub wrt_line: Vector3<f64>,
+    /// Derivatives with respect to the lens parameters, then the two centre columns.
+    pub wrt_lens: [f64; MAX_LENS_COLUMNS],
+}
+
+/// A set of columns of a lens Jacobian.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Columns(u16);
+
+impl Columns {
+    /// Every column.
+    pub const ALL: Self = Self(u16::MAX);
+
+    /// The columns listed.
+    pub fn of(columns: impl Iterator<Item = usize>) -> Self {
+        Self(columns.fold(0, |set, column| set | 1 << column))
+    }
+
+    /// Whether a column is in the set.
+    #[inline]
+    pub fn contains(self, column: usize) -> bool {
+        self.0 & (1 << column) != 0
+    }
+}
+
+/// What the refinement needs to know of a lens.
+pub trait Lens: Clone + Send + Sync {
+    /// What is known of a pixel once its ray has been found.
+    type Sight: Copy;
+
+    /// Names of the parameters, in the order of the Jacobian's columns.
+    fn parameter_names() -> &'static [&'static str];
+
+    /// The parameters' values, in the same order.
+    fn parameters(&self) -> Vec<f64>;
+
+    /// The lens with other parameter values.
+    #[must_use]
+    fn with_parameters(&self, parameters: &[f64]) -> Self;
+
+    /// The pixel at which a point of camera coordinates is seen; `None` beyond the valid radius.
+    fn project(&self, point: &Vector3<f64>) -> Option<Vector2<f64>>;
+
+    /// Follows a pixel back; `None` where the distortion is not invertible.
+    fn sight(&self, pixel: &Vector2<f64>) -> Option<Self::Sight>;
+
+    /// The unit ray along which a pixel looks; `None` where the distortion is not invertible.
+    fn unproject(&self, pixel: &Vector2<f64>) -> Option<Vector3<f64>>;
+
+    /// The ideal radius (tangent of the field angle) up to which the distortion is monotonic.
+    fn valid_radius(&self) -> f64;
+
+    /// Signed distance in pixels of a sighted pixel to the image of the line `l`.
+    fn line_distance(&self, sight: &Self::Sight, line: &Vector3<f64>) -> f64;
+
+    /// The same with its derivatives; columns that are not wanted may be left zero.
+    fn line_distance_jacobian(
+        &self,
+        sight: &Self::Sight,
+        line: &Vector3<f64>,
+        wanted: Columns,
+    ) -> LineDistance;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::brown::Brown;
+    use super::*;
+
+    /// Central differences of the distance with respect to a change made by `perturb`.
+    fn numeric(perturb: impl Fn(f64) -> f64, step: f64) -> f64 {
+        (perturb(step) - perturb(-step)) / (2.0 * step)
+    }
+
+    #[test]
+    fn jacobian_agrees_with_central_differences() {
+        let lens = Brown::new([
+            1000.0, 1010.0, 640.0, 470.0, -0.25, 0.12, -0.03, 0.002, -0.001,
+        ]);
+        let line = Vector3::new(0.4, -0.8, 0.1);
+        for pixel in [
+            Vector2::new(100.0, 80.0),
+            Vector2::new(700.0, 650.0),
+            Vector2::new(1200.0, 900.0),
+        ] {
+            let distance = |lens: &Brown, line: &Vector3<f64>| {
+                lens.line_distance(&lens.sight(&pixel).unwrap(), line)
+            };
+            let jacobian =
+                lens.line_distance_jacobian(&lens.sight(&pixel).unwrap(), &line, Columns::ALL);
+            let alone = distance(&lens, &line);
+            assert!((jacobian.value - alone).abs() < 1e-13 * alone.abs());
+            for i in 0..3 {
+                let expected = numeric(
+                    |h| {
+                        let mut moved = line;
+                        moved[i] += h;
+                        distance(&lens, &moved)
+                    },
+                    1e-6,
+                );
+                let scale = jacobian.wrt_line.norm();
+                assert!((jacobian.wrt_line[i] - expected).abs() < 1e-7 * scale);
+            }
+            for i in 0..Brown::parameter_names().len() {
+                let scale = if i < 4 { 1.0 } else { 1000.0 };
+                let expected = numeric(
+                    |h| {
+                        let mut parameters = lens.parameters();
+                        parameters[i] += h / scale;
+                        distance(&lens.with_parameters(&parameters), &line)
+                    },
+                    1e-4,
+                );
+                let found = jacobian.wrt_lens[i] / scale;
+                assert!(
+                    (found - expected).abs() < 1e-7 * expected.abs().max(1.0),
+                    "column {i}: {found} against {expected}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn distance_vanishes_on_the_line_whatever_the_lens() {
+        let lens = Brown::new([900.0, 905.0, 630.0, 480.0, 0.1, -0.05, 0.0, 1e-3, 2e-3]);
+        let (a, b) = (Vector3::new(-0.3, 0.2, 1.0), Vector3::new(0.4, 0.35, 1.0));
+        let line = a.cross(&b);
+        for i in 0..=10 {
+            let pixel = lens.project(&a.lerp(&b, f64::from(i) / 10.0)).unwrap();
+            let distance = lens.line_distance(&lens.sight(&pixel).unwrap(), &line);
+            assert!(distance.abs() < 1e-10, "{distance}");
+        }
+    }
+}

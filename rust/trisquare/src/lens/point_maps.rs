@@ -1,0 +1,159 @@
+//! A camera's maps for many points at once, refusing what the lens cannot tell.
+
+use nalgebra::{Vector2, Vector3};
+
+use super::Lens;
+use super::brown::Brown;
+use crate::error::Error;
+
+impl Brown {
+    /// Where points of camera coordinates are seen, in pixels.
+    ///
+    /// # Errors
+    /// [`Error::BehindCamera`], or [`Error::BeyondValidRadius`] for points seen farther from the
+    /// axis than the distortion is monotonic.
+    pub fn project_points(&self, points: &[Vector3<f64>]) -> Result<Vec<Vector2<f64>>, Error> {
+        // Written so that NaN counts as behind.
+        let behind = |point: &&Vector3<f64>| !(point.z > 0.0);
+        if let Some(first) = points.iter().position(|point| behind(&point)) {
+            let count = points.iter().filter(behind).count();
+            return Err(Error::BehindCamera { count, first });
+        }
+        self.of_all(points, |point| self.project(point))
+    }
+
+    /// The unit rays along which pixels look.
+    ///
+    /// # Errors
+    /// [`Error::BeyondValidRadius`] where the distortion is not invertible.
+    pub fn unproject_pixels(&self, pixels: &[Vector2<f64>]) -> Result<Vec<Vector3<f64>>, Error> {
+        self.of_all(pixels, |pixel| self.unproject(pixel))
+    }
+
+    /// Where the lens moves the pixels of a pinhole with the same camera matrix.
+    ///
+    /// # Errors
+    /// [`Error::BeyondValidRadius`] where the distortion is not monotonic.
+    pub fn distort_pixels(&self, ideal: &[Vector2<f64>]) -> Result<Vec<Vector2<f64>>, Error> {
+        self.of_all(ideal, |pixel| {
+            let point = (pixel - self.principal_point()).component_div(&self.focal());
+            self.project(&point.push(1.0))
+        })
+    }
+
+    /// Where a pinhole with the same camera matrix would have seen what pixels show.
+    ///
+    /// # Errors
+    /// [`Error::BeyondValidRadius`] where the distortion is not invertible.
+    pub fn undistort_pixels(&self, observed: &[Vector2<f64>]) -> Result<Vec<Vector2<f64>>, Error> {
+        self.of_all(observed, |pixel| {
+            let observed = (pixel - self.principal_point()).component_div(&self.focal());
+            let ideal = self.undistort(&observed)?.component_mul(&self.focal());
+            Some(ideal + self.principal_point()).filter(|p| p.norm().is_finite())
+        })
+    }
+
+    /// The distance from the principal point, in pixels, within which every pixel can be undistorted.
+    ///
+    /// The image of the disc of valid radius `R` reaches at least `R (1 + k1 R^2 + ...) - 3 |q| R^2`,
+    /// `q = (p2, p1)`, in every direction; the smaller focal length makes it pixels.
+    pub fn valid_pixel_radius(&self) -> f64 {
+        let radius = self.valid_radius();
+        if radius.is_infinite() {
+            return radius;
+        }
+        let [k1, k2, p1, p2, k3] = self.distortion();
+        let square = radius * radius;
+        let radial = 1.0 + square * (k1 + square * (k2 + square * k3));
+        let reach = radius * radial - 3.0 * p1.hypot(p2) * square;
+        reach.max(0.0) * self.focal().min()
+    }
+
+    pub(crate) fn of_all<P, Q>(
+        &self,
+        points: &[P],
+        map: impl Fn(&P) -> Option<Q>,
+    ) -> Result<Vec<Q>, Error> {
+        let mut found = Vec::with_capacity(points.len());
+        found.extend(points.iter().map_while(&map));
+        if found.len() == points.len() {
+            return Ok(found);
+        }
+        let first = found.len();
+        let others = &points[first + 1..];
+        Err(Error::BeyondValidRadius {
+            count: 1 + others.iter().filter(|point| map(point).is_none()).count(),
+            first,
+            radius: self.valid_radius(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lens() -> Brown {
+        Brown::new([900.0, 910.0, 640.0, 470.0, -0.3, 0.08, -0.01, 0.002, -0.001])
+    }
+
+    #[test]
+    fn maps_are_each_others_inverse() {
+        let lens = lens();
+        let pixels: Vec<_> = (0..50)
+            .map(|i| Vector2::new(f64::from(i) * 25.0, f64::from(i * 37 % 50) * 19.0))
+            .collect();
+        let rays = lens.unproject_pixels(&pixels).unwrap();
+        let ideal = lens.undistort_pixels(&pixels).unwrap();
+        let seen = lens.project_points(&rays).unwrap();
+        let bent = lens.distort_pixels(&ideal).unwrap();
+        for i in 0..pixels.len() {
+            assert!((rays[i].norm() - 1.0).abs() < 1e-15);
+            assert!((seen[i] - pixels[i]).norm() < 1e-9);
+            assert!((bent[i] - pixels[i]).norm() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn points_that_cannot_be_seen_are_counted() {
+        let lens = lens();
+        let ahead = Vector3::new(0.1, 0.2, 2.0);
+        let aside = Vector3::new(3.0, 0.0, 1.0);
+        let behind = Vector3::new(0.1, 0.2, -2.0);
+        assert_eq!(
+            lens.project_points(&[ahead, behind, aside, behind]),
+            Err(Error::BehindCamera { count: 2, first: 1 })
+        );
+        let radius = lens.valid_radius();
+        assert_eq!(
+            lens.project_points(&[ahead, ahead, aside]),
+            Err(Error::BeyondValidRadius {
+                count: 1,
+                first: 2,
+                radius
+            })
+        );
+        let nowhere = Vector2::new(f64::NAN, 0.0);
+        assert!(lens.undistort_pixels(&[nowhere]).is_err());
+    }
+
+    #[test]
+    fn every_pixel_within_the_valid_pixel_radius_comes_back() {
+        for lens in [
+            lens(),
+            Brown::new([900.0, 910.0, 640.0, 470.0, -0.3, 0.0, 0.0, 0.0, 0.0]),
+        ] {
+            let reach = lens.valid_pixel_radius();
+            let around = |part: f64| {
+                (0..72).map(move |i| {
+                    let (sin, cos) = f64::from(5 * i).to_radians().sin_cos();
+                    lens.principal_point() + Vector2::new(cos, sin) * (part * reach)
+                })
+            };
+            let inside: Vec<_> = around(0.999).collect();
+            assert!(lens.undistort_pixels(&inside).is_ok());
+            let outside: Vec<_> = around(1.05).collect();
+            assert!(lens.undistort_pixels(&outside).is_err());
+        }
+    }
+}

@@ -1,0 +1,161 @@
+//! The third of the paper's linear steps, the conic, and the first view that all three give.
+
+use nalgebra::{Matrix3, Vector2};
+
+use super::homographies::{Homographies, Undistortion};
+use crate::error::Error;
+use crate::geometry::{KnownIntrinsics, Pose, camera_matrix};
+use crate::image_size::ImageSize;
+use crate::lens::Brown;
+use crate::observations::{Figure, Freedom, ObservedPlane, Options, Placement, PlaneState, View};
+
+/// Focal lengths tried, in image widths, where the conic gives none.
+const FOCAL_GUESSES: [f64; 3] = [1.0, 0.6, 2.0];
+
+/// A figure this close to its plane's first one's centre (in that one's units) is concentric.
+const CONCENTRIC_SHIFT: f64 = 0.05;
+
+/// A concentric figure is turned by at most this (radians) from a quarter turn.
+const CONCENTRIC_ANGLE: f64 = 0.09;
+
+/// Step 3: the camera matrix from the image of the absolute conic.
+pub(crate) fn conic_camera_matrix(
+    homographies: &Homographies,
+    size: ImageSize,
+    options: &Options,
+) -> Result<Matrix3<f64>, Error> {
+    let known = options.known_intrinsics(&size);
+    if options.fixed.focal {
+        let focal = options
+            .initial
+            .map_or_else(Vector2::zeros, |camera| camera.focal());
+        let centre = known.principal_point.unwrap_or_else(|| size.centre());
+        return Ok(matrix_of(focal, centre));
+    }
+    camera_matrix(&homographies.of_planes(), &known)
+}
+
+/// Camera matrices to start from where the conic gives none, or a useless one: the principal
+/// point at the image centre, then focal lengths from experience.
+pub(crate) fn fallback_camera_matrices(
+    homographies: &Homographies,
+    size: ImageSize,
+    options: &Options,
+) -> Vec<Matrix3<f64>> {
+    let known = options.known_intrinsics(&size);
+    let centre = known.principal_point.unwrap_or_else(|| size.centre());
+    let planes = homographies.of_planes();
+    let mut starts: Vec<Matrix3<f64>> = Vec::new();
+    if let Some(camera) = &options.initial {
+        starts.push(camera.camera_matrix());
+    }
+    if options.fixed.focal {
+        return starts;
+    }
+    for aspect in [known.aspect, Some(known.aspect.unwrap_or(1.0))] {
+        let centred = KnownIntrinsics {
+            aspect,
+            principal_point: Some(centre),
+        };
+        starts.extend(camera_matrix(&planes, &centred));
+    }
+    let aspect = known.aspect.unwrap_or(1.0);
+    starts.extend(FOCAL_GUESSES.map(|widths| {
+        let focal = widths * f64::from(size.width);
+        matrix_of(Vector2::new(focal, focal * aspect), centre)
+    }));
+    starts
+}
+
+fn matrix_of(focal: Vector2<f64>, centre: Vector2<f64>) -> Matrix3<f64> {
+    Matrix3::new(
+        focal.x, 0.0, centre.x, 0.0, focal.y, centre.y, 0.0, 0.0, 1.0,
+    )
+}
+
+/// The camera with its poses and placements that a camera matrix and the homographies imply.
+pub(crate) fn first_view(
+    camera_matrix: &Matrix3<f64>,
+    homographies: &Homographies,
+    planes: &[ObservedPlane],
+    undistortion: &Undistortion,
+    size: ImageSize,
+    options: &Options,
+) -> Result<View<Brown>, Error> {
+    let (fx, fy) = (camera_matrix.m11, camera_matrix.m22);
+    let (cx, cy) = (camera_matrix.m13, camera_matrix.m23);
+    let pinhole = Brown::new([fx, fy, cx, cy, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let distortion = match (options.fixed.distortion, &options.initial) {
+        (true, Some(camera)) => camera.distortion(),
+        (true, None) => [0.0; 5],
+        (false, _) => {
+            let [k1, k2, k3] = undistortion.forward(&pinhole, size, options.model);
+            [k1, k2, 0.0, 0.0, k3]
+        }
+    };
+    let [k1, k2, p1, p2, k3] = distortion;
+    let mut states = Vec::with_capacity(planes.len());
+    for (i, plane) in planes.iter().enumerate() {
+        let own = &homographies.figures[i];
+        let pose = Pose::from_homography(camera_matrix, &own[0], &homographies.witnesses[i])
+            .map_err(|error| error.of_figure(plane.figures[0].index))?;
+        let mut figures = vec![Placement::IDENTITY];
+        for (figure, homography) in plane.figures.iter().zip(own).skip(1) {
+            figures.push(placement(figure, &own[0], homography)?);
+        }
+        states.push(PlaneState { pose, figures });
+    }
+    Ok(View {
+        lens: Brown::new([fx, fy, cx, cy, k1, k2, k3, p1, p2]),
+        planes: states,
+    })
+}
+
+/// Where a further figure lies on the plane that the first one fixes.
+fn placement(
+    figure: &Figure,
+    plane: &Matrix3<f64>,
+    own: &Matrix3<f64>,
+) -> Result<Placement, Error> {
+    if figure.freedom == Freedom::Fixed {
+        return Ok(Placement::IDENTITY);
+    }
+    let degenerate = |reason| Error::DegenerateHomography {
+        figure: figure.index,
+        reason,
+    };
+    let inverse = plane
+        .try_inverse()
+        .ok_or_else(|| degenerate("it is singular"))?;
+    let map = inverse * own;
+    // The map is a similarity but for noise: its Jacobian at the figure's origin.
+    let shift = Vector2::new(map.m13, map.m23) / map.m33;
+    let jacobian = (map.fixed_view::<2, 2>(0, 0) - shift * map.fixed_view::<1, 2>(2, 0)) / map.m33;
+    let determinant = jacobian.determinant();
+    if !(determinant > 0.0) {
+        return Err(degenerate(
+            "it is mirrored against the first figure on its plane",
+        ));
+    }
+    let scale = determinant.sqrt();
+    let angle = (jacobian.m21 - jacobian.m12).atan2(jacobian.m11 + jacobian.m22);
+    let quarter = (angle / std::f64::consts::FRAC_PI_2).round() * std::f64::consts::FRAC_PI_2;
+    let concentric = shift.norm() < CONCENTRIC_SHIFT && (angle - quarter).abs() < CONCENTRIC_ANGLE;
+    let size_only =
+        figure.freedom == Freedom::Size || figure.freedom == Freedom::Auto && concentric;
+    Ok(if size_only {
+        Placement {
+            scale,
+            angle: quarter,
+            shift: Vector2::zeros(),
+            free: 1,
+        }
+    } else {
+        Placement {
+            scale,
+            angle,
+            shift,
+            free: 4,
+        }
+    })
+}

@@ -1,0 +1,183 @@
+//! The first two of the paper's linear steps: straighten, and homographies.
+
+use nalgebra::{Matrix3, Vector2};
+
+use super::straighten::{Straightening, fit_distortion};
+use crate::error::Error;
+use crate::geometry::{Line, Normalisation, normalised_homography};
+use crate::image_size::ImageSize;
+use crate::lens::{Brown, Lens, forward_coefficients};
+use crate::observations::{Figure, Freedom, Method, Model, ObservedPlane, Options};
+
+/// The pictures' samples freed from distortion, before any camera matrix is known.
+#[derive(Debug, Clone)]
+pub(crate) enum Undistortion {
+    /// Estimated from straightness.
+    Straightened(Straightening),
+    /// Held at that of a given camera.
+    Known(Brown),
+}
+
+impl Undistortion {
+    /// Step 1.
+    pub fn estimate(
+        planes: &[ObservedPlane],
+        size: ImageSize,
+        options: &Options,
+    ) -> Result<Self, Error> {
+        if options.fixed.distortion {
+            let known = options.initial.map(Self::Known);
+            return Ok(known.unwrap_or_else(|| Self::Straightened(Straightening::identity(size))));
+        }
+        let coefficients = options.model.radial_coefficients().min(2);
+        if options.model == Model::None || coefficients == 0 {
+            return Ok(Self::Straightened(Straightening::identity(size)));
+        }
+        let curves: Vec<Vec<Vector2<f64>>> = planes
+            .iter()
+            .flat_map(ObservedPlane::sides)
+            .filter(|side| !side.set_aside)
+            .map(|side| side.samples.iter().map(|s| s.pixel).collect())
+            .collect();
+        // Where the refinement follows, it finds the centre itself.
+        let held = options.fixed.principal_point || options.method == Method::MaximumLikelihood;
+        let centre = held.then(|| {
+            let fixed = options.known_intrinsics(&size).principal_point;
+            fixed.unwrap_or_else(|| size.centre())
+        });
+        fit_distortion(&curves, size, coefficients, centre).map(Self::Straightened)
+    }
+
+    pub fn undistort(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
+        match self {
+            Self::Straightened(straightening) => straightening.undistort(pixel),
+            Self::Known(camera) => {
+                let ideal = camera.sight(pixel)?.ideal();
+                Some(ideal.component_mul(&camera.focal()) + camera.principal_point())
+            }
+        }
+    }
+
+    /// The forward coefficients `(k1, k2, k3)` that go with a camera matrix, by least squares
+    /// over the radii which the image covers.
+    pub fn forward(&self, lens: &Brown, size: ImageSize, model: Model) -> [f64; 3] {
+        let mut k = [0.0; 3];
+        let Self::Straightened(straightening) = self else {
+            return k;
+        };
+        let count = model.radial_coefficients();
+        if count == 0 || straightening.coefficients.is_empty() {
+            return k;
+        }
+        let focal = (lens.focal().x * lens.focal().y).sqrt();
+        let covered = size
+            .corners()
+            .map(|c| (c - lens.principal_point()).norm() / focal);
+        let largest = covered.iter().fold(0.0f64, |a, b| a.max(*b));
+        let ideal = |r: f64| straightening.ideal_radius(r * focal) / focal;
+        // An estimate that folds over before the corners is believed as far as half the radius.
+        let found = forward_coefficients(ideal, largest, count)
+            .or_else(|| forward_coefficients(ideal, 0.5 * largest, count));
+        for (k, value) in k.iter_mut().zip(found.unwrap_or_default()) {
+            *k = value;
+        }
+        k
+    }
+}
+
+/// Step 2 for every figure: homographies from the figures' planes to undistorted pixels.
+#[derive(Debug, Clone)]
+pub(crate) struct Homographies {
+    pub figures: Vec<Vec<Matrix3<f64>>>,
+    /// A sample of each plane's first figure, in that figure's coordinates.
+    pub witnesses: Vec<Vector2<f64>>,
+}
+
+impl Homographies {
+    pub fn estimate(planes: &[ObservedPlane], undistortion: &Undistortion) -> Result<Self, Error> {
+        let mut figures = Vec::with_capacity(planes.len());
+        let mut witnesses = Vec::with_capacity(planes.len());
+        for plane in planes {
+            let mut own = Vec::with_capacity(plane.figures.len());
+            for (number, figure) in plane.figures.iter().enumerate() {
+                if number > 0 && figure.freedom == Freedom::Fixed {
+                    own.push(own[0]);
+                    continue;
+                }
+                let (homography, seen) = match number {
+                    0 => homography_of_figure(&with_fixed(plane), undistortion)?,
+                    _ => homography_of_figure(figure, undistortion)?,
+                };
+                if own.is_empty() {
+                    witnesses.push(back_project(&homography, &seen).unwrap_or_default());
+                }
+                own.push(homography);
+            }
+            figures.push(own);
+        }
+        Ok(Self { figures, witnesses })
+    }
+
+    /// Those of several sets of planes, one after the other.
+    pub fn joined<'a>(sets: impl Iterator<Item = &'a Self>) -> Self {
+        let (mut figures, mut witnesses) = (Vec::new(), Vec::new());
+        for set in sets {
+            figures.extend(set.figures.iter().cloned());
+            witnesses.extend(&set.witnesses);
+        }
+        Self { figures, witnesses }
+    }
+
+    /// The first figure's homography of every plane.
+    pub fn of_planes(&self) -> Vec<Matrix3<f64>> {
+        self.figures.iter().map(|figures| figures[0]).collect()
+    }
+}
+
+/// A plane's first figure with the sides of those that are given in its coordinates: the first one
+/// alone may be a small part of the whole.
+fn with_fixed(plane: &ObservedPlane) -> Figure {
+    let mut first = plane.figures[0].clone();
+    for figure in &plane.figures[1..] {
+        if figure.freedom == Freedom::Fixed {
+            first.sides.extend(figure.sides.iter().cloned());
+        }
+    }
+    first
+}
+
+pub(crate) fn homography_of_figure(
+    figure: &Figure,
+    undistortion: &Undistortion,
+) -> Result<(Matrix3<f64>, Vector2<f64>), Error> {
+    let degenerate = |reason| Error::DegenerateHomography {
+        figure: figure.index,
+        reason,
+    };
+    let mut plane_lines: Vec<Line> = Vec::with_capacity(figure.sides.len());
+    let mut image_lines: Vec<Line> = Vec::with_capacity(figure.sides.len());
+    let mut ideal = Vec::new();
+    for side in &figure.sides {
+        let first = ideal.len();
+        for sample in &side.samples {
+            let pixel = undistortion
+                .undistort(&sample.pixel)
+                .ok_or_else(|| degenerate("samples lie where the distortion is not invertible"))?;
+            ideal.push((pixel, sample.weight * sample.weight));
+        }
+        let line = Line::fit(ideal[first..].iter().copied())
+            .ok_or_else(|| degenerate("all samples of a line coincide"))?;
+        plane_lines.push(side.line);
+        image_lines.push(line);
+    }
+    let normalisation = Normalisation::of_points(ideal.iter().map(|(p, _)| p));
+    let homography = normalised_homography(&plane_lines, &image_lines, normalisation)
+        .map_err(|error| error.of_figure(figure.index))?;
+    Ok((homography, ideal[0].0))
+}
+
+fn back_project(homography: &Matrix3<f64>, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
+    let point = homography.try_inverse()? * pixel.push(1.0);
+    let point = point.xy() / point.z;
+    (point.x.is_finite() && point.y.is_finite()).then_some(point)
+}

@@ -1,0 +1,421 @@
+//! Step 1: distortion from the straightness of curves, before any camera matrix is known.
+//!
+//! About a centre, `r_u = r_d (1 + a1 rho^2 + a2 rho^4 + ...)`, `rho = r_d / S`, `S` half the
+//! image diagonal (Zhou et al. 2013, section 2; F. Devernay & O. Faugeras, Machine Vision and
+//! Applications 13 (2001) 14-24). What is minimised is the distance of the samples to the straight
+//! line that fits them best, measured back in the distorted picture: in undistorted coordinates,
+//! noise would reward whatever shrinks the picture.
+
+use nalgebra::{DVector, Matrix2, Vector2};
+
+use crate::error::Error;
+use crate::geometry::Line;
+use crate::image_size::ImageSize;
+use crate::lens::sign_changes;
+use crate::numeric::{ArrowStep, ArrowSystem, Limits, Minimum, Problem, minimise};
+
+/// Coefficients a straightening may have.
+pub const MAX_COEFFICIENTS: usize = 3;
+
+/// Evaluations allowed; from zero distortion about six are needed.
+const MAX_ITERATIONS: usize = 60;
+
+/// Fall of half the sum of squares (px^2) below which a step is the last.
+const LAST_DECREASE: f64 = 1e-9;
+
+/// The centre is freed where its predicted std is below this part of the width.
+const CENTRE_STD_LIMIT: f64 = 0.05;
+
+/// Noise assumed at least (px) when the centre's std is predicted, so that noise-free curves
+/// without distortion do not seem to determine it.
+const MIN_NOISE: f64 = 0.01;
+
+/// The map from observed to ideal pixels that makes curves straight.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Straightening {
+    /// `a1, a2, ...`.
+    pub coefficients: Vec<f64>,
+    /// The centre of distortion, in pixels.
+    pub centre: Vector2<f64>,
+    /// `S`, half the image diagonal in pixels.
+    pub radius: f64,
+    /// Root mean square distance of the samples to their lines, in pixels of the photograph.
+    pub rms: f64,
+}
+
+impl Straightening {
+    /// The straightening that changes nothing.
+    pub fn identity(size: ImageSize) -> Self {
+        Self {
+            coefficients: Vec::new(),
+            centre: size.centre(),
+            radius: size.half_diagonal(),
+            rms: 0.0,
+        }
+    }
+
+    /// Maps an observed pixel to its ideal place; `None` where the map is not invertible.
+    pub fn undistort(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
+        let bend = self.bend(pixel)?;
+        let ideal = self.centre + bend.q * bend.factor * self.radius;
+        ideal.norm().is_finite().then_some(ideal)
+    }
+
+    /// The ideal radius of an observed one, both in pixels from the centre.
+    pub(crate) fn ideal_radius(&self, observed: f64) -> f64 {
+        let square = (observed / self.radius).powi(2);
+        observed * self.factor(square).0
+    }
+
+    /// `1 + a1 s + ...` and its derivative with respect to `s = rho^2`.
+    fn factor(&self, square: f64) -> (f64, f64) {
+        let (mut factor, mut slope) = (0.0, 0.0);
+        for a in self.coefficients.iter().rev() {
+            slope = slope * square + factor;
+            factor = factor * square + a;
+        }
+        (1.0 + square * factor, factor + square * slope)
+    }
+
+    /// Whether a map that increases at a squared radius does so all the way there.
+    fn increases_up_to(&self, square: f64) -> bool {
+        let higher = self.coefficients.iter().skip(1);
+        // Then the slope, `1 + 3 a1 s + 5 a2 s^2 + ...`, is concave, and positive at both ends.
+        let concave = higher.clone().all(|a| *a <= 0.0);
+        if concave || self.coefficients.iter().all(|a| *a >= 0.0) {
+            return true;
+        }
+        let powers = self.coefficients.iter().zip(1..);
+        let slope: Vec<f64> = std::iter::once(1.0)
+            .chain(powers.map(|(a, power)| f64::from(2 * power + 1) * a))
+            .collect();
+        sign_changes(&slope, square).is_empty()
+    }
+
+    /// The map around one pixel; `None` beyond the radius up to which it increases.
+    fn bend(&self, pixel: &Vector2<f64>) -> Option<Bend> {
+        let q = (pixel - self.centre) / self.radius;
+        let square = q.norm_squared();
+        let (factor, slope) = self.factor(square);
+        let increasing = factor > 0.0 && factor + 2.0 * slope * square > 0.0;
+        (increasing && self.increases_up_to(square)).then(|| Bend {
+            q,
+            square,
+            factor,
+            jacobian: Matrix2::identity() * factor + q * q.transpose() * (2.0 * slope),
+        })
+    }
+}
+
+/// The undistorting map around one pixel, in units of `S`.
+struct Bend {
+    q: Vector2<f64>,
+    square: f64,
+    factor: f64,
+    /// The symmetric Jacobian of ideal by observed coordinates.
+    jacobian: Matrix2<f64>,
+}
+
+/// Finds the distortion that makes all curves straight at once.
+///
+/// With no `centre` given, the image centre is used, or freed where the curves determine it to
+/// better than 5 % of the width. Points in pixels.
+///
+/// # Errors
+/// [`Error::InvalidArgument`] for a number of coefficients outside 1 to 3,
+/// [`Error::TooFewSamples`], [`Error::NotFinite`], [`Error::TooFewDegreesOfFreedom`], or
+/// [`Error::NotConverged`].
+pub fn fit_distortion(
+    curves: &[Vec<Vector2<f64>>],
+    size: ImageSize,
+    coefficients: usize,
+    centre: Option<Vector2<f64>>,
+) -> Result<Straightening, Error> {
+    check(curves, coefficients, centre.as_ref())?;
+    let start = Straightening {
+        coefficients: vec![0.0; coefficients],
+        centre: centre.unwrap_or_else(|| size.centre()),
+        ..Straightening::identity(size)
+    };
+    let mut problem = Straight {
+        curves,
+        origin: start.centre,
+        free_centre: false,
+    };
+    let held = solve(&problem, start)?;
+    if centre.is_some() {
+        return Ok(problem.finish(held));
+    }
+    problem.free_centre = true;
+    let Some((_, system)) = problem.evaluate(&held.state) else {
+        return Ok(problem.finish(held));
+    };
+    let variance = 2.0 * held.cost / problem.sample_count() as f64;
+    let covariance = system
+        .reduced_information()
+        .and_then(|information| information.cholesky())
+        .map(|factor| factor.inverse() * variance.max(MIN_NOISE * MIN_NOISE));
+    let limit = CENTRE_STD_LIMIT * f64::from(size.width);
+    let determined = covariance.is_some_and(|c| {
+        (coefficients..coefficients + 2).all(|i| c[(i, i)] > 0.0 && c[(i, i)].sqrt() < limit)
+    });
+    if determined && let Ok(freed) = solve(&problem, held.state.clone()) {
+        return Ok(problem.finish(freed));
+    }
+    Ok(problem.finish(held))
+}
+
+fn check(
+    curves: &[Vec<Vector2<f64>>],
+    coefficients: usize,
+    centre: Option<&Vector2<f64>>,
+) -> Result<(), Error> {
+    if !(1..=MAX_COEFFICIENTS).contains(&coefficients) {
+        return Err(Error::InvalidArgument(format!(
+            "a straightening has 1 to {MAX_COEFFICIENTS} coefficients, not {coefficients}"
+        )));
+    }
+    let points = curves.iter().flatten().chain(centre);
+    if !points.clone().all(|p| p.x.is_finite() && p.y.is_finite()) {
+        return Err(Error::NotFinite {
+            what: "points and centre",
+        });
+    }
+    for (line, curve) in curves.iter().enumerate() {
+        if curve.len() < 2 {
+            return Err(Error::TooFewSamples {
+                figure: 0,
+                line,
+                found: curve.len(),
+            });
+        }
+    }
+    let samples = curves.iter().map(Vec::len).sum();
+    let unknowns = coefficients + 2 * curves.len();
+    if samples <= unknowns {
+        return Err(Error::TooFewDegreesOfFreedom { samples, unknowns });
+    }
+    Ok(())
+}
+
+fn solve(problem: &Straight<'_>, start: Straightening) -> Result<Minimum<Straightening>, Error> {
+    let limits = Limits {
+        iterations: MAX_ITERATIONS,
+        decrease: LAST_DECREASE,
+    };
+    let failed = |iterations, rms| Error::NotConverged {
+        stage: "straightening",
+        iterations,
+        rms,
+    };
+    let found = minimise(problem, start, limits).ok_or_else(|| failed(0, 0.0))?;
+    Ok(found)
+}
+
+/// The straightness of all curves as a least-squares problem: the coefficients (and the centre)
+/// are shared, the angle and offset of each curve's line are its own.
+struct Straight<'a> {
+    curves: &'a [Vec<Vector2<f64>>],
+    /// Fixed origin of the ideal coordinates.
+    origin: Vector2<f64>,
+    free_centre: bool,
+}
+
+impl Straight<'_> {
+    fn sample_count(&self) -> usize {
+        self.curves.iter().map(Vec::len).sum()
+    }
+
+    fn finish(&self, minimum: Minimum<Straightening>) -> Straightening {
+        Straightening {
+            rms: (2.0 * minimum.cost / self.sample_count() as f64).sqrt(),
+            ..minimum.state
+        }
+    }
+
+    /// The straight line nearest to a curve, in ideal coordinates (units of `S` about the
+    /// origin), distances being measured back in the picture.
+    fn line_of(&self, state: &Straightening, bends: &[Bend]) -> Option<Line> {
+        let place = |bend: &Bend| self.ideal(state, bend);
+        let first = Line::fit(bends.iter().map(|b| (place(b), 1.0)))?;
+        let weight = |bend: &Bend| 1.0 / (bend.jacobian * first.normal()).norm_squared();
+        Line::fit(bends.iter().map(|b| (place(b), weight(b))))
+    }
+
+    fn ideal(&self, state: &Straightening, bend: &Bend) -> Vector2<f64> {
+        bend.q * bend.factor + (state.centre - self.origin) / state.radius
+    }
+}
+
+impl Problem for Straight<'_> {
+    type State = Straightening;
+
+    fn evaluate(&self, state: &Straightening) -> Option<(f64, ArrowSystem)> {
+        let count = state.coefficients.len();
+        let shared = count + if self.free_centre { 2 } else { 0 };
+        let mut system = ArrowSystem::zeros(shared, self.curves.iter().map(|_| 2));
+        let mut cost = 0.0;
+        let mut wrt_shared = DVector::zeros(shared);
+        for (curve, block) in self.curves.iter().zip(&mut system.blocks) {
+            let bends: Option<Vec<Bend>> = curve.iter().map(|p| state.bend(p)).collect();
+            let bends = bends?;
+            let line = self.line_of(state, &bends)?;
+            let normal = line.normal();
+            let tangent = Vector2::new(-normal.y, normal.x);
+            for bend in &bends {
+                let ideal = self.ideal(state, bend);
+                let gradient = bend.jacobian * normal;
+                let norm = gradient.norm();
+                let residual = line.distance(&ideal) / norm * state.radius;
+                let unit = gradient / norm;
+                // d(n / |g|) = (dn - (n / |g|) d|g|) / |g|.
+                let slope = |change: f64, gradient_change: f64| {
+                    (change * state.radius - residual * gradient_change) / norm
+                };
+                let mut power = 1.0;
+                for k in 0..count {
+                    let lower = power;
+                    power *= bend.square;
+                    let along = bend.q.dot(&normal);
+                    let bent = normal * power + bend.q * (2.0 * (k + 1) as f64 * lower * along);
+                    wrt_shared[k] = slope(along * power, unit.dot(&bent));
+                }
+                if self.free_centre {
+                    let moved = (normal - gradient) / norm;
+                    wrt_shared[count] = moved.x;
+                    wrt_shared[count + 1] = moved.y;
+                }
+                let turned = slope(tangent.dot(&ideal), unit.dot(&(bend.jacobian * tangent)));
+                let wrt_line = Vector2::new(turned, state.radius / norm);
+
+                cost += 0.5 * residual * residual;
+                block.shared.ger(1.0, &wrt_shared, &wrt_shared, 1.0);
+                block.shared_gradient.axpy(residual, &wrt_shared, 1.0);
+                block.hessian.ger(1.0, &wrt_line, &wrt_line, 1.0);
+                block.cross.ger(1.0, &wrt_line, &wrt_shared, 1.0);
+                block.gradient.axpy(residual, &wrt_line, 1.0);
+            }
+        }
+        Some((cost, system))
+    }
+
+    /// The lines are fitted anew at every evaluation: only the shared part moves.
+    fn advance(&self, state: &Straightening, step: &ArrowStep) -> Straightening {
+        let mut next = state.clone();
+        for (a, change) in next.coefficients.iter_mut().zip(step.shared.iter()) {
+            *a += change;
+        }
+        if self.free_centre {
+            let count = state.coefficients.len();
+            next.centre += Vector2::new(step.shared[count], step.shared[count + 1]);
+        }
+        next
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: ImageSize = ImageSize {
+        width: 1280,
+        height: 960,
+    };
+
+    /// Curves whose ideal images are straight under a known straightening.
+    fn curves(truth: &Straightening) -> Vec<Vec<Vector2<f64>>> {
+        let ends = [
+            ((50.0, 60.0), (1200.0, 100.0)),
+            ((80.0, 50.0), (60.0, 900.0)),
+            ((100.0, 880.0), (1250.0, 860.0)),
+            ((1230.0, 90.0), (1150.0, 900.0)),
+            ((300.0, 200.0), (900.0, 800.0)),
+        ];
+        ends.iter()
+            .map(|(a, b)| {
+                let (a, b) = (Vector2::new(a.0, a.1), Vector2::new(b.0, b.1));
+                (0..60)
+                    .map(|i| {
+                        let target = a.lerp(&b, f64::from(i) / 59.0);
+                        // Fixed-point inversion of the map, to rounding.
+                        let mut pixel = target;
+                        for _ in 0..200 {
+                            pixel += target - truth.undistort(&pixel).unwrap();
+                        }
+                        pixel
+                    })
+                    .collect()
+            })
+            .collect()
+    }
+
+    #[test]
+    fn samples_whose_squares_overflow_are_refused() {
+        let far = |i: usize| Vector2::new(1e154 * i as f64, -1e155 * (i * i) as f64);
+        let curves = vec![(0..8).map(far).collect::<Vec<_>>(); 4];
+        let size = ImageSize {
+            width: 640,
+            height: 480,
+        };
+        let found = fit_distortion(&curves, size, 1, None);
+        assert!(found.is_err(), "{found:?}");
+    }
+
+    #[test]
+    fn recovers_the_coefficients_of_straight_lines() {
+        let truth = Straightening {
+            coefficients: vec![0.15, 0.03],
+            ..Straightening::identity(SIZE)
+        };
+        let found = fit_distortion(&curves(&truth), SIZE, 2, Some(truth.centre)).unwrap();
+        for (a, b) in found.coefficients.iter().zip(&truth.coefficients) {
+            assert!((a - b).abs() < 1e-9, "{found:?}");
+        }
+        assert!(found.rms < 1e-9);
+    }
+
+    #[test]
+    fn nothing_comes_back_from_beyond_the_first_fold() {
+        // The slope 1 - 1.5 s + 0.5 s^2 vanishes at s = 1 and s = 2, and is positive again beyond.
+        let folded = Straightening {
+            coefficients: vec![-0.5, 0.1],
+            ..Straightening::identity(SIZE)
+        };
+        let at = |square: f64| folded.centre + Vector2::new(0.0, folded.radius * square.sqrt());
+        assert!(folded.undistort(&at(0.99)).is_some());
+        for square in [1.01, 1.9, 2.1, 5.0] {
+            assert!(folded.undistort(&at(square)).is_none(), "{square}");
+        }
+    }
+
+    #[test]
+    fn frees_the_centre_only_where_distortion_shows_it() {
+        let truth = Straightening {
+            coefficients: vec![0.2],
+            centre: SIZE.centre() + Vector2::new(12.0, -7.0),
+            ..Straightening::identity(SIZE)
+        };
+        let found = fit_distortion(&curves(&truth), SIZE, 1, None).unwrap();
+        assert!((found.centre - truth.centre).norm() < 1e-5, "{found:?}");
+        let pinhole = fit_distortion(&curves(&Straightening::identity(SIZE)), SIZE, 1, None);
+        let pinhole = pinhole.unwrap();
+        assert_eq!(pinhole.centre, SIZE.centre());
+        assert!(pinhole.coefficients[0].abs() < 1e-10);
+    }
+
+    #[test]
+    fn bad_curves_are_refused() {
+        let line: Vec<_> = (0..9).map(|i| Vector2::new(f64::from(i), 5.0)).collect();
+        for (curves, coefficients) in [
+            (vec![], 2),
+            (vec![line[..1].to_vec()], 2),
+            (vec![line[..3].to_vec()], 2),
+            (vec![line.clone()], 0),
+            (vec![line.clone()], 4),
+            (vec![vec![Vector2::new(f64::NAN, 1.0); 9]], 2),
+        ] {
+            assert!(fit_distortion(&curves, SIZE, coefficients, None).is_err());
+        }
+    }
+}

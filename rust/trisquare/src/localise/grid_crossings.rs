@@ -1,0 +1,436 @@
+//! Where other lines cross a grid line: from crossing to crossing light and dark change sides.
+//!
+//! The light about a crossing of two blurred edges, `d` and `e` blurs away, is the mean of the two
+//! shades and, times half their contrast, the expectation of `sign(d + x) sign(e + y)` with `x` and
+//! `y` normal and correlated by the cosine `rho` of the angle between the edges' normals:
+//! `(2 Phi(d) - 1) (2 Phi(e) - 1)` and, where they are not at right angles, an integral over the
+//! correlation (Drezner & Wesolowsky, J. Statist. Comput. Simul. 35 (1990) 101-107). Its derivative
+//! by `d` is `2 phi(d) (2 Phi((e - rho d) / sqrt(1 - rho^2)) - 1)`. A pixel is told that slope and
+//! what is left of the value, so that lines are measured right up to their crossings.
+
+use std::f64::consts::FRAC_2_PI;
+
+use nalgebra::Vector2;
+
+use super::curve::Curve;
+use super::flip::Flip;
+use super::span::EdgeSpan;
+use crate::numeric::cdf_and_pdf;
+
+/// From so many blurs on a line's change of sides is complete, to 6e-5 of the contrast.
+const COMPLETE: f64 = 4.0;
+/// From so many, to rounding.
+const ENTIRE: f64 = 7.0;
+/// A marker's border may be a twentieth of a pixel beside its modelled place: from so many blurs
+/// before it that does not matter ...
+const CLEAR_OF_MARKER: f64 = 3.0;
+/// ... but where that would leave less than this of the light cell, it has to be borne.
+const LEAST_REACH: f64 = 2.0;
+/// Steps towards the crossing of two curves; each squares the error of what was a pixel or two.
+const STEPS: usize = 3;
+/// The largest correlation reckoned with: lines at less than 18 degrees to each other.
+const MAX_CORRELATION: f64 = 0.95;
+/// Gauss-Legendre nodes and weights on -1 to 1 for the integral over the correlation: three are
+/// exact to 6e-7 up to `FEW_SUFFICE` ...
+const FEW: [(f64, f64); 3] = [
+    (-0.774_596_669_241_483, 0.555_555_555_555_556),
+    (0.0, 0.888_888_888_888_889),
+    (0.774_596_669_241_483, 0.555_555_555_555_556),
+];
+const FEW_SUFFICE: f64 = 0.5;
+/// ... and five to 6e-7 at a correlation of 0.8.
+const NODES: [(f64, f64); 5] = [
+    (-0.906_179_845_938_664, 0.236_926_885_056_189),
+    (-0.538_469_310_105_683, 0.478_628_670_499_366),
+    (0.0, 0.568_888_888_888_889),
+    (0.538_469_310_105_683, 0.478_628_670_499_366),
+    (0.906_179_845_938_664, 0.236_926_885_056_189),
+];
+
+/// The crossings of one line in their order along it.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Crossings {
+    places: Vec<Crossing>,
+    /// +1 if the line's step rises, -1 if it falls.
+    rise: f64,
+}
+
+/// A crossing: the line that crosses, taken to be straight as far as the band reaches.
+#[derive(Debug, Clone, Copy)]
+struct Crossing {
+    s: f64,
+    point: Vector2<f64>,
+    /// The crossing line's unit normal, the way this line runs.
+    forward: Vector2<f64>,
+    inverse_blur: f64,
+    angle: Angle,
+    /// Sign of the contrast after it, that after the first being 1.
+    sign: f64,
+    /// The marker in the light cell after it.
+    marker: Option<Marker>,
+}
+
+/// A dark square within a light cell, white being left all round it.
+///
+/// Its border's step is modelled, as far as it blurs into the white: `Phi` of the distances from the
+/// three sides that are near. It is as dark as the dark cells, being printed in the same ink.
+#[derive(Debug, Clone, Copy)]
+struct Marker {
+    /// Sign of the distances from the line where the cell lies.
+    side: f64,
+    /// Distance (px) from the line to the marker, and from the lines that bound the cell.
+    depth: f64,
+    margin: f64,
+}
+
+impl Crossings {
+    /// As the coarse paths have them.
+    pub fn coarse(spans: &[EdgeSpan], index: usize, curve: &Curve, blur: f64) -> Self {
+        let span = &spans[index];
+        let places = span.path.iter().zip(&span.crossings).enumerate();
+        let places = places.map(|(number, (point, other))| {
+            let along = other.0.and_then(|line| direction_at(spans, line, index));
+            let along = along.unwrap_or(curve.across);
+            let marker = marker_after(spans, index, number);
+            Crossing {
+                marker,
+                ..Crossing::new(*point, along, blur, (curve, span.sign(other.1)))
+            }
+        });
+        Self {
+            places: places.collect(),
+            rise: span.rise.signum(),
+        }
+    }
+
+    /// Where the curves that were fitted to both lines meet.
+    ///
+    /// `found` gives the curve and the blur of a span, if it was found.
+    pub fn fitted<'a>(
+        spans: &[EdgeSpan],
+        index: usize,
+        (curve, blur): (&Curve, f64),
+        found: impl Fn(usize) -> Option<(&'a Curve, f64)>,
+    ) -> Self {
+        let coarse = Self::coarse(spans, index, curve, blur);
+        let pairs = coarse.places.iter().zip(&spans[index].crossings);
+        let places = pairs.map(|(place, (other, _))| match other.and_then(&found) {
+            Some((other, blur)) => place.moved_to(curve, other, blur),
+            None => *place,
+        });
+        Self {
+            places: places.collect(),
+            rise: coarse.rise,
+        }
+    }
+
+    /// The crossings that a column of pixels lies between, by the place where it meets the line.
+    pub fn about(&self, s: f64) -> Between<'_> {
+        let next = self.places.partition_point(|place| place.s < s);
+        let sign = match next {
+            0 => self.places.first().map_or(1.0, |first| -first.sign),
+            _ => self.places[next - 1].sign,
+        };
+        let before = next.checked_sub(1).map(|i| &self.places[i]);
+        let after = self.places.get(next);
+        Between {
+            before,
+            after,
+            sign,
+            rise: self.rise,
+            marker: before.zip(after).and_then(|(before, _)| before.marker),
+        }
+    }
+}
+
+/// The two crossings next to a place on a line, and the sign of the contrast between them.
+pub(super) struct Between<'a> {
+    before: Option<&'a Crossing>,
+    after: Option<&'a Crossing>,
+    sign: f64,
+    rise: f64,
+    marker: Option<Marker>,
+}
+
+impl Between<'_> {
+    /// For a pixel at a distance from the line.
+    pub fn flip(&self, point: Vector2<f64>, distance: f64) -> Flip {
+        let before = self.before.map_or(Flip::NONE, |c| c.flip(point, distance));
+        let after = self
+            .after
+            .map_or(Flip::NONE, |c| c.flip(point, distance).opposite());
+        let shift = self.sign * (before.shift * after.slope + after.shift * before.slope);
+        Flip {
+            slope: self.sign * before.slope * after.slope,
+            // Twice, since a step from -1 to 1 is meant.
+            shift: shift - 2.0 * self.rise * self.darkened(point, distance),
+        }
+    }
+
+    /// Whether a pixel so far from the line is too near to a marker.
+    pub fn is_near_marker(&self, distance: f64) -> bool {
+        let (Some(marker), Some(before)) = (self.marker, self.before) else {
+            return false;
+        };
+        let blurs = marker.depth * before.inverse_blur;
+        let reach = (blurs - CLEAR_OF_MARKER).max(blurs.min(LEAST_REACH));
+        marker.side * distance * before.inverse_blur > reach
+    }
+
+    /// What a marker takes of the light, over the contrast.
+    fn darkened(&self, point: Vector2<f64>, distance: f64) -> f64 {
+        let (Some(marker), Some(before), Some(after)) = (self.marker, self.before, self.after)
+        else {
+            return 0.0;
+        };
+        let within = [
+            (marker.side * distance - marker.depth) * before.inverse_blur,
+            before.blurs(point) - marker.margin * before.inverse_blur,
+            -after.blurs(point) - marker.margin * after.inverse_blur,
+        ];
+        if within.iter().any(|blurs| *blurs < -COMPLETE) {
+            return 0.0;
+        }
+        within.iter().map(|blurs| cdf_and_pdf(*blurs).0).product()
+    }
+
+    /// That of two pixels and all between them, if it is the same.
+    pub fn constant(&self, points: [Vector2<f64>; 2]) -> Option<Flip> {
+        let is_far = |crossing: &Crossing, side: f64| {
+            points
+                .iter()
+                .all(|point| side * crossing.blurs(*point) > COMPLETE)
+        };
+        let all = self.before.is_none_or(|c| is_far(c, 1.0))
+            && self.after.is_none_or(|c| is_far(c, -1.0));
+        (all && self.marker.is_none()).then_some(Flip {
+            slope: self.sign,
+            shift: 0.0,
+        })
+    }
+}
+
+impl Crossing {
+    fn new(
+        point: Vector2<f64>,
+        along_other: Vector2<f64>,
+        blur: f64,
+        (curve, sign): (&Curve, f64),
+    ) -> Self {
+        let normal = Vector2::new(-along_other.y, along_other.x);
+        let forward = normal * normal.dot(&curve.along).signum();
+        Self {
+            s: curve.local(point).0,
+            point,
+            forward,
+            inverse_blur: 1.0 / blur,
+            angle: Angle::of_cosine(forward.dot(&curve.across)),
+            sign,
+            marker: None,
+        }
+    }
+
+    /// The same line where its own curve meets this one's.
+    fn moved_to(&self, curve: &Curve, other: &Curve, blur: f64) -> Self {
+        let (mut point, mut forward, mut cosine) = (self.point, self.forward, self.angle.rho);
+        for _ in 0..STEPS {
+            let (s, _) = curve.local(point);
+            let on_curve = curve.point(s, 0.0);
+            let normal = curve.point(s, 1.0) - on_curve;
+            let along = Vector2::new(normal.y, -normal.x);
+            let (t, _) = other.local(on_curve);
+            let across = other.point(t, 1.0) - other.point(t, 0.0);
+            let rate = across.dot(&along);
+            if rate == 0.0 {
+                return *self;
+            }
+            point = on_curve - along * (other.signed_distance(on_curve) / rate);
+            forward = across * rate.signum();
+            cosine = forward.dot(&normal);
+        }
+        Self {
+            s: curve.local(point).0,
+            point,
+            forward,
+            inverse_blur: 1.0 / blur,
+            angle: Angle::of_cosine(cosine),
+            ..*self
+        }
+    }
+
+    fn blurs(&self, point: Vector2<f64>) -> f64 {
+        self.forward.dot(&(point - self.point)) * self.inverse_blur
+    }
+
+    /// From that of -1 before the crossing to that of 1 after it.
+    fn flip(&self, point: Vector2<f64>, distance: f64) -> Flip {
+        let (own, other) = (distance * self.inverse_blur, self.blurs(point));
+        let Angle { rho, sine, .. } = self.angle;
+        let skewed = (other - rho * own) / sine;
+        if other.min(skewed) > ENTIRE {
+            return Flip::NONE;
+        }
+        if other.max(skewed) < -ENTIRE {
+            return Flip::NONE.opposite();
+        }
+        let own_step = step(own);
+        let slope = step(skewed);
+        let mut value = own_step * step(other);
+        if own.abs() < COMPLETE && other.abs() < COMPLETE {
+            value += self.angle.excess(own, other);
+        }
+        Flip {
+            slope,
+            shift: value - own_step * slope,
+        }
+    }
+}
+
+/// The angle between two crossing lines.
+#[derive(Debug, Clone, Copy)]
+struct Angle {
+    /// Its cosine: the correlation of the distances from the two lines under isotropic blur.
+    rho: f64,
+    sine: f64,
+    /// The correlation at each node, `1 / (1 - its square)`, and the node's weight.
+    nodes: [[f64; 3]; NODES.len()],
+    /// How many nodes there are.
+    used: usize,
+}
+
+impl Angle {
+    fn of_cosine(cosine: f64) -> Self {
+        let rho = cosine.clamp(-MAX_CORRELATION, MAX_CORRELATION);
+        let half_angle = 0.5 * rho.asin();
+        let node = |(node, weight): (f64, f64)| {
+            let sine = (half_angle * (1.0 + node)).sin();
+            let scale = 1.0 / (1.0 - sine * sine);
+            [sine, scale, FRAC_2_PI * half_angle * weight]
+        };
+        let chosen: &[(f64, f64)] = if rho.abs() <= FEW_SUFFICE {
+            &FEW
+        } else {
+            &NODES
+        };
+        let mut nodes = [[0.0; 3]; NODES.len()];
+        for (own, chosen) in nodes.iter_mut().zip(chosen) {
+            *own = node(*chosen);
+        }
+        Self {
+            rho,
+            sine: (1.0 - rho * rho).sqrt(),
+            nodes,
+            used: chosen.len(),
+        }
+    }
+
+    /// What the correlation adds to the product of the two steps.
+    fn excess(&self, own: f64, other: f64) -> f64 {
+        let (squares, product) = (0.5 * (own * own + other * other), own * other);
+        let nodes = self.nodes[..self.used].iter();
+        nodes
+            .map(|[sine, scale, weight]| weight * ((sine * product - squares) * scale).exp())
+            .sum()
+    }
+}
+
+/// A blurred step from -1 to 1.
+fn step(blurs: f64) -> f64 {
+    2.0 * cdf_and_pdf(blurs).0 - 1.0
+}
+
+impl EdgeSpan {
+    /// Sign of the contrast after a crossing of the given number, that after the first being 1.
+    pub(super) fn sign(&self, number: usize) -> f64 {
+        let first = self.crossings.first().map_or(0, |first| first.1);
+        if number.abs_diff(first).is_multiple_of(2) {
+            1.0
+        } else {
+            -1.0
+        }
+    }
+
+    /// Ranges of `s` between neighbours in the list of crossings that are none on the board.
+    pub(super) fn gaps(&self, curve: &Curve) -> Vec<[f64; 2]> {
+        let pairs = self.crossings.windows(2).zip(self.path.windows(2));
+        let gaps = pairs.filter(|(numbers, _)| numbers[1].1.abs_diff(numbers[0].1) > 1);
+        gaps.map(|(_, ends)| [curve.local(ends[0]).0, curve.local(ends[1]).0])
+            .collect()
+    }
+}
+
+/// Where, in the list of a line's crossings, another one crosses it.
+fn position(spans: &[EdgeSpan], line: usize, other: usize) -> Option<usize> {
+    let crossings = &spans.get(line)?.crossings;
+    crossings.iter().position(|c| c.0 == Some(other))
+}
+
+/// Direction of a line's coarse path where another one crosses it.
+fn direction_at(spans: &[EdgeSpan], line: usize, other: usize) -> Option<Vector2<f64>> {
+    let place = position(spans, line, other)?;
+    let path = &spans[line].path;
+    let before = path.get(place.saturating_sub(1))?;
+    let after = path.get(place + 1).or(path.get(place))?;
+    (after - before).try_normalize(f64::MIN_POSITIVE)
+}
+
+/// The marker in the light cell beside the stretch after a crossing, if there is one.
+fn marker_after(spans: &[EdgeSpan], index: usize, number: usize) -> Option<Marker> {
+    let span = &spans[index];
+    let rim = *span.rims.get(number).filter(|rim| **rim > 0.0)?;
+    let ends = [*span.path.get(number)?, *span.path.get(number + 1)?];
+    let along = (ends[1] - ends[0]).try_normalize(f64::MIN_POSITIVE)?;
+    let side = span.rise.signum() * span.sign(span.crossings.get(number)?.1);
+    let [own, across] = [side, -side].map(|side| {
+        let depths = [number, number + 1]
+            .into_iter()
+            .filter_map(|end| distance_to_next(spans, index, end, side * along));
+        depths.reduce(|one, other| 0.5 * (one + other))
+    });
+    // A cell at the board's rim is about as deep as the one across the line.
+    let (own, across) = (own.or(across)?, across.or(own)?);
+    // The perspective of lines that are equally far apart.
+    let narrowing = (across - own) / (across + own);
+    Some(Marker {
+        side,
+        depth: rim * own * (1.0 + narrowing) / (1.0 + rim * narrowing),
+        margin: rim * (ends[1] - ends[0]).norm(),
+    })
+}
+
+/// Distance at a crossing from a line to the next one on the right of the given direction.
+fn distance_to_next(
+    spans: &[EdgeSpan],
+    index: usize,
+    number: usize,
+    along: Vector2<f64>,
+) -> Option<f64> {
+    let other = spans[index].crossings.get(number)?.0?;
+    let place = position(spans, other, index)?;
+    let path = &spans[other].path;
+    let here = path.get(place)?;
+    let next = [place.checked_sub(1), Some(place + 1)]
+        .into_iter()
+        .flatten();
+    next.filter_map(|next| Some(along.perp(&(path.get(next)? - here))))
+        .find(|distance| *distance > 0.0)
+}
+
+/// Least distance to the neighbouring lines of the same direction, as the lines that cross both
+/// have it, pixels; infinite if there is none.
+pub(super) fn spacing(spans: &[EdgeSpan], index: usize, along: Vector2<f64>) -> f64 {
+    let mut least = f64::INFINITY;
+    let others = spans[index].crossings.iter().filter_map(|c| c.0);
+    for other in others {
+        let Some(place) = position(spans, other, index) else {
+            continue;
+        };
+        let path = &spans[other].path;
+        for end in [place.wrapping_sub(1), place + 1] {
+            if let (Some(end), Some(here)) = (path.get(end), path.get(place)) {
+                least = least.min(along.perp(&(end - here)).abs());
+            }
+        }
+    }
+    least
+}

@@ -1,0 +1,14 @@
+//! A measured side.
+
+use super::side::Side;
+use super::span::SpanEdges;
+use super::tone_fit::ToneShare;
+
+/// A measured span, its side, and what it tells of an unknown tone curve.
+pub(super) struct Measured {
+    pub edges: SpanEdges,
+    pub side: Side,
+    pub share: Option<ToneShare>,
+    /// Whether other lines cross it, exchanging light and dark.
+    pub is_crossed: bool,
+}

@@ -1,0 +1,16 @@
+//! What the first fit finds of a side.
+
+use super::band::Pixel;
+use super::side::Side;
+
+/// A side found by the first fit, and the noise about it.
+pub(super) struct Preview {
+    pub side: Side,
+    pub noise: f64,
+    /// How far the plateaus on either side are clean, pixels.
+    pub reach: [f64; 2],
+    /// Ranges along the side where something else lies over it.
+    pub hidden: Vec<[f64; 2]>,
+    /// The pixels within reach, if the tone curve is to be estimated from them.
+    pub pixels: Vec<Pixel>,
+}

@@ -1,0 +1,84 @@
+//! What is measured, and what comes of it.
+
+use nalgebra::Vector2;
+
+/// A stretch of edge between two crossings, coarsely known.
+#[derive(Debug, Clone)]
+pub struct EdgeSpan {
+    /// A polyline along the edge, pixels, of at least two points: the edge runs within about 4
+    /// pixels of it, and may end a few pixels sooner or later.
+    pub path: Vec<Vector2<f64>>,
+    /// +1 if the picture gets lighter towards the right-hand normal `(-e.y, e.x)` of the path's
+    /// direction `e`, which points inside where the path runs clockwise on the screen; else -1.
+    pub rise: f64,
+    /// The spans, as indices into the same slice, that this one meets at its start and its end;
+    /// samples keep clear of their blur.
+    pub bounds: [Option<usize>; 2],
+    /// A grid line of a chessboard has its crossings here, one for each point of its path and in
+    /// that order: the span that crosses it, if that is one of the slice, and the crossing's number
+    /// among all that there are on the board, seen or not. At each the rise changes its sign; that given is
+    /// the one after the first. Between two whose numbers are no neighbours nothing is measured.
+    pub crossings: Vec<(Option<usize>, usize)>,
+    /// Where the light cell beside the stretch after each crossing carries a marker: how far from the
+    /// cell's edges its dark border begins, over the cell's side; 0 where there is none. Empty if
+    /// there are none at all.
+    pub rims: Vec<f64>,
+    /// How far from the path, pixels, the picture is the edge's own, on the negative side and on the
+    /// other: beyond it something else begins. Infinite where nothing is known of it.
+    pub room: [f64; 2],
+}
+
+impl EdgeSpan {
+    /// An edge that meets no other, and of whose surroundings nothing is known.
+    #[must_use]
+    pub fn new(path: Vec<Vector2<f64>>, rise: f64) -> Self {
+        Self {
+            path,
+            rise,
+            bounds: [None; 2],
+            crossings: Vec::new(),
+            rims: Vec::new(),
+            room: [f64::INFINITY; 2],
+        }
+    }
+}
+
+/// The samples of one span, and what was found about the picture along it.
+#[derive(Debug, Clone)]
+pub struct SpanEdges {
+    /// Points of the edge in order along the path, pixels.
+    pub points: Vec<Vector2<f64>>,
+    /// Standard deviation of each point along the edge's normal, pixels.
+    pub std: Vec<f64>,
+    /// Standard deviation `w` of the blur, the pixel's own box included, pixels.
+    pub blur: f64,
+    /// Coded grey beside the middle of the span, on its dark side, 1 being the largest value.
+    pub dark: f64,
+    /// The same on its light side.
+    pub light: f64,
+    /// Standard deviation of the pixels about the model where the edge is, coded.
+    pub noise: f64,
+    /// How far one standard deviation of the picture's tone curve displaces each point, all points
+    /// of the picture together; empty if the curve is known.
+    pub drift: Vec<Vector2<f64>>,
+}
+
+/// Why a span gave no samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum NoEdge {
+    /// Fewer than two points, or points that coincide or are not finite.
+    #[error("its outline is no line to follow")]
+    NoPath,
+    /// Too little of the path has its surroundings inside the picture.
+    #[error("it lies outside the picture")]
+    OutsidePicture,
+    /// No smooth curve of the expected polarity near the path.
+    #[error("no smooth edge runs along its outline, dark on the side where it should be")]
+    Inconsistent,
+    /// Something else is so near that its blur would be taken for this edge's.
+    #[error("something else is too close to it")]
+    Cramped,
+    /// There is something, but its contrast is lost in the noise, or it is not a step.
+    #[error("its edge is too faint, too blurred or too short to be measured")]
+    Unmeasurable,
+}

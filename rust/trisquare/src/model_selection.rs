@@ -1,0 +1,416 @@
+//! Which distortion coefficients the data ask for.
+//!
+//! The models are nested: each is the next richer one with coefficients at zero. From the richest
+//! that converges, fitted once, the evidence for all follows by the density ratio of J. M. Dickey
+//! (Ann. Math. Statist. 42 (1971) 204-223; I. Verdinelli & L. Wasserman, J. Am. Statist. Assoc. 90
+//! (1995) 614-618): with `e` the coefficients that a model leaves out,
+//! `p(data | model) / p(data | richest) = p(e = 0 | data) / p(e = 0)`. The posterior is taken as
+//! normal, with the covariance that the calibration states: where its residuals show that whole
+//! sides err together, the covariance says so, and a bent sheet of paper does not buy coefficients.
+//! (Information criteria count samples as if each were worth its own.)
+//!
+//! What could not be told from zero may still not be zero. The other models' answers therefore
+//! stay in the covariance of the chosen one, by their probabilities, all models being equally
+//! likely beforehand (J. A. Hoeting et al., Statistical Science 14 (1999) 382-417).
+
+use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
+
+use crate::calibrate::{calibrate_photographs, calibrate_unjudged};
+use crate::error::Error;
+use crate::image_size::ImageSize;
+use crate::lens::{Lens, MAX_LENS_COLUMNS};
+use crate::observations::{Method, Model, Options, PlaneEdges};
+use crate::photometric::Photographs;
+use crate::result::Calibration;
+
+/// The models compared, each nested in the next.
+const LADDER: [Model; 5] = [
+    Model::None,
+    Model::Radial1,
+    Model::Radial2,
+    Model::Radial3,
+    Model::Brown,
+];
+
+/// Coefficients in the order in which the models add them.
+const COEFFICIENTS: [&str; 5] = ["k1", "k2", "k3", "p1", "p2"];
+
+/// Prior standard deviations of what the coefficients do at the picture's corner, as a part of its
+/// radius: `k1 r^2, k2 r^4, k3 r^6, p1 r, p2 r`. Lenses bend it by up to 0.3, each further term does
+/// about half as much as the one before, and decentred elements move it by some thousandths.
+const PRIOR_BENDS: [f64; 5] = [0.2, 0.1, 0.05, 0.002, 0.002];
+
+/// Iterations of an eigenvalue problem of a handful of rows; it takes a few per row.
+const MAX_EIGEN_ITERATIONS: usize = 100 * MAX_LENS_COLUMNS;
+
+/// A model that was considered and not chosen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct ModelAlternative {
+    /// The model.
+    pub model: Model,
+    /// Natural logarithm of its odds against the chosen one; not positive.
+    pub log_evidence: f64,
+    /// Root mean square distance of the edge samples with it, in pixels.
+    pub rms: f64,
+}
+
+/// A calibration with the model that the data ask for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ModelChoice {
+    /// The model chosen.
+    pub model: Model,
+    /// The calibration with it; its covariance holds the doubt about the model as well.
+    pub calibration: Calibration,
+    /// The models that were rejected, the simplest first; models that did not converge are left
+    /// out.
+    pub alternatives: Vec<ModelAlternative>,
+}
+
+/// Calibrates with the distortion model that has the largest evidence.
+///
+/// The models are compared on edge samples; the photographs, if there are any, are fitted with the
+/// chosen one. `options.model` is only used where no model converges.
+///
+/// # Errors
+/// [`Error::InvalidArgument`] for the linear method or a fixed distortion, which leave nothing to
+/// compare; otherwise as [`crate::calibrate`] with the chosen model.
+pub fn calibrate_by_evidence(
+    edges: &[PlaneEdges],
+    size: ImageSize,
+    options: &Options,
+    photographs: Option<&Photographs<'_>>,
+) -> Result<ModelChoice, Error> {
+    if options.fixed.distortion || options.method == Method::Linear {
+        return Err(Error::InvalidArgument(
+            "choosing the model by evidence compares maximum-likelihood fits with the distortion \
+             free: name a model for the linear method or a fixed distortion"
+                .into(),
+        ));
+    }
+    let candidates = Candidates::fit(edges, size, options);
+    let Some(chosen) = candidates.best() else {
+        // No model converges: the error of the one that was asked for tells why.
+        return Ok(ModelChoice {
+            model: options.model,
+            calibration: calibrate_photographs(edges, size, options, photographs)?,
+            alternatives: Vec::new(),
+        });
+    };
+    let model = candidates.all[chosen].model;
+    let options = Options { model, ..*options };
+    let mut calibration = calibrate_photographs(edges, size, &options, photographs)?;
+    if let Some(doubt) = candidates.doubt(chosen) {
+        calibration.covariance += doubt;
+    }
+    Ok(ModelChoice {
+        model,
+        calibration,
+        alternatives: candidates.alternatives(chosen),
+    })
+}
+
+/// A model, its fit to the edge samples, and the logarithm of its evidence but for a constant.
+struct Candidate {
+    model: Model,
+    fit: Calibration,
+    log_evidence: f64,
+}
+
+struct Candidates {
+    all: Vec<Candidate>,
+}
+
+impl Candidates {
+    /// Fits every model, and weighs those that converge.
+    fn fit(edges: &[PlaneEdges], size: ImageSize, options: &Options) -> Self {
+        let mut fits: Vec<(Model, Calibration)> = Vec::with_capacity(LADDER.len());
+        for model in LADDER {
+            let options = Options { model, ..*options };
+            if let Ok(fit) = calibrate_unjudged(edges, size, &options) {
+                fits.push((model, fit));
+            }
+        }
+        // The richest whose covariance can be weighed speaks for all models nested in it.
+        while let Some((richest, fit)) = fits.last() {
+            if let Some(evidence) = log_evidence(*richest, fit) {
+                let weighed = fits.into_iter().map(|(model, fit)| Candidate {
+                    model,
+                    fit,
+                    log_evidence: evidence[coefficient_count(model)],
+                });
+                return Self {
+                    all: weighed.collect(),
+                };
+            }
+            fits.pop();
+        }
+        Self { all: Vec::new() }
+    }
+
+    /// The one with the largest evidence; of equals the simplest.
+    fn best(&self) -> Option<usize> {
+        (0..self.all.len()).reduce(|best, next| {
+            let better = self.all[next].log_evidence > self.all[best].log_evidence;
+            if better { next } else { best }
+        })
+    }
+
+    fn alternatives(&self, chosen: usize) -> Vec<ModelAlternative> {
+        let reference = self.all[chosen].log_evidence;
+        let rejected = self.all.iter().enumerate().filter(|(i, _)| *i != chosen);
+        rejected
+            .map(|(_, candidate)| ModelAlternative {
+                model: candidate.model,
+                log_evidence: candidate.log_evidence - reference,
+                rms: candidate.fit.rms,
+            })
+            .collect()
+    }
+
+    /// What the doubt about the model adds to the covariance of the chosen one.
+    ///
+    /// With `w` a model's probability, `d` its difference from the chosen one in the latter's free
+    /// parameters and `C` the covariances: `sum w (C_model - C_chosen + d d^T)`; of the covariance
+    /// differences only what raises it, and none of simpler models, whose certainty is that of
+    /// their assumption.
+    fn doubt(&self, chosen: usize) -> Option<DMatrix<f64>> {
+        let reference = &self.all[chosen];
+        let weight = |c: &Candidate| (c.log_evidence - reference.log_evidence).exp();
+        let total: f64 = self.all.iter().map(weight).sum();
+        let size = reference.fit.parameters.len();
+        let mut doubt = DMatrix::zeros(size, size);
+        if size == 0 {
+            return Some(doubt); // everything else is held, and the simplest model was chosen
+        }
+        for (i, candidate) in self.all.iter().enumerate() {
+            if i == chosen {
+                continue;
+            }
+            let difference = difference(&reference.fit, &candidate.fit);
+            let mut own = &difference * difference.transpose();
+            if i > chosen {
+                let shared = shared_covariance(&reference.fit, &candidate.fit)?;
+                own += raising_part(shared - &reference.fit.covariance)?;
+            }
+            doubt += own * (weight(candidate) / total);
+        }
+        doubt.iter().all(|v| v.is_finite()).then_some(doubt)
+    }
+}
+
+/// Distortion coefficients of a model.
+fn coefficient_count(model: Model) -> usize {
+    let tangential = if model == Model::Brown { 2 } else { 0 };
+    model.radial_coefficients() + tangential
+}
+
+/// Logarithm of the evidence for the first `n` coefficients alone, `n` from none to all of those
+/// of the fitted model, against the fitted model.
+///
+/// In units of the prior's standard deviations, with estimate `d` and covariance `C`, the posterior
+/// has the mean `(I + C)^-1 d` and the covariance `C (I + C)^-1`.
+fn log_evidence(model: Model, fit: &Calibration) -> Option<Vec<f64>> {
+    let count = coefficient_count(model);
+    let places: Vec<usize> = COEFFICIENTS[..count]
+        .iter()
+        .map(|name| fit.parameters.iter().position(|p| p == name))
+        .collect::<Option<_>>()?;
+    let unit = prior_std(fit);
+    let [k1, k2, p1, p2, k3] = fit.camera.distortion();
+    let values = [k1, k2, k3, p1, p2];
+    let estimate = DVector::from_fn(count, |i, _| values[i] / unit[i]);
+    let covariance = DMatrix::from_fn(count, count, |i, j| {
+        fit.covariance[(places[i], places[j])] / (unit[i] * unit[j])
+    });
+    let total = Cholesky::new(&covariance + DMatrix::identity(count, count))?;
+    let mean = total.solve(&estimate);
+    let posterior = total.solve(&covariance);
+    let posterior = (&posterior + posterior.transpose()) * 0.5;
+    (0..=count)
+        .map(|kept| {
+            let left_out = count - kept;
+            let own = posterior.view((kept, kept), (left_out, left_out));
+            let factor = Cholesky::new(own.into_owned())?;
+            let at = mean.rows(kept, left_out).into_owned();
+            let square = at.dot(&factor.solve(&at));
+            let evidence = -0.5 * (square + factor.ln_determinant());
+            evidence.is_finite().then_some(evidence)
+        })
+        .collect()
+}
+
+/// Prior standard deviations of the coefficients.
+fn prior_std(fit: &Calibration) -> [f64; 5] {
+    let focal = fit.camera.focal();
+    let corner = fit.image_size.half_diagonal() / (focal.x * focal.y).sqrt();
+    let powers = [2, 4, 6, 1, 1];
+    std::array::from_fn(|i| PRIOR_BENDS[i] / corner.powi(powers[i]))
+}
+
+/// How far another fit is from `reference`, in its free parameters.
+fn difference(reference: &Calibration, other: &Calibration) -> DVector<f64> {
+    let (ours, theirs) = (reference.camera.parameters(), other.camera.parameters());
+    let names = crate::lens::Brown::parameter_names();
+    let places = reference.parameters.iter().map(|name| {
+        let place = names.iter().position(|n| n == name).unwrap_or_default();
+        theirs[place] - ours[place]
+    });
+    DVector::from_iterator(reference.parameters.len(), places)
+}
+
+/// The covariance of a richer fit, in the free parameters of `reference`.
+fn shared_covariance(reference: &Calibration, richer: &Calibration) -> Option<DMatrix<f64>> {
+    let places: Vec<usize> = reference
+        .parameters
+        .iter()
+        .map(|name| richer.parameters.iter().position(|p| p == name))
+        .collect::<Option<_>>()?;
+    let size = places.len();
+    Some(DMatrix::from_fn(size, size, |i, j| {
+        richer.covariance[(places[i], places[j])]
+    }))
+}
+
+/// A symmetric matrix without its negative eigenvalues, in units of its diagonal's sizes.
+fn raising_part(matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let size = matrix.nrows();
+    let unit = matrix
+        .diagonal()
+        .map(|d| d.abs().sqrt().max(f64::MIN_POSITIVE));
+    let scaled = DMatrix::from_fn(size, size, |i, j| matrix[(i, j)] / (unit[i] * unit[j]));
+    let eigen = SymmetricEigen::try_new(scaled, f64::EPSILON, MAX_EIGEN_ITERATIONS)?;
+    let values = eigen.eigenvalues.map(|v| v.max(0.0));
+    let vectors = &eigen.eigenvectors;
+    let raised = vectors * DMatrix::from_diagonal(&values) * vectors.transpose();
+    Some(DMatrix::from_fn(size, size, |i, j| {
+        0.5 * (raised[(i, j)] + raised[(j, i)]) * unit[i] * unit[j]
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lens::Brown;
+    use crate::observations::Fixed;
+    use crate::synthetic::{Scene, SceneOptions};
+
+    fn scene(distortion: bool) -> Scene {
+        let options = SceneOptions {
+            distortion,
+            ..SceneOptions::default()
+        };
+        Scene::random(4, options)
+    }
+
+    fn chosen(scene: &Scene, noise: f64) -> ModelChoice {
+        let edges = scene.edges(3, noise, 6.0);
+        calibrate_by_evidence(&edges, scene.size, &Options::default(), None).unwrap()
+    }
+
+    /// The scene seen by a camera with other distortion.
+    fn bent(scene: &Scene, k: [f64; 5]) -> Scene {
+        let mut parameters = scene.camera.parameters();
+        parameters[4..].copy_from_slice(&k);
+        Scene {
+            camera: scene.camera.with_parameters(&parameters),
+            ..scene.clone()
+        }
+    }
+
+    #[test]
+    fn the_model_of_the_lens_is_chosen() {
+        let pinhole = scene(false);
+        for (k, model) in [
+            ([0.0; 5], Model::None),
+            ([-0.15, 0.0, 0.0, 0.0, 0.0], Model::Radial1),
+            ([-0.25, 0.2, 0.0, 0.0, 0.0], Model::Radial2),
+            ([-0.15, 0.0, 0.0, 0.004, -0.004], Model::Brown),
+        ] {
+            let found = chosen(&bent(&pinhole, k), 0.05);
+            assert_eq!(found.model, model, "{:?}", found.alternatives);
+            assert!(found.alternatives.iter().all(|a| a.log_evidence <= 0.0));
+            assert!(found.alternatives.iter().all(|a| a.model != model));
+        }
+    }
+
+    #[test]
+    fn doubt_only_widens_the_intervals() {
+        let scene = bent(&scene(false), [-0.1, 0.03, 0.0, 0.0, 0.0]);
+        let found = chosen(&scene, 0.3);
+        let options = Options {
+            model: found.model,
+            ..Options::default()
+        };
+        let plain = crate::calibrate(&scene.edges(3, 0.3, 6.0), scene.size, &options).unwrap();
+        let own = &found.calibration.covariance;
+        assert!(own.clone().cholesky().is_some());
+        let widened = (own - &plain.covariance).symmetric_eigenvalues();
+        let rounding = 1e-9 * plain.covariance.trace();
+        assert!(widened.iter().all(|v| *v > -rounding), "{widened}");
+        assert!(found.calibration.std()[0].1 > plain.std()[0].1);
+        assert_eq!(found.calibration.camera, plain.camera);
+    }
+
+    #[test]
+    fn a_model_without_free_parameters_may_be_chosen() {
+        let scene = scene(false);
+        let options = Options {
+            fixed: Fixed {
+                focal: true,
+                principal_point: true,
+                ..Fixed::default()
+            },
+            initial: Some(scene.camera),
+            ..Options::default()
+        };
+        let edges = scene.edges(3, 0.1, 6.0);
+        let found = calibrate_by_evidence(&edges, scene.size, &options, None).unwrap();
+        assert_eq!(found.model, Model::None);
+        assert!(found.calibration.parameters.is_empty());
+    }
+
+    #[test]
+    fn evidence_is_the_ratio_of_marginal_likelihoods() {
+        // One coefficient: y ~ N(k, s^2) with prior N(0, t^2) against k = 0, in closed form.
+        let scene = bent(&scene(false), [-0.01, 0.0, 0.0, 0.0, 0.0]);
+        let options = Options {
+            model: Model::Radial1,
+            ..Options::default()
+        };
+        let fit = calibrate_unjudged(&scene.edges(3, 0.3, 6.0), scene.size, &options).unwrap();
+        let (y, s) = (fit.camera.distortion()[0], fit.std()[4].1);
+        let t = prior_std(&fit)[0];
+        let normal = |variance: f64| -0.5 * (y * y / variance + variance.ln());
+        let expected = normal(s * s) - normal(s * s + t * t);
+        let found = log_evidence(Model::Radial1, &fit).unwrap();
+        assert!(
+            (found[0] - found[1] - expected).abs() < 1e-9,
+            "{found:?} {expected}"
+        );
+    }
+
+    #[test]
+    fn nothing_to_choose_is_an_error() {
+        let edges = scene(true).edges(1, 0.1, 15.0);
+        let size = scene(true).size;
+        let linear = Options {
+            method: Method::Linear,
+            ..Options::default()
+        };
+        let held = Options {
+            fixed: Fixed {
+                distortion: true,
+                ..Fixed::default()
+            },
+            initial: Some(Brown::new([
+                1000.0, 1000.0, 640.0, 480.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+            ])),
+            ..Options::default()
+        };
+        for options in [linear, held] {
+            let found = calibrate_by_evidence(&edges, size, &options, None);
+            assert!(matches!(found, Err(Error::InvalidArgument(_))));
+        }
+    }
+}

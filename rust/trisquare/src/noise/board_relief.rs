@@ -1,0 +1,134 @@
+//! The relief of a board: which heights it has, and how far each displaces a sample.
+//!
+//! The heights are `R sum a_ij P_i(X / R) P_j(Y / R)` with `R` half the board's extent and
+//! `2 <= i + j <= 4` (lower orders are the pose), `a_ij` normal with variance `tau^2 / (d / 2)^4`,
+//! `d = i + j`: stiff sheets resist curvature, which grows with the square of the order.
+
+use nalgebra::{Vector2, Vector3};
+
+use crate::lens::{Brown, Lens};
+use crate::numeric::Block;
+use crate::observations::{
+    Heights, ObservedPlane, PlaneState, Relief, Sample, TERMS, View, has_grid,
+};
+
+/// Lowest and highest order of a term; what is finer than a quarter of a board is left to the
+/// sides' own errors.
+const ORDERS: std::ops::RangeInclusive<usize> = 2..=4;
+
+/// `tau^2` that counts as none: heights of a millionth of the extent, far below any pixel.
+pub(crate) const FLAT: f64 = 1e-12;
+
+impl Relief {
+    /// A flat one, of a board that has lines enough to show another; `None` if it has not.
+    pub fn flat(plane: &ObservedPlane, view: &View<Brown>, state: &PlaneState) -> Option<Self> {
+        let large = plane.figures.iter().any(has_grid);
+        if !large || plane.is_set_aside() {
+            return None;
+        }
+        let (mut low, mut high) = (Vector2::repeat(f64::MAX), Vector2::repeat(f64::MIN));
+        for sample in plane.samples() {
+            let point = on_plane(&view.lens, state, &sample.pixel)?.0;
+            (low, high) = (low.inf(&point), high.sup(&point));
+        }
+        let radius = 0.5 * (high - low).max();
+        (radius > 0.0).then_some(Self {
+            centre: 0.5 * (low + high),
+            radius,
+            heights: Heights::zeros(),
+            variance: FLAT,
+        })
+    }
+
+    /// The displacement (px) of a sample from its line that each unit of height makes; the distance's
+    /// derivative by the line is given.
+    ///
+    /// A point `P + z n` on the ray `x = (P + z n) / s` of a line through `P` has
+    /// `l . x = z (l . n) / s`, and the derivative by the line is `x / |d(l.x)/dp|`.
+    pub fn displacements<L: Lens>(
+        &self,
+        (lens, state): (&L, &PlaneState),
+        line: &Vector3<f64>,
+        wrt_line: &Vector3<f64>,
+        sample: &Sample,
+    ) -> Option<Heights> {
+        let (point, distance) = on_plane(lens, state, &sample.pixel)?;
+        let per_height = line.dot(&state.pose.normal()) * wrt_line.norm() / distance;
+        // The sample has been moved back across its line: along it the point that was seen is not
+        // yet where its pixel looks on flat paper.
+        let height = self.radius * self.heights.dot(&terms(&self.place(&point)));
+        let towards = state.pose.rotation.tr_mul(&lens.unproject(&sample.pixel)?);
+        let along = state.pose.rotation.tr_mul(&state.pose.normal().cross(line));
+        let along = along.xy().normalize();
+        let slid = along * (along.dot(&towards.xy()) * height / towards.z);
+        Some(terms(&self.place(&(point + slid))) * (self.radius * per_height))
+    }
+
+    /// A point of the plane in units of the relief's extent.
+    fn place(&self, point: &Vector2<f64>) -> Vector2<f64> {
+        (point - self.centre) / self.radius
+    }
+
+    /// Precision of every height at a variance.
+    fn precisions(variance: f64) -> Heights {
+        let mut precisions = Heights::zeros();
+        for (precision, (i, j)) in precisions.iter_mut().zip(orders()) {
+            *precision = (0.5 * (i + j) as f64).powi(4) / variance;
+        }
+        precisions
+    }
+
+    /// Adds what is known of the heights to their plane's equations; returns its part of minus
+    /// twice the log likelihood.
+    pub fn hold(&self, variance: f64, block: &mut Block) -> f64 {
+        let precisions = Self::precisions(variance);
+        let first = block.hessian.nrows() - TERMS;
+        let mut criterion = 0.0;
+        for (k, (precision, height)) in precisions.iter().zip(&self.heights).enumerate() {
+            block.hessian[(first + k, first + k)] += precision;
+            block.gradient[first + k] += precision * height;
+            criterion += precision * height * height - precision.ln();
+        }
+        criterion
+    }
+}
+
+/// Orders in X and Y of every term.
+fn orders() -> impl Iterator<Item = (usize, usize)> {
+    ORDERS.flat_map(|order| (0..=order).map(move |i| (i, order - i)))
+}
+
+/// Legendre's products at a place.
+fn terms(place: &Vector2<f64>) -> Heights {
+    let legendre = |s: f64| {
+        let square = s * s;
+        [
+            1.0,
+            s,
+            0.5 * (3.0 * square - 1.0),
+            0.5 * s * (5.0 * square - 3.0),
+            0.125 * ((35.0 * square - 30.0) * square + 3.0),
+        ]
+    };
+    let (x, y) = (legendre(place.x), legendre(place.y));
+    let mut values = Heights::zeros();
+    for (value, (i, j)) in values.iter_mut().zip(orders()) {
+        *value = x[i] * y[j];
+    }
+    values
+}
+
+/// The point of a plane at which a pixel looks, and how far it is from the camera.
+fn on_plane<L: Lens>(
+    lens: &L,
+    state: &PlaneState,
+    pixel: &Vector2<f64>,
+) -> Option<(Vector2<f64>, f64)> {
+    let (ray, normal) = (lens.unproject(pixel)?, state.pose.normal());
+    let distance = normal.dot(&state.pose.translation) / normal.dot(&ray);
+    let point = state
+        .pose
+        .rotation
+        .tr_mul(&(ray * distance - state.pose.translation));
+    (point.iter().all(|v| v.is_finite()) && distance > 0.0).then(|| (point.xy(), distance))
+}

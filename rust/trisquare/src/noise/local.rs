@@ -1,0 +1,214 @@
+//! The noise of neighbouring samples: what remains once each side's smooth displacement is taken
+//! out, plane by plane, and how far it reaches from one sample to the next.
+
+use nalgebra::Cholesky;
+
+use super::side_basis::{Basis, ORDERS};
+use super::side_moments::SideMoments;
+use crate::numeric::{Loss, Spread, median_scale};
+use crate::observations::ObservedPlane;
+use crate::refine::{MIN_SCALE, Refined, Residual, Residuals};
+
+/// A displacement is hardly held: to so many times the scale of the noise.
+const LOOSE: f64 = 1e3;
+
+/// Samples that an order of the displacement needs.
+const SAMPLES_PER_ORDER: usize = 4;
+
+/// Lags, in samples, over which noise may be correlated; beyond, it is a side's displacement.
+const MAX_LAG: usize = 6;
+
+/// A correlation coefficient this many of its own standard deviations above zero is no accident.
+const SIGNIFICANT: f64 = 2.0;
+
+/// Part of the noise's power that smooth displacements may have taken: of more, too little is left
+/// to tell.
+const MOST_TAKEN: f64 = 0.5;
+
+/// The noise of a plane's samples, in units of their given standard deviations.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LocalNoise {
+    pub scale: f64,
+    /// Degrees of freedom that it rests on.
+    pub freedom: f64,
+}
+
+/// Robust local noise of every plane, and the correlation of neighbours.
+#[derive(Clone)]
+pub(crate) struct Noise {
+    /// What the residuals of every side sum to, by plane.
+    pub sides: Vec<Vec<SideMoments>>,
+    /// The scale at which they are summed.
+    pub summed_at: f64,
+    pub planes: Vec<LocalNoise>,
+    /// That of all planes.
+    pub scale: f64,
+    /// Variance of the mean of many neighbours over what independent ones would have, at least 1.
+    pub correlation: f64,
+}
+
+/// Sums of products of neighbours, by lag.
+#[derive(Default)]
+struct Neighbours {
+    products: [f64; MAX_LAG + 1],
+    pairs: [f64; MAX_LAG + 1],
+}
+
+impl Noise {
+    /// Measures the noise that the residuals of an optimum show.
+    pub fn of_optimum<L>(planes: &[ObservedPlane], refined: &Refined<L>) -> Self {
+        Self::of(planes, &refined.residuals, refined.scale)
+    }
+
+    /// Measures the noise that `residuals` show at a robust `scale` of all of them.
+    pub fn of(planes: &[ObservedPlane], residuals: &Residuals, scale: f64) -> Self {
+        let mut neighbours = Neighbours::default();
+        let (mut own, mut all) = (Vec::with_capacity(planes.len()), Vec::new());
+        let mut sides = Vec::with_capacity(planes.len());
+        let mut taken = 0.0;
+        for (plane, residuals) in planes.iter().zip(residuals) {
+            let (mut rough, mut lost) = (Vec::with_capacity(residuals.len()), 0.0);
+            let mut moments = Vec::new();
+            let mut rest = &residuals[..];
+            for side in plane.sides() {
+                let (mine, others) = rest.split_at(side.samples.len());
+                rest = others;
+                let summed = SideMoments::of(side, mine, scale);
+                if !side.set_aside {
+                    let left = without_displacement(&summed, mine);
+                    neighbours.add(&summed.places, &left, scale);
+                    lost += degrees_taken(mine.len()) as f64;
+                    rough.extend(left);
+                }
+                moments.push(summed);
+            }
+            sides.push(moments);
+            own.push((!rough.is_empty()).then(|| LocalNoise::of(&rough, lost)));
+            all.extend(rough);
+            taken += lost;
+        }
+        let mut all = LocalNoise::of(&all, taken);
+        let correlation = neighbours.correlation(all.freedom);
+        let raised = neighbours.raised(all.freedom, correlation);
+        all.scale *= raised;
+        let own = own.into_iter().map(|own| {
+            own.map_or(all, |own| LocalNoise {
+                scale: own.scale * raised,
+                ..own
+            })
+        });
+        Self {
+            planes: own.collect(),
+            correlation,
+            scale: all.scale,
+            sides,
+            summed_at: scale,
+        }
+    }
+}
+
+/// Variance of the noise in units of the scale at which the residuals of an optimum are summed.
+pub(crate) fn white_variance<L>(noise: &Noise, refined: &Refined<L>) -> f64 {
+    // The mean of the robust weights is below 1, as if the noise were that much smaller.
+    Loss::Tukey.mean_weight() * noise.correlation * (noise.scale / refined.scale).powi(2)
+}
+
+impl LocalNoise {
+    /// The scale of residuals from which smooth displacements took some degrees of freedom: that
+    /// of an M-estimator, begun at their median size.
+    fn of(rough: &[f64], taken: f64) -> Self {
+        let first = median_scale(rough.iter().copied()).max(MIN_SCALE);
+        let mut spread = Spread::default();
+        for value in rough {
+            let x = value / first;
+            spread.add(Loss::Tukey, x, Loss::Tukey.cost_and_weight(x).1);
+        }
+        let factor = spread.covariance_factor(taken) / Loss::Tukey.mean_weight();
+        Self {
+            scale: first * factor.sqrt(),
+            freedom: (rough.len() as f64 - taken).max(1.0),
+        }
+    }
+}
+
+/// Orders of the displacement that so many samples show.
+fn orders(samples: usize) -> usize {
+    ORDERS.min(samples / SAMPLES_PER_ORDER)
+}
+
+/// Degrees of freedom that displacement and fit together take: at least a line's two.
+fn degrees_taken(samples: usize) -> usize {
+    orders(samples).max(2).min(samples)
+}
+
+/// A side's residuals, in units of their given standard deviations, less their smooth part.
+fn without_displacement(moments: &SideMoments, residuals: &[Residual]) -> Vec<f64> {
+    let mut gram = moments.robust.gram;
+    for k in 0..ORDERS {
+        let held = match k < orders(residuals.len()) {
+            true => 1.0 / LOOSE,
+            false => LOOSE,
+        };
+        gram[(k, k)] += (moments.strongest * held).powi(2);
+    }
+    let solve = |factor: Cholesky<f64, _>| factor.solve(&moments.robust.pull);
+    let displacement = gram.cholesky().map_or(Basis::zeros(), solve);
+    moments
+        .rows
+        .iter()
+        .zip(residuals)
+        .map(|(row, residual)| (residual.distance - row.dot(&displacement)) * residual.weight)
+        .collect()
+}
+
+impl Neighbours {
+    fn add(&mut self, along: &[f64], rough: &[f64], scale: f64) {
+        let mut order: Vec<usize> = (0..along.len()).collect();
+        if !along.is_sorted() {
+            order.sort_by(|a, b| along[*a].total_cmp(&along[*b]));
+        }
+        let value = |i: usize| {
+            let x = rough[order[i]] / scale;
+            Loss::Tukey.cost_and_weight(x).1 * x
+        };
+        let values: Vec<f64> = (0..order.len()).map(value).collect();
+        for lag in 0..=MAX_LAG.min(values.len().saturating_sub(1)) {
+            let pairs = values.iter().zip(&values[lag..]);
+            self.products[lag] += pairs.map(|(a, b)| a * b).sum::<f64>();
+            self.pairs[lag] += (values.len() - lag) as f64;
+        }
+    }
+
+    /// `c = 1 + 2 sum rho`, over the lags from the first one on that are correlated beyond chance.
+    ///
+    /// Taking out a side's smooth displacement takes a part `t` of the degrees of freedom, where
+    /// correlated noise has `c` times its mean power: of the variance 1, `1 - t c` is left, and of
+    /// the covariance `rho`, `rho - t c`. With `r` their ratio, `rho = r + t c (1 - r)`; `c` is
+    /// that of the lags before, for solving for it would make more of chance than of correlation.
+    fn correlation(&self, freedom: f64) -> f64 {
+        let variance = self.products[0] / self.pairs[0];
+        let taken = 1.0 - freedom / self.pairs[0];
+        let chance = SIGNIFICANT / self.pairs[0].sqrt();
+        let left = |lag: usize| self.products[lag] / self.pairs[lag].max(1.0) / variance;
+        let rho = |lag: usize, so_far: f64| left(lag) + taken * so_far * (1.0 - left(lag));
+        let mut correlation = 1.0;
+        let mut lags = 0;
+        for lag in 1..=MAX_LAG {
+            let own = rho(lag, correlation);
+            if !(own > chance) {
+                break;
+            }
+            (correlation, lags) = (correlation + 2.0 * own, lag);
+        }
+        let sum: f64 = (1..=lags).map(|lag| rho(lag, correlation)).sum();
+        (1.0 + 2.0 * sum)
+            .min(MOST_TAKEN / taken.max(f64::MIN_POSITIVE))
+            .max(1.0)
+    }
+
+    /// By how much the noise is larger than degrees of freedom that are all alike make it.
+    fn raised(&self, freedom: f64, correlation: f64) -> f64 {
+        let taken = 1.0 - freedom / self.pairs[0];
+        ((1.0 - taken) / (1.0 - taken * correlation)).sqrt()
+    }
+}

@@ -1,0 +1,118 @@
+//! How far sides miss their lines beyond the noise: as straight lines in the wrong place, and as
+//! curves.
+
+use super::local::Noise;
+use super::side_basis::ORDERS;
+use super::side_moments::Moments;
+use crate::observations::{FreeParameters, ObservedPlane, View};
+
+/// Sides in the wrong place by so many times the variance of their curvature contradict each other:
+/// chance does so once in two thousand times, where there are two degrees of freedom.
+const CONTRADICTION: f64 = 9.0;
+
+/// Orders of a displacement that leave a side straight.
+const STRAIGHT: usize = 2;
+
+/// Squared smooth displacements, in units of what independent noise makes of them.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Misfit {
+    pub straight: f64,
+    pub curved: f64,
+    pub straight_freedom: f64,
+    pub curved_freedom: f64,
+}
+
+impl Misfit {
+    /// Exact samples.
+    pub const NONE: Self = Self {
+        straight: 0.0,
+        curved: 0.0,
+        straight_freedom: 1.0,
+        curved_freedom: 1.0,
+    };
+
+    /// Of one side, in units of the noise.
+    pub fn of_side(noise: &Noise, plane: usize, side: usize) -> Self {
+        let moments = &noise.sides[plane][side];
+        let Moments { gram, pull } = &moments.plain;
+        let power = |orders: usize| {
+            let factor = gram.view((0, 0), (orders, orders)).into_owned().cholesky();
+            let own = pull.rows(0, orders).into_owned();
+            factor.map_or(0.0, |factor| own.dot(&factor.solve(&own)))
+        };
+        let orders = ORDERS.min(moments.places.len());
+        let to_noise = (noise.summed_at / noise.scale).powi(2);
+        let straight = power(STRAIGHT.min(orders)) * to_noise;
+        Self {
+            straight,
+            curved: (power(orders) * to_noise - straight).max(0.0),
+            straight_freedom: STRAIGHT.min(orders) as f64,
+            curved_freedom: orders.saturating_sub(STRAIGHT) as f64,
+        }
+    }
+
+    /// Of all sides of one plane, in units of the noise.
+    pub fn of_plane(noise: &Noise, plane: usize) -> Self {
+        let mut all = Self::default();
+        for side in 0..noise.sides[plane].len() {
+            all.add(&Self::of_side(noise, plane, side));
+        }
+        all
+    }
+
+    /// Of all sides that count at an optimum, whose parameters took their share of freedom.
+    pub fn of<L>(
+        planes: &[ObservedPlane],
+        view: &View<L>,
+        free: &FreeParameters,
+        noise: &Noise,
+    ) -> Self {
+        let mut all = Self::default();
+        for (p, (plane, state)) in planes.iter().zip(&view.planes).enumerate() {
+            if plane.is_set_aside() {
+                continue;
+            }
+            for (s, side) in plane.sides().enumerate() {
+                if !side.set_aside {
+                    all.add(&Self::of_side(noise, p, s));
+                }
+            }
+            all.straight_freedom -= state.parameter_count() as f64;
+        }
+        // Focal lengths and principal point move lines; what is left of the camera bends them.
+        let pinhole = ["fx", "fy", "cx", "cy"];
+        let moving = pinhole.iter().filter(|name| free.position(name).is_some());
+        let moving = moving.count() as f64;
+        all.straight_freedom = (all.straight_freedom - moving).max(1.0);
+        all.curved_freedom = (all.curved_freedom - (free.len() as f64 - moving)).max(1.0);
+        all
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.straight += other.straight;
+        self.curved += other.curved;
+        self.straight_freedom += other.straight_freedom;
+        self.curved_freedom += other.curved_freedom;
+    }
+
+    pub fn total(&self) -> f64 {
+        self.straight + self.curved
+    }
+
+    pub fn freedom(&self) -> f64 {
+        self.straight_freedom + self.curved_freedom
+    }
+
+    /// Mean square over all degrees of freedom: 1 under independent noise.
+    pub fn mean(&self) -> f64 {
+        self.total() / self.freedom()
+    }
+
+    /// By how much more, in variance, the sides lie in the wrong place than they are bent; 1 if it
+    /// may be chance.
+    pub fn contradiction(&self) -> f64 {
+        let bent = (self.curved / self.curved_freedom).max(1.0);
+        let ratio = self.straight / self.straight_freedom / bent;
+        if ratio > CONTRADICTION { ratio } else { 1.0 }
+    }
+}

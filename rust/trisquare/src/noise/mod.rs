@@ -1,0 +1,18 @@
+//! What the residuals of an optimum say of their noise: local noise, errors that sides share, boards
+//! that are not flat, tone curves that are off.
+
+mod board_relief;
+mod local;
+mod misfit;
+mod relief_fit;
+mod side_basis;
+mod side_errors;
+mod side_families;
+mod side_moments;
+mod tone_drift;
+
+pub(crate) use local::{Noise, white_variance};
+pub(crate) use misfit::Misfit;
+pub(crate) use relief_fit::account_for_relief;
+pub(crate) use side_errors::{SideErrors, rms_displacement, variance_of};
+pub(crate) use tone_drift::account_for_drift;

@@ -1,0 +1,151 @@
+//! Paper that is not flat: every large board is granted a smooth relief.
+//!
+//! A bump of height `z(X, Y)` displaces rows and columns of a board alike, toward the vanishing
+//! point of its normal and the more the flatter the board is looked at: a displacement that whole
+//! sheets share, and that no line alone can tell from distortion. The heights are
+//! `R sum a_ij P_i(X / R) P_j(Y / R)` with `R` half the board's extent and `2 <= i + j <= 4`
+//! (lower orders are the pose), `a_ij` normal with variance `tau^2 / (d / 2)^4`, `d = i + j`: stiff
+//! sheets resist curvature, which grows with the square of the order. `tau` follows from the
+//! residuals together with the strength of what every side errs on its own
+//! ([`crate::noise::side_errors`]), and where it is beyond doubt the camera is that of generalised least
+//! squares, the heights eliminated like a pose whose size is known beforehand.
+
+use nalgebra::Vector2;
+
+use super::board_relief::FLAT;
+use super::local::{Noise, white_variance};
+use super::side_errors::SideErrors;
+use crate::lens::{Brown, Lens};
+use crate::numeric::Problem;
+use crate::observations::{FreeParameters, Heights, ObservedPlane, PlaneState, Relief, TERMS};
+use crate::refine::{EdgeProblem, Refined, residuals, robust_scale};
+
+/// `tau^2` tried: from heights of a ten-thousandth of half the board's extent, which is less than
+/// a tenth of a pixel on the largest boards, to a tenth, which is no board any more.
+const FIRST_VARIANCE: f64 = 1e-8;
+const VARIANCE_RATIO: f64 = 10.0;
+const VARIANCES: i32 = 7;
+
+/// Twice the log likelihood that a relief has to gain: chance does so once in a hundred times.
+const CLEARLY: f64 = 6.6;
+
+/// Generalised least-squares steps; two or three are used, and nine where the fit of flat boards
+/// was far off.
+const MAX_STEPS: usize = 20;
+
+/// Predicted fall of the cost, in units of the noise variance, below which a step is the last.
+const LAST_DECREASE: f64 = 0.03;
+
+/// Pixels over which a distance's gradient is taken.
+const GRADIENT_STEP: f64 = 0.01;
+
+/// The samples with the boards' relief taken out, and the optimum of generalised least squares
+/// there; `None` where no board has one.
+pub(crate) fn account_for_relief(
+    planes: &[ObservedPlane],
+    free: &FreeParameters,
+    judged: &FreeParameters,
+    refined: &Refined<Brown>,
+) -> Option<(Vec<ObservedPlane>, Refined<Brown>)> {
+    // Where a tone curve's error is to be told from the samples, both would claim the same.
+    if planes.iter().any(ObservedPlane::drifts) {
+        return None;
+    }
+    let mut planes = planes.to_vec();
+    for (plane, state) in planes.iter_mut().zip(&refined.view.planes) {
+        plane.relief = plane
+            .relief
+            .or_else(|| Relief::flat(plane, &refined.view, state));
+    }
+    let mut found = refined.clone();
+    let variance = variance(&errors(&planes, free, &found)?)?;
+    for relief in planes.iter_mut().filter_map(|p| p.relief.as_mut()) {
+        relief.variance = variance;
+    }
+    for _ in 0..MAX_STEPS {
+        let errors = errors(&planes, free, &found)?;
+        let step = errors.marginal(&errors.strength()?.mean)?.solve(0.0)?;
+        for (p, plane) in planes.iter_mut().enumerate() {
+            let state = &found.view.planes[p];
+            let own = &step.blocks[p];
+            if plane.relief.is_some() {
+                let risen = own.rows(state.parameter_count(), TERMS).into_owned();
+                raise(
+                    plane,
+                    (&found.view.lens, state),
+                    &Heights::from_fn(|k, _| risen[k]),
+                )?;
+            }
+        }
+        let view = found.view.advanced(free, &step);
+        let residuals = residuals(&planes, &view)?;
+        let scale = robust_scale(&residuals);
+        let (_, system) = EdgeProblem::new(&planes, judged, scale).evaluate(&view)?;
+        let unknowns = view.unknowns(free);
+        let iterations = found.iterations + 1;
+        found = Refined::around((view, residuals, system), scale, unknowns, iterations);
+        if step.predicted_decrease < LAST_DECREASE {
+            return Some((planes, found));
+        }
+    }
+    None
+}
+
+/// The errors of sides and boards that the residuals of an optimum show.
+fn errors(
+    planes: &[ObservedPlane],
+    free: &FreeParameters,
+    refined: &Refined<Brown>,
+) -> Option<SideErrors> {
+    let noise = Noise::of_optimum(planes, refined);
+    let white = white_variance(&noise, refined);
+    SideErrors::gather(planes, free, &refined.view, &noise, white)
+}
+
+/// The likeliest variance of the relief, if there clearly is any.
+fn variance(errors: &SideErrors) -> Option<f64> {
+    if !errors.has_relief() {
+        return None;
+    }
+    let flat = errors.likeliest_at(FLAT, None)?;
+    let tried = (0..VARIANCES).filter_map(|index| {
+        let variance = FIRST_VARIANCE * VARIANCE_RATIO.powi(index);
+        Some((variance, errors.likeliest_at(variance, Some(flat.0))?.1))
+    });
+
+    let (variance, criterion) = tried.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    (flat.1 - criterion > CLEARLY).then_some(variance)
+}
+
+/// Takes further heights of a plane's relief out of its samples.
+fn raise(
+    plane: &mut ObservedPlane,
+    (lens, state): (&Brown, &PlaneState),
+    by: &Heights,
+) -> Option<()> {
+    let relief = plane.relief.as_mut()?;
+    relief.heights += by;
+    let relief = *relief;
+    for (f, figure) in plane.figures.iter_mut().enumerate() {
+        for side in &mut figure.sides {
+            let line = state.line(f, side);
+            for sample in &mut side.samples {
+                let sight = lens.sight(&sample.pixel)?;
+                let distance = lens.line_distance_jacobian(
+                    &sight,
+                    &line,
+                    crate::lens::Columns::of([].into_iter()),
+                );
+                let rows =
+                    relief.displacements((lens, state), &line, &distance.wrt_line, sample)?;
+                let at = |x: f64, y: f64| {
+                    let moved = lens.sight(&(sample.pixel + Vector2::new(x, y)))?;
+                    Some(lens.line_distance(&moved, &line) - distance.value)
+                };
+                let gradient = Vector2::new(at(GRADIENT_STEP, 0.0)?, at(0.0, GRADIENT_STEP)?);
+                sample.pixel -= gradient.normalize() * rows.dot(by);
+            }
+        }
+    }
+    Some(())
+}

@@ -1,0 +1,77 @@
+//! Places along a side, and smooth displacements of its image.
+
+use nalgebra::{SVector, Vector2};
+
+use crate::geometry::Line;
+use crate::observations::Sample;
+
+/// Orders of a smooth displacement: what is slower than a fifth of a side.
+pub(crate) const ORDERS: usize = 6;
+
+/// Coefficients of a displacement, or the values of its basis at a place.
+pub(crate) type Basis = SVector<f64, ORDERS>;
+
+/// Legendre's polynomials at `s` in [-1, 1], scaled to a mean square of 1.
+pub(crate) fn basis(s: f64) -> Basis {
+    let mut values = Basis::zeros();
+    let (mut last, mut value) = (0.0, 1.0);
+    for k in 0..ORDERS {
+        values[k] = value * (2.0 * k as f64 + 1.0).sqrt();
+        let (order, next) = (k as f64, k as f64 + 1.0);
+        (last, value) = (
+            value,
+            ((2.0 * order + 1.0) * s * value - order * last) / next,
+        );
+    }
+    values
+}
+
+/// The direction in which a side's samples extend; `None` where they are one point.
+pub(crate) fn direction(samples: &[Sample]) -> Option<Vector2<f64>> {
+    let line = Line::fit(samples.iter().map(|sample| (sample.pixel, 1.0)))?;
+    Some(Vector2::new(-line.normal().y, line.normal().x))
+}
+
+/// Where each sample lies along a direction, from -1 for the first to 1 for the last.
+pub(crate) fn places(samples: &[Sample], along: &Vector2<f64>) -> Vec<f64> {
+    let mut places: Vec<f64> = samples.iter().map(|s| along.dot(&s.pixel)).collect();
+    let (low, high) = places
+        .iter()
+        .fold((f64::MAX, f64::MIN), |(l, h), p| (l.min(*p), h.max(*p)));
+    let half = (0.5 * (high - low)).max(f64::MIN_POSITIVE);
+    for place in &mut places {
+        *place = ((*place - low) / half - 1.0).clamp(-1.0, 1.0);
+    }
+    places
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::SMatrix;
+
+    #[test]
+    fn basis_is_orthonormal_in_the_mean() {
+        let mut gram = SMatrix::<f64, ORDERS, ORDERS>::zeros();
+        let steps = 20_000;
+        for i in 0..steps {
+            let values = basis((2.0 * f64::from(i) + 1.0) / f64::from(steps) - 1.0);
+            gram += values * values.transpose() / f64::from(steps);
+        }
+        assert!((gram - SMatrix::identity()).norm() < 1e-6, "{gram}");
+    }
+
+    #[test]
+    fn places_run_from_end_to_end_in_whatever_order() {
+        let sample = |x: f64| Sample {
+            pixel: Vector2::new(3.0 + x, 5.0 - 2.0 * x),
+            weight: 1.0,
+        };
+        let samples = [sample(2.0), sample(0.0), sample(1.0), sample(8.0)];
+        let found = places(&samples, &direction(&samples).unwrap());
+        let sign = found[3].signum();
+        for (place, expected) in found.iter().zip([-0.5, -1.0, -0.75, 1.0]) {
+            assert!((place * sign - expected).abs() < 1e-12);
+        }
+    }
+}

@@ -1,0 +1,271 @@
+//! Sides whose smooth displacements are correlated, and what their samples say of them.
+
+use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector2, Vector3};
+
+use super::side_basis::{Basis, ORDERS};
+use super::side_moments::{Gram, SideMoments};
+use crate::lens::{Lens, MAX_LENS_COLUMNS};
+use crate::numeric::Block;
+use crate::observations::{Figure, FreeParameters, PlaneState, Relief, Side, TERMS, directions};
+
+/// Distance, in parts of a figure's extent, over which the displacements of parallel sides lose
+/// their correlation.
+const CORRELATION_LENGTH: f64 = 0.33;
+
+/// Samples of a side at which its Jacobian is taken: it is as smooth as its displacement.
+const NODES: usize = 10;
+
+/// Variance (px^2) of a shift of which nothing is known.
+const ANY_SHIFT: f64 = 1.0;
+
+/// What keeps orders that too few samples show at zero.
+const UNSEEN: f64 = 1e-9;
+
+/// What the samples of sides whose displacements are correlated say of them.
+pub(crate) struct Family {
+    pub plane: usize,
+    /// Indices of the sides in their figure.
+    pub sides: Vec<usize>,
+    /// Whether an error of the tone curve may shift each: such shifts are no displacement of its
+    /// own, and the fit to the pixels takes them out.
+    pub shifted: bool,
+    /// The way the first of them runs; the others run alike.
+    along: Option<Vector2<f64>>,
+    /// Correlation of their displacements, its inverse, and the logarithm of its determinant.
+    correlation: DMatrix<f64>,
+    inverse_correlation: DMatrix<f64>,
+    log_correlation: f64,
+    /// `B^T W B` with `B` the basis at the samples, side by side.
+    pub gram: DMatrix<f64>,
+    /// `B^T W r`.
+    pull: DVector<f64>,
+    /// `B^T W J`, by the plane's own parameters and by the shared ones.
+    pub own: DMatrix<f64>,
+    pub shared: DMatrix<f64>,
+}
+
+/// The sides of a figure, those of one direction together if there are many: an error that is
+/// correlated over a third of a side is so across a third of the figure, too.
+pub(crate) fn families_of(
+    figure: &Figure,
+    plane: usize,
+    own: usize,
+    free: &FreeParameters,
+) -> Vec<Family> {
+    let lines: Vec<Vector3<f64>> = figure
+        .sides
+        .iter()
+        .map(|side| side.line.coefficients())
+        .collect();
+    // Opposite sides of a square are too far apart.
+    let split = directions(figure)
+        .into_iter()
+        .flat_map(|family| match family.len() {
+            0..=2 => family.into_iter().map(|side| vec![side]).collect(),
+            _ => vec![family],
+        });
+    split
+        .filter_map(|sides| {
+            let offset =
+                |side: usize| lines[side].z * lines[side].xy().dot(&lines[sides[0]].xy()).signum();
+            let offsets: Vec<f64> = sides.iter().map(|side| offset(*side)).collect();
+            Family::new(plane, sides, &offsets, (own, free.len()))
+        })
+        .collect()
+}
+
+impl Family {
+    /// `None` if two of the lines are one.
+    fn new(
+        plane: usize,
+        sides: Vec<usize>,
+        offsets: &[f64],
+        (own, shared): (usize, usize),
+    ) -> Option<Self> {
+        let high = offsets.iter().copied().fold(f64::MIN, f64::max);
+        let low = offsets.iter().copied().fold(f64::MAX, f64::min);
+        let reach = (CORRELATION_LENGTH * (high - low)).max(f64::MIN_POSITIVE);
+        let correlation = DMatrix::from_fn(offsets.len(), offsets.len(), |i, j| {
+            (-(offsets[i] - offsets[j]).abs() / reach).exp()
+        });
+        let factor = correlation.clone().cholesky()?;
+        let rows = ORDERS * sides.len();
+        Some(Self {
+            plane,
+            sides,
+            shifted: false,
+            along: None,
+            correlation,
+            inverse_correlation: factor.inverse(),
+            log_correlation: 2.0 * factor.l_dirty().diagonal().map(f64::ln).sum(),
+            gram: DMatrix::zeros(rows, rows),
+            pull: DVector::zeros(rows),
+            own: DMatrix::zeros(rows, own),
+            shared: DMatrix::zeros(rows, shared),
+        })
+    }
+
+    /// Adds one of the sides, by its index in the figure, and what its samples say of plane and
+    /// camera to the normal equations.
+    pub fn add<L: Lens>(
+        &mut self,
+        (state, figure, index, side): (&PlaneState, usize, usize, &Side),
+        relief: Option<&Relief>,
+        moments: &SideMoments,
+        (lens, free): (&L, &FreeParameters),
+        white: f64,
+        block: &mut Block,
+    ) -> Option<()> {
+        let place = self.sides.iter().position(|own| *own == index)?;
+        self.shifted |= !side.drift.is_empty();
+        let mirror = self.mirror(&moments.along);
+        let gram = moments
+            .robust
+            .gram
+            .component_mul(&(mirror * mirror.transpose()))
+            / white;
+        let pull = moments.robust.pull.component_mul(&mirror) / white;
+        let jacobian = SideJacobian::of((state, figure, side), relief, moments, (lens, free))?;
+        let own = DMatrix::from_fn(ORDERS, jacobian.own.ncols(), |k, i| {
+            mirror[k] * jacobian.own[(k, i)]
+        });
+        let shared = DMatrix::from_fn(ORDERS, free.len(), |k, i| {
+            mirror[k] * jacobian.shared[(k, i)]
+        });
+        let (weighed_own, weighed_shared) = (gram * &own, gram * &shared);
+        block.hessian += own.tr_mul(&weighed_own);
+        block.cross += own.tr_mul(&weighed_shared);
+        block.shared += shared.tr_mul(&weighed_shared);
+        block.gradient += own.tr_mul(&pull);
+        block.shared_gradient += shared.tr_mul(&pull);
+        let first = ORDERS * place;
+        self.gram
+            .view_mut((first, first), (ORDERS, ORDERS))
+            .copy_from(&gram);
+        self.pull.rows_mut(first, ORDERS).copy_from(&pull);
+        self.own.rows_mut(first, ORDERS).copy_from(&weighed_own);
+        self.shared
+            .rows_mut(first, ORDERS)
+            .copy_from(&weighed_shared);
+        Some(())
+    }
+
+    /// Signs of the basis where a side runs against the first of the family.
+    fn mirror(&mut self, along: &Vector2<f64>) -> Basis {
+        let against = self.along.get_or_insert(*along).dot(along) < 0.0;
+        Basis::from_fn(|k, _| if against && k % 2 == 1 { -1.0 } else { 1.0 })
+    }
+
+    /// Covariance of the sides' displacements at unit variance.
+    pub fn covariance(&self) -> DMatrix<f64> {
+        DMatrix::from_fn(self.gram.nrows(), self.gram.ncols(), |i, j| {
+            let (k, l) = (i % ORDERS, j % ORDERS);
+            match k == l {
+                true => spectrum(k) * self.correlation[(i / ORDERS, j / ORDERS)],
+                false => 0.0,
+            }
+        })
+    }
+
+    /// Takes the sides' displacements, of the given variance, out of the equations; returns their
+    /// part of minus twice the log likelihood.
+    pub fn marginalise(&self, variance: f64, block: &mut Block) -> Option<f64> {
+        let count = self.sides.len();
+        let mut precision = self.gram.clone();
+        let mut log_determinant = ORDERS as f64 * self.log_correlation;
+        for k in 0..ORDERS {
+            let own = match k {
+                0 if self.shifted => ANY_SHIFT,
+                _ => spectrum(k) * variance,
+            };
+            log_determinant += count as f64 * own.ln();
+            for i in 0..count {
+                for j in 0..count {
+                    precision[(ORDERS * i + k, ORDERS * j + k)] +=
+                        self.inverse_correlation[(i, j)] / own;
+                }
+            }
+        }
+        let factor = precision.cholesky()?;
+        log_determinant += 2.0 * factor.l_dirty().diagonal().map(f64::ln).sum();
+        // `X^T (L L^T)^-1 Y = (L^-1 X)^T (L^-1 Y)` asks for half of the solution only.
+        let lower = factor.l_dirty();
+        let pull = lower.solve_lower_triangular(&self.pull)?;
+        let own = lower.solve_lower_triangular(&self.own)?;
+        let shared = lower.solve_lower_triangular(&self.shared)?;
+        block.hessian -= own.tr_mul(&own);
+        block.cross -= own.tr_mul(&shared);
+        block.shared -= shared.tr_mul(&shared);
+        block.gradient -= own.tr_mul(&pull);
+        block.shared_gradient -= shared.tr_mul(&pull);
+        Some(log_determinant - pull.norm_squared())
+    }
+}
+
+/// A side's Jacobian as a smooth displacement: the coefficients of the basis that give it along
+/// the side.
+struct SideJacobian {
+    own: DMatrix<f64>,
+    shared: SMatrix<f64, ORDERS, MAX_LENS_COLUMNS>,
+}
+
+impl SideJacobian {
+    /// From samples spread over the side, by least squares; `None` where the lens sees none.
+    fn of<L: Lens>(
+        (state, figure, side): (&PlaneState, usize, &Side),
+        relief: Option<&Relief>,
+        moments: &SideMoments,
+        (lens, free): (&L, &FreeParameters),
+    ) -> Option<Self> {
+        let line = state.line(figure, side);
+        let wanted = free.columns();
+        let mut gram = Gram::identity() * UNSEEN;
+        let mut wrt_line = SMatrix::<f64, ORDERS, 3>::zeros();
+        let mut shared = SMatrix::<f64, ORDERS, MAX_LENS_COLUMNS>::zeros();
+        let mut heights = SMatrix::<f64, ORDERS, TERMS>::zeros();
+        for index in nodes(&moments.places) {
+            let row = &moments.rows[index];
+            let sight = lens.sight(&side.samples[index].pixel)?;
+            let distance = lens.line_distance_jacobian(&sight, &line, wanted);
+            let mut columns = [0.0; MAX_LENS_COLUMNS];
+            free.gather(&distance.wrt_lens, &mut columns);
+            gram.ger(1.0, row, row, 1.0);
+            wrt_line.ger(1.0, row, &distance.wrt_line, 1.0);
+            shared.ger(1.0, row, &SVector::from(columns), 1.0);
+            if let Some(relief) = relief {
+                let sample = &side.samples[index];
+                let of = (lens, state);
+                // What rises displaces the sample: the residual is less by that.
+                let risen = relief.displacements(of, &line, &distance.wrt_line, sample)?;
+                heights.ger(-1.0, row, &risen, 1.0);
+            }
+        }
+        let factor = gram.cholesky()?;
+        let own = factor.solve(&wrt_line) * state.line_jacobian(figure, side);
+        let heights = factor.solve(&heights);
+        let columns = own.ncols() + relief.map_or(0, |_| TERMS);
+        Some(Self {
+            own: DMatrix::from_fn(ORDERS, columns, |k, i| match i.checked_sub(own.ncols()) {
+                None => own[(k, i)],
+                Some(term) => heights[(k, term)],
+            }),
+            shared: factor.solve(&shared),
+        })
+    }
+}
+
+/// Samples nearest to the Chebyshev points of the side.
+fn nodes(places: &[f64]) -> Vec<usize> {
+    let nearest = |j: usize| {
+        let angle = std::f64::consts::PI * (j as f64 + 0.5) / NODES as f64;
+        let place = angle.cos();
+        let distance = |i: &usize| (places[*i] - place).abs();
+        (0..places.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
+    };
+    (0..NODES).filter_map(nearest).collect()
+}
+
+/// Variance of the displacement's order `k`, in units of `tau^2`.
+pub(crate) fn spectrum(order: usize) -> f64 {
+    (1.0 + (0.5 * order as f64).powi(2)).powf(-1.5)
+}

@@ -1,0 +1,317 @@
+//! Normal equations in the shape of an arrow: what all planes share, and each plane's own block.
+//!
+//! Eliminating every plane's block (Schur complement) leaves a small system for the shared
+//! parameters, so that the cost is linear in the number of planes.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+/// Relative floor of a diagonal element, below which damping could not lift it.
+const DIAGONAL_FLOOR: f64 = 1e-12;
+
+/// One plane's part of the normal equations.
+#[derive(Debug, Clone)]
+pub(crate) struct Block {
+    /// `J_shared^T W J_shared` of the plane's residuals.
+    pub shared: DMatrix<f64>,
+    /// `J_shared^T W r`.
+    pub shared_gradient: DVector<f64>,
+    /// `J_p^T W J_p`.
+    pub hessian: DMatrix<f64>,
+    /// `J_p^T W J_shared`.
+    pub cross: DMatrix<f64>,
+    /// `J_p^T W r`.
+    pub gradient: DVector<f64>,
+}
+
+impl Block {
+    pub fn zeros(own: usize, shared: usize) -> Self {
+        Self {
+            shared: DMatrix::zeros(shared, shared),
+            shared_gradient: DVector::zeros(shared),
+            hessian: DMatrix::zeros(own, own),
+            cross: DMatrix::zeros(own, shared),
+            gradient: DVector::zeros(own),
+        }
+    }
+}
+
+/// `J^T W J` and `J^T W r` of a problem with shared parameters and one block per plane.
+#[derive(Debug, Clone)]
+pub(crate) struct ArrowSystem {
+    /// Information on the shared parameters that no plane gave.
+    pub prior: DMatrix<f64>,
+    pub blocks: Vec<Block>,
+}
+
+/// A step of all parameters, and by how much the linearised cost should fall.
+#[derive(Debug, Clone)]
+pub(crate) struct ArrowStep {
+    pub shared: DVector<f64>,
+    pub blocks: Vec<DVector<f64>>,
+    pub predicted_decrease: f64,
+}
+
+/// What remains for the shared parameters once a plane's own are eliminated.
+#[derive(Debug, Clone)]
+pub(crate) struct Reduced {
+    pub information: DMatrix<f64>,
+    pub gradient: DVector<f64>,
+}
+
+impl ArrowSystem {
+    pub fn zeros(shared: usize, own: impl Iterator<Item = usize>) -> Self {
+        Self {
+            prior: DMatrix::zeros(shared, shared),
+            blocks: own.map(|n| Block::zeros(n, shared)).collect(),
+        }
+    }
+
+    /// The Levenberg-Marquardt step with the diagonal raised by `damping`; `None` if singular.
+    pub fn solve(&self, damping: f64) -> Option<ArrowStep> {
+        let mut shared_hessian = self.prior.clone();
+        let mut shared_gradient = DVector::zeros(self.prior.nrows());
+        for block in &self.blocks {
+            shared_hessian += &block.shared;
+            shared_gradient += &block.shared_gradient;
+        }
+        let mut reduced = damped(&shared_hessian, damping);
+        let mut gradient = shared_gradient.clone();
+        let mut factors = Vec::with_capacity(self.blocks.len());
+        for block in &self.blocks {
+            let factor = Cholesky::new(damped(&block.hessian, damping))?;
+            let (information, shift) = eliminated(block, &factor);
+            reduced -= information;
+            gradient -= shift;
+            factors.push(factor);
+        }
+        let shared = -Cholesky::new(reduced)?.solve(&gradient);
+        let mut decrease = -shared_gradient.dot(&shared);
+        let mut blocks = Vec::with_capacity(self.blocks.len());
+        for (block, factor) in self.blocks.iter().zip(&factors) {
+            let own = -factor.solve(&(&block.gradient + &block.cross * &shared));
+            decrease -= block.gradient.dot(&own);
+            blocks.push(own);
+        }
+        let step = ArrowStep {
+            shared,
+            blocks,
+            predicted_decrease: 0.5 * decrease,
+        };
+        (decrease.is_finite() && step.is_finite()).then_some(step)
+    }
+
+    /// The equations without the last shared parameters: these are held.
+    pub fn leading(&self, shared: usize) -> Self {
+        Self {
+            prior: self.prior.view((0, 0), (shared, shared)).into_owned(),
+            blocks: self
+                .blocks
+                .iter()
+                .map(|block| Block {
+                    shared: block.shared.view((0, 0), (shared, shared)).into_owned(),
+                    shared_gradient: block.shared_gradient.rows(0, shared).into_owned(),
+                    hessian: block.hessian.clone(),
+                    cross: block.cross.columns(0, shared).into_owned(),
+                    gradient: block.gradient.clone(),
+                })
+                .collect(),
+        }
+    }
+
+    /// What every plane alone tells of the shared parameters, its own eliminated.
+    pub fn contributions(&self) -> Option<Vec<Reduced>> {
+        let contribution = |block: &Block| {
+            let factor = Cholesky::new(block.hessian.clone())?;
+            let (information, shift) = eliminated(block, &factor);
+            Some(Reduced {
+                information: &block.shared - information,
+                gradient: &block.shared_gradient - shift,
+            })
+        };
+        self.blocks.iter().map(contribution).collect()
+    }
+
+    /// The information on the shared parameters alone.
+    pub fn reduced_information(&self) -> Option<DMatrix<f64>> {
+        let mut total = self.prior.clone();
+        for contribution in self.contributions()? {
+            total += contribution.information;
+        }
+        Some(total)
+    }
+}
+
+impl ArrowSystem {
+    /// The equations with further shared parameters, of which nothing is known yet.
+    pub fn extended(&self, further: usize) -> Self {
+        let grown = |matrix: &DMatrix<f64>, rows: usize| {
+            let (height, width) = matrix.shape();
+            matrix.clone().resize(height + rows, width + further, 0.0)
+        };
+        Self {
+            prior: grown(&self.prior, further),
+            blocks: self
+                .blocks
+                .iter()
+                .map(|block| Block {
+                    shared: grown(&block.shared, further),
+                    shared_gradient: block
+                        .shared_gradient
+                        .clone()
+                        .resize_vertically(block.shared_gradient.len() + further, 0.0),
+                    hessian: block.hessian.clone(),
+                    cross: grown(&block.cross, 0),
+                    gradient: block.gradient.clone(),
+                })
+                .collect(),
+        }
+    }
+
+    /// The equations of some of the shared parameters: the others are held.
+    pub fn selected(&self, shared: &[usize]) -> Self {
+        Self {
+            prior: self.prior.select_rows(shared).select_columns(shared),
+            blocks: self
+                .blocks
+                .iter()
+                .map(|block| Block {
+                    shared: block.shared.select_rows(shared).select_columns(shared),
+                    shared_gradient: block.shared_gradient.select_rows(shared),
+                    hessian: block.hessian.clone(),
+                    cross: block.cross.select_columns(shared),
+                    gradient: block.gradient.clone(),
+                })
+                .collect(),
+        }
+    }
+
+    /// The equations with the shared parameters after the first `kept` eliminated: what these cost
+    /// is taken off the prior, so that the reduced information is the marginal one.
+    pub fn marginal(&self, kept: usize) -> Option<Self> {
+        let full = self.reduced_information()?;
+        let further = full.nrows() - kept;
+        let cross = full.view((kept, 0), (further, kept)).into_owned();
+        let square = full.view((kept, kept), (further, further)).into_owned();
+        let lost = cross.tr_mul(&square.cholesky()?.solve(&cross));
+        let mut system = self.leading(kept);
+        system.prior -= lost;
+        Some(system)
+    }
+}
+
+impl ArrowStep {
+    /// The step that reaches the minimum of a cost whose curvature is `1 / factor` of the normal
+    /// equations'.
+    pub fn lengthened(self, factor: f64) -> Self {
+        Self {
+            shared: self.shared * factor,
+            blocks: self.blocks.into_iter().map(|own| own * factor).collect(),
+            predicted_decrease: self.predicted_decrease * factor,
+        }
+    }
+
+    pub fn parameter_count(&self) -> usize {
+        self.shared.len() + self.blocks.iter().map(|own| own.len()).sum::<usize>()
+    }
+
+    fn is_finite(&self) -> bool {
+        self.shared.iter().all(|v| v.is_finite())
+            && self.blocks.iter().all(|b| b.iter().all(|v| v.is_finite()))
+    }
+}
+
+fn damped(hessian: &DMatrix<f64>, damping: f64) -> DMatrix<f64> {
+    let mut raised = hessian.clone();
+    let floor = DIAGONAL_FLOOR * raised.diagonal().amax();
+    for i in 0..raised.nrows() {
+        raised[(i, i)] += damping * raised[(i, i)].max(floor);
+    }
+    raised
+}
+
+/// `C^T H^-1 C` and `C^T H^-1 g` of one block.
+fn eliminated(block: &Block, factor: &Cholesky<f64, Dyn>) -> (DMatrix<f64>, DVector<f64>) {
+    let half = factor.l_dirty();
+    // With H = L L^T, both are products of L^-1 C, which keeps the first one symmetric.
+    let mut cross = block.cross.clone();
+    let mut gradient = block.gradient.clone();
+    half.solve_lower_triangular_unchecked_mut(&mut cross);
+    half.solve_lower_triangular_unchecked_mut(&mut gradient);
+    (cross.tr_mul(&cross), cross.tr_mul(&gradient))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A random-looking Jacobian with two planes of three parameters and two shared ones.
+    fn dense_and_arrow() -> (DMatrix<f64>, DVector<f64>, ArrowSystem) {
+        let mut jacobian = DMatrix::zeros(40, 8);
+        let residual = DVector::from_fn(40, |i, _| ((i * 7 % 11) as f64 - 5.0) * 0.1);
+        let mut arrow = ArrowSystem::zeros(2, [3, 3].into_iter());
+        for i in 0..40 {
+            let plane = i % 2;
+            for j in 0..8 {
+                let mine = j < 2 || (j - 2) / 3 == plane;
+                jacobian[(i, j)] = if mine {
+                    ((i * 13 + 7) as f64 * (j as f64 + 1.3)).sin()
+                } else {
+                    0.0
+                };
+            }
+            let row = jacobian.row(i).transpose();
+            let shared = row.rows(0, 2).into_owned();
+            let own = row.rows(2 + 3 * plane, 3).into_owned();
+            let block = &mut arrow.blocks[plane];
+            block.shared += &shared * shared.transpose();
+            block.shared_gradient += &shared * residual[i];
+            block.hessian += &own * own.transpose();
+            block.cross += &own * shared.transpose();
+            block.gradient += &own * residual[i];
+        }
+        (jacobian, residual, arrow)
+    }
+
+    #[test]
+    fn arrow_step_is_the_dense_gauss_newton_step() {
+        let (jacobian, residual, arrow) = dense_and_arrow();
+        let hessian = jacobian.tr_mul(&jacobian);
+        let expected = -hessian
+            .cholesky()
+            .unwrap()
+            .solve(&jacobian.tr_mul(&residual));
+        let step = arrow.solve(0.0).unwrap();
+        assert!((step.shared - expected.rows(0, 2)).norm() < 1e-12);
+        assert!((&step.blocks[1] - expected.rows(5, 3)).norm() < 1e-12);
+        let after = (&jacobian * &expected + &residual).norm_squared();
+        let decrease = 0.5 * (residual.norm_squared() - after);
+        assert!((step.predicted_decrease - decrease).abs() < 1e-12);
+    }
+
+    #[test]
+    fn reduced_information_is_the_inverse_of_the_dense_covariance() {
+        let (jacobian, _, arrow) = dense_and_arrow();
+        let covariance = jacobian.tr_mul(&jacobian).try_inverse().unwrap();
+        let reduced = arrow.reduced_information().unwrap().try_inverse().unwrap();
+        assert!((reduced - covariance.view((0, 0), (2, 2))).norm() < 1e-12);
+    }
+
+    #[test]
+    fn the_marginal_information_is_that_of_the_whole_covariance() {
+        let mut system = ArrowSystem::zeros(4, [3, 2].into_iter());
+        for (k, block) in system.blocks.iter_mut().enumerate() {
+            let own = block.hessian.nrows();
+            let rows = DMatrix::from_fn(20, 4 + own, |i, j| {
+                ((i * 13 + 7 * k + 3) as f64 * (j as f64 + 1.3)).sin()
+            });
+            let square = rows.tr_mul(&rows);
+            block.shared = square.view((0, 0), (4, 4)).into_owned();
+            block.hessian = square.view((4, 4), (own, own)).into_owned();
+            block.cross = square.view((4, 0), (own, 4)).into_owned();
+        }
+        let whole = system.reduced_information().unwrap().try_inverse().unwrap();
+        let marginal = system.marginal(3).unwrap().reduced_information().unwrap();
+        let covariance = marginal.try_inverse().unwrap();
+        assert!((covariance - whole.view((0, 0), (3, 3))).norm() < 1e-12);
+    }
+}

@@ -1,0 +1,108 @@
+//! The free parameters of a lens.
+
+use nalgebra::DVector;
+
+use super::options::{Fixed, Model, Options};
+use crate::lens::{Brown, CENTRE_COLUMNS, Columns, Lens, MAX_LENS_COLUMNS};
+
+/// The free parameters of a lens: which Jacobian columns they own.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct FreeParameters {
+    columns: Vec<usize>,
+    /// `fy / fx` where `fy` follows `fx`.
+    aspect: Option<f64>,
+}
+
+impl FreeParameters {
+    pub fn new(model: Model, fixed: &Fixed, aspect: f64) -> Self {
+        let mut columns = Vec::with_capacity(MAX_LENS_COLUMNS);
+        if !fixed.focal {
+            columns.push(0);
+            if !fixed.aspect {
+                columns.push(1);
+            }
+        }
+        if !fixed.principal_point {
+            columns.extend([2, 3]);
+        }
+        if !fixed.distortion {
+            columns.extend(model.columns());
+        }
+        Self {
+            columns,
+            aspect: (fixed.aspect && !fixed.focal).then_some(aspect),
+        }
+    }
+
+    /// The same with the centre of distortion freed from the principal point.
+    pub fn with_free_centre(&self) -> Self {
+        let mut freed = self.clone();
+        freed.columns.extend([CENTRE_COLUMNS, CENTRE_COLUMNS + 1]);
+        freed
+    }
+
+    /// Whether `fy` follows `fx`.
+    pub fn aspect_is_fixed(&self) -> bool {
+        self.aspect.is_some()
+    }
+
+    /// The columns of a lens Jacobian that [`Self::gather`] reads.
+    pub fn columns(&self) -> Columns {
+        let followed = self.aspect.map(|_| 1);
+        Columns::of(self.columns.iter().copied().chain(followed))
+    }
+
+    pub fn len(&self) -> usize {
+        self.columns.len()
+    }
+
+    pub fn names(&self) -> Vec<&'static str> {
+        self.columns
+            .iter()
+            .map(|c| Brown::parameter_names()[*c])
+            .collect()
+    }
+
+    /// Position of a named parameter among the free ones.
+    pub fn position(&self, name: &str) -> Option<usize> {
+        self.columns
+            .iter()
+            .position(|c| Brown::parameter_names().get(*c) == Some(&name))
+    }
+
+    /// Picks the free columns out of a lens Jacobian.
+    pub fn gather(&self, wrt_lens: &[f64; MAX_LENS_COLUMNS], free: &mut [f64]) {
+        for (value, column) in free.iter_mut().zip(&self.columns) {
+            *value = wrt_lens[*column];
+        }
+        if let Some(aspect) = self.aspect {
+            free[0] += aspect * wrt_lens[1];
+        }
+    }
+
+    /// How far two lenses are apart in the free parameters.
+    pub fn difference<L: Lens>(&self, a: &L, b: &L) -> DVector<f64> {
+        let (a, b) = (a.parameters(), b.parameters());
+        DVector::from_fn(self.len(), |i, _| a[self.columns[i]] - b[self.columns[i]])
+    }
+
+    /// The lens after a step of the free parameters.
+    pub fn advance<L: Lens>(&self, lens: &L, step: &DVector<f64>) -> L {
+        let mut parameters = lens.parameters();
+        for (column, change) in self.columns.iter().zip(step.iter()) {
+            if *column < CENTRE_COLUMNS {
+                parameters[*column] += change;
+            }
+        }
+        if let Some(aspect) = self.aspect {
+            parameters[1] = aspect * parameters[0];
+        }
+        lens.with_parameters(&parameters)
+    }
+}
+
+impl Options {
+    pub(crate) fn free_parameters(&self) -> FreeParameters {
+        FreeParameters::new(self.model, &self.fixed, self.aspect())
+    }
+}

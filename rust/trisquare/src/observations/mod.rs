@@ -1,0 +1,21 @@
+//! What was measured and what is asked: edge samples by plane, options, free parameters, the view.
+
+mod free_parameters;
+mod observed;
+mod options;
+mod placement;
+mod plane_edges;
+mod relief;
+mod view;
+
+pub(crate) use free_parameters::FreeParameters;
+pub(crate) use observed::{
+    Figure, ObservedPlane, Sample, Side, directions, has_grid, sort_by_plane,
+};
+pub use options::{Fixed, Method, Model, Options};
+pub(crate) use placement::Placement;
+#[cfg(feature = "synthetic")]
+pub(crate) use plane_edges::square_lines;
+pub use plane_edges::{Freedom, PlaneEdges, Polarity};
+pub(crate) use relief::{Heights, Relief, TERMS};
+pub(crate) use view::{POSE_PARAMETERS, PlaneState, View};

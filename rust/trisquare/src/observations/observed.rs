@@ -1,0 +1,209 @@
+//! The samples of all figures, sorted by the plane they stand on.
+
+use std::collections::HashMap;
+
+use nalgebra::Vector2;
+
+use super::plane_edges::{Freedom, PlaneEdges};
+use super::relief::Relief;
+use crate::error::Error;
+use crate::geometry::Line;
+
+/// One sample: where it was measured, and how well.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Sample {
+    pub pixel: Vector2<f64>,
+    /// One over its standard deviation across the line.
+    pub weight: f64,
+}
+
+/// A line of a figure and the samples on its image.
+#[derive(Debug, Clone)]
+pub(crate) struct Side {
+    pub line: Line,
+    pub samples: Vec<Sample>,
+    /// How far an error that the picture's samples share displaces each, per standard deviation
+    /// (px); empty if there is none.
+    pub drift: Vec<Vector2<f64>>,
+    /// Whether it turned out not to belong to the scene: it then follows the camera that the
+    /// others determine.
+    pub set_aside: bool,
+}
+
+/// Sine of the angle below which two lines of a plane have one direction.
+const PARALLEL: f64 = 0.1;
+
+/// Weight of a side that was set aside, over that of others: it still places its own plane where
+/// nothing else does, and moves no camera.
+const ASIDE: f64 = 1e-5;
+
+impl Side {
+    /// By how much its samples' weights are lowered.
+    pub fn trust(&self) -> f64 {
+        if self.set_aside { ASIDE } else { 1.0 }
+    }
+}
+
+/// A figure and its index among the edges given.
+#[derive(Debug, Clone)]
+pub(crate) struct Figure {
+    pub index: usize,
+    pub freedom: Freedom,
+    pub sides: Vec<Side>,
+}
+
+/// A physical plane with its figures; the first one carries the plane's coordinates.
+#[derive(Debug, Clone)]
+pub(crate) struct ObservedPlane {
+    pub image: usize,
+    pub figures: Vec<Figure>,
+    /// Of a board whose paper is not flat: what its samples would be on flat paper.
+    pub relief: Option<Relief>,
+}
+
+impl Figure {
+    pub fn samples(&self) -> impl Iterator<Item = &Sample> + Clone {
+        self.sides.iter().flat_map(|side| &side.samples)
+    }
+}
+
+impl ObservedPlane {
+    /// The same with at most so many samples of each side, evenly spread.
+    pub fn thinned(&self, samples_per_side: usize) -> Self {
+        let mut thinned = self.clone();
+        for side in thinned.figures.iter_mut().flat_map(|f| &mut f.sides) {
+            let step = side.samples.len().div_ceil(samples_per_side);
+            side.samples = side.samples.iter().step_by(step).copied().collect();
+            side.drift = side.drift.iter().step_by(step).copied().collect();
+        }
+        thinned
+    }
+
+    /// Moves every sample to where it would be with its drift, of so many standard deviations, taken
+    /// out.
+    pub fn take_out_drift(&mut self, deviations: f64) {
+        for side in self.figures.iter_mut().flat_map(|f| &mut f.sides) {
+            for (sample, drift) in side.samples.iter_mut().zip(&side.drift) {
+                sample.pixel += drift * deviations;
+            }
+        }
+    }
+
+    /// Whether an error that the picture's samples share displaces any of its own.
+    pub fn drifts(&self) -> bool {
+        self.sides().any(|side| !side.drift.is_empty())
+    }
+
+    /// Sets all sides aside.
+    pub fn set_aside(&mut self) {
+        for side in self.figures.iter_mut().flat_map(|f| &mut f.sides) {
+            side.set_aside = true;
+        }
+    }
+
+    /// A side by its index over all figures.
+    pub fn side_mut(&mut self, index: usize) -> Option<&mut Side> {
+        let sides = self.figures.iter_mut().flat_map(|figure| &mut figure.sides);
+        sides.into_iter().nth(index)
+    }
+
+    /// Whether all sides are set aside.
+    pub fn is_set_aside(&self) -> bool {
+        self.sides().all(|side| side.set_aside)
+    }
+
+    /// Multiplies the weight of every sample.
+    pub fn weigh(&mut self, factor: f64) {
+        for side in self.figures.iter_mut().flat_map(|f| &mut f.sides) {
+            side.samples.iter_mut().for_each(|s| s.weight *= factor);
+        }
+    }
+
+    pub fn samples(&self) -> impl Iterator<Item = &Sample> + Clone {
+        self.figures.iter().flat_map(Figure::samples)
+    }
+
+    pub fn sides(&self) -> impl Iterator<Item = &Side> + Clone {
+        self.figures.iter().flat_map(|figure| &figure.sides)
+    }
+}
+
+/// Families of a figure's sides that count: those that run in one direction.
+pub(crate) fn directions(figure: &Figure) -> Vec<Vec<usize>> {
+    let normal = |side: usize| figure.sides[side].line.normal();
+    let parallel = |a: usize, b: usize| normal(a).perp(&normal(b)).abs() < PARALLEL;
+    let mut families: Vec<Vec<usize>> = Vec::new();
+    for side in (0..figure.sides.len()).filter(|side| !figure.sides[*side].set_aside) {
+        match families.iter_mut().find(|family| parallel(family[0], side)) {
+            Some(family) => family.push(side),
+            None => families.push(vec![side]),
+        }
+    }
+    families
+}
+
+/// Whether a figure has more than a square's lines in two directions.
+pub(crate) fn has_grid(figure: &Figure) -> bool {
+    let many = |family: &Vec<usize>| family.len() > 2;
+    figure.sides.len() > 4 && directions(figure).into_iter().filter(many).count() >= 2
+}
+
+/// Checks all figures and sorts them by plane, in the order in which planes first appear.
+pub(crate) fn sort_by_plane(edges: &[PlaneEdges]) -> Result<Vec<ObservedPlane>, Error> {
+    let mut planes: Vec<ObservedPlane> = Vec::new();
+    let mut known: HashMap<u64, usize> = HashMap::new();
+    for (index, figure_edges) in edges.iter().enumerate() {
+        figure_edges.check(index)?;
+        let figure = figure(index, figure_edges);
+        let place = figure_edges.plane.and_then(|key| known.get(&key).copied());
+        match place {
+            Some(place) if planes[place].image != figure_edges.image => {
+                return Err(Error::InvalidArgument(format!(
+                    "figure {index} shares a plane with a figure of another picture"
+                )));
+            }
+            Some(place) => planes[place].figures.push(figure),
+            None => {
+                if let Some(key) = figure_edges.plane {
+                    known.insert(key, planes.len());
+                }
+                planes.push(ObservedPlane {
+                    image: figure_edges.image,
+                    figures: vec![figure],
+                    relief: None,
+                });
+            }
+        }
+    }
+    Ok(planes)
+}
+
+fn figure(index: usize, edges: &PlaneEdges) -> Figure {
+    let sides = edges
+        .lines
+        .iter()
+        .zip(&edges.points)
+        .enumerate()
+        .map(|(side, (line, points))| Side {
+            line: *line,
+            set_aside: false,
+            samples: points
+                .iter()
+                .enumerate()
+                .map(|(i, pixel)| Sample {
+                    pixel: *pixel,
+                    weight: edges.std.as_ref().map_or(1.0, |std| 1.0 / std[side][i]),
+                })
+                .collect(),
+            drift: edges
+                .drift
+                .as_ref()
+                .map_or_else(Vec::new, |drift| drift[side].clone()),
+        })
+        .collect();
+    Figure {
+        index,
+        freedom: edges.freedom,
+        sides,
+    }
+}

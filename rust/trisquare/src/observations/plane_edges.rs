@@ -1,0 +1,305 @@
+//! The input of a calibration: samples on the images of lines of planes.
+
+use nalgebra::Vector2;
+
+use crate::error::Error;
+use crate::geometry::{Line, MIN_LINES};
+
+/// How far beyond a corner, in units of the side, samples may lie before the order is doubted;
+/// a side that bulges under distortion moves its own fitted corners by a few per cent.
+const CORNER_SLACK: f64 = 0.25;
+
+/// Which side of a figure's outline is dark.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Polarity {
+    /// The figure is dark on lighter ground.
+    DarkInside,
+    /// The figure is light on darker ground.
+    LightInside,
+}
+
+/// What is unknown of a further figure on a plane that another figure already fixes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Freedom {
+    /// Its size if it lies concentric with the plane's first figure, else all of the similarity.
+    #[default]
+    Auto,
+    /// Nothing: its lines are in the plane's own coordinates.
+    Fixed,
+    /// Its size: it is concentric with the plane's first figure and turned like it.
+    Size,
+    /// Its size, rotation and place on the plane.
+    Similarity,
+}
+
+/// One flat figure: lines of a plane and samples on their images.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct PlaneEdges {
+    /// The figure's lines, in its own plane coordinates.
+    pub lines: Vec<Line>,
+    /// Samples (pixels) on the image of each line.
+    pub points: Vec<Vec<Vector2<f64>>>,
+    /// Standard deviation of each sample across its line, in pixels; 1 where absent.
+    pub std: Option<Vec<Vec<f64>>>,
+    /// Which side is dark; needed to fit the pixels.
+    pub polarity: Option<Polarity>,
+    /// Figures with equal numbers stand on one physical plane; a plane of its own where absent.
+    pub plane: Option<u64>,
+    /// Index of the picture that shows it.
+    pub image: usize,
+    /// What is unknown of it if it is not the first figure of its plane.
+    pub freedom: Freedom,
+    /// How far one standard deviation of an error that all samples of a picture share, as that of
+    /// its estimated tone curve, displaces each sample, in pixels; no such error where absent.
+    pub drift: Option<Vec<Vec<Vector2<f64>>>>,
+    /// Width of the plain border within a square's outline, in the lines' units: further inside is
+    /// something else, as the bits of a tag. Absent if nothing is known of it.
+    pub border: Option<f64>,
+}
+
+impl PlaneEdges {
+    /// A square from the samples of its four sides, in order round it, either way round.
+    ///
+    /// Corner `i` is where sides `i - 1` and `i` meet. The plane's origin is the square's centre,
+    /// its X axis runs along side 0 and its Z axis away from the camera; the side is the unit.
+    ///
+    /// # Errors
+    /// [`Error::TooFewLines`], [`Error::TooFewSamples`], [`Error::NotFinite`], and
+    /// [`Error::CrossedSides`] if the sides do not follow each other round the square.
+    pub fn square(sides: Vec<Vec<Vector2<f64>>>) -> Result<Self, Error> {
+        let clockwise = SideOrder::of(&sides)? == SideOrder::Clockwise;
+        let lines = if clockwise {
+            square_lines()
+        } else {
+            // The way round that keeps X along side 0 and Z away from the camera.
+            let [bottom, right, top, left] = square_lines();
+            [top, right, bottom, left]
+        };
+        Ok(Self::new(lines.to_vec(), sides))
+    }
+
+    /// Samples on the images of the given lines, a plane of their own.
+    pub fn new(lines: Vec<Line>, points: Vec<Vec<Vector2<f64>>>) -> Self {
+        Self {
+            lines,
+            points,
+            std: None,
+            polarity: None,
+            plane: None,
+            image: 0,
+            freedom: Freedom::Auto,
+            drift: None,
+            border: None,
+        }
+    }
+
+    /// Number of samples on all lines.
+    pub fn sample_count(&self) -> usize {
+        self.points.iter().map(Vec::len).sum()
+    }
+
+    /// Checks shapes and values; `figure` numbers this one in messages.
+    ///
+    /// # Errors
+    /// The first thing found wrong.
+    pub fn check(&self, figure: usize) -> Result<(), Error> {
+        if self.lines.len() < MIN_LINES {
+            return Err(Error::TooFewLines {
+                figure,
+                found: self.lines.len(),
+                needed: MIN_LINES,
+            });
+        }
+        if self.points.len() != self.lines.len() {
+            return Err(Error::InvalidArgument(format!(
+                "figure {figure} has {} lines but samples for {}",
+                self.lines.len(),
+                self.points.len()
+            )));
+        }
+        for (line, points) in self.points.iter().enumerate() {
+            check_samples(figure, line, points)?;
+        }
+        self.check_drift(figure)?;
+        let Some(std) = &self.std else { return Ok(()) };
+        let fits = std.len() == self.points.len()
+            && std
+                .iter()
+                .zip(&self.points)
+                .all(|(s, p)| s.len() == p.len());
+        if !fits {
+            return Err(Error::InvalidArgument(format!(
+                "figure {figure} needs one standard deviation for every sample"
+            )));
+        }
+        if !std.iter().flatten().all(|s| *s > 0.0 && s.is_finite()) {
+            return Err(Error::InvalidArgument(format!(
+                "standard deviations of figure {figure} must be positive and finite"
+            )));
+        }
+        Ok(())
+    }
+}
+
+impl PlaneEdges {
+    fn check_drift(&self, figure: usize) -> Result<(), Error> {
+        let Some(drift) = &self.drift else {
+            return Ok(());
+        };
+        let counts = |all: &[Vec<Vector2<f64>>]| all.iter().map(Vec::len).collect::<Vec<_>>();
+        if counts(drift) != counts(&self.points) {
+            return Err(Error::InvalidArgument(format!(
+                "figure {figure} needs one drift for every sample"
+            )));
+        }
+        let finite = |d: &Vector2<f64>| d.x.is_finite() && d.y.is_finite();
+        if !drift.iter().flatten().all(finite) {
+            return Err(Error::NotFinite { what: "a drift" });
+        }
+        Ok(())
+    }
+}
+
+fn check_samples(figure: usize, line: usize, points: &[Vector2<f64>]) -> Result<(), Error> {
+    if points.len() < 2 {
+        return Err(Error::TooFewSamples {
+            figure,
+            line,
+            found: points.len(),
+        });
+    }
+    if !points.iter().all(|p| p.x.is_finite() && p.y.is_finite()) {
+        return Err(Error::NotFinite {
+            what: "sample points",
+        });
+    }
+    Ok(())
+}
+
+/// The sides of the unit square at the origin, normals inward; side `i` runs from corner `i` to
+/// corner `i + 1`, corner 0 at `(-1/2, -1/2)`, corner 1 at `(1/2, -1/2)`.
+pub(crate) fn square_lines() -> [Line; 4] {
+    [(0.0, 1.0), (-1.0, 0.0), (0.0, -1.0), (1.0, 0.0)].map(|(a, b)| {
+        let normal = Vector2::new(a, b);
+        Line::with_unit_normal(normal, normal * -0.5)
+    })
+}
+
+/// Which way the sides of a square follow each other on the screen (x right, y down).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum SideOrder {
+    Clockwise,
+    CounterClockwise,
+}
+
+impl SideOrder {
+    fn of(sides: &[Vec<Vector2<f64>>]) -> Result<Self, Error> {
+        if sides.len() != 4 {
+            return Err(Error::TooFewLines {
+                figure: 0,
+                found: sides.len(),
+                needed: 4,
+            });
+        }
+        let mut lines = Vec::with_capacity(4);
+        for (side, points) in sides.iter().enumerate() {
+            check_samples(0, side, points)?;
+            let samples = points.iter().map(|p| (*p, 1.0));
+            let line = Line::fit(samples).ok_or(Error::TooFewSamples {
+                figure: 0,
+                line: side,
+                found: 1,
+            })?;
+            lines.push(line);
+        }
+        let mut corners = [Vector2::zeros(); 4];
+        for side in 0..4 {
+            corners[side] = lines[(side + 3) % 4]
+                .intersection(&lines[side])
+                .ok_or(Error::CrossedSides { side })?;
+        }
+        let mut turns = [0.0; 4];
+        for side in 0..4 {
+            let (start, end) = (corners[side], corners[(side + 1) % 4]);
+            let along = end - start;
+            let follows = sides[side].iter().all(|p| {
+                let fraction = (p - start).dot(&along) / along.norm_squared();
+                (-CORNER_SLACK..=1.0 + CORNER_SLACK).contains(&fraction)
+            });
+            if !follows {
+                return Err(Error::CrossedSides { side });
+            }
+            turns[side] = along.perp(&(corners[(side + 2) % 4] - end));
+        }
+        if turns.iter().all(|t| *t > 0.0) {
+            Ok(Self::Clockwise)
+        } else if turns.iter().all(|t| *t < 0.0) {
+            Ok(Self::CounterClockwise)
+        } else {
+            let side = turns.iter().position(|t| *t <= 0.0).unwrap_or(0);
+            Err(Error::CrossedSides { side })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn side(from: (f64, f64), to: (f64, f64)) -> Vec<Vector2<f64>> {
+        let (a, b) = (Vector2::new(from.0, from.1), Vector2::new(to.0, to.1));
+        (1..10).map(|i| a.lerp(&b, f64::from(i) / 10.0)).collect()
+    }
+
+    fn sides() -> Vec<Vec<Vector2<f64>>> {
+        let c = [
+            (100.0, 100.0),
+            (300.0, 120.0),
+            (280.0, 310.0),
+            (90.0, 290.0),
+        ];
+        (0..4).map(|i| side(c[i], c[(i + 1) % 4])).collect()
+    }
+
+    #[test]
+    fn either_way_round_keeps_x_along_side_0() {
+        let forward = PlaneEdges::square(sides()).unwrap();
+        assert_eq!(forward.lines[0].coefficients().as_slice(), [0.0, 1.0, 0.5]);
+        let mut reversed = sides();
+        reversed.reverse();
+        let backward = PlaneEdges::square(reversed).unwrap();
+        assert_eq!(
+            backward.lines[0].coefficients().as_slice(),
+            [0.0, -1.0, 0.5]
+        );
+        assert_eq!(backward.lines[1], forward.lines[1]);
+    }
+
+    #[test]
+    fn crossed_sides_and_bad_samples_are_refused() {
+        let mut crossed = sides();
+        crossed.swap(1, 2);
+        assert!(matches!(
+            PlaneEdges::square(crossed),
+            Err(Error::CrossedSides { .. })
+        ));
+        assert!(matches!(
+            PlaneEdges::square(sides()[..3].to_vec()),
+            Err(Error::TooFewLines { found: 3, .. })
+        ));
+        let mut nan = sides();
+        nan[2][3].x = f64::NAN;
+        assert!(matches!(
+            PlaneEdges::square(nan),
+            Err(Error::NotFinite { .. })
+        ));
+        let mut edges = PlaneEdges::square(sides()).unwrap();
+        edges.std = Some(vec![vec![1.0; 9]; 3]);
+        assert!(edges.check(0).is_err());
+        edges.std = Some(vec![vec![0.0; 9]; 4]);
+        assert!(edges.check(0).is_err());
+    }
+}

@@ -1,0 +1,129 @@
+//! Stretches of an outline that something lies over, told by many pixels together.
+//!
+//! The rim of a stain or the flank of a glare changes pixels by less than a single one needs to
+//! count as an outlier; the mean over a stretch shows it.
+
+use super::band::{BandPixel, PixelFigure};
+use super::exposure::Exposure;
+use super::fit::PixelFit;
+use crate::image::PictureState;
+use crate::lens::{Brown, Lens};
+use crate::numeric::median_scale;
+use crate::observations::View;
+
+/// Pixels nearer to the outline than this (px) show the edge, the others the light beside it; each
+/// of the three zones is judged on its own.
+const EDGE_ZONE: f64 = 2.5;
+const ZONES: usize = 3;
+
+/// Pixels farther off (px) are not judged: the rim of a sheet may run there, or a frame's other
+/// outline, and what hides an edge reaches to the edge.
+const JUDGED: f64 = 6.0;
+
+/// No pixel counts for more deviations than this: a speck is not a stretch.
+const MAX_DEVIATIONS: f64 = 10.0;
+
+/// A zone's mean is disturbed from so many of its deviations, in a picture that follows the model;
+/// where it follows less well, of the typical departure of the figure's zones.
+const DISTURBED: f64 = 5.0;
+
+/// If more of a side than this is disturbed, nothing lies over it: the model does not fit it.
+const MAX_PART: f64 = 0.5;
+
+/// A hidden part of a side smaller than this is not worth a warning.
+const MIN_REPORTED: f64 = 0.05;
+
+/// A side of a figure that is partly hidden.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct HiddenPart {
+    pub plane: usize,
+    pub figure: usize,
+    pub side: usize,
+    /// Part of the side that is not used.
+    pub part: f64,
+}
+
+/// Which stretches of each figure are not to be used; `None` where the lens does not see a pixel.
+pub(super) fn disturbed(
+    fit: &PixelFit<'_>,
+    view: &View<Brown>,
+    pictures: &[PictureState],
+    exposures: &[Exposure],
+) -> Option<Vec<Vec<bool>>> {
+    (0..fit.figures.len())
+        .map(|index| disturbed_of_figure(fit, (view, pictures), &exposures[index], index))
+        .collect()
+}
+
+fn disturbed_of_figure(
+    fit: &PixelFit<'_>,
+    (view, pictures): (&View<Brown>, &[PictureState]),
+    exposure: &Exposure,
+    index: usize,
+) -> Option<Vec<bool>> {
+    let scene = fit.scene(view, exposure, pictures, index)?;
+    let figure = scene.figure;
+    let mut sums = vec![[(0.0, 0.0); ZONES]; figure.stretch_sides.len()];
+    let judged = |pixel: &&BandPixel| pixel.depth.abs() < JUDGED;
+    for pixel in figure.pixels.iter().filter(judged) {
+        let distances = match scene.may_cut(pixel) {
+            true => Some(scene.distances(pixel, &view.lens.sight(&pixel.place)?)),
+            false => None,
+        };
+        let residual = scene.shade(pixel, distances.as_ref()).residual / fit.scales[index];
+        let zone = 1 + usize::from(pixel.depth > EDGE_ZONE) - usize::from(pixel.depth < -EDGE_ZONE);
+        let (sum, count) = &mut sums[usize::from(pixel.stretch)][zone];
+        *sum += residual.clamp(-MAX_DEVIATIONS, MAX_DEVIATIONS);
+        *count += 1.0;
+    }
+    let deviation = |&(sum, count): &(f64, f64)| match count > 0.0 {
+        true => sum / f64::sqrt(count),
+        false => 0.0,
+    };
+    let typical = median_scale(sums.iter().flatten().map(deviation)).max(1.0);
+    let is_disturbed = |zones: &[(f64, f64); ZONES]| {
+        let worst = zones
+            .iter()
+            .map(deviation)
+            .fold(0.0, |a: f64, b| a.max(b.abs()));
+        worst > DISTURBED * typical
+    };
+    let mut marks: Vec<bool> = sums.iter().map(is_disturbed).collect();
+    for side in 0..4 {
+        if part_of_side(figure, &marks, side) > MAX_PART {
+            let stretches = marks.iter_mut().zip(&figure.stretch_sides);
+            stretches
+                .filter(|(_, s)| usize::from(**s) == side)
+                .for_each(|(mark, _)| *mark = false);
+        }
+    }
+    let count = marks.len();
+    // What disturbs a stretch reaches into the next ones, and a corner belongs to two sides.
+    let near = |i: usize| marks[(i + count - 1) % count] || marks[i] || marks[(i + 1) % count];
+    Some((0..count).map(near).collect())
+}
+
+/// The sides that disturbed stretches belong to.
+pub(super) fn hidden_parts(figure: &PixelFigure, disturbed: &[bool]) -> Vec<HiddenPart> {
+    if !disturbed.contains(&true) {
+        return Vec::new();
+    }
+    (0..4)
+        .map(|side| HiddenPart {
+            plane: figure.plane,
+            figure: figure.figure,
+            side,
+            part: part_of_side(figure, disturbed, side),
+        })
+        .filter(|hidden| hidden.part >= MIN_REPORTED)
+        .collect()
+}
+
+fn part_of_side(figure: &PixelFigure, marks: &[bool], side: usize) -> f64 {
+    let own = figure.stretch_sides.iter().zip(marks);
+    let own = own.filter(|(s, _)| usize::from(**s) == side);
+    let (all, marked) = own.fold((0.0, 0.0), |(all, marked), (_, &mark)| {
+        (all + 1.0, marked + f64::from(u8::from(mark)))
+    });
+    marked / f64::max(all, 1.0)
+}

@@ -1,0 +1,15 @@
+//! The last stage when there is a picture: the joint model fitted to the pixels themselves.
+
+mod band;
+mod coverage;
+mod exposure;
+mod exposure_fit;
+mod figure_sums;
+mod fit;
+mod hidden_stretches;
+mod photographs;
+mod refine;
+mod scene;
+
+pub use photographs::Photographs;
+pub(crate) use refine::improve;

@@ -1,0 +1,272 @@
+//! The last stage when there is a picture: the joint model fitted to the pixels themselves.
+//!
+//! Every pixel near an outline is modelled as `v = g(L (b + A C))`, `g` the tone curve, `L` light
+//! that changes linearly over the figure, and `C` the part of the blurred square that covers it: the normal
+//! distribution function of its distances to the near sides over the blur `w`, bivariate at a
+//! corner. The distances follow from the joint camera and pose, so that corners count as well. A
+//! pixel carries its own independent noise: nothing is lost between patches.
+
+use super::band::{PixelFigure, Width, collect};
+use super::exposure::Exposure;
+use super::exposure_fit::fit_exposures;
+use super::fit::{PixelFit, PixelState, PixelSystem};
+use super::hidden_stretches::{HiddenPart, disturbed, hidden_parts};
+use super::photographs::{Photographs, Refusal};
+use crate::image::{PictureState, PictureTone};
+use crate::numeric::Loss;
+use crate::observations::{FreeParameters, PlaneEdges};
+use crate::refine::{Refined, residuals};
+use crate::result::{Calibration, Stage, Warning};
+use crate::solver::{Solution, Task};
+use crate::uncertainty::{Correlated, covariance};
+
+/// One pixel in so many tells the exposures, while camera and planes are held.
+const EXPOSURE_STRIDE: u32 = 12;
+
+/// One in so many tells whether something lies over a stretch of a side.
+const JUDGED_STRIDE: u32 = 8;
+
+/// Gauss-Newton steps allowed to the joint fit.
+const MAX_STEPS: usize = 8;
+
+/// Predicted fall of the cost, per parameter and in units of the noise variance, below which a step
+/// is the last. The exposures come from a twelfth of the pixels, the geometry from the edge samples:
+/// both start within a few standard deviations, from where one step arrives to second order and
+/// is efficient without iterating (L. Le Cam, Univ. California Publ. Statist. 1 (1953) 277-330).
+const LAST_DECREASE: f64 = 20.0;
+
+/// Blurs nearer than this to the widest that a band holds ask for a wider band.
+const WIDEST_BLUR: f64 = 0.98;
+
+/// How much larger the pixels' standard deviations may be, as a mean logarithm. The samples' own
+/// are a little too small, since those of a side share its blur and contrast; the pixels' are not.
+const MAX_LOG_RATIO: f64 = 0.2;
+
+/// The mean square shift per parameter, in standard deviations of the edges' answer, beyond which
+/// the pixels are taken to break the model.
+const MAX_MEAN_SQUARE_SHIFT: f64 = 9.0;
+
+/// Fits the photographs and replaces the calibration's numbers where that improves them.
+pub(crate) fn improve(
+    edges: &[PlaneEdges],
+    task: &Task<'_>,
+    solution: &Solution,
+    photographs: &Photographs<'_>,
+    calibration: &mut Calibration,
+) {
+    match attempt(edges, task, solution, photographs, calibration) {
+        Ok(better) => *calibration = better,
+        Err(Refusal::NotApplicable) => {}
+        Err(Refusal::Reason(reason)) => {
+            calibration.warnings.push(Warning::PixelsNotUsed { reason });
+        }
+    }
+}
+
+/// What the joint fit starts from.
+struct Start {
+    figures: Vec<PixelFigure>,
+    /// Noise of each figure's pixels.
+    scales: Vec<f64>,
+    state: PixelState,
+    hidden: Vec<HiddenPart>,
+}
+
+impl Start {
+    /// Whether the bands are wide enough for the blurs; those that are not stop at the limit.
+    fn holds_blurs(&self) -> bool {
+        let mut pairs = self.state.exposures.iter().zip(&self.figures);
+        pairs.all(|(exposure, figure)| exposure.blur < WIDEST_BLUR * figure.widest_blur)
+    }
+}
+
+fn attempt(
+    edges: &[PlaneEdges],
+    task: &Task<'_>,
+    solution: &Solution,
+    photographs: &Photographs<'_>,
+    calibration: &Calibration,
+) -> Result<Calibration, Refusal> {
+    let tones = photographs.tones;
+    let known = tones.iter().all(|t| matches!(t, PictureTone::Known(_)));
+    let mut fit = PixelFit {
+        figures: &[],
+        free: &task.free,
+        free_pictures: if known { 0 } else { tones.len() },
+        loss: Loss::WideTukey,
+        scales: Vec::new(),
+    };
+    let begin = |width: Width| -> Result<Option<Start>, Refusal> {
+        let view = &solution.refined.view;
+        let figures = collect(edges, &solution.planes, view, photographs, width)?;
+        Ok(start(&fit, figures, solution, tones))
+    };
+    let start = match begin(Width::Usual)?.filter(Start::holds_blurs) {
+        Some(start) => start,
+        None => begin(Width::Wide)?.ok_or(BROKEN)?,
+    };
+    fit.figures = &start.figures;
+    fit.scales = start.scales;
+    let (state, found) = settled(&fit, start.state).ok_or(BROKEN)?;
+    // The samples' stated deviations tell of the pixels' only if they were made from them.
+    let measured = edges.iter().all(|figure| figure.std.is_some());
+    let mut better = answer(&fit, state, found, (task, solution), measured).ok_or(BROKEN)?;
+    check_improvement(&task.free, calibration, &better)?;
+    let hidden = start.hidden.into_iter().map(|part| Warning::PartlyHidden {
+        plane: part.plane,
+        figure: part.figure,
+        side: part.side,
+        part: part.part,
+    });
+    better.warnings.extend(hidden);
+    Ok(better)
+}
+
+const BROKEN: Refusal = Refusal::Reason("the pixels near an outline do not show a blurred step");
+
+/// Exposures and noise of all figures, from the edges' camera, and the pixels that show them.
+fn start(
+    fit: &PixelFit<'_>,
+    mut figures: Vec<PixelFigure>,
+    solution: &Solution,
+    tones: &[PictureTone],
+) -> Option<Start> {
+    let view = &solution.refined.view;
+    let pictures: Vec<PictureState> = tones.iter().map(|tone| PictureState::of(*tone)).collect();
+    let thinned: Vec<PixelFigure> = figures.iter().map(|f| f.thinned(EXPOSURE_STRIDE)).collect();
+    let fit = PixelFit {
+        figures: &thinned,
+        ..fit.clone()
+    };
+    let guess: Option<Vec<Exposure>> = thinned
+        .iter()
+        .map(|figure| Exposure::guess(figure, tones[figure.image].tone()))
+        .collect();
+    let (exposures, scales) = fit_exposures(fit.clone(), view, &pictures, guess?)?;
+    let judged: Vec<PixelFigure> = figures.iter().map(|f| f.thinned(JUDGED_STRIDE)).collect();
+    let fit = PixelFit {
+        figures: &judged,
+        scales,
+        ..fit
+    };
+    let mut hidden = Vec::new();
+    let disturbed = disturbed(&fit, view, &pictures, &exposures)?;
+    for (figure, mut disturbed) in figures.iter_mut().zip(disturbed) {
+        hidden.extend(hidden_parts(figure, &disturbed));
+        let sides = &solution.planes[figure.plane].figures[figure.figure].sides;
+        for (mark, side) in disturbed.iter_mut().zip(&figure.stretch_sides) {
+            *mark |= sides[usize::from(*side)].set_aside;
+        }
+        figure.drop_stretches(&disturbed);
+    }
+    Some(Start {
+        scales: fit.scales,
+        state: PixelState {
+            view: view.clone(),
+            exposures,
+            pictures,
+        },
+        figures,
+        hidden,
+    })
+}
+
+/// The joint optimum, with the normal equations of the last step; `None` if the steps do not
+/// settle.
+fn settled(fit: &PixelFit<'_>, mut state: PixelState) -> Option<(PixelState, PixelSystem)> {
+    let mut last_cost = f64::INFINITY;
+    for _ in 0..MAX_STEPS {
+        let found = fit.evaluate(&state)?;
+        if found.cost > last_cost {
+            return None;
+        }
+        last_cost = found.cost;
+        let step = found.system.solve(0.0)?;
+        let step = step.lengthened(fit.loss.newton_factor());
+        state = fit.advance(&state, &step);
+        if step.predicted_decrease < LAST_DECREASE * step.parameter_count() as f64 {
+            return Some((state, found));
+        }
+    }
+    None
+}
+
+/// The calibration of an optimum.
+fn answer(
+    fit: &PixelFit<'_>,
+    state: PixelState,
+    PixelSystem { system, spread, .. }: PixelSystem,
+    (task, solution): (&Task<'_>, &Solution),
+    measured: bool,
+) -> Option<Calibration> {
+    let Solution {
+        planes,
+        refined,
+        correlated,
+        ..
+    } = solution;
+    let covariance_factor = spread.covariance_factor(task.free.len() as f64);
+    let tones = fit.tone_fits(&state, &system, covariance_factor)?;
+    let system = match fit.free_pictures {
+        0 => system,
+        _ => system.marginal(task.free.len())?,
+    };
+    // Where the pixels' noise is not independent, the samples made from them show it.
+    let coherence = &correlated.coherence;
+    let dependence = match measured {
+        true => coherence.pixels,
+        false => coherence.neighbours,
+    };
+    let independent = covariance(&system, covariance_factor)?;
+    let fitted = Solution {
+        planes: planes.clone(),
+        correlated: Correlated {
+            covariance: independent * dependence + &coherence.added_to_pixels,
+            ..correlated.clone()
+        },
+        refined: Refined {
+            residuals: residuals(planes, &state.view)?,
+            view: state.view,
+            system,
+            covariance_factor,
+            ..*refined
+        },
+        noise: None,
+    };
+    let mut better = Calibration::assemble(task, &fitted, Stage::Pixels);
+    better.state_poses(&fitted);
+    better.tones = tones;
+    Some(better)
+}
+
+/// Refuses an answer that is less certain than the edges', or far from it.
+fn check_improvement(
+    free: &FreeParameters,
+    edges: &Calibration,
+    pixels: &Calibration,
+) -> Result<(), Refusal> {
+    if free.len() == 0 {
+        return Ok(());
+    }
+    let unsure = || Refusal::Reason("they are less certain than the edge samples");
+    let factor = edges.covariance.clone().cholesky().ok_or_else(unsure)?;
+    // Mean log ratio of the standard deviations, over all directions alike.
+    let log_ratio = pixels
+        .covariance
+        .clone()
+        .cholesky()
+        .ok_or_else(unsure)?
+        .ln_determinant()
+        - factor.ln_determinant();
+    if !(log_ratio < MAX_LOG_RATIO * 2.0 * free.len() as f64) {
+        return Err(unsure());
+    }
+    let shift = free.difference(&pixels.camera, &edges.camera);
+    let mean_square = shift.dot(&factor.solve(&shift)) / free.len() as f64;
+    if !(mean_square < MAX_MEAN_SQUARE_SHIFT) {
+        return Err(Refusal::Reason(
+            "they contradict the edge samples (texture, glare or a wrong tone curve?)",
+        ));
+    }
+    Ok(())
+}

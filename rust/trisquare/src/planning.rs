@@ -1,0 +1,418 @@
+//! The standard deviations that a planned photograph will have.
+//!
+//! The information of noise-free samples along the planned squares' edges, through the very normal
+//! equations, covariance and judgement of a calibration: a plan that would be refused when
+//! photographed is refused here, for the same reason.
+
+use nalgebra::{DMatrix, Vector2};
+
+use crate::error::Error;
+use crate::geometry::{Line, Pose};
+use crate::image_size::ImageSize;
+use crate::lens::{Brown, Lens};
+use crate::numeric::{ArrowSystem, Problem};
+use crate::observations::{
+    Figure, Fixed, FreeParameters, Freedom, ObservedPlane, Options, Placement, PlaneState, Sample,
+    Side, View,
+};
+use crate::refine::EdgeProblem;
+use crate::uncertainty::{
+    Geometry, check_plane_count, covariance, judged_parameters, remedies_by_holding,
+    remedy_by_showing,
+};
+
+/// Samples that stand for one side; more would change nothing, for the information varies slowly
+/// along it.
+const SAMPLES_PER_SIDE: usize = 64;
+
+/// A plane that is to be photographed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlannedPlane {
+    /// `cam_from_plane`.
+    pub pose: Pose,
+    /// Corners of the figures on it, in plane units: the first one gives the plane its unit, of
+    /// any further one, concentric with it, the size is unknown.
+    pub outlines: Vec<[Vector2<f64>; 4]>,
+}
+
+impl PlannedPlane {
+    /// A square of unit side about the plane's origin.
+    pub fn square(pose: Pose) -> Self {
+        Self {
+            pose,
+            outlines: vec![square_of_side(1.0)],
+        }
+    }
+
+    /// A square with a square hole of side `inner`.
+    pub fn frame(pose: Pose, inner: f64) -> Self {
+        Self {
+            pose,
+            outlines: vec![square_of_side(1.0), square_of_side(inner)],
+        }
+    }
+}
+
+fn square_of_side(side: f64) -> [Vector2<f64>; 4] {
+    [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)].map(|(x, y)| Vector2::new(x, y) * side)
+}
+
+/// How well an edge will be measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EdgeNoise {
+    /// Standard deviation of one sample across its edge, in pixels.
+    pub sigma: f64,
+    /// Pixels of edge per sample.
+    pub spacing: f64,
+}
+
+/// How well the camera will be known.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Prediction {
+    /// Names of the free parameters, in the order of the covariance.
+    pub parameters: Vec<&'static str>,
+    /// Covariance of the free parameters.
+    pub covariance: DMatrix<f64>,
+    /// `fy / fx` where `fy` follows `fx`.
+    pub aspect: Option<f64>,
+}
+
+impl Prediction {
+    /// One standard deviation of every free parameter (and of `fy` where it follows `fx`).
+    pub fn std(&self) -> Vec<(&'static str, f64)> {
+        let mut all = Vec::with_capacity(self.parameters.len() + 1);
+        for (i, name) in self.parameters.iter().enumerate() {
+            let std = self.covariance[(i, i)].sqrt();
+            all.push((*name, std));
+            if let (&"fx", Some(aspect)) = (name, self.aspect) {
+                all.push(("fy", std * aspect));
+            }
+        }
+        all
+    }
+}
+
+/// Predicts how well a camera will be known from planes that are to be photographed.
+///
+/// The Cramer-Rao bound, which the refinement attains: the inverse of `sum J^T J / sigma^2` over
+/// the samples, the planes' own parameters eliminated. What `options` holds is held at the
+/// camera's values; lengths in pixels, poses in units of the squares' sides.
+///
+/// # Errors
+/// [`Error::InvalidArgument`] naming a square that is not wholly in the picture,
+/// [`Error::NotEnoughPlanes`], and [`Error::WeakGeometry`] for a plan that a calibration would
+/// refuse.
+pub fn predict(
+    camera: &Brown,
+    size: ImageSize,
+    planes: &[PlannedPlane],
+    noise: EdgeNoise,
+    options: &Options,
+) -> Result<Prediction, Error> {
+    let plan = Plan::new(camera, size, planes, noise, options)?;
+    match plan.judge(plan.options.fixed) {
+        Ok(()) => plan.prediction(),
+        Err(Error::WeakGeometry(mut weakness)) => {
+            weakness.remedies =
+                remedies_by_holding(&plan.options.fixed, |fixed| plan.judge(fixed).is_ok());
+            let shown = remedy_by_showing(&plan.geometry(&plan.options), &weakness);
+            weakness.remedies.extend(shown);
+            Err(Error::WeakGeometry(weakness))
+        }
+        Err(other) => Err(other),
+    }
+}
+
+/// As [`predict`], but large standard deviations are no reason to refuse: to compare set-ups.
+///
+/// # Errors
+/// As [`predict`]; [`Error::NotConverged`] if nothing is determined at all.
+pub fn predict_unjudged(
+    camera: &Brown,
+    size: ImageSize,
+    planes: &[PlannedPlane],
+    noise: EdgeNoise,
+    options: &Options,
+) -> Result<Prediction, Error> {
+    Plan::new(camera, size, planes, noise, options)?.prediction()
+}
+
+/// A scene as it will be photographed.
+struct Plan {
+    view: View<Brown>,
+    seen: Vec<ObservedPlane>,
+    size: ImageSize,
+    options: Options,
+}
+
+impl Plan {
+    fn new(
+        camera: &Brown,
+        size: ImageSize,
+        planes: &[PlannedPlane],
+        noise: EdgeNoise,
+        options: &Options,
+    ) -> Result<Self, Error> {
+        size.check()?;
+        let options = Options {
+            initial: Some(*camera),
+            ..*options
+        };
+        options.check()?;
+        if ![noise.sigma, noise.spacing]
+            .iter()
+            .all(|v| v.is_finite() && *v > 0.0)
+        {
+            return Err(Error::InvalidArgument(
+                "the noise and the spacing of the samples must be positive and finite".into(),
+            ));
+        }
+        check_plane_count(planes.len(), &options.free_parameters())?;
+        let photograph = |(index, plane)| photographed(camera, size, plane, index, noise);
+        Ok(Self {
+            seen: planes
+                .iter()
+                .enumerate()
+                .map(photograph)
+                .collect::<Result<_, _>>()?,
+            view: View {
+                lens: *camera,
+                planes: planes.iter().map(state).collect(),
+            },
+            size,
+            options,
+        })
+    }
+
+    fn geometry<'a>(&'a self, options: &'a Options) -> Geometry<'a, Brown> {
+        Geometry {
+            view: &self.view,
+            planes: &self.seen,
+            size: self.size,
+            options,
+            noise_scale: 1.0,
+        }
+    }
+
+    fn system(&self, free: &FreeParameters) -> Result<ArrowSystem, Error> {
+        let found = EdgeProblem::new(&self.seen, free, 1.0).evaluate(&self.view);
+        found.map(|(_, system)| system).ok_or_else(|| {
+            Error::InvalidArgument("an edge lies where the lens is not invertible".into())
+        })
+    }
+
+    /// The judgement of a calibration that holds `fixed`.
+    fn judge(&self, fixed: Fixed) -> Result<(), Error> {
+        let options = Options {
+            fixed,
+            ..self.options
+        };
+        let free = options.free_parameters();
+        let system = self.system(&judged_parameters(&free))?;
+        self.geometry(&options)
+            .judge(&system, &free, 1.0)
+            .map_err(|weakness| Error::WeakGeometry(Box::new(weakness)))
+    }
+
+    fn prediction(&self) -> Result<Prediction, Error> {
+        let free = self.options.free_parameters();
+        let covariance = covariance(&self.system(&free)?, 1.0).ok_or(Error::NotConverged {
+            stage: "the covariance",
+            iterations: 0,
+            rms: 0.0,
+        })?;
+        let focal = self.view.lens.focal();
+        Ok(Prediction {
+            parameters: free.names(),
+            covariance,
+            aspect: free.aspect_is_fixed().then_some(focal.y / focal.x),
+        })
+    }
+}
+
+/// Where a plane stands, its further figures' sizes free.
+fn state(plane: &PlannedPlane) -> PlaneState {
+    let further = Placement {
+        free: 1,
+        ..Placement::IDENTITY
+    };
+    let mut figures = vec![further; plane.outlines.len()];
+    figures[0] = Placement::IDENTITY;
+    PlaneState {
+        pose: plane.pose,
+        figures,
+    }
+}
+
+/// Noise-free samples of a plane's figures.
+fn photographed(
+    camera: &Brown,
+    size: ImageSize,
+    plane: &PlannedPlane,
+    index: usize,
+    noise: EdgeNoise,
+) -> Result<ObservedPlane, Error> {
+    if plane.outlines.is_empty() {
+        return Err(Error::InvalidArgument(format!(
+            "square {index} has no outline"
+        )));
+    }
+    if plane.pose.normal().dot(&plane.pose.translation) <= 0.0 {
+        return Err(Error::InvalidArgument(format!(
+            "square {index} is seen from behind or edge-on: its Z axis must point away from the \
+             camera"
+        )));
+    }
+    let mut figures = Vec::with_capacity(plane.outlines.len());
+    for (f, outline) in plane.outlines.iter().enumerate() {
+        let mut sides = Vec::with_capacity(outline.len());
+        for i in 0..outline.len() {
+            let ends = (outline[i], outline[(i + 1) % outline.len()]);
+            sides.push(side(camera, size, plane, index, ends, noise)?);
+        }
+        figures.push(Figure {
+            index: f,
+            freedom: Freedom::Size,
+            sides,
+        });
+    }
+    Ok(ObservedPlane {
+        image: 0,
+        figures,
+        relief: None,
+    })
+}
+
+/// Samples of one side, evenly spread and each weighted as the part of the side it stands for.
+fn side(
+    camera: &Brown,
+    size: ImageSize,
+    plane: &PlannedPlane,
+    index: usize,
+    (start, end): (Vector2<f64>, Vector2<f64>),
+    noise: EdgeNoise,
+) -> Result<Side, Error> {
+    let far = size.centre() * 2.0;
+    let see = |fraction: f64| {
+        let point = plane.pose.transform(&start.lerp(&end, fraction));
+        let pixel = camera.project(&point);
+        let inside = |p: &Vector2<f64>| p.x >= 0.0 && p.y >= 0.0 && p.x <= far.x && p.y <= far.y;
+        pixel.filter(inside).ok_or_else(|| {
+            Error::InvalidArgument(if point.z > 0.0 {
+                format!("square {index} is not wholly in the picture")
+            } else {
+                format!("square {index} is not wholly in front of the camera")
+            })
+        })
+    };
+    let normal = (end - start).normalize();
+    let line = Line::with_unit_normal(Vector2::new(-normal.y, normal.x), start);
+    let parts = SAMPLES_PER_SIDE as f64;
+    let mut samples = Vec::with_capacity(SAMPLES_PER_SIDE);
+    let mut from = see(0.0)?;
+    for i in 0..SAMPLES_PER_SIDE {
+        let to = see((i + 1) as f64 / parts)?;
+        let count = (to - from).norm() / noise.spacing;
+        samples.push(Sample {
+            pixel: see((i as f64 + 0.5) / parts)?,
+            weight: count.sqrt() / noise.sigma,
+        });
+        from = to;
+    }
+    Ok(Side {
+        line,
+        samples,
+        drift: Vec::new(),
+        set_aside: false,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibrate;
+    use crate::error::ErrorKind;
+    use crate::ill_conditioning::Remedy;
+    use crate::synthetic::{Scene, SceneOptions};
+
+    const NOISE: EdgeNoise = EdgeNoise {
+        sigma: 0.1,
+        spacing: 4.0,
+    };
+
+    fn plan(scene: &Scene) -> Vec<PlannedPlane> {
+        let poses = scene.poses.iter();
+        poses.map(|pose| PlannedPlane::square(*pose)).collect()
+    }
+
+    /// A calibration states what was predicted, but for the samples that it lacks at the corners.
+    #[test]
+    fn prediction_is_what_a_calibration_states() {
+        let scene = Scene::random(3, SceneOptions::default());
+        let options = Options::default();
+        let found = predict(&scene.camera, scene.size, &plan(&scene), NOISE, &options).unwrap();
+        let edges = scene.edges(1, NOISE.sigma, NOISE.spacing);
+        let stated = calibrate(&edges, scene.size, &options).unwrap();
+        for ((name, predicted), (_, stated)) in found.std().iter().zip(stated.std()) {
+            let ratio = predicted / stated;
+            assert!((0.85..1.1).contains(&ratio), "{name}: {ratio}");
+        }
+    }
+
+    /// Frames know more than squares, and half the noise is half the standard deviation.
+    #[test]
+    fn prediction_follows_figures_and_noise() {
+        let scene = Scene::random(4, SceneOptions::default());
+        let std = |planes: &[PlannedPlane], sigma: f64| {
+            let noise = EdgeNoise { sigma, ..NOISE };
+            let options = Options::default();
+            let found = predict(&scene.camera, scene.size, planes, noise, &options).unwrap();
+            found.std()[0].1
+        };
+        let squares = plan(&scene);
+        let frames: Vec<_> = scene
+            .poses
+            .iter()
+            .map(|pose| PlannedPlane::frame(*pose, 0.6))
+            .collect();
+        assert!((std(&squares, 0.1) / std(&squares, 0.05) - 2.0).abs() < 1e-9);
+        let gain = std(&frames, 0.1) / std(&squares, 0.1);
+        assert!((0.5..0.9).contains(&gain), "{gain}");
+    }
+
+    #[test]
+    fn a_bad_plan_is_refused_like_its_photograph() {
+        let parallel = SceneOptions {
+            parallel: true,
+            ..SceneOptions::default()
+        };
+        let scene = Scene::random(5, parallel);
+        let try_plan = |planes: &[PlannedPlane], fixed: Fixed| {
+            let options = Options {
+                fixed,
+                ..Options::default()
+            };
+            predict(&scene.camera, scene.size, planes, NOISE, &options)
+        };
+        let Err(Error::WeakGeometry(weakness)) = try_plan(&plan(&scene), Fixed::default()) else {
+            panic!("parallel squares were not refused");
+        };
+        assert!(
+            weakness.remedies.contains(&Remedy::FixPrincipalPoint),
+            "{weakness}"
+        );
+        let held = Fixed {
+            principal_point: true,
+            ..Fixed::default()
+        };
+        assert!(try_plan(&plan(&scene), held).is_ok());
+
+        let mut outside = plan(&scene);
+        outside[1].pose.translation.x += 3.0;
+        let error = try_plan(&outside, Fixed::default()).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::InvalidArgument);
+        assert!(error.to_string().contains("square 1"), "{error}");
+        let error = try_plan(&outside[..1], Fixed::default()).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::NotEnoughPlanes);
+    }
+}

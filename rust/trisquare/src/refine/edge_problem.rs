@@ -1,0 +1,258 @@
+//! Edge samples as a least-squares problem with arrow-shaped normal equations.
+//!
+//! The residual of a sample is its distance, in pixels of the photograph, to the image of its
+//! line, divided by its standard deviation. Lines and planes meet the lens only through the plane
+//! `l` that a line spans with the camera centre, so the samples of a side are summed over
+//! `(l, lens)` first and the pose is brought in once per side.
+
+use std::marker::PhantomData;
+
+use nalgebra::{Matrix3, SMatrix, Vector3};
+
+use crate::lens::{Lens, MAX_LENS_COLUMNS};
+use crate::numeric::{ArrowStep, ArrowSystem, Loss, Problem, add_outer, symmetric};
+use crate::observations::{FreeParameters, ObservedPlane, PlaneState, Side, View};
+
+/// The samples as a least-squares problem at one scale of the noise.
+pub(crate) struct EdgeProblem<'a, L> {
+    planes: &'a [ObservedPlane],
+    free: &'a FreeParameters,
+    pub loss: Loss,
+    /// What the given standard deviations are to be multiplied by.
+    scale: f64,
+    lens: PhantomData<L>,
+}
+
+/// Summed outer products of `(l, residual, shared parameters)` of one side's samples.
+struct SideSums<const N: usize> {
+    cost: f64,
+    products: [[f64; N]; N],
+}
+
+/// Columns before the shared parameters: the line's three, and the residual.
+const SHARED_OFFSET: usize = 4;
+
+impl<'a, L: Lens> EdgeProblem<'a, L> {
+    pub fn new(planes: &'a [ObservedPlane], free: &'a FreeParameters, scale: f64) -> Self {
+        Self {
+            planes,
+            free,
+            loss: Loss::Tukey,
+            scale,
+            lens: PhantomData,
+        }
+    }
+
+    fn sum_side<const N: usize>(
+        &self,
+        lens: &L,
+        line: &Vector3<f64>,
+        side: &Side,
+    ) -> Option<SideSums<N>> {
+        let mut sums = SideSums {
+            cost: 0.0,
+            products: [[0.0; N]; N],
+        };
+        let wanted = self.free.columns();
+        let mut row = [0.0; N];
+        let to_scale = side.trust() / self.scale;
+        for sample in &side.samples {
+            let sight = lens.sight(&sample.pixel)?;
+            let distance = lens.line_distance_jacobian(&sight, line, wanted);
+            let to_noise = sample.weight * to_scale;
+            let (cost, weight) = self.loss.cost_and_weight(distance.value * to_noise);
+            let weight = weight * to_noise * to_noise;
+            sums.cost += cost;
+            row[..3].copy_from_slice(distance.wrt_line.as_slice());
+            row[3] = distance.value;
+            self.free
+                .gather(&distance.wrt_lens, &mut row[SHARED_OFFSET..]);
+            add_outer(&mut sums.products, &row, weight);
+        }
+        Some(sums)
+    }
+
+    /// Adds one side's samples to the system; returns their cost.
+    fn add_side<const N: usize>(
+        &self,
+        view: &View<L>,
+        (plane, figure): (usize, usize),
+        side: &Side,
+        system: &mut ArrowSystem,
+    ) -> Option<f64> {
+        let state = &view.planes[plane];
+        let line = state.line(figure, side);
+        let sums = self.sum_side::<N>(&view.lens, &line, side)?;
+        let wrt_own = state.line_jacobian(figure, side);
+        let at = |i: usize, j: usize| symmetric(&sums.products, i, j);
+
+        let shared = N - SHARED_OFFSET;
+        let line_square = Matrix3::from_fn(at);
+        let line_residual = Vector3::from_fn(|i, _| at(i, 3));
+        let line_shared = SMatrix::<f64, 3, MAX_LENS_COLUMNS>::from_fn(|i, j| match j < shared {
+            true => at(i, SHARED_OFFSET + j),
+            false => 0.0,
+        });
+        let block = &mut system.blocks[plane];
+        for i in 0..shared {
+            for j in 0..shared {
+                block.shared[(i, j)] += at(SHARED_OFFSET + i, SHARED_OFFSET + j);
+            }
+            block.shared_gradient[i] += at(SHARED_OFFSET + i, 3);
+        }
+        block
+            .hessian
+            .gemm_tr(1.0, &wrt_own, &(line_square * &wrt_own), 1.0);
+        block
+            .cross
+            .gemm_tr(1.0, &wrt_own, &line_shared.columns(0, shared), 1.0);
+        block.gradient.gemv_tr(1.0, &wrt_own, &line_residual, 1.0);
+        Some(sums.cost)
+    }
+
+    fn assemble<const N: usize>(&self, view: &View<L>) -> Option<(f64, ArrowSystem)> {
+        let own = view.planes.iter().map(PlaneState::parameter_count);
+        let mut system = ArrowSystem::zeros(N - SHARED_OFFSET, own);
+        let mut cost = 0.0;
+        for (p, plane) in self.planes.iter().enumerate() {
+            for (f, figure) in plane.figures.iter().enumerate() {
+                for side in &figure.sides {
+                    cost += self.add_side::<N>(view, (p, f), side, &mut system)?;
+                }
+            }
+        }
+        Some((cost, system))
+    }
+}
+
+impl<L: Lens> Problem for EdgeProblem<'_, L> {
+    type State = View<L>;
+
+    fn evaluate(&self, view: &View<L>) -> Option<(f64, ArrowSystem)> {
+        // One instance per number of shared parameters, so that the innermost loops are unrolled.
+        match self.free.len() {
+            0 => self.assemble::<4>(view),
+            1 => self.assemble::<5>(view),
+            2 => self.assemble::<6>(view),
+            3 => self.assemble::<7>(view),
+            4 => self.assemble::<8>(view),
+            5 => self.assemble::<9>(view),
+            6 => self.assemble::<10>(view),
+            7 => self.assemble::<11>(view),
+            8 => self.assemble::<12>(view),
+            9 => self.assemble::<13>(view),
+            10 => self.assemble::<14>(view),
+            _ => self.assemble::<15>(view),
+        }
+    }
+
+    fn advance(&self, view: &View<L>, step: &ArrowStep) -> View<L> {
+        view.advanced(self.free, step)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::residuals::residuals;
+    use super::*;
+    use crate::observations::{Fixed, Model, Placement, sort_by_plane};
+    use crate::synthetic::{Scene, SceneOptions};
+    use nalgebra::DVector;
+
+    const NOISE: f64 = 0.2;
+
+    fn scene(noise: f64) -> (Vec<ObservedPlane>, View<crate::lens::Brown>) {
+        let truth = Scene::random(4, SceneOptions::default());
+        let planes = sort_by_plane(&truth.edges(1, noise, 15.0)).unwrap();
+        let state = |pose: &crate::geometry::Pose| PlaneState {
+            pose: *pose,
+            figures: vec![Placement::IDENTITY],
+        };
+        let view = View {
+            lens: truth.camera,
+            planes: truth.poses.iter().map(state).collect(),
+        };
+        (planes, view)
+    }
+
+    fn free() -> FreeParameters {
+        FreeParameters::new(Model::Brown, &Fixed::default(), 1.0)
+    }
+
+    fn step(system: &ArrowSystem) -> ArrowStep {
+        ArrowStep {
+            shared: DVector::zeros(system.prior.nrows()),
+            blocks: system
+                .blocks
+                .iter()
+                .map(|block| DVector::zeros(block.gradient.len()))
+                .collect(),
+            predicted_decrease: 0.0,
+        }
+    }
+
+    #[test]
+    fn residual_and_gradient_vanish_at_the_truth() {
+        let (planes, view) = scene(0.0);
+        let (cost, system) = EdgeProblem::new(&planes, &free(), NOISE)
+            .evaluate(&view)
+            .unwrap();
+        assert!(cost < 1e-18);
+        for block in &system.blocks {
+            let spread = block.hessian.diagonal().map(f64::sqrt);
+            assert!(block.gradient.component_div(&spread).amax() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn gradient_agrees_with_central_differences() {
+        let (planes, view) = scene(NOISE);
+        let free = free();
+        let problem = EdgeProblem::new(&planes, &free, NOISE);
+        let (_, system) = problem.evaluate(&view).unwrap();
+        let cost = |step: &ArrowStep| {
+            let moved = problem.advance(&view, step);
+            problem.evaluate(&moved).unwrap().0
+        };
+        let check = |set: &dyn Fn(&mut ArrowStep, f64), gradient: f64, hessian: f64| {
+            // In units of the parameter's own standard deviation.
+            let unit = 1.0 / hessian.sqrt();
+            let (mut up, mut down) = (step(&system), step(&system));
+            set(&mut up, 1e-3 * unit);
+            set(&mut down, -1e-3 * unit);
+            let expected = (cost(&up) - cost(&down)) / 2e-3;
+            assert!(
+                (gradient * unit - expected).abs() < 1e-5 * expected.abs().max(1.0),
+                "{gradient} {expected}"
+            );
+        };
+        for i in 0..free.len() {
+            let blocks = system.blocks.iter();
+            let (gradient, hessian) = blocks.fold((0.0, 0.0), |(g, h), block| {
+                (g + block.shared_gradient[i], h + block.shared[(i, i)])
+            });
+            check(&|s, h| s.shared[i] = h, gradient, hessian);
+        }
+        for (b, block) in system.blocks.iter().enumerate() {
+            for i in 0..block.gradient.len() {
+                let set = |s: &mut ArrowStep, h: f64| s.blocks[b][i] = h;
+                check(&set, block.gradient[i], block.hessian[(i, i)]);
+            }
+        }
+    }
+
+    #[test]
+    fn residuals_alone_give_the_same_cost() {
+        let (planes, view) = scene(NOISE);
+        let (cost, _) = EdgeProblem::new(&planes, &free(), NOISE)
+            .evaluate(&view)
+            .unwrap();
+        let alone: f64 = residuals(&planes, &view)
+            .unwrap()
+            .iter()
+            .flatten()
+            .map(|r| Loss::Tukey.cost_and_weight(r.distance * r.weight / NOISE).0)
+            .sum();
+        assert!((cost - alone).abs() < 1e-9 * cost);
+    }
+}

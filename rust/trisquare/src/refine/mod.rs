@@ -1,0 +1,11 @@
+//! Joint maximum likelihood over edge samples.
+
+mod edge_problem;
+mod residuals;
+mod search;
+
+pub(crate) use edge_problem::EdgeProblem;
+pub(crate) use residuals::{
+    MIN_SCALE, Residual, Residuals, residuals, robust_scale, root_mean_square,
+};
+pub(crate) use search::{Refined, Search, finish, search};

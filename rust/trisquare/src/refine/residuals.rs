@@ -1,0 +1,62 @@
+//! Distances of the samples to the images of their lines, and their spread.
+
+use crate::lens::Lens;
+use crate::numeric::median_scale;
+use crate::observations::{ObservedPlane, View};
+
+/// Noise below this (px) is rounding, not measurement.
+pub(crate) const MIN_SCALE: f64 = 1e-9;
+
+/// Distance of a sample to the image of its line.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Residual {
+    /// Signed, in pixels.
+    pub distance: f64,
+    /// One over the standard deviation given for the sample.
+    pub weight: f64,
+    /// Whether its side belongs to the scene; one that was set aside tells nothing of the noise.
+    pub counts: bool,
+}
+
+/// The residuals of all samples, by plane.
+pub(crate) type Residuals = Vec<Vec<Residual>>;
+
+/// Root mean square distance, in pixels.
+pub(crate) fn root_mean_square<'a>(residuals: impl Iterator<Item = &'a Residual>) -> f64 {
+    let (mut squares, mut count) = (0.0, 0.0);
+    for residual in residuals {
+        squares += residual.distance * residual.distance;
+        count += 1.0;
+    }
+    (squares / f64::max(count, 1.0)).sqrt()
+}
+
+/// Distances of all samples; `None` where the lens is not invertible.
+pub(crate) fn residuals<L: Lens>(planes: &[ObservedPlane], view: &View<L>) -> Option<Residuals> {
+    let mut all = Vec::with_capacity(planes.len());
+    for (plane, state) in planes.iter().zip(&view.planes) {
+        let mut own = Vec::new();
+        for (f, figure) in plane.figures.iter().enumerate() {
+            for side in &figure.sides {
+                let line = state.line(f, side);
+                for sample in &side.samples {
+                    let sight = view.lens.sight(&sample.pixel)?;
+                    own.push(Residual {
+                        distance: view.lens.line_distance(&sight, &line),
+                        weight: sample.weight,
+                        counts: !side.set_aside,
+                    });
+                }
+            }
+        }
+        all.push(own);
+    }
+    Some(all)
+}
+
+/// The scale of the bulk of the residuals, in units of their given standard deviations.
+pub(crate) fn robust_scale(residuals: &Residuals) -> f64 {
+    let counting = residuals.iter().flatten().filter(|r| r.counts);
+    let normalised = counting.map(|r| r.distance * r.weight);
+    median_scale(normalised).max(MIN_SCALE)
+}

@@ -1,0 +1,217 @@
+//! Joint maximum likelihood over the camera, its distortion and all planes, from edge samples:
+//! a search among some of them, and a finish on all.
+
+use super::edge_problem::EdgeProblem;
+use super::residuals::{Residuals, residuals, robust_scale};
+use crate::lens::Lens;
+use crate::numeric::{ArrowSystem, Limits, Loss, Problem, Spread, Termination, minimise};
+use crate::observations::{FreeParameters, ObservedPlane, View};
+
+/// Evaluations allowed to each round of one scale; from the linear start about six are used.
+const MAX_ITERATIONS: usize = 100;
+
+/// Rounds of re-estimated scale and loss; the second usually changes next to nothing.
+const MAX_ROUNDS: usize = 12;
+
+/// Fall of the cost, in units of the noise variance, below which a step is the last of the search:
+/// it is still taken, and what it leaves is second order.
+const LAST_DECREASE: f64 = 0.5;
+
+/// Newton steps on all samples, from the optimum of some.
+const MAX_FINAL_STEPS: usize = 20;
+
+/// Predicted fall of the cost, in units of the noise variance, below which a Newton step is the
+/// last: what it leaves is its square.
+const LAST_FINAL_DECREASE: f64 = 0.03;
+
+/// A scale that changes by less than this part no longer changes the answer: by a thousandth of a
+/// standard deviation.
+const FINAL_SCALE_TOLERANCE: f64 = 0.01;
+
+/// Changes of the scale allowed: one that still wanders then is two modes of one optimum.
+const MAX_RESCALINGS: usize = 4;
+
+/// A relative rise of the cost that is rounding.
+const FINAL_ROUNDING: f64 = 1e-9;
+
+/// A scale that changes by less than this part no longer changes the weights.
+const SCALE_TOLERANCE: f64 = 0.1;
+
+/// The optimum, with what the covariance needs.
+#[derive(Clone)]
+pub(crate) struct Refined<L> {
+    pub view: View<L>,
+    /// Normal equations at the optimum, in units of the noise, over the parameters that were
+    /// asked for.
+    pub system: ArrowSystem,
+    /// Turns the inverse of the weighted information into a covariance.
+    pub covariance_factor: f64,
+    /// Scale of the noise at which the normal equations were weighed.
+    pub scale: f64,
+    /// What the given standard deviations must be multiplied by.
+    pub noise_scale: f64,
+    pub residuals: Residuals,
+    pub iterations: usize,
+}
+
+impl<L: Lens> Refined<L> {
+    /// Measures the spread of the residuals around a view.
+    pub fn around(
+        (view, residuals, system): (View<L>, Residuals, ArrowSystem),
+        scale: f64,
+        unknowns: usize,
+        iterations: usize,
+    ) -> Self {
+        let mut spread = Spread::default();
+        for residual in residuals.iter().flatten().filter(|r| r.counts) {
+            let x = residual.distance * residual.weight / scale;
+            spread.add(Loss::Tukey, x, Loss::Tukey.cost_and_weight(x).1);
+        }
+        let covariance_factor = spread.covariance_factor(unknowns as f64);
+        Self {
+            view,
+            system,
+            covariance_factor,
+            scale,
+            noise_scale: scale * (covariance_factor / Loss::Tukey.mean_weight()).sqrt(),
+            residuals,
+            iterations,
+        }
+    }
+
+    /// The linear steps' answer, with the spread of its residuals.
+    pub fn of_linear(
+        planes: &[ObservedPlane],
+        free: &FreeParameters,
+        judged: &FreeParameters,
+        view: View<L>,
+    ) -> Option<Self> {
+        let residuals = residuals(planes, &view)?;
+        let scale = robust_scale(&residuals);
+        let unknowns = view.unknowns(free);
+        let (_, system) = EdgeProblem::new(planes, judged, scale).evaluate(&view)?;
+        Some(Self::around((view, residuals, system), scale, unknowns, 0))
+    }
+}
+
+/// Samples that agree to this (px), root mean square, were computed and not measured: what is left
+/// is rounding, and says nothing of noise.
+const COMPUTED: f64 = 1e-5;
+
+impl<L: Lens> Refined<L> {
+    /// Whether nothing but rounding is left of the samples' distances.
+    pub fn is_exact(&self) -> bool {
+        let all = || self.residuals.iter().flatten();
+        let squares: f64 = all().map(|r| r.distance * r.distance).sum();
+        squares <= COMPUTED * COMPUTED * all().count() as f64
+    }
+
+    /// Where a search from here would begin.
+    pub fn as_start(&self) -> Search<L> {
+        Search {
+            view: self.view.clone(),
+            scale: self.scale,
+            iterations: self.iterations,
+            termination: Termination::Converged,
+        }
+    }
+}
+
+/// Where a search for the optimum ended.
+#[derive(Clone)]
+pub(crate) struct Search<L> {
+    pub view: View<L>,
+    /// Scale of the noise there.
+    pub scale: f64,
+    pub iterations: usize,
+    pub termination: Termination,
+}
+
+/// Searches the optimum from a start; `None` if the lens is not invertible at a sample there.
+///
+/// Rounds of fixed scale: Huber's loss first, which cannot lose the way, then Tukey's biweight
+/// until the scale settles.
+pub(crate) fn search<L: Lens>(
+    planes: &[ObservedPlane],
+    free: &FreeParameters,
+    start: View<L>,
+) -> Option<Search<L>> {
+    let limits = Limits {
+        iterations: MAX_ITERATIONS,
+        decrease: LAST_DECREASE,
+    };
+    let mut found = Search {
+        scale: scale_of(planes, &start)?,
+        view: start,
+        iterations: 0,
+        termination: Termination::IterationLimit,
+    };
+    for round in 0..MAX_ROUNDS {
+        let mut problem = EdgeProblem::new(planes, free, found.scale);
+        problem.loss = if round == 0 { Loss::Huber } else { Loss::Tukey };
+        let minimum = minimise(&problem, found.view, limits)?;
+        found.iterations += minimum.iterations;
+        found.termination = minimum.termination;
+        found.view = minimum.state;
+        let last = std::mem::replace(&mut found.scale, scale_of(planes, &found.view)?);
+        let settled = round > 0 && (found.scale / last - 1.0).abs() < SCALE_TOLERANCE;
+        if settled || found.termination != Termination::Converged {
+            break;
+        }
+    }
+    // A scale that still wanders after all rounds is two modes of the same optimum.
+    Some(found)
+}
+
+/// Finishes a search on all samples, from the optimum of some of them.
+///
+/// A few Newton steps, until the scale of all residuals has settled; the normal equations are left
+/// over the parameters to be judged, which begin with the free ones. `None` if the steps do not
+/// settle: the start was no optimum.
+pub(crate) fn finish<L: Lens>(
+    planes: &[ObservedPlane],
+    free: &FreeParameters,
+    judged: &FreeParameters,
+    start: Search<L>,
+) -> Option<Refined<L>> {
+    let mut view = start.view;
+    let mut iterations = start.iterations;
+    let unknowns = view.unknowns(free);
+    let mut scale = start.scale;
+    let mut rescalings = 0;
+    let mut last_cost = f64::INFINITY;
+    for _ in 0..MAX_FINAL_STEPS {
+        let problem = EdgeProblem::new(planes, judged, scale);
+        let (cost, system) = problem.evaluate(&view)?;
+        iterations += 1;
+        if cost > last_cost * (1.0 + FINAL_ROUNDING) {
+            return None;
+        }
+        last_cost = cost;
+        let step = system
+            .leading(free.len())
+            .solve(0.0)?
+            .lengthened(problem.loss.newton_factor());
+        view = view.advanced(free, &step);
+        let arrived = step.predicted_decrease < LAST_FINAL_DECREASE;
+        if !arrived && rescalings > 0 {
+            continue;
+        }
+        // The weights must not depend on where the search came from.
+        let residuals = residuals(planes, &view)?;
+        let next = robust_scale(&residuals);
+        let settled = (next / scale - 1.0).abs() < FINAL_SCALE_TOLERANCE;
+        if arrived && (settled || rescalings == MAX_RESCALINGS) {
+            let found = (view, residuals, system);
+            return Some(Refined::around(found, scale, unknowns, iterations));
+        }
+        (scale, last_cost) = (next, f64::INFINITY);
+        rescalings += 1;
+    }
+    None
+}
+
+/// The scale of the bulk of the residuals, in units of their given standard deviations.
+fn scale_of<L: Lens>(planes: &[ObservedPlane], view: &View<L>) -> Option<f64> {
+    Some(robust_scale(&residuals(planes, view)?))
+}

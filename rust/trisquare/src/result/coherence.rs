@@ -1,0 +1,51 @@
+//! How far the residuals are from independent noise.
+
+use nalgebra::DMatrix;
+
+/// Sides are said to err together where that is likelier than not.
+const LIKELIER: f64 = 0.5;
+
+/// How the residuals differ from independent noise of the stated standard deviations.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Coherence {
+    /// Variance of the mean of many neighbouring samples over what independent ones would have.
+    pub neighbours: f64,
+    /// Probability that the samples of a side share an error beyond their noise.
+    pub probability: f64,
+    /// Root mean square of that error where there is one, for every plane, px.
+    pub displacements: Vec<f64>,
+    /// Variance with which the planes contradict each other over what their sides' curvature lets
+    /// expect; 1 where they do not.
+    pub contradiction: f64,
+    /// What all that adds to the covariance of the free parameters.
+    pub added: DMatrix<f64>,
+    /// Variance of the samples over what pixels of independent noise would give them, if their
+    /// stated standard deviations are those.
+    pub(crate) pixels: f64,
+    /// Displacements up to this (px) are what an estimated tone curve does to samples...
+    pub(crate) floor: f64,
+    /// ... which the fit to the pixels takes out: what the rest adds to its covariance.
+    pub(crate) added_to_pixels: DMatrix<f64>,
+}
+
+impl Coherence {
+    /// Independent noise.
+    pub(crate) fn none(planes: usize, parameters: usize) -> Self {
+        Self {
+            neighbours: 1.0,
+            probability: 0.0,
+            displacements: vec![0.0; planes],
+            contradiction: 1.0,
+            added: DMatrix::zeros(parameters, parameters),
+            pixels: 1.0,
+            floor: 0.0,
+            added_to_pixels: DMatrix::zeros(parameters, parameters),
+        }
+    }
+
+    /// Whether sides err together, likelier than not.
+    pub fn is_likely(&self) -> bool {
+        let largest = self.displacements.iter().copied().fold(0.0, f64::max);
+        self.probability > LIKELIER && largest > self.floor
+    }
+}

@@ -1,0 +1,103 @@
+//! Where a result comes from, and what a user should know of it.
+
+use super::disagreement::Disagreement;
+
+/// The stage a result comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Stage {
+    /// The paper's three linear steps.
+    Linear,
+    /// Joint maximum likelihood over edge samples.
+    Edges,
+    /// The same model fitted to the pixels.
+    Pixels,
+}
+
+/// Something a user should know of a result.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
+pub enum Warning {
+    /// One plane disagrees with the rest.
+    #[error(
+        "plane {} disagrees with the rest by {:.1} standard deviations (without it, fx would \
+         change by {:+.2} %): is it a true, flat square?",
+        .0.plane, .0.sigmas, 100.0 * .0.focal_change
+    )]
+    Disagreement(Disagreement),
+    /// One side does not fit the square that the others show.
+    #[error(
+        "plane {plane}: side {side}{} is set aside: its samples miss the line that all others ask \
+         for by {distance:.2} px (is it bent, torn, or covered?)",
+        if *.figure == 0 { "" } else { " of its other outline" }
+    )]
+    SideSetAside {
+        /// Index of the plane.
+        plane: usize,
+        /// Which of the plane's outlines.
+        figure: usize,
+        /// Which of the outline's sides, in the order of its samples.
+        side: usize,
+        /// Root mean square distance of its samples, px.
+        distance: f64,
+    },
+    /// One plane does not fit the camera that the others show.
+    #[error(
+        "plane {plane} was set aside: it disagrees with all others, by {distance:.2} px: is it a \
+         true, flat square?"
+    )]
+    PlaneSetAside {
+        /// Index of the plane.
+        plane: usize,
+        /// Root mean square distance of its samples, px.
+        distance: f64,
+    },
+    /// The planes cannot all be true squares seen by one camera.
+    #[error(
+        "the planes contradict each other: {factor:.1} times more than their sides' own \
+         straightness lets expect; one of them may be no true, flat square"
+    )]
+    PlanesContradict {
+        /// How far the sides are from where one camera would show them, over what is expected.
+        factor: f64,
+    },
+    /// The samples of a side err together, beyond their noise.
+    #[error(
+        "the samples of a side err together, by {displacement:.3} px on plane {plane} (paper or \
+         print not flat, or a lens beyond the model): the standard deviation of {parameter} was \
+         raised {factor:.1} times for it"
+    )]
+    SidesErrTogether {
+        /// The plane that shows it most.
+        plane: usize,
+        /// Root mean square error of a side there, px.
+        displacement: f64,
+        /// The parameter that suffers most.
+        parameter: &'static str,
+        /// Its standard deviation over what independent noise alone would give.
+        factor: f64,
+    },
+    /// The pixels did not follow the model closely enough to be used.
+    #[error("the fit to the pixels was not taken: {reason}")]
+    PixelsNotUsed {
+        /// What spoke against it.
+        reason: &'static str,
+    },
+    /// Something lies over a part of one side, which is not used there.
+    #[error(
+        "plane {plane}: {:.0} % of side {side}{} is left out: something lies over it (a finger, \
+         glare, a stain, a torn edge?)",
+        100.0 * .part, if *.figure == 0 { "" } else { " of its other outline" }
+    )]
+    PartlyHidden {
+        /// Index of the plane.
+        plane: usize,
+        /// Which of the plane's outlines.
+        figure: usize,
+        /// Which of the outline's sides, in the order of its samples.
+        side: usize,
+        /// Part of the side's length that is left out.
+        part: f64,
+    },
+}

@@ -1,0 +1,257 @@
+//! Which crossings of a chessboard's grid lines follow one another: along an edge of the picture.
+//!
+//! A crossing has four directions, numbered clockwise on the screen so that clockwise of
+//! directions 0 and 2 it is dark, and of 1 and 3 light. The next crossing of a grid line has its
+//! dark and light cells the other way round: an even direction of one leads to an odd direction of
+//! the other.
+
+use nalgebra::Vector2;
+
+use crate::image::GreyBytes;
+
+/// Cosine of how far a neighbour may be beside an edge's direction: 18 degrees, for what noise and
+/// the smoothing of slanted edges do to the direction.
+const MISALIGNED: f64 = 0.95;
+
+/// The same of a neighbour that is looked for first: 10 degrees, as all but small cells have it. What
+/// is printed in a cell crosses its white rim, whose middle is 15 degrees beside the cell's edge.
+const MISALIGNED_LITTLE: f64 = 0.985;
+
+/// The same as the first next to a crossing, where the corner of a slanted cell is as small as the blur: 33
+/// degrees.
+const MISALIGNED_NEAR: f64 = 0.84;
+
+/// Pixels up to which a neighbour is that near.
+const NEAR: f64 = 12.0;
+
+/// Where the edge between two crossings is looked at, as fractions of the way. The blur of the
+/// crossings themselves reaches farther in the shortest cells only, where it is symmetric.
+const PLACES: [f64; 6] = [0.15, 0.3, 0.43, 0.57, 0.7, 0.85];
+
+/// Pixels beside an edge where it is light or dark: the blur has faded enough for a sign, and the
+/// white rim of a cell that holds a marker, an eighth of the cell, is not yet crossed.
+const BESIDE: f64 = 1.3;
+
+/// Pixels from a crossing within which the cell opposite is reached beside the edge, if the two
+/// edges cross aslant; but the middle of the way, from this fraction on, is always looked at.
+const CORNER: f64 = 2.2;
+const MIDDLE: f64 = 0.36;
+
+/// Least step across an edge over the mean of all its places: noise and shading leave more.
+const FAINTEST: f64 = 0.5;
+
+/// The same at the first and the last place: next to a crossing the step fades, the more so the
+/// more aslant the two edges cross. Noise alone would leave a step of either sign.
+const FAINTEST_END: f64 = 0.1;
+
+/// Grey levels across an edge: a tenth of a contrast of 30, for what two pixels of blur leave of
+/// it; noise would not step the same way at all of `PLACES`.
+const LEAST_STEP: f64 = 3.0;
+
+/// Crossings that are tried in one direction, the nearest first: what is printed in a cell, or
+/// lies beside its edge, comes before the next crossing.
+const MOST_TRIED: usize = 12;
+
+/// A place where two edges cross, and the unit vectors of directions 0 and 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Crossing {
+    /// In pixels.
+    pub point: Vector2<f64>,
+    /// Clockwise of the first it is dark, of the second, which comes next clockwise, light.
+    pub edges: [Vector2<f64>; 2],
+}
+
+/// The crossing that follows in some direction, and which of its own directions leads back.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Follower {
+    /// Number of the crossing.
+    pub crossing: usize,
+    /// Direction, 0 to 3.
+    pub back: usize,
+}
+
+impl GreyBytes<'_> {
+    /// Whether one edge leads all the way from one point to another, dark clockwise of the way
+    /// (on the right hand, as y points down) or light.
+    #[must_use]
+    pub fn has_edge(&self, start: Vector2<f64>, end: Vector2<f64>, dark_clockwise: bool) -> bool {
+        self.has_edge_beyond(0.0, start, end, dark_clockwise)
+    }
+
+    /// The same, but for so many pixels at both ends of the way.
+    fn has_edge_beyond(
+        &self,
+        corner: f64,
+        start: Vector2<f64>,
+        end: Vector2<f64>,
+        dark_clockwise: bool,
+    ) -> bool {
+        let way = end - start;
+        let length = way.norm();
+        if !(length > 0.0 && length.is_finite()) {
+            return false;
+        }
+        let clockwise = Vector2::new(-way.y, way.x) * (BESIDE / length);
+        let sign = if dark_clockwise { 1.0 } else { -1.0 };
+        let mut steps = [0.0; PLACES.len()];
+        let first = (corner / length).clamp(PLACES[0], MIDDLE);
+        for (step, place) in steps.iter_mut().zip(PLACES) {
+            let on_edge = start + way * place.clamp(first, 1.0 - first);
+            *step = sign * (self.at(on_edge - clockwise) - self.at(on_edge + clockwise));
+            if *step <= 0.0 {
+                return false;
+            }
+        }
+        let [start_step, between @ .., end_step] = steps;
+        let mean = steps.iter().sum::<f64>() / PLACES.len() as f64;
+        mean > LEAST_STEP
+            && start_step.min(end_step) > FAINTEST_END * mean
+            && between.iter().all(|step| *step > FAINTEST * mean)
+    }
+}
+
+impl Crossing {
+    /// The direction that a vector follows, if it follows one.
+    #[must_use]
+    pub fn direction(&self, vector: Vector2<f64>) -> Option<usize> {
+        self.direction_within(MISALIGNED, vector)
+    }
+
+    /// The same for another cosine of how far the vector may be beside it.
+    fn direction_within(&self, least: f64, vector: Vector2<f64>) -> Option<usize> {
+        let along = self.edges.map(|edge| edge.dot(&vector));
+        let edge = usize::from(along[1].abs() > along[0].abs());
+        let good = along[edge].powi(2) >= least.powi(2) * vector.norm_squared();
+        good.then_some(if along[edge] < 0.0 { edge + 2 } else { edge })
+    }
+}
+
+/// Links each crossing to the nearest ones that an edge of the picture leads to.
+///
+/// Returns what follows each crossing in its directions 0 to 3. A link is the nearest at both of
+/// its ends.
+#[must_use]
+pub fn link_crossings(
+    picture: &GreyBytes<'_>,
+    crossings: &[Crossing],
+) -> Vec<[Option<Follower>; 4]> {
+    let mut links = vec![[None; 4]; crossings.len()];
+    for pass in PASSES {
+        add_links(&mut links, &mutual_links(picture, crossings, pass));
+    }
+    links
+}
+
+/// Adds links between directions of which neither has one yet.
+fn add_links(links: &mut [[Option<Follower>; 4]], others: &[[Option<Follower>; 4]]) {
+    for (number, others) in others.iter().enumerate() {
+        for (direction, other) in others.iter().enumerate() {
+            let Some(follower) = *other else { continue };
+            let returning = links[follower.crossing][follower.back];
+            let back = Follower {
+                crossing: number,
+                back: direction,
+            };
+            if links[number][direction].is_none() && returning.is_none_or(|it| it == back) {
+                links[number][direction] = Some(follower);
+                links[follower.crossing][follower.back] = Some(back);
+            }
+        }
+    }
+}
+
+/// Which neighbours are looked for at a time.
+#[derive(Debug, Clone, Copy)]
+struct Pass {
+    /// Cosine of how far a neighbour may be beside an edge's direction.
+    aligned: f64,
+    /// Pixels to the farthest.
+    reach: f64,
+    /// Pixels at both ends of the way that are not looked at.
+    corner: f64,
+}
+
+const PASSES: [Pass; 3] = [
+    Pass {
+        aligned: MISALIGNED_LITTLE,
+        reach: f64::INFINITY,
+        corner: 0.0,
+    },
+    Pass {
+        aligned: MISALIGNED,
+        reach: f64::INFINITY,
+        corner: 0.0,
+    },
+    Pass {
+        aligned: MISALIGNED_NEAR,
+        reach: NEAR,
+        corner: CORNER,
+    },
+];
+
+/// Links that are the nearest at both of their ends.
+fn mutual_links(
+    picture: &GreyBytes<'_>,
+    crossings: &[Crossing],
+    pass: Pass,
+) -> Vec<[Option<Follower>; 4]> {
+    let nearest: Vec<[Option<Follower>; 4]> = crossings
+        .iter()
+        .map(|crossing| nearest_of(picture, crossings, crossing, pass))
+        .collect();
+    let mutual = |number: usize, direction: usize| {
+        nearest[number][direction].filter(|follower| {
+            nearest[follower.crossing][follower.back]
+                == Some(Follower {
+                    crossing: number,
+                    back: direction,
+                })
+        })
+    };
+    (0..crossings.len())
+        .map(|number| std::array::from_fn(|direction| mutual(number, direction)))
+        .collect()
+}
+
+fn nearest_of(
+    picture: &GreyBytes<'_>,
+    crossings: &[Crossing],
+    from: &Crossing,
+    pass: Pass,
+) -> [Option<Follower>; 4] {
+    let mut aligned: [Vec<(f64, Follower)>; 4] = Default::default();
+    for (number, other) in crossings.iter().enumerate() {
+        let way = other.point - from.point;
+        if way.norm_squared() > pass.reach * pass.reach {
+            continue;
+        }
+        let Some(direction) = from.direction_within(pass.aligned, way) else {
+            continue;
+        };
+        let distance = way.norm_squared();
+        match other.direction_within(pass.aligned, -way) {
+            Some(back) if distance > 0.0 && (direction + back) % 2 == 1 => {
+                let follower = Follower {
+                    crossing: number,
+                    back,
+                };
+                aligned[direction].push((distance, follower));
+            }
+            _ => {}
+        }
+    }
+    std::array::from_fn(|direction| {
+        let candidates = &mut aligned[direction];
+        let tried = candidates.len().min(MOST_TRIED);
+        if tried == 0 {
+            return None;
+        }
+        candidates.select_nth_unstable_by(tried - 1, |a, b| a.0.total_cmp(&b.0));
+        candidates[..tried].sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        let found = candidates[..tried].iter().find(|(_, follower)| {
+            let end = crossings[follower.crossing].point;
+            picture.has_edge_beyond(pass.corner, from.point, end, direction % 2 == 0)
+        });
+        found.map(|&(_, follower)| follower)
+    })
+}

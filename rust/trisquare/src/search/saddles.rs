@@ -1,0 +1,161 @@
+//! Newton's method on saddle points of the grey levels.
+
+use nalgebra::{Vector2, Vector4};
+
+use crate::image::GreyBytes;
+
+/// Pixels per side of the derivative filters.
+const APERTURE: usize = 5;
+/// Pixels from a filter's middle to its rim.
+const REACH: usize = APERTURE / 2;
+
+/// Newton steps of settling, and how long each may be at most, pixels: beyond, the slope tells a
+/// direction only.
+const SETTLING_STEPS: usize = 5;
+const SETTLING_STEP: f64 = 1.5;
+/// Pixels from the last pixel to the saddle at most: where the grey levels are curved alike but
+/// have a slope, it lies farther away or nowhere.
+const MOST_OFFSET: f64 = 1.2;
+/// Pixels that a point may be moved: it comes from a picture half as fine.
+const MOST_SETTLING: f64 = 3.0;
+
+/// Binomial smoothing, and first and second differences that are smoothed alike.
+const SMOOTH: [f64; APERTURE] = [0.0625, 0.25, 0.375, 0.25, 0.0625];
+const SLOPE: [f64; APERTURE] = [-0.125, -0.25, 0.0, 0.25, 0.125];
+const CURVE: [f64; APERTURE] = [0.25, 0.0, -0.5, 0.0, 0.25];
+
+/// Stands for a determinant that is none of a saddle: the step is then far too long.
+const NO_SADDLE: f64 = -1e-9;
+
+/// Where the slope vanishes, seen from a pixel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SaddleStep {
+    /// To the saddle, pixels.
+    pub offset: Vector2<f64>,
+    /// Second derivatives xx, xy, yy and their determinant, negative at a saddle.
+    pub curvature: Vector4<f64>,
+}
+
+impl SaddleStep {
+    /// From the pixel (column, row), or that within the filters' reach which is nearest to it.
+    ///
+    /// `None` if the picture is smaller than the filters.
+    #[must_use]
+    pub fn from(picture: &GreyBytes<'_>, pixel: [usize; 2]) -> Option<Self> {
+        let corner = |k: usize| {
+            let last = picture.size()[k].checked_sub(APERTURE)?;
+            Some(pixel[k].saturating_sub(REACH).min(last))
+        };
+        let (left, top) = (corner(0)?, corner(1)?);
+        let [mut x, mut y, mut xx, mut xy, mut yy] = [0.0; 5];
+        for row in 0..APERTURE {
+            let start = (top + row) * picture.size()[0] + left;
+            let [mut smooth, mut slope, mut curve] = [0.0; 3];
+            for (column, &value) in picture.values()[start..start + APERTURE].iter().enumerate() {
+                let value = f64::from(value);
+                smooth += SMOOTH[column] * value;
+                slope += SLOPE[column] * value;
+                curve += CURVE[column] * value;
+            }
+            x += SMOOTH[row] * slope;
+            y += SLOPE[row] * smooth;
+            xx += SMOOTH[row] * curve;
+            xy += SLOPE[row] * slope;
+            yy += CURVE[row] * smooth;
+        }
+        let determinant = xx * yy - xy * xy;
+        let divisor = if determinant < 0.0 {
+            determinant
+        } else {
+            NO_SADDLE
+        };
+        Some(Self {
+            offset: Vector2::new(xy * y - yy * x, xy * x - xx * y) / divisor,
+            curvature: Vector4::new(xx, xy, yy, determinant),
+        })
+    }
+}
+
+/// Moves a point onto the saddle next to it, where there is one.
+#[must_use]
+pub fn settled_on_saddle(picture: &GreyBytes<'_>, point: Vector2<f64>) -> Vector2<f64> {
+    let mut settled = point;
+    let mut last = None;
+    for _ in 0..SETTLING_STEPS {
+        let pixel: [usize; 2] = std::array::from_fn(|k| {
+            let most = picture.size()[k].saturating_sub(1 + REACH);
+            // The cast saturates, and takes NaN to zero.
+            (settled[k].round_ties_even() as usize).min(most).max(REACH)
+        });
+        if last.is_some_and(|(previous, _)| previous == pixel) {
+            break; // every further step is the same
+        }
+        let Some(step) = SaddleStep::from(picture, pixel) else {
+            return point;
+        };
+        let moved = step.offset.map(|o| o.clamp(-SETTLING_STEP, SETTLING_STEP));
+        settled = Vector2::new(pixel[0] as f64, pixel[1] as f64) + moved;
+        last = Some((pixel, step));
+    }
+    let arrived =
+        last.is_some_and(|(_, step)| step.offset.amax() < MOST_OFFSET && step.curvature[3] < 0.0);
+    if arrived && (settled - point).amax() < MOST_SETTLING {
+        settled
+    } else {
+        point
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: usize = 20;
+    const PLACE: [f64; 2] = [9.3, 10.6];
+
+    fn saddle() -> Vec<u8> {
+        let value = |index: usize| {
+            let (dx, dy) = (
+                (index % SIZE) as f64 - PLACE[0],
+                (index / SIZE) as f64 - PLACE[1],
+            );
+            (128.0 + 2.0 * dx * dy).clamp(0.0, 255.0).round() as u8
+        };
+        (0..SIZE * SIZE).map(value).collect()
+    }
+
+    #[test]
+    fn a_point_settles_on_the_saddle_next_to_it_only() {
+        let values = saddle();
+        let picture = GreyBytes::new(SIZE, SIZE, &values).unwrap();
+        let place = Vector2::from(PLACE);
+        let near = place + Vector2::new(1.2, -1.6);
+        assert!((settled_on_saddle(&picture, near) - place).amax() < 0.05);
+        let far = place + Vector2::new(6.0, 5.0);
+        assert_eq!(settled_on_saddle(&picture, far), far);
+    }
+
+    #[test]
+    fn the_derivatives_are_those_of_the_grey_levels() {
+        let values = saddle();
+        let picture = GreyBytes::new(SIZE, SIZE, &values).unwrap();
+        let step = SaddleStep::from(&picture, [9, 10]).unwrap();
+        let [xx, xy, yy, determinant] = step.curvature.into();
+        assert!(xx.abs() < 0.1 && yy.abs() < 0.1 && (xy - 2.0).abs() < 0.1);
+        assert_eq!(determinant, xx * yy - xy * xy);
+        assert!((step.offset - Vector2::new(0.3, 0.6)).amax() < 0.05);
+    }
+
+    #[test]
+    fn a_picture_smaller_than_the_filters_and_points_outside_are_no_harm() {
+        let small = GreyBytes::new(4, 4, &[7; 16]).unwrap();
+        assert_eq!(SaddleStep::from(&small, [1, 1]), None);
+        let values = saddle();
+        let picture = GreyBytes::new(SIZE, SIZE, &values).unwrap();
+        for x in [f64::NAN, -1e300, 1e300, 0.0] {
+            let settled = settled_on_saddle(&picture, Vector2::new(x, 3.0));
+            assert!(settled.x == x || x.is_nan());
+        }
+        assert!(SaddleStep::from(&picture, [usize::MAX, 0]).is_some());
+    }
+}

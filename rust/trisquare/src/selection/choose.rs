@@ -1,0 +1,283 @@
+//! Choosing among candidates: the largest set of squares that one camera explains.
+//!
+//! Where all candidates agree in one joint fit, all are kept, and nothing more is done. Otherwise
+//! cameras are hypothesised (every plausible focal length with the principal point at the image
+//! centre; and from pairs and triples of candidates, whatever camera they ask for), each is moved
+//! to where it explains most, and the one with the most evidence is taken. Its squares go through
+//! the joint fit, which drops what does not agree and takes back what does.
+
+use super::candidates::Pool;
+use super::inliers::{Agreement, LEAST_CANDIDATES, STICKS_OUT};
+use super::joint_fit::Fit;
+use super::propose::explanations;
+use super::straightness::Straightness;
+use super::verdict::{Choice, LEAST_BOARDS, Verdict, doubt_of_boards, doubt_of_choice};
+use crate::error::Error;
+use crate::image_size::ImageSize;
+use crate::lens::Brown;
+use crate::linear::{Homographies, Undistortion, first_view};
+use crate::observations::{
+    Fixed, Method, ObservedPlane, Options, PlaneEdges, has_grid, sort_by_plane,
+};
+use crate::refine::{Residual, residuals, root_mean_square, search};
+use crate::solver::{Task, reject_outliers};
+
+/// Samples of each side that the choice looks at: a false square shows in few.
+const SAMPLES_PER_SIDE: usize = 16;
+
+/// Chooses the largest set of planes that one camera sees as true squares.
+///
+/// Three planes or fewer are all kept, as are planes that agree.
+///
+/// # Errors
+/// [`Error::InvalidArgument`] and its like for bad edges or options. That no camera is found is no
+/// error: then nothing is dropped.
+pub fn choose(edges: &[PlaneEdges], size: ImageSize, options: &Options) -> Result<Choice, Error> {
+    size.check()?;
+    options.check()?;
+    let planes = sort_by_plane(edges)?;
+    if planes.len() < LEAST_CANDIDATES {
+        return Ok(Choice::of_all(&planes));
+    }
+    let thinned: Vec<_> = planes.iter().map(|p| p.thinned(SAMPLES_PER_SIDE)).collect();
+    let options = Options {
+        method: Method::MaximumLikelihood,
+        ..*options
+    };
+    let task = Task::new(size, &options);
+    let Straightness { undistortion, bent } = Straightness::of(&thinned, &task);
+    let chooser = Chooser(Agreement {
+        task: &task,
+        planes: &thinned,
+        pool: &Pool::of(&thinned, undistortion, size),
+        bent,
+    });
+    if chooser.all_agree() {
+        return Ok(Choice::of_all(&thinned));
+    }
+    if let Some(choice) = chooser.beside_boards() {
+        return Ok(choice);
+    }
+    let found = chooser.choice();
+    Ok(found
+        .filter(|choice| !chooser.is_set_aside_anyway(choice))
+        .unwrap_or_else(|| Choice::of_all(&thinned)))
+}
+
+struct Chooser<'a>(Agreement<'a>);
+
+impl Chooser<'_> {
+    /// Whether the one plane that a choice drops is found false, or bent on one side, by the fit of
+    /// all planes as well: that one names it, and may keep its other sides.
+    fn is_set_aside_anyway(&self, choice: &Choice) -> bool {
+        let mut dropped = (0..self.0.planes.len()).filter(|i| !choice.verdicts[*i].kept);
+        let (Some(one), None, None) = (dropped.next(), dropped.next(), choice.doubt) else {
+            return false;
+        };
+        reject_outliers(self.0.task, self.0.planes)
+            .is_ok_and(|(solution, _)| solution.planes[one].sides().any(|side| side.set_aside))
+    }
+
+    fn all_agree(&self) -> bool {
+        let all: Vec<usize> = (0..self.0.planes.len()).collect();
+        let refined = self.0.task.optimum(self.0.planes);
+        refined.is_ok_and(|refined| self.0.agrees(&self.0.judged(&all, self.0.planes, refined)))
+    }
+
+    /// What agrees with boards as well as these among themselves, where they show the camera alone:
+    /// a board is no chance find, and its paper need not be as flat as its noise is small.
+    fn beside_boards(&self) -> Option<Choice> {
+        let is_board = |i: &usize| self.0.planes[*i].figures.iter().any(has_grid);
+        let boards: Vec<usize> = (0..self.0.planes.len()).filter(is_board).collect();
+        let planes: Vec<_> = boards.iter().map(|i| self.0.planes[*i].clone()).collect();
+        if boards.len() < LEAST_BOARDS {
+            return None;
+        }
+        let refined = self.0.task.optimum(&planes).ok()?;
+        if self.0.task.weakness(&planes, &refined).is_some() {
+            return None;
+        }
+        let of_board = |own: &Vec<Residual>| root_mean_square(own.iter());
+        let distances: Vec<f64> = refined.residuals.iter().map(of_board).collect();
+        let mut sorted = distances.clone();
+        sorted.sort_by(f64::total_cmp);
+        let limit = STICKS_OUT * sorted[sorted.len() / 2];
+        let verdict = |(i, plane): (usize, &ObservedPlane)| {
+            let residual = match boards.binary_search(&i) {
+                Ok(place) => Some(distances[place]),
+                Err(_) => self.residual(plane, &refined.view.lens),
+            };
+            let kept = residual.is_some_and(|residual| residual <= limit);
+            Verdict {
+                figure: plane.figures[0].index,
+                kept,
+                residual: residual.filter(|_| !kept),
+            }
+        };
+        let verdicts: Vec<Verdict> = self.0.planes.iter().enumerate().map(verdict).collect();
+        let rejected = (0..self.0.planes.len()).filter(|i| !verdicts[*i].kept);
+        Some(Choice {
+            doubt: doubt_of_boards(&self.0, &rejected.collect::<Vec<_>>()),
+            verdicts,
+        })
+    }
+
+    fn choice(&self) -> Option<Choice> {
+        let agreement = &self.0;
+        let explanations = explanations(agreement.task, agreement.pool);
+        let best = explanations.first()?;
+        let mut fits = agreement.fits(&explanations);
+        if !fits.iter().any(|fit| agreement.agrees(fit)) {
+            fits.extend(agreement.fits_without_one_of_all(&explanations));
+        }
+        let order = |fit: &Fit| (agreement.agrees(fit), agreement.worth(fit));
+        fits.sort_by(|a, b| {
+            let ((a_agrees, a), (b_agrees, b)) = (order(a), order(b));
+            b_agrees.cmp(&a_agrees).then(b.total_cmp(&a))
+        });
+        let mut fits = fits.into_iter();
+        let chosen = fits.next().map(|fit| agreement.completed(fit));
+        let (members, lens) = match &chosen {
+            Some(fit) => (fit.members.clone(), Some(fit.refined.view.lens)),
+            None => (agreement.pool.squares(best), None),
+        };
+        let verdict = |(i, plane): (usize, &ObservedPlane)| {
+            let kept = members.contains(&i);
+            let lens = lens.as_ref().filter(|_| !kept);
+            Verdict {
+                figure: plane.figures[0].index,
+                kept,
+                residual: lens.and_then(|lens| self.residual(plane, lens)),
+            }
+        };
+        Some(Choice {
+            verdicts: self.0.planes.iter().enumerate().map(verdict).collect(),
+            doubt: chosen.and_then(|fit| doubt_of_choice(agreement, best, &fit, fits.collect())),
+        })
+    }
+
+    /// How far a plane's samples are from the best square that a camera allows.
+    fn residual(&self, plane: &ObservedPlane, lens: &Brown) -> Option<f64> {
+        let options = Options {
+            fixed: Fixed {
+                aspect: true,
+                principal_point: true,
+                focal: true,
+                distortion: true,
+            },
+            initial: Some(*lens),
+            ..*self.0.task.options
+        };
+        let one = std::slice::from_ref(plane);
+        let known = Undistortion::Known(*lens);
+        let homographies = Homographies::estimate(one, &known).ok()?;
+        let matrix = lens.camera_matrix();
+        let start = first_view(
+            &matrix,
+            &homographies,
+            one,
+            &known,
+            self.0.task.size,
+            &options,
+        );
+        let found = search(one, &options.free_parameters(), start.ok()?)?;
+        let residuals = residuals(one, &found.view)?;
+        let distance = root_mean_square(residuals.iter().flatten());
+        distance.is_finite().then_some(distance)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synthetic::{Scene, SceneOptions};
+    use nalgebra::Vector2;
+
+    const NOISE: f64 = 0.1;
+
+    /// Squares of three pictures of one camera.
+    fn squares(seed: u64) -> (Scene, Vec<PlaneEdges>) {
+        let first = Scene::random(seed, SceneOptions::default());
+        let mut edges = first.edges(seed, NOISE, 8.0);
+        for (image, another) in [
+            (1, first.another(seed + 100)),
+            (2, first.another(seed + 200)),
+        ] {
+            edges.extend(
+                another
+                    .edges(seed + image, NOISE, 8.0)
+                    .into_iter()
+                    .map(|figure| PlaneEdges {
+                        image: image as usize,
+                        ..figure
+                    }),
+            );
+        }
+        (first, edges)
+    }
+
+    /// Stretches a figure's image about its middle: no camera sees a square there.
+    fn stretched(mut figure: PlaneEdges, by: f64) -> PlaneEdges {
+        let all: Vec<Vector2<f64>> = figure.points.iter().flatten().copied().collect();
+        let middle = all.iter().sum::<Vector2<f64>>() / all.len() as f64;
+        for point in figure.points.iter_mut().flatten() {
+            point.x = middle.x + (point.x - middle.x) * by;
+        }
+        figure
+    }
+
+    fn kept(choice: &Choice) -> Vec<bool> {
+        choice.verdicts.iter().map(|verdict| verdict.kept).collect()
+    }
+
+    #[test]
+    fn squares_that_agree_are_all_kept() {
+        for seed in 0..4 {
+            let (scene, edges) = squares(seed);
+            let found = choose(&edges, scene.size, &Options::default()).unwrap();
+            assert_eq!(kept(&found), [true; 9]);
+            assert_eq!(found.doubt, None);
+        }
+    }
+
+    #[test]
+    fn what_one_camera_does_not_see_as_squares_is_dropped_with_its_residual() {
+        for seed in 0..4 {
+            let (scene, mut edges) = squares(seed);
+            // More than half are false, each in its own way.
+            for (i, by) in [(0, 0.6), (2, 0.75), (4, 1.3), (5, 0.8), (8, 0.5)] {
+                edges[i] = stretched(edges[i].clone(), by);
+            }
+            let found = choose(&edges, scene.size, &Options::default()).unwrap();
+            let expected = [false, true, false, true, false, false, true, true, false];
+            assert_eq!(kept(&found), expected, "seed {seed}");
+            for verdict in &found.verdicts {
+                match verdict.kept {
+                    true => assert_eq!(verdict.residual, None),
+                    false => assert!(verdict.residual.unwrap() > 2.0 * NOISE),
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn three_planes_are_never_dropped() {
+        let (scene, mut edges) = squares(7);
+        edges.truncate(3);
+        edges[1] = stretched(edges[1].clone(), 0.7);
+        let found = choose(&edges, scene.size, &Options::default()).unwrap();
+        assert_eq!(kept(&found), [true; 3]);
+    }
+
+    #[test]
+    fn figures_of_no_extent_are_no_crash() {
+        let (scene, mut edges) = squares(8);
+        for figure in &mut edges[..6] {
+            for point in figure.points.iter_mut().flatten() {
+                *point = Vector2::new(100.0, 100.0);
+            }
+        }
+        let found = choose(&edges, scene.size, &Options::default()).unwrap();
+        assert_eq!(found.verdicts.len(), 9);
+    }
+}

@@ -1,0 +1,243 @@
+//! What one camera makes of many four-sided things: which are squares, which rectangles, and how
+//! probable the whole is.
+//!
+//! Every candidate is a square, a rectangle, or something else. A square's deviation is near zero
+//! in both numbers, a rectangle's in one (its sides are perpendicular), the rest are spread evenly.
+//! The evidence for a camera is the logarithm of how much better this explains all deviations than
+//! chance, integrated over the camera's neighbourhood (Laplace's method): a camera that is bent to
+//! suit a few squares pays for it. Windows in a wall are alike, so that one camera may make squares
+//! of all of them at once: things that stand alike count little more than one.
+
+use nalgebra::{Matrix4, Vector2, Vector3};
+
+use super::squareness::{Candidate, Deviation, Pinhole};
+
+/// What a candidate is to a camera.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Shape {
+    Square,
+    Rectangle,
+    Other,
+}
+
+/// How common squares, rectangles, and other four-sided things are among what is found.
+const SHARES: [f64; 3] = [0.3, 0.5, 0.2];
+
+/// Density of a chance deviation: what passes for a quad spreads over so much of the cosine and of
+/// the logarithm of the sides' ratio.
+const SPREADS: [f64; 2] = [1.0, 2.0];
+
+/// Things whose sides differ by less than this (radians) in direction stand alike.
+const ALIKE: f64 = 0.06;
+
+/// What the second and every further one of things that stand alike counts for.
+pub(crate) const ALIKE_SHARE: f64 = 0.15;
+
+/// Steps of a camera toward what it explains; six settle it.
+const MAX_STEPS: usize = 12;
+
+/// Largest step of the focal length's logarithm: the model is linear about so far.
+const LONGEST_STEP: f64 = 0.3;
+
+/// A step below this, in standard deviations, is the last.
+const SETTLED: f64 = 0.05;
+
+/// Where cameras are before anything is seen: independent, each of Student's distribution with two
+/// degrees of freedom, so that a cropped picture is improbable but not impossible.
+#[derive(Debug, Clone)]
+pub(crate) struct Prior {
+    pub mean: Pinhole,
+    pub std: Pinhole,
+}
+
+/// Degrees of freedom of the prior's distribution.
+const PRIOR_FREEDOM: f64 = 2.0;
+
+impl Prior {
+    pub fn cost(&self, camera: &Pinhole) -> f64 {
+        let scaled = (camera - self.mean).component_div(&self.std);
+        let one = |z: f64| 0.5 * (PRIOR_FREEDOM + 1.0) * (z * z / PRIOR_FREEDOM).ln_1p();
+        scaled.iter().map(|z| one(*z)).sum()
+    }
+
+    /// The parabola's curvature through the distribution's top and the camera.
+    fn information(&self, camera: &Pinhole) -> Matrix4<f64> {
+        let scaled = (camera - self.mean).component_div(&self.std);
+        let heavy = scaled.map(|z| (PRIOR_FREEDOM + 1.0) / (PRIOR_FREEDOM + z * z));
+        let wide = self.std.map(|s| 1.0 / (s * s));
+        Matrix4::from_diagonal(&heavy.component_mul(&wide))
+    }
+
+    fn log_volume(&self) -> f64 {
+        self.std.map(f64::ln).sum()
+    }
+}
+
+/// A camera with what it explains.
+#[derive(Debug, Clone)]
+pub(crate) struct Explanation {
+    pub camera: Pinhole,
+    pub covariance: Matrix4<f64>,
+    pub shapes: Vec<Shape>,
+    /// Logarithm of how much more probable it makes what was seen than chance.
+    pub evidence: f64,
+}
+
+impl Explanation {
+    pub fn squares(&self) -> impl Iterator<Item = usize> {
+        let shapes = self.shapes.iter().enumerate();
+        shapes.filter_map(|(i, shape)| (*shape == Shape::Square).then_some(i))
+    }
+
+    /// What the camera explains once it has moved to where it explains it best; `None` where it
+    /// cannot be told.
+    ///
+    /// `doubt` holds the standard deviations of the first guess.
+    pub fn settled(
+        candidates: &[Candidate],
+        prior: &Prior,
+        start: Pinhole,
+        doubt: &Pinhole,
+    ) -> Option<Self> {
+        let mut camera = start;
+        let mut covariance = Matrix4::from_diagonal(&doubt.component_mul(doubt));
+        let mut best: Option<Self> = None;
+        for _ in 0..MAX_STEPS {
+            let seen: Vec<Option<Deviation>> =
+                candidates.iter().map(|c| c.deviation(&camera)).collect();
+            let shapes: Vec<Shape> = seen
+                .iter()
+                .map(|seen| {
+                    seen.as_ref()
+                        .map_or(Shape::Other, |d| shape(d, &covariance))
+                })
+                .collect();
+            let mut information = prior.information(&camera);
+            let mut pull = information * (camera - prior.mean);
+            for (deviation, shape) in seen.iter().zip(&shapes) {
+                if let Some(deviation) = deviation {
+                    add(deviation, *shape, &mut information, &mut pull);
+                }
+            }
+            let factor = information.cholesky()?;
+            covariance = factor.inverse();
+            let here = Self::at(&seen, prior, camera, covariance);
+            if best.as_ref().is_none_or(|b| here.evidence > b.evidence) {
+                best = Some(here);
+            }
+            let mut step = -factor.solve(&pull);
+            step *= (LONGEST_STEP / step[0].abs().max(LONGEST_STEP)).min(1.0);
+            camera += step;
+            if step.dot(&(information * step)) < SETTLED * SETTLED {
+                break;
+            }
+        }
+        best
+    }
+
+    /// The explanation by a camera of known covariance.
+    fn at(
+        seen: &[Option<Deviation>],
+        prior: &Prior,
+        camera: Pinhole,
+        covariance: Matrix4<f64>,
+    ) -> Self {
+        let volume = covariance.determinant().max(f64::MIN_POSITIVE).ln();
+        let mut evidence = 0.5 * volume - prior.log_volume() - prior.cost(&camera);
+        let mut gains: Vec<(usize, Shape, f64)> = Vec::new();
+        for (i, deviation) in seen.iter().enumerate() {
+            if let Some(deviation) = deviation {
+                let (shape, gain) = best_gain(deviation, &nalgebra::Matrix2::zeros());
+                gains.push((i, shape, gain));
+            }
+        }
+        gains.sort_by(|a, b| b.2.total_cmp(&a.2));
+        let mut shapes = vec![Shape::Other; seen.len()];
+        let mut counted: Vec<[Vector3<f64>; 2]> = Vec::new();
+        for (i, shape, gain) in gains {
+            shapes[i] = shape;
+            let Some(deviation) = &seen[i] else { continue };
+            let known = counted
+                .iter()
+                .any(|other| alike(other, &deviation.directions));
+            evidence += if known { ALIKE_SHARE * gain } else { gain };
+            counted.push(deviation.directions);
+        }
+        Self {
+            camera,
+            covariance,
+            shapes,
+            evidence,
+        }
+    }
+}
+
+/// What a deviation shows, for a camera that is itself uncertain.
+fn shape(deviation: &Deviation, covariance: &Matrix4<f64>) -> Shape {
+    let wrt_camera = &deviation.wrt_camera;
+    best_gain(
+        deviation,
+        &(wrt_camera * covariance * wrt_camera.transpose()),
+    )
+    .0
+}
+
+/// The likeliest shape, and the logarithm of how much likelier than chance it makes a deviation.
+fn best_gain(deviation: &Deviation, further: &nalgebra::Matrix2<f64>) -> (Shape, f64) {
+    let covariance = deviation.covariance + further;
+    let value = deviation.value;
+    let [squares, rectangles, others] = SHARES;
+    let tau = std::f64::consts::TAU;
+    let mut best = (Shape::Other, 0.0);
+    let variance = covariance[(0, 0)];
+    let rectangle = -0.5 * (value.x * value.x / variance + (tau * variance).ln())
+        + (SPREADS[0] * rectangles / others).ln();
+    if rectangle > best.1 {
+        best = (Shape::Rectangle, rectangle);
+    }
+    if let Some(inverse) = covariance.try_inverse() {
+        let square = -0.5 * value.dot(&(inverse * value))
+            - (tau * covariance.determinant().sqrt()).ln()
+            + (SPREADS[0] * SPREADS[1] * squares / others).ln();
+        if square > best.1 {
+            best = (Shape::Square, square);
+        }
+    }
+    best
+}
+
+/// Adds what a candidate of known shape tells of the camera.
+fn add(deviation: &Deviation, shape: Shape, information: &mut Matrix4<f64>, pull: &mut Pinhole) {
+    match shape {
+        Shape::Square => {
+            if let Some(inverse) = deviation.covariance.try_inverse() {
+                let weighed = deviation.wrt_camera.transpose() * inverse;
+                *information += weighed * deviation.wrt_camera;
+                *pull += weighed * deviation.value;
+            }
+        }
+        Shape::Rectangle => {
+            let row = deviation.wrt_camera.row(0).transpose();
+            let variance = deviation.covariance[(0, 0)];
+            information.ger(1.0 / variance, &row, &row, 1.0);
+            *pull += row * (deviation.value.x / variance);
+        }
+        Shape::Other => {}
+    }
+}
+
+/// Whether two things' sides have the same directions, in either order.
+pub(crate) fn alike(a: &[Vector3<f64>; 2], b: &[Vector3<f64>; 2]) -> bool {
+    let same = |u: &Vector3<f64>, v: &Vector3<f64>| u.cross(v).norm() < ALIKE;
+    same(&a[0], &b[0]) && same(&a[1], &b[1]) || same(&a[0], &b[1]) && same(&a[1], &b[0])
+}
+
+/// Squared deviation of a candidate from a square, in units of its own variance and of the camera's.
+pub(crate) fn squared_deviation(candidate: &Candidate, explanation: &Explanation) -> Option<f64> {
+    let deviation = candidate.deviation(&explanation.camera)?;
+    let wrt_camera = deviation.wrt_camera;
+    let covariance =
+        deviation.covariance + wrt_camera * explanation.covariance * wrt_camera.transpose();
+    let value: Vector2<f64> = deviation.value;
+    Some(value.dot(&(covariance.try_inverse()? * value)))
+}

@@ -1,0 +1,343 @@
+//! Joint fits of candidates that agree with one another: which squares of an explanation, and which
+//! others with them.
+//!
+//! A joint fit costs as much as it has planes. What is tried one by one is tried among a few dozen,
+//! those that tell most of the camera; the camera that they agree on is then put to all at once.
+
+use nalgebra::Vector3;
+
+use super::candidates::Pool;
+use super::hypothesis::{Explanation, alike, squared_deviation};
+use super::joint_fit::Fit;
+use super::propose::{FOCAL_DOUBT, explanations, matrix_of, pinhole, prior, triples};
+use super::squareness::Pinhole;
+use crate::lens::Brown;
+use crate::linear::first_view;
+use crate::noise::{Misfit, Noise};
+use crate::observations::{ObservedPlane, PlaneState};
+use crate::refine::{Refined, search};
+use crate::solver::Task;
+use crate::uncertainty::check_plane_count;
+
+/// Planes that an agreement has: of three, two cannot show which one is false.
+pub(crate) const LEAST_CANDIDATES: usize = 4;
+
+/// A plane does not belong if it puts sides in the wrong place by so many times the variance of the
+/// noise, per degree of freedom, of which it has two: chance does it once in three thousand times.
+const FALSE_PLANE: f64 = 8.0;
+
+/// Excluded candidates whose squared deviation is below this are put to the joint fit.
+const WORTH_A_TRIAL: f64 = 60.0;
+
+/// How many at most.
+const MAX_TRIALS: usize = 12;
+
+/// Rounds in which those planes are dropped that are so many times farther off than the median one.
+const MAX_TRIMS: usize = 12;
+pub(crate) const STICKS_OUT: f64 = 2.5;
+
+/// Triples of an explanation's squares that are fitted where these do not agree: all of nine.
+const MAX_SEEDS: usize = 84;
+
+/// Squares that are tried one by one; beyond, further ones hardly tell more of the camera.
+const MAX_FITTED: usize = 32;
+
+/// One in so many of the planes that do not agree goes, where none sticks out among many.
+const PART_DROPPED: usize = 8;
+
+/// Squares that are in all explanations, and left out in turn where no joint fit agrees.
+const MAX_SHARED: usize = 3;
+
+/// By how much less evidence than the best an explanation may have that is followed up.
+const CONSIDERED: f64 = 8.0;
+
+/// What a square that agrees speaks for a joint fit: what one of median precision has in evidence.
+const SQUARE_EVIDENCE: f64 = 5.0;
+
+/// What agrees is sought among these planes.
+#[derive(Clone, Copy)]
+pub(crate) struct Agreement<'a> {
+    pub task: &'a Task<'a>,
+    pub planes: &'a [ObservedPlane],
+    pub pool: &'a Pool,
+    /// Mean square curvature of the sides where they are as straight as a lens can make them, in
+    /// units of their noise; at least 1.
+    pub bent: f64,
+}
+
+impl Agreement<'_> {
+    /// Whether the planes of a joint fit agree: all of them together and, where they are so many
+    /// that one false one would be lost among them, each by itself.
+    pub fn agrees(&self, fit: &Fit) -> bool {
+        fit.agrees(self.bent)
+            && (fit.members.len() <= MAX_FITTED || self.within(fit).len() == fit.members.len())
+    }
+
+    /// The members of a joint fit that do not stick out of it.
+    fn within(&self, fit: &Fit) -> Vec<usize> {
+        let limit = FALSE_PLANE * self.bent * fit.ordinary_misfit();
+        let own = fit.members.iter().zip(&fit.own_misfits);
+        own.filter(|(_, own)| **own <= limit)
+            .map(|(plane, _)| *plane)
+            .collect()
+    }
+
+    /// The joint fit of some planes, searched from a camera.
+    fn fit(&self, members: &[usize], start: &Pinhole) -> Option<Fit> {
+        let Task {
+            size,
+            options,
+            free,
+            judged,
+        } = self.task;
+        check_plane_count(members.len(), free).ok()?;
+        let planes: Vec<_> = members.iter().map(|i| self.planes[*i].clone()).collect();
+        let view = first_view(
+            &matrix_of(start, self.task.size),
+            &self.pool.homographies_of(members),
+            &planes,
+            &self.pool.undistortion,
+            *size,
+            options,
+        );
+        let found = search(&planes, free, view.ok()?)?;
+        let refined = Refined::of_linear(&planes, free, judged, found.view)?;
+        Some(self.judged(members, &planes, refined))
+    }
+
+    pub fn judged(
+        &self,
+        members: &[usize],
+        planes: &[ObservedPlane],
+        refined: Refined<Brown>,
+    ) -> Fit {
+        let noise = (!refined.is_exact()).then(|| Noise::of_optimum(planes, &refined));
+        let misfit = noise.as_ref().map_or(Misfit::NONE, |noise| {
+            Misfit::of(planes, &refined.view, &self.task.free, noise)
+        });
+        let own = |noise: &Noise| {
+            let states = refined.view.planes.iter().enumerate();
+            let of_plane = |(p, state): (usize, &PlaneState)| {
+                let own = Misfit::of_plane(noise, p);
+                let freedom = own.straight_freedom - state.parameter_count() as f64;
+                own.straight / freedom.max(1.0)
+            };
+            states.map(of_plane).collect()
+        };
+        Fit {
+            members: members.to_vec(),
+            camera: pinhole(&refined.view.lens.camera_matrix(), self.task.size),
+            own_misfits: noise.as_ref().map_or(vec![0.0; members.len()], own),
+            refined,
+            misfit,
+        }
+    }
+
+    /// The joint fits that the best of some explanations lead to.
+    pub fn fits(&self, explanations: &[Explanation]) -> Vec<Fit> {
+        let mut fits = Vec::new();
+        for explanation in explanations {
+            if explanations[0].evidence - explanation.evidence < CONSIDERED {
+                self.add_fits(explanation, &mut fits);
+            }
+        }
+        fits
+    }
+
+    /// The joint fits that agree once a square is left out which is in all explanations: one that
+    /// is known so well as a board is in any, also where another camera saw it.
+    pub fn fits_without_one_of_all(&self, found: &[Explanation]) -> Vec<Fit> {
+        let in_all = |plane: &usize| {
+            let mut sets = found.iter().map(|one| self.pool.squares(one));
+            sets.all(|squares| squares.contains(plane))
+        };
+        let places = self.pool.places.iter().copied();
+        let shared = places.filter(in_all).take(MAX_SHARED);
+        let mut fits = Vec::new();
+        for plane in shared {
+            let others = self.pool.without(plane);
+            let explanations = explanations(self.task, &others);
+            fits.extend(
+                Agreement {
+                    pool: &others,
+                    ..*self
+                }
+                .fits(&explanations),
+            );
+        }
+        fits.retain(|fit| self.agrees(fit));
+        fits
+    }
+
+    /// The joint fits that an explanation leads to: of its squares, or of those that agree.
+    fn add_fits(&self, explanation: &Explanation, fits: &mut Vec<Fit>) {
+        let squares = self.most_telling(self.pool.squares(explanation), explanation);
+        let start = &explanation.camera;
+        let mut keep = |fit: Fit| {
+            let known = |members: &[usize]| {
+                let within = |known: &&Fit| members.iter().all(|i| known.members.contains(i));
+                fits.iter().any(|fit| self.agrees(fit) && within(&fit))
+            };
+            if !known(&fit.members) {
+                let grown = self.with_others(fit, explanation);
+                if !known(&grown.members) {
+                    fits.push(grown);
+                }
+            }
+        };
+        match self.fit(&squares, start) {
+            Some(fit) if self.agrees(&fit) || squares.len() < LEAST_CANDIDATES => keep(fit),
+            Some(fit) => {
+                if let Some(trimmed) = self.trimmed(&fit) {
+                    keep(trimmed);
+                }
+                for seed in triples(&squares, MAX_SEEDS) {
+                    if let Some(seed) = self.fit(&seed, start).filter(|seed| self.agrees(seed)) {
+                        keep(seed);
+                    }
+                }
+                if fits.is_empty() {
+                    fits.push(fit);
+                }
+            }
+            None => {}
+        }
+    }
+
+    /// What speaks for a joint fit: squares that do not stand alike, and an ordinary camera.
+    pub fn worth(&self, fit: &Fit) -> f64 {
+        fit.standing_apart() * SQUARE_EVIDENCE - prior(self.task).cost(&fit.camera)
+    }
+
+    /// The squares of an explanation that tell most of its camera: of those that stand alike one
+    /// before the others, and what is known best before what is less certain.
+    fn most_telling(&self, squares: Vec<usize>, explanation: &Explanation) -> Vec<usize> {
+        if squares.len() <= MAX_FITTED {
+            return squares;
+        }
+        let known = explanation
+            .squares()
+            .zip(squares)
+            .filter_map(|(index, place)| {
+                let deviation = self.pool.candidates[index].deviation(&explanation.camera)?;
+                Some((
+                    deviation.covariance.determinant(),
+                    deviation.directions,
+                    place,
+                ))
+            });
+        let mut known: Vec<_> = known.collect();
+        known.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut directions: Vec<[Vector3<f64>; 2]> = Vec::new();
+        let (mut first, mut others) = (Vec::new(), Vec::new());
+        for (_, own, place) in known {
+            if directions.iter().any(|other| alike(other, &own)) {
+                others.push(place);
+            } else {
+                directions.push(own);
+                first.push(place);
+            }
+        }
+        first.extend(others);
+        first.truncate(MAX_FITTED);
+        first.sort_unstable();
+        first
+    }
+
+    /// What agrees of a fit once the planes that stick out are dropped, if anything does.
+    fn trimmed(&self, fit: &Fit) -> Option<Fit> {
+        let mut rest = self.fit(&fit.members, &fit.camera)?;
+        for _ in 0..MAX_TRIMS {
+            if self.agrees(&rest) {
+                return Some(rest);
+            }
+            let mut distances = rest.distances();
+            distances.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let limit = STICKS_OUT * distances[distances.len() / 2].0;
+            let within = distances.iter().filter(|(distance, _)| *distance <= limit);
+            let mut members: Vec<usize> = within.map(|(_, plane)| *plane).collect();
+            if members.len() == distances.len() {
+                // Nobody sticks out, but they do not agree: the farthest must go.
+                members.pop();
+            }
+            if members.len() + 1 < LEAST_CANDIDATES {
+                return None;
+            }
+            members.sort_unstable();
+            rest = self.fit(&members, &rest.camera)?;
+        }
+        None
+    }
+
+    /// Takes back what agrees in the joint fit, the most promising first.
+    fn with_others(&self, mut fit: Fit, explanation: &Explanation) -> Fit {
+        let mut others: Vec<(f64, usize)> = self
+            .pool
+            .candidates
+            .iter()
+            .zip(&self.pool.places)
+            .filter(|(_, place)| !fit.members.contains(place))
+            .filter_map(|(c, place)| Some((squared_deviation(c, explanation)?, *place)))
+            .filter(|(square, _)| *square < WORTH_A_TRIAL)
+            .collect();
+        others.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for (_, other) in others.into_iter().take(MAX_TRIALS) {
+            let mut members = fit.members.clone();
+            members.push(other);
+            members.sort_unstable();
+            if let Some(more) = self.fit(&members, &fit.camera)
+                && fit.strain(&more) < FALSE_PLANE * self.bent
+                && self.agrees(&more)
+            {
+                fit = more;
+            }
+        }
+        fit
+    }
+
+    /// A joint fit with all that agrees, where there are too many to be tried one by one: all at
+    /// once, and then without those that stick out.
+    pub fn completed(&self, fit: Fit) -> Fit {
+        if self.pool.places.len() <= MAX_FITTED {
+            return fit;
+        }
+        let prior = prior(self.task);
+        let mut doubt = prior.std;
+        doubt[0] = doubt[0].min(FOCAL_DOUBT);
+        let all = &self.pool.candidates;
+        let Some(explanation) = Explanation::settled(all, &prior, fit.camera, &doubt) else {
+            return fit;
+        };
+        let own = Explanation {
+            camera: fit.camera,
+            ..explanation
+        };
+        let of_all = all.iter().zip(&self.pool.places);
+        let promising = of_all.filter(|(candidate, place)| {
+            let square = squared_deviation(candidate, &own);
+            fit.members.contains(place) || square.is_some_and(|square| square < WORTH_A_TRIAL)
+        });
+        let mut members: Vec<usize> = promising.map(|(_, place)| *place).collect();
+        for _ in 0..MAX_TRIMS {
+            let Some(more) = self.fit(&members, &fit.camera) else {
+                break;
+            };
+            if self.agrees(&more) {
+                return if more.members.len() > fit.members.len() {
+                    more
+                } else {
+                    fit
+                };
+            }
+            members = self.within(&more);
+            if members.len() == more.members.len() {
+                let mut distances = more.distances();
+                distances.sort_by(|a, b| a.0.total_cmp(&b.0));
+                distances.truncate(distances.len() - distances.len().div_ceil(PART_DROPPED));
+                members = distances.into_iter().map(|(_, plane)| plane).collect();
+                members.sort_unstable();
+            }
+        }
+        fit
+    }
+}

@@ -1,0 +1,14 @@
+//! Which candidates are squares that one camera sees.
+
+mod candidates;
+mod choose;
+mod hypothesis;
+mod inliers;
+mod joint_fit;
+mod propose;
+mod squareness;
+mod straightness;
+mod verdict;
+
+pub use choose::choose;
+pub use verdict::{Choice, Doubt, Verdict};

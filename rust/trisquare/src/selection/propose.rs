@@ -1,0 +1,182 @@
+//! Cameras that may explain candidates, before any is known to be a square, and what they make of
+//! them.
+
+use nalgebra::Matrix3;
+
+use super::candidates::Pool;
+use super::hypothesis::{Explanation, Prior};
+use super::squareness::{Candidate, Pinhole};
+use crate::geometry::camera_matrix;
+use crate::image_size::ImageSize;
+use crate::linear::Homographies;
+use crate::observations::Options;
+use crate::solver::Task;
+
+/// Focal lengths tried, over half the image diagonal, and how many: neighbours differ by 8 %.
+const FOCAL_LENGTHS: (f64, f64) = (0.4, 18.0);
+const FOCAL_STEPS: usize = 48;
+
+/// Pairs and triples of candidates that are asked for their camera.
+const MAX_SUBSETS: usize = 160;
+
+/// Of more candidates, only so many are combined.
+const MAX_COMBINED: usize = 24;
+
+/// Explanations that are kept.
+const MAX_EXPLANATIONS: usize = 4;
+
+/// Of more candidates, every hypothesis is first weighed by so many, evenly chosen: they show which
+/// cameras are worth weighing by all.
+const MAX_WEIGHED: usize = 64;
+
+/// What the prior knows of cameras: focal length (its logarithm), aspect, and principal point over
+/// half the diagonal. Nearly all pixels are square and principal points near the centre; of the
+/// focal length nothing is known but its order.
+const PRIOR_STD: [f64; 4] = [1.0, 0.01, 0.03, 0.03];
+
+/// Logarithm of an ordinary focal length, over half the diagonal: a 40 mm lens on 36 x 24 mm.
+const ORDINARY_FOCAL: f64 = 0.6;
+
+/// Standard deviation of a parameter that is held.
+const HELD: f64 = 1e-6;
+
+/// Doubt about the logarithm of a hypothesised focal length.
+pub(crate) const FOCAL_DOUBT: f64 = 0.04;
+
+/// What is known of the camera beforehand.
+pub(crate) fn prior(task: &Task<'_>) -> Prior {
+    let Options { fixed, initial, .. } = *task.options;
+    let mut mean = Pinhole::new(ORDINARY_FOCAL, 0.0, 0.0, 0.0);
+    let mut std = Pinhole::from(PRIOR_STD);
+    if let Some(lens) = initial {
+        mean = pinhole(&lens.camera_matrix(), task.size);
+    }
+    let held = [
+        fixed.focal,
+        fixed.aspect || fixed.focal,
+        fixed.principal_point,
+        fixed.principal_point,
+    ];
+    for i in 0..4 {
+        if held[i] {
+            std[i] = HELD;
+        } else if i != 0 || initial.is_none() {
+            mean[i] = Pinhole::new(ORDINARY_FOCAL, 0.0, 0.0, 0.0)[i];
+        }
+    }
+    Prior { mean, std }
+}
+
+/// All that cameras make of the candidates, from the most evidence to the least.
+pub(crate) fn explanations(task: &Task<'_>, pool: &Pool) -> Vec<Explanation> {
+    let prior = prior(task);
+    let mut doubt = prior.std;
+    doubt[0] = doubt[0].min(FOCAL_DOUBT);
+    let all = &pool.candidates;
+    let starts = hypotheses(task, pool, &prior);
+    let explained = |candidates: &[Candidate], starts: Vec<Pinhole>| {
+        let settled = |start| Explanation::settled(candidates, &prior, start, &doubt);
+        best_different(starts.into_iter().filter_map(settled).collect())
+    };
+    if all.len() <= MAX_WEIGHED {
+        return explained(all, starts);
+    }
+    let step = all.len().div_ceil(MAX_WEIGHED);
+    let some: Vec<Candidate> = all.iter().step_by(step).cloned().collect();
+    let best = explained(&some, starts);
+    explained(all, best.into_iter().map(|found| found.camera).collect())
+}
+
+/// The explanations with the most evidence, of those that take the same squares only one.
+fn best_different(mut found: Vec<Explanation>) -> Vec<Explanation> {
+    found.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+    let mut different: Vec<Explanation> = Vec::new();
+    for explanation in found {
+        if different
+            .iter()
+            .all(|known| !known.squares().eq(explanation.squares()))
+        {
+            different.push(explanation);
+        }
+        if different.len() == MAX_EXPLANATIONS {
+            break;
+        }
+    }
+    different
+}
+
+/// Cameras that may explain candidates: every plausible focal length, and what pairs and triples of
+/// candidates ask for.
+fn hypotheses(task: &Task<'_>, pool: &Pool, prior: &Prior) -> Vec<Pinhole> {
+    let mut cameras = vec![prior.mean];
+    if task.options.fixed.focal {
+        return cameras;
+    }
+    let (shortest, longest) = (FOCAL_LENGTHS.0.ln(), FOCAL_LENGTHS.1.ln());
+    for i in 0..FOCAL_STEPS {
+        let mut camera = prior.mean;
+        camera[0] = shortest + (longest - shortest) * i as f64 / (FOCAL_STEPS - 1) as f64;
+        cameras.push(camera);
+    }
+    let planes = pool.homographies.iter();
+    let homographies: Vec<_> = planes.flat_map(Homographies::of_planes).collect();
+    let known = task.options.known_intrinsics(&task.size);
+    for subset in subsets(homographies.len()) {
+        let own: Vec<Matrix3<f64>> = subset.iter().map(|i| homographies[*i]).collect();
+        if let Ok(matrix) = camera_matrix(&own, &known) {
+            let camera = pinhole(&matrix, task.size);
+            if camera.iter().all(|v| v.is_finite()) && camera[0] < FOCAL_LENGTHS.1.ln() {
+                cameras.push(camera);
+            }
+        }
+    }
+    cameras
+}
+
+/// The camera of a camera matrix.
+pub(crate) fn pinhole(matrix: &Matrix3<f64>, size: ImageSize) -> Pinhole {
+    let (unit, centre) = (size.half_diagonal(), size.centre());
+    Pinhole::new(
+        (matrix.m11 / unit).ln(),
+        (matrix.m22 / matrix.m11).ln(),
+        (matrix.m13 - centre.x) / unit,
+        (matrix.m23 - centre.y) / unit,
+    )
+}
+
+/// The camera matrix of a camera.
+pub(crate) fn matrix_of(camera: &Pinhole, size: ImageSize) -> Matrix3<f64> {
+    let (unit, centre) = (size.half_diagonal(), size.centre());
+    let fx = camera[0].exp() * unit;
+    let (cx, cy) = (centre.x + camera[2] * unit, centre.y + camera[3] * unit);
+    Matrix3::new(fx, 0.0, cx, 0.0, fx * camera[1].exp(), cy, 0.0, 0.0, 1.0)
+}
+
+/// Pairs and triples of so many things, evenly chosen.
+fn subsets(count: usize) -> Vec<Vec<usize>> {
+    let things: Vec<usize> = (0..count)
+        .step_by(count.div_ceil(MAX_COMBINED).max(1))
+        .collect();
+    let mut all = Vec::new();
+    for (i, a) in things.iter().enumerate() {
+        for (j, b) in things.iter().enumerate().skip(i + 1) {
+            all.push(vec![*a, *b]);
+            all.extend(things[j + 1..].iter().map(|c| vec![*a, *b, *c]));
+        }
+    }
+    let step = all.len().div_ceil(MAX_SUBSETS).max(1);
+    all.into_iter().step_by(step).collect()
+}
+
+/// Triples of some things, evenly chosen where there are more.
+pub(crate) fn triples(things: &[usize], most: usize) -> Vec<[usize; 3]> {
+    let mut all = Vec::new();
+    for (i, a) in things.iter().enumerate().take(MAX_COMBINED) {
+        for (j, b) in things.iter().enumerate().take(MAX_COMBINED).skip(i + 1) {
+            let rest = things.iter().take(MAX_COMBINED).skip(j + 1);
+            all.extend(rest.map(|c| [*a, *b, *c]));
+        }
+    }
+    let step = all.len().div_ceil(most).max(1);
+    all.into_iter().step_by(step).collect()
+}

@@ -1,0 +1,240 @@
+//! How far a figure is from a square, as a given camera sees it: two numbers, and how well its
+//! edges determine them.
+//!
+//! A square's homography has columns that the camera turns into perpendicular vectors of equal
+//! length (Hartley & Zisserman, 2nd ed., section 8.5). What deviates from that, the cosine between
+//! them and the logarithm of their ratio, is what remains of the eight numbers of four lines once
+//! the six of a pose are taken out.
+
+use nalgebra::{Matrix2, Matrix2x4, SMatrix, SVector, Vector2, Vector3, Vector4};
+
+use crate::error::Error;
+use crate::geometry::Line;
+use crate::image_size::ImageSize;
+use crate::linear::{Undistortion, homography_of_figure};
+use crate::observations::ObservedPlane;
+
+/// Displacement of a whole side that is always allowed for (px): a distortion that is known from
+/// straightness alone, about a centre that is not, moves a side so far.
+const SIDE_ERROR: f64 = 0.1;
+
+/// The same for the deviation itself: paper is cut, and squares are printed, this well.
+const LEAST_DEVIATION: f64 = 0.003;
+
+/// How far the centre of distortion may be from where it is taken to be, over half the diagonal:
+/// the principal points of ordinary cameras scatter so far about the image centre.
+const CENTRE_ERROR: f64 = 0.03;
+
+/// Step of a numerical derivative, over half the diagonal.
+const STEP: f64 = 1e-3;
+
+/// A pinhole camera, in units of half the image diagonal about the image centre: logarithms of
+/// the focal length and of the aspect `fy / fx`, and the principal point.
+pub(crate) type Pinhole = Vector4<f64>;
+
+/// A plane's first figure, without its distortion.
+#[derive(Clone)]
+pub(crate) struct Candidate {
+    /// The first two columns of its homography.
+    columns: [Vector3<f64>; 2],
+    /// Their covariance.
+    covariance: SMatrix<f64, 6, 6>,
+    /// Standard deviation of the deviation that no edge of its own tells.
+    floor: f64,
+}
+
+/// What a camera makes of a candidate.
+pub(crate) struct Deviation {
+    /// Cosine between the sides, logarithm of their ratio.
+    pub value: Vector2<f64>,
+    pub covariance: Matrix2<f64>,
+    pub wrt_camera: Matrix2x4<f64>,
+    /// Directions of the sides in the camera's frame, not quite perpendicular.
+    pub directions: [Vector3<f64>; 2],
+}
+
+impl Candidate {
+    /// # Errors
+    /// If the figure has no homography.
+    pub fn of(
+        plane: &ObservedPlane,
+        undistortion: &Undistortion,
+        size: ImageSize,
+    ) -> Result<Self, Error> {
+        let figure = &plane.figures[0];
+        let degenerate = |reason| Error::DegenerateHomography {
+            figure: figure.index,
+            reason,
+        };
+        let (homography, _) = homography_of_figure(figure, undistortion)?;
+        let (centre, unit) = (size.centre(), size.half_diagonal());
+        let mut normalised = homography;
+        for column in 0..3 {
+            let z = homography[(2, column)];
+            normalised[(0, column)] = (homography[(0, column)] - centre.x * z) / unit;
+            normalised[(1, column)] = (homography[(1, column)] - centre.y * z) / unit;
+        }
+        normalised /= normalised.norm();
+        let inverse = normalised
+            .try_inverse()
+            .ok_or_else(|| degenerate("it is singular"))?;
+
+        let mut information = SMatrix::<f64, 9, 9>::zeros();
+        let mut middle = Vector2::zeros();
+        for side in &figure.sides {
+            let image = inverse.transpose() * side.line.coefficients();
+            let image = image / image.xy().norm();
+            let mut ideal = Vec::with_capacity(side.samples.len());
+            for sample in &side.samples {
+                let pixel = undistortion.undistort(&sample.pixel);
+                let pixel = pixel.ok_or_else(|| degenerate("a sample cannot be undistorted"))?;
+                ideal.push((pixel - centre) / unit);
+            }
+            let line = Line::fit(ideal.iter().map(|p| (*p, 1.0)));
+            let line = line.ok_or_else(|| degenerate("all samples of a line coincide"))?;
+            let count = ideal.len() as f64;
+            let bent = ideal.iter().map(|p| line.distance(p).powi(2)).sum::<f64>() / count;
+            let variance = bent + (SIDE_ERROR / unit).powi(2);
+            for pixel in &ideal {
+                // A change of the homography moves the line's image by -H^-T dH^T l.
+                let there = inverse * pixel.push(1.0);
+                let gradient = SVector::<f64, 9>::from_fn(|i, _| image[i % 3] * there[i / 3]);
+                information.ger(1.0 / (count * variance), &gradient, &gradient, 1.0);
+            }
+            middle += ideal.iter().sum::<Vector2<f64>>() / count;
+        }
+        middle /= figure.sides.len() as f64;
+        // The homography's scale is open, and changes no deviation.
+        let scale = SVector::<f64, 9>::from_iterator(normalised.iter().copied());
+        information.ger(information.trace(), &scale, &scale, 1.0);
+        let covariance = information
+            .cholesky()
+            .ok_or_else(|| degenerate("its lines leave it open"))?
+            .inverse();
+        let bend = |rho: f64| anisotropy(undistortion, size, rho);
+        let radius = middle.norm();
+        let slope = (bend(radius + STEP) - bend((radius - STEP).abs())) / (2.0 * STEP);
+        Ok(Self {
+            columns: [0, 1].map(|i| normalised.column(i).into_owned()),
+            covariance: covariance.fixed_view::<6, 6>(0, 0).into_owned(),
+            floor: LEAST_DEVIATION + CENTRE_ERROR * slope.abs(),
+        })
+    }
+
+    /// The deviation from a square as a camera sees it; `None` where it is no number.
+    pub fn deviation(&self, camera: &Pinhole) -> Option<Deviation> {
+        let fx = camera[0].exp();
+        let fy = fx * camera[1].exp();
+        let (cx, cy) = (camera[2], camera[3]);
+        let ray =
+            |h: &Vector3<f64>| Vector3::new((h.x - cx * h.z) / fx, (h.y - cy * h.z) / fy, h.z);
+        let [first, second] = [ray(&self.columns[0]), ray(&self.columns[1])];
+        let (one, two) = (first.norm(), second.norm());
+        let cosine = first.dot(&second) / (one * two);
+        let value = Vector2::new(cosine, (one / two).ln());
+        let wrt_rays = [
+            [
+                second / (one * two) - first * (cosine / (one * one)),
+                first / (one * two) - second * (cosine / (two * two)),
+            ],
+            [first / (one * one), -second / (two * two)],
+        ];
+        let mut wrt_columns = SMatrix::<f64, 2, 6>::zeros();
+        let mut wrt_camera = Matrix2x4::<f64>::zeros();
+        for (row, gradients) in wrt_rays.iter().enumerate() {
+            for (which, gradient) in gradients.iter().enumerate() {
+                let ray = [first, second][which];
+                let depth = self.columns[which].z;
+                let (x, y) = (gradient.x / fx, gradient.y / fy);
+                let own = Vector3::new(x, y, gradient.z - cx * x - cy * y);
+                wrt_columns
+                    .fixed_view_mut::<1, 3>(row, 3 * which)
+                    .copy_from(&own.transpose());
+                wrt_camera[(row, 0)] -= gradient.x * ray.x + gradient.y * ray.y;
+                wrt_camera[(row, 1)] -= gradient.y * ray.y;
+                wrt_camera[(row, 2)] -= x * depth;
+                wrt_camera[(row, 3)] -= y * depth;
+            }
+        }
+        let mut covariance = wrt_columns * self.covariance * wrt_columns.transpose();
+        covariance[(0, 0)] += self.floor * self.floor;
+        covariance[(1, 1)] += self.floor * self.floor;
+        let finite = value.iter().chain(covariance.iter()).all(|v| v.is_finite());
+        (finite && wrt_camera.iter().all(|v| v.is_finite())).then(|| Deviation {
+            value,
+            covariance,
+            wrt_camera,
+            directions: [first / one, second / two],
+        })
+    }
+}
+
+/// By how much the distortion stretches a small figure more along the radius than across it.
+fn anisotropy(undistortion: &Undistortion, size: ImageSize, rho: f64) -> f64 {
+    let Undistortion::Straightened(straightening) = undistortion else {
+        return 0.0;
+    };
+    let unit = size.half_diagonal();
+    let radius = rho.max(STEP) * unit;
+    let step = STEP * unit;
+    let ideal = |r: f64| straightening.ideal_radius(r);
+    let along = (ideal(radius + step) - ideal(radius - step)) / (2.0 * step);
+    along - ideal(radius) / radius
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::linear::Straightening;
+    use crate::observations::sort_by_plane;
+    use crate::synthetic::{Scene, SceneOptions};
+
+    fn candidates(noise: f64) -> (Vec<Candidate>, Pinhole) {
+        let options = SceneOptions {
+            distortion: false,
+            ..SceneOptions::default()
+        };
+        let scene = Scene::random(3, options);
+        let planes = sort_by_plane(&scene.edges(1, noise, 10.0)).unwrap();
+        let known = Undistortion::Straightened(Straightening::identity(scene.size));
+        let all = planes
+            .iter()
+            .map(|p| Candidate::of(p, &known, scene.size).unwrap());
+        let unit = scene.size.half_diagonal();
+        let focal = scene.camera.focal();
+        let offset = (scene.camera.principal_point() - scene.size.centre()) / unit;
+        let camera = Pinhole::new(
+            (focal.x / unit).ln(),
+            (focal.y / focal.x).ln(),
+            offset.x,
+            offset.y,
+        );
+        (all.collect(), camera)
+    }
+
+    #[test]
+    fn a_square_does_not_deviate_for_its_own_camera() {
+        let (all, camera) = candidates(0.0);
+        for candidate in &all {
+            assert!(candidate.deviation(&camera).unwrap().value.norm() < 1e-9);
+            let other = camera + Pinhole::new(0.1, 0.0, 0.0, 0.0);
+            assert!(candidate.deviation(&other).unwrap().value.norm() > 1e-3);
+        }
+    }
+
+    #[test]
+    fn its_derivative_agrees_with_central_differences() {
+        let (all, camera) = candidates(0.0);
+        let camera = camera + Pinhole::new(0.2, 0.1, -0.05, 0.08);
+        for candidate in &all {
+            let found = candidate.deviation(&camera).unwrap();
+            for i in 0..4 {
+                let step = Pinhole::ith(i, 1e-6);
+                let ahead = candidate.deviation(&(camera + step)).unwrap().value;
+                let behind = candidate.deviation(&(camera - step)).unwrap().value;
+                let numerical = (ahead - behind) / 2e-6;
+                assert!((numerical - found.wrt_camera.column(i)).norm() < 1e-7);
+            }
+        }
+    }
+}

@@ -1,0 +1,141 @@
+//! What a choice among candidates returns, and why it may be wrong.
+
+use super::hypothesis::Explanation;
+use super::inliers::Agreement;
+use super::joint_fit::Fit;
+use crate::observations::ObservedPlane;
+
+/// Boards that show a camera and their own errors: more than half of them are then right.
+pub(crate) const LEAST_BOARDS: usize = 3;
+
+/// Logarithm of the odds below which another explanation is nearly as good.
+const CLOSE_RIVAL: f64 = 4.0;
+
+/// Evidence that one explanation needs to stand out from chance, over that of no square at all.
+const LEAST_EVIDENCE: f64 = 8.0;
+
+/// Cameras whose focal lengths differ by more than this part are different explanations.
+const DIFFERENT_FOCAL: f64 = 0.02;
+
+/// An aspect, and a principal point (over half the diagonal), this far from the ordinary are
+/// plausible for no ordinary picture: 4 standard deviations of those in use.
+const ODD_ASPECT: f64 = 0.03;
+const ODD_CENTRE: f64 = 0.12;
+
+/// What was chosen.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Choice {
+    /// One for each plane, in the order of the planes' first figures.
+    pub verdicts: Vec<Verdict>,
+    /// Why the choice may be wrong, if so.
+    pub doubt: Option<Doubt>,
+}
+
+/// What became of a candidate plane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Verdict {
+    /// Index of its first figure.
+    pub figure: usize,
+    /// Whether it is a square to the camera that was found.
+    pub kept: bool,
+    /// Root mean square distance of its samples from the best square that the camera allows (px),
+    /// of what was not kept.
+    pub residual: Option<f64>,
+}
+
+/// Why a choice may be wrong.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Doubt {
+    /// Another camera makes squares of others.
+    #[error(
+        "another choice of squares is nearly as good: {squares} of them and a focal length of \
+         {focal:.0} px"
+    )]
+    Rival {
+        /// How many squares it has.
+        squares: usize,
+        /// Its focal length, px.
+        focal: f64,
+    },
+    /// What agrees may do so by chance.
+    #[error("so few agree that it may be chance")]
+    Chance,
+    /// The camera is no ordinary one.
+    #[error(
+        "they ask for an unusual camera: aspect {aspect:.3}, principal point {offset:.0} px from \
+         the image centre"
+    )]
+    OddCamera {
+        /// `fy / fx`.
+        aspect: f64,
+        /// Distance of the principal point from the image centre, px.
+        offset: f64,
+    },
+}
+
+impl Choice {
+    /// The choice that keeps all.
+    pub(crate) fn of_all(planes: &[ObservedPlane]) -> Self {
+        let kept = |plane: &ObservedPlane| Verdict {
+            figure: plane.figures[0].index,
+            kept: true,
+            residual: None,
+        };
+        Self {
+            verdicts: planes.iter().map(kept).collect(),
+            doubt: None,
+        }
+    }
+}
+
+/// That a choice has a rival, comes about by chance, or asks for an odd camera.
+pub(crate) fn doubt_of_choice(
+    agreement: &Agreement<'_>,
+    best: &Explanation,
+    chosen: &Fit,
+    others: Vec<Fit>,
+) -> Option<Doubt> {
+    let task = agreement.task;
+    let lens = chosen.refined.view.lens;
+    let focal = |fit: &Fit| fit.refined.view.lens.focal().x;
+    let close = agreement.worth(chosen) - CLOSE_RIVAL;
+    let rival = others.into_iter().find(|other| {
+        (focal(other) / focal(chosen)).ln().abs() > DIFFERENT_FOCAL
+            && agreement.worth(other) > close
+    });
+    if let Some(rival) = rival {
+        let rival = agreement.completed(rival);
+        return Some(Doubt::Rival {
+            squares: rival.members.len(),
+            focal: focal(&rival),
+        });
+    }
+    let unknowns = task.options.known_intrinsics(&task.size).unknowns();
+    // Two equations each: where no more are left than unknowns, any squares agree.
+    let exact = !task.options.fixed.focal && 2.0 * chosen.standing_apart() < unknowns as f64 + 1.0;
+    if exact || best.evidence < LEAST_EVIDENCE {
+        return Some(Doubt::Chance);
+    }
+    let aspect = lens.focal().y / lens.focal().x;
+    let offset = (lens.principal_point() - task.size.centre()).norm();
+    let unit = task.size.half_diagonal();
+    let odd = aspect.ln().abs() > ODD_ASPECT || offset > ODD_CENTRE * unit;
+    (odd && task.options.initial.is_none()).then_some(Doubt::OddCamera { aspect, offset })
+}
+
+/// That as many others as boards agree on another camera: these may be a picture's in the picture.
+pub(crate) fn doubt_of_boards(agreement: &Agreement<'_>, rejected: &[usize]) -> Option<Doubt> {
+    if rejected.len() < LEAST_BOARDS {
+        return None;
+    }
+    let planes: Vec<_> = rejected
+        .iter()
+        .map(|i| agreement.planes[*i].clone())
+        .collect();
+    let fit = agreement.judged(rejected, &planes, agreement.task.optimum(&planes).ok()?);
+    agreement.agrees(&fit).then(|| Doubt::Rival {
+        squares: rejected.len(),
+        focal: fit.refined.view.lens.focal().x,
+    })
+}

@@ -1,0 +1,120 @@
+//! The calibration that an optimum makes.
+
+use nalgebra::Vector2;
+
+use super::problem::Task;
+use super::solve::Solution;
+use crate::lens::{Brown, Lens};
+use crate::observations::{ObservedPlane, Placement, View};
+use crate::refine::root_mean_square;
+use crate::result::{Calibration, Plane, Stage, Warning};
+use crate::uncertainty::{Correlated, pose_uncertainties};
+
+impl Calibration {
+    /// Says how well the poses of the optimum are known that it was assembled from.
+    pub(crate) fn state_poses(&mut self, solution: &Solution) {
+        let added = match self.stage {
+            Stage::Pixels => &self.coherence.added_to_pixels,
+            _ => &self.coherence.added,
+        };
+        let independent = &self.covariance - added;
+        let displacements = &self.coherence.displacements;
+        let (planes, refined) = (&solution.planes, &solution.refined);
+        let poses = pose_uncertainties(planes, refined, &independent, displacements);
+        for (plane, uncertainty) in self.planes.iter_mut().zip(poses) {
+            plane.uncertainty = uncertainty;
+        }
+    }
+
+    /// The numbers of an optimum, but for how well its poses are known.
+    pub(crate) fn assemble(task: &Task<'_>, solution: &Solution, stage: Stage) -> Self {
+        let Solution {
+            planes,
+            refined,
+            correlated,
+            ..
+        } = solution;
+        let free = &task.free;
+        let Correlated {
+            covariance,
+            disagreement,
+            coherence,
+        } = correlated.clone();
+        let together = coherence.warnings(&covariance, free);
+        let disagreement = disagreement.map(Warning::Disagreement);
+        let residuals = &refined.residuals;
+        Self {
+            camera: refined.view.lens,
+            image_size: task.size,
+            parameters: free.names(),
+            covariance,
+            aspect_fixed: free.aspect_is_fixed(),
+            planes: planes
+                .iter()
+                .zip(residuals)
+                .enumerate()
+                .map(|(i, (plane, own))| Plane {
+                    figure: plane.figures[0].index,
+                    image: plane.image,
+                    pose: refined.view.planes[i].pose,
+                    corners: observed_corners(plane, &refined.view, i),
+                    rms: root_mean_square(own.iter()),
+                    samples: own.len(),
+                    uncertainty: None,
+                })
+                .collect(),
+            rms: root_mean_square(residuals.iter().flatten().filter(|r| r.counts)),
+            noise_scale: refined.noise_scale,
+            iterations: refined.iterations,
+            warnings: together.into_iter().chain(disagreement).collect(),
+            coherence,
+            stage,
+            tones: Vec::new(),
+        }
+    }
+}
+
+/// The images of a plane's corners: of a square where sides `i - 1` and `i` meet, of a lattice
+/// the corners of the rectangle that its lines' crossings span.
+fn observed_corners(plane: &ObservedPlane, view: &View<Brown>, index: usize) -> [Vector2<f64>; 4] {
+    let sides = &plane.figures[0].sides;
+    let crossing = |i: usize, j: usize| sides[i].line.intersection(&sides[j].line);
+    let square = || -> Option<[Vector2<f64>; 4]> {
+        (sides.len() == 4).then_some(())?;
+        Some([
+            crossing(3, 0)?,
+            crossing(0, 1)?,
+            crossing(1, 2)?,
+            crossing(2, 3)?,
+        ])
+    };
+    let corners = square().unwrap_or_else(|| {
+        let (mut low, mut high) = (Vector2::repeat(f64::MAX), Vector2::repeat(f64::MIN));
+        for i in 0..sides.len() {
+            for j in 0..i {
+                // Crossings of nearly parallel lines lie far outside and are none.
+                let turn = sides[i].line.normal().perp(&sides[j].line.normal()).abs();
+                if let Some(point) = crossing(i, j).filter(|_| turn > 0.1) {
+                    low = low.inf(&point);
+                    high = high.sup(&point);
+                }
+            }
+        }
+        [
+            (low.x, low.y),
+            (high.x, low.y),
+            (high.x, high.y),
+            (low.x, high.y),
+        ]
+        .map(|(x, y)| Vector2::new(x, y))
+    });
+    let state = &view.planes[index];
+    corners.map(|corner| {
+        let point = state.pose.transform(&Placement::IDENTITY.point(corner));
+        // A corner beyond the valid radius is given where a pinhole would see it.
+        view.lens.project(&point).unwrap_or_else(|| {
+            let ideal = point.xy() / point.z;
+            ideal.component_mul(&view.lens.focal()) + view.lens.principal_point()
+        })
+    })
+}

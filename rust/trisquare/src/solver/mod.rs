@@ -1,0 +1,12 @@
+//! From the planes of a scene to the best camera, and what is left out of it.
+
+mod advice;
+mod assemble;
+mod outliers;
+mod problem;
+mod solve;
+mod starts;
+
+pub(crate) use outliers::reject_outliers;
+pub(crate) use problem::Task;
+pub(crate) use solve::Solution;

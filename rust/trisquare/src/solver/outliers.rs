@@ -1,0 +1,346 @@
+//! Sides and planes that do not belong to the scene: bent, torn or covered sides, and targets that
+//! are no squares. They are found by how much better the rest agrees without them.
+
+use super::problem::{Failure, Task};
+use super::solve::Solution;
+use crate::lens::Brown;
+use crate::noise::{Misfit, Noise};
+use crate::observations::ObservedPlane;
+use crate::refine::{Refined, root_mean_square};
+use crate::result::Warning;
+use crate::uncertainty::check_plane_count;
+
+/// Planes that must remain where one is set aside: two cannot show which of three is false.
+const LEAST_PLANES: usize = 3;
+
+/// Mean square misfit from which the planes are doubted.
+const DOUBTED: f64 = 2.0;
+
+/// A plane is set aside if what it adds to the misfit is, per degree of freedom, so many times
+/// what remains without it: chance makes it 4 once in ten thousand times.
+const FALSE_PLANE: f64 = 6.0;
+
+/// A side is bent if its mean square curvature is so many times that of the noise and of the other
+/// sides.
+const BENT: f64 = 10.0;
+
+/// A side is set aside if what it adds to the misfit is, per degree of freedom, so many times what
+/// remains without it: chance makes it 7 once in ten thousand times, and there are some twelve.
+const FALSE_SIDE: f64 = 10.0;
+
+/// At most one side in so many is set aside: beyond, nobody can tell who is right.
+const SIDES_PER_OUTLIER: usize = 4;
+
+/// Planes and sides are all tried where there are this many planes. Every trial fits all planes, so
+/// beyond, fewer are tried, the farthest off first: the more planes hold the camera, the less a
+/// false one can bend it to its will, and the more plainly it shows in its own residuals.
+const ALL_TRIED: usize = 16;
+
+/// Trials of so many planes in all, over the rounds in each of which one side is set aside.
+const PLANES_FITTED: usize = ALL_TRIED * ALL_TRIED;
+
+/// Trials that are made in any case: the farthest off may be a true plane beside a false one.
+const LEAST_TRIALS: usize = 3;
+
+/// Sides of a square.
+const SIDES: usize = 4;
+
+/// The best camera for the sides and planes that agree, and the warnings that name the others.
+///
+/// # Errors
+/// If no camera is found for any of the planes.
+pub(crate) fn reject_outliers(
+    task: &Task<'_>,
+    planes: &[ObservedPlane],
+) -> Result<(Solution, Vec<Warning>), Failure> {
+    let mut solution = match without_false_plane(task, planes, task.solve(planes)) {
+        Err(failure) if failure.may_be_outliers() => {
+            solved_without_bent_side(task, planes).ok_or(failure)?
+        }
+        other => other?,
+    };
+    let sides: usize = planes.iter().map(|plane| plane.sides().count()).sum();
+    let rounds = match planes.len() {
+        ..=ALL_TRIED => sides / SIDES_PER_OUTLIER,
+        many => trials(many),
+    };
+    for _ in 0..rounds {
+        match without_bent_side(task, &solution) {
+            Some(straighter) => solution = straighter,
+            None => break,
+        }
+    }
+    // A bent side may lead to a wrong optimum, which looks weak, and from which no step leads back.
+    if solution.misfit(task).mean() > DOUBTED && task.is_weak(&solution) {
+        solution = solved_without_bent_side(task, planes).unwrap_or(solution);
+    }
+    let warnings = warnings(&solution);
+    Ok((solution, warnings))
+}
+
+/// How many of so many planes are left out in turn.
+fn trials(planes: usize) -> usize {
+    match planes {
+        ..=ALL_TRIED => planes,
+        many => (PLANES_FITTED / many).max(LEAST_TRIALS),
+    }
+}
+
+/// The farthest off of some things, by their misfit.
+fn farthest<T: Copy>(mut things: Vec<(T, Misfit)>, count: usize) -> Vec<T> {
+    things.sort_by(|(_, a), (_, b)| b.total().total_cmp(&a.total()));
+    things.iter().take(count).map(|(thing, _)| *thing).collect()
+}
+
+/// Leaves out each plane in turn where they disagree, and sets aside the one without which the
+/// others agree much better, or only its one bent side. Of many planes only the farthest off are
+/// left out, from the optimum of all.
+fn without_false_plane(
+    task: &Task<'_>,
+    planes: &[ObservedPlane],
+    all: Result<Solution, Failure>,
+) -> Result<Solution, Failure> {
+    let enough =
+        planes.len() > LEAST_PLANES && check_plane_count(planes.len() - 1, &task.free).is_ok();
+    let misfit = match &all {
+        Ok(solution) => Some(solution.misfit(task)),
+        Err(failure) if failure.may_be_outliers() => None,
+        Err(_) => return all,
+    };
+    if !enough || misfit.is_some_and(|misfit| misfit.mean() < DOUBTED) {
+        return all;
+    }
+    let many = planes.len() > ALL_TRIED;
+    let suspects = match &all {
+        Ok(solution) if many => suspected_planes(solution),
+        // Where they gave no camera, nothing shows which of many to leave out.
+        Err(_) if many => Vec::new(),
+        _ => (0..planes.len()).collect(),
+    };
+    let without = |left_out: usize| {
+        let mut rest = planes.to_vec();
+        rest.remove(left_out);
+        let refined = match &all {
+            Ok(solution) if many => {
+                let mut before = solution.refined.clone();
+                before.view.planes.remove(left_out);
+                task.again(&rest, &before)?
+            }
+            _ => task.optimum(&rest).ok()?,
+        };
+        Some((left_out, Trial::of(task, rest, refined)))
+    };
+    let Some((index, trial)) = best(suspects.into_iter().filter_map(without)) else {
+        return all;
+    };
+    let is_false = misfit.is_none_or(|misfit| trial.relief(&misfit) > FALSE_PLANE);
+    if !is_false {
+        return all;
+    }
+    let followed = trial
+        .settled(task)
+        .and_then(|found| task.with_follower(&found, index, &planes[index]));
+    match followed {
+        Some(found) => Ok(with_its_straight_sides(task, found, index)),
+        None => all,
+    }
+}
+
+/// A plane of which one side alone is bent comes back with the others.
+fn with_its_straight_sides(task: &Task<'_>, found: Solution, plane: usize) -> Solution {
+    let curvatures = curvatures(&found, plane);
+    let bent: Vec<usize> = (0..curvatures.len())
+        .filter(|s| curvatures[*s] > BENT)
+        .collect();
+    let [bent] = bent[..] else {
+        return found;
+    };
+    let mut planes = found.planes.clone();
+    for index in 0..curvatures.len() {
+        if let Some(side) = planes[plane].side_mut(index) {
+            side.set_aside = index == bent;
+        }
+    }
+    let again = task
+        .again(&planes, &found.refined)
+        .and_then(|refined| task.settle(&planes, refined).ok());
+    again
+        .filter(|again| again.misfit(task).mean() < DOUBTED * found.misfit(task).mean().max(1.0))
+        .unwrap_or(found)
+}
+
+impl Solution {
+    fn misfit(&self, task: &Task<'_>) -> Misfit {
+        let view = &self.refined.view;
+        self.noise.as_ref().map_or(Misfit::NONE, |noise| {
+            Misfit::of(&self.planes, view, &task.free, noise)
+        })
+    }
+}
+
+/// The planes that are worth leaving out: those farthest off.
+fn suspected_planes(solution: &Solution) -> Vec<usize> {
+    let own = |noise: &Noise| {
+        let planes = 0..noise.sides.len();
+        planes
+            .map(|p| (p, Misfit::of_plane(noise, p)))
+            .collect::<Vec<_>>()
+    };
+    let misfits = solution.noise.as_ref().map(own).unwrap_or_default();
+    farthest(misfits, trials(solution.planes.len()))
+}
+
+/// The sides of squares that are worth leaving out: all, or of many those farthest off.
+fn suspected_sides(solution: &Solution) -> Vec<(usize, usize)> {
+    let sides = sides_of_squares(&solution.planes);
+    match &solution.noise {
+        Some(noise) if solution.planes.len() > ALL_TRIED => {
+            let own = |(p, s): (usize, usize)| ((p, s), Misfit::of_side(noise, p, s));
+            let count = SIDES * trials(solution.planes.len());
+            farthest(sides.map(own).collect(), count)
+        }
+        _ => sides.collect(),
+    }
+}
+
+/// Plane, and index over all figures of the plane, of every side of a square that counts.
+fn sides_of_squares(planes: &[ObservedPlane]) -> impl Iterator<Item = (usize, usize)> {
+    planes.iter().enumerate().flat_map(|(p, plane)| {
+        let squares = plane.figures.iter().all(|figure| figure.sides.len() == 4);
+        let sides = plane.sides().enumerate().filter(move |_| squares);
+        sides.filter_map(move |(s, side)| (!side.set_aside).then_some((p, s)))
+    })
+}
+
+/// Leaves out each side of a square from the start on, where all of them together gave no camera:
+/// of a few planes, for among many no single side is to blame.
+fn solved_without_bent_side(task: &Task<'_>, planes: &[ObservedPlane]) -> Option<Solution> {
+    if planes.len() > ALL_TRIED {
+        return None;
+    }
+    let without = |place| {
+        let rest = without_side(planes, place)?;
+        let refined = task.optimum(&rest).ok()?;
+        Some((place, Trial::of(task, rest, refined)))
+    };
+    let (place, trial) = best(sides_of_squares(planes).filter_map(without))?;
+    let found = trial.settled(task)?;
+    (trial.misfit.mean() < DOUBTED && trial.shows_bent(&found, place)).then_some(found)
+}
+
+/// Leaves out each side of a square in turn where the sides disagree, and sets the one aside
+/// without which the others agree much better; `None` if there is none, or if it is straight: a
+/// straight side in the wrong place belongs to a square that is none.
+fn without_bent_side(task: &Task<'_>, solution: &Solution) -> Option<Solution> {
+    let misfit = solution.misfit(task);
+    if misfit.mean() < DOUBTED {
+        return None;
+    }
+    let without = |place| {
+        let rest = without_side(&solution.planes, place)?;
+        let refined = task.again(&rest, &solution.refined)?;
+        Some((place, Trial::of(task, rest, refined)))
+    };
+    let (place, trial) = best(suspected_sides(solution).into_iter().filter_map(without))?;
+    if trial.relief(&misfit) < FALSE_SIDE {
+        return None;
+    }
+    let found = trial.settled(task)?;
+    trial.shows_bent(&found, place).then_some(found)
+}
+
+/// The planes with one more side set aside: of a plane, by its index over all figures.
+fn without_side(
+    planes: &[ObservedPlane],
+    (plane, side): (usize, usize),
+) -> Option<Vec<ObservedPlane>> {
+    let mut rest = planes.to_vec();
+    rest[plane].side_mut(side)?.set_aside = true;
+    Some(rest)
+}
+
+/// What remains where a plane or a side is left out, and how well it agrees.
+struct Trial {
+    planes: Vec<ObservedPlane>,
+    refined: Refined<Brown>,
+    misfit: Misfit,
+}
+
+impl Trial {
+    fn of(task: &Task<'_>, planes: Vec<ObservedPlane>, refined: Refined<Brown>) -> Self {
+        let noise = Noise::of_optimum(&planes, &refined);
+        let misfit = Misfit::of(&planes, &refined.view, &task.free, &noise);
+        Self {
+            planes,
+            refined,
+            misfit,
+        }
+    }
+
+    fn settled(&self, task: &Task<'_>) -> Option<Solution> {
+        task.settle(&self.planes, self.refined.clone()).ok()
+    }
+
+    /// Mean square misfit, no less than what noise alone makes of it.
+    fn ordinary(&self) -> f64 {
+        self.misfit.mean().max(1.0)
+    }
+
+    /// What was left out added to the misfit of all, per degree of freedom and over what remains.
+    fn relief(&self, all: &Misfit) -> f64 {
+        let added = all.total() - self.misfit.total();
+        let freedom = (all.freedom() - self.misfit.freedom()).max(1.0);
+        added / freedom / self.ordinary()
+    }
+
+    /// Whether the side left out is curved, beyond what the others are.
+    fn shows_bent(&self, found: &Solution, (plane, side): (usize, usize)) -> bool {
+        curvatures(found, plane).get(side) > Some(&(BENT * self.ordinary()))
+    }
+}
+
+/// The trial whose remainder agrees best.
+fn best<T>(trials: impl Iterator<Item = (T, Trial)>) -> Option<(T, Trial)> {
+    trials.min_by(|(_, a), (_, b)| a.misfit.mean().total_cmp(&b.misfit.mean()))
+}
+
+/// Mean square curvature of every side of a plane, in units of the noise.
+fn curvatures(solution: &Solution, plane: usize) -> Vec<f64> {
+    let curvature = |noise: &Noise| {
+        let mean = |side: usize| {
+            let misfit = Misfit::of_side(noise, plane, side);
+            misfit.curved / misfit.curved_freedom.max(1.0)
+        };
+        (0..noise.sides[plane].len()).map(mean).collect()
+    };
+    solution.noise.as_ref().map(curvature).unwrap_or_default()
+}
+
+/// Names what was set aside.
+fn warnings(solution: &Solution) -> Vec<Warning> {
+    let mut warnings = Vec::new();
+    for (p, plane) in solution.planes.iter().enumerate() {
+        let residuals = &solution.refined.residuals[p];
+        if plane.is_set_aside() {
+            let distance = root_mean_square(residuals.iter());
+            warnings.push(Warning::PlaneSetAside { plane: p, distance });
+            continue;
+        }
+        let mut rest = &residuals[..];
+        for (f, figure) in plane.figures.iter().enumerate() {
+            for (s, side) in figure.sides.iter().enumerate() {
+                let (own, others) = rest.split_at(side.samples.len());
+                rest = others;
+                if side.set_aside {
+                    warnings.push(Warning::SideSetAside {
+                        plane: p,
+                        figure: f,
+                        side: s,
+                        distance: root_mean_square(own.iter()),
+                    });
+                }
+            }
+        }
+    }
+    warnings
+}

@@ -1,0 +1,95 @@
+//! What is asked of the planes, and how a search for the answer may fail.
+
+use crate::error::Error;
+use crate::ill_conditioning::Weakness;
+use crate::image_size::ImageSize;
+use crate::lens::Brown;
+use crate::observations::{FreeParameters, ObservedPlane, Options};
+use crate::refine::Refined;
+use crate::uncertainty::{Geometry, judged_parameters};
+
+/// What is asked of the planes.
+pub(crate) struct Task<'a> {
+    pub size: ImageSize,
+    pub options: &'a Options,
+    pub free: FreeParameters,
+    pub judged: FreeParameters,
+}
+
+/// Why the solver gives no answer.
+pub(crate) enum Failure {
+    /// The geometry of an optimum cannot answer; what would help has not been asked yet.
+    Weak(Box<WeakOptimum>),
+    /// Anything else.
+    Other(Error),
+}
+
+/// An optimum whose geometry cannot answer.
+pub(crate) struct WeakOptimum {
+    pub planes: Vec<ObservedPlane>,
+    pub refined: Refined<Brown>,
+    pub weakness: Weakness,
+}
+
+impl From<Error> for Failure {
+    fn from(error: Error) -> Self {
+        Self::Other(error)
+    }
+}
+
+impl Failure {
+    /// Whether fewer planes or sides may give an answer where all of them gave none.
+    pub fn may_be_outliers(&self) -> bool {
+        matches!(
+            self,
+            Self::Weak(_) | Self::Other(Error::NotConverged { .. })
+        )
+    }
+}
+
+impl<'a> Task<'a> {
+    pub fn new(size: ImageSize, options: &'a Options) -> Self {
+        let free = options.free_parameters();
+        Self {
+            size,
+            options,
+            judged: judged_parameters(&free),
+            free,
+        }
+    }
+
+    /// Why the geometry of an optimum cannot answer, if it cannot.
+    pub fn weakness(&self, planes: &[ObservedPlane], refined: &Refined<Brown>) -> Option<Weakness> {
+        let factor = refined.covariance_factor;
+        let geometry = self.geometry(planes, refined);
+        geometry.judge(&refined.system, &self.free, factor).err()
+    }
+
+    /// The refusal of an optimum whose geometry cannot answer.
+    pub fn refuse(
+        &self,
+        planes: &[ObservedPlane],
+        refined: &Refined<Brown>,
+        weakness: Weakness,
+    ) -> Failure {
+        Failure::Weak(Box::new(WeakOptimum {
+            planes: planes.to_vec(),
+            refined: refined.clone(),
+            weakness,
+        }))
+    }
+
+    pub fn geometry<'b>(
+        &'b self,
+        planes: &'b [ObservedPlane],
+        refined: &'b Refined<Brown>,
+    ) -> Geometry<'b, Brown> {
+        Geometry {
+            view: &refined.view,
+            planes,
+            size: self.size,
+            options: self.options,
+            noise_scale: refined.noise_scale,
+        }
+    }
+}

@@ -1,0 +1,166 @@
+//! What a solution knows: its optimum weighed by the planes' own noise, its covariance, its
+//! judgement.
+
+use super::problem::{Failure, Task};
+use super::starts::with_stages;
+use crate::error::Error;
+use crate::lens::Brown;
+use crate::linear::{Homographies, Undistortion, first_view};
+use crate::noise::{Noise, account_for_drift, account_for_relief};
+use crate::observations::{Method, ObservedPlane};
+use crate::refine::{Refined, finish, search};
+use crate::result::Coherence;
+use crate::uncertainty::{
+    Correlated, correlated_covariance, covariance, disagreement, weighed_by_noise,
+};
+
+/// The best camera for some planes, and what is known of it.
+#[derive(Clone)]
+pub(crate) struct Solution {
+    /// The planes, each weighed by its own noise.
+    pub planes: Vec<ObservedPlane>,
+    pub refined: Refined<Brown>,
+    pub correlated: Correlated,
+    /// What the residuals say of their noise; nothing where they are exact, or not asked.
+    pub noise: Option<Noise>,
+}
+
+impl Task<'_> {
+    /// The answer of the method asked for.
+    pub fn optimum(&self, planes: &[ObservedPlane]) -> Result<Refined<Brown>, Failure> {
+        with_stages(self, planes, |stages| stages.optimum())
+    }
+
+    /// The same, with what is known of it.
+    pub fn solve(&self, planes: &[ObservedPlane]) -> Result<Solution, Failure> {
+        let refined = self.optimum(planes)?;
+        match self.options.method {
+            Method::MaximumLikelihood => self.settle(planes, refined),
+            Method::Linear => self.independent_solution(planes, refined),
+        }
+    }
+
+    /// Weighs the planes of an optimum by their own noise, and asks the residuals how far they
+    /// are independent.
+    pub fn settle(
+        &self,
+        planes: &[ObservedPlane],
+        mut refined: Refined<Brown>,
+    ) -> Result<Solution, Failure> {
+        if refined.is_exact() {
+            return self.independent_solution(planes, refined);
+        }
+        let mut noise = Noise::of_optimum(planes, &refined);
+        let mut planes = planes.to_vec();
+        if let Some(weighed) = weighed_by_noise(&planes, &noise)
+            && let Some(again) = self.again(&weighed, &refined)
+        {
+            noise = Noise::of_optimum(&weighed, &again);
+            (planes, refined) = (weighed, again);
+        }
+        if let Some(found) = account_for_drift(&planes, &self.free, &self.judged, &refined) {
+            (planes, refined) = found;
+            noise = Noise::of_optimum(&planes, &refined);
+        }
+        if let Some(found) = account_for_relief(&planes, &self.free, &self.judged, &refined) {
+            (planes, refined) = found;
+            noise = Noise::of_optimum(&planes, &refined);
+        }
+        let correlated = correlated_covariance(&planes, &self.free, &refined, &noise);
+        Ok(Solution {
+            correlated: correlated.ok_or_else(|| self.singular(&planes, &refined))?,
+            planes,
+            refined,
+            noise: Some(noise),
+        })
+    }
+
+    /// The optimum of planes that are weighed otherwise than before.
+    pub fn again(
+        &self,
+        planes: &[ObservedPlane],
+        before: &Refined<Brown>,
+    ) -> Option<Refined<Brown>> {
+        let start = before.as_start();
+        finish(planes, &self.free, &self.judged, start).or_else(|| {
+            let found = search(planes, &self.free, before.view.clone())?;
+            finish(planes, &self.free, &self.judged, found)
+        })
+    }
+
+    /// A solution for some planes, with one more that follows its camera without moving it.
+    pub fn with_follower(
+        &self,
+        solution: &Solution,
+        index: usize,
+        plane: &ObservedPlane,
+    ) -> Option<Solution> {
+        let mut follower = plane.clone();
+        follower.set_aside();
+        let lens = solution.refined.view.lens;
+        let one = std::slice::from_ref(&follower);
+        let undistortion = Undistortion::Known(lens);
+        let homographies = Homographies::estimate(one, &undistortion).ok()?;
+        let matrix = lens.camera_matrix();
+        let (size, options) = (self.size, self.options);
+        let placed = first_view(&matrix, &homographies, one, &undistortion, size, options).ok()?;
+        let (mut planes, mut refined) = (solution.planes.clone(), solution.refined.clone());
+        planes.insert(index, follower);
+        refined.view.planes.insert(index, placed.planes[0].clone());
+        let refined = self.again(&planes, &refined)?;
+        self.settle(&planes, refined).ok()
+    }
+
+    /// A solution whose residuals are not asked about their correlation.
+    fn independent_solution(
+        &self,
+        planes: &[ObservedPlane],
+        refined: Refined<Brown>,
+    ) -> Result<Solution, Failure> {
+        let system = refined.system.leading(self.free.len());
+        let focal = refined.view.lens.focal().x;
+        let factor = refined.covariance_factor;
+        let covariance =
+            covariance(&system, factor).ok_or_else(|| self.singular(planes, &refined))?;
+        let correlated = Correlated {
+            covariance,
+            disagreement: disagreement(&system, &self.free, focal, factor),
+            coherence: Coherence::none(planes.len(), self.free.len()),
+        };
+        Ok(Solution {
+            planes: planes.to_vec(),
+            refined,
+            correlated,
+            noise: None,
+        })
+    }
+
+    /// Whether the geometry cannot answer.
+    pub fn is_weak(&self, solution: &Solution) -> bool {
+        self.weakness(&solution.planes, &solution.refined).is_some()
+    }
+
+    /// Refuses geometry that cannot answer.
+    ///
+    /// # Errors
+    /// [`Failure::Weak`].
+    pub fn judge(&self, solution: &Solution) -> Result<(), Failure> {
+        let (planes, refined) = (&solution.planes, &solution.refined);
+        match self.weakness(planes, refined) {
+            Some(weakness) => Err(self.refuse(planes, refined, weakness)),
+            None => Ok(()),
+        }
+    }
+
+    /// Why there is no covariance: most likely the geometry.
+    fn singular(&self, planes: &[ObservedPlane], refined: &Refined<Brown>) -> Failure {
+        match self.weakness(planes, refined) {
+            Some(weakness) => self.refuse(planes, refined, weakness),
+            None => Failure::Other(Error::NotConverged {
+                stage: "the covariance",
+                iterations: refined.iterations,
+                rms: refined.noise_scale,
+            }),
+        }
+    }
+}

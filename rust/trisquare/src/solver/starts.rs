@@ -1,0 +1,261 @@
+//! From the planes of a scene to the best camera: linear steps, starts, and the joint optimum.
+
+use nalgebra::Matrix3;
+
+use super::problem::{Failure, Task};
+use crate::error::Error;
+use crate::ill_conditioning::Weakness;
+use crate::lens::Brown;
+use crate::linear::{
+    Homographies, Undistortion, conic_camera_matrix, fallback_camera_matrices, first_view,
+};
+use crate::noise::{Misfit, Noise};
+use crate::numeric::Termination;
+use crate::observations::{Fixed, FreeParameters, Method, ObservedPlane, Options, Sample, View};
+use crate::refine::{Refined, Search, finish, search};
+
+/// Samples of each side with which the search for the optimum starts: enough for the robust
+/// scale, and within a few standard deviations of what all samples will say.
+const START_SAMPLES_PER_SIDE: usize = 16;
+
+/// Residuals with the principal point held may be this part of those with it free, for chance;
+/// where they are smaller, the free optimum is a wrong one.
+const BEATEN: f64 = 0.98;
+
+/// The paper's steps 1 and 2, and on them what `answer` makes of all stages.
+pub(crate) fn with_stages<T>(
+    task: &Task<'_>,
+    planes: &[ObservedPlane],
+    answer: impl FnOnce(&Stages<'_>) -> Result<T, Failure>,
+) -> Result<T, Failure> {
+    let sample_limit = match task.options.method {
+        Method::Linear => usize::MAX,
+        Method::MaximumLikelihood => START_SAMPLES_PER_SIDE,
+    };
+    let some: Vec<ObservedPlane> = planes.iter().map(|p| p.thinned(sample_limit)).collect();
+    let undistortion = Undistortion::estimate(&some, task.size, task.options)?;
+    let homographies = Homographies::estimate(&some, &undistortion)?;
+    answer(&Stages {
+        task,
+        planes,
+        some: &some,
+        undistortion: &undistortion,
+        homographies: &homographies,
+    })
+}
+
+/// Keeps the optimum with the smaller residuals.
+fn keep_better(best: &mut Option<Refined<Brown>>, found: Refined<Brown>) {
+    if best
+        .as_ref()
+        .is_none_or(|b| found.noise_scale < b.noise_scale)
+    {
+        *best = Some(found);
+    }
+}
+
+/// Mean square misfit from which an optimum may be a wrong one; that of noise alone is 1.
+const STRAINED: f64 = 2.0;
+
+/// What every stage may look at.
+pub(crate) struct Stages<'a> {
+    task: &'a Task<'a>,
+    planes: &'a [ObservedPlane],
+    /// The same with fewer samples: from these the search starts.
+    some: &'a [ObservedPlane],
+    undistortion: &'a Undistortion,
+    homographies: &'a Homographies,
+}
+
+impl Stages<'_> {
+    fn view(&self, camera_matrix: &Matrix3<f64>) -> Result<View<Brown>, Error> {
+        let view = first_view(
+            camera_matrix,
+            self.homographies,
+            self.planes,
+            self.undistortion,
+            self.task.size,
+            self.task.options,
+        )?;
+        let unknowns = view.unknowns(&self.task.free);
+        let samples = self.samples().count();
+        if samples <= unknowns {
+            return Err(Error::TooFewDegreesOfFreedom { samples, unknowns });
+        }
+        Ok(view)
+    }
+
+    fn samples(&self) -> impl Iterator<Item = &Sample> {
+        self.planes.iter().flat_map(ObservedPlane::samples)
+    }
+
+    /// The answer of the method asked for.
+    pub fn optimum(&self) -> Result<Refined<Brown>, Failure> {
+        match self.task.options.method {
+            Method::Linear => self.linear().map_err(|error| self.why_not_linear(error)),
+            Method::MaximumLikelihood => self.refine(),
+        }
+    }
+
+    /// The linear steps' own answer.
+    fn linear(&self) -> Result<Refined<Brown>, Error> {
+        let camera_matrix =
+            conic_camera_matrix(self.homographies, self.task.size, self.task.options)?;
+        let view = self.view(&camera_matrix)?;
+        self.around(view).ok_or(Error::NotConverged {
+            stage: "the linear solution (its distortion is not invertible at a sample)",
+            iterations: 0,
+            rms: 0.0,
+        })
+    }
+
+    /// Where the linear steps give no camera, its geometry is the likeliest reason, and the
+    /// refinement can tell.
+    fn why_not_linear(&self, error: Error) -> Failure {
+        match self.refine() {
+            Err(weak @ Failure::Weak(_)) => weak,
+            Err(_) => error.into(),
+            Ok(refined) => match self.weakness(&refined) {
+                Some(weakness) => self.task.refuse(self.planes, &refined, weakness),
+                None => error.into(),
+            },
+        }
+    }
+
+    /// Joint maximum likelihood from the conic's camera matrix, or from the first fallback that
+    /// settles where that one does not.
+    ///
+    /// A doubtful answer may be a wrong optimum, with the principal point far off and the planes
+    /// turned to match: then all starts are tried and the one that fits best is taken. One that
+    /// leaves much more than noise may be wrong, too, where the robust loss gave up a part of the
+    /// samples for the rest: it has to stand against that of another start.
+    fn refine(&self) -> Result<Refined<Brown>, Failure> {
+        let conic = conic_camera_matrix(self.homographies, self.task.size, self.task.options);
+        let starts = conic.into_iter().chain(fallback_camera_matrices(
+            self.homographies,
+            self.task.size,
+            self.task.options,
+        ));
+        let mut unsettled: Option<Search<Brown>> = None;
+        let mut best: Option<Refined<Brown>> = None;
+        for camera_matrix in starts {
+            let start = match self.view(&camera_matrix) {
+                Err(error @ Error::TooFewDegreesOfFreedom { .. }) => return Err(error.into()),
+                Err(_) => continue,
+                Ok(start) => start,
+            };
+            let Some(found) = self.search(&self.task.free, start) else {
+                continue;
+            };
+            match self.finish(found.clone()) {
+                Some(refined) => {
+                    // A doubtful geometry asks for all starts, large residuals for one more.
+                    let enough = best.is_some() || !self.is_strained(&refined);
+                    keep_better(&mut best, refined);
+                    if enough && let Some(sound) = best.take_if(|b| !self.is_doubtful(b)) {
+                        return Ok(sound);
+                    }
+                }
+                None => unsettled = unsettled.or(Some(found)),
+            }
+        }
+        let centred = self.centred();
+        let again = centred
+            .clone()
+            .and_then(|c| self.search(&self.task.free, c.view));
+        if let Some(refined) = again.and_then(|found| self.finish(found)) {
+            keep_better(&mut best, refined);
+        }
+        let beaten = |b: &Refined<Brown>| {
+            let held = centred.as_ref().and_then(|c| self.around(c.view.clone()));
+            held.is_some_and(|held| held.noise_scale < BEATEN * b.noise_scale)
+        };
+        best.filter(|b| !beaten(b))
+            .ok_or_else(|| self.no_convergence(centred.or(unsettled)))
+    }
+
+    /// A view with the spread of all residuals around it.
+    fn around(&self, view: View<Brown>) -> Option<Refined<Brown>> {
+        Refined::of_linear(self.planes, &self.task.free, &self.task.judged, view)
+    }
+
+    /// Searches the optimum of some samples from a start.
+    fn search(&self, free: &FreeParameters, start: View<Brown>) -> Option<Search<Brown>> {
+        // Where the straightening's polynomial does not reach a sample, start without.
+        let pinhole = View {
+            lens: start.lens.without_distortion(),
+            ..start.clone()
+        };
+        search(self.some, free, start).or_else(|| search(self.some, free, pinhole))
+    }
+
+    /// The optimum with the principal point held where it is known to be, or at the image centre:
+    /// parallel planes have one there, though none without.
+    fn centred(&self) -> Option<Search<Brown>> {
+        let fixed = Fixed {
+            principal_point: true,
+            ..self.task.options.fixed
+        };
+        let options = Options {
+            fixed,
+            ..*self.task.options
+        };
+        let free = options.free_parameters();
+        fallback_camera_matrices(self.homographies, self.task.size, &options)
+            .iter()
+            .filter_map(|camera_matrix| self.search(&free, self.view(camera_matrix).ok()?))
+            .find(|found| found.termination == Termination::Converged)
+    }
+
+    /// From the optimum of some samples to that of all.
+    fn finish(&self, found: Search<Brown>) -> Option<Refined<Brown>> {
+        if found.termination != Termination::Converged {
+            return None;
+        }
+        let view = found.view.clone();
+        finish(self.planes, &self.task.free, &self.task.judged, found).or_else(|| {
+            // Some samples misled: search among all of them.
+            let found = search(self.planes, &self.task.free, view)?;
+            let converged = found.termination == Termination::Converged;
+            let found = converged.then_some(found)?;
+            let view = found.view.clone();
+            // Where the cost is far from a parabola, Newton's undamped steps may not settle.
+            finish(self.planes, &self.task.free, &self.task.judged, found)
+                .or_else(|| self.around(view))
+        })
+    }
+
+    /// A geometry that cannot answer is the likeliest reason, and has its own error.
+    fn no_convergence(&self, unsettled: Option<Search<Brown>>) -> Failure {
+        let iterations = unsettled.as_ref().map_or(0, |found| found.iterations);
+        let refined = unsettled.and_then(|found| self.around(found.view));
+        let rms = refined.as_ref().map_or(0.0, |refined| refined.noise_scale);
+        if let Some(refined) = &refined
+            && let Some(weakness) = self.weakness(refined)
+        {
+            return self.task.refuse(self.planes, refined, weakness);
+        }
+        Failure::Other(Error::NotConverged {
+            stage: "the joint refinement",
+            iterations,
+            rms,
+        })
+    }
+
+    pub fn weakness(&self, refined: &Refined<Brown>) -> Option<Weakness> {
+        self.task.weakness(self.planes, refined)
+    }
+
+    fn is_doubtful(&self, refined: &Refined<Brown>) -> bool {
+        let geometry = self.task.geometry(self.planes, refined);
+        let factor = refined.covariance_factor;
+        let weakest = geometry.weakest(&refined.system, &self.task.free, factor);
+        weakest.is_some_and(|weakest| weakest.is_doubtful())
+    }
+
+    /// Whether the sides are much farther from their lines than noise explains.
+    fn is_strained(&self, refined: &Refined<Brown>) -> bool {
+        let noise = Noise::of_optimum(self.planes, refined);
+        Misfit::of(self.planes, &refined.view, &self.task.free, &noise).mean() > STRAINED
+    }
+}

@@ -1,0 +1,144 @@
+//! What the residuals say of their own noise, and what that makes of the answer: planes that are
+//! measured less well than others, neighbours and whole sides that err together.
+
+use nalgebra::DMatrix;
+
+use super::covariance::covariance;
+use super::known_values::disagreement;
+use crate::lens::Lens;
+use crate::noise::{Misfit, Noise, SideErrors, rms_displacement, variance_of, white_variance};
+use crate::observations::{FreeParameters, ObservedPlane};
+use crate::refine::Refined;
+use crate::result::{Coherence, Disagreement, Warning};
+
+/// A plane's noise differs from that of all if it does so by so many of its own standard
+/// deviations...
+const DIFFERENT: f64 = 4.0;
+
+/// ... of which its logarithm has `0.71 / sqrt(n)`.
+const LOG_SCALE_STD: f64 = 0.71;
+
+/// How far (px) samples measured with an estimated tone curve may be displaced together: a few
+/// thousandths on rendered pictures.
+const CURVE_ERROR: f64 = 0.01;
+
+/// What is known once correlation is allowed for.
+#[derive(Clone)]
+pub(crate) struct Correlated {
+    /// Of the free parameters.
+    pub covariance: DMatrix<f64>,
+    /// The plane that disagrees with the rest, if any does.
+    pub disagreement: Option<Disagreement>,
+    pub coherence: Coherence,
+}
+
+impl Coherence {
+    /// By how much the standard deviation of each parameter of a covariance was raised.
+    fn factors(&self, covariance: &DMatrix<f64>) -> Vec<f64> {
+        let (all, added) = (covariance.diagonal(), self.added.diagonal());
+        let pairs = all.iter().zip(added.iter());
+        pairs
+            .map(|(all, added)| (all / (all - added)).sqrt())
+            .collect()
+    }
+
+    pub(crate) fn warnings(
+        &self,
+        covariance: &DMatrix<f64>,
+        free: &FreeParameters,
+    ) -> Vec<Warning> {
+        let factors = self.factors(covariance);
+        let most = |a: &usize, b: &usize| factors[*a].total_cmp(&factors[*b]);
+        let Some(worst) = (0..factors.len()).max_by(most) else {
+            return Vec::new();
+        };
+        let mut warnings = Vec::new();
+        if self.contradiction > 1.0 {
+            warnings.push(Warning::PlanesContradict {
+                factor: self.contradiction.sqrt(),
+            });
+        }
+        let most = |a: &usize, b: &usize| self.displacements[*a].total_cmp(&self.displacements[*b]);
+        let plane = (0..self.displacements.len()).rev().max_by(most);
+        if let Some(plane) = plane.filter(|_| self.is_likely()) {
+            warnings.push(Warning::SidesErrTogether {
+                plane,
+                displacement: self.displacements[plane],
+                parameter: free.names()[worst],
+                factor: factors[worst],
+            });
+        }
+        warnings
+    }
+}
+
+/// The planes with their samples weighed by the noise of each; `None` if all have the same.
+pub(crate) fn weighed_by_noise(
+    planes: &[ObservedPlane],
+    noise: &Noise,
+) -> Option<Vec<ObservedPlane>> {
+    let differs = noise.planes.iter().any(|own| {
+        let deviation = (own.scale / noise.scale).ln().abs();
+        deviation > DIFFERENT * LOG_SCALE_STD / own.freedom.max(1.0).sqrt()
+    });
+    differs.then(|| {
+        let mut weighed = planes.to_vec();
+        for (plane, own) in weighed.iter_mut().zip(&noise.planes) {
+            plane.weigh(noise.scale / own.scale);
+        }
+        weighed
+    })
+}
+
+/// The covariance of an optimum under the correlation that its own residuals show; `None` if it
+/// is singular.
+pub(crate) fn correlated_covariance<L: Lens>(
+    planes: &[ObservedPlane],
+    free: &FreeParameters,
+    refined: &Refined<L>,
+    noise: &Noise,
+) -> Option<Correlated> {
+    let white = white_variance(noise, refined);
+    let independent = covariance(&refined.system.leading(free.len()), white)?;
+    let errors = SideErrors::gather(planes, free, &refined.view, noise, white)?;
+    let strength = errors.strength()?;
+    let contradiction = Misfit::of(planes, &refined.view, free, noise).contradiction();
+    let system = errors.marginal(&strength.mean)?;
+    // Boards with a relief have been fitted by generalised least squares, all others at weights
+    // that take the noise for white.
+    let generalised = match planes.iter().any(|plane| plane.relief.is_some()) {
+        true => Some(covariance(&system, 1.0)?),
+        false => None,
+    };
+    let units = match generalised {
+        Some(_) => Vec::new(),
+        None => errors.unit_covariances()?,
+    };
+    let total_beyond = |floor: f64| {
+        let mut total = generalised.clone().unwrap_or_else(|| independent.clone());
+        for (unit, variance) in units.iter().zip(&strength.mean) {
+            total += unit * (*variance - variance_of(floor)).max(0.0);
+        }
+        total * contradiction
+    };
+    let drifting = planes.iter().any(ObservedPlane::drifts);
+    let floor = if drifting { CURVE_ERROR } else { 0.0 };
+    let total = total_beyond(0.0);
+    let displacements = strength.if_any().into_iter();
+    let coherence = Coherence {
+        floor,
+        added_to_pixels: total_beyond(floor) - &independent,
+        contradiction,
+        neighbours: noise.correlation,
+        pixels: noise.correlation * noise.scale.powi(2),
+        probability: strength.probability,
+        displacements: displacements.map(rms_displacement).collect(),
+        added: &total - independent,
+    };
+    let focal = refined.view.lens.parameters()[0];
+    Some(Correlated {
+        covariance: total,
+        disagreement: disagreement(&system, free, focal, 1.0),
+        coherence,
+    })
+}

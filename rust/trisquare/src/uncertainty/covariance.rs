@@ -1,0 +1,58 @@
+//! How well the camera is known: the covariance of its parameters.
+
+use nalgebra::DMatrix;
+
+use crate::error::Error;
+use crate::numeric::ArrowSystem;
+use crate::observations::FreeParameters;
+
+/// The covariance of the free parameters from the normal equations at the optimum; `None` if they
+/// are singular. `factor` turns the inverse of the weighted information into a covariance.
+pub(crate) fn covariance(system: &ArrowSystem, factor: f64) -> Option<DMatrix<f64>> {
+    if system.prior.is_empty() {
+        return Some(DMatrix::zeros(0, 0));
+    }
+    Some(invert(&system.reduced_information()?)? * factor)
+}
+
+/// Inverts a positive definite matrix after scaling its diagonal to 1.
+fn invert(information: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let scale = information.diagonal().map(|d| 1.0 / d.sqrt());
+    if !scale.iter().all(|s| s.is_finite()) {
+        return None;
+    }
+    let scaling = DMatrix::from_diagonal(&scale);
+    let inverse = (&scaling * information * &scaling).cholesky()?.inverse();
+    let covariance = &scaling * inverse * &scaling;
+    covariance
+        .iter()
+        .all(|v| v.is_finite())
+        .then_some(covariance)
+}
+
+/// Checks that there are planes enough for the free entries of the camera matrix.
+///
+/// Each plane direction gives two equations.
+///
+/// # Errors
+/// [`Error::NotEnoughPlanes`].
+pub(crate) fn check_plane_count(found: usize, free: &FreeParameters) -> Result<(), Error> {
+    let names: Vec<&str> = free
+        .names()
+        .into_iter()
+        .filter(|name| ["fx", "fy", "cx", "cy"].contains(name))
+        .collect();
+    let needed = names.len().div_ceil(2).max(1);
+    if found < needed {
+        return Err(Error::NotEnoughPlanes {
+            found,
+            needed,
+            free: if names.is_empty() {
+                "none".into()
+            } else {
+                names.join(", ")
+            },
+        });
+    }
+    Ok(())
+}

@@ -1,0 +1,108 @@
+//! Does one plane disagree with the rest? Each is left out in turn.
+
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+
+use crate::numeric::ArrowSystem;
+use crate::observations::FreeParameters;
+use crate::result::Disagreement;
+
+/// Sweeps of the symmetric eigenvalue iteration; a few per column suffice.
+const MAX_SWEEPS: usize = 1000;
+
+/// Eigenvalues below this part of the largest are directions that a plane does not determine.
+const RANK_TOLERANCE: f64 = 1e-6;
+
+/// Normal deviates from which a disagreement is no accident: one in thirty thousand.
+const DISAGREEMENT: f64 = 4.0;
+
+/// A focal length or principal point that moves by less than this part of the focal length when
+/// a plane is left out is of no consequence, however significant.
+const CONSEQUENCE: f64 = 0.002;
+
+/// The plane that disagrees most with the rest, if any does beyond chance.
+///
+/// At the optimum, plane `p` pulls the shared parameters by its reduced gradient `g_p`, whose
+/// covariance is `S_p - S_p S^-1 S_p` with `S_p` its information and `S` that of all; leaving it
+/// out moves them by `(S - S_p)^-1 g_p` in one Gauss-Newton step. `factor` turns the inverse of
+/// the weighted information into a covariance.
+pub(crate) fn disagreement(
+    system: &ArrowSystem,
+    free: &FreeParameters,
+    focal: f64,
+    factor: f64,
+) -> Option<Disagreement> {
+    let contributions = system.contributions()?;
+    if contributions.len() < 3 || free.len() == 0 {
+        return None;
+    }
+    let total = system.reduced_information()?;
+    let inverse = total.clone().cholesky()?.inverse();
+    // The optimum is only reached to the iteration's tolerance: what is left of the total gradient
+    // is not any plane's own.
+    let left = contributions
+        .iter()
+        .map(|part| &part.gradient)
+        .sum::<DVector<f64>>();
+    let left = &inverse * left;
+    let mut worst: Option<Disagreement> = None;
+    for (plane, part) in contributions.iter().enumerate() {
+        let information = &part.information;
+        let gradient = &part.gradient - information * &left;
+        let spread = information - information * &inverse * information;
+        let Some((square, rank)) = mahalanobis(&spread, &gradient) else {
+            continue;
+        };
+        let sigmas = normal_deviate(square / factor, rank as f64);
+        let rest = &total - information;
+        let Some(rest) = rest.cholesky() else {
+            continue;
+        };
+        let change = rest.solve(&gradient);
+        let moved = ["fx", "fy", "cx", "cy"]
+            .iter()
+            .filter_map(|name| free.position(name))
+            .map(|i| (change[i] / focal).abs())
+            .fold(0.0f64, f64::max);
+        if sigmas > DISAGREEMENT
+            && moved > CONSEQUENCE
+            && worst.as_ref().is_none_or(|w| sigmas > w.sigmas)
+        {
+            worst = Some(Disagreement {
+                plane,
+                focal_change: free.position("fx").map_or(0.0, |i| change[i] / focal),
+                sigmas,
+            });
+        }
+    }
+    worst
+}
+
+/// The normal deviate as improbable as a chi-squared of `freedom` degrees
+/// (E. B. Wilson & M. M. Hilferty, PNAS 17 (1931) 684-688).
+fn normal_deviate(chi_square: f64, freedom: f64) -> f64 {
+    let spread = 2.0 / (9.0 * freedom);
+    ((chi_square / freedom).cbrt() - (1.0 - spread)) / spread.sqrt()
+}
+
+/// `g^T A^+ g` and the rank of `A`.
+fn mahalanobis(a: &DMatrix<f64>, g: &DVector<f64>) -> Option<(f64, usize)> {
+    if a.is_empty() {
+        return None;
+    }
+    // Scaled so that parameters of very different units compare.
+    let scale = a
+        .diagonal()
+        .map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });
+    let scaling = DMatrix::from_diagonal(&scale);
+    let eigen = SymmetricEigen::try_new(&scaling * a * &scaling, f64::EPSILON, MAX_SWEEPS)?;
+    let g = eigen.eigenvectors.tr_mul(&(scaling * g));
+    let limit = RANK_TOLERANCE * eigen.eigenvalues.amax();
+    let (mut square, mut rank) = (0.0, 0);
+    for (value, g) in eigen.eigenvalues.iter().zip(g.iter()) {
+        if *value > limit {
+            square += g * g / value;
+            rank += 1;
+        }
+    }
+    (rank > 0).then_some((square, rank))
+}

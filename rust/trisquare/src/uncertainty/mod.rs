@@ -1,0 +1,17 @@
+//! How well the camera is known, and whether the geometry determines it at all.
+
+mod conditioning;
+mod correlated_residuals;
+mod covariance;
+mod known_values;
+mod pose;
+mod projection;
+mod remedies;
+
+pub(crate) use conditioning::{Geometry, judged_parameters};
+pub(crate) use correlated_residuals::{Correlated, correlated_covariance, weighed_by_noise};
+pub(crate) use covariance::{check_plane_count, covariance};
+pub(crate) use known_values::disagreement;
+pub(crate) use pose::pose_uncertainties;
+pub use projection::ProjectionUncertainty;
+pub(crate) use remedies::{remedies_by_holding, remedy_by_showing};

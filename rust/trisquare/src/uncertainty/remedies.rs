@@ -1,0 +1,242 @@
+//! What would help a geometry that is refused: every remedy is tried before it is named.
+//!
+//! Holding a parameter is tried on the samples themselves. A change of the scene is tried on
+//! noise-free samples: the planes, each where it is seen, are turned or brought closer, and judged
+//! by the same rule.
+
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+use nalgebra::{Rotation3, Unit, Vector2, Vector3};
+
+use super::conditioning::{Geometry, judged_parameters};
+use crate::geometry::Pose;
+use crate::ill_conditioning::{Cause, Remedy, Weakness};
+use crate::lens::{Brown, Lens};
+use crate::numeric::Problem;
+use crate::observations::{Fixed, ObservedPlane, View};
+use crate::refine::EdgeProblem;
+
+/// Tilts tried, in degrees; beyond, squares become slivers.
+const TILTS: [f64; 8] = [15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0, 50.0];
+
+/// Enlargements tried.
+const FACTORS: [f64; 6] = [1.5, 2.0, 3.0, 4.0, 6.0, 8.0];
+
+/// Directions of the first square's tilt for which a remedy must work (parts of a turn).
+const PHASES: [f64; 4] = [0.0, 0.07, 0.14, 0.21];
+
+/// Samples of each side that stand for all of them in a scene that is only imagined.
+const SAMPLES_PER_SIDE: usize = 16;
+
+/// A remedy must reach this part of what is accepted: the photograph to come is not quite the one
+/// imagined.
+const MARGIN: f64 = 0.7;
+
+/// A camera whose worst parameter exceeds its limit by less than this factor is taken for the true
+/// one.
+const KNOWN: f64 = 2.5;
+
+/// The focal length assumed otherwise, in image widths: a long one, which shows least perspective.
+const ASSUMED_FOCAL: f64 = 1.5;
+
+/// How far outside the picture (parts of its size) samples of an imagined scene may lie: it could
+/// be moved.
+const SLACK: f64 = 0.1;
+
+/// What to hold so that a calibration succeeds, `succeeds` being told what is held.
+pub(crate) fn remedies_by_holding(fixed: &Fixed, succeeds: impl Fn(Fixed) -> bool) -> Vec<Remedy> {
+    let aspect = Fixed {
+        aspect: true,
+        ..*fixed
+    };
+    let principal_point = Fixed {
+        principal_point: true,
+        ..*fixed
+    };
+    let both = Fixed {
+        principal_point: true,
+        ..aspect
+    };
+    let tried = |remedy, held: Fixed| (held != *fixed && succeeds(held)).then_some(remedy);
+    let alone: Vec<Remedy> = tried(Remedy::FixAspect, aspect)
+        .into_iter()
+        .chain(tried(Remedy::FixPrincipalPoint, principal_point))
+        .collect();
+    if !alone.is_empty() || fixed.aspect || fixed.principal_point {
+        return alone;
+    }
+    let both = tried(Remedy::FixAspectAndPrincipalPoint, both);
+    both.into_iter().collect()
+}
+
+/// How to show the planes so that a calibration succeeds; `None` if nothing tried would do.
+pub(crate) fn remedy_by_showing(
+    geometry: &Geometry<'_, Brown>,
+    weakness: &Weakness,
+) -> Option<Remedy> {
+    let imagined = Imagined::new(geometry, weakness);
+    let upright = matches!(weakness.cause, Cause::Small { .. } | Cause::Huddled { .. });
+    let enlarged = FACTORS
+        .into_iter()
+        .find(|factor| upright && imagined.lens_is_known && imagined.suffices(None, *factor));
+    if let Some(factor) = enlarged {
+        return Some(Remedy::Enlarge { factor });
+    }
+    let tilts = |factor: f64| {
+        let mut all = TILTS.into_iter();
+        all.find(|degrees| imagined.suffices(Some(*degrees), factor))
+    };
+    if let Some(degrees) = tilts(1.0) {
+        return Some(Remedy::Tilt { degrees });
+    }
+    FACTORS.into_iter().find_map(|factor| {
+        let degrees = tilts(factor)?;
+        Some(Remedy::TiltAndEnlarge { degrees, factor })
+    })
+}
+
+/// The same planes as another photograph might show them.
+struct Imagined<'a, 'b> {
+    geometry: &'a Geometry<'b, Brown>,
+    /// Some of the samples, which stand for all.
+    planes: Vec<ObservedPlane>,
+    /// The noise scale that goes with them.
+    noise_scale: f64,
+    lens: Brown,
+    lens_is_known: bool,
+}
+
+impl<'a, 'b> Imagined<'a, 'b> {
+    fn new(geometry: &'a Geometry<'b, Brown>, weakness: &Weakness) -> Self {
+        let found = geometry.view.lens;
+        let width = f64::from(geometry.size.width);
+        let lens_is_known = weakness.std < KNOWN * weakness.limit;
+        let focal = ASSUMED_FOCAL * width;
+        let centre = geometry.size.centre();
+        let assumed = [focal, focal, centre.x, centre.y, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let planes: Vec<ObservedPlane> = geometry
+            .planes
+            .iter()
+            .map(|plane| plane.thinned(SAMPLES_PER_SIDE))
+            .collect();
+        let count = |planes: &[ObservedPlane]| {
+            let counts = planes.iter().map(|plane| plane.samples().count());
+            counts.sum::<usize>() as f64
+        };
+        Self {
+            geometry,
+            noise_scale: geometry.noise_scale * (count(&planes) / count(geometry.planes)).sqrt(),
+            planes,
+            lens: if lens_is_known {
+                found
+            } else {
+                Brown::new(assumed)
+            },
+            lens_is_known,
+        }
+    }
+
+    /// Whether the planes, tilted (or as they stand) and enlarged, pass the rule with a margin.
+    fn suffices(&self, tilt: Option<f64>, factor: f64) -> bool {
+        let phases = if tilt.is_some() { &PHASES[..] } else { &[0.0] };
+        phases.iter().all(|phase| {
+            let ratio = self.ratio(tilt, factor, *phase);
+            ratio.is_some_and(|ratio| ratio <= MARGIN)
+        })
+    }
+
+    /// The worst standard deviation of the imagined scene as a part of what is accepted.
+    fn ratio(&self, tilt: Option<f64>, factor: f64, phase: f64) -> Option<f64> {
+        let planes = &self.planes;
+        let turn = if planes.len() == 2 {
+            FRAC_PI_2
+        } else {
+            TAU / planes.len() as f64
+        };
+        let mut view = self.geometry.view.clone();
+        view.lens = self.lens;
+        let mut seen = Vec::with_capacity(planes.len());
+        for (i, plane) in planes.iter().enumerate() {
+            let direction = TAU * phase + turn * i as f64;
+            let tilt = tilt.map(|degrees| (degrees.to_radians(), direction));
+            let (pose, plane) = self.shown(plane, i, tilt, factor)?;
+            view.planes[i].pose = pose;
+            seen.push(plane);
+        }
+        self.judged_ratio(&view, &seen)
+    }
+
+    fn judged_ratio(&self, view: &View<Brown>, planes: &[ObservedPlane]) -> Option<f64> {
+        let free = self.geometry.options.free_parameters();
+        let judged = judged_parameters(&free);
+        let (_, system) = EdgeProblem::new(planes, &judged, self.noise_scale).evaluate(view)?;
+        let geometry = Geometry {
+            view,
+            planes,
+            noise_scale: self.noise_scale,
+            ..*self.geometry
+        };
+        let weakest = geometry.weakest(&system, &free, 1.0)?;
+        Some(weakest.ratio())
+    }
+
+    /// A plane turned about the middle of its samples and brought closer, and its noise-free
+    /// samples; `None` if they would leave the picture.
+    fn shown(
+        &self,
+        plane: &ObservedPlane,
+        index: usize,
+        tilt: Option<(f64, f64)>,
+        factor: f64,
+    ) -> Option<(Pose, ObservedPlane)> {
+        let view = self.geometry.view;
+        let old = view.planes[index].pose;
+        let to_plane = old.homography().try_inverse()?;
+        let on_plane = |pixel: &Vector2<f64>| {
+            let point = to_plane * view.lens.sight(pixel)?.ideal().push(1.0);
+            Some(point.xy() / point.z)
+        };
+        let count = plane.samples().count() as f64;
+        let (mut middle, mut pixel) = (Vector2::zeros(), Vector2::zeros());
+        for sample in plane.samples() {
+            middle += on_plane(&sample.pixel)? / count;
+            pixel += sample.pixel / count;
+        }
+        let ray = self.lens.unproject(&pixel)?;
+        let focal_ratio = self.lens.focal().x / view.lens.focal().x;
+        let depth = old.transform(&middle).z * focal_ratio / factor;
+        let rotation = match tilt {
+            None => old.rotation,
+            Some((angle, direction)) => {
+                let axis = Vector3::new(direction.cos(), direction.sin(), 0.0);
+                let spin = old.rotation.m21.atan2(old.rotation.m11);
+                let tilted = Rotation3::from_axis_angle(&Unit::new_normalize(axis), angle);
+                let spun = Rotation3::from_axis_angle(&Vector3::z_axis(), spin);
+                (tilted * spun).into_inner()
+            }
+        };
+        let pose = Pose {
+            rotation,
+            translation: ray / ray.z * depth - rotation * middle.push(0.0),
+        };
+        let mut seen = plane.clone();
+        for (f, figure) in seen.figures.iter_mut().enumerate() {
+            for side in &mut figure.sides {
+                let line = view.planes[index].figures[f].line(&side.line);
+                for sample in &mut side.samples {
+                    let point = on_plane(&sample.pixel)?;
+                    let on_line = point - line.xy() * line.dot(&point.push(1.0));
+                    sample.pixel = self.lens.project(&pose.transform(&on_line))?;
+                    self.is_inside(&sample.pixel).then_some(())?;
+                }
+            }
+        }
+        Some((pose, seen))
+    }
+
+    fn is_inside(&self, pixel: &Vector2<f64>) -> bool {
+        let centre = self.geometry.size.centre();
+        let offset = (pixel - centre).abs();
+        offset.x <= centre.x * (1.0 + 2.0 * SLACK) && offset.y <= centre.y * (1.0 + 2.0 * SLACK)
+    }
+}
