@@ -11,8 +11,8 @@ use trisquare::{
 
 use crate::arrays;
 use crate::errors::exception;
-use crate::figures::plane_edges;
-use crate::picture::{Picture, picture_tone};
+use crate::image::{Picture, picture_tone};
+use crate::observations::plane_edges;
 
 /// Calibrates from figures and, where given, the pictures they were measured in.
 #[pyfunction]

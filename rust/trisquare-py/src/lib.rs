@@ -2,16 +2,13 @@
 
 mod arrays;
 mod calibration;
-mod camera;
-mod crossings;
 mod errors;
-mod figures;
-mod picture;
-mod predict;
-mod saddles;
-mod sides;
-mod steps;
-mod surface;
+mod image;
+mod lens;
+mod linear;
+mod observations;
+mod planning;
+mod search;
 
 /// The compiled core of trisquare.
 #[pyo3::pymodule]
@@ -23,28 +20,25 @@ mod _core {
     #[pymodule_export]
     use crate::calibration::{calibrate, choose};
     #[pymodule_export]
-    use crate::camera::{
+    use crate::image::{Picture, localise};
+    #[pymodule_export]
+    use crate::lens::{
         can_unproject, distort_pixels, fill_undistortion_map, invertible_radius, largest_rectangle,
         project_points, projection_covariance, projection_jacobian, undistort_pixels,
         undistorted_view, unproject_pixels, valid_pixel_radius,
     };
     #[pymodule_export]
-    use crate::crossings::{grow_lattice, link_crossings};
-    #[pymodule_export]
-    use crate::figures::square_lines;
-    #[pymodule_export]
-    use crate::picture::{Picture, localise};
-    #[pymodule_export]
-    use crate::predict::predict;
-    #[pymodule_export]
-    use crate::saddles::{saddle_steps, settle_on_saddles};
-    #[pymodule_export]
-    use crate::sides::fit_side_cubics;
-    #[pymodule_export]
-    use crate::steps::{
+    use crate::linear::{
         camera_matrix_from_homographies, fit_distortion, homography_from_lines,
         pose_from_homography, straighten,
     };
     #[pymodule_export]
-    use crate::surface::{fit_lattice_surface, lattice_surface_points, lattice_surface_sites};
+    use crate::observations::square_lines;
+    #[pymodule_export]
+    use crate::planning::predict;
+    #[pymodule_export]
+    use crate::search::{
+        fit_lattice_surface, fit_side_cubics, grow_lattice, lattice_surface_points,
+        lattice_surface_sites, link_crossings, saddle_steps, settle_on_saddles,
+    };
 }
