@@ -12,6 +12,7 @@ use pyo3::prelude::*;
 use trisquare::{Crossing, GreyBytes, Lattice, Site};
 
 use crate::arrays;
+use crate::errors::detached;
 
 type Grown<'py> = (Bound<'py, PyArray3<f64>>, Site);
 type Linked<'py> = (Bound<'py, PyArray2<i64>>, Bound<'py, PyArray2<i64>>);
@@ -29,7 +30,7 @@ pub fn link_crossings<'py>(
     let (width, height, values) = bytes_of(&picture);
     let values = values.into_owned();
     let grey = GreyBytes::new(width, height, &values).ok_or_else(no_picture)?;
-    let linked = py.detach(|| trisquare::link_crossings(&grey, &crossings));
+    let linked = detached(py, || trisquare::link_crossings(&grey, &crossings))?;
     let following = PyArray2::zeros(py, [linked.len(), 4], false);
     let back = PyArray2::zeros(py, [linked.len(), 4], false);
     {
@@ -66,7 +67,7 @@ pub fn grow_lattice<'py>(
         crossings: sites_of(&grid)?,
         dark_first,
     };
-    py.detach(|| lattice.grow(&grey, &crossings));
+    detached(py, || lattice.grow(&grey, &crossings))?;
     let sites = || lattice.crossings.keys();
     let first = (
         sites().map(|site| site.0).min().unwrap_or(0),

@@ -31,6 +31,8 @@ mod _core {
     #[pymodule_export]
     use crate::crossings::{grow_lattice, link_crossings};
     #[pymodule_export]
+    use crate::errors::provoke_panic;
+    #[pymodule_export]
     use crate::figures::square_lines;
     #[pymodule_export]
     use crate::picture::{Picture, localise};

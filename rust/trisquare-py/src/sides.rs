@@ -9,6 +9,7 @@ use pyo3::prelude::*;
 use trisquare::{SidePoints, trimmed_cubics};
 
 use crate::arrays;
+use crate::errors::detached;
 
 /// Coefficients, shape (S, 4), of cubics through offsets, shape (S, N), given their bases, shape
 /// (S, N, 4), which of them count, and the lengths of the chords; `trimmed` leaves out strays.
@@ -40,10 +41,10 @@ pub fn fit_side_cubics<'py>(
         length: lengths[side],
     };
     let all: Vec<SidePoints> = (0..sides).map(side).collect();
-    let cubics = py.detach(|| match trimmed {
+    let cubics = detached(py, || match trimmed {
         true => trimmed_cubics(&all),
         false => all.iter().map(SidePoints::cubic).collect(),
-    });
+    })?;
     let values = cubics.iter().flat_map(|cubic| <[f64; 4]>::from(*cubic));
     Ok(arrays::from_rows(py, sides, 4, values))
 }

@@ -7,6 +7,7 @@ use trisquare::LatticeSurface;
 
 use crate::arrays;
 use crate::crossings::sites_of;
+use crate::errors::detached;
 
 type Fitted<'py> = (Bound<'py, PyArray2<f64>>, f64);
 
@@ -27,7 +28,7 @@ pub fn fit_lattice_surface<'py>(
             (site, (point - middle) / size)
         })
         .unzip();
-    let surface = py.detach(|| LatticeSurface::fitted(&sites, &points, size));
+    let surface = detached(py, || LatticeSurface::fitted(&sites, &points, size))?;
     Ok((arrays::from_matrix3(py, &surface.homography), surface.bend))
 }
 
