@@ -83,6 +83,7 @@ mod undistorted_view;
 mod undistortion_map;
 mod view;
 mod weakness;
+mod work;
 
 pub use brown::{Brown, BrownSight};
 pub use calibrate::{calibrate, calibrate_photographs};

@@ -121,9 +121,10 @@ impl Candidates {
     /// Fits every model, and weighs those that converge.
     fn fit(edges: &[PlaneEdges], size: ImageSize, options: &Options) -> Self {
         let mut fits: Vec<(Model, Calibration)> = Vec::with_capacity(LADDER.len());
+        let mut work = None;
         for model in LADDER {
             let options = Options { model, ..*options };
-            if let Ok(fit) = calibrate_unjudged(edges, size, &options) {
+            if let Ok(fit) = calibrate_unjudged(edges, size, &options, &mut work) {
                 fits.push((model, fit));
             }
         }

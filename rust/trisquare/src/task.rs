@@ -1,6 +1,8 @@
 //! What is asked of the planes, and what a solution knows: its optimum weighed by the planes' own
 //! noise, its covariance, its judgement.
 
+use std::rc::Rc;
+
 use crate::consistency::disagreement;
 use crate::correlated::{Coherence, Correlated, correlated_covariance, weighed_by_noise};
 use crate::covariance::covariance;
@@ -11,11 +13,16 @@ use crate::local_noise::Noise;
 use crate::observations::ObservedPlane;
 use crate::paper;
 use crate::parameters::FreeParameters;
-use crate::refine::{Refined, finish, search};
+use crate::refine::{Refined, Search, finish, search};
 use crate::remedies;
 use crate::stages::with_stages;
+use crate::view::View;
 use crate::weakness::Weakness;
+use crate::work::Work;
 use crate::{Brown, Error, Fixed, ImageSize, Method, Options};
+
+/// Evaluations that the last steps on all samples take, about.
+const FINAL_STEPS: usize = 6;
 
 /// What is asked of the planes.
 pub(crate) struct Task<'a> {
@@ -23,6 +30,10 @@ pub(crate) struct Task<'a> {
     pub options: &'a Options,
     pub free: FreeParameters,
     pub judged: FreeParameters,
+    /// Shared with the tasks that try what would help.
+    pub work: Rc<Work>,
+    /// Whether a refusal says what would help; one that nobody reads need not.
+    pub advising: bool,
 }
 
 /// The best camera for some planes, and what is known of it.
@@ -44,7 +55,29 @@ impl<'a> Task<'a> {
             options,
             judged: judged_parameters(&free),
             free,
+            work: Rc::new(Work::unbounded()),
+            advising: true,
         }
+    }
+
+    /// The same, whose searches end where they have cost so much.
+    pub fn within(self, work: &Rc<Work>) -> Self {
+        Self {
+            work: Rc::clone(work),
+            ..self
+        }
+    }
+
+    /// The optimum of planes that are only tried; `None` where there is none, or no work is left.
+    pub fn tried(&self, planes: &[ObservedPlane]) -> Option<Refined<Brown>> {
+        if self.work.is_spent() {
+            return None;
+        }
+        let trial = Self {
+            advising: false,
+            ..Self::new(self.size, self.options).within(&self.work)
+        };
+        trial.optimum(planes).ok()
     }
 
     /// The answer of the method asked for.
@@ -102,11 +135,33 @@ impl<'a> Task<'a> {
         planes: &[ObservedPlane],
         before: &Refined<Brown>,
     ) -> Option<Refined<Brown>> {
-        let start = before.as_start();
-        finish(planes, &self.free, &self.judged, start).or_else(|| {
-            let found = search(planes, &self.free, before.view.clone())?;
-            finish(planes, &self.free, &self.judged, found)
+        self.finished(planes, before.as_start()).or_else(|| {
+            let found = self.searched(planes, &self.free, before.view.clone())?;
+            self.finished(planes, found)
         })
+    }
+
+    /// As [`search`], its work counted.
+    pub fn searched(
+        &self,
+        planes: &[ObservedPlane],
+        free: &FreeParameters,
+        start: View<Brown>,
+    ) -> Option<Search<Brown>> {
+        let found = search(planes, free, start);
+        self.work
+            .count(planes, found.as_ref().map_or(1, |found| found.iterations));
+        found
+    }
+
+    /// As [`finish`], its work counted.
+    pub fn finished(
+        &self,
+        planes: &[ObservedPlane],
+        start: Search<Brown>,
+    ) -> Option<Refined<Brown>> {
+        self.work.count(planes, FINAL_STEPS);
+        finish(planes, &self.free, &self.judged, start)
     }
 
     /// A solution for some planes, with one more that follows its camera without moving it.
@@ -213,12 +268,21 @@ impl<'a> Task<'a> {
         refined: &Refined<Brown>,
         mut weakness: Weakness,
     ) -> Error {
+        if !self.advising {
+            return Error::WeakGeometry(Box::new(weakness));
+        }
         let succeeds = |fixed: Fixed| {
             let options = Options {
                 fixed,
                 ..*self.options
             };
-            let trial = Task::new(self.size, &options);
+            if self.work.is_spent() {
+                return false;
+            }
+            let trial = Task {
+                advising: false,
+                ..Task::new(self.size, &options).within(&self.work)
+            };
             let judged = with_stages(&trial, planes, |stages| {
                 Ok(stages.weakness(&stages.optimum()?).is_none())
             });
