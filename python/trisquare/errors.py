@@ -74,6 +74,14 @@ class ConvergenceError(TrisquareError):
     """
 
 
+class InternalError(TrisquareError):
+    """Trisquare failed inside its core: a defect that no input should lead to.
+
+    Report it with the input; the message says where it happened. Nothing of the call has come
+    about, and later calls are not affected.
+    """
+
+
 class LensModelError(ValueError):
     """A camera file's format has no model for a lens, or trisquare has none for what a file holds.
 

@@ -8,6 +8,7 @@ use pyo3::types::PyDict;
 use trisquare::{EdgeSpan, PictureTone, PowerCurve, Tone, ToneEstimate};
 
 use crate::arrays;
+use crate::errors::detached;
 
 /// The raw pixels of a photograph, `(H, W)` or `(H, W, 3)` in BGR order, in memory of its own.
 #[pyclass(frozen, module = "trisquare._core")]
@@ -152,13 +153,13 @@ pub fn localise<'py>(
     let tone = tone.map(self::tone).transpose()?;
     let spans = edge_spans(&spans)?;
     let picture = &picture.picture;
-    let (found, estimate) = py.detach(|| match tone {
+    let (found, estimate) = detached(py, || match tone {
         Some(tone) => (trisquare::localise(picture, &spans, tone), None),
         None => {
             let (found, estimate) = trisquare::localise_with_unknown_tone(picture, &spans);
             (found, Some(estimate))
         }
-    });
+    })?;
     let measured = found.into_iter().map(|span| match span {
         Ok(edges) => Measured::Samples(
             arrays::from_points(py, &edges.points),

@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use trisquare::{Brown, Error, ImageSize, Lens, ProjectionUncertainty, UndistortionMap};
 
 use crate::arrays;
-use crate::errors::exception;
+use crate::errors::{detached, exception};
 
 /// The largest ideal radius up to which a distortion is monotonic and invertible.
 #[pyfunction]
@@ -45,9 +45,7 @@ pub fn project_points<'py>(
     points: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (camera, points) = (camera.camera(), arrays::space_points(&points)?);
-    let seen = py
-        .detach(|| camera.project_points(&points))
-        .map_err(exception)?;
+    let seen = detached(py, || camera.project_points(&points))?.map_err(exception)?;
     Ok(arrays::from_points(py, &seen))
 }
 
@@ -60,9 +58,7 @@ pub fn unproject_pixels<'py>(
     pixels: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (camera, pixels) = (camera.camera(), arrays::points(&pixels)?);
-    let rays = py
-        .detach(|| camera.unproject_pixels(&pixels))
-        .map_err(exception)?;
+    let rays = detached(py, || camera.unproject_pixels(&pixels))?.map_err(exception)?;
     Ok(arrays::from_space_points(py, &rays))
 }
 
@@ -97,7 +93,7 @@ fn mapped<'py>(
     map: PixelMap,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (camera, pixels) = (camera.camera(), arrays::points(pixels)?);
-    let found = py.detach(|| map(&camera, &pixels)).map_err(exception)?;
+    let found = detached(py, || map(&camera, &pixels))?.map_err(exception)?;
     Ok(arrays::from_points(py, &found))
 }
 
@@ -111,9 +107,8 @@ pub fn undistorted_view(
     balance: f64,
 ) -> PyResult<(f64, f64, f64, f64)> {
     let camera = camera.camera();
-    let view = py
-        .detach(|| camera.undistorted(size(image_size), balance))
-        .map_err(exception)?;
+    let view =
+        detached(py, || camera.undistorted(size(image_size), balance))?.map_err(exception)?;
     let (focal, centre) = (view.focal(), view.principal_point());
     Ok((focal.x, focal.y, centre.x, centre.y))
 }
@@ -137,8 +132,10 @@ pub fn fill_undistortion_map(
         parts: parts.as_slice_mut()?,
         valid: valid.as_slice_mut()?,
     };
-    py.detach(|| map.fill(&camera, size(image_size), &view, size((width, height))))
-        .map_err(exception)
+    detached(py, || {
+        map.fill(&camera, size(image_size), &view, size((width, height)))
+    })?
+    .map_err(exception)
 }
 
 /// `(x, y, width, height)` of the largest rectangle in which a mask is set everywhere.
@@ -152,7 +149,8 @@ pub fn largest_rectangle(
     let mask = mask
         .as_slice()
         .map_err(|_| PyValueError::new_err("the mask must be contiguous"))?;
-    let [x, y, width, height] = py.detach(|| trisquare::internals::largest_rectangle(mask, width));
+    let [x, y, width, height] =
+        detached(py, || trisquare::internals::largest_rectangle(mask, width))?;
     Ok((x, y, width, height))
 }
 
@@ -169,7 +167,9 @@ pub fn can_unproject(
     pixels: PyReadonlyArray2<'_, f64>,
 ) -> PyResult<Vec<bool>> {
     let (camera, pixels) = (camera.camera(), arrays::points(&pixels)?);
-    Ok(py.detach(|| pixels.iter().map(|p| camera.sight(p).is_some()).collect()))
+    Ok(detached(py, || {
+        pixels.iter().map(|p| camera.sight(p).is_some()).collect()
+    })?)
 }
 
 /// Covariance, in pixels, of the projections of the directions seen at pixels.
@@ -187,13 +187,11 @@ pub fn projection_covariance<'py>(
     let covariance = arrays::matrix(&covariance);
     let pixels = arrays::points(&pixels)?;
     let names: Vec<&str> = parameters.iter().map(String::as_str).collect();
-    let found = py
-        .detach(|| {
-            let uncertainty =
-                ProjectionUncertainty::new(&camera, &names, aspect_fixed, covariance)?;
-            uncertainty.at_pixels(&pixels)
-        })
-        .map_err(exception)?;
+    let found = detached(py, || {
+        let uncertainty = ProjectionUncertainty::new(&camera, &names, aspect_fixed, covariance)?;
+        uncertainty.at_pixels(&pixels)
+    })?
+    .map_err(exception)?;
     Ok(arrays::from_matrices(py, &found))
 }
 
@@ -206,8 +204,6 @@ pub fn projection_jacobian<'py>(
     pixels: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray3<f64>>> {
     let (camera, pixels) = (camera.camera(), arrays::points(&pixels)?);
-    let found = py
-        .detach(|| camera.projection_jacobians(&pixels))
-        .map_err(exception)?;
+    let found = detached(py, || camera.projection_jacobians(&pixels))?.map_err(exception)?;
     Ok(arrays::from_matrices(py, &found))
 }

@@ -125,9 +125,10 @@ impl Candidates {
     /// Fits every model, and weighs those that converge.
     fn fit(edges: &[PlaneEdges], size: ImageSize, options: &Options) -> Self {
         let mut fits: Vec<(Model, Calibration)> = Vec::with_capacity(LADDER.len());
+        let mut work = None;
         for model in LADDER {
             let options = Options { model, ..*options };
-            if let Ok(fit) = calibrate_unjudged(edges, size, &options) {
+            if let Ok(fit) = calibrate_unjudged(edges, size, &options, &mut work) {
                 fits.push((model, fit));
             }
         }
@@ -378,7 +379,8 @@ mod tests {
             model: Model::Radial1,
             ..Options::default()
         };
-        let fit = calibrate_unjudged(&scene.edges(3, 0.3, 6.0), scene.size, &options).unwrap();
+        let fit =
+            calibrate_unjudged(&scene.edges(3, 0.3, 6.0), scene.size, &options, &mut None).unwrap();
         let (y, s) = (fit.camera.distortion()[0], fit.std()[4].1);
         let t = prior_std(&fit)[0];
         let normal = |variance: f64| -0.5 * (y * y / variance + variance.ln());

@@ -27,11 +27,12 @@ pub(crate) fn account_for_drift(
     let system = freed(planes, judged, refined)?;
     let drifts: Vec<usize> = (judged.len()..system.prior.nrows()).collect();
     let moved: Vec<usize> = (0..free.len()).chain(drifts).collect();
+    let pictures = pictures(planes);
     let step = system.selected(&moved).solve(0.0)?;
     let view = refined.view.advanced(free, &step);
     let mut planes = planes.to_vec();
     for plane in &mut planes {
-        plane.take_out_drift(step.shared[free.len() + plane.image]);
+        plane.take_out_drift(step.shared[free.len() + place(&pictures, plane)]);
     }
     let refined = Refined {
         residuals: crate::refine::residuals(&planes, &view)?,
@@ -42,6 +43,19 @@ pub(crate) fn account_for_drift(
     Some((planes, refined))
 }
 
+/// The numbers of the pictures, ascending: they are names, and of any size.
+fn pictures(planes: &[ObservedPlane]) -> Vec<usize> {
+    let mut numbers: Vec<usize> = planes.iter().map(|plane| plane.image).collect();
+    numbers.sort_unstable();
+    numbers.dedup();
+    numbers
+}
+
+/// The place of a plane's picture among all.
+fn place(pictures: &[usize], plane: &ObservedPlane) -> usize {
+    pictures.partition_point(|number| *number < plane.image)
+}
+
 /// The normal equations with one more shared parameter per picture, after all others.
 fn freed(
     planes: &[ObservedPlane],
@@ -50,12 +64,12 @@ fn freed(
 ) -> Option<ArrowSystem> {
     let loss = Loss::Tukey;
     let scale = refined.noise_scale * (loss.mean_weight() / refined.covariance_factor).sqrt();
-    let pictures = 1 + planes.iter().map(|plane| plane.image).max()?;
+    let pictures = pictures(planes);
     let known = judged.len();
     // Of the same weights as what is added, or the whole would not be positive definite.
     let (_, system) = EdgeProblem::new(planes, judged, scale).evaluate(&refined.view)?;
-    let mut system = system.extended(pictures);
-    for picture in known..known + pictures {
+    let mut system = system.extended(pictures.len());
+    for picture in known..known + pictures.len() {
         // A unit is one standard deviation; the factor makes the covariance of the information.
         system.prior[(picture, picture)] = refined.covariance_factor;
     }
@@ -85,7 +99,7 @@ fn freed(
                         own: line_jacobian.tr_mul(&distance.wrt_line),
                         shared: gathered(judged, &distance.wrt_lens),
                     };
-                    row.add(&mut system.blocks[p], known + plane.image);
+                    row.add(&mut system.blocks[p], known + place(&pictures, plane));
                 }
             }
         }

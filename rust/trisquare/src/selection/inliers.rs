@@ -89,6 +89,7 @@ impl Agreement<'_> {
             options,
             free,
             judged,
+            ..
         } = self.task;
         check_plane_count(members.len(), free).ok()?;
         let planes: Vec<_> = members.iter().map(|i| self.planes[*i].clone()).collect();

@@ -23,7 +23,10 @@ impl Task<'_> {
                 fixed,
                 ..*self.options
             };
-            let trial = Task::new(self.size, &options);
+            if self.work.is_spent() {
+                return false;
+            }
+            let trial = Task::new(self.size, &options).within(&self.work);
             let judged = with_stages(&trial, &planes, |stages| {
                 Ok(stages.weakness(&stages.optimum()?).is_none())
             });

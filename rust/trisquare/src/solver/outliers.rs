@@ -126,11 +126,11 @@ fn without_false_plane(
                 before.view.planes.remove(left_out);
                 task.again(&rest, &before)?
             }
-            _ => task.optimum(&rest).ok()?,
+            _ => task.tried(&rest)?,
         };
         Some((left_out, Trial::of(task, rest, refined)))
     };
-    let Some((index, trial)) = best(suspects.into_iter().filter_map(without)) else {
+    let Some((index, trial)) = best(task, suspects.into_iter().filter_map(without)) else {
         return all;
     };
     let is_false = misfit.is_none_or(|misfit| trial.relief(&misfit) > FALSE_PLANE);
@@ -220,10 +220,10 @@ fn solved_without_bent_side(task: &Task<'_>, planes: &[ObservedPlane]) -> Option
     }
     let without = |place| {
         let rest = without_side(planes, place)?;
-        let refined = task.optimum(&rest).ok()?;
+        let refined = task.tried(&rest)?;
         Some((place, Trial::of(task, rest, refined)))
     };
-    let (place, trial) = best(sides_of_squares(planes).filter_map(without))?;
+    let (place, trial) = best(task, sides_of_squares(planes).filter_map(without))?;
     let found = trial.settled(task)?;
     (trial.misfit.mean() < DOUBTED && trial.shows_bent(&found, place)).then_some(found)
 }
@@ -237,11 +237,17 @@ fn without_bent_side(task: &Task<'_>, solution: &Solution) -> Option<Solution> {
         return None;
     }
     let without = |place| {
+        if task.work.is_spent() {
+            return None;
+        }
         let rest = without_side(&solution.planes, place)?;
         let refined = task.again(&rest, &solution.refined)?;
         Some((place, Trial::of(task, rest, refined)))
     };
-    let (place, trial) = best(suspected_sides(solution).into_iter().filter_map(without))?;
+    let (place, trial) = best(
+        task,
+        suspected_sides(solution).into_iter().filter_map(without),
+    )?;
     if trial.relief(&misfit) < FALSE_SIDE {
         return None;
     }
@@ -299,9 +305,10 @@ impl Trial {
     }
 }
 
-/// The trial whose remainder agrees best.
-fn best<T>(trials: impl Iterator<Item = (T, Trial)>) -> Option<(T, Trial)> {
-    trials.min_by(|(_, a), (_, b)| a.misfit.mean().total_cmp(&b.misfit.mean()))
+/// The trial whose remainder agrees best; `None` where the work was spent before all were made.
+fn best<T>(task: &Task<'_>, trials: impl Iterator<Item = (T, Trial)>) -> Option<(T, Trial)> {
+    let found = trials.min_by(|(_, a), (_, b)| a.misfit.mean().total_cmp(&b.misfit.mean()));
+    found.filter(|_| !task.work.is_spent())
 }
 
 /// Mean square curvature of every side of a plane, in units of the noise.

@@ -1,5 +1,8 @@
 //! What is asked of the planes, and how a search for the answer may fail.
 
+use std::rc::Rc;
+
+use super::work::Work;
 use crate::error::Error;
 use crate::ill_conditioning::Weakness;
 use crate::image_size::ImageSize;
@@ -14,6 +17,8 @@ pub(crate) struct Task<'a> {
     pub options: &'a Options,
     pub free: FreeParameters,
     pub judged: FreeParameters,
+    /// Shared with the tasks that try what would help.
+    pub work: Rc<Work>,
 }
 
 /// Why the solver gives no answer.
@@ -55,6 +60,15 @@ impl<'a> Task<'a> {
             options,
             judged: judged_parameters(&free),
             free,
+            work: Rc::new(Work::unbounded()),
+        }
+    }
+
+    /// The same, whose searches end where they have cost so much.
+    pub fn within(self, work: &Rc<Work>) -> Self {
+        Self {
+            work: Rc::clone(work),
+            ..self
         }
     }
 

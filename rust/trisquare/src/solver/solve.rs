@@ -7,12 +7,15 @@ use crate::error::Error;
 use crate::lens::Brown;
 use crate::linear::{Homographies, Undistortion, first_view};
 use crate::noise::{Noise, account_for_drift, account_for_relief};
-use crate::observations::{Method, ObservedPlane};
-use crate::refine::{Refined, finish, search};
+use crate::observations::{FreeParameters, Method, ObservedPlane, View};
+use crate::refine::{Refined, Search, finish, search};
 use crate::result::Coherence;
 use crate::uncertainty::{
     Correlated, correlated_covariance, covariance, disagreement, weighed_by_noise,
 };
+
+/// Evaluations that the last steps on all samples take, about.
+const FINAL_STEPS: usize = 6;
 
 /// The best camera for some planes, and what is known of it.
 #[derive(Clone)]
@@ -26,6 +29,14 @@ pub(crate) struct Solution {
 }
 
 impl Task<'_> {
+    /// The optimum of planes that are only tried; `None` where there is none, or no work is left.
+    pub fn tried(&self, planes: &[ObservedPlane]) -> Option<Refined<Brown>> {
+        match self.work.is_spent() {
+            true => None,
+            false => self.optimum(planes).ok(),
+        }
+    }
+
     /// The answer of the method asked for.
     pub fn optimum(&self, planes: &[ObservedPlane]) -> Result<Refined<Brown>, Failure> {
         with_stages(self, planes, |stages| stages.optimum())
@@ -81,11 +92,33 @@ impl Task<'_> {
         planes: &[ObservedPlane],
         before: &Refined<Brown>,
     ) -> Option<Refined<Brown>> {
-        let start = before.as_start();
-        finish(planes, &self.free, &self.judged, start).or_else(|| {
-            let found = search(planes, &self.free, before.view.clone())?;
-            finish(planes, &self.free, &self.judged, found)
+        self.finished(planes, before.as_start()).or_else(|| {
+            let found = self.searched(planes, &self.free, before.view.clone())?;
+            self.finished(planes, found)
         })
+    }
+
+    /// As [`search`], its work counted.
+    pub fn searched(
+        &self,
+        planes: &[ObservedPlane],
+        free: &FreeParameters,
+        start: View<Brown>,
+    ) -> Option<Search<Brown>> {
+        let found = search(planes, free, start);
+        self.work
+            .count(planes, found.as_ref().map_or(1, |found| found.iterations));
+        found
+    }
+
+    /// As [`finish`], its work counted.
+    pub fn finished(
+        &self,
+        planes: &[ObservedPlane],
+        start: Search<Brown>,
+    ) -> Option<Refined<Brown>> {
+        self.work.count(planes, FINAL_STEPS);
+        finish(planes, &self.free, &self.judged, start)
     }
 
     /// A solution for some planes, with one more that follows its camera without moving it.

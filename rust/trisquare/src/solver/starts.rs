@@ -12,7 +12,7 @@ use crate::linear::{
 use crate::noise::{Misfit, Noise};
 use crate::numeric::Termination;
 use crate::observations::{Fixed, FreeParameters, Method, ObservedPlane, Options, Sample, View};
-use crate::refine::{Refined, Search, finish, search};
+use crate::refine::{Refined, Search};
 
 /// Samples of each side with which the search for the optimum starts: enough for the robust
 /// scale, and within a few standard deviations of what all samples will say.
@@ -139,6 +139,11 @@ impl Stages<'_> {
         let mut unsettled: Option<Search<Brown>> = None;
         let mut best: Option<Refined<Brown>> = None;
         for camera_matrix in starts {
+            // One is tried in any case.
+            let tried = best.is_some() || unsettled.is_some();
+            if tried && self.task.work.is_spent() {
+                break;
+            }
             let start = match self.view(&camera_matrix) {
                 Err(error @ Error::TooFewDegreesOfFreedom { .. }) => return Err(error.into()),
                 Err(_) => continue,
@@ -186,7 +191,9 @@ impl Stages<'_> {
             lens: start.lens.without_distortion(),
             ..start.clone()
         };
-        search(self.some, free, start).or_else(|| search(self.some, free, pinhole))
+        let task = self.task;
+        let found = task.searched(self.some, free, start);
+        found.or_else(|| task.searched(self.some, free, pinhole))
     }
 
     /// The optimum with the principal point held where it is known to be, or at the image centre:
@@ -203,6 +210,7 @@ impl Stages<'_> {
         let free = options.free_parameters();
         fallback_camera_matrices(self.homographies, self.task.size, &options)
             .iter()
+            .take_while(|_| !self.task.work.is_spent())
             .filter_map(|camera_matrix| self.search(&free, self.view(camera_matrix).ok()?))
             .find(|found| found.termination == Termination::Converged)
     }
@@ -213,14 +221,15 @@ impl Stages<'_> {
             return None;
         }
         let view = found.view.clone();
-        finish(self.planes, &self.task.free, &self.task.judged, found).or_else(|| {
+        let task = self.task;
+        task.finished(self.planes, found).or_else(|| {
             // Some samples misled: search among all of them.
-            let found = search(self.planes, &self.task.free, view)?;
+            let found = task.searched(self.planes, &task.free, view)?;
             let converged = found.termination == Termination::Converged;
             let found = converged.then_some(found)?;
             let view = found.view.clone();
             // Where the cost is far from a parabola, Newton's undamped steps may not settle.
-            finish(self.planes, &self.task.free, &self.task.judged, found)
+            task.finished(self.planes, found)
                 .or_else(|| self.around(view))
         })
     }
