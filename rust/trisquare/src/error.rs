@@ -1,6 +1,6 @@
 //! The one error type: each variant carries the numbers a caller can act on.
 
-use crate::ill_conditioning::Weakness;
+use crate::ill_conditioning::IllConditioning;
 
 /// Why a calibration, or one of its steps, gives no answer.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -124,7 +124,7 @@ pub enum Error {
 
     /// The geometry leaves a parameter of the camera matrix open.
     #[error("{0}")]
-    WeakGeometry(Box<Weakness>),
+    IllConditioned(Box<IllConditioning>),
 
     /// An iteration did not settle.
     #[error("{stage} did not converge in {iterations} iterations (rms {rms:.3} px)")]
@@ -185,7 +185,7 @@ impl Error {
             Error::DegenerateHomography { .. }
             | Error::UndeterminedConic { .. }
             | Error::IndefiniteConic
-            | Error::WeakGeometry(_) => ErrorKind::DegenerateGeometry,
+            | Error::IllConditioned(_) => ErrorKind::DegenerateGeometry,
             Error::NotConverged { .. } => ErrorKind::Convergence,
         }
     }

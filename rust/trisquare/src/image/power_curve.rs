@@ -35,7 +35,7 @@ pub(crate) struct TonePrior {
     /// Of the logarithm of gamma, and of the toe.
     pub information: Sensitivity,
     /// Information times the way from the curve to [`USUAL`].
-    pub pull: Sensitivity,
+    pub gradient: Sensitivity,
 }
 
 impl TonePrior {
@@ -44,7 +44,7 @@ impl TonePrior {
         let information = USUAL_STD.map(|std| 1.0 / (std * std));
         Self {
             information,
-            pull: std::array::from_fn(|i| information[i] * way[i]),
+            gradient: std::array::from_fn(|i| information[i] * way[i]),
         }
     }
 }

@@ -64,7 +64,8 @@ pub(super) fn find(
     if seen.is_empty() {
         return Err(NoEdge::OutsidePicture);
     }
-    let contrast = |stretch: &Stretch| span.rise.signum() * (stretch.shades[1] - stretch.shades[0]);
+    let contrast =
+        |stretch: &Stretch| span.polarity.signum() * (stretch.shades[1] - stretch.shades[0]);
     let supporting = seen.iter().filter(|stretch| contrast(stretch) > 0.0);
     if (supporting.count() as f64) < MIN_SUPPORT * stretches {
         return Err(NoEdge::Inconsistent);

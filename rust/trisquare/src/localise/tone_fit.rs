@@ -11,12 +11,12 @@ use super::curve::COEFFICIENTS;
 use super::pixel_noise::robust_weight;
 use super::preview::Preview;
 use super::profile::Profile;
-use super::side::{BASE, BIN_LENGTH, BLUR, PARAMETERS, RISE, Side};
+use super::side::{BASE, BIN_LENGTH, BLUR, CONTRAST, PARAMETERS, Side};
 use super::span::NoEdge;
 use crate::image::{
     PictureTone, PowerCurve, TONE_PARAMETERS, Tone, ToneCurve, TonePrior, box_kurtosis,
 };
-use crate::numeric::{add_outer, symmetric};
+use crate::numeric::{add_rank_one, symmetric};
 
 /// A side whose dark or light comes this near to the file's limits, in deviations of its noise and
 /// at least in values, is clipped there: its profile's asymmetry is not the tone curve's.
@@ -25,7 +25,7 @@ const CLIPPED_VALUE: f64 = 1.5 / 255.0;
 
 /// Rounds of the first fit, and the step, in deviations of the estimate, that is the last.
 const MAX_ROUNDS: usize = 10;
-const SETTLED: f64 = 0.3;
+const LAST_STEP: f64 = 0.3;
 /// A round's step of the logarithm of gamma is cut to this.
 const MAX_STEP: f64 = 0.4;
 
@@ -137,7 +137,7 @@ impl ToneShare {
             let [by_gamma, by_toe] = tone.sensitivity(side.light(pixel));
             // Edgeworth: the kurtosis adds to Phi(z) a multiple of (z^3 - 3 z) phi(z).
             let by_kurtosis = p.by_offset * side.blur * p.blurs * (p.blurs * p.blurs - 3.0);
-            let lighter = side.rise[0] * pixel.flip.slope;
+            let lighter = side.contrast[0] * pixel.flip.slope;
             profile.add(
                 p.blurs * lighter.signum(),
                 p.residual - kurtosis * by_kurtosis,
@@ -145,7 +145,7 @@ impl ToneShare {
             let row = [
                 p.by_height,
                 p.by_base,
-                p.by_rise,
+                p.by_contrast,
                 p.by_blur,
                 by_kurtosis,
                 by_gamma,
@@ -154,7 +154,7 @@ impl ToneShare {
             ];
             let inverse_variance = inverse_variance * pixel.count;
             let weight = robust_weight(p.residual * p.residual * inverse_variance);
-            add_outer(&mut sums, &row, weight * inverse_variance);
+            add_rank_one(&mut sums, &row, weight * inverse_variance);
             s_sum += pixel.s;
             count += 1.0;
         }
@@ -231,8 +231,8 @@ fn spread<const N: usize>(
             },
         );
     }
-    map[BASE..RISE].copy_from_slice(&[(1, 1.0), (1, s)]);
-    map[RISE..BLUR].copy_from_slice(&[(2, 1.0), (2, s)]);
+    map[BASE..CONTRAST].copy_from_slice(&[(1, 1.0), (1, s)]);
+    map[CONTRAST..BLUR].copy_from_slice(&[(2, 1.0), (2, s)]);
     for (entry, column) in map[BLUR..].iter_mut().zip(3..COLUMNS) {
         *entry = (column, 1.0);
     }
@@ -265,7 +265,7 @@ pub(super) fn pool<'a>(
 ) -> (Vector2<f64>, ToneEstimate) {
     let prior = TonePrior::at(&curve);
     let mut information = Matrix2::from_diagonal(&Vector2::from(prior.information));
-    let mut gradient = Vector2::from(prior.pull);
+    let mut gradient = Vector2::from(prior.gradient);
     let mut sides = 0_u32;
     let mut profile = Profile::default();
     let mut blurs = 0.0;
@@ -303,7 +303,10 @@ pub(super) fn pool<'a>(
 }
 
 /// Estimates the tone curve from the previews of all spans, and fits these to it.
-pub(super) fn settle(start: PowerCurve, previews: &mut [Result<Preview, NoEdge>]) -> PowerCurve {
+pub(super) fn estimate_tone(
+    start: PowerCurve,
+    previews: &mut [Result<Preview, NoEdge>],
+) -> PowerCurve {
     let mut power = start;
     let mut trust = Trust::Full;
     for _ in 0..MAX_ROUNDS {
@@ -333,7 +336,7 @@ pub(super) fn settle(start: PowerCurve, previews: &mut [Result<Preview, NoEdge>]
         }
         power = next;
         let deviations = step[0].powi(2) / estimate.covariance[(0, 0)];
-        let settled = cut >= 1.0 && deviations < SETTLED * SETTLED;
+        let settled = cut >= 1.0 && deviations < LAST_STEP * LAST_STEP;
         match trust {
             Trust::ByMisfit if settled => break,
             Trust::Full if settled => trust = Trust::ByMisfit,
@@ -347,9 +350,9 @@ impl Side {
     /// Light that falls on a pixel.
     fn light(&self, pixel: &Pixel) -> f64 {
         let blurs = self.distance(pixel) / self.blur * (1.0 - self.blur_slope * pixel.s);
-        let rise = self.rise[0] + self.rise[1] * pixel.s;
+        let contrast = self.contrast[0] + self.contrast[1] * pixel.s;
         let step = pixel.flipped(self.shape.step_and_density(blurs).0);
-        self.base[0] + self.base[1] * pixel.s + rise * step
+        self.base[0] + self.base[1] * pixel.s + contrast * step
     }
 
     /// The side's own step, given the tone curve's.
@@ -365,14 +368,17 @@ impl Side {
         let translated = |light: f64| new.decode(old.encode(light));
         // At both ends of the side, on both of its sides.
         let base = [-1.0, 1.0].map(|s| self.base[0] + s * self.base[1]);
-        let other = [-1.0, 1.0].map(|s| self.rise[0] + s * self.rise[1]);
+        let other = [-1.0, 1.0].map(|s| self.contrast[0] + s * self.contrast[1]);
         let lit = [
             translated(base[0] + other[0]),
             translated(base[1] + other[1]),
         ];
         let base = base.map(translated);
-        let rise = [lit[0] - base[0], lit[1] - base[1]];
+        let contrast = [lit[0] - base[0], lit[1] - base[1]];
         self.base = [0.5 * (base[0] + base[1]), 0.5 * (base[1] - base[0])];
-        self.rise = [0.5 * (rise[0] + rise[1]), 0.5 * (rise[1] - rise[0])];
+        self.contrast = [
+            0.5 * (contrast[0] + contrast[1]),
+            0.5 * (contrast[1] - contrast[0]),
+        ];
     }
 }

@@ -21,7 +21,7 @@ pub(crate) fn account_for_drift(
     judged: &FreeParameters,
     refined: &Refined<Brown>,
 ) -> Option<(Vec<ObservedPlane>, Refined<Brown>)> {
-    if !planes.iter().any(ObservedPlane::drifts) {
+    if !planes.iter().any(ObservedPlane::has_tone_drift) {
         return None;
     }
     let system = freed(planes, judged, refined)?;
@@ -31,7 +31,7 @@ pub(crate) fn account_for_drift(
     let view = refined.view.advanced(free, &step);
     let mut planes = planes.to_vec();
     for plane in &mut planes {
-        plane.take_out_drift(step.shared[free.len() + plane.image]);
+        plane.remove_tone_drift(step.shared[free.len() + plane.image]);
     }
     let refined = Refined {
         residuals: crate::refine::residuals(&planes, &view)?,
@@ -67,11 +67,12 @@ fn freed(
                 let line = state.line(f, side);
                 let line_jacobian = state.line_jacobian(f, side);
                 for (i, sample) in side.samples.iter().enumerate() {
-                    let sight = lens.sight(&sample.pixel)?;
-                    let distance = lens.line_distance_jacobian(&sight, &line, judged.columns());
-                    let displacement = match side.drift.get(i) {
-                        Some(drift) => {
-                            let displaced = lens.sight(&(sample.pixel + drift))?;
+                    let pixel_ray = lens.unproject_with_jacobian(&sample.pixel)?;
+                    let distance = lens.line_distance_jacobian(&pixel_ray, &line, judged.columns());
+                    let displacement = match side.tone_drift.get(i) {
+                        Some(tone_drift) => {
+                            let displaced =
+                                lens.unproject_with_jacobian(&(sample.pixel + tone_drift))?;
                             lens.line_distance(&displaced, &line) - distance.value
                         }
                         None => 0.0,
@@ -156,17 +157,17 @@ mod tests {
                 .map(|side| vec![inward(side); side.len()])
                 .collect();
             for (side, drifts) in figure.points.iter_mut().zip(&drifts) {
-                for (point, drift) in side.iter_mut().zip(drifts) {
-                    *point += drift * DEVIATIONS;
+                for (point, tone_drift) in side.iter_mut().zip(drifts) {
+                    *point += tone_drift * DEVIATIONS;
                 }
             }
-            figure.drift = Some(drifts);
+            figure.tone_drift = Some(drifts);
         }
         edges
     }
 
     fn without_drift(mut edges: Vec<PlaneEdges>) -> Vec<PlaneEdges> {
-        edges.iter_mut().for_each(|figure| figure.drift = None);
+        edges.iter_mut().for_each(|figure| figure.tone_drift = None);
         edges
     }
 

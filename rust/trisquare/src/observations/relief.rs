@@ -10,7 +10,7 @@ pub(crate) type Heights = SVector<f64, TERMS>;
 
 /// The relief of a board.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Relief {
+pub(crate) struct BoardRelief {
     pub centre: Vector2<f64>,
     /// Half the extent, `R`.
     pub radius: f64,

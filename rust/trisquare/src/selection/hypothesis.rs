@@ -75,7 +75,7 @@ impl Prior {
 
 /// A camera with what it explains.
 #[derive(Debug, Clone)]
-pub(crate) struct Explanation {
+pub(crate) struct Hypothesis {
     pub camera: Pinhole,
     pub covariance: Matrix4<f64>,
     pub shapes: Vec<Shape>,
@@ -83,7 +83,7 @@ pub(crate) struct Explanation {
     pub evidence: f64,
 }
 
-impl Explanation {
+impl Hypothesis {
     pub fn squares(&self) -> impl Iterator<Item = usize> {
         let shapes = self.shapes.iter().enumerate();
         shapes.filter_map(|(i, shape)| (*shape == Shape::Square).then_some(i))
@@ -93,7 +93,7 @@ impl Explanation {
     /// cannot be told.
     ///
     /// `doubt` holds the standard deviations of the first guess.
-    pub fn settled(
+    pub fn converged(
         candidates: &[Candidate],
         prior: &Prior,
         start: Pinhole,
@@ -233,11 +233,11 @@ pub(crate) fn alike(a: &[Vector3<f64>; 2], b: &[Vector3<f64>; 2]) -> bool {
 }
 
 /// Squared deviation of a candidate from a square, in units of its own variance and of the camera's.
-pub(crate) fn squared_deviation(candidate: &Candidate, explanation: &Explanation) -> Option<f64> {
-    let deviation = candidate.deviation(&explanation.camera)?;
+pub(crate) fn squared_deviation(candidate: &Candidate, hypothesis: &Hypothesis) -> Option<f64> {
+    let deviation = candidate.deviation(&hypothesis.camera)?;
     let wrt_camera = deviation.wrt_camera;
     let covariance =
-        deviation.covariance + wrt_camera * explanation.covariance * wrt_camera.transpose();
+        deviation.covariance + wrt_camera * hypothesis.covariance * wrt_camera.transpose();
     let value: Vector2<f64> = deviation.value;
     Some(value.dot(&(covariance.try_inverse()? * value)))
 }

@@ -8,5 +8,5 @@ mod solve;
 mod starts;
 
 pub(crate) use outliers::reject_outliers;
-pub(crate) use problem::Task;
+pub(crate) use problem::JointProblem;
 pub(crate) use solve::Solution;

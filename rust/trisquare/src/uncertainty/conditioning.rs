@@ -24,7 +24,7 @@
 use nalgebra::{DMatrix, Vector2};
 
 use super::covariance::covariance;
-use crate::ill_conditioning::{Cause, Weakness};
+use crate::ill_conditioning::{Cause, IllConditioning};
 use crate::image_size::ImageSize;
 use crate::lens::Lens;
 use crate::numeric::ArrowSystem;
@@ -85,7 +85,7 @@ pub(crate) fn judged_parameters(free: &FreeParameters) -> FreeParameters {
 }
 
 /// What a judgement of the geometry looks at.
-pub(crate) struct Geometry<'a, L> {
+pub(crate) struct Conditioning<'a, L> {
     pub view: &'a View<L>,
     pub planes: &'a [ObservedPlane],
     pub size: ImageSize,
@@ -117,7 +117,7 @@ impl Weakest {
     }
 }
 
-impl<L: Lens> Geometry<'_, L> {
+impl<L: Lens> Conditioning<'_, L> {
     /// Refuses geometry from which the camera matrix does not follow.
     ///
     /// `system` holds the normal equations over the [`judged_parameters`], `factor` turns the
@@ -130,9 +130,9 @@ impl<L: Lens> Geometry<'_, L> {
         system: &ArrowSystem,
         free: &FreeParameters,
         factor: f64,
-    ) -> Result<(), Weakness> {
+    ) -> Result<(), IllConditioning> {
         match self.weakest(system, free, factor) {
-            Some(weakest) if !(weakest.ratio() <= 1.0) => Err(Weakness {
+            Some(weakest) if !(weakest.ratio() <= 1.0) => Err(IllConditioning {
                 cause: self.cause(),
                 parameter: weakest.parameter,
                 std: weakest.std,
@@ -156,7 +156,7 @@ impl<L: Lens> Geometry<'_, L> {
             .planes
             .iter()
             .flat_map(ObservedPlane::sides)
-            .all(|side| !side.set_aside);
+            .all(|side| !side.is_outlier);
         let floor = match entire {
             true => (LEAST_NOISE / noise).max(1.0).powi(2),
             false => 1.0,
