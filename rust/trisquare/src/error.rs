@@ -126,7 +126,7 @@ pub enum Error {
     #[error("{0}")]
     IllConditioned(Box<IllConditioning>),
 
-    /// An iteration did not settle.
+    /// An iteration did not converge.
     #[error("{stage} did not converge in {iterations} iterations (rms {rms:.3} px)")]
     NotConverged {
         /// The stage that gave up.
@@ -149,7 +149,7 @@ pub enum ErrorKind {
     NotEnoughData,
     /// Enough data, but of a geometry that cannot answer.
     DegenerateGeometry,
-    /// An iteration that did not settle.
+    /// An iteration that did not converge.
     Convergence,
 }
 

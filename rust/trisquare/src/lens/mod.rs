@@ -85,7 +85,7 @@ pub trait Lens: Clone + Send + Sync {
     /// The ideal radius (tangent of the field angle) up to which the distortion is monotonic.
     fn valid_radius(&self) -> f64;
 
-    /// Signed distance in pixels of a sighted pixel to the image of the line `l`.
+    /// Signed distance in pixels of a pixel with its ray to the image of the line `l`.
     fn line_distance(&self, pixel_ray: &Self::PixelRay, line: &Vector3<f64>) -> f64;
 
     /// The same with its derivatives; columns that are not wanted may be left zero.

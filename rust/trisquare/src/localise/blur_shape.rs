@@ -22,8 +22,8 @@ const STEP: f64 = 0.08;
 /// Steps of the side's fit for each trial, and rounds of it and the blur's slope.
 const TRIAL_STEPS: usize = 4;
 const SLOPE_ROUNDS: usize = 2;
-/// The blur of a side bent by 30 degrees between its ends, seen at 45 degrees to the motion, changes
-/// by a quarter to either end.
+/// The blur of a side bent by 30 degrees between its ends, seen at 45 degrees to the motion,
+/// changes by a quarter to either end.
 const MAX_SLOPE: f64 = 0.4;
 
 impl Side {

@@ -38,7 +38,7 @@ const BLUNT: PixelRay = PixelRay {
 const PROFILES: std::ops::RangeInclusive<usize> = 5..=100;
 /// How far from the path the edge may be, pixels: the 4 that are promised, and some slack.
 const REACH: i32 = 6;
-/// The longest filter of all sights, and the samples that it asks for.
+/// The longest filter of all, and the samples that it asks for.
 const LONGEST_FILTER: i32 = BLUNT.filter;
 const MOST_SAMPLES: usize = (2 * (REACH + LONGEST_FILTER) + 1) as usize;
 /// Legs of a coarse path are cut into pieces of this length, pixels.

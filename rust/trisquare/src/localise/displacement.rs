@@ -73,7 +73,7 @@ struct Drift {
 }
 
 impl Measured {
-    /// The normal points to the light where the rise is positive; a tone curve, too, moves the
+    /// The normal points to the light where the contrast is positive; a tone curve, too, moves the
     /// edges to the dark or to the light, all of them alike.
     fn to_dark(&self) -> f64 {
         if self.is_crossed {

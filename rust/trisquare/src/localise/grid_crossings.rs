@@ -72,8 +72,8 @@ struct Crossing {
 
 /// A dark square within a light cell, white being left all round it.
 ///
-/// Its border's step is modelled, as far as it blurs into the white: `Phi` of the distances from the
-/// three sides that are near. It is as dark as the dark cells, being printed in the same ink.
+/// Its border's step is modelled, as far as it blurs into the white: `Phi` of the distances from
+/// the three sides that are near. It is as dark as the dark cells, being printed in the same ink.
 #[derive(Debug, Clone, Copy)]
 struct Marker {
     /// Sign of the distances from the line where the cell lies.

@@ -47,7 +47,7 @@ const FAR_RATIO: f64 = 2.5;
 const FAR_SHARE: f64 = 0.25;
 /// Of the distance between neighbouring grid lines a line has this much to either side.
 const SPACING_SHARE: f64 = 0.5;
-/// An edge with less room beside it, in blurs, is not measured: at twice that distance the next thing
+/// An edge with a smaller margin, in blurs, is not measured: at twice that distance the next thing
 /// takes or adds 2 % of what the edge rises by where it is steepest.
 const LEAST_MARGIN_BLURS: f64 = 1.5;
 /// Before the neighbours are known, pixels this near to the path's ends are left out, in pixels or
@@ -373,7 +373,8 @@ fn margin(spans: &[EdgeSpan], index: usize, side: &Side) -> [f64; 2] {
         .map(|margin| margin.min(SPACING_SHARE * spacing))
 }
 
-/// The same for plateaus, where nothing crosses the edge and its length has to tell what is not known.
+/// The same for plateaus, where nothing crosses the edge and its length has to tell what is not
+/// known.
 fn far_margin(side: &Side, is_crossed: bool) -> f64 {
     match is_crossed {
         true => f64::INFINITY,

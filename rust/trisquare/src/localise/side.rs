@@ -1,5 +1,5 @@
-//! The model of one side, `v = g(b + A Phi(d / w))`, fitted to the pixels of its band. Where a blur is
-//! not normal, another distribution of variance 1 stands for `Phi`.
+//! The model of one side, `v = g(b + A Phi(d / w))`, fitted to the pixels of its band. Where a blur
+//! is not normal, another distribution of variance 1 stands for `Phi`.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -35,7 +35,7 @@ pub(super) const CONTRAST: usize = BASE + 2;
 pub(super) const BLUR: usize = CONTRAST + 2;
 pub(super) const PARAMETERS: usize = BLUR + 1;
 
-/// The basic derivatives, by height, base, rise and blur: the first parameter of each, and the
+/// The basic derivatives, by height, base, contrast and blur: the first parameter of each, and the
 /// degree of its polynomial in `s`.
 const BASIC: usize = 4;
 const FIRST: [usize; BASIC] = [0, BASE, CONTRAST, BLUR];
@@ -114,9 +114,9 @@ impl Side {
 
     /// Damped Gauss-Newton on all parameters, `noise` being the residuals' expected scale.
     ///
-    /// It ends with a step shorter than `settled` pixels, and returns whether it did within the steps
-    /// allowed; the side is left at the lowest cost seen, except that a last step too small to
-    /// matter is taken unseen.
+    /// It ends with a step shorter than `settled` pixels, and returns whether it did within the
+    /// steps allowed; the side is left at the lowest cost seen, except that a last step too small
+    /// to matter is taken unseen.
     pub fn fit(
         &mut self,
         tone: &ToneCurve,
@@ -217,7 +217,7 @@ impl Side {
     }
 
     /// How many parameters the pixels at the edge carry: the curve's, the blur, and about half of
-    /// base and rise.
+    /// base and contrast.
     pub fn edge_parameters(&self) -> f64 {
         self.curve.degree as f64 + 4.0
     }

@@ -16,15 +16,15 @@ pub struct EdgeSpan {
     pub bounds: [Option<usize>; 2],
     /// A grid line of a chessboard has its crossings here, one for each point of its path and in
     /// that order: the span that crosses it, if that is one of the slice, and the crossing's number
-    /// among all that there are on the board, seen or not. At each the rise changes its sign; that given is
-    /// the one after the first. Between two whose numbers are no neighbours nothing is measured.
+    /// among all that there are on the board, seen or not. At each the polarity changes; that given
+    /// is the one after the first. Between two whose numbers are no neighbours nothing is measured.
     pub crossings: Vec<(Option<usize>, usize)>,
-    /// Where the light cell beside the stretch after each crossing carries a marker: how far from the
-    /// cell's edges its dark border begins, over the cell's side; 0 where there is none. Empty if
-    /// there are none at all.
+    /// Where the light cell beside the stretch after each crossing carries a marker: how far from
+    /// the cell's edges its dark border begins, over the cell's side; 0 where there is none. Empty
+    /// if there are none at all.
     pub rims: Vec<f64>,
-    /// How far from the path, pixels, the picture is the edge's own, on the negative side and on the
-    /// other: beyond it something else begins. Infinite where nothing is known of it.
+    /// How far from the path, pixels, the picture is the edge's own, on the negative side and on
+    /// the other: beyond it something else begins. Infinite where nothing is known of it.
     pub margin: [f64; 2],
 }
 

@@ -1,7 +1,7 @@
 //! What the profiles of a picture's edges tell of its tone curve.
 //!
 //! A blurred step in light is symmetric about its edge; what asymmetry the coded step has is the
-//! tone curve's. Every side has its own curve, base, rise and blur, which are eliminated; the
+//! tone curve's. Every side has its own curve, base, contrast and blur, which are eliminated; the
 //! information that all sides have left on the tone curve's parameters adds up.
 
 use nalgebra::{Cholesky, Const, Matrix2, SMatrix, SVector, Vector2};
@@ -37,8 +37,8 @@ const MAX_STEP: f64 = 0.4;
 /// gamma to within 0.2 only.
 const OWN: usize = PARAMETERS + 1;
 const KURTOSIS: usize = PARAMETERS;
-/// How far the kurtosis, over 24, may be from that of the pixel's box: about half as far as the box's
-/// own at a blur of half a pixel.
+/// How far the kurtosis, over 24, may be from that of the pixel's box: about half as far as the
+/// box's own at a blur of half a pixel.
 const KURTOSIS_STD: f64 = 0.01;
 /// All parameters, and the residual.
 const TOTAL: usize = OWN + TONE_PARAMETERS + 1;
@@ -57,12 +57,12 @@ const SHIFT_PER_MISFIT: f64 = 15.0;
 /// linear light or the reverse.
 const BLIND_SHIFT_STD: f64 = 0.1;
 
-/// Pixels of a side that are asked at most. The camera loses nothing: its own geometry tells most of
-/// what a tone curve does to it, and the fit to the pixels asks them all.
+/// Pixels of a side that are asked at most. The camera loses nothing: its own geometry tells most
+/// of what a tone curve does to it, and the fit to the pixels asks them all.
 const MAX_PIXELS: usize = 1500;
 
-/// Columns of a pixel's row: derivatives by height, base, rise, blur and kurtosis, by the tone's
-/// parameters, and the residual.
+/// Columns of a pixel's row: derivatives by height, base, contrast, blur and kurtosis, by the
+/// tone's parameters, and the residual.
 const COLUMNS: usize = 5 + TONE_PARAMETERS + 1;
 
 /// What is known of the tone curve of a picture.
@@ -357,7 +357,7 @@ impl Side {
 
     /// The side's own step, given the tone curve's.
     ///
-    /// What the curve's change does to base and rise is far from linear where there is little
+    /// What the curve's change does to base and contrast is far from linear where there is little
     /// light, but their coded values hardly change: these are kept instead.
     fn follow(&mut self, share: &ToneShare, step: &Vector2<f64>, [old, new]: [Tone; 2]) {
         let at_old = share.factor.solve(&share.right);

@@ -40,8 +40,8 @@ impl BoardRelief {
         })
     }
 
-    /// The displacement (px) of a sample from its line that each unit of height makes; the distance's
-    /// derivative by the line is given.
+    /// The displacement (px) of a sample from its line that each unit of height makes; the
+    /// distance's derivative by the line is given.
     ///
     /// A point `P + z n` on the ray `x = (P + z n) / s` of a line through `P` has
     /// `l . x = z (l . n) / s`, and the derivative by the line is `x / |d(l.x)/dp|`.

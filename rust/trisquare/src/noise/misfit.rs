@@ -6,7 +6,7 @@ use super::side_basis::ORDERS;
 use super::side_moments::Moments;
 use crate::observations::{FreeParameters, ObservedPlane, View};
 
-/// Sides in the wrong place by so many times the variance of their curvature contradict each other:
+/// Sides in the wrong place by so many times the variance of their curvature disagree:
 /// chance does so once in two thousand times, where there are two degrees of freedom.
 const CONTRADICTION: f64 = 9.0;
 
@@ -79,7 +79,7 @@ impl Misfit {
             }
             all.straight_freedom -= state.parameter_count() as f64;
         }
-        // Focal lengths and principal point move lines; what is left of the camera bends them.
+        // Focal lengths and principal point move lines; what is left of the camera curves them.
         let pinhole = ["fx", "fy", "cx", "cy"];
         let moving = pinhole.iter().filter(|name| free.position(name).is_some());
         let moving = moving.count() as f64;

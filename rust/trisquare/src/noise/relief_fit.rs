@@ -1,4 +1,4 @@
-//! Paper that is not flat: every large board is granted a smooth relief.
+//! The out-of-plane shape of boards: every large board has a smooth relief.
 //!
 //! A bump of height `z(X, Y)` displaces rows and columns of a board alike, toward the vanishing
 //! point of its normal and the more the flatter the board is looked at: a displacement that whole
@@ -7,8 +7,8 @@
 //! (lower orders are the pose), `a_ij` normal with variance `tau^2 / (d / 2)^4`, `d = i + j`: stiff
 //! sheets resist curvature, which grows with the square of the order. `tau` follows from the
 //! residuals together with the strength of what every side errs on its own
-//! ([`crate::noise::side_errors`]), and where it is beyond doubt the camera is that of generalised least
-//! squares, the heights eliminated like a pose whose size is known beforehand.
+//! ([`crate::noise::side_errors`]), and where it is beyond doubt the camera is that of generalised
+//! least squares, the heights eliminated like a pose whose size is known beforehand.
 
 use nalgebra::Vector2;
 
@@ -39,8 +39,8 @@ const LAST_DECREASE: f64 = 0.03;
 /// Pixels over which a distance's gradient is taken.
 const GRADIENT_STEP: f64 = 0.01;
 
-/// The samples with the boards' relief taken out, and the optimum of generalised least squares
-/// there; `None` where no board has one.
+/// The samples with the boards' out-of-plane shape taken out, and the optimum of generalised least
+/// squares there; `None` where no board has one.
 pub(crate) fn account_for_relief(
     planes: &[ObservedPlane],
     free: &FreeParameters,

@@ -1,13 +1,13 @@
 //! Do the samples of a side err together, and how much less is then known?
 //!
-//! Paper bends, ink bleeds, and no lens is exactly its polynomial: the samples of a side then share
-//! an error that averaging does not remove. Every side is granted a smooth displacement
+//! Paper curves, ink bleeds, and no lens is exactly its polynomial: the samples of a side then
+//! share an error that averaging does not remove. Every side is granted a smooth displacement
 //! `sum_k a_k P_k(s)` of its image ([`crate::noise::side_basis`]), `a_k` normal with variance
 //! `tau^2 / (1 + (k/2)^2)^1.5`: the spectrum of an error that is correlated over about a third of
-//! the side, as the residuals of real boards have it. `tau` follows from the residuals by restricted maximum likelihood
-//! (H. D. Patterson & R. Thompson, Biometrika 58 (1971) 545-554), which allows for what the fitted
-//! parameters have absorbed. Marginalised over the `a_k`, the normal equations keep the shape of
-//! an arrow.
+//! the side, as the residuals of real boards have it. `tau` follows from the residuals by
+//! restricted maximum likelihood (H. D. Patterson & R. Thompson, Biometrika 58 (1971) 545-554),
+//! which allows for what the fitted parameters have absorbed. Marginalised over the `a_k`, the
+//! normal equations keep the shape of an arrow.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -39,7 +39,7 @@ pub(crate) struct SideErrors {
     /// Under white noise.
     system: ArrowSystem,
     families: Vec<Family>,
-    /// Of the boards' paper, by plane.
+    /// Of the boards' out-of-plane shape, by plane.
     board_reliefs: Vec<Option<BoardRelief>>,
 }
 
@@ -142,7 +142,7 @@ impl SideErrors {
         combined(&found)
     }
 
-    /// Whether any plane is a board whose paper may not be flat.
+    /// Whether any plane is a board that may not be flat.
     pub fn has_board_relief(&self) -> bool {
         self.board_reliefs.iter().any(Option::is_some)
     }

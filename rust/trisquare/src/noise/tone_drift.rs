@@ -1,5 +1,5 @@
 //! An error that all samples of a picture share: one unknown per picture, known beforehand to its
-//! standard deviation, that displaces each sample by its own drift.
+//! standard deviation, that shifts each sample by its own tone drift.
 //!
 //! The tone curve of a picture that had to be estimated is such an error: where it is wrong, all
 //! edges lie a little to the dark. The geometry of the planes may tell more of it, and what
@@ -12,9 +12,10 @@ use crate::numeric::{ArrowSystem, Block, Loss, Problem};
 use crate::observations::{FreeParameters, ObservedPlane};
 use crate::refine::{EdgeProblem, Refined};
 
-/// Frees the drifts of all pictures, one Newton step from the optimum without them: the samples
-/// where they are without the drift, and the optimum there, whose normal equations have the drifts
-/// eliminated. `None` where no sample drifts, or where the step fails.
+/// Estimates the tone drift of all pictures, one Newton step from the optimum without them: the
+/// samples where they are without the tone drift, and the optimum there, whose normal equations
+/// have the tone drifts eliminated. `None` where no sample has a tone drift, or where the step
+/// fails.
 pub(crate) fn account_for_drift(
     planes: &[ObservedPlane],
     free: &FreeParameters,
@@ -135,7 +136,7 @@ mod tests {
     use nalgebra::Vector2;
 
     const NOISE: f64 = 0.02;
-    /// What the drift is said to be, and how much of it there is.
+    /// The stated tone drift, and how much of it there is.
     const DRIFT: f64 = 0.1;
     const DEVIATIONS: f64 = 1.5;
 

@@ -33,7 +33,7 @@ pub(crate) struct Side {
 /// Sine of the angle below which two lines of a plane have one direction.
 const PARALLEL: f64 = 0.1;
 
-/// Weight of a side that was set aside, over that of others: it still places its own plane where
+/// Weight of an outlier side over that of others: it still places its own plane where
 /// nothing else does, and moves no camera.
 const ASIDE: f64 = 1e-5;
 
@@ -57,7 +57,7 @@ pub(crate) struct Figure {
 pub(crate) struct ObservedPlane {
     pub image: usize,
     pub figures: Vec<Figure>,
-    /// Of a board whose paper is not flat: what its samples would be on flat paper.
+    /// Out-of-plane shape of a board that is not flat; it has been removed from the samples.
     pub board_relief: Option<BoardRelief>,
 }
 
@@ -79,8 +79,7 @@ impl ObservedPlane {
         subsampled
     }
 
-    /// Moves every sample to where it would be with its drift, of so many standard deviations, taken
-    /// out.
+    /// Removes the tone drift, of so many standard deviations, from every sample.
     pub fn remove_tone_drift(&mut self, deviations: f64) {
         for side in self.figures.iter_mut().flat_map(|f| &mut f.sides) {
             for (sample, tone_drift) in side.samples.iter_mut().zip(&side.tone_drift) {
@@ -94,7 +93,7 @@ impl ObservedPlane {
         self.sides().any(|side| !side.tone_drift.is_empty())
     }
 
-    /// Sets all sides aside.
+    /// Marks all sides as outliers.
     pub fn mark_as_outlier(&mut self) {
         for side in self.figures.iter_mut().flat_map(|f| &mut f.sides) {
             side.is_outlier = true;
@@ -107,7 +106,7 @@ impl ObservedPlane {
         sides.into_iter().nth(index)
     }
 
-    /// Whether all sides are set aside.
+    /// Whether all sides are outliers.
     pub fn is_outlier(&self) -> bool {
         self.sides().all(|side| side.is_outlier)
     }

@@ -119,7 +119,7 @@ impl PixelFigure {
     }
 }
 
-/// Collects the pixels around every figure that is not set aside; not applicable unless all are
+/// Collects the pixels around every figure that is not an outlier; not applicable unless all are
 /// squares of known polarity.
 pub(super) fn collect(
     edges: &[PlaneEdges],

@@ -1,8 +1,8 @@
 //! Normal equations of one figure's pixels, summed by what the pixels depend on.
 //!
 //! Nearly all pixels that an edge cuts are cut by one side, whose line `l` they share: they are
-//! summed over `(l, residual, shared, exposure)`, and the plane's own parameters are brought in once
-//! per side. The few at corners are added row by row.
+//! summed over `(l, residual, shared, exposure)`, and the plane's own parameters are brought in
+//! once per side. The few at corners are added row by row.
 
 use nalgebra::{DMatrix, DVector};
 

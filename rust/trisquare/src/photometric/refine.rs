@@ -1,10 +1,10 @@
 //! The last stage when there is a picture: the joint model fitted to the pixels themselves.
 //!
 //! Every pixel near an outline is modelled as `v = g(L (b + A C))`, `g` the tone curve, `L` light
-//! that changes linearly over the figure, and `C` the part of the blurred square that covers it: the normal
-//! distribution function of its distances to the near sides over the blur `w`, bivariate at a
-//! corner. The distances follow from the joint camera and pose, so that corners count as well. A
-//! pixel carries its own independent noise: nothing is lost between patches.
+//! that changes linearly over the figure, and `C` the part of the blurred square that covers it:
+//! the normal distribution function of its distances to the near sides over the blur `w`, bivariate
+//! at a corner. The distances follow from the joint camera and pose, so that corners count as well.
+//! A pixel carries its own independent noise: nothing is lost between patches.
 
 use super::band::{PixelFigure, Width, collect};
 use super::exposure::Exposure;
@@ -30,9 +30,10 @@ const JUDGED_STRIDE: u32 = 8;
 const MAX_STEPS: usize = 8;
 
 /// Predicted fall of the cost, per parameter and in units of the noise variance, below which a step
-/// is the last. The exposures come from a twelfth of the pixels, the geometry from the edge samples:
-/// both start within a few standard deviations, from where one step arrives to second order and
-/// is efficient without iterating (L. Le Cam, Univ. California Publ. Statist. 1 (1953) 277-330).
+/// is the last. The exposures come from a twelfth of the pixels, the geometry from the edge
+/// samples: both start within a few standard deviations, from where one step arrives to second
+/// order and is efficient without iterating (L. Le Cam, Univ. California Publ. Statist. 1 (1953)
+/// 277-330).
 const LAST_DECREASE: f64 = 20.0;
 
 /// Blurs nearer than this to the widest that a band holds ask for a wider band.
@@ -178,7 +179,7 @@ fn start(
 }
 
 /// The joint optimum, with the normal equations of the last step; `None` if the steps do not
-/// settle.
+/// converge.
 fn converge(fit: &PixelFit<'_>, mut state: PixelState) -> Option<(PixelState, PixelSystem)> {
     let mut last_cost = f64::INFINITY;
     for _ in 0..MAX_STEPS {

@@ -14,7 +14,7 @@ pub(crate) struct Residual {
     pub distance: f64,
     /// One over the standard deviation given for the sample.
     pub weight: f64,
-    /// Whether its side belongs to the scene; one that was set aside tells nothing of the noise.
+    /// Whether its side belongs to the scene; an outlier says nothing about the noise.
     pub counts: bool,
 }
 

@@ -14,8 +14,8 @@ pub struct ResidualCorrelation {
     pub probability: f64,
     /// Root mean square of that error where there is one, for every plane, px.
     pub displacements: Vec<f64>,
-    /// Variance with which the planes contradict each other over what their sides' curvature lets
-    /// expect; 1 where they do not.
+    /// Variance between the planes over what their sides' curvature lets
+    /// expect; 1 where they agree.
     pub between_plane_variance_ratio: f64,
     /// What all that adds to the covariance of the free parameters.
     pub added: DMatrix<f64>,

@@ -59,7 +59,7 @@ impl Pool {
         )
     }
 
-    /// The planes that an explanation takes for squares.
+    /// The planes that a hypothesis takes for squares.
     pub fn squares(&self, hypothesis: &Hypothesis) -> Vec<usize> {
         hypothesis.squares().map(|i| self.places[i]).collect()
     }

@@ -33,7 +33,7 @@ const ALIKE: f64 = 0.06;
 /// What the second and every further one of things that stand alike counts for.
 pub(crate) const ALIKE_SHARE: f64 = 0.15;
 
-/// Steps of a camera toward what it explains; six settle it.
+/// Steps of a camera toward what it explains; six converge.
 const MAX_STEPS: usize = 12;
 
 /// Largest step of the focal length's logarithm: the model is linear about so far.
@@ -135,7 +135,7 @@ impl Hypothesis {
         best
     }
 
-    /// The explanation by a camera of known covariance.
+    /// The hypothesis by a camera of known covariance.
     fn at(
         seen: &[Option<Deviation>],
         prior: &Prior,
@@ -232,7 +232,8 @@ pub(crate) fn alike(a: &[Vector3<f64>; 2], b: &[Vector3<f64>; 2]) -> bool {
     same(&a[0], &b[0]) && same(&a[1], &b[1]) || same(&a[0], &b[1]) && same(&a[1], &b[0])
 }
 
-/// Squared deviation of a candidate from a square, in units of its own variance and of the camera's.
+/// Squared deviation of a candidate from a square, in units of its own variance and of the
+/// camera's.
 pub(crate) fn squared_deviation(candidate: &Candidate, hypothesis: &Hypothesis) -> Option<f64> {
     let deviation = candidate.deviation(&hypothesis.camera)?;
     let wrt_camera = deviation.wrt_camera;

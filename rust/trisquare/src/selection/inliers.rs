@@ -1,4 +1,4 @@
-//! Joint fits of candidates that agree with one another: which squares of an explanation, and which
+//! Joint fits of candidates that agree with one another: which squares of a hypothesis, and which
 //! others with them.
 //!
 //! A joint fit costs as much as it has planes. What is tried one by one is tried among a few dozen,
@@ -19,7 +19,7 @@ use crate::refine::{Refined, search};
 use crate::solver::JointProblem;
 use crate::uncertainty::check_plane_count;
 
-/// Planes that an agreement has: of three, two cannot show which one is false.
+/// Planes that a set of inliers has: of three, two cannot show which one is false.
 pub(crate) const LEAST_CANDIDATES: usize = 4;
 
 /// A plane does not belong if it puts sides in the wrong place by so many times the variance of the
@@ -36,7 +36,7 @@ const MAX_TRIALS: usize = 12;
 const MAX_TRIMS: usize = 12;
 pub(crate) const STICKS_OUT: f64 = 2.5;
 
-/// Triples of an explanation's squares that are fitted where these do not agree: all of nine.
+/// Triples of a hypothesis' squares that are fitted where these do not agree: all of nine.
 const MAX_SEEDS: usize = 84;
 
 /// Squares that are tried one by one; beyond, further ones hardly tell more of the camera.
@@ -45,10 +45,10 @@ const MAX_FITTED: usize = 32;
 /// One in so many of the planes that do not agree goes, where none sticks out among many.
 const PART_DROPPED: usize = 8;
 
-/// Squares that are in all explanations, and left out in turn where no joint fit agrees.
+/// Squares that are in all hypotheses, and left out in turn where no joint fit agrees.
 const MAX_SHARED: usize = 3;
 
-/// By how much less evidence than the best an explanation may have that is followed up.
+/// By how much less evidence than the best a hypothesis may have that is followed up.
 const CONSIDERED: f64 = 8.0;
 
 /// What a square that agrees speaks for a joint fit: what one of median precision has in evidence.
@@ -133,7 +133,7 @@ impl Inliers<'_> {
         }
     }
 
-    /// The joint fits that the best of some explanations lead to.
+    /// The joint fits that the best of some hypotheses lead to.
     pub fn fits(&self, hypotheses: &[Hypothesis]) -> Vec<Fit> {
         let mut fits = Vec::new();
         for hypothesis in hypotheses {
@@ -144,7 +144,7 @@ impl Inliers<'_> {
         fits
     }
 
-    /// The joint fits that agree once a square is left out which is in all explanations: one that
+    /// The joint fits that agree once a square is left out which is in all hypotheses: one that
     /// is known so well as a board is in any, also where another camera saw it.
     pub fn fits_without_one_of_all(&self, found: &[Hypothesis]) -> Vec<Fit> {
         let in_all = |plane: &usize| {
@@ -169,7 +169,7 @@ impl Inliers<'_> {
         fits
     }
 
-    /// The joint fits that an explanation leads to: of its squares, or of those that agree.
+    /// The joint fits that a hypothesis leads to: of its squares, or of those that agree.
     fn add_fits(&self, hypothesis: &Hypothesis, fits: &mut Vec<Fit>) {
         let squares = self.most_telling(self.pool.squares(hypothesis), hypothesis);
         let start = &hypothesis.camera;
@@ -209,7 +209,7 @@ impl Inliers<'_> {
         fit.standing_apart() * SQUARE_EVIDENCE - prior(self.problem).cost(&fit.camera)
     }
 
-    /// The squares of an explanation that tell most of its camera: of those that stand alike one
+    /// The squares of a hypothesis that tell most of its camera: of those that stand alike one
     /// before the others, and what is known best before what is less certain.
     fn most_telling(&self, squares: Vec<usize>, hypothesis: &Hypothesis) -> Vec<usize> {
         if squares.len() <= MAX_FITTED {

@@ -87,7 +87,7 @@ pub(crate) fn propose(problem: &JointProblem<'_>, pool: &Pool) -> Vec<Hypothesis
     explained(all, best.into_iter().map(|found| found.camera).collect())
 }
 
-/// The explanations with the most evidence, of those that take the same squares only one.
+/// The hypotheses with the most evidence, of those that take the same squares only one.
 fn best_different(mut found: Vec<Hypothesis>) -> Vec<Hypothesis> {
     found.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
     let mut different: Vec<Hypothesis> = Vec::new();

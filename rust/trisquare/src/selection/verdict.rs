@@ -8,13 +8,13 @@ use crate::observations::ObservedPlane;
 /// Boards that show a camera and their own errors: more than half of them are then right.
 pub(crate) const LEAST_BOARDS: usize = 3;
 
-/// Logarithm of the odds below which another explanation is nearly as good.
+/// Logarithm of the odds below which another hypothesis is nearly as good.
 const CLOSE_RIVAL: f64 = 4.0;
 
-/// Evidence that one explanation needs to stand out from chance, over that of no square at all.
+/// Evidence that one hypothesis needs to stand out from chance, over that of no square at all.
 const LEAST_EVIDENCE: f64 = 8.0;
 
-/// Cameras whose focal lengths differ by more than this part are different explanations.
+/// Cameras whose focal lengths differ by more than this part are different hypotheses.
 const DIFFERENT_FOCAL: f64 = 0.02;
 
 /// An aspect, and a principal point (over half the diagonal), this far from the ordinary are

@@ -10,13 +10,13 @@ use crate::refine::{Refined, root_mean_square};
 use crate::result::Warning;
 use crate::uncertainty::check_plane_count;
 
-/// Planes that must remain where one is set aside: two cannot show which of three is false.
+/// Planes that must remain where one is rejected: two cannot show which of three is false.
 const LEAST_PLANES: usize = 3;
 
 /// Mean square misfit from which the planes are doubted.
 const DOUBTED: f64 = 2.0;
 
-/// A plane is set aside if what it adds to the misfit is, per degree of freedom, so many times
+/// A plane is rejected if what it adds to the misfit is, per degree of freedom, so many times
 /// what remains without it: chance makes it 4 once in ten thousand times.
 const FALSE_PLANE: f64 = 6.0;
 
@@ -24,19 +24,19 @@ const FALSE_PLANE: f64 = 6.0;
 /// sides.
 const BENT: f64 = 10.0;
 
-/// A side is set aside if what it adds to the misfit is, per degree of freedom, so many times what
+/// A side is rejected if what it adds to the misfit is, per degree of freedom, so many times what
 /// remains without it: chance makes it 7 once in ten thousand times, and there are some twelve.
 const FALSE_SIDE: f64 = 10.0;
 
-/// At most one side in so many is set aside: beyond, nobody can tell who is right.
+/// At most one side in so many is rejected: beyond, nobody can tell who is right.
 const SIDES_PER_OUTLIER: usize = 4;
 
 /// Planes and sides are all tried where there are this many planes. Every trial fits all planes, so
 /// beyond, fewer are tried, the farthest off first: the more planes hold the camera, the less a
-/// false one can bend it to its will, and the more plainly it shows in its own residuals.
+/// false one can bias it, and the more plainly it shows in its own residuals.
 const ALL_TRIED: usize = 16;
 
-/// Trials of so many planes in all, over the rounds in each of which one side is set aside.
+/// Trials of so many planes in all, over the rounds in each of which one side is rejected.
 const PLANES_FITTED: usize = ALL_TRIED * ALL_TRIED;
 
 /// Trials that are made in any case: the farthest off may be a true plane beside a false one.
@@ -92,7 +92,7 @@ fn farthest<T: Copy>(mut things: Vec<(T, Misfit)>, count: usize) -> Vec<T> {
     things.iter().take(count).map(|(thing, _)| *thing).collect()
 }
 
-/// Leaves out each plane in turn where they disagree, and sets aside the one without which the
+/// Leaves out each plane in turn where they disagree, and rejects the one without which the
 /// others agree much better, or only its one bent side. Of many planes only the farthest off are
 /// left out, from the optimum of all.
 fn without_false_plane(
@@ -233,7 +233,7 @@ fn solved_without_bent_side(
     (trial.misfit.mean() < DOUBTED && trial.shows_bent(&found, place)).then_some(found)
 }
 
-/// Leaves out each side of a square in turn where the sides disagree, and sets the one aside
+/// Leaves out each side of a square in turn where the sides disagree, and rejects the one
 /// without which the others agree much better; `None` if there is none, or if it is straight: a
 /// straight side in the wrong place belongs to a square that is none.
 fn without_bent_side(problem: &JointProblem<'_>, solution: &Solution) -> Option<Solution> {
@@ -254,7 +254,7 @@ fn without_bent_side(problem: &JointProblem<'_>, solution: &Solution) -> Option<
     trial.shows_bent(&found, place).then_some(found)
 }
 
-/// The planes with one more side set aside: of a plane, by its index over all figures.
+/// The planes with one more side rejected: of a plane, by its index over all figures.
 fn without_side(
     planes: &[ObservedPlane],
     (plane, side): (usize, usize),
@@ -321,7 +321,7 @@ fn curvatures(solution: &Solution, plane: usize) -> Vec<f64> {
     solution.noise.as_ref().map(curvature).unwrap_or_default()
 }
 
-/// Names what was set aside.
+/// Names the outliers.
 fn warnings(solution: &Solution) -> Vec<Warning> {
     let mut warnings = Vec::new();
     for (p, plane) in solution.planes.iter().enumerate() {

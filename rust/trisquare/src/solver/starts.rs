@@ -22,7 +22,7 @@ const START_SAMPLES_PER_SIDE: usize = 16;
 /// where they are smaller, the free optimum is a wrong one.
 const BEATEN: f64 = 0.98;
 
-/// The paper's steps 1 and 2, and on them what `answer` makes of all stages.
+/// The paper's steps 1 and 2, and on them what `answer` makes of all starts.
 pub(crate) fn with_starts<T>(
     problem: &JointProblem<'_>,
     planes: &[ObservedPlane],
@@ -57,7 +57,7 @@ fn keep_better(best: &mut Option<Refined<Brown>>, found: Refined<Brown>) {
 /// Mean square misfit from which an optimum may be a wrong one; that of noise alone is 1.
 const STRAINED: f64 = 2.0;
 
-/// What every stage may look at.
+/// What every start shares.
 pub(crate) struct Starts<'a> {
     problem: &'a JointProblem<'a>,
     planes: &'a [ObservedPlane],
@@ -125,7 +125,7 @@ impl Starts<'_> {
     }
 
     /// Joint maximum likelihood from the conic's camera matrix, or from the first fallback that
-    /// settles where that one does not.
+    /// converges where that one does not.
     ///
     /// A doubtful answer may be a wrong optimum, with the principal point far off and the planes
     /// turned to match: then all starts are tried and the one that fits best is taken. One that
@@ -221,7 +221,7 @@ impl Starts<'_> {
             let converged = found.termination == Termination::Converged;
             let found = converged.then_some(found)?;
             let view = found.view.clone();
-            // Where the cost is far from a parabola, Newton's undamped steps may not settle.
+            // Where the cost is far from a parabola, Newton's undamped steps may not converge.
             finish(self.planes, &self.problem.free, &self.problem.judged, found)
                 .or_else(|| self.around(view))
         })

@@ -14,12 +14,13 @@
 //! of its own standard deviation, and what that angle tells of K has a relative error of one over
 //! that multiple; its distribution falls off like a Gaussian's tail toward the limit.
 //!
-//! Strong noise alone is no reason to refuse: where planes clearly differ in direction (by more than
-//! [`DISTINCT_DEGREES`], which in 1,000 scenes of parallel planes with noise of 1 to 3 px no estimate
-//! reached whose standard deviation was below the limit) the limit grows with the noise above
-//! [`COMMON_NOISE`], so that a sound scene photographed badly returns large standard deviations.
-//! And exact samples do not make a degenerate geometry sound: less noise than [`LEAST_NOISE`] is
-//! judged as if it were that, for paper is not flat and lenses are not polynomials.
+//! Strong noise alone is no reason to refuse: where planes clearly differ in direction (by more
+//! than [`DISTINCT_DEGREES`], which in 1,000 scenes of parallel planes with noise of 1 to 3 px no
+//! estimate reached whose standard deviation was below the limit) the limit grows with the noise
+//! above [`COMMON_NOISE`], so that a sound scene photographed badly returns large standard
+//! deviations. And exact samples do not make a degenerate geometry sound: less noise than
+//! [`LEAST_NOISE`] is judged as if it were that, because boards are not flat and lenses are not
+//! polynomials.
 
 use nalgebra::{DMatrix, Vector2};
 
@@ -124,7 +125,7 @@ impl<L: Lens> Conditioning<'_, L> {
     /// inverse of their information into a covariance.
     ///
     /// # Errors
-    /// The weakness, without remedies.
+    /// The ill-conditioning, without remedies.
     pub fn judge(
         &self,
         system: &ArrowSystem,

@@ -105,8 +105,8 @@ pub(crate) fn correlated_covariance<L: Lens>(
     let between_plane_variance_ratio =
         Misfit::of(planes, &refined.view, free, noise).between_plane_variance_ratio();
     let system = errors.marginal(&strength.mean)?;
-    // Boards with a relief have been fitted by generalised least squares, all others at weights
-    // that take the noise for white.
+    // Boards with an out-of-plane shape have been fitted by generalised least squares, all others
+    // at weights that take the noise for white.
     let generalised = match planes.iter().any(|plane| plane.board_relief.is_some()) {
         true => Some(covariance(&system, 1.0)?),
         false => None,

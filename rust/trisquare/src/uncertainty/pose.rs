@@ -5,7 +5,7 @@
 //! the noise) where the camera is given. The covariance of camera and pose together follows from
 //! these and from the camera's own, whether it was found from the same planes or from others.
 //! Where the sides of a plane err together (paper that is not flat), each side's error moves the
-//! pose as the sum of its samples pulls.
+//! pose as the sum of its samples' gradients.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
