@@ -235,13 +235,16 @@ fn to_dict<'py>(py: Python<'py>, found: &Calibration) -> PyResult<Bound<'py, PyD
     dict.set_item("std", std)?;
     dict.set_item("planes", planes)?;
     dict.set_item("rms", found.rms)?;
-    let coherence = PyDict::new(py);
-    coherence.set_item("neighbours", found.coherence.neighbours)?;
-    coherence.set_item("probability", found.coherence.probability)?;
-    let displacements = PyTuple::new(py, &found.coherence.displacements)?;
-    coherence.set_item("displacements", displacements)?;
-    coherence.set_item("contradiction", found.coherence.contradiction)?;
-    dict.set_item("coherence", coherence)?;
+    let residual_correlation = PyDict::new(py);
+    residual_correlation.set_item("neighbours", found.residual_correlation.neighbours)?;
+    residual_correlation.set_item("probability", found.residual_correlation.probability)?;
+    let displacements = PyTuple::new(py, &found.residual_correlation.displacements)?;
+    residual_correlation.set_item("displacements", displacements)?;
+    residual_correlation.set_item(
+        "contradiction",
+        found.residual_correlation.between_plane_variance_ratio,
+    )?;
+    dict.set_item("coherence", residual_correlation)?;
     dict.set_item("noise_scale", found.noise_scale)?;
     dict.set_item("iterations", found.iterations)?;
     dict.set_item("warnings", warnings)?;

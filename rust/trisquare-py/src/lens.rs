@@ -168,7 +168,10 @@ pub fn can_unproject(
 ) -> PyResult<Vec<bool>> {
     let (camera, pixels) = (camera.camera(), arrays::points(&pixels)?);
     Ok(detached(py, || {
-        pixels.iter().map(|p| camera.sight(p).is_some()).collect()
+        pixels
+            .iter()
+            .map(|p| camera.unproject_with_jacobian(p).is_some())
+            .collect()
     })?)
 }
 

@@ -15,7 +15,7 @@ use numpy::{
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use trisquare::internals::{
-    Crossing, GreyBytes, Lattice, LatticeSurface, SaddleStep, SidePoints, Site, settled_on_saddle,
+    Crossing, GreyBytes, Lattice, LatticeSurface, SaddleStep, SidePoints, Site, refine_corner,
     trimmed_cubics,
 };
 
@@ -197,7 +197,7 @@ pub fn settle_on_saddles<'py>(
     let grey = GreyBytes::new(width, height, &values).ok_or_else(no_picture)?;
     let settled: Vec<Vector2<f64>> = arrays::points(&points)?
         .into_iter()
-        .map(|point| settled_on_saddle(&grey, point))
+        .map(|point| refine_corner(&grey, point))
         .collect();
     Ok(arrays::from_points(py, &settled))
 }

@@ -7,7 +7,7 @@ use crate::image_size::ImageSize;
 use crate::observations::{Method, Options, PlaneEdges, sort_by_plane};
 use crate::photometric::{Photographs, improve};
 use crate::result::{Calibration, Stage};
-use crate::solver::{Task, Work, reject_outliers};
+use crate::solver::{JointProblem, Work, reject_outliers};
 use crate::uncertainty::check_plane_count;
 
 /// Calibrates a camera from edge samples of planes with known lines.
@@ -72,21 +72,24 @@ fn run(
         Purpose::Answer => (true, own()),
         Purpose::Comparison(shared) => (false, Rc::clone(shared.get_or_insert_with(own))),
     };
-    let task = Task::new(size, options).within(&work);
-    check_plane_count(planes.len(), &task.free)?;
+    let problem = JointProblem::new(size, options).within(&work);
+    check_plane_count(planes.len(), &problem.free)?;
 
-    let advised = |failure| task.advised(failure);
+    let advised = |failure| problem.advised(failure);
     let (stage, found) = match options.method {
-        Method::Linear => (Stage::Linear, task.solve(&planes).map(|s| (s, Vec::new()))),
-        Method::MaximumLikelihood => (Stage::Edges, reject_outliers(&task, &planes)),
+        Method::Linear => (
+            Stage::Linear,
+            problem.solve(&planes).map(|s| (s, Vec::new())),
+        ),
+        Method::MaximumLikelihood => (Stage::Edges, reject_outliers(&problem, &planes)),
     };
     let (solution, outliers) = found.map_err(advised)?;
     if judging {
-        task.judge(&solution).map_err(advised)?;
+        problem.judge(&solution).map_err(advised)?;
     }
-    let mut calibration = Calibration::assemble(&task, &solution, stage);
+    let mut calibration = Calibration::assemble(&problem, &solution, stage);
     if let (Stage::Edges, Some(photographs)) = (stage, photographs) {
-        improve(edges, &task, &solution, photographs, &mut calibration);
+        improve(edges, &problem, &solution, photographs, &mut calibration);
     }
     if calibration.stage == stage {
         calibration.state_poses(&solution);

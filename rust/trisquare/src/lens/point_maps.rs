@@ -53,9 +53,11 @@ impl Brown {
         })
     }
 
-    /// The distance from the principal point, in pixels, within which every pixel can be undistorted.
+    /// The distance from the principal point, in pixels, within which every pixel can be
+    /// undistorted.
     ///
-    /// The image of the disc of valid radius `R` reaches at least `R (1 + k1 R^2 + ...) - 3 |q| R^2`,
+    /// The image of the disc of valid radius `R` reaches at least `R (1 + k1 R^2 + ...) - 3 |q|
+    /// R^2`,
     /// `q = (p2, p1)`, in every direction; the smaller focal length makes it pixels.
     pub fn valid_pixel_radius(&self) -> f64 {
         let radius = self.valid_radius();

@@ -25,7 +25,7 @@ const MAX_DOUBLINGS: usize = 20;
 /// The zoom is known to this part of itself: a thousandth of a pixel over the largest picture.
 const ZOOM_TOLERANCE: f64 = 1e-8;
 
-/// Shifts of a rectangle toward the room that it has: Newton's, at rounding after a few.
+/// Shifts of a rectangle toward the margin that it has: Newton's, at rounding after a few.
 const MAX_SHIFTS: usize = 12;
 
 /// A shift below this, in pixels, gains nothing.
@@ -166,7 +166,7 @@ impl Brown {
         room
     }
 
-    /// Newton's step to where there is as much room on either side, along both axes.
+    /// Newton's step to where there is as much margin on either side, along both axes.
     fn balancing_shift(&self, room: &Room) -> Vector2<f64> {
         let slope = |side: &Side, axis: usize| {
             if side.is_rim {
@@ -288,7 +288,7 @@ struct Room {
     high: [Side; 2],
 }
 
-/// The room on one side, in pixels and negative where it is exceeded, and whose it is.
+/// The margin on one side, in pixels and negative where it is exceeded, and whose it is.
 #[derive(Debug, Clone, Copy)]
 struct Side {
     room: f64,

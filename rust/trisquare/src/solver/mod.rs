@@ -9,6 +9,6 @@ mod starts;
 mod work;
 
 pub(crate) use outliers::reject_outliers;
-pub(crate) use problem::Task;
+pub(crate) use problem::JointProblem;
 pub(crate) use solve::Solution;
 pub(crate) use work::Work;

@@ -49,7 +49,7 @@ impl Brown {
         pixels: &[Vector2<f64>],
     ) -> Result<Vec<SMatrix<f64, 2, 9>>, Error> {
         self.of_all(pixels, |pixel| {
-            let ideal = self.sight(pixel)?.ideal();
+            let ideal = self.unproject_with_jacobian(pixel)?.ideal();
             let jacobian = self.projection_jacobian(&ideal);
             jacobian.iter().all(|v| v.is_finite()).then_some(jacobian)
         })
@@ -112,7 +112,7 @@ impl<'a> ProjectionUncertainty<'a> {
     /// The covariance, in px^2, of where the direction seen at a pixel is projected; `None` beyond
     /// the valid radius.
     pub fn at(&self, pixel: &Vector2<f64>) -> Option<Matrix2<f64>> {
-        let ideal = self.camera.sight(pixel)?.ideal();
+        let ideal = self.camera.unproject_with_jacobian(pixel)?.ideal();
         let all = self.camera.projection_jacobian(&ideal);
         let mut free = Matrix2xX::zeros(self.columns.len());
         for (i, column) in self.columns.iter().enumerate() {
