@@ -64,15 +64,25 @@ pub(crate) fn agreeing(
         ..=ALL_TRIED => sides / SIDES_PER_OUTLIER,
         many => trials(many),
     };
+    let mut last_sound = None;
     for _ in 0..rounds {
-        match without_bent_side(task, &solution) {
-            Some(straighter) => solution = straighter,
-            None => break,
+        let Some(straighter) = without_bent_side(task, &solution) else {
+            break;
+        };
+        let before = std::mem::replace(&mut solution, straighter);
+        if !task.is_weak(&before) {
+            last_sound = Some(before);
         }
     }
     // A bent side may lead to a wrong optimum, which looks weak, and from which no step leads back.
     if solution.misfit(task).mean() > DOUBTED && task.is_weak(&solution) {
         solution = solved_without_bent_side(task, planes).unwrap_or(solution);
+    }
+    // A side that the others cannot replace stays: what bends it raises the standard deviations.
+    if let Some(sound) = last_sound
+        && task.is_weak(&solution)
+    {
+        solution = sound;
     }
     let warnings = warnings(&solution);
     Ok((solution, warnings))
