@@ -64,15 +64,25 @@ pub(crate) fn reject_outliers(
         ..=ALL_TRIED => sides / SIDES_PER_OUTLIER,
         many => trials(many),
     };
+    let mut last_sound = None;
     for _ in 0..rounds {
-        match without_bent_side(problem, &solution) {
-            Some(straighter) => solution = straighter,
-            None => break,
+        let Some(straighter) = without_bent_side(problem, &solution) else {
+            break;
+        };
+        let before = std::mem::replace(&mut solution, straighter);
+        if !problem.is_ill_conditioned(&before) {
+            last_sound = Some(before);
         }
     }
     // A bent side may lead to a wrong optimum, which looks weak, and from which no step leads back.
     if solution.misfit(problem).mean() > DOUBTED && problem.is_ill_conditioned(&solution) {
         solution = solved_without_bent_side(problem, planes).unwrap_or(solution);
+    }
+    // A side that the others cannot replace stays: what bends it raises the standard deviations.
+    if let Some(sound) = last_sound
+        && problem.is_ill_conditioned(&solution)
+    {
+        solution = sound;
     }
     let warnings = warnings(&solution);
     Ok((solution, warnings))
