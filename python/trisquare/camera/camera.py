@@ -154,9 +154,10 @@ class Camera(RebuiltByConstructor):
         limit = _core.invertible_radius(*self.distortion.tolist())
         if self.valid_radius is not None:
             limit = min(limit, self.valid_radius)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        # What is not finite is told from the rest below.
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             radius = np.hypot(given[:, 0], given[:, 1]) / given[:, 2]
-        return np.asarray((given[:, 2] > 0) & (radius <= limit))
+        return np.asarray((given[:, 2] > 0) & (radius <= limit) & np.isfinite(radius))
 
     def unproject(self, pixels: npt.ArrayLike) -> FloatArray:
         """Return the unit rays, in the camera's frame, along which pixels look.

@@ -13,6 +13,7 @@ from trisquare._core import __version__
 from trisquare._support.arrays import (
     FloatArray,
     RebuiltByConstructor,
+    is_covariance,
     not_negative,
     real_array,
     real_number,
@@ -282,7 +283,7 @@ class Calibration(RebuiltByConstructor):
         return cls(
             camera=camera_from_members(members.object("camera"), members.integers("image_size")),
             std=members.numbers_by_name("std"),
-            covariance=members.array("covariance", (len(parameters), len(parameters))),
+            covariance=_covariance_member(members, len(parameters)),
             parameters=parameters,
             planes=tuple(_plane_from_members(plane) for plane in members.objects("planes")),
             rms=members.number("rms_px"),
@@ -310,6 +311,14 @@ class Calibration(RebuiltByConstructor):
                 for candidate in (members.objects("rejected") if members.has("rejected") else ())
             ),
         )
+
+
+def _covariance_member(members: JsonFields, size: int) -> FloatArray:
+    """Read a covariance, whose directions must have variances: numpy takes their roots."""
+    covariance = members.array("covariance", (size, size))
+    if not is_covariance(covariance):
+        raise ValueError('"covariance" must be symmetric and positive semidefinite')
+    return covariance
 
 
 def _coherence_member(coherence: Coherence | None) -> dict[str, Any]:
