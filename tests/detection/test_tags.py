@@ -355,6 +355,7 @@ def test_nonsense_layouts_are_refused_by_name(targets, named):
         ts.detect(np.zeros((40, 40), np.uint8), targets=targets)
 
 
+@pytest.mark.slow
 def test_command_takes_a_board(run, tmp_path, box):
     photo = tmp_path / "box.png"
     cv2.imwrite(str(photo), box[1])
