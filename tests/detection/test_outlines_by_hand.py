@@ -10,7 +10,7 @@ from scenes import squares
 import trisquare as ts
 from trisquare import simulate
 from trisquare.detection.annotations import formats as drawing_formats
-from trisquare.detection.annotations.outlines import DrawnOutline
+from trisquare.detection.annotations.outlines import AnnotatedOutline
 
 SCENE = squares(31)
 FRAMES = squares(32, kind="frame")
@@ -342,7 +342,7 @@ def test_a_traced_mask_has_its_corners_found():
     mask = np.zeros((500, 500), np.uint8)
     cv2.fillConvexPoly(mask, quad, 255)
     contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    corners = DrawnOutline.of_polygon(contours[0][:, 0], "mask").corners
+    corners = AnnotatedOutline.of_polygon(contours[0][:, 0], "mask").corners
     distances = np.linalg.norm(corners[:, None] - quad[None], axis=2)
     assert distances.min(axis=0).max() < 8
     assert sorted(distances.argmin(axis=1).tolist()) == [0, 1, 2, 3]
@@ -351,6 +351,6 @@ def test_a_traced_mask_has_its_corners_found():
 def test_the_documented_example_is_read():
     text = drawing_formats.__doc__
     example = json.loads(text[text.index("   {") : text.index("For a single")])
-    first, second = drawing_formats.drawn_pictures(example)
+    first, second = drawing_formats.annotated_pictures(example)
     assert [target.kind for target in first.targets] == ["square", "square", "frame"]
     assert (first.name, second.index, second.targets[0].present.sum()) == ("front.jpg", 1, 11)

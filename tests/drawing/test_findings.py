@@ -15,9 +15,9 @@ from trisquare import simulate
 from trisquare.calibration.explain_failure import explain
 from trisquare.cli.tables import calibration_report
 from trisquare.detection.candidates import Lattice
-from trisquare.detection.kinds import Targets
+from trisquare.detection.kinds import TargetKinds
 from trisquare.drawing.detections import FOUND_COLOUR, REJECTED_COLOUR, draw_findings
-from trisquare.measurement.boards import FoundLattice
+from trisquare.measurement.boards import Board
 
 CAMERA = simulate.TrueCamera(700.0, 700.0, 319.5, 239.5, image_size=(640, 480))
 UNIT_SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
@@ -110,7 +110,7 @@ def reasons(scene, **settings):
     picture = photograph(scene, **settings)
     return {
         tuple(np.rint(candidate.corners.mean(axis=0)).astype(int)): candidate.reason
-        for candidate in explain(picture, Targets.parse("squares"))
+        for candidate in explain(picture, TargetKinds.parse("squares"))
     }
 
 
@@ -145,7 +145,7 @@ def test_what_lies_beside_a_square_is_told():
     picture = photograph(scene)
     dark, light = float(picture[240, 220]), float(picture[10, 10])
     picture[150:330, 300:420] = round(0.6 * dark + 0.4 * light)
-    told = explain(picture, Targets.parse("squares"))
+    told = explain(picture, TargetKinds.parse("squares"))
     beside = [c for c in told if np.abs(c.corners.mean(axis=0) - [220, 240]).max() < 10]
     assert [candidate.reason for candidate in beside] == [
         "something else lies beside its sides or corners"
@@ -156,20 +156,20 @@ def test_a_square_with_a_patterned_inside_is_told():
     scene = simulate.Scene(CAMERA, (seen_at((320, 240), 200.0, np.eye(3)),))
     picture = photograph(scene)
     cv2.circle(picture, (320, 240), 50, 200, -1)
-    (candidate,) = explain(picture, Targets.parse("squares"))
+    (candidate,) = explain(picture, TargetKinds.parse("squares"))
     assert candidate.reason.startswith("its inside is neither")
     assert_at(candidate, scene.image_points(0, UNIT_SQUARE))
 
 
 def test_found_squares_are_not_passed_over():
     scene = simulate.random_scene(np.random.default_rng(74), kind="frame")
-    assert explain(photograph(scene), Targets.parse("squares")) == []
+    assert explain(photograph(scene), TargetKinds.parse("squares")) == []
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (3, 700), (40, 40), (480, 640)])
 def test_noise_is_explained_without_harm(shape):
     noise = np.random.default_rng(75).integers(0, 256, shape).astype(np.uint8)
-    for candidate in explain(noise, Targets.parse("auto")):
+    for candidate in explain(noise, TargetKinds.parse("auto")):
         assert np.isfinite(candidate.corners).all()
 
 
@@ -177,7 +177,7 @@ def test_a_board_measured_in_one_direction_is_no_plane():
     """It would leave its homography open, and with it the whole calibration."""
     y, x = np.mgrid[100:260:40, 100:260:40].astype(float)
     lattice = Lattice(np.stack([x, y], axis=2), np.ones((4, 4), bool))
-    found = FoundLattice.of(lattice, np.zeros((400, 400), np.uint8))
+    found = Board.of(lattice, np.zeros((400, 400), np.uint8))
     rows = [(np.array([[105.0, place], [215.0, place]]), np.ones(2), None) for place in y[:, 0]]
     columns = [(points[:, ::-1].copy(), std, None) for points, std, _ in rows]
     blurred = "too blurred"
@@ -197,7 +197,7 @@ def square_around(x, y, half):
     return 2 * half * UNIT_SQUARE + [x, y]
 
 
-FOUND = ts.Sighting("square", 0, square_around(400, 300, 100))
+FOUND = ts.PartialDetection("square", 0, square_around(400, 300, 100))
 REFUSED = ts.Rejected("square", 0, square_around(900, 700, 200), "its side 2 has no edge", 3.25)
 
 

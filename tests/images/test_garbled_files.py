@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 import trisquare as ts
 from trisquare._support.json_members import JsonFields
-from trisquare.detection.annotations.formats import drawn_pictures
-from trisquare.detection.kinds import Targets
+from trisquare.detection.annotations.formats import annotated_pictures
+from trisquare.detection.kinds import TargetKinds
 from trisquare.results.rejected import Rejected, rejected_from_members, rejected_members
 
 many = settings(max_examples=120, derandomize=True)
@@ -69,7 +69,7 @@ coco = st.fixed_dictionaries(
 @given(st.one_of(values, own, labelme, coco))
 def test_any_outlines_are_read_or_refused(members):
     with suppress(ValueError):
-        for picture in drawn_pictures(members):
+        for picture in annotated_pictures(members):
             repr(picture)
 
 
@@ -89,7 +89,7 @@ def test_any_outlines_are_read_or_refused(members):
 )
 def test_any_name_of_targets_is_known_or_refused(text):
     with suppress(ValueError):
-        assert isinstance(Targets.parse(text), Targets)
+        assert isinstance(TargetKinds.parse(text), TargetKinds)
 
 
 REJECTED = Rejected("square", 0, np.array([[1.0, 2.0], [9.0, 2.0], [9.0, 8.0], [1.0, 8.0]]), "why")

@@ -7,13 +7,13 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import TypeAlias
 
-from trisquare.detection.kinds import Targets
+from trisquare.detection.kinds import TargetKinds
 from trisquare.edges import PlaneEdges
 from trisquare.errors import TrisquareError
 from trisquare.images.pixels import Image, ImageSource
 from trisquare.images.reading import load_picture
+from trisquare.results.partial_detection import PartialDetection, partial_detections
 from trisquare.results.rejected import Rejected
-from trisquare.results.sighting import Sighting, sightings
 
 MOST_NAMED = 3
 """Groups of things, and places in each, that a message names; the error's attributes hold all."""
@@ -22,15 +22,15 @@ MOST_EXPLAINED = 4
 """Pictures that are searched again for what was passed over, those with the least found first: a
 failure shall not take twice as long when there are a hundred."""
 
-Place: TypeAlias = Sighting | Rejected
+Place: TypeAlias = PartialDetection | Rejected
 
 
 @contextmanager
-def told_on_failure(
+def raise_with_reasons(
     figures: Sequence[PlaneEdges],
     rejected: Sequence[Rejected],
     sources: Sequence[ImageSource],
-    targets: Targets,
+    targets: TargetKinds,
 ) -> Iterator[None]:
     """Let a `TrisquareError` say what was found in the pictures, in words and as attributes.
 
@@ -42,13 +42,13 @@ def told_on_failure(
         What is known to have been rejected.
     sources : sequence of path or ndarray
         The pictures.
-    targets : Targets
+    targets : TargetKinds
         What was looked for.
     """
     try:
         yield
     except TrisquareError as error:
-        error.found = tuple(sightings(figures))
+        error.found = tuple(partial_detections(figures))
         error.rejected = (*rejected, *_passed_over(error.found, sources, targets))
         several = len(sources) > 1
         texts = [str(error)]
@@ -60,7 +60,7 @@ def told_on_failure(
         raise
 
 
-def explain(picture: Image, targets: Targets) -> list[Rejected]:
+def explain(picture: Image, targets: TargetKinds) -> list[Rejected]:
     """Say which four-sided things of a checked picture the search passes over, and why."""
     from trisquare.detection.grey import grey_bytes
     from trisquare.measurement.find import find  # OpenCV is loaded where a picture is searched
@@ -73,7 +73,7 @@ def explain(picture: Image, targets: Targets) -> list[Rejected]:
 
 
 def _passed_over(
-    found: Sequence[Sighting], sources: Sequence[ImageSource], targets: Targets
+    found: Sequence[PartialDetection], sources: Sequence[ImageSource], targets: TargetKinds
 ) -> list[Rejected]:
     counts = [sum(target.image == index for target in found) for index in range(len(sources))]
     poorest = sorted(range(len(sources)), key=lambda index: counts[index])[:MOST_EXPLAINED]

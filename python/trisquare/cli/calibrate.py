@@ -25,8 +25,8 @@ from trisquare.cli.pictures_drawn import (
     overlay_of,
 )
 from trisquare.cli.tables import calibration_report
-from trisquare.detection.annotations.load import Drawings
-from trisquare.detection.kinds import TAG_SEARCHES, Targets
+from trisquare.detection.annotations.load import Annotations
+from trisquare.detection.kinds import TAG_SEARCHES, TargetKinds
 from trisquare.detection.sheets.layout import parse_layout
 from trisquare.images.pixels import TONE_CURVES
 from trisquare.report import check_extra, report_page
@@ -145,7 +145,7 @@ def calibrate_command(
         targets = _targets_of_board(board, targets)
     tone_curve = _tone(tone)
     # Where outlines are drawn by hand, no search passes anything over.
-    searched_for = Targets.parse(targets) if outline is None else Targets()
+    searched_for = TargetKinds.parse(targets) if outline is None else TargetKinds()
     with (
         drawn_on_failure(photos, debug_images, searched_for),
         progress_bar("calibrating", quiet) as progress,
@@ -164,7 +164,7 @@ def calibrate_command(
     contents = findings(
         photos, debug_images, searched_for, calibration.planes, calibration.rejected
     )
-    drawings = Drawings.read(outline, photos) if overlays and outline is not None else None
+    drawings = Annotations.read(outline, photos) if overlays and outline is not None else None
     for index, (photo, path) in enumerate(zip(photos, overlays, strict=False)):
         contents[path] = overlay_of(calibration, photo, index, path, targets, tone_curve, drawings)
     if report is not None:

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from trisquare._support.writing import PathLike, check_writable, write_atomically
 from trisquare.calibration.explain_failure import explain
-from trisquare.detection.annotations.load import Drawings
-from trisquare.detection.kinds import Targets
+from trisquare.detection.annotations.load import Annotations
+from trisquare.detection.kinds import TargetKinds
 from trisquare.drawing.detections import Place, draw_findings
 from trisquare.drawing.overlay import draw_overlay
 from trisquare.errors import ImageError, TrisquareError
@@ -56,7 +56,7 @@ def overlay_of(
     path: Path,
     targets: str,
     tone: str | float | None,
-    drawings: Drawings | None,
+    drawings: Annotations | None,
 ) -> bytes:
     """Draw the calibration over a photograph; returns the content of the file at `path`."""
     image = read_image(photo)
@@ -71,7 +71,7 @@ def overlay_of(
 
 @contextmanager
 def drawn_on_failure(
-    photos: Sequence[Path], paths: Sequence[Path], targets: Targets
+    photos: Sequence[Path], paths: Sequence[Path], targets: TargetKinds
 ) -> Iterator[None]:
     """Write the debug pictures when what the photographs show is refused."""
     try:
@@ -86,7 +86,7 @@ def drawn_on_failure(
 def findings(
     photos: Sequence[Path],
     paths: Sequence[Path],
-    targets: Targets,
+    targets: TargetKinds,
     found: Sequence[Place],
     rejected: Sequence[Rejected],
 ) -> dict[PathLike, bytes]:

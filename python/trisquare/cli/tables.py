@@ -13,7 +13,7 @@ from rich.text import Text
 from trisquare._support.number_text import decimals_shown
 from trisquare.camera.camera import Camera, camera_parameters
 from trisquare.results.calibration import Calibration
-from trisquare.results.rejected import told
+from trisquare.results.rejected import is_reported
 
 MOST_REJECTED = 10
 """Lines on candidates that were not used: the results are to be read first."""
@@ -106,7 +106,7 @@ def _rejected(calibration: Calibration) -> list[Text]:
     untold = [
         candidate
         for candidate in calibration.rejected
-        if not any(told(warning, [candidate]) for warning in calibration.warnings)
+        if not any(is_reported(warning, [candidate]) for warning in calibration.warnings)
     ]
     for candidate in untold[:MOST_REJECTED]:
         x, y = candidate.corners.mean(axis=0).tolist()

@@ -23,7 +23,7 @@ MOST_ENLARGED = 8
 
 
 class Place(Protocol):
-    """Whatever has a place in a picture: a `Plane`, a `Sighting`, a `Rejected`."""
+    """Whatever has a place in a picture: a `Plane`, a `PartialDetection`, a `Rejected`."""
 
     @property
     def kind(self) -> str:
@@ -47,7 +47,7 @@ def draw_findings(
     ----------
     image : ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
         Grey or BGR; float pictures are taken to span 0 to 1.
-    found : sequence of Plane or Sighting
+    found : sequence of Plane or PartialDetection
         What is drawn as accepted, numbered: ``result.planes``, or the ``found`` of an error.
     rejected : sequence of Rejected
         What is drawn as rejected.

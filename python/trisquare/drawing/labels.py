@@ -40,10 +40,10 @@ def placed_label(
     letter = text_size("Xg", scale)[1]
     width = max(text_size(line, scale)[0] for line in lines) + letter
     height = LINE_SPACING * letter * len(lines)
-    room = np.maximum(np.array(canvas.shape[1::-1]) - [width, height], 0.0)
+    margin = np.maximum(np.array(canvas.shape[1::-1]) - [width, height], 0.0)
     boxes: list[Box] = [
         (float(x), float(y), float(x + width), float(y + height))
-        for x, y in np.clip(_positions(corners, width, height, letter), 0.0, room)
+        for x, y in np.clip(_positions(corners, width, height, letter), 0.0, margin)
     ]
     covered = [sum(_overlap(box, other) for other in taken) for box in boxes]
     return Label(lines, colour, boxes[int(np.argmin(covered))])

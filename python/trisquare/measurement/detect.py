@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import trisquare._core as _core
-from trisquare.detection.kinds import Targets, nothing_found
+from trisquare.detection.kinds import TargetKinds, nothing_found
 from trisquare.edges import PlaneEdges
 from trisquare.errors import DetectionError
 from trisquare.images.pixels import ImageSource, Outlines, Tone, checked_tone, picture_size, tone_of
@@ -67,18 +67,18 @@ def detect(
     """
     from trisquare.measurement.measure import measure
 
-    wanted = Targets.parse(targets)
+    kinds = TargetKinds.parse(targets)
     checked = checked_tone(tone)
     picture = load_picture(image)
-    drawn = None
+    annotated = None
     if outlines is not None:
-        from trisquare.detection.annotations.load import Drawings
+        from trisquare.detection.annotations.load import Annotations
 
-        drawn = Drawings.read(outlines, [image]).on(0, picture_size(picture))
+        annotated = Annotations.read(outlines, [image]).on(0, picture_size(picture))
     core = _core.Picture(picture)
-    measured = measure(picture, core, wanted, tone_of(picture, checked), drawn)
+    measured = measure(picture, core, kinds, tone_of(picture, checked), annotated)
     if not measured.figures:
         reasons = [candidate.reason for candidate in measured.rejected]
-        nothing = nothing_found(wanted, measured.rejected)
-        raise DetectionError("; ".join(reasons) if drawn else nothing)
+        nothing = nothing_found(kinds, measured.rejected)
+        raise DetectionError("; ".join(reasons) if annotated else nothing)
     return measured.figures

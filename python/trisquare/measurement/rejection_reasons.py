@@ -16,7 +16,7 @@ from trisquare._support.arrays import FloatArray
 from trisquare.detection.candidates import MIN_CONTRAST
 from trisquare.detection.grey import MIN_PICTURE, RANGE_PERCENTILES, working_picture
 from trisquare.detection.squares.find import one_in_other
-from trisquare.detection.squares.framed import find_figures, why_no_figures
+from trisquare.detection.squares.framed import find_framed_squares, reasons_against_quads
 from trisquare.detection.squares.quads import (
     BORDER,
     SAME_QUAD_FRACTION,
@@ -26,8 +26,8 @@ from trisquare.detection.squares.quads import (
 )
 from trisquare.detection.squares.rectified import views_of_squares
 from trisquare.detection.squares.side_curves import MAX_CORNER_COSINE, fit_sides
-from trisquare.measurement.boards import FoundLattice
-from trisquare.measurement.side_spans import Found
+from trisquare.measurement.boards import Board
+from trisquare.measurement.side_spans import DetectedTarget
 from trisquare.results.rejected import Rejected
 
 KIND = "quad"
@@ -55,14 +55,14 @@ MAX_CUT_SHARE = 0.2
 """Of the picture: what is larger is the ground."""
 
 
-def passed_over(grey: NDArray[np.uint8], found: Sequence[Found] = ()) -> list[Rejected]:
+def passed_over(grey: NDArray[np.uint8], found: Sequence[DetectedTarget] = ()) -> list[Rejected]:
     """Say which four-sided things of a picture are no targets, and why.
 
     Parameters
     ----------
     grey : ndarray of uint8, shape (H, W)
         As the search sees it: see `outlines.grey_bytes`.
-    found : sequence of Found
+    found : sequence of DetectedTarget
         Targets that were found in it; what lies within them is left out, and so are the sheets
         and signs that they lie on.
 
@@ -87,9 +87,9 @@ def passed_over(grey: NDArray[np.uint8], found: Sequence[Found] = ()) -> list[Re
     return [Rejected(KIND, 0, scale * corners, reason) for _, corners, reason in told[:MOST_TOLD]]
 
 
-def _region(target: Found) -> FloatArray:
+def _region(target: DetectedTarget) -> FloatArray:
     """Quad (4, 2) that encloses a target, a board's outer cells included, pixels."""
-    if not isinstance(target, FoundLattice):
+    if not isinstance(target, Board):
         return target.quad
     middle = target.quad.mean(axis=0)
     cells = max(min(target.lattice.present.shape) - 1, 1)
@@ -102,10 +102,10 @@ def _stage_by_stage(picture: NDArray[np.uint8]) -> Iterator[tuple[FloatArray, st
     rough = find_quads(picture, smooth)
     fitted = fit_sides(smooth, rough)
     views = views_of_squares(fitted, image_size=(picture.shape[1], picture.shape[0]))
-    figures = find_figures(smooth, views)
+    figures = find_framed_squares(smooth, views)
     used = {index for figure in figures for index in (figure.outer, figure.inner)}
     unused = views.subset(np.array([i not in used for i in range(len(views))], bool))
-    for corners, reason in zip(unused.corners, why_no_figures(smooth, unused), strict=True):
+    for corners, reason in zip(unused.corners, reasons_against_quads(smooth, unused), strict=True):
         yield corners, reason
     for corners in _lacking(fitted, views):
         yield corners, "no camera sees a square like this"

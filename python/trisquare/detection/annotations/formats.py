@@ -41,10 +41,10 @@ import numpy as np
 from trisquare._support.arrays import FloatArray, real_array
 from trisquare._support.json_members import JsonFields
 from trisquare.detection.annotations.grid import DrawnGrid
-from trisquare.detection.annotations.outlines import DrawnOutline, DrawnSquare
+from trisquare.detection.annotations.outlines import AnnotatedOutline, AnnotatedSquare
 from trisquare.edges import MAX_COORDINATE
 
-DrawnTarget: TypeAlias = DrawnSquare | DrawnGrid
+AnnotatedTarget: TypeAlias = AnnotatedSquare | DrawnGrid
 
 OUTLINES_FORMAT = "trisquare-outlines/1"
 
@@ -54,12 +54,12 @@ OPEN_SHAPES = ("linestrip", "line")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DrawnPicture:
+class AnnotatedPicture:
     """What is drawn on one picture.
 
     Attributes
     ----------
-    targets : tuple of DrawnSquare or DrawnGrid
+    targets : tuple of AnnotatedSquare or DrawnGrid
     name, index : str or int, optional
         Which picture it is: its file, folders not counting, or its place; neither if there is
         only one.
@@ -69,13 +69,13 @@ class DrawnPicture:
         Where in the file this picture is; empty, or ending with a dot.
     """
 
-    targets: tuple[DrawnTarget, ...]
+    targets: tuple[AnnotatedTarget, ...]
     name: str | None = None
     index: int | None = None
     size: tuple[int, int] | None = None
     where: str = ""
 
-    def joined(self, other: DrawnPicture) -> DrawnPicture:
+    def joined(self, other: AnnotatedPicture) -> AnnotatedPicture:
         """Add what is drawn elsewhere in the file on the same picture."""
         return replace(self, targets=self.targets + other.targets)
 
@@ -96,7 +96,7 @@ class DrawnPicture:
         )
 
 
-def drawn_pictures(members: Any) -> list[DrawnPicture]:
+def annotated_pictures(members: Any) -> list[AnnotatedPicture]:
     """Read parsed JSON of any of the formats.
 
     Raises
@@ -105,7 +105,7 @@ def drawn_pictures(members: Any) -> list[DrawnPicture]:
         If it is none of them; or naming the key that is missing or wrong.
     """
     fields = JsonFields(members)
-    formats: tuple[tuple[str, Callable[[JsonFields], list[DrawnPicture]]], ...] = (
+    formats: tuple[tuple[str, Callable[[JsonFields], list[AnnotatedPicture]]], ...] = (
         ("format", _own),
         ("shapes", _labelme),
         ("annotations", _coco),
@@ -122,7 +122,7 @@ def drawn_pictures(members: Any) -> list[DrawnPicture]:
     )
 
 
-def _own(fields: JsonFields) -> list[DrawnPicture]:
+def _own(fields: JsonFields) -> list[AnnotatedPicture]:
     """Read squares of one picture, or pictures with squares each."""
     if fields.text("format") != OUTLINES_FORMAT:
         raise ValueError(f'"format" must be {OUTLINES_FORMAT!r}, not {fields.text("format")!r}')
@@ -134,24 +134,24 @@ def _own(fields: JsonFields) -> list[DrawnPicture]:
     ]
 
 
-def _own_picture(fields: JsonFields, where: str) -> DrawnPicture:
-    targets: list[DrawnTarget] = []
+def _own_picture(fields: JsonFields, where: str) -> AnnotatedPicture:
+    targets: list[AnnotatedTarget] = []
     boards = fields.objects("chessboards") if fields.has("chessboards") else ()
     squares = fields.objects("squares") if fields.has("squares") or not boards else ()
     for i, square in enumerate(squares):
         outer = _own_outline(square, f"{where}squares[{i}]")
         if square.has("inner"):
             inner = _own_outline(square.object("inner"), f"{where}squares[{i}].inner")
-            targets.append(DrawnSquare.of_two(outer, inner))
+            targets.append(AnnotatedSquare.of_two(outer, inner))
         else:
-            targets.append(DrawnSquare(outer))
+            targets.append(AnnotatedSquare(outer))
     for i, board in enumerate(boards):
         targets.append(_own_grid(board, f"{where}chessboards[{i}]"))
     index = fields.integer("index") if fields.has("index") else None
     if index is not None and index < 0:
         raise ValueError(f'"{where}index" must not be negative, but is {index}')
     name = fields.text("file") if fields.has("file") else None
-    return DrawnPicture(tuple(targets), name, index, _size(fields, "width", "height"), where)
+    return AnnotatedPicture(tuple(targets), name, index, _size(fields, "width", "height"), where)
 
 
 def _own_grid(fields: JsonFields, where: str) -> DrawnGrid:
@@ -171,22 +171,22 @@ def _own_grid(fields: JsonFields, where: str) -> DrawnGrid:
     return DrawnGrid(crossings, np.array(present), where)
 
 
-def _own_outline(fields: JsonFields, where: str) -> DrawnOutline:
+def _own_outline(fields: JsonFields, where: str) -> AnnotatedOutline:
     if fields.has("sides"):
-        return DrawnOutline.of_sides(fields.arrays("sides", (None, 2)), f'"{where}.sides"')
+        return AnnotatedOutline.of_sides(fields.arrays("sides", (None, 2)), f'"{where}.sides"')
     key = "polygon" if fields.has("polygon") else "corners"
     points = fields.array(key, (None, 2))
     if key == "corners" and len(points) != 4:
         raise ValueError(f'"{where}.corners" has {len(points)} points: a square has 4 corners')
-    return DrawnOutline.of_polygon(points, f'"{where}.{key}"')
+    return AnnotatedOutline.of_polygon(points, f'"{where}.{key}"')
 
 
-def _labelme(fields: JsonFields) -> list[DrawnPicture]:
+def _labelme(fields: JsonFields) -> list[AnnotatedPicture]:
     """Read the shapes of one picture.
 
     A group of two closed shapes is a frame, one of four open ones a square by its sides.
     """
-    outlines: list[DrawnOutline] = []
+    outlines: list[AnnotatedOutline] = []
     groups: list[int | None] = []
     sides: dict[int, list[FloatArray]] = {}
     for i, shape in enumerate(fields.objects("shapes")):
@@ -203,19 +203,21 @@ def _labelme(fields: JsonFields) -> list[DrawnPicture]:
         if kind in OPEN_SHAPES and group is not None:
             sides.setdefault(group, []).append(points)
         else:
-            outlines.append(DrawnOutline.of_polygon(points, f'"shapes[{i}].points"'))
+            outlines.append(AnnotatedOutline.of_polygon(points, f'"shapes[{i}].points"'))
             groups.append(group)
     squares = _framed(outlines, groups)
     for group, lines in sides.items():
         where = f'"shapes" of "group_id" {group}'
-        squares.append(DrawnSquare(DrawnOutline.of_sides(lines, where)))
+        squares.append(AnnotatedSquare(AnnotatedOutline.of_sides(lines, where)))
     name = fields.text("imagePath") if fields.has("imagePath") else None
-    return [DrawnPicture(tuple(squares), name, None, _size(fields, "imageWidth", "imageHeight"))]
+    return [
+        AnnotatedPicture(tuple(squares), name, None, _size(fields, "imageWidth", "imageHeight"))
+    ]
 
 
-def _coco(fields: JsonFields) -> list[DrawnPicture]:
+def _coco(fields: JsonFields) -> list[AnnotatedPicture]:
     """Read the polygons of several pictures; two polygons of one annotation are a frame."""
-    squares: dict[int, list[DrawnSquare]] = {}
+    squares: dict[int, list[AnnotatedSquare]] = {}
     for i, annotation in enumerate(fields.objects("annotations")):
         where = f"annotations[{i}].segmentation"
         if isinstance(annotation.value("segmentation"), dict):
@@ -224,7 +226,7 @@ def _coco(fields: JsonFields) -> list[DrawnPicture]:
         for k, flat in enumerate(annotation.arrays("segmentation", (None,))):
             if len(flat) % 2:
                 raise ValueError(f'"{where}[{k}]" must hold x and y in turn')
-            outlines.append(DrawnOutline.of_polygon(flat.reshape(-1, 2), f'"{where}[{k}]"'))
+            outlines.append(AnnotatedOutline.of_polygon(flat.reshape(-1, 2), f'"{where}[{k}]"'))
         if not outlines:
             raise ValueError(f'"{where}" holds no polygon')
         found = _framed(outlines, [0] * len(outlines))
@@ -235,22 +237,26 @@ def _coco(fields: JsonFields) -> list[DrawnPicture]:
         size = _size(image, "width", "height")
         if drawn:
             pictures.append(
-                DrawnPicture(drawn, image.text("file_name"), None, size, f"images[{i}].")
+                AnnotatedPicture(drawn, image.text("file_name"), None, size, f"images[{i}].")
             )
     if squares:
         raise ValueError(f'"images" has none with the id {min(squares)} that "annotations" name')
     return pictures
 
 
-def _framed(outlines: Sequence[DrawnOutline], groups: Sequence[int | None]) -> list[DrawnSquare]:
+def _framed(
+    outlines: Sequence[AnnotatedOutline], groups: Sequence[int | None]
+) -> list[AnnotatedSquare]:
     """Make frames of outlines that share a group, squares of the others."""
-    squares = [DrawnSquare(o) for o, group in zip(outlines, groups, strict=True) if group is None]
+    squares = [
+        AnnotatedSquare(o) for o, group in zip(outlines, groups, strict=True) if group is None
+    ]
     for group in sorted({group for group in groups if group is not None}):
         members = [o for o, other in zip(outlines, groups, strict=True) if other == group]
         if len(members) > 2:
             raise ValueError(f"{members[2].where} is the third outline of one frame: it has two")
         squares.append(
-            DrawnSquare(members[0]) if len(members) == 1 else DrawnSquare.of_two(*members)
+            AnnotatedSquare(members[0]) if len(members) == 1 else AnnotatedSquare.of_two(*members)
         )
     return squares
 

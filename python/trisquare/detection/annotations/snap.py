@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trisquare._support.arrays import FloatArray
-from trisquare.detection.annotations.outlines import DrawnOutline, DrawnSquare
+from trisquare.detection.annotations.outlines import AnnotatedOutline, AnnotatedSquare
 from trisquare.detection.candidates import Outline, SquareOutline
 from trisquare.detection.squares.framed import alignment
 
@@ -86,13 +86,13 @@ class _Side:
     needed_step: float
 
 
-def settle(picture: NDArray[np.uint8], drawn: DrawnSquare) -> SquareOutline | str:
+def snap_to_edges(picture: NDArray[np.uint8], drawn: AnnotatedSquare) -> SquareOutline | str:
     """Move a drawn square or frame onto the edges of a picture.
 
     Parameters
     ----------
     picture : ndarray of uint8, shape (H, W)
-    drawn : DrawnSquare
+    drawn : AnnotatedSquare
         Inside the picture.
 
     Returns
@@ -130,7 +130,7 @@ class _Path:
         return np.asarray(straight + 4.0 * self.bend * along * (1.0 - along))
 
 
-def _settle_outline(picture: NDArray[np.uint8], drawn: DrawnOutline) -> Outline | str:
+def _settle_outline(picture: NDArray[np.uint8], drawn: AnnotatedOutline) -> Outline | str:
     sides = [_read_side(picture, side) for side in drawn.sides]
     # All round its inside, an outline is darker or lighter than what is outside.
     light, dark = ([_best_path(side, sign) for side in sides] for sign in (-1.0, 1.0))
