@@ -119,7 +119,7 @@ class PlaneMembers(TypedDict):
     uncertainty: PoseUncertaintyMembers | None
 
 @type_check_only
-class CoherenceMembers(TypedDict):
+class ResidualCorrelationMembers(TypedDict):
     """How far the residuals are from independent noise."""
 
     neighbours: float
@@ -145,7 +145,7 @@ class CalibrationMembers(TypedDict):
     stage: str
     model: str
     alternatives: list[tuple[str, float, float]]
-    coherence: CoherenceMembers
+    coherence: ResidualCorrelationMembers
     tones: list[ToneFitMembers]
 
 def calibrate(

@@ -24,7 +24,7 @@ from trisquare.analysis.camera_rotation import TurnedCameras, best_turn
 from trisquare.camera.camera import Camera, camera_for_core
 from trisquare.camera.projection_uncertainty import free_columns, picture_grid, rms_displacement
 from trisquare.results.calibration import Calibration
-from trisquare.results.camera_of import lens_of
+from trisquare.results.camera_of import camera_of
 
 __all__ = ["Comparison", "compare"]
 
@@ -207,7 +207,7 @@ def compare(first: Calibration | Camera, second: Calibration | Camera) -> Compar
     ValueError
         If the pictures' sizes differ, or the cameras have too little of the picture in common.
     """
-    a, b = lens_of(first, "first"), lens_of(second, "second")
+    a, b = camera_of(first, "first"), camera_of(second, "second")
     if a.image_size != b.image_size:
         sizes = " and ".join(
             f"{width} x {height}" for width, height in (a.image_size, b.image_size)

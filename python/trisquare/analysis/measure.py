@@ -29,7 +29,7 @@ from trisquare.analysis.plane_points import onto_plane
 from trisquare.camera.camera import Camera, camera_for_core
 from trisquare.camera.projection_uncertainty import free_columns
 from trisquare.results.calibration import Calibration
-from trisquare.results.camera_of import lens_of
+from trisquare.results.camera_of import camera_of
 from trisquare.results.plane import Plane
 from trisquare.results.pose_uncertainty import POSE_PARAMETERS
 
@@ -181,7 +181,7 @@ def measure(
     length = real_number(side, "side")
     if not 0 < length < LARGEST:
         raise ValueError(f"side must be positive and less than {LARGEST:g}, not {length:g}")
-    lens = lens_of(camera)
+    lens = camera_of(camera)
     _check_in_picture(pixels, lens)
     _check_apart(pixels)
     noise = not_negative(point_std, "point_std")

@@ -6,7 +6,7 @@ from trisquare.camera.camera import Camera
 from trisquare.results.calibration import Calibration
 
 
-def lens_of(camera: Calibration | Camera, name: str = "camera") -> Camera:
+def camera_of(camera: Calibration | Camera, name: str = "camera") -> Camera:
     """Return the camera itself, of a calibration its estimate.
 
     Raises
