@@ -96,7 +96,7 @@ def predicted_std(
         model=camera.model,
         fixed=fixed,
         judged=False,
-    )["std"]
+    ).std
 
 
 def planes_of(calibration: Calibration) -> tuple[PosedPlane, ...]:

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from trisquare._support.writing import write_atomically
 from trisquare.analysis.diagnosis import diagnose
-from trisquare.calibration.calibrate import calibrate
+from trisquare.calibration.calibrate import calibrate_photographs
 from trisquare.camera.camera import MODELS
 from trisquare.camera.settings import AUTO, METHODS
 from trisquare.cli.console import JsonOption, QuietOption, check_printing, progress_bar
@@ -22,12 +22,12 @@ from trisquare.cli.pictures_drawn import (
     debug_pictures,
     drawn_on_failure,
     numbered_paths,
-    overlay_of,
+    overlays,
 )
 from trisquare.cli.tables import calibration_report
-from trisquare.detection.annotations.load import Annotations
-from trisquare.detection.kinds import TAG_SEARCHES, TargetKinds
+from trisquare.detection.kinds import TAG_SEARCHES
 from trisquare.detection.sheets.layout import parse_layout
+from trisquare.images.photographs import Photographs
 from trisquare.images.pixels import TONE_CURVES
 from trisquare.report import check_extra, report_page
 
@@ -135,46 +135,37 @@ def calibrate_command(
     check_printing(json, quiet)
     if with_diagnosis and json:
         raise ValueError("--diagnose adds to the tables, which --json replaces: give one of them")
-    overlays = numbered_paths(overlay, len(photos))
+    overlay_paths = numbered_paths(overlay, len(photos))
     debug_images = numbered_paths(debug_image, len(photos))
     inputs = _inputs(photos, outline, board)
-    check_outputs(inputs, output, [*overlays, *debug_images], report)
+    check_outputs(inputs, output, [*overlay_paths, *debug_images], report)
     if report is not None:
         check_extra()
     if board is not None:
         targets = _targets_of_board(board, targets)
-    tone_curve = _tone(tone)
-    # Where outlines are drawn by hand, no search passes anything over.
-    searched_for = TargetKinds.parse(targets) if outline is None else TargetKinds()
+    photographs = Photographs(photos, keep=bool(overlay or debug_image or report))
     with (
-        drawn_on_failure(photos, debug_images, searched_for),
+        drawn_on_failure(photographs, debug_images),
         progress_bar("calibrating", quiet) as progress,
         reading(),
     ):
-        calibration = calibrate(
-            photos[0] if len(photos) == 1 else photos,
+        calibration, rejected_shapes = calibrate_photographs(
+            photographs,
             method=method,
             model=model,
             fix=fixed_names(fix),
-            tone=tone_curve,
+            initial=None,
+            tone=_tone(tone),
             targets=targets,
             outlines=outline,
             progress=progress,
+            explain=debug_image is not None,
         )
-    contents = debug_pictures(
-        photos, debug_images, searched_for, calibration.planes, calibration.rejected
-    )
-    drawings = Annotations.read(outline, photos) if overlays and outline is not None else None
-    for index, (photo, path) in enumerate(zip(photos, overlays, strict=False)):
-        contents[path] = overlay_of(calibration, photo, index, path, targets, tone_curve, drawings)
+    rejected = [*calibration.rejected, *rejected_shapes]
+    contents = debug_pictures(photographs, debug_images, calibration.planes, rejected)
+    contents |= overlays(calibration, photographs, overlay_paths)
     if report is not None:
-        contents[report] = report_page(
-            calibration,
-            photos,
-            targets=targets,
-            outlines=outline,
-            command=command_line(context),
-        )
+        contents[report] = report_page(calibration, photographs, command=command_line(context))
     if output is not None:
         contents[output] = calibration.to_json().encode()
     write_atomically(contents)

@@ -28,6 +28,8 @@ class Photograph:
         What its user should know of it, each beginning with its name.
     repeats : bool
         Whether an earlier picture is the same.
+    path : str or None
+        Of its file, if it was read from one.
     """
 
     index: int
@@ -35,9 +37,54 @@ class Photograph:
     pixels: Image
     remarks: tuple[str, ...]
     repeats: bool
+    path: str | None = None
 
 
-def photographs(sources: Sequence[ImageSource]) -> Iterator[Photograph]:
+class Photographs:
+    """The photographs of one calibration, each loaded once.
+
+    Parameters
+    ----------
+    sources : sequence of path or ndarray
+    keep : bool
+        Whether they stay in memory, to be drawn on; else they can be iterated over once only, and
+        are loaded one at a time.
+    """
+
+    def __init__(self, sources: Sequence[ImageSource], *, keep: bool = False) -> None:
+        self.sources = list(sources)
+        self._keep = keep
+        self._kept: list[Photograph] = []
+
+    def __len__(self) -> int:
+        return len(self.sources)
+
+    def __iter__(self) -> Iterator[Photograph]:
+        """Yield the photographs in their order.
+
+        Raises
+        ------
+        ImageError, TypeError, ValueError
+            As `_load_all`.
+        """
+        if len(self._kept) == len(self.sources):
+            yield from self._kept
+            return
+        self._kept.clear()
+        for photograph in _load_all(self.sources):
+            if self._keep:
+                self._kept.append(photograph)
+            yield photograph
+
+
+def sources_of(image: ImageSource | Sequence[ImageSource]) -> list[ImageSource]:
+    """Return the pictures, one or several, as a list."""
+    if isinstance(image, Sequence) and not isinstance(image, str):
+        return list(image)
+    return [image]
+
+
+def _load_all(sources: Sequence[ImageSource]) -> Iterator[Photograph]:
     """Load pictures one at a time and compare each with the ones before.
 
     Raises
@@ -72,7 +119,8 @@ def photographs(sources: Sequence[ImageSource]) -> Iterator[Photograph]:
         twin = seen.setdefault(key, name)
         if twin != name:
             remarks.append(f"{name} is the same picture as {twin}: it is counted once")
-        yield Photograph(index, name, pixels, tuple(remarks), twin != name)
+        path = os.fspath(source) if isinstance(source, str | os.PathLike) else None
+        yield Photograph(index, name, pixels, tuple(remarks), twin != name, path)
 
 
 def _name(index: int, source: ImageSource) -> str:

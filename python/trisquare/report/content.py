@@ -164,7 +164,7 @@ def summary(calibration: Calibration, known: ProjectionMap) -> Iterator[str]:
     )
 
 
-def settings(calibration: Calibration, targets: str | None) -> list[tuple[str, str]]:
+def settings(calibration: Calibration) -> list[tuple[str, str]]:
     """Return what was asked for, and what it was computed with."""
     methods = {"ml": "maximum likelihood (ml)", "linear": "the three linear steps (linear)"}
     method = methods.get(calibration.method, calibration.method)
@@ -174,8 +174,6 @@ def settings(calibration: Calibration, targets: str | None) -> list[tuple[str, s
     rows.append(("lens model", calibration.camera.model + chosen))
     rows.append(("held", ", ".join(calibration.fixed) or "nothing"))
     rows.append(("tone curve", _tone(calibration)))
-    if targets is not None:
-        rows.append(("targets", targets))
     rows.append(("calibrated by", f"trisquare {calibration.software}"))
     rows.append(
         (

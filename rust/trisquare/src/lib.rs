@@ -55,7 +55,8 @@ pub use observations::{Fixed, Freedom, Method, Model, Options, PlaneEdges, Polar
 pub use photometric::Photographs;
 pub use planning::{EdgeNoise, PlannedPlane, Prediction, predict};
 pub use result::{
-    Calibration, Disagreement, Plane, PoseUncertainty, ResidualCorrelation, Stage, Warning,
+    Calibration, Disagreement, FigureResiduals, Plane, PoseUncertainty, ResidualCorrelation,
+    SideResiduals, Stage, Warning,
 };
 pub use selection::{Choice, Doubt, Verdict, choose};
 pub use uncertainty::ProjectionUncertainty;

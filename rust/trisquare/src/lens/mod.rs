@@ -85,8 +85,18 @@ pub trait Lens: Clone + Send + Sync {
     /// The ideal radius (tangent of the field angle) up to which the distortion is monotonic.
     fn valid_radius(&self) -> f64;
 
+    /// Signed distance in pixels of a pixel to the image of the line `l`, and the unit normal of the
+    /// image towards which it is positive.
+    fn line_distance_and_normal(
+        &self,
+        pixel_ray: &Self::PixelRay,
+        line: &Vector3<f64>,
+    ) -> (f64, Vector2<f64>);
+
     /// Signed distance in pixels of a pixel with its ray to the image of the line `l`.
-    fn line_distance(&self, pixel_ray: &Self::PixelRay, line: &Vector3<f64>) -> f64;
+    fn line_distance(&self, pixel_ray: &Self::PixelRay, line: &Vector3<f64>) -> f64 {
+        self.line_distance_and_normal(pixel_ray, line).0
+    }
 
     /// The same with its derivatives; columns that are not wanted may be left zero.
     fn line_distance_jacobian(

@@ -135,6 +135,7 @@ fn residuals(side: &Side, undistortion: &Undistortion) -> Option<Vec<Residual>> 
     let line = Line::fit(ideal.iter().map(|pixel| (*pixel, 1.0)))?;
     let residual = |(pixel, sample): (&Vector2<f64>, &Sample)| Residual {
         distance: line.distance(pixel),
+        normal: line.normal(),
         weight: sample.weight,
         counts: true,
     };
