@@ -5,6 +5,7 @@ mod board_relief;
 mod local;
 mod misfit;
 mod relief_fit;
+mod reml;
 mod side_basis;
 mod side_errors;
 mod side_families;
