@@ -8,7 +8,7 @@ use crate::photometric::{self, Photographs};
 use crate::result::{Calibration, Stage};
 use crate::task::Task;
 use crate::work::Work;
-use crate::{Error, ImageSize, Method, Options, PlaneEdges, set_aside};
+use crate::{Error, ImageSize, Method, Options, PlaneEdges, drift, set_aside};
 
 /// Calibrates a camera from edge samples of planes with known lines.
 ///
@@ -67,6 +67,7 @@ fn run(
     size.check()?;
     options.check()?;
     let planes = sort_by_plane(edges)?;
+    drift::check_count(&planes)?;
     let own = || Rc::new(Work::for_planes(&planes));
     let (judging, work) = match purpose {
         Purpose::Answer => (true, own()),

@@ -374,7 +374,8 @@ mod tests {
             model: Model::Radial1,
             ..Options::default()
         };
-        let fit = calibrate_unjudged(&scene.edges(3, 0.3, 6.0), scene.size, &options).unwrap();
+        let fit =
+            calibrate_unjudged(&scene.edges(3, 0.3, 6.0), scene.size, &options, &mut None).unwrap();
         let (y, s) = (fit.camera.distortion()[0], fit.std()[4].1);
         let t = prior_std(&fit)[0];
         let normal = |variance: f64| -0.5 * (y * y / variance + variance.ln());
