@@ -167,12 +167,12 @@ pub fn can_unproject(
     pixels: PyReadonlyArray2<'_, f64>,
 ) -> PyResult<Vec<bool>> {
     let (camera, pixels) = (camera.camera(), arrays::points(&pixels)?);
-    Ok(detached(py, || {
+    detached(py, || {
         pixels
             .iter()
             .map(|p| camera.unproject_with_jacobian(p).is_some())
             .collect()
-    })?)
+    })
 }
 
 /// Covariance, in pixels, of the projections of the directions seen at pixels.
