@@ -7,6 +7,7 @@ use crate::misfit::Misfit;
 use crate::observations::ObservedPlane;
 use crate::refine::{Refined, root_mean_square};
 use crate::result::Warning;
+use crate::side_moments::Moments;
 use crate::task::{Solution, Task};
 use crate::{Brown, Error};
 
@@ -27,6 +28,10 @@ const BENT: f64 = 10.0;
 /// A side is set aside if what it adds to the misfit is, per degree of freedom, so many times what
 /// remains without it: chance makes it 7 once in ten thousand times, and there are some twelve.
 const FALSE_SIDE: f64 = 10.0;
+
+/// Part of its weight that the robust loss must leave every side, where a bent one is to stay: a side
+/// that it mostly ignores tells the standard deviations nothing of its bend.
+const HEARD: f64 = 0.5;
 
 /// At most one side in so many is set aside: beyond, nobody can tell who is right.
 const SIDES_PER_OUTLIER: usize = 4;
@@ -64,15 +69,25 @@ pub(crate) fn agreeing(
         ..=ALL_TRIED => sides / SIDES_PER_OUTLIER,
         many => trials(many),
     };
+    let mut last_sound = None;
     for _ in 0..rounds {
-        match without_bent_side(task, &solution) {
-            Some(straighter) => solution = straighter,
-            None => break,
+        let Some(straighter) = without_bent_side(task, &solution) else {
+            break;
+        };
+        let before = std::mem::replace(&mut solution, straighter);
+        if before.hears_all_sides() && !task.is_weak(&before) {
+            last_sound = Some(before);
         }
     }
     // A bent side may lead to a wrong optimum, which looks weak, and from which no step leads back.
     if solution.misfit(task).mean() > DOUBTED && task.is_weak(&solution) {
         solution = solved_without_bent_side(task, planes).unwrap_or(solution);
+    }
+    // A side that the others cannot replace stays: what bends it raises the standard deviations.
+    if let Some(sound) = last_sound
+        && task.is_weak(&solution)
+    {
+        solution = sound;
     }
     let warnings = warnings(&solution);
     Ok((solution, warnings))
@@ -174,6 +189,16 @@ impl Solution {
         let view = &self.refined.view;
         self.noise.as_ref().map_or(Misfit::NONE, |noise| {
             Misfit::of(&self.planes, view, &task.free, noise)
+        })
+    }
+
+    /// Whether the robust loss leaves every side that counts most of its weight.
+    fn hears_all_sides(&self) -> bool {
+        let moments = self.noise.iter().flat_map(|noise| &noise.sides).flatten();
+        let sides = self.planes.iter().flat_map(ObservedPlane::sides);
+        sides.zip(moments).all(|(side, moments)| {
+            let weight = |of: &Moments| of.gram[(0, 0)];
+            side.set_aside || weight(&moments.robust) > HEARD * weight(&moments.plain)
         })
     }
 }
