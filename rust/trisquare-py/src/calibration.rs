@@ -7,8 +7,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use pyo3::{PyClass, PyClassInitializer};
 use trisquare::{
-    Brown, Fixed, ImageSize, Lens, Method, Model, ModelChoice, Options, Photographs, PictureTone,
-    Plane, PlaneEdges, Stage,
+    Brown, BrownModel, Fixed, ImageSize, Lens, Method, ModelChoice, Options, Photographs,
+    PictureTone, Plane, PlaneEdges, Stage,
 };
 
 use crate::arrays;
@@ -188,14 +188,14 @@ pub fn calibrate<'py>(
 const AUTO: &str = "auto";
 
 /// The model of a name; for the choice among all, the one it begins with.
-fn model_named(name: &str) -> PyResult<Model> {
+fn model_named(name: &str) -> PyResult<BrownModel> {
     match name {
-        AUTO => Ok(Model::default()),
+        AUTO => Ok(BrownModel::default()),
         _ => named(name, "model", &MODELS),
     }
 }
 
-fn model_name(model: Model) -> &'static str {
+fn model_name(model: BrownModel) -> &'static str {
     let found = MODELS.iter().find(|(_, known)| *known == model);
     found.map_or("", |(name, _)| name)
 }
@@ -205,12 +205,12 @@ const METHODS: [(&str, Method); 2] = [
     ("linear", Method::Linear),
 ];
 
-pub(crate) const MODELS: [(&str, Model); 5] = [
-    ("none", Model::None),
-    ("radial1", Model::Radial1),
-    ("radial2", Model::Radial2),
-    ("radial3", Model::Radial3),
-    ("brown", Model::Brown),
+pub(crate) const MODELS: [(&str, BrownModel); 5] = [
+    ("none", BrownModel::None),
+    ("radial1", BrownModel::Radial1),
+    ("radial2", BrownModel::Radial2),
+    ("radial3", BrownModel::Radial3),
+    ("brown", BrownModel::Brown),
 ];
 
 pub(crate) fn named<T: Copy>(name: &str, what: &str, known: &[(&str, T)]) -> PyResult<T> {

@@ -45,13 +45,13 @@ pub use image::{
     ToneFit,
 };
 pub use image_size::ImageSize;
-pub use lens::{Brown, Lens, UndistortionMap};
+pub use lens::{Brown, BrownModel, DistortionModel, Lens, UndistortionMap};
 pub use linear::{Straightening, fit_distortion};
 pub use localise::{
     EdgeSpan, NoEdge, SpanEdges, ToneEstimate, localise, localise_with_unknown_tone,
 };
 pub use model_selection::{ModelAlternative, ModelChoice, calibrate_by_evidence};
-pub use observations::{Fixed, Freedom, Method, Model, Options, PlaneEdges, Polarity};
+pub use observations::{Fixed, Freedom, Method, Options, PlaneEdges, Polarity};
 pub use photometric::Photographs;
 pub use planning::{EdgeNoise, PlannedPlane, Prediction, predict};
 pub use result::{

@@ -175,15 +175,16 @@ mod tests {
     use super::super::side_basis::{basis, direction, places};
     use super::*;
     use crate::geometry::Pose;
+    use crate::lens::DefaultLens;
     use crate::numeric::Loss;
-    use crate::observations::{Fixed, Model, Placement, PlaneState, sort_by_plane};
+    use crate::observations::{Options, Placement, PlaneState, sort_by_plane};
     use crate::refine::residuals;
     use crate::synthetic::{Scene, SceneOptions};
     use nalgebra::DVector;
 
     const NOISE: f64 = 0.2;
 
-    fn scene() -> (Vec<ObservedPlane>, View<crate::lens::Brown>) {
+    fn scene() -> (Vec<ObservedPlane>, View<DefaultLens>) {
         let truth = Scene::random(4, SceneOptions::default());
         let planes = sort_by_plane(&truth.edges(1, NOISE, 25.0)).unwrap();
         let state = |pose: &Pose| PlaneState {
@@ -200,7 +201,7 @@ mod tests {
     /// All samples' Jacobian, residuals, weights, and the basis of their sides' displacements.
     fn dense(
         planes: &[ObservedPlane],
-        view: &View<crate::lens::Brown>,
+        view: &View<DefaultLens>,
         free: &FreeParameters,
     ) -> (DMatrix<f64>, DVector<f64>, DVector<f64>, DMatrix<f64>) {
         let all = residuals(planes, view).unwrap();
@@ -249,7 +250,7 @@ mod tests {
     #[test]
     fn marginal_equations_are_those_of_the_dense_covariance() {
         let (planes, view) = scene();
-        let free = FreeParameters::new(Model::Radial2, &Fixed::default(), 1.0);
+        let free = Options::default().free_parameters();
         let (jacobian, residual, weight, displacement) = dense(&planes, &view, &free);
         let all = residuals(&planes, &view).unwrap();
         let noise = Noise::of(&planes, &all, NOISE);

@@ -8,7 +8,7 @@
 use nalgebra::DVector;
 
 use crate::error::Error;
-use crate::lens::{Brown, Lens, MAX_LENS_COLUMNS};
+use crate::lens::{Lens, MAX_LENS_COLUMNS};
 use crate::numeric::{ArrowSystem, Block, Loss, Problem};
 use crate::observations::{FreeParameters, ObservedPlane};
 use crate::refine::{EdgeProblem, Refined};
@@ -20,12 +20,12 @@ const MOST_NUMBERS: usize = 250_000_000;
 /// samples where they are without the tone drift, and the optimum there, whose normal equations
 /// have the tone drifts eliminated. `None` where no sample has a tone drift, or where the step
 /// fails.
-pub(crate) fn account_for_drift(
+pub(crate) fn account_for_drift<L: Lens>(
     planes: &[ObservedPlane],
     free: &FreeParameters,
     judged: &FreeParameters,
-    refined: &Refined<Brown>,
-) -> Option<(Vec<ObservedPlane>, Refined<Brown>)> {
+    refined: &Refined<L>,
+) -> Option<(Vec<ObservedPlane>, Refined<L>)> {
     if !planes.iter().any(ObservedPlane::has_tone_drift) {
         return None;
     }
@@ -81,10 +81,10 @@ fn place(pictures: &[usize], plane: &ObservedPlane) -> usize {
 }
 
 /// The normal equations with one more shared parameter per picture, after all others.
-fn freed(
+fn freed<L: Lens>(
     planes: &[ObservedPlane],
     judged: &FreeParameters,
-    refined: &Refined<Brown>,
+    refined: &Refined<L>,
 ) -> Option<ArrowSystem> {
     let loss = Loss::Tukey;
     let scale = refined.noise_scale * (loss.mean_weight() / refined.covariance_factor).sqrt();
@@ -168,6 +168,7 @@ impl DriftRow {
 mod tests {
     use crate::calibrate;
     use crate::image_size::ImageSize;
+    use crate::lens::Lens;
     use crate::observations::{Options, PlaneEdges};
     use crate::synthetic::{Scene, SceneOptions};
     use nalgebra::Vector2;
@@ -240,7 +241,10 @@ mod tests {
         };
         let edges: Vec<_> = (0..1000).map(in_picture).collect();
         let found = calibrate(&edges, scene.size, &Options::default());
-        assert!(matches!(found, Err(Error::InvalidArgument(_))), "{found:?}");
+        assert!(
+            matches!(found, Err(crate::error::Error::InvalidArgument(_))),
+            "{found:?}"
+        );
     }
 
     #[test]

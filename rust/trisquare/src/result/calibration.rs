@@ -9,7 +9,7 @@ use super::warning::{Stage, Warning};
 use crate::geometry::Pose;
 use crate::image::ToneFit;
 use crate::image_size::ImageSize;
-use crate::lens::Brown;
+use crate::lens::{DefaultLens, Lens};
 
 /// A plane of the scene.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,9 +33,9 @@ pub struct Plane {
 
 /// A calibrated camera, how well it is known, and where the planes stand.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Calibration {
+pub struct Calibration<L: Lens = DefaultLens> {
     /// The camera.
-    pub camera: Brown,
+    pub camera: L,
     /// Size of the pictures.
     pub image_size: ImageSize,
     /// Names of the free parameters, in the order of the covariance.
@@ -65,7 +65,7 @@ pub struct Calibration {
     pub tones: Vec<ToneFit>,
 }
 
-impl Calibration {
+impl<L: Lens> Calibration<L> {
     /// One standard deviation of every free parameter (and of `fy` where it follows `fx`).
     pub fn std(&self) -> Vec<(&'static str, f64)> {
         let mut all = Vec::with_capacity(self.parameters.len() + 1);

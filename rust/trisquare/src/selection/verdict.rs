@@ -3,6 +3,7 @@
 use super::hypothesis::Hypothesis;
 use super::inliers::Inliers;
 use super::joint_fit::Fit;
+use crate::lens::Lens;
 use crate::observations::{ObservedPlane, PlaneEdges};
 
 /// Boards that show a camera and their own errors: more than half of them are then right.
@@ -106,15 +107,15 @@ impl Choice {
 }
 
 /// That a choice has a rival, comes about by chance, or asks for an odd camera.
-pub(crate) fn doubt_of_choice(
-    inliers: &Inliers<'_>,
+pub(crate) fn doubt_of_choice<L: Lens>(
+    inliers: &Inliers<'_, L>,
     best: &Hypothesis,
-    chosen: &Fit,
-    others: Vec<Fit>,
+    chosen: &Fit<L>,
+    others: Vec<Fit<L>>,
 ) -> Option<Doubt> {
     let problem = inliers.problem;
     let lens = chosen.refined.view.lens;
-    let focal = |fit: &Fit| fit.refined.view.lens.focal().x;
+    let focal = |fit: &Fit<L>| fit.refined.view.lens.focal().x;
     let close = inliers.worth(chosen) - CLOSE_RIVAL;
     let rival = others.into_iter().find(|other| {
         (focal(other) / focal(chosen)).ln().abs() > DIFFERENT_FOCAL && inliers.worth(other) > close
@@ -141,7 +142,10 @@ pub(crate) fn doubt_of_choice(
 }
 
 /// That as many others as boards agree on another camera: these may be a picture's in the picture.
-pub(crate) fn doubt_of_boards(inliers: &Inliers<'_>, rejected: &[usize]) -> Option<Doubt> {
+pub(crate) fn doubt_of_boards<L: Lens>(
+    inliers: &Inliers<'_, L>,
+    rejected: &[usize],
+) -> Option<Doubt> {
     if rejected.len() < LEAST_BOARDS {
         return None;
     }

@@ -1,0 +1,82 @@
+//! How the projection of a direction follows Brown's parameters.
+
+use nalgebra::{SMatrix, Vector2};
+
+use super::brown::Brown;
+use super::{Lens, of_all};
+use crate::error::Error;
+
+impl Brown {
+    /// The derivative of the pixel by `fx, fy, cx, cy, k1, k2, k3, p1, p2`, at an ideal point.
+    ///
+    /// With `u_d` the observed point: `du_d = u s^i dk_i` and, for the tangential coefficients,
+    /// `(2 x y, s + 2 y^2) dp1 + (s + 2 x^2, 2 x y) dp2`; the pixel is `f u_d + c`.
+    pub(super) fn jacobian_of_projection(&self, ideal: &Vector2<f64>) -> SMatrix<f64, 2, 9> {
+        let (x, y) = (ideal.x, ideal.y);
+        let square = x * x + y * y;
+        let distorted = self.distort(ideal);
+        let focal = self.focal();
+        let mut jacobian = SMatrix::<f64, 2, 9>::zeros();
+        jacobian[(0, 0)] = distorted.x;
+        jacobian[(1, 1)] = distorted.y;
+        jacobian[(0, 2)] = 1.0;
+        jacobian[(1, 3)] = 1.0;
+        let shifts = [
+            ideal * square,
+            ideal * (square * square),
+            ideal * (square * square * square),
+            Vector2::new(2.0 * x * y, square + 2.0 * y * y),
+            Vector2::new(square + 2.0 * x * x, 2.0 * x * y),
+        ];
+        for (i, shift) in shifts.iter().enumerate() {
+            jacobian.set_column(4 + i, &shift.component_mul(&focal));
+        }
+        jacobian
+    }
+
+    /// The derivative, by `fx, fy, cx, cy, k1, k2, k3, p1, p2`, of where the direction seen at each
+    /// pixel is projected.
+    ///
+    /// # Errors
+    /// [`Error::BeyondValidRadius`].
+    pub fn projection_jacobians(
+        &self,
+        pixels: &[Vector2<f64>],
+    ) -> Result<Vec<SMatrix<f64, 2, 9>>, Error> {
+        of_all(self, pixels, |pixel| {
+            let ideal = self.unproject_with_jacobian(pixel)?.ideal();
+            let jacobian = self.jacobian_of_projection(&ideal);
+            jacobian.iter().all(|v| v.is_finite()).then_some(jacobian)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PARAMETERS: [f64; 9] = [
+        1000.0, 1010.0, 640.0, 470.0, -0.25, 0.12, -0.03, 0.002, -0.001,
+    ];
+
+    #[test]
+    fn jacobian_agrees_with_central_differences() {
+        let lens = Brown::new(PARAMETERS);
+        for ideal in [Vector2::new(0.3, -0.4), Vector2::new(-0.5, 0.1)] {
+            let jacobian = lens.jacobian_of_projection(&ideal);
+            for i in 0..9 {
+                // A change that moves the pixel by about a tenth of one.
+                let step = if i < 4 { 0.1 } else { 1e-3 };
+                let moved = |sign: f64| {
+                    let mut parameters = PARAMETERS;
+                    parameters[i] += sign * step;
+                    let moved = Brown::new(parameters);
+                    moved.project(&ideal.push(1.0)).unwrap()
+                };
+                let numeric = (moved(1.0) - moved(-1.0)) / (2.0 * step);
+                let error = (numeric - jacobian.column(i)).norm();
+                assert!(error < 1e-8 * (1.0 + numeric.norm()), "column {i}: {error}");
+            }
+        }
+    }
+}
