@@ -17,7 +17,7 @@ from trisquare.images.tone import PictureTone
 from trisquare.results.rejected import Rejected
 
 if TYPE_CHECKING:  # it would load OpenCV, which waits until a picture is searched
-    from trisquare.detection.annotations.formats import AnnotatedTarget
+    from trisquare.detection.annotations.outlines import AnnotatedSquare
 
 
 @dataclass(slots=True)
@@ -59,7 +59,7 @@ class Gathered:
         photograph: Photograph,
         targets: TargetKinds,
         tone: str | float,
-        annotated: Sequence[AnnotatedTarget] | None,
+        annotated: Sequence[AnnotatedSquare] | None,
     ) -> None:
         """Measure what is in a photograph, or what is `annotated` on it, and remark on it."""
         from trisquare.measurement.measure import measure
@@ -134,7 +134,7 @@ def gather(
     return gathered
 
 
-def _nothing(targets: TargetKinds, annotated: Sequence[AnnotatedTarget] | None) -> str:
+def _nothing(targets: TargetKinds, annotated: Sequence[AnnotatedSquare] | None) -> str:
     """Say what was looked for in a picture in vain."""
     if annotated is None:
         return nothing_found(targets)

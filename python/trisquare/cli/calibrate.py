@@ -122,8 +122,8 @@ def calibrate_command(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Measure the squares that this file outlines, within 5 px of the stored picture, "
-            "and look for no others: trisquare's JSON, labelme's, or COCO polygons.",
+            help="Measure the squares outlined in this file, and search for no others: trisquare's "
+            "JSON or labelme's, in pixels of the picture as stored, accurate to 5 px.",
         ),
     ] = None,
     with_diagnosis: Annotated[

@@ -44,10 +44,10 @@ def detect(
         How light was coded into pixel values; a number is a gamma, and "auto" estimates the curve
         from the edges' profiles. By default sRGB for 8-bit pictures and linear for others.
     outlines : path, mapping or sequence, optional
-        Coarse outlines of the squares, drawn by hand, in place of a search. Within 5 px of the
-        edges is good enough: the edges are measured, not believed. A JSON file (trisquare's own
-        format, labelme's or COCO's polygons), its parsed content, or a sequence of outlines, each
-        an array_like of shape (N, 2), four corners or a closed polygon, or four polylines.
+        Coarse outlines of the squares, drawn by hand, instead of a search. They may be 5 px off:
+        the edges are measured in the picture. A JSON file (trisquare's own format or labelme's),
+        its parsed content, or a sequence of outlines, each an array_like of shape (N, 2), four
+        corners or a closed polygon, or four polylines.
 
     Returns
     -------

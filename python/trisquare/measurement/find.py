@@ -8,8 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from trisquare.detection.annotations.formats import AnnotatedTarget
-from trisquare.detection.annotations.grid import DrawnGrid
+from trisquare.detection.annotations.outlines import AnnotatedSquare
 from trisquare.detection.annotations.snap import snap_to_edges
 from trisquare.detection.boards.find import find_lattices
 from trisquare.detection.boards.membership import belongs_to, whole_cells
@@ -72,15 +71,13 @@ def _paint(grey: NDArray[np.uint8], cells: NDArray[np.int32]) -> None:
 
 
 def find_annotated(
-    picture: Image, annotated: Sequence[AnnotatedTarget]
+    picture: Image, annotated: Sequence[AnnotatedSquare]
 ) -> Sequence[DetectedTarget | Rejected]:
-    """Find targets where they are drawn in a checked picture, or say of each why there is none."""
+    """Snap annotated squares to the edges of a checked picture, or reject those without edges."""
     grey = grey_bytes(picture)
-    return [_found_at(grey, target) for target in annotated]
-
-
-def _found_at(grey: NDArray[np.uint8], target: AnnotatedTarget) -> DetectedTarget | Rejected:
-    snapped = target.settled(grey) if isinstance(target, DrawnGrid) else snap_to_edges(grey, target)
-    if isinstance(snapped, str):
-        return Rejected(target.kind, 0, target.corners, snapped)
-    return Board.of(snapped, grey) if isinstance(snapped, Lattice) else Square(snapped)
+    return [
+        Rejected(target.kind, 0, target.corners, snapped)
+        if isinstance(snapped := snap_to_edges(grey, target), str)
+        else Square(snapped)
+        for target in annotated
+    ]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import trisquare._core as _core
 from trisquare._support.arrays import FloatArray
-from trisquare.detection.annotations.formats import AnnotatedTarget
+from trisquare.detection.annotations.outlines import AnnotatedSquare
 from trisquare.detection.kinds import TargetKinds
 from trisquare.edges import PlaneEdges
 from trisquare.images.pixels import Image
@@ -36,7 +36,7 @@ def measure(
     core: _core.Picture,
     targets: TargetKinds,
     tone: str | float,
-    annotated: Sequence[AnnotatedTarget] | None = None,
+    annotated: Sequence[AnnotatedSquare] | None = None,
 ) -> MeasuredTargets:
     """Find the targets in a checked picture and measure them.
 

@@ -13,10 +13,8 @@ from trisquare._support.json_members import refuse_constant
 from trisquare._support.paths import naming, read_bytes
 from trisquare.detection.annotations.formats import (
     AnnotatedPicture,
-    AnnotatedTarget,
     annotated_pictures,
 )
-from trisquare.detection.annotations.grid import DrawnGrid
 from trisquare.detection.annotations.outlines import AnnotatedOutline, AnnotatedSquare
 from trisquare.images.pixels import ImageSource, Outlines
 
@@ -76,7 +74,7 @@ class Annotations:
             )
         return cls(tuple(found))
 
-    def on(self, index: int, image_size: tuple[int, int]) -> tuple[AnnotatedTarget, ...]:
+    def on(self, index: int, image_size: tuple[int, int]) -> tuple[AnnotatedSquare, ...]:
         """Return what is drawn on a picture of this size; it may be nothing.
 
         Raises
@@ -100,15 +98,15 @@ def _parsed(text: bytes) -> Any:
         raise ValueError(f"not JSON that can be read ({error})") from error
 
 
-def _listed(outlines: Any) -> list[AnnotatedTarget]:
+def _listed(outlines: Any) -> list[AnnotatedSquare]:
     if isinstance(outlines, bytes) or not hasattr(outlines, "__iter__"):
         raise TypeError(
             f"outlines are a path, parsed JSON or a sequence, not {type(outlines).__name__}"
         )
-    targets: list[AnnotatedTarget] = []
+    targets: list[AnnotatedSquare] = []
     for index, outline in enumerate(outlines):
         where = f"outlines[{index}]"
-        if isinstance(outline, AnnotatedSquare | DrawnGrid):
+        if isinstance(outline, AnnotatedSquare):
             targets.append(outline)
         elif _depth(outline) == 3:
             targets.append(AnnotatedSquare(AnnotatedOutline.of_sides(outline, where)))

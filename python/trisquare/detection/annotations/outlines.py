@@ -156,23 +156,19 @@ class AnnotatedSquare:
     def check_inside(self, image_size: tuple[int, int]) -> None:
         """Raise ValueError if a point lies outside a picture of this width and height."""
         for outline in self.outlines:
-            refuse_outside(np.concatenate(outline.sides), image_size, outline.where)
+            points = np.concatenate(outline.sides)
+            outside = (points < -OUTSIDE) | (points > np.array(image_size) - 1 + OUTSIDE)
+            if outside.any():
+                x, y = points[outside.any(axis=1).argmax()]
+                raise ValueError(
+                    f"{outline.where}: the point ({x:g}, {y:g}) lies outside the picture of "
+                    f"{image_size[0]} x {image_size[1]} pixels"
+                )
 
     @property
     def outlines(self) -> tuple[AnnotatedOutline, ...]:
         """Return the outer one and, of a frame, the inner one."""
         return (self.outer,) if self.inner is None else (self.outer, self.inner)
-
-
-def refuse_outside(points: FloatArray, image_size: tuple[int, int], where: str) -> None:
-    """Raise ValueError if a point lies outside a picture of this width and height."""
-    outside = (points < -OUTSIDE) | (points > np.array(image_size) - 1 + OUTSIDE)
-    if outside.any():
-        x, y = points[outside.any(axis=1).argmax()]
-        raise ValueError(
-            f"{where}: the point ({x:g}, {y:g}) lies outside the picture of "
-            f"{image_size[0]} x {image_size[1]} pixels"
-        )
 
 
 def _points(points: Any, where: str) -> FloatArray:
