@@ -19,8 +19,8 @@ from trisquare.cli.framework import command_line, reading
 from trisquare.cli.options import FixOption, completing, fixed_names
 from trisquare.cli.pictures_drawn import (
     check_outputs,
+    debug_pictures,
     drawn_on_failure,
-    findings,
     numbered_paths,
     overlay_of,
 )
@@ -161,7 +161,7 @@ def calibrate_command(
             outlines=outline,
             progress=progress,
         )
-    contents = findings(
+    contents = debug_pictures(
         photos, debug_images, searched_for, calibration.planes, calibration.rejected
     )
     drawings = Annotations.read(outline, photos) if overlays and outline is not None else None

@@ -10,6 +10,7 @@ from pathlib import PureWindowsPath
 from typing import Any
 
 from trisquare._support.json_members import refuse_constant
+from trisquare._support.number_text import listed
 from trisquare._support.paths import naming, read_bytes
 from trisquare.detection.annotations.formats import (
     AnnotatedPicture,
@@ -17,6 +18,9 @@ from trisquare.detection.annotations.formats import (
 )
 from trisquare.detection.annotations.outlines import AnnotatedOutline, AnnotatedSquare
 from trisquare.images.pixels import ImageSource, Outlines
+
+MOST_NAMED = 3
+"""Pictures that a message names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +59,7 @@ class Annotations:
                 "a list of outlines is for one picture: give several a file, or its content, that "
                 "says which outlines are on which"
             )
-        return cls((AnnotatedPicture(tuple(_listed(outlines))),))
+        return cls((AnnotatedPicture(tuple(_squares_of(outlines))),))
 
     @classmethod
     def _matched(cls, drawn: list[AnnotatedPicture], sources: Sequence[ImageSource]) -> Annotations:
@@ -69,8 +73,8 @@ class Annotations:
                 found[index] = picture if earlier is None else earlier.joined(picture)
         if all(picture is None for picture in found):
             raise ValueError(
-                f"nothing is drawn on {_listed_names(names)}: the outlines are for "
-                f"{_listed_names([picture.name for picture in drawn])}"
+                f"nothing is drawn on {_named(names)}: the outlines are for "
+                f"{_named([picture.name for picture in drawn])}"
             )
         return cls(tuple(found))
 
@@ -98,7 +102,7 @@ def _parsed(text: bytes) -> Any:
         raise ValueError(f"not JSON that can be read ({error})") from error
 
 
-def _listed(outlines: Any) -> list[AnnotatedSquare]:
+def _squares_of(outlines: Any) -> list[AnnotatedSquare]:
     if isinstance(outlines, bytes) or not hasattr(outlines, "__iter__"):
         raise TypeError(
             f"outlines are a path, parsed JSON or a sequence, not {type(outlines).__name__}"
@@ -153,6 +157,5 @@ def _places_of(picture: AnnotatedPicture, names: Sequence[str | None]) -> list[i
     return places
 
 
-def _listed_names(names: Sequence[str | None], most: int = 3) -> str:
-    shown = ["an array" if name is None else name for name in names[:most]]
-    return ", ".join(shown) + (f" and {len(names) - most} more" if len(names) > most else "")
+def _named(names: Sequence[str | None]) -> str:
+    return listed(["an array" if name is None else name for name in names], MOST_NAMED)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trisquare._support.arrays import FloatArray
+from trisquare._support.convex_quads import quad_areas
 from trisquare.detection.candidates import ENOUGH, Outline, SquareOutline, Tag
 from trisquare.detection.grey import MIN_PICTURE, grey_bytes, working_picture
 from trisquare.detection.squares.framed import MIN_RELATIVE_SIDE, alignment, find_framed_squares
@@ -53,7 +54,7 @@ def find_squares(
         others = _squares_of(grey, coarser, 2 * scale, tag_search)
         squares += [other for other in others if not _is_known(other.outer.corners, squares)]
     squares += _further_tags(grey, squares)
-    return sorted(squares, key=lambda square: -_area(square.outer))
+    return sorted(squares, key=lambda square: -float(quad_areas(square.outer.corners)))
 
 
 def _squares_of(
@@ -130,7 +131,3 @@ def _side(outline: Outline) -> float:
     """Mean length of the sides' chords, pixels."""
     along = outline.corners - np.roll(outline.corners, 1, axis=0)
     return float(np.linalg.norm(along, axis=1).mean())
-
-
-def _area(outline: Outline) -> float:
-    return float(cv2.contourArea(outline.corners.astype(np.float32)))
