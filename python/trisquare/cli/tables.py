@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from trisquare._support.number_text import decimals_shown
+from trisquare._support.rotations import tilt_degrees
 from trisquare.camera.camera import Camera, camera_parameters
 from trisquare.results.calibration import Calibration
 from trisquare.results.rejected import is_reported
@@ -74,7 +75,7 @@ def _plane_table(calibration: Calibration) -> Table:
     for heading in ("image", "distance", "tilt deg", "rms px", "samples"):
         table.add_column(heading, justify="right")
     for number, plane in enumerate(calibration.planes):
-        tilt = np.degrees(np.arccos(np.clip(plane.rotation[2, 2], -1, 1)))
+        tilt = tilt_degrees(plane.rotation)
         table.add_row(
             str(number),
             Text(plane.kind),
