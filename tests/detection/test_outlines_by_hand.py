@@ -190,7 +190,7 @@ def with_square(**square):
     ("outlines", "key"),
     [
         ("{", "not JSON"),
-        ("[" * 100_000, "not JSON"),
+        ("[" * 100_000, "nested too deeply"),
         ("[1, 2]", "must be an object"),
         ("{}", "none of the keys"),
         ('{"format": "trisquare/1"}', '"format"'),

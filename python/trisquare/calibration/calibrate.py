@@ -17,7 +17,7 @@ from trisquare.camera.settings import Settings
 from trisquare.detection.kinds import TargetKinds, nothing_found
 from trisquare.edges import PlaneEdges
 from trisquare.errors import DetectionError
-from trisquare.images.pixels import ImageSource, Outlines, Tone
+from trisquare.images.pixels import ImageSource, Outlines, Tone, sources_of
 from trisquare.images.tone import PictureTone, pooled, shift_warnings
 from trisquare.results.calibration import Calibration
 from trisquare.results.model_alternative import ModelAlternative
@@ -94,7 +94,7 @@ def calibrate(
     """
     settings = Settings.check(method, model, fix, initial)
     kinds = TargetKinds.parse(targets)
-    sources = _sources(image)
+    sources = sources_of(image)
     gathered = gather(sources, kinds, tone, outlines, progress)
     by_hand = outlines is not None
     figures, size = gathered.figures, gathered.image_size
@@ -168,13 +168,6 @@ def calibrate_edges(
         for figure in figures
     ]
     return _solve(counted, size_of_image(image_size), settings, None, [], [])
-
-
-def _sources(image: ImageSource | Sequence[ImageSource]) -> list[ImageSource]:
-    """Return the pictures, one or several, as a list."""
-    if isinstance(image, Sequence) and not isinstance(image, str):
-        return list(image)
-    return [image]
 
 
 def _solve(

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from trisquare.edges import PlaneEdges
-from trisquare.images.pixels import ImageSource, Outlines
+from trisquare.images.pixels import ImageSource, Outlines, sources_of
 from trisquare.results.calibration import Calibration
 
 if TYPE_CHECKING:
@@ -104,13 +104,7 @@ def report_page(
         raise TypeError(f"calibration must be a Calibration, not {type(calibration).__name__}")
     from trisquare.report.page import page_of  # it needs the extra
 
-    return page_of(calibration, _sources(image), edges, targets, outlines, command)
-
-
-def _sources(image: ImageSource | Sequence[ImageSource]) -> list[ImageSource]:
-    if isinstance(image, Sequence) and not isinstance(image, str):
-        return list(image)
-    return [image]
+    return page_of(calibration, sources_of(image), edges, targets, outlines, command)
 
 
 def check_extra() -> None:
