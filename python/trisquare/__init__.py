@@ -93,3 +93,9 @@ __all__ = [
     "undistort",
     "write_report",
 ]
+
+# Pickles and reprs name the package, not the room that a class is written in.
+for _name in __all__:
+    if isinstance(_public := globals()[_name], type):
+        _public.__module__ = __name__
+del _name, _public

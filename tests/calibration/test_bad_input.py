@@ -92,7 +92,11 @@ def solve(figures=EDGES, size=IMAGE_SIZE, **options):
         (lambda: solve(fix=3), TypeError, None),
         (lambda: solve(fix="focal"), ValueError, "initial"),
         (lambda: solve(initial=INITIAL.K), TypeError, "Camera"),
-        (lambda: solve(size=(640, 480), initial=INITIAL), ValueError, "initial camera is of size"),
+        (
+            lambda: solve(size=(640, 480), initial=INITIAL),
+            ValueError,
+            "initial camera is for pictures of",
+        ),
     ],
 )
 def test_coordinates_that_cannot_be_used(call, error, message):

@@ -50,7 +50,7 @@ def calibrate(
         uint8, uint16 or float32 of shape (H, W) or (H, W, 3) in BGR order. Several photographs
         must be of one camera and size; their planes are pooled. One in which nothing is found is
         named in `warnings` and left out, as is one that is given twice. A file's orientation tag
-        is not obeyed: the result refers to the picture as it is stored, and says so.
+        is ignored, with a warning: the result refers to the picture as it is stored.
     method : {"ml", "linear"}
         Joint maximum likelihood, or the three linear steps of Zhou et al. (2013) alone, whose
         stated standard deviations are those that maximum likelihood would have with residuals of

@@ -66,7 +66,7 @@ app = typer.Typer(
     cls=CommandGroup,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
-    help="Calibrate a camera from one photograph of three squares, and use what it tells.",
+    help=("Calibrate a camera from one photograph of three squares, and use the calibration."),
 )
 
 
@@ -133,14 +133,14 @@ def _drop_output() -> None:
 def _usage_message(error: Any) -> str:
     context = getattr(error, "ctx", None)
     path = "trisquare" if context is None else context.command_path
-    said = error.format_message()
+    message = error.format_message()
     option = getattr(error, "option_name", None) or ""
     meant = nearest_name(option, getattr(error, "possibilities", None) or ())
     if meant is not None:
-        said = f"No such option: {option}. Did you mean {meant}?"
+        message = f"No such option: {option}. Did you mean {meant}?"
     elif NEGATIVE_NUMBER.match(option):
-        said = f"{said}; before an argument that begins with a minus, put --"
-    return f"{said} (see {path} --help)"
+        message = f"{message}; put -- before arguments that begin with a minus"
+    return f"{message} (see {path} --help)"
 
 
 def _message(error: Exception) -> str:
@@ -158,7 +158,7 @@ def _fault_message(error: BaseException) -> str:
     elif isinstance(error, MemoryError):
         return f"not enough memory: {error}"
     return (
-        f"a fault of trisquare's own, please report it: {type(error).__name__}: {error} "
+        f"internal error, please report it: {type(error).__name__}: {error} "
         f"({TRACEBACK_VARIABLE}=1 shows where)"
     )
 

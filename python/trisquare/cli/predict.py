@@ -43,7 +43,7 @@ SQUARE_FIELDS = ("centre x", "centre y", "side", "tilt", "direction", "spin")
 def predict_command(
     plan: Annotated[
         Path | None,
-        typer.Argument(metavar="[PLAN]", help="A plan as JSON; what options say comes first."),
+        typer.Argument(metavar="[PLAN]", help="A plan as JSON; options override it."),
     ] = None,
     size: Annotated[
         str | None,
@@ -70,21 +70,23 @@ def predict_command(
     ] = None,
     frame: Annotated[
         float | None,
-        typer.Option(metavar="PART", help="All are frames with a hole of so much of their side."),
+        typer.Option(
+            metavar="PART", help="Make all squares frames, with a hole of this part of their side."
+        ),
     ] = None,
     sigma: Annotated[
         float,
-        typer.Option(metavar="PX", help="How well one pixel of edge is known."),
+        typer.Option(metavar="PX", help="Standard deviation of an edge sample, pixels."),
     ] = 0.02,
     spacing: Annotated[
-        float, typer.Option(metavar="PX", help="Edge length that sigma is for.")
+        float, typer.Option(metavar="PX", help="Edge length per sample, pixels.")
     ] = 1.0,
     model: Annotated[
         str | None,
         typer.Option(
             metavar="MODEL",
             autocompletion=completing(MODELS),
-            help="Distortion: none, radial1, radial2, radial3 or brown.",
+            help="Distortion model: none, radial1, radial2, radial3 or brown.",
         ),
     ] = None,
     fix: FixOption = None,
@@ -126,7 +128,9 @@ def _camera(
     """Take the camera from a calibration, or make a pinhole of size and focal length."""
     if camera is not None:
         if size is not None or focal is not None:
-            raise ValueError("--camera brings its own size and focal length")
+            raise ValueError(
+                "--camera states the size and focal length: leave out --size and --focal"
+            )
         return camera_alone(camera)
     if size is not None:
         width, height = parse_size(size)
@@ -156,7 +160,7 @@ def _square(text: str, camera: Camera, frame: float | None) -> PlannedSquare:
             else:
                 numbers.append(float(part))
         except ValueError as error:
-            raise ValueError(f"the {name} of the square {text!r} is no number") from error
+            raise ValueError(f"the {name} of the square {text!r} is not a number") from error
     x, y, side, tilt, direction, *spin = numbers
     return PlannedSquare.at(
         camera, (x, y), side, tilt=tilt, direction=direction, spin=sum(spin), inner=frame

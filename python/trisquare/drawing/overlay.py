@@ -91,7 +91,7 @@ def draw_overlay(
     _draw_principal_point(canvas, calibration, thickness)
     entries = _legend_entries(calibration)
     if sides:
-        entries.append(("the sides, were they straight", CHORD_COLOUR))
+        entries.append(("chords of the sides", CHORD_COLOUR))
         entries.append((f"residuals drawn x {exaggeration:g} (rms {rms:.2g} px)", RESIDUAL_COLOUR))
     corners = [plane.corners for plane in calibration.planes if plane.image == index]
     draw_legend(

@@ -59,14 +59,14 @@ def photographs(sources: Sequence[ImageSource]) -> Iterator[Photograph]:
             first = (name, size)
         if size != first[1]:
             raise ValueError(
-                f"{name} is {size[0]} x {size[1]} pixels, {first[0]} {first[1][0]} x "
-                f"{first[1][1]}: pictures of one camera have one size"
+                f"{name} is {size[0]} x {size[1]} pixels, but {first[0]} is {first[1][0]} x "
+                f"{first[1][1]}: all pictures of one camera must have the same size"
             )
         remarks = []
         if turn is not None:
             remarks.append(
-                f"{name}: its orientation tag says that it is to be shown {turn}; the result "
-                f"refers to the picture as it is stored, {size[0]} x {size[1]} pixels"
+                f"{name}: its orientation tag ({turn}) is ignored; the result refers to the "
+                f"picture as it is stored, {size[0]} x {size[1]} pixels"
             )
         key = _fingerprint(pixels) if len(sources) > 1 else 0
         twin = seen.setdefault(key, name)

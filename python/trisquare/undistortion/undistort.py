@@ -179,7 +179,7 @@ def _refuse_size(found: tuple[int, int], camera: Camera) -> NoReturn:
     try:
         camera.rescaled(found)
     except ValueError:
-        remedy = "it has another shape, so that it is no scaled picture of this camera"
+        remedy = "it has another aspect ratio, so it is not a scaled picture of this camera"
     raise ValueError(
         f"the picture is {found[0]} x {found[1]}, the camera's are {width} x {height}: {remedy}"
     )

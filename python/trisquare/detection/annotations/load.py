@@ -54,8 +54,8 @@ class Annotations:
             return cls._matched(annotated_pictures(dict(outlines)), sources)
         if len(sources) != 1:
             raise ValueError(
-                "a list of outlines is for one picture: give several a file, or its content, that "
-                "says which outlines are on which"
+                "a list of outlines is for one picture: for several, give a file (or its "
+                "content) that names the picture of each outline"
             )
         return cls((AnnotatedPicture(tuple(_squares_of(outlines))),))
 
