@@ -6,7 +6,7 @@ another file is missing or unreadable. Every error is one line on standard error
 written then but what `--debug-image` asks for.
 
 Besides these, as by other commands: 1 where nobody reads standard output any more (``| head``),
-130 after Ctrl-C, and 70 after a fault of trisquare's own.
+130 after Ctrl-C, and 70 after an internal error.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ NEGATIVE_NUMBER = re.compile(r"-[0-9.]")
 """What such an argument begins with; the parser takes it for an option."""
 
 TRACEBACK_VARIABLE = "TRISQUARE_TRACEBACK"
-"""Environment variable that shows where a fault of trisquare's own comes from."""
+"""Environment variable that shows where an internal error comes from."""
 
 # What the command line's parser raises. Newer Typers carry their own copy of Click and older ones
 # use Click itself; this finds the class in either.
