@@ -180,7 +180,7 @@ def test_options_of_pictures(options, error):
 
 def test_pictures_of_one_camera_have_one_size_and_depth():
     photo = simulate.render(SCENE, np.random.default_rng(52))
-    with pytest.raises(ValueError, match="one size"):
+    with pytest.raises(ValueError, match="same size"):
         ts.calibrate([photo, photo[:-1]])
     with pytest.raises(ValueError, match="tone"):
         ts.calibrate([photo, photo.astype(np.uint16) * 257])

@@ -101,7 +101,7 @@ def predict_command(
         planned = [_square(text, guess, frame) for text in square or DEFAULT_SQUARES]
     else:
         planned = [_planned(members, guess, frame) for members in written.objects("squares")]
-    found = predict(
+    prediction = predict(
         guess,
         planned,
         sigma,
@@ -110,9 +110,9 @@ def predict_command(
         fix=fixed_names(fix),
     )
     if json:
-        print(json_text.dumps(_members(found, planned), indent=2, allow_nan=False))
+        print(json_text.dumps(_members(prediction, planned), indent=2, allow_nan=False))
     elif not quiet:
-        Console().print(_report(found, planned), soft_wrap=True)
+        Console().print(_report(prediction, planned), soft_wrap=True)
 
 
 def _written(plan: Path) -> JsonFields:
@@ -181,16 +181,16 @@ def _planned(members: JsonFields, camera: Camera, frame: float | None) -> Planne
     )
 
 
-def _members(found: Prediction, planned: list[PlannedSquare]) -> dict[str, object]:
+def _members(prediction: Prediction, planned: list[PlannedSquare]) -> dict[str, object]:
     return {
         "format": PREDICTION_FORMAT,
-        "image_size": list(found.camera.image_size),
-        "sigma": found.sigma,
-        "spacing": found.spacing,
-        "camera": camera_parameters(found.camera),
-        "std": dict(found.std),
-        "parameters": list(found.parameters),
-        "covariance": found.covariance.tolist(),
+        "image_size": list(prediction.camera.image_size),
+        "sigma": prediction.sigma,
+        "spacing": prediction.spacing,
+        "camera": camera_parameters(prediction.camera),
+        "std": dict(prediction.std),
+        "parameters": list(prediction.parameters),
+        "covariance": prediction.covariance.tolist(),
         "squares": [
             {
                 "rotation": square.rotation.tolist(),
@@ -202,18 +202,18 @@ def _members(found: Prediction, planned: list[PlannedSquare]) -> dict[str, objec
     }
 
 
-def _report(found: Prediction, planned: list[PlannedSquare]) -> RenderableType:
+def _report(prediction: Prediction, planned: list[PlannedSquare]) -> RenderableType:
     table = Table("parameter", box=box.SIMPLE_HEAD)
     for heading in ("assumed", "predicted std"):
         table.add_column(heading, justify="right")
-    values = camera_parameters(found.camera)
-    for name, std in found.std.items():
+    values = camera_parameters(prediction.camera)
+    for name, std in prediction.std.items():
         decimals = decimals_shown(std)
         table.add_row(name, f"{values[name]:.6g}", f"{std:.{decimals}f}")
-    width, height = found.camera.image_size
+    width, height = prediction.camera.image_size
     tilts = ", ".join(f"{tilt_degrees(square.rotation):.0f}" for square in planned)
     summary = Text(
         f"{width} x {height}, {len(planned)} squares tilted by {tilts} degrees, "
-        f"edges known to {found.sigma:g} px every {found.spacing:g} px"
+        f"edges known to {prediction.sigma:g} px every {prediction.spacing:g} px"
     )
     return Group(table, summary)

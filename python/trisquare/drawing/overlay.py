@@ -102,9 +102,9 @@ def draw_overlay(
 
 def round_exaggeration(rms: float, diagonal: float) -> float:
     """Return 1, 2 or 5 times a power of ten that makes residuals visible."""
-    wanted = DRAWN_RESIDUAL * diagonal / max(rms, 1e-9)
-    power = 10.0 ** np.floor(np.log10(wanted))
-    return float(max(step * power for step in (1, 2, 5) if step * power <= wanted * (1 + 1e-9)))
+    length = DRAWN_RESIDUAL * diagonal / max(rms, 1e-9)
+    power = 10.0 ** np.floor(np.log10(length))
+    return float(max(step * power for step in (1, 2, 5) if step * power <= length * (1 + 1e-9)))
 
 
 def _draw_residuals(
