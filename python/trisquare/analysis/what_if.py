@@ -148,7 +148,7 @@ def changes_of(calibration: Calibration, planes: tuple[PosedPlane, ...]) -> Iter
         except ValueError:
             continue
         yield WhatIf(
-            f"a further square in the picture's {where}, tilted in a direction of its own,",
+            f"adding a square in the picture's {where}, tilted in another direction,",
             "the squares are few",
             (*planes, _added_square(planes, ideal)),
             fixed,

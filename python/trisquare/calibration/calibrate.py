@@ -16,8 +16,8 @@ from trisquare.camera.settings import Settings
 from trisquare.detection.kinds import TargetKinds, nothing_found
 from trisquare.edges import PlaneEdges, changed_edges
 from trisquare.errors import DetectionError
-from trisquare.images.photographs import Photographs, sources_of
-from trisquare.images.pixels import ImageSource, Outlines, Tone
+from trisquare.images.photographs import Photographs
+from trisquare.images.pixels import ImageSource, Outlines, Tone, sources_of
 from trisquare.images.tone import PictureTone, pooled, shift_warnings
 from trisquare.results.calibration import Calibration
 from trisquare.results.model_alternative import ModelAlternative
@@ -51,7 +51,7 @@ def calibrate(
         uint8, uint16 or float32 of shape (H, W) or (H, W, 3) in BGR order. Several photographs
         must be of one camera and size; their planes are pooled. One in which nothing is found is
         named in `warnings` and left out, as is one that is given twice. A file's orientation tag
-        is not obeyed: the result refers to the picture as it is stored, and says so.
+        is ignored, with a warning: the result refers to the picture as it is stored.
     method : {"ml", "linear"}
         Joint maximum likelihood, or the three linear steps of Zhou et al. (2013) alone, whose
         stated standard deviations are those that maximum likelihood would have with residuals of

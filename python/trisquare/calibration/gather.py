@@ -140,9 +140,9 @@ def gather(
         curves.add(curve)
         if len(curves) > 1:
             raise ValueError(
-                f"{photograph.name} holds {photograph.pixels.dtype} pixels and those before it do "
-                "not, which are usually coded differently: state the tone curve of all (srgb, "
-                "linear, auto or a gamma)"
+                f"{photograph.name} has {photograph.pixels.dtype} pixels, unlike the pictures "
+                "before it, and their tone curves probably differ: give one tone curve for all "
+                "(srgb, linear, auto or a gamma)"
             )
         annotated = None
         if drawings is not None:

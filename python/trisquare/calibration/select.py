@@ -11,7 +11,7 @@ from trisquare._support.convex_quads import quad_areas
 from trisquare.edges import PlaneEdges
 from trisquare.results.rejected import Rejected
 
-NO_SQUARE = "no true square to the camera that the others show"
+NO_SQUARE = "not a square to the camera that the other planes determine"
 
 
 class Chosen(NamedTuple):

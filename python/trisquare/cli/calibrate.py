@@ -47,7 +47,9 @@ def calibrate_command(
     ],
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="FILE", help="Write the result there as JSON."),
+        typer.Option(
+            "--output", "-o", metavar="FILE", help="Write the result to this file, as JSON."
+        ),
     ] = None,
     json: JsonOption = False,
     quiet: QuietOption = False,
@@ -55,24 +57,31 @@ def calibrate_command(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Draw what was measured over the photograph. With several photographs FILE.png "
-            "stands for FILE-1.png, FILE-2.png, ...",
+            help=(
+                "Draw the measured edges and their residuals over the photograph. With several "
+                "photographs, FILE.png becomes FILE-1.png, FILE-2.png, ..."
+            ),
         ),
     ] = None,
     debug_image: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Draw what was found, and in another colour what was not used and why; also when "
-            "the calibration fails. Several photographs as for --overlay.",
+            help=(
+                "Draw the targets that were found and, in another colour, the rejected shapes "
+                "with the reasons; also if the calibration fails. Several photographs as for "
+                "--overlay."
+            ),
         ),
     ] = None,
     report: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Write all of it as one HTML page, with pictures and plots, that opens offline. "
-            "Needs pip install 'trisquare[report]'.",
+            help=(
+                "Write a report as one HTML page, with pictures and plots, that opens offline. "
+                "Needs pip install 'trisquare[report]'."
+            ),
         ),
     ] = None,
     model: Annotated[
@@ -80,7 +89,10 @@ def calibrate_command(
         typer.Option(
             metavar="MODEL",
             autocompletion=completing((*MODELS, AUTO)),
-            help="Distortion: none, radial1, radial2, radial3, brown, or auto: by evidence.",
+            help=(
+                "Distortion model: none, radial1, radial2, radial3, brown, or auto (chosen by "
+                "evidence)."
+            ),
         ),
     ] = "radial2",
     method: Annotated[
@@ -88,7 +100,9 @@ def calibrate_command(
         typer.Option(
             metavar="METHOD",
             autocompletion=completing(METHODS),
-            help="ml, or linear for the paper's three steps alone.",
+            help=(
+                "Method: ml (maximum likelihood), or linear (the paper's three linear steps alone)."
+            ),
         ),
     ] = "ml",
     fix: FixOption = None,
@@ -106,7 +120,10 @@ def calibrate_command(
         typer.Option(
             metavar="TARGETS",
             autocompletion=completing(TAG_SEARCHES),
-            help="auto, squares, tags, aruco, apriltag, or chessboard:9x6 (inner corners).",
+            help=(
+                "Targets to search for: auto, squares, tags, aruco, apriltag, or "
+                "chessboard:9x6 (inner corners of a checkerboard)."
+            ),
         ),
     ] = "auto",
     board: Annotated[
@@ -128,13 +145,15 @@ def calibrate_command(
     ] = None,
     with_diagnosis: Annotated[
         bool,
-        typer.Option("--diagnose", help="Say what limits each number, and what would help."),
+        typer.Option(
+            "--diagnose", help="Show what limits each parameter, and what would improve it."
+        ),
     ] = False,
 ) -> None:
     """Calibrate a camera from its photographs."""
     check_printing(json, quiet)
     if with_diagnosis and json:
-        raise ValueError("--diagnose adds to the tables, which --json replaces: give one of them")
+        raise ValueError("--diagnose prints text and --json prints JSON: give one of them")
     overlay_paths = numbered_paths(overlay, len(photos))
     debug_images = numbered_paths(debug_image, len(photos))
     inputs = _inputs(photos, outline, board)
@@ -186,7 +205,7 @@ def _inputs(photos: list[Path], outline: Path | None, board: str | None) -> list
 def _targets_of_board(board: str, targets: str) -> str:
     """Return the targets that a board is; in Python they are one argument."""
     if targets != "auto":
-        raise ValueError("--board and --targets both say what to look for: give one of them")
+        raise ValueError("--board and --targets both name the targets: give one of them")
     with reading():
         parse_layout(board)
     return board

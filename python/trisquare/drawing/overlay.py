@@ -86,7 +86,7 @@ def draw_overlay(
     _draw_principal_point(canvas, calibration, thickness)
     entries = _legend_entries(calibration)
     if sides:
-        entries.append(("the sides, were they straight", CHORD_COLOUR))
+        entries.append(("chords of the sides", CHORD_COLOUR))
         entries.append((f"residuals drawn x {exaggeration:g} (rms {rms:.2g} px)", RESIDUAL_COLOUR))
     corners = [plane.corners for plane in calibration.planes if plane.image == index]
     draw_legend(
@@ -97,9 +97,9 @@ def draw_overlay(
 
 def round_exaggeration(rms: float, diagonal: float) -> float:
     """Return 1, 2 or 5 times a power of ten that makes residuals visible."""
-    wanted = DRAWN_RESIDUAL * diagonal / max(rms, 1e-9)
-    power = 10.0 ** np.floor(np.log10(wanted))
-    return float(max(step * power for step in (1, 2, 5) if step * power <= wanted * (1 + 1e-9)))
+    length = DRAWN_RESIDUAL * diagonal / max(rms, 1e-9)
+    power = 10.0 ** np.floor(np.log10(length))
+    return float(max(step * power for step in (1, 2, 5) if step * power <= length * (1 + 1e-9)))
 
 
 def _draw_residuals(

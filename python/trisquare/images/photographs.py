@@ -77,13 +77,6 @@ class Photographs:
             yield photograph
 
 
-def sources_of(image: ImageSource | Sequence[ImageSource]) -> list[ImageSource]:
-    """Return the pictures, one or several, as a list."""
-    if isinstance(image, Sequence) and not isinstance(image, str):
-        return list(image)
-    return [image]
-
-
 def _load_all(sources: Sequence[ImageSource]) -> Iterator[Photograph]:
     """Load pictures one at a time and compare each with the ones before.
 
@@ -106,14 +99,14 @@ def _load_all(sources: Sequence[ImageSource]) -> Iterator[Photograph]:
             first = (name, size)
         if size != first[1]:
             raise ValueError(
-                f"{name} is {size[0]} x {size[1]} pixels, {first[0]} {first[1][0]} x "
-                f"{first[1][1]}: pictures of one camera have one size"
+                f"{name} is {size[0]} x {size[1]} pixels, but {first[0]} is {first[1][0]} x "
+                f"{first[1][1]}: all pictures of one camera must have the same size"
             )
         remarks = []
         if turn is not None:
             remarks.append(
-                f"{name}: its orientation tag says that it is to be shown {turn}; the result "
-                f"refers to the picture as it is stored, {size[0]} x {size[1]} pixels"
+                f"{name}: its orientation tag ({turn}) is ignored; the result refers to the "
+                f"picture as it is stored, {size[0]} x {size[1]} pixels"
             )
         key = _fingerprint(pixels) if len(sources) > 1 else 0
         twin = seen.setdefault(key, name)

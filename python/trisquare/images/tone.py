@@ -72,8 +72,11 @@ def shift_warnings(tones: Sequence[PictureTone]) -> list[str]:
     if not shifts:
         return []
     return [
-        "the edges' profiles follow no tone curve (sharpened, compressed or overexposed?); "
-        f"all edges of a picture were allowed one shift toward the dark: {'; '.join(shifts)}"
+        (
+            "the edge profiles fit no tone curve (is the picture sharpened, compressed or "
+            "overexposed?); instead one common shift of all edges toward their dark side "
+            f"was estimated: {'; '.join(shifts)}"
+        )
     ]
 
 

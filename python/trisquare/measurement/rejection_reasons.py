@@ -108,7 +108,10 @@ def _dropped_by_stages(picture: NDArray[np.uint8]) -> Iterator[tuple[FloatArray,
         along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
         cosines = np.abs((along * np.roll(along, 1, axis=0)).sum(axis=1))
         flat = cosines.max() > MAX_CORNER_COSINE
-        yield corners, "it is seen at too flat an angle" if flat else "a side is no smooth edge"
+        yield (
+            corners,
+            "it is seen at too flat an angle" if flat else "one of its sides is not a smooth edge",
+        )
 
 
 def _dropped(before: Quads, after: Quads) -> list[FloatArray]:
@@ -137,7 +140,7 @@ def _cut_by_border(picture: NDArray[np.uint8]) -> Iterator[tuple[FloatArray, str
             # An edge stays where it is from one level to the next; a shadow's rim does not.
             for box in boxes:
                 if any(_same(box, other) for other in before):
-                    yield box, "the picture's border cuts it"
+                    yield box, "it is cut by the picture's border"
             before = boxes
 
 

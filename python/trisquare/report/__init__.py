@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from trisquare.images.photographs import Photographs, sources_of
-from trisquare.images.pixels import ImageSource
+from trisquare.images.photographs import Photographs
+from trisquare.images.pixels import ImageSource, sources_of
 from trisquare.results.calibration import Calibration
 
 if TYPE_CHECKING:

@@ -149,18 +149,19 @@ def summary(calibration: Calibration, known: ProjectionMap) -> Iterator[str]:
         places = (finite.min(), float(np.median(finite)), finite.max())
         best, median, worst = (two_digits(place) for place in places)
         yield (
-            f"Where a direction is seen is known to {best} px in the best place of the picture, to "
-            f"{median} px in the median and to {worst} px in the worst (one standard deviation)."
+            f"Projected points are known to {best} px at the best place of the picture, to "
+            f"{median} px at the median place and to {worst} px at the worst (one standard "
+            "deviation)."
         )
     beyond = 1.0 - len(finite) / known.std.size
     if beyond > 0.0:
         yield (
-            f"Over {100.0 * beyond:.0f} % of the picture the lens model does not reach: there "
-            "nothing is known."
+            f"The lens model does not cover {100.0 * beyond:.0f} % of the picture: nothing "
+            "is known there."
         )
     yield (
-        f"The measured edges lie {two_digits(calibration.rms)} px (rms) from where camera and "
-        f"planes put them, {calibration.noise_scale:.2f} times what their own noise lets expect."
+        f"The reprojection error of the measured edges is {two_digits(calibration.rms)} "
+        f"px (rms), {calibration.noise_scale:.2f} times what their noise predicts."
     )
 
 
