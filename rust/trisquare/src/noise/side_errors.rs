@@ -15,7 +15,7 @@ use super::local::Noise;
 use super::side_basis::ORDERS;
 use super::side_families::{Family, families_of, spectrum};
 use crate::lens::Lens;
-use crate::numeric::{ArrowSystem, Block};
+use crate::numeric::{ArrowSystem, Block, chi_square_tail};
 use crate::observations::{FreeParameters, ObservedPlane, Relief, TERMS, View};
 
 /// Variances tried: from this part of what noise alone leaves of a side's mean, each so many times
@@ -33,6 +33,9 @@ const PRIOR_OF_WHITE: f64 = 0.5;
 
 /// Twice the log likelihood that is lost where a variance is beyond all doubt too large.
 const HOPELESS: f64 = 20.0;
+
+/// How often variances of each plane's own are taken where all planes share one.
+const CHANCE: f64 = 0.01;
 
 /// The normal equations with what every side says of its displacement.
 pub(crate) struct SideErrors {
@@ -252,7 +255,8 @@ impl SideErrors {
             }
         }
         let gain = best.criterion - criterion;
-        let clearly = gain > unlikely_chi_square((variances.len() - 1) as f64);
+        let freedom = (variances.len() - 1).max(1) as f64;
+        let clearly = chi_square_tail(gain, freedom) < CHANCE;
         clearly.then(|| variances.iter().map(|v| v / common).collect())
     }
 
@@ -343,14 +347,6 @@ impl SideErrors {
         parts.for_each(|part| all.add(part));
         all
     }
-}
-
-/// The chi-squared that chance exceeds once in a hundred times
-/// (E. B. Wilson & M. M. Hilferty, PNAS 17 (1931) 684-688).
-fn unlikely_chi_square(freedom: f64) -> f64 {
-    const DEVIATE: f64 = 2.326;
-    let spread = 2.0 / (9.0 * freedom.max(1.0));
-    freedom.max(1.0) * (1.0 - spread + DEVIATE * spread.sqrt()).powi(3)
 }
 
 fn likeliest(hypotheses: &[Hypothesis]) -> &Hypothesis {
