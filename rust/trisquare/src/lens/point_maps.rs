@@ -69,6 +69,11 @@ impl Brown {
         reach.max(0.0) * self.focal().min()
     }
 
+    /// The ideal normalised point seen at a pixel; `None` where the distortion is not invertible.
+    pub fn ideal_point(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
+        self.sight(pixel).map(|sight| sight.ideal())
+    }
+
     pub(crate) fn of_all<P, Q>(
         &self,
         points: &[P],

@@ -5,20 +5,31 @@
 //! held fixed in the camera's frame, the pixel's covariance is `J C J^T` with `J` the derivative of
 //! the projection by the free parameters and `C` their covariance.
 
-use nalgebra::{DMatrix, Matrix2, Matrix2xX, SMatrix, Vector2};
+use nalgebra::{
+    Const, DMatrix, Dyn, Matrix2, Matrix2xX, OMatrix, SMatrix, SymmetricEigen, Vector2,
+};
 
 use crate::error::Error;
-use crate::lens::{Brown, Lens};
+use crate::lens::{Brown, DistortionTerm, Lens};
 use crate::result::Calibration;
+
+/// What the coefficients `k1, k2, k3, p1, p2` multiply.
+const TERMS: [DistortionTerm; 5] = [
+    DistortionTerm::Radial(2),
+    DistortionTerm::Radial(4),
+    DistortionTerm::Radial(6),
+    DistortionTerm::TangentialY,
+    DistortionTerm::TangentialX,
+];
+
+/// Sweeps of the symmetric eigenvalue iteration; a few per column suffice.
+const MAX_SWEEPS: usize = 1000;
 
 impl Brown {
     /// The derivative of the pixel by `fx, fy, cx, cy, k1, k2, k3, p1, p2`, at an ideal point.
     ///
-    /// With `u_d` the observed point: `du_d = u s^i dk_i` and, for the tangential coefficients,
-    /// `(2 x y, s + 2 y^2) dp1 + (s + 2 x^2, 2 x y) dp2`; the pixel is `f u_d + c`.
+    /// The pixel is `f u_d + c`, with `u_d = u + sum c_i s_i(u)` the observed point.
     pub(crate) fn projection_jacobian(&self, ideal: &Vector2<f64>) -> SMatrix<f64, 2, 9> {
-        let (x, y) = (ideal.x, ideal.y);
-        let square = x * x + y * y;
         let distorted = self.distort(ideal);
         let focal = self.focal();
         let mut jacobian = SMatrix::<f64, 2, 9>::zeros();
@@ -26,33 +37,10 @@ impl Brown {
         jacobian[(1, 1)] = distorted.y;
         jacobian[(0, 2)] = 1.0;
         jacobian[(1, 3)] = 1.0;
-        let shifts = [
-            ideal * square,
-            ideal * (square * square),
-            ideal * (square * square * square),
-            Vector2::new(2.0 * x * y, square + 2.0 * y * y),
-            Vector2::new(square + 2.0 * x * x, 2.0 * x * y),
-        ];
-        for (i, shift) in shifts.iter().enumerate() {
-            jacobian.set_column(4 + i, &shift.component_mul(&focal));
+        for (i, term) in TERMS.iter().enumerate() {
+            jacobian.set_column(4 + i, &term.shift(ideal).component_mul(&focal));
         }
         jacobian
-    }
-
-    /// The derivative, by `fx, fy, cx, cy, k1, k2, k3, p1, p2`, of where the direction seen at each
-    /// pixel is projected.
-    ///
-    /// # Errors
-    /// [`Error::BeyondValidRadius`].
-    pub fn projection_jacobians(
-        &self,
-        pixels: &[Vector2<f64>],
-    ) -> Result<Vec<SMatrix<f64, 2, 9>>, Error> {
-        self.of_all(pixels, |pixel| {
-            let ideal = self.sight(pixel)?.ideal();
-            let jacobian = self.projection_jacobian(&ideal);
-            jacobian.iter().all(|v| v.is_finite()).then_some(jacobian)
-        })
     }
 }
 
@@ -112,9 +100,53 @@ impl<'a> ProjectionUncertainty<'a> {
     /// The covariance, in px^2, of where the direction seen at a pixel is projected; `None` beyond
     /// the valid radius.
     pub fn at(&self, pixel: &Vector2<f64>) -> Option<Matrix2<f64>> {
-        let ideal = self.camera.sight(pixel)?.ideal();
-        let all = self.camera.projection_jacobian(&ideal);
-        let mut free = Matrix2xX::zeros(self.columns.len());
+        let free = self.free_jacobian(&self.camera.ideal_point(pixel)?);
+        let covariance = &free * &self.covariance * free.transpose();
+        covariance
+            .iter()
+            .all(|v| v.is_finite())
+            .then_some(covariance)
+    }
+
+    /// The camera.
+    pub(super) fn camera(&self) -> &'a Brown {
+        self.camera
+    }
+
+    /// The covariance of the free parameters.
+    pub(super) fn covariance(&self) -> &DMatrix<f64> {
+        &self.covariance
+    }
+
+    /// How many parameters are free.
+    pub(super) fn len(&self) -> usize {
+        self.columns.len()
+    }
+
+    /// A square root `L` of the covariance, `C = L L^T`, of a covariance that rounding may have left
+    /// a little indefinite.
+    pub(super) fn root(&self) -> Result<DMatrix<f64>, Error> {
+        if self.columns.is_empty() {
+            return Ok(DMatrix::zeros(0, 0));
+        }
+        let eigen = SymmetricEigen::try_new(self.covariance.clone(), f64::EPSILON, MAX_SWEEPS);
+        let eigen = eigen
+            .ok_or_else(|| Error::InvalidArgument("the covariance has no eigenvalues".into()))?;
+        let roots = eigen.eigenvalues.map(|value| value.max(0.0).sqrt());
+        Ok(eigen.eigenvectors * DMatrix::from_diagonal(&roots))
+    }
+
+    /// The projection's derivative by the free parameters, at an ideal point.
+    pub(super) fn free_jacobian(&self, ideal: &Vector2<f64>) -> Matrix2xX<f64> {
+        self.free_columns(&self.camera.projection_jacobian(ideal))
+    }
+
+    /// Of derivatives by all nine parameters, those by the free ones; `fy` may follow `fx`.
+    pub(super) fn free_columns<const R: usize>(
+        &self,
+        all: &SMatrix<f64, R, 9>,
+    ) -> OMatrix<f64, Const<R>, Dyn> {
+        let mut free = OMatrix::<f64, Const<R>, Dyn>::zeros(self.columns.len());
         for (i, column) in self.columns.iter().enumerate() {
             free.set_column(i, &all.column(*column));
             if let (0, Some(aspect)) = (*column, self.aspect) {
@@ -122,11 +154,7 @@ impl<'a> ProjectionUncertainty<'a> {
                 free.set_column(i, &followed);
             }
         }
-        let covariance = &free * &self.covariance * free.transpose();
-        covariance
-            .iter()
-            .all(|v| v.is_finite())
-            .then_some(covariance)
+        free
     }
 
     /// The same for many pixels.
