@@ -22,6 +22,7 @@ __all__ = [
     "calibrate",
     "camera_matrix_from_homographies",
     "can_unproject",
+    "compare_projections",
     "distort_pixels",
     "fill_undistortion_map",
     "fit_distortion",
@@ -35,11 +36,13 @@ __all__ = [
     "lattice_surface_sites",
     "link_crossings",
     "localise",
+    "nearest_lens",
+    "points_on_plane",
+    "points_on_plane_with_covariance",
     "pose_from_homography",
     "predict",
     "project_points",
     "projection_covariance",
-    "projection_jacobian",
     "provoke_panic",
     "saddle_steps",
     "settle_on_saddles",
@@ -55,6 +58,15 @@ __version__: Final[str]
 
 _Camera: TypeAlias = tuple[Sequence[float], float]
 """fx, fy, cx, cy, k1, k2, k3, p1, p2, and the ideal radius up to which they are trusted."""
+
+_AnyLens: TypeAlias = _Camera | tuple[Sequence[float], str, Sequence[float]]
+"""A camera, or fx, fy, cx, cy, the name of a distortion's model, and its coefficients."""
+
+_UncertainCamera: TypeAlias = tuple[_Camera, Sequence[str], bool, NDArray[np.float64]]
+"""A camera, its free parameters, whether fy follows fx, and the parameters' covariance."""
+
+_Pose: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Rotation, translation."""
 
 @type_check_only
 class _Edges(Protocol):
@@ -369,4 +381,23 @@ def projection_covariance(
     covariance: NDArray[np.float64],
     pixels: NDArray[np.float64],
 ) -> NDArray[np.float64]: ...
-def projection_jacobian(camera: _Camera, pixels: NDArray[np.float64]) -> NDArray[np.float64]: ...
+def nearest_lens(
+    lens: _AnyLens, image_size: tuple[int, int], name: str, square_pixels: bool, terms: str
+) -> tuple[tuple[float, float, float, float], list[float], float, float, float]: ...
+def compare_projections(
+    first: _UncertainCamera, second: _UncertainCamera, pixels: NDArray[np.float64]
+) -> tuple[
+    NDArray[np.float64],
+    NDArray[np.float64],
+    tuple[NDArray[np.float64], float, int, float] | None,
+]: ...
+def points_on_plane(
+    camera: _Camera, pose: _Pose, pixels: NDArray[np.float64]
+) -> NDArray[np.float64]: ...
+def points_on_plane_with_covariance(
+    camera: _UncertainCamera,
+    pose: _Pose,
+    uncertainty: tuple[NDArray[np.float64], NDArray[np.float64]],
+    pixels: NDArray[np.float64],
+    pixel_std: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...

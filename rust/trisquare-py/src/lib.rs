@@ -28,8 +28,9 @@ mod _core {
     use crate::image::{Picture, SideSamples, ToneEstimate, localise};
     #[pymodule_export]
     use crate::lens::{
-        can_unproject, distort_pixels, fill_undistortion_map, invertible_radius, largest_rectangle,
-        project_points, projection_covariance, projection_jacobian, undistort_pixels,
+        can_unproject, compare_projections, distort_pixels, fill_undistortion_map,
+        invertible_radius, largest_rectangle, nearest_lens, points_on_plane,
+        points_on_plane_with_covariance, project_points, projection_covariance, undistort_pixels,
         undistorted_view, unproject_pixels, valid_pixel_radius,
     };
     #[pymodule_export]

@@ -8,16 +8,22 @@ mod brown;
 mod brown_inverse;
 mod brown_model;
 mod brown_projection;
+mod distortion;
+mod families;
 mod point_maps;
 mod radial;
+mod turned_lenses;
 mod undistorted_view;
 mod undistortion_map;
 
 pub use brown::{Brown, BrownPixelRay};
 pub use brown_model::BrownModel;
+pub use distortion::{Distortion, DistortionTerm};
+pub use families::{LensFamily, NearestLens};
 pub(crate) use point_maps::of_all;
 pub(crate) use radial::{forward_coefficients, sign_changes};
 pub use radial::{invertible_radius, monotonic_radius};
+pub use turned_lenses::{SeenAgain, TurnedLenses};
 pub use undistortion_map::{UndistortionMap, largest_rectangle};
 
 use std::fmt::Debug;

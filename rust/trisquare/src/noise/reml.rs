@@ -1,6 +1,7 @@
 //! The variances of side errors, by restricted maximum likelihood (H. D. Patterson & R. Thompson,
 //! Biometrika 58 (1971) 545-554).
 
+use crate::numeric::chi_square_tail;
 use nalgebra::{DMatrix, DVector};
 
 use super::side_errors::SideErrors;
@@ -15,6 +16,9 @@ const PRIOR_OF_WHITE: f64 = 0.5;
 
 /// Twice the log likelihood that is lost where a variance is beyond all doubt too large.
 const HOPELESS: f64 = 20.0;
+
+/// How often variances of each plane's own are taken where all planes share one.
+const CHANCE: f64 = 0.01;
 
 /// How strongly the sides of each plane err together, all strengths weighed by how well they
 /// explain the residuals.
@@ -146,7 +150,8 @@ impl SideErrors {
             }
         }
         let gain = best.criterion - criterion;
-        let clearly = gain > unlikely_chi_square((variances.len() - 1) as f64);
+        let freedom = (variances.len() - 1).max(1) as f64;
+        let clearly = chi_square_tail(gain, freedom) < CHANCE;
         clearly.then(|| variances.iter().map(|v| v / common).collect())
     }
 
@@ -201,14 +206,6 @@ impl SideErrors {
         parts.for_each(|part| all.add(part));
         all
     }
-}
-
-/// The chi-squared that chance exceeds once in a hundred times
-/// (E. B. Wilson & M. M. Hilferty, PNAS 17 (1931) 684-688).
-fn unlikely_chi_square(freedom: f64) -> f64 {
-    const DEVIATE: f64 = 2.326;
-    let spread = 2.0 / (9.0 * freedom.max(1.0));
-    freedom.max(1.0) * (1.0 - spread + DEVIATE * spread.sqrt()).powi(3)
 }
 
 fn likeliest(hypotheses: &[Hypothesis]) -> &Hypothesis {
