@@ -98,7 +98,7 @@ impl Board {
                 let path = (1..=inner).map(|k| self.crossing(site(k).0, site(k).1).point);
                 EdgeSpan {
                     path: path.collect(),
-                    rise: if own.is_multiple_of(2) == is_row {
+                    polarity: if own.is_multiple_of(2) == is_row {
                         1.0
                     } else {
                         -1.0
@@ -259,7 +259,7 @@ fn damage_line(lines: &mut [EdgeSpan], bytes: &mut Bytes<'_>) {
     let at = bytes.below(span.path.len().max(1));
     match bytes.below(10) {
         0 => span.path = bytes.points(SIZE, 6),
-        1 => span.rise = bytes.coefficient(),
+        1 => span.polarity = bytes.coefficient(),
         2 => span.bounds = [any, Some(line)],
         3 => span.crossings.truncate(at),
         4 => span.crossings.reverse(),

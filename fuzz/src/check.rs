@@ -34,12 +34,17 @@ pub fn calibration(found: &Result<Calibration, Error>) -> Outcome {
         let corners = plane.corners.iter().flat_map(|c| c.iter());
         assert!(corners.clone().all(|v| v.is_finite()), "{plane:?}");
     }
-    let coherence = &found.coherence;
-    assert!(coherence.neighbours.is_finite() && coherence.contradiction.is_finite());
-    assert!((0.0..=1.0).contains(&coherence.probability));
-    let displacements = &coherence.displacements;
+    let residual_correlation = &found.residual_correlation;
+    assert!(
+        residual_correlation.neighbours.is_finite()
+            && residual_correlation
+                .between_plane_variance_ratio
+                .is_finite()
+    );
+    assert!((0.0..=1.0).contains(&residual_correlation.probability));
+    let displacements = &residual_correlation.displacements;
     assert!(displacements.iter().all(|v| v.is_finite() && *v >= 0.0));
-    assert!(coherence.added.iter().all(|v| v.is_finite()));
+    assert!(residual_correlation.added.iter().all(|v| v.is_finite()));
     for warning in &found.warnings {
         spoken(&warning.to_string());
     }

@@ -1,6 +1,7 @@
 //! The coordinate entry points: a whole calibration, and a square from its sides.
 
 use std::sync::LazyLock;
+use std::time::{Duration, Instant};
 
 use nalgebra::Vector2;
 use trisquare::synthetic::Scene;
@@ -14,6 +15,9 @@ pub const SIZE: ImageSize = ImageSize {
     width: 1280,
     height: 960,
 };
+
+/// No calibration of a handful of figures is worth more, on a slow machine.
+const LONGEST: Duration = Duration::from_secs(8);
 
 pub static SCENES: LazyLock<Vec<Scene>> = LazyLock::new(|| scenes(SIZE));
 
@@ -36,7 +40,9 @@ pub fn calibrate(data: &[u8]) -> Outcome {
         },
         _ => SIZE,
     };
+    let begun = Instant::now();
     let found = trisquare::calibrate(&figures, size, &options);
+    assert!(begun.elapsed() < LONGEST, "{:?}", begun.elapsed());
     if bytes.once_in(32) {
         // Debug shows every bit that is not NaN.
         let again = trisquare::calibrate(&figures, size, &options);

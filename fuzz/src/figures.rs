@@ -156,7 +156,7 @@ pub fn damage(figures: &mut [PlaneEdges], size: ImageSize, bytes: &mut Bytes<'_>
         let number = bytes.below(figures.len());
         let count = figures.len() as u64;
         let figure = &mut figures[number];
-        match bytes.below(12) {
+        match bytes.below(14) {
             0 => figure.std = Some(stds(figure, bytes)),
             1 => figure.plane = Some(bytes.below(count as usize) as u64),
             2 => {
@@ -177,9 +177,18 @@ pub fn damage(figures: &mut [PlaneEdges], size: ImageSize, bytes: &mut Bytes<'_>
                     *p = *p * scale + shift;
                 }
             }
+            // A picture's number is a name, of any size.
+            7 => figure.image = bytes.seed() as usize >> bytes.below(64),
+            8 => figure.drift = Some(drifts(figure, bytes)),
             _ => damage_side(figure, size, bytes),
         }
     }
+}
+
+fn drifts(figure: &PlaneEdges, bytes: &mut Bytes<'_>) -> Vec<Vec<Vector2<f64>>> {
+    let drift = Vector2::new(bytes.between(-1.0, 1.0), bytes.between(-1.0, 1.0));
+    let own = figure.points.iter().map(|side| vec![drift; side.len()]);
+    own.collect()
 }
 
 fn stds(figure: &PlaneEdges, bytes: &mut Bytes<'_>) -> Vec<Vec<f64>> {

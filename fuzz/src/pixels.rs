@@ -176,7 +176,7 @@ fn sides(view: &View) -> impl Iterator<Item = EdgeSpan> + '_ {
                 .map(|i| view.see(plane, corner(i, 0.5)))
                 .to_vec(),
             // The plane's Z points away: its sides run clockwise on the screen.
-            rise: -1.0,
+            polarity: -1.0,
             bounds: [side + 3, side + 1].map(|i| Some(4 * plane + i % 4)),
             ..EdgeSpan::new(Vec::new(), 1.0)
         })
@@ -198,11 +198,11 @@ fn spans_of(view: &View, bytes: &mut Bytes<'_>) -> Vec<EdgeSpan> {
 fn any_span(size: ImageSize, bytes: &mut Bytes<'_>) -> EdgeSpan {
     EdgeSpan {
         path: bytes.points(size, 5),
-        rise: bytes.coefficient(),
+        polarity: bytes.coefficient(),
         bounds: std::array::from_fn(|_| bytes.once_in(2).then(|| bytes.below(20))),
         crossings: Vec::new(),
         rims: Vec::new(),
-        room: match bytes.once_in(4) {
+        margin: match bytes.once_in(4) {
             true => [10.0 * bytes.coefficient(), 10.0 * bytes.coefficient()],
             false => [f64::INFINITY; 2],
         },

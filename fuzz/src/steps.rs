@@ -13,7 +13,7 @@ use crate::{Outcome, check};
 const ROUNDING: f64 = 1e-9;
 
 /// A pixel that is sighted is seen there again, relative to its distance from the origin.
-const ROUND_TRIP: f64 = 1e-6;
+const ROUND_TRIP: f64 = 1e-12;
 
 /// No camera has a pixel as far out.
 const FAR: f64 = 1e9;
@@ -70,6 +70,7 @@ pub fn linear_steps(data: &[u8]) -> Outcome {
     match Pose::from_homography(&camera, &plane, &bytes.point(SIZE)) {
         Ok(found) => {
             check::pose(&found);
+            assert!(found.translation.norm() > 0.0);
             outcome
         }
         Err(error) => check::refusal(&error),
@@ -79,7 +80,15 @@ pub fn linear_steps(data: &[u8]) -> Outcome {
 /// From lines, most often of a plane that a camera sees; at times any matrix.
 fn homography(bytes: &mut Bytes<'_>) -> Option<Matrix3<f64>> {
     if bytes.once_in(8) {
-        return Some(bytes.matrix());
+        let mut any = bytes.matrix();
+        if bytes.once_in(2) {
+            // Of rank two at most: a plane through the camera's centre, or none.
+            let number = bytes.below(3);
+            let (a, b) = (any.column((number + 1) % 3), any.column((number + 2) % 3));
+            let combined = a * bytes.coefficient() + b * bytes.coefficient();
+            any.set_column(number, &combined);
+        }
+        return Some(any);
     }
     let mut plane = bytes.lines(7);
     let truth = bytes.matrix();
@@ -127,7 +136,15 @@ pub fn lens(data: &[u8]) -> Outcome {
     if let Some(seen) = lens.project(&space) {
         assert!(seen.iter().all(|v| v.is_finite()), "{seen} of {space}");
     }
-    let pixel = bytes.point(SIZE);
+    let mut pixel = bytes.point(SIZE);
+    if lens.valid_radius().is_finite() && bytes.once_in(2) {
+        // Just within the rim, where the distortion is steep or all but flat.
+        let (sin, cos) = bytes.between(0.0, 6.3).sin_cos();
+        let radius = lens.valid_radius() * (1.0 - bytes.power(-12.0, 0.0));
+        pixel = lens
+            .project(&Vector3::new(radius * cos, radius * sin, 1.0))
+            .unwrap_or(pixel);
+    }
     let Some(ray) = lens.unproject(&pixel) else {
         return "beyond the valid radius";
     };

@@ -28,6 +28,7 @@ from trisquare.errors import (
     DegenerateGeometryError,
     DetectionError,
     ImageError,
+    InternalError,
     LensModelError,
     NotEnoughDataError,
     NotEnoughPlanesError,
@@ -38,30 +39,31 @@ from trisquare.measurement.detect import detect
 from trisquare.printing.target import PrintedTarget, printed_target
 from trisquare.report import write_report
 from trisquare.results.calibration import Calibration
-from trisquare.results.coherence import Coherence
 from trisquare.results.model_alternative import ModelAlternative
+from trisquare.results.partial_detection import PartialDetection
 from trisquare.results.plane import Plane
 from trisquare.results.pose_uncertainty import PoseUncertainty
 from trisquare.results.rejected import Rejected
-from trisquare.results.sighting import Sighting
+from trisquare.results.residual_correlation import ResidualCorrelation
 from trisquare.undistortion.undistort import Undistorter, undistort
 
 __all__ = [
     "Approximation",
     "Calibration",
     "Camera",
-    "Coherence",
     "Comparison",
     "ConvergenceError",
     "DegenerateGeometryError",
     "DetectionError",
     "Diagnosis",
     "ImageError",
+    "InternalError",
     "LensModelError",
     "Measurement",
     "ModelAlternative",
     "NotEnoughDataError",
     "NotEnoughPlanesError",
+    "PartialDetection",
     "Plane",
     "PlaneEdges",
     "PlannedSquare",
@@ -70,7 +72,7 @@ __all__ = [
     "PrintedTarget",
     "ProjectionMap",
     "Rejected",
-    "Sighting",
+    "ResidualCorrelation",
     "Straightening",
     "TopView",
     "TrisquareError",

@@ -34,6 +34,7 @@ __all__ = [
     "predict",
     "project_points",
     "projection_covariance",
+    "provoke_panic",
     "saddle_steps",
     "settle_on_saddles",
     "square_lines",
@@ -130,7 +131,7 @@ class PlaneMembers(TypedDict):
     uncertainty: PoseUncertaintyMembers | None
 
 @type_check_only
-class CoherenceMembers(TypedDict):
+class ResidualCorrelationMembers(TypedDict):
     """How far the residuals are from independent noise."""
 
     neighbours: float
@@ -156,7 +157,7 @@ class CalibrationMembers(TypedDict):
     stage: str
     model: str
     alternatives: list[tuple[str, float, float]]
-    coherence: CoherenceMembers
+    coherence: ResidualCorrelationMembers
     tones: list[ToneFitMembers]
 
 def calibrate(
@@ -276,6 +277,7 @@ def camera_matrix_from_homographies(
 def pose_from_homography(
     camera_matrix: NDArray[np.float64], homography: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+def provoke_panic() -> None: ...
 def invertible_radius(k1: float, k2: float, p1: float, p2: float, k3: float) -> float: ...
 def valid_pixel_radius(camera: _Camera) -> float: ...
 def project_points(camera: _Camera, points: NDArray[np.float64]) -> NDArray[np.float64]: ...

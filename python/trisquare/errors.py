@@ -14,7 +14,7 @@ class TrisquareError(Exception):
 
     Attributes
     ----------
-    found : tuple of Sighting
+    found : tuple of PartialDetection
         The targets that were found in the pictures before `calibrate` failed, one for each plane.
     rejected : tuple of Rejected
         What was seen in them but not used, and why.
@@ -71,6 +71,14 @@ class ConvergenceError(TrisquareError):
 
     Usually the edges do not belong to squares, or one of them is grossly wrong. Look at the
     detected outlines (``--overlay``), and remove the target that does not fit.
+    """
+
+
+class InternalError(TrisquareError):
+    """Trisquare failed inside its core: a defect that no input should lead to.
+
+    Report it with the input; the message says where it happened. Nothing of the call has come
+    about, and later calls are not affected.
     """
 
 

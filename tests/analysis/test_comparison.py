@@ -63,6 +63,7 @@ def test_the_rotation_is_the_best_one(result):
         assert rms > comparison.rms
 
 
+@pytest.mark.slow
 def test_calibrations_of_one_camera_are_the_same_in_95_of_100():
     """Of 60 at the 5 % level 3 are to be told apart; 8 or more once in a hundred times."""
     scene, draws = squares(8), 60

@@ -146,6 +146,7 @@ def test_what_is_no_picture_of_squares(image, error):
         ts.calibrate(image)
 
 
+@pytest.mark.slow
 def test_noise_alone_shows_no_squares():
     noise = np.random.default_rng(54).integers(0, 256, (480, 640), dtype=np.uint8)
     with pytest.raises(ts.DetectionError):
@@ -238,6 +239,7 @@ def test_a_folder_that_is_none_is_found_out_first(run, tmp_path):
     assert (tmp_path / "a.png").read_bytes() == ENCODED
 
 
+@pytest.mark.slow
 def test_nothing_is_warned_of(tmp_path):
     """With every Python warning an error, and nothing on standard error."""
     (tmp_path / "a.png").write_bytes(ENCODED)

@@ -265,6 +265,7 @@ def test_pictures_without_figures(picture):
     assert find_chessboard(picture, 9, 6) is None
 
 
+@pytest.mark.slow
 def test_cells_of_rendered_chessboards_are_no_squares():
     for seed in range(4):
         rng = np.random.default_rng(seed)

@@ -8,7 +8,7 @@ from scenes import IMAGE_SIZE
 from trisquare import simulate
 from trisquare.detection.boards.find import find_lattices
 from trisquare.detection.grey import grey_bytes
-from trisquare.measurement.boards import FoundLattice
+from trisquare.measurement.boards import Board
 from trisquare_scenes.photo_like import KINDS, SHOWN, real_picture
 
 DRAWN = {}
@@ -132,6 +132,6 @@ def test_small_charuco_boards_are_found_whole_and_their_markers_rims_measured(in
         assert min(gap.max() for gap in gaps) < 2.0
     true_rim = 0.5 * (1.0 - case.scene.targets[0].inner)
     for lattice in found:
-        rims = FoundLattice.of(lattice, grey).rims
+        rims = Board.of(lattice, grey).rims
         assert rims is not None
         assert abs(rims.max() - true_rim) < 0.05 * true_rim

@@ -211,7 +211,7 @@ def test_many_residuals_are_thinned_and_the_page_says_so(calibration, scene):
 def test_residuals_of_boards_that_may_bend_are_explained(calibration, edges):
     """They are drawn from flat planes, and larger than those the calibration states."""
     half = [replace(plane, rms=plane.rms / 2) for plane in calibration.planes]
-    together = ts.Coherence(5.0, 0.99, (0.1, 0.1, 0.1), 1.0)
+    together = ts.ResidualCorrelation(5.0, 0.99, (0.1, 0.1, 0.1), 1.0)
     bent = replace(calibration, planes=half, coherence=together)
     layers = picture_layers(bent, reported(calibration, edges))
     assert layers.bent_rms == pytest.approx(calibration.rms / 2, rel=0.02)

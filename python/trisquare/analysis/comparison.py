@@ -23,7 +23,7 @@ from trisquare._support.number_text import decimals_shown
 from trisquare.camera.camera import Camera
 from trisquare.camera.projection_uncertainty import picture_grid
 from trisquare.results.calibration import Calibration
-from trisquare.results.camera_of import lens_of, uncertain_camera
+from trisquare.results.camera_of import camera_of, uncertain_camera
 
 __all__ = ["Comparison", "compare"]
 
@@ -203,7 +203,7 @@ def compare(first: Calibration | Camera, second: Calibration | Camera) -> Compar
     ValueError
         If the pictures' sizes differ, or the cameras have too little of the picture in common.
     """
-    a, b = lens_of(first, "first"), lens_of(second, "second")
+    a, b = camera_of(first, "first"), camera_of(second, "second")
     if a.image_size != b.image_size:
         sizes = " and ".join(
             f"{width} x {height}" for width, height in (a.image_size, b.image_size)

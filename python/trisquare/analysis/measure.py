@@ -25,7 +25,7 @@ from trisquare._support.arrays import (
 )
 from trisquare.camera.camera import Camera
 from trisquare.results.calibration import Calibration
-from trisquare.results.camera_of import lens_of, uncertain_camera
+from trisquare.results.camera_of import camera_of, uncertain_camera
 from trisquare.results.plane import Plane
 
 __all__ = ["Measurement", "measure"]
@@ -167,7 +167,7 @@ def measure(
     length = real_number(side, "side")
     if not 0 < length < LARGEST:
         raise ValueError(f"side must be positive and less than {LARGEST:g}, not {length:g}")
-    lens = lens_of(camera)
+    lens = camera_of(camera)
     _check_in_picture(pixels, lens)
     _check_apart(pixels)
     noise = not_negative(point_std, "point_std")

@@ -9,22 +9,22 @@ import numpy as np
 
 import trisquare._core as _core
 from trisquare._support.arrays import size_of_image
-from trisquare.calibration.explain_failure import told_on_failure
+from trisquare.calibration.explain_failure import raise_with_reasons
 from trisquare.calibration.gather import gather
 from trisquare.calibration.select import choose
 from trisquare.camera.camera import Camera
 from trisquare.camera.settings import Settings
-from trisquare.detection.kinds import Targets, nothing_found
+from trisquare.detection.kinds import TargetKinds, nothing_found
 from trisquare.edges import PlaneEdges
 from trisquare.errors import DetectionError
 from trisquare.images.pixels import ImageSource, Outlines, Tone
 from trisquare.images.tone import PictureTone, pooled, shift_warnings
 from trisquare.results.calibration import Calibration
-from trisquare.results.coherence import Coherence
 from trisquare.results.model_alternative import ModelAlternative
 from trisquare.results.plane import Plane
 from trisquare.results.pose_uncertainty import PoseUncertainty
-from trisquare.results.rejected import told
+from trisquare.results.rejected import is_reported
+from trisquare.results.residual_correlation import ResidualCorrelation
 
 
 def calibrate(
@@ -93,20 +93,22 @@ def calibrate(
         For bad arguments.
     """
     settings = Settings.check(method, model, fix, initial)
-    wanted = Targets.parse(targets)
+    kinds = TargetKinds.parse(targets)
     sources = _sources(image)
-    gathered = gather(sources, wanted, tone, outlines, progress)
+    gathered = gather(sources, kinds, tone, outlines, progress)
     by_hand = outlines is not None
     figures, size = gathered.figures, gathered.image_size
     # Where outlines are drawn by hand, no search has passed anything over.
-    searched_for = Targets() if by_hand else wanted
-    with told_on_failure(figures, gathered.rejected, sources, searched_for):
+    searched_for = TargetKinds() if by_hand else kinds
+    with raise_with_reasons(figures, gathered.rejected, sources, searched_for):
         if not figures:
             # What was not used is told with its place, once the error is on its way.
-            untold = [text for text in gathered.warnings if not told(text, gathered.rejected)]
-            raise DetectionError("; ".join(untold) if by_hand else nothing_found(wanted))
+            untold = [
+                text for text in gathered.warnings if not is_reported(text, gathered.rejected)
+            ]
+            raise DetectionError("; ".join(untold) if by_hand else nothing_found(kinds))
         # What was asked for by its layout or drawn by hand is vouched for.
-        if wanted.squares and not by_hand:
+        if kinds.squares and not by_hand:
             chosen = choose(
                 figures,
                 size,
@@ -233,6 +235,6 @@ def _solve(
         fixed=settings.fixed,
         stage=found["stage"],
         alternatives=tuple(ModelAlternative(*other) for other in found["alternatives"]),
-        coherence=Coherence(**found["coherence"]),
+        coherence=ResidualCorrelation(**found["coherence"]),
         tone_std=tone_std,
     )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import trisquare._core as _core
 from trisquare._support.arrays import FloatArray
 from trisquare.calibration.select import Chosen
-from trisquare.detection.kinds import Targets, nothing_found
+from trisquare.detection.kinds import TargetKinds, nothing_found
 from trisquare.edges import PlaneEdges
 from trisquare.images.photographs import Photograph, photographs
 from trisquare.images.pixels import ImageSource, Outlines, Tone, checked_tone, picture_size, tone_of
@@ -17,7 +17,7 @@ from trisquare.images.tone import PictureTone
 from trisquare.results.rejected import Rejected
 
 if TYPE_CHECKING:  # it would load OpenCV, which waits until a picture is searched
-    from trisquare.detection.annotations.formats import DrawnTarget
+    from trisquare.detection.annotations.outlines import AnnotatedSquare
 
 
 @dataclass(slots=True)
@@ -57,16 +57,16 @@ class Gathered:
     def add(
         self,
         photograph: Photograph,
-        targets: Targets,
+        targets: TargetKinds,
         tone: str | float,
-        drawn: Sequence[DrawnTarget] | None,
+        annotated: Sequence[AnnotatedSquare] | None,
     ) -> None:
-        """Measure what is in a photograph, or what is `drawn` on it, and remark on it."""
+        """Measure what is in a photograph, or what is `annotated` on it, and remark on it."""
         from trisquare.measurement.measure import measure
 
         core = _core.Picture(photograph.pixels)
         # In one that was given before nothing is looked for either.
-        sought = () if photograph.repeats else drawn
+        sought = () if photograph.repeats else annotated
         figures, picture_tone, rejected, quads = measure(
             photograph.pixels, core, targets, tone, sought
         )
@@ -74,10 +74,10 @@ class Gathered:
         self.tones.append(picture_tone)
         self.rejected += [replace(candidate, image=photograph.index) for candidate in rejected]
         self.warnings += photograph.remarks
-        if drawn is not None:
+        if annotated is not None:
             self.warnings += [f"{photograph.name}: {candidate.reason}" for candidate in rejected]
         if not figures and not photograph.repeats:
-            self.warnings.append(f"{photograph.name}: {_nothing(targets, drawn)}")
+            self.warnings.append(f"{photograph.name}: {_nothing(targets, annotated)}")
         planes_before = len(self.quads)
         self.quads.update(enumerate(quads, planes_before))
         self.figures += [_placed(figure, photograph.index, planes_before) for figure in figures]
@@ -85,7 +85,7 @@ class Gathered:
 
 def gather(
     sources: Sequence[ImageSource],
-    targets: Targets,
+    targets: TargetKinds,
     tone: Tone,
     outlines: Outlines | None,
     progress: Callable[[int, int], None] | None,
@@ -95,7 +95,7 @@ def gather(
     Parameters
     ----------
     sources : sequence of path or ndarray
-    targets : Targets
+    targets : TargetKinds
         What is looked for where nothing is drawn by hand.
     tone, outlines, progress
         As in `calibrate`.
@@ -107,12 +107,12 @@ def gather(
     TypeError, ValueError
         For bad arguments.
     """
-    from trisquare.detection.annotations.load import Drawings
+    from trisquare.detection.annotations.load import Annotations
 
     checked = checked_tone(tone)
     if not sources:
         raise ValueError("no picture given")
-    drawings = None if outlines is None else Drawings.read(outlines, sources)
+    drawings = None if outlines is None else Annotations.read(outlines, sources)
     gathered = Gathered()
     curves: set[str | float] = set()
     for photograph in photographs(sources):
@@ -125,20 +125,20 @@ def gather(
                 "not, which are usually coded differently: state the tone curve of all (srgb, "
                 "linear, auto or a gamma)"
             )
-        drawn = None
+        annotated = None
         if drawings is not None:
-            drawn = drawings.on(photograph.index, gathered.image_size)
-        gathered.add(photograph, targets, curve, drawn)
+            annotated = drawings.on(photograph.index, gathered.image_size)
+        gathered.add(photograph, targets, curve, annotated)
         if progress is not None:
             progress(photograph.index + 1, len(sources))
     return gathered
 
 
-def _nothing(targets: Targets, drawn: Sequence[DrawnTarget] | None) -> str:
+def _nothing(targets: TargetKinds, annotated: Sequence[AnnotatedSquare] | None) -> str:
     """Say what was looked for in a picture in vain."""
-    if drawn is None:
+    if annotated is None:
         return nothing_found(targets)
-    return "none of the outlines is a square" if drawn else "nothing is drawn on it"
+    return "none of the outlines is a square" if annotated else "nothing is drawn on it"
 
 
 def _placed(figure: PlaneEdges, image: int, planes_before: int) -> PlaneEdges:

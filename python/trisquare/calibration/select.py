@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-import numpy as np
-
 import trisquare._core as _core
 from trisquare._support.arrays import FloatArray
+from trisquare._support.convex_quads import quad_areas
 from trisquare.edges import PlaneEdges
 from trisquare.results.rejected import Rejected
 
@@ -58,8 +57,8 @@ def choose(
     ]
     kept = [figure for figure in figures if figure.plane not in dropped]
     planes = {figure.plane for figure in kept if figure.plane is not None}
-    smallest = min((_area(quads[plane]) for plane in planes), default=0.0)
-    larger = sum(_area(one.corners) > smallest for one in rejected)
+    smallest = min((float(quad_areas(quads[plane])) for plane in planes), default=0.0)
+    larger = sum(quad_areas(one.corners) > smallest for one in rejected)
     warnings = []
     chosen = f"of {len(verdicts)} planes found, {len(planes)} are squares that one camera explains"
     if doubt is not None:
@@ -70,8 +69,3 @@ def choose(
             "squares, the answer is wrong"
         )
     return Chosen(kept, rejected, warnings)
-
-
-def _area(corners: FloatArray) -> float:
-    first, second = corners[2:] - corners[:2]
-    return float(0.5 * np.abs(first[0] * second[1] - first[1] * second[0]))

@@ -81,6 +81,10 @@ class Camera(RebuiltByConstructor):
         object.__setattr__(self, "distortion", distortion)
         object.__setattr__(self, "image_size", size_of_image(self.image_size))
         object.__setattr__(self, "valid_radius", None if radius == math.inf else radius)
+        if not _core.valid_pixel_radius(camera_for_core(self)) > 0:
+            raise ValueError(
+                f"distortion {distortion.tolist()} is nowhere invertible: its valid radius is 0 px"
+            )
 
     @property
     def fx(self) -> float:
@@ -146,10 +150,14 @@ class Camera(RebuiltByConstructor):
             Whether a point is ahead of the camera and within the valid radius.
         """
         given = real_array(points, "points", (None, 3))
-        limit = math.inf if self.valid_radius is None else self.valid_radius
-        with np.errstate(divide="ignore", invalid="ignore"):
+        # A given radius narrows the distortion's own, and never widens it.
+        limit = _core.invertible_radius(*self.distortion.tolist())
+        if self.valid_radius is not None:
+            limit = min(limit, self.valid_radius)
+        # What is not finite is told from the rest below.
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             radius = np.hypot(given[:, 0], given[:, 1]) / given[:, 2]
-        return np.asarray((given[:, 2] > 0) & (radius <= limit))
+        return np.asarray((given[:, 2] > 0) & (radius <= limit) & np.isfinite(radius))
 
     def unproject(self, pixels: npt.ArrayLike) -> FloatArray:
         """Return the unit rays, in the camera's frame, along which pixels look.

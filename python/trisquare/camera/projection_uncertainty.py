@@ -15,8 +15,12 @@ from trisquare.camera.camera import Camera, camera_for_core
 
 # Columns of a map that is drawn without a step of its own.
 DEFAULT_COLUMNS = 32
-# Rows of such a map of a picture that is all but a line.
-MOST_ROWS = 512
+
+# Rows of such a map at most: of a picture that is four times as high as wide.
+DEFAULT_ROWS = 128
+
+# Places of a grid, more than any picture has pixels.
+MOST_PLACES = 10**9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,7 +101,10 @@ def projection_covariance(
 
 def rms_displacement(covariances: FloatArray) -> FloatArray:
     """Return ``sqrt(trace)`` of covariances of shape (N, 2, 2), shape (N,)."""
-    traces = np.trace(covariances, axis1=1, axis2=2)
+    with np.errstate(over="ignore"):  # which leaves what is checked
+        traces = np.trace(covariances, axis1=1, axis2=2)
+    if not np.isfinite(traces).all():
+        raise ValueError("the covariance is so large that the projections' overflow")
     # Rounding may leave a trace that vanishes a little below zero.
     return np.asarray(np.sqrt(np.maximum(traces, 0.0)))
 
@@ -107,18 +114,20 @@ def picture_grid(
 ) -> tuple[FloatArray, FloatArray]:
     """Return columns and rows of a grid from border to border, at most `step` pixels apart.
 
-    Without a step they are a thirty-second of the width apart, but no more than `MOST_ROWS`.
-
     Raises
     ------
     TypeError, ValueError
-        If `step` is not a positive number.
+        If `step` is not a positive number, or so small that there are too many places.
     """
     width, height = image_size
-    default = max(width / DEFAULT_COLUMNS, height / MOST_ROWS, 1.0)
-    spacing = default if step is None else real_number(step, "step")
+    if step is None:
+        spacing = max(width / DEFAULT_COLUMNS, height / DEFAULT_ROWS, 1.0)
+    else:
+        spacing = real_number(step, "step")
     if spacing <= 0:
         raise ValueError(f"step must be positive, not {spacing}")
+    if (width / spacing + 1) * (height / spacing + 1) > MOST_PLACES:
+        raise ValueError(f"step {spacing} is too small: the grid would have above 10^9 places")
     x, y = (np.linspace(0.0, side - 1, math.ceil((side - 1) / spacing) + 1) for side in image_size)
     return x, y
 

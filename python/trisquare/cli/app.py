@@ -30,6 +30,7 @@ from trisquare.errors import (
     DegenerateGeometryError,
     DetectionError,
     ImageError,
+    InternalError,
     NotEnoughDataError,
     NotEnoughPlanesError,
 )
@@ -157,6 +158,8 @@ def _fault_message(error: BaseException) -> str:
         traceback.print_exception(error)
     elif isinstance(error, MemoryError):
         return f"not enough memory: {error}"
+    elif isinstance(error, InternalError):
+        return str(error)
     return (
         f"a fault of trisquare's own, please report it: {type(error).__name__}: {error} "
         f"({TRACEBACK_VARIABLE}=1 shows where)"

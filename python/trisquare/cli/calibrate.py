@@ -19,14 +19,14 @@ from trisquare.cli.framework import command_line, reading
 from trisquare.cli.options import FixOption, completing, fixed_names
 from trisquare.cli.pictures_drawn import (
     check_outputs,
+    debug_pictures,
     drawn_on_failure,
-    findings,
     numbered_paths,
     overlay_of,
 )
 from trisquare.cli.tables import calibration_report
-from trisquare.detection.annotations.load import Drawings
-from trisquare.detection.kinds import TAG_SEARCHES, Targets
+from trisquare.detection.annotations.load import Annotations
+from trisquare.detection.kinds import TAG_SEARCHES, TargetKinds
 from trisquare.detection.sheets.layout import parse_layout
 from trisquare.images.pixels import TONE_CURVES
 from trisquare.report import check_extra, report_page
@@ -122,8 +122,8 @@ def calibrate_command(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Measure the squares that this file outlines, within 5 px of the stored picture, "
-            "and look for no others: trisquare's JSON, labelme's, or COCO polygons.",
+            help="Measure the squares outlined in this file, and search for no others: trisquare's "
+            "JSON or labelme's, in pixels of the picture as stored, accurate to 5 px.",
         ),
     ] = None,
     with_diagnosis: Annotated[
@@ -145,7 +145,7 @@ def calibrate_command(
         targets = _targets_of_board(board, targets)
     tone_curve = _tone(tone)
     # Where outlines are drawn by hand, no search passes anything over.
-    searched_for = Targets.parse(targets) if outline is None else Targets()
+    searched_for = TargetKinds.parse(targets) if outline is None else TargetKinds()
     with (
         drawn_on_failure(photos, debug_images, searched_for),
         progress_bar("calibrating", quiet) as progress,
@@ -161,10 +161,10 @@ def calibrate_command(
             outlines=outline,
             progress=progress,
         )
-    contents = findings(
+    contents = debug_pictures(
         photos, debug_images, searched_for, calibration.planes, calibration.rejected
     )
-    drawings = Drawings.read(outline, photos) if overlays and outline is not None else None
+    drawings = Annotations.read(outline, photos) if overlays and outline is not None else None
     for index, (photo, path) in enumerate(zip(photos, overlays, strict=False)):
         contents[path] = overlay_of(calibration, photo, index, path, targets, tone_curve, drawings)
     if report is not None:

@@ -19,7 +19,7 @@ from trisquare.cli.input_files import of_size, read_camera
 from trisquare.cli.pictures_drawn import check_outputs
 from trisquare.drawing.difference_map import draw_comparison
 from trisquare.images.encoding import encode_image
-from trisquare.results.camera_of import lens_of
+from trisquare.results.camera_of import camera_of
 
 COMPARISON_FORMAT = "trisquare-comparison/1"
 
@@ -54,7 +54,7 @@ def compare_command(
     check_printing(json, quiet)
     check_outputs([first, second], None, [] if map_file is None else [map_file])
     known = read_camera(first)
-    lens = lens_of(known)
+    lens = camera_of(known)
     other = of_size(read_camera(second), lens.image_size, rescale, str(first))
     comparison = compare(known, other)
     if map_file is not None:

@@ -31,7 +31,7 @@ from trisquare.detection.kinds import TAG_SEARCHES
 from trisquare.images.encoding import encode_image
 from trisquare.images.pixels import picture_size
 from trisquare.images.reading import read_image
-from trisquare.results.camera_of import lens_of
+from trisquare.results.camera_of import camera_of
 from trisquare.results.plane import Plane
 
 MEASUREMENT_FORMAT = "trisquare-measurement/1"
@@ -125,7 +125,7 @@ def measure_command(
     known = read_camera(camera)
     picture = read_image(photo)
     known = of_size(known, picture_size(picture), rescale, str(photo))
-    lens = lens_of(known)
+    lens = camera_of(known)
     with progress_bar("measuring", quiet), reading():
         planes = locate(picture, known, targets=targets, outlines=outline)
     chosen = _chosen(planes, plane)

@@ -9,17 +9,19 @@ from dataclasses import replace
 from pathlib import Path
 
 from trisquare._support.writing import PathLike, check_writable, write_atomically
-from trisquare.calibration.explain_failure import explain
-from trisquare.detection.annotations.load import Drawings
-from trisquare.detection.kinds import Targets
-from trisquare.drawing.detections import Place, draw_findings
+from trisquare.detection.annotations.load import Annotations
+from trisquare.detection.kinds import TargetKinds
+from trisquare.drawing.detections import draw_detections
 from trisquare.drawing.overlay import draw_overlay
 from trisquare.errors import ImageError, TrisquareError
 from trisquare.images.encoding import check_picture_name, encode_image
 from trisquare.images.pixels import picture_size
 from trisquare.images.reading import read_image
 from trisquare.measurement.detect import detect
+from trisquare.measurement.rejection_reasons import rejection_reasons
 from trisquare.results.calibration import Calibration
+from trisquare.results.partial_detection import PartialDetection
+from trisquare.results.plane import Plane
 from trisquare.results.rejected import Rejected
 
 
@@ -56,7 +58,7 @@ def overlay_of(
     path: Path,
     targets: str,
     tone: str | float | None,
-    drawings: Drawings | None,
+    drawings: Annotations | None,
 ) -> bytes:
     """Draw the calibration over a photograph; returns the content of the file at `path`."""
     image = read_image(photo)
@@ -71,36 +73,36 @@ def overlay_of(
 
 @contextmanager
 def drawn_on_failure(
-    photos: Sequence[Path], paths: Sequence[Path], targets: Targets
+    photos: Sequence[Path], paths: Sequence[Path], targets: TargetKinds
 ) -> Iterator[None]:
-    """Write the debug pictures when what the photographs show is refused."""
+    """Write the debug pictures if the calibration fails."""
     try:
         yield
     except ImageError:
         raise  # there was no picture to search
     except TrisquareError as error:
-        write_atomically(findings(photos, paths, targets, error.found, error.rejected))
+        write_atomically(debug_pictures(photos, paths, targets, error.found, error.rejected))
         raise
 
 
-def findings(
+def debug_pictures(
     photos: Sequence[Path],
     paths: Sequence[Path],
-    targets: Targets,
-    found: Sequence[Place],
+    targets: TargetKinds,
+    found: Sequence[Plane | PartialDetection],
     rejected: Sequence[Rejected],
 ) -> dict[PathLike, bytes]:
     """Draw what was found in each photograph that a path is given for."""
     contents: dict[PathLike, bytes] = {}
     for index, (photo, path) in enumerate(zip(photos, paths, strict=False)):
         image = read_image(photo)
-        # An error knows of some pictures already what was passed over in them.
+        # An error already holds the rejected shapes of some pictures.
         known = {candidate.corners.tobytes() for candidate in rejected if candidate.image == index}
-        passed_over = [
+        further = [
             replace(candidate, image=index)
-            for candidate in explain(image, targets)
+            for candidate in rejection_reasons(image, targets)
             if candidate.corners.tobytes() not in known
         ]
-        drawn = draw_findings(image, found, [*rejected, *passed_over], index=index)
+        drawn = draw_detections(image, found, [*rejected, *further], index=index)
         contents[path] = encode_image(drawn, path)
     return contents

@@ -16,6 +16,7 @@ from rich.text import Text
 from trisquare._support.json_members import JsonFields
 from trisquare._support.number_text import decimals_shown
 from trisquare._support.paths import naming, read_text
+from trisquare._support.rotations import tilt_degrees
 from trisquare.analysis.plan import PlannedSquare
 from trisquare.analysis.predict import Prediction, predict
 from trisquare.camera.camera import MODELS, Camera, camera_parameters
@@ -206,10 +207,9 @@ def _report(found: Prediction, planned: list[PlannedSquare]) -> RenderableType:
         decimals = decimals_shown(std)
         table.add_row(name, f"{values[name]:.6g}", f"{std:.{decimals}f}")
     width, height = found.camera.image_size
-    tilts = [np.degrees(np.arccos(np.clip(square.rotation[2, 2], -1, 1))) for square in planned]
-    said = ", ".join(f"{tilt:.0f}" for tilt in tilts)
+    tilts = ", ".join(f"{tilt_degrees(square.rotation):.0f}" for square in planned)
     summary = Text(
-        f"{width} x {height}, {len(planned)} squares tilted by {said} degrees, "
+        f"{width} x {height}, {len(planned)} squares tilted by {tilts} degrees, "
         f"edges known to {found.sigma:g} px every {found.spacing:g} px"
     )
     return Group(table, summary)

@@ -38,7 +38,7 @@ TAG_SEARCHES = {
 
 
 @dataclass(frozen=True, slots=True)
-class Targets:
+class TargetKinds:
     """What to look for: squares, tags, chessboards, or sheets of markers.
 
     Attributes
@@ -62,7 +62,7 @@ class Targets:
     lattices: bool = False
 
     @classmethod
-    def parse(cls, text: str) -> Targets:
+    def parse(cls, text: str) -> TargetKinds:
         """Read a name of `CHOICES`.
 
         Raises
@@ -91,13 +91,13 @@ class Targets:
         return cls(board=(cols, rows))
 
 
-def nothing_found(targets: Targets, rejected: Sequence[Rejected] = ()) -> str:
+def nothing_found(targets: TargetKinds, rejected: Sequence[Rejected] = ()) -> str:
     """Say what was looked for in vain, and of what came near why it was not that."""
     reasons = dict.fromkeys(f"a {one.kind} was not used: {one.reason}" for one in rejected)
     return "; ".join([_missing(targets), *reasons])
 
 
-def _missing(targets: Targets) -> str:
+def _missing(targets: TargetKinds) -> str:
     if targets.board is not None:
         cols, rows = targets.board
         return f"no chessboard of {cols} x {rows} inner corners found"

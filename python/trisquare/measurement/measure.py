@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import trisquare._core as _core
 from trisquare._support.arrays import FloatArray
-from trisquare.detection.annotations.formats import DrawnTarget
-from trisquare.detection.kinds import Targets
+from trisquare.detection.annotations.outlines import AnnotatedSquare
+from trisquare.detection.kinds import TargetKinds
 from trisquare.edges import PlaneEdges
 from trisquare.images.pixels import Image
 from trisquare.images.tone import PictureTone
-from trisquare.measurement.find import find, find_drawn
-from trisquare.measurement.side_spans import Found, Samples, Span
+from trisquare.measurement.find import find, find_annotated
+from trisquare.measurement.side_spans import DetectedTarget, Samples, Span
 from trisquare.results.rejected import Rejected
 
 TOO_FEW_LINES = "too few of its lines could be measured"
@@ -34,20 +34,20 @@ class MeasuredTargets(NamedTuple):
 def measure(
     picture: Image,
     core: _core.Picture,
-    targets: Targets,
+    targets: TargetKinds,
     tone: str | float,
-    drawn: Sequence[DrawnTarget] | None = None,
+    annotated: Sequence[AnnotatedSquare] | None = None,
 ) -> MeasuredTargets:
     """Find the targets in a checked picture and measure them.
 
-    With targets `drawn` by hand nothing else is looked for.
+    With `annotated` targets nothing else is looked for.
     """
-    if drawn is None:
+    if annotated is None:
         candidates = find(picture, targets)
         names = [""] * len(candidates)
     else:
-        candidates = find_drawn(picture, drawn)
-        names = [f"{target.where}: " for target in drawn]
+        candidates = find_annotated(picture, annotated)
+        names = [f"{target.where}: " for target in annotated]
     rejected = [candidate for candidate in candidates if isinstance(candidate, Rejected)]
     found = [
         (candidate, name)
@@ -59,7 +59,7 @@ def measure(
 
 
 def _measured(
-    found: Sequence[tuple[Found, str]], core: _core.Picture, tone: str | float
+    found: Sequence[tuple[DetectedTarget, str]], core: _core.Picture, tone: str | float
 ) -> MeasuredTargets:
     """Measure what was found; each with the name that its rejection begins with."""
     spans: list[Span] = []

@@ -13,18 +13,18 @@ from trisquare.detection.candidates import Lattice
 from trisquare.detection.sheets.find import SheetMatch
 from trisquare.edges import PlaneEdges
 from trisquare.measurement.board_shift import marker_shift, without_shift
-from trisquare.measurement.boards import FoundLattice
-from trisquare.measurement.marker_margins import side_room
+from trisquare.measurement.boards import Board
+from trisquare.measurement.marker_margins import side_margins
 from trisquare.measurement.side_spans import Samples, Span
 
-LEAST_ROOM = 3.0
+LEAST_MARGIN = 3.0
 """Pixels to either side of an edge that hold it. A marker's edge with less between a chessboard's
 and its own bits is off by some hundredths of a pixel, and the grid lines do without it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FoundSheet:
-    """A sheet of known layout that was found: see `Found`.
+class Sheet:
+    """A sheet of known layout that was found: see `DetectedTarget`.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class FoundSheet:
         Corners of the markers that were found, sheet coordinates.
     corners : ndarray, shape (N, 4, 2)
         The same in the picture, coarse, pixels.
-    lattice : FoundLattice or None
+    lattice : Board or None
         The chessboard round the markers, if there is one.
     border, gap : float
         Of the markers' black border and of the white round it, over their side.
@@ -43,18 +43,18 @@ class FoundSheet:
     kind: str
     model: FloatArray
     corners: FloatArray
-    lattice: FoundLattice | None
+    lattice: Board | None
     border: float
     gap: float
 
     @classmethod
-    def of(cls, match: SheetMatch) -> FoundSheet:
+    def of(cls, match: SheetMatch) -> Sheet:
         """Add the chessboard, if the sheet has one, to the markers that were found."""
         sheet, arrangement, model, corners, homography, border = match
         lattice = None
         if sheet.squares is not None and arrangement.dark_corner is not None:
             crossings = _crossings(sheet.squares, model, corners, homography)
-            lattice = FoundLattice.of_board(crossings, arrangement.dark_corner, sheet.rim)
+            lattice = Board.of_board(crossings, arrangement.dark_corner, sheet.rim)
         return cls(sheet.kind, model, corners, lattice, border, sheet.gap)
 
     @property
@@ -68,13 +68,13 @@ class FoundSheet:
         spans = [] if self.lattice is None else self.lattice.spans(first)
         for corners in self.corners:
             number = first + len(spans)
-            room = side_room(corners, self.border, self.gap)
+            margins = side_margins(corners, self.border, self.gap)
             spans += [
                 (
                     corners[[i, (i + 1) % 4]],
                     -1.0,
                     (number + (i + 3) % 4, number + (i + 1) % 4),
-                    room[i],
+                    margins[i],
                 )
                 for i in range(4)
             ]
@@ -105,8 +105,8 @@ class FoundSheet:
 
     def _stands_apart(self, marker: int) -> bool:
         """Whether a marker's edges are clear of the chessboard's, which then are not enough."""
-        room = side_room(self.corners[marker], self.border, self.gap)
-        return min(min(sides) for sides in room) >= LEAST_ROOM
+        margins = side_margins(self.corners[marker], self.border, self.gap)
+        return min(min(sides) for sides in margins) >= LEAST_MARGIN
 
 
 def _marker_edges(

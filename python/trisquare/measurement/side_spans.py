@@ -13,7 +13,7 @@ Edge: TypeAlias = tuple[FloatArray, float, tuple[int | None, int | None]]
 -1), and the spans that bound it at its start and end, by their numbers."""
 
 Confined: TypeAlias = tuple[FloatArray, float, tuple[int | None, int | None], tuple[float, float]]
-"""The same with the room that it has on its left and on its right, pixels (or infinite): beyond it
+"""The same with the margins on its left and on its right, pixels (or infinite), beyond which
 something else begins."""
 
 GridLine: TypeAlias = tuple[FloatArray, float, tuple[None, None], Sequence[tuple[int | None, int]]]
@@ -34,7 +34,7 @@ Samples: TypeAlias = tuple[FloatArray, FloatArray, FloatArray | None]
 """Points (N, 2), standard deviations (N,) and drift (N, 2) of one span, in pixels."""
 
 
-class Found(Protocol):
+class DetectedTarget(Protocol):
     """A flat target that a search found in one picture, before its edges are measured."""
 
     @property

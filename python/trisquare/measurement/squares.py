@@ -13,13 +13,13 @@ from trisquare.detection.candidates import Outline, SquareOutline
 from trisquare.detection.tags.codes import dictionary
 from trisquare.detection.tags.decode import BORDER
 from trisquare.edges import PlaneEdges
-from trisquare.measurement.marker_margins import side_room
+from trisquare.measurement.marker_margins import side_margins
 from trisquare.measurement.side_spans import Samples, Span
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FoundSquare:
-    """A square or a frame that was found: see `Found`."""
+class Square:
+    """A square or a frame that was found: see `DetectedTarget`."""
 
     outline: SquareOutline
 
@@ -68,10 +68,15 @@ class FoundSquare:
 
 
 def _outline_spans(outline: Outline, first: int, border: float | None) -> list[Span]:
-    rise = -1.0 if outline.dark_inside else 1.0
-    room = side_room(outline.corners, math.inf if border is None else border, math.inf)
+    contrast_sign = -1.0 if outline.dark_inside else 1.0
+    margins = side_margins(outline.corners, math.inf if border is None else border, math.inf)
     return [
-        (np.ascontiguousarray(side), rise, (first + (i + 3) % 4, first + (i + 1) % 4), room[i])
+        (
+            np.ascontiguousarray(side),
+            contrast_sign,
+            (first + (i + 3) % 4, first + (i + 1) % 4),
+            margins[i],
+        )
         for i, side in enumerate(outline.sides)
     ]
 

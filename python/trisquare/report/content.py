@@ -12,6 +12,7 @@ import numpy as np
 from trisquare._core import __version__
 from trisquare._support.arrays import FloatArray
 from trisquare._support.number_text import decimals_shown
+from trisquare._support.rotations import tilt_degrees
 from trisquare.analysis.comparison import two_digits
 from trisquare.analysis.diagnosis import diagnose
 from trisquare.camera.camera import Camera, camera_parameters
@@ -103,7 +104,7 @@ def plane_rows(calibration: Calibration, names: Sequence[str]) -> list[PlaneRow]
     """Return the planes; `names` are the pictures'."""
     rows = []
     for number, plane in enumerate(calibration.planes):
-        tilt = float(np.degrees(np.arccos(np.clip(plane.rotation[2, 2], -1, 1))))
+        tilt = tilt_degrees(plane.rotation)
         rows.append(
             PlaneRow(
                 number=number,

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from trisquare.analysis.residuals import MeasuredSide, measured_sides
-from trisquare.detection.annotations.load import Drawings
+from trisquare.detection.annotations.load import Annotations
 from trisquare.edges import PlaneEdges
 from trisquare.errors import DetectionError
 from trisquare.images.pixels import Image, ImageSource, Outlines, picture_size
@@ -88,7 +88,7 @@ def reported_pictures(
             sides = _sides(calibration, edges or (), index)
             yield ReportedPicture(index, f"picture {index}", None, sides)
         return
-    drawings = None if outlines is None else Drawings.read(outlines, sources)
+    drawings = None if outlines is None else Annotations.read(outlines, sources)
     for index, source in enumerate(sources):
         picture = load_picture(source)
         size = picture_size(picture)
@@ -136,7 +136,7 @@ def _measured(
     picture: Image,
     index: int,
     targets: str,
-    drawings: Drawings | None,
+    drawings: Annotations | None,
 ) -> list[PlaneEdges]:
     # In a picture that gave no plane (nothing in it, or given twice) nothing was measured.
     if not any(plane.image == index for plane in calibration.planes):

@@ -13,6 +13,7 @@ from trisquare._core import __version__
 from trisquare._support.arrays import (
     FloatArray,
     RebuiltByConstructor,
+    is_covariance,
     not_negative,
     real_array,
     real_number,
@@ -28,7 +29,6 @@ from trisquare.camera.projection_uncertainty import (
     projection_map,
     rms_displacement,
 )
-from trisquare.results.coherence import Coherence, coherence_from_members, coherence_members
 from trisquare.results.model_alternative import (
     ModelAlternative,
     alternative_from_members,
@@ -41,6 +41,11 @@ from trisquare.results.pose_uncertainty import (
     uncertainty_members,
 )
 from trisquare.results.rejected import Rejected, rejected_from_members, rejected_members
+from trisquare.results.residual_correlation import (
+    ResidualCorrelation,
+    residual_correlation_from_members,
+    residual_correlation_members,
+)
 
 __all__ = ["Calibration", "Camera", "Plane"]
 
@@ -84,7 +89,7 @@ class Calibration(RebuiltByConstructor):
         Version of trisquare that computed it.
     alternatives : sequence of ModelAlternative
         The models that ``model="auto"`` rejected, the simplest first; empty unless it chose.
-    coherence : Coherence, optional
+    coherence : ResidualCorrelation, optional
         How far the residuals are from independent noise, which the covariance allows for; None
         in results of versions that did not ask.
     rejected : sequence of Rejected
@@ -108,7 +113,7 @@ class Calibration(RebuiltByConstructor):
     software: str = __version__
     alternatives: tuple[ModelAlternative, ...] = ()
     tone_std: float | None = None
-    coherence: Coherence | None = None
+    coherence: ResidualCorrelation | None = None
     rejected: tuple[Rejected, ...] = ()
 
     def __post_init__(self) -> None:
@@ -141,8 +146,8 @@ class Calibration(RebuiltByConstructor):
         if self.tone_std is not None:
             object.__setattr__(self, "tone_std", not_negative(self.tone_std, "tone_std"))
         object.__setattr__(self, "fixed", strings(self.fixed, "fixed"))
-        if self.coherence is not None and not isinstance(self.coherence, Coherence):
-            raise TypeError("coherence must be of the class Coherence")
+        if self.coherence is not None and not isinstance(self.coherence, ResidualCorrelation):
+            raise TypeError("coherence must be of the class ResidualCorrelation")
         alternatives = tuple(self.alternatives)
         if not all(isinstance(other, ModelAlternative) for other in alternatives):
             raise TypeError("alternatives must all be of the class ModelAlternative")
@@ -282,7 +287,7 @@ class Calibration(RebuiltByConstructor):
         return cls(
             camera=camera_from_members(members.object("camera"), members.integers("image_size")),
             std=members.numbers_by_name("std"),
-            covariance=members.array("covariance", (len(parameters), len(parameters))),
+            covariance=_covariance_member(members, len(parameters)),
             parameters=parameters,
             planes=tuple(_plane_from_members(plane) for plane in members.objects("planes")),
             rms=members.number("rms_px"),
@@ -301,7 +306,7 @@ class Calibration(RebuiltByConstructor):
             ),
             tone_std=members.number("tone_std") if members.has("tone_std") else None,
             coherence=(
-                coherence_from_members(members.object("coherence"))
+                residual_correlation_from_members(members.object("coherence"))
                 if members.has("coherence")
                 else None
             ),
@@ -312,9 +317,17 @@ class Calibration(RebuiltByConstructor):
         )
 
 
-def _coherence_member(coherence: Coherence | None) -> dict[str, Any]:
+def _covariance_member(members: JsonFields, size: int) -> FloatArray:
+    """Read a covariance, whose directions must have variances: numpy takes their roots."""
+    covariance = members.array("covariance", (size, size))
+    if not is_covariance(covariance):
+        raise ValueError('"covariance" must be symmetric and positive semidefinite')
+    return covariance
+
+
+def _coherence_member(coherence: ResidualCorrelation | None) -> dict[str, Any]:
     """Return the ``coherence`` member, which older results lack."""
-    return {} if coherence is None else {"coherence": coherence_members(coherence)}
+    return {} if coherence is None else {"coherence": residual_correlation_members(coherence)}
 
 
 def _alternatives_member(alternatives: tuple[ModelAlternative, ...]) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from trisquare.results.calibration import Calibration
 UncertainCamera: TypeAlias = "tuple[CoreCamera, list[str], bool, FloatArray]"
 
 
-def lens_of(camera: Calibration | Camera, name: str = "camera") -> Camera:
+def camera_of(camera: Calibration | Camera, name: str = "camera") -> Camera:
     """Return the camera itself, of a calibration its estimate.
 
     Raises

@@ -10,7 +10,7 @@ use trisquare::{
 };
 
 use crate::arrays;
-use crate::errors::exception;
+use crate::errors::{detached, exception};
 use crate::image::{Picture, picture_tone};
 use crate::observations::plane_edges;
 
@@ -51,23 +51,22 @@ pub fn calibrate<'py>(
     {
         return Err(PyValueError::new_err("every picture needs its tone curve"));
     }
-    let found = py
-        .detach(|| {
-            let photographs = pictures.as_ref().map(|pictures| Photographs {
-                pictures,
-                tones: &tones,
-            });
-            let photographs = photographs.as_ref();
-            if by_evidence {
-                return trisquare::calibrate_by_evidence(&edges, size, &options, photographs);
-            }
-            Ok(ModelChoice {
-                model: options.model,
-                calibration: trisquare::calibrate_photographs(&edges, size, &options, photographs)?,
-                alternatives: Vec::new(),
-            })
+    let found = detached(py, || {
+        let photographs = pictures.as_ref().map(|pictures| Photographs {
+            pictures,
+            tones: &tones,
+        });
+        let photographs = photographs.as_ref();
+        if by_evidence {
+            return trisquare::calibrate_by_evidence(&edges, size, &options, photographs);
+        }
+        Ok(ModelChoice {
+            model: options.model,
+            calibration: trisquare::calibrate_photographs(&edges, size, &options, photographs)?,
+            alternatives: Vec::new(),
         })
-        .map_err(exception)?;
+    })?
+    .map_err(exception)?;
     let dict = to_dict(py, &found.calibration)?;
     dict.set_item("model", model_name(found.model))?;
     let alternatives: Vec<(&str, f64, f64)> = found
@@ -103,9 +102,7 @@ pub fn choose(
         fixed: fixed_parameters(&fixed)?,
         initial: initial.map(Brown::new),
     };
-    let choice = py
-        .detach(|| trisquare::choose(&edges, size, &options))
-        .map_err(exception)?;
+    let choice = detached(py, || trisquare::choose(&edges, size, &options))?.map_err(exception)?;
     let verdicts = choice.verdicts.iter();
     Ok((
         verdicts.map(|v| (v.figure, v.kept, v.residual)).collect(),
@@ -238,13 +235,16 @@ fn to_dict<'py>(py: Python<'py>, found: &Calibration) -> PyResult<Bound<'py, PyD
     dict.set_item("std", std)?;
     dict.set_item("planes", planes)?;
     dict.set_item("rms", found.rms)?;
-    let coherence = PyDict::new(py);
-    coherence.set_item("neighbours", found.coherence.neighbours)?;
-    coherence.set_item("probability", found.coherence.probability)?;
-    let displacements = PyTuple::new(py, &found.coherence.displacements)?;
-    coherence.set_item("displacements", displacements)?;
-    coherence.set_item("contradiction", found.coherence.contradiction)?;
-    dict.set_item("coherence", coherence)?;
+    let residual_correlation = PyDict::new(py);
+    residual_correlation.set_item("neighbours", found.residual_correlation.neighbours)?;
+    residual_correlation.set_item("probability", found.residual_correlation.probability)?;
+    let displacements = PyTuple::new(py, &found.residual_correlation.displacements)?;
+    residual_correlation.set_item("displacements", displacements)?;
+    residual_correlation.set_item(
+        "contradiction",
+        found.residual_correlation.between_plane_variance_ratio,
+    )?;
+    dict.set_item("coherence", residual_correlation)?;
     dict.set_item("noise_scale", found.noise_scale)?;
     dict.set_item("iterations", found.iterations)?;
     dict.set_item("warnings", warnings)?;

@@ -1,13 +1,19 @@
-//! One Python exception per family of errors.
+//! One Python exception per family of errors, and one for a panic.
 
-use pyo3::PyErr;
+use std::any::Any;
+use std::cell::RefCell;
+use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
+use std::sync::Once;
+
 use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
 use trisquare::{Error, ErrorKind};
 
 pyo3::import_exception!(trisquare.errors, NotEnoughPlanesError);
 pyo3::import_exception!(trisquare.errors, NotEnoughDataError);
 pyo3::import_exception!(trisquare.errors, DegenerateGeometryError);
 pyo3::import_exception!(trisquare.errors, ConvergenceError);
+pyo3::import_exception!(trisquare.errors, InternalError);
 
 /// The exception that stands for an error of the crate.
 pub fn exception(error: Error) -> PyErr {
@@ -19,4 +25,64 @@ pub fn exception(error: Error) -> PyErr {
         ErrorKind::DegenerateGeometry => DegenerateGeometryError::new_err(message),
         ErrorKind::Convergence => ConvergenceError::new_err(message),
     }
+}
+
+thread_local! {
+    /// In what runs detached: where the last panic was, once there was one.
+    static DETACHED: RefCell<Option<String>> = const { RefCell::new(None) };
+}
+
+/// Runs the crate without the GIL; a panic of it becomes an `InternalError`.
+///
+/// # Errors
+/// `InternalError`, of which the message says what failed and where.
+pub fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
+    static HOOK: Once = Once::new();
+    HOOK.call_once(keep_panics_silent);
+    py.detach(|| {
+        DETACHED.set(Some(String::new()));
+        // What a panic leaves half done is dropped with it: nothing is read afterwards.
+        let found = catch_unwind(AssertUnwindSafe(work));
+        let place = DETACHED.take().unwrap_or_default();
+        found.map_err(|panic| (said(panic.as_ref()).to_owned(), place))
+    })
+    .map_err(|(said, place)| {
+        InternalError::new_err(format!(
+            "trisquare failed inside its core: {said}{place}; this is a defect: please report it \
+             with the input"
+        ))
+    })
+}
+
+/// Lets the place of a panic be told by the exception, and not on standard error.
+fn keep_panics_silent() {
+    let before = take_hook();
+    set_hook(Box::new(move |panic| {
+        let caught = DETACHED.with_borrow_mut(|place| {
+            let Some(place) = place else { return false };
+            *place = panic.location().map_or_else(String::new, |l| {
+                let file = l.file().rsplit(['/', '\\']).next().unwrap_or_default();
+                format!(" ({file}:{})", l.line())
+            });
+            true
+        });
+        if !caught {
+            before(panic);
+        }
+    }));
+}
+
+fn said(panic: &(dyn Any + Send)) -> &str {
+    let text = panic.downcast_ref::<String>().map(String::as_str);
+    text.or_else(|| panic.downcast_ref::<&str>().copied())
+        .unwrap_or("a panic")
+}
+
+/// Panics: the way out of one can be tested only by one.
+///
+/// # Errors
+/// `InternalError`.
+#[pyfunction]
+pub fn provoke_panic(py: Python<'_>) -> PyResult<()> {
+    detached(py, || panic!("a panic was asked for"))
 }

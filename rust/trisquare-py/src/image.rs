@@ -8,6 +8,7 @@ use pyo3::types::PyDict;
 use trisquare::{EdgeSpan, PictureTone, PowerCurve, Tone, ToneEstimate};
 
 use crate::arrays;
+use crate::errors::detached;
 
 /// The raw pixels of a photograph, `(H, W)` or `(H, W, 3)` in BGR order, in memory of its own.
 #[pyclass(frozen, module = "trisquare._core")]
@@ -152,18 +153,18 @@ pub fn localise<'py>(
     let tone = tone.map(self::tone).transpose()?;
     let spans = edge_spans(&spans)?;
     let picture = &picture.picture;
-    let (found, estimate) = py.detach(|| match tone {
+    let (found, estimate) = detached(py, || match tone {
         Some(tone) => (trisquare::localise(picture, &spans, tone), None),
         None => {
             let (found, estimate) = trisquare::localise_with_unknown_tone(picture, &spans);
             (found, Some(estimate))
         }
-    });
+    })?;
     let measured = found.into_iter().map(|span| match span {
         Ok(edges) => Measured::Samples(
             arrays::from_points(py, &edges.points),
             arrays::from_slice(py, &edges.std),
-            estimate.map(|_| arrays::from_points(py, &edges.drift)),
+            estimate.map(|_| arrays::from_points(py, &edges.tone_drift)),
         ),
         Err(reason) => Measured::Reason(reason.to_string()),
     });
@@ -188,11 +189,11 @@ fn edge_spans(spans: &[Span<'_>]) -> PyResult<Vec<EdgeSpan>> {
     let spans: Vec<EdgeSpan> = spans
         .iter()
         .map(|span| {
-            let (Span::MarkedLine(path, rise, bounds, ..)
-            | Span::GridLine(path, rise, bounds, _)
-            | Span::Confined(path, rise, bounds, _)
-            | Span::Edge(path, rise, bounds)) = span;
-            let mut edge = EdgeSpan::new(arrays::points(path)?, *rise);
+            let (Span::MarkedLine(path, polarity, bounds, ..)
+            | Span::GridLine(path, polarity, bounds, _)
+            | Span::Confined(path, polarity, bounds, _)
+            | Span::Edge(path, polarity, bounds)) = span;
+            let mut edge = EdgeSpan::new(arrays::points(path)?, *polarity);
             edge.bounds = [bounds.0, bounds.1];
             match span {
                 Span::MarkedLine(.., crossings, rims) => {
@@ -200,7 +201,7 @@ fn edge_spans(spans: &[Span<'_>]) -> PyResult<Vec<EdgeSpan>> {
                     edge.rims.clone_from(rims);
                 }
                 Span::GridLine(.., crossings) => edge.crossings.clone_from(crossings),
-                Span::Confined(.., room) => edge.room = [room.0, room.1],
+                Span::Confined(.., room) => edge.margin = [room.0, room.1],
                 Span::Edge(..) => {}
             }
             Ok(edge)

@@ -13,7 +13,7 @@ use trisquare::{
 };
 
 use crate::arrays;
-use crate::errors::exception;
+use crate::errors::{detached, exception};
 
 /// The largest ideal radius up to which a distortion is monotonic and invertible.
 #[pyfunction]
@@ -48,9 +48,7 @@ pub fn project_points<'py>(
     points: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (camera, points) = (camera.camera(), arrays::space_points(&points)?);
-    let seen = py
-        .detach(|| camera.project_points(&points))
-        .map_err(exception)?;
+    let seen = detached(py, || camera.project_points(&points))?.map_err(exception)?;
     Ok(arrays::from_points(py, &seen))
 }
 
@@ -63,9 +61,7 @@ pub fn unproject_pixels<'py>(
     pixels: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (camera, pixels) = (camera.camera(), arrays::points(&pixels)?);
-    let rays = py
-        .detach(|| camera.unproject_pixels(&pixels))
-        .map_err(exception)?;
+    let rays = detached(py, || camera.unproject_pixels(&pixels))?.map_err(exception)?;
     Ok(arrays::from_space_points(py, &rays))
 }
 
@@ -100,7 +96,7 @@ fn mapped<'py>(
     map: PixelMap,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (camera, pixels) = (camera.camera(), arrays::points(pixels)?);
-    let found = py.detach(|| map(&camera, &pixels)).map_err(exception)?;
+    let found = detached(py, || map(&camera, &pixels))?.map_err(exception)?;
     Ok(arrays::from_points(py, &found))
 }
 
@@ -114,9 +110,8 @@ pub fn undistorted_view(
     balance: f64,
 ) -> PyResult<(f64, f64, f64, f64)> {
     let camera = camera.camera();
-    let view = py
-        .detach(|| camera.undistorted(size(image_size), balance))
-        .map_err(exception)?;
+    let view =
+        detached(py, || camera.undistorted(size(image_size), balance))?.map_err(exception)?;
     let (focal, centre) = (view.focal(), view.principal_point());
     Ok((focal.x, focal.y, centre.x, centre.y))
 }
@@ -140,8 +135,10 @@ pub fn fill_undistortion_map(
         parts: parts.as_slice_mut()?,
         valid: valid.as_slice_mut()?,
     };
-    py.detach(|| map.fill(&camera, size(image_size), &view, size((width, height))))
-        .map_err(exception)
+    detached(py, || {
+        map.fill(&camera, size(image_size), &view, size((width, height)))
+    })?
+    .map_err(exception)
 }
 
 /// `(x, y, width, height)` of the largest rectangle in which a mask is set everywhere.
@@ -155,7 +152,8 @@ pub fn largest_rectangle(
     let mask = mask
         .as_slice()
         .map_err(|_| PyValueError::new_err("the mask must be contiguous"))?;
-    let [x, y, width, height] = py.detach(|| trisquare::internals::largest_rectangle(mask, width));
+    let [x, y, width, height] =
+        detached(py, || trisquare::internals::largest_rectangle(mask, width))?;
     Ok((x, y, width, height))
 }
 
@@ -172,7 +170,12 @@ pub fn can_unproject(
     pixels: PyReadonlyArray2<'_, f64>,
 ) -> PyResult<Vec<bool>> {
     let (camera, pixels) = (camera.camera(), arrays::points(&pixels)?);
-    Ok(py.detach(|| pixels.iter().map(|p| camera.sight(p).is_some()).collect()))
+    Ok(detached(py, || {
+        pixels
+            .iter()
+            .map(|p| camera.unproject_with_jacobian(p).is_some())
+            .collect()
+    })?)
 }
 
 /// Covariance, in pixels, of the projections of the directions seen at pixels.
@@ -190,13 +193,11 @@ pub fn projection_covariance<'py>(
     let covariance = arrays::matrix(&covariance);
     let pixels = arrays::points(&pixels)?;
     let names: Vec<&str> = parameters.iter().map(String::as_str).collect();
-    let found = py
-        .detach(|| {
-            let uncertainty =
-                ProjectionUncertainty::new(&camera, &names, aspect_fixed, covariance)?;
-            uncertainty.at_pixels(&pixels)
-        })
-        .map_err(exception)?;
+    let found = detached(py, || {
+        let uncertainty = ProjectionUncertainty::new(&camera, &names, aspect_fixed, covariance)?;
+        uncertainty.at_pixels(&pixels)
+    })?
+    .map_err(exception)?;
     Ok(arrays::from_matrices(py, &found))
 }
 
@@ -234,9 +235,10 @@ pub fn compare_projections<'py>(
     let first = uncertain(&first_camera, &first)?;
     let second = uncertain(&second_camera, &second)?;
     let pixels = arrays::points(&pixels)?;
-    let found = py
-        .detach(|| trisquare::compare_projections(&first, &second, &pixels))
-        .map_err(exception)?;
+    let found = detached(py, || {
+        trisquare::compare_projections(&first, &second, &pixels)
+    })?
+    .map_err(exception)?;
     let nowhere = Vector2::repeat(f64::INFINITY);
     let differences = found.differences.iter().map(|d| d.unwrap_or(nowhere));
     let test = found.test.map(|test| {
@@ -280,9 +282,7 @@ pub fn points_on_plane<'py>(
         self::pose(&pose)?,
         arrays::points(&pixels)?,
     );
-    let found = py
-        .detach(|| camera.points_on_plane(&pose, &pixels))
-        .map_err(exception)?;
+    let found = detached(py, || camera.points_on_plane(&pose, &pixels))?.map_err(exception)?;
     Ok(arrays::from_points(py, &found))
 }
 
@@ -304,9 +304,10 @@ pub fn points_on_plane_with_covariance<'py>(
         by_camera: arrays::sized_matrix(&uncertainty.1)?,
     };
     let pixels = arrays::points(&pixels)?;
-    let (points, covariance) = py
-        .detach(|| camera.points_on_plane(&pose, &uncertainty, &pixels, pixel_std))
-        .map_err(exception)?;
+    let (points, covariance) = detached(py, || {
+        camera.points_on_plane(&pose, &uncertainty, &pixels, pixel_std)
+    })?
+    .map_err(exception)?;
     Ok((
         arrays::from_points(py, &points),
         arrays::from_matrix(py, &covariance),
@@ -348,19 +349,21 @@ pub fn nearest_lens(
         LensMembers::Camera(camera) => {
             let camera = camera.camera();
             let (focal, centre) = (camera.focal(), camera.principal_point());
-            py.detach(|| family.nearest(size, focal, centre, |pixel| camera.ideal_point(pixel)))
+            detached(py, || {
+                family.nearest(size, focal, centre, |pixel| camera.ideal_point(pixel))
+            })
         }
         LensMembers::Other(OtherMembers([fx, fy, cx, cy], model, coefficients)) => {
             let (focal, centre) = (Vector2::new(fx, fy), Vector2::new(cx, cy));
             let distortion = Distortion::of_model(&model, &coefficients).map_err(exception)?;
-            py.detach(|| {
+            detached(py, || {
                 family.nearest(size, focal, centre, |pixel| {
                     distortion.undistort(&(pixel - centre).component_div(&focal))
                 })
             })
         }
     };
-    let found = found.map_err(exception)?;
+    let found = found?.map_err(exception)?;
     let (focal, centre) = (found.focal, found.centre);
     Ok((
         (focal.x, focal.y, centre.x, centre.y),

@@ -20,6 +20,8 @@ mod _core {
     #[pymodule_export]
     use crate::calibration::{calibrate, choose};
     #[pymodule_export]
+    use crate::errors::provoke_panic;
+    #[pymodule_export]
     use crate::image::{Picture, localise};
     #[pymodule_export]
     use crate::lens::{

@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use trisquare::{ImageSize, Pose, Straightening};
 
 use crate::arrays;
-use crate::errors::exception;
+use crate::errors::{detached, exception};
 
 /// Coefficients, centre, radius unit, rms.
 type StraighteningMembers<'py> = (Bound<'py, PyArray1<f64>>, (f64, f64), f64, f64);
@@ -30,9 +30,10 @@ pub fn fit_distortion<'py>(
         height: image_size.1,
     };
     let centre = centre.map(|(x, y)| Vector2::new(x, y));
-    let found = py
-        .detach(|| trisquare::fit_distortion(&curves, size, coefficients, centre))
-        .map_err(exception)?;
+    let found = detached(py, || {
+        trisquare::fit_distortion(&curves, size, coefficients, centre)
+    })?
+    .map_err(exception)?;
     Ok((
         arrays::from_slice(py, &found.coefficients),
         (found.centre.x, found.centre.y),
@@ -58,8 +59,9 @@ pub fn straighten<'py>(
         rms: 0.0,
     };
     let points = arrays::points(&points)?;
-    let ideal: Option<Vec<_>> =
-        py.detach(|| points.iter().map(|p| straightening.undistort(p)).collect());
+    let ideal: Option<Vec<_>> = detached(py, || {
+        points.iter().map(|p| straightening.undistort(p)).collect()
+    })?;
     let ideal = ideal.ok_or_else(|| {
         PyValueError::new_err("a point lies beyond the radius up to which the map is invertible")
     })?;
@@ -75,9 +77,8 @@ pub fn homography_from_lines<'py>(
     image_lines: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (plane, image) = (arrays::lines(&plane_lines)?, arrays::lines(&image_lines)?);
-    let found = py
-        .detach(|| trisquare::homography_from_lines(&plane, &image))
-        .map_err(exception)?;
+    let found =
+        detached(py, || trisquare::homography_from_lines(&plane, &image))?.map_err(exception)?;
     Ok(arrays::from_matrix3(py, &found))
 }
 
@@ -92,9 +93,10 @@ pub fn camera_matrix_from_homographies<'py>(
         .iter()
         .map(arrays::matrix3)
         .collect::<PyResult<_>>()?;
-    let found = py
-        .detach(|| trisquare::camera_matrix_from_homographies(&homographies))
-        .map_err(exception)?;
+    let found = detached(py, || {
+        trisquare::camera_matrix_from_homographies(&homographies)
+    })?
+    .map_err(exception)?;
     Ok(arrays::from_matrix3(py, &found))
 }
 

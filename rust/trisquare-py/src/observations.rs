@@ -39,7 +39,7 @@ pub fn plane_edges(object: &Bound<'_, PyAny>) -> PyResult<PlaneEdges> {
         }),
         plane: object.getattr("plane")?.extract()?,
         image: object.getattr("image")?.extract()?,
-        drift: drift.transpose()?,
+        tone_drift: drift.transpose()?,
         border: object.getattr("border")?.extract()?,
         freedom: match freedom.as_str() {
             "auto" => Freedom::Auto,

@@ -9,7 +9,7 @@ use trisquare::{Brown, EdgeNoise, ImageSize, Method, Options, PlannedPlane, Pose
 
 use crate::arrays;
 use crate::calibration::{MODELS, fixed_parameters, named};
-use crate::errors::exception;
+use crate::errors::{detached, exception};
 
 /// Rotation, translation, and the corners of each outline, `(4, 2)`.
 type Planned<'py> = (
@@ -46,14 +46,11 @@ pub fn predict<'py>(
         fixed: fixed_parameters(&fixed)?,
         initial: None,
     };
-    let found = py
-        .detach(|| match judged {
-            true => trisquare::predict(&camera, size, &planes, noise, &options),
-            false => {
-                trisquare::internals::predict_unjudged(&camera, size, &planes, noise, &options)
-            }
-        })
-        .map_err(exception)?;
+    let found = detached(py, || match judged {
+        true => trisquare::predict(&camera, size, &planes, noise, &options),
+        false => trisquare::internals::predict_unjudged(&camera, size, &planes, noise, &options),
+    })?
+    .map_err(exception)?;
     let std = PyDict::new(py);
     for (name, value) in found.std() {
         std.set_item(name, value)?;

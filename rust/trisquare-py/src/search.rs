@@ -15,11 +15,12 @@ use numpy::{
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use trisquare::internals::{
-    Crossing, GreyBytes, Lattice, LatticeSurface, SaddleStep, SidePoints, Site, settled_on_saddle,
+    Crossing, GreyBytes, Lattice, LatticeSurface, SaddleStep, SidePoints, Site, refine_corner,
     trimmed_cubics,
 };
 
 use crate::arrays;
+use crate::errors::detached;
 
 type Grown<'py> = (Bound<'py, PyArray3<f64>>, Site);
 type Linked<'py> = (Bound<'py, PyArray2<i64>>, Bound<'py, PyArray2<i64>>);
@@ -37,7 +38,9 @@ pub fn link_crossings<'py>(
     let (width, height, values) = bytes_of(&picture);
     let values = values.into_owned();
     let grey = GreyBytes::new(width, height, &values).ok_or_else(no_picture)?;
-    let linked = py.detach(|| trisquare::internals::link_crossings(&grey, &crossings));
+    let linked = detached(py, || {
+        trisquare::internals::link_crossings(&grey, &crossings)
+    })?;
     let following = PyArray2::zeros(py, [linked.len(), 4], false);
     let back = PyArray2::zeros(py, [linked.len(), 4], false);
     {
@@ -74,7 +77,7 @@ pub fn grow_lattice<'py>(
         crossings: sites_of(&grid)?,
         dark_first,
     };
-    py.detach(|| lattice.grow(&grey, &crossings));
+    detached(py, || lattice.grow(&grey, &crossings))?;
     let sites = || lattice.crossings.keys();
     let first = (
         sites().map(|site| site.0).min().unwrap_or(0),
@@ -194,7 +197,7 @@ pub fn settle_on_saddles<'py>(
     let grey = GreyBytes::new(width, height, &values).ok_or_else(no_picture)?;
     let settled: Vec<Vector2<f64>> = arrays::points(&points)?
         .into_iter()
-        .map(|point| settled_on_saddle(&grey, point))
+        .map(|point| refine_corner(&grey, point))
         .collect();
     Ok(arrays::from_points(py, &settled))
 }
@@ -218,7 +221,7 @@ pub fn fit_lattice_surface<'py>(
             (site, (point - middle) / size)
         })
         .unzip();
-    let surface = py.detach(|| LatticeSurface::fitted(&sites, &points, size));
+    let surface = detached(py, || LatticeSurface::fitted(&sites, &points, size))?;
     Ok((arrays::from_matrix3(py, &surface.homography), surface.bend))
 }
 
@@ -287,10 +290,10 @@ pub fn fit_side_cubics<'py>(
         length: lengths[side],
     };
     let all: Vec<SidePoints> = (0..sides).map(side).collect();
-    let cubics = py.detach(|| match trimmed {
+    let cubics = detached(py, || match trimmed {
         true => trimmed_cubics(&all),
         false => all.iter().map(SidePoints::cubic).collect(),
-    });
+    })?;
     let values = cubics.iter().flat_map(|cubic| <[f64; 4]>::from(*cubic));
     Ok(arrays::from_rows(py, sides, 4, values))
 }

@@ -1,11 +1,13 @@
 //! The stages, in order, and nothing else.
 
+use std::rc::Rc;
+
 use crate::error::Error;
 use crate::image_size::ImageSize;
 use crate::observations::{Method, Options, PlaneEdges, sort_by_plane};
 use crate::photometric::{Photographs, improve};
 use crate::result::{Calibration, Stage};
-use crate::solver::{Task, reject_outliers};
+use crate::solver::{JointProblem, Work, reject_outliers};
 use crate::uncertainty::check_plane_count;
 
 /// Calibrates a camera from edge samples of planes with known lines.
@@ -34,17 +36,25 @@ pub fn calibrate_photographs(
     options: &Options,
     photographs: Option<&Photographs<'_>>,
 ) -> Result<Calibration, Error> {
-    run(edges, size, options, photographs, true)
+    run(edges, size, options, photographs, Purpose::Answer)
 }
 
 /// As [`calibrate`], without a judgement of the geometry: to compare models, of which the chosen
-/// one is judged.
+/// one is judged. They share their work, which the first one bounds.
 pub(crate) fn calibrate_unjudged(
     edges: &[PlaneEdges],
     size: ImageSize,
     options: &Options,
+    shared: &mut Option<Rc<Work>>,
 ) -> Result<Calibration, Error> {
-    run(edges, size, options, None, false)
+    run(edges, size, options, None, Purpose::Comparison(shared))
+}
+
+/// What a calibration is for.
+enum Purpose<'a> {
+    Answer,
+    /// With other models, all of which share their work.
+    Comparison(&'a mut Option<Rc<Work>>),
 }
 
 fn run(
@@ -52,26 +62,34 @@ fn run(
     size: ImageSize,
     options: &Options,
     photographs: Option<&Photographs<'_>>,
-    judging: bool,
+    purpose: Purpose<'_>,
 ) -> Result<Calibration, Error> {
     size.check()?;
     options.check()?;
     let planes = sort_by_plane(edges)?;
-    let task = Task::new(size, options);
-    check_plane_count(planes.len(), &task.free)?;
+    let own = || Rc::new(Work::for_planes(&planes));
+    let (judging, work) = match purpose {
+        Purpose::Answer => (true, own()),
+        Purpose::Comparison(shared) => (false, Rc::clone(shared.get_or_insert_with(own))),
+    };
+    let problem = JointProblem::new(size, options).within(&work);
+    check_plane_count(planes.len(), &problem.free)?;
 
-    let advised = |failure| task.advised(failure);
+    let advised = |failure| problem.advised(failure);
     let (stage, found) = match options.method {
-        Method::Linear => (Stage::Linear, task.solve(&planes).map(|s| (s, Vec::new()))),
-        Method::MaximumLikelihood => (Stage::Edges, reject_outliers(&task, &planes)),
+        Method::Linear => (
+            Stage::Linear,
+            problem.solve(&planes).map(|s| (s, Vec::new())),
+        ),
+        Method::MaximumLikelihood => (Stage::Edges, reject_outliers(&problem, &planes)),
     };
     let (solution, outliers) = found.map_err(advised)?;
     if judging {
-        task.judge(&solution).map_err(advised)?;
+        problem.judge(&solution).map_err(advised)?;
     }
-    let mut calibration = Calibration::assemble(&task, &solution, stage);
+    let mut calibration = Calibration::assemble(&problem, &solution, stage);
     if let (Stage::Edges, Some(photographs)) = (stage, photographs) {
-        improve(edges, &task, &solution, photographs, &mut calibration);
+        improve(edges, &problem, &solution, photographs, &mut calibration);
     }
     if calibration.stage == stage {
         calibration.state_poses(&solution);

@@ -1,6 +1,6 @@
 //! The one error type: each variant carries the numbers a caller can act on.
 
-use crate::ill_conditioning::Weakness;
+use crate::ill_conditioning::IllConditioning;
 
 /// Why a calibration, or one of its steps, gives no answer.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -124,9 +124,9 @@ pub enum Error {
 
     /// The geometry leaves a parameter of the camera matrix open.
     #[error("{0}")]
-    WeakGeometry(Box<Weakness>),
+    IllConditioned(Box<IllConditioning>),
 
-    /// An iteration did not settle.
+    /// An iteration did not converge.
     #[error("{stage} did not converge in {iterations} iterations (rms {rms:.3} px)")]
     NotConverged {
         /// The stage that gave up.
@@ -149,7 +149,7 @@ pub enum ErrorKind {
     NotEnoughData,
     /// Enough data, but of a geometry that cannot answer.
     DegenerateGeometry,
-    /// An iteration that did not settle.
+    /// An iteration that did not converge.
     Convergence,
 }
 
@@ -185,7 +185,7 @@ impl Error {
             Error::DegenerateHomography { .. }
             | Error::UndeterminedConic { .. }
             | Error::IndefiniteConic
-            | Error::WeakGeometry(_) => ErrorKind::DegenerateGeometry,
+            | Error::IllConditioned(_) => ErrorKind::DegenerateGeometry,
             Error::NotConverged { .. } => ErrorKind::Convergence,
         }
     }

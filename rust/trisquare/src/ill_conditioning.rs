@@ -4,7 +4,7 @@ use std::fmt;
 
 /// Why the camera matrix does not follow from the planes.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Weakness {
+pub struct IllConditioning {
     /// What the planes lack.
     pub cause: Cause,
     /// Name of the parameter that is known worst.
@@ -90,7 +90,7 @@ pub enum Remedy {
     },
 }
 
-impl fmt::Display for Weakness {
+impl fmt::Display for IllConditioning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let parameter = self.parameter;
         write!(f, "{}: {parameter} is not determined ", self.cause)?;

@@ -39,7 +39,7 @@ mod uncertainty;
 pub use calibrate::{calibrate, calibrate_photographs};
 pub use error::{Error, ErrorKind};
 pub use geometry::{Line, Pose, camera_matrix_from_homographies, homography_from_lines};
-pub use ill_conditioning::{Cause, Remedy, Weakness};
+pub use ill_conditioning::{Cause, IllConditioning, Remedy};
 pub use image::{
     GreyReader, Picture, PictureError, PictureTone, PowerCurve, Sensitivity, Tone, ToneCurve,
     ToneFit,
@@ -57,7 +57,9 @@ pub use model_selection::{ModelAlternative, ModelChoice, calibrate_by_evidence};
 pub use observations::{Fixed, Freedom, Method, Model, Options, PlaneEdges, Polarity};
 pub use photometric::Photographs;
 pub use planning::{EdgeNoise, PlannedPlane, Prediction, predict};
-pub use result::{Calibration, Coherence, Disagreement, Plane, PoseUncertainty, Stage, Warning};
+pub use result::{
+    Calibration, Disagreement, Plane, PoseUncertainty, ResidualCorrelation, Stage, Warning,
+};
 pub use selection::{Choice, Doubt, Verdict, choose};
 pub use uncertainty::{
     DifferenceTest, ProjectionDifference, ProjectionUncertainty, compare_projections,
@@ -76,6 +78,6 @@ pub mod internals {
     pub use crate::planning::predict_unjudged;
     pub use crate::search::{
         Crossing, Follower, Lattice, LatticeSurface, SaddleStep, SidePoints, Site, link_crossings,
-        settled_on_saddle, trimmed_cubics,
+        refine_corner, trimmed_cubics,
     };
 }

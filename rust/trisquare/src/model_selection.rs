@@ -36,9 +36,9 @@ const LADDER: [Model; 5] = [
 const COEFFICIENTS: [&str; 5] = ["k1", "k2", "k3", "p1", "p2"];
 
 /// Prior standard deviations of what the coefficients do at the picture's corner, as a part of its
-/// radius: `k1 r^2, k2 r^4, k3 r^6, p1 r, p2 r`. Lenses bend it by up to 0.3, each further term does
-/// about half as much as the one before, and decentred elements move it by some thousandths.
-const PRIOR_BENDS: [f64; 5] = [0.2, 0.1, 0.05, 0.002, 0.002];
+/// radius: `k1 r^2, k2 r^4, k3 r^6, p1 r, p2 r`. Lenses bend it by up to 0.3, each further term
+/// does about half as much as the one before, and decentred elements move it by some thousandths.
+const PRIOR_EFFECTS: [f64; 5] = [0.2, 0.1, 0.05, 0.002, 0.002];
 
 /// Iterations of an eigenvalue problem of a handful of rows; it takes a few per row.
 const MAX_EIGEN_ITERATIONS: usize = 100 * MAX_LENS_COLUMNS;
@@ -125,9 +125,10 @@ impl Candidates {
     /// Fits every model, and weighs those that converge.
     fn fit(edges: &[PlaneEdges], size: ImageSize, options: &Options) -> Self {
         let mut fits: Vec<(Model, Calibration)> = Vec::with_capacity(LADDER.len());
+        let mut work = None;
         for model in LADDER {
             let options = Options { model, ..*options };
-            if let Ok(fit) = calibrate_unjudged(edges, size, &options) {
+            if let Ok(fit) = calibrate_unjudged(edges, size, &options, &mut work) {
                 fits.push((model, fit));
             }
         }
@@ -245,7 +246,7 @@ fn prior_std(fit: &Calibration) -> [f64; 5] {
     let focal = fit.camera.focal();
     let corner = fit.image_size.half_diagonal() / (focal.x * focal.y).sqrt();
     let powers = [2, 4, 6, 1, 1];
-    std::array::from_fn(|i| PRIOR_BENDS[i] / corner.powi(powers[i]))
+    std::array::from_fn(|i| PRIOR_EFFECTS[i] / corner.powi(powers[i]))
 }
 
 /// How far another fit is from `reference`, in its free parameters.
@@ -378,7 +379,8 @@ mod tests {
             model: Model::Radial1,
             ..Options::default()
         };
-        let fit = calibrate_unjudged(&scene.edges(3, 0.3, 6.0), scene.size, &options).unwrap();
+        let fit =
+            calibrate_unjudged(&scene.edges(3, 0.3, 6.0), scene.size, &options, &mut None).unwrap();
         let (y, s) = (fit.camera.distortion()[0], fit.std()[4].1);
         let t = prior_std(&fit)[0];
         let normal = |variance: f64| -0.5 * (y * y / variance + variance.ln());

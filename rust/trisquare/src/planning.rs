@@ -17,7 +17,7 @@ use crate::observations::{
 };
 use crate::refine::EdgeProblem;
 use crate::uncertainty::{
-    Geometry, check_plane_count, covariance, judged_parameters, remedies_by_holding,
+    Conditioning, check_plane_count, covariance, judged_parameters, remedies_by_holding,
     remedy_by_showing,
 };
 
@@ -100,7 +100,7 @@ impl Prediction {
 ///
 /// # Errors
 /// [`Error::InvalidArgument`] naming a square that is not wholly in the picture,
-/// [`Error::NotEnoughPlanes`], and [`Error::WeakGeometry`] for a plan that a calibration would
+/// [`Error::NotEnoughPlanes`], and [`Error::IllConditioned`] for a plan that a calibration would
 /// refuse.
 pub fn predict(
     camera: &Brown,
@@ -112,12 +112,12 @@ pub fn predict(
     let plan = Plan::new(camera, size, planes, noise, options)?;
     match plan.judge(plan.options.fixed) {
         Ok(()) => plan.prediction(),
-        Err(Error::WeakGeometry(mut weakness)) => {
-            weakness.remedies =
+        Err(Error::IllConditioned(mut ill_conditioning)) => {
+            ill_conditioning.remedies =
                 remedies_by_holding(&plan.options.fixed, |fixed| plan.judge(fixed).is_ok());
-            let shown = remedy_by_showing(&plan.geometry(&plan.options), &weakness);
-            weakness.remedies.extend(shown);
-            Err(Error::WeakGeometry(weakness))
+            let shown = remedy_by_showing(&plan.conditioning(&plan.options), &ill_conditioning);
+            ill_conditioning.remedies.extend(shown);
+            Err(Error::IllConditioned(ill_conditioning))
         }
         Err(other) => Err(other),
     }
@@ -184,8 +184,8 @@ impl Plan {
         })
     }
 
-    fn geometry<'a>(&'a self, options: &'a Options) -> Geometry<'a, Brown> {
-        Geometry {
+    fn conditioning<'a>(&'a self, options: &'a Options) -> Conditioning<'a, Brown> {
+        Conditioning {
             view: &self.view,
             planes: &self.seen,
             size: self.size,
@@ -209,9 +209,9 @@ impl Plan {
         };
         let free = options.free_parameters();
         let system = self.system(&judged_parameters(&free))?;
-        self.geometry(&options)
+        self.conditioning(&options)
             .judge(&system, &free, 1.0)
-            .map_err(|weakness| Error::WeakGeometry(Box::new(weakness)))
+            .map_err(|ill_conditioning| Error::IllConditioned(Box::new(ill_conditioning)))
     }
 
     fn prediction(&self) -> Result<Prediction, Error> {
@@ -279,7 +279,7 @@ fn photographed(
     Ok(ObservedPlane {
         image: 0,
         figures,
-        relief: None,
+        board_relief: None,
     })
 }
 
@@ -322,8 +322,8 @@ fn side(
     Ok(Side {
         line,
         samples,
-        drift: Vec::new(),
-        set_aside: false,
+        tone_drift: Vec::new(),
+        is_outlier: false,
     })
 }
 
@@ -394,12 +394,16 @@ mod tests {
             };
             predict(&scene.camera, scene.size, planes, NOISE, &options)
         };
-        let Err(Error::WeakGeometry(weakness)) = try_plan(&plan(&scene), Fixed::default()) else {
+        let Err(Error::IllConditioned(ill_conditioning)) =
+            try_plan(&plan(&scene), Fixed::default())
+        else {
             panic!("parallel squares were not refused");
         };
         assert!(
-            weakness.remedies.contains(&Remedy::FixPrincipalPoint),
-            "{weakness}"
+            ill_conditioning
+                .remedies
+                .contains(&Remedy::FixPrincipalPoint),
+            "{ill_conditioning}"
         );
         let held = Fixed {
             principal_point: true,

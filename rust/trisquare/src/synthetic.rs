@@ -156,7 +156,7 @@ fn random_camera(rng: &mut StdRng, options: SceneOptions) -> Brown {
         let far = 1.05;
         let monotonic = options.size.corners().iter().all(|c| {
             let stretched = centre + (c - centre) * far;
-            camera.sight(&stretched).is_some()
+            camera.unproject_with_jacobian(&stretched).is_some()
         });
         if monotonic {
             return camera;

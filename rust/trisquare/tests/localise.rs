@@ -452,7 +452,7 @@ proptest::proptest! {
     fn nothing_panics_and_nothing_is_nan(
         seed in 0_u64..1000,
         points in proptest::collection::vec((-60.0..120.0_f64, -60.0..120.0_f64), 2..6),
-        rise in -1.0..1.0_f64,
+        polarity in -1.0..1.0_f64,
     ) {
         let mut noise = Noise(seed);
         let values = (0..60 * 60).map(|index| {
@@ -461,7 +461,7 @@ proptest::proptest! {
         }).collect();
         let picture = Picture::from_u8(60, 60, 1, values).unwrap();
         let path = points.iter().map(|&(x, y)| Vector2::new(x, y)).collect();
-        let span = EdgeSpan { bounds: [Some(1), Some(0)], ..EdgeSpan::new(path, rise) };
+        let span = EdgeSpan { bounds: [Some(1), Some(0)], ..EdgeSpan::new(path, polarity) };
         let other = EdgeSpan { bounds: [Some(0), None], ..EdgeSpan::new(vec![Vector2::new(26.0, 5.0), Vector2::new(26.0, 50.0)], -1.0) };
         for edges in localise(&picture, &[span, other], Tone::Srgb).into_iter().flatten() {
             let sound = edges.std.iter().all(|std| *std > 0.0 && std.is_finite());

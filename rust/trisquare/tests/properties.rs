@@ -198,8 +198,8 @@ proptest! {
         if let Some(ray) = lens.unproject(&pixel) {
             prop_assert!((ray.norm() - 1.0).abs() < 1e-12, "{ray}");
         }
-        if let Some(sight) = lens.sight(&pixel) {
-            prop_assert!(sight.ideal().iter().all(|v| v.is_finite()));
+        if let Some(pixel_ray) = lens.unproject_with_jacobian(&pixel) {
+            prop_assert!(pixel_ray.ideal().iter().all(|v| v.is_finite()));
         }
         prop_assert!(!lens.valid_radius().is_nan());
     }

@@ -41,13 +41,13 @@ fn gamma_and_edges_are_found_within_their_deviations() {
             gammas += (error / estimate.effective_gamma_std()).powi(2);
 
             let bias = Statistics::of(&offsets(&square(degrees), &edges)).bias;
-            let drifts = edges.iter().flat_map(|side| &side.drift);
+            let drifts = edges.iter().flat_map(|side| &side.tone_drift);
             let count = edges.iter().map(|side| side.points.len()).sum::<usize>() as f64;
-            let drift = drifts.map(|drift| drift.norm()).sum::<f64>() / count;
+            let tone_drift = drifts.map(|tone_drift| tone_drift.norm()).sum::<f64>() / count;
             // One square tells less than three, but twice what is usual of cameras.
             assert!(estimate.effective_gamma_std() < 0.25 * gamma, "{tone:?}");
-            assert!(drift > 0.002, "{tone:?}: {drift}");
-            shifts += (bias / drift).powi(2);
+            assert!(tone_drift > 0.002, "{tone:?}: {tone_drift}");
+            shifts += (bias / tone_drift).powi(2);
         }
         // Four squares of normal errors sum to more than 18.5 once in a thousand times.
         assert!(
@@ -68,10 +68,10 @@ fn drift_points_to_the_dark_everywhere() {
     let corners = square(17.0).corners();
     for (side, edges) in edges.iter().enumerate() {
         let along = (corners[(side + 1) % 4] - corners[side]).normalize();
-        for drift in &edges.drift {
+        for tone_drift in &edges.tone_drift {
             // The inside is dark, to the right of a clockwise path.
-            assert!(along.perp(drift) > 0.0);
-            assert!(along.dot(drift).abs() < 0.1 * drift.norm());
+            assert!(along.perp(tone_drift) > 0.0);
+            assert!(along.dot(tone_drift).abs() < 0.1 * tone_drift.norm());
         }
     }
 }
@@ -86,8 +86,8 @@ fn clipped_sides_tell_nothing() {
     let (edges, estimate) = measured(&picture(&camera, 31.0, 5), 31.0);
     assert_eq!(estimate.sides, 0);
     let shift = estimate.shift_std.unwrap();
-    for drift in edges.iter().flat_map(|side| &side.drift) {
-        assert!(drift.norm() >= shift);
+    for tone_drift in edges.iter().flat_map(|side| &side.tone_drift) {
+        assert!(tone_drift.norm() >= shift);
     }
 }
 

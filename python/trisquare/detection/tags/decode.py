@@ -47,7 +47,7 @@ MAX_FALSE_ALARMS = 1e-2
 """Dictionaries that chance may make believed, per picture."""
 
 
-def recognise(
+def decode_tags(
     grey: NDArray[np.uint8], corners: FloatArray, steps: FloatArray, search: TagSearch
 ) -> list[Tag | None]:
     """Tell which quads are tags.

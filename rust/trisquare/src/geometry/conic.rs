@@ -85,7 +85,7 @@ impl KnownIntrinsics {
 ///
 /// # Errors
 /// [`Error::NotEnoughPlanes`], [`Error::UndeterminedConic`] (parallel planes) or
-/// [`Error::IndefiniteConic`] (planes that contradict each other).
+/// [`Error::IndefiniteConic`] (planes that disagree).
 pub fn camera_matrix_from_homographies(
     homographies: &[Matrix3<f64>],
 ) -> Result<Matrix3<f64>, Error> {

@@ -7,6 +7,12 @@ use crate::error::Error;
 /// Columns of a homography whose lengths differ by more show no plane in any picture.
 const MAX_STRETCH: f64 = 1e8;
 
+/// Sine of an angle that is rounding: columns that span no plane, or a plane seen edge-on.
+const FLAT: f64 = 1e-12;
+
+/// Distance of the plane's origin, in the plane's unit, beyond which no picture shows the unit.
+const FARTHEST: f64 = 1e12;
+
 /// Sweeps of the 3 x 3 singular value decomposition; a handful suffice.
 const MAX_SVD_SWEEPS: usize = 100;
 
@@ -28,7 +34,8 @@ impl Pose {
     /// nearest to `[r1 r2 r1 x r2]` in the Frobenius norm (Zhang, IEEE PAMI 22 (2000), appendix C).
     ///
     /// # Errors
-    /// [`Error::DegenerateHomography`] if the homography is singular.
+    /// [`Error::DegenerateHomography`] if the homography is singular, or shows a plane through the
+    /// camera's centre or at no finite distance.
     pub fn from_homography(
         camera_matrix: &Matrix3<f64>,
         homography: &Matrix3<f64>,
@@ -51,7 +58,14 @@ impl Pose {
         if stretched || !translation.iter().all(|v| v.is_finite()) {
             return Err(singular());
         }
-        let near = Matrix3::from_columns(&[r1, r2, r1.cross(&r2)]);
+        let (normal, distance) = (r1.cross(&r2), translation.norm());
+        let depth = (columns * witness.push(1.0)).z * scale;
+        // Written so that NaN is refused, too.
+        let spans = normal.norm() > FLAT && normal.dot(&translation).abs() > FLAT * distance;
+        if !(spans && depth > 0.0 && (1.0 / FARTHEST..FARTHEST).contains(&distance)) {
+            return Err(singular());
+        }
+        let near = Matrix3::from_columns(&[r1, r2, normal]);
         let svd = near
             .try_svd(true, true, f64::EPSILON, MAX_SVD_SWEEPS)
             .ok_or_else(singular)?;
@@ -127,6 +141,34 @@ mod tests {
         }
         let singular = Matrix3::zeros();
         assert!(Pose::from_homography(&camera_matrix, &singular, &Vector2::zeros()).is_err());
+    }
+
+    #[test]
+    fn a_homography_that_shows_no_plane_is_refused() {
+        let (camera_matrix, pose) = example();
+        let columns = |a: Vector3<f64>, b: Vector3<f64>, t: Vector3<f64>| {
+            let homography = camera_matrix * Matrix3::from_columns(&[a, b, t]);
+            Pose::from_homography(&camera_matrix, &homography, &Vector2::zeros())
+        };
+        let [r1, r2] = [0, 1].map(|i| pose.rotation.column(i).into_owned());
+        let t = pose.translation;
+        assert!(columns(r1, r2, t).is_ok());
+        let singular = [
+            (r1, r2, t * 0.0),
+            (r1, r2, t * 1e-300),
+            (r1, r2, t * 1e300),
+            (r1, r2, r1 + r2),
+            (r1, r2, Vector3::new(1.0, 0.0, 0.0)),
+            (r1, r1 * 2.0, t),
+            (r1, r2 * 0.0, t),
+            (r1 * 1e-200, r2 * 1e-200, t),
+            (r1 * f64::NAN, r2, t),
+        ];
+        for (a, b, t) in singular {
+            let found = columns(a, b, t);
+            let refused = matches!(found, Err(Error::DegenerateHomography { .. }));
+            assert!(refused, "{a} {b} {t}: {found:?}");
+        }
     }
 
     #[test]

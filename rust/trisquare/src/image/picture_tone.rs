@@ -51,7 +51,7 @@ pub(crate) struct PictureState {
 /// where it points.
 pub(crate) struct PicturePrior {
     pub information: [f64; PICTURE_PARAMETERS],
-    pub pull: [f64; PICTURE_PARAMETERS],
+    pub gradient: [f64; PICTURE_PARAMETERS],
 }
 
 impl PictureState {
@@ -84,7 +84,7 @@ impl PictureState {
     pub fn prior(&self) -> PicturePrior {
         let mut prior = PicturePrior {
             information: [1.0; PICTURE_PARAMETERS],
-            pull: [0.0; PICTURE_PARAMETERS],
+            gradient: [0.0; PICTURE_PARAMETERS],
         };
         match self.given {
             PictureTone::Known(_) => {}
@@ -92,13 +92,13 @@ impl PictureState {
                 if let Some(power) = self.power() {
                     let usual = TonePrior::at(&power);
                     prior.information[..TONE_PARAMETERS].copy_from_slice(&usual.information);
-                    prior.pull[..TONE_PARAMETERS].copy_from_slice(&usual.pull);
+                    prior.gradient[..TONE_PARAMETERS].copy_from_slice(&usual.gradient);
                 }
             }
             PictureTone::Shifted(_, std) => {
                 let information = 1.0 / (std * std);
                 prior.information[TONE_PARAMETERS] = information;
-                prior.pull[TONE_PARAMETERS] = -information * self.shift;
+                prior.gradient[TONE_PARAMETERS] = -information * self.shift;
             }
         }
         prior

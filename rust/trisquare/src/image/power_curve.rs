@@ -35,7 +35,7 @@ pub(crate) struct TonePrior {
     /// Of the logarithm of gamma, and of the toe.
     pub information: Sensitivity,
     /// Information times the way from the curve to [`USUAL`].
-    pub pull: Sensitivity,
+    pub gradient: Sensitivity,
 }
 
 impl TonePrior {
@@ -44,7 +44,7 @@ impl TonePrior {
         let information = USUAL_STD.map(|std| 1.0 / (std * std));
         Self {
             information,
-            pull: std::array::from_fn(|i| information[i] * way[i]),
+            gradient: std::array::from_fn(|i| information[i] * way[i]),
         }
     }
 }
@@ -119,7 +119,8 @@ impl PowerCurve {
     /// The point of the power part from which a light is reached: itself, but for the straight
     /// pieces below the knee and beyond 1.
     fn tangent_at(&self, linear: f64) -> Tangent {
-        // Where `power` is the slope times the light: gamma (1 + o) power - gamma o = (1 + o) power.
+        // Where `power` is the slope times the light: gamma (1 + o) power - gamma o = (1 + o)
+        // power.
         let power = (self.toe * self.gamma / (1.0 + self.offset())).clamp(0.0, 1.0);
         let knee = power.powf(self.gamma);
         if linear <= knee && knee > GAMMA_FLOOR {

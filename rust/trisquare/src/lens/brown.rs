@@ -25,7 +25,7 @@ pub struct Brown {
 
 /// A pixel followed back to its ideal point, with what its derivatives need.
 #[derive(Debug, Clone, Copy)]
-pub struct BrownSight {
+pub struct BrownPixelRay {
     ideal: Vector2<f64>,
     distorted: Vector2<f64>,
     square: f64,
@@ -33,7 +33,7 @@ pub struct BrownSight {
     inverse_transpose: Matrix2<f64>,
 }
 
-impl BrownSight {
+impl BrownPixelRay {
     /// The ideal normalised image point `(x, y)`.
     pub fn ideal(&self) -> Vector2<f64> {
         self.ideal
@@ -142,7 +142,7 @@ pub(super) fn adjugate(m: &Matrix2<f64>) -> Matrix2<f64> {
 }
 
 impl Lens for Brown {
-    type Sight = BrownSight;
+    type PixelRay = BrownPixelRay;
 
     fn parameter_names() -> &'static [&'static str] {
         &NAMES
@@ -165,12 +165,12 @@ impl Lens for Brown {
         (inside && is_finite(&pixel)).then_some(pixel)
     }
 
-    fn sight(&self, pixel: &Vector2<f64>) -> Option<BrownSight> {
+    fn unproject_with_jacobian(&self, pixel: &Vector2<f64>) -> Option<BrownPixelRay> {
         let distorted = (pixel - self.principal_point()).component_mul(&self.inverse_focal);
         let ideal = self.undistort(&distorted)?;
         let square = ideal.norm_squared();
         let jacobian = self.distortion_jacobian(&ideal, square);
-        Some(BrownSight {
+        Some(BrownPixelRay {
             ideal,
             distorted,
             square,
@@ -180,17 +180,22 @@ impl Lens for Brown {
     }
 
     fn unproject(&self, pixel: &Vector2<f64>) -> Option<Vector3<f64>> {
-        Some(self.sight(pixel)?.ideal.push(1.0).normalize())
+        Some(
+            self.unproject_with_jacobian(pixel)?
+                .ideal
+                .push(1.0)
+                .normalize(),
+        )
     }
 
     fn valid_radius(&self) -> f64 {
         self.valid_radius
     }
 
-    fn line_distance(&self, sight: &BrownSight, line: &Vector3<f64>) -> f64 {
-        let pulled = sight.inverse_transpose * line.xy();
+    fn line_distance(&self, pixel_ray: &BrownPixelRay, line: &Vector3<f64>) -> f64 {
+        let pulled = pixel_ray.inverse_transpose * line.xy();
         let gradient = pulled.component_mul(&self.inverse_focal);
-        (line.xy().dot(&sight.ideal) + line.z) / gradient.norm()
+        (line.xy().dot(&pixel_ray.ideal) + line.z) / gradient.norm()
     }
 
     /// With `u` the ideal point, `J = du_d/du`, `q = J^-T (l1, l2)` and `G = q / f`, the distance
@@ -200,17 +205,17 @@ impl Lens for Brown {
     /// `q . u_d`, differentiated by the parameter, plus its Hessian times `du`.
     fn line_distance_jacobian(
         &self,
-        sight: &BrownSight,
+        pixel_ray: &BrownPixelRay,
         line: &Vector3<f64>,
         wanted: Columns,
     ) -> LineDistance {
         let [.., p1, p2] = self.parameters;
-        let BrownSight {
+        let BrownPixelRay {
             ideal: u,
             distorted,
             square: s,
             inverse_transpose,
-        } = *sight;
+        } = *pixel_ray;
         let q = inverse_transpose * line.xy();
         let gradient = q.component_mul(&self.inverse_focal);
         let inverse_norm = 1.0 / gradient.norm();

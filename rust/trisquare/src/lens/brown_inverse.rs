@@ -30,9 +30,9 @@ const RIM: f64 = 0.99;
 /// Halvings of a Newton step that leads astray.
 const MAX_HALVINGS: usize = 10;
 
-/// Error of an inverse (normalised) that is no answer: beyond the rim, shortened steps stop
-/// short of the observed point.
-const ARRIVED: f64 = 1e-12;
+/// Error of an inverse, relative to the observed point, that is no answer: beyond the rim, shortened
+/// steps stop short of it, and where the distortion grows steeply, small steps leave more.
+const ARRIVED: f64 = 1e-13;
 
 impl Brown {
     /// Inverts the distortion; `None` beyond the valid radius.
@@ -71,10 +71,18 @@ impl Brown {
             let (step, slope, _) = self.ratio_step(ratio, square)?;
             ratio += step;
             if step.abs() < NEWTON_STEP_TOLERANCE * ratio.min(1.0) * slope.min(1.0) {
-                return (ratio * ratio * observed_square <= limit).then_some(ratio);
+                let square = ratio * ratio * observed_square;
+                if self.has_arrived(ratio, square) {
+                    return (square <= limit).then_some(ratio);
+                }
             }
         }
         None
+    }
+
+    /// Whether a ratio leads back to the observed radius.
+    fn has_arrived(&self, ratio: f64, square: f64) -> bool {
+        (1.0 - ratio * self.radial_factor(square)).abs() <= ARRIVED
     }
 
     /// Newton's step of the ratio, the slope there, and what is missing from the observed radius.
@@ -121,7 +129,8 @@ impl Brown {
                 break;
             }
         }
-        Some(ratio)
+        self.has_arrived(ratio, ratio * ratio * observed_square)
+            .then_some(ratio)
     }
 
     /// Newton's method on both coordinates, from the inverse of the radial part.
@@ -159,9 +168,9 @@ impl Brown {
                 if error.norm() > ROUNDING * distorted.norm() {
                     (ideal, error) = self.polished(distorted, ideal, error);
                 }
-                let inside = ideal.norm() <= self.valid_radius;
-                let arrived = error.norm() < ARRIVED * (1.0 + distorted.norm());
-                return (inside && arrived).then_some(ideal);
+                if error.norm() <= ARRIVED * distorted.norm() {
+                    return (ideal.norm() <= self.valid_radius).then_some(ideal);
+                }
             }
         }
         None

@@ -14,7 +14,7 @@ mod turned_lenses;
 mod undistorted_view;
 mod undistortion_map;
 
-pub use brown::{Brown, BrownSight};
+pub use brown::{Brown, BrownPixelRay};
 pub use distortion::{Distortion, DistortionTerm};
 pub use families::{LensFamily, NearestLens};
 pub(crate) use radial::{forward_coefficients, sign_changes};
@@ -67,7 +67,7 @@ impl Columns {
 /// What the refinement needs to know of a lens.
 pub trait Lens: Clone + Send + Sync {
     /// What is known of a pixel once its ray has been found.
-    type Sight: Copy;
+    type PixelRay: Copy;
 
     /// Names of the parameters, in the order of the Jacobian's columns.
     fn parameter_names() -> &'static [&'static str];
@@ -83,7 +83,7 @@ pub trait Lens: Clone + Send + Sync {
     fn project(&self, point: &Vector3<f64>) -> Option<Vector2<f64>>;
 
     /// Follows a pixel back; `None` where the distortion is not invertible.
-    fn sight(&self, pixel: &Vector2<f64>) -> Option<Self::Sight>;
+    fn unproject_with_jacobian(&self, pixel: &Vector2<f64>) -> Option<Self::PixelRay>;
 
     /// The unit ray along which a pixel looks; `None` where the distortion is not invertible.
     fn unproject(&self, pixel: &Vector2<f64>) -> Option<Vector3<f64>>;
@@ -91,13 +91,13 @@ pub trait Lens: Clone + Send + Sync {
     /// The ideal radius (tangent of the field angle) up to which the distortion is monotonic.
     fn valid_radius(&self) -> f64;
 
-    /// Signed distance in pixels of a sighted pixel to the image of the line `l`.
-    fn line_distance(&self, sight: &Self::Sight, line: &Vector3<f64>) -> f64;
+    /// Signed distance in pixels of a pixel with its ray to the image of the line `l`.
+    fn line_distance(&self, pixel_ray: &Self::PixelRay, line: &Vector3<f64>) -> f64;
 
     /// The same with its derivatives; columns that are not wanted may be left zero.
     fn line_distance_jacobian(
         &self,
-        sight: &Self::Sight,
+        pixel_ray: &Self::PixelRay,
         line: &Vector3<f64>,
         wanted: Columns,
     ) -> LineDistance;
@@ -125,10 +125,13 @@ mod tests {
             Vector2::new(1200.0, 900.0),
         ] {
             let distance = |lens: &Brown, line: &Vector3<f64>| {
-                lens.line_distance(&lens.sight(&pixel).unwrap(), line)
+                lens.line_distance(&lens.unproject_with_jacobian(&pixel).unwrap(), line)
             };
-            let jacobian =
-                lens.line_distance_jacobian(&lens.sight(&pixel).unwrap(), &line, Columns::ALL);
+            let jacobian = lens.line_distance_jacobian(
+                &lens.unproject_with_jacobian(&pixel).unwrap(),
+                &line,
+                Columns::ALL,
+            );
             let alone = distance(&lens, &line);
             assert!((jacobian.value - alone).abs() < 1e-13 * alone.abs());
             for i in 0..3 {
@@ -169,7 +172,8 @@ mod tests {
         let line = a.cross(&b);
         for i in 0..=10 {
             let pixel = lens.project(&a.lerp(&b, f64::from(i) / 10.0)).unwrap();
-            let distance = lens.line_distance(&lens.sight(&pixel).unwrap(), &line);
+            let distance =
+                lens.line_distance(&lens.unproject_with_jacobian(&pixel).unwrap(), &line);
             assert!(distance.abs() < 1e-10, "{distance}");
         }
     }

@@ -53,9 +53,11 @@ impl Brown {
         })
     }
 
-    /// The distance from the principal point, in pixels, within which every pixel can be undistorted.
+    /// The distance from the principal point, in pixels, within which every pixel can be
+    /// undistorted.
     ///
-    /// The image of the disc of valid radius `R` reaches at least `R (1 + k1 R^2 + ...) - 3 |q| R^2`,
+    /// The image of the disc of valid radius `R` reaches at least `R (1 + k1 R^2 + ...) - 3 |q|
+    /// R^2`,
     /// `q = (p2, p1)`, in every direction; the smaller focal length makes it pixels.
     pub fn valid_pixel_radius(&self) -> f64 {
         let radius = self.valid_radius();
@@ -71,7 +73,7 @@ impl Brown {
 
     /// The ideal normalised point seen at a pixel; `None` where the distortion is not invertible.
     pub fn ideal_point(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
-        self.sight(pixel).map(|sight| sight.ideal())
+        self.unproject_with_jacobian(pixel).map(|ray| ray.ideal())
     }
 
     pub(crate) fn of_all<P, Q>(

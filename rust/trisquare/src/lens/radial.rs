@@ -40,9 +40,9 @@ pub fn monotonic_radius([k1, k2, k3]: [f64; 3]) -> f64 {
 /// The largest radius up to which Brown's distortion is monotonic in the plane; may be infinite.
 ///
 /// The distortion is the gradient of a function of the ideal point, and its Jacobian symmetric.
-/// Where that is positive definite all over a disc, `(d(u) - d(v)) . (u - v) > 0` for any two of its
-/// points: no two of them are seen in one place. In the direction of the point and across it the
-/// radial part has the eigenvalues `B = 1 + 3 k1 s + 5 k2 s^2 + 7 k3 s^3` and
+/// Where that is positive definite all over a disc, `(d(u) - d(v)) . (u - v) > 0` for any two of
+/// its points: no two of them are seen in one place. In the direction of the point and across it
+/// the radial part has the eigenvalues `B = 1 + 3 k1 s + 5 k2 s^2 + 7 k3 s^3` and
 /// `A = 1 + k1 s + k2 s^2 + k3 s^3`; the tangential part, `s q + 2 u (q . u)` with `q = (p2, p1)`,
 /// adds eigenvalues between `-6 |q| r` and `6 |q| r`, the lowest along the point opposite to `q`.
 /// The radius ends where `A` or `B` is down to `6 |q| r`: exact for lenses that compress toward
@@ -185,7 +185,8 @@ mod tests {
         assert_eq!(monotonic_radius([-0.1, 0.2, 0.0]), f64::INFINITY);
     }
 
-    /// The smaller eigenvalue of the Jacobian of Brown's distortion, by the formula of the potential.
+    /// The smaller eigenvalue of the Jacobian of Brown's distortion, by the formula of the
+    /// potential.
     fn smallest_eigenvalue(k: [f64; 3], p: [f64; 2], x: f64, y: f64) -> f64 {
         let s = x * x + y * y;
         let factor = 1.0 + s * (k[0] + s * (k[1] + s * k[2]));

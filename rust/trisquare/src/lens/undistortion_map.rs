@@ -91,6 +91,9 @@ fn rounded(point: &Vector2<f64>) -> ([i16; 2], u16) {
 /// stack of rising bars gives the largest rectangle under each, in time linear in the pixels. All
 /// zeros where nothing is set.
 pub fn largest_rectangle(mask: &[bool], width: usize) -> [usize; 4] {
+    if width > mask.len() {
+        return [0; 4];
+    }
     let mut heights = vec![0; width];
     let mut best = [0; 4];
     let mut rising: Vec<(usize, usize)> = Vec::new(); // where a bar's height begins, and it

@@ -36,7 +36,7 @@ impl Undistortion {
         let curves: Vec<Vec<Vector2<f64>>> = planes
             .iter()
             .flat_map(ObservedPlane::sides)
-            .filter(|side| !side.set_aside)
+            .filter(|side| !side.is_outlier)
             .map(|side| side.samples.iter().map(|s| s.pixel).collect())
             .collect();
         // Where the refinement follows, it finds the centre itself.
@@ -52,7 +52,7 @@ impl Undistortion {
         match self {
             Self::Straightened(straightening) => straightening.undistort(pixel),
             Self::Known(camera) => {
-                let ideal = camera.sight(pixel)?.ideal();
+                let ideal = camera.unproject_with_jacobian(pixel)?.ideal();
                 Some(ideal.component_mul(&camera.focal()) + camera.principal_point())
             }
         }

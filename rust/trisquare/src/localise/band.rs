@@ -4,7 +4,7 @@ use nalgebra::Vector2;
 
 use super::curve::Curve;
 use super::flip::Flip;
-use super::grid_crossings::Crossings;
+use super::grid_crossings::GridCrossings;
 use crate::image::GreyReader;
 
 /// Columns whose far pixels are averaged into one.
@@ -37,14 +37,14 @@ impl Pixel {
 }
 
 /// A neighbouring side's curve: pixels nearer than `clearance`, or beyond it, are not used.
-pub(super) struct Fence<'a> {
+pub(super) struct SearchLimit<'a> {
     pub curve: &'a Curve,
     /// +1 if this side lies where the distance from the curve is positive, else -1.
     pub side: f64,
     pub clearance: f64,
 }
 
-impl Fence<'_> {
+impl SearchLimit<'_> {
     fn keeps(&self, point: Vector2<f64>) -> bool {
         self.curve.is_beyond(point, self.side, self.clearance)
     }
@@ -62,11 +62,11 @@ pub(super) struct Band<'a> {
     pub reach: [f64; 2],
     /// Range of `x` along the chord, pixels.
     pub ends: [f64; 2],
-    pub fences: Vec<Fence<'a>>,
+    pub limits: Vec<SearchLimit<'a>>,
     /// Ranges of `s` where something else hides the edge.
     pub hidden: &'a [[f64; 2]],
     /// Lines that cross this one and exchange light and dark.
-    pub crossings: Option<&'a Crossings>,
+    pub crossings: Option<&'a GridCrossings>,
     /// Take only every so many columns (or rows, of a steep side).
     pub stride: usize,
 }
@@ -128,8 +128,8 @@ impl Band<'_> {
     ) {
         let curve = &self.curve;
         let bottom = top + greys.len() - 1;
-        let fenced = !self.fences.iter().all(|fence| {
-            fence.keeps(column.place(top as f64)) && fence.keeps(column.place(bottom as f64))
+        let limited = !self.limits.iter().all(|limit| {
+            limit.keeps(column.place(top as f64)) && limit.keeps(column.place(bottom as f64))
         });
         let ends = self.ends.map(|x| x / curve.half_length);
         let near = self.near * column.per_pixel;
@@ -153,7 +153,7 @@ impl Band<'_> {
             if s < ends[0] || s > ends[1] || !value.is_finite() {
                 continue;
             }
-            if fenced && !self.fences.iter().all(|f| f.keeps(column.place(row))) {
+            if limited && !self.limits.iter().all(|f| f.keeps(column.place(row))) {
                 continue;
             }
             let below = row - column.centre;

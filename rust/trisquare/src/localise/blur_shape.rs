@@ -7,7 +7,7 @@
 use super::band::Pixel;
 use super::blur::{BlurShape, MOST};
 use super::pixel_noise::{robust_cost, robust_weight};
-use super::side::{SETTLED, Side};
+use super::side::{LAST_STEP, Side};
 use crate::image::ToneCurve;
 
 /// Blurs (px) that are mostly the pixel's own box and the lens, and taken as normal.
@@ -22,8 +22,8 @@ const STEP: f64 = 0.08;
 /// Steps of the side's fit for each trial, and rounds of it and the blur's slope.
 const TRIAL_STEPS: usize = 4;
 const SLOPE_ROUNDS: usize = 2;
-/// The blur of a side bent by 30 degrees between its ends, seen at 45 degrees to the motion, changes
-/// by a quarter to either end.
+/// The blur of a side bent by 30 degrees between its ends, seen at 45 degrees to the motion,
+/// changes by a quarter to either end.
 const MAX_SLOPE: f64 = 0.4;
 
 impl Side {
@@ -63,11 +63,11 @@ impl Side {
             shape: BlurShape::with_square(square),
             ..self.clone()
         };
-        side.fit(tone, pixels, noise, (TRIAL_STEPS, SETTLED));
+        side.fit(tone, pixels, noise, (TRIAL_STEPS, LAST_STEP));
         if square > 0.0 {
             for _ in 0..SLOPE_ROUNDS {
                 side.fit_blur_slope(tone, pixels, noise);
-                side.fit(tone, pixels, noise, (TRIAL_STEPS, SETTLED));
+                side.fit(tone, pixels, noise, (TRIAL_STEPS, LAST_STEP));
             }
         }
         let inverse_variance = 1.0 / (noise * noise);
@@ -128,9 +128,9 @@ struct Trial {
 /// Where the parabola through three points, the middle one the lowest, is lowest.
 fn lowest([(x0, y0), (x1, y1), (x2, y2)]: [(f64, f64); 3]) -> Option<f64> {
     let (before, after) = ((y1 - y0) / (x1 - x0), (y2 - y1) / (x2 - x1));
-    let bend = (after - before) / (x2 - x0);
-    let place = 0.5 * (x0 + x1) - 0.5 * before / bend;
-    (bend > 0.0 && x0 <= place && place <= x2).then_some(place)
+    let curvature = (after - before) / (x2 - x0);
+    let place = 0.5 * (x0 + x1) - 0.5 * before / curvature;
+    (curvature > 0.0 && x0 <= place && place <= x2).then_some(place)
 }
 
 #[cfg(test)]

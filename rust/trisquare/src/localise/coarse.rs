@@ -7,7 +7,7 @@ use super::span::{EdgeSpan, NoEdge};
 use crate::image::GreyReader;
 
 /// How an edge is looked at.
-struct Sight {
+struct PixelRay {
     /// Distance between profiles, pixels.
     spacing: f64,
     /// Lines of pixels along the spacing whose mean is a profile.
@@ -20,7 +20,7 @@ struct Sight {
 
 /// At first, few lines and a short filter: long enough to average noise, short enough to keep the
 /// two sides of a thin frame apart.
-const SHARP: Sight = Sight {
+const SHARP: PixelRay = PixelRay {
     spacing: 6.0,
     lines: 1,
     filter: 2,
@@ -28,7 +28,7 @@ const SHARP: Sight = Sight {
 };
 /// Where that finds no edge, because it is blurred by several pixels or drowned in noise, all
 /// pixels: a blur of 4 pixels rises 1.9 times as much over 5 pixels as over 2.
-const BLUNT: Sight = Sight {
+const BLUNT: PixelRay = PixelRay {
     spacing: 12.0,
     lines: 8,
     filter: 5,
@@ -38,7 +38,7 @@ const BLUNT: Sight = Sight {
 const PROFILES: std::ops::RangeInclusive<usize> = 5..=100;
 /// How far from the path the edge may be, pixels: the 4 that are promised, and some slack.
 const REACH: i32 = 6;
-/// The longest filter of all sights, and the samples that it asks for.
+/// The longest filter of all, and the samples that it asks for.
 const LONGEST_FILTER: i32 = BLUNT.filter;
 const MOST_SAMPLES: usize = (2 * (REACH + LONGEST_FILTER) + 1) as usize;
 /// Legs of a coarse path are cut into pieces of this length, pixels.
@@ -111,18 +111,18 @@ fn seen(
     reader: &GreyReader<'_>,
     path: &Curve,
     span: &EdgeSpan,
-    sight: &Sight,
+    pixel_ray: &PixelRay,
 ) -> Result<CoarseEdge, NoEdge> {
     let count =
-        ((path.length() / sight.spacing) as usize).clamp(*PROFILES.start(), *PROFILES.end());
+        ((path.length() / pixel_ray.spacing) as usize).clamp(*PROFILES.start(), *PROFILES.end());
     let end = 1.0 - (END_MARGIN / path.half_length).min(2.0 * END_MARGIN_SHARE);
     let mut stations = Vec::with_capacity(count);
     let mut rises = Vec::with_capacity(count);
     for index in 0..count {
         let s = end * (2.0 * index as f64 / (count - 1) as f64 - 1.0);
-        if let Some(profile) = sight.profile(reader, path, s) {
+        if let Some(profile) = pixel_ray.profile(reader, path, s) {
             stations.push(s);
-            rises.extend(sight.steepest(&profile, path, s, span));
+            rises.extend(pixel_ray.steepest(&profile, path, s, span));
         }
     }
     let inside = stations.len();
@@ -203,7 +203,7 @@ fn path_curve(path: &[Vector2<f64>]) -> Option<Curve> {
     Some(curve)
 }
 
-impl Sight {
+impl PixelRay {
     /// Grey values every pixel along the normal at `s`, or `None` where they leave the picture.
     fn profile(&self, reader: &GreyReader<'_>, path: &Curve, s: f64) -> Option<Profile> {
         let mut values = [0.0; MOST_SAMPLES];
@@ -231,7 +231,7 @@ impl Sight {
             let difference: f64 = (1..=self.filter)
                 .map(|step| at(t + step) - at(t - step))
                 .sum();
-            span.rise.signum() * difference
+            span.polarity.signum() * difference
         };
         let best = (-REACH..=REACH).max_by(|&a, &b| strength(a).total_cmp(&strength(b)))?;
         let peak = strength(best);
@@ -249,8 +249,8 @@ impl Sight {
         let (_, y) = path.local(path.point(s, offset));
         let plateau = |t: i32| at(t.clamp(-self.reach(), self.reach()));
         let [before, after] = span
-            .room
-            .map(|room| f64::from(self.plateau).min(room).max(1.0) as i32);
+            .margin
+            .map(|margin| f64::from(self.plateau).min(margin).max(1.0) as i32);
         Some(Rise {
             s,
             y,

@@ -28,8 +28,8 @@ pub(super) fn corrected(
         .map_or_else(Matrix2::zeros, |f| f.l());
     let mut gram = Matrix2::zeros();
     for measured in found() {
-        for (drift, std) in measured.drifts().iter().zip(&measured.edges.std) {
-            let deviation = deviations.tr_mul(&drift.by_tone) / *std;
+        for (tone_drift, std) in measured.drifts().iter().zip(&measured.edges.std) {
+            let deviation = deviations.tr_mul(&tone_drift.by_tone) / *std;
             gram += deviation * deviation.transpose();
         }
     }
@@ -73,13 +73,13 @@ struct Drift {
 }
 
 impl Measured {
-    /// The normal points to the light where the rise is positive; a tone curve, too, moves the
+    /// The normal points to the light where the contrast is positive; a tone curve, too, moves the
     /// edges to the dark or to the light, all of them alike.
     fn to_dark(&self) -> f64 {
         if self.is_crossed {
             0.0
         } else {
-            -self.side.rise[0].signum()
+            -self.side.contrast[0].signum()
         }
     }
 
@@ -88,7 +88,7 @@ impl Measured {
             return Vec::new();
         };
         let by_tone = share.drift();
-        let drift = |point: &Vector2<f64>| {
+        let tone_drift = |point: &Vector2<f64>| {
             let (s, _) = self.side.curve.local(*point);
             let powers = SVector::<f64, COEFFICIENTS>::from_fn(|k, _| s.powi(k as i32));
             let across = self.side.curve.point(s, 1.0) - self.side.curve.point(s, 0.0);
@@ -99,7 +99,7 @@ impl Measured {
                 by_tone: by_tone.tr_mul(&powers) * cosine,
             }
         };
-        self.edges.points.iter().map(drift).collect()
+        self.edges.points.iter().map(tone_drift).collect()
     }
 
     fn displaced(
@@ -111,14 +111,14 @@ impl Measured {
     ) -> SpanEdges {
         let to_dark = self.to_dark();
         let drifts = self.drifts();
-        for (point, drift) in self.edges.points.iter_mut().zip(&drifts) {
-            *point += drift.normal * (drift.by_tone.dot(step) + common * to_dark);
+        for (point, tone_drift) in self.edges.points.iter_mut().zip(&drifts) {
+            *point += tone_drift.normal * (tone_drift.by_tone.dot(step) + common * to_dark);
         }
         let displacements = drifts.iter().map(|d| {
             let by_tone = d.by_tone.dot(direction);
             d.normal * by_tone.hypot(shift_std) * to_dark
         });
-        self.edges.drift = displacements.collect();
+        self.edges.tone_drift = displacements.collect();
         self.edges
     }
 }

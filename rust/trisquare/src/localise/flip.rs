@@ -1,6 +1,7 @@
 //! What lines that cross a side make of its step.
 
-/// What crossings make of a blurred step, `2 Phi(d) - 1` from -1 to 1: it times `slope`, and `shift`.
+/// What crossings make of a blurred step, `2 Phi(d) - 1` from -1 to 1: it times `slope`, and
+/// `shift`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Flip {
     /// 1 where light and dark are on the wanted sides, -1 where they are exchanged.

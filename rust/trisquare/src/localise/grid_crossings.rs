@@ -49,10 +49,10 @@ const NODES: [(f64, f64); 5] = [
 
 /// The crossings of one line in their order along it.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Crossings {
+pub(super) struct GridCrossings {
     places: Vec<Crossing>,
     /// +1 if the line's step rises, -1 if it falls.
-    rise: f64,
+    polarity: f64,
 }
 
 /// A crossing: the line that crosses, taken to be straight as far as the band reaches.
@@ -72,8 +72,8 @@ struct Crossing {
 
 /// A dark square within a light cell, white being left all round it.
 ///
-/// Its border's step is modelled, as far as it blurs into the white: `Phi` of the distances from the
-/// three sides that are near. It is as dark as the dark cells, being printed in the same ink.
+/// Its border's step is modelled, as far as it blurs into the white: `Phi` of the distances from
+/// the three sides that are near. It is as dark as the dark cells, being printed in the same ink.
 #[derive(Debug, Clone, Copy)]
 struct Marker {
     /// Sign of the distances from the line where the cell lies.
@@ -83,7 +83,7 @@ struct Marker {
     margin: f64,
 }
 
-impl Crossings {
+impl GridCrossings {
     /// As the coarse paths have them.
     pub fn coarse(spans: &[EdgeSpan], index: usize, curve: &Curve, blur: f64) -> Self {
         let span = &spans[index];
@@ -99,7 +99,7 @@ impl Crossings {
         });
         Self {
             places: places.collect(),
-            rise: span.rise.signum(),
+            polarity: span.polarity.signum(),
         }
     }
 
@@ -120,7 +120,7 @@ impl Crossings {
         });
         Self {
             places: places.collect(),
-            rise: coarse.rise,
+            polarity: coarse.polarity,
         }
     }
 
@@ -137,7 +137,7 @@ impl Crossings {
             before,
             after,
             sign,
-            rise: self.rise,
+            polarity: self.polarity,
             marker: before.zip(after).and_then(|(before, _)| before.marker),
         }
     }
@@ -148,7 +148,7 @@ pub(super) struct Between<'a> {
     before: Option<&'a Crossing>,
     after: Option<&'a Crossing>,
     sign: f64,
-    rise: f64,
+    polarity: f64,
     marker: Option<Marker>,
 }
 
@@ -163,7 +163,7 @@ impl Between<'_> {
         Flip {
             slope: self.sign * before.slope * after.slope,
             // Twice, since a step from -1 to 1 is meant.
-            shift: shift - 2.0 * self.rise * self.darkened(point, distance),
+            shift: shift - 2.0 * self.polarity * self.darkened(point, distance),
         }
     }
 
@@ -380,7 +380,7 @@ fn marker_after(spans: &[EdgeSpan], index: usize, number: usize) -> Option<Marke
     let rim = *span.rims.get(number).filter(|rim| **rim > 0.0)?;
     let ends = [*span.path.get(number)?, *span.path.get(number + 1)?];
     let along = (ends[1] - ends[0]).try_normalize(f64::MIN_POSITIVE)?;
-    let side = span.rise.signum() * span.sign(span.crossings.get(number)?.1);
+    let side = span.polarity.signum() * span.sign(span.crossings.get(number)?.1);
     let [own, across] = [side, -side].map(|side| {
         let depths = [number, number + 1]
             .into_iter()

@@ -12,8 +12,8 @@ use crate::numeric::pdf;
 /// Where, between two crossings, a line is looked at.
 const STATIONS: [f64; 3] = [0.35, 0.5, 0.65];
 /// Its shades are read so far from it, as a part of the distance to the next line, and at most so
-/// many pixels: clear of the blur, and short of a marker within the cell; where it is known how much
-/// white there is round that, half way to it.
+/// many pixels: clear of the blur, and short of a marker within the cell; where it is known how
+/// much white there is round that, half way to it.
 const SHADE_SHARE: f64 = 0.4;
 const SHADE_REACH: f64 = 3.0;
 /// Its steepest rise is looked for so far from the path, in steps of half a pixel.
@@ -26,7 +26,8 @@ const MIN_CONTRAST: f64 = 0.3;
 /// What is seen between two crossings.
 struct Stretch {
     ends: [f64; 2],
-    /// Shades on the negative side and on the other, were the rise that after the first crossing.
+    /// Shades on the negative side and on the other, were the polarity that after the first
+    /// crossing.
     shades: [f64; 2],
     slope: f64,
 }
@@ -64,7 +65,8 @@ pub(super) fn find(
     if seen.is_empty() {
         return Err(NoEdge::OutsidePicture);
     }
-    let contrast = |stretch: &Stretch| span.rise.signum() * (stretch.shades[1] - stretch.shades[0]);
+    let contrast =
+        |stretch: &Stretch| span.polarity.signum() * (stretch.shades[1] - stretch.shades[0]);
     let supporting = seen.iter().filter(|stretch| contrast(stretch) > 0.0);
     if (supporting.count() as f64) < MIN_SUPPORT * stretches {
         return Err(NoEdge::Inconsistent);
@@ -107,8 +109,8 @@ fn through_crossings(span: &EdgeSpan) -> Option<Curve> {
     Some(curve)
 }
 
-/// The median shades on both sides between two crossings, and the steepest slope; `None` outside the
-/// picture.
+/// The median shades on both sides between two crossings, and the steepest slope; `None` outside
+/// the picture.
 fn look(
     reader: &GreyReader<'_>,
     curve: &Curve,
@@ -143,7 +145,8 @@ fn look(
 }
 
 impl EdgeSpan {
-    /// The shades after a crossing of the given number, exchanged if the rise is the opposite one there.
+    /// The shades after a crossing of the given number, exchanged if the polarity is the opposite
+    /// one there.
     fn unflipped(&self, number: usize, [before, after]: [f64; 2]) -> [f64; 2] {
         if self.sign(number) > 0.0 {
             [before, after]

@@ -27,13 +27,13 @@ mod span;
 mod tone_fit;
 
 use crate::image::{GreyReader, Picture, Tone, USUAL};
-use band::{Band, Fence, Pixel};
+use band::{Band, Pixel, SearchLimit};
 use blur::BlurShape;
 use coarse::CoarseEdge;
-use grid_crossings::Crossings;
+use grid_crossings::GridCrossings;
 use measured::Measured;
 use preview::Preview;
-use side::{BLUR_RANGE, SETTLED, Side};
+use side::{BLUR_RANGE, LAST_STEP, Side};
 pub use span::{EdgeSpan, NoEdge, SpanEdges};
 pub use tone_fit::ToneEstimate;
 use tone_fit::ToneShare;
@@ -47,9 +47,9 @@ const FAR_RATIO: f64 = 2.5;
 const FAR_SHARE: f64 = 0.25;
 /// Of the distance between neighbouring grid lines a line has this much to either side.
 const SPACING_SHARE: f64 = 0.5;
-/// An edge with less room beside it, in blurs, is not measured: at twice that distance the next thing
+/// An edge with a smaller margin, in blurs, is not measured: at twice that distance the next thing
 /// takes or adds 2 % of what the edge rises by where it is steepest.
-const LEAST_ROOM_BLURS: f64 = 1.5;
+const LEAST_MARGIN_BLURS: f64 = 1.5;
 /// Before the neighbours are known, pixels this near to the path's ends are left out, in pixels or
 /// as a share of the length, whichever is less.
 const END_MARGIN: f64 = 6.0;
@@ -64,7 +64,7 @@ const BOUND_CLEARANCE: f64 = 2.5;
 const PREVIEW_COLUMNS: f64 = 50.0;
 /// It is made twice: roughly, on the pixels that the coarse edge points to, until a step is below
 /// this many pixels; then on those that the result points to.
-const ROUGHLY_SETTLED: f64 = 0.1;
+const LAST_ROUGH_STEP: f64 = 0.1;
 const PREVIEW_STEPS: usize = 12;
 const FINAL_STEPS: usize = 6;
 /// Contrast over noise below which a step of this length, pixels, or less cannot be told from
@@ -109,7 +109,7 @@ pub fn localise_with_unknown_tone(
 ) -> (Vec<Result<SpanEdges, NoEdge>>, ToneEstimate) {
     let mut localiser = Localiser::new(picture, Tone::Power(USUAL));
     let mut previews = localiser.previews(spans);
-    let first = tone_fit::settle(USUAL, &mut previews);
+    let first = tone_fit::estimate_tone(USUAL, &mut previews);
     let mut localiser = Localiser::new(picture, Tone::Power(first));
     let measured: Vec<_> = (0..spans.len())
         .map(|index| localiser.measure(spans, index, &previews))
@@ -160,10 +160,10 @@ impl<'a> Localiser<'a> {
             true => side.curve.half_length,
             false => inner_end(&side),
         };
-        let room = room(spans, index, &side);
-        let within = |width: f64| room.map(|room| width.min(room));
+        let margin = margin(spans, index, &side);
+        let within = |width: f64| margin.map(|margin| width.min(margin));
         let crossings = |side: &Side| {
-            is_crossed.then(|| Crossings::coarse(spans, index, &side.curve, side.blur))
+            is_crossed.then(|| GridCrossings::coarse(spans, index, &side.curve, side.blur))
         };
         let crossed = crossings(&side);
         let band = |curve, near, reach, crossings| Band {
@@ -171,7 +171,7 @@ impl<'a> Localiser<'a> {
             near,
             reach,
             ends: [-end, end],
-            fences: Vec::new(),
+            limits: Vec::new(),
             hidden: &coarse.hidden,
             crossings,
             stride: (length / PREVIEW_COLUMNS) as usize + 1,
@@ -180,11 +180,11 @@ impl<'a> Localiser<'a> {
         let curve = side.curve.clone();
         self.gather(&band(curve, narrow, within(narrow), crossed.as_ref()))?;
         let noise = self.noise_about(&side);
-        let steps = (PREVIEW_STEPS, ROUGHLY_SETTLED);
+        let steps = (PREVIEW_STEPS, LAST_ROUGH_STEP);
         side.fit(self.reader.curve(), &self.pixels, noise, steps);
 
-        let near = near(&side).min(room[0].max(room[1]));
-        let far = (FAR_RATIO * near).min(far_room(&side, is_crossed));
+        let near = near(&side).min(margin[0].max(margin[1]));
+        let far = (FAR_RATIO * near).min(far_margin(&side, is_crossed));
         let far = within(far.max(near));
         let crossed = crossings(&side);
         let curve = side.curve.clone();
@@ -194,7 +194,7 @@ impl<'a> Localiser<'a> {
         self.pixels.clear();
         self.pixels.extend(self.wide.iter().filter(is_near));
         let noise = self.noise_about(&side);
-        let steps = (PREVIEW_STEPS, SETTLED);
+        let steps = (PREVIEW_STEPS, LAST_STEP);
         side.fit(self.reader.curve(), &self.pixels, noise, steps);
         let noise = self.noise_about(&side);
         // A crossed line's changes of sides assume a normal blur; and what a wrong shape shifts,
@@ -204,8 +204,8 @@ impl<'a> Localiser<'a> {
             true => self.noise_about(&side),
             false => noise,
         };
-        self.judge(&side, span.rise, noise)?;
-        if span.room[0].min(span.room[1]) < LEAST_ROOM_BLURS * side.blur {
+        self.judge(&side, span.polarity, noise)?;
+        if span.margin[0].min(span.margin[1]) < LEAST_MARGIN_BLURS * side.blur {
             return Err(NoEdge::Cramped);
         }
         let reach = plateaus::reach(&side, self.reader.curve(), &self.wide, noise, near, far);
@@ -252,20 +252,20 @@ impl<'a> Localiser<'a> {
             let found: &Preview = previews.get(line)?.as_ref().ok()?;
             Some((&found.side.curve, found.side.blur))
         };
-        let crossings =
-            is_crossed.then(|| Crossings::fitted(spans, index, (&side.curve, side.blur), found));
-        let (ends, fences) = match is_crossed {
+        let crossings = is_crossed
+            .then(|| GridCrossings::fitted(spans, index, (&side.curve, side.blur), found));
+        let (ends, limits) = match is_crossed {
             true => ([-1.0, 1.0].map(|s| s * side.curve.half_length), Vec::new()),
             false => limits(span, &side, previews),
         };
-        let room = room(spans, index, &side);
-        let near = near(&side).min(room[0].max(room[1]));
+        let margin = margin(spans, index, &side);
+        let near = near(&side).min(margin[0].max(margin[1]));
         let band = Band {
             curve: side.curve.clone(),
             near,
-            reach: [0, 1].map(|i| reach[i].max(near).min(room[i])),
+            reach: [0, 1].map(|i| reach[i].max(near).min(margin[i])),
             ends,
-            fences,
+            limits,
             hidden,
             crossings: crossings.as_ref(),
             stride: 1,
@@ -275,7 +275,7 @@ impl<'a> Localiser<'a> {
             self.reader.curve(),
             &self.pixels,
             *noise,
-            (FINAL_STEPS, SETTLED),
+            (FINAL_STEPS, LAST_STEP),
         );
         side.reshape(self.reader.curve(), &self.pixels, *noise);
         let (samples, noise) = patches::measure(
@@ -286,7 +286,7 @@ impl<'a> Localiser<'a> {
             self.noise_floor,
             &mut self.residuals,
         );
-        self.judge(&side, span.rise, noise)?;
+        self.judge(&side, span.polarity, noise)?;
         if samples.points.len() < MIN_SAMPLES {
             return Err(NoEdge::Unmeasurable);
         }
@@ -302,7 +302,7 @@ impl<'a> Localiser<'a> {
             dark: before.min(after),
             light: before.max(after),
             noise,
-            drift: Vec::new(),
+            tone_drift: Vec::new(),
         };
         Ok(Measured {
             edges,
@@ -317,7 +317,7 @@ impl<'a> Localiser<'a> {
         Side {
             curve: coarse.curve.clone(),
             base: [before, 0.0],
-            rise: [after - before, 0.0],
+            contrast: [after - before, 0.0],
             blur: coarse.blur.clamp(BLUR_RANGE[0], BLUR_RANGE[1]),
             shape: BlurShape::NORMAL,
             blur_slope: 0.0,
@@ -343,9 +343,9 @@ impl<'a> Localiser<'a> {
     }
 
     /// Whether a fitted side is a step of the expected polarity, above the noise.
-    fn judge(&self, side: &Side, rise: f64, noise: f64) -> Result<(), NoEdge> {
+    fn judge(&self, side: &Side, polarity: f64, noise: f64) -> Result<(), NoEdge> {
         let [before, after] = side.plateaus().map(|light| self.tone.encode(light));
-        let contrast = rise.signum() * (after - before);
+        let contrast = polarity.signum() * (after - before);
         let relative_length = EVIDENT_LENGTH / side.curve.length();
         let least = MIN_CONTRAST * noise * relative_length.sqrt().min(1.0);
         let is_step = side.blur < BLUR_RANGE[1] && contrast > least;
@@ -363,17 +363,19 @@ fn near(side: &Side) -> f64 {
 }
 
 /// How far to either side of an edge its surroundings are its own, pixels.
-fn room(spans: &[EdgeSpan], index: usize, side: &Side) -> [f64; 2] {
+fn margin(spans: &[EdgeSpan], index: usize, side: &Side) -> [f64; 2] {
     let span = &spans[index];
     if span.crossings.is_empty() {
-        return span.room;
+        return span.margin;
     }
     let spacing = grid_crossings::spacing(spans, index, side.curve.along);
-    span.room.map(|room| room.min(SPACING_SHARE * spacing))
+    span.margin
+        .map(|margin| margin.min(SPACING_SHARE * spacing))
 }
 
-/// The same for plateaus, where nothing crosses the edge and its length has to tell what is not known.
-fn far_room(side: &Side, is_crossed: bool) -> f64 {
+/// The same for plateaus, where nothing crosses the edge and its length has to tell what is not
+/// known.
+fn far_margin(side: &Side, is_crossed: bool) -> f64 {
     match is_crossed {
         true => f64::INFINITY,
         false => FAR_SHARE * side.curve.length(),
@@ -390,10 +392,10 @@ fn limits<'a>(
     span: &EdgeSpan,
     side: &Side,
     previews: &'a [Result<Preview, NoEdge>],
-) -> ([f64; 2], Vec<Fence<'a>>) {
+) -> ([f64; 2], Vec<SearchLimit<'a>>) {
     let middle = side.curve.point(0.0, 0.0);
     let mut ends = [-inner_end(side), inner_end(side)];
-    let mut fences = Vec::with_capacity(2);
+    let mut limits = Vec::with_capacity(2);
     for (end, bound) in ends.iter_mut().zip(span.bounds) {
         if let Some(Ok(neighbour)) = bound.and_then(|bound| previews.get(bound)) {
             let Side { curve, blur, .. } = &neighbour.side;
@@ -402,7 +404,7 @@ fn limits<'a>(
             if distance.abs() > clearance {
                 let side_of_curve = distance.signum();
                 *end = (side.curve.half_length + EXTENSION).copysign(*end);
-                fences.push(Fence {
+                limits.push(SearchLimit {
                     curve,
                     side: side_of_curve,
                     clearance,
@@ -410,5 +412,5 @@ fn limits<'a>(
             }
         }
     }
-    (ends, fences)
+    (ends, limits)
 }

@@ -29,7 +29,7 @@ const MAX_CHI_DEVIATIONS: f64 = 6.0;
 const CHI_CAP: f64 = 16.0;
 /// A patch that moved further than this, pixels, is measured again from where it went; of a shorter
 /// step, Gauss-Newton leaves a cubically small rest, a fiftieth of the best samples' noise.
-const SETTLED: f64 = 0.05;
+const LAST_STEP: f64 = 0.05;
 
 /// The sums of one patch, and its offset along the curve's normal so far.
 #[derive(Debug, Clone, Copy, Default)]
@@ -173,7 +173,7 @@ fn patch_length(side: &Side, tone: &ToneCurve, noise: f64, length: f64) -> f64 {
 
 impl Patch {
     fn is_unsettled(&self) -> bool {
-        self.step.is_none_or(|step| step.abs() > SETTLED)
+        self.step.is_none_or(|step| step.abs() > LAST_STEP)
     }
 
     /// Takes the step that the sums ask for; it lowers the squares by as much as the model says.

@@ -1,5 +1,5 @@
-//! The model of one side, `v = g(b + A Phi(d / w))`, fitted to the pixels of its band. Where a blur is
-//! not normal, another distribution of variance 1 stands for `Phi`.
+//! The model of one side, `v = g(b + A Phi(d / w))`, fitted to the pixels of its band. Where a blur
+//! is not normal, another distribution of variance 1 stands for `Phi`.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -17,7 +17,7 @@ pub(super) const BLUR_RANGE: [f64; 2] = [0.3, 8.0];
 pub(super) const EDGE_BLURS: f64 = 2.0;
 /// A step below this many pixels ends the iteration: the next would be quadratically smaller, below
 /// a tenth of the best samples' noise, and the patches correct what it leaves.
-pub(super) const SETTLED: f64 = 0.02;
+pub(super) const LAST_STEP: f64 = 0.02;
 /// Steps are cut to these: pixels of position, and factor of the blur.
 const MAX_SHIFT: f64 = 1.5;
 const MAX_BLUR_RATIO: f64 = 1.6;
@@ -31,14 +31,14 @@ const MIN_BINS: f64 = 24.0;
 const BIN_ORIGIN: f64 = -4.0;
 
 pub(super) const BASE: usize = COEFFICIENTS;
-pub(super) const RISE: usize = BASE + 2;
-pub(super) const BLUR: usize = RISE + 2;
+pub(super) const CONTRAST: usize = BASE + 2;
+pub(super) const BLUR: usize = CONTRAST + 2;
 pub(super) const PARAMETERS: usize = BLUR + 1;
 
-/// The basic derivatives, by height, base, rise and blur: the first parameter of each, and the
+/// The basic derivatives, by height, base, contrast and blur: the first parameter of each, and the
 /// degree of its polynomial in `s`.
 const BASIC: usize = 4;
-const FIRST: [usize; BASIC] = [0, BASE, RISE, BLUR];
+const FIRST: [usize; BASIC] = [0, BASE, CONTRAST, BLUR];
 const DEGREES: [usize; BASIC] = [COEFFICIENTS - 1, 1, 1, 0];
 const POWERS: usize = 2 * COEFFICIENTS - 1;
 
@@ -52,7 +52,7 @@ pub(super) struct Side {
     /// Light where the distance is negative: constant, and linear in `s`.
     pub base: [f64; 2],
     /// What the light rises by across the edge, likewise.
-    pub rise: [f64; 2],
+    pub contrast: [f64; 2],
     /// Standard deviation of the blur with the pixel's own box, pixels, and its shape.
     pub blur: f64,
     pub shape: BlurShape,
@@ -70,7 +70,7 @@ pub(super) struct Prediction {
     /// With respect to the curve's `y`.
     pub by_height: f64,
     pub by_base: f64,
-    pub by_rise: f64,
+    pub by_contrast: f64,
     pub by_blur: f64,
     /// With respect to an offset of the edge along its normal.
     pub by_offset: f64,
@@ -79,7 +79,7 @@ pub(super) struct Prediction {
 impl Side {
     /// Light on the two sides of the middle of the edge, the negative side first.
     pub fn plateaus(&self) -> [f64; 2] {
-        [self.base[0], self.base[0] + self.rise[0]]
+        [self.base[0], self.base[0] + self.contrast[0]]
     }
 
     /// Distance of a pixel from the curve, positive along its normal.
@@ -96,17 +96,17 @@ impl Side {
         let blurs = (self.distance(pixel) - offset) * inverse_blur_here;
         let (step, density) = self.shape.step_and_density(blurs);
         let (step, density) = (pixel.flipped(step), pixel.flip.slope * density);
-        let rise = self.rise[0] + self.rise[1] * pixel.s;
-        let light = self.base[0] + self.base[1] * pixel.s + rise * step;
+        let contrast = self.contrast[0] + self.contrast[1] * pixel.s;
+        let light = self.base[0] + self.base[1] * pixel.s + contrast * step;
         let (value, gain) = tone.encode_with_slope(light);
-        let by_blurs = gain * rise * density;
+        let by_blurs = gain * contrast * density;
         let by_distance = by_blurs * inverse_blur_here;
         Prediction {
             residual: pixel.value - value,
             blurs,
             by_height: -by_distance * pixel.cosine,
             by_base: gain,
-            by_rise: gain * step,
+            by_contrast: gain * step,
             by_blur: -by_blurs * blurs * inverse_blur,
             by_offset: -by_distance,
         }
@@ -114,9 +114,9 @@ impl Side {
 
     /// Damped Gauss-Newton on all parameters, `noise` being the residuals' expected scale.
     ///
-    /// It ends with a step shorter than `settled` pixels, and returns whether it did within the steps
-    /// allowed; the side is left at the lowest cost seen, except that a last step too small to
-    /// matter is taken unseen.
+    /// It ends with a step shorter than `settled` pixels, and returns whether it did within the
+    /// steps allowed; the side is left at the lowest cost seen, except that a last step too small
+    /// to matter is taken unseen.
     pub fn fit(
         &mut self,
         tone: &ToneCurve,
@@ -159,7 +159,7 @@ impl Side {
         }
         for k in 0..2 {
             self.base[k] += scale * step[BASE + k];
-            self.rise[k] += scale * step[RISE + k];
+            self.contrast[k] += scale * step[CONTRAST + k];
         }
         let ratio =
             (1.0 + scale * step[BLUR] / self.blur).clamp(1.0 / MAX_BLUR_RATIO, MAX_BLUR_RATIO);
@@ -190,7 +190,7 @@ impl Side {
             sums.add(
                 pixel.s,
                 weight,
-                [p.by_height, p.by_base, p.by_rise, p.by_blur],
+                [p.by_height, p.by_base, p.by_contrast, p.by_blur],
                 p.residual,
             );
         }
@@ -217,7 +217,7 @@ impl Side {
     }
 
     /// How many parameters the pixels at the edge carry: the curve's, the blur, and about half of
-    /// base and rise.
+    /// base and contrast.
     pub fn edge_parameters(&self) -> f64 {
         self.curve.degree as f64 + 4.0
     }

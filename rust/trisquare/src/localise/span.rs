@@ -10,35 +10,35 @@ pub struct EdgeSpan {
     pub path: Vec<Vector2<f64>>,
     /// +1 if the picture gets lighter towards the right-hand normal `(-e.y, e.x)` of the path's
     /// direction `e`, which points inside where the path runs clockwise on the screen; else -1.
-    pub rise: f64,
+    pub polarity: f64,
     /// The spans, as indices into the same slice, that this one meets at its start and its end;
     /// samples keep clear of their blur.
     pub bounds: [Option<usize>; 2],
     /// A grid line of a chessboard has its crossings here, one for each point of its path and in
     /// that order: the span that crosses it, if that is one of the slice, and the crossing's number
-    /// among all that there are on the board, seen or not. At each the rise changes its sign; that given is
-    /// the one after the first. Between two whose numbers are no neighbours nothing is measured.
+    /// among all that there are on the board, seen or not. At each the polarity changes; that given
+    /// is the one after the first. Between two whose numbers are no neighbours nothing is measured.
     pub crossings: Vec<(Option<usize>, usize)>,
-    /// Where the light cell beside the stretch after each crossing carries a marker: how far from the
-    /// cell's edges its dark border begins, over the cell's side; 0 where there is none. Empty if
-    /// there are none at all.
+    /// Where the light cell beside the stretch after each crossing carries a marker: how far from
+    /// the cell's edges its dark border begins, over the cell's side; 0 where there is none. Empty
+    /// if there are none at all.
     pub rims: Vec<f64>,
-    /// How far from the path, pixels, the picture is the edge's own, on the negative side and on the
-    /// other: beyond it something else begins. Infinite where nothing is known of it.
-    pub room: [f64; 2],
+    /// How far from the path, pixels, the picture is the edge's own, on the negative side and on
+    /// the other: beyond it something else begins. Infinite where nothing is known of it.
+    pub margin: [f64; 2],
 }
 
 impl EdgeSpan {
     /// An edge that meets no other, and of whose surroundings nothing is known.
     #[must_use]
-    pub fn new(path: Vec<Vector2<f64>>, rise: f64) -> Self {
+    pub fn new(path: Vec<Vector2<f64>>, polarity: f64) -> Self {
         Self {
             path,
-            rise,
+            polarity,
             bounds: [None; 2],
             crossings: Vec::new(),
             rims: Vec::new(),
-            room: [f64::INFINITY; 2],
+            margin: [f64::INFINITY; 2],
         }
     }
 }
@@ -60,7 +60,7 @@ pub struct SpanEdges {
     pub noise: f64,
     /// How far one standard deviation of the picture's tone curve displaces each point, all points
     /// of the picture together; empty if the curve is known.
-    pub drift: Vec<Vector2<f64>>,
+    pub tone_drift: Vec<Vector2<f64>>,
 }
 
 /// Why a span gave no samples.

@@ -1,7 +1,7 @@
 //! What the profiles of a picture's edges tell of its tone curve.
 //!
 //! A blurred step in light is symmetric about its edge; what asymmetry the coded step has is the
-//! tone curve's. Every side has its own curve, base, rise and blur, which are eliminated; the
+//! tone curve's. Every side has its own curve, base, contrast and blur, which are eliminated; the
 //! information that all sides have left on the tone curve's parameters adds up.
 
 use nalgebra::{Cholesky, Const, Matrix2, SMatrix, SVector, Vector2};
@@ -11,12 +11,12 @@ use super::curve::COEFFICIENTS;
 use super::pixel_noise::robust_weight;
 use super::preview::Preview;
 use super::profile::Profile;
-use super::side::{BASE, BIN_LENGTH, BLUR, PARAMETERS, RISE, Side};
+use super::side::{BASE, BIN_LENGTH, BLUR, CONTRAST, PARAMETERS, Side};
 use super::span::NoEdge;
 use crate::image::{
     PictureTone, PowerCurve, TONE_PARAMETERS, Tone, ToneCurve, TonePrior, box_kurtosis,
 };
-use crate::numeric::{add_outer, symmetric};
+use crate::numeric::{add_rank_one, symmetric};
 
 /// A side whose dark or light comes this near to the file's limits, in deviations of its noise and
 /// at least in values, is clipped there: its profile's asymmetry is not the tone curve's.
@@ -25,7 +25,7 @@ const CLIPPED_VALUE: f64 = 1.5 / 255.0;
 
 /// Rounds of the first fit, and the step, in deviations of the estimate, that is the last.
 const MAX_ROUNDS: usize = 10;
-const SETTLED: f64 = 0.3;
+const LAST_STEP: f64 = 0.3;
 /// A round's step of the logarithm of gamma is cut to this.
 const MAX_STEP: f64 = 0.4;
 
@@ -37,8 +37,8 @@ const MAX_STEP: f64 = 0.4;
 /// gamma to within 0.2 only.
 const OWN: usize = PARAMETERS + 1;
 const KURTOSIS: usize = PARAMETERS;
-/// How far the kurtosis, over 24, may be from that of the pixel's box: about half as far as the box's
-/// own at a blur of half a pixel.
+/// How far the kurtosis, over 24, may be from that of the pixel's box: about half as far as the
+/// box's own at a blur of half a pixel.
 const KURTOSIS_STD: f64 = 0.01;
 /// All parameters, and the residual.
 const TOTAL: usize = OWN + TONE_PARAMETERS + 1;
@@ -57,12 +57,12 @@ const SHIFT_PER_MISFIT: f64 = 15.0;
 /// linear light or the reverse.
 const BLIND_SHIFT_STD: f64 = 0.1;
 
-/// Pixels of a side that are asked at most. The camera loses nothing: its own geometry tells most of
-/// what a tone curve does to it, and the fit to the pixels asks them all.
+/// Pixels of a side that are asked at most. The camera loses nothing: its own geometry tells most
+/// of what a tone curve does to it, and the fit to the pixels asks them all.
 const MAX_PIXELS: usize = 1500;
 
-/// Columns of a pixel's row: derivatives by height, base, rise, blur and kurtosis, by the tone's
-/// parameters, and the residual.
+/// Columns of a pixel's row: derivatives by height, base, contrast, blur and kurtosis, by the
+/// tone's parameters, and the residual.
 const COLUMNS: usize = 5 + TONE_PARAMETERS + 1;
 
 /// What is known of the tone curve of a picture.
@@ -137,7 +137,7 @@ impl ToneShare {
             let [by_gamma, by_toe] = tone.sensitivity(side.light(pixel));
             // Edgeworth: the kurtosis adds to Phi(z) a multiple of (z^3 - 3 z) phi(z).
             let by_kurtosis = p.by_offset * side.blur * p.blurs * (p.blurs * p.blurs - 3.0);
-            let lighter = side.rise[0] * pixel.flip.slope;
+            let lighter = side.contrast[0] * pixel.flip.slope;
             profile.add(
                 p.blurs * lighter.signum(),
                 p.residual - kurtosis * by_kurtosis,
@@ -145,7 +145,7 @@ impl ToneShare {
             let row = [
                 p.by_height,
                 p.by_base,
-                p.by_rise,
+                p.by_contrast,
                 p.by_blur,
                 by_kurtosis,
                 by_gamma,
@@ -154,7 +154,7 @@ impl ToneShare {
             ];
             let inverse_variance = inverse_variance * pixel.count;
             let weight = robust_weight(p.residual * p.residual * inverse_variance);
-            add_outer(&mut sums, &row, weight * inverse_variance);
+            add_rank_one(&mut sums, &row, weight * inverse_variance);
             s_sum += pixel.s;
             count += 1.0;
         }
@@ -231,8 +231,8 @@ fn spread<const N: usize>(
             },
         );
     }
-    map[BASE..RISE].copy_from_slice(&[(1, 1.0), (1, s)]);
-    map[RISE..BLUR].copy_from_slice(&[(2, 1.0), (2, s)]);
+    map[BASE..CONTRAST].copy_from_slice(&[(1, 1.0), (1, s)]);
+    map[CONTRAST..BLUR].copy_from_slice(&[(2, 1.0), (2, s)]);
     for (entry, column) in map[BLUR..].iter_mut().zip(3..COLUMNS) {
         *entry = (column, 1.0);
     }
@@ -265,7 +265,7 @@ pub(super) fn pool<'a>(
 ) -> (Vector2<f64>, ToneEstimate) {
     let prior = TonePrior::at(&curve);
     let mut information = Matrix2::from_diagonal(&Vector2::from(prior.information));
-    let mut gradient = Vector2::from(prior.pull);
+    let mut gradient = Vector2::from(prior.gradient);
     let mut sides = 0_u32;
     let mut profile = Profile::default();
     let mut blurs = 0.0;
@@ -303,7 +303,10 @@ pub(super) fn pool<'a>(
 }
 
 /// Estimates the tone curve from the previews of all spans, and fits these to it.
-pub(super) fn settle(start: PowerCurve, previews: &mut [Result<Preview, NoEdge>]) -> PowerCurve {
+pub(super) fn estimate_tone(
+    start: PowerCurve,
+    previews: &mut [Result<Preview, NoEdge>],
+) -> PowerCurve {
     let mut power = start;
     let mut trust = Trust::Full;
     for _ in 0..MAX_ROUNDS {
@@ -333,7 +336,7 @@ pub(super) fn settle(start: PowerCurve, previews: &mut [Result<Preview, NoEdge>]
         }
         power = next;
         let deviations = step[0].powi(2) / estimate.covariance[(0, 0)];
-        let settled = cut >= 1.0 && deviations < SETTLED * SETTLED;
+        let settled = cut >= 1.0 && deviations < LAST_STEP * LAST_STEP;
         match trust {
             Trust::ByMisfit if settled => break,
             Trust::Full if settled => trust = Trust::ByMisfit,
@@ -347,14 +350,14 @@ impl Side {
     /// Light that falls on a pixel.
     fn light(&self, pixel: &Pixel) -> f64 {
         let blurs = self.distance(pixel) / self.blur * (1.0 - self.blur_slope * pixel.s);
-        let rise = self.rise[0] + self.rise[1] * pixel.s;
+        let contrast = self.contrast[0] + self.contrast[1] * pixel.s;
         let step = pixel.flipped(self.shape.step_and_density(blurs).0);
-        self.base[0] + self.base[1] * pixel.s + rise * step
+        self.base[0] + self.base[1] * pixel.s + contrast * step
     }
 
     /// The side's own step, given the tone curve's.
     ///
-    /// What the curve's change does to base and rise is far from linear where there is little
+    /// What the curve's change does to base and contrast is far from linear where there is little
     /// light, but their coded values hardly change: these are kept instead.
     fn follow(&mut self, share: &ToneShare, step: &Vector2<f64>, [old, new]: [Tone; 2]) {
         let at_old = share.factor.solve(&share.right);
@@ -365,14 +368,17 @@ impl Side {
         let translated = |light: f64| new.decode(old.encode(light));
         // At both ends of the side, on both of its sides.
         let base = [-1.0, 1.0].map(|s| self.base[0] + s * self.base[1]);
-        let other = [-1.0, 1.0].map(|s| self.rise[0] + s * self.rise[1]);
+        let other = [-1.0, 1.0].map(|s| self.contrast[0] + s * self.contrast[1]);
         let lit = [
             translated(base[0] + other[0]),
             translated(base[1] + other[1]),
         ];
         let base = base.map(translated);
-        let rise = [lit[0] - base[0], lit[1] - base[1]];
+        let contrast = [lit[0] - base[0], lit[1] - base[1]];
         self.base = [0.5 * (base[0] + base[1]), 0.5 * (base[1] - base[0])];
-        self.rise = [0.5 * (rise[0] + rise[1]), 0.5 * (rise[1] - rise[0])];
+        self.contrast = [
+            0.5 * (contrast[0] + contrast[1]),
+            0.5 * (contrast[1] - contrast[0]),
+        ];
     }
 }

@@ -9,7 +9,7 @@ use nalgebra::{Vector2, Vector3};
 use crate::lens::{Brown, Lens};
 use crate::numeric::Block;
 use crate::observations::{
-    Heights, ObservedPlane, PlaneState, Relief, Sample, TERMS, View, has_grid,
+    BoardRelief, Heights, ObservedPlane, PlaneState, Sample, TERMS, View, has_grid,
 };
 
 /// Lowest and highest order of a term; what is finer than a quarter of a board is left to the
@@ -19,11 +19,11 @@ const ORDERS: std::ops::RangeInclusive<usize> = 2..=4;
 /// `tau^2` that counts as none: heights of a millionth of the extent, far below any pixel.
 pub(crate) const FLAT: f64 = 1e-12;
 
-impl Relief {
+impl BoardRelief {
     /// A flat one, of a board that has lines enough to show another; `None` if it has not.
     pub fn flat(plane: &ObservedPlane, view: &View<Brown>, state: &PlaneState) -> Option<Self> {
         let large = plane.figures.iter().any(has_grid);
-        if !large || plane.is_set_aside() {
+        if !large || plane.is_outlier() {
             return None;
         }
         let (mut low, mut high) = (Vector2::repeat(f64::MAX), Vector2::repeat(f64::MIN));
@@ -40,8 +40,8 @@ impl Relief {
         })
     }
 
-    /// The displacement (px) of a sample from its line that each unit of height makes; the distance's
-    /// derivative by the line is given.
+    /// The displacement (px) of a sample from its line that each unit of height makes; the
+    /// distance's derivative by the line is given.
     ///
     /// A point `P + z n` on the ray `x = (P + z n) / s` of a line through `P` has
     /// `l . x = z (l . n) / s`, and the derivative by the line is `x / |d(l.x)/dp|`.

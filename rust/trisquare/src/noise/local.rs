@@ -74,7 +74,7 @@ impl Noise {
                 let (mine, others) = rest.split_at(side.samples.len());
                 rest = others;
                 let summed = SideMoments::of(side, mine, scale);
-                if !side.set_aside {
+                if !side.is_outlier {
                     let left = without_displacement(&summed, mine);
                     neighbours.add(&summed.places, &left, scale);
                     lost += degrees_taken(mine.len()) as f64;
@@ -151,7 +151,7 @@ fn without_displacement(moments: &SideMoments, residuals: &[Residual]) -> Vec<f6
         };
         gram[(k, k)] += (moments.strongest * held).powi(2);
     }
-    let solve = |factor: Cholesky<f64, _>| factor.solve(&moments.robust.pull);
+    let solve = |factor: Cholesky<f64, _>| factor.solve(&moments.robust.gradient);
     let displacement = gram.cholesky().map_or(Basis::zeros(), solve);
     moments
         .rows

@@ -6,7 +6,7 @@ use super::side_basis::ORDERS;
 use super::side_moments::Moments;
 use crate::observations::{FreeParameters, ObservedPlane, View};
 
-/// Sides in the wrong place by so many times the variance of their curvature contradict each other:
+/// Sides in the wrong place by so many times the variance of their curvature disagree:
 /// chance does so once in two thousand times, where there are two degrees of freedom.
 const CONTRADICTION: f64 = 9.0;
 
@@ -34,10 +34,10 @@ impl Misfit {
     /// Of one side, in units of the noise.
     pub fn of_side(noise: &Noise, plane: usize, side: usize) -> Self {
         let moments = &noise.sides[plane][side];
-        let Moments { gram, pull } = &moments.plain;
+        let Moments { gram, gradient } = &moments.plain;
         let power = |orders: usize| {
             let factor = gram.view((0, 0), (orders, orders)).into_owned().cholesky();
-            let own = pull.rows(0, orders).into_owned();
+            let own = gradient.rows(0, orders).into_owned();
             factor.map_or(0.0, |factor| own.dot(&factor.solve(&own)))
         };
         let orders = ORDERS.min(moments.places.len());
@@ -69,17 +69,17 @@ impl Misfit {
     ) -> Self {
         let mut all = Self::default();
         for (p, (plane, state)) in planes.iter().zip(&view.planes).enumerate() {
-            if plane.is_set_aside() {
+            if plane.is_outlier() {
                 continue;
             }
             for (s, side) in plane.sides().enumerate() {
-                if !side.set_aside {
+                if !side.is_outlier {
                     all.add(&Self::of_side(noise, p, s));
                 }
             }
             all.straight_freedom -= state.parameter_count() as f64;
         }
-        // Focal lengths and principal point move lines; what is left of the camera bends them.
+        // Focal lengths and principal point move lines; what is left of the camera curves them.
         let pinhole = ["fx", "fy", "cx", "cy"];
         let moving = pinhole.iter().filter(|name| free.position(name).is_some());
         let moving = moving.count() as f64;
@@ -110,7 +110,7 @@ impl Misfit {
 
     /// By how much more, in variance, the sides lie in the wrong place than they are bent; 1 if it
     /// may be chance.
-    pub fn contradiction(&self) -> f64 {
+    pub fn between_plane_variance_ratio(&self) -> f64 {
         let bent = (self.curved / self.curved_freedom).max(1.0);
         let ratio = self.straight / self.straight_freedom / bent;
         if ratio > CONTRADICTION { ratio } else { 1.0 }

@@ -1,5 +1,5 @@
-//! What the residuals of an optimum say of their noise: local noise, errors that sides share, boards
-//! that are not flat, tone curves that are off.
+//! What the residuals of an optimum say of their noise: local noise, errors that sides share,
+//! boards that are not flat, tone curves that are off.
 
 mod board_relief;
 mod local;

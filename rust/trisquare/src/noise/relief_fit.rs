@@ -1,4 +1,4 @@
-//! Paper that is not flat: every large board is granted a smooth relief.
+//! The out-of-plane shape of boards: every large board has a smooth relief.
 //!
 //! A bump of height `z(X, Y)` displaces rows and columns of a board alike, toward the vanishing
 //! point of its normal and the more the flatter the board is looked at: a displacement that whole
@@ -7,8 +7,8 @@
 //! (lower orders are the pose), `a_ij` normal with variance `tau^2 / (d / 2)^4`, `d = i + j`: stiff
 //! sheets resist curvature, which grows with the square of the order. `tau` follows from the
 //! residuals together with the strength of what every side errs on its own
-//! ([`crate::noise::side_errors`]), and where it is beyond doubt the camera is that of generalised least
-//! squares, the heights eliminated like a pose whose size is known beforehand.
+//! ([`crate::noise::side_errors`]), and where it is beyond doubt the camera is that of generalised
+//! least squares, the heights eliminated like a pose whose size is known beforehand.
 
 use nalgebra::Vector2;
 
@@ -17,7 +17,7 @@ use super::local::{Noise, white_variance};
 use super::side_errors::SideErrors;
 use crate::lens::{Brown, Lens};
 use crate::numeric::Problem;
-use crate::observations::{FreeParameters, Heights, ObservedPlane, PlaneState, Relief, TERMS};
+use crate::observations::{BoardRelief, FreeParameters, Heights, ObservedPlane, PlaneState, TERMS};
 use crate::refine::{EdgeProblem, Refined, residuals, robust_scale};
 
 /// `tau^2` tried: from heights of a ten-thousandth of half the board's extent, which is less than
@@ -39,8 +39,8 @@ const LAST_DECREASE: f64 = 0.03;
 /// Pixels over which a distance's gradient is taken.
 const GRADIENT_STEP: f64 = 0.01;
 
-/// The samples with the boards' relief taken out, and the optimum of generalised least squares
-/// there; `None` where no board has one.
+/// The samples with the boards' out-of-plane shape taken out, and the optimum of generalised least
+/// squares there; `None` where no board has one.
 pub(crate) fn account_for_relief(
     planes: &[ObservedPlane],
     free: &FreeParameters,
@@ -48,19 +48,19 @@ pub(crate) fn account_for_relief(
     refined: &Refined<Brown>,
 ) -> Option<(Vec<ObservedPlane>, Refined<Brown>)> {
     // Where a tone curve's error is to be told from the samples, both would claim the same.
-    if planes.iter().any(ObservedPlane::drifts) {
+    if planes.iter().any(ObservedPlane::has_tone_drift) {
         return None;
     }
     let mut planes = planes.to_vec();
     for (plane, state) in planes.iter_mut().zip(&refined.view.planes) {
-        plane.relief = plane
-            .relief
-            .or_else(|| Relief::flat(plane, &refined.view, state));
+        plane.board_relief = plane
+            .board_relief
+            .or_else(|| BoardRelief::flat(plane, &refined.view, state));
     }
     let mut found = refined.clone();
     let variance = variance(&errors(&planes, free, &found)?)?;
-    for relief in planes.iter_mut().filter_map(|p| p.relief.as_mut()) {
-        relief.variance = variance;
+    for board_relief in planes.iter_mut().filter_map(|p| p.board_relief.as_mut()) {
+        board_relief.variance = variance;
     }
     for _ in 0..MAX_STEPS {
         let errors = errors(&planes, free, &found)?;
@@ -68,7 +68,7 @@ pub(crate) fn account_for_relief(
         for (p, plane) in planes.iter_mut().enumerate() {
             let state = &found.view.planes[p];
             let own = &step.blocks[p];
-            if plane.relief.is_some() {
+            if plane.board_relief.is_some() {
                 let risen = own.rows(state.parameter_count(), TERMS).into_owned();
                 raise(
                     plane,
@@ -104,7 +104,7 @@ fn errors(
 
 /// The likeliest variance of the relief, if there clearly is any.
 fn variance(errors: &SideErrors) -> Option<f64> {
-    if !errors.has_relief() {
+    if !errors.has_board_relief() {
         return None;
     }
     let flat = errors.likeliest_at(FLAT, None)?;
@@ -123,23 +123,24 @@ fn raise(
     (lens, state): (&Brown, &PlaneState),
     by: &Heights,
 ) -> Option<()> {
-    let relief = plane.relief.as_mut()?;
-    relief.heights += by;
-    let relief = *relief;
+    let board_relief = plane.board_relief.as_mut()?;
+    board_relief.heights += by;
+    let board_relief = *board_relief;
     for (f, figure) in plane.figures.iter_mut().enumerate() {
         for side in &mut figure.sides {
             let line = state.line(f, side);
             for sample in &mut side.samples {
-                let sight = lens.sight(&sample.pixel)?;
+                let pixel_ray = lens.unproject_with_jacobian(&sample.pixel)?;
                 let distance = lens.line_distance_jacobian(
-                    &sight,
+                    &pixel_ray,
                     &line,
                     crate::lens::Columns::of([].into_iter()),
                 );
                 let rows =
-                    relief.displacements((lens, state), &line, &distance.wrt_line, sample)?;
+                    board_relief.displacements((lens, state), &line, &distance.wrt_line, sample)?;
                 let at = |x: f64, y: f64| {
-                    let moved = lens.sight(&(sample.pixel + Vector2::new(x, y)))?;
+                    let moved =
+                        lens.unproject_with_jacobian(&(sample.pixel + Vector2::new(x, y)))?;
                     Some(lens.line_distance(&moved, &line) - distance.value)
                 };
                 let gradient = Vector2::new(at(GRADIENT_STEP, 0.0)?, at(0.0, GRADIENT_STEP)?);

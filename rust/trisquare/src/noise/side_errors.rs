@@ -1,13 +1,13 @@
 //! Do the samples of a side err together, and how much less is then known?
 //!
-//! Paper bends, ink bleeds, and no lens is exactly its polynomial: the samples of a side then share
-//! an error that averaging does not remove. Every side is granted a smooth displacement
+//! Paper curves, ink bleeds, and no lens is exactly its polynomial: the samples of a side then
+//! share an error that averaging does not remove. Every side is granted a smooth displacement
 //! `sum_k a_k P_k(s)` of its image ([`crate::noise::side_basis`]), `a_k` normal with variance
 //! `tau^2 / (1 + (k/2)^2)^1.5`: the spectrum of an error that is correlated over about a third of
-//! the side, as the residuals of real boards have it. `tau` follows from the residuals by restricted maximum likelihood
-//! (H. D. Patterson & R. Thompson, Biometrika 58 (1971) 545-554), which allows for what the fitted
-//! parameters have absorbed. Marginalised over the `a_k`, the normal equations keep the shape of
-//! an arrow.
+//! the side, as the residuals of real boards have it. `tau` follows from the residuals by
+//! restricted maximum likelihood (H. D. Patterson & R. Thompson, Biometrika 58 (1971) 545-554),
+//! which allows for what the fitted parameters have absorbed. Marginalised over the `a_k`, the
+//! normal equations keep the shape of an arrow.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -16,7 +16,7 @@ use super::side_basis::ORDERS;
 use super::side_families::{Family, families_of, spectrum};
 use crate::lens::Lens;
 use crate::numeric::{ArrowSystem, Block, chi_square_tail};
-use crate::observations::{FreeParameters, ObservedPlane, Relief, TERMS, View};
+use crate::observations::{BoardRelief, FreeParameters, ObservedPlane, TERMS, View};
 
 /// Variances tried: from this part of what noise alone leaves of a side's mean, each so many times
 /// the last, to what moves a side by pixels.
@@ -42,8 +42,8 @@ pub(crate) struct SideErrors {
     /// Under white noise.
     system: ArrowSystem,
     families: Vec<Family>,
-    /// Of the boards' paper, by plane.
-    reliefs: Vec<Option<Relief>>,
+    /// Of the boards' out-of-plane shape, by plane.
+    board_reliefs: Vec<Option<BoardRelief>>,
 }
 
 /// How strongly the sides of each plane err together, all strengths weighed by how well they
@@ -95,8 +95,9 @@ impl SideErrors {
         noise: &Noise,
         white: f64,
     ) -> Option<Self> {
-        let own =
-            |p: usize| view.planes[p].parameter_count() + planes[p].relief.map_or(0, |_| TERMS);
+        let own = |p: usize| {
+            view.planes[p].parameter_count() + planes[p].board_relief.map_or(0, |_| TERMS)
+        };
         let mut system = ArrowSystem::zeros(free.len(), (0..planes.len()).map(own));
         let mut families = Vec::new();
         for (p, plane) in planes.iter().enumerate() {
@@ -111,7 +112,7 @@ impl SideErrors {
                         let place = (state, f, index, side);
                         family.add(
                             place,
-                            plane.relief.as_ref(),
+                            plane.board_relief.as_ref(),
                             moments,
                             (&view.lens, free),
                             white,
@@ -121,14 +122,14 @@ impl SideErrors {
                 }
                 families.extend(own);
             }
-            if plane.is_set_aside() {
+            if plane.is_outlier() {
                 block.hessian.fill_diagonal(1.0);
             }
         }
         Some(Self {
             system,
             families,
-            reliefs: planes.iter().map(|plane| plane.relief).collect(),
+            board_reliefs: planes.iter().map(|plane| plane.board_relief).collect(),
         })
     }
 
@@ -144,17 +145,17 @@ impl SideErrors {
         combined(&found)
     }
 
-    /// Whether any plane is a board whose paper may not be flat.
-    pub fn has_relief(&self) -> bool {
-        self.reliefs.iter().any(Option::is_some)
+    /// Whether any plane is a board that may not be flat.
+    pub fn has_board_relief(&self) -> bool {
+        self.board_reliefs.iter().any(Option::is_some)
     }
 
     /// The likeliest common variance of the sides and its criterion at a variance of the boards'
     /// relief: no larger than one given, for what the relief explains the sides do not.
-    pub fn likeliest_at(&self, relief: f64, largest: Option<f64>) -> Option<(f64, f64)> {
+    pub fn likeliest_at(&self, board_relief: f64, largest: Option<f64>) -> Option<(f64, f64)> {
         let planes = self.system.blocks.len();
         let criterion = |variance: f64| {
-            let part = |plane: usize| self.part(plane, relief, variance);
+            let part = |plane: usize| self.part(plane, board_relief, variance);
             let parts: Option<Vec<Part>> = (0..planes).map(part).collect();
             Some((variance, self.restricted(parts?.iter())?))
         };
@@ -213,8 +214,8 @@ impl SideErrors {
         for family in &self.families {
             let block = &self.system.blocks[family.plane];
             let own = block.hessian.clone().cholesky()?.solve(&block.cross);
-            let pull = family.shared.transpose() - own.tr_mul(&family.own.transpose());
-            let influence = information.solve(&pull);
+            let cross = family.shared.transpose() - own.tr_mul(&family.own.transpose());
+            let influence = information.solve(&cross);
             found[family.plane] += &influence * family.covariance() * influence.transpose();
         }
         Some(found)
@@ -244,7 +245,7 @@ impl SideErrors {
             let others = self.joined(before.iter().chain(&after[1..]));
             for index in 0..VARIANCES {
                 let variance = self.first_variance() * VARIANCE_RATIO.powi(index as i32);
-                let Some(own) = self.part(plane, self.relief(plane), variance) else {
+                let Some(own) = self.part(plane, self.board_relief(plane), variance) else {
                     continue;
                 };
                 let together = self.restricted([&others, &own].into_iter());
@@ -263,7 +264,10 @@ impl SideErrors {
     /// The normal equations marginalised over displacements of the planes' variances.
     pub fn marginal(&self, variances: &[f64]) -> Option<ArrowSystem> {
         let block = |(plane, variance): (usize, &f64)| {
-            Some(self.marginalise(plane, self.relief(plane), *variance)?.0)
+            Some(
+                self.marginalise(plane, self.board_relief(plane), *variance)?
+                    .0,
+            )
         };
         let blocks: Option<Vec<Block>> = variances.iter().enumerate().map(block).collect();
         Some(ArrowSystem {
@@ -278,18 +282,19 @@ impl SideErrors {
     }
 
     fn parts(&self, variances: &[f64]) -> Option<Vec<Part>> {
-        let part =
-            |(plane, variance): (usize, &f64)| self.part(plane, self.relief(plane), *variance);
+        let part = |(plane, variance): (usize, &f64)| {
+            self.part(plane, self.board_relief(plane), *variance)
+        };
         variances.iter().enumerate().map(part).collect()
     }
 
     /// Takes the displacements of one plane's sides, and what is known of its relief, into its
     /// equations; returns their part of minus twice the log likelihood.
-    fn marginalise(&self, plane: usize, relief: f64, variance: f64) -> Option<(Block, f64)> {
+    fn marginalise(&self, plane: usize, board_relief: f64, variance: f64) -> Option<(Block, f64)> {
         let mut block = self.system.blocks[plane].clone();
         let mut criterion = 0.0;
-        if let Some(own) = &self.reliefs[plane] {
-            criterion += own.hold(relief, &mut block);
+        if let Some(own) = &self.board_reliefs[plane] {
+            criterion += own.hold(board_relief, &mut block);
         }
         for family in self.families.iter().filter(|family| family.plane == plane) {
             let variance = match variance {
@@ -304,22 +309,22 @@ impl SideErrors {
     }
 
     /// What one plane says of the shared parameters, and of its variances.
-    fn part(&self, plane: usize, relief: f64, variance: f64) -> Option<Part> {
-        let (block, criterion) = self.marginalise(plane, relief, variance)?;
+    fn part(&self, plane: usize, board_relief: f64, variance: f64) -> Option<Part> {
+        let (block, criterion) = self.marginalise(plane, board_relief, variance)?;
         let factor = block.hessian.cholesky()?;
         let log_determinant = 2.0 * factor.l_dirty().diagonal().map(f64::ln).sum();
-        let pull = factor.solve(&block.gradient);
+        let solved = factor.solve(&block.gradient);
         let own = factor.solve(&block.cross);
         Some(Part {
             information: block.shared - block.cross.tr_mul(&own),
-            gradient: block.shared_gradient - block.cross.tr_mul(&pull),
-            criterion: criterion + log_determinant - block.gradient.dot(&pull),
+            gradient: block.shared_gradient - block.cross.tr_mul(&solved),
+            criterion: criterion + log_determinant - block.gradient.dot(&solved),
         })
     }
 
     /// Variance of a plane's relief, where it has any.
-    fn relief(&self, plane: usize) -> f64 {
-        self.reliefs[plane].map_or(0.0, |relief| relief.variance)
+    fn board_relief(&self, plane: usize) -> f64 {
+        self.board_reliefs[plane].map_or(0.0, |board_relief| board_relief.variance)
     }
 
     /// Minus twice the restricted log likelihood of what all planes say together.
@@ -440,10 +445,10 @@ mod tests {
                     .iter()
                     .zip(&side.samples)
                 {
-                    let sight = view.lens.sight(&sample.pixel).unwrap();
-                    let distance = view
-                        .lens
-                        .line_distance_jacobian(&sight, &line, free.columns());
+                    let pixel_ray = view.lens.unproject_with_jacobian(&sample.pixel).unwrap();
+                    let distance =
+                        view.lens
+                            .line_distance_jacobian(&pixel_ray, &line, free.columns());
                     let mut shared = vec![0.0; free.len()];
                     free.gather(&distance.wrt_lens, &mut shared);
                     for (i, value) in shared.into_iter().enumerate() {

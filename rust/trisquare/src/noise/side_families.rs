@@ -6,7 +6,9 @@ use super::side_basis::{Basis, ORDERS};
 use super::side_moments::{Gram, SideMoments};
 use crate::lens::{Lens, MAX_LENS_COLUMNS};
 use crate::numeric::Block;
-use crate::observations::{Figure, FreeParameters, PlaneState, Relief, Side, TERMS, directions};
+use crate::observations::{
+    BoardRelief, Figure, FreeParameters, PlaneState, Side, TERMS, directions,
+};
 
 /// Distance, in parts of a figure's extent, over which the displacements of parallel sides lose
 /// their correlation.
@@ -38,7 +40,7 @@ pub(crate) struct Family {
     /// `B^T W B` with `B` the basis at the samples, side by side.
     pub gram: DMatrix<f64>,
     /// `B^T W r`.
-    pull: DVector<f64>,
+    gradient: DVector<f64>,
     /// `B^T W J`, by the plane's own parameters and by the shared ones.
     pub own: DMatrix<f64>,
     pub shared: DMatrix<f64>,
@@ -99,7 +101,7 @@ impl Family {
             inverse_correlation: factor.inverse(),
             log_correlation: 2.0 * factor.l_dirty().diagonal().map(f64::ln).sum(),
             gram: DMatrix::zeros(rows, rows),
-            pull: DVector::zeros(rows),
+            gradient: DVector::zeros(rows),
             own: DMatrix::zeros(rows, own),
             shared: DMatrix::zeros(rows, shared),
         })
@@ -110,22 +112,23 @@ impl Family {
     pub fn add<L: Lens>(
         &mut self,
         (state, figure, index, side): (&PlaneState, usize, usize, &Side),
-        relief: Option<&Relief>,
+        board_relief: Option<&BoardRelief>,
         moments: &SideMoments,
         (lens, free): (&L, &FreeParameters),
         white: f64,
         block: &mut Block,
     ) -> Option<()> {
         let place = self.sides.iter().position(|own| *own == index)?;
-        self.shifted |= !side.drift.is_empty();
+        self.shifted |= !side.tone_drift.is_empty();
         let mirror = self.mirror(&moments.along);
         let gram = moments
             .robust
             .gram
             .component_mul(&(mirror * mirror.transpose()))
             / white;
-        let pull = moments.robust.pull.component_mul(&mirror) / white;
-        let jacobian = SideJacobian::of((state, figure, side), relief, moments, (lens, free))?;
+        let gradient = moments.robust.gradient.component_mul(&mirror) / white;
+        let jacobian =
+            SideJacobian::of((state, figure, side), board_relief, moments, (lens, free))?;
         let own = DMatrix::from_fn(ORDERS, jacobian.own.ncols(), |k, i| {
             mirror[k] * jacobian.own[(k, i)]
         });
@@ -136,13 +139,13 @@ impl Family {
         block.hessian += own.tr_mul(&weighed_own);
         block.cross += own.tr_mul(&weighed_shared);
         block.shared += shared.tr_mul(&weighed_shared);
-        block.gradient += own.tr_mul(&pull);
-        block.shared_gradient += shared.tr_mul(&pull);
+        block.gradient += own.tr_mul(&gradient);
+        block.shared_gradient += shared.tr_mul(&gradient);
         let first = ORDERS * place;
         self.gram
             .view_mut((first, first), (ORDERS, ORDERS))
             .copy_from(&gram);
-        self.pull.rows_mut(first, ORDERS).copy_from(&pull);
+        self.gradient.rows_mut(first, ORDERS).copy_from(&gradient);
         self.own.rows_mut(first, ORDERS).copy_from(&weighed_own);
         self.shared
             .rows_mut(first, ORDERS)
@@ -190,15 +193,15 @@ impl Family {
         log_determinant += 2.0 * factor.l_dirty().diagonal().map(f64::ln).sum();
         // `X^T (L L^T)^-1 Y = (L^-1 X)^T (L^-1 Y)` asks for half of the solution only.
         let lower = factor.l_dirty();
-        let pull = lower.solve_lower_triangular(&self.pull)?;
+        let gradient = lower.solve_lower_triangular(&self.gradient)?;
         let own = lower.solve_lower_triangular(&self.own)?;
         let shared = lower.solve_lower_triangular(&self.shared)?;
         block.hessian -= own.tr_mul(&own);
         block.cross -= own.tr_mul(&shared);
         block.shared -= shared.tr_mul(&shared);
-        block.gradient -= own.tr_mul(&pull);
-        block.shared_gradient -= shared.tr_mul(&pull);
-        Some(log_determinant - pull.norm_squared())
+        block.gradient -= own.tr_mul(&gradient);
+        block.shared_gradient -= shared.tr_mul(&gradient);
+        Some(log_determinant - gradient.norm_squared())
     }
 }
 
@@ -213,7 +216,7 @@ impl SideJacobian {
     /// From samples spread over the side, by least squares; `None` where the lens sees none.
     fn of<L: Lens>(
         (state, figure, side): (&PlaneState, usize, &Side),
-        relief: Option<&Relief>,
+        board_relief: Option<&BoardRelief>,
         moments: &SideMoments,
         (lens, free): (&L, &FreeParameters),
     ) -> Option<Self> {
@@ -225,25 +228,25 @@ impl SideJacobian {
         let mut heights = SMatrix::<f64, ORDERS, TERMS>::zeros();
         for index in nodes(&moments.places) {
             let row = &moments.rows[index];
-            let sight = lens.sight(&side.samples[index].pixel)?;
-            let distance = lens.line_distance_jacobian(&sight, &line, wanted);
+            let pixel_ray = lens.unproject_with_jacobian(&side.samples[index].pixel)?;
+            let distance = lens.line_distance_jacobian(&pixel_ray, &line, wanted);
             let mut columns = [0.0; MAX_LENS_COLUMNS];
             free.gather(&distance.wrt_lens, &mut columns);
             gram.ger(1.0, row, row, 1.0);
             wrt_line.ger(1.0, row, &distance.wrt_line, 1.0);
             shared.ger(1.0, row, &SVector::from(columns), 1.0);
-            if let Some(relief) = relief {
+            if let Some(board_relief) = board_relief {
                 let sample = &side.samples[index];
                 let of = (lens, state);
                 // What rises displaces the sample: the residual is less by that.
-                let risen = relief.displacements(of, &line, &distance.wrt_line, sample)?;
+                let risen = board_relief.displacements(of, &line, &distance.wrt_line, sample)?;
                 heights.ger(-1.0, row, &risen, 1.0);
             }
         }
         let factor = gram.cholesky()?;
         let own = factor.solve(&wrt_line) * state.line_jacobian(figure, side);
         let heights = factor.solve(&heights);
-        let columns = own.ncols() + relief.map_or(0, |_| TERMS);
+        let columns = own.ncols() + board_relief.map_or(0, |_| TERMS);
         Some(Self {
             own: DMatrix::from_fn(ORDERS, columns, |k, i| match i.checked_sub(own.ncols()) {
                 None => own[(k, i)],

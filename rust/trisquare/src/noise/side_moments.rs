@@ -17,7 +17,7 @@ pub(crate) type Gram = SMatrix<f64, ORDERS, ORDERS>;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Moments {
     pub gram: Gram,
-    pub pull: Basis,
+    pub gradient: Basis,
 }
 
 /// What the residuals of one side sum to.
@@ -40,12 +40,12 @@ pub(crate) struct SideMoments {
 impl Moments {
     const ZERO: Self = Self {
         gram: Gram::from_array_storage(nalgebra::ArrayStorage([[0.0; ORDERS]; ORDERS])),
-        pull: Basis::from_array_storage(nalgebra::ArrayStorage([[0.0; ORDERS]])),
+        gradient: Basis::from_array_storage(nalgebra::ArrayStorage([[0.0; ORDERS]])),
     };
 
     fn add(&mut self, row: &Basis, weight: f64, distance: f64) {
         self.gram.ger(weight, row, row, 1.0);
-        self.pull.axpy(weight * distance, row, 1.0);
+        self.gradient.axpy(weight * distance, row, 1.0);
     }
 }
 

@@ -1,5 +1,5 @@
 //! An error that all samples of a picture share: one unknown per picture, known beforehand to its
-//! standard deviation, that displaces each sample by its own drift.
+//! standard deviation, that shifts each sample by its own tone drift.
 //!
 //! The tone curve of a picture that had to be estimated is such an error: where it is wrong, all
 //! edges lie a little to the dark. The geometry of the planes may tell more of it, and what
@@ -12,26 +12,28 @@ use crate::numeric::{ArrowSystem, Block, Loss, Problem};
 use crate::observations::{FreeParameters, ObservedPlane};
 use crate::refine::{EdgeProblem, Refined};
 
-/// Frees the drifts of all pictures, one Newton step from the optimum without them: the samples
-/// where they are without the drift, and the optimum there, whose normal equations have the drifts
-/// eliminated. `None` where no sample drifts, or where the step fails.
+/// Estimates the tone drift of all pictures, one Newton step from the optimum without them: the
+/// samples where they are without the tone drift, and the optimum there, whose normal equations
+/// have the tone drifts eliminated. `None` where no sample has a tone drift, or where the step
+/// fails.
 pub(crate) fn account_for_drift(
     planes: &[ObservedPlane],
     free: &FreeParameters,
     judged: &FreeParameters,
     refined: &Refined<Brown>,
 ) -> Option<(Vec<ObservedPlane>, Refined<Brown>)> {
-    if !planes.iter().any(ObservedPlane::drifts) {
+    if !planes.iter().any(ObservedPlane::has_tone_drift) {
         return None;
     }
     let system = freed(planes, judged, refined)?;
     let drifts: Vec<usize> = (judged.len()..system.prior.nrows()).collect();
     let moved: Vec<usize> = (0..free.len()).chain(drifts).collect();
+    let pictures = pictures(planes);
     let step = system.selected(&moved).solve(0.0)?;
     let view = refined.view.advanced(free, &step);
     let mut planes = planes.to_vec();
     for plane in &mut planes {
-        plane.take_out_drift(step.shared[free.len() + plane.image]);
+        plane.remove_tone_drift(step.shared[free.len() + place(&pictures, plane)]);
     }
     let refined = Refined {
         residuals: crate::refine::residuals(&planes, &view)?,
@@ -42,6 +44,19 @@ pub(crate) fn account_for_drift(
     Some((planes, refined))
 }
 
+/// The numbers of the pictures, ascending: they are names, and of any size.
+fn pictures(planes: &[ObservedPlane]) -> Vec<usize> {
+    let mut numbers: Vec<usize> = planes.iter().map(|plane| plane.image).collect();
+    numbers.sort_unstable();
+    numbers.dedup();
+    numbers
+}
+
+/// The place of a plane's picture among all.
+fn place(pictures: &[usize], plane: &ObservedPlane) -> usize {
+    pictures.partition_point(|number| *number < plane.image)
+}
+
 /// The normal equations with one more shared parameter per picture, after all others.
 fn freed(
     planes: &[ObservedPlane],
@@ -50,12 +65,12 @@ fn freed(
 ) -> Option<ArrowSystem> {
     let loss = Loss::Tukey;
     let scale = refined.noise_scale * (loss.mean_weight() / refined.covariance_factor).sqrt();
-    let pictures = 1 + planes.iter().map(|plane| plane.image).max()?;
+    let pictures = pictures(planes);
     let known = judged.len();
     // Of the same weights as what is added, or the whole would not be positive definite.
     let (_, system) = EdgeProblem::new(planes, judged, scale).evaluate(&refined.view)?;
-    let mut system = system.extended(pictures);
-    for picture in known..known + pictures {
+    let mut system = system.extended(pictures.len());
+    for picture in known..known + pictures.len() {
         // A unit is one standard deviation; the factor makes the covariance of the information.
         system.prior[(picture, picture)] = refined.covariance_factor;
     }
@@ -67,11 +82,12 @@ fn freed(
                 let line = state.line(f, side);
                 let line_jacobian = state.line_jacobian(f, side);
                 for (i, sample) in side.samples.iter().enumerate() {
-                    let sight = lens.sight(&sample.pixel)?;
-                    let distance = lens.line_distance_jacobian(&sight, &line, judged.columns());
-                    let displacement = match side.drift.get(i) {
-                        Some(drift) => {
-                            let displaced = lens.sight(&(sample.pixel + drift))?;
+                    let pixel_ray = lens.unproject_with_jacobian(&sample.pixel)?;
+                    let distance = lens.line_distance_jacobian(&pixel_ray, &line, judged.columns());
+                    let displacement = match side.tone_drift.get(i) {
+                        Some(tone_drift) => {
+                            let displaced =
+                                lens.unproject_with_jacobian(&(sample.pixel + tone_drift))?;
                             lens.line_distance(&displaced, &line) - distance.value
                         }
                         None => 0.0,
@@ -85,7 +101,7 @@ fn freed(
                         own: line_jacobian.tr_mul(&distance.wrt_line),
                         shared: gathered(judged, &distance.wrt_lens),
                     };
-                    row.add(&mut system.blocks[p], known + plane.image);
+                    row.add(&mut system.blocks[p], known + place(&pictures, plane));
                 }
             }
         }
@@ -134,7 +150,7 @@ mod tests {
     use nalgebra::Vector2;
 
     const NOISE: f64 = 0.02;
-    /// What the drift is said to be, and how much of it there is.
+    /// The stated tone drift, and how much of it there is.
     const DRIFT: f64 = 0.1;
     const DEVIATIONS: f64 = 1.5;
 
@@ -156,17 +172,17 @@ mod tests {
                 .map(|side| vec![inward(side); side.len()])
                 .collect();
             for (side, drifts) in figure.points.iter_mut().zip(&drifts) {
-                for (point, drift) in side.iter_mut().zip(drifts) {
-                    *point += drift * DEVIATIONS;
+                for (point, tone_drift) in side.iter_mut().zip(drifts) {
+                    *point += tone_drift * DEVIATIONS;
                 }
             }
-            figure.drift = Some(drifts);
+            figure.tone_drift = Some(drifts);
         }
         edges
     }
 
     fn without_drift(mut edges: Vec<PlaneEdges>) -> Vec<PlaneEdges> {
-        edges.iter_mut().for_each(|figure| figure.drift = None);
+        edges.iter_mut().for_each(|figure| figure.tone_drift = None);
         edges
     }
 

@@ -14,5 +14,5 @@ pub(crate) use chi_square::normal_deviate;
 pub(crate) use levenberg::{Limits, Minimum, Problem, Termination, minimise};
 pub use normal::cdf;
 pub(crate) use normal::{BivariateNormal, cdf_and_pdf, pdf};
-pub(crate) use rank_one::{add_outer, symmetric};
+pub(crate) use rank_one::{add_rank_one, symmetric};
 pub(crate) use robust::{Loss, Spread, median_scale};

@@ -2,7 +2,7 @@
 
 /// Adds `weight` times the outer product of a row with itself.
 #[inline(always)]
-pub(crate) fn add_outer<const N: usize>(sums: &mut [[f64; N]; N], row: &[f64; N], weight: f64) {
+pub(crate) fn add_rank_one<const N: usize>(sums: &mut [[f64; N]; N], row: &[f64; N], weight: f64) {
     for i in 0..N {
         let weighted = weight * row[i];
         for j in 0..=i {

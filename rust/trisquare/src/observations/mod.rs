@@ -17,5 +17,5 @@ pub(crate) use placement::Placement;
 #[cfg(feature = "synthetic")]
 pub(crate) use plane_edges::square_lines;
 pub use plane_edges::{Freedom, PlaneEdges, Polarity};
-pub(crate) use relief::{Heights, Relief, TERMS};
+pub(crate) use relief::{BoardRelief, Heights, TERMS};
 pub(crate) use view::{POSE_PARAMETERS, PlaneState, View};

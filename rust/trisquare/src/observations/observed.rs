@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use nalgebra::Vector2;
 
 use super::plane_edges::{Freedom, PlaneEdges};
-use super::relief::Relief;
+use super::relief::BoardRelief;
 use crate::error::Error;
 use crate::geometry::Line;
 
@@ -24,23 +24,23 @@ pub(crate) struct Side {
     pub samples: Vec<Sample>,
     /// How far an error that the picture's samples share displaces each, per standard deviation
     /// (px); empty if there is none.
-    pub drift: Vec<Vector2<f64>>,
+    pub tone_drift: Vec<Vector2<f64>>,
     /// Whether it turned out not to belong to the scene: it then follows the camera that the
     /// others determine.
-    pub set_aside: bool,
+    pub is_outlier: bool,
 }
 
 /// Sine of the angle below which two lines of a plane have one direction.
 const PARALLEL: f64 = 0.1;
 
-/// Weight of a side that was set aside, over that of others: it still places its own plane where
+/// Weight of an outlier side over that of others: it still places its own plane where
 /// nothing else does, and moves no camera.
 const ASIDE: f64 = 1e-5;
 
 impl Side {
     /// By how much its samples' weights are lowered.
     pub fn trust(&self) -> f64 {
-        if self.set_aside { ASIDE } else { 1.0 }
+        if self.is_outlier { ASIDE } else { 1.0 }
     }
 }
 
@@ -57,8 +57,8 @@ pub(crate) struct Figure {
 pub(crate) struct ObservedPlane {
     pub image: usize,
     pub figures: Vec<Figure>,
-    /// Of a board whose paper is not flat: what its samples would be on flat paper.
-    pub relief: Option<Relief>,
+    /// Out-of-plane shape of a board that is not flat; it has been removed from the samples.
+    pub board_relief: Option<BoardRelief>,
 }
 
 impl Figure {
@@ -69,35 +69,34 @@ impl Figure {
 
 impl ObservedPlane {
     /// The same with at most so many samples of each side, evenly spread.
-    pub fn thinned(&self, samples_per_side: usize) -> Self {
-        let mut thinned = self.clone();
-        for side in thinned.figures.iter_mut().flat_map(|f| &mut f.sides) {
+    pub fn subsampled(&self, samples_per_side: usize) -> Self {
+        let mut subsampled = self.clone();
+        for side in subsampled.figures.iter_mut().flat_map(|f| &mut f.sides) {
             let step = side.samples.len().div_ceil(samples_per_side);
             side.samples = side.samples.iter().step_by(step).copied().collect();
-            side.drift = side.drift.iter().step_by(step).copied().collect();
+            side.tone_drift = side.tone_drift.iter().step_by(step).copied().collect();
         }
-        thinned
+        subsampled
     }
 
-    /// Moves every sample to where it would be with its drift, of so many standard deviations, taken
-    /// out.
-    pub fn take_out_drift(&mut self, deviations: f64) {
+    /// Removes the tone drift, of so many standard deviations, from every sample.
+    pub fn remove_tone_drift(&mut self, deviations: f64) {
         for side in self.figures.iter_mut().flat_map(|f| &mut f.sides) {
-            for (sample, drift) in side.samples.iter_mut().zip(&side.drift) {
-                sample.pixel += drift * deviations;
+            for (sample, tone_drift) in side.samples.iter_mut().zip(&side.tone_drift) {
+                sample.pixel += tone_drift * deviations;
             }
         }
     }
 
     /// Whether an error that the picture's samples share displaces any of its own.
-    pub fn drifts(&self) -> bool {
-        self.sides().any(|side| !side.drift.is_empty())
+    pub fn has_tone_drift(&self) -> bool {
+        self.sides().any(|side| !side.tone_drift.is_empty())
     }
 
-    /// Sets all sides aside.
-    pub fn set_aside(&mut self) {
+    /// Marks all sides as outliers.
+    pub fn mark_as_outlier(&mut self) {
         for side in self.figures.iter_mut().flat_map(|f| &mut f.sides) {
-            side.set_aside = true;
+            side.is_outlier = true;
         }
     }
 
@@ -107,9 +106,9 @@ impl ObservedPlane {
         sides.into_iter().nth(index)
     }
 
-    /// Whether all sides are set aside.
-    pub fn is_set_aside(&self) -> bool {
-        self.sides().all(|side| side.set_aside)
+    /// Whether all sides are outliers.
+    pub fn is_outlier(&self) -> bool {
+        self.sides().all(|side| side.is_outlier)
     }
 
     /// Multiplies the weight of every sample.
@@ -133,7 +132,7 @@ pub(crate) fn directions(figure: &Figure) -> Vec<Vec<usize>> {
     let normal = |side: usize| figure.sides[side].line.normal();
     let parallel = |a: usize, b: usize| normal(a).perp(&normal(b)).abs() < PARALLEL;
     let mut families: Vec<Vec<usize>> = Vec::new();
-    for side in (0..figure.sides.len()).filter(|side| !figure.sides[*side].set_aside) {
+    for side in (0..figure.sides.len()).filter(|side| !figure.sides[*side].is_outlier) {
         match families.iter_mut().find(|family| parallel(family[0], side)) {
             Some(family) => family.push(side),
             None => families.push(vec![side]),
@@ -170,7 +169,7 @@ pub(crate) fn sort_by_plane(edges: &[PlaneEdges]) -> Result<Vec<ObservedPlane>, 
                 planes.push(ObservedPlane {
                     image: figure_edges.image,
                     figures: vec![figure],
-                    relief: None,
+                    board_relief: None,
                 });
             }
         }
@@ -186,7 +185,7 @@ fn figure(index: usize, edges: &PlaneEdges) -> Figure {
         .enumerate()
         .map(|(side, (line, points))| Side {
             line: *line,
-            set_aside: false,
+            is_outlier: false,
             samples: points
                 .iter()
                 .enumerate()
@@ -195,10 +194,10 @@ fn figure(index: usize, edges: &PlaneEdges) -> Figure {
                     weight: edges.std.as_ref().map_or(1.0, |std| 1.0 / std[side][i]),
                 })
                 .collect(),
-            drift: edges
-                .drift
+            tone_drift: edges
+                .tone_drift
                 .as_ref()
-                .map_or_else(Vec::new, |drift| drift[side].clone()),
+                .map_or_else(Vec::new, |tone_drift| tone_drift[side].clone()),
         })
         .collect();
     Figure {

@@ -54,7 +54,7 @@ pub struct PlaneEdges {
     pub freedom: Freedom,
     /// How far one standard deviation of an error that all samples of a picture share, as that of
     /// its estimated tone curve, displaces each sample, in pixels; no such error where absent.
-    pub drift: Option<Vec<Vec<Vector2<f64>>>>,
+    pub tone_drift: Option<Vec<Vec<Vector2<f64>>>>,
     /// Width of the plain border within a square's outline, in the lines' units: further inside is
     /// something else, as the bits of a tag. Absent if nothing is known of it.
     pub border: Option<f64>,
@@ -91,7 +91,7 @@ impl PlaneEdges {
             plane: None,
             image: 0,
             freedom: Freedom::Auto,
-            drift: None,
+            tone_drift: None,
             border: None,
         }
     }
@@ -146,17 +146,17 @@ impl PlaneEdges {
 
 impl PlaneEdges {
     fn check_drift(&self, figure: usize) -> Result<(), Error> {
-        let Some(drift) = &self.drift else {
+        let Some(tone_drift) = &self.tone_drift else {
             return Ok(());
         };
         let counts = |all: &[Vec<Vector2<f64>>]| all.iter().map(Vec::len).collect::<Vec<_>>();
-        if counts(drift) != counts(&self.points) {
+        if counts(tone_drift) != counts(&self.points) {
             return Err(Error::InvalidArgument(format!(
                 "figure {figure} needs one drift for every sample"
             )));
         }
         let finite = |d: &Vector2<f64>| d.x.is_finite() && d.y.is_finite();
-        if !drift.iter().flatten().all(finite) {
+        if !tone_drift.iter().flatten().all(finite) {
             return Err(Error::NotFinite { what: "a drift" });
         }
         Ok(())

@@ -1,4 +1,4 @@
-//! How far a board's paper is from flat: data alone; what it does to samples is for the noise.
+//! The out-of-plane shape of a board: data alone.
 
 use nalgebra::{SVector, Vector2};
 
@@ -8,9 +8,9 @@ pub(crate) const TERMS: usize = 12;
 /// Heights, or what each does at a sample.
 pub(crate) type Heights = SVector<f64, TERMS>;
 
-/// The relief of a board.
+/// The out-of-plane shape of a board.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Relief {
+pub(crate) struct BoardRelief {
     pub centre: Vector2<f64>,
     /// Half the extent, `R`.
     pub radius: f64,

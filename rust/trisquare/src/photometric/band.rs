@@ -98,7 +98,7 @@ pub(crate) struct PixelFigure {
 
 impl PixelFigure {
     /// The same with about one pixel in `stride`, spread evenly.
-    pub fn thinned(&self, stride: u32) -> Self {
+    pub fn subsampled(&self, stride: u32) -> Self {
         // Neighbours along rows, columns and diagonals fall into different classes.
         let keep =
             |p: &&BandPixel| (p.place.x as u32 * 3 + p.place.y as u32 * 5).is_multiple_of(stride);
@@ -119,7 +119,7 @@ impl PixelFigure {
     }
 }
 
-/// Collects the pixels around every figure that is not set aside; not applicable unless all are
+/// Collects the pixels around every figure that is not an outlier; not applicable unless all are
 /// squares of known polarity.
 pub(super) fn collect(
     edges: &[PlaneEdges],
@@ -136,7 +136,7 @@ pub(super) fn collect(
         .collect();
     let mut figures = Vec::new();
     for (p, plane) in planes.iter().enumerate() {
-        if plane.is_set_aside() {
+        if plane.is_outlier() {
             continue;
         }
         let reader = readers.get(plane.image).ok_or(Refusal::NotApplicable)?;
@@ -198,7 +198,7 @@ impl Outline {
                 side.line = side.line.reversed();
             }
             side.samples = Vec::new(); // the pixels replace them
-            side.drift = Vec::new();
+            side.tone_drift = Vec::new();
         }
         let mut trace = Vec::new();
         for i in 0..4 {

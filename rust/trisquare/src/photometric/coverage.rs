@@ -59,8 +59,8 @@ pub(crate) fn plateau(inside: bool) -> Coverage {
 
 /// The covered part at distances `z` (in blurs, positive inside) to the sides of `near`.
 ///
-/// A side alone covers `Phi(z) - k (z^3 - 3 z) phi(z)`, with `k` the kurtosis of its blur (the first
-/// term of Edgeworth's series). Two that meet at a corner cover the bivariate normal
+/// A side alone covers `Phi(z) - k (z^3 - 3 z) phi(z)`, with `k` the kurtosis of its blur (the
+/// first term of Edgeworth's series). Two that meet at a corner cover the bivariate normal
 /// distribution with the correlation of their inward normals: a Gaussian-blurred wedge.
 /// `corners[i]` is that of sides `i - 1` and `i`. A pixel between two opposite sides takes their
 /// product.

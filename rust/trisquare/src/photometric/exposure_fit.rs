@@ -9,7 +9,8 @@ use super::scene::Shade;
 use crate::image::PictureState;
 use crate::lens::{Brown, Lens};
 use crate::numeric::{
-    ArrowStep, ArrowSystem, Limits, Loss, Problem, Termination, add_outer, median_scale, minimise,
+    ArrowStep, ArrowSystem, Limits, Loss, Problem, Termination, add_rank_one, median_scale,
+    minimise,
 };
 use crate::observations::View;
 
@@ -47,8 +48,8 @@ pub(super) fn fit_exposures(
     for (index, figure) in pixels.figures.iter().enumerate() {
         let scene = pixels.scene(view, &guess[index], pictures, index)?;
         let own = figure.pixels.iter().map(|pixel| {
-            let sight = view.lens.sight(&pixel.place)?;
-            Some(scene.distances(pixel, &sight))
+            let pixel_ray = view.lens.unproject_with_jacobian(&pixel.place)?;
+            Some(scene.distances(pixel, &pixel_ray))
         });
         distances.push(own.collect::<Option<Vec<_>>>()?);
     }
@@ -120,7 +121,7 @@ impl Problem for HeldGeometry<'_> {
             self.for_each(exposure, index, |shade, row| {
                 let (part, weight) = self.pixels.loss.cost_and_weight(shade.residual * to_noise);
                 cost += part;
-                add_outer(&mut sums, &row, weight * to_noise * to_noise);
+                add_rank_one(&mut sums, &row, weight * to_noise * to_noise);
             })?;
             add_exposure(&mut system.blocks[index], &sums, 0);
         }

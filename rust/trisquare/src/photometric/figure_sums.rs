@@ -1,16 +1,16 @@
 //! Normal equations of one figure's pixels, summed by what the pixels depend on.
 //!
 //! Nearly all pixels that an edge cuts are cut by one side, whose line `l` they share: they are
-//! summed over `(l, residual, shared, exposure)`, and the plane's own parameters are brought in once
-//! per side. The few at corners are added row by row.
+//! summed over `(l, residual, shared, exposure)`, and the plane's own parameters are brought in
+//! once per side. The few at corners are added row by row.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::exposure::EXPOSURE_PARAMETERS;
 use super::scene::{Scene, Shade};
 use crate::image::PICTURE_PARAMETERS;
-use crate::lens::{BrownSight, Columns, Lens, MAX_LENS_COLUMNS};
-use crate::numeric::{Block, add_outer, symmetric};
+use crate::lens::{BrownPixelRay, Columns, Lens, MAX_LENS_COLUMNS};
+use crate::numeric::{Block, add_rank_one, symmetric};
 use crate::observations::FreeParameters;
 
 /// Columns of a side's sums before the shared parameters: the line's three, and the residual.
@@ -68,10 +68,18 @@ impl<'a, const N: usize> FigureSums<'a, N> {
 
     /// Adds a pixel that one side cuts.
     #[inline]
-    pub fn add_cut(&mut self, scene: &Scene<'_>, sight: &BrownSight, shade: &Shade, weight: f64) {
+    pub fn add_cut(
+        &mut self,
+        scene: &Scene<'_>,
+        pixel_ray: &BrownPixelRay,
+        shade: &Shade,
+        weight: f64,
+    ) {
         let (side, density) = shade.coverage.cuts[0];
         let line = &scene.lines[side];
-        let distance = scene.lens.line_distance_jacobian(sight, line, self.wanted);
+        let distance = scene
+            .lens
+            .line_distance_jacobian(pixel_ray, line, self.wanted);
         let gain = scene.gain(shade, density);
         let mut row = [0.0; N];
         for i in 0..3 {
@@ -87,14 +95,14 @@ impl<'a, const N: usize> FigureSums<'a, N> {
             picture.copy_from_slice(&scene.wrt_picture(shade));
         }
         exposure.copy_from_slice(&scene.wrt_exposure(shade));
-        add_outer(&mut self.sides[side], &row, weight);
+        add_rank_one(&mut self.sides[side], &row, weight);
     }
 
     /// Adds a pixel that two sides cut.
     pub fn add_corner(
         &mut self,
         scene: &Scene<'_>,
-        sight: &BrownSight,
+        pixel_ray: &BrownPixelRay,
         shade: &Shade,
         weight: f64,
         block: &mut Block,
@@ -107,7 +115,9 @@ impl<'a, const N: usize> FigureSums<'a, N> {
         let mut part = [0.0; MAX_LENS_COLUMNS];
         for (side, density) in shade.coverage.cuts {
             let line = &scene.lines[side];
-            let distance = scene.lens.line_distance_jacobian(sight, line, self.wanted);
+            let distance = scene
+                .lens
+                .line_distance_jacobian(pixel_ray, line, self.wanted);
             let gain = scene.gain(shade, density);
             let jacobian = &self.jacobians[side];
             let mut geometry = own.rows_mut(0, jacobian.ncols());
@@ -145,9 +155,9 @@ impl<'a, const N: usize> FigureSums<'a, N> {
             let mut row = [shade.residual; PICTURED];
             row[..EXPOSURE_PARAMETERS].copy_from_slice(&scene.wrt_exposure(shade));
             row[EXPOSURE_PARAMETERS..PICTURED - 1].copy_from_slice(&scene.wrt_picture(shade));
-            add_outer(&mut self.pictured_plateau, &row, weight);
+            add_rank_one(&mut self.pictured_plateau, &row, weight);
         } else {
-            add_outer(&mut self.plateau, &scene.exposure_row(shade), weight);
+            add_rank_one(&mut self.plateau, &scene.exposure_row(shade), weight);
         }
     }
 

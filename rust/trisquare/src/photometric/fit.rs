@@ -89,11 +89,11 @@ impl PixelFit<'_> {
         let mut sums = FigureSums::<N>::new(self.free, shared, jacobians, own);
         let to_noise = 1.0 / self.scales[index];
         for pixel in &figure.pixels {
-            let sight = match scene.may_cut(pixel) {
-                true => Some(scene.lens.sight(&pixel.place)?),
+            let pixel_ray = match scene.may_cut(pixel) {
+                true => Some(scene.lens.unproject_with_jacobian(&pixel.place)?),
                 false => None,
             };
-            let distances = sight.map(|sight| scene.distances(pixel, &sight));
+            let distances = pixel_ray.map(|pixel_ray| scene.distances(pixel, &pixel_ray));
             let shade = scene.shade(pixel, distances.as_ref());
             let (cost, weight) = self.loss.cost_and_weight(shade.residual * to_noise);
             sum.cost += cost;
@@ -101,9 +101,9 @@ impl PixelFit<'_> {
                 sum.spread.add(self.loss, shade.residual * to_noise, weight);
             }
             let weight = weight * to_noise * to_noise;
-            match (shade.coverage.cut_count, &sight) {
-                (1, Some(sight)) => sums.add_cut(&scene, sight, &shade, weight),
-                (2, Some(sight)) => sums.add_corner(&scene, sight, &shade, weight, block),
+            match (shade.coverage.cut_count, &pixel_ray) {
+                (1, Some(pixel_ray)) => sums.add_cut(&scene, pixel_ray, &shade, weight),
+                (2, Some(pixel_ray)) => sums.add_corner(&scene, pixel_ray, &shade, weight, block),
                 _ => sums.add_plateau(&scene, &shade, weight),
             }
         }
@@ -178,14 +178,17 @@ impl PixelFit<'_> {
     /// What is known of the pictures' parameters beforehand.
     fn add_priors(&self, state: &PixelState, sum: &mut PixelSystem) {
         for (image, picture) in state.pictures.iter().enumerate().take(self.free_pictures) {
-            let PicturePrior { information, pull } = picture.prior();
+            let PicturePrior {
+                information,
+                gradient,
+            } = picture.prior();
             // The prior has no gradient of its own: the first block carries it.
             let block = &mut sum.system.blocks[0];
             for i in 0..PICTURE_PARAMETERS {
                 let column = self.picture_offset(image) + i;
                 block.shared[(column, column)] += information[i];
-                block.shared_gradient[column] -= pull[i];
-                sum.cost += 0.5 * pull[i] * pull[i] / information[i];
+                block.shared_gradient[column] -= gradient[i];
+                sum.cost += 0.5 * gradient[i] * gradient[i] / information[i];
             }
         }
     }
@@ -320,8 +323,8 @@ mod tests {
                 .scene(&state.view, &state.exposures[index], &state.pictures, index)
                 .unwrap();
             let shades = figures[index].pixels.iter().map(|p| {
-                let sight = state.view.lens.sight(&p.place).unwrap();
-                let distances = scene.distances(p, &sight);
+                let pixel_ray = state.view.lens.unproject_with_jacobian(&p.place).unwrap();
+                let distances = scene.distances(p, &pixel_ray);
                 scene.shade(p, scene.may_cut(p).then_some(&distances))
             });
             values.push(

@@ -67,7 +67,7 @@ fn disturbed_of_figure(
     let judged = |pixel: &&BandPixel| pixel.depth.abs() < JUDGED;
     for pixel in figure.pixels.iter().filter(judged) {
         let distances = match scene.may_cut(pixel) {
-            true => Some(scene.distances(pixel, &view.lens.sight(&pixel.place)?)),
+            true => Some(scene.distances(pixel, &view.lens.unproject_with_jacobian(&pixel.place)?)),
             false => None,
         };
         let residual = scene.shade(pixel, distances.as_ref()).residual / fit.scales[index];

@@ -1,10 +1,10 @@
 //! The last stage when there is a picture: the joint model fitted to the pixels themselves.
 //!
 //! Every pixel near an outline is modelled as `v = g(L (b + A C))`, `g` the tone curve, `L` light
-//! that changes linearly over the figure, and `C` the part of the blurred square that covers it: the normal
-//! distribution function of its distances to the near sides over the blur `w`, bivariate at a
-//! corner. The distances follow from the joint camera and pose, so that corners count as well. A
-//! pixel carries its own independent noise: nothing is lost between patches.
+//! that changes linearly over the figure, and `C` the part of the blurred square that covers it:
+//! the normal distribution function of its distances to the near sides over the blur `w`, bivariate
+//! at a corner. The distances follow from the joint camera and pose, so that corners count as well.
+//! A pixel carries its own independent noise: nothing is lost between patches.
 
 use super::band::{PixelFigure, Width, collect};
 use super::exposure::Exposure;
@@ -17,7 +17,7 @@ use crate::numeric::Loss;
 use crate::observations::{FreeParameters, PlaneEdges};
 use crate::refine::{Refined, residuals};
 use crate::result::{Calibration, Stage, Warning};
-use crate::solver::{Solution, Task};
+use crate::solver::{JointProblem, Solution};
 use crate::uncertainty::{Correlated, covariance};
 
 /// One pixel in so many tells the exposures, while camera and planes are held.
@@ -30,9 +30,10 @@ const JUDGED_STRIDE: u32 = 8;
 const MAX_STEPS: usize = 8;
 
 /// Predicted fall of the cost, per parameter and in units of the noise variance, below which a step
-/// is the last. The exposures come from a twelfth of the pixels, the geometry from the edge samples:
-/// both start within a few standard deviations, from where one step arrives to second order and
-/// is efficient without iterating (L. Le Cam, Univ. California Publ. Statist. 1 (1953) 277-330).
+/// is the last. The exposures come from a twelfth of the pixels, the geometry from the edge
+/// samples: both start within a few standard deviations, from where one step arrives to second
+/// order and is efficient without iterating (L. Le Cam, Univ. California Publ. Statist. 1 (1953)
+/// 277-330).
 const LAST_DECREASE: f64 = 20.0;
 
 /// Blurs nearer than this to the widest that a band holds ask for a wider band.
@@ -49,12 +50,12 @@ const MAX_MEAN_SQUARE_SHIFT: f64 = 9.0;
 /// Fits the photographs and replaces the calibration's numbers where that improves them.
 pub(crate) fn improve(
     edges: &[PlaneEdges],
-    task: &Task<'_>,
+    problem: &JointProblem<'_>,
     solution: &Solution,
     photographs: &Photographs<'_>,
     calibration: &mut Calibration,
 ) {
-    match attempt(edges, task, solution, photographs, calibration) {
+    match attempt(edges, problem, solution, photographs, calibration) {
         Ok(better) => *calibration = better,
         Err(Refusal::NotApplicable) => {}
         Err(Refusal::Reason(reason)) => {
@@ -82,7 +83,7 @@ impl Start {
 
 fn attempt(
     edges: &[PlaneEdges],
-    task: &Task<'_>,
+    problem: &JointProblem<'_>,
     solution: &Solution,
     photographs: &Photographs<'_>,
     calibration: &Calibration,
@@ -91,7 +92,7 @@ fn attempt(
     let known = tones.iter().all(|t| matches!(t, PictureTone::Known(_)));
     let mut fit = PixelFit {
         figures: &[],
-        free: &task.free,
+        free: &problem.free,
         free_pictures: if known { 0 } else { tones.len() },
         loss: Loss::WideTukey,
         scales: Vec::new(),
@@ -107,11 +108,11 @@ fn attempt(
     };
     fit.figures = &start.figures;
     fit.scales = start.scales;
-    let (state, found) = settled(&fit, start.state).ok_or(BROKEN)?;
+    let (state, found) = converge(&fit, start.state).ok_or(BROKEN)?;
     // The samples' stated deviations tell of the pixels' only if they were made from them.
     let measured = edges.iter().all(|figure| figure.std.is_some());
-    let mut better = answer(&fit, state, found, (task, solution), measured).ok_or(BROKEN)?;
-    check_improvement(&task.free, calibration, &better)?;
+    let mut better = answer(&fit, state, found, (problem, solution), measured).ok_or(BROKEN)?;
+    check_improvement(&problem.free, calibration, &better)?;
     let hidden = start.hidden.into_iter().map(|part| Warning::PartlyHidden {
         plane: part.plane,
         figure: part.figure,
@@ -133,17 +134,23 @@ fn start(
 ) -> Option<Start> {
     let view = &solution.refined.view;
     let pictures: Vec<PictureState> = tones.iter().map(|tone| PictureState::of(*tone)).collect();
-    let thinned: Vec<PixelFigure> = figures.iter().map(|f| f.thinned(EXPOSURE_STRIDE)).collect();
+    let subsampled: Vec<PixelFigure> = figures
+        .iter()
+        .map(|f| f.subsampled(EXPOSURE_STRIDE))
+        .collect();
     let fit = PixelFit {
-        figures: &thinned,
+        figures: &subsampled,
         ..fit.clone()
     };
-    let guess: Option<Vec<Exposure>> = thinned
+    let guess: Option<Vec<Exposure>> = subsampled
         .iter()
         .map(|figure| Exposure::guess(figure, tones[figure.image].tone()))
         .collect();
     let (exposures, scales) = fit_exposures(fit.clone(), view, &pictures, guess?)?;
-    let judged: Vec<PixelFigure> = figures.iter().map(|f| f.thinned(JUDGED_STRIDE)).collect();
+    let judged: Vec<PixelFigure> = figures
+        .iter()
+        .map(|f| f.subsampled(JUDGED_STRIDE))
+        .collect();
     let fit = PixelFit {
         figures: &judged,
         scales,
@@ -155,7 +162,7 @@ fn start(
         hidden.extend(hidden_parts(figure, &disturbed));
         let sides = &solution.planes[figure.plane].figures[figure.figure].sides;
         for (mark, side) in disturbed.iter_mut().zip(&figure.stretch_sides) {
-            *mark |= sides[usize::from(*side)].set_aside;
+            *mark |= sides[usize::from(*side)].is_outlier;
         }
         figure.drop_stretches(&disturbed);
     }
@@ -172,8 +179,8 @@ fn start(
 }
 
 /// The joint optimum, with the normal equations of the last step; `None` if the steps do not
-/// settle.
-fn settled(fit: &PixelFit<'_>, mut state: PixelState) -> Option<(PixelState, PixelSystem)> {
+/// converge.
+fn converge(fit: &PixelFit<'_>, mut state: PixelState) -> Option<(PixelState, PixelSystem)> {
     let mut last_cost = f64::INFINITY;
     for _ in 0..MAX_STEPS {
         let found = fit.evaluate(&state)?;
@@ -196,7 +203,7 @@ fn answer(
     fit: &PixelFit<'_>,
     state: PixelState,
     PixelSystem { system, spread, .. }: PixelSystem,
-    (task, solution): (&Task<'_>, &Solution),
+    (problem, solution): (&JointProblem<'_>, &Solution),
     measured: bool,
 ) -> Option<Calibration> {
     let Solution {
@@ -205,23 +212,23 @@ fn answer(
         correlated,
         ..
     } = solution;
-    let covariance_factor = spread.covariance_factor(task.free.len() as f64);
+    let covariance_factor = spread.covariance_factor(problem.free.len() as f64);
     let tones = fit.tone_fits(&state, &system, covariance_factor)?;
     let system = match fit.free_pictures {
         0 => system,
-        _ => system.marginal(task.free.len())?,
+        _ => system.marginal(problem.free.len())?,
     };
     // Where the pixels' noise is not independent, the samples made from them show it.
-    let coherence = &correlated.coherence;
+    let residual_correlation = &correlated.residual_correlation;
     let dependence = match measured {
-        true => coherence.pixels,
-        false => coherence.neighbours,
+        true => residual_correlation.pixels,
+        false => residual_correlation.neighbours,
     };
     let independent = covariance(&system, covariance_factor)?;
     let fitted = Solution {
         planes: planes.clone(),
         correlated: Correlated {
-            covariance: independent * dependence + &coherence.added_to_pixels,
+            covariance: independent * dependence + &residual_correlation.added_to_pixels,
             ..correlated.clone()
         },
         refined: Refined {
@@ -233,7 +240,7 @@ fn answer(
         },
         noise: None,
     };
-    let mut better = Calibration::assemble(task, &fitted, Stage::Pixels);
+    let mut better = Calibration::assemble(problem, &fitted, Stage::Pixels);
     better.state_poses(&fitted);
     better.tones = tones;
     Some(better)

@@ -7,7 +7,7 @@ use super::coverage;
 use super::coverage::{Corner, Coverage, PLATEAU, coverage};
 use super::exposure::{EXPOSURE_PARAMETERS, Exposure};
 use crate::image::{PICTURE_PARAMETERS, PictureState, TONE_PARAMETERS, ToneCurve, box_kurtosis};
-use crate::lens::{Brown, BrownSight, Lens};
+use crate::lens::{Brown, BrownPixelRay, Lens};
 use crate::observations::View;
 
 /// A pixel's distance to the outline changes by less than this (px) from its first estimate.
@@ -102,12 +102,12 @@ impl<'a> Scene<'a> {
 
     /// Signed distances (px) of a pixel to the sides near it.
     #[inline]
-    pub fn distances(&self, pixel: &BandPixel, sight: &BrownSight) -> [f64; 4] {
+    pub fn distances(&self, pixel: &BandPixel, pixel_ray: &BrownPixelRay) -> [f64; 4] {
         let mut distances = [0.0; 4];
         let shift = self.shift_direction() * self.picture.shift;
         for side in 0..4 {
             if pixel.near & (1 << side) != 0 {
-                distances[side] = self.lens.line_distance(sight, &self.lines[side]) + shift;
+                distances[side] = self.lens.line_distance(pixel_ray, &self.lines[side]) + shift;
             }
         }
         distances

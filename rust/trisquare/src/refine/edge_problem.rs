@@ -10,7 +10,7 @@ use std::marker::PhantomData;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use crate::lens::{Lens, MAX_LENS_COLUMNS};
-use crate::numeric::{ArrowStep, ArrowSystem, Loss, Problem, add_outer, symmetric};
+use crate::numeric::{ArrowStep, ArrowSystem, Loss, Problem, add_rank_one, symmetric};
 use crate::observations::{FreeParameters, ObservedPlane, PlaneState, Side, View};
 
 /// The samples as a least-squares problem at one scale of the noise.
@@ -57,8 +57,8 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
         let mut row = [0.0; N];
         let to_scale = side.trust() / self.scale;
         for sample in &side.samples {
-            let sight = lens.sight(&sample.pixel)?;
-            let distance = lens.line_distance_jacobian(&sight, line, wanted);
+            let pixel_ray = lens.unproject_with_jacobian(&sample.pixel)?;
+            let distance = lens.line_distance_jacobian(&pixel_ray, line, wanted);
             let to_noise = sample.weight * to_scale;
             let (cost, weight) = self.loss.cost_and_weight(distance.value * to_noise);
             let weight = weight * to_noise * to_noise;
@@ -67,7 +67,7 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
             row[3] = distance.value;
             self.free
                 .gather(&distance.wrt_lens, &mut row[SHARED_OFFSET..]);
-            add_outer(&mut sums.products, &row, weight);
+            add_rank_one(&mut sums.products, &row, weight);
         }
         Some(sums)
     }

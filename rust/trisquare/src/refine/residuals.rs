@@ -14,7 +14,7 @@ pub(crate) struct Residual {
     pub distance: f64,
     /// One over the standard deviation given for the sample.
     pub weight: f64,
-    /// Whether its side belongs to the scene; one that was set aside tells nothing of the noise.
+    /// Whether its side belongs to the scene; an outlier says nothing about the noise.
     pub counts: bool,
 }
 
@@ -40,11 +40,11 @@ pub(crate) fn residuals<L: Lens>(planes: &[ObservedPlane], view: &View<L>) -> Op
             for side in &figure.sides {
                 let line = state.line(f, side);
                 for sample in &side.samples {
-                    let sight = view.lens.sight(&sample.pixel)?;
+                    let pixel_ray = view.lens.unproject_with_jacobian(&sample.pixel)?;
                     own.push(Residual {
-                        distance: view.lens.line_distance(&sight, &line),
+                        distance: view.lens.line_distance(&pixel_ray, &line),
                         weight: sample.weight,
-                        counts: !side.set_aside,
+                        counts: !side.is_outlier,
                     });
                 }
             }

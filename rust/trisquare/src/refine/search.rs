@@ -31,7 +31,7 @@ const FINAL_SCALE_TOLERANCE: f64 = 0.01;
 /// Changes of the scale allowed: one that still wanders then is two modes of one optimum.
 const MAX_RESCALINGS: usize = 4;
 
-/// A relative rise of the cost that is rounding.
+/// A relative increase of the cost that is rounding.
 const FINAL_ROUNDING: f64 = 1e-9;
 
 /// A scale that changes by less than this part no longer changes the weights.
@@ -130,7 +130,7 @@ pub(crate) struct Search<L> {
 /// Searches the optimum from a start; `None` if the lens is not invertible at a sample there.
 ///
 /// Rounds of fixed scale: Huber's loss first, which cannot lose the way, then Tukey's biweight
-/// until the scale settles.
+/// until the scale converges.
 pub(crate) fn search<L: Lens>(
     planes: &[ObservedPlane],
     free: &FreeParameters,
@@ -165,9 +165,9 @@ pub(crate) fn search<L: Lens>(
 
 /// Finishes a search on all samples, from the optimum of some of them.
 ///
-/// A few Newton steps, until the scale of all residuals has settled; the normal equations are left
-/// over the parameters to be judged, which begin with the free ones. `None` if the steps do not
-/// settle: the start was no optimum.
+/// A few Newton steps, until the scale of all residuals has converged; the normal equations are
+/// left over the parameters to be judged, which begin with the free ones. `None` if the steps do
+/// not converge: the start was no optimum.
 pub(crate) fn finish<L: Lens>(
     planes: &[ObservedPlane],
     free: &FreeParameters,

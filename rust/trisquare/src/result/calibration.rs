@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, Vector2};
 
-use super::coherence::Coherence;
 use super::pose_uncertainty::PoseUncertainty;
+use super::residual_correlation::ResidualCorrelation;
 use super::warning::{Stage, Warning};
 use crate::geometry::Pose;
 use crate::image::ToneFit;
@@ -50,7 +50,7 @@ pub struct Calibration {
     /// What the given standard deviations had to be multiplied by to agree with the residuals.
     pub noise_scale: f64,
     /// How far the residuals are from independent noise.
-    pub coherence: Coherence,
+    pub residual_correlation: ResidualCorrelation,
     /// Evaluations of the refinement.
     pub iterations: usize,
     /// What the user should know.

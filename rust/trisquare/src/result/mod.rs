@@ -1,13 +1,13 @@
 //! What a calibration returns: data alone.
 
 mod calibration;
-mod coherence;
 mod disagreement;
 mod pose_uncertainty;
+mod residual_correlation;
 mod warning;
 
 pub use calibration::{Calibration, Plane};
-pub use coherence::Coherence;
 pub use disagreement::Disagreement;
 pub use pose_uncertainty::PoseUncertainty;
+pub use residual_correlation::ResidualCorrelation;
 pub use warning::{Stage, Warning};

@@ -13,12 +13,13 @@ use crate::image::GreyBytes;
 /// the smoothing of slanted edges do to the direction.
 const MISALIGNED: f64 = 0.95;
 
-/// The same of a neighbour that is looked for first: 10 degrees, as all but small cells have it. What
-/// is printed in a cell crosses its white rim, whose middle is 15 degrees beside the cell's edge.
+/// The same of a neighbour that is looked for first: 10 degrees, as all but small cells have it.
+/// What is printed in a cell crosses its white rim, whose middle is 15 degrees beside the cell's
+/// edge.
 const MISALIGNED_LITTLE: f64 = 0.985;
 
-/// The same as the first next to a crossing, where the corner of a slanted cell is as small as the blur: 33
-/// degrees.
+/// The same as the first next to a crossing, where the corner of a slanted cell is as small as the
+/// blur: 33 degrees.
 const MISALIGNED_NEAR: f64 = 0.84;
 
 /// Pixels up to which a neighbour is that near.

@@ -13,8 +13,8 @@ const MOST_ROUNDS: usize = 100;
 /// Cells that a crossing may be off its predicted place; perspective and lens leave a tenth.
 const OFF_COURSE: f64 = 0.22;
 
-/// How far a crossing may be off the line of its two neighbours, as the sine of the bend: lenses
-/// bend a grid line of four cells by 0.1 a crossing, folded paper by more.
+/// How far a crossing may be off the line of its two neighbours, as the sine of the turn: lenses
+/// curve a grid line of four cells by 0.1 a crossing, folded paper by more.
 const KINK: f64 = 0.22;
 
 /// Row and column steps of a lattice's directions, clockwise on the screen: along a row, down a
@@ -104,7 +104,8 @@ impl Lattice {
         (weight > 0.0).then(|| sum / weight)
     }
 
-    /// The crossing for a site, if there is one where it must be: how far off it is, and its number.
+    /// The crossing for a site, if there is one where it must be: how far off it is, and its
+    /// number.
     fn fitting(
         &self,
         site: Site,

@@ -83,7 +83,8 @@ impl LatticeSurface {
         surface
     }
 
-    /// The point of the photograph, in half diagonals, for a column and a row; NaN if there is none.
+    /// The point of the photograph, in half diagonals, for a column and a row; NaN if there is
+    /// none.
     #[must_use]
     pub fn at(&self, site: Vector2<f64>) -> Vector2<f64> {
         let mapped = self.homography * site.push(1.0);
@@ -96,7 +97,8 @@ impl LatticeSurface {
         ideal * (2.0 / (1.0 + (1.0 - bent).sqrt()))
     }
 
-    /// Column and row of a point of the photograph, in half diagonals; not finite if there are none.
+    /// Column and row of a point of the photograph, in half diagonals; not finite if there are
+    /// none.
     #[must_use]
     pub fn sites(&self, points: &[Vector2<f64>]) -> Vec<Vector2<f64>> {
         // A homography without inverse, which noise may give, is solved as nearly as can be.

@@ -9,5 +9,5 @@ mod side_cubics;
 pub use edge_following::{Crossing, Follower, link_crossings};
 pub use lattice_growth::{Lattice, Site};
 pub use lattice_surface::LatticeSurface;
-pub use saddles::{SaddleStep, settled_on_saddle};
+pub use saddles::{SaddleStep, refine_corner};
 pub use side_cubics::{SidePoints, trimmed_cubics};

@@ -78,14 +78,14 @@ impl SaddleStep {
 
 /// Moves a point onto the saddle next to it, where there is one.
 #[must_use]
-pub fn settled_on_saddle(picture: &GreyBytes<'_>, point: Vector2<f64>) -> Vector2<f64> {
-    let mut settled = point;
+pub fn refine_corner(picture: &GreyBytes<'_>, point: Vector2<f64>) -> Vector2<f64> {
+    let mut refined = point;
     let mut last = None;
     for _ in 0..SETTLING_STEPS {
         let pixel: [usize; 2] = std::array::from_fn(|k| {
             let most = picture.size()[k].saturating_sub(1 + REACH);
             // The cast saturates, and takes NaN to zero.
-            (settled[k].round_ties_even() as usize).min(most).max(REACH)
+            (refined[k].round_ties_even() as usize).min(most).max(REACH)
         });
         if last.is_some_and(|(previous, _)| previous == pixel) {
             break; // every further step is the same
@@ -94,13 +94,13 @@ pub fn settled_on_saddle(picture: &GreyBytes<'_>, point: Vector2<f64>) -> Vector
             return point;
         };
         let moved = step.offset.map(|o| o.clamp(-SETTLING_STEP, SETTLING_STEP));
-        settled = Vector2::new(pixel[0] as f64, pixel[1] as f64) + moved;
+        refined = Vector2::new(pixel[0] as f64, pixel[1] as f64) + moved;
         last = Some((pixel, step));
     }
     let arrived =
         last.is_some_and(|(_, step)| step.offset.amax() < MOST_OFFSET && step.curvature[3] < 0.0);
-    if arrived && (settled - point).amax() < MOST_SETTLING {
-        settled
+    if arrived && (refined - point).amax() < MOST_SETTLING {
+        refined
     } else {
         point
     }
@@ -130,9 +130,9 @@ mod tests {
         let picture = GreyBytes::new(SIZE, SIZE, &values).unwrap();
         let place = Vector2::from(PLACE);
         let near = place + Vector2::new(1.2, -1.6);
-        assert!((settled_on_saddle(&picture, near) - place).amax() < 0.05);
+        assert!((refine_corner(&picture, near) - place).amax() < 0.05);
         let far = place + Vector2::new(6.0, 5.0);
-        assert_eq!(settled_on_saddle(&picture, far), far);
+        assert_eq!(refine_corner(&picture, far), far);
     }
 
     #[test]
@@ -153,8 +153,8 @@ mod tests {
         let values = saddle();
         let picture = GreyBytes::new(SIZE, SIZE, &values).unwrap();
         for x in [f64::NAN, -1e300, 1e300, 0.0] {
-            let settled = settled_on_saddle(&picture, Vector2::new(x, 3.0));
-            assert!(settled.x == x || x.is_nan());
+            let refined = refine_corner(&picture, Vector2::new(x, 3.0));
+            assert!(refined.x == x || x.is_nan());
         }
         assert!(SaddleStep::from(&picture, [usize::MAX, 0]).is_some());
     }

@@ -7,13 +7,13 @@ const POINT_NOISE: f64 = 0.2;
 
 /// Contour points that stray from their side's first cubic, by so many times the median or at least
 /// so many pixels, follow whatever hides the edge; without them the cubic is fitted again, a few
-/// times, since at first they pull it.
+/// times, since at first they bias it.
 const STRAY: f64 = 2.5;
 const STRAY_PIXELS: f64 = 1.5;
 const TRIMMINGS: usize = 4;
 
-/// Size of a side's offset, slope, quadratic and cubic term, over the chord: the first two are free,
-/// the others what strong distortion makes.
+/// Size of a side's offset, slope, quadratic and cubic term, over the chord: the first two are
+/// free, the others what strong distortion makes.
 const EXPECTED_TERMS: Vector4<f64> = Vector4::new(1e3, 1e3, 0.02, 0.003);
 
 /// While a piece of contour that is none of the edge may be among the points, lest the curve follow

@@ -1,6 +1,6 @@
 //! All planes among which a choice is made, without their distortion.
 
-use super::hypothesis::Explanation;
+use super::hypothesis::Hypothesis;
 use super::squareness::Candidate;
 use crate::image_size::ImageSize;
 use crate::linear::{Homographies, Undistortion};
@@ -59,8 +59,8 @@ impl Pool {
         )
     }
 
-    /// The planes that an explanation takes for squares.
-    pub fn squares(&self, explanation: &Explanation) -> Vec<usize> {
-        explanation.squares().map(|i| self.places[i]).collect()
+    /// The planes that a hypothesis takes for squares.
+    pub fn squares(&self, hypothesis: &Hypothesis) -> Vec<usize> {
+        hypothesis.squares().map(|i| self.places[i]).collect()
     }
 }

@@ -7,9 +7,9 @@
 //! the joint fit, which drops what does not agree and takes back what does.
 
 use super::candidates::Pool;
-use super::inliers::{Agreement, LEAST_CANDIDATES, STICKS_OUT};
+use super::inliers::{Inliers, LEAST_CANDIDATES, STICKS_OUT};
 use super::joint_fit::Fit;
-use super::propose::explanations;
+use super::propose::propose;
 use super::straightness::Straightness;
 use super::verdict::{Choice, LEAST_BOARDS, Verdict, doubt_of_boards, doubt_of_choice};
 use crate::error::Error;
@@ -20,7 +20,7 @@ use crate::observations::{
     Fixed, Method, ObservedPlane, Options, PlaneEdges, has_grid, sort_by_plane,
 };
 use crate::refine::{Residual, residuals, root_mean_square, search};
-use crate::solver::{Task, reject_outliers};
+use crate::solver::{JointProblem, reject_outliers};
 
 /// Samples of each side that the choice looks at: a false square shows in few.
 const SAMPLES_PER_SIDE: usize = 16;
@@ -39,48 +39,51 @@ pub fn choose(edges: &[PlaneEdges], size: ImageSize, options: &Options) -> Resul
     if planes.len() < LEAST_CANDIDATES {
         return Ok(Choice::of_all(&planes));
     }
-    let thinned: Vec<_> = planes.iter().map(|p| p.thinned(SAMPLES_PER_SIDE)).collect();
+    let subsampled: Vec<_> = planes
+        .iter()
+        .map(|p| p.subsampled(SAMPLES_PER_SIDE))
+        .collect();
     let options = Options {
         method: Method::MaximumLikelihood,
         ..*options
     };
-    let task = Task::new(size, &options);
-    let Straightness { undistortion, bent } = Straightness::of(&thinned, &task);
-    let chooser = Chooser(Agreement {
-        task: &task,
-        planes: &thinned,
-        pool: &Pool::of(&thinned, undistortion, size),
+    let problem = JointProblem::new(size, &options);
+    let Straightness { undistortion, bent } = Straightness::of(&subsampled, &problem);
+    let chooser = Chooser(Inliers {
+        problem: &problem,
+        planes: &subsampled,
+        pool: &Pool::of(&subsampled, undistortion, size),
         bent,
     });
     if chooser.all_agree() {
-        return Ok(Choice::of_all(&thinned));
+        return Ok(Choice::of_all(&subsampled));
     }
     if let Some(choice) = chooser.beside_boards() {
         return Ok(choice);
     }
     let found = chooser.choice();
     Ok(found
-        .filter(|choice| !chooser.is_set_aside_anyway(choice))
-        .unwrap_or_else(|| Choice::of_all(&thinned)))
+        .filter(|choice| !chooser.is_outlier_anyway(choice))
+        .unwrap_or_else(|| Choice::of_all(&subsampled)))
 }
 
-struct Chooser<'a>(Agreement<'a>);
+struct Chooser<'a>(Inliers<'a>);
 
 impl Chooser<'_> {
     /// Whether the one plane that a choice drops is found false, or bent on one side, by the fit of
     /// all planes as well: that one names it, and may keep its other sides.
-    fn is_set_aside_anyway(&self, choice: &Choice) -> bool {
+    fn is_outlier_anyway(&self, choice: &Choice) -> bool {
         let mut dropped = (0..self.0.planes.len()).filter(|i| !choice.verdicts[*i].kept);
         let (Some(one), None, None) = (dropped.next(), dropped.next(), choice.doubt) else {
             return false;
         };
-        reject_outliers(self.0.task, self.0.planes)
-            .is_ok_and(|(solution, _)| solution.planes[one].sides().any(|side| side.set_aside))
+        reject_outliers(self.0.problem, self.0.planes)
+            .is_ok_and(|(solution, _)| solution.planes[one].sides().any(|side| side.is_outlier))
     }
 
     fn all_agree(&self) -> bool {
         let all: Vec<usize> = (0..self.0.planes.len()).collect();
-        let refined = self.0.task.optimum(self.0.planes);
+        let refined = self.0.problem.optimum(self.0.planes);
         refined.is_ok_and(|refined| self.0.agrees(&self.0.judged(&all, self.0.planes, refined)))
     }
 
@@ -93,8 +96,8 @@ impl Chooser<'_> {
         if boards.len() < LEAST_BOARDS {
             return None;
         }
-        let refined = self.0.task.optimum(&planes).ok()?;
-        if self.0.task.weakness(&planes, &refined).is_some() {
+        let refined = self.0.problem.optimum(&planes).ok()?;
+        if self.0.problem.ill_conditioning(&planes, &refined).is_some() {
             return None;
         }
         let of_board = |own: &Vec<Residual>| root_mean_square(own.iter());
@@ -123,23 +126,23 @@ impl Chooser<'_> {
     }
 
     fn choice(&self) -> Option<Choice> {
-        let agreement = &self.0;
-        let explanations = explanations(agreement.task, agreement.pool);
-        let best = explanations.first()?;
-        let mut fits = agreement.fits(&explanations);
-        if !fits.iter().any(|fit| agreement.agrees(fit)) {
-            fits.extend(agreement.fits_without_one_of_all(&explanations));
+        let inliers = &self.0;
+        let hypotheses = propose(inliers.problem, inliers.pool);
+        let best = hypotheses.first()?;
+        let mut fits = inliers.fits(&hypotheses);
+        if !fits.iter().any(|fit| inliers.agrees(fit)) {
+            fits.extend(inliers.fits_without_one_of_all(&hypotheses));
         }
-        let order = |fit: &Fit| (agreement.agrees(fit), agreement.worth(fit));
+        let order = |fit: &Fit| (inliers.agrees(fit), inliers.worth(fit));
         fits.sort_by(|a, b| {
             let ((a_agrees, a), (b_agrees, b)) = (order(a), order(b));
             b_agrees.cmp(&a_agrees).then(b.total_cmp(&a))
         });
         let mut fits = fits.into_iter();
-        let chosen = fits.next().map(|fit| agreement.completed(fit));
+        let chosen = fits.next().map(|fit| inliers.completed(fit));
         let (members, lens) = match &chosen {
             Some(fit) => (fit.members.clone(), Some(fit.refined.view.lens)),
-            None => (agreement.pool.squares(best), None),
+            None => (inliers.pool.squares(best), None),
         };
         let verdict = |(i, plane): (usize, &ObservedPlane)| {
             let kept = members.contains(&i);
@@ -152,7 +155,7 @@ impl Chooser<'_> {
         };
         Some(Choice {
             verdicts: self.0.planes.iter().enumerate().map(verdict).collect(),
-            doubt: chosen.and_then(|fit| doubt_of_choice(agreement, best, &fit, fits.collect())),
+            doubt: chosen.and_then(|fit| doubt_of_choice(inliers, best, &fit, fits.collect())),
         })
     }
 
@@ -166,7 +169,7 @@ impl Chooser<'_> {
                 distortion: true,
             },
             initial: Some(*lens),
-            ..*self.0.task.options
+            ..*self.0.problem.options
         };
         let one = std::slice::from_ref(plane);
         let known = Undistortion::Known(*lens);
@@ -177,7 +180,7 @@ impl Chooser<'_> {
             &homographies,
             one,
             &known,
-            self.0.task.size,
+            self.0.problem.size,
             &options,
         );
         let found = search(one, &options.free_parameters(), start.ok()?)?;

@@ -33,7 +33,7 @@ const ALIKE: f64 = 0.06;
 /// What the second and every further one of things that stand alike counts for.
 pub(crate) const ALIKE_SHARE: f64 = 0.15;
 
-/// Steps of a camera toward what it explains; six settle it.
+/// Steps of a camera toward what it explains; six converge.
 const MAX_STEPS: usize = 12;
 
 /// Largest step of the focal length's logarithm: the model is linear about so far.
@@ -75,7 +75,7 @@ impl Prior {
 
 /// A camera with what it explains.
 #[derive(Debug, Clone)]
-pub(crate) struct Explanation {
+pub(crate) struct Hypothesis {
     pub camera: Pinhole,
     pub covariance: Matrix4<f64>,
     pub shapes: Vec<Shape>,
@@ -83,7 +83,7 @@ pub(crate) struct Explanation {
     pub evidence: f64,
 }
 
-impl Explanation {
+impl Hypothesis {
     pub fn squares(&self) -> impl Iterator<Item = usize> {
         let shapes = self.shapes.iter().enumerate();
         shapes.filter_map(|(i, shape)| (*shape == Shape::Square).then_some(i))
@@ -93,7 +93,7 @@ impl Explanation {
     /// cannot be told.
     ///
     /// `doubt` holds the standard deviations of the first guess.
-    pub fn settled(
+    pub fn converged(
         candidates: &[Candidate],
         prior: &Prior,
         start: Pinhole,
@@ -135,7 +135,7 @@ impl Explanation {
         best
     }
 
-    /// The explanation by a camera of known covariance.
+    /// The hypothesis by a camera of known covariance.
     fn at(
         seen: &[Option<Deviation>],
         prior: &Prior,
@@ -232,12 +232,13 @@ pub(crate) fn alike(a: &[Vector3<f64>; 2], b: &[Vector3<f64>; 2]) -> bool {
     same(&a[0], &b[0]) && same(&a[1], &b[1]) || same(&a[0], &b[1]) && same(&a[1], &b[0])
 }
 
-/// Squared deviation of a candidate from a square, in units of its own variance and of the camera's.
-pub(crate) fn squared_deviation(candidate: &Candidate, explanation: &Explanation) -> Option<f64> {
-    let deviation = candidate.deviation(&explanation.camera)?;
+/// Squared deviation of a candidate from a square, in units of its own variance and of the
+/// camera's.
+pub(crate) fn squared_deviation(candidate: &Candidate, hypothesis: &Hypothesis) -> Option<f64> {
+    let deviation = candidate.deviation(&hypothesis.camera)?;
     let wrt_camera = deviation.wrt_camera;
     let covariance =
-        deviation.covariance + wrt_camera * explanation.covariance * wrt_camera.transpose();
+        deviation.covariance + wrt_camera * hypothesis.covariance * wrt_camera.transpose();
     let value: Vector2<f64> = deviation.value;
     Some(value.dot(&(covariance.try_inverse()? * value)))
 }

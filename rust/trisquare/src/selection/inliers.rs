@@ -1,4 +1,4 @@
-//! Joint fits of candidates that agree with one another: which squares of an explanation, and which
+//! Joint fits of candidates that agree with one another: which squares of a hypothesis, and which
 //! others with them.
 //!
 //! A joint fit costs as much as it has planes. What is tried one by one is tried among a few dozen,
@@ -7,19 +7,19 @@
 use nalgebra::Vector3;
 
 use super::candidates::Pool;
-use super::hypothesis::{Explanation, alike, squared_deviation};
+use super::hypothesis::{Hypothesis, alike, squared_deviation};
 use super::joint_fit::Fit;
-use super::propose::{FOCAL_DOUBT, explanations, matrix_of, pinhole, prior, triples};
+use super::propose::{FOCAL_DOUBT, matrix_of, pinhole, prior, propose, triples};
 use super::squareness::Pinhole;
 use crate::lens::Brown;
 use crate::linear::first_view;
 use crate::noise::{Misfit, Noise};
 use crate::observations::{ObservedPlane, PlaneState};
 use crate::refine::{Refined, search};
-use crate::solver::Task;
+use crate::solver::JointProblem;
 use crate::uncertainty::check_plane_count;
 
-/// Planes that an agreement has: of three, two cannot show which one is false.
+/// Planes that a set of inliers has: of three, two cannot show which one is false.
 pub(crate) const LEAST_CANDIDATES: usize = 4;
 
 /// A plane does not belong if it puts sides in the wrong place by so many times the variance of the
@@ -36,7 +36,7 @@ const MAX_TRIALS: usize = 12;
 const MAX_TRIMS: usize = 12;
 pub(crate) const STICKS_OUT: f64 = 2.5;
 
-/// Triples of an explanation's squares that are fitted where these do not agree: all of nine.
+/// Triples of a hypothesis' squares that are fitted where these do not agree: all of nine.
 const MAX_SEEDS: usize = 84;
 
 /// Squares that are tried one by one; beyond, further ones hardly tell more of the camera.
@@ -45,10 +45,10 @@ const MAX_FITTED: usize = 32;
 /// One in so many of the planes that do not agree goes, where none sticks out among many.
 const PART_DROPPED: usize = 8;
 
-/// Squares that are in all explanations, and left out in turn where no joint fit agrees.
+/// Squares that are in all hypotheses, and left out in turn where no joint fit agrees.
 const MAX_SHARED: usize = 3;
 
-/// By how much less evidence than the best an explanation may have that is followed up.
+/// By how much less evidence than the best a hypothesis may have that is followed up.
 const CONSIDERED: f64 = 8.0;
 
 /// What a square that agrees speaks for a joint fit: what one of median precision has in evidence.
@@ -56,8 +56,8 @@ const SQUARE_EVIDENCE: f64 = 5.0;
 
 /// What agrees is sought among these planes.
 #[derive(Clone, Copy)]
-pub(crate) struct Agreement<'a> {
-    pub task: &'a Task<'a>,
+pub(crate) struct Inliers<'a> {
+    pub problem: &'a JointProblem<'a>,
     pub planes: &'a [ObservedPlane],
     pub pool: &'a Pool,
     /// Mean square curvature of the sides where they are as straight as a lens can make them, in
@@ -65,7 +65,7 @@ pub(crate) struct Agreement<'a> {
     pub bent: f64,
 }
 
-impl Agreement<'_> {
+impl Inliers<'_> {
     /// Whether the planes of a joint fit agree: all of them together and, where they are so many
     /// that one false one would be lost among them, each by itself.
     pub fn agrees(&self, fit: &Fit) -> bool {
@@ -84,16 +84,17 @@ impl Agreement<'_> {
 
     /// The joint fit of some planes, searched from a camera.
     fn fit(&self, members: &[usize], start: &Pinhole) -> Option<Fit> {
-        let Task {
+        let JointProblem {
             size,
             options,
             free,
             judged,
-        } = self.task;
+            ..
+        } = self.problem;
         check_plane_count(members.len(), free).ok()?;
         let planes: Vec<_> = members.iter().map(|i| self.planes[*i].clone()).collect();
         let view = first_view(
-            &matrix_of(start, self.task.size),
+            &matrix_of(start, self.problem.size),
             &self.pool.homographies_of(members),
             &planes,
             &self.pool.undistortion,
@@ -113,7 +114,7 @@ impl Agreement<'_> {
     ) -> Fit {
         let noise = (!refined.is_exact()).then(|| Noise::of_optimum(planes, &refined));
         let misfit = noise.as_ref().map_or(Misfit::NONE, |noise| {
-            Misfit::of(planes, &refined.view, &self.task.free, noise)
+            Misfit::of(planes, &refined.view, &self.problem.free, noise)
         });
         let own = |noise: &Noise| {
             let states = refined.view.planes.iter().enumerate();
@@ -126,27 +127,27 @@ impl Agreement<'_> {
         };
         Fit {
             members: members.to_vec(),
-            camera: pinhole(&refined.view.lens.camera_matrix(), self.task.size),
+            camera: pinhole(&refined.view.lens.camera_matrix(), self.problem.size),
             own_misfits: noise.as_ref().map_or(vec![0.0; members.len()], own),
             refined,
             misfit,
         }
     }
 
-    /// The joint fits that the best of some explanations lead to.
-    pub fn fits(&self, explanations: &[Explanation]) -> Vec<Fit> {
+    /// The joint fits that the best of some hypotheses lead to.
+    pub fn fits(&self, hypotheses: &[Hypothesis]) -> Vec<Fit> {
         let mut fits = Vec::new();
-        for explanation in explanations {
-            if explanations[0].evidence - explanation.evidence < CONSIDERED {
-                self.add_fits(explanation, &mut fits);
+        for hypothesis in hypotheses {
+            if hypotheses[0].evidence - hypothesis.evidence < CONSIDERED {
+                self.add_fits(hypothesis, &mut fits);
             }
         }
         fits
     }
 
-    /// The joint fits that agree once a square is left out which is in all explanations: one that
+    /// The joint fits that agree once a square is left out which is in all hypotheses: one that
     /// is known so well as a board is in any, also where another camera saw it.
-    pub fn fits_without_one_of_all(&self, found: &[Explanation]) -> Vec<Fit> {
+    pub fn fits_without_one_of_all(&self, found: &[Hypothesis]) -> Vec<Fit> {
         let in_all = |plane: &usize| {
             let mut sets = found.iter().map(|one| self.pool.squares(one));
             sets.all(|squares| squares.contains(plane))
@@ -156,30 +157,30 @@ impl Agreement<'_> {
         let mut fits = Vec::new();
         for plane in shared {
             let others = self.pool.without(plane);
-            let explanations = explanations(self.task, &others);
+            let hypotheses = propose(self.problem, &others);
             fits.extend(
-                Agreement {
+                Inliers {
                     pool: &others,
                     ..*self
                 }
-                .fits(&explanations),
+                .fits(&hypotheses),
             );
         }
         fits.retain(|fit| self.agrees(fit));
         fits
     }
 
-    /// The joint fits that an explanation leads to: of its squares, or of those that agree.
-    fn add_fits(&self, explanation: &Explanation, fits: &mut Vec<Fit>) {
-        let squares = self.most_telling(self.pool.squares(explanation), explanation);
-        let start = &explanation.camera;
+    /// The joint fits that a hypothesis leads to: of its squares, or of those that agree.
+    fn add_fits(&self, hypothesis: &Hypothesis, fits: &mut Vec<Fit>) {
+        let squares = self.most_telling(self.pool.squares(hypothesis), hypothesis);
+        let start = &hypothesis.camera;
         let mut keep = |fit: Fit| {
             let known = |members: &[usize]| {
                 let within = |known: &&Fit| members.iter().all(|i| known.members.contains(i));
                 fits.iter().any(|fit| self.agrees(fit) && within(&fit))
             };
             if !known(&fit.members) {
-                let grown = self.with_others(fit, explanation);
+                let grown = self.with_others(fit, hypothesis);
                 if !known(&grown.members) {
                     fits.push(grown);
                 }
@@ -206,20 +207,20 @@ impl Agreement<'_> {
 
     /// What speaks for a joint fit: squares that do not stand alike, and an ordinary camera.
     pub fn worth(&self, fit: &Fit) -> f64 {
-        fit.standing_apart() * SQUARE_EVIDENCE - prior(self.task).cost(&fit.camera)
+        fit.standing_apart() * SQUARE_EVIDENCE - prior(self.problem).cost(&fit.camera)
     }
 
-    /// The squares of an explanation that tell most of its camera: of those that stand alike one
+    /// The squares of a hypothesis that tell most of its camera: of those that stand alike one
     /// before the others, and what is known best before what is less certain.
-    fn most_telling(&self, squares: Vec<usize>, explanation: &Explanation) -> Vec<usize> {
+    fn most_telling(&self, squares: Vec<usize>, hypothesis: &Hypothesis) -> Vec<usize> {
         if squares.len() <= MAX_FITTED {
             return squares;
         }
-        let known = explanation
+        let known = hypothesis
             .squares()
             .zip(squares)
             .filter_map(|(index, place)| {
-                let deviation = self.pool.candidates[index].deviation(&explanation.camera)?;
+                let deviation = self.pool.candidates[index].deviation(&hypothesis.camera)?;
                 Some((
                     deviation.covariance.determinant(),
                     deviation.directions,
@@ -270,14 +271,14 @@ impl Agreement<'_> {
     }
 
     /// Takes back what agrees in the joint fit, the most promising first.
-    fn with_others(&self, mut fit: Fit, explanation: &Explanation) -> Fit {
+    fn with_others(&self, mut fit: Fit, hypothesis: &Hypothesis) -> Fit {
         let mut others: Vec<(f64, usize)> = self
             .pool
             .candidates
             .iter()
             .zip(&self.pool.places)
             .filter(|(_, place)| !fit.members.contains(place))
-            .filter_map(|(c, place)| Some((squared_deviation(c, explanation)?, *place)))
+            .filter_map(|(c, place)| Some((squared_deviation(c, hypothesis)?, *place)))
             .filter(|(square, _)| *square < WORTH_A_TRIAL)
             .collect();
         others.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -301,16 +302,16 @@ impl Agreement<'_> {
         if self.pool.places.len() <= MAX_FITTED {
             return fit;
         }
-        let prior = prior(self.task);
+        let prior = prior(self.problem);
         let mut doubt = prior.std;
         doubt[0] = doubt[0].min(FOCAL_DOUBT);
         let all = &self.pool.candidates;
-        let Some(explanation) = Explanation::settled(all, &prior, fit.camera, &doubt) else {
+        let Some(hypothesis) = Hypothesis::converged(all, &prior, fit.camera, &doubt) else {
             return fit;
         };
-        let own = Explanation {
+        let own = Hypothesis {
             camera: fit.camera,
-            ..explanation
+            ..hypothesis
         };
         let of_all = all.iter().zip(&self.pool.places);
         let promising = of_all.filter(|(candidate, place)| {

@@ -4,13 +4,13 @@
 use nalgebra::Matrix3;
 
 use super::candidates::Pool;
-use super::hypothesis::{Explanation, Prior};
+use super::hypothesis::{Hypothesis, Prior};
 use super::squareness::{Candidate, Pinhole};
 use crate::geometry::camera_matrix;
 use crate::image_size::ImageSize;
 use crate::linear::Homographies;
 use crate::observations::Options;
-use crate::solver::Task;
+use crate::solver::JointProblem;
 
 /// Focal lengths tried, over half the image diagonal, and how many: neighbours differ by 8 %.
 const FOCAL_LENGTHS: (f64, f64) = (0.4, 18.0);
@@ -23,7 +23,7 @@ const MAX_SUBSETS: usize = 160;
 const MAX_COMBINED: usize = 24;
 
 /// Explanations that are kept.
-const MAX_EXPLANATIONS: usize = 4;
+const MAX_HYPOTHESES: usize = 4;
 
 /// Of more candidates, every hypothesis is first weighed by so many, evenly chosen: they show which
 /// cameras are worth weighing by all.
@@ -44,12 +44,12 @@ const HELD: f64 = 1e-6;
 pub(crate) const FOCAL_DOUBT: f64 = 0.04;
 
 /// What is known of the camera beforehand.
-pub(crate) fn prior(task: &Task<'_>) -> Prior {
-    let Options { fixed, initial, .. } = *task.options;
+pub(crate) fn prior(problem: &JointProblem<'_>) -> Prior {
+    let Options { fixed, initial, .. } = *problem.options;
     let mut mean = Pinhole::new(ORDINARY_FOCAL, 0.0, 0.0, 0.0);
     let mut std = Pinhole::from(PRIOR_STD);
     if let Some(lens) = initial {
-        mean = pinhole(&lens.camera_matrix(), task.size);
+        mean = pinhole(&lens.camera_matrix(), problem.size);
     }
     let held = [
         fixed.focal,
@@ -68,15 +68,15 @@ pub(crate) fn prior(task: &Task<'_>) -> Prior {
 }
 
 /// All that cameras make of the candidates, from the most evidence to the least.
-pub(crate) fn explanations(task: &Task<'_>, pool: &Pool) -> Vec<Explanation> {
-    let prior = prior(task);
+pub(crate) fn propose(problem: &JointProblem<'_>, pool: &Pool) -> Vec<Hypothesis> {
+    let prior = prior(problem);
     let mut doubt = prior.std;
     doubt[0] = doubt[0].min(FOCAL_DOUBT);
     let all = &pool.candidates;
-    let starts = hypotheses(task, pool, &prior);
+    let starts = candidate_cameras(problem, pool, &prior);
     let explained = |candidates: &[Candidate], starts: Vec<Pinhole>| {
-        let settled = |start| Explanation::settled(candidates, &prior, start, &doubt);
-        best_different(starts.into_iter().filter_map(settled).collect())
+        let converged = |start| Hypothesis::converged(candidates, &prior, start, &doubt);
+        best_different(starts.into_iter().filter_map(converged).collect())
     };
     if all.len() <= MAX_WEIGHED {
         return explained(all, starts);
@@ -87,18 +87,18 @@ pub(crate) fn explanations(task: &Task<'_>, pool: &Pool) -> Vec<Explanation> {
     explained(all, best.into_iter().map(|found| found.camera).collect())
 }
 
-/// The explanations with the most evidence, of those that take the same squares only one.
-fn best_different(mut found: Vec<Explanation>) -> Vec<Explanation> {
+/// The hypotheses with the most evidence, of those that take the same squares only one.
+fn best_different(mut found: Vec<Hypothesis>) -> Vec<Hypothesis> {
     found.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
-    let mut different: Vec<Explanation> = Vec::new();
-    for explanation in found {
+    let mut different: Vec<Hypothesis> = Vec::new();
+    for hypothesis in found {
         if different
             .iter()
-            .all(|known| !known.squares().eq(explanation.squares()))
+            .all(|known| !known.squares().eq(hypothesis.squares()))
         {
-            different.push(explanation);
+            different.push(hypothesis);
         }
-        if different.len() == MAX_EXPLANATIONS {
+        if different.len() == MAX_HYPOTHESES {
             break;
         }
     }
@@ -107,9 +107,9 @@ fn best_different(mut found: Vec<Explanation>) -> Vec<Explanation> {
 
 /// Cameras that may explain candidates: every plausible focal length, and what pairs and triples of
 /// candidates ask for.
-fn hypotheses(task: &Task<'_>, pool: &Pool, prior: &Prior) -> Vec<Pinhole> {
+fn candidate_cameras(problem: &JointProblem<'_>, pool: &Pool, prior: &Prior) -> Vec<Pinhole> {
     let mut cameras = vec![prior.mean];
-    if task.options.fixed.focal {
+    if problem.options.fixed.focal {
         return cameras;
     }
     let (shortest, longest) = (FOCAL_LENGTHS.0.ln(), FOCAL_LENGTHS.1.ln());
@@ -120,11 +120,11 @@ fn hypotheses(task: &Task<'_>, pool: &Pool, prior: &Prior) -> Vec<Pinhole> {
     }
     let planes = pool.homographies.iter();
     let homographies: Vec<_> = planes.flat_map(Homographies::of_planes).collect();
-    let known = task.options.known_intrinsics(&task.size);
+    let known = problem.options.known_intrinsics(&problem.size);
     for subset in subsets(homographies.len()) {
         let own: Vec<Matrix3<f64>> = subset.iter().map(|i| homographies[*i]).collect();
         if let Ok(matrix) = camera_matrix(&own, &known) {
-            let camera = pinhole(&matrix, task.size);
+            let camera = pinhole(&matrix, problem.size);
             if camera.iter().all(|v| v.is_finite()) && camera[0] < FOCAL_LENGTHS.1.ln() {
                 cameras.push(camera);
             }

@@ -12,7 +12,7 @@ use crate::linear::{Straightening, Undistortion};
 use crate::noise::{Misfit, Noise};
 use crate::observations::{ObservedPlane, Sample, Side};
 use crate::refine::{Residual, Residuals, robust_scale};
-use crate::solver::Task;
+use crate::solver::JointProblem;
 
 /// Mean square curvature, in units of the noise, from which lenses of some planes are tried: that
 /// of paper which is clearly not flat, or of two cameras.
@@ -33,8 +33,8 @@ pub(crate) struct Straightness {
 }
 
 impl Straightness {
-    pub fn of(planes: &[ObservedPlane], task: &Task<'_>) -> Self {
-        let of_all = Lens::of(planes, undistortion(planes, task));
+    pub fn of(planes: &[ObservedPlane], problem: &JointProblem<'_>) -> Self {
+        let of_all = Lens::of(planes, undistortion(planes, problem));
         let bent = of_all.mean_below(f64::INFINITY);
         if bent < CURVED {
             return Self {
@@ -45,7 +45,7 @@ impl Straightness {
         let indices: Vec<usize> = (0..planes.len()).collect();
         let of_triple = |triple: [usize; 3]| {
             let own = triple.map(|i| planes[i].clone());
-            let found = Undistortion::estimate(&own, task.size, task.options).ok()?;
+            let found = Undistortion::estimate(&own, problem.size, problem.options).ok()?;
             Some(Lens::of(planes, found))
         };
         let triples = triples(&indices, MAX_TRIPLES);
@@ -68,9 +68,9 @@ impl Straightness {
     }
 }
 
-fn undistortion(planes: &[ObservedPlane], task: &Task<'_>) -> Undistortion {
-    Undistortion::estimate(planes, task.size, task.options)
-        .unwrap_or_else(|_| Undistortion::Straightened(Straightening::identity(task.size)))
+fn undistortion(planes: &[ObservedPlane], problem: &JointProblem<'_>) -> Undistortion {
+    Undistortion::estimate(planes, problem.size, problem.options)
+        .unwrap_or_else(|_| Undistortion::Straightened(Straightening::identity(problem.size)))
 }
 
 /// A lens with what it makes of all planes.

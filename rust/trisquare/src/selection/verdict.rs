@@ -1,20 +1,20 @@
 //! What a choice among candidates returns, and why it may be wrong.
 
-use super::hypothesis::Explanation;
-use super::inliers::Agreement;
+use super::hypothesis::Hypothesis;
+use super::inliers::Inliers;
 use super::joint_fit::Fit;
 use crate::observations::ObservedPlane;
 
 /// Boards that show a camera and their own errors: more than half of them are then right.
 pub(crate) const LEAST_BOARDS: usize = 3;
 
-/// Logarithm of the odds below which another explanation is nearly as good.
+/// Logarithm of the odds below which another hypothesis is nearly as good.
 const CLOSE_RIVAL: f64 = 4.0;
 
-/// Evidence that one explanation needs to stand out from chance, over that of no square at all.
+/// Evidence that one hypothesis needs to stand out from chance, over that of no square at all.
 const LEAST_EVIDENCE: f64 = 8.0;
 
-/// Cameras whose focal lengths differ by more than this part are different explanations.
+/// Cameras whose focal lengths differ by more than this part are different hypotheses.
 const DIFFERENT_FOCAL: f64 = 0.02;
 
 /// An aspect, and a principal point (over half the diagonal), this far from the ordinary are
@@ -91,50 +91,50 @@ impl Choice {
 
 /// That a choice has a rival, comes about by chance, or asks for an odd camera.
 pub(crate) fn doubt_of_choice(
-    agreement: &Agreement<'_>,
-    best: &Explanation,
+    inliers: &Inliers<'_>,
+    best: &Hypothesis,
     chosen: &Fit,
     others: Vec<Fit>,
 ) -> Option<Doubt> {
-    let task = agreement.task;
+    let problem = inliers.problem;
     let lens = chosen.refined.view.lens;
     let focal = |fit: &Fit| fit.refined.view.lens.focal().x;
-    let close = agreement.worth(chosen) - CLOSE_RIVAL;
+    let close = inliers.worth(chosen) - CLOSE_RIVAL;
     let rival = others.into_iter().find(|other| {
-        (focal(other) / focal(chosen)).ln().abs() > DIFFERENT_FOCAL
-            && agreement.worth(other) > close
+        (focal(other) / focal(chosen)).ln().abs() > DIFFERENT_FOCAL && inliers.worth(other) > close
     });
     if let Some(rival) = rival {
-        let rival = agreement.completed(rival);
+        let rival = inliers.completed(rival);
         return Some(Doubt::Rival {
             squares: rival.members.len(),
             focal: focal(&rival),
         });
     }
-    let unknowns = task.options.known_intrinsics(&task.size).unknowns();
+    let unknowns = problem.options.known_intrinsics(&problem.size).unknowns();
     // Two equations each: where no more are left than unknowns, any squares agree.
-    let exact = !task.options.fixed.focal && 2.0 * chosen.standing_apart() < unknowns as f64 + 1.0;
+    let exact =
+        !problem.options.fixed.focal && 2.0 * chosen.standing_apart() < unknowns as f64 + 1.0;
     if exact || best.evidence < LEAST_EVIDENCE {
         return Some(Doubt::Chance);
     }
     let aspect = lens.focal().y / lens.focal().x;
-    let offset = (lens.principal_point() - task.size.centre()).norm();
-    let unit = task.size.half_diagonal();
+    let offset = (lens.principal_point() - problem.size.centre()).norm();
+    let unit = problem.size.half_diagonal();
     let odd = aspect.ln().abs() > ODD_ASPECT || offset > ODD_CENTRE * unit;
-    (odd && task.options.initial.is_none()).then_some(Doubt::OddCamera { aspect, offset })
+    (odd && problem.options.initial.is_none()).then_some(Doubt::OddCamera { aspect, offset })
 }
 
 /// That as many others as boards agree on another camera: these may be a picture's in the picture.
-pub(crate) fn doubt_of_boards(agreement: &Agreement<'_>, rejected: &[usize]) -> Option<Doubt> {
+pub(crate) fn doubt_of_boards(inliers: &Inliers<'_>, rejected: &[usize]) -> Option<Doubt> {
     if rejected.len() < LEAST_BOARDS {
         return None;
     }
     let planes: Vec<_> = rejected
         .iter()
-        .map(|i| agreement.planes[*i].clone())
+        .map(|i| inliers.planes[*i].clone())
         .collect();
-    let fit = agreement.judged(rejected, &planes, agreement.task.optimum(&planes).ok()?);
-    agreement.agrees(&fit).then(|| Doubt::Rival {
+    let fit = inliers.judged(rejected, &planes, inliers.problem.optimum(&planes).ok()?);
+    inliers.agrees(&fit).then(|| Doubt::Rival {
         squares: rejected.len(),
         focal: fit.refined.view.lens.focal().x,
     })

@@ -1,38 +1,41 @@
 //! What would help where the geometry of an optimum cannot answer: the solver is asked again.
 
-use super::problem::{Failure, Task, WeakOptimum};
-use super::starts::with_stages;
+use super::problem::{Failure, IllConditionedOptimum, JointProblem};
+use super::starts::with_starts;
 use crate::error::Error;
 use crate::observations::{Fixed, Options};
 use crate::uncertainty::{remedies_by_holding, remedy_by_showing};
 
-impl Task<'_> {
+impl JointProblem<'_> {
     /// The error of a failure; a weak geometry is told with what would help.
     pub fn advised(&self, failure: Failure) -> Error {
-        let weak = match failure {
+        let found = match failure {
             Failure::Other(error) => return error,
-            Failure::Weak(weak) => weak,
+            Failure::IllConditioned(found) => found,
         };
-        let WeakOptimum {
+        let IllConditionedOptimum {
             planes,
             refined,
-            mut weakness,
-        } = *weak;
+            mut ill_conditioning,
+        } = *found;
         let succeeds = |fixed: Fixed| {
             let options = Options {
                 fixed,
                 ..*self.options
             };
-            let trial = Task::new(self.size, &options);
-            let judged = with_stages(&trial, &planes, |stages| {
-                Ok(stages.weakness(&stages.optimum()?).is_none())
+            if self.work.is_spent() {
+                return false;
+            }
+            let trial = JointProblem::new(self.size, &options).within(&self.work);
+            let judged = with_starts(&trial, &planes, |starts| {
+                Ok(starts.ill_conditioning(&starts.optimum()?).is_none())
             });
             judged.unwrap_or(false)
         };
-        weakness.remedies = remedies_by_holding(&self.options.fixed, succeeds);
-        let geometry = self.geometry(&planes, &refined);
-        let shown = remedy_by_showing(&geometry, &weakness);
-        weakness.remedies.extend(shown);
-        Error::WeakGeometry(Box::new(weakness))
+        ill_conditioning.remedies = remedies_by_holding(&self.options.fixed, succeeds);
+        let conditioning = self.conditioning(&planes, &refined);
+        let shown = remedy_by_showing(&conditioning, &ill_conditioning);
+        ill_conditioning.remedies.extend(shown);
+        Error::IllConditioned(Box::new(ill_conditioning))
     }
 }

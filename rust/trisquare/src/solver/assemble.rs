@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use super::problem::Task;
+use super::problem::JointProblem;
 use super::solve::Solution;
 use crate::lens::{Brown, Lens};
 use crate::observations::{ObservedPlane, Placement, View};
@@ -14,11 +14,11 @@ impl Calibration {
     /// Says how well the poses of the optimum are known that it was assembled from.
     pub(crate) fn state_poses(&mut self, solution: &Solution) {
         let added = match self.stage {
-            Stage::Pixels => &self.coherence.added_to_pixels,
-            _ => &self.coherence.added,
+            Stage::Pixels => &self.residual_correlation.added_to_pixels,
+            _ => &self.residual_correlation.added,
         };
         let independent = &self.covariance - added;
-        let displacements = &self.coherence.displacements;
+        let displacements = &self.residual_correlation.displacements;
         let (planes, refined) = (&solution.planes, &solution.refined);
         let poses = pose_uncertainties(planes, refined, &independent, displacements);
         for (plane, uncertainty) in self.planes.iter_mut().zip(poses) {
@@ -27,25 +27,25 @@ impl Calibration {
     }
 
     /// The numbers of an optimum, but for how well its poses are known.
-    pub(crate) fn assemble(task: &Task<'_>, solution: &Solution, stage: Stage) -> Self {
+    pub(crate) fn assemble(problem: &JointProblem<'_>, solution: &Solution, stage: Stage) -> Self {
         let Solution {
             planes,
             refined,
             correlated,
             ..
         } = solution;
-        let free = &task.free;
+        let free = &problem.free;
         let Correlated {
             covariance,
             disagreement,
-            coherence,
+            residual_correlation,
         } = correlated.clone();
-        let together = coherence.warnings(&covariance, free);
+        let together = residual_correlation.warnings(&covariance, free);
         let disagreement = disagreement.map(Warning::Disagreement);
         let residuals = &refined.residuals;
         Self {
             camera: refined.view.lens,
-            image_size: task.size,
+            image_size: problem.size,
             parameters: free.names(),
             covariance,
             aspect_fixed: free.aspect_is_fixed(),
@@ -67,7 +67,7 @@ impl Calibration {
             noise_scale: refined.noise_scale,
             iterations: refined.iterations,
             warnings: together.into_iter().chain(disagreement).collect(),
-            coherence,
+            residual_correlation,
             stage,
             tones: Vec::new(),
         }

@@ -6,7 +6,9 @@ mod outliers;
 mod problem;
 mod solve;
 mod starts;
+mod work;
 
 pub(crate) use outliers::reject_outliers;
-pub(crate) use problem::Task;
+pub(crate) use problem::JointProblem;
 pub(crate) use solve::Solution;
+pub(crate) use work::Work;

@@ -1,7 +1,7 @@
 //! Sides and planes that do not belong to the scene: bent, torn or covered sides, and targets that
 //! are no squares. They are found by how much better the rest agrees without them.
 
-use super::problem::{Failure, Task};
+use super::problem::{Failure, JointProblem};
 use super::solve::Solution;
 use crate::lens::Brown;
 use crate::noise::{Misfit, Noise};
@@ -10,13 +10,13 @@ use crate::refine::{Refined, root_mean_square};
 use crate::result::Warning;
 use crate::uncertainty::check_plane_count;
 
-/// Planes that must remain where one is set aside: two cannot show which of three is false.
+/// Planes that must remain where one is rejected: two cannot show which of three is false.
 const LEAST_PLANES: usize = 3;
 
 /// Mean square misfit from which the planes are doubted.
 const DOUBTED: f64 = 2.0;
 
-/// A plane is set aside if what it adds to the misfit is, per degree of freedom, so many times
+/// A plane is rejected if what it adds to the misfit is, per degree of freedom, so many times
 /// what remains without it: chance makes it 4 once in ten thousand times.
 const FALSE_PLANE: f64 = 6.0;
 
@@ -24,19 +24,19 @@ const FALSE_PLANE: f64 = 6.0;
 /// sides.
 const BENT: f64 = 10.0;
 
-/// A side is set aside if what it adds to the misfit is, per degree of freedom, so many times what
+/// A side is rejected if what it adds to the misfit is, per degree of freedom, so many times what
 /// remains without it: chance makes it 7 once in ten thousand times, and there are some twelve.
 const FALSE_SIDE: f64 = 10.0;
 
-/// At most one side in so many is set aside: beyond, nobody can tell who is right.
+/// At most one side in so many is rejected: beyond, nobody can tell who is right.
 const SIDES_PER_OUTLIER: usize = 4;
 
 /// Planes and sides are all tried where there are this many planes. Every trial fits all planes, so
 /// beyond, fewer are tried, the farthest off first: the more planes hold the camera, the less a
-/// false one can bend it to its will, and the more plainly it shows in its own residuals.
+/// false one can bias it, and the more plainly it shows in its own residuals.
 const ALL_TRIED: usize = 16;
 
-/// Trials of so many planes in all, over the rounds in each of which one side is set aside.
+/// Trials of so many planes in all, over the rounds in each of which one side is rejected.
 const PLANES_FITTED: usize = ALL_TRIED * ALL_TRIED;
 
 /// Trials that are made in any case: the farthest off may be a true plane beside a false one.
@@ -50,12 +50,12 @@ const SIDES: usize = 4;
 /// # Errors
 /// If no camera is found for any of the planes.
 pub(crate) fn reject_outliers(
-    task: &Task<'_>,
+    problem: &JointProblem<'_>,
     planes: &[ObservedPlane],
 ) -> Result<(Solution, Vec<Warning>), Failure> {
-    let mut solution = match without_false_plane(task, planes, task.solve(planes)) {
+    let mut solution = match without_false_plane(problem, planes, problem.solve(planes)) {
         Err(failure) if failure.may_be_outliers() => {
-            solved_without_bent_side(task, planes).ok_or(failure)?
+            solved_without_bent_side(problem, planes).ok_or(failure)?
         }
         other => other?,
     };
@@ -64,15 +64,25 @@ pub(crate) fn reject_outliers(
         ..=ALL_TRIED => sides / SIDES_PER_OUTLIER,
         many => trials(many),
     };
+    let mut last_sound = None;
     for _ in 0..rounds {
-        match without_bent_side(task, &solution) {
-            Some(straighter) => solution = straighter,
-            None => break,
+        let Some(straighter) = without_bent_side(problem, &solution) else {
+            break;
+        };
+        let before = std::mem::replace(&mut solution, straighter);
+        if !problem.is_ill_conditioned(&before) {
+            last_sound = Some(before);
         }
     }
     // A bent side may lead to a wrong optimum, which looks weak, and from which no step leads back.
-    if solution.misfit(task).mean() > DOUBTED && task.is_weak(&solution) {
-        solution = solved_without_bent_side(task, planes).unwrap_or(solution);
+    if solution.misfit(problem).mean() > DOUBTED && problem.is_ill_conditioned(&solution) {
+        solution = solved_without_bent_side(problem, planes).unwrap_or(solution);
+    }
+    // A side that the others cannot replace stays: what bends it raises the standard deviations.
+    if let Some(sound) = last_sound
+        && problem.is_ill_conditioned(&solution)
+    {
+        solution = sound;
     }
     let warnings = warnings(&solution);
     Ok((solution, warnings))
@@ -92,18 +102,18 @@ fn farthest<T: Copy>(mut things: Vec<(T, Misfit)>, count: usize) -> Vec<T> {
     things.iter().take(count).map(|(thing, _)| *thing).collect()
 }
 
-/// Leaves out each plane in turn where they disagree, and sets aside the one without which the
+/// Leaves out each plane in turn where they disagree, and rejects the one without which the
 /// others agree much better, or only its one bent side. Of many planes only the farthest off are
 /// left out, from the optimum of all.
 fn without_false_plane(
-    task: &Task<'_>,
+    problem: &JointProblem<'_>,
     planes: &[ObservedPlane],
     all: Result<Solution, Failure>,
 ) -> Result<Solution, Failure> {
     let enough =
-        planes.len() > LEAST_PLANES && check_plane_count(planes.len() - 1, &task.free).is_ok();
+        planes.len() > LEAST_PLANES && check_plane_count(planes.len() - 1, &problem.free).is_ok();
     let misfit = match &all {
-        Ok(solution) => Some(solution.misfit(task)),
+        Ok(solution) => Some(solution.misfit(problem)),
         Err(failure) if failure.may_be_outliers() => None,
         Err(_) => return all,
     };
@@ -124,30 +134,30 @@ fn without_false_plane(
             Ok(solution) if many => {
                 let mut before = solution.refined.clone();
                 before.view.planes.remove(left_out);
-                task.again(&rest, &before)?
+                problem.again(&rest, &before)?
             }
-            _ => task.optimum(&rest).ok()?,
+            _ => problem.tried(&rest)?,
         };
-        Some((left_out, Trial::of(task, rest, refined)))
+        Some((left_out, Trial::of(problem, rest, refined)))
     };
-    let Some((index, trial)) = best(suspects.into_iter().filter_map(without)) else {
+    let Some((index, trial)) = best(problem, suspects.into_iter().filter_map(without)) else {
         return all;
     };
-    let is_false = misfit.is_none_or(|misfit| trial.relief(&misfit) > FALSE_PLANE);
+    let is_false = misfit.is_none_or(|misfit| trial.gain(&misfit) > FALSE_PLANE);
     if !is_false {
         return all;
     }
     let followed = trial
-        .settled(task)
-        .and_then(|found| task.with_follower(&found, index, &planes[index]));
+        .converged(problem)
+        .and_then(|found| problem.with_follower(&found, index, &planes[index]));
     match followed {
-        Some(found) => Ok(with_its_straight_sides(task, found, index)),
+        Some(found) => Ok(with_its_straight_sides(problem, found, index)),
         None => all,
     }
 }
 
 /// A plane of which one side alone is bent comes back with the others.
-fn with_its_straight_sides(task: &Task<'_>, found: Solution, plane: usize) -> Solution {
+fn with_its_straight_sides(problem: &JointProblem<'_>, found: Solution, plane: usize) -> Solution {
     let curvatures = curvatures(&found, plane);
     let bent: Vec<usize> = (0..curvatures.len())
         .filter(|s| curvatures[*s] > BENT)
@@ -158,22 +168,24 @@ fn with_its_straight_sides(task: &Task<'_>, found: Solution, plane: usize) -> So
     let mut planes = found.planes.clone();
     for index in 0..curvatures.len() {
         if let Some(side) = planes[plane].side_mut(index) {
-            side.set_aside = index == bent;
+            side.is_outlier = index == bent;
         }
     }
-    let again = task
+    let again = problem
         .again(&planes, &found.refined)
-        .and_then(|refined| task.settle(&planes, refined).ok());
+        .and_then(|refined| problem.converge(&planes, refined).ok());
     again
-        .filter(|again| again.misfit(task).mean() < DOUBTED * found.misfit(task).mean().max(1.0))
+        .filter(|again| {
+            again.misfit(problem).mean() < DOUBTED * found.misfit(problem).mean().max(1.0)
+        })
         .unwrap_or(found)
 }
 
 impl Solution {
-    fn misfit(&self, task: &Task<'_>) -> Misfit {
+    fn misfit(&self, problem: &JointProblem<'_>) -> Misfit {
         let view = &self.refined.view;
         self.noise.as_ref().map_or(Misfit::NONE, |noise| {
-            Misfit::of(&self.planes, view, &task.free, noise)
+            Misfit::of(&self.planes, view, &problem.free, noise)
         })
     }
 }
@@ -208,54 +220,63 @@ fn sides_of_squares(planes: &[ObservedPlane]) -> impl Iterator<Item = (usize, us
     planes.iter().enumerate().flat_map(|(p, plane)| {
         let squares = plane.figures.iter().all(|figure| figure.sides.len() == 4);
         let sides = plane.sides().enumerate().filter(move |_| squares);
-        sides.filter_map(move |(s, side)| (!side.set_aside).then_some((p, s)))
+        sides.filter_map(move |(s, side)| (!side.is_outlier).then_some((p, s)))
     })
 }
 
 /// Leaves out each side of a square from the start on, where all of them together gave no camera:
 /// of a few planes, for among many no single side is to blame.
-fn solved_without_bent_side(task: &Task<'_>, planes: &[ObservedPlane]) -> Option<Solution> {
+fn solved_without_bent_side(
+    problem: &JointProblem<'_>,
+    planes: &[ObservedPlane],
+) -> Option<Solution> {
     if planes.len() > ALL_TRIED {
         return None;
     }
     let without = |place| {
         let rest = without_side(planes, place)?;
-        let refined = task.optimum(&rest).ok()?;
-        Some((place, Trial::of(task, rest, refined)))
+        let refined = problem.tried(&rest)?;
+        Some((place, Trial::of(problem, rest, refined)))
     };
-    let (place, trial) = best(sides_of_squares(planes).filter_map(without))?;
-    let found = trial.settled(task)?;
+    let (place, trial) = best(problem, sides_of_squares(planes).filter_map(without))?;
+    let found = trial.converged(problem)?;
     (trial.misfit.mean() < DOUBTED && trial.shows_bent(&found, place)).then_some(found)
 }
 
-/// Leaves out each side of a square in turn where the sides disagree, and sets the one aside
+/// Leaves out each side of a square in turn where the sides disagree, and rejects the one
 /// without which the others agree much better; `None` if there is none, or if it is straight: a
 /// straight side in the wrong place belongs to a square that is none.
-fn without_bent_side(task: &Task<'_>, solution: &Solution) -> Option<Solution> {
-    let misfit = solution.misfit(task);
+fn without_bent_side(problem: &JointProblem<'_>, solution: &Solution) -> Option<Solution> {
+    let misfit = solution.misfit(problem);
     if misfit.mean() < DOUBTED {
         return None;
     }
     let without = |place| {
+        if problem.work.is_spent() {
+            return None;
+        }
         let rest = without_side(&solution.planes, place)?;
-        let refined = task.again(&rest, &solution.refined)?;
-        Some((place, Trial::of(task, rest, refined)))
+        let refined = problem.again(&rest, &solution.refined)?;
+        Some((place, Trial::of(problem, rest, refined)))
     };
-    let (place, trial) = best(suspected_sides(solution).into_iter().filter_map(without))?;
-    if trial.relief(&misfit) < FALSE_SIDE {
+    let (place, trial) = best(
+        problem,
+        suspected_sides(solution).into_iter().filter_map(without),
+    )?;
+    if trial.gain(&misfit) < FALSE_SIDE {
         return None;
     }
-    let found = trial.settled(task)?;
+    let found = trial.converged(problem)?;
     trial.shows_bent(&found, place).then_some(found)
 }
 
-/// The planes with one more side set aside: of a plane, by its index over all figures.
+/// The planes with one more side rejected: of a plane, by its index over all figures.
 fn without_side(
     planes: &[ObservedPlane],
     (plane, side): (usize, usize),
 ) -> Option<Vec<ObservedPlane>> {
     let mut rest = planes.to_vec();
-    rest[plane].side_mut(side)?.set_aside = true;
+    rest[plane].side_mut(side)?.is_outlier = true;
     Some(rest)
 }
 
@@ -267,9 +288,9 @@ struct Trial {
 }
 
 impl Trial {
-    fn of(task: &Task<'_>, planes: Vec<ObservedPlane>, refined: Refined<Brown>) -> Self {
+    fn of(problem: &JointProblem<'_>, planes: Vec<ObservedPlane>, refined: Refined<Brown>) -> Self {
         let noise = Noise::of_optimum(&planes, &refined);
-        let misfit = Misfit::of(&planes, &refined.view, &task.free, &noise);
+        let misfit = Misfit::of(&planes, &refined.view, &problem.free, &noise);
         Self {
             planes,
             refined,
@@ -277,8 +298,8 @@ impl Trial {
         }
     }
 
-    fn settled(&self, task: &Task<'_>) -> Option<Solution> {
-        task.settle(&self.planes, self.refined.clone()).ok()
+    fn converged(&self, problem: &JointProblem<'_>) -> Option<Solution> {
+        problem.converge(&self.planes, self.refined.clone()).ok()
     }
 
     /// Mean square misfit, no less than what noise alone makes of it.
@@ -287,7 +308,7 @@ impl Trial {
     }
 
     /// What was left out added to the misfit of all, per degree of freedom and over what remains.
-    fn relief(&self, all: &Misfit) -> f64 {
+    fn gain(&self, all: &Misfit) -> f64 {
         let added = all.total() - self.misfit.total();
         let freedom = (all.freedom() - self.misfit.freedom()).max(1.0);
         added / freedom / self.ordinary()
@@ -299,9 +320,13 @@ impl Trial {
     }
 }
 
-/// The trial whose remainder agrees best.
-fn best<T>(trials: impl Iterator<Item = (T, Trial)>) -> Option<(T, Trial)> {
-    trials.min_by(|(_, a), (_, b)| a.misfit.mean().total_cmp(&b.misfit.mean()))
+/// The trial whose remainder agrees best; `None` where the work was spent before all were made.
+fn best<T>(
+    problem: &JointProblem<'_>,
+    trials: impl Iterator<Item = (T, Trial)>,
+) -> Option<(T, Trial)> {
+    let found = trials.min_by(|(_, a), (_, b)| a.misfit.mean().total_cmp(&b.misfit.mean()));
+    found.filter(|_| !problem.work.is_spent())
 }
 
 /// Mean square curvature of every side of a plane, in units of the noise.
@@ -316,12 +341,12 @@ fn curvatures(solution: &Solution, plane: usize) -> Vec<f64> {
     solution.noise.as_ref().map(curvature).unwrap_or_default()
 }
 
-/// Names what was set aside.
+/// Names the outliers.
 fn warnings(solution: &Solution) -> Vec<Warning> {
     let mut warnings = Vec::new();
     for (p, plane) in solution.planes.iter().enumerate() {
         let residuals = &solution.refined.residuals[p];
-        if plane.is_set_aside() {
+        if plane.is_outlier() {
             let distance = root_mean_square(residuals.iter());
             warnings.push(Warning::PlaneSetAside { plane: p, distance });
             continue;
@@ -331,7 +356,7 @@ fn warnings(solution: &Solution) -> Vec<Warning> {
             for (s, side) in figure.sides.iter().enumerate() {
                 let (own, others) = rest.split_at(side.samples.len());
                 rest = others;
-                if side.set_aside {
+                if side.is_outlier {
                     warnings.push(Warning::SideSetAside {
                         plane: p,
                         figure: f,

@@ -1,34 +1,39 @@
 //! What is asked of the planes, and how a search for the answer may fail.
 
+use std::rc::Rc;
+
+use super::work::Work;
 use crate::error::Error;
-use crate::ill_conditioning::Weakness;
+use crate::ill_conditioning::IllConditioning;
 use crate::image_size::ImageSize;
 use crate::lens::Brown;
 use crate::observations::{FreeParameters, ObservedPlane, Options};
 use crate::refine::Refined;
-use crate::uncertainty::{Geometry, judged_parameters};
+use crate::uncertainty::{Conditioning, judged_parameters};
 
 /// What is asked of the planes.
-pub(crate) struct Task<'a> {
+pub(crate) struct JointProblem<'a> {
     pub size: ImageSize,
     pub options: &'a Options,
     pub free: FreeParameters,
     pub judged: FreeParameters,
+    /// Shared with the tasks that try what would help.
+    pub work: Rc<Work>,
 }
 
 /// Why the solver gives no answer.
 pub(crate) enum Failure {
     /// The geometry of an optimum cannot answer; what would help has not been asked yet.
-    Weak(Box<WeakOptimum>),
+    IllConditioned(Box<IllConditionedOptimum>),
     /// Anything else.
     Other(Error),
 }
 
 /// An optimum whose geometry cannot answer.
-pub(crate) struct WeakOptimum {
+pub(crate) struct IllConditionedOptimum {
     pub planes: Vec<ObservedPlane>,
     pub refined: Refined<Brown>,
-    pub weakness: Weakness,
+    pub ill_conditioning: IllConditioning,
 }
 
 impl From<Error> for Failure {
@@ -42,12 +47,12 @@ impl Failure {
     pub fn may_be_outliers(&self) -> bool {
         matches!(
             self,
-            Self::Weak(_) | Self::Other(Error::NotConverged { .. })
+            Self::IllConditioned(_) | Self::Other(Error::NotConverged { .. })
         )
     }
 }
 
-impl<'a> Task<'a> {
+impl<'a> JointProblem<'a> {
     pub fn new(size: ImageSize, options: &'a Options) -> Self {
         let free = options.free_parameters();
         Self {
@@ -55,14 +60,29 @@ impl<'a> Task<'a> {
             options,
             judged: judged_parameters(&free),
             free,
+            work: Rc::new(Work::unbounded()),
+        }
+    }
+
+    /// The same, whose searches end where they have cost so much.
+    pub fn within(self, work: &Rc<Work>) -> Self {
+        Self {
+            work: Rc::clone(work),
+            ..self
         }
     }
 
     /// Why the geometry of an optimum cannot answer, if it cannot.
-    pub fn weakness(&self, planes: &[ObservedPlane], refined: &Refined<Brown>) -> Option<Weakness> {
+    pub fn ill_conditioning(
+        &self,
+        planes: &[ObservedPlane],
+        refined: &Refined<Brown>,
+    ) -> Option<IllConditioning> {
         let factor = refined.covariance_factor;
-        let geometry = self.geometry(planes, refined);
-        geometry.judge(&refined.system, &self.free, factor).err()
+        let conditioning = self.conditioning(planes, refined);
+        conditioning
+            .judge(&refined.system, &self.free, factor)
+            .err()
     }
 
     /// The refusal of an optimum whose geometry cannot answer.
@@ -70,21 +90,21 @@ impl<'a> Task<'a> {
         &self,
         planes: &[ObservedPlane],
         refined: &Refined<Brown>,
-        weakness: Weakness,
+        ill_conditioning: IllConditioning,
     ) -> Failure {
-        Failure::Weak(Box::new(WeakOptimum {
+        Failure::IllConditioned(Box::new(IllConditionedOptimum {
             planes: planes.to_vec(),
             refined: refined.clone(),
-            weakness,
+            ill_conditioning,
         }))
     }
 
-    pub fn geometry<'b>(
+    pub fn conditioning<'b>(
         &'b self,
         planes: &'b [ObservedPlane],
         refined: &'b Refined<Brown>,
-    ) -> Geometry<'b, Brown> {
-        Geometry {
+    ) -> Conditioning<'b, Brown> {
+        Conditioning {
             view: &refined.view,
             planes,
             size: self.size,

@@ -1,18 +1,21 @@
 //! What a solution knows: its optimum weighed by the planes' own noise, its covariance, its
 //! judgement.
 
-use super::problem::{Failure, Task};
-use super::starts::with_stages;
+use super::problem::{Failure, JointProblem};
+use super::starts::with_starts;
 use crate::error::Error;
 use crate::lens::Brown;
 use crate::linear::{Homographies, Undistortion, first_view};
 use crate::noise::{Noise, account_for_drift, account_for_relief};
-use crate::observations::{Method, ObservedPlane};
-use crate::refine::{Refined, finish, search};
-use crate::result::Coherence;
+use crate::observations::{FreeParameters, Method, ObservedPlane, View};
+use crate::refine::{Refined, Search, finish, search};
+use crate::result::ResidualCorrelation;
 use crate::uncertainty::{
     Correlated, correlated_covariance, covariance, disagreement, weighed_by_noise,
 };
+
+/// Evaluations that the last steps on all samples take, about.
+const FINAL_STEPS: usize = 6;
 
 /// The best camera for some planes, and what is known of it.
 #[derive(Clone)]
@@ -25,24 +28,32 @@ pub(crate) struct Solution {
     pub noise: Option<Noise>,
 }
 
-impl Task<'_> {
+impl JointProblem<'_> {
+    /// The optimum of planes that are only tried; `None` where there is none, or no work is left.
+    pub fn tried(&self, planes: &[ObservedPlane]) -> Option<Refined<Brown>> {
+        match self.work.is_spent() {
+            true => None,
+            false => self.optimum(planes).ok(),
+        }
+    }
+
     /// The answer of the method asked for.
     pub fn optimum(&self, planes: &[ObservedPlane]) -> Result<Refined<Brown>, Failure> {
-        with_stages(self, planes, |stages| stages.optimum())
+        with_starts(self, planes, |starts| starts.optimum())
     }
 
     /// The same, with what is known of it.
     pub fn solve(&self, planes: &[ObservedPlane]) -> Result<Solution, Failure> {
         let refined = self.optimum(planes)?;
         match self.options.method {
-            Method::MaximumLikelihood => self.settle(planes, refined),
+            Method::MaximumLikelihood => self.converge(planes, refined),
             Method::Linear => self.independent_solution(planes, refined),
         }
     }
 
     /// Weighs the planes of an optimum by their own noise, and asks the residuals how far they
     /// are independent.
-    pub fn settle(
+    pub fn converge(
         &self,
         planes: &[ObservedPlane],
         mut refined: Refined<Brown>,
@@ -81,11 +92,33 @@ impl Task<'_> {
         planes: &[ObservedPlane],
         before: &Refined<Brown>,
     ) -> Option<Refined<Brown>> {
-        let start = before.as_start();
-        finish(planes, &self.free, &self.judged, start).or_else(|| {
-            let found = search(planes, &self.free, before.view.clone())?;
-            finish(planes, &self.free, &self.judged, found)
+        self.finished(planes, before.as_start()).or_else(|| {
+            let found = self.searched(planes, &self.free, before.view.clone())?;
+            self.finished(planes, found)
         })
+    }
+
+    /// As [`search`], its work counted.
+    pub fn searched(
+        &self,
+        planes: &[ObservedPlane],
+        free: &FreeParameters,
+        start: View<Brown>,
+    ) -> Option<Search<Brown>> {
+        let found = search(planes, free, start);
+        self.work
+            .count(planes, found.as_ref().map_or(1, |found| found.iterations));
+        found
+    }
+
+    /// As [`finish`], its work counted.
+    pub fn finished(
+        &self,
+        planes: &[ObservedPlane],
+        start: Search<Brown>,
+    ) -> Option<Refined<Brown>> {
+        self.work.count(planes, FINAL_STEPS);
+        finish(planes, &self.free, &self.judged, start)
     }
 
     /// A solution for some planes, with one more that follows its camera without moving it.
@@ -96,7 +129,7 @@ impl Task<'_> {
         plane: &ObservedPlane,
     ) -> Option<Solution> {
         let mut follower = plane.clone();
-        follower.set_aside();
+        follower.mark_as_outlier();
         let lens = solution.refined.view.lens;
         let one = std::slice::from_ref(&follower);
         let undistortion = Undistortion::Known(lens);
@@ -108,7 +141,7 @@ impl Task<'_> {
         planes.insert(index, follower);
         refined.view.planes.insert(index, placed.planes[0].clone());
         let refined = self.again(&planes, &refined)?;
-        self.settle(&planes, refined).ok()
+        self.converge(&planes, refined).ok()
     }
 
     /// A solution whose residuals are not asked about their correlation.
@@ -125,7 +158,7 @@ impl Task<'_> {
         let correlated = Correlated {
             covariance,
             disagreement: disagreement(&system, &self.free, focal, factor),
-            coherence: Coherence::none(planes.len(), self.free.len()),
+            residual_correlation: ResidualCorrelation::none(planes.len(), self.free.len()),
         };
         Ok(Solution {
             planes: planes.to_vec(),
@@ -136,26 +169,27 @@ impl Task<'_> {
     }
 
     /// Whether the geometry cannot answer.
-    pub fn is_weak(&self, solution: &Solution) -> bool {
-        self.weakness(&solution.planes, &solution.refined).is_some()
+    pub fn is_ill_conditioned(&self, solution: &Solution) -> bool {
+        self.ill_conditioning(&solution.planes, &solution.refined)
+            .is_some()
     }
 
     /// Refuses geometry that cannot answer.
     ///
     /// # Errors
-    /// [`Failure::Weak`].
+    /// [`Failure::IllConditioned`].
     pub fn judge(&self, solution: &Solution) -> Result<(), Failure> {
         let (planes, refined) = (&solution.planes, &solution.refined);
-        match self.weakness(planes, refined) {
-            Some(weakness) => Err(self.refuse(planes, refined, weakness)),
+        match self.ill_conditioning(planes, refined) {
+            Some(ill_conditioning) => Err(self.refuse(planes, refined, ill_conditioning)),
             None => Ok(()),
         }
     }
 
     /// Why there is no covariance: most likely the geometry.
     fn singular(&self, planes: &[ObservedPlane], refined: &Refined<Brown>) -> Failure {
-        match self.weakness(planes, refined) {
-            Some(weakness) => self.refuse(planes, refined, weakness),
+        match self.ill_conditioning(planes, refined) {
+            Some(ill_conditioning) => self.refuse(planes, refined, ill_conditioning),
             None => Failure::Other(Error::NotConverged {
                 stage: "the covariance",
                 iterations: refined.iterations,

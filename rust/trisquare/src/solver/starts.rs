@@ -2,9 +2,9 @@
 
 use nalgebra::Matrix3;
 
-use super::problem::{Failure, Task};
+use super::problem::{Failure, JointProblem};
 use crate::error::Error;
-use crate::ill_conditioning::Weakness;
+use crate::ill_conditioning::IllConditioning;
 use crate::lens::Brown;
 use crate::linear::{
     Homographies, Undistortion, conic_camera_matrix, fallback_camera_matrices, first_view,
@@ -12,7 +12,7 @@ use crate::linear::{
 use crate::noise::{Misfit, Noise};
 use crate::numeric::Termination;
 use crate::observations::{Fixed, FreeParameters, Method, ObservedPlane, Options, Sample, View};
-use crate::refine::{Refined, Search, finish, search};
+use crate::refine::{Refined, Search};
 
 /// Samples of each side with which the search for the optimum starts: enough for the robust
 /// scale, and within a few standard deviations of what all samples will say.
@@ -22,21 +22,21 @@ const START_SAMPLES_PER_SIDE: usize = 16;
 /// where they are smaller, the free optimum is a wrong one.
 const BEATEN: f64 = 0.98;
 
-/// The paper's steps 1 and 2, and on them what `answer` makes of all stages.
-pub(crate) fn with_stages<T>(
-    task: &Task<'_>,
+/// The paper's steps 1 and 2, and on them what `answer` makes of all starts.
+pub(crate) fn with_starts<T>(
+    problem: &JointProblem<'_>,
     planes: &[ObservedPlane],
-    answer: impl FnOnce(&Stages<'_>) -> Result<T, Failure>,
+    answer: impl FnOnce(&Starts<'_>) -> Result<T, Failure>,
 ) -> Result<T, Failure> {
-    let sample_limit = match task.options.method {
+    let sample_limit = match problem.options.method {
         Method::Linear => usize::MAX,
         Method::MaximumLikelihood => START_SAMPLES_PER_SIDE,
     };
-    let some: Vec<ObservedPlane> = planes.iter().map(|p| p.thinned(sample_limit)).collect();
-    let undistortion = Undistortion::estimate(&some, task.size, task.options)?;
+    let some: Vec<ObservedPlane> = planes.iter().map(|p| p.subsampled(sample_limit)).collect();
+    let undistortion = Undistortion::estimate(&some, problem.size, problem.options)?;
     let homographies = Homographies::estimate(&some, &undistortion)?;
-    answer(&Stages {
-        task,
+    answer(&Starts {
+        problem,
         planes,
         some: &some,
         undistortion: &undistortion,
@@ -57,9 +57,9 @@ fn keep_better(best: &mut Option<Refined<Brown>>, found: Refined<Brown>) {
 /// Mean square misfit from which an optimum may be a wrong one; that of noise alone is 1.
 const STRAINED: f64 = 2.0;
 
-/// What every stage may look at.
-pub(crate) struct Stages<'a> {
-    task: &'a Task<'a>,
+/// What every start shares.
+pub(crate) struct Starts<'a> {
+    problem: &'a JointProblem<'a>,
     planes: &'a [ObservedPlane],
     /// The same with fewer samples: from these the search starts.
     some: &'a [ObservedPlane],
@@ -67,17 +67,17 @@ pub(crate) struct Stages<'a> {
     homographies: &'a Homographies,
 }
 
-impl Stages<'_> {
+impl Starts<'_> {
     fn view(&self, camera_matrix: &Matrix3<f64>) -> Result<View<Brown>, Error> {
         let view = first_view(
             camera_matrix,
             self.homographies,
             self.planes,
             self.undistortion,
-            self.task.size,
-            self.task.options,
+            self.problem.size,
+            self.problem.options,
         )?;
-        let unknowns = view.unknowns(&self.task.free);
+        let unknowns = view.unknowns(&self.problem.free);
         let samples = self.samples().count();
         if samples <= unknowns {
             return Err(Error::TooFewDegreesOfFreedom { samples, unknowns });
@@ -91,7 +91,7 @@ impl Stages<'_> {
 
     /// The answer of the method asked for.
     pub fn optimum(&self) -> Result<Refined<Brown>, Failure> {
-        match self.task.options.method {
+        match self.problem.options.method {
             Method::Linear => self.linear().map_err(|error| self.why_not_linear(error)),
             Method::MaximumLikelihood => self.refine(),
         }
@@ -100,7 +100,7 @@ impl Stages<'_> {
     /// The linear steps' own answer.
     fn linear(&self) -> Result<Refined<Brown>, Error> {
         let camera_matrix =
-            conic_camera_matrix(self.homographies, self.task.size, self.task.options)?;
+            conic_camera_matrix(self.homographies, self.problem.size, self.problem.options)?;
         let view = self.view(&camera_matrix)?;
         self.around(view).ok_or(Error::NotConverged {
             stage: "the linear solution (its distortion is not invertible at a sample)",
@@ -113,38 +113,45 @@ impl Stages<'_> {
     /// refinement can tell.
     fn why_not_linear(&self, error: Error) -> Failure {
         match self.refine() {
-            Err(weak @ Failure::Weak(_)) => weak,
+            Err(found @ Failure::IllConditioned(_)) => found,
             Err(_) => error.into(),
-            Ok(refined) => match self.weakness(&refined) {
-                Some(weakness) => self.task.refuse(self.planes, &refined, weakness),
+            Ok(refined) => match self.ill_conditioning(&refined) {
+                Some(ill_conditioning) => {
+                    self.problem.refuse(self.planes, &refined, ill_conditioning)
+                }
                 None => error.into(),
             },
         }
     }
 
     /// Joint maximum likelihood from the conic's camera matrix, or from the first fallback that
-    /// settles where that one does not.
+    /// converges where that one does not.
     ///
     /// A doubtful answer may be a wrong optimum, with the principal point far off and the planes
     /// turned to match: then all starts are tried and the one that fits best is taken. One that
     /// leaves much more than noise may be wrong, too, where the robust loss gave up a part of the
     /// samples for the rest: it has to stand against that of another start.
     fn refine(&self) -> Result<Refined<Brown>, Failure> {
-        let conic = conic_camera_matrix(self.homographies, self.task.size, self.task.options);
+        let conic = conic_camera_matrix(self.homographies, self.problem.size, self.problem.options);
         let starts = conic.into_iter().chain(fallback_camera_matrices(
             self.homographies,
-            self.task.size,
-            self.task.options,
+            self.problem.size,
+            self.problem.options,
         ));
         let mut unsettled: Option<Search<Brown>> = None;
         let mut best: Option<Refined<Brown>> = None;
         for camera_matrix in starts {
+            // One is tried in any case.
+            let tried = best.is_some() || unsettled.is_some();
+            if tried && self.problem.work.is_spent() {
+                break;
+            }
             let start = match self.view(&camera_matrix) {
                 Err(error @ Error::TooFewDegreesOfFreedom { .. }) => return Err(error.into()),
                 Err(_) => continue,
                 Ok(start) => start,
             };
-            let Some(found) = self.search(&self.task.free, start) else {
+            let Some(found) = self.search(&self.problem.free, start) else {
                 continue;
             };
             match self.finish(found.clone()) {
@@ -162,7 +169,7 @@ impl Stages<'_> {
         let centred = self.centred();
         let again = centred
             .clone()
-            .and_then(|c| self.search(&self.task.free, c.view));
+            .and_then(|c| self.search(&self.problem.free, c.view));
         if let Some(refined) = again.and_then(|found| self.finish(found)) {
             keep_better(&mut best, refined);
         }
@@ -176,7 +183,7 @@ impl Stages<'_> {
 
     /// A view with the spread of all residuals around it.
     fn around(&self, view: View<Brown>) -> Option<Refined<Brown>> {
-        Refined::of_linear(self.planes, &self.task.free, &self.task.judged, view)
+        Refined::of_linear(self.planes, &self.problem.free, &self.problem.judged, view)
     }
 
     /// Searches the optimum of some samples from a start.
@@ -186,7 +193,9 @@ impl Stages<'_> {
             lens: start.lens.without_distortion(),
             ..start.clone()
         };
-        search(self.some, free, start).or_else(|| search(self.some, free, pinhole))
+        let problem = self.problem;
+        let found = problem.searched(self.some, free, start);
+        found.or_else(|| problem.searched(self.some, free, pinhole))
     }
 
     /// The optimum with the principal point held where it is known to be, or at the image centre:
@@ -194,15 +203,16 @@ impl Stages<'_> {
     fn centred(&self) -> Option<Search<Brown>> {
         let fixed = Fixed {
             principal_point: true,
-            ..self.task.options.fixed
+            ..self.problem.options.fixed
         };
         let options = Options {
             fixed,
-            ..*self.task.options
+            ..*self.problem.options
         };
         let free = options.free_parameters();
-        fallback_camera_matrices(self.homographies, self.task.size, &options)
+        fallback_camera_matrices(self.homographies, self.problem.size, &options)
             .iter()
+            .take_while(|_| !self.problem.work.is_spent())
             .filter_map(|camera_matrix| self.search(&free, self.view(camera_matrix).ok()?))
             .find(|found| found.termination == Termination::Converged)
     }
@@ -213,14 +223,16 @@ impl Stages<'_> {
             return None;
         }
         let view = found.view.clone();
-        finish(self.planes, &self.task.free, &self.task.judged, found).or_else(|| {
+        let problem = self.problem;
+        problem.finished(self.planes, found).or_else(|| {
             // Some samples misled: search among all of them.
-            let found = search(self.planes, &self.task.free, view)?;
+            let found = problem.searched(self.planes, &problem.free, view)?;
             let converged = found.termination == Termination::Converged;
             let found = converged.then_some(found)?;
             let view = found.view.clone();
-            // Where the cost is far from a parabola, Newton's undamped steps may not settle.
-            finish(self.planes, &self.task.free, &self.task.judged, found)
+            // Where the cost is far from a parabola, Newton's undamped steps may not converge.
+            problem
+                .finished(self.planes, found)
                 .or_else(|| self.around(view))
         })
     }
@@ -231,9 +243,9 @@ impl Stages<'_> {
         let refined = unsettled.and_then(|found| self.around(found.view));
         let rms = refined.as_ref().map_or(0.0, |refined| refined.noise_scale);
         if let Some(refined) = &refined
-            && let Some(weakness) = self.weakness(refined)
+            && let Some(ill_conditioning) = self.ill_conditioning(refined)
         {
-            return self.task.refuse(self.planes, refined, weakness);
+            return self.problem.refuse(self.planes, refined, ill_conditioning);
         }
         Failure::Other(Error::NotConverged {
             stage: "the joint refinement",
@@ -242,20 +254,20 @@ impl Stages<'_> {
         })
     }
 
-    pub fn weakness(&self, refined: &Refined<Brown>) -> Option<Weakness> {
-        self.task.weakness(self.planes, refined)
+    pub fn ill_conditioning(&self, refined: &Refined<Brown>) -> Option<IllConditioning> {
+        self.problem.ill_conditioning(self.planes, refined)
     }
 
     fn is_doubtful(&self, refined: &Refined<Brown>) -> bool {
-        let geometry = self.task.geometry(self.planes, refined);
+        let conditioning = self.problem.conditioning(self.planes, refined);
         let factor = refined.covariance_factor;
-        let weakest = geometry.weakest(&refined.system, &self.task.free, factor);
+        let weakest = conditioning.weakest(&refined.system, &self.problem.free, factor);
         weakest.is_some_and(|weakest| weakest.is_doubtful())
     }
 
     /// Whether the sides are much farther from their lines than noise explains.
     fn is_strained(&self, refined: &Refined<Brown>) -> bool {
         let noise = Noise::of_optimum(self.planes, refined);
-        Misfit::of(self.planes, &refined.view, &self.task.free, &noise).mean() > STRAINED
+        Misfit::of(self.planes, &refined.view, &self.problem.free, &noise).mean() > STRAINED
     }
 }

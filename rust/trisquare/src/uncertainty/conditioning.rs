@@ -14,17 +14,18 @@
 //! of its own standard deviation, and what that angle tells of K has a relative error of one over
 //! that multiple; its distribution falls off like a Gaussian's tail toward the limit.
 //!
-//! Strong noise alone is no reason to refuse: where planes clearly differ in direction (by more than
-//! [`DISTINCT_DEGREES`], which in 1,000 scenes of parallel planes with noise of 1 to 3 px no estimate
-//! reached whose standard deviation was below the limit) the limit grows with the noise above
-//! [`COMMON_NOISE`], so that a sound scene photographed badly returns large standard deviations.
-//! And exact samples do not make a degenerate geometry sound: less noise than [`LEAST_NOISE`] is
-//! judged as if it were that, for paper is not flat and lenses are not polynomials.
+//! Strong noise alone is no reason to refuse: where planes clearly differ in direction (by more
+//! than [`DISTINCT_DEGREES`], which in 1,000 scenes of parallel planes with noise of 1 to 3 px no
+//! estimate reached whose standard deviation was below the limit) the limit grows with the noise
+//! above [`COMMON_NOISE`], so that a sound scene photographed badly returns large standard
+//! deviations. And exact samples do not make a degenerate geometry sound: less noise than
+//! [`LEAST_NOISE`] is judged as if it were that, because boards are not flat and lenses are not
+//! polynomials.
 
 use nalgebra::{DMatrix, Vector2};
 
 use super::covariance::covariance;
-use crate::ill_conditioning::{Cause, Weakness};
+use crate::ill_conditioning::{Cause, IllConditioning};
 use crate::image_size::ImageSize;
 use crate::lens::Lens;
 use crate::numeric::ArrowSystem;
@@ -85,7 +86,7 @@ pub(crate) fn judged_parameters(free: &FreeParameters) -> FreeParameters {
 }
 
 /// What a judgement of the geometry looks at.
-pub(crate) struct Geometry<'a, L> {
+pub(crate) struct Conditioning<'a, L> {
     pub view: &'a View<L>,
     pub planes: &'a [ObservedPlane],
     pub size: ImageSize,
@@ -117,22 +118,22 @@ impl Weakest {
     }
 }
 
-impl<L: Lens> Geometry<'_, L> {
+impl<L: Lens> Conditioning<'_, L> {
     /// Refuses geometry from which the camera matrix does not follow.
     ///
     /// `system` holds the normal equations over the [`judged_parameters`], `factor` turns the
     /// inverse of their information into a covariance.
     ///
     /// # Errors
-    /// The weakness, without remedies.
+    /// The ill-conditioning, without remedies.
     pub fn judge(
         &self,
         system: &ArrowSystem,
         free: &FreeParameters,
         factor: f64,
-    ) -> Result<(), Weakness> {
+    ) -> Result<(), IllConditioning> {
         match self.weakest(system, free, factor) {
-            Some(weakest) if !(weakest.ratio() <= 1.0) => Err(Weakness {
+            Some(weakest) if !(weakest.ratio() <= 1.0) => Err(IllConditioning {
                 cause: self.cause(),
                 parameter: weakest.parameter,
                 std: weakest.std,
@@ -156,7 +157,7 @@ impl<L: Lens> Geometry<'_, L> {
             .planes
             .iter()
             .flat_map(ObservedPlane::sides)
-            .all(|side| !side.set_aside);
+            .all(|side| !side.is_outlier);
         let floor = match entire {
             true => (LEAST_NOISE / noise).max(1.0).powi(2),
             false => 1.0,

@@ -9,7 +9,7 @@ use crate::lens::Lens;
 use crate::noise::{Misfit, Noise, SideErrors, rms_displacement, variance_of, white_variance};
 use crate::observations::{FreeParameters, ObservedPlane};
 use crate::refine::Refined;
-use crate::result::{Coherence, Disagreement, Warning};
+use crate::result::{Disagreement, ResidualCorrelation, Warning};
 
 /// A plane's noise differs from that of all if it does so by so many of its own standard
 /// deviations...
@@ -29,10 +29,10 @@ pub(crate) struct Correlated {
     pub covariance: DMatrix<f64>,
     /// The plane that disagrees with the rest, if any does.
     pub disagreement: Option<Disagreement>,
-    pub coherence: Coherence,
+    pub residual_correlation: ResidualCorrelation,
 }
 
-impl Coherence {
+impl ResidualCorrelation {
     /// By how much the standard deviation of each parameter of a covariance was raised.
     fn factors(&self, covariance: &DMatrix<f64>) -> Vec<f64> {
         let (all, added) = (covariance.diagonal(), self.added.diagonal());
@@ -53,9 +53,9 @@ impl Coherence {
             return Vec::new();
         };
         let mut warnings = Vec::new();
-        if self.contradiction > 1.0 {
+        if self.between_plane_variance_ratio > 1.0 {
             warnings.push(Warning::PlanesContradict {
-                factor: self.contradiction.sqrt(),
+                factor: self.between_plane_variance_ratio.sqrt(),
             });
         }
         let most = |a: &usize, b: &usize| self.displacements[*a].total_cmp(&self.displacements[*b]);
@@ -102,11 +102,12 @@ pub(crate) fn correlated_covariance<L: Lens>(
     let independent = covariance(&refined.system.leading(free.len()), white)?;
     let errors = SideErrors::gather(planes, free, &refined.view, noise, white)?;
     let strength = errors.strength()?;
-    let contradiction = Misfit::of(planes, &refined.view, free, noise).contradiction();
+    let between_plane_variance_ratio =
+        Misfit::of(planes, &refined.view, free, noise).between_plane_variance_ratio();
     let system = errors.marginal(&strength.mean)?;
-    // Boards with a relief have been fitted by generalised least squares, all others at weights
-    // that take the noise for white.
-    let generalised = match planes.iter().any(|plane| plane.relief.is_some()) {
+    // Boards with an out-of-plane shape have been fitted by generalised least squares, all others
+    // at weights that take the noise for white.
+    let generalised = match planes.iter().any(|plane| plane.board_relief.is_some()) {
         true => Some(covariance(&system, 1.0)?),
         false => None,
     };
@@ -119,16 +120,16 @@ pub(crate) fn correlated_covariance<L: Lens>(
         for (unit, variance) in units.iter().zip(&strength.mean) {
             total += unit * (*variance - variance_of(floor)).max(0.0);
         }
-        total * contradiction
+        total * between_plane_variance_ratio
     };
-    let drifting = planes.iter().any(ObservedPlane::drifts);
+    let drifting = planes.iter().any(ObservedPlane::has_tone_drift);
     let floor = if drifting { CURVE_ERROR } else { 0.0 };
     let total = total_beyond(0.0);
     let displacements = strength.if_any().into_iter();
-    let coherence = Coherence {
+    let residual_correlation = ResidualCorrelation {
         floor,
         added_to_pixels: total_beyond(floor) - &independent,
-        contradiction,
+        between_plane_variance_ratio,
         neighbours: noise.correlation,
         pixels: noise.correlation * noise.scale.powi(2),
         probability: strength.probability,
@@ -139,6 +140,6 @@ pub(crate) fn correlated_covariance<L: Lens>(
     Some(Correlated {
         covariance: total,
         disagreement: disagreement(&system, free, focal, 1.0),
-        coherence,
+        residual_correlation,
     })
 }

@@ -21,7 +21,7 @@ const CONSEQUENCE: f64 = 0.002;
 
 /// The plane that disagrees most with the rest, if any does beyond chance.
 ///
-/// At the optimum, plane `p` pulls the shared parameters by its reduced gradient `g_p`, whose
+/// At the optimum, plane `p` has the reduced gradient `g_p`, whose
 /// covariance is `S_p - S_p S^-1 S_p` with `S_p` its information and `S` that of all; leaving it
 /// out moves them by `(S - S_p)^-1 g_p` in one Gauss-Newton step. `factor` turns the inverse of
 /// the weighted information into a covariance.

@@ -11,7 +11,7 @@ mod projection;
 mod remedies;
 
 pub use comparison::{DifferenceTest, ProjectionDifference, compare_projections};
-pub(crate) use conditioning::{Geometry, judged_parameters};
+pub(crate) use conditioning::{Conditioning, judged_parameters};
 pub(crate) use correlated_residuals::{Correlated, correlated_covariance, weighed_by_noise};
 pub(crate) use covariance::{check_plane_count, covariance};
 pub(crate) use known_values::disagreement;

@@ -5,7 +5,7 @@
 //! the noise) where the camera is given. The covariance of camera and pose together follows from
 //! these and from the camera's own, whether it was found from the same planes or from others.
 //! Where the sides of a plane err together (paper that is not flat), each side's error moves the
-//! pose as the sum of its samples pulls.
+//! pose as the sum of its samples' gradients.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -35,8 +35,8 @@ pub(crate) fn pose_uncertainties(
         (1.., Some(information)) => (information * independent).trace() / free as f64,
         _ => refined.covariance_factor,
     };
-    let thinned = planes.iter().map(|p| p.thinned(SAMPLES_PER_SIDE));
-    let some: Vec<ObservedPlane> = thinned.collect();
+    let subsampled = planes.iter().map(|p| p.subsampled(SAMPLES_PER_SIDE));
+    let some: Vec<ObservedPlane> = subsampled.collect();
     let following = following(&some, refined);
     let of_plane = |(i, block): (usize, &Block)| {
         let follows = &following.as_ref()?.blocks[i];
@@ -44,8 +44,8 @@ pub(crate) fn pose_uncertainties(
         let inverse = block.hessian.clone().cholesky()?.inverse();
         let mut given_camera =
             inverse.fixed_view::<POSE_PARAMETERS, POSE_PARAMETERS>(0, 0) * variance;
-        for pull in pulls_of_sides(&some[i], i, refined)? {
-            let moved = factor.solve(&pull) * displacements[i];
+        for gradient in gradients_of_sides(&some[i], i, refined)? {
+            let moved = factor.solve(&gradient) * displacements[i];
             let moved = moved.fixed_rows::<POSE_PARAMETERS>(0);
             given_camera += moved * moved.transpose();
         }
@@ -63,30 +63,30 @@ pub(crate) fn pose_uncertainties(
 }
 
 /// The gradient, by a plane's own parameters, of each of its sides' samples all displaced by 1 px.
-fn pulls_of_sides(
+fn gradients_of_sides(
     plane: &ObservedPlane,
     index: usize,
     refined: &Refined<Brown>,
 ) -> Option<Vec<DVector<f64>>> {
     let (lens, state) = (&refined.view.lens, &refined.view.planes[index]);
     let none = Columns::of(std::iter::empty());
-    let mut pulls = Vec::new();
+    let mut gradients = Vec::new();
     for (f, figure) in plane.figures.iter().enumerate() {
         for side in &figure.sides {
             let line = state.line(f, side);
             let to_scale = side.trust() / refined.scale;
             let mut wrt_line = Vector3::zeros();
             for sample in &side.samples {
-                let sight = lens.sight(&sample.pixel)?;
-                let distance = lens.line_distance_jacobian(&sight, &line, none);
+                let pixel_ray = lens.unproject_with_jacobian(&sample.pixel)?;
+                let distance = lens.line_distance_jacobian(&pixel_ray, &line, none);
                 let to_noise = sample.weight * to_scale;
                 let (_, weight) = Loss::Tukey.cost_and_weight(distance.value * to_noise);
                 wrt_line += distance.wrt_line * (weight * to_noise * to_noise);
             }
-            pulls.push(state.line_jacobian(f, side).tr_mul(&wrt_line));
+            gradients.push(state.line_jacobian(f, side).tr_mul(&wrt_line));
         }
     }
-    Some(pulls)
+    Some(gradients)
 }
 
 /// The normal equations over all of the camera's parameters.

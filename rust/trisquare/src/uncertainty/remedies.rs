@@ -8,9 +8,9 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 
 use nalgebra::{Rotation3, Unit, Vector2, Vector3};
 
-use super::conditioning::{Geometry, judged_parameters};
+use super::conditioning::{Conditioning, judged_parameters};
 use crate::geometry::Pose;
-use crate::ill_conditioning::{Cause, Remedy, Weakness};
+use crate::ill_conditioning::{Cause, IllConditioning, Remedy};
 use crate::lens::{Brown, Lens};
 use crate::numeric::Problem;
 use crate::observations::{Fixed, ObservedPlane, View};
@@ -71,11 +71,14 @@ pub(crate) fn remedies_by_holding(fixed: &Fixed, succeeds: impl Fn(Fixed) -> boo
 
 /// How to show the planes so that a calibration succeeds; `None` if nothing tried would do.
 pub(crate) fn remedy_by_showing(
-    geometry: &Geometry<'_, Brown>,
-    weakness: &Weakness,
+    conditioning: &Conditioning<'_, Brown>,
+    ill_conditioning: &IllConditioning,
 ) -> Option<Remedy> {
-    let imagined = Imagined::new(geometry, weakness);
-    let upright = matches!(weakness.cause, Cause::Small { .. } | Cause::Huddled { .. });
+    let imagined = Imagined::new(conditioning, ill_conditioning);
+    let upright = matches!(
+        ill_conditioning.cause,
+        Cause::Small { .. } | Cause::Huddled { .. }
+    );
     let enlarged = FACTORS
         .into_iter()
         .find(|factor| upright && imagined.lens_is_known && imagined.suffices(None, *factor));
@@ -97,7 +100,7 @@ pub(crate) fn remedy_by_showing(
 
 /// The same planes as another photograph might show them.
 struct Imagined<'a, 'b> {
-    geometry: &'a Geometry<'b, Brown>,
+    conditioning: &'a Conditioning<'b, Brown>,
     /// Some of the samples, which stand for all.
     planes: Vec<ObservedPlane>,
     /// The noise scale that goes with them.
@@ -107,25 +110,26 @@ struct Imagined<'a, 'b> {
 }
 
 impl<'a, 'b> Imagined<'a, 'b> {
-    fn new(geometry: &'a Geometry<'b, Brown>, weakness: &Weakness) -> Self {
-        let found = geometry.view.lens;
-        let width = f64::from(geometry.size.width);
-        let lens_is_known = weakness.std < KNOWN * weakness.limit;
+    fn new(conditioning: &'a Conditioning<'b, Brown>, ill_conditioning: &IllConditioning) -> Self {
+        let found = conditioning.view.lens;
+        let width = f64::from(conditioning.size.width);
+        let lens_is_known = ill_conditioning.std < KNOWN * ill_conditioning.limit;
         let focal = ASSUMED_FOCAL * width;
-        let centre = geometry.size.centre();
+        let centre = conditioning.size.centre();
         let assumed = [focal, focal, centre.x, centre.y, 0.0, 0.0, 0.0, 0.0, 0.0];
-        let planes: Vec<ObservedPlane> = geometry
+        let planes: Vec<ObservedPlane> = conditioning
             .planes
             .iter()
-            .map(|plane| plane.thinned(SAMPLES_PER_SIDE))
+            .map(|plane| plane.subsampled(SAMPLES_PER_SIDE))
             .collect();
         let count = |planes: &[ObservedPlane]| {
             let counts = planes.iter().map(|plane| plane.samples().count());
             counts.sum::<usize>() as f64
         };
         Self {
-            geometry,
-            noise_scale: geometry.noise_scale * (count(&planes) / count(geometry.planes)).sqrt(),
+            conditioning,
+            noise_scale: conditioning.noise_scale
+                * (count(&planes) / count(conditioning.planes)).sqrt(),
             planes,
             lens: if lens_is_known {
                 found
@@ -153,7 +157,7 @@ impl<'a, 'b> Imagined<'a, 'b> {
         } else {
             TAU / planes.len() as f64
         };
-        let mut view = self.geometry.view.clone();
+        let mut view = self.conditioning.view.clone();
         view.lens = self.lens;
         let mut seen = Vec::with_capacity(planes.len());
         for (i, plane) in planes.iter().enumerate() {
@@ -167,16 +171,16 @@ impl<'a, 'b> Imagined<'a, 'b> {
     }
 
     fn judged_ratio(&self, view: &View<Brown>, planes: &[ObservedPlane]) -> Option<f64> {
-        let free = self.geometry.options.free_parameters();
+        let free = self.conditioning.options.free_parameters();
         let judged = judged_parameters(&free);
         let (_, system) = EdgeProblem::new(planes, &judged, self.noise_scale).evaluate(view)?;
-        let geometry = Geometry {
+        let conditioning = Conditioning {
             view,
             planes,
             noise_scale: self.noise_scale,
-            ..*self.geometry
+            ..*self.conditioning
         };
-        let weakest = geometry.weakest(&system, &free, 1.0)?;
+        let weakest = conditioning.weakest(&system, &free, 1.0)?;
         Some(weakest.ratio())
     }
 
@@ -189,11 +193,11 @@ impl<'a, 'b> Imagined<'a, 'b> {
         tilt: Option<(f64, f64)>,
         factor: f64,
     ) -> Option<(Pose, ObservedPlane)> {
-        let view = self.geometry.view;
+        let view = self.conditioning.view;
         let old = view.planes[index].pose;
         let to_plane = old.homography().try_inverse()?;
         let on_plane = |pixel: &Vector2<f64>| {
-            let point = to_plane * view.lens.sight(pixel)?.ideal().push(1.0);
+            let point = to_plane * view.lens.unproject_with_jacobian(pixel)?.ideal().push(1.0);
             Some(point.xy() / point.z)
         };
         let count = plane.samples().count() as f64;
@@ -235,7 +239,7 @@ impl<'a, 'b> Imagined<'a, 'b> {
     }
 
     fn is_inside(&self, pixel: &Vector2<f64>) -> bool {
-        let centre = self.geometry.size.centre();
+        let centre = self.conditioning.size.centre();
         let offset = (pixel - centre).abs();
         offset.x <= centre.x * (1.0 + 2.0 * SLACK) && offset.y <= centre.y * (1.0 + 2.0 * SLACK)
     }

@@ -7,16 +7,16 @@ const LIKELIER: f64 = 0.5;
 
 /// How the residuals differ from independent noise of the stated standard deviations.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Coherence {
+pub struct ResidualCorrelation {
     /// Variance of the mean of many neighbouring samples over what independent ones would have.
     pub neighbours: f64,
     /// Probability that the samples of a side share an error beyond their noise.
     pub probability: f64,
     /// Root mean square of that error where there is one, for every plane, px.
     pub displacements: Vec<f64>,
-    /// Variance with which the planes contradict each other over what their sides' curvature lets
-    /// expect; 1 where they do not.
-    pub contradiction: f64,
+    /// Variance between the planes over what their sides' curvature lets
+    /// expect; 1 where they agree.
+    pub between_plane_variance_ratio: f64,
     /// What all that adds to the covariance of the free parameters.
     pub added: DMatrix<f64>,
     /// Variance of the samples over what pixels of independent noise would give them, if their
@@ -28,14 +28,14 @@ pub struct Coherence {
     pub(crate) added_to_pixels: DMatrix<f64>,
 }
 
-impl Coherence {
+impl ResidualCorrelation {
     /// Independent noise.
     pub(crate) fn none(planes: usize, parameters: usize) -> Self {
         Self {
             neighbours: 1.0,
             probability: 0.0,
             displacements: vec![0.0; planes],
-            contradiction: 1.0,
+            between_plane_variance_ratio: 1.0,
             added: DMatrix::zeros(parameters, parameters),
             pixels: 1.0,
             floor: 0.0,
