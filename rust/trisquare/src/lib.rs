@@ -70,7 +70,6 @@ pub mod internals {
     pub use crate::numeric::cdf;
     pub use crate::planning::predict_unjudged;
     pub use crate::search::{
-        Crossing, Follower, Lattice, LatticeSurface, SaddleStep, SidePoints, Site, link_crossings,
-        settled_on_saddle, trimmed_cubics,
+        Candidate, Lattice, ReducedPicture, SidePoints, find_lattices, trimmed_cubics,
     };
 }
