@@ -2,7 +2,8 @@
 # here, in .venv and target.
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test bench lint docs fuzz build clean
+.PHONY: help demo test test-all test-slow bench lint format docs fuzz build clean
+.NOTPARALLEL:
 SHELL := /bin/sh
 
 # rustup's usual place, for shells that have not been told of it.
@@ -19,21 +20,60 @@ SOURCES := pyproject.toml Cargo.toml Cargo.lock \
 	$(wildcard rust/*/Cargo.toml rust/*/src/*.rs rust/*/src/*/*.rs)
 
 help:
-	@echo 'make demo    calibrate the bundled photograph and compare with the truth'
-	@echo 'make test    run the tests'
-	@echo 'make bench   measure accuracy and speed'
-	@echo 'make lint    check format, style and types'
-	@echo 'make docs    build the documentation, in docs/_build/html'
-	@echo 'make fuzz    a million damaged inputs for every entry point (about an hour)'
+	@echo 'make build              set up .venv and compile the core (every other target does so itself)'
+	@echo 'make demo               calibrate the bundled photograph and compare with the truth'
+	@echo 'make test               run the tests of every room, without the slow ones'
+	@echo 'make test ROOM=camera   run the tests of one room, of Python or of Rust'
+	@echo 'make test-all           run all tests: these, the slow ones, and those of the crate'
+	@echo 'make test-slow          run what test leaves out of test-all'
+	@echo 'make bench              measure accuracy and speed (about an hour)'
+	@echo 'make bench NAME=tags    run one benchmark, or several: NAME="tags tone"'
+	@echo 'make lint               check format, style, types and imports'
+	@echo 'make format             format the Rust and the Python code'
+	@echo 'make docs               build the documentation, in docs/_build/html'
+	@echo 'make fuzz               a million damaged inputs for every entry point (about an hour)'
+	@echo 'make clean              delete all that make has made'
 
 demo: $(READY)
 	$(VENV_PYTHON) -m trisquare demo
 
+# One process per processor; one that is done takes over tests of another.
+PYTEST = $(VENV_PYTHON) -m pytest -n auto --dist worksteal
+
+# `make test ROOM=lens`: the tests of one room, which is a folder of tests/, or a module of the
+# crate, or both.
+ROOM ?=
+ROOMS := $(filter-out helpers,$(patsubst tests/%/,%,$(filter %/,$(wildcard tests/*/))))
+RUST_ROOMS := $(patsubst rust/trisquare/src/%/mod.rs,%,$(wildcard rust/trisquare/src/*/mod.rs)) \
+	$(filter-out lib,$(patsubst rust/trisquare/src/%.rs,%,$(wildcard rust/trisquare/src/*.rs)))
+RUST_TESTS := $(patsubst rust/trisquare/tests/%.rs,%,$(wildcard rust/trisquare/tests/*.rs))
+
+ifeq ($(ROOM),)
 test: $(READY)
-	$(VENV_PYTHON) -m pytest
+	$(PYTEST) -m 'not slow'
+else ifneq ($(filter $(ROOM),$(ROOMS) $(RUST_ROOMS)),)
+# Rooms of the crate alone need no Python.
+test: $(if $(filter $(ROOM),$(ROOMS)),$(READY))
+	$(if $(filter $(ROOM),$(RUST_ROOMS)),cargo test -p trisquare $(ROOM)::)
+	$(if $(filter $(ROOM),$(RUST_TESTS)),cargo test -p trisquare --test $(ROOM))
+	$(if $(filter $(ROOM),$(ROOMS)),$(PYTEST) -m 'not slow' tests/$(ROOM))
+else
+test:
+	@echo 'no room "$(ROOM)"; Python: $(sort $(ROOMS)); Rust: $(sort $(RUST_ROOMS))' >&2; exit 2
+endif
+
+# In two parts, so that `make test` itself, which the README names, is run on the way.
+test-all: test test-slow
+
+test-slow: $(READY)
+	cargo test --workspace
+	$(PYTEST) -m slow
+
+# `make bench NAME=tags` runs one, or several: NAME="tags tone".
+NAME ?=
 
 bench: $(READY)
-	$(VENV_PYTHON) benchmarks/run.py
+	$(VENV_PYTHON) benchmarks/run.py $(NAME)
 
 lint: $(READY)
 	cargo fmt --all --check
@@ -43,6 +83,13 @@ lint: $(READY)
 	$(VENV_PYTHON) -m ruff check .
 	$(VENV_PYTHON) -m mypy
 	$(VENV_PYTHON) -m mypy.stubtest trisquare._core
+	.venv/bin/lint-imports
+
+format: $(READY)
+	cargo fmt --all
+	cargo fmt --manifest-path fuzz/Cargo.toml
+	$(VENV_PYTHON) -m ruff check --fix .
+	$(VENV_PYTHON) -m ruff format .
 
 # The crate's reference goes where the other pages link to it.
 docs: $(DOCS_READY)

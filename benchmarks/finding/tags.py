@@ -11,13 +11,13 @@ from harness.rows import Row
 
 import trisquare as ts
 from trisquare import simulate
-from trisquare.detection.kinds import Targets
+from trisquare.detection.kinds import TargetKinds
 from trisquare.detection.tags.codes import opencv_dictionary
-from trisquare.detection.tags.decode import recognise
+from trisquare.detection.tags.decode import decode_tags
 from trisquare.detection.tags.families import DICTIONARIES, TagSearch
 from trisquare.measurement.find import find
-from trisquare.measurement.sheets import FoundSheet
-from trisquare.measurement.squares import FoundSquare
+from trisquare.measurement.sheets import Sheet
+from trisquare.measurement.squares import Square
 from trisquare_scenes.tagged import charuco_box_scene, tag_scene
 
 PICTURES = 56
@@ -72,8 +72,8 @@ def _single_tags() -> list[Row]:
         picture = simulate.render(scene, rng, noise=noise, blur=blur, contrast=CONTRAST)
         _, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
         coded = np.asarray(cv2.imdecode(data, cv2.IMREAD_GRAYSCALE), dtype=np.uint8)
-        targets = find(coded, Targets.parse("auto"))
-        tags = [one.outline.tag for one in targets if isinstance(one, FoundSquare)]
+        targets = find(coded, TargetKinds.parse("auto"))
+        tags = [one.outline.tag for one in targets if isinstance(one, Square)]
         seen = [tag.number for tag in tags if tag is not None]
         whole += sorted(seen) == sorted(numbers)
         found += len(set(seen) & set(numbers))
@@ -123,7 +123,7 @@ def _chance() -> Row:
         corners = square + np.array([[[90 * quad, 0]] for quad in range(QUADS_PER_PICTURE)])
         steps = np.full(QUADS_PER_PICTURE, 200.0)
         blurred = np.asarray(cv2.GaussianBlur(grey, (0, 0), 0.8), dtype=np.uint8)
-        found = recognise(blurred, corners, steps, TagSearch(DICTIONARIES))
+        found = decode_tags(blurred, corners, steps, TagSearch(DICTIONARIES))
         believed += any(tag is not None for tag in found)
     share = believed / CHANCE_PICTURES
     return Row(
@@ -159,13 +159,13 @@ def _boxes() -> Row:
 
 def _cube() -> list[Row]:
     """24 photographs of a paper cube."""
-    targets = Targets.parse(CUBE_LAYOUT)
+    targets = TargetKinds.parse(CUBE_LAYOUT)
     photographs = [str(CUBE / f"{number}.jpg") for number in range(24)]
     faces: Counter[int] = Counter()
     for photograph in photographs:
         picture = cv2.imread(photograph, cv2.IMREAD_GRAYSCALE)
         found = find(np.asarray(picture), targets)
-        faces[sum(isinstance(sheet, FoundSheet) for sheet in found)] += 1
+        faces[sum(isinstance(sheet, Sheet) for sheet in found)] += 1
     print(f"  cube: pictures by the number of faces found: {dict(sorted(faces.items()))}")
     with_planes = len(photographs) - faces[0]
     rows = [

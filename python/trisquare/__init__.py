@@ -5,6 +5,8 @@
 >>> result.camera.K, result.camera.distortion, result.std["fx"]  # doctest: +SKIP
 """
 
+from typing import get_type_hints as _get_type_hints
+
 from trisquare._core import __version__
 from trisquare.analysis.comparison import Comparison, compare
 from trisquare.analysis.diagnosis import Diagnosis, diagnose
@@ -39,19 +41,18 @@ from trisquare.measurement.detect import detect
 from trisquare.printing.target import PrintedTarget, printed_target
 from trisquare.report import write_report
 from trisquare.results.calibration import Calibration
-from trisquare.results.coherence import Coherence
 from trisquare.results.model_alternative import ModelAlternative
+from trisquare.results.partial_detection import PartialDetection
 from trisquare.results.plane import Plane
 from trisquare.results.pose_uncertainty import PoseUncertainty
 from trisquare.results.rejected import Rejected
-from trisquare.results.sighting import Sighting
+from trisquare.results.residual_correlation import ResidualCorrelation
 from trisquare.undistortion.undistort import Undistorter, undistort
 
 __all__ = [
     "Approximation",
     "Calibration",
     "Camera",
-    "Coherence",
     "Comparison",
     "ConvergenceError",
     "DegenerateGeometryError",
@@ -64,6 +65,7 @@ __all__ = [
     "ModelAlternative",
     "NotEnoughDataError",
     "NotEnoughPlanesError",
+    "PartialDetection",
     "Plane",
     "PlaneEdges",
     "PlannedSquare",
@@ -72,7 +74,7 @@ __all__ = [
     "PrintedTarget",
     "ProjectionMap",
     "Rejected",
-    "Sighting",
+    "ResidualCorrelation",
     "Straightening",
     "TopView",
     "TrisquareError",
@@ -95,3 +97,11 @@ __all__ = [
     "undistort",
     "write_report",
 ]
+
+# Pickles and reprs name the package, not the room that a class is written in; annotations are
+# resolved before, with the names of that room.
+for _name in __all__:
+    if isinstance(_public := globals()[_name], type):
+        _public.__annotations__ = _get_type_hints(_public)
+        _public.__module__ = __name__
+del _name, _public, _get_type_hints

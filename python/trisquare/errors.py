@@ -14,7 +14,7 @@ class TrisquareError(Exception):
 
     Attributes
     ----------
-    found : tuple of Sighting
+    found : tuple of PartialDetection
         The targets that were found in the pictures before `calibrate` failed, one for each plane.
     rejected : tuple of Rejected
         What was seen in them but not used, and why.

@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 
 from trisquare._support.convex_quads import apart
+from trisquare._support.rotations import tilted
 from trisquare.simulate import random_camera
 from trisquare.simulate.render import SHEET_RIM, Image, render
 from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, rectangle
-from trisquare.simulate.scenes import faces_camera, inside, tilted
+from trisquare.simulate.scenes import faces_camera, inside
 
 TRUE_SIDES = (0.20, 0.32)
 """Sides of the true squares, of the picture's height: three leave room for ten others."""

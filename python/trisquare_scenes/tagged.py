@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from trisquare._support.rotations import tilted
 from trisquare.detection.tags.codes import dictionary
 from trisquare.simulate import random_camera
 from trisquare.simulate.render import SHEET_RIM
 from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, rectangle
-from trisquare.simulate.scenes import tilted
 
 Codes = npt.NDArray[np.bool_]
 

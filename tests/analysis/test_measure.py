@@ -46,6 +46,7 @@ def test_lengths_angles_and_areas_are_those_of_the_plane(scene, exact):
     assert found.area == pytest.approx(50**2 * AREA, rel=1e-7)
 
 
+@pytest.mark.slow
 def test_standard_deviations_are_the_scatter_of_repeated_measurements(scene):
     """Camera, pose and points all err; 150 draws know a scatter to 6 %, and 20 % is over 3."""
     rng, draws, point_std = np.random.default_rng(3), 150, 0.05
@@ -62,6 +63,7 @@ def test_standard_deviations_are_the_scatter_of_repeated_measurements(scene):
     assert np.all(np.abs(scatter - 1) < 0.2), scatter
 
 
+@pytest.mark.slow
 def test_with_the_pixels_exact_pose_and_camera_alone_scatter_the_lengths(scene):
     """The same without noise of the points, in two planes' worth of distance from the square."""
     errors = []

@@ -36,6 +36,7 @@ def test_prediction_is_the_cramer_rao_bound(kind, seed):
         assert abs(std / bound[name] - 1) < 2e-3, name
 
 
+@pytest.mark.slow
 def test_calibrations_scatter_as_predicted():
     """The squared errors over the predicted covariance are chi-squared, 6 degrees each."""
     scene = squares(7, count=4)

@@ -106,6 +106,7 @@ def sheets_of_squares(rng, camera, sheets=6, per_side=5, false_share=0.2):
     return Scene(camera, tuple(targets)), np.array(is_square)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_of_a_hundred_and_fifty_candidates_nearly_all_squares_are_chosen(seed):
     rng = np.random.default_rng([67, seed])
@@ -131,6 +132,7 @@ def test_with_the_focal_length_alone_unknown_two_squares_are_chosen():
     assert not any(is_clearly_false(mixed.scene.targets[plane]) for plane in kept)
 
 
+@pytest.mark.slow
 def test_pictures_of_one_camera_pool_their_candidates():
     figures, is_square, targets = [], [], []
     rng = np.random.default_rng(65)
@@ -172,6 +174,7 @@ def test_a_picture_of_squares_and_rectangles_calibrates_and_reports_the_rest(see
     assert [one.reason for one in again.rejected] == [one.reason for one in result.rejected]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("squares", [0, 1, 2])
 @pytest.mark.parametrize("seed", range(2))
 def test_too_few_squares_are_refused_or_doubted_or_right(squares, seed):

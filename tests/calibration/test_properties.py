@@ -155,6 +155,7 @@ sides = arrays(np.float64, st.tuples(st.integers(0, 12), st.just(2)), elements=c
 lines = arrays(np.float64, st.tuples(st.integers(0, 6), st.just(3)), elements=st.floats(-3, 3))
 
 
+@pytest.mark.slow
 @many
 @given(
     st.lists(st.tuples(lines, st.lists(sides, max_size=6)), max_size=4),
@@ -170,6 +171,7 @@ def test_garbage_is_refused_or_gives_finite_numbers(figures, method, model, fix)
         pass
 
 
+@pytest.mark.slow
 @many
 @given(
     st.integers(0, 2**32 - 1),
@@ -212,6 +214,7 @@ LAYOUTS = {
 }
 
 
+@pytest.mark.slow
 @many
 @given(
     st.sampled_from(DTYPES),

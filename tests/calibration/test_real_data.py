@@ -11,8 +11,6 @@ import numpy as np
 import pytest
 
 import trisquare as ts
-from trisquare.detection.boards.opencv import find_chessboard
-from trisquare.images.reading import read_image
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 DATA = REPOSITORY.parent / "shared" / "data"
@@ -160,25 +158,3 @@ def inserted():
         patch.syspath_prepend(str(REPOSITORY / "benchmarks"))
         from finding.inserted_squares import inserted_squares
     return list(inserted_squares(8))
-
-
-def test_real_chessboards_by_crossings_drawn_five_pixels_off():
-    """The same camera as from the boards that a search finds."""
-    rng = np.random.default_rng(5)
-    photos = sorted((DATA / "opencv-chess").glob("left*.jpg"))[:5]
-    drawn = []
-    for photo in photos:
-        board = find_chessboard(read_image(photo), 9, 6)
-        crossings = board.crossings
-        radius, angle = 5 * np.sqrt(rng.uniform(size=(6, 9))), rng.uniform(0, 2 * np.pi, (6, 9))
-        off = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
-        boards = [{"crossings": (crossings + off).tolist()}]
-        drawn.append({"file": photo.name, "chessboards": boards})
-    outlines = {"format": "trisquare-outlines/1", "pictures": drawn}
-    by_hand = ts.calibrate(photos, outlines=outlines)
-    searched = ts.calibrate(photos, targets="chessboard:9x6")
-    assert len(by_hand.planes) == 5
-    assert by_hand.rejected == ()
-    for name in ("fx", "fy", "cx", "cy"):
-        gap = getattr(by_hand.camera, name) - getattr(searched.camera, name)
-        assert abs(gap) < 0.5 * searched.std[name]

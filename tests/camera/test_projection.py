@@ -50,6 +50,7 @@ def test_covariance_is_that_of_the_parameters_carried_over(options):
     assert np.allclose(result.projection_std(POINTS), std, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_std_is_the_scatter_of_repeated_measurements():
     """150 draws know a root mean square of two coordinates to 6 %; 20 % is over 3 of that."""
     scene, draws = squares(8), 150

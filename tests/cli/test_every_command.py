@@ -316,7 +316,7 @@ def test_a_picture_of_another_shape_is_no_scaled_one(run, folder, name, options)
     outcome = run(name, *WORKING[name], *options)
     assert_refused(outcome, 2, folder, before)
     assert outcome[2].startswith("trisquare: error: photo.png: ")
-    assert "another shape" in outcome[2]
+    assert "another aspect ratio" in outcome[2]
 
 
 @pytest.mark.parametrize(
@@ -395,6 +395,7 @@ def test_a_negative_coordinate_is_no_option(run, folder):
     assert "outside the picture" in outcome[2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".tif", ".bmp", ".pgm"])
 def test_opencv_adds_nothing_to_the_line(folder, encoded, suffix):
     """In a process of its own, where OpenCV is not loaded before the command is."""
@@ -467,6 +468,7 @@ def on_terminal(arguments, stream, environment):
     return shown.decode()
 
 
+@pytest.mark.slow
 def test_colours_are_for_terminals_that_want_them():
     arguments = ("target", "--help")
     assert COLOUR.search(on_terminal(arguments, "stdout", plain_environment()))
@@ -479,12 +481,14 @@ def test_colours_are_for_terminals_that_want_them():
     assert b"\x1b" not in piped.stdout
 
 
+@pytest.mark.slow
 def test_progress_is_shown_to_whoever_watches(folder):
     arguments = ("calibrate", "photo.png")
     assert "calibrating" in on_terminal(arguments, "stderr", plain_environment())
     assert on_terminal((*arguments, "-q"), "stderr", plain_environment()) == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("buffered", [True, False])
 @pytest.mark.parametrize("option", ["--json", "--help"])
 def test_a_closed_pipe_is_no_error_to_tell(folder, option, buffered):
@@ -500,6 +504,7 @@ def test_a_closed_pipe_is_no_error_to_tell(folder, option, buffered):
     assert (process.returncode, said) == (1, b"")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
 @pytest.mark.parametrize("buffered", [True, False])
 @pytest.mark.parametrize("arguments", [("target", "--json"), ("--version",)])
@@ -529,6 +534,7 @@ def test_help_does_not_wait_for_opencv():
         assert (done.returncode, done.stderr) == (0, b"")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "offered"),
     [

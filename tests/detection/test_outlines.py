@@ -265,6 +265,7 @@ def test_pictures_without_figures(picture):
     assert find_chessboard(picture, 9, 6) is None
 
 
+@pytest.mark.slow
 def test_cells_of_rendered_chessboards_are_no_squares():
     for seed in range(4):
         rng = np.random.default_rng(seed)
@@ -314,6 +315,7 @@ def test_chessboards_of_real_photographs():
         assert min(gaps) < 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("cols", "rows", "seeds"), [(9, 6, range(10)), (8, 5, range(2, 3))])
 def test_rendered_chessboards(cols, rows, seeds):
     for seed in seeds:

@@ -12,13 +12,13 @@ import pytest
 import trisquare as ts
 from trisquare import simulate
 from trisquare.detection.candidates import Lattice
-from trisquare.detection.kinds import Targets
+from trisquare.detection.kinds import TargetKinds
 from trisquare.detection.sheets.layout import parse_layout
 from trisquare.detection.tags.codes import dictionary, opencv_dictionary
-from trisquare.detection.tags.decode import recognise
+from trisquare.detection.tags.decode import decode_tags
 from trisquare.detection.tags.families import DICTIONARIES, SIZES, TagSearch, dictionary_name
-from trisquare.measurement.boards import FoundLattice
-from trisquare.measurement.find import find
+from trisquare.measurement.boards import Board
+from trisquare.measurement.find import search
 from trisquare.simulate.cramer_rao import cramer_rao_bound, pixel_sigma
 from trisquare_scenes.tagged import charuco_box_scene, tag_scene
 
@@ -42,7 +42,7 @@ def box():
 
 
 def tags_in(picture, targets="auto"):
-    return [target.outline for target in find(picture, Targets.parse(targets))]
+    return [target.outline for target in search(picture, TargetKinds.parse(targets)).targets]
 
 
 def test_tags_are_found_with_their_numbers_and_corners(tagged):
@@ -97,7 +97,7 @@ def test_codes_are_opencv_s(name):
         grey = np.pad(np.rot90(drawn, turns), 10, constant_values=255)
         far = 10.0 * cells + 9.5
         corners = np.array([[[9.5, 9.5], [far, 9.5], [far, far], [9.5, far]]])
-        (tag,) = recognise(
+        (tag,) = decode_tags(
             np.ascontiguousarray(grey), corners, np.array([255.0]), TagSearch((name,), True)
         )
         assert tag == (name, number, turns)
@@ -110,7 +110,7 @@ def test_texture_in_dark_squares_is_no_tag():
         blotches = cv2.GaussianBlur(rng.standard_normal((100, 100)), (0, 0), rng.uniform(1.0, 9.0))
         grey = np.where(blotches > 0.0, 200, 20).astype(np.uint8)
         grey[8:20] = grey[80:95] = grey[:, 8:20] = grey[:, 80:95] = 20
-        assert recognise(grey, corners, np.array([180.0]), TagSearch(DICTIONARIES)) == [None]
+        assert decode_tags(grey, corners, np.array([180.0]), TagSearch(DICTIONARIES)) == [None]
 
 
 @pytest.mark.parametrize(("cols", "rows"), [(5, 7), (6, 4), (9, 8)])
@@ -127,6 +127,7 @@ def test_layouts_are_opencv_s(cols, rows):
     np.testing.assert_allclose(own - own[0, 0], theirs - theirs[0, 0], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_charuco_box_calibrates_a_camera(box):
     scene, picture = box
     result = ts.calibrate(picture, targets="charuco:4x4:0.75:4X4_1000", tone="linear")
@@ -161,11 +162,11 @@ def test_the_white_round_markers_is_measured(box):
     for number, target in enumerate(scene.targets):
         grid = scene.image_points(number, target.board_corners()).reshape(3, 3, 2)
         lattice = Lattice(grid, np.ones((3, 3), bool))
-        rims = FoundLattice.of(lattice, picture).rims
+        rims = Board.of(lattice, picture).rims
         assert rims.shape == (4, 4)
         np.testing.assert_allclose(rims[rims > 0.0], 0.125, atol=0.005)
         assert np.count_nonzero(rims) == 8
-        assert FoundLattice.of(lattice, empty).rims is None
+        assert Board.of(lattice, empty).rims is None
 
 
 def test_a_tag_s_edges_say_how_wide_its_border_is(tagged):
@@ -355,6 +356,7 @@ def test_nonsense_layouts_are_refused_by_name(targets, named):
         ts.detect(np.zeros((40, 40), np.uint8), targets=targets)
 
 
+@pytest.mark.slow
 def test_command_takes_a_board(run, tmp_path, box):
     photo = tmp_path / "box.png"
     cv2.imwrite(str(photo), box[1])

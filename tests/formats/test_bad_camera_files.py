@@ -154,6 +154,7 @@ PIECES = (
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(data=st.data())
 def test_garbled_files_are_a_camera_or_a_value_error(tmp_path_factory, texts, data):

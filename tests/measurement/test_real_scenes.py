@@ -8,7 +8,7 @@ from scenes import IMAGE_SIZE
 from trisquare import simulate
 from trisquare.detection.boards.find import find_lattices
 from trisquare.detection.grey import grey_bytes
-from trisquare.measurement.boards import FoundLattice
+from trisquare.measurement.boards import Board
 from trisquare_scenes.photo_like import KINDS, SHOWN, real_picture
 
 DRAWN = {}
@@ -116,6 +116,7 @@ def test_scenes_without_plain_boards_are_three_planes_to_calibrate_from(kind):
     assert 0.0 < case.bound()["fx"] < 0.02 * case.scene.camera.fx
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("index", [7, 36])
 def test_small_charuco_boards_are_found_whole_and_their_markers_rims_measured(index):
     # Print beside crossings hides some: one of nine in one, under a blur of 1.5 px in the other.
@@ -132,6 +133,6 @@ def test_small_charuco_boards_are_found_whole_and_their_markers_rims_measured(in
         assert min(gap.max() for gap in gaps) < 2.0
     true_rim = 0.5 * (1.0 - case.scene.targets[0].inner)
     for lattice in found:
-        rims = FoundLattice.of(lattice, grey).rims
+        rims = Board.of(lattice, grey).rims
         assert rims is not None
         assert abs(rims.max() - true_rim) < 0.05 * true_rim

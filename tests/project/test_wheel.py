@@ -13,6 +13,8 @@ from trisquare.results.calibration import Calibration
 
 CHECKOUT = Path(__file__).parents[2]
 
+pytestmark = pytest.mark.slow  # it compiles the core twice
+
 
 def run(*command, folder, **environment):
     """Run a command that must succeed; what it says is shown if it does not."""

@@ -1,4 +1,4 @@
-"""Whether convex quadrilaterals meet in the plane."""
+"""Convex quadrilaterals in the plane: their area, and whether they meet."""
 
 from __future__ import annotations
 
@@ -6,6 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+
+
+def quad_areas(quads: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Areas of quadrilaterals, shape (..., 4, 2), half the cross product of their diagonals."""
+    diagonals = quads[..., 2:, :] - quads[..., :2, :]
+    first, second = diagonals[..., 0, :], diagonals[..., 1, :]
+    return 0.5 * np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
 
 
 def any_meet(quads: Sequence[NDArray[np.float64]]) -> bool:

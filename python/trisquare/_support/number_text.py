@@ -1,15 +1,20 @@
-"""Numbers as people read them."""
+"""Numbers and lists as people read them."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
-
-if TYPE_CHECKING:
-    pass
 
 
 def decimals_shown(std: float) -> int:
     """Return the decimals that show two significant digits of a standard deviation."""
     return int(np.clip(1 - np.floor(np.log10(std)), 0, 12)) if std > 0 else 6
+
+
+def listed(texts: Sequence[str], most: int | None = None) -> str:
+    """Join texts as "a, b and c"; beyond the first `most` as "a, b and 5 more"."""
+    shown = list(texts[:most])
+    if len(texts) > len(shown):
+        shown.append(f"{len(texts) - len(shown)} more")
+    return " and ".join(text for text in (", ".join(shown[:-1]), shown[-1]) if text)

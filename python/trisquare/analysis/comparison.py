@@ -20,19 +20,15 @@ import numpy as np
 import trisquare._core as _core
 from trisquare._support.arrays import FloatArray, RebuiltByConstructor
 from trisquare._support.number_text import decimals_shown
-from trisquare.analysis.camera_rotation import TurnedCameras, best_turn
-from trisquare.camera.camera import Camera, camera_for_core
-from trisquare.camera.projection_uncertainty import free_columns, picture_grid, rms_displacement
+from trisquare.camera.camera import Camera
+from trisquare.camera.projection_uncertainty import picture_grid
 from trisquare.results.calibration import Calibration
-from trisquare.results.camera_of import lens_of
+from trisquare.results.camera_of import camera_of, uncertain_camera
 
 __all__ = ["Comparison", "compare"]
 
 SIGNIFICANCE = 0.05
 """Cameras that are the same are said to differ so often."""
-
-ROUNDING = 1e-6
-"""Directions of difference known this much better than the least known are rounding."""
 
 AGREEING = 1e-6
 """Pixels: cameras nowhere farther apart are the same, however well they are said to be known; files
@@ -207,7 +203,7 @@ def compare(first: Calibration | Camera, second: Calibration | Camera) -> Compar
     ValueError
         If the pictures' sizes differ, or the cameras have too little of the picture in common.
     """
-    a, b = lens_of(first, "first"), lens_of(second, "second")
+    a, b = camera_of(first, "first"), camera_of(second, "second")
     if a.image_size != b.image_size:
         sizes = " and ".join(
             f"{width} x {height}" for width, height in (a.image_size, b.image_size)
@@ -215,21 +211,10 @@ def compare(first: Calibration | Camera, second: Calibration | Camera) -> Compar
         raise ValueError(f"the cameras' pictures differ in size, {sizes}: rescale one of them")
     x, y = picture_grid(a.image_size)
     pixels = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    rotation, seen = best_turn(a, b, pixels)
-    turned = TurnedCameras(a, b, rotation)
-    difference = np.full(pixels.shape, np.inf)
-    difference[seen] = turned.project(pixels[seen]) - pixels[seen]
-    std = None
-    p_value, freedom, unexplained = None, 0, 0.0
-    spread = _spread(first, second, turned, pixels[seen])
-    if spread is not None:
-        p_value, freedom, unexplained = _chi_square_test(
-            difference[seen].ravel(), spread, focal=min(a.fx, a.fy)
-        )
-        blocks = spread.reshape(len(pixels[seen]), 2, -1)
-        expected = np.full(len(pixels), np.inf)
-        expected[seen] = rms_displacement(blocks @ blocks.transpose(0, 2, 1))
-        std = expected.reshape(len(y), len(x))
+    rotation, difference, test = _core.compare_projections(
+        uncertain_camera(first), uncertain_camera(second), pixels
+    )
+    std, p_value, freedom, unexplained = (None, None, 0, 0.0) if test is None else test
     return Comparison(
         a,
         b,
@@ -237,85 +222,13 @@ def compare(first: Calibration | Camera, second: Calibration | Camera) -> Compar
         x,
         y,
         difference.reshape(len(y), len(x), 2),
-        std,
+        None if std is None else std.reshape(len(y), len(x)),
         p_value,
         freedom,
         unexplained,
     )
 
 
-def _spread(
-    first: Calibration | Camera,
-    second: Calibration | Camera,
-    turned: TurnedCameras,
-    pixels: FloatArray,
-) -> FloatArray | None:
-    """Return a square root, shape (2 N, n), of the covariance of the differences, if one is known.
-
-    The rotation takes up what it can of each error: its columns are projected out.
-    """
-    roots = []
-    if isinstance(first, Calibration) and first.parameters:
-        # What moves the first camera's projection moves the direction seen at a pixel back.
-        moved = _root_of_projection(first, pixels)
-        roots.append(-(turned.by_pixel(pixels) @ moved))
-    if isinstance(second, Calibration) and second.parameters:
-        roots.append(_root_of_projection(second, turned.project(pixels)))
-    if not roots:
-        return None
-    spread = np.concatenate(roots, axis=-1).reshape(2 * len(pixels), -1)
-    basis = np.linalg.qr(turned.by_turn(pixels).reshape(-1, 3))[0]
-    return np.asarray(spread - basis @ (basis.T @ spread))
-
-
-def _root_of_projection(calibration: Calibration, pixels: FloatArray) -> FloatArray:
-    """Return a square root, shape (N, 2, n), of the joint covariance of projections."""
-    jacobian = _core.projection_jacobian(camera_for_core(calibration.camera), pixels)
-    free = jacobian @ free_columns(calibration.camera, calibration.parameters, calibration.fixed)
-    values, vectors = np.linalg.eigh(calibration.covariance)
-    return np.asarray(free @ (vectors * np.sqrt(np.maximum(values, 0.0))))
-
-
-def _chi_square_test(
-    difference: FloatArray, spread: FloatArray, focal: float
-) -> tuple[float, int, float]:
-    """Return a difference's p-value, degrees of freedom, and the rms left unexplained.
-
-    What the least known direction leaves in the second order, its own size over the focal length
-    times itself, would look significant in directions that are better known than that: they are
-    not put to the test.
-    """
-    directions, sizes, _ = np.linalg.svd(spread, full_matrices=False)
-    second_order = sizes[0] * np.sqrt(2 / len(difference)) / focal
-    known = sizes > max(second_order, ROUNDING) * sizes[0]
-    directions = directions[:, known]
-    components = directions.T @ difference
-    statistic = float(np.sum((components / sizes[known]) ** 2)) if known.any() else 0.0
-    freedom = int(known.sum())
-    left = difference - directions @ components
-    unexplained = float(np.sqrt(2 * np.mean(left**2)))
-    return chi_square_tail(statistic, freedom), freedom, unexplained
-
-
 def two_digits(value: float) -> str:
     """Write a number with two significant digits, and never as a power of ten."""
     return f"{value:.{min(decimals_shown(value), 6)}f}" if value >= AGREEING else "0"
-
-
-def chi_square_tail(statistic: float, freedom: int) -> float:
-    """Return how often a chi-squared variable exceeds a value.
-
-    The finite sums for whole degrees of freedom (Abramowitz & Stegun, 26.4.4 and 26.4.5).
-    """
-    if freedom == 0:
-        return 1.0
-    half = 0.5 * statistic
-    if freedom % 2:
-        total, power = math.erfc(math.sqrt(half)), 0.5
-    else:
-        total, power = math.exp(-half), 1.0
-    while power < 0.5 * freedom:
-        if half > 0:
-            total += math.exp(power * math.log(half) - half - math.lgamma(power + 1.0))
-        power += 1.0
-    return min(total, 1.0)

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from trisquare._support.arrays import RebuiltByConstructor
-from trisquare.analysis.what_if import Alternative, Planned, alternatives_of, collide, planes_of
-from trisquare.errors import TrisquareError
+from trisquare.analysis.what_if import WhatIf, gains
 
 if TYPE_CHECKING:
     from trisquare.results.calibration import Calibration
@@ -73,9 +72,9 @@ class Diagnosis(Mapping[str, ParameterDiagnosis]):
 
     def __repr__(self) -> str:
         lines = []
-        for name, found in self.items():
-            lines.append(f"{name}  std {found.std:.2g}: {found.limits}")
-            lines.append(f"    {found.remedy}")
+        for name, diagnosis in self.items():
+            lines.append(f"{name}  std {diagnosis.std:.2g}: {diagnosis.limits}")
+            lines.append(f"    {diagnosis.remedy}")
         return "\n".join(lines)
 
 
@@ -92,84 +91,43 @@ def diagnose(calibration: Calibration) -> Diagnosis:
     Diagnosis
         By the names in ``calibration.parameters``.
     """
-    gains = _gains(calibration)
+    ratios = gains(calibration)
     return Diagnosis(
         {
-            name: _diagnose(calibration, name, [(a, g[name]) for a, g in gains if name in g])
+            name: _diagnose(calibration, name, [(w, g[name]) for w, g in ratios if name in g])
             for name in calibration.parameters
         }
     )
 
 
-def _gains(calibration: Calibration) -> list[tuple[Alternative, Mapping[str, float]]]:
-    """Ratio of the predicted standard deviations after and before each change, by name."""
-    fixed = calibration.fixed
-    try:
-        planes = planes_of(calibration)
-        before = Planned(calibration.camera, planes, fixed).std()
-    except (TrisquareError, ValueError):
-        return []  # what was photographed is no plan that could be compared with
-    gains: list[tuple[Alternative, Mapping[str, float]]] = []
-    apart = not collide(planes)  # planes of several pictures may well lie over one another
-    for alternative in alternatives_of(calibration, planes):
-        if apart and collide(alternative.planned.planes):
-            continue
-        try:
-            after = alternative.planned.std()
-        except (TrisquareError, ValueError):
-            continue  # it would leave the picture
-        gains.append((alternative, {name: after[name] / before[name] for name in after}))
-    return gains
-
-
 def _diagnose(
-    calibration: Calibration, name: str, gains: list[tuple[Alternative, float]]
+    calibration: Calibration, name: str, ratios: list[tuple[WhatIf, float]]
 ) -> ParameterDiagnosis:
-    index = calibration.parameters.index(name)
-    covariance = calibration.covariance
-    spread = np.sqrt(np.diag(covariance))
+    names = calibration.parameters
+    index = names.index(name)
+    spread = np.sqrt(np.diag(calibration.covariance))
     scale = spread[index] * spread
-    row = np.divide(covariance[index], scale, out=np.zeros_like(scale), where=scale > 0)
-    correlation = {
-        other: float(np.clip(row[i], -1.0, 1.0))
-        for i, other in enumerate(calibration.parameters)
-        if i != index
-    }
-    ranked = sorted(gains, key=lambda gain: gain[1])
-    helpful = [(a, gain) for a, gain in ranked if gain < WORTHWHILE_GAIN]
+    row = np.divide(calibration.covariance[index], scale, out=np.zeros_like(scale), where=scale > 0)
+    row = np.clip(row, -1.0, 1.0)
+    correlation = {other: float(row[i]) for i, other in enumerate(names) if i != index}
+    ranked = sorted(ratios, key=lambda ratio: ratio[1])
+    helpful = [(what_if, ratio) for what_if, ratio in ranked if ratio < WORTHWHILE_GAIN]
     std = calibration.std[name]
+    limits = [what_if.lack for what_if, _ in helpful if what_if.lack][:1]
+    strongest = max(correlation, key=lambda other: abs(correlation[other]), default=name)
+    if abs(value := correlation.get(strongest, 0.0)) > STRONG_CORRELATION:
+        limits.append(f"it is strongly correlated with {strongest} ({value:+.2f})")
+    samples = sum(plane.samples for plane in calibration.planes)
+    limits.append(f"noise of {calibration.rms:.2g} px in {samples} edge samples")
+    unit = " px" if name in ("fx", "fy", "cx", "cy") else ""
+    remedies = [
+        f"{what_if.change} would reduce it from {std:.2g} to {std * ratio:.2g}{unit}"
+        for what_if, ratio in helpful[:MOST_REMEDIES]
+    ]
     return ParameterDiagnosis(
         std=std,
         correlation=correlation,
-        limits=_limits(calibration, correlation, helpful),
-        remedy=_remedy(name, std, helpful),
+        limits=", and ".join(limits[:2]),
+        remedy="; ".join(remedies)
+        or "no single change of the set-up would help much; lower noise would",
     )
-
-
-def _limits(
-    calibration: Calibration,
-    correlation: Mapping[str, float],
-    helpful: list[tuple[Alternative, float]],
-) -> str:
-    parts = []
-    physical = [alternative.lack for alternative, _ in helpful if alternative.lack]
-    if physical:
-        parts.append(physical[0])
-    strongest = max(correlation, key=lambda other: abs(correlation[other]), default=None)
-    if strongest is not None and abs(correlation[strongest]) > STRONG_CORRELATION:
-        value = correlation[strongest]
-        parts.append(f"it is hard to tell from {strongest} (correlation {value:+.2f})")
-    samples = sum(plane.samples for plane in calibration.planes)
-    parts.append(f"noise of {calibration.rms:.2g} px in {samples} edge samples")
-    return ", and ".join(parts[:2])
-
-
-def _remedy(name: str, std: float, helpful: list[tuple[Alternative, float]]) -> str:
-    if not helpful:
-        return "no single change of the set-up would help much; less noise would"
-    unit = " px" if name in ("fx", "fy", "cx", "cy") else ""
-    best = [
-        f"{alternative.change} would bring it from {std:.2g} to {std * gain:.2g}{unit}"
-        for alternative, gain in helpful[:MOST_REMEDIES]
-    ]
-    return "; ".join(best)

@@ -10,8 +10,7 @@ than the focal length, since the pose follows the camera.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -24,31 +23,18 @@ from trisquare._support.arrays import (
     real_array,
     real_number,
 )
-from trisquare.analysis.camera_rotation import rotation_matrix
-from trisquare.analysis.plane_points import onto_plane
-from trisquare.camera.camera import Camera, camera_for_core
-from trisquare.camera.projection_uncertainty import free_columns
+from trisquare.camera.camera import Camera
 from trisquare.results.calibration import Calibration
-from trisquare.results.camera_of import lens_of
+from trisquare.results.camera_of import camera_of, uncertain_camera
 from trisquare.results.plane import Plane
-from trisquare.results.pose_uncertainty import POSE_PARAMETERS
-
-if TYPE_CHECKING:
-    pass
 
 __all__ = ["Measurement", "measure"]
 
 CLICKED_STD = 0.5
 """Pixels: how well somebody points at a place in a picture."""
 
-PIXEL_STEP = 1e-3
-"""Pixels, for derivatives by differences: six digits of them are right."""
-
-POSE_STEP = 1e-6
-"""Radians and sides, likewise."""
-
 RELATIVE_STEP = 1e-6
-"""Of the points' extent, likewise."""
+"""Of the points' extent, for derivatives by differences: six digits of them are right."""
 
 SMALLEST = 1e-9
 """Extent of points that coincide, lest a step vanish."""
@@ -177,11 +163,11 @@ def measure(
     """
     pixels = real_array(points, "points", (None, 2))
     if len(pixels) < 2:
-        raise ValueError(f"a length takes two points, not {len(pixels)}")
+        raise ValueError(f"a length needs two points or more, not {len(pixels)}")
     length = real_number(side, "side")
     if not 0 < length < LARGEST:
         raise ValueError(f"side must be positive and less than {LARGEST:g}, not {length:g}")
-    lens = lens_of(camera)
+    lens = camera_of(camera)
     _check_in_picture(pixels, lens)
     _check_apart(pixels)
     noise = not_negative(point_std, "point_std")
@@ -189,18 +175,14 @@ def measure(
         raise ValueError(f"point_std must be less than {LARGEST:g} px, not {noise:g}")
     if plane.uncertainty is None:
         raise ValueError("the plane's pose has no uncertainty: calibrate again with this version")
-    by_pixel = _by_pixel(pixels, lens, plane)
-    by_pose = _by_pose(pixels, lens, plane)
-    total = _each_from_its_pixel(noise**2 * by_pixel @ by_pixel.transpose(0, 2, 1))
-    total += by_pose @ plane.uncertainty.given_camera @ by_pose.T
-    if isinstance(camera, Calibration):
-        # Where the camera projects a ray further along, a pixel's ray is the one before.
-        moved = _core.projection_jacobian(camera_for_core(lens), pixels)
-        by_camera = by_pose @ plane.uncertainty.by_camera
-        by_camera -= (by_pixel @ moved).reshape(pixels.size, -1)
-        by_free = by_camera @ free_columns(lens, camera.parameters, camera.fixed)
-        total += by_free @ camera.covariance @ by_free.T
-    return Measurement(length * onto_plane(pixels, lens, plane), length**2 * total)
+    found, covariance = _core.points_on_plane_with_covariance(
+        uncertain_camera(camera),
+        (plane.rotation, plane.translation),
+        (plane.uncertainty.given_camera, plane.uncertainty.by_camera),
+        pixels,
+        noise,
+    )
+    return Measurement(length * found, length**2 * covariance)
 
 
 def _check_apart(pixels: FloatArray) -> None:
@@ -219,42 +201,6 @@ def _check_in_picture(pixels: FloatArray, camera: Camera) -> None:
         raise ValueError(
             f"point {index}, ({x:g}, {y:g}), is outside the picture of {width} x {height}"
         )
-
-
-def _by_pixel(pixels: FloatArray, camera: Camera, plane: Plane) -> FloatArray:
-    """Differentiate points on the plane by their pixels, shape (N, 2, 2)."""
-    steps = PIXEL_STEP * np.eye(2)
-    moved = [
-        onto_plane(pixels + step, camera, plane) - onto_plane(pixels - step, camera, plane)
-        for step in steps
-    ]
-    return np.stack(moved, axis=-1) / (2 * PIXEL_STEP)
-
-
-def _by_pose(pixels: FloatArray, camera: Camera, plane: Plane) -> FloatArray:
-    """Differentiate points on the plane by its pose, shape (2 N, 6)."""
-    columns = []
-    for step in POSE_STEP * np.eye(POSE_PARAMETERS):
-        ahead, behind = (onto_plane(pixels, camera, _moved(plane, s * step)) for s in (1, -1))
-        columns.append((ahead - behind).ravel())
-    return np.stack(columns, axis=-1) / (2 * POSE_STEP)
-
-
-def _moved(plane: Plane, change: FloatArray) -> Plane:
-    """Change a pose by a rotation vector and a translation, as `PoseUncertainty` has it."""
-    turn = rotation_matrix(change[:3])
-    return replace(
-        plane, rotation=turn @ plane.rotation, translation=plane.translation + change[3:]
-    )
-
-
-def _each_from_its_pixel(blocks: FloatArray) -> FloatArray:
-    """Return the covariance (2 N, 2 N) of points whose own are (N, 2, 2), and independent."""
-    count = len(blocks)
-    total = np.zeros((count, 2, count, 2))
-    each = np.arange(count)
-    total[each, :, each, :] = blocks
-    return total.reshape(2 * count, 2 * count)
 
 
 def _lengths(points: FloatArray) -> FloatArray:

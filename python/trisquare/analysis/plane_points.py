@@ -7,11 +7,9 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+import trisquare._core as _core
 from trisquare._support.arrays import FloatArray
-from trisquare.camera.camera import Camera
-
-GRAZING = 1e-3
-"""Cosine of the angle between ray and normal below which a point's place means nothing."""
+from trisquare.camera.camera import Camera, camera_for_core
 
 
 def onto_plane(pixels: FloatArray, camera: Camera, plane: StandingPlane) -> FloatArray:
@@ -36,18 +34,9 @@ def onto_plane(pixels: FloatArray, camera: Camera, plane: StandingPlane) -> Floa
     ValueError
         If a pixel lies beyond the valid radius, or at or beyond the plane's horizon.
     """
-    rays = camera.unproject(pixels)
-    normal = plane.rotation[:, 2]
-    distance = float(normal @ plane.translation)
-    towards = rays @ normal
-    # A ray meets the plane ahead of the camera if it leaves to the plane's side.
-    met = np.sign(distance) * towards > GRAZING
-    if not met.all():
-        index = int(np.argmin(met))
-        x, y = pixels[index]
-        raise ValueError(f"point {index}, ({x:g}, {y:g}), is at or beyond the plane's horizon")
-    points = rays * (distance / towards)[:, None] - plane.translation
-    return np.asarray((points @ plane.rotation)[:, :2])
+    return _core.points_on_plane(
+        camera_for_core(camera), (plane.rotation, plane.translation), pixels
+    )
 
 
 class StandingPlane(Protocol):

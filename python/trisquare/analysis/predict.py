@@ -118,34 +118,34 @@ def predict(
     """
     if not isinstance(camera, Camera):
         raise TypeError(f"camera must be a Camera, not {type(camera).__name__}")
-    chosen = camera.model if model is None else model
-    if chosen not in MODELS:
-        raise unknown("model", chosen, MODELS)
+    model_name = camera.model if model is None else model
+    if model_name not in MODELS:
+        raise unknown("model", model_name, MODELS)
     noise = real_number(sigma, "sigma")
     distance = real_number(spacing, "spacing")
-    found = _core.predict(
+    predicted = _core.predict(
         list(camera_parameters(camera).values()),
         camera.image_size,
-        [planned_members(plane, outlines_of(plane)) for plane in planes],
+        [_core_plane(plane) for plane in planes],
         sigma=noise,
         spacing=distance,
-        model=chosen,
+        model=model_name,
         fixed=checked_fix(fix),
         judged=True,
     )
     return Prediction(
         camera=camera,
-        std=found["std"],
-        covariance=found["covariance"],
-        parameters=tuple(found["parameters"]),
+        std=predicted.std,
+        covariance=predicted.covariance,
+        parameters=tuple(predicted.parameters),
         sigma=noise,
         spacing=distance,
     )
 
 
-def planned_members(
-    plane: StandingPlane, outlines: list[FloatArray]
-) -> tuple[FloatArray, list[float], list[FloatArray]]:
+def _core_plane(plane: StandingPlane) -> tuple[FloatArray, list[float], list[FloatArray]]:
     """Return a plane as the core takes it."""
-    placed = PlannedSquare(plane.rotation, plane.translation)
-    return placed.rotation, placed.translation.tolist(), outlines
+    inner = getattr(plane, "inner", None)
+    kind = getattr(plane, "kind", "square" if inner is None else "frame")
+    square = PlannedSquare(plane.rotation, plane.translation, inner)
+    return square.rotation, square.translation.tolist(), outlines_of(kind, square.inner)

@@ -13,7 +13,7 @@ from trisquare.camera.camera import Camera
 from trisquare.images.pixels import Image, ImageSource, picture_size
 from trisquare.images.reading import load_picture
 from trisquare.results.calibration import Calibration
-from trisquare.results.camera_of import lens_of
+from trisquare.results.camera_of import camera_of
 from trisquare.results.plane import Plane
 
 __all__ = ["TopView", "rectify"]
@@ -96,7 +96,7 @@ def rectify(
     """
     if not isinstance(plane, Plane):
         raise TypeError(f"plane must be a Plane, not {type(plane).__name__}")
-    lens = lens_of(camera)
+    lens = camera_of(camera)
     picture = load_picture(image)
     _check_size(picture, lens)
     figure = onto_plane(plane.corners, lens, plane)

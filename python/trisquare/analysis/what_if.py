@@ -1,164 +1,169 @@
-"""Other set-ups that a calibration might have had: the same planes tilted, closer, or more."""
+"""The standard deviations to expect if one thing were changed: planes tilted, closer, added."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 import trisquare._core as _core
 from trisquare._support.arrays import FloatArray
 from trisquare._support.convex_quads import any_meet
-from trisquare.analysis.plan import UNIT_SQUARE, ideal_point, outlines_of, tilted
+from trisquare._support.rotations import tilted
+from trisquare.analysis.plan import UNIT_SQUARE, ideal_point, outlines_of
+from trisquare.analysis.plane_points import onto_plane
 from trisquare.camera.camera import Camera, camera_parameters
+from trisquare.errors import TrisquareError
 
 if TYPE_CHECKING:
     from trisquare.results.calibration import Calibration
-    from trisquare.results.plane import Plane
 
 MORE_TILT = 10.0  # degrees
 LARGER = 1.25
 NEARER = 0.1  # of the picture's size
 # A plane tilted less than this (degrees) shows no direction to tilt it further in.
 LEAST_TILT = 1.0
-FURTHER_TILT = 35.0  # degrees, of a square that is added
+ADDED_TILT = 35.0  # degrees, of a square that is added
 # Places for a square that is added, parts of the picture.
-FURTHER_PLACES = {
+ADDED_PLACES = {
     "upper left": (0.25, 0.25),
     "upper right": (0.75, 0.25),
     "lower left": (0.25, 0.75),
     "lower right": (0.75, 0.75),
 }
+HELD = {"aspect": "the aspect", "principal_point": "the principal point"}
 # Any will do: only ratios of predicted standard deviations are used.
 SIGMA = 0.01
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Standing:
-    """A plane somewhere, with the outlines on it."""
+class PosedPlane(NamedTuple):
+    """A plane's pose, and the outlines on it."""
 
     rotation: FloatArray
     translation: FloatArray
     outlines: tuple[FloatArray, ...]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Planned:
-    """A camera and the planes it sees, with what is held."""
-
-    camera: Camera
-    planes: tuple[Standing, ...]
-    fixed: tuple[str, ...]
-
-    def std(self) -> dict[str, float]:
-        """Predict the standard deviations, up to the noise that is common to all plans.
-
-        Raises
-        ------
-        ValueError
-            If a plane is not wholly in the picture.
-        TrisquareError
-            If nothing is determined.
-        """
-        found = _core.predict(
-            list(camera_parameters(self.camera).values()),
-            self.camera.image_size,
-            [(p.rotation, p.translation.tolist(), list(p.outlines)) for p in self.planes],
-            sigma=SIGMA,
-            spacing=1.0,
-            model=self.camera.model,
-            fixed=self.fixed,
-            judged=False,
-        )
-        return found["std"]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Alternative:
+class WhatIf(NamedTuple):
     """A change of the set-up, as a noun phrase, and what its lack is called, if it is one."""
 
     change: str
     lack: str
-    planned: Planned
+    planes: tuple[PosedPlane, ...]
+    fixed: tuple[str, ...]
 
 
-def planes_of(calibration: Calibration) -> tuple[Standing, ...]:
-    """Return the planes as they were found."""
+def gains(calibration: Calibration) -> list[tuple[WhatIf, Mapping[str, float]]]:
+    """Ratio of the predicted standard deviations after and before each change, by parameter."""
+    camera = calibration.camera
+    try:
+        planes = planes_of(calibration)
+        before = predicted_std(camera, planes, calibration.fixed)
+    except (TrisquareError, ValueError):
+        return []  # what was photographed is no plan that could be compared with
+    found: list[tuple[WhatIf, Mapping[str, float]]] = []
+    apart = not _collide(planes)  # planes of several pictures may well lie over one another
+    for what_if in changes_of(calibration, planes):
+        if apart and _collide(what_if.planes):
+            continue
+        try:
+            after = predicted_std(camera, what_if.planes, what_if.fixed)
+        except (TrisquareError, ValueError):
+            continue  # it would leave the picture
+        found.append((what_if, {name: after[name] / before[name] for name in after}))
+    return found
+
+
+def predicted_std(
+    camera: Camera, planes: tuple[PosedPlane, ...], fixed: tuple[str, ...]
+) -> dict[str, float]:
+    """Predict the standard deviations, up to a factor that is common to all plans.
+
+    Raises
+    ------
+    ValueError
+        If a plane is not wholly in the picture.
+    TrisquareError
+        If nothing is determined.
+    """
+    return _core.predict(
+        list(camera_parameters(camera).values()),
+        camera.image_size,
+        [(p.rotation, p.translation.tolist(), list(p.outlines)) for p in planes],
+        sigma=SIGMA,
+        spacing=1.0,
+        model=camera.model,
+        fixed=fixed,
+        judged=False,
+    ).std
+
+
+def planes_of(calibration: Calibration) -> tuple[PosedPlane, ...]:
+    """Return the planes as they were found; a lattice by the rectangle of its outermost corners."""
+    camera = calibration.camera
     return tuple(
-        Standing(plane.rotation, plane.translation, _outlines(calibration.camera, plane))
+        PosedPlane(
+            plane.rotation,
+            plane.translation,
+            tuple(outlines_of(plane.kind))
+            if plane.kind in ("square", "tag", "frame")
+            else (onto_plane(plane.corners, camera, plane),),
+        )
         for plane in calibration.planes
     )
 
 
-def _outlines(camera: Camera, plane: Plane) -> tuple[FloatArray, ...]:
-    """Outlines on a plane: of a lattice, the rectangle between its outermost corners."""
-    if plane.kind in ("square", "tag", "frame"):
-        return tuple(outlines_of(plane))
-    to_plane = np.linalg.inv(np.column_stack([plane.rotation[:, :2], plane.translation]))
-    corners = []
-    for corner in plane.corners:
-        point = to_plane @ np.append(ideal_point(camera, corner), 1.0)
-        corners.append(point[:2] / point[2])
-    return (np.array(corners),)
-
-
-def alternatives_of(
-    calibration: Calibration, planes: tuple[Standing, ...]
-) -> Iterator[Alternative]:
+def changes_of(calibration: Calibration, planes: tuple[PosedPlane, ...]) -> Iterator[WhatIf]:
     """Yield the set-ups worth comparing with the one that was photographed."""
     camera, fixed = calibration.camera, calibration.fixed
-
-    def changed(new: tuple[Standing, ...]) -> Planned:
-        return Planned(camera, new, fixed)
-
-    more = tuple(_tilted_more(plane, i, len(planes)) for i, plane in enumerate(planes))
-    low, high = _tilts(planes)
-    tilts = f"{low:.0f}" if round(low) == round(high) else f"{low:.0f} to {high:.0f}"
-    yield Alternative(
+    cosines = np.abs([plane.rotation[2, 2] for plane in planes])
+    tilts = np.degrees(np.arccos(np.clip(cosines, 0.0, 1.0)))
+    low, high = f"{tilts.min():.0f}", f"{tilts.max():.0f}"
+    yield WhatIf(
         f"tilting every square {MORE_TILT:g} degrees more",
-        f"the squares are tilted by only {tilts} degrees",
-        changed(more),
+        f"the squares are tilted by only {low if low == high else f'{low} to {high}'} degrees",
+        tuple(_tilted_more(plane, 360.0 * i / len(planes)) for i, plane in enumerate(planes)),
+        fixed,
     )
-    larger = tuple(
-        Standing(plane.rotation, plane.translation / LARGER, plane.outlines) for plane in planes
-    )
-    yield Alternative(
-        f"showing the squares {LARGER:g} times larger", "the squares are small", changed(larger)
+    yield WhatIf(
+        f"showing the squares {LARGER:g} times larger",
+        "the squares are small",
+        tuple(plane._replace(translation=plane.translation / LARGER) for plane in planes),
+        fixed,
     )
     for number, plane in enumerate(planes):
-        moved = _nearer_to_corner(camera, plane)
-        if moved is not None:
-            yield Alternative(
-                f"moving square {number} nearer to the corner of the picture",
-                "the squares leave the picture's corners empty",
-                changed((*planes[:number], moved, *planes[number + 1 :])),
-            )
-    for where, place in FURTHER_PLACES.items():
-        further = _further_square(camera, planes, place)
-        if further is not None:
-            yield Alternative(
-                f"a further square in the picture's {where}, tilted in a direction of its own,",
-                "the squares are few",
-                changed((*planes, further)),
-            )
+        x, y, z = plane.translation
+        dx, dy = np.sign([x, y]) * NEARER * camera.image_size / [camera.fx, camera.fy]
+        moved = plane._replace(translation=np.array([x + dx * z, y + dy * z, z]))
+        yield WhatIf(
+            f"moving square {number} nearer to the corner of the picture",
+            "the squares leave the picture's corners empty",
+            (*planes[:number], moved, *planes[number + 1 :]),
+            fixed,
+        )
+    for where, place in ADDED_PLACES.items():
+        try:
+            ideal = ideal_point(camera, np.multiply(place, camera.image_size))
+        except ValueError:
+            continue
+        yield WhatIf(
+            f"adding a square in the picture's {where}, tilted in another direction,",
+            "the squares are few",
+            (*planes, _added_square(planes, ideal)),
+            fixed,
+        )
     if all(plane.kind in ("square", "tag") for plane in calibration.planes):
-        frame = tuple(outlines_of(_Frame()))
-        frames = tuple(Standing(p.rotation, p.translation, frame) for p in planes)
-        yield Alternative("frames instead of solid squares", "", changed(frames))
-    for name, words in (("aspect", "the aspect"), ("principal_point", "the principal point")):
+        frame = tuple(outlines_of("frame"))
+        frames = tuple(plane._replace(outlines=frame) for plane in planes)
+        yield WhatIf("frames instead of solid squares", "", frames, fixed)
+    for name, words in HELD.items():
         if name not in fixed and "focal" not in fixed:
-            held = Planned(camera, planes, (*fixed, name))
-            yield Alternative(f"fixing {words}, if it is known,", "", held)
+            yield WhatIf(f"fixing {words}, if it is known,", "", planes, (*fixed, name))
 
 
-class _Frame:
-    kind = "frame"
-
-
-def collide(planes: tuple[Standing, ...]) -> bool:
-    """Whether two planes' figures would meet in the picture."""
+def _collide(planes: tuple[PosedPlane, ...]) -> bool:
+    """Whether two planes' outlines would meet in the picture."""
     quads = []
     for plane in planes:
         points = plane.outlines[0] @ plane.rotation[:, :2].T + plane.translation
@@ -166,43 +171,18 @@ def collide(planes: tuple[Standing, ...]) -> bool:
     return any_meet(quads)
 
 
-def _tilts(planes: tuple[Standing, ...]) -> tuple[float, float]:
-    """Smallest and largest angle between a plane and the image plane, degrees."""
-    cosines = [abs(float(plane.rotation[2, 2])) for plane in planes]
-    angles = np.degrees(np.arccos(np.clip(cosines, 0.0, 1.0)))
-    return float(angles.min()), float(angles.max())
-
-
-def _tilted_more(plane: Standing, index: int, count: int) -> Standing:
-    """Tilt a plane further in its own direction, or in one that differs from its neighbours'."""
+def _tilted_more(plane: PosedPlane, direction: float) -> PosedPlane:
+    """Tilt a plane further in its own direction, or, if it has none, in the given one."""
     x, y, z = plane.rotation[:, 2]
-    if np.hypot(x, y) < np.sin(np.radians(LEAST_TILT)) * abs(z):
-        direction = 360.0 * index / count
-    else:
+    if np.hypot(x, y) >= np.sin(np.radians(LEAST_TILT)) * abs(z):
         direction = float(np.degrees(np.arctan2(x, -y)))
-    turn = tilted(MORE_TILT, direction, 0.0)
-    return Standing(turn @ plane.rotation, plane.translation, plane.outlines)
+    return plane._replace(rotation=tilted(MORE_TILT, direction, 0.0) @ plane.rotation)
 
 
-def _nearer_to_corner(camera: Camera, plane: Standing) -> Standing | None:
-    """Move a plane outward in the picture, at its depth; None if that is beyond the lens."""
-    x, y, z = plane.translation
-    size = np.array(camera.image_size)
-    step = np.sign([x, y]) * NEARER * size / [camera.fx, camera.fy]
-    moved = np.array([x + step[0] * z, y + step[1] * z, z])
-    return Standing(plane.rotation, moved, plane.outlines)
-
-
-def _further_square(
-    camera: Camera, planes: tuple[Standing, ...], place: tuple[float, float]
-) -> Standing | None:
+def _added_square(planes: tuple[PosedPlane, ...], ideal: FloatArray) -> PosedPlane:
     """Add a square of the others' size; its tilt's direction is away from all of theirs."""
-    try:
-        ideal = ideal_point(camera, np.array(place) * camera.image_size)
-    except ValueError:
-        return None
     depth = float(np.median([plane.translation[2] for plane in planes]))
     normals = sum((plane.rotation[:, 2] for plane in planes), np.zeros(3))
     direction = float(np.degrees(np.arctan2(-normals[0], normals[1])))
-    rotation = tilted(FURTHER_TILT, direction, 45.0)
-    return Standing(rotation, np.append(ideal, 1.0) * depth, (UNIT_SQUARE,))
+    rotation = tilted(ADDED_TILT, direction, 45.0)
+    return PosedPlane(rotation, np.append(ideal, 1.0) * depth, (UNIT_SQUARE,))

@@ -6,7 +6,7 @@ from trisquare.calibration.calibrate import calibrate
 from trisquare.camera.camera import Camera
 from trisquare.images.pixels import ImageSource, Outlines, Tone
 from trisquare.results.calibration import Calibration
-from trisquare.results.camera_of import lens_of
+from trisquare.results.camera_of import camera_of
 from trisquare.results.plane import Plane
 
 __all__ = ["locate"]
@@ -46,7 +46,7 @@ def locate(
     TypeError, ValueError
         For bad arguments; if the picture is of another size than the camera's.
     """
-    held = lens_of(camera)
+    held = camera_of(camera)
     found = calibrate(
         image,
         model=held.model,

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 import trisquare._core as _core
 from trisquare._support.arrays import FloatArray, RebuiltByConstructor, real_array, real_number
-from trisquare.camera.camera import Camera, camera_for_core, camera_parameters
+from trisquare.camera.camera import Camera, camera_for_core
 
 # Columns of a map that is drawn without a step of its own.
 DEFAULT_COLUMNS = 32
@@ -114,6 +114,8 @@ def picture_grid(
 ) -> tuple[FloatArray, FloatArray]:
     """Return columns and rows of a grid from border to border, at most `step` pixels apart.
 
+    Without a step they are a thirty-second of the width apart, but no more than `MOST_ROWS`.
+
     Raises
     ------
     TypeError, ValueError
@@ -154,18 +156,3 @@ def projection_map(
         projection_covariance(camera, parameters, aspect_fixed, covariance, pixels[known])
     )
     return ProjectionMap(x, y, std.reshape(len(y), len(x)))
-
-
-def free_columns(camera: Camera, parameters: Sequence[str], fixed: Sequence[str]) -> FloatArray:
-    """Return the derivative of all nine parameters by the free ones, shape (9, n).
-
-    Rows are in the order ``fx fy cx cy k1 k2 k3 p1 p2``. Where the aspect ratio is held, ``fy``
-    follows ``fx``.
-    """
-    names = list(camera_parameters(camera))
-    follows = np.zeros((len(names), len(parameters)))
-    for column, name in enumerate(parameters):
-        follows[names.index(name), column] = 1.0
-        if name == "fx" and "aspect" in fixed:
-            follows[names.index("fy"), column] = camera.fy / camera.fx
-    return follows

@@ -19,7 +19,7 @@ from trisquare.cli.input_files import of_size, read_camera
 from trisquare.cli.pictures_drawn import check_outputs
 from trisquare.drawing.difference_map import draw_comparison
 from trisquare.images.encoding import encode_image
-from trisquare.results.camera_of import lens_of
+from trisquare.results.camera_of import camera_of
 
 COMPARISON_FORMAT = "trisquare-comparison/1"
 
@@ -31,8 +31,11 @@ EXAMPLES = (
 
 
 def compare_command(
-    first: Annotated[Path, typer.Argument(metavar="A", help="A camera file; pixels are its.")],
-    second: Annotated[Path, typer.Argument(metavar="B", help="The camera file to compare.")],
+    first: Annotated[
+        Path,
+        typer.Argument(metavar="A", help="The first camera file, to whose pictures pixels refer."),
+    ],
+    second: Annotated[Path, typer.Argument(metavar="B", help="The second camera file.")],
     map_file: Annotated[
         Path | None,
         typer.Option("--map", metavar="FILE", help="Draw the differences over the picture."),
@@ -46,7 +49,7 @@ def compare_command(
     json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Tell how far apart two cameras project, and whether their uncertainties explain it.
+    """Compare two cameras: how far apart they project, and whether uncertainties explain it.
 
     The rotation between the two cameras that fits best is taken out first: intrinsics cannot tell
     it from a turn of the camera.
@@ -54,7 +57,7 @@ def compare_command(
     check_printing(json, quiet)
     check_outputs([first, second], None, [] if map_file is None else [map_file])
     known = read_camera(first)
-    lens = lens_of(known)
+    lens = camera_of(known)
     other = of_size(read_camera(second), lens.image_size, rescale, str(first))
     comparison = compare(known, other)
     if map_file is not None:

@@ -14,7 +14,7 @@ from trisquare.cli.framework import reading
 from trisquare.formats import load_camera
 from trisquare.formats.native_json import CALIBRATION_FORMAT
 from trisquare.results.calibration import Calibration
-from trisquare.results.camera_of import lens_of
+from trisquare.results.camera_of import camera_of
 
 
 def read_camera(path: Path) -> Calibration | Camera:
@@ -44,7 +44,7 @@ def of_size(
     ValueError
         If the camera's pictures are of another size and `rescale` is not set, or of another shape.
     """
-    lens = lens_of(camera)
+    lens = camera_of(camera)
     if lens.image_size == image_size:
         return camera
     with naming(what):
@@ -52,8 +52,8 @@ def of_size(
     if not rescale:
         own, other = ("{} x {}".format(*size) for size in (lens.image_size, image_size))
         raise ValueError(
-            f"{what} has {other} pixels, the camera's pictures {own}: --rescale scales the camera, "
-            "where they are the same picture in another resolution"
+            f"{what} has {other} pixels, but the camera is for {own}: use --rescale if only "
+            "the resolution differs"
         )
     return scaled
 

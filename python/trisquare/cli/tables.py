@@ -11,9 +11,10 @@ from rich.table import Table
 from rich.text import Text
 
 from trisquare._support.number_text import decimals_shown
+from trisquare._support.rotations import tilt_degrees
 from trisquare.camera.camera import Camera, camera_parameters
 from trisquare.results.calibration import Calibration
-from trisquare.results.rejected import told
+from trisquare.results.rejected import is_reported
 
 MOST_REJECTED = 10
 """Lines on candidates that were not used: the results are to be read first."""
@@ -74,7 +75,7 @@ def _plane_table(calibration: Calibration) -> Table:
     for heading in ("image", "distance", "tilt deg", "rms px", "samples"):
         table.add_column(heading, justify="right")
     for number, plane in enumerate(calibration.planes):
-        tilt = np.degrees(np.arccos(np.clip(plane.rotation[2, 2], -1, 1)))
+        tilt = tilt_degrees(plane.rotation)
         table.add_row(
             str(number),
             Text(plane.kind),
@@ -106,7 +107,7 @@ def _rejected(calibration: Calibration) -> list[Text]:
     untold = [
         candidate
         for candidate in calibration.rejected
-        if not any(told(warning, [candidate]) for warning in calibration.warnings)
+        if not any(is_reported(warning, [candidate]) for warning in calibration.warnings)
     ]
     for candidate in untold[:MOST_REJECTED]:
         x, y = candidate.corners.mean(axis=0).tolist()

@@ -38,7 +38,7 @@ TAG_SEARCHES = {
 
 
 @dataclass(frozen=True, slots=True)
-class Targets:
+class TargetKinds:
     """What to look for: squares, tags, chessboards, or sheets of markers.
 
     Attributes
@@ -62,7 +62,7 @@ class Targets:
     lattices: bool = False
 
     @classmethod
-    def parse(cls, text: str) -> Targets:
+    def parse(cls, text: str) -> TargetKinds:
         """Read a name of `CHOICES`.
 
         Raises
@@ -91,13 +91,13 @@ class Targets:
         return cls(board=(cols, rows))
 
 
-def nothing_found(targets: Targets, rejected: Sequence[Rejected] = ()) -> str:
+def nothing_found(targets: TargetKinds, rejected: Sequence[Rejected] = ()) -> str:
     """Say what was looked for in vain, and of what came near why it was not that."""
     reasons = dict.fromkeys(f"a {one.kind} was not used: {one.reason}" for one in rejected)
     return "; ".join([_missing(targets), *reasons])
 
 
-def _missing(targets: Targets) -> str:
+def _missing(targets: TargetKinds) -> str:
     if targets.board is not None:
         cols, rows = targets.board
         return f"no chessboard of {cols} x {rows} inner corners found"
@@ -105,15 +105,16 @@ def _missing(targets: Targets) -> str:
         return f"no sheet of {targets.layout.text} found"
     if targets.lattices:
         return (
-            "no square, chessboard or tag found: show dark squares on a light ground (or the "
-            "reverse), whole, apart from each other, at least some 30 pixels wide, and tags 40"
+            "no square, chessboard or tag found: squares must be dark on a light ground "
+            "(or the reverse), wholly visible, apart from each other, and at least 30 "
+            "pixels wide; tags, 40"
         )
     if not targets.squares:
         return (
-            "no tag found: show its whole black border on a white margin, at least some 40 pixels "
-            "wide"
+            "no tag found: its whole black border must be visible on a white margin, and "
+            "be at least 40 pixels wide"
         )
     return (
-        "no square found: show dark squares on a light ground (or the reverse), whole, apart "
-        "from each other, each at least some 30 pixels wide"
+        "no square found: squares must be dark on a light ground (or the reverse), "
+        "wholly visible, apart from each other, and at least 30 pixels wide"
     )

@@ -1,16 +1,28 @@
-"""A photograph with what was found in it and what was not used, and why."""
+"""A photograph with what was found in it, and what was rejected and why."""
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 
 from trisquare._support.arrays import FloatArray
-from trisquare.drawing.canvas import Canvas, Colour, dimmed_grey, draw_legend, draw_lines
-from trisquare.drawing.labels import Label, draw_labels, placed_label
+from trisquare.drawing.canvas import (
+    Box,
+    Canvas,
+    Colour,
+    darken,
+    dimmed_grey,
+    draw_legend,
+    draw_lines,
+    draw_text,
+    text_scale,
+    text_size,
+)
 from trisquare.images.pixels import Image
+from trisquare.results.partial_detection import PartialDetection
+from trisquare.results.plane import Plane
 from trisquare.results.rejected import Rejected
 
 FOUND_COLOUR: Colour = (90, 230, 90)
@@ -21,83 +33,115 @@ READABLE_SIZE = 1200
 
 MOST_ENLARGED = 8
 
+LABEL_WIDTH = 26
+"""Characters in a line of a label."""
 
-class Place(Protocol):
-    """Whatever has a place in a picture: a `Plane`, a `Sighting`, a `Rejected`."""
+LINE_SPACING = 1.6
+"""Of a label's lines, over the height of a letter."""
 
-    @property
-    def kind(self) -> str:
-        """What it is called."""
+INSIDE = 0.8
+"""Of a quad's extent, the most that a label within it may take, lest it hide the quad."""
 
-    @property
-    def image(self) -> int:
-        """Index of the picture."""
-
-    @property
-    def corners(self) -> FloatArray:
-        """Shape (4, 2), pixels."""
+RINGS = 3
+"""Labels' widths away from its quad that a label may lie: farther it would not be seen with it."""
 
 
-def draw_findings(
-    image: Image, found: Sequence[Place], rejected: Sequence[Rejected], *, index: int = 0
+def draw_detections(
+    image: Image,
+    found: Sequence[Plane | PartialDetection],
+    rejected: Sequence[Rejected],
+    *,
+    index: int = 0,
 ) -> Canvas:
-    """Draw where targets were found, and beside what was not used the reason.
+    """Draw where targets were found, and each rejected shape with the reason.
 
     Parameters
     ----------
     image : ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
         Grey or BGR; float pictures are taken to span 0 to 1.
-    found : sequence of Plane or Sighting
+    found : sequence of Plane or PartialDetection
         What is drawn as accepted, numbered: ``result.planes``, or the ``found`` of an error.
     rejected : sequence of Rejected
         What is drawn as rejected.
     index : int
-        Which of the pictures this is; what was seen in others is left out.
+        Which of the pictures this is; detections in others are left out.
 
     Returns
     -------
     ndarray of uint8, shape (k H, k W, 3)
-        BGR; k is 1 but for pictures so small that labels would cover them.
+        BGR; k is 1 except for pictures so small that labels would cover them.
     """
-    scale = _enlargement(image)
+    scale = int(np.clip(np.ceil(READABLE_SIZE / max(image.shape[:2])), 1, MOST_ENLARGED))
     canvas = np.repeat(np.repeat(dimmed_grey(image), scale, axis=0), scale, axis=1)
-    accepted = [
-        (f"{number} {place.kind}", FOUND_COLOUR, _enlarged(place.corners, scale))
-        for number, place in enumerate(found)
-        if place.image == index
+    labels = [
+        (f"{number} {target.kind}", FOUND_COLOUR, _enlarged(target.corners, scale))
+        for number, target in enumerate(found)
+        if target.image == index
     ]
-    unused = [
-        (_objection(candidate), REJECTED_COLOUR, _enlarged(candidate.corners, scale))
-        for candidate in rejected
-        if candidate.image == index
-    ]
+    accepted = len(labels)
+    for candidate in rejected:
+        if candidate.image == index:
+            residual = "" if candidate.residual is None else f", {candidate.residual:.2g} px"
+            text = f"{candidate.kind}: {candidate.reason}{residual}"
+            labels.append((text, REJECTED_COLOUR, _enlarged(candidate.corners, scale)))
     entries = [
-        (f"found: {len(accepted)}", FOUND_COLOUR),
-        (f"not used: {len(unused)}", REJECTED_COLOUR),
+        (f"found: {accepted}", FOUND_COLOUR),
+        (f"not used: {len(labels) - accepted}", REJECTED_COLOUR),
     ]
-    everything = [corners for _, _, corners in accepted + unused]
-    taken = [draw_legend(canvas, entries, np.vstack([np.empty((0, 2)), *everything]))]
-    labels: list[Label] = []
-    for text, colour, corners in accepted + unused:
-        labels.append(placed_label(canvas, text, colour, corners, taken))
-        taken.append(labels[-1].box)
-    draw_labels(canvas, labels)
+    quads = [corners for _, _, corners in labels]
+    taken = [draw_legend(canvas, entries, np.vstack([np.empty((0, 2)), *quads]))]
+    for text, _, corners in labels:
+        taken.append(_label_box(canvas, textwrap.wrap(text, LABEL_WIDTH), corners, taken))
+    for (text, colour, _), box in zip(labels, taken[1:], strict=True):
+        _draw_label(canvas, textwrap.wrap(text, LABEL_WIDTH), colour, box)
     thickness = max(1, round(max(canvas.shape) / 1000))
-    for places, width in ((unused, thickness), (accepted, 3 * thickness)):
-        for _, colour, corners in places:
-            draw_lines(canvas, [corners[[0, 1, 2, 3, 0]]], colour, width)
+    # What was found is drawn last, over the rest.
+    for _, colour, corners in reversed(labels):
+        width = 3 * thickness if colour == FOUND_COLOUR else thickness
+        draw_lines(canvas, [corners[[0, 1, 2, 3, 0]]], colour, width)
     return canvas
-
-
-def _objection(candidate: Rejected) -> str:
-    residual = "" if candidate.residual is None else f", {candidate.residual:.2g} px"
-    return f"{candidate.kind}: {candidate.reason}{residual}"
-
-
-def _enlargement(image: Image) -> int:
-    return int(np.clip(np.ceil(READABLE_SIZE / max(image.shape[:2])), 1, MOST_ENLARGED))
 
 
 def _enlarged(corners: FloatArray, scale: int) -> FloatArray:
     """Pixels of the enlarged picture: the centre of a pixel becomes that of its block."""
     return np.asarray(scale * corners + 0.5 * (scale - 1))
+
+
+def _label_box(
+    canvas: Canvas, lines: Sequence[str], corners: FloatArray, taken: Sequence[Box]
+) -> Box:
+    """Find the place for a label in a quad (4, 2) or beside it that overlaps least with others."""
+    scale = text_scale(canvas)
+    letter = text_size("Xg", scale)[1]
+    width = max(text_size(line, scale)[0] for line in lines) + letter
+    size = np.array([width, LINE_SPACING * letter * len(lines)])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    middle = 0.5 * (low + high - size)
+    places = []
+    for ring in range(RINGS):
+        left, above = low - letter - (1 + ring) * size
+        right, below = high + letter + ring * size
+        x, y = middle
+        places += [(x, below), (x, above), (right, y), (left, y)]
+        places += [(right, below), (left, below), (right, above), (left, above)]
+    inside = bool(np.all(size < INSIDE * (high - low)))
+    places.insert(0 if inside else len(places), (middle[0], middle[1]))
+    largest = np.maximum(np.array(canvas.shape[1::-1]) - size, 0.0)
+    starts = np.clip(places, 0.0, largest)
+    others = np.array(taken)
+    shared = np.minimum((starts + size)[:, None], others[:, 2:]) - np.maximum(
+        starts[:, None], others[:, :2]
+    )
+    overlap = np.maximum(shared, 0.0).prod(axis=2).sum(axis=1)
+    x, y = starts[int(np.argmin(overlap))].tolist()
+    return x, y, x + float(size[0]), y + float(size[1])
+
+
+def _draw_label(canvas: Canvas, lines: Sequence[str], colour: Colour, box: Box) -> None:
+    """Write lines of text on a darkened ground."""
+    scale = text_scale(canvas)
+    letter = text_size("Xg", scale)[1]
+    darken(canvas, box)
+    for number, line in enumerate(lines):
+        baseline = box[1] + (number + 0.75) * LINE_SPACING * letter
+        draw_text(canvas, line, np.array([box[0] + 0.5 * letter, baseline]), colour, scale)

@@ -19,10 +19,9 @@ from functools import partial
 
 import numpy as np
 
-from trisquare._support.arrays import FloatArray
 from trisquare._support.json_members import JsonFields, dump_members
 from trisquare.camera.camera import Camera
-from trisquare.formats.approximation import ANY_CAMERA, Lens, brown_distorted
+from trisquare.formats.approximation import ANY_CAMERA, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize, only
 from trisquare.formats.colmap import HALF_PIXEL
 from trisquare.formats.document import Document
@@ -85,7 +84,8 @@ def _camera(members: JsonFields, shared: JsonFields) -> Lens:
             "nerfstudio's OPENCV model with k4",
             camera_matrix(focal, centre),
             size,
-            partial(_distort, named),
+            " ".join(named),
+            list(named.values()),
         )
     return camera_of(focal, centre, named, size)
 
@@ -97,11 +97,6 @@ def _focal(members: JsonFields, width: float) -> float:
     if not 0 < angle < np.pi:
         raise ValueError(f'"camera_angle_x" must be from 0 to pi, not {angle:g}')
     return float(0.5 * width / np.tan(0.5 * angle))
-
-
-def _distort(named: dict[str, float], ideal: FloatArray) -> FloatArray:
-    radial = [named[key] for key in ("k1", "k2", "k3", "k4")]
-    return brown_distorted(ideal, radial, (named["p1"], named["p2"]))
 
 
 def write(camera: Camera, suffix: str) -> str:

@@ -8,6 +8,7 @@ it shares the second power: k1 becomes b and back without loss.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,9 @@ from trisquare.formats.other_lenses import ForeignLens, camera_matrix, camera_of
 
 # What polynomials' roots may have of an imaginary part by rounding.
 REAL = 1e-9
+
+POWERS = ("c", "b", "a")
+"""Coefficients of the first, second and third power of the radius that a pinhole shows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,15 +69,13 @@ class PanoLens:
         if bend[0] == bend[2] == 0:
             return camera_of(focal, self.centre, {"k1": bend[1]}, self.image_size)
 
-        def distort(ideal: FloatArray) -> FloatArray:
-            return ideal * _stretch(bend, np.linalg.norm(ideal, axis=1))[:, None]
-
-        return ForeignLens(title, camera_matrix(focal, self.centre), self.image_size, distort)
+        K = camera_matrix(focal, self.centre)
+        return ForeignLens(title, K, self.image_size, " ".join(POWERS), bend)
 
 
 @dataclass(frozen=True, slots=True)
 class PanoFamily:
-    """All lenses of the panorama programs; parameters f, cx, cy and three powers of the radius.
+    """All lenses of the panorama programs.
 
     Parameters
     ----------
@@ -87,34 +89,35 @@ class PanoFamily:
     title: str
     border: int = 0
 
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Three powers of the radius."""
+        return POWERS
+
+    @property
+    def square(self) -> bool:
+        """One focal length only."""
+        return True
+
     def exactly(self, camera: Camera) -> PanoLens | None:
         """Return the lens that has the same k1, where that is all."""
         k1, *others = camera.distortion.tolist()
         if any(others) or camera.fx != camera.fy:
             return None
-        parameters = np.array([camera.fx, camera.cx, camera.cy, 0.0, k1, 0.0])
         try:
-            return self.lens(parameters, camera.image_size)
+            return self.lens(
+                (camera.fx, camera.fy), (camera.cx, camera.cy), (0.0, k1, 0.0), camera.image_size
+            )
         except ValueError:
             return None  # it does not reach the radius of 1; the nearest says so
 
-    def start(self, lens: Lens) -> FloatArray:
-        """Start without distortion."""
-        focal = 0.5 * (lens.K[0, 0] + lens.K[1, 1])
-        return np.array([focal, *lens.K[:2, 2], 0.0, 0.0, 0.0])
-
-    def project(self, parameters: FloatArray, ideal: FloatArray) -> FloatArray:
-        """Map ideal normalised points to pixels."""
-        stretch = _stretch(parameters[3:], np.linalg.norm(ideal, axis=1))
-        return np.asarray(ideal * (parameters[0] * stretch)[:, None] + parameters[1:3])
-
-    def monotonic(self, parameters: FloatArray, ideal: FloatArray) -> bool:
-        """Whether the observed radius grows up to the farthest point."""
-        slope = [1.0, *(np.arange(2, 5) * parameters[3:])]
-        turns = _real_roots(slope)
-        return not np.any((turns > 0) & (turns < np.linalg.norm(ideal, axis=1).max()))
-
-    def lens(self, parameters: FloatArray, image_size: tuple[int, int]) -> PanoLens:
+    def lens(
+        self,
+        focal: Sequence[float],
+        centre: Sequence[float],
+        coefficients: Sequence[float],
+        image_size: tuple[int, int],
+    ) -> PanoLens:
         """Return the lens, stretched so that ``1 - a - b - c`` is what it must be.
 
         The ideal radius ``u`` whose observed radius is 1 is the one at which the program's
@@ -123,23 +126,17 @@ class PanoFamily:
         half = 0.5 * (min(image_size) - self.border)
         if half == 0:
             raise ValueError("there is no unit of length in a picture that is one pixel wide")
-        focal, x, y, *bend = parameters.tolist()
-        powers = [value * (half / focal) ** (i + 1) for i, value in enumerate(bend)]
+        powers = [value * (half / focal[0]) ** (i + 1) for i, value in enumerate(coefficients)]
         roots = _real_roots([-1.0, 1.0, *powers])
         if not np.any(roots > 0):
             raise ValueError(f"the lens never shows a radius of {half:g} px")
         u = float(roots[roots > 0].min())
         for _ in range(2):  # the roots are good to half the digits, Newton's steps to all
-            value = u * _stretch(powers, np.array(u)) - 1.0
+            value = u * (1.0 + sum(power * u ** (i + 1) for i, power in enumerate(powers))) - 1.0
             slope = 1.0 + sum((i + 2) * power * u ** (i + 1) for i, power in enumerate(powers))
-            u -= float(value) / slope
+            u -= value / slope
         c, b, a = (power * u ** (i + 2) for i, power in enumerate(powers))
-        return PanoLens(focal / u, a, b, c, half, (x, y), image_size)
-
-
-def _stretch(bend: FloatArray | tuple[float, ...] | list[float], radius: FloatArray) -> FloatArray:
-    """Return ``1 + bend[0] r + bend[1] r^2 + bend[2] r^3``."""
-    return np.asarray(np.polynomial.polynomial.polyval(radius, [1.0, *bend]))
+        return PanoLens(focal[0] / u, a, b, c, half, (centre[0], centre[1]), image_size)
 
 
 def _real_roots(coefficients: list[float]) -> FloatArray:

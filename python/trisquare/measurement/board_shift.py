@@ -61,7 +61,7 @@ def shift_and_std(
 
     Parameters
     ----------
-    lines : sequence of (points, std, rises)
+    lines : sequence of (points, std, contrast_signs)
         Samples of shape (N, 2) in order along each grid line and their standard deviations, shape
         (N,), both in pixels; +1 or -1, shape (N,), where it gets lighter or darker toward the
         right-hand normal.
@@ -136,10 +136,10 @@ def shifts_of_lines(
     return shifts
 
 
-def without_shift(points: FloatArray, rises: FloatArray, shift: float) -> FloatArray:
+def without_shift(points: FloatArray, contrast_signs: FloatArray, shift: float) -> FloatArray:
     """Return the samples of a line moved back to where its edges are."""
     normal = _normal(points)
-    moved: FloatArray = points - shift * rises[:, None] * normal
+    moved: FloatArray = points - shift * contrast_signs[:, None] * normal
     return moved
 
 
@@ -160,7 +160,7 @@ def _padded(
     used = np.arange(counts.max()) < counts[:, None]
     samples, (signs, weights) = np.zeros((*used.shape, 2)), np.zeros((2, *used.shape))
     samples[used] = np.concatenate([points for points, _, _ in lines])
-    signs[used] = np.concatenate([rises for _, _, rises in lines])
+    signs[used] = np.concatenate([contrast_signs for _, _, contrast_signs in lines])
     weights[used] = 1.0 / np.concatenate([std for _, std, _ in lines])
     normals = np.array([_normal(points) for points, _, _ in lines])
     samples -= (samples.sum(axis=1) / counts[:, None])[:, None]

@@ -11,12 +11,13 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from trisquare._core import SideSamples
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.candidates import Lattice
-from trisquare.edges import PlaneEdges
+from trisquare.edges import PlaneEdges, unchecked_edges
 from trisquare.measurement.board_shift import shift_toward_light, shifts_of_lines, without_shift
 from trisquare.measurement.marker_margins import light_cells, marker_rims
-from trisquare.measurement.side_spans import Samples, Span
+from trisquare.measurement.side_spans import SideSpan
 
 PROBE = 0.25
 """Distance from a grid line, in cells, at which a cell's shade is looked up: inside the white rim
@@ -47,11 +48,11 @@ class GridLine(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FoundLattice:
-    """A chessboard, whole or in part, that was found: see `Found`."""
+class Board:
+    """A chessboard, whole or in part, that was found: see `DetectedTarget`."""
 
     lattice: Lattice
-    rise: float
+    contrast_sign: float
     """+1 if a row gets lighter toward its right-hand normal after the very first crossing of the
     lattice, else -1; from cell to cell, and from row to row, it is the opposite."""
     rims: FloatArray | None = None
@@ -60,18 +61,20 @@ class FoundLattice:
     kind: str = "chessboard"
 
     @classmethod
-    def of(cls, lattice: Lattice, grey: npt.NDArray[np.uint8]) -> FoundLattice:
+    def of(cls, lattice: Lattice, grey: npt.NDArray[np.uint8]) -> Board:
         """Look up in a grey picture which cells are light, and which of them carry a marker."""
-        rise = _rise(lattice, grey)
-        return cls(lattice, rise, marker_rims(grey, lattice, first_is_dark=rise < 0.0))
+        contrast_sign = _contrast_sign(lattice, grey)
+        return cls(
+            lattice, contrast_sign, marker_rims(grey, lattice, first_is_dark=contrast_sign < 0.0)
+        )
 
     @classmethod
-    def of_board(cls, lattice: Lattice, dark_corner: bool, rim: float) -> FoundLattice:
+    def of_board(cls, lattice: Lattice, dark_corner: bool, rim: float) -> Board:
         """Know the cells of a ChArUco board from the colour of its first, and its markers' rims."""
-        rise = -1.0 if dark_corner else 1.0
+        contrast_sign = -1.0 if dark_corner else 1.0
         rows, cols = lattice.present.shape
         light = light_cells((rows + 1, cols + 1), first_is_dark=dark_corner)
-        return cls(lattice, rise, np.where(light, rim, 0.0), "charuco")
+        return cls(lattice, contrast_sign, np.where(light, rim, 0.0), "charuco")
 
     @property
     def quad(self) -> FloatArray:
@@ -79,7 +82,7 @@ class FoundLattice:
         points = self.lattice.crossings[self.lattice.present].astype(np.float32)
         return np.asarray(cv2.boxPoints(cv2.minAreaRect(points)), dtype=np.float64)
 
-    def spans(self, first: int) -> list[Span]:
+    def spans(self, first: int) -> list[SideSpan]:
         """Return the grid lines, the rows before the columns."""
         lines = _grid_lines(self.lattice.present)
         # The span of the row, and of the column, through every crossing.
@@ -87,7 +90,7 @@ class FoundLattice:
         for span, line in enumerate(lines, first):
             rows, cols = _indices(line)
             through[0 if line.is_row else 1, rows, cols] = span
-        spans: list[Span] = []
+        spans: list[SideSpan] = []
         for line in lines:
             rows, cols = _indices(line)
             others = through[1 if line.is_row else 0, rows, cols].tolist()
@@ -96,20 +99,17 @@ class FoundLattice:
                 for other, place in zip(others, line.places.tolist(), strict=True)
             ]
             path = np.ascontiguousarray(self.lattice.crossings[rows, cols])
-            rise = self._rise_after_first(line)
-            if self.rims is None:
-                spans.append((path, rise, (None, None), crossings))
-            else:
-                rims = _rims_along(self.rims, line)
-                spans.append((path, rise, (None, None), crossings, rims))
+            polarity = self._contrast_sign_after_first(line)
+            rims = () if self.rims is None else _rims_along(self.rims, line)
+            spans.append(SideSpan(path, polarity, crossings=crossings, rims=rims))
         return spans
 
-    def figures(self, measured: Sequence[Samples | str], plane: int) -> list[PlaneEdges]:
+    def figures(self, measured: Sequence[SideSamples | str], plane: int) -> list[PlaneEdges]:
         """One figure of all grid lines that were measured."""
         return self.figures_and_shift(measured, plane)[0]
 
     def figures_and_shift(
-        self, measured: Sequence[Samples | str], plane: int
+        self, measured: Sequence[SideSamples | str], plane: int
     ) -> tuple[list[PlaneEdges], float]:
         """Return the figures, and by how much edges were shifted toward the light, pixels."""
         rows, cols = self.lattice.present.shape
@@ -117,15 +117,15 @@ class FoundLattice:
         for line, samples in zip(_grid_lines(self.lattice.present), measured, strict=True):
             if isinstance(samples, str):
                 continue
-            points, std, _ = samples
+            points, std = samples.points, samples.std
             if line.is_row:
                 models.append((0.0, 1.0, (rows - 1) / 2 - line.number))
             else:
                 models.append((1.0, 0.0, (cols - 1) / 2 - line.number))
-            cells, rises = self._cells_and_rises(line, points)
-            lines.append((points, std, rises))
+            cells, contrast_signs = self._cells_and_contrast_signs(line, points)
+            lines.append((points, std, contrast_signs))
             whole = _clear_of_crossings(std, cells)
-            clear.append((points[whole], std[whole], rises[whole]))
+            clear.append((points[whole], std[whole], contrast_signs[whole]))
             doubted.append(~whole)
         columns = sum(model[0] != 0.0 for model in models)
         if min(columns, len(models) - columns) < LEAST_LINES:
@@ -144,25 +144,25 @@ class FoundLattice:
                 _with_doubt(std, at_crossings, shift)
                 for (_, std, _), at_crossings in zip(lines, doubted, strict=True)
             ]
-        board = PlaneEdges(
-            np.array(models),
-            tuple(
+        board = unchecked_edges(
+            lines=np.array(models),
+            points=tuple(
                 without_shift(points, signs, own)
                 for (points, _, signs), own in zip(lines, shifts, strict=True)
             ),
-            tuple(deviations),
+            std=tuple(deviations),
             plane=plane,
             kind=self.kind,
         )
         return [board], shift
 
-    def _rise_after_first(self, line: GridLine) -> float:
+    def _contrast_sign_after_first(self, line: GridLine) -> float:
         """Which way a line gets lighter after the first of its crossings that were found."""
         # A column's right-hand normal points the other way in the row it starts from.
-        sign = self.rise if line.is_row else -self.rise
+        sign = self.contrast_sign if line.is_row else -self.contrast_sign
         return sign * float(_alternation(line.number + int(line.places[0])))
 
-    def _cells_and_rises(
+    def _cells_and_contrast_signs(
         self, line: GridLine, points: FloatArray
     ) -> tuple[npt.NDArray[np.intp], FloatArray]:
         """Which of the line's cells a sample is of, and which way the line gets lighter there."""
@@ -170,7 +170,7 @@ class FoundLattice:
         along = path[-1] - path[0]
         after = np.searchsorted(path[1:-1] @ along, points @ along)
         flips: FloatArray = _alternation(line.places[after] - line.places[0])
-        return after, self._rise_after_first(line) * flips
+        return after, self._contrast_sign_after_first(line) * flips
 
 
 def _clear_of_crossings(std: FloatArray, cells: npt.NDArray[np.intp]) -> npt.NDArray[np.bool_]:
@@ -222,7 +222,7 @@ def _alternation(number: npt.NDArray[np.intp] | int) -> FloatArray:
     return np.asarray(1.0 - 2.0 * (np.asarray(number) % 2))
 
 
-def _rise(lattice: Lattice, grey: npt.NDArray[np.uint8]) -> float:
+def _contrast_sign(lattice: Lattice, grey: npt.NDArray[np.uint8]) -> float:
     """Return +1 if the picture gets lighter to the right of row 0 after its crossing 0, else -1.
 
     All pairs of neighbouring crossings in a row have their say, because a cell may be hidden or

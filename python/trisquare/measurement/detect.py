@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import trisquare._core as _core
-from trisquare.detection.kinds import Targets, nothing_found
+from trisquare.detection.kinds import TargetKinds, nothing_found
 from trisquare.edges import PlaneEdges
 from trisquare.errors import DetectionError
 from trisquare.images.pixels import ImageSource, Outlines, Tone, checked_tone, picture_size, tone_of
@@ -44,10 +44,10 @@ def detect(
         How light was coded into pixel values; a number is a gamma, and "auto" estimates the curve
         from the edges' profiles. By default sRGB for 8-bit pictures and linear for others.
     outlines : path, mapping or sequence, optional
-        Coarse outlines of the squares, drawn by hand, in place of a search. Within 5 px of the
-        edges is good enough: the edges are measured, not believed. A JSON file (trisquare's own
-        format, labelme's or COCO's polygons), its parsed content, or a sequence of outlines, each
-        an array_like of shape (N, 2), four corners or a closed polygon, or four polylines.
+        Coarse outlines of the squares, drawn by hand, instead of a search. They may be 5 px off:
+        the edges are measured in the picture. A JSON file (trisquare's own format or labelme's),
+        its parsed content, or a sequence of outlines, each an array_like of shape (N, 2), four
+        corners or a closed polygon, or four polylines.
 
     Returns
     -------
@@ -67,18 +67,18 @@ def detect(
     """
     from trisquare.measurement.measure import measure
 
-    wanted = Targets.parse(targets)
+    kinds = TargetKinds.parse(targets)
     checked = checked_tone(tone)
     picture = load_picture(image)
-    drawn = None
+    annotated = None
     if outlines is not None:
-        from trisquare.detection.annotations.load import Drawings
+        from trisquare.detection.annotations.load import Annotations
 
-        drawn = Drawings.read(outlines, [image]).on(0, picture_size(picture))
+        annotated = Annotations.read(outlines, [image]).on(0, picture_size(picture))
     core = _core.Picture(picture)
-    measured = measure(picture, core, wanted, tone_of(picture, checked), drawn)
+    measured = measure(picture, core, kinds, tone_of(picture, checked), annotated)
     if not measured.figures:
         reasons = [candidate.reason for candidate in measured.rejected]
-        nothing = nothing_found(wanted, measured.rejected)
-        raise DetectionError("; ".join(reasons) if drawn else nothing)
+        nothing = nothing_found(kinds, measured.rejected)
+        raise DetectionError("; ".join(reasons) if annotated else nothing)
     return measured.figures

@@ -1,22 +1,23 @@
-"""What looks like a square but was not taken for one, and why: asked when something went wrong.
+"""Why four-sided shapes of a picture were not taken for squares.
 
-The search drops most four-sided things without a word. Here its stages run once more, and what
-each leaves out is told; a picture that calibrates never pays for it.
+The search drops most of them silently. After a failure, or for a debug image, its stages are run
+again and each shape that a stage drops is reported; a picture that calibrates never pays for it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from trisquare._support.arrays import FloatArray
+from trisquare._support.convex_quads import quad_areas
 from trisquare.detection.candidates import MIN_CONTRAST
 from trisquare.detection.grey import MIN_PICTURE, RANGE_PERCENTILES, working_picture
 from trisquare.detection.squares.find import one_in_other
-from trisquare.detection.squares.framed import find_figures, why_no_figures
+from trisquare.detection.squares.framed import find_framed_squares, reasons_against_quads
 from trisquare.detection.squares.quads import (
     BORDER,
     SAME_QUAD_FRACTION,
@@ -26,24 +27,26 @@ from trisquare.detection.squares.quads import (
 )
 from trisquare.detection.squares.rectified import views_of_squares
 from trisquare.detection.squares.side_curves import MAX_CORNER_COSINE, fit_sides
-from trisquare.measurement.boards import FoundLattice
-from trisquare.measurement.side_spans import Found
+from trisquare.measurement.boards import Board
+from trisquare.measurement.find import Search
+from trisquare.measurement.side_spans import DetectedTarget
 from trisquare.results.rejected import Rejected
 
 KIND = "quad"
 
-MOST_TOLD = 8
-"""Per picture, the largest: more would hide one another, and nobody reads them."""
+MOST_REPORTED = 8
+"""Per picture, the largest: more would hide one another."""
 
-MIN_TOLD_SIDE = 30.0
-"""Pixels of the searched picture, as wide as squares should be; what is smaller is mostly text."""
+MIN_SIDE = 30.0
+"""Pixels of the searched picture, the recommended width of a square; smaller shapes are mostly
+text."""
 
 BORDER_LEVELS = 10
-"""Thresholds at which things cut by the border are looked for; a contrast of a quarter of the
+"""Thresholds at which shapes cut by the border are searched; a contrast of a quarter of the
 picture's own spans two."""
 
 CUT_CORNERS = range(4, 7)
-"""Corners that a region has where the border cuts off one, or up to two, of a square's own."""
+"""Corners of a square of which the border cuts off one or two."""
 
 MIN_BOX_FILLING = 0.6
 """Area over that of the bounding rectangle: more than a triangle's."""
@@ -52,80 +55,70 @@ MIN_CUT_FILLING = 0.9
 """Area over that of the convex hull: lens and blur leave a square nearly convex."""
 
 MAX_CUT_SHARE = 0.2
-"""Of the picture: what is larger is the ground."""
+"""Of the picture: anything larger is the ground."""
 
 
-def passed_over(grey: NDArray[np.uint8], found: Sequence[Found] = ()) -> list[Rejected]:
-    """Say which four-sided things of a picture are no targets, and why.
+def rejection_reasons(search: Search) -> list[Rejected]:
+    """Return the four-sided shapes of a searched picture that are no targets, with the reasons.
 
-    Parameters
-    ----------
-    grey : ndarray of uint8, shape (H, W)
-        As the search sees it: see `outlines.grey_bytes`.
-    found : sequence of Found
-        Targets that were found in it; what lies within them is left out, and so are the sheets
-        and signs that they lie on.
-
-    Returns
-    -------
-    list of Rejected
-        The largest first, at most `MOST_TOLD`.
+    The largest come first, at most `MOST_REPORTED`. Shapes within a target that was found are left
+    out, and so are the sheets and signs that targets lie on.
     """
-    picture, scale = working_picture(grey)
-    if min(picture.shape) < MIN_PICTURE:
+    searched, scale = working_picture(search.grey)
+    if not search.kinds.squares or min(searched.shape) < MIN_PICTURE:
         return []
-    candidates = [*_stage_by_stage(picture), *_cut_by_border(picture)]
-    regions = [_region(target) / scale for target in found]
-    told: list[tuple[float, FloatArray, str]] = []
-    for corners, reason in candidates:
-        area = float(cv2.contourArea(corners.astype(np.float32)))
-        if area < MIN_TOLD_SIDE**2 or any(one_in_other(region, corners) for region in regions):
-            continue
-        if not any(_same(corners, other) for _, other, _ in told):
-            told.append((area, corners, reason))
-    told.sort(key=lambda candidate: -candidate[0])
-    return [Rejected(KIND, 0, scale * corners, reason) for _, corners, reason in told[:MOST_TOLD]]
+    targets = [_region(target) / scale for target in search.targets]
+    reported: list[tuple[FloatArray, str]] = []
+    for corners, reason in (*_dropped_by_stages(searched), *_cut_by_border(searched)):
+        if (
+            quad_areas(corners) >= MIN_SIDE**2
+            and not any(one_in_other(target, corners) for target in targets)
+            and not any(_same(corners, other) for other, _ in reported)
+        ):
+            reported.append((corners, reason))
+    reported.sort(key=lambda shape: -float(quad_areas(shape[0])))
+    return [
+        Rejected(KIND, 0, scale * corners, reason) for corners, reason in reported[:MOST_REPORTED]
+    ]
 
 
-def _region(target: Found) -> FloatArray:
+def _region(target: DetectedTarget) -> FloatArray:
     """Quad (4, 2) that encloses a target, a board's outer cells included, pixels."""
-    if not isinstance(target, FoundLattice):
+    if not isinstance(target, Board):
         return target.quad
     middle = target.quad.mean(axis=0)
     cells = max(min(target.lattice.present.shape) - 1, 1)
     return np.asarray(middle + (1.0 + 2.0 / cells) * (target.quad - middle))
 
 
-def _stage_by_stage(picture: NDArray[np.uint8]) -> Iterator[tuple[FloatArray, str]]:
-    """Yield corners (4, 2) of what each stage of `outlines.find_squares` leaves out, and why."""
+def _dropped_by_stages(picture: NDArray[np.uint8]) -> Iterator[tuple[FloatArray, str]]:
+    """Yield corners (4, 2) of the quads that each stage of `find_squares` drops, and why."""
     smooth = picture.astype(np.float32)
     rough = find_quads(picture, smooth)
     fitted = fit_sides(smooth, rough)
     views = views_of_squares(fitted, image_size=(picture.shape[1], picture.shape[0]))
-    figures = find_figures(smooth, views)
-    used = {index for figure in figures for index in (figure.outer, figure.inner)}
+    squares = find_framed_squares(smooth, views)
+    used = {index for square in squares for index in (square.outer, square.inner)}
     unused = views.subset(np.array([i not in used for i in range(len(views))], bool))
-    for corners, reason in zip(unused.corners, why_no_figures(smooth, unused), strict=True):
-        yield corners, reason
-    for corners in _lacking(fitted, views):
+    yield from zip(unused.corners, reasons_against_quads(smooth, unused), strict=True)
+    for corners in _dropped(fitted, views):
         yield corners, "no camera sees a square like this"
-    for corners in _lacking(rough, fitted):
-        flat = _sharpest_corner(corners) > MAX_CORNER_COSINE
-        yield corners, "it is seen too flat" if flat else "a side is no smooth edge"
+    for corners in _dropped(rough, fitted):
+        along = np.roll(corners, -1, axis=0) - corners
+        along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
+        cosines = np.abs((along * np.roll(along, 1, axis=0)).sum(axis=1))
+        flat = cosines.max() > MAX_CORNER_COSINE
+        yield (
+            corners,
+            "it is seen at too flat an angle" if flat else "one of its sides is not a smooth edge",
+        )
 
 
-def _lacking(before: Quads, after: Quads) -> list[FloatArray]:
+def _dropped(before: Quads, after: Quads) -> list[FloatArray]:
     """Corners of the quads that a stage dropped."""
     return [
         corners for corners in before.corners if not any(_same(corners, o) for o in after.corners)
     ]
-
-
-def _sharpest_corner(corners: FloatArray) -> float:
-    """Largest cosine, without sign, of the angles between neighbouring sides."""
-    along = np.roll(corners, -1, axis=0) - corners
-    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
-    return float(np.abs((along * np.roll(along, 1, axis=0)).sum(axis=1)).max())
 
 
 def _cut_by_border(picture: NDArray[np.uint8]) -> Iterator[tuple[FloatArray, str]]:
@@ -147,7 +140,7 @@ def _cut_by_border(picture: NDArray[np.uint8]) -> Iterator[tuple[FloatArray, str
             # An edge stays where it is from one level to the next; a shadow's rim does not.
             for box in boxes:
                 if any(_same(box, other) for other in before):
-                    yield box, "the picture's border cuts it"
+                    yield box, "it is cut by the picture's border"
             before = boxes
 
 
@@ -156,10 +149,13 @@ def _may_be_cut_square(contour: cv2.typing.MatLike, shape: tuple[int, ...]) -> b
     height, width = shape
     x, y, box_width, box_height = cv2.boundingRect(contour)
     near = [(gap < BORDER) for gap in (x, width - x - box_width, y, height - y - box_height)]
-    if not any(near) or (near[0] and near[1]) or (near[2] and near[3]):
-        return False
     area = cv2.contourArea(contour)
-    if not MIN_TOLD_SIDE**2 <= area <= MAX_CUT_SHARE * width * height:
+    if (
+        not any(near)
+        or (near[0] and near[1])
+        or (near[2] and near[3])
+        or not MIN_SIDE**2 <= area <= MAX_CUT_SHARE * width * height
+    ):
         return False
     hull = cv2.convexHull(contour)
     box = cv2.boxPoints(cv2.minAreaRect(contour))
@@ -172,6 +168,6 @@ def _may_be_cut_square(contour: cv2.typing.MatLike, shape: tuple[int, ...]) -> b
 def _same(corners: FloatArray, other: FloatArray) -> bool:
     """Whether two quads have one middle and one size."""
     gap = np.abs(corners.mean(axis=0) - other.mean(axis=0)).max()
-    sizes = [np.sqrt(cv2.contourArea(quad.astype(np.float32))) for quad in (corners, other)]
+    sizes = np.sqrt(quad_areas(np.array([corners, other])))
     tolerance = 2.0 * (SAME_QUAD_PIXELS + SAME_QUAD_FRACTION * sizes[0])
     return bool(max(gap, abs(sizes[0] - sizes[1])) < tolerance)

@@ -3,28 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
+from trisquare._core import SideSamples
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.candidates import Lattice
 from trisquare.detection.sheets.find import SheetMatch
-from trisquare.edges import PlaneEdges
+from trisquare.edges import PlaneEdges, unchecked_edges
 from trisquare.measurement.board_shift import marker_shift, without_shift
-from trisquare.measurement.boards import FoundLattice
-from trisquare.measurement.marker_margins import side_room
-from trisquare.measurement.side_spans import Samples, Span
+from trisquare.measurement.boards import Board
+from trisquare.measurement.marker_margins import side_margins
+from trisquare.measurement.side_spans import SideSpan
 
-LEAST_ROOM = 3.0
+LEAST_MARGIN = 3.0
 """Pixels to either side of an edge that hold it. A marker's edge with less between a chessboard's
 and its own bits is off by some hundredths of a pixel, and the grid lines do without it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FoundSheet:
-    """A sheet of known layout that was found: see `Found`.
+class Sheet:
+    """A sheet of known layout that was found: see `DetectedTarget`.
 
     Attributes
     ----------
@@ -34,7 +35,7 @@ class FoundSheet:
         Corners of the markers that were found, sheet coordinates.
     corners : ndarray, shape (N, 4, 2)
         The same in the picture, coarse, pixels.
-    lattice : FoundLattice or None
+    lattice : Board or None
         The chessboard round the markers, if there is one.
     border, gap : float
         Of the markers' black border and of the white round it, over their side.
@@ -43,18 +44,18 @@ class FoundSheet:
     kind: str
     model: FloatArray
     corners: FloatArray
-    lattice: FoundLattice | None
+    lattice: Board | None
     border: float
     gap: float
 
     @classmethod
-    def of(cls, match: SheetMatch) -> FoundSheet:
+    def of(cls, match: SheetMatch) -> Sheet:
         """Add the chessboard, if the sheet has one, to the markers that were found."""
         sheet, arrangement, model, corners, homography, border = match
         lattice = None
         if sheet.squares is not None and arrangement.dark_corner is not None:
             crossings = _crossings(sheet.squares, model, corners, homography)
-            lattice = FoundLattice.of_board(crossings, arrangement.dark_corner, sheet.rim)
+            lattice = Board.of_board(crossings, arrangement.dark_corner, sheet.rim)
         return cls(sheet.kind, model, corners, lattice, border, sheet.gap)
 
     @property
@@ -63,24 +64,24 @@ class FoundSheet:
         points = self.corners.reshape(-1, 2).astype(np.float32)
         return np.asarray(cv2.boxPoints(cv2.minAreaRect(points)), dtype=np.float64)
 
-    def spans(self, first: int) -> list[Span]:
+    def spans(self, first: int) -> list[SideSpan]:
         """Spans of the grid lines, then four for each marker."""
         spans = [] if self.lattice is None else self.lattice.spans(first)
         for corners in self.corners:
             number = first + len(spans)
-            room = side_room(corners, self.border, self.gap)
+            margins = side_margins(corners, self.border, self.gap)
             spans += [
-                (
+                SideSpan(
                     corners[[i, (i + 1) % 4]],
                     -1.0,
                     (number + (i + 3) % 4, number + (i + 1) % 4),
-                    room[i],
+                    margins[i],
                 )
                 for i in range(4)
             ]
         return spans
 
-    def figures(self, measured: Sequence[Samples | str], plane: int) -> list[PlaneEdges]:
+    def figures(self, measured: Sequence[SideSamples | str], plane: int) -> list[PlaneEdges]:
         """One figure of the grid lines and one for each marker, all in sheet coordinates."""
         grid = len(measured) - 4 * len(self.corners)
         markers = []
@@ -96,21 +97,26 @@ class FoundSheet:
             markers = [marker for marker in markers if self._stands_apart(marker[0])]
         else:
             models = np.array([model for _, model, _ in markers])
-            shift = marker_shift(models, [[side[0] for side in own] for _, _, own in markers])
+            shift = marker_shift(models, [[side.points for side in own] for _, _, own in markers])
         for _, model, samples in markers:
             side = float(np.linalg.norm(model[1] - model[0]))
-            edges = _marker_edges(model, samples, shift, plane, self.kind)
-            figures.append(replace(edges, border=self.border * side))
+            border = self.border * side
+            figures.append(_marker_edges(model, samples, shift, plane, self.kind, border))
         return figures
 
     def _stands_apart(self, marker: int) -> bool:
         """Whether a marker's edges are clear of the chessboard's, which then are not enough."""
-        room = side_room(self.corners[marker], self.border, self.gap)
-        return min(min(sides) for sides in room) >= LEAST_ROOM
+        margins = side_margins(self.corners[marker], self.border, self.gap)
+        return min(min(sides) for sides in margins) >= LEAST_MARGIN
 
 
 def _marker_edges(
-    model: FloatArray, samples: list[Samples], shift: float, plane: int, kind: str
+    model: FloatArray,
+    samples: list[SideSamples],
+    shift: float,
+    plane: int,
+    kind: str,
+    border: float,
 ) -> PlaneEdges:
     """Edges of one marker, less a shift toward the light that the whole sheet's edges have."""
     along = np.roll(model, -1, axis=0) - model
@@ -118,16 +124,19 @@ def _marker_edges(
     inward /= np.linalg.norm(inward, axis=1, keepdims=True)
     offsets = -(inward * model).sum(axis=1)
     # Where the sheet itself tells the shift, none is left to be accounted for.
-    drift = tuple(drift for _, _, drift in samples if drift is not None and shift == 0.0)
-    return PlaneEdges(
-        np.column_stack([inward, offsets]),
-        tuple(without_shift(points, -np.ones(len(points)), shift) for points, _, _ in samples),
-        tuple(std for _, std, _ in samples),
+    drift = tuple(side.drift for side in samples if side.drift is not None and shift == 0.0)
+    return unchecked_edges(
+        lines=np.column_stack([inward, offsets]),
+        points=tuple(
+            without_shift(side.points, -np.ones(len(side.points)), shift) for side in samples
+        ),
+        std=tuple(side.std for side in samples),
         polarity=1,
         plane=plane,
         kind=kind,
         freedom="fixed",
         drift=drift or None,
+        border=border,
     )
 
 

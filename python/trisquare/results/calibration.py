@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -29,7 +29,7 @@ from trisquare.camera.projection_uncertainty import (
     projection_map,
     rms_displacement,
 )
-from trisquare.results.coherence import Coherence, coherence_from_members, coherence_members
+from trisquare.edges import PlaneEdges, edges_from_members, edges_members
 from trisquare.results.model_alternative import (
     ModelAlternative,
     alternative_from_members,
@@ -42,6 +42,12 @@ from trisquare.results.pose_uncertainty import (
     uncertainty_members,
 )
 from trisquare.results.rejected import Rejected, rejected_from_members, rejected_members
+from trisquare.results.residual_correlation import (
+    ResidualCorrelation,
+    residual_correlation_from_members,
+    residual_correlation_members,
+)
+from trisquare.results.residuals import FigureResiduals, residuals_from_members, residuals_members
 
 __all__ = ["Calibration", "Camera", "Plane"]
 
@@ -85,13 +91,17 @@ class Calibration(RebuiltByConstructor):
         Version of trisquare that computed it.
     alternatives : sequence of ModelAlternative
         The models that ``model="auto"`` rejected, the simplest first; empty unless it chose.
-    coherence : Coherence, optional
+    coherence : ResidualCorrelation, optional
         How far the residuals are from independent noise, which the covariance allows for; None
         in results of versions that did not ask.
     rejected : sequence of Rejected
         What was found in the pictures but not used, and why.
     tone_std : float, optional
         One standard deviation of an estimated gamma; None where the tone curve was stated.
+    edges : sequence of PlaneEdges
+        What it was calibrated from; empty in results that were read from JSON without them.
+    residuals : sequence of FigureResiduals
+        How far the samples of each of the edges are from the calibrated model.
     """
 
     camera: Camera
@@ -109,8 +119,10 @@ class Calibration(RebuiltByConstructor):
     software: str = __version__
     alternatives: tuple[ModelAlternative, ...] = ()
     tone_std: float | None = None
-    coherence: Coherence | None = None
+    coherence: ResidualCorrelation | None = None
     rejected: tuple[Rejected, ...] = ()
+    edges: tuple[PlaneEdges, ...] = ()
+    residuals: tuple[FigureResiduals, ...] = ()
 
     def __post_init__(self) -> None:
         if not isinstance(self.camera, Camera):
@@ -142,8 +154,8 @@ class Calibration(RebuiltByConstructor):
         if self.tone_std is not None:
             object.__setattr__(self, "tone_std", not_negative(self.tone_std, "tone_std"))
         object.__setattr__(self, "fixed", strings(self.fixed, "fixed"))
-        if self.coherence is not None and not isinstance(self.coherence, Coherence):
-            raise TypeError("coherence must be of the class Coherence")
+        if self.coherence is not None and not isinstance(self.coherence, ResidualCorrelation):
+            raise TypeError("coherence must be of the class ResidualCorrelation")
         alternatives = tuple(self.alternatives)
         if not all(isinstance(other, ModelAlternative) for other in alternatives):
             raise TypeError("alternatives must all be of the class ModelAlternative")
@@ -152,6 +164,14 @@ class Calibration(RebuiltByConstructor):
         if not all(isinstance(candidate, Rejected) for candidate in rejected):
             raise TypeError("rejected must all be of the class Rejected")
         object.__setattr__(self, "rejected", rejected)
+        edges, residuals = tuple(self.edges), tuple(self.residuals)
+        if not all(isinstance(figure, PlaneEdges) for figure in edges):
+            raise TypeError("edges must all be of the class PlaneEdges")
+        if not all(isinstance(own, FigureResiduals) for own in residuals):
+            raise TypeError("residuals must all be of the class FigureResiduals")
+        _check_residuals(edges, residuals, len(planes))
+        object.__setattr__(self, "edges", edges)
+        object.__setattr__(self, "residuals", residuals)
         for name in ("method", "stage", "software"):
             string(getattr(self, name), name)
 
@@ -241,8 +261,14 @@ class Calibration(RebuiltByConstructor):
         """Whether ``fy`` follows ``fx``."""
         return "aspect" in self.fixed and "fx" in self.parameters
 
-    def to_json(self) -> str:
-        """Return the result as JSON text that `from_json` reads back exactly."""
+    def to_json(self, *, edges: bool = False) -> str:
+        """Return the result as JSON text that `from_json` reads back exactly.
+
+        Parameters
+        ----------
+        edges : bool
+            Whether the measured edges and their residuals are part of it; they are most of it.
+        """
         return dump_members(
             {
                 "format": RESULT_FORMAT,
@@ -264,6 +290,7 @@ class Calibration(RebuiltByConstructor):
                 **_alternatives_member(self.alternatives),
                 **_coherence_member(self.coherence),
                 **_rejected_member(self.rejected),
+                **(_edges_members(self) if edges else {}),
             }
         )
 
@@ -295,22 +322,45 @@ class Calibration(RebuiltByConstructor):
             stage=members.text("stage"),
             software=members.text("software"),
             alternatives=tuple(
-                alternative_from_members(other)
-                for other in (
-                    members.objects("alternatives") if members.has("alternatives") else ()
-                )
+                alternative_from_members(other) for other in _optional(members, "alternatives")
             ),
             tone_std=members.number("tone_std") if members.has("tone_std") else None,
             coherence=(
-                coherence_from_members(members.object("coherence"))
+                residual_correlation_from_members(members.object("coherence"))
                 if members.has("coherence")
                 else None
             ),
             rejected=tuple(
-                rejected_from_members(candidate)
-                for candidate in (members.objects("rejected") if members.has("rejected") else ())
+                rejected_from_members(candidate) for candidate in _optional(members, "rejected")
             ),
+            edges=tuple(edges_from_members(figure) for figure in _optional(members, "edges")),
+            residuals=tuple(residuals_from_members(own) for own in _optional(members, "residuals")),
         )
+
+
+def _check_residuals(
+    edges: tuple[PlaneEdges, ...], residuals: tuple[FigureResiduals, ...], planes: int
+) -> None:
+    """Raise ValueError unless the residuals are those of the edges."""
+    samples = [[len(points) for points in figure.points] for figure in edges]
+    distances = [[len(own) for own in figure.distances] for figure in residuals]
+    if samples != distances:
+        raise ValueError("residuals must be those of the edges: one for each sample")
+    if any(own.plane >= planes for own in residuals):
+        raise ValueError(f"residuals must be of one of the {planes} planes")
+
+
+def _edges_members(calibration: Calibration) -> dict[str, Any]:
+    """Return the ``edges`` and ``residuals`` members, which are there only if asked for."""
+    return {
+        "edges": [edges_members(figure) for figure in calibration.edges],
+        "residuals": [residuals_members(own) for own in calibration.residuals],
+    }
+
+
+def _optional(members: JsonFields, name: str) -> Sequence[JsonFields]:
+    """Return a list of objects that may be missing."""
+    return members.objects(name) if members.has(name) else ()
 
 
 def _covariance_member(members: JsonFields, size: int) -> FloatArray:
@@ -321,9 +371,9 @@ def _covariance_member(members: JsonFields, size: int) -> FloatArray:
     return covariance
 
 
-def _coherence_member(coherence: Coherence | None) -> dict[str, Any]:
+def _coherence_member(coherence: ResidualCorrelation | None) -> dict[str, Any]:
     """Return the ``coherence`` member, which older results lack."""
-    return {} if coherence is None else {"coherence": coherence_members(coherence)}
+    return {} if coherence is None else {"coherence": residual_correlation_members(coherence)}
 
 
 def _alternatives_member(alternatives: tuple[ModelAlternative, ...]) -> dict[str, Any]:

@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
-from trisquare.camera.camera import Camera
+from typing import TypeAlias
+
+import numpy as np
+
+from trisquare._support.arrays import FloatArray
+from trisquare.camera.camera import Camera, CoreCamera, camera_for_core
 from trisquare.results.calibration import Calibration
 
+# A camera for the compiled core with its uncertainty: its free parameters, whether fy follows fx,
+# and the parameters' covariance.
+UncertainCamera: TypeAlias = "tuple[CoreCamera, list[str], bool, FloatArray]"
 
-def lens_of(camera: Calibration | Camera, name: str = "camera") -> Camera:
+
+def camera_of(camera: Calibration | Camera, name: str = "camera") -> Camera:
     """Return the camera itself, of a calibration its estimate.
 
     Raises
@@ -19,3 +28,12 @@ def lens_of(camera: Calibration | Camera, name: str = "camera") -> Camera:
     if isinstance(camera, Camera):
         return camera
     raise TypeError(f"{name} must be a Calibration or a Camera, not {type(camera).__name__}")
+
+
+def uncertain_camera(camera: Calibration | Camera) -> UncertainCamera:
+    """Return a camera with its uncertainty for the compiled core; a `Camera` has none."""
+    if isinstance(camera, Camera):
+        return camera_for_core(camera), [], False, np.zeros((0, 0))
+    aspect_fixed = "aspect" in camera.fixed
+    lens = camera_for_core(camera.camera)
+    return lens, list(camera.parameters), aspect_fixed, camera.covariance

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from trisquare._support.arrays import (
     FloatArray,
     RebuiltByConstructor,
@@ -14,10 +12,8 @@ from trisquare._support.arrays import (
     real_array,
     string,
 )
+from trisquare._support.rotations import rotation_matrix
 from trisquare.results.pose_uncertainty import PoseUncertainty
-
-# A rotation survives being written with seven digits, and nothing that is not one passes.
-ROTATION_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,14 +48,10 @@ class Plane(RebuiltByConstructor):
     uncertainty: PoseUncertainty | None = None
 
     def __post_init__(self) -> None:
-        rotation = real_array(self.rotation, "rotation", (3, 3))
-        deviation = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
-        if deviation > ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
-            raise ValueError("rotation must be orthonormal with determinant +1")
         object.__setattr__(self, "kind", string(self.kind, "kind"))
         object.__setattr__(self, "image", index_number(self.image, "image"))
         object.__setattr__(self, "corners", real_array(self.corners, "corners", (4, 2)))
-        object.__setattr__(self, "rotation", rotation)
+        object.__setattr__(self, "rotation", rotation_matrix(self.rotation))
         object.__setattr__(self, "translation", real_array(self.translation, "translation", (3,)))
         object.__setattr__(self, "rms", not_negative(self.rms, "rms"))
         object.__setattr__(self, "samples", index_number(self.samples, "samples"))

@@ -55,7 +55,7 @@ class Rejected(RebuiltByConstructor):
         return f"<Rejected {self.kind} in image {self.image} at ({x:.0f}, {y:.0f}): {self.reason}>"
 
 
-def told(warning: str, rejected: Sequence[Rejected]) -> bool:
+def is_reported(warning: str, rejected: Sequence[Rejected]) -> bool:
     """Whether a warning says of one of the rejected why it was not used."""
     return any(candidate.reason in warning for candidate in rejected)
 

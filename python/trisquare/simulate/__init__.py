@@ -4,6 +4,7 @@ The scenes follow one published distribution (section 6 of the design), so that 
 quoted for the package can be drawn again from a seed.
 """
 
+from trisquare._support.rotations import tilted
 from trisquare.simulate.cramer_rao import cramer_rao_bound, pixel_sigma
 from trisquare.simulate.motion_blur import Motion
 from trisquare.simulate.render import render, render_into
@@ -15,7 +16,6 @@ from trisquare.simulate.scenes import (
     photo_like,
     random_camera,
     random_scene,
-    tilted,
 )
 
 __all__ = [

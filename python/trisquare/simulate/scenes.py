@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from trisquare._support.convex_quads import any_meet
+from trisquare._support.rotations import tilted
 from trisquare.printing.layout import TargetPage, corner_page
 from trisquare.simulate.folded_corner import CORNER_DIAGONAL, folded_frames
 from trisquare.simulate.render import SHEET_RIM, Array, Image, render
@@ -280,25 +281,6 @@ def edge_points(
             sides.append(side.image + offset[:, None] * side.normal)
         points.append(sides)
     return points
-
-
-def tilted(tilt: float, direction: float, spin: float) -> Array:
-    """Rotation of a plane turned by `spin` in itself, then tilted away from the image plane.
-
-    The tilt's axis lies in the image plane at the angle `direction`; all in degrees.
-    """
-    axis = _about_z(direction)
-    angle = np.deg2rad(tilt)
-    cosine, sine = np.cos(angle), np.sin(angle)
-    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cosine, -sine], [0.0, sine, cosine]])
-    rotation: Array = axis @ about_x @ axis.T @ _about_z(spin)
-    return rotation
-
-
-def _about_z(degrees: float) -> Array:
-    angle = np.deg2rad(degrees)
-    cosine, sine = np.cos(angle), np.sin(angle)
-    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _places(count: int) -> Array:

@@ -50,11 +50,18 @@ pub fn lines(array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<Line>> {
 
 /// A `(3, 3)` array.
 pub fn matrix3(array: &PyReadonlyArray2<'_, f64>) -> PyResult<Matrix3<f64>> {
-    if array.shape() != [3, 3] {
-        return Err(shape_error("(3, 3)", array.shape()));
+    sized_matrix(array)
+}
+
+/// An array of a known shape.
+pub fn sized_matrix<const R: usize, const C: usize>(
+    array: &PyReadonlyArray2<'_, f64>,
+) -> PyResult<SMatrix<f64, R, C>> {
+    if array.shape() != [R, C] {
+        return Err(shape_error(&format!("({R}, {C})"), array.shape()));
     }
     let view = array.as_array();
-    Ok(Matrix3::from_fn(|i, j| view[[i, j]]))
+    Ok(SMatrix::from_fn(|i, j| view[[i, j]]))
 }
 
 fn columns(array: &PyReadonlyArray2<'_, f64>, count: usize) -> PyResult<()> {

@@ -1,13 +1,16 @@
 //! A camera's maps, for arrays of points.
 
-use nalgebra::Vector2;
+use nalgebra::{Vector2, Vector3};
 use numpy::{
-    PyArray2, PyArray3, PyReadonlyArray2, PyReadwriteArray2, PyReadwriteArray3,
+    PyArray1, PyArray2, PyArray3, PyReadonlyArray2, PyReadwriteArray2, PyReadwriteArray3,
     PyUntypedArrayMethods,
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use trisquare::{Brown, Error, ImageSize, Lens, ProjectionUncertainty, UndistortionMap};
+use trisquare::{
+    Brown, Distortion, DistortionTerm, Error, ImageSize, Lens, LensFamily, Pose, PoseUncertainty,
+    ProjectionUncertainty, UndistortionMap,
+};
 
 use crate::arrays;
 use crate::errors::{detached, exception};
@@ -167,12 +170,12 @@ pub fn can_unproject(
     pixels: PyReadonlyArray2<'_, f64>,
 ) -> PyResult<Vec<bool>> {
     let (camera, pixels) = (camera.camera(), arrays::points(&pixels)?);
-    Ok(detached(py, || {
+    detached(py, || {
         pixels
             .iter()
             .map(|p| camera.unproject_with_jacobian(p).is_some())
             .collect()
-    })?)
+    })
 }
 
 /// Covariance, in pixels, of the projections of the directions seen at pixels.
@@ -198,15 +201,177 @@ pub fn projection_covariance<'py>(
     Ok(arrays::from_matrices(py, &found))
 }
 
-/// Derivatives, by all nine parameters, of the projections of the directions seen at pixels.
+/// A camera, its free parameters, whether `fy` follows `fx`, and the parameters' covariance.
+type UncertainMembers<'py> = (CameraMembers, Vec<String>, bool, PyReadonlyArray2<'py, f64>);
+
+fn uncertain<'a>(
+    camera: &'a Brown,
+    (_, parameters, aspect_fixed, covariance): &UncertainMembers<'_>,
+) -> PyResult<ProjectionUncertainty<'a>> {
+    let names: Vec<&str> = parameters.iter().map(String::as_str).collect();
+    let covariance = arrays::matrix(covariance);
+    ProjectionUncertainty::new(camera, &names, *aspect_fixed, covariance).map_err(exception)
+}
+
+/// Standard deviations, p-value, degrees of freedom, rms left unexplained.
+type TestMembers<'py> = (Bound<'py, PyArray1<f64>>, f64, usize, f64);
+/// Rotation, differences (infinite where there is none), test.
+type DifferenceMembers<'py> = (
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray2<f64>>,
+    Option<TestMembers<'py>>,
+);
+
+/// How far apart two cameras project over pixels, after the rotation that fits best.
 #[pyfunction]
-#[pyo3(signature = (camera, pixels))]
-pub fn projection_jacobian<'py>(
+#[pyo3(signature = (first, second, pixels))]
+pub fn compare_projections<'py>(
+    py: Python<'py>,
+    first: UncertainMembers<'py>,
+    second: UncertainMembers<'py>,
+    pixels: PyReadonlyArray2<'py, f64>,
+) -> PyResult<DifferenceMembers<'py>> {
+    let (first_camera, second_camera) = (first.0.camera(), second.0.camera());
+    let first = uncertain(&first_camera, &first)?;
+    let second = uncertain(&second_camera, &second)?;
+    let pixels = arrays::points(&pixels)?;
+    let found = detached(py, || {
+        trisquare::compare_projections(&first, &second, &pixels)
+    })?
+    .map_err(exception)?;
+    let nowhere = Vector2::repeat(f64::INFINITY);
+    let differences = found.differences.iter().map(|d| d.unwrap_or(nowhere));
+    let test = found.test.map(|test| {
+        let std = test.std.iter().map(|std| std.unwrap_or(f64::INFINITY));
+        let std: Vec<_> = std.collect();
+        (
+            arrays::from_slice(py, &std),
+            test.p_value,
+            test.degrees_of_freedom,
+            test.unexplained,
+        )
+    });
+    Ok((
+        arrays::from_matrix3(py, &found.rotation),
+        arrays::from_points(py, &differences.collect::<Vec<_>>()),
+        test,
+    ))
+}
+
+/// Rotation, translation.
+type PoseMembers<'py> = (PyReadonlyArray2<'py, f64>, [f64; 3]);
+
+fn pose((rotation, translation): &PoseMembers<'_>) -> PyResult<Pose> {
+    Ok(Pose {
+        rotation: arrays::matrix3(rotation)?,
+        translation: Vector3::from(*translation),
+    })
+}
+
+/// The points of a plane that are seen at pixels.
+#[pyfunction]
+#[pyo3(signature = (camera, pose, pixels))]
+pub fn points_on_plane<'py>(
     py: Python<'py>,
     camera: CameraMembers,
+    pose: PoseMembers<'py>,
     pixels: PyReadonlyArray2<'py, f64>,
-) -> PyResult<Bound<'py, PyArray3<f64>>> {
-    let (camera, pixels) = (camera.camera(), arrays::points(&pixels)?);
-    let found = detached(py, || camera.projection_jacobians(&pixels))?.map_err(exception)?;
-    Ok(arrays::from_matrices(py, &found))
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let (camera, pose, pixels) = (
+        camera.camera(),
+        self::pose(&pose)?,
+        arrays::points(&pixels)?,
+    );
+    let found = detached(py, || camera.points_on_plane(&pose, &pixels))?.map_err(exception)?;
+    Ok(arrays::from_points(py, &found))
+}
+
+/// The points of a plane that are seen at pixels, and their covariance.
+#[pyfunction]
+#[pyo3(signature = (camera, pose, uncertainty, pixels, pixel_std))]
+pub fn points_on_plane_with_covariance<'py>(
+    py: Python<'py>,
+    camera: UncertainMembers<'py>,
+    pose: PoseMembers<'py>,
+    uncertainty: (PyReadonlyArray2<'py, f64>, PyReadonlyArray2<'py, f64>),
+    pixels: PyReadonlyArray2<'py, f64>,
+    pixel_std: f64,
+) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>)> {
+    let lens = camera.0.camera();
+    let (camera, pose) = (uncertain(&lens, &camera)?, self::pose(&pose)?);
+    let uncertainty = PoseUncertainty {
+        given_camera: arrays::sized_matrix(&uncertainty.0)?,
+        by_camera: arrays::sized_matrix::<6, 9>(&uncertainty.1)?
+            .columns(0, 9)
+            .into_owned(),
+    };
+    let pixels = arrays::points(&pixels)?;
+    let (points, covariance) = detached(py, || {
+        camera.points_on_plane(&pose, &uncertainty, &pixels, pixel_std)
+    })?
+    .map_err(exception)?;
+    Ok((
+        arrays::from_points(py, &points),
+        arrays::from_matrix(py, &covariance),
+    ))
+}
+
+/// A camera, or a lens of another program.
+#[derive(FromPyObject)]
+pub enum LensMembers {
+    Camera(CameraMembers),
+    Other(OtherMembers),
+}
+
+/// `fx, fy, cx, cy`, the name of a distortion's model, and its coefficients.
+#[derive(FromPyObject)]
+pub struct OtherMembers([f64; 4], String, Vec<f64>);
+
+/// `fx, fy, cx, cy`, coefficients, rms and largest distance, part of the picture covered.
+type NearestMembers = ((f64, f64, f64, f64), Vec<f64>, f64, f64, f64);
+
+/// The lens of some terms that comes nearest to another one over its picture.
+#[pyfunction]
+#[pyo3(signature = (lens, image_size, name, square_pixels, terms))]
+pub fn nearest_lens(
+    py: Python<'_>,
+    lens: LensMembers,
+    image_size: (u32, u32),
+    name: String,
+    square_pixels: bool,
+    terms: &str,
+) -> PyResult<NearestMembers> {
+    let family = LensFamily {
+        name,
+        square_pixels,
+        terms: DistortionTerm::of_names(terms).map_err(exception)?,
+    };
+    let size = size(image_size);
+    let found = match lens {
+        LensMembers::Camera(camera) => {
+            let camera = camera.camera();
+            let (focal, centre) = (camera.focal(), camera.principal_point());
+            detached(py, || {
+                family.nearest(size, focal, centre, |pixel| camera.ideal_point(pixel))
+            })?
+        }
+        LensMembers::Other(OtherMembers([fx, fy, cx, cy], model, coefficients)) => {
+            let (focal, centre) = (Vector2::new(fx, fy), Vector2::new(cx, cy));
+            let distortion = Distortion::of_model(&model, &coefficients).map_err(exception)?;
+            detached(py, || {
+                family.nearest(size, focal, centre, |pixel| {
+                    distortion.undistort(&(pixel - centre).component_div(&focal))
+                })
+            })?
+        }
+    };
+    let found = found.map_err(exception)?;
+    let (focal, centre) = (found.focal, found.centre);
+    Ok((
+        (focal.x, focal.y, centre.x, centre.y),
+        found.coefficients,
+        found.rms,
+        found.worst,
+        found.covered,
+    ))
 }

@@ -18,15 +18,19 @@ mod _core {
     const __version__: &str = env!("CARGO_PKG_VERSION");
 
     #[pymodule_export]
-    use crate::calibration::{calibrate, choose};
+    use crate::calibration::{
+        FigureResiduals, Outcome, ResidualCorrelation, Solution, SolvedPlane, ToneFit, Verdict,
+        calibrate,
+    };
     #[pymodule_export]
     use crate::errors::provoke_panic;
     #[pymodule_export]
-    use crate::image::{Picture, localise};
+    use crate::image::{Picture, SideSamples, ToneEstimate, localise};
     #[pymodule_export]
     use crate::lens::{
-        can_unproject, distort_pixels, fill_undistortion_map, invertible_radius, largest_rectangle,
-        project_points, projection_covariance, projection_jacobian, undistort_pixels,
+        can_unproject, compare_projections, distort_pixels, fill_undistortion_map,
+        invertible_radius, largest_rectangle, nearest_lens, points_on_plane,
+        points_on_plane_with_covariance, project_points, projection_covariance, undistort_pixels,
         undistorted_view, unproject_pixels, valid_pixel_radius,
     };
     #[pymodule_export]
@@ -37,10 +41,7 @@ mod _core {
     #[pymodule_export]
     use crate::observations::square_lines;
     #[pymodule_export]
-    use crate::planning::predict;
+    use crate::planning::{Prediction, predict};
     #[pymodule_export]
-    use crate::search::{
-        fit_lattice_surface, fit_side_cubics, grow_lattice, lattice_surface_points,
-        lattice_surface_sites, link_crossings, saddle_steps, settle_on_saddles,
-    };
+    use crate::search::{Lattice, find_lattices, fit_side_cubics};
 }

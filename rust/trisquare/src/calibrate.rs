@@ -5,6 +5,7 @@ use std::rc::Rc;
 use crate::error::Error;
 use crate::image_size::ImageSize;
 use crate::lens::Lens;
+use crate::noise::check_drift_count;
 use crate::observations::{Method, Options, PlaneEdges, sort_by_plane};
 use crate::photometric::{Photographs, improve};
 use crate::result::{Calibration, Stage};
@@ -68,6 +69,7 @@ fn run<L: Lens>(
     size.check()?;
     options.check()?;
     let planes = sort_by_plane(edges)?;
+    check_drift_count(&planes)?;
     let own = || Rc::new(Work::for_planes(&planes));
     let (judging, work) = match purpose {
         Purpose::Answer => (true, own()),

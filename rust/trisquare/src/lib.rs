@@ -45,7 +45,10 @@ pub use image::{
     ToneFit,
 };
 pub use image_size::ImageSize;
-pub use lens::{Brown, BrownModel, DistortionModel, Lens, UndistortionMap};
+pub use lens::{
+    Brown, BrownModel, Distortion, DistortionModel, DistortionTerm, Lens, LensFamily, NearestLens,
+    SeenAgain, TurnedLenses, UndistortionMap,
+};
 pub use linear::{Straightening, fit_distortion};
 pub use localise::{
     EdgeSpan, NoEdge, SpanEdges, ToneEstimate, localise, localise_with_unknown_tone,
@@ -55,10 +58,13 @@ pub use observations::{Fixed, Freedom, Method, Options, PlaneEdges, Polarity};
 pub use photometric::Photographs;
 pub use planning::{EdgeNoise, PlannedPlane, Prediction, predict};
 pub use result::{
-    Calibration, Disagreement, Plane, PoseUncertainty, ResidualCorrelation, Stage, Warning,
+    Calibration, Disagreement, FigureResiduals, Plane, PoseUncertainty, ResidualCorrelation,
+    SideResiduals, Stage, Warning,
 };
 pub use selection::{Choice, Doubt, Verdict, choose};
-pub use uncertainty::ProjectionUncertainty;
+pub use uncertainty::{
+    DifferenceTest, ProjectionDifference, ProjectionUncertainty, compare_projections,
+};
 
 /// What the Python package builds its detectors from, and the tests look into. Not stable: it may
 /// change in any release.
@@ -69,10 +75,9 @@ pub mod internals {
     };
     pub use crate::image::GreyBytes;
     pub use crate::lens::{invertible_radius, largest_rectangle, monotonic_radius};
-    pub use crate::numeric::cdf;
+    pub use crate::numeric::{cdf, chi_square_tail};
     pub use crate::planning::predict_unjudged;
     pub use crate::search::{
-        Crossing, Follower, Lattice, LatticeSurface, SaddleStep, SidePoints, Site, link_crossings,
-        refine_corner, trimmed_cubics,
+        Candidate, Lattice, ReducedPicture, SidePoints, find_lattices, trimmed_cubics,
     };
 }

@@ -1,1 +1,1 @@
-"""Outlines drawn by hand: their files, and snapping them to edges."""
+"""Hand-drawn outlines: their files, and snapping them to edges."""

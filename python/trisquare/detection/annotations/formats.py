@@ -1,9 +1,9 @@
-"""The formats that outlines drawn by hand come in: trisquare's own, labelme's and COCO's.
+"""The file formats of hand-drawn outlines: trisquare's own and labelme's.
 
-Coordinates are pixels of the picture as it is stored, whatever its orientation tag says, and good
-to 5 px. In trisquare's own format a picture has squares, each by its four corners, by a closed
-polygon in which they are found, or by four polylines, one along each side; a second outline of a
-frame is its ``inner``. A chessboard is given by rows of its crossings, null where there is none.
+Coordinates are pixels of the picture as it is stored (its orientation tag is ignored), accurate to
+5 px. In trisquare's own format a picture has squares. A square is given by its four corners, by a
+closed polygon in which the corners are found, or by four polylines, one along each side. The second
+outline of a frame is its ``inner``.
 
 .. code-block:: json
 
@@ -17,34 +17,26 @@ frame is its ``inner``. A chessboard is given by rows of its crossings, null whe
                     [[890, 300], [690, 290]], [[690, 290], [700, 95]]],
           "inner": {"corners": [[740, 130], [860, 128], [850, 260], [735, 255]]}}]},
       {"index": 1,
-       "chessboards": [{"crossings": [[[50, 50], [100, 50], [150, 50]],
-                                      [[50, 100], null, [150, 100]],
-                                      [[50, 150], [100, 150], [150, 150]],
-                                      [[50, 200], [100, 200], [150, 200]]]}]}]}
+       "squares": [{"corners": [[50, 50], [150, 50], [150, 150], [50, 150]]}]}]}
 
-For a single picture ``squares`` and ``chessboards`` may stand beside ``format``. ``width`` and
-``height`` of a picture are checked if they are there.
+For a single picture ``squares`` may stand beside ``format``. The ``width`` and ``height`` of a
+picture are checked if they are given.
 
-Of labelme's files polygons, rectangles and linestrips are read; two closed shapes of one group are
-a frame, and four linestrips of one group a square's sides. Of COCO's, the polygons of annotations;
-two polygons of one annotation are a frame.
+In labelme's files, polygons, rectangles and linestrips are read. Two closed shapes of one group are
+a frame; four linestrips of one group are the sides of a square.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
-from trisquare._support.arrays import FloatArray, real_array
+from trisquare._support.arrays import FloatArray
 from trisquare._support.json_members import JsonFields
-from trisquare.detection.annotations.grid import DrawnGrid
-from trisquare.detection.annotations.outlines import DrawnOutline, DrawnSquare
-from trisquare.edges import MAX_COORDINATE
-
-DrawnTarget: TypeAlias = DrawnSquare | DrawnGrid
+from trisquare.detection.annotations.outlines import AnnotatedOutline, AnnotatedSquare
 
 OUTLINES_FORMAT = "trisquare-outlines/1"
 
@@ -54,12 +46,12 @@ OPEN_SHAPES = ("linestrip", "line")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DrawnPicture:
+class AnnotatedPicture:
     """What is drawn on one picture.
 
     Attributes
     ----------
-    targets : tuple of DrawnSquare or DrawnGrid
+    targets : tuple of AnnotatedSquare
     name, index : str or int, optional
         Which picture it is: its file, folders not counting, or its place; neither if there is
         only one.
@@ -69,13 +61,13 @@ class DrawnPicture:
         Where in the file this picture is; empty, or ending with a dot.
     """
 
-    targets: tuple[DrawnTarget, ...]
+    targets: tuple[AnnotatedSquare, ...]
     name: str | None = None
     index: int | None = None
     size: tuple[int, int] | None = None
     where: str = ""
 
-    def joined(self, other: DrawnPicture) -> DrawnPicture:
+    def joined(self, other: AnnotatedPicture) -> AnnotatedPicture:
         """Add what is drawn elsewhere in the file on the same picture."""
         return replace(self, targets=self.targets + other.targets)
 
@@ -88,15 +80,17 @@ class DrawnPicture:
             f"the outlines were drawn on a picture of {self.size[0]} x {self.size[1]} pixels, this "
             f"one has {image_size[0]} x {image_size[1]}"
             + (
-                ": they belong to the picture turned upright by its orientation tag, and must be "
-                "drawn on the picture as it is stored"
+                (
+                    ": they were drawn on the picture as turned by its orientation tag; draw them "
+                    "on the picture as it is stored"
+                )
                 if turned
                 else ""
             )
         )
 
 
-def drawn_pictures(members: Any) -> list[DrawnPicture]:
+def annotated_pictures(members: Any) -> list[AnnotatedPicture]:
     """Read parsed JSON of any of the formats.
 
     Raises
@@ -105,24 +99,21 @@ def drawn_pictures(members: Any) -> list[DrawnPicture]:
         If it is none of them; or naming the key that is missing or wrong.
     """
     fields = JsonFields(members)
-    formats: tuple[tuple[str, Callable[[JsonFields], list[DrawnPicture]]], ...] = (
-        ("format", _own),
-        ("shapes", _labelme),
-        ("annotations", _coco),
-    )
-    for key, read in formats:
-        if fields.has(key):
-            pictures = read(fields)
-            if not any(picture.targets for picture in pictures):
-                raise ValueError("holds no outline")
-            return pictures
-    raise ValueError(
-        f'has none of the keys of outlines: "format" ({OUTLINES_FORMAT}), "shapes" (labelme) or '
-        '"annotations" (COCO)'
-    )
+    if fields.has("format"):
+        pictures = _own(fields)
+    elif fields.has("shapes"):
+        pictures = [_labelme(fields)]
+    else:
+        raise ValueError(
+            f'is not an outlines file: neither "format" ({OUTLINES_FORMAT}) nor "shapes" '
+            "(labelme) is there"
+        )
+    if not any(picture.targets for picture in pictures):
+        raise ValueError("holds no outline")
+    return pictures
 
 
-def _own(fields: JsonFields) -> list[DrawnPicture]:
+def _own(fields: JsonFields) -> list[AnnotatedPicture]:
     """Read squares of one picture, or pictures with squares each."""
     if fields.text("format") != OUTLINES_FORMAT:
         raise ValueError(f'"format" must be {OUTLINES_FORMAT!r}, not {fields.text("format")!r}')
@@ -134,59 +125,38 @@ def _own(fields: JsonFields) -> list[DrawnPicture]:
     ]
 
 
-def _own_picture(fields: JsonFields, where: str) -> DrawnPicture:
-    targets: list[DrawnTarget] = []
-    boards = fields.objects("chessboards") if fields.has("chessboards") else ()
-    squares = fields.objects("squares") if fields.has("squares") or not boards else ()
-    for i, square in enumerate(squares):
+def _own_picture(fields: JsonFields, where: str) -> AnnotatedPicture:
+    targets = []
+    for i, square in enumerate(fields.objects("squares")):
         outer = _own_outline(square, f"{where}squares[{i}]")
         if square.has("inner"):
             inner = _own_outline(square.object("inner"), f"{where}squares[{i}].inner")
-            targets.append(DrawnSquare.of_two(outer, inner))
+            targets.append(AnnotatedSquare.of_two(outer, inner))
         else:
-            targets.append(DrawnSquare(outer))
-    for i, board in enumerate(boards):
-        targets.append(_own_grid(board, f"{where}chessboards[{i}]"))
+            targets.append(AnnotatedSquare(outer))
     index = fields.integer("index") if fields.has("index") else None
     if index is not None and index < 0:
         raise ValueError(f'"{where}index" must not be negative, but is {index}')
     name = fields.text("file") if fields.has("file") else None
-    return DrawnPicture(tuple(targets), name, index, _size(fields, "width", "height"), where)
+    return AnnotatedPicture(tuple(targets), name, index, _size(fields, "width", "height"), where)
 
 
-def _own_grid(fields: JsonFields, where: str) -> DrawnGrid:
-    """Read rows of crossings, null where there is none."""
-    where = f'"{where}.crossings"'
-    rows = fields.value("crossings")
-    if not isinstance(rows, list) or not all(isinstance(row, list) and row for row in rows):
-        raise ValueError(f"{where} must be a list of rows, each a list of points or null")
-    present = [[point is not None for point in row] for row in rows]
-    points = [[[0, 0] if point is None else point for point in row] for row in rows]
-    try:
-        crossings = real_array(points, where, (None, None, 2))
-    except TypeError as error:
-        raise ValueError(str(error)) from error
-    if not (np.abs(crossings) <= MAX_COORDINATE).all():
-        raise ValueError(f"{where} holds coordinates beyond {MAX_COORDINATE:g} px")
-    return DrawnGrid(crossings, np.array(present), where)
-
-
-def _own_outline(fields: JsonFields, where: str) -> DrawnOutline:
+def _own_outline(fields: JsonFields, where: str) -> AnnotatedOutline:
     if fields.has("sides"):
-        return DrawnOutline.of_sides(fields.arrays("sides", (None, 2)), f'"{where}.sides"')
+        return AnnotatedOutline.of_sides(fields.arrays("sides", (None, 2)), f'"{where}.sides"')
     key = "polygon" if fields.has("polygon") else "corners"
     points = fields.array(key, (None, 2))
     if key == "corners" and len(points) != 4:
         raise ValueError(f'"{where}.corners" has {len(points)} points: a square has 4 corners')
-    return DrawnOutline.of_polygon(points, f'"{where}.{key}"')
+    return AnnotatedOutline.of_polygon(points, f'"{where}.{key}"')
 
 
-def _labelme(fields: JsonFields) -> list[DrawnPicture]:
+def _labelme(fields: JsonFields) -> AnnotatedPicture:
     """Read the shapes of one picture.
 
     A group of two closed shapes is a frame, one of four open ones a square by its sides.
     """
-    outlines: list[DrawnOutline] = []
+    outlines: list[AnnotatedOutline] = []
     groups: list[int | None] = []
     sides: dict[int, list[FloatArray]] = {}
     for i, shape in enumerate(fields.objects("shapes")):
@@ -203,54 +173,29 @@ def _labelme(fields: JsonFields) -> list[DrawnPicture]:
         if kind in OPEN_SHAPES and group is not None:
             sides.setdefault(group, []).append(points)
         else:
-            outlines.append(DrawnOutline.of_polygon(points, f'"shapes[{i}].points"'))
+            outlines.append(AnnotatedOutline.of_polygon(points, f'"shapes[{i}].points"'))
             groups.append(group)
     squares = _framed(outlines, groups)
     for group, lines in sides.items():
         where = f'"shapes" of "group_id" {group}'
-        squares.append(DrawnSquare(DrawnOutline.of_sides(lines, where)))
+        squares.append(AnnotatedSquare(AnnotatedOutline.of_sides(lines, where)))
     name = fields.text("imagePath") if fields.has("imagePath") else None
-    return [DrawnPicture(tuple(squares), name, None, _size(fields, "imageWidth", "imageHeight"))]
+    return AnnotatedPicture(tuple(squares), name, None, _size(fields, "imageWidth", "imageHeight"))
 
 
-def _coco(fields: JsonFields) -> list[DrawnPicture]:
-    """Read the polygons of several pictures; two polygons of one annotation are a frame."""
-    squares: dict[int, list[DrawnSquare]] = {}
-    for i, annotation in enumerate(fields.objects("annotations")):
-        where = f"annotations[{i}].segmentation"
-        if isinstance(annotation.value("segmentation"), dict):
-            raise ValueError(f'"{where}" is a mask (RLE): polygons are needed')
-        outlines = []
-        for k, flat in enumerate(annotation.arrays("segmentation", (None,))):
-            if len(flat) % 2:
-                raise ValueError(f'"{where}[{k}]" must hold x and y in turn')
-            outlines.append(DrawnOutline.of_polygon(flat.reshape(-1, 2), f'"{where}[{k}]"'))
-        if not outlines:
-            raise ValueError(f'"{where}" holds no polygon')
-        found = _framed(outlines, [0] * len(outlines))
-        squares.setdefault(annotation.integer("image_id"), []).extend(found)
-    pictures = []
-    for i, image in enumerate(fields.objects("images")):
-        drawn = tuple(squares.pop(image.integer("id"), ()))
-        size = _size(image, "width", "height")
-        if drawn:
-            pictures.append(
-                DrawnPicture(drawn, image.text("file_name"), None, size, f"images[{i}].")
-            )
-    if squares:
-        raise ValueError(f'"images" has none with the id {min(squares)} that "annotations" name')
-    return pictures
-
-
-def _framed(outlines: Sequence[DrawnOutline], groups: Sequence[int | None]) -> list[DrawnSquare]:
+def _framed(
+    outlines: Sequence[AnnotatedOutline], groups: Sequence[int | None]
+) -> list[AnnotatedSquare]:
     """Make frames of outlines that share a group, squares of the others."""
-    squares = [DrawnSquare(o) for o, group in zip(outlines, groups, strict=True) if group is None]
+    squares = [
+        AnnotatedSquare(o) for o, group in zip(outlines, groups, strict=True) if group is None
+    ]
     for group in sorted({group for group in groups if group is not None}):
         members = [o for o, other in zip(outlines, groups, strict=True) if other == group]
         if len(members) > 2:
             raise ValueError(f"{members[2].where} is the third outline of one frame: it has two")
         squares.append(
-            DrawnSquare(members[0]) if len(members) == 1 else DrawnSquare.of_two(*members)
+            AnnotatedSquare(members[0]) if len(members) == 1 else AnnotatedSquare.of_two(*members)
         )
     return squares
 

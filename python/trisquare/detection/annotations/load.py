@@ -2,29 +2,34 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PureWindowsPath
 from typing import Any
 
-from trisquare._support.json_members import refuse_constant
+from trisquare._support.json_members import parse_json
+from trisquare._support.number_text import listed
 from trisquare._support.paths import naming, read_bytes
-from trisquare.detection.annotations.formats import DrawnPicture, DrawnTarget, drawn_pictures
-from trisquare.detection.annotations.grid import DrawnGrid
-from trisquare.detection.annotations.outlines import DrawnOutline, DrawnSquare
+from trisquare.detection.annotations.formats import (
+    AnnotatedPicture,
+    annotated_pictures,
+)
+from trisquare.detection.annotations.outlines import AnnotatedOutline, AnnotatedSquare
 from trisquare.images.pixels import ImageSource, Outlines
+
+MOST_NAMED = 3
+"""Pictures that a message names."""
 
 
 @dataclass(frozen=True, slots=True)
-class Drawings:
+class Annotations:
     """Drawn outlines of each picture of a calibration, by its index."""
 
-    of_pictures: tuple[DrawnPicture | None, ...]
+    of_pictures: tuple[AnnotatedPicture | None, ...]
 
     @classmethod
-    def read(cls, outlines: Outlines, sources: Sequence[ImageSource]) -> Drawings:
+    def read(cls, outlines: Outlines, sources: Sequence[ImageSource]) -> Annotations:
         """Read outlines and match them with the pictures they belong to.
 
         Parameters
@@ -43,22 +48,21 @@ class Drawings:
             If the file cannot be read.
         """
         if isinstance(outlines, str | os.PathLike):
-            text = read_bytes(outlines)
             with naming(outlines):
-                return cls._matched(drawn_pictures(_parsed(text)), sources)
+                return cls._matched(annotated_pictures(parse_json(read_bytes(outlines))), sources)
         if isinstance(outlines, Mapping):
-            return cls._matched(drawn_pictures(dict(outlines)), sources)
+            return cls._matched(annotated_pictures(dict(outlines)), sources)
         if len(sources) != 1:
             raise ValueError(
-                "a list of outlines is for one picture: give several a file, or its content, that "
-                "says which outlines are on which"
+                "a list of outlines is for one picture: for several, give a file (or its "
+                "content) that names the picture of each outline"
             )
-        return cls((DrawnPicture(tuple(_listed(outlines))),))
+        return cls((AnnotatedPicture(tuple(_squares_of(outlines))),))
 
     @classmethod
-    def _matched(cls, drawn: list[DrawnPicture], sources: Sequence[ImageSource]) -> Drawings:
+    def _matched(cls, drawn: list[AnnotatedPicture], sources: Sequence[ImageSource]) -> Annotations:
         names = [_base_name(s) if isinstance(s, str | os.PathLike) else None for s in sources]
-        found: list[DrawnPicture | None] = [None] * len(sources)
+        found: list[AnnotatedPicture | None] = [None] * len(sources)
         if names == [None] and len(drawn) == 1 and drawn[0].index is None:
             return cls((drawn[0],))  # an array has no name that could differ
         for picture in drawn:
@@ -67,12 +71,12 @@ class Drawings:
                 found[index] = picture if earlier is None else earlier.joined(picture)
         if all(picture is None for picture in found):
             raise ValueError(
-                f"nothing is drawn on {_listed_names(names)}: the outlines are for "
-                f"{_listed_names([picture.name for picture in drawn])}"
+                f"nothing is drawn on {_named(names)}: the outlines are for "
+                f"{_named([picture.name for picture in drawn])}"
             )
         return cls(tuple(found))
 
-    def on(self, index: int, image_size: tuple[int, int]) -> tuple[DrawnTarget, ...]:
+    def on(self, index: int, image_size: tuple[int, int]) -> tuple[AnnotatedSquare, ...]:
         """Return what is drawn on a picture of this size; it may be nothing.
 
         Raises
@@ -89,27 +93,20 @@ class Drawings:
         return drawn.targets
 
 
-def _parsed(text: bytes) -> Any:
-    try:
-        return json.loads(text, parse_constant=refuse_constant)
-    except (ValueError, RecursionError) as error:
-        raise ValueError(f"not JSON that can be read ({error})") from error
-
-
-def _listed(outlines: Any) -> list[DrawnTarget]:
+def _squares_of(outlines: Any) -> list[AnnotatedSquare]:
     if isinstance(outlines, bytes) or not hasattr(outlines, "__iter__"):
         raise TypeError(
             f"outlines are a path, parsed JSON or a sequence, not {type(outlines).__name__}"
         )
-    targets: list[DrawnTarget] = []
+    targets: list[AnnotatedSquare] = []
     for index, outline in enumerate(outlines):
         where = f"outlines[{index}]"
-        if isinstance(outline, DrawnSquare | DrawnGrid):
+        if isinstance(outline, AnnotatedSquare):
             targets.append(outline)
         elif _depth(outline) == 3:
-            targets.append(DrawnSquare(DrawnOutline.of_sides(outline, where)))
+            targets.append(AnnotatedSquare(AnnotatedOutline.of_sides(outline, where)))
         else:
-            targets.append(DrawnSquare(DrawnOutline.of_polygon(outline, where)))
+            targets.append(AnnotatedSquare(AnnotatedOutline.of_polygon(outline, where)))
     if not targets:
         raise ValueError("no outline given")
     return targets
@@ -129,7 +126,7 @@ def _base_name(path: str | os.PathLike[str]) -> str:
     return PureWindowsPath(os.fspath(path)).name
 
 
-def _places_of(picture: DrawnPicture, names: Sequence[str | None]) -> list[int]:
+def _places_of(picture: AnnotatedPicture, names: Sequence[str | None]) -> list[int]:
     """Return the indices of the pictures that a drawing belongs to."""
     if picture.index is not None:
         if picture.index >= len(names):
@@ -151,6 +148,5 @@ def _places_of(picture: DrawnPicture, names: Sequence[str | None]) -> list[int]:
     return places
 
 
-def _listed_names(names: Sequence[str | None], most: int = 3) -> str:
-    shown = ["an array" if name is None else name for name in names[:most]]
-    return ", ".join(shown) + (f" and {len(names) - most} more" if len(names) > most else "")
+def _named(names: Sequence[str | None]) -> str:
+    return listed(["an array" if name is None else name for name in names], MOST_NAMED)

@@ -29,7 +29,7 @@ first pixel, not its centre, reach half a pixel further."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DrawnOutline:
+class AnnotatedOutline:
     """One closed outline of four sides, within some pixels of the edges.
 
     Attributes
@@ -49,7 +49,7 @@ class DrawnOutline:
         return np.array([side[0] for side in self.sides])
 
     @classmethod
-    def of_polygon(cls, points: Any, where: str) -> DrawnOutline:
+    def of_polygon(cls, points: Any, where: str) -> AnnotatedOutline:
         """Take four corners, or a closed polygon whose four corners are to be found.
 
         Raises
@@ -75,7 +75,7 @@ class DrawnOutline:
         return cls._checked(sides, where)
 
     @classmethod
-    def of_sides(cls, sides: Any, where: str) -> DrawnOutline:
+    def of_sides(cls, sides: Any, where: str) -> AnnotatedOutline:
         """Take four polylines, in order round the square, each given either way round.
 
         Raises
@@ -99,7 +99,7 @@ class DrawnOutline:
         return cls._checked(lines, where)
 
     @classmethod
-    def _checked(cls, sides: list[FloatArray], where: str) -> DrawnOutline:
+    def _checked(cls, sides: list[FloatArray], where: str) -> AnnotatedOutline:
         lengths = [np.hypot(*(side[-1] - side[0])) for side in sides]
         if min(lengths) < SHORTEST_SIDE:
             raise ValueError(
@@ -107,21 +107,21 @@ class DrawnOutline:
             )
         corners = np.array([side[0] for side in sides])
         if not cv2.isContourConvex(corners.astype(np.float32)):
-            raise ValueError(f"{where}: its four corners make no convex quadrilateral")
+            raise ValueError(f"{where}: its four corners do not make a convex quadrilateral")
         for side in sides:
             side.flags.writeable = False
         return cls(tuple(sides), where)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DrawnSquare:
+class AnnotatedSquare:
     """A drawn square, or a frame with a second outline on the same plane."""
 
-    outer: DrawnOutline
-    inner: DrawnOutline | None = None
+    outer: AnnotatedOutline
+    inner: AnnotatedOutline | None = None
 
     @classmethod
-    def of_two(cls, first: DrawnOutline, second: DrawnOutline) -> DrawnSquare:
+    def of_two(cls, first: AnnotatedOutline, second: AnnotatedOutline) -> AnnotatedSquare:
         """Take the two outlines of a frame in either order.
 
         Raises
@@ -156,23 +156,19 @@ class DrawnSquare:
     def check_inside(self, image_size: tuple[int, int]) -> None:
         """Raise ValueError if a point lies outside a picture of this width and height."""
         for outline in self.outlines:
-            refuse_outside(np.concatenate(outline.sides), image_size, outline.where)
+            points = np.concatenate(outline.sides)
+            outside = (points < -OUTSIDE) | (points > np.array(image_size) - 1 + OUTSIDE)
+            if outside.any():
+                x, y = points[outside.any(axis=1).argmax()]
+                raise ValueError(
+                    f"{outline.where}: the point ({x:g}, {y:g}) lies outside the picture of "
+                    f"{image_size[0]} x {image_size[1]} pixels"
+                )
 
     @property
-    def outlines(self) -> tuple[DrawnOutline, ...]:
+    def outlines(self) -> tuple[AnnotatedOutline, ...]:
         """Return the outer one and, of a frame, the inner one."""
         return (self.outer,) if self.inner is None else (self.outer, self.inner)
-
-
-def refuse_outside(points: FloatArray, image_size: tuple[int, int], where: str) -> None:
-    """Raise ValueError if a point lies outside a picture of this width and height."""
-    outside = (points < -OUTSIDE) | (points > np.array(image_size) - 1 + OUTSIDE)
-    if outside.any():
-        x, y = points[outside.any(axis=1).argmax()]
-        raise ValueError(
-            f"{where}: the point ({x:g}, {y:g}) lies outside the picture of "
-            f"{image_size[0]} x {image_size[1]} pixels"
-        )
 
 
 def _points(points: Any, where: str) -> FloatArray:
@@ -196,7 +192,7 @@ def _signed_area(polygon: FloatArray) -> float:
 def _clockwise(polygon: FloatArray, where: str) -> FloatArray:
     area = _signed_area(polygon)
     if area == 0:
-        raise ValueError(f"{where} encloses nothing")
+        raise ValueError(f"{where} has no area")
     return polygon if area > 0 else polygon[::-1]
 
 

@@ -1,8 +1,8 @@
-"""From an outline drawn by hand to one within a pixel of the edges, on the photograph itself.
+"""Snap a hand-drawn outline to the edges of the photograph, to within a pixel.
 
-What is drawn is some pixels off, and straight where the lens bends a side. Along every side the
-picture is read across the drawn line, and of all gently curved paths that begin and end near it,
-the one is taken that has the strongest step all along; the measurement then knows where to look.
+A drawn outline is some pixels off, and straight where the lens bends a side. Along every side the
+picture is sampled across the drawn line. Of all gently curved paths that begin and end near that
+line, the one with the strongest mean step is taken: the measurement of edges starts from it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trisquare._support.arrays import FloatArray
-from trisquare.detection.annotations.outlines import DrawnOutline, DrawnSquare
+from trisquare.detection.annotations.outlines import AnnotatedOutline, AnnotatedSquare
 from trisquare.detection.candidates import Outline, SquareOutline
 from trisquare.detection.squares.framed import alignment
 
@@ -41,7 +41,7 @@ little enough to tell the outlines of a frame apart."""
 
 ENDS = 17
 BULGES = 41
-"""Offsets tried for each end of a side, and for its bend: a pixel or two apart at first."""
+"""Offsets tried for each end of a side, and for its sagitta: a pixel or two apart at first."""
 
 REFINEMENTS = 2
 """How often the best path's neighbours are tried again, at half the distance each time: half a
@@ -59,7 +59,7 @@ MIN_STEP_NOISES = 1.5
 through mere noise it is below one."""
 
 FARTHEST_CORNER = 4.0
-"""Reaches from a drawn corner to where the settled sides meet: at an acute corner more than one."""
+"""Reaches from a drawn corner to where the snapped sides meet: at an acute corner more than one."""
 
 MEDIAN_OF_NORMAL = 0.6745
 """Median of a normal variable's size, over its standard deviation."""
@@ -71,7 +71,7 @@ LEAST_SINE = 0.2
 """Of the angle between two sides: flatter than 12 degrees, no square can be measured."""
 
 PATH_POINTS = 32
-"""Points of a settled side."""
+"""Points of a snapped side."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,13 +86,13 @@ class _Side:
     needed_step: float
 
 
-def settle(picture: NDArray[np.uint8], drawn: DrawnSquare) -> SquareOutline | str:
+def snap_to_edges(picture: NDArray[np.uint8], annotated: AnnotatedSquare) -> SquareOutline | str:
     """Move a drawn square or frame onto the edges of a picture.
 
     Parameters
     ----------
     picture : ndarray of uint8, shape (H, W)
-    drawn : DrawnSquare
+    annotated : AnnotatedSquare
         Inside the picture.
 
     Returns
@@ -100,10 +100,10 @@ def settle(picture: NDArray[np.uint8], drawn: DrawnSquare) -> SquareOutline | st
     SquareOutline or str
         Within a pixel or two of the edges; or which side of it has none.
     """
-    outer = _settle_outline(picture, drawn.outer)
-    if isinstance(outer, str) or drawn.inner is None:
+    outer = _snapped_outline(picture, annotated.outer)
+    if isinstance(outer, str) or annotated.inner is None:
         return outer if isinstance(outer, str) else SquareOutline(outer, None)
-    inner = _settle_outline(picture, drawn.inner)
+    inner = _snapped_outline(picture, annotated.inner)
     if isinstance(inner, str):
         return inner
     places = alignment(inner.corners, outer.corners)
@@ -114,11 +114,11 @@ def settle(picture: NDArray[np.uint8], drawn: DrawnSquare) -> SquareOutline | st
 
 @dataclass(frozen=True, slots=True)
 class _Path:
-    """A curved path along a side: pixels outward of the drawn line at its ends and by its bend."""
+    """A curved path along a side: pixels outward of the drawn line at its ends, and its sagitta."""
 
     first: float
     last: float
-    bend: float
+    sagitta: float
     step: float
     """Mean step of the picture across it."""
     score: float
@@ -127,20 +127,20 @@ class _Path:
     def offsets(self, along: FloatArray) -> FloatArray:
         """Pixels outward at positions from 0 to 1."""
         straight = self.first + (self.last - self.first) * along
-        return np.asarray(straight + 4.0 * self.bend * along * (1.0 - along))
+        return np.asarray(straight + 4.0 * self.sagitta * along * (1.0 - along))
 
 
-def _settle_outline(picture: NDArray[np.uint8], drawn: DrawnOutline) -> Outline | str:
-    sides = [_read_side(picture, side) for side in drawn.sides]
+def _snapped_outline(picture: NDArray[np.uint8], annotated: AnnotatedOutline) -> Outline | str:
+    sides = [_read_side(picture, side) for side in annotated.sides]
     # All round its inside, an outline is darker or lighter than what is outside.
     light, dark = ([_best_path(side, sign) for side in sides] for sign in (-1.0, 1.0))
     dark_inside = sum(path.score for path in dark) > sum(path.score for path in light)
     paths = dark if dark_inside else light
     for number, (side, path) in enumerate(zip(sides, paths, strict=True)):
         if path.step < side.needed_step:
-            start, end = drawn.sides[number][0], drawn.sides[number][-1]
+            start, end = annotated.sides[number][0], annotated.sides[number][-1]
             return (
-                f"{drawn.where}: no edge within {side.reach:.0f} px of its side {number}, "
+                f"{annotated.where}: no edge within {side.reach:.0f} px of its side {number}, "
                 f"from ({start[0]:.0f}, {start[1]:.0f}) to ({end[0]:.0f}, {end[1]:.0f})"
             )
     curves = [
@@ -150,15 +150,15 @@ def _settle_outline(picture: NDArray[np.uint8], drawn: DrawnOutline) -> Outline 
     corners = [_meet(curves[i - 1], curves[i]) for i in range(4)]
     for number, corner in enumerate(corners):
         farthest = FARTHEST_CORNER * sides[number].reach
-        if corner is None or np.hypot(*(corner - drawn.corners[number])) > farthest:
-            x, y = drawn.corners[number]
-            return f"{drawn.where}: the edges near it do not meet at its corner ({x:.0f}, {y:.0f})"
+        if corner is None or np.hypot(*(corner - annotated.corners[number])) > farthest:
+            x, y = annotated.corners[number]
+            return f"{annotated.where}: the edges do not meet near its corner ({x:.0f}, {y:.0f})"
     closed = np.array(corners)
-    settled = [
+    snapped = [
         _path_through(np.vstack([closed[i], curves[i], closed[(i + 1) % 4]])) for i in range(4)
     ]
     closed.flags.writeable = False
-    return Outline(closed, (settled[0], settled[1], settled[2], settled[3]), bool(dark_inside))
+    return Outline(closed, (snapped[0], snapped[1], snapped[2], snapped[3]), bool(dark_inside))
 
 
 def _read_side(picture: NDArray[np.uint8], polyline: FloatArray) -> _Side:
@@ -205,24 +205,25 @@ def _best_path(side: _Side, sign: float) -> _Path:
         ranges = [
             centre + step * np.arange(-count, count + 1)
             for centre, step, count in zip(
-                (best.first, best.last, best.bend), spacing, counts, strict=True
+                (best.first, best.last, best.sagitta), spacing, counts, strict=True
             )
         ]
-        first, last, bend = (grid.ravel() for grid in np.meshgrid(*ranges, indexing="ij"))
-        inside = (np.maximum(np.abs(first), np.abs(last)) <= side.reach) & (np.abs(bend) <= bulge)
-        first, last, bend = first[inside], last[inside], bend[inside]
+        first, last, sagitta = (grid.ravel() for grid in np.meshgrid(*ranges, indexing="ij"))
+        inside = (np.maximum(np.abs(first), np.abs(last)) <= side.reach) & (
+            np.abs(sagitta) <= bulge
+        )
+        first, last, sagitta = first[inside], last[inside], sagitta[inside]
         along = side.along[:, None]
-        offsets = first * (1.0 - along) + last * along + 4.0 * bend * along * (1.0 - along)
+        offsets = first * (1.0 - along) + last * along + 4.0 * sagitta * along * (1.0 - along)
         index = np.rint(offsets).astype(np.intp) + middle
         step = np.take_along_axis(steps, index, axis=1).mean(axis=0)
         away = np.maximum(
-            np.maximum(np.abs(first), np.abs(last)) / side.reach, np.abs(bend) / bulge
+            np.maximum(np.abs(first), np.abs(last)) / side.reach, np.abs(sagitta) / bulge
         )
         score = step * (1.0 - NEARER * away)
         top = int(score.argmax())
         if score[top] > best.score:
-            found = (first[top], last[top], bend[top], step[top], score[top])
-            best = _Path(*(float(value) for value in found))
+            best = _Path(*(float(value[top]) for value in (first, last, sagitta, step, score)))
         spacing, counts = 0.5 * spacing, (2, 2, 2)
     return best
 

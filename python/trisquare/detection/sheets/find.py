@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.grey import MIN_PICTURE
-from trisquare.detection.sheets.layout import Arrangement, Layout, Sheet
-from trisquare.detection.tags.decode import BORDER, WIDE_BORDER, WIDE_BORDERED, recognise
+from trisquare.detection.sheets.layout import Arrangement, Layout, PrintedSheet
+from trisquare.detection.tags.decode import BORDER, WIDE_BORDER, WIDE_BORDERED, decode_tags
 from trisquare.detection.tags.families import TagSearch
 from trisquare.detection.tags.find import Marker, detect_markers, shortest_side
 from trisquare.results.rejected import Rejected
@@ -51,7 +51,7 @@ class SheetMatch(NamedTuple):
         Width of the markers' black border, over their side.
     """
 
-    sheet: Sheet
+    sheet: PrintedSheet
     arrangement: Arrangement
     model: FloatArray
     corners: FloatArray
@@ -85,7 +85,7 @@ def _markers(grey: NDArray[np.uint8], layout: Layout) -> list[Marker]:
     first, others = detect_markers(grey, names[0], BORDER)
     if len(names) > 1:
         quads = np.array([marker.corners for marker in first] + others).reshape(-1, 4, 2)
-        tags = recognise(grey, quads, np.zeros(len(quads)), TagSearch(names))
+        tags = decode_tags(grey, quads, np.zeros(len(quads)), TagSearch(names))
         votes = [tag.dictionary for tag in tags if tag is not None]
         if not votes:
             return []
@@ -112,7 +112,7 @@ class _Fit(NamedTuple):
 
 def _fit(
     layout: Layout,
-    sheet: Sheet,
+    sheet: PrintedSheet,
     places: NDArray[np.intp],
     corners: FloatArray,
     border: float,

@@ -6,7 +6,6 @@ unit is a chess square, or a marker's side, or whatever a file is written in.
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from dataclasses import dataclass
@@ -16,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from trisquare._support.arrays import FloatArray, real_array
-from trisquare._support.paths import read_text
+from trisquare._support.json_members import parse_json
+from trisquare._support.paths import naming, read_text
 from trisquare.detection.tags.families import APRILTAG, ARUCO, LARGEST, SIZES, dictionary_name
 
 GRAMMAR = (
@@ -59,7 +59,7 @@ class Arrangement:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sheet:
+class PrintedSheet:
     """A printed sheet with markers.
 
     Attributes
@@ -96,7 +96,7 @@ class Layout:
         As it was asked for.
     dictionaries : tuple of str
         Those that the markers may be from.
-    sheets : tuple of Sheet
+    sheets : tuple of PrintedSheet
         One that is repeated with further numbers, or those of a file.
     numbers : tuple of dict or None
         Of each sheet of a file, the place of each marker number; None if the one sheet is
@@ -105,7 +105,7 @@ class Layout:
 
     text: str
     dictionaries: tuple[str, ...]
-    sheets: tuple[Sheet, ...]
+    sheets: tuple[PrintedSheet, ...]
     numbers: tuple[dict[int, int], ...] | None = None
 
     def place(self, number: int) -> tuple[int, int] | None:
@@ -117,7 +117,7 @@ class Layout:
                 return sheet, places[number]
         return None
 
-    def sheet(self, index: int) -> Sheet:
+    def sheet(self, index: int) -> PrintedSheet:
         """Return the sheet of that index."""
         return self.sheets[0] if self.numbers is None else self.sheets[index]
 
@@ -158,7 +158,7 @@ def parse_layout(text: str) -> Layout:
     return Layout(text, enough, (sheet,))
 
 
-def _charuco(cols: int, rows: int, ratio: float) -> Sheet:
+def _charuco(cols: int, rows: int, ratio: float) -> PrintedSheet:
     """Markers in the white squares, row by row.
 
     With an even number of rows the colour of the first square tells OpenCV's pattern from the one
@@ -173,16 +173,16 @@ def _charuco(cols: int, rows: int, ratio: float) -> Sheet:
         ]
         corners = 0.5 + ratio * (UNIT_SQUARE - 0.5) - middle + np.array(white)[:, None]
         arrangements.append(Arrangement(corners, dark_corner))
-    return Sheet("charuco", "board", tuple(arrangements), (cols, rows), rim, rim / ratio)
+    return PrintedSheet("charuco", "board", tuple(arrangements), (cols, rows), rim, rim / ratio)
 
 
-def _grid(cols: int, rows: int, gap: float) -> Sheet:
+def _grid(cols: int, rows: int, gap: float) -> PrintedSheet:
     """Markers row by row, from the top as OpenCV counts them or from the bottom as Kalibr does."""
     x, y = np.meshgrid(np.arange(cols), np.arange(rows))
     cells = np.stack([x.ravel(), y.ravel()], axis=1) * (1.0 + gap)
     corners = UNIT_SQUARE + cells[:, None] - 0.5 * (cells[-1] + 1.0)
     from_bottom = corners.reshape(rows, cols, 4, 2)[::-1].reshape(-1, 4, 2)
-    return Sheet("sheet", "sheet", (Arrangement(corners), Arrangement(from_bottom)), gap=gap)
+    return PrintedSheet("sheet", "sheet", (Arrangement(corners), Arrangement(from_bottom)), gap=gap)
 
 
 def _from_file(path: Path) -> Layout:
@@ -194,16 +194,14 @@ def _from_file(path: Path) -> Layout:
     if path.is_file() and path.stat().st_size > MOST_FILE_BYTES:
         raise ValueError(f"{path}: too large for a layout")
     text = read_text(path)
-    try:
-        content = json.loads(text)
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise ValueError(f"{path}: not JSON: {error}") from error
+    with naming(path):
+        content = parse_json(text)
     if not isinstance(content, dict):
         raise ValueError(f'{path}: must be an object with "sheets" or "markers"')
     given = content.get("sheets", [content])
     if not isinstance(given, list) or not given:
         raise ValueError(f"{path}: sheets must be a list of at least one")
-    sheets: list[Sheet] = []
+    sheets: list[PrintedSheet] = []
     numbers: list[dict[int, int]] = []
     for index, member in enumerate(given):
         sheet, places = _file_sheet(path, index, member)
@@ -222,7 +220,7 @@ def _from_file(path: Path) -> Layout:
     return Layout(str(path), names, tuple(sheets), tuple(numbers))
 
 
-def _file_sheet(path: Path, index: int, member: Any) -> tuple[Sheet, dict[int, int]]:
+def _file_sheet(path: Path, index: int, member: Any) -> tuple[PrintedSheet, dict[int, int]]:
     markers = member.get("markers") if isinstance(member, dict) else None
     if not isinstance(markers, dict) or not markers:
         raise ValueError(f"{path}: sheet {index} needs markers, an object of corners by number")
@@ -247,7 +245,7 @@ def _file_sheet(path: Path, index: int, member: Any) -> tuple[Sheet, dict[int, i
     all_corners = np.array(corners)
     middle = 0.5 * (all_corners.min(axis=(0, 1)) + all_corners.max(axis=(0, 1)))
     side = float(np.linalg.norm(all_corners[0, 1] - all_corners[0, 0]))
-    return Sheet("sheet", name, (Arrangement((all_corners - middle) / side),)), places
+    return PrintedSheet("sheet", name, (Arrangement((all_corners - middle) / side),)), places
 
 
 def _is_clockwise_square(corners: FloatArray) -> bool:

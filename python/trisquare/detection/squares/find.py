@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trisquare._support.arrays import FloatArray
+from trisquare._support.convex_quads import quad_areas
 from trisquare.detection.candidates import ENOUGH, Outline, SquareOutline, Tag
 from trisquare.detection.grey import MIN_PICTURE, grey_bytes, working_picture
-from trisquare.detection.squares.framed import MIN_RELATIVE_SIDE, alignment, find_figures
+from trisquare.detection.squares.framed import MIN_RELATIVE_SIDE, alignment, find_framed_squares
 from trisquare.detection.squares.quads import Quads, find_quads
 from trisquare.detection.squares.rectified import views_of_squares
 from trisquare.detection.squares.side_curves import fit_sides
-from trisquare.detection.tags.decode import recognise
+from trisquare.detection.tags.decode import decode_tags
 from trisquare.detection.tags.families import TagSearch
 from trisquare.detection.tags.find import detect_markers
 
@@ -53,7 +54,7 @@ def find_squares(
         others = _squares_of(grey, coarser, 2 * scale, tag_search)
         squares += [other for other in others if not _is_known(other.outer.corners, squares)]
     squares += _further_tags(grey, squares)
-    return sorted(squares, key=lambda square: -_area(square.outer))
+    return sorted(squares, key=lambda square: -float(quad_areas(square.outer.corners)))
 
 
 def _squares_of(
@@ -67,10 +68,10 @@ def _squares_of(
     def read_tags(indices: NDArray[np.intp]) -> list[Tag | None]:
         assert tag_search is not None
         steps = quads.contrasts[indices].mean(axis=1)
-        return recognise(grey, scale * quads.corners[indices], steps, tag_search)
+        return decode_tags(grey, scale * quads.corners[indices], steps, tag_search)
 
     squares = []
-    for figure in find_figures(smooth, quads, None if tag_search is None else read_tags):
+    for figure in find_framed_squares(smooth, quads, None if tag_search is None else read_tags):
         outer = _outline(quads, figure.outer, figure.tag.turns if figure.tag else 0, scale)
         inner = None
         if figure.inner is not None:
@@ -100,7 +101,7 @@ def _further_tags(grey: NDArray[np.uint8], found: list[SquareOutline]) -> list[S
         corners = np.array([marker.corners for marker in detect_markers(grey, name)[0]])
         corners = corners.reshape(-1, 4, 2)
         search = TagSearch((name,), stated=True)
-        tags = recognise(grey, corners, np.zeros(len(corners)), search)
+        tags = decode_tags(grey, corners, np.zeros(len(corners)), search)
         for quad, tag in zip(corners, tags, strict=True):
             if tag is not None and not _is_known(quad, (*found, *further)):
                 own = np.roll(quad, tag.turns, axis=0)
@@ -130,7 +131,3 @@ def _side(outline: Outline) -> float:
     """Mean length of the sides' chords, pixels."""
     along = outline.corners - np.roll(outline.corners, 1, axis=0)
     return float(np.linalg.norm(along, axis=1).mean())
-
-
-def _area(outline: Outline) -> float:
-    return float(cv2.contourArea(outline.corners.astype(np.float32)))

@@ -73,7 +73,7 @@ own on some other ground, not a frame: the sheet's rim is cut by hand and no par
 
 
 @dataclass(frozen=True, slots=True)
-class Figure:
+class FramedSquare:
     """Indices of a square's outlines among the quads; `inner` is a frame's inner outline."""
 
     outer: int
@@ -81,9 +81,9 @@ class Figure:
     tag: Tag | None = None
 
 
-def find_figures(
+def find_framed_squares(
     picture: NDArray[np.float32], quads: Quads, read_tags: TagReader | None = None
-) -> list[Figure]:
+) -> list[FramedSquare]:
     """Tell squares, frames and tags from everything else that has four sides.
 
     Parameters
@@ -105,7 +105,7 @@ def find_figures(
     hole = uniform & (on_ground.mean(axis=(1, 2)) >= MIN_RING_SHARE)
     areas = quads.areas
     frames = [
-        Figure(outer, inner)
+        FramedSquare(outer, inner)
         for outer in np.flatnonzero(standing_alone & ~uniform).tolist()
         for inner in np.flatnonzero(hole & (quads.dark_inside != quads.dark_inside[outer])).tolist()
         if areas[inner] < areas[outer]
@@ -113,19 +113,19 @@ def find_figures(
         and _same_ground(ground[outer], figure[inner], quads.contrasts[outer])
     ]
     inners = {frame.inner for frame in frames}
-    solids = [Figure(i, None) for i in np.flatnonzero(solid).tolist() if i not in inners]
-    tags: list[Figure] = []
+    solids = [FramedSquare(i, None) for i in np.flatnonzero(solid).tolist() if i not in inners]
+    tags: list[FramedSquare] = []
     if read_tags is not None:
         candidates = np.flatnonzero(standing_alone & ~uniform & quads.dark_inside)
         read = zip(candidates.tolist(), read_tags(candidates), strict=True)
-        tags = [Figure(i, None, tag) for i, tag in read if tag is not None]
+        tags = [FramedSquare(i, None, tag) for i, tag in read if tag is not None]
     # Cells of a tag are no squares of their own.
     others = [f for f in solids + frames if not _within(quads, f, tags)]
     return _of_comparable_size(quads, _innermost(quads, areas, tags, others))
 
 
-def why_no_figures(picture: NDArray[np.float32], quads: Quads) -> list[str]:
-    """Say of each quad that `find_figures` passed over what speaks against it.
+def reasons_against_quads(picture: NDArray[np.float32], quads: Quads) -> list[str]:
+    """Say of each quad that `find_framed_squares` passed over what speaks against it.
 
     Parameters
     ----------
@@ -139,10 +139,10 @@ def why_no_figures(picture: NDArray[np.float32], quads: Quads) -> list[str]:
     alone = _standing_alone(picture, quads, ground, figure, _on_ground(quads, ground, figure))
     reasons = np.where(
         ~alone,
-        "something else lies beside its sides or corners",
+        "something else touches its sides or corners",
         np.where(
             ~_uniform(picture, quads),
-            "its inside is neither even nor a frame's",
+            "its inside is neither uniform nor that of a frame",
             "it is far smaller than the others",
         ),
     )
@@ -273,8 +273,8 @@ def _aligned(corners: FloatArray, reference: FloatArray) -> FloatArray:
 
 
 def _innermost(
-    quads: Quads, areas: FloatArray, tags: list[Figure], figures: list[Figure]
-) -> list[Figure]:
+    quads: Quads, areas: FloatArray, tags: list[FramedSquare], figures: list[FramedSquare]
+) -> list[FramedSquare]:
     """Drop figures that hold a tag or another figure: a sheet of paper is no square of its own."""
     kept = list(tags)
     for figure in sorted(figures, key=lambda figure: areas[figure.outer]):
@@ -283,14 +283,14 @@ def _innermost(
     return kept
 
 
-def _within(quads: Quads, figure: Figure, others: Sequence[Figure]) -> bool:
+def _within(quads: Quads, figure: FramedSquare, others: Sequence[FramedSquare]) -> bool:
     """Whether a figure's centre lies in one of the others."""
     centre = tuple(quads.corners[figure.outer].mean(axis=0))
     outlines = (quads.sides[other.outer].reshape(-1, 2).astype(np.float32) for other in others)
     return any(cv2.pointPolygonTest(outline, centre, False) >= 0 for outline in outlines)
 
 
-def _of_comparable_size(quads: Quads, figures: list[Figure]) -> list[Figure]:
+def _of_comparable_size(quads: Quads, figures: list[FramedSquare]) -> list[FramedSquare]:
     """Drop figures far smaller than the three largest."""
     if len(figures) <= 3:
         return figures

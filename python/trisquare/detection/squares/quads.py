@@ -16,6 +16,7 @@ from cv2.typing import MatLike
 from numpy.typing import NDArray
 
 from trisquare._support.arrays import FloatArray
+from trisquare._support.convex_quads import quad_areas
 from trisquare.detection.candidates import MIN_CONTRAST
 from trisquare.detection.grey import RANGE_PERCENTILES
 from trisquare.detection.sampling import sample
@@ -118,9 +119,7 @@ class Quads:
     @property
     def areas(self) -> FloatArray:
         """Areas of the quadrilaterals of the corners, shape (Q,)."""
-        diagonals = self.corners[:, 2:] - self.corners[:, :2]
-        first, second = diagonals[:, 0], diagonals[:, 1]
-        return 0.5 * np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
+        return quad_areas(self.corners)
 
     def subset(self, keep: NDArray[np.bool_] | NDArray[np.intp]) -> Quads:
         """Return the quads that a mask or index array selects."""

@@ -248,10 +248,16 @@ impl Lens for Brown {
         self.valid_radius
     }
 
-    fn line_distance(&self, pixel_ray: &BrownPixelRay, line: &Vector3<f64>) -> f64 {
+    fn line_distance_and_normal(
+        &self,
+        pixel_ray: &BrownPixelRay,
+        line: &Vector3<f64>,
+    ) -> (f64, Vector2<f64>) {
         let pulled = pixel_ray.inverse_transpose * line.xy();
         let gradient = pulled.component_mul(&self.inverse_focal);
-        (line.xy().dot(&pixel_ray.ideal) + line.z) / gradient.norm()
+        let norm = gradient.norm();
+        let distance = (line.xy().dot(&pixel_ray.ideal) + line.z) / norm;
+        (distance, gradient / norm)
     }
 
     /// With `u` the ideal point, `J = du_d/du`, `q = J^-T (l1, l2)` and `G = q / f`, the distance

@@ -11,7 +11,7 @@ impl Brown {
     ///
     /// With `u_d` the observed point: `du_d = u s^i dk_i` and, for the tangential coefficients,
     /// `(2 x y, s + 2 y^2) dp1 + (s + 2 x^2, 2 x y) dp2`; the pixel is `f u_d + c`.
-    pub(super) fn jacobian_of_projection(&self, ideal: &Vector2<f64>) -> SMatrix<f64, 2, 9> {
+    pub(crate) fn jacobian_of_projection(&self, ideal: &Vector2<f64>) -> SMatrix<f64, 2, 9> {
         let (x, y) = (ideal.x, ideal.y);
         let square = x * x + y * y;
         let distorted = self.distort(ideal);

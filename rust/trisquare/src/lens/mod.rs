@@ -8,16 +8,22 @@ mod brown;
 mod brown_inverse;
 mod brown_model;
 mod brown_projection;
+mod distortion;
+mod families;
 mod point_maps;
 mod radial;
+mod turned_lenses;
 mod undistorted_view;
 mod undistortion_map;
 
 pub use brown::{Brown, BrownPixelRay};
 pub use brown_model::BrownModel;
+pub use distortion::{Distortion, DistortionTerm};
+pub use families::{LensFamily, NearestLens};
 pub(crate) use point_maps::of_all;
 pub(crate) use radial::{forward_coefficients, sign_changes};
 pub use radial::{invertible_radius, monotonic_radius};
+pub use turned_lenses::{SeenAgain, TurnedLenses};
 pub use undistortion_map::{UndistortionMap, largest_rectangle};
 
 use std::fmt::Debug;
@@ -157,8 +163,18 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
     /// field angle for a distorted pinhole.
     fn valid_radius(&self) -> f64;
 
+    /// Signed distance in pixels of a pixel to the image of the line `l`, and the unit normal of the
+    /// image towards which it is positive.
+    fn line_distance_and_normal(
+        &self,
+        pixel_ray: &Self::PixelRay,
+        line: &Vector3<f64>,
+    ) -> (f64, Vector2<f64>);
+
     /// Signed distance in pixels of a pixel with its ray to the image of the line `l`.
-    fn line_distance(&self, pixel_ray: &Self::PixelRay, line: &Vector3<f64>) -> f64;
+    fn line_distance(&self, pixel_ray: &Self::PixelRay, line: &Vector3<f64>) -> f64 {
+        self.line_distance_and_normal(pixel_ray, line).0
+    }
 
     /// The same with its derivatives; columns that are not wanted may be left zero.
     fn line_distance_jacobian(

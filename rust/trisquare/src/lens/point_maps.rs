@@ -70,6 +70,11 @@ impl Brown {
         let reach = radius * radial - 3.0 * p1.hypot(p2) * square;
         reach.max(0.0) * self.focal().min()
     }
+
+    /// The ideal normalised point seen at a pixel; `None` where the distortion is not invertible.
+    pub fn ideal_point(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
+        self.unproject_with_jacobian(pixel).map(|ray| ray.ideal())
+    }
 }
 
 /// A map of many points.

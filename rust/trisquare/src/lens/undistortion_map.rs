@@ -58,7 +58,6 @@ impl UndistortionMap<'_> {
             .zip(self.parts.chunks_exact_mut(width))
             .zip(self.valid.chunks_exact_mut(width));
         let (focal, centre) = (view.focal(), view.principal_point());
-        let far = size.centre() * 2.0;
         for (y, ((whole, parts), valid)) in rows.enumerate() {
             let ideal_y = (y as f64 - centre.y) / focal.y;
             let pixels = whole.chunks_exact_mut(2).zip(parts).zip(valid);
@@ -68,16 +67,11 @@ impl UndistortionMap<'_> {
                 let (place, parts) = seen.map_or(([NOWHERE; 2], 0), |seen| rounded(&seen));
                 whole.copy_from_slice(&place);
                 *part = parts;
-                *valid = seen.is_some_and(|seen| is_in(&seen, &far));
+                *valid = seen.is_some_and(|seen| size.contains(&seen, ON_THE_BORDER));
             }
         }
         Ok(())
     }
-}
-
-/// Whether a point lies among the pixels' centres.
-fn is_in(point: &Vector2<f64>, far: &Vector2<f64>) -> bool {
-    (0..2).all(|axis| (-ON_THE_BORDER..=far[axis] + ON_THE_BORDER).contains(&point[axis]))
 }
 
 /// Whole pixels and parts of them; halves go to the even part, as in OpenCV.

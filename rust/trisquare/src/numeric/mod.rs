@@ -1,15 +1,18 @@
 //! Numerical tools that know nothing of cameras: normal equations in the shape of an arrow, damped
-//! least squares, robust losses, the normal distribution.
+//! least squares, robust losses, the normal and the chi-squared distribution.
 
 mod arrowhead;
+mod chi_square;
 mod levenberg;
 mod normal;
 mod rank_one;
 mod robust;
 
 pub(crate) use arrowhead::{ArrowStep, ArrowSystem, Block};
+pub use chi_square::chi_square_tail;
+pub(crate) use chi_square::normal_deviate;
 pub(crate) use levenberg::{Limits, Minimum, Problem, Termination, minimise};
 pub use normal::cdf;
 pub(crate) use normal::{BivariateNormal, cdf_and_pdf, pdf};
 pub(crate) use rank_one::{add_rank_one, symmetric};
-pub(crate) use robust::{Loss, Spread, median_scale};
+pub(crate) use robust::{Loss, Spread, median, median_scale};

@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, Vector2};
 
 use super::pose_uncertainty::PoseUncertainty;
 use super::residual_correlation::ResidualCorrelation;
+use super::residuals::FigureResiduals;
 use super::warning::{Stage, Warning};
 use crate::geometry::Pose;
 use crate::image::ToneFit;
@@ -45,6 +46,9 @@ pub struct Calibration<L: Lens = DefaultLens> {
     pub aspect_fixed: bool,
     /// The planes, in the order in which their first figures were given.
     pub planes: Vec<Plane>,
+    /// How far the samples of every figure are from the images of its lines, in the order in which
+    /// the figures were given.
+    pub residuals: Vec<FigureResiduals>,
     /// Root mean square distance of all samples to the images of their lines, in pixels.
     pub rms: f64,
     /// What the given standard deviations had to be multiplied by to agree with the residuals.

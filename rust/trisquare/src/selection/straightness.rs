@@ -139,6 +139,7 @@ fn residuals<L: Lens>(side: &Side, undistortion: &Undistortion<L>) -> Option<Vec
     let line = Line::fit(ideal.iter().map(|pixel| (*pixel, 1.0)))?;
     let residual = |(pixel, sample): (&Vector2<f64>, &Sample)| Residual {
         distance: line.distance(pixel),
+        normal: line.normal(),
         weight: sample.weight,
         counts: true,
     };

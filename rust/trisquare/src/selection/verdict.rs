@@ -4,7 +4,7 @@ use super::hypothesis::Hypothesis;
 use super::inliers::Inliers;
 use super::joint_fit::Fit;
 use crate::lens::Lens;
-use crate::observations::ObservedPlane;
+use crate::observations::{ObservedPlane, PlaneEdges};
 
 /// Boards that show a camera and their own errors: more than half of them are then right.
 pub(crate) const LEAST_BOARDS: usize = 3;
@@ -76,6 +76,22 @@ pub enum Doubt {
 }
 
 impl Choice {
+    /// Drops, of the figures among which was chosen, those on planes that are not kept.
+    pub fn keep(&self, edges: &mut Vec<PlaneEdges>) {
+        let dropped = self.verdicts.iter().filter(|verdict| !verdict.kept);
+        let dropped: Vec<(usize, Option<u64>)> = dropped
+            .map(|verdict| (verdict.figure, edges[verdict.figure].plane))
+            .collect();
+        let mut index = 0;
+        edges.retain(|figure| {
+            let is_dropped = dropped
+                .iter()
+                .any(|(first, plane)| *first == index || plane.is_some() && *plane == figure.plane);
+            index += 1;
+            !is_dropped
+        });
+    }
+
     /// The choice that keeps all.
     pub(crate) fn of_all(planes: &[ObservedPlane]) -> Self {
         let kept = |plane: &ObservedPlane| Verdict {

@@ -6,8 +6,8 @@ use super::problem::JointProblem;
 use super::solve::Solution;
 use crate::lens::Lens;
 use crate::observations::{ObservedPlane, Placement, View};
-use crate::refine::root_mean_square;
-use crate::result::{Calibration, Plane, Stage, Warning};
+use crate::refine::{Residuals, root_mean_square};
+use crate::result::{Calibration, FigureResiduals, Plane, SideResiduals, Stage, Warning};
 use crate::uncertainty::{Correlated, pose_uncertainties};
 
 impl<L: Lens> Calibration<L> {
@@ -67,6 +67,7 @@ impl<L: Lens> Calibration<L> {
                     uncertainty: None,
                 })
                 .collect(),
+            residuals: by_figure(planes, residuals),
             rms: root_mean_square(residuals.iter().flatten().filter(|r| r.counts)),
             noise_scale: refined.noise_scale,
             iterations: refined.iterations,
@@ -76,6 +77,31 @@ impl<L: Lens> Calibration<L> {
             tones: Vec::new(),
         }
     }
+}
+
+/// The residuals of every figure and line, in the order in which they were given.
+fn by_figure(planes: &[ObservedPlane], residuals: &Residuals) -> Vec<FigureResiduals> {
+    let mut sorted = Vec::new();
+    for (number, (plane, own)) in planes.iter().zip(residuals).enumerate() {
+        let mut own = own.iter();
+        for figure in &plane.figures {
+            let sides = figure.sides.iter().map(|side| {
+                let of_side = own.by_ref().take(side.samples.len());
+                let (distances, normals) = of_side.map(|r| (r.distance, r.normal)).unzip();
+                SideResiduals { distances, normals }
+            });
+            let sides = sides.collect();
+            sorted.push((
+                figure.index,
+                FigureResiduals {
+                    plane: number,
+                    sides,
+                },
+            ));
+        }
+    }
+    sorted.sort_by_key(|(index, _)| *index);
+    sorted.into_iter().map(|(_, figure)| figure).collect()
 }
 
 /// The images of a plane's corners: of a square where sides `i - 1` and `i` meet, of a lattice

@@ -4,7 +4,7 @@
 use super::problem::{Failure, JointProblem};
 use super::solve::Solution;
 use crate::lens::Lens;
-use crate::noise::{Misfit, Noise};
+use crate::noise::{Misfit, Moments, Noise};
 use crate::observations::ObservedPlane;
 use crate::refine::{Refined, root_mean_square};
 use crate::result::Warning;
@@ -27,6 +27,10 @@ const BENT: f64 = 10.0;
 /// A side is rejected if what it adds to the misfit is, per degree of freedom, so many times what
 /// remains without it: chance makes it 7 once in ten thousand times, and there are some twelve.
 const FALSE_SIDE: f64 = 10.0;
+
+/// Part of its weight that the robust loss must leave every side where a bent one stays: of a side
+/// that it mostly ignores, the standard deviations do not include the bend.
+const LEAST_WEIGHT: f64 = 0.5;
 
 /// At most one side in so many is rejected: beyond, nobody can tell who is right.
 const SIDES_PER_OUTLIER: usize = 4;
@@ -70,7 +74,7 @@ pub(crate) fn reject_outliers<L: Lens>(
             break;
         };
         let before = std::mem::replace(&mut solution, straighter);
-        if !problem.is_ill_conditioned(&before) {
+        if before.has_weight_on_all_sides() && !problem.is_ill_conditioned(&before) {
             last_sound = Some(before);
         }
     }
@@ -190,6 +194,16 @@ impl<L: Lens> Solution<L> {
         let view = &self.refined.view;
         self.noise.as_ref().map_or(Misfit::NONE, |noise| {
             Misfit::of(&self.planes, view, &problem.free, noise)
+        })
+    }
+
+    /// Whether the robust loss leaves every side that counts most of its weight.
+    fn has_weight_on_all_sides(&self) -> bool {
+        let moments = self.noise.iter().flat_map(|noise| &noise.sides).flatten();
+        let sides = self.planes.iter().flat_map(ObservedPlane::sides);
+        sides.zip(moments).all(|(side, moments)| {
+            let weight = |of: &Moments| of.gram[(0, 0)];
+            side.is_outlier || weight(&moments.robust) > LEAST_WEIGHT * weight(&moments.plain)
         })
     }
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-use crate::numeric::ArrowSystem;
+use crate::numeric::{ArrowSystem, normal_deviate};
 use crate::observations::FreeParameters;
 use crate::result::Disagreement;
 
@@ -75,13 +75,6 @@ pub(crate) fn disagreement(
         }
     }
     worst
-}
-
-/// The normal deviate as improbable as a chi-squared of `freedom` degrees
-/// (E. B. Wilson & M. M. Hilferty, PNAS 17 (1931) 684-688).
-fn normal_deviate(chi_square: f64, freedom: f64) -> f64 {
-    let spread = 2.0 / (9.0 * freedom);
-    ((chi_square / freedom).cbrt() - (1.0 - spread)) / spread.sqrt()
 }
 
 /// `g^T A^+ g` and the rank of `A`.

@@ -1,13 +1,16 @@
 //! How well the camera is known, and whether the geometry determines it at all.
 
+mod comparison;
 mod conditioning;
 mod correlated_residuals;
 mod covariance;
 mod known_values;
+mod plane_points;
 mod pose;
 mod projection;
 mod remedies;
 
+pub use comparison::{DifferenceTest, ProjectionDifference, compare_projections};
 pub(crate) use conditioning::{Conditioning, judged_parameters};
 pub(crate) use correlated_residuals::{Correlated, correlated_covariance, weighed_by_noise};
 pub(crate) use covariance::{check_plane_count, covariance};

@@ -5,11 +5,16 @@
 //! held fixed in the camera's frame, the pixel's covariance is `J C J^T` with `J` the derivative of
 //! the projection by the free parameters and `C` their covariance.
 
-use nalgebra::{DMatrix, Matrix2, Matrix2xX, Vector2};
+use nalgebra::{
+    Const, DMatrix, Dim, Dyn, Matrix, Matrix2, Matrix2xX, OMatrix, Storage, SymmetricEigen, Vector2,
+};
 
 use crate::error::Error;
 use crate::lens::{DefaultLens, Lens, of_all};
 use crate::result::Calibration;
+
+/// Sweeps of the symmetric eigenvalue iteration; a few per column suffice.
+const MAX_SWEEPS: usize = 1000;
 
 /// The uncertainty of projections that follows from that of a camera's parameters.
 #[derive(Debug, Clone)]
@@ -68,8 +73,48 @@ impl<'a, L: Lens> ProjectionUncertainty<'a, L> {
     /// the valid radius.
     pub fn at(&self, pixel: &Vector2<f64>) -> Option<Matrix2<f64>> {
         let pixel_ray = self.camera.unproject_with_jacobian(pixel)?;
-        let all = self.camera.projection_jacobian(&pixel_ray);
-        let mut free = Matrix2xX::zeros(self.columns.len());
+        let free = self.free_columns(&self.camera.projection_jacobian(&pixel_ray));
+        let covariance = &free * &self.covariance * free.transpose();
+        covariance
+            .iter()
+            .all(|v| v.is_finite())
+            .then_some(covariance)
+    }
+
+    /// The camera.
+    pub(super) fn camera(&self) -> &'a L {
+        self.camera
+    }
+
+    /// The covariance of the free parameters.
+    pub(super) fn covariance(&self) -> &DMatrix<f64> {
+        &self.covariance
+    }
+
+    /// How many parameters are free.
+    pub(super) fn len(&self) -> usize {
+        self.columns.len()
+    }
+
+    /// A square root `L` of the covariance, `C = L L^T`, of a covariance that rounding may have left
+    /// a little indefinite.
+    pub(super) fn root(&self) -> Result<DMatrix<f64>, Error> {
+        if self.columns.is_empty() {
+            return Ok(DMatrix::zeros(0, 0));
+        }
+        let eigen = SymmetricEigen::try_new(self.covariance.clone(), f64::EPSILON, MAX_SWEEPS);
+        let eigen = eigen
+            .ok_or_else(|| Error::InvalidArgument("the covariance has no eigenvalues".into()))?;
+        let roots = eigen.eigenvalues.map(|value| value.max(0.0).sqrt());
+        Ok(eigen.eigenvectors * DMatrix::from_diagonal(&roots))
+    }
+
+    /// Of derivatives by all parameters, those by the free ones; `fy` may follow `fx`.
+    pub(super) fn free_columns<const R: usize, C: Dim>(
+        &self,
+        all: &Matrix<f64, Const<R>, C, impl Storage<f64, Const<R>, C>>,
+    ) -> OMatrix<f64, Const<R>, Dyn> {
+        let mut free = OMatrix::<f64, Const<R>, Dyn>::zeros(self.columns.len());
         for (i, column) in self.columns.iter().enumerate() {
             free.set_column(i, &all.column(*column));
             if let (0, Some(aspect)) = (*column, self.aspect) {
@@ -77,11 +122,7 @@ impl<'a, L: Lens> ProjectionUncertainty<'a, L> {
                 free.set_column(i, &followed);
             }
         }
-        let covariance = &free * &self.covariance * free.transpose();
-        covariance
-            .iter()
-            .all(|v| v.is_finite())
-            .then_some(covariance)
+        free
     }
 
     /// The same for many pixels.
@@ -111,6 +152,13 @@ impl<L: Lens> Calibration<L> {
         let found = uncertainty.at_pixels(pixels)?;
         // Rounding may leave a trace that vanishes a little below zero.
         Ok(found.iter().map(|c| c.trace().max(0.0).sqrt()).collect())
+    }
+}
+
+impl ProjectionUncertainty<'_, DefaultLens> {
+    /// The projection's derivative by the free parameters, at an ideal point.
+    pub(super) fn free_jacobian(&self, ideal: &Vector2<f64>) -> Matrix2xX<f64> {
+        self.free_columns(&self.camera.jacobian_of_projection(ideal))
     }
 }
 

@@ -27,7 +27,7 @@ FARTHEST = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sighting(RebuiltByConstructor):
+class PartialDetection(RebuiltByConstructor):
     """A target that was found and measured in a picture.
 
     Parameters
@@ -51,16 +51,16 @@ class Sighting(RebuiltByConstructor):
 
     def __repr__(self) -> str:
         x, y = self.corners.mean(axis=0).tolist()
-        return f"<Sighting {self.kind} in image {self.image} around ({x:.0f}, {y:.0f})>"
+        return f"<PartialDetection {self.kind} in image {self.image} around ({x:.0f}, {y:.0f})>"
 
 
-def sightings(figures: Iterable[PlaneEdges]) -> list[Sighting]:
+def partial_detections(figures: Iterable[PlaneEdges]) -> list[PartialDetection]:
     """Return where each plane's first figure was found."""
     planes: set[int] = set()
     found = []
     for figure in figures:
         if figure.plane is None or figure.plane not in planes:
-            found.append(Sighting(figure.kind, figure.image, _corners(figure)))
+            found.append(PartialDetection(figure.kind, figure.image, _corners(figure)))
         if figure.plane is not None:
             planes.add(figure.plane)
     return found

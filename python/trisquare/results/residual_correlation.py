@@ -12,7 +12,7 @@ LIKELIER = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Coherence(RebuiltByConstructor):
+class ResidualCorrelation(RebuiltByConstructor):
     """How far the residuals are from independent noise; the covariance allows for it.
 
     Parameters
@@ -47,7 +47,7 @@ class Coherence(RebuiltByConstructor):
         return self.probability > LIKELIER
 
 
-def coherence_members(coherence: Coherence) -> dict[str, Any]:
+def residual_correlation_members(coherence: ResidualCorrelation) -> dict[str, Any]:
     """Return the ``coherence`` object of the JSON format."""
     return {
         "neighbours": coherence.neighbours,
@@ -57,9 +57,9 @@ def coherence_members(coherence: Coherence) -> dict[str, Any]:
     }
 
 
-def coherence_from_members(members: JsonFields) -> Coherence:
+def residual_correlation_from_members(members: JsonFields) -> ResidualCorrelation:
     """Read the ``coherence`` object of the JSON format."""
-    return Coherence(
+    return ResidualCorrelation(
         neighbours=members.number("neighbours"),
         probability=members.number("probability"),
         displacements=tuple(members.array("displacements_px", (None,)).tolist()),

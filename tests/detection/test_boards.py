@@ -20,7 +20,9 @@ def worst_gap(points, others):
     return float(np.linalg.norm(points[:, None] - others, axis=2).min(axis=1).max())
 
 
-@pytest.mark.parametrize("inner_corners", [(3, 3), (9, 6), (17, 12)])
+@pytest.mark.parametrize(
+    "inner_corners", [(3, 3), (9, 6), pytest.param((17, 12), marks=pytest.mark.slow)]
+)
 def test_rendered_boards_are_found_whole(inner_corners):
     for seed in range(3):
         rng = np.random.default_rng([80, seed])

@@ -12,12 +12,13 @@ from scenes import parallel_squares
 
 import trisquare as ts
 from trisquare import simulate
-from trisquare.calibration.explain_failure import explain
 from trisquare.cli.tables import calibration_report
 from trisquare.detection.candidates import Lattice
-from trisquare.detection.kinds import Targets
-from trisquare.drawing.detections import FOUND_COLOUR, REJECTED_COLOUR, draw_findings
-from trisquare.measurement.boards import FoundLattice
+from trisquare.detection.kinds import TargetKinds
+from trisquare.drawing.detections import FOUND_COLOUR, REJECTED_COLOUR, draw_detections
+from trisquare.measurement.boards import Board
+from trisquare.measurement.find import search
+from trisquare.measurement.rejection_reasons import rejection_reasons
 
 CAMERA = simulate.TrueCamera(700.0, 700.0, 319.5, 239.5, image_size=(640, 480))
 UNIT_SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
@@ -110,7 +111,7 @@ def reasons(scene, **settings):
     picture = photograph(scene, **settings)
     return {
         tuple(np.rint(candidate.corners.mean(axis=0)).astype(int)): candidate.reason
-        for candidate in explain(picture, Targets.parse("squares"))
+        for candidate in rejection_reasons(search(picture, TargetKinds.parse("squares")))
     }
 
 
@@ -145,10 +146,10 @@ def test_what_lies_beside_a_square_is_told():
     picture = photograph(scene)
     dark, light = float(picture[240, 220]), float(picture[10, 10])
     picture[150:330, 300:420] = round(0.6 * dark + 0.4 * light)
-    told = explain(picture, Targets.parse("squares"))
+    told = rejection_reasons(search(picture, TargetKinds.parse("squares")))
     beside = [c for c in told if np.abs(c.corners.mean(axis=0) - [220, 240]).max() < 10]
     assert [candidate.reason for candidate in beside] == [
-        "something else lies beside its sides or corners"
+        "something else touches its sides or corners"
     ]
 
 
@@ -156,20 +157,20 @@ def test_a_square_with_a_patterned_inside_is_told():
     scene = simulate.Scene(CAMERA, (seen_at((320, 240), 200.0, np.eye(3)),))
     picture = photograph(scene)
     cv2.circle(picture, (320, 240), 50, 200, -1)
-    (candidate,) = explain(picture, Targets.parse("squares"))
+    (candidate,) = rejection_reasons(search(picture, TargetKinds.parse("squares")))
     assert candidate.reason.startswith("its inside is neither")
     assert_at(candidate, scene.image_points(0, UNIT_SQUARE))
 
 
 def test_found_squares_are_not_passed_over():
     scene = simulate.random_scene(np.random.default_rng(74), kind="frame")
-    assert explain(photograph(scene), Targets.parse("squares")) == []
+    assert rejection_reasons(photograph(scene), TargetKinds.parse("squares")) == []
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (3, 700), (40, 40), (480, 640)])
 def test_noise_is_explained_without_harm(shape):
     noise = np.random.default_rng(75).integers(0, 256, shape).astype(np.uint8)
-    for candidate in explain(noise, Targets.parse("auto")):
+    for candidate in rejection_reasons(noise, TargetKinds.parse("auto")):
         assert np.isfinite(candidate.corners).all()
 
 
@@ -177,7 +178,7 @@ def test_a_board_measured_in_one_direction_is_no_plane():
     """It would leave its homography open, and with it the whole calibration."""
     y, x = np.mgrid[100:260:40, 100:260:40].astype(float)
     lattice = Lattice(np.stack([x, y], axis=2), np.ones((4, 4), bool))
-    found = FoundLattice.of(lattice, np.zeros((400, 400), np.uint8))
+    found = Board.of(lattice, np.zeros((400, 400), np.uint8))
     rows = [(np.array([[105.0, place], [215.0, place]]), np.ones(2), None) for place in y[:, 0]]
     columns = [(points[:, ::-1].copy(), std, None) for points, std, _ in rows]
     blurred = "too blurred"
@@ -197,12 +198,12 @@ def square_around(x, y, half):
     return 2 * half * UNIT_SQUARE + [x, y]
 
 
-FOUND = ts.Sighting("square", 0, square_around(400, 300, 100))
+FOUND = ts.PartialDetection("square", 0, square_around(400, 300, 100))
 REFUSED = ts.Rejected("square", 0, square_around(900, 700, 200), "its side 2 has no edge", 3.25)
 
 
 def test_accepted_and_rejected_are_drawn_in_their_colours_where_they_are():
-    drawn = draw_findings(np.full((960, 1280), 128, np.uint8), [FOUND], [REFUSED])
+    drawn = draw_detections(np.full((960, 1280), 128, np.uint8), [FOUND], [REFUSED])
     assert (drawn.shape, drawn.dtype) == ((960, 1280, 3), np.uint8)
     for colour, place in ((FOUND_COLOUR, FOUND), (REJECTED_COLOUR, REFUSED)):
         has_colour = pixels_of(colour, drawn)
@@ -217,12 +218,12 @@ def test_accepted_and_rejected_are_drawn_in_their_colours_where_they_are():
 
 def test_other_pictures_findings_are_left_out():
     blank = np.full((960, 1280), 128, np.uint8)
-    other = draw_findings(blank, [FOUND], [REFUSED], index=1)
-    np.testing.assert_array_equal(other, draw_findings(blank, [], []))
+    other = draw_detections(blank, [FOUND], [REFUSED], index=1)
+    np.testing.assert_array_equal(other, draw_detections(blank, [], []))
     moved = [replace(place, image=1) for place in (FOUND, REFUSED)]
     np.testing.assert_array_equal(
-        draw_findings(blank, moved[:1], moved[1:], index=1),
-        draw_findings(blank, [FOUND], [REFUSED]),
+        draw_detections(blank, moved[:1], moved[1:], index=1),
+        draw_detections(blank, [FOUND], [REFUSED]),
     )
 
 
@@ -237,7 +238,7 @@ def test_other_pictures_findings_are_left_out():
 )
 def test_any_picture_can_be_drawn_on(dtype, shape, scale):
     many = [replace(REFUSED, corners=REFUSED.corners + shift) for shift in (-1e6, 0, 40, 1e9)]
-    drawn = draw_findings(np.zeros(shape, dtype), [FOUND], many)
+    drawn = draw_detections(np.zeros(shape, dtype), [FOUND], many)
     assert drawn.shape == (scale * shape[0], scale * shape[1], 3)
 
 
@@ -249,9 +250,9 @@ def test_labels_keep_off_each_other():
         for x in (200, 600, 1000)
         for y in (150, 400, 650)
     ]
-    together = pixels_of(REJECTED_COLOUR, draw_findings(blank, [], refused))
-    alone = sum(pixels_of(REJECTED_COLOUR, draw_findings(blank, [], [r])).sum() for r in refused)
-    legend = pixels_of(REJECTED_COLOUR, draw_findings(blank, [], [])).sum()
+    together = pixels_of(REJECTED_COLOUR, draw_detections(blank, [], refused))
+    alone = sum(pixels_of(REJECTED_COLOUR, draw_detections(blank, [], [r])).sum() for r in refused)
+    legend = pixels_of(REJECTED_COLOUR, draw_detections(blank, [], [])).sum()
     assert together.sum() > 0.97 * (alone - 9 * legend)
 
 

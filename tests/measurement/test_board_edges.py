@@ -9,7 +9,7 @@ import trisquare as ts
 import trisquare._core as _core
 from trisquare import simulate
 from trisquare.detection.candidates import Lattice
-from trisquare.measurement.boards import FoundLattice
+from trisquare.measurement.boards import Board
 
 NAMES = ("fx", "fy", "cx", "cy")
 
@@ -33,7 +33,7 @@ def true_lattice(scene, target, rng, error=0.5):
 
 
 def measured(picture, lattices, tone="linear"):
-    found = [FoundLattice.of(lattice, picture) for lattice in lattices]
+    found = [Board.of(lattice, picture) for lattice in lattices]
     spans, ends = [], [0]
     for lattice in found:
         spans += lattice.spans(len(spans))
@@ -46,6 +46,7 @@ def measured(picture, lattices, tone="linear"):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("inner_corners", "blur"),
     [(4, 0.6), (8, 1.0), (8, 1.5), (18, 0.8)],
@@ -106,7 +107,7 @@ def test_stray_parts_of_a_lattice_are_no_lines():
     present = np.ones((5, 6), dtype=bool)
     present[4] = [True, False, True, False, False, True]
     lattice = Lattice(20.0 * grid + 30.0, present)
-    found = FoundLattice(lattice, 1.0)
+    found = Board(lattice, 1.0)
     spans = found.spans(7)
     assert len(spans) == 4 + 6
     path, rise, bounds, crossings = spans[0]

@@ -1,0 +1,327 @@
+//! Distortions that other programs' camera files hold: from ideal to observed normalised points.
+
+use nalgebra::{Matrix2, Matrix3, Vector2};
+
+use crate::error::Error;
+
+/// Newton's steps: they double the digits once near, and a lens of 170 degrees takes some twenty to
+/// come near.
+const MAX_STEPS: usize = 60;
+
+/// Error of an inverse that no step lessens noticeably: a thousandth of a millionth of a pixel for
+/// any focal length in use.
+const SOLVED: f64 = 1e-12;
+
+/// Error of an inverse, relative to the observed point, beyond which it is none.
+const ROUNDED: f64 = 1e-9;
+
+/// Places along the way from the axis at which a lens is checked not to fold back.
+const PLACES_ON_THE_WAY: usize = 10;
+
+/// What a coefficient multiplies, and a distortion adds to the ideal point `u = (x, y)`, `r = |u|`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DistortionTerm {
+    /// `u r^n`: of Brown's lens `k1`, `k2`, `k3`, `k4` for n = 2, 4, 6, 8; of the panorama
+    /// programs' `c`, `b`, `a` for n = 1, 2, 3.
+    Radial(i32),
+    /// Brown's `p1`: `(2 x y, r^2 + 2 y^2)`.
+    TangentialY,
+    /// Brown's `p2`: `(r^2 + 2 x^2, 2 x y)`.
+    TangentialX,
+}
+
+impl DistortionTerm {
+    /// The terms of coefficients' names, separated by blanks: `"k1 k2 p1 p2"`, `"c b a"`.
+    ///
+    /// # Errors
+    /// [`Error::InvalidArgument`] for another name.
+    pub fn of_names(names: &str) -> Result<Vec<Self>, Error> {
+        let named = |name| match name {
+            "k1" | "b" => Ok(Self::Radial(2)),
+            "k2" => Ok(Self::Radial(4)),
+            "k3" => Ok(Self::Radial(6)),
+            "k4" => Ok(Self::Radial(8)),
+            "c" => Ok(Self::Radial(1)),
+            "a" => Ok(Self::Radial(3)),
+            "p1" => Ok(Self::TangentialY),
+            "p2" => Ok(Self::TangentialX),
+            _ => Err(Error::InvalidArgument(format!(
+                "no coefficient of a distortion is called {name:?}"
+            ))),
+        };
+        names.split_whitespace().map(named).collect()
+    }
+
+    /// What is added to an ideal point, for a coefficient of 1.
+    pub fn shift(self, ideal: &Vector2<f64>) -> Vector2<f64> {
+        let (x, y) = (ideal.x, ideal.y);
+        let square = x * x + y * y;
+        match self {
+            Self::Radial(power) if power % 2 == 0 => ideal * square.powi(power / 2),
+            Self::Radial(power) => ideal * square.sqrt().powi(power),
+            Self::TangentialY => Vector2::new(2.0 * x * y, square + 2.0 * y * y),
+            Self::TangentialX => Vector2::new(square + 2.0 * x * x, 2.0 * x * y),
+        }
+    }
+
+    /// The derivative of the shift by the ideal point.
+    fn jacobian(self, ideal: &Vector2<f64>) -> Matrix2<f64> {
+        let (x, y) = (ideal.x, ideal.y);
+        match self {
+            Self::Radial(power) => {
+                let factor = ideal.norm().powi(power);
+                radial_jacobian(ideal, factor, f64::from(power + 1) * factor)
+            }
+            Self::TangentialY => Matrix2::new(y, x, x, 3.0 * y) * 2.0,
+            Self::TangentialX => Matrix2::new(3.0 * x, y, y, x) * 2.0,
+        }
+    }
+}
+
+/// How a lens bends ideal normalised points.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Distortion {
+    /// `u_d = u + sum c_i s_i(u)`, with the terms' coefficients.
+    Terms(Vec<(DistortionTerm, f64)>),
+    /// OpenCV's rational, thin-prism and tilted-sensor model: `k1, k2, p1, p2, k3, k4, k5, k6, s1,
+    /// s2, s3, s4, tau_x, tau_y`, the angles in radians (OpenCV's documentation of `calib3d`).
+    OpenCv([f64; 14]),
+    /// The observed radius is a polynomial of the angle from the axis,
+    /// `theta (1 + k1 theta^2 + k2 theta^4 + ...)` (J. Kannala & S. S. Brandt, IEEE PAMI 28 (2006)
+    /// 1335-1340): the fisheye of OpenCV, Kalibr's `equidistant`, COLMAP's `OPENCV_FISHEYE`.
+    KannalaBrandt(Vec<f64>),
+}
+
+impl Distortion {
+    /// A distortion by its model's name: `"opencv"`, whose last coefficients may be missing,
+    /// `"kannala_brandt"`, or the names of coefficients as in [`DistortionTerm::of_names`].
+    ///
+    /// # Errors
+    /// [`Error::InvalidArgument`] for another name or too many or too few coefficients,
+    /// [`Error::NotFinite`].
+    pub fn of_model(model: &str, coefficients: &[f64]) -> Result<Self, Error> {
+        if !coefficients.iter().all(|c| c.is_finite()) {
+            return Err(Error::NotFinite {
+                what: "a coefficient of the distortion",
+            });
+        }
+        let miscounted = || {
+            let count = coefficients.len();
+            Error::InvalidArgument(format!("the model {model:?} has not {count} coefficients"))
+        };
+        match model {
+            "opencv" => {
+                let mut all = [0.0; 14];
+                let given = all.get_mut(..coefficients.len()).ok_or_else(miscounted)?;
+                given.copy_from_slice(coefficients);
+                Ok(Self::OpenCv(all))
+            }
+            "kannala_brandt" => Ok(Self::KannalaBrandt(coefficients.to_vec())),
+            names => {
+                let terms = DistortionTerm::of_names(names)?;
+                let fits = terms.len() == coefficients.len();
+                let pairs = terms.into_iter().zip(coefficients.iter().copied());
+                fits.then(|| Self::Terms(pairs.collect()))
+                    .ok_or_else(miscounted)
+            }
+        }
+    }
+
+    /// Maps an ideal normalised point to the observed one.
+    pub fn distort(&self, ideal: &Vector2<f64>) -> Vector2<f64> {
+        self.with_jacobian(ideal).0
+    }
+
+    /// Inverts the distortion; `None` where Newton's method does not lead to an ideal point, or
+    /// only to one beyond a fold.
+    pub fn undistort(&self, observed: &Vector2<f64>) -> Option<Vector2<f64>> {
+        let mut ideal = *observed;
+        let (mut seen, mut jacobian) = self.with_jacobian(&ideal);
+        let mut step_size = 1.0;
+        for _ in 0..MAX_STEPS {
+            let error = seen - observed;
+            if error.amax() < SOLVED {
+                break;
+            }
+            let inverse = jacobian.try_inverse().unwrap_or_else(Matrix2::identity);
+            let tried = ideal - inverse * error * step_size;
+            let (tried_seen, tried_jacobian) = self.with_jacobian(&tried);
+            if (tried_seen - observed).norm() < error.norm() {
+                (ideal, seen, jacobian) = (tried, tried_seen, tried_jacobian);
+                step_size = f64::min(1.0, 2.0 * step_size);
+            } else {
+                step_size *= 0.5;
+            }
+        }
+        let has_arrived = (seen - observed).amax() < ROUNDED * (1.0 + observed.amax());
+        let is_unfolded = |i: usize| {
+            let place = ideal * (i as f64 / PLACES_ON_THE_WAY as f64);
+            self.with_jacobian(&place).1.determinant() > 0.0
+        };
+        (has_arrived && (1..=PLACES_ON_THE_WAY).all(is_unfolded)).then_some(ideal)
+    }
+
+    /// The observed point, and its derivative by the ideal one.
+    fn with_jacobian(&self, ideal: &Vector2<f64>) -> (Vector2<f64>, Matrix2<f64>) {
+        match self {
+            Self::Terms(terms) => terms.iter().fold(
+                (*ideal, Matrix2::identity()),
+                |(seen, jacobian), (term, c)| {
+                    (
+                        seen + term.shift(ideal) * *c,
+                        jacobian + term.jacobian(ideal) * *c,
+                    )
+                },
+            ),
+            Self::OpenCv(coefficients) => opencv(coefficients, ideal),
+            Self::KannalaBrandt(coefficients) => {
+                let radius = ideal.norm();
+                let angle = radius.atan();
+                let (mut seen, mut slope, mut power) = (angle, 1.0, angle);
+                for (i, k) in coefficients.iter().enumerate() {
+                    power *= angle * angle;
+                    seen += k * power;
+                    slope += (2 * i + 3) as f64 * k * power / angle.max(f64::MIN_POSITIVE);
+                }
+                let factor = if radius > 0.0 { seen / radius } else { 1.0 };
+                let slope = slope / (1.0 + radius * radius);
+                (ideal * factor, radial_jacobian(ideal, factor, slope))
+            }
+        }
+    }
+}
+
+/// The derivative of `u g(r)`: `g` across the radius, `slope = d(r g)/dr` along it.
+fn radial_jacobian(ideal: &Vector2<f64>, factor: f64, slope: f64) -> Matrix2<f64> {
+    let along = ideal.try_normalize(0.0).unwrap_or_else(Vector2::zeros);
+    Matrix2::identity() * factor + along * along.transpose() * (slope - factor)
+}
+
+fn opencv(coefficients: &[f64; 14], ideal: &Vector2<f64>) -> (Vector2<f64>, Matrix2<f64>) {
+    let [k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tau_x, tau_y] = *coefficients;
+    let square = ideal.norm_squared();
+    let polynomial = |a: f64, b: f64, c: f64| {
+        let value = 1.0 + square * (a + square * (b + square * c));
+        (value, a + square * (2.0 * b + square * 3.0 * c))
+    };
+    let (above, above_slope) = polynomial(k1, k2, k3);
+    let (below, below_slope) = polynomial(k4, k5, k6);
+    let factor = above / below;
+    let slope = (above_slope - factor * below_slope) / below;
+    let prism = Vector2::new(s1 + s2 * square, s3 + s4 * square);
+    let prism_slope = Vector2::new(s1 + 2.0 * s2 * square, s3 + 2.0 * s4 * square);
+    let mut seen = ideal * factor + prism * square;
+    let mut jacobian =
+        Matrix2::identity() * factor + (ideal * slope + prism_slope) * ideal.transpose() * 2.0;
+    for (term, p) in [
+        (DistortionTerm::TangentialY, p1),
+        (DistortionTerm::TangentialX, p2),
+    ] {
+        seen += term.shift(ideal) * p;
+        jacobian += term.jacobian(ideal) * p;
+    }
+    if tau_x == 0.0 && tau_y == 0.0 {
+        return (seen, jacobian);
+    }
+    let ((sx, cx), (sy, cy)) = (tau_x.sin_cos(), tau_y.sin_cos());
+    let turn = Matrix3::new(cy, 0.0, -sy, 0.0, 1.0, 0.0, sy, 0.0, cy)
+        * Matrix3::new(1.0, 0.0, 0.0, 0.0, cx, sx, 0.0, -sx, cx);
+    let onto_sensor = Matrix3::new(
+        turn.m33, 0.0, -turn.m13, 0.0, turn.m33, -turn.m23, 0.0, 0.0, 1.0,
+    ) * turn;
+    let tilted = onto_sensor * seen.push(1.0);
+    let on_sensor = tilted.xy() / tilted.z;
+    let wrt_seen = (onto_sensor.fixed_view::<2, 2>(0, 0)
+        - on_sensor * onto_sensor.fixed_view::<1, 2>(2, 0))
+        / tilted.z;
+    (on_sensor, wrt_seen * jacobian)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Brown, Lens};
+    use super::*;
+
+    fn all() -> Vec<Distortion> {
+        let opencv = [
+            0.3, -0.1, 2e-3, -1e-3, 0.02, 0.4, -0.05, 0.01, 1e-3, -2e-3, 3e-3, 1e-3, 0.02, -0.03,
+        ];
+        [
+            (
+                "k1 k2 k3 k4 p1 p2",
+                &[-0.2, 0.05, -0.01, 0.003, 2e-3, -1e-3][..],
+            ),
+            ("c b a", &[0.02, -0.04, 0.01]),
+            ("opencv", &opencv),
+            ("opencv", &opencv[..8]),
+            ("kannala_brandt", &[0.05, -0.02, 0.01, -1e-3]),
+            ("kannala_brandt", &[]),
+            ("", &[]),
+        ]
+        .map(|(model, coefficients)| Distortion::of_model(model, coefficients).unwrap())
+        .to_vec()
+    }
+
+    fn places() -> Vec<Vector2<f64>> {
+        let mut places = vec![Vector2::zeros()];
+        for i in 1..40 {
+            let (sin, cos) = f64::from(i).sin_cos();
+            places.push(Vector2::new(cos, sin) * (0.9 * f64::from(i) / 40.0));
+        }
+        places
+    }
+
+    #[test]
+    fn inverses_lead_back_and_jacobians_agree_with_central_differences() {
+        for distortion in all() {
+            for ideal in places() {
+                let back = distortion.undistort(&distortion.distort(&ideal)).unwrap();
+                assert!((back - ideal).norm() < 1e-11, "{distortion:?} {ideal}");
+                let jacobian = distortion.with_jacobian(&ideal).1;
+                for axis in 0..2 {
+                    let step = Vector2::ith(axis, 1e-6);
+                    let change =
+                        distortion.distort(&(ideal + step)) - distortion.distort(&(ideal - step));
+                    let error = (change / 2e-6 - jacobian.column(axis)).norm();
+                    assert!(error < 1e-8, "{distortion:?} {ideal} {error}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn brown_s_lens_is_one_of_them() {
+        let [k1, k2, p1, p2, k3] = [-0.28, 0.1, 3e-3, -2e-3, -0.02];
+        let lens = Brown::new([1.0, 1.0, 0.0, 0.0, k1, k2, k3, p1, p2]);
+        let terms = Distortion::of_model("k1 k2 p1 p2 k3", &[k1, k2, p1, p2, k3]).unwrap();
+        let opencv = Distortion::of_model("opencv", &[k1, k2, p1, p2, k3]).unwrap();
+        for ideal in places() {
+            let seen = lens.project(&ideal.push(1.0)).unwrap();
+            for same in [&terms, &opencv] {
+                assert!((same.distort(&ideal) - seen).norm() < 1e-15);
+            }
+        }
+    }
+
+    #[test]
+    fn beyond_a_fold_or_a_right_angle_there_is_nothing() {
+        let barrel = Distortion::of_model("k1", &[-0.5]).unwrap();
+        assert!(barrel.undistort(&Vector2::new(0.54, 0.0)).is_some());
+        assert!(barrel.undistort(&Vector2::new(0.55, 0.0)).is_none());
+        let fisheye = Distortion::of_model("kannala_brandt", &[0.0; 4]).unwrap();
+        let wide = fisheye.undistort(&Vector2::new(0.0, 1.48)).unwrap();
+        assert!((wide.y - 1.48_f64.tan()).abs() < 1e-8 * wide.y);
+        assert!(fisheye.undistort(&Vector2::new(0.0, 1.58)).is_none());
+        for observed in [f64::NAN, f64::INFINITY] {
+            assert!(barrel.undistort(&Vector2::new(observed, 0.0)).is_none());
+        }
+    }
+
+    #[test]
+    fn unknown_models_and_wrong_counts_are_refused() {
+        for (model, count) in [("k9", 1), ("k1 k2", 1), ("opencv", 15)] {
+            assert!(Distortion::of_model(model, &vec![0.0; count]).is_err());
+        }
+        assert!(Distortion::of_model("k1", &[f64::NAN]).is_err());
+    }
+}

@@ -1,0 +1,217 @@
+//! Two lenses that look the same way: the pixels of one in the other.
+//!
+//! A calibration does not say which way its camera points: a shift of the principal point is all but
+//! a turn of the camera. So two lenses are compared after the rotation that brings their projections
+//! closest (mrcal's "projection difference", <https://mrcal.secretsauce.net>).
+
+use nalgebra::{Matrix2, Matrix2x3, Matrix3, Rotation3, Vector2, Vector3};
+
+use super::Lens;
+use super::brown::Brown;
+use crate::error::Error;
+
+/// Gauss-Newton steps for the rotation; from the start that is used, 3 or 4 do.
+const MAX_STEPS: usize = 20;
+
+/// Radians: no picture shows a smaller turn.
+const CONVERGED: f64 = 1e-12;
+
+/// Part of the pixels that both lenses must be able to follow for a comparison to mean much.
+const LEAST_IN_COMMON: f64 = 0.1;
+
+/// Determinant of the distortion's derivative below which a pixel is too near the rim of a lens to
+/// be told anything of: some thousandth of a pixel away.
+const NEAR_RIM: f64 = 1e-3;
+
+/// Relative rise of a diagonal: turns that the pixels do not determine are not made.
+const RIDGE: f64 = 1e-12;
+
+/// A lens, and another one that is turned against it.
+#[derive(Debug, Clone)]
+pub struct TurnedLenses<'a> {
+    /// The lens whose pixels are followed.
+    pub first: &'a Brown,
+    /// The lens that sees their directions elsewhere.
+    pub second: &'a Brown,
+    /// `second_from_first`: turns the first lens' directions into the second's.
+    pub rotation: Matrix3<f64>,
+}
+
+/// Where the second lens sees what the first sees at a pixel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SeenAgain {
+    /// The second lens' pixel.
+    pub pixel: Vector2<f64>,
+    /// The ideal normalised point of the first lens.
+    pub first_ideal: Vector2<f64>,
+    /// The ideal normalised point of the second lens.
+    pub second_ideal: Vector2<f64>,
+    /// The pixel's derivative by the first lens' pixel.
+    pub by_pixel: Matrix2<f64>,
+    /// Its derivative by a further turn, a rotation vector in radians applied after the rotation.
+    pub by_turn: Matrix2x3<f64>,
+}
+
+impl<'a> TurnedLenses<'a> {
+    /// Finds the rotation that brings the second lens' projections of the directions seen at pixels
+    /// closest to these, by least squares of pixels.
+    ///
+    /// # Errors
+    /// [`Error::InvalidArgument`] if the two can follow less than a tenth of the pixels together.
+    pub fn closest(
+        first: &'a Brown,
+        second: &'a Brown,
+        pixels: &[Vector2<f64>],
+    ) -> Result<Self, Error> {
+        let mut turned = Self {
+            first,
+            second,
+            rotation: Matrix3::identity(),
+        };
+        for _ in 0..MAX_STEPS {
+            let (mut normal, mut gradient) = (Matrix3::zeros(), Vector3::zeros());
+            let mut seen = 0;
+            for pixel in pixels {
+                if let Some(again) = turned.see_again(pixel) {
+                    normal += again.by_turn.tr_mul(&again.by_turn);
+                    gradient += again.by_turn.tr_mul(&(again.pixel - pixel));
+                    seen += 1;
+                }
+            }
+            turned.check_common(seen, pixels.len())?;
+            let floor = f64::EPSILON * normal.trace() * RIDGE;
+            for axis in 0..3 {
+                normal[(axis, axis)] += RIDGE * normal[(axis, axis)] + floor;
+            }
+            let Some(factor) = normal.cholesky() else {
+                break;
+            };
+            let step = -factor.solve(&gradient);
+            turned.rotation = Rotation3::new(step) * turned.rotation;
+            if step.norm() < CONVERGED {
+                break;
+            }
+        }
+        let seen = pixels.iter().filter(|p| turned.see_again(p).is_some());
+        turned.check_common(seen.count(), pixels.len())?;
+        Ok(turned)
+    }
+
+    fn check_common(&self, seen: usize, all: usize) -> Result<(), Error> {
+        let part = seen as f64 / all.max(1) as f64;
+        if part < LEAST_IN_COMMON {
+            return Err(Error::InvalidArgument(format!(
+                "the cameras have too little in common: their distortions can be inverted together \
+                 over {:.0} % of the picture",
+                100.0 * part
+            )));
+        }
+        Ok(())
+    }
+
+    /// Where the second lens sees what the first sees at a pixel; `None` where one cannot follow.
+    ///
+    /// With `u` the ideal point, `q = R (u, 1)` and `v` that of the second lens: the derivatives
+    /// are those of the distortions, of `v = (q_x, q_y) / q_z`, and `dq = turn x q`.
+    pub fn see_again(&self, pixel: &Vector2<f64>) -> Option<SeenAgain> {
+        let ideal = self.first.unproject_with_jacobian(pixel)?.ideal();
+        let direction = self.rotation * ideal.push(1.0);
+        let seen = self.second.project(&direction)?;
+        let (focal, first_focal) = (self.second.focal(), self.first.focal());
+        let first_bend = self.first.distortion_jacobian(&ideal, ideal.norm_squared());
+        let point = direction.xy() / direction.z;
+        let second_bend = self
+            .second
+            .distortion_jacobian(&point, point.norm_squared());
+        if !(first_bend.determinant() > NEAR_RIM && second_bend.determinant() > NEAR_RIM) {
+            return None;
+        }
+        let inverse = first_bend.try_inverse()?;
+        let by_direction = Matrix2::from_diagonal(&focal)
+            * second_bend
+            * Matrix2x3::new(1.0, 0.0, -point.x, 0.0, 1.0, -point.y)
+            / direction.z;
+        let by_ideal = by_direction * self.rotation.fixed_view::<3, 2>(0, 0);
+        let by_pixel = by_ideal * inverse * Matrix2::from_diagonal(&first_focal.map(|f| 1.0 / f));
+        Some(SeenAgain {
+            pixel: seen,
+            first_ideal: ideal,
+            second_ideal: point,
+            by_pixel,
+            by_turn: -by_direction * direction.cross_matrix(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lenses() -> [Brown; 2] {
+        [
+            [500.0, 505.0, 320.0, 240.0, -0.25, 0.08, -0.01, 2e-3, -1e-3],
+            [510.0, 508.0, 325.0, 236.0, -0.2, 0.05, 0.0, 0.0, 1e-3],
+        ]
+        .map(Brown::new)
+    }
+
+    fn pixels() -> Vec<Vector2<f64>> {
+        (0..300)
+            .map(|i| Vector2::new(f64::from(i % 20) * 33.0, f64::from(i / 20) * 33.0))
+            .collect()
+    }
+
+    #[test]
+    fn derivatives_agree_with_central_differences() {
+        let [first, second] = lenses();
+        let rotation = *Rotation3::new(Vector3::new(0.01, -0.02, 0.03)).matrix();
+        let turned = TurnedLenses {
+            first: &first,
+            second: &second,
+            rotation,
+        };
+        let pixel = Vector2::new(100.0, 400.0);
+        let again = turned.see_again(&pixel).unwrap();
+        let seen = |pixel: Vector2<f64>| turned.see_again(&pixel).unwrap().pixel;
+        for axis in 0..2 {
+            let step = Vector2::ith(axis, 1e-3);
+            let numeric = (seen(pixel + step) - seen(pixel - step)) / 2e-3;
+            assert!((numeric - again.by_pixel.column(axis)).norm() < 1e-8);
+        }
+        for axis in 0..3 {
+            let by = |turn: f64| {
+                let turn = Rotation3::new(Vector3::ith(axis, turn));
+                let turned = TurnedLenses {
+                    rotation: turn * rotation,
+                    ..turned.clone()
+                };
+                turned.see_again(&pixel).unwrap().pixel
+            };
+            let numeric = (by(1e-6) - by(-1e-6)) / 2e-6;
+            assert!((numeric - again.by_turn.column(axis)).norm() < 1e-4);
+        }
+    }
+
+    #[test]
+    fn a_turn_is_found_again_and_the_gradient_vanishes_at_the_closest() {
+        let [first, second] = lenses();
+        let same = TurnedLenses::closest(&first, &first, &pixels()).unwrap();
+        assert!((same.rotation - Matrix3::identity()).norm() < 1e-12);
+        let turned = TurnedLenses::closest(&first, &second, &pixels()).unwrap();
+        let pull: Vector3<f64> = pixels()
+            .iter()
+            .map(|pixel| (pixel, turned.see_again(pixel).unwrap()))
+            .map(|(pixel, again)| again.by_turn.tr_mul(&(again.pixel - pixel)))
+            .sum();
+        assert!(pull.norm() < 1e-4, "{pull}"); // of pixels times focal lengths
+        assert!((turned.rotation.determinant() - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn lenses_with_little_in_common_are_refused() {
+        let [first, second] = lenses();
+        let narrow = second.within(0.05);
+        assert!(TurnedLenses::closest(&first, &narrow, &pixels()).is_err());
+        assert!(TurnedLenses::closest(&first, &second, &[]).is_err());
+    }
+}

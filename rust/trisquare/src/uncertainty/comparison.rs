@@ -1,0 +1,202 @@
+//! How far apart two cameras project, and whether their uncertainties explain it.
+
+use nalgebra::{DMatrix, DVector, Matrix3, Vector2};
+
+use super::projection::ProjectionUncertainty;
+use crate::error::Error;
+use crate::lens::{Lens, SeenAgain, TurnedLenses};
+use crate::numeric::chi_square_tail;
+
+/// Directions of difference known this much better than the least known are rounding.
+const ROUNDING: f64 = 1e-6;
+
+/// Sweeps of the singular value decomposition of a few columns.
+const MAX_SWEEPS: usize = 1000;
+
+/// How far apart two cameras project.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ProjectionDifference {
+    /// `second_from_first`: the rotation that fits best, taken out of the differences.
+    pub rotation: Matrix3<f64>,
+    /// For each pixel the second camera's projection of the direction that the first sees there,
+    /// less that pixel; `None` where one of the two cannot follow.
+    pub differences: Vec<Option<Vector2<f64>>>,
+    /// What the stated uncertainties say of it, if either camera states one.
+    pub test: Option<DifferenceTest>,
+}
+
+/// Whether uncertainties explain a difference.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DifferenceTest {
+    /// For each pixel the root mean square distance that is to be expected between two
+    /// calibrations of one camera, pixels; `None` likewise.
+    pub std: Vec<Option<f64>>,
+    /// How often two calibrations of one camera, each from photographs of its own, differ at least
+    /// so much (chi-squared).
+    pub p_value: f64,
+    /// Independent differences that the uncertainties allow.
+    pub degrees_of_freedom: usize,
+    /// Root mean square, pixels, of the difference of a shape that no change of the uncertain
+    /// parameters makes.
+    pub unexplained: f64,
+}
+
+/// Compares two cameras over pixels of the first one, after the rotation that fits best.
+///
+/// What a camera's parameters are uncertain by moves the directions seen at its pixels; the
+/// rotation takes up what it can of that, too, so that its three columns are projected out of the
+/// differences' covariance. `ProjectionUncertainty` of no parameters is a camera taken as exact.
+///
+/// # Errors
+/// [`Error::InvalidArgument`] if the two can follow less than a tenth of the pixels together, or a
+/// covariance has no eigenvalues.
+pub fn compare_projections(
+    first: &ProjectionUncertainty<'_>,
+    second: &ProjectionUncertainty<'_>,
+    pixels: &[Vector2<f64>],
+) -> Result<ProjectionDifference, Error> {
+    let turned = TurnedLenses::closest(first.camera(), second.camera(), pixels)?;
+    let again: Vec<_> = pixels.iter().map(|p| turned.see_again(p)).collect();
+    let pairs = pixels.iter().zip(&again);
+    let differences: Vec<_> = pairs
+        .map(|(p, again)| Some(again.as_ref()?.pixel - p))
+        .collect();
+    let count = first.len() + second.len();
+    let test = if count == 0 {
+        None
+    } else {
+        let seen: Vec<&SeenAgain> = again.iter().flatten().collect();
+        let (first_root, second_root) = (first.root()?, second.root()?);
+        let mut spread = DMatrix::zeros(2 * seen.len(), count);
+        let mut turns = DMatrix::zeros(2 * seen.len(), 3);
+        for (i, again) in seen.iter().enumerate() {
+            // What moves the first camera's projection moves the direction seen at a pixel back.
+            let moved = first.free_jacobian(&again.first_ideal) * &first_root;
+            let mut rows = spread.rows_mut(2 * i, 2);
+            rows.columns_mut(0, first.len())
+                .copy_from(&(-again.by_pixel * moved));
+            let moved = second.free_jacobian(&again.second_ideal) * &second_root;
+            rows.columns_mut(first.len(), second.len())
+                .copy_from(&moved);
+            turns.rows_mut(2 * i, 2).copy_from(&again.by_turn);
+        }
+        let basis = turns.qr().q();
+        spread -= &basis * basis.tr_mul(&spread);
+        let seen = differences.iter().flatten();
+        let difference = DVector::from_iterator(spread.nrows(), seen.flat_map(|d| [d.x, d.y]));
+        Some(tested(
+            &difference,
+            &spread,
+            first.camera().focal().min(),
+            &again,
+        )?)
+    };
+    Ok(ProjectionDifference {
+        rotation: turned.rotation,
+        differences,
+        test,
+    })
+}
+
+/// The chi-squared test of a difference against a square root of its covariance.
+///
+/// What the least known direction leaves in the second order, its own size over the focal length
+/// times itself, would look significant in directions that are better known than that: they are
+/// not put to the test.
+fn tested(
+    difference: &DVector<f64>,
+    spread: &DMatrix<f64>,
+    focal: f64,
+    again: &[Option<SeenAgain>],
+) -> Result<DifferenceTest, Error> {
+    let qr = spread.clone().qr();
+    let svd = qr.r().try_svd(true, false, f64::EPSILON, MAX_SWEEPS);
+    let (directions, sizes) = svd
+        .and_then(|svd| Some((qr.q() * svd.u?, svd.singular_values)))
+        .ok_or_else(|| Error::InvalidArgument("the covariances have no singular values".into()))?;
+    let largest = sizes.max();
+    let second_order = largest * (2.0 / difference.len() as f64).sqrt() / focal;
+    let limit = second_order.max(ROUNDING) * largest;
+    let (mut statistic, mut freedom, mut left) = (0.0, 0, difference.clone());
+    for (direction, size) in directions.column_iter().zip(sizes.iter()) {
+        if *size > limit {
+            let component = direction.dot(difference);
+            statistic += (component / size).powi(2);
+            left.axpy(-component, &direction, 1.0);
+            freedom += 1;
+        }
+    }
+    let mut blocks = (0..spread.nrows() / 2).map(|i| spread.rows(2 * i, 2).norm());
+    Ok(DifferenceTest {
+        std: again
+            .iter()
+            .map(|a| a.as_ref().and_then(|_| blocks.next()))
+            .collect(),
+        p_value: chi_square_tail(statistic, f64::from(freedom)),
+        degrees_of_freedom: freedom as usize,
+        unexplained: (2.0 * left.norm_squared() / left.len() as f64).sqrt(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lens::Brown;
+
+    fn lens(fx: f64) -> Brown {
+        Brown::new([fx, 510.0, 320.0, 240.0, -0.2, 0.05, 0.0, 0.0, 0.0])
+    }
+
+    fn pixels() -> Vec<Vector2<f64>> {
+        (0..300)
+            .map(|i| Vector2::new(f64::from(i % 20) * 33.0, f64::from(i / 20) * 33.0))
+            .collect()
+    }
+
+    fn known<'a>(camera: &'a Brown, names: &[&str], std: f64) -> ProjectionUncertainty<'a> {
+        let size = names.len();
+        let covariance = DMatrix::identity(size, size) * (std * std);
+        ProjectionUncertainty::new(camera, names, false, covariance).unwrap()
+    }
+
+    #[test]
+    fn a_difference_along_the_one_uncertain_parameter_is_told_in_its_standard_deviations() {
+        let (first, second) = (lens(500.0), lens(500.3));
+        let exact = known(&first, &[], 0.0);
+        let vague = known(&second, &["fx"], 0.1);
+        let found = compare_projections(&exact, &vague, &pixels()).unwrap();
+        let test = found.test.unwrap();
+        assert_eq!(test.degrees_of_freedom, 1);
+        // Three standard deviations of the only parameter.
+        assert!(
+            (test.p_value - chi_square_tail(9.0, 1.0)).abs() < 1e-4,
+            "{test:?}"
+        );
+        for (difference, std) in found.differences.iter().zip(&test.std) {
+            let (difference, std) = (difference.unwrap().norm(), std.unwrap());
+            assert!((difference - 3.0 * std).abs() < 1e-3);
+        }
+        assert!(test.unexplained < 1e-3);
+        let other_way = compare_projections(&vague, &exact, &pixels())
+            .unwrap()
+            .test
+            .unwrap();
+        assert!((other_way.p_value - test.p_value).abs() < 1e-4);
+        assert!(
+            compare_projections(&exact, &exact, &pixels())
+                .unwrap()
+                .test
+                .is_none()
+        );
+    }
+
+    #[test]
+    fn what_no_parameter_makes_is_unexplained() {
+        let (first, second) = (lens(500.0), lens(500.3));
+        let vague = known(&first, &["k2"], 1e-3);
+        let found = compare_projections(&vague, &known(&second, &[], 0.0), &pixels()).unwrap();
+        let known = found.differences.iter().flatten();
+        let rms = (known.map(|d| d.norm_squared()).sum::<f64>() / 300.0).sqrt();
+        assert!(found.test.unwrap().unexplained > 0.5 * rms);
+    }
+}

@@ -1,0 +1,208 @@
+//! Points of a plane, from where they are seen, and how well they are known.
+
+use nalgebra::{DMatrix, Matrix2, Matrix3, SMatrix, Vector2};
+
+use super::projection::ProjectionUncertainty;
+use crate::error::Error;
+use crate::geometry::Pose;
+use crate::lens::{DefaultLens, Lens, of_all};
+use crate::result::PoseUncertainty;
+
+/// Cosine of the angle between ray and normal below which a point's place means nothing.
+const GRAZING: f64 = 1e-3;
+
+/// Where a pixel's ray meets a plane.
+struct PlanePoint {
+    ideal: Vector2<f64>,
+    /// In the plane's coordinates and unit.
+    point: Vector2<f64>,
+    by_pixel: Matrix2<f64>,
+    by_pose: SMatrix<f64, 2, 6>,
+}
+
+impl DefaultLens {
+    /// The points of a plane that are seen at pixels, in the plane's own coordinates and unit.
+    ///
+    /// # Errors
+    /// [`Error::BeyondValidRadius`], or [`Error::InvalidArgument`] for a pixel at or beyond the
+    /// plane's horizon.
+    pub fn points_on_plane(
+        &self,
+        pose: &Pose,
+        pixels: &[Vector2<f64>],
+    ) -> Result<Vec<Vector2<f64>>, Error> {
+        let met = self.meet(pose, pixels)?;
+        Ok(met.iter().map(|met| met.point).collect())
+    }
+
+    /// The ray `(u, 1)` of a pixel meets the plane at `lambda (u, 1) = R (p, 0) + t`. A change of
+    /// the point of the plane by `d` in camera coordinates, or of the ray's point by `-d`, moves
+    /// `p` so that `[r1 r2 -(u, 1)] (dp, dlambda) = -d`; a rotation vector `w` makes
+    /// `d = w x R (p, 0)`.
+    fn meet(&self, pose: &Pose, pixels: &[Vector2<f64>]) -> Result<Vec<PlanePoint>, Error> {
+        let ideal = of_all(self, pixels, |pixel| self.ideal_point(pixel))?;
+        let normal = pose.normal();
+        let distance = normal.dot(&pose.translation);
+        let met = ideal
+            .iter()
+            .zip(pixels)
+            .enumerate()
+            .map(|(index, (ideal, pixel))| {
+                let ray = ideal.push(1.0);
+                let towards = normal.dot(&ray);
+                // A ray meets the plane ahead of the camera if it leaves to the plane's side.
+                if !(distance.signum() * towards > GRAZING * ray.norm()) {
+                    return Err(Error::InvalidArgument(format!(
+                        "point {index}, ({}, {}), is at or beyond the plane's horizon",
+                        pixel.x, pixel.y
+                    )));
+                }
+                let depth = distance / towards;
+                let arm = ray * depth - pose.translation;
+                let system = Matrix3::from_columns(&[
+                    pose.rotation.column(0).into_owned(),
+                    pose.rotation.column(1).into_owned(),
+                    -ray,
+                ]);
+                let bend = self.distortion_jacobian(ideal, ideal.norm_squared());
+                let solved = system.try_inverse().zip(bend.try_inverse());
+                let (inverse, unbend) = solved.ok_or(Error::NotFinite {
+                    what: "the derivative of a point of a plane",
+                })?;
+                let inverse = inverse.fixed_rows::<2>(0).into_owned();
+                let mut by_pose = SMatrix::<f64, 2, 6>::zeros();
+                by_pose
+                    .fixed_columns_mut::<3>(0)
+                    .copy_from(&(inverse * arm.cross_matrix()));
+                by_pose.fixed_columns_mut::<3>(3).copy_from(&-inverse);
+                let to_ideal = unbend * Matrix2::from_diagonal(&self.focal().map(|f| depth / f));
+                Ok(PlanePoint {
+                    ideal: *ideal,
+                    point: (pose.rotation.transpose() * arm).xy(),
+                    by_pixel: inverse.fixed_columns::<2>(0) * to_ideal,
+                    by_pose,
+                })
+            });
+        met.collect()
+    }
+}
+
+impl ProjectionUncertainty<'_> {
+    /// The points of a plane that are seen at pixels, and their covariance, `(2 N, 2 N)` of
+    /// `x0, y0, x1, ...`.
+    ///
+    /// It holds what the pixels (`pixel_std`, one standard deviation of each coordinate), the pose
+    /// and the camera contribute, jointly: the pose follows the camera.
+    ///
+    /// # Errors
+    /// As [`DefaultLens::points_on_plane`].
+    pub fn points_on_plane(
+        &self,
+        pose: &Pose,
+        uncertainty: &PoseUncertainty,
+        pixels: &[Vector2<f64>],
+        pixel_std: f64,
+    ) -> Result<(Vec<Vector2<f64>>, DMatrix<f64>), Error> {
+        let met = self.camera().meet(pose, pixels)?;
+        let (rows, variance) = (2 * met.len(), pixel_std * pixel_std);
+        let mut covariance = DMatrix::zeros(rows, rows);
+        let mut by_pose = DMatrix::zeros(rows, 6);
+        let mut by_camera = DMatrix::zeros(rows, self.len());
+        let pose_by_free = self.free_columns(&uncertainty.by_camera);
+        for (i, met) in met.iter().enumerate() {
+            let own = met.by_pixel * met.by_pixel.transpose() * variance;
+            covariance
+                .fixed_view_mut::<2, 2>(2 * i, 2 * i)
+                .copy_from(&own);
+            by_pose.fixed_rows_mut::<2>(2 * i).copy_from(&met.by_pose);
+            // Where the camera projects a ray further along, a pixel's ray is the one before.
+            let moved = met.by_pixel * self.free_jacobian(&met.ideal);
+            let followed = met.by_pose * &pose_by_free;
+            by_camera.rows_mut(2 * i, 2).copy_from(&(followed - moved));
+        }
+        covariance += &by_pose * uncertainty.given_camera * by_pose.transpose();
+        covariance += &by_camera * self.covariance() * by_camera.transpose();
+        Ok((met.iter().map(|met| met.point).collect(), covariance))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Matrix6, Rotation3, Vector3};
+
+    use super::*;
+    use crate::lens::Brown;
+    use crate::lens::Lens;
+
+    fn camera() -> Brown {
+        Brown::new([500.0, 505.0, 320.0, 240.0, -0.25, 0.08, -0.01, 2e-3, -1e-3])
+    }
+
+    fn pose() -> Pose {
+        Pose {
+            rotation: *Rotation3::from_euler_angles(0.5, -0.4, 1.0).matrix(),
+            translation: Vector3::new(0.3, -0.2, 3.0),
+        }
+    }
+
+    #[test]
+    fn points_come_back_and_derivatives_agree_with_central_differences() {
+        let (camera, pose) = (camera(), pose());
+        let point = Vector2::new(0.4, -0.7);
+        let pixel = camera.project(&pose.transform(&point)).unwrap();
+        let met = &camera.meet(&pose, &[pixel]).unwrap()[0];
+        assert!((met.point - point).norm() < 1e-12);
+        let at = |pose: &Pose, pixel| camera.points_on_plane(pose, &[pixel]).unwrap()[0];
+        for axis in 0..2 {
+            let step = Vector2::ith(axis, 1e-3);
+            let numeric = (at(&pose, pixel + step) - at(&pose, pixel - step)) / 2e-3;
+            assert!((numeric - met.by_pixel.column(axis)).norm() < 1e-9);
+        }
+        for i in 0..6 {
+            let by = |size: f64| {
+                let step = nalgebra::Vector6::ith(i, size);
+                let (turn, shift) = (step.fixed_rows::<3>(0), step.fixed_rows::<3>(3));
+                at(&pose.moved(&turn.into_owned(), &shift.into_owned()), pixel)
+            };
+            let numeric = (by(1e-6) - by(-1e-6)) / 2e-6;
+            assert!((numeric - met.by_pose.column(i)).norm() < 1e-8, "{i}");
+        }
+    }
+
+    #[test]
+    fn a_camera_s_error_that_the_pose_follows_moves_no_point_of_it() {
+        // The principal point moves, and every pixel with it: only a pose that does not follow errs.
+        let camera = camera().without_distortion();
+        let uncertain =
+            ProjectionUncertainty::new(&camera, &["cx"], false, DMatrix::identity(1, 1)).unwrap();
+        let mut uncertainty = PoseUncertainty {
+            given_camera: Matrix6::zeros(),
+            by_camera: nalgebra::Matrix6xX::zeros(9),
+        };
+        let pixels = [Vector2::new(300.0, 200.0), Vector2::new(350.0, 260.0)];
+        let (points, covariance) = uncertain
+            .points_on_plane(&pose(), &uncertainty, &pixels, 0.0)
+            .unwrap();
+        let moved = Brown::new([500.0, 505.0, 321.0, 240.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let others = moved.points_on_plane(&pose(), &pixels).unwrap();
+        for i in 0..2 {
+            let change = (others[i] - points[i]).norm();
+            let std = covariance.view((2 * i, 2 * i), (2, 2)).trace().sqrt();
+            assert!((change / std - 1.0).abs() < 0.01);
+        }
+        uncertainty.given_camera = Matrix6::identity();
+        let (_, more) = uncertain
+            .points_on_plane(&pose(), &uncertainty, &pixels, 0.5)
+            .unwrap();
+        assert!((0..4).all(|i| more[(i, i)] > covariance[(i, i)]));
+    }
+
+    #[test]
+    fn the_horizon_is_refused() {
+        let (camera, mut pose) = (camera().without_distortion(), pose());
+        pose.rotation = *Rotation3::from_euler_angles(1.5, 0.0, 0.0).matrix();
+        pose.translation = Vector3::new(0.0, 1.0, 3.0);
+        let found = camera.points_on_plane(&pose, &[Vector2::new(320.0, 0.0)]);
+        assert!(found.is_err(), "{found:?}");
+    }
+}
