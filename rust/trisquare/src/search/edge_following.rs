@@ -125,7 +125,7 @@ impl Crossing {
     /// The direction nearest to that of a vector, and the vector's part along it.
     #[inline]
     fn nearest_direction(&self, vector: Vector2<f64>) -> (usize, f64) {
-        let along = self.edges.map(|edge| edge.dot(&vector));
+        let along = [self.edges[0].dot(&vector), self.edges[1].dot(&vector)];
         let edge = usize::from(along[1].abs() > along[0].abs());
         (edge + 2 * usize::from(along[edge] < 0.0), along[edge])
     }
@@ -220,30 +220,25 @@ fn nearest_of(
     from: &Crossing,
 ) -> [Followers; PASSES.len()] {
     let mut aligned: [[Vec<(f64, Follower)>; 4]; PASSES.len()] = Default::default();
-    for (number, other) in crossings.iter().enumerate() {
+    let mut beside = vec![0; crossings.len()];
+    let count = numbers_beside(from, crossings, &mut beside);
+    for &number in &beside[..count] {
+        let other = &crossings[number];
         let way = other.point - from.point;
         let distance = way.norm_squared();
-        let least = if distance <= NEAR * NEAR {
-            MISALIGNED_NEAR
-        } else {
-            MISALIGNED
-        };
         let (direction, along) = from.nearest_direction(way);
-        if !(distance > 0.0 && along * along >= least * least * distance) {
-            continue;
-        }
         let (back, along_back) = other.nearest_direction(-way);
-        let least_along = along.abs().min(along_back.abs());
-        if (direction + back) % 2 == 0 {
+        if distance == 0.0 || (direction + back) % 2 == 0 {
             continue;
         }
-        let follower = Follower {
-            crossing: number,
-            back,
-        };
+        let least_along = along.abs().min(along_back.abs());
         for (pass, aligned) in PASSES.iter().zip(&mut aligned) {
             let is_aligned = least_along * least_along >= pass.aligned * pass.aligned * distance;
             if is_aligned && distance <= pass.reach * pass.reach {
+                let follower = Follower {
+                    crossing: number,
+                    back,
+                };
                 aligned[direction].push((distance, follower));
             }
         }
@@ -257,6 +252,31 @@ fn nearest_of(
             })
         })
     })
+}
+
+/// Puts the numbers of the crossings in some direction of one first, and counts them.
+///
+/// Of all pairs of crossings, those that are not aligned must cost little: there is no branch.
+fn numbers_beside(from: &Crossing, crossings: &[Crossing], numbers: &mut [usize]) -> usize {
+    let mut count = 0;
+    for (number, other) in crossings.iter().enumerate() {
+        let way = other.point - from.point;
+        let distance = way.norm_squared();
+        let is_near = distance <= NEAR * NEAR;
+        let least = if is_near { MISALIGNED_NEAR } else { MISALIGNED };
+        let along = [
+            from.edges[0].dot(&way),
+            from.edges[1].dot(&way),
+            other.edges[0].dot(&way),
+            other.edges[1].dot(&way),
+        ];
+        let own = along[0].abs().max(along[1].abs());
+        let others = along[2].abs().max(along[3].abs());
+        let along = own.min(others);
+        numbers[count] = number;
+        count += usize::from(along * along >= least * least * distance);
+    }
+    count
 }
 
 /// The nearest of some crossings to which an edge leads, with the squares of their distances.

@@ -199,7 +199,7 @@ fn shades_around(
     point: Vector2<f64>,
     radius: f64,
 ) -> [f64; 2 * HALF_TURN] {
-    DIRECTIONS.map(|direction| picture.level(point + direction * radius))
+    std::array::from_fn(|k| picture.level(point + DIRECTIONS[k] * radius))
 }
 
 fn mean_of_opposite(shades: &[f64; 2 * HALF_TURN]) -> Ring {
