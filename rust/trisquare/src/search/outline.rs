@@ -4,10 +4,13 @@ use nalgebra::Vector2;
 
 use super::lattice::{Lattice, STEPS};
 
-/// Square pixels: a corner of the outline lies within it, for all that rounding does.
+/// Square pixels: a point on an edge of the outline lies within it, for all that rounding does.
 const ROUNDING: f64 = 1e-6;
 
 /// A convex polygon, clockwise on the screen.
+///
+/// Its corners are of single precision, so that some of the lattice's own outermost crossings are
+/// beyond it by 1e-5 pixels: those at a fold may be the neighbour's, too.
 #[derive(Debug, Clone)]
 pub(super) struct Outline(Vec<Vector2<f64>>);
 
@@ -28,7 +31,7 @@ impl Outline {
         Self::around(points)
     }
 
-    /// The convex hull, by Andrew's monotone chain (Information Processing Letters 9 (1979) 216).
+    /// The convex hull, in single precision, by Andrew's monotone chain (Information Processing Letters 9 (1979) 216).
     fn around(mut points: Vec<Vector2<f64>>) -> Self {
         points
             .iter_mut()
