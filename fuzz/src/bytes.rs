@@ -2,7 +2,7 @@
 
 use arbitrary::Unstructured;
 use nalgebra::{Matrix3, Vector2};
-use trisquare::{Brown, Fixed, ImageSize, Line, Method, Model, Options, PowerCurve, Tone};
+use trisquare::{Brown, Fixed, ImageSize, Line, Method, BrownModel, Options, PowerCurve, Tone};
 
 /// Far outside every picture, but not so far that squares overflow.
 const LARGE: f64 = 1e6;
@@ -121,11 +121,11 @@ impl<'a> Bytes<'a> {
             options.method = Method::Linear;
         }
         options.model = self.pick(&[
-            Model::Radial2,
-            Model::None,
-            Model::Radial1,
-            Model::Radial3,
-            Model::Brown,
+            BrownModel::Radial2,
+            BrownModel::None,
+            BrownModel::Radial1,
+            BrownModel::Radial3,
+            BrownModel::Brown,
         ]);
         if self.once_in(2) {
             options.fixed = Fixed {

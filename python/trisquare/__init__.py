@@ -5,6 +5,8 @@
 >>> result.camera.K, result.camera.distortion, result.std["fx"]  # doctest: +SKIP
 """
 
+from typing import get_type_hints as _get_type_hints
+
 from trisquare._core import __version__
 from trisquare.analysis.comparison import Comparison, compare
 from trisquare.analysis.diagnosis import Diagnosis, diagnose
@@ -95,3 +97,11 @@ __all__ = [
     "undistort",
     "write_report",
 ]
+
+# Pickles and reprs name the package, not the room that a class is written in; annotations are
+# resolved before, with the names of that room.
+for _name in __all__:
+    if isinstance(_public := globals()[_name], type):
+        _public.__annotations__ = _get_type_hints(_public)
+        _public.__module__ = __name__
+del _name, _public, _get_type_hints

@@ -1,18 +1,27 @@
 """The compiled core of trisquare."""
 
 from collections.abc import Sequence
-from typing import Any, Final, Protocol, TypeAlias, TypedDict, final, type_check_only
+from typing import Any, Final, Protocol, TypeAlias, final, type_check_only
 
 import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "FigureResiduals",
+    "Outcome",
     "Picture",
+    "Prediction",
+    "ResidualCorrelation",
+    "SideSamples",
+    "Solution",
+    "SolvedPlane",
+    "ToneEstimate",
+    "ToneFit",
+    "Verdict",
     "__version__",
     "calibrate",
     "camera_matrix_from_homographies",
     "can_unproject",
-    "choose",
     "compare_projections",
     "distort_pixels",
     "fill_undistortion_map",
@@ -82,6 +91,23 @@ class _Edges(Protocol):
     @property
     def freedom(self) -> str: ...
 
+@type_check_only
+class _Span(Protocol):
+    """The members of a `SideSpan`."""
+
+    @property
+    def path(self) -> NDArray[np.float64]: ...
+    @property
+    def polarity(self) -> float: ...
+    @property
+    def bounds(self) -> tuple[int | None, int | None]: ...
+    @property
+    def margins(self) -> tuple[float, float]: ...
+    @property
+    def crossings(self) -> Sequence[tuple[int | None, int]]: ...
+    @property
+    def rims(self) -> Sequence[float]: ...
+
 @final
 class Picture:
     """Raw pixels of a photograph, in memory of their own."""
@@ -90,103 +116,175 @@ class Picture:
     @property
     def size(self) -> tuple[int, int]: ...
 
-@type_check_only
-class ToneMembers(TypedDict):
+@final
+class SideSamples:
+    """The samples of one side."""
+
+    @property
+    def points(self) -> NDArray[np.float64]: ...
+    @property
+    def std(self) -> NDArray[np.float64]: ...
+    @property
+    def drift(self) -> NDArray[np.float64] | None: ...
+
+@final
+class ToneEstimate:
     """An estimated tone curve."""
 
-    gamma: float
-    toe: float
-    effective_gamma: float
-    std: float
-    sides: int
-    misfit: float
-    shift_std: float | None
+    @property
+    def gamma(self) -> float: ...
+    @property
+    def toe(self) -> float: ...
+    @property
+    def effective_gamma(self) -> float: ...
+    @property
+    def std(self) -> float: ...
+    @property
+    def sides(self) -> int: ...
+    @property
+    def misfit(self) -> float: ...
+    @property
+    def shift_std(self) -> float | None: ...
 
-@type_check_only
-class ToneFitMembers(TypedDict):
+@final
+class ToneFit:
     """What the fit to the pixels told of how a picture was coded."""
 
-    effective_gamma: float
-    std: float | None
-    shift: tuple[float, float] | None
+    @property
+    def effective_gamma(self) -> float: ...
+    @property
+    def std(self) -> float | None: ...
+    @property
+    def shift(self) -> tuple[float, float] | None: ...
 
-@type_check_only
-class PoseUncertaintyMembers(TypedDict):
-    """How well a pose is known."""
-
-    given_camera: NDArray[np.float64]
-    by_camera: NDArray[np.float64]
-
-@type_check_only
-class PlaneMembers(TypedDict):
+@final
+class SolvedPlane:
     """One plane of a calibration."""
 
-    figure: int
-    image: int
-    corners: NDArray[np.float64]
-    rotation: NDArray[np.float64]
-    translation: NDArray[np.float64]
-    rms: float
-    samples: int
-    uncertainty: PoseUncertaintyMembers | None
+    @property
+    def figure(self) -> int: ...
+    @property
+    def image(self) -> int: ...
+    @property
+    def corners(self) -> NDArray[np.float64]: ...
+    @property
+    def rotation(self) -> NDArray[np.float64]: ...
+    @property
+    def translation(self) -> NDArray[np.float64]: ...
+    @property
+    def rms(self) -> float: ...
+    @property
+    def samples(self) -> int: ...
+    @property
+    def uncertainty(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None: ...
 
-@type_check_only
-class ResidualCorrelationMembers(TypedDict):
+@final
+class FigureResiduals:
+    """How far the samples of a figure are from the images of its lines, line by line."""
+
+    @property
+    def plane(self) -> int: ...
+    @property
+    def distances(self) -> list[NDArray[np.float64]]: ...
+    @property
+    def normals(self) -> list[NDArray[np.float64]]: ...
+
+@final
+class ResidualCorrelation:
     """How far the residuals are from independent noise."""
 
-    neighbours: float
-    probability: float
-    displacements: tuple[float, ...]
-    contradiction: float
+    @property
+    def neighbours(self) -> float: ...
+    @property
+    def probability(self) -> float: ...
+    @property
+    def displacements(self) -> list[float]: ...
+    @property
+    def contradiction(self) -> float: ...
 
-@type_check_only
-class CalibrationMembers(TypedDict):
-    """A calibration, member by member."""
+@final
+class Solution:
+    """A calibrated camera, how well it is known, and where the planes stand."""
 
-    camera_matrix: NDArray[np.float64]
-    distortion: NDArray[np.float64]
-    valid_radius: float
-    parameters: list[str]
-    covariance: NDArray[np.float64]
-    std: dict[str, float]
-    planes: list[PlaneMembers]
-    rms: float
-    noise_scale: float
-    iterations: int
-    warnings: list[str]
-    stage: str
-    model: str
-    alternatives: list[tuple[str, float, float]]
-    coherence: ResidualCorrelationMembers
-    tones: list[ToneFitMembers]
+    @property
+    def camera_matrix(self) -> NDArray[np.float64]: ...
+    @property
+    def distortion(self) -> NDArray[np.float64]: ...
+    @property
+    def valid_radius(self) -> float: ...
+    @property
+    def model(self) -> str: ...
+    @property
+    def parameters(self) -> list[str]: ...
+    @property
+    def covariance(self) -> NDArray[np.float64]: ...
+    @property
+    def std(self) -> dict[str, float]: ...
+    @property
+    def planes(self) -> list[SolvedPlane]: ...
+    @property
+    def residuals(self) -> list[FigureResiduals]: ...
+    @property
+    def rms(self) -> float: ...
+    @property
+    def noise_scale(self) -> float: ...
+    @property
+    def iterations(self) -> int: ...
+    @property
+    def warnings(self) -> list[str]: ...
+    @property
+    def stage(self) -> str: ...
+    @property
+    def alternatives(self) -> list[tuple[str, float, float]]: ...
+    @property
+    def correlation(self) -> ResidualCorrelation: ...
+    @property
+    def tones(self) -> list[ToneFit]: ...
+
+@final
+class Verdict:
+    """What became of a candidate plane."""
+
+    @property
+    def figure(self) -> int: ...
+    @property
+    def kept(self) -> bool: ...
+    @property
+    def residual(self) -> float | None: ...
+
+@final
+class Outcome:
+    """What is kept of the figures, and the calibration from it or why there is none."""
+
+    @property
+    def verdicts(self) -> list[Verdict]: ...
+    @property
+    def doubt(self) -> str | None: ...
+    def solution(self) -> Solution: ...
 
 def calibrate(
     figures: Sequence[_Edges],
     image_size: tuple[int, int],
     *,
+    choosing: bool,
     method: str,
     model: str,
     fixed: Sequence[str],
     initial: Sequence[float] | None,
     pictures: Sequence[Picture] | None,
     tones: Sequence[str | float | tuple[float, float, float | None]],
-) -> CalibrationMembers: ...
-def choose(
-    figures: Sequence[_Edges],
-    image_size: tuple[int, int],
-    *,
-    model: str,
-    fixed: Sequence[str],
-    initial: Sequence[float] | None,
-) -> tuple[list[tuple[int, bool, float | None]], str | None]: ...
+) -> Outcome: ...
 
-@type_check_only
-class PredictionMembers(TypedDict):
-    """A prediction, member by member."""
+@final
+class Prediction:
+    """How well a camera will be known."""
 
-    parameters: list[str]
-    covariance: NDArray[np.float64]
-    std: dict[str, float]
+    @property
+    def parameters(self) -> list[str]: ...
+    @property
+    def covariance(self) -> NDArray[np.float64]: ...
+    @property
+    def std(self) -> dict[str, float]: ...
 
 def predict(
     camera: Sequence[float],
@@ -198,7 +296,7 @@ def predict(
     model: str,
     fixed: Sequence[str],
     judged: bool,
-) -> PredictionMembers: ...
+) -> Prediction: ...
 def grow_lattice(
     picture: NDArray[np.uint8],
     points: NDArray[np.float64],
@@ -232,29 +330,8 @@ def link_crossings(
     picture: NDArray[np.uint8], points: NDArray[np.float64], edges: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]: ...
 def localise(
-    picture: Picture,
-    spans: Sequence[
-        tuple[NDArray[np.float64], float, tuple[int | None, int | None]]
-        | tuple[NDArray[np.float64], float, tuple[int | None, int | None], tuple[float, float]]
-        | tuple[
-            NDArray[np.float64],
-            float,
-            tuple[int | None, int | None],
-            Sequence[tuple[int | None, int]],
-        ]
-        | tuple[
-            NDArray[np.float64],
-            float,
-            tuple[int | None, int | None],
-            Sequence[tuple[int | None, int]],
-            Sequence[float],
-        ]
-    ],
-    tone: str | float | None,
-) -> tuple[
-    list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64] | None] | str],
-    ToneMembers | None,
-]: ...
+    picture: Picture, spans: Sequence[_Span], tone: str | float | None
+) -> tuple[list[SideSamples | str], ToneEstimate | None]: ...
 def square_lines(sides: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]: ...
 def fit_distortion(
     curves: Sequence[NDArray[np.float64]],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, fields
 from functools import partial
 from typing import Any, Literal, TypeAlias, get_args
 
@@ -193,21 +193,7 @@ class PlaneEdges:
 
     def to_json(self) -> str:
         """Return the edges as JSON text that `from_json` reads back exactly."""
-        return dump_members(
-            {
-                "format": EDGES_FORMAT,
-                "kind": self.kind,
-                "image": self.image,
-                "plane": self.plane,
-                "polarity": self.polarity,
-                "freedom": self.freedom,
-                "lines": self.lines.tolist(),
-                "points": [points.tolist() for points in self.points],
-                "std": None if self.std is None else [std.tolist() for std in self.std],
-                **({} if self.drift is None else {"drift": [d.tolist() for d in self.drift]}),
-                **({} if self.border is None else {"border": self.border}),
-            }
-        )
+        return dump_members({"format": EDGES_FORMAT, **edges_members(self)})
 
     @classmethod
     def from_json(cls, text: str) -> PlaneEdges:
@@ -220,20 +206,64 @@ class PlaneEdges:
         NotEnoughDataError
             As for `PlaneEdges`.
         """
-        fields = JsonFields.parse(text, EDGES_FORMAT)
-        freedom: Any = fields.text("freedom")
-        return cls(
-            fields.array("lines", (None, 3)),
-            fields.arrays("points", (None, 2)),
-            None if fields.value("std") is None else fields.arrays("std", (None,)),
-            polarity=None if fields.value("polarity") is None else fields.integer("polarity"),
-            plane=None if fields.value("plane") is None else fields.integer("plane"),
-            image=fields.integer("image"),
-            kind=fields.text("kind"),
-            freedom=freedom,
-            drift=fields.arrays("drift", (None, 2)) if fields.has("drift") else None,
-            border=fields.number("border") if fields.has("border") else None,
-        )
+        return edges_from_members(JsonFields.parse(text, EDGES_FORMAT))
+
+
+def edges_members(edges: PlaneEdges) -> dict[str, Any]:
+    """Return the members of the JSON format."""
+    return {
+        "kind": edges.kind,
+        "image": edges.image,
+        "plane": edges.plane,
+        "polarity": edges.polarity,
+        "freedom": edges.freedom,
+        "lines": edges.lines.tolist(),
+        "points": [points.tolist() for points in edges.points],
+        "std": None if edges.std is None else [std.tolist() for std in edges.std],
+        **({} if edges.drift is None else {"drift": [drift.tolist() for drift in edges.drift]}),
+        **({} if edges.border is None else {"border": edges.border}),
+    }
+
+
+def edges_from_members(members: JsonFields) -> PlaneEdges:
+    """Read the members of the JSON format."""
+    freedom: Any = members.text("freedom")
+    return PlaneEdges(
+        members.array("lines", (None, 3)),
+        members.arrays("points", (None, 2)),
+        None if members.value("std") is None else members.arrays("std", (None,)),
+        polarity=None if members.value("polarity") is None else members.integer("polarity"),
+        plane=None if members.value("plane") is None else members.integer("plane"),
+        image=members.integer("image"),
+        kind=members.text("kind"),
+        freedom=freedom,
+        drift=members.arrays("drift", (None, 2)) if members.has("drift") else None,
+        border=members.number("border") if members.has("border") else None,
+    )
+
+
+def unchecked_edges(**members: Any) -> PlaneEdges:
+    """Make edges of members that are known to be right: nothing is checked or copied.
+
+    For what the core measured, and for edges that were checked before. The arrays become read-only.
+    """
+    edges = object.__new__(PlaneEdges)
+    for field in fields(PlaneEdges):
+        value = members.pop(field.name, field.default)
+        object.__setattr__(edges, field.name, value)
+    if members:
+        raise TypeError(f"PlaneEdges has no {', '.join(members)}")
+    edges.lines.flags.writeable = False
+    for arrays in (edges.points, edges.std or (), edges.drift or ()):
+        for array in arrays:
+            array.flags.writeable = False
+    return edges
+
+
+def changed_edges(edges: PlaneEdges, **changes: Any) -> PlaneEdges:
+    """Return edges with some members changed, unchecked as by `unchecked_edges`."""
+    members = {field.name: getattr(edges, field.name) for field in fields(PlaneEdges)}
+    return unchecked_edges(**{**members, **changes})
 
 
 def _unit_normal_lines(lines: Any) -> FloatArray:

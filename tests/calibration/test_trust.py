@@ -241,3 +241,13 @@ def test_a_slight_displacement_does_not_pass_for_weak_geometry():
     """By a quarter of the noise; without it, fy is known to 3 px of 1535."""
     scene = squares(17)
     assert_within(calibrated(scene, displaced(0.25), 17), scene, 2.0 * SURE)
+
+
+def test_a_bent_side_that_the_others_cannot_replace_stays_while_its_bend_is_seen():
+    """Without it too little is left; with it, a robust loss may hide from the std what it bends."""
+    scene, plane, side = squares(1070), 2, 0
+    slight = calibrated(scene, bowed(plane, side, 0.25 * BOW), 1070)
+    assert_within(slight, scene, SURE)
+    assert any("err together" in text for text in slight.warnings)
+    with pytest.raises(ts.DegenerateGeometryError):
+        calibrated(scene, bowed(plane, side, 2.0 * BOW), 1070)

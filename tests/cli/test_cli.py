@@ -340,7 +340,7 @@ def test_diagnosis_follows_the_tables(run, asked, photo):
     code, out, error = run("calibrate", photo, "--diagnose")
     assert (code, error) == (0, "")
     assert "fx  std 0.1: " in out
-    assert "would bring it from 0.1 to" in out
+    assert "would reduce it from 0.1 to" in out
     code, _, error = run("calibrate", photo, "--diagnose", "--json")
     assert code == 2
     assert "--json" in error

@@ -316,7 +316,7 @@ def test_a_picture_of_another_shape_is_no_scaled_one(run, folder, name, options)
     outcome = run(name, *WORKING[name], *options)
     assert_refused(outcome, 2, folder, before)
     assert outcome[2].startswith("trisquare: error: photo.png: ")
-    assert "another shape" in outcome[2]
+    assert "another aspect ratio" in outcome[2]
 
 
 @pytest.mark.parametrize(

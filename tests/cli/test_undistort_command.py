@@ -89,7 +89,7 @@ def test_several_photographs_of_several_sizes(undistort, folder):
         ("gone.png --camera camera.json -o out.png", 5, "gone.png"),
         ("photo.png camera.json --camera camera.json -o out.png", 5, "camera.json"),
         ("photo.png small.png --camera camera.json -o out.png", 2, "small.png: the picture is 64"),
-        ("photo.png wide.png --camera camera.json -o out.png --rescale", 2, "another shape"),
+        ("photo.png wide.png --camera camera.json -o out.png --rescale", 2, "another aspect ratio"),
         ("photo.png deep.png --camera camera.json -o out.jpg --rescale", 2, "uint16"),
         ("photo.png --camera camera.json -o photo.png", 2, "overwrite"),
         ("photo.png --camera camera.json -o .", 2, "overwrite"),

@@ -315,6 +315,7 @@ def test_chessboards_of_real_photographs():
         assert min(gaps) < 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("cols", "rows", "seeds"), [(9, 6, range(10)), (8, 5, range(2, 3))])
 def test_rendered_chessboards(cols, rows, seeds):
     for seed in seeds:

@@ -190,9 +190,9 @@ def with_square(**square):
     ("outlines", "key"),
     [
         ("{", "not JSON"),
-        ("[" * 100_000, "not JSON"),
+        ("[" * 100_000, "nested too deeply"),
         ("[1, 2]", "must be an object"),
-        ("{}", "none of the keys"),
+        ("{}", "is not an outlines file"),
         ('{"format": "trisquare/1"}', '"format"'),
         ('{"format": "trisquare-outlines/1", "squares": 3}', '"squares" must be a list'),
         ('{"format": "trisquare-outlines/1", "squares": []}', "no outline"),

@@ -127,6 +127,7 @@ def test_layouts_are_opencv_s(cols, rows):
     np.testing.assert_allclose(own - own[0, 0], theirs - theirs[0, 0], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_charuco_box_calibrates_a_camera(box):
     scene, picture = box
     result = ts.calibrate(picture, targets="charuco:4x4:0.75:4X4_1000", tone="linear")

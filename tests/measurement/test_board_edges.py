@@ -46,6 +46,7 @@ def measured(picture, lattices, tone="linear"):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("inner_corners", "blur"),
     [(4, 0.6), (8, 1.0), (8, 1.5), (18, 0.8)],

@@ -86,6 +86,7 @@ def test_few_cells_tell_a_shift_less_well_than_many():
     assert shift_and_std([alike]) == (0.0, np.inf)
 
 
+@pytest.mark.slow
 def test_a_wrong_tone_curve_no_longer_tears_the_lines_of_a_board():
     def zigzag_of(picture, tone):
         (board,) = ts.detect(picture, targets="chessboard:9x6", tone=tone)

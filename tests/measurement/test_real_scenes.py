@@ -116,6 +116,7 @@ def test_scenes_without_plain_boards_are_three_planes_to_calibrate_from(kind):
     assert 0.0 < case.bound()["fx"] < 0.02 * case.scene.camera.fx
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("index", [7, 36])
 def test_small_charuco_boards_are_found_whole_and_their_markers_rims_measured(index):
     # Print beside crossings hides some: one of nine in one, under a blur of 1.5 px in the other.

@@ -1,6 +1,8 @@
 """What imports may name; in which row a room stands is checked by import-linter."""
 
 import ast
+import pickle
+import typing
 from pathlib import Path
 
 import pytest
@@ -29,3 +31,14 @@ def test_no_file_imports_the_facade_or_what_another_keeps_to_itself(path):
             assert module != "trisquare", f"{path}: imports through the façade"
             private = name is not None and name.startswith("_") and not name.startswith("__")
             assert not private, f"{path}: takes {name}, which is {module}'s own"
+
+
+CLASSES = [name for name in trisquare.__all__ if isinstance(getattr(trisquare, name), type)]
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_public_classes_name_the_package_and_their_annotations_resolve(name):
+    public = getattr(trisquare, name)
+    assert public.__module__ == "trisquare"
+    assert pickle.loads(pickle.dumps(public)) is public
+    typing.get_type_hints(public)

@@ -170,6 +170,7 @@ def test_the_core_lets_other_threads_run(name, monkeypatch):
     assert max(during) > 0
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="reads Linux's accounts")
 def test_memory_stays_flat():
     edges = edges_of(squares(79), 0.1, spacing=12.0)

@@ -257,7 +257,7 @@ def test_a_cropped_or_turned_picture_is_no_scaled_one(size):
         lambda: ts.undistort(picture, camera(), rescale=True),
         lambda: ts.undistort(picture, camera()),
     ):
-        with pytest.raises(ValueError, match="another shape"):
+        with pytest.raises(ValueError, match="another aspect ratio"):
             call()
 
 

@@ -25,26 +25,20 @@ class JsonFields:
         self._where = where
 
     @classmethod
-    def parse(cls, text: str | bytes, wanted_format: str) -> JsonFields:
+    def parse(cls, text: str | bytes, expected_format: str) -> JsonFields:
         """Parse a whole text and check its ``format`` member."""
         if not isinstance(text, str | bytes):
             raise TypeError(f"JSON text must be a str, not {type(text).__name__}")
-        try:
-            fields = cls(json.loads(text, parse_constant=refuse_constant))
-        except RecursionError as error:
-            raise ValueError("the JSON text is nested too deeply") from error
-        except json.JSONDecodeError as error:
-            raise ValueError(f"not JSON: {error}") from error
-        found = fields.text("format")
-        if found != wanted_format:
-            raise ValueError(f'"format" must be {wanted_format!r}, not {found!r}')
+        fields = cls(parse_json(text))
+        if (stated := fields.text("format")) != expected_format:
+            raise ValueError(f'"format" must be {expected_format!r}, not {stated!r}')
         return fields
 
     def _key(self, key: str) -> str:
         return f"{self._where}.{key}" if self._where else key
 
-    def _fail(self, key: str, wanted: str) -> NoReturn:
-        raise ValueError(f'"{self._key(key)}" must be {wanted}')
+    def _fail(self, key: str, expected: str) -> NoReturn:
+        raise ValueError(f'"{self._key(key)}" must be {expected}')
 
     def value(self, key: str) -> Any:
         """Return the member as it was parsed; it must be there."""
@@ -137,6 +131,16 @@ class JsonFields:
             return real_array(value, f'"{self._key(key)}"', shape)
         except TypeError as error:
             raise ValueError(str(error)) from error
+
+
+def parse_json(text: str | bytes) -> Any:
+    """Parse JSON; every mistake is a ValueError."""
+    try:
+        return json.loads(text, parse_constant=refuse_constant)
+    except RecursionError as error:
+        raise ValueError("the JSON text is nested too deeply") from error
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"not JSON: {error}") from error
 
 
 def refuse_constant(constant: str) -> NoReturn:

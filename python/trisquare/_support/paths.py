@@ -1,4 +1,4 @@
-"""Files of text that a user names: what is wrong with one is said with its name."""
+"""Files of text that a user names: an error about one begins with its name."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def naming(path: str | os.PathLike[str]) -> Iterator[None]:
     try:
         yield
     except ValueError as error:
-        said = str(error)
-        if len(said) > MOST_CHARACTERS:
-            said = f"{said[:MOST_CHARACTERS]} ..."
-        raise ValueError(f"{os.fspath(path)}: {said}") from error
+        message = str(error)
+        if len(message) > MOST_CHARACTERS:
+            message = f"{message[:MOST_CHARACTERS]} ..."
+        raise ValueError(f"{os.fspath(path)}: {message}") from error

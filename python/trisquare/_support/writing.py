@@ -20,9 +20,9 @@ def writing(path: PathLike) -> Iterator[None]:
         yield
     except OSError as error:
         if error.errno is None:
-            raise  # said already
-        said = f"{os.fspath(path)}: cannot be written: {error.strerror}"
-        raise type(error)(said) from error
+            raise  # its message is complete
+        message = f"{os.fspath(path)}: cannot be written: {error.strerror}"
+        raise type(error)(message) from error
 
 
 def check_writable(path: PathLike) -> None:

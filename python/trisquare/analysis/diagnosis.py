@@ -116,12 +116,12 @@ def _diagnose(
     limits = [what_if.lack for what_if, _ in helpful if what_if.lack][:1]
     strongest = max(correlation, key=lambda other: abs(correlation[other]), default=name)
     if abs(value := correlation.get(strongest, 0.0)) > STRONG_CORRELATION:
-        limits.append(f"it is hard to tell from {strongest} (correlation {value:+.2f})")
+        limits.append(f"it is strongly correlated with {strongest} ({value:+.2f})")
     samples = sum(plane.samples for plane in calibration.planes)
     limits.append(f"noise of {calibration.rms:.2g} px in {samples} edge samples")
     unit = " px" if name in ("fx", "fy", "cx", "cy") else ""
     remedies = [
-        f"{what_if.change} would bring it from {std:.2g} to {std * ratio:.2g}{unit}"
+        f"{what_if.change} would reduce it from {std:.2g} to {std * ratio:.2g}{unit}"
         for what_if, ratio in helpful[:MOST_REMEDIES]
     ]
     return ParameterDiagnosis(
@@ -129,5 +129,5 @@ def _diagnose(
         correlation=correlation,
         limits=", and ".join(limits[:2]),
         remedy="; ".join(remedies)
-        or "no single change of the set-up would help much; less noise would",
+        or "no single change of the set-up would help much; lower noise would",
     )

@@ -163,7 +163,7 @@ def measure(
     """
     pixels = real_array(points, "points", (None, 2))
     if len(pixels) < 2:
-        raise ValueError(f"a length takes two points, not {len(pixels)}")
+        raise ValueError(f"a length needs two points or more, not {len(pixels)}")
     length = real_number(side, "side")
     if not 0 < length < LARGEST:
         raise ValueError(f"side must be positive and less than {LARGEST:g}, not {length:g}")

@@ -135,9 +135,9 @@ def predict(
     )
     return Prediction(
         camera=camera,
-        std=predicted["std"],
-        covariance=predicted["covariance"],
-        parameters=tuple(predicted["parameters"]),
+        std=predicted.std,
+        covariance=predicted.covariance,
+        parameters=tuple(predicted.parameters),
         sigma=noise,
         spacing=distance,
     )

@@ -96,7 +96,7 @@ def predicted_std(
         model=camera.model,
         fixed=fixed,
         judged=False,
-    )["std"]
+    ).std
 
 
 def planes_of(calibration: Calibration) -> tuple[PosedPlane, ...]:
@@ -148,7 +148,7 @@ def changes_of(calibration: Calibration, planes: tuple[PosedPlane, ...]) -> Iter
         except ValueError:
             continue
         yield WhatIf(
-            f"a further square in the picture's {where}, tilted in a direction of its own,",
+            f"adding a square in the picture's {where}, tilted in another direction,",
             "the squares are few",
             (*planes, _added_square(planes, ideal)),
             fixed,

@@ -4,27 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-
-import numpy as np
+from typing import NamedTuple
 
 import trisquare._core as _core
 from trisquare._support.arrays import size_of_image
-from trisquare.calibration.explain_failure import raise_with_reasons
+from trisquare.calibration.explain_failure import raise_with_reasons, rejected_shapes
 from trisquare.calibration.gather import gather
-from trisquare.calibration.select import choose
+from trisquare.calibration.select import chosen_by
 from trisquare.camera.camera import Camera
 from trisquare.camera.settings import Settings
 from trisquare.detection.kinds import TargetKinds, nothing_found
-from trisquare.edges import PlaneEdges
+from trisquare.edges import PlaneEdges, changed_edges
 from trisquare.errors import DetectionError
-from trisquare.images.pixels import ImageSource, Outlines, Tone
+from trisquare.images.photographs import Photographs
+from trisquare.images.pixels import ImageSource, Outlines, Tone, sources_of
 from trisquare.images.tone import PictureTone, pooled, shift_warnings
 from trisquare.results.calibration import Calibration
 from trisquare.results.model_alternative import ModelAlternative
 from trisquare.results.plane import Plane
 from trisquare.results.pose_uncertainty import PoseUncertainty
-from trisquare.results.rejected import is_reported
+from trisquare.results.rejected import Rejected, is_reported
 from trisquare.results.residual_correlation import ResidualCorrelation
+from trisquare.results.residuals import FigureResiduals
 
 
 def calibrate(
@@ -50,7 +51,7 @@ def calibrate(
         uint8, uint16 or float32 of shape (H, W) or (H, W, 3) in BGR order. Several photographs
         must be of one camera and size; their planes are pooled. One in which nothing is found is
         named in `warnings` and left out, as is one that is given twice. A file's orientation tag
-        is not obeyed: the result refers to the picture as it is stored, and says so.
+        is ignored, with a warning: the result refers to the picture as it is stored.
     method : {"ml", "linear"}
         Joint maximum likelihood, or the three linear steps of Zhou et al. (2013) alone, whose
         stated standard deviations are those that maximum likelihood would have with residuals of
@@ -92,36 +93,75 @@ def calibrate(
     TypeError, ValueError
         For bad arguments.
     """
+    return calibrate_photographs(
+        Photographs(sources_of(image)),
+        method=method,
+        model=model,
+        fix=fix,
+        initial=initial,
+        tone=tone,
+        targets=targets,
+        outlines=outlines,
+        progress=progress,
+    ).calibration
+
+
+class Calibrated(NamedTuple):
+    """A calibration, and the shapes in its photographs that are no targets, with the reasons."""
+
+    calibration: Calibration
+    rejected_shapes: Sequence[Rejected]
+
+
+def calibrate_photographs(
+    photographs: Photographs,
+    *,
+    method: str,
+    model: str,
+    fix: str | Iterable[str],
+    initial: Camera | None,
+    tone: Tone,
+    targets: str,
+    outlines: Outlines | None,
+    progress: Callable[[int, int], None] | None,
+    explain: bool = False,
+) -> Calibrated:
+    """Calibrate as `calibrate` does, from photographs that the caller may go on using.
+
+    With `explain`, the shapes that are no targets are reported for every photograph: in the
+    answer, or in the error.
+    """
     settings = Settings.check(method, model, fix, initial)
     kinds = TargetKinds.parse(targets)
-    sources = _sources(image)
-    gathered = gather(sources, kinds, tone, outlines, progress)
+    gathered = gather(photographs, kinds, tone, outlines, progress, explain_all=explain)
     by_hand = outlines is not None
     figures, size = gathered.figures, gathered.image_size
-    # Where outlines are drawn by hand, no search has passed anything over.
-    searched_for = TargetKinds() if by_hand else kinds
-    with raise_with_reasons(figures, gathered.rejected, sources, searched_for):
+    several = len(photographs) > 1
+    with raise_with_reasons(figures, gathered.rejected, gathered.searches, several=several):
         if not figures:
             # What was not used is told with its place, once the error is on its way.
             untold = [
                 text for text in gathered.warnings if not is_reported(text, gathered.rejected)
             ]
             raise DetectionError("; ".join(untold) if by_hand else nothing_found(kinds))
-        # What was asked for by its layout or drawn by hand is vouched for.
-        if kinds.squares and not by_hand:
-            chosen = choose(
-                figures,
-                size,
-                gathered.quads,
-                model=settings.model,
-                fixed=settings.fixed,
-                initial=settings.initial_parameters(size),
-            )
-            gathered.keep(chosen)
-        result = _solve(
-            figures, size, settings, gathered.pictures, gathered.tones, gathered.warnings
+        outcome = _ask_core(
+            figures,
+            size,
+            settings,
+            # What was asked for by its layout or drawn by hand is vouched for.
+            choosing=kinds.squares and not by_hand,
+            pictures=gathered.pictures,
+            tones=gathered.tones,
         )
-    return replace(result, rejected=tuple(gathered.rejected))
+        if outcome.verdicts:
+            gathered.keep(chosen_by(outcome, figures, gathered.quads))
+        calibration = _calibration(
+            outcome.solution(), figures, size, settings, gathered.tones, gathered.warnings
+        )
+    return Calibrated(
+        replace(calibration, rejected=tuple(gathered.rejected)),
+        rejected_shapes(gathered.searches) if explain else (),
+    )
 
 
 def calibrate_edges(
@@ -164,30 +204,27 @@ def calibrate_edges(
     names = dict.fromkeys(figure.plane for figure in figures if figure.plane is not None)
     number = {name: count for count, name in enumerate(names)}
     counted = [
-        figure if figure.plane is None else replace(figure, plane=number[figure.plane])
+        figure if figure.plane is None else changed_edges(figure, plane=number[figure.plane])
         for figure in figures
     ]
-    return _solve(counted, size_of_image(image_size), settings, None, [], [])
+    size = size_of_image(image_size)
+    outcome = _ask_core(counted, size, settings, choosing=False, pictures=None, tones=[])
+    return _calibration(outcome.solution(), figures, size, settings, [], [])
 
 
-def _sources(image: ImageSource | Sequence[ImageSource]) -> list[ImageSource]:
-    """Return the pictures, one or several, as a list."""
-    if isinstance(image, Sequence) and not isinstance(image, str):
-        return list(image)
-    return [image]
-
-
-def _solve(
-    figures: list[PlaneEdges],
+def _ask_core(
+    figures: Sequence[PlaneEdges],
     image_size: tuple[int, int],
     settings: Settings,
-    pictures: list[_core.Picture] | None,
-    tones: list[PictureTone],
-    warnings: list[str],
-) -> Calibration:
-    found = _core.calibrate(
+    *,
+    choosing: bool,
+    pictures: Sequence[_core.Picture] | None,
+    tones: Sequence[PictureTone],
+) -> _core.Outcome:
+    return _core.calibrate(
         figures,
         image_size,
+        choosing=choosing,
         method=settings.method,
         model=settings.model,
         fixed=settings.fixed,
@@ -195,46 +232,65 @@ def _solve(
         pictures=pictures,
         tones=[tone.curve for tone in tones],
     )
+
+
+def _calibration(
+    found: _core.Solution,
+    figures: Sequence[PlaneEdges],
+    image_size: tuple[int, int],
+    settings: Settings,
+    tones: Sequence[PictureTone],
+    warnings: Sequence[str],
+) -> Calibration:
+    """Return what the core found as a result."""
     # The fit to the pixels knows more of the tone than the edges' profiles alone.
-    if found["tones"]:
-        tones = [tone.refined(fit) for tone, fit in zip(tones, found["tones"], strict=True)]
+    if found.tones:
+        tones = [tone.refined(fit) for tone, fit in zip(tones, found.tones, strict=True)]
     tone, tone_std = pooled(tones)
-    camera = Camera(
-        found["camera_matrix"],
-        found["distortion"],
-        image_size,
-        found["model"],
-        valid_radius=found["valid_radius"],
-    )
-    planes = tuple(
-        Plane(
-            kind=figures[plane["figure"]].kind,
-            image=plane["image"],
-            corners=plane["corners"],
-            rotation=plane["rotation"],
-            translation=plane["translation"],
-            rms=plane["rms"],
-            samples=plane["samples"],
-            uncertainty=(
-                None if plane["uncertainty"] is None else PoseUncertainty(**plane["uncertainty"])
-            ),
-        )
-        for plane in found["planes"]
-    )
+    correlation = found.correlation
     return Calibration(
-        camera=camera,
-        std=found["std"],
-        covariance=np.asarray(found["covariance"]),
-        parameters=tuple(found["parameters"]),
-        planes=planes,
-        rms=found["rms"],
-        noise_scale=found["noise_scale"],
-        warnings=(*warnings, *found["warnings"], *shift_warnings(tones)),
+        camera=Camera(
+            found.camera_matrix,
+            found.distortion,
+            image_size,
+            found.model,
+            valid_radius=found.valid_radius,
+        ),
+        std=found.std,
+        covariance=found.covariance,
+        parameters=tuple(found.parameters),
+        planes=tuple(_plane(plane, figures[plane.figure].kind) for plane in found.planes),
+        rms=found.rms,
+        noise_scale=found.noise_scale,
+        warnings=(*warnings, *found.warnings, *shift_warnings(tones)),
         method=settings.method,
         tone=tone,
         fixed=settings.fixed,
-        stage=found["stage"],
-        alternatives=tuple(ModelAlternative(*other) for other in found["alternatives"]),
-        coherence=ResidualCorrelation(**found["coherence"]),
+        stage=found.stage,
+        alternatives=tuple(ModelAlternative(*other) for other in found.alternatives),
+        coherence=ResidualCorrelation(
+            correlation.neighbours,
+            correlation.probability,
+            tuple(correlation.displacements),
+            correlation.contradiction,
+        ),
         tone_std=tone_std,
+        edges=tuple(figures),
+        residuals=tuple(
+            FigureResiduals(own.plane, tuple(own.distances), tuple(own.normals))
+            for own in found.residuals
+        ),
+    )
+
+
+def _plane(found: _core.SolvedPlane, kind: str) -> Plane:
+    return Plane(
+        kind=kind,
+        image=found.image,
+        corners=found.corners,
+        rotation=found.rotation,
+        translation=found.translation,
+        rms=found.rms,
+        samples=found.samples,
+        uncertainty=None if found.uncertainty is None else PoseUncertainty(*found.uncertainty),
     )

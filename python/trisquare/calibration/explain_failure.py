@@ -2,33 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from trisquare._support.number_text import listed
-from trisquare.detection.kinds import TargetKinds
 from trisquare.edges import PlaneEdges
 from trisquare.errors import TrisquareError
-from trisquare.images.pixels import ImageSource
-from trisquare.images.reading import load_picture
 from trisquare.results.partial_detection import PartialDetection, partial_detections
 from trisquare.results.rejected import Rejected
 
+if TYPE_CHECKING:  # it would load OpenCV, which waits until a picture is searched
+    from trisquare.measurement.find import Search
+
 MOST_NAMED = 3
 """Groups, and places in each, that a message names; the error's attributes hold all."""
-
-MOST_EXPLAINED = 4
-"""Pictures that are searched again for rejected shapes, those with the fewest targets first: with a
-hundred pictures a failure must not take twice as long."""
 
 
 @contextmanager
 def raise_with_reasons(
     figures: Sequence[PlaneEdges],
     rejected: Sequence[Rejected],
-    sources: Sequence[ImageSource],
-    kinds: TargetKinds,
+    searches: Mapping[int, Search],
+    *,
+    several: bool,
 ) -> Iterator[None]:
     """Add what was found and what was rejected to a `TrisquareError`: to its text and attributes.
 
@@ -38,34 +36,33 @@ def raise_with_reasons(
         What was measured.
     rejected : sequence of Rejected
         What is known to have been rejected.
-    sources : sequence of path or ndarray
-        The pictures.
-    kinds : TargetKinds
-        What was searched for.
+    searches : mapping of int to Search
+        What was searched for in which picture, of those whose rejected shapes are reported.
+    several : bool
+        Whether there is more than one picture.
     """
     try:
         yield
     except TrisquareError as error:
-        # OpenCV is loaded where a picture is searched.
-        from trisquare.measurement.rejection_reasons import rejection_reasons
-
         error.found = tuple(partial_detections(figures))
-        counts = [sum(target.image == i for target in error.found) for i in range(len(sources))]
-        explained = sorted(range(len(sources)), key=counts.__getitem__)[:MOST_EXPLAINED]
-        error.rejected = (
-            *rejected,
-            *(
-                replace(candidate, image=index)
-                for index in sorted(explained)
-                for candidate in rejection_reasons(load_picture(sources[index]), kinds)
-            ),
-        )
+        error.rejected = (*rejected, *rejected_shapes(searches))
         texts = [str(error)]
         for heading, things in (("found", error.found), ("not used", error.rejected)):
             if things:
-                texts.append(f"{heading}: {_named(things, len(sources) > 1)}")
+                texts.append(f"{heading}: {_named(things, several)}")
         error.args = ("; ".join(texts),)
         raise
+
+
+def rejected_shapes(searches: Mapping[int, Search]) -> list[Rejected]:
+    """Return the four-sided shapes of searched pictures that are no targets, with the reasons."""
+    from trisquare.measurement.rejection_reasons import rejection_reasons
+
+    return [
+        replace(candidate, image=index)
+        for index, search in sorted(searches.items())
+        for candidate in rejection_reasons(search)
+    ]
 
 
 def _named(candidates: Sequence[PartialDetection | Rejected], several: bool) -> str:

@@ -10,14 +10,19 @@ import trisquare._core as _core
 from trisquare._support.arrays import FloatArray
 from trisquare.calibration.select import Chosen
 from trisquare.detection.kinds import TargetKinds, nothing_found
-from trisquare.edges import PlaneEdges
-from trisquare.images.photographs import Photograph, photographs
-from trisquare.images.pixels import ImageSource, Outlines, Tone, checked_tone, picture_size, tone_of
+from trisquare.edges import PlaneEdges, changed_edges
+from trisquare.images.photographs import Photograph, Photographs
+from trisquare.images.pixels import Outlines, Tone, checked_tone, picture_size, tone_of
 from trisquare.images.tone import PictureTone
 from trisquare.results.rejected import Rejected
 
 if TYPE_CHECKING:  # it would load OpenCV, which waits until a picture is searched
     from trisquare.detection.annotations.outlines import AnnotatedSquare
+    from trisquare.measurement.find import Search
+
+MOST_EXPLAINED = 4
+"""Pictures of which a failure reports the rejected shapes, those with the fewest targets: with a
+hundred pictures it must not take twice as long."""
 
 
 @dataclass(slots=True)
@@ -38,6 +43,8 @@ class Gathered:
         The pixels of every photograph as the core has them.
     tones : list of PictureTone
         Of every photograph.
+    searches : dict of int to Search
+        What was searched for in the photographs whose rejected shapes may be asked for.
     """
 
     image_size: tuple[int, int] = (0, 0)
@@ -47,6 +54,7 @@ class Gathered:
     warnings: list[str] = field(default_factory=list)
     pictures: list[_core.Picture] = field(default_factory=list)
     tones: list[PictureTone] = field(default_factory=list)
+    searches: dict[int, Search] = field(default_factory=dict)
 
     def keep(self, chosen: Chosen) -> None:
         """Keep what is chosen of the figures; the others have been rejected."""
@@ -67,9 +75,10 @@ class Gathered:
         core = _core.Picture(photograph.pixels)
         # In one that was given before nothing is looked for either.
         sought = () if photograph.repeats else annotated
-        figures, picture_tone, rejected, quads = measure(
+        figures, picture_tone, rejected, quads, search = measure(
             photograph.pixels, core, targets, tone, sought
         )
+        self.searches[photograph.index] = search
         self.pictures.append(core)
         self.tones.append(picture_tone)
         self.rejected += [replace(candidate, image=photograph.index) for candidate in rejected]
@@ -82,23 +91,33 @@ class Gathered:
         self.quads.update(enumerate(quads, planes_before))
         self.figures += [_placed(figure, photograph.index, planes_before) for figure in figures]
 
+    def forget_richest_search(self) -> None:
+        """Forget the search of the photograph with the most targets, of as many the last."""
+        if len(self.searches) > MOST_EXPLAINED:
+            counts = {index: len(search.targets) for index, search in self.searches.items()}
+            del self.searches[max(counts, key=lambda index: (counts[index], index))]
+
 
 def gather(
-    sources: Sequence[ImageSource],
+    photographs: Photographs,
     targets: TargetKinds,
     tone: Tone,
     outlines: Outlines | None,
     progress: Callable[[int, int], None] | None,
+    *,
+    explain_all: bool,
 ) -> Gathered:
     """Find and measure the targets of several photographs, one after another.
 
     Parameters
     ----------
-    sources : sequence of path or ndarray
+    photographs : Photographs
     targets : TargetKinds
         What is looked for where nothing is drawn by hand.
     tone, outlines, progress
         As in `calibrate`.
+    explain_all : bool
+        Whether the rejected shapes of every photograph may be asked for.
 
     Raises
     ------
@@ -110,27 +129,29 @@ def gather(
     from trisquare.detection.annotations.load import Annotations
 
     checked = checked_tone(tone)
-    if not sources:
+    if not photographs.sources:
         raise ValueError("no picture given")
-    drawings = None if outlines is None else Annotations.read(outlines, sources)
+    drawings = None if outlines is None else Annotations.read(outlines, photographs.sources)
     gathered = Gathered()
     curves: set[str | float] = set()
-    for photograph in photographs(sources):
+    for photograph in photographs:
         gathered.image_size = picture_size(photograph.pixels)
         curve = tone_of(photograph.pixels, checked)
         curves.add(curve)
         if len(curves) > 1:
             raise ValueError(
-                f"{photograph.name} holds {photograph.pixels.dtype} pixels and those before it do "
-                "not, which are usually coded differently: state the tone curve of all (srgb, "
-                "linear, auto or a gamma)"
+                f"{photograph.name} has {photograph.pixels.dtype} pixels, unlike the pictures "
+                "before it, and their tone curves probably differ: give one tone curve for all "
+                "(srgb, linear, auto or a gamma)"
             )
         annotated = None
         if drawings is not None:
             annotated = drawings.on(photograph.index, gathered.image_size)
         gathered.add(photograph, targets, curve, annotated)
+        if not explain_all:
+            gathered.forget_richest_search()
         if progress is not None:
-            progress(photograph.index + 1, len(sources))
+            progress(photograph.index + 1, len(photographs))
     return gathered
 
 
@@ -143,6 +164,4 @@ def _nothing(targets: TargetKinds, annotated: Sequence[AnnotatedSquare] | None) 
 
 def _placed(figure: PlaneEdges, image: int, planes_before: int) -> PlaneEdges:
     plane = None if figure.plane is None else figure.plane + planes_before
-    if (figure.image, figure.plane) == (image, plane):  # another copy would be checked anew
-        return figure
-    return replace(figure, image=image, plane=plane)
+    return changed_edges(figure, image=image, plane=plane)

@@ -11,7 +11,7 @@ from trisquare._support.convex_quads import quad_areas
 from trisquare.edges import PlaneEdges
 from trisquare.results.rejected import Rejected
 
-NO_SQUARE = "no true square to the camera that the others show"
+NO_SQUARE = "not a square to the camera that the other planes determine"
 
 
 class Chosen(NamedTuple):
@@ -22,33 +22,24 @@ class Chosen(NamedTuple):
     warnings: list[str]
 
 
-def choose(
-    figures: Sequence[PlaneEdges],
-    image_size: tuple[int, int],
-    quads: Mapping[int, FloatArray],
-    *,
-    model: str,
-    fixed: Sequence[str],
-    initial: Sequence[float] | None,
+def chosen_by(
+    outcome: _core.Outcome, figures: Sequence[PlaneEdges], quads: Mapping[int, FloatArray]
 ) -> Chosen:
-    """Keep the largest set of planes that one camera sees as true squares.
+    """Read which planes the core kept: the largest set that one camera sees as true squares.
 
     Parameters
     ----------
+    outcome : Outcome
     figures : sequence of PlaneEdges
-        Each with the number of its plane.
-    image_size : (int, int)
-        Width and height in pixels.
+        Among which was chosen, each with the number of its plane.
     quads : mapping of int to ndarray, shape (4, 2)
         Corners of every plane, by its number.
-    model, fixed, initial
-        As in `calibrate`; `initial` as the core takes it.
     """
-    verdicts, doubt = _core.choose(figures, image_size, model=model, fixed=fixed, initial=initial)
+    verdicts, doubt = outcome.verdicts, outcome.doubt
     dropped = {
-        figures[first].plane: (figures[first], residual)
-        for first, kept, residual in verdicts
-        if not kept
+        figures[verdict.figure].plane: (figures[verdict.figure], verdict.residual)
+        for verdict in verdicts
+        if not verdict.kept
     }
     rejected = [
         Rejected(figure.kind, figure.image, quads[plane], NO_SQUARE, residual)

@@ -281,7 +281,7 @@ class Camera(RebuiltByConstructor):
         sides = list(zip(self.image_size, size, strict=True))
         if max((new - 1) / old for old, new in sides) >= min((new + 1) / old for old, new in sides):
             raise ValueError(
-                f"{size[0]} x {size[1]} has another shape than {sides[0][0]} x {sides[1][0]}"
+                f"{size[0]} x {size[1]} has another aspect ratio than {sides[0][0]} x {sides[1][0]}"
             )
         K = np.array(self.K)
         for axis, (old, new) in enumerate(sides):

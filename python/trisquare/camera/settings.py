@@ -46,11 +46,10 @@ class Settings:
         if initial is not None and not isinstance(initial, Camera):
             raise TypeError(f"initial must be a Camera, not {type(initial).__name__}")
         if "focal" in names and initial is None:
-            raise ValueError("fixing the focal length needs an initial camera to hold it at")
+            raise ValueError("to fix the focal length, give its value as an initial camera")
         if model == AUTO and (method == "linear" or "distortion" in names):
             raise ValueError(
-                'model="auto" compares maximum-likelihood fits with the distortion free: name a '
-                "model for the linear method or a fixed distortion"
+                'model="auto" needs method="ml" and a free distortion: otherwise name a model'
             )
         return cls(method, model, names, initial)
 
@@ -60,7 +59,7 @@ class Settings:
             return None
         if self.initial.image_size != image_size:
             raise ValueError(
-                f"the initial camera is of size {self.initial.image_size}, the pictures of "
+                f"the initial camera is for pictures of {self.initial.image_size}, these have "
                 f"{image_size}"
             )
         return list(camera_parameters(self.initial).values())

@@ -6,7 +6,7 @@ another file is missing or unreadable. Every error is one line on standard error
 written then but what `--debug-image` asks for.
 
 Besides these, as by other commands: 1 where nobody reads standard output any more (``| head``),
-130 after Ctrl-C, and 70 after a fault of trisquare's own.
+130 after Ctrl-C, and 70 after an internal error.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ NEGATIVE_NUMBER = re.compile(r"-[0-9.]")
 """What such an argument begins with; the parser takes it for an option."""
 
 TRACEBACK_VARIABLE = "TRISQUARE_TRACEBACK"
-"""Environment variable that shows where a fault of trisquare's own comes from."""
+"""Environment variable that shows where an internal error comes from."""
 
 # What the command line's parser raises. Newer Typers carry their own copy of Click and older ones
 # use Click itself; this finds the class in either.
@@ -67,7 +67,7 @@ app = typer.Typer(
     cls=CommandGroup,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
-    help="Calibrate a camera from one photograph of three squares, and use what it tells.",
+    help=("Calibrate a camera from one photograph of three squares, and use the calibration."),
 )
 
 
@@ -134,14 +134,14 @@ def _drop_output() -> None:
 def _usage_message(error: Any) -> str:
     context = getattr(error, "ctx", None)
     path = "trisquare" if context is None else context.command_path
-    said = error.format_message()
+    message = error.format_message()
     option = getattr(error, "option_name", None) or ""
     meant = nearest_name(option, getattr(error, "possibilities", None) or ())
     if meant is not None:
-        said = f"No such option: {option}. Did you mean {meant}?"
+        message = f"No such option: {option}. Did you mean {meant}?"
     elif NEGATIVE_NUMBER.match(option):
-        said = f"{said}; before an argument that begins with a minus, put --"
-    return f"{said} (see {path} --help)"
+        message = f"{message}; put -- before arguments that begin with a minus"
+    return f"{message} (see {path} --help)"
 
 
 def _message(error: Exception) -> str:
@@ -161,7 +161,7 @@ def _fault_message(error: BaseException) -> str:
     elif isinstance(error, InternalError):
         return str(error)
     return (
-        f"a fault of trisquare's own, please report it: {type(error).__name__}: {error} "
+        f"internal error, please report it: {type(error).__name__}: {error} "
         f"({TRACEBACK_VARIABLE}=1 shows where)"
     )
 

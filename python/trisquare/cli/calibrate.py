@@ -11,7 +11,7 @@ from rich.text import Text
 
 from trisquare._support.writing import write_atomically
 from trisquare.analysis.diagnosis import diagnose
-from trisquare.calibration.calibrate import calibrate
+from trisquare.calibration.calibrate import calibrate_photographs
 from trisquare.camera.camera import MODELS
 from trisquare.camera.settings import AUTO, METHODS
 from trisquare.cli.console import JsonOption, QuietOption, check_printing, progress_bar
@@ -22,12 +22,12 @@ from trisquare.cli.pictures_drawn import (
     debug_pictures,
     drawn_on_failure,
     numbered_paths,
-    overlay_of,
+    overlays,
 )
 from trisquare.cli.tables import calibration_report
-from trisquare.detection.annotations.load import Annotations
-from trisquare.detection.kinds import TAG_SEARCHES, TargetKinds
+from trisquare.detection.kinds import TAG_SEARCHES
 from trisquare.detection.sheets.layout import parse_layout
+from trisquare.images.photographs import Photographs
 from trisquare.images.pixels import TONE_CURVES
 from trisquare.report import check_extra, report_page
 
@@ -47,7 +47,9 @@ def calibrate_command(
     ],
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="FILE", help="Write the result there as JSON."),
+        typer.Option(
+            "--output", "-o", metavar="FILE", help="Write the result to this file, as JSON."
+        ),
     ] = None,
     json: JsonOption = False,
     quiet: QuietOption = False,
@@ -55,24 +57,31 @@ def calibrate_command(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Draw what was measured over the photograph. With several photographs FILE.png "
-            "stands for FILE-1.png, FILE-2.png, ...",
+            help=(
+                "Draw the measured edges and their residuals over the photograph. With several "
+                "photographs, FILE.png becomes FILE-1.png, FILE-2.png, ..."
+            ),
         ),
     ] = None,
     debug_image: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Draw what was found, and in another colour what was not used and why; also when "
-            "the calibration fails. Several photographs as for --overlay.",
+            help=(
+                "Draw the targets that were found and, in another colour, the rejected shapes "
+                "with the reasons; also if the calibration fails. Several photographs as for "
+                "--overlay."
+            ),
         ),
     ] = None,
     report: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Write all of it as one HTML page, with pictures and plots, that opens offline. "
-            "Needs pip install 'trisquare[report]'.",
+            help=(
+                "Write a report as one HTML page, with pictures and plots, that opens offline. "
+                "Needs pip install 'trisquare[report]'."
+            ),
         ),
     ] = None,
     model: Annotated[
@@ -80,7 +89,10 @@ def calibrate_command(
         typer.Option(
             metavar="MODEL",
             autocompletion=completing((*MODELS, AUTO)),
-            help="Distortion: none, radial1, radial2, radial3, brown, or auto: by evidence.",
+            help=(
+                "Distortion model: none, radial1, radial2, radial3, brown, or auto (chosen by "
+                "evidence)."
+            ),
         ),
     ] = "radial2",
     method: Annotated[
@@ -88,7 +100,9 @@ def calibrate_command(
         typer.Option(
             metavar="METHOD",
             autocompletion=completing(METHODS),
-            help="ml, or linear for the paper's three steps alone.",
+            help=(
+                "Method: ml (maximum likelihood), or linear (the paper's three linear steps alone)."
+            ),
         ),
     ] = "ml",
     fix: FixOption = None,
@@ -106,7 +120,10 @@ def calibrate_command(
         typer.Option(
             metavar="TARGETS",
             autocompletion=completing(TAG_SEARCHES),
-            help="auto, squares, tags, aruco, apriltag, or chessboard:9x6 (inner corners).",
+            help=(
+                "Targets to search for: auto, squares, tags, aruco, apriltag, or "
+                "chessboard:9x6 (inner corners of a checkerboard)."
+            ),
         ),
     ] = "auto",
     board: Annotated[
@@ -128,53 +145,46 @@ def calibrate_command(
     ] = None,
     with_diagnosis: Annotated[
         bool,
-        typer.Option("--diagnose", help="Say what limits each number, and what would help."),
+        typer.Option(
+            "--diagnose", help="Show what limits each parameter, and what would improve it."
+        ),
     ] = False,
 ) -> None:
     """Calibrate a camera from its photographs."""
     check_printing(json, quiet)
     if with_diagnosis and json:
-        raise ValueError("--diagnose adds to the tables, which --json replaces: give one of them")
-    overlays = numbered_paths(overlay, len(photos))
+        raise ValueError("--diagnose prints text and --json prints JSON: give one of them")
+    overlay_paths = numbered_paths(overlay, len(photos))
     debug_images = numbered_paths(debug_image, len(photos))
     inputs = _inputs(photos, outline, board)
-    check_outputs(inputs, output, [*overlays, *debug_images], report)
+    check_outputs(inputs, output, [*overlay_paths, *debug_images], report)
     if report is not None:
         check_extra()
     if board is not None:
         targets = _targets_of_board(board, targets)
-    tone_curve = _tone(tone)
-    # Where outlines are drawn by hand, no search passes anything over.
-    searched_for = TargetKinds.parse(targets) if outline is None else TargetKinds()
+    photographs = Photographs(photos, keep=bool(overlay or debug_image or report))
     with (
-        drawn_on_failure(photos, debug_images, searched_for),
+        drawn_on_failure(photographs, debug_images),
         progress_bar("calibrating", quiet) as progress,
         reading(),
     ):
-        calibration = calibrate(
-            photos[0] if len(photos) == 1 else photos,
+        calibration, rejected_shapes = calibrate_photographs(
+            photographs,
             method=method,
             model=model,
             fix=fixed_names(fix),
-            tone=tone_curve,
+            initial=None,
+            tone=_tone(tone),
             targets=targets,
             outlines=outline,
             progress=progress,
+            explain=debug_image is not None,
         )
-    contents = debug_pictures(
-        photos, debug_images, searched_for, calibration.planes, calibration.rejected
-    )
-    drawings = Annotations.read(outline, photos) if overlays and outline is not None else None
-    for index, (photo, path) in enumerate(zip(photos, overlays, strict=False)):
-        contents[path] = overlay_of(calibration, photo, index, path, targets, tone_curve, drawings)
+    rejected = [*calibration.rejected, *rejected_shapes]
+    contents = debug_pictures(photographs, debug_images, calibration.planes, rejected)
+    contents |= overlays(calibration, photographs, overlay_paths)
     if report is not None:
-        contents[report] = report_page(
-            calibration,
-            photos,
-            targets=targets,
-            outlines=outline,
-            command=command_line(context),
-        )
+        contents[report] = report_page(calibration, photographs, command=command_line(context))
     if output is not None:
         contents[output] = calibration.to_json().encode()
     write_atomically(contents)
@@ -195,7 +205,7 @@ def _inputs(photos: list[Path], outline: Path | None, board: str | None) -> list
 def _targets_of_board(board: str, targets: str) -> str:
     """Return the targets that a board is; in Python they are one argument."""
     if targets != "auto":
-        raise ValueError("--board and --targets both say what to look for: give one of them")
+        raise ValueError("--board and --targets both name the targets: give one of them")
     with reading():
         parse_layout(board)
     return board

@@ -31,8 +31,11 @@ EXAMPLES = (
 
 
 def compare_command(
-    first: Annotated[Path, typer.Argument(metavar="A", help="A camera file; pixels are its.")],
-    second: Annotated[Path, typer.Argument(metavar="B", help="The camera file to compare.")],
+    first: Annotated[
+        Path,
+        typer.Argument(metavar="A", help="The first camera file, to whose pictures pixels refer."),
+    ],
+    second: Annotated[Path, typer.Argument(metavar="B", help="The second camera file.")],
     map_file: Annotated[
         Path | None,
         typer.Option("--map", metavar="FILE", help="Draw the differences over the picture."),
@@ -46,7 +49,7 @@ def compare_command(
     json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Tell how far apart two cameras project, and whether their uncertainties explain it.
+    """Compare two cameras: how far apart they project, and whether uncertainties explain it.
 
     The rotation between the two cameras that fits best is taken out first: intrinsics cannot tell
     it from a turn of the camera.

@@ -42,7 +42,7 @@ def convert_command(
             "--from",
             metavar="FORMAT",
             autocompletion=completing(FORMAT_NAMES),
-            help=f"By default what IN looks like. {FORMATS_HELP}.",
+            help=f"Format of IN; recognised by default. {FORMATS_HELP}.",
         ),
     ] = None,
     to_format: Annotated[
@@ -51,24 +51,28 @@ def convert_command(
             "--to",
             metavar="FORMAT",
             autocompletion=completing(FORMAT_NAMES),
-            help="By default what the name of OUT tells: trisquare for .json, opencv for .yaml and "
-            ".xml, and the programs' own for camera_info.yaml, camchain.yaml, cameras.txt, "
-            "transforms.json, .cameramodel and .pto.",
+            help=(
+                "Format of OUT; by default the one its name stands for: trisquare for .json, "
+                "opencv for .yaml and .xml, and the programs' own for camera_info.yaml, "
+                "camchain.yaml, cameras.txt, transforms.json, .cameramodel and .pto."
+            ),
         ),
     ] = None,
     camera: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Which camera of several: cam1, or COLMAP's id."),
+        typer.Option(
+            metavar="NAME", help="Which camera, if IN holds several: cam1, or COLMAP's id."
+        ),
     ] = None,
     size: Annotated[
         str | None,
-        typer.Option(metavar="WxH", help="Size of the picture, where IN does not say it."),
+        typer.Option(metavar="WxH", help="Size of the picture, if IN does not state it."),
     ] = None,
     approximate: Annotated[
         bool,
         typer.Option(
             "--approximate",
-            help="Where a format has no model for the lens, use the nearest that it has.",
+            help="If the format has no model for the lens, use the nearest that it has.",
         ),
     ] = False,
     json: JsonOption = False,

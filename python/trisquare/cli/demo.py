@@ -21,7 +21,6 @@ from trisquare.cli.tables import comparison_report
 from trisquare.drawing.overlay import draw_overlay
 from trisquare.images.encoding import encode_image
 from trisquare.images.reading import read_image
-from trisquare.measurement.detect import detect
 from trisquare.results.calibration import Calibration
 
 DEMO_FORMAT = "trisquare-demo-result/1"
@@ -99,7 +98,7 @@ def run_demo(folder: Path) -> Demo:
     with resources.as_file(data / "demo.png") as photograph:
         image = read_image(photograph)
     calibration = calibrate(image)
-    overlay = draw_overlay(image, calibration, detect(image))
+    overlay = draw_overlay(image, calibration)
     camera_path, overlay_path = folder / "camera.json", folder / "overlay.png"
     write_atomically(
         {

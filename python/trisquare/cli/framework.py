@@ -22,7 +22,7 @@ SUMMARIES: Mapping[str, str] = MappingProxyType(
         "predict": "Predict the standard deviations that a planned photograph will have.",
         "measure": "Measure lengths, angles and areas on the plane of a square.",
         "compare": (
-            "Tell how far apart two cameras project, and whether their uncertainties explain it."
+            "Compare two cameras: how far apart they project, and whether uncertainties explain it."
         ),
         "target": (
             "Write a PDF with three framed squares to print, for one photograph that calibrates."

@@ -52,8 +52,8 @@ def of_size(
     if not rescale:
         own, other = ("{} x {}".format(*size) for size in (lens.image_size, image_size))
         raise ValueError(
-            f"{what} has {other} pixels, the camera's pictures {own}: --rescale scales the camera, "
-            "where they are the same picture in another resolution"
+            f"{what} has {other} pixels, but the camera is for {own}: use --rescale if only "
+            "the resolution differs"
         )
     return scaled
 

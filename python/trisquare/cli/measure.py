@@ -47,7 +47,9 @@ LENGTH = re.compile(r"([0-9.eE+-]+)\s*([A-Za-z]*)")
 
 
 def measure_command(
-    photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="Shows the square.")],
+    photo: Annotated[
+        Path, typer.Argument(metavar="PHOTO", help="The photograph that shows the square.")
+    ],
     points: Annotated[
         list[str] | None,
         typer.Argument(
@@ -60,8 +62,10 @@ def measure_command(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="The camera that took it: a calibration's JSON, or any format that convert reads, "
-            "which is taken as exact.",
+            help=(
+                "The camera that took it: a calibration's JSON, or any format that convert "
+                "reads (then taken as exact)."
+            ),
         ),
     ] = None,
     plane: Annotated[
@@ -72,12 +76,15 @@ def measure_command(
         str,
         typer.Option(
             metavar="LENGTH",
-            help=f"Of the square (of a board: of a cell), such as 50mm; units {', '.join(UNITS)}.",
+            help=(
+                "Side of the square (on a board: of a cell), such as 50mm; units "
+                f"{', '.join(UNITS)}."
+            ),
         ),
     ] = "1",
     point_std: Annotated[
         float,
-        typer.Option(metavar="PX", help="How well the pixels are given, one standard deviation."),
+        typer.Option(metavar="PX", help="Standard deviation of the given pixels."),
     ] = CLICKED_STD,
     rectify: Annotated[
         Path | None,
@@ -85,7 +92,7 @@ def measure_command(
     ] = None,
     resolution: Annotated[
         float | None,
-        typer.Option(metavar="PX", help="Pixels to a unit of length in the view from above."),
+        typer.Option(metavar="PX", help="Pixels per unit of length in the view from above."),
     ] = None,
     rescale: Annotated[
         bool,
@@ -98,7 +105,7 @@ def measure_command(
         typer.Option(
             metavar="WHAT",
             autocompletion=completing(TAG_SEARCHES),
-            help="What to look for, as in calibrate.",
+            help="Targets to search for, as in calibrate.",
         ),
     ] = "auto",
     outline: Annotated[

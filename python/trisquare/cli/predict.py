@@ -43,7 +43,7 @@ SQUARE_FIELDS = ("centre x", "centre y", "side", "tilt", "direction", "spin")
 def predict_command(
     plan: Annotated[
         Path | None,
-        typer.Argument(metavar="[PLAN]", help="A plan as JSON; what options say comes first."),
+        typer.Argument(metavar="[PLAN]", help="A plan as JSON; options override it."),
     ] = None,
     size: Annotated[
         str | None,
@@ -70,21 +70,23 @@ def predict_command(
     ] = None,
     frame: Annotated[
         float | None,
-        typer.Option(metavar="PART", help="All are frames with a hole of so much of their side."),
+        typer.Option(
+            metavar="PART", help="Make all squares frames, with a hole of this part of their side."
+        ),
     ] = None,
     sigma: Annotated[
         float,
-        typer.Option(metavar="PX", help="How well one pixel of edge is known."),
+        typer.Option(metavar="PX", help="Standard deviation of an edge sample, pixels."),
     ] = 0.02,
     spacing: Annotated[
-        float, typer.Option(metavar="PX", help="Edge length that sigma is for.")
+        float, typer.Option(metavar="PX", help="Edge length per sample, pixels.")
     ] = 1.0,
     model: Annotated[
         str | None,
         typer.Option(
             metavar="MODEL",
             autocompletion=completing(MODELS),
-            help="Distortion: none, radial1, radial2, radial3 or brown.",
+            help="Distortion model: none, radial1, radial2, radial3 or brown.",
         ),
     ] = None,
     fix: FixOption = None,
@@ -99,7 +101,7 @@ def predict_command(
         planned = [_square(text, guess, frame) for text in square or DEFAULT_SQUARES]
     else:
         planned = [_planned(members, guess, frame) for members in written.objects("squares")]
-    found = predict(
+    prediction = predict(
         guess,
         planned,
         sigma,
@@ -108,9 +110,9 @@ def predict_command(
         fix=fixed_names(fix),
     )
     if json:
-        print(json_text.dumps(_members(found, planned), indent=2, allow_nan=False))
+        print(json_text.dumps(_members(prediction, planned), indent=2, allow_nan=False))
     elif not quiet:
-        Console().print(_report(found, planned), soft_wrap=True)
+        Console().print(_report(prediction, planned), soft_wrap=True)
 
 
 def _written(plan: Path) -> JsonFields:
@@ -126,7 +128,9 @@ def _camera(
     """Take the camera from a calibration, or make a pinhole of size and focal length."""
     if camera is not None:
         if size is not None or focal is not None:
-            raise ValueError("--camera brings its own size and focal length")
+            raise ValueError(
+                "--camera states the size and focal length: leave out --size and --focal"
+            )
         return camera_alone(camera)
     if size is not None:
         width, height = parse_size(size)
@@ -156,7 +160,7 @@ def _square(text: str, camera: Camera, frame: float | None) -> PlannedSquare:
             else:
                 numbers.append(float(part))
         except ValueError as error:
-            raise ValueError(f"the {name} of the square {text!r} is no number") from error
+            raise ValueError(f"the {name} of the square {text!r} is not a number") from error
     x, y, side, tilt, direction, *spin = numbers
     return PlannedSquare.at(
         camera, (x, y), side, tilt=tilt, direction=direction, spin=sum(spin), inner=frame
@@ -177,16 +181,16 @@ def _planned(members: JsonFields, camera: Camera, frame: float | None) -> Planne
     )
 
 
-def _members(found: Prediction, planned: list[PlannedSquare]) -> dict[str, object]:
+def _members(prediction: Prediction, planned: list[PlannedSquare]) -> dict[str, object]:
     return {
         "format": PREDICTION_FORMAT,
-        "image_size": list(found.camera.image_size),
-        "sigma": found.sigma,
-        "spacing": found.spacing,
-        "camera": camera_parameters(found.camera),
-        "std": dict(found.std),
-        "parameters": list(found.parameters),
-        "covariance": found.covariance.tolist(),
+        "image_size": list(prediction.camera.image_size),
+        "sigma": prediction.sigma,
+        "spacing": prediction.spacing,
+        "camera": camera_parameters(prediction.camera),
+        "std": dict(prediction.std),
+        "parameters": list(prediction.parameters),
+        "covariance": prediction.covariance.tolist(),
         "squares": [
             {
                 "rotation": square.rotation.tolist(),
@@ -198,18 +202,18 @@ def _members(found: Prediction, planned: list[PlannedSquare]) -> dict[str, objec
     }
 
 
-def _report(found: Prediction, planned: list[PlannedSquare]) -> RenderableType:
+def _report(prediction: Prediction, planned: list[PlannedSquare]) -> RenderableType:
     table = Table("parameter", box=box.SIMPLE_HEAD)
     for heading in ("assumed", "predicted std"):
         table.add_column(heading, justify="right")
-    values = camera_parameters(found.camera)
-    for name, std in found.std.items():
+    values = camera_parameters(prediction.camera)
+    for name, std in prediction.std.items():
         decimals = decimals_shown(std)
         table.add_row(name, f"{values[name]:.6g}", f"{std:.{decimals}f}")
-    width, height = found.camera.image_size
+    width, height = prediction.camera.image_size
     tilts = ", ".join(f"{tilt_degrees(square.rotation):.0f}" for square in planned)
     summary = Text(
         f"{width} x {height}, {len(planned)} squares tilted by {tilts} degrees, "
-        f"edges known to {found.sigma:g} px every {found.spacing:g} px"
+        f"edges known to {prediction.sigma:g} px every {prediction.spacing:g} px"
     )
     return Group(table, summary)

@@ -52,20 +52,24 @@ def undistort_command(
             "--output",
             "-o",
             metavar="FILE",
-            help="Write the picture there. With several photographs FILE.png stands for "
-            "FILE-1.png, FILE-2.png, ...; in a folder, each keeps its own name.",
+            help=(
+                "Write the picture to this file. With several photographs, FILE.png becomes "
+                "FILE-1.png, FILE-2.png, ...; in a folder, each keeps its own name."
+            ),
         ),
     ],
     balance: Annotated[
         float,
-        typer.Option(metavar="0..1", help="From 0, no black border, to 1, all of the photograph."),
+        typer.Option(metavar="0..1", help="From 0 (no black border) to 1 (all of the photograph)."),
     ] = 0.0,
     rescale: Annotated[
         bool,
         typer.Option(
             "--rescale",
-            help="Scale the camera to photographs of another size, but the same shape: "
-            "fx' = s fx, cx' = s (cx + 1/2) - 1/2.",
+            help=(
+                "Scale the camera to photographs of another resolution but the same aspect "
+                "ratio: fx' = s fx, cx' = s (cx + 1/2) - 1/2."
+            ),
         ),
     ] = False,
     interpolation: Annotated[

@@ -105,15 +105,16 @@ def _missing(targets: TargetKinds) -> str:
         return f"no sheet of {targets.layout.text} found"
     if targets.lattices:
         return (
-            "no square, chessboard or tag found: show dark squares on a light ground (or the "
-            "reverse), whole, apart from each other, at least some 30 pixels wide, and tags 40"
+            "no square, chessboard or tag found: squares must be dark on a light ground "
+            "(or the reverse), wholly visible, apart from each other, and at least 30 "
+            "pixels wide; tags, 40"
         )
     if not targets.squares:
         return (
-            "no tag found: show its whole black border on a white margin, at least some 40 pixels "
-            "wide"
+            "no tag found: its whole black border must be visible on a white margin, and "
+            "be at least 40 pixels wide"
         )
     return (
-        "no square found: show dark squares on a light ground (or the reverse), whole, apart "
-        "from each other, each at least some 30 pixels wide"
+        "no square found: squares must be dark on a light ground (or the reverse), "
+        "wholly visible, apart from each other, and at least 30 pixels wide"
     )

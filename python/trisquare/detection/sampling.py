@@ -1,4 +1,4 @@
-"""Values of a picture between its pixels."""
+"""Values of a picture between its pixels, and where quadrilaterals have their points."""
 
 from __future__ import annotations
 
@@ -18,3 +18,10 @@ def sample(picture: NDArray[np.float32] | NDArray[np.uint8], points: FloatArray)
     x, y = np.ascontiguousarray(rows[..., 0]), np.ascontiguousarray(rows[..., 1])
     values = cv2.remap(picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(values, dtype=np.float64).reshape(points.shape[:-1])
+
+
+def homographies_from_unit_square(quads: FloatArray) -> FloatArray:
+    """Homographies that map the unit square, clockwise from its origin, to quads (Q, 4, 2)."""
+    unit = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float32)
+    matrices = [cv2.getPerspectiveTransform(unit, quad.astype(np.float32)) for quad in quads]
+    return np.array(matrices, dtype=np.float64).reshape(-1, 3, 3)

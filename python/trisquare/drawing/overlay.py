@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
+from trisquare._support.arrays import FloatArray
 from trisquare._support.number_text import decimals_shown
-from trisquare.analysis.residuals import MeasuredSide, measured_sides, project
+from trisquare.analysis.residuals import MeasuredSide, measured_sides
 from trisquare.camera.camera import camera_parameters
 from trisquare.drawing.canvas import (
     Canvas,
@@ -18,7 +17,6 @@ from trisquare.drawing.canvas import (
     draw_lines,
     text_scale,
 )
-from trisquare.edges import PlaneEdges
 from trisquare.images.pixels import Image
 from trisquare.results.calibration import Calibration
 from trisquare.results.plane import Plane
@@ -43,7 +41,6 @@ DRAWN_RESIDUAL = 0.01
 def draw_overlay(
     image: Image,
     calibration: Calibration,
-    edges: Sequence[PlaneEdges] | None = None,
     *,
     index: int = 0,
     exaggeration: float | None = None,
@@ -60,9 +57,7 @@ def draw_overlay(
     image : ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
         Grey or BGR; float pictures are taken to span 0 to 1.
     calibration : Calibration
-        What to draw.
-    edges : sequence of PlaneEdges, optional
-        What was measured; without them no samples and residuals are drawn.
+        What to draw; without its edges no samples and residuals are drawn.
     index : int
         Which of the calibration's pictures this is.
     exaggeration : float, optional
@@ -76,7 +71,7 @@ def draw_overlay(
     """
     canvas = dimmed_grey(image)
     thickness = max(1, round(max(canvas.shape) / 1600))
-    sides = list(measured_sides(calibration, edges or (), index))
+    sides = list(measured_sides(calibration, index))
     rms = float(np.sqrt(np.mean(np.concatenate([s.residuals for s in sides]) ** 2))) if sides else 0
     if exaggeration is None:
         exaggeration = round_exaggeration(rms, float(np.hypot(*canvas.shape[:2])))
@@ -91,7 +86,7 @@ def draw_overlay(
     _draw_principal_point(canvas, calibration, thickness)
     entries = _legend_entries(calibration)
     if sides:
-        entries.append(("the sides, were they straight", CHORD_COLOUR))
+        entries.append(("chords of the sides", CHORD_COLOUR))
         entries.append((f"residuals drawn x {exaggeration:g} (rms {rms:.2g} px)", RESIDUAL_COLOUR))
     corners = [plane.corners for plane in calibration.planes if plane.image == index]
     draw_legend(
@@ -102,9 +97,9 @@ def draw_overlay(
 
 def round_exaggeration(rms: float, diagonal: float) -> float:
     """Return 1, 2 or 5 times a power of ten that makes residuals visible."""
-    wanted = DRAWN_RESIDUAL * diagonal / max(rms, 1e-9)
-    power = 10.0 ** np.floor(np.log10(wanted))
-    return float(max(step * power for step in (1, 2, 5) if step * power <= wanted * (1 + 1e-9)))
+    length = DRAWN_RESIDUAL * diagonal / max(rms, 1e-9)
+    power = 10.0 ** np.floor(np.log10(length))
+    return float(max(step * power for step in (1, 2, 5) if step * power <= length * (1 + 1e-9)))
 
 
 def _draw_residuals(
@@ -122,15 +117,17 @@ def _draw_axes(
         return
     steps = np.linspace(0, 0.5, 17)
     size = text_scale(canvas)
-    origin = project(calibration.camera, plane, np.zeros((1, 3)))[0]
+    origin = _projected(calibration, plane, np.zeros((1, 3)))
+    if not len(origin):
+        return  # beyond the valid radius
+    origin = origin[0]
     taken = []
     for axis, (name, colour) in enumerate(zip("XYZ", AXIS_COLOURS, strict=True)):
         points = np.zeros((len(steps), 3))
         points[:, axis] = steps
-        depths = points @ plane.rotation[2] + plane.translation[2]
-        if depths.min() <= 0:
+        curve = _projected(calibration, plane, points)
+        if len(curve) < 2:
             continue
-        curve = project(calibration.camera, plane, points)
         draw_lines(canvas, [curve], colour, 3 * thickness)
         direction = (curve[-1] - origin) / max(float(np.hypot(*(curve[-1] - origin))), 1.0)
         taken.append(direction)
@@ -140,6 +137,13 @@ def _draw_axes(
     around = np.column_stack([np.cos(angles), np.sin(angles)])
     free = around[np.argmin((around @ np.transpose(taken)).max(axis=1))] if taken else np.zeros(2)
     draw_label(canvas, str(number), origin + 28 * size * free, CENTRE_COLOUR, 1.2 * size)
+
+
+def _projected(calibration: Calibration, plane: Plane, points: FloatArray) -> FloatArray:
+    """Project points of a plane's frame, shape (N, 3), as far as the camera sees them."""
+    seen = points @ plane.rotation.T + plane.translation
+    camera = calibration.camera
+    return camera.project(seen[camera.can_project(seen)])
 
 
 def _draw_principal_point(canvas: Canvas, calibration: Calibration, thickness: int) -> None:

@@ -20,7 +20,7 @@ TURNS = {
     7: "turned by 90 degrees and mirrored",
     8: "turned anticlockwise by 90 degrees",
 }
-"""What a program that obeys the tag does to the stored picture before it shows it."""
+"""What a program that applies the tag does to the stored picture before it shows it."""
 
 TIFF_STARTS = {b"II*\0": "<", b"MM\0*": ">"}
 """How a TIFF file or an Exif block begins, and its byte order."""
@@ -49,7 +49,7 @@ class OrientationTag:
 
     @property
     def turn(self) -> str | None:
-        """What programs that obey the tag do to the picture; None if nothing."""
+        """What programs that apply the tag do to the picture; None if nothing."""
         return TURNS.get(self.value)
 
     def made_upright(self, encoded: bytes) -> bytes:

@@ -28,6 +28,8 @@ class Photograph:
         What its user should know of it, each beginning with its name.
     repeats : bool
         Whether an earlier picture is the same.
+    path : str or None
+        Of its file, if it was read from one.
     """
 
     index: int
@@ -35,9 +37,47 @@ class Photograph:
     pixels: Image
     remarks: tuple[str, ...]
     repeats: bool
+    path: str | None = None
 
 
-def photographs(sources: Sequence[ImageSource]) -> Iterator[Photograph]:
+class Photographs:
+    """The photographs of one calibration, each loaded once.
+
+    Parameters
+    ----------
+    sources : sequence of path or ndarray
+    keep : bool
+        Whether they stay in memory, to be drawn on; else they can be iterated over once only, and
+        are loaded one at a time.
+    """
+
+    def __init__(self, sources: Sequence[ImageSource], *, keep: bool = False) -> None:
+        self.sources = list(sources)
+        self._keep = keep
+        self._kept: list[Photograph] = []
+
+    def __len__(self) -> int:
+        return len(self.sources)
+
+    def __iter__(self) -> Iterator[Photograph]:
+        """Yield the photographs in their order.
+
+        Raises
+        ------
+        ImageError, TypeError, ValueError
+            As `_load_all`.
+        """
+        if len(self._kept) == len(self.sources):
+            yield from self._kept
+            return
+        self._kept.clear()
+        for photograph in _load_all(self.sources):
+            if self._keep:
+                self._kept.append(photograph)
+            yield photograph
+
+
+def _load_all(sources: Sequence[ImageSource]) -> Iterator[Photograph]:
     """Load pictures one at a time and compare each with the ones before.
 
     Raises
@@ -59,20 +99,21 @@ def photographs(sources: Sequence[ImageSource]) -> Iterator[Photograph]:
             first = (name, size)
         if size != first[1]:
             raise ValueError(
-                f"{name} is {size[0]} x {size[1]} pixels, {first[0]} {first[1][0]} x "
-                f"{first[1][1]}: pictures of one camera have one size"
+                f"{name} is {size[0]} x {size[1]} pixels, but {first[0]} is {first[1][0]} x "
+                f"{first[1][1]}: all pictures of one camera must have the same size"
             )
         remarks = []
         if turn is not None:
             remarks.append(
-                f"{name}: its orientation tag says that it is to be shown {turn}; the result "
-                f"refers to the picture as it is stored, {size[0]} x {size[1]} pixels"
+                f"{name}: its orientation tag ({turn}) is ignored; the result refers to the "
+                f"picture as it is stored, {size[0]} x {size[1]} pixels"
             )
         key = _fingerprint(pixels) if len(sources) > 1 else 0
         twin = seen.setdefault(key, name)
         if twin != name:
             remarks.append(f"{name} is the same picture as {twin}: it is counted once")
-        yield Photograph(index, name, pixels, tuple(remarks), twin != name)
+        path = os.fspath(source) if isinstance(source, str | os.PathLike) else None
+        yield Photograph(index, name, pixels, tuple(remarks), twin != name, path)
 
 
 def _name(index: int, source: ImageSource) -> str:

@@ -20,6 +20,13 @@ PIXEL_TYPES = (np.uint8, np.uint16, np.float32)
 TONE_CURVES = ("srgb", "linear", "auto")
 
 
+def sources_of(image: ImageSource | Sequence[ImageSource]) -> list[ImageSource]:
+    """Return the pictures, one or several, as a list."""
+    if isinstance(image, Sequence) and not isinstance(image, str):
+        return list(image)
+    return [image]
+
+
 def picture_size(picture: Image) -> tuple[int, int]:
     """Return ``(width, height)``."""
     return picture.shape[1], picture.shape[0]

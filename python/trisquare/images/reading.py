@@ -14,8 +14,8 @@ from trisquare.images.integrity import incompleteness
 from trisquare.images.orientation import TIFF_STARTS, find_orientation
 from trisquare.images.pixels import PIXEL_TYPES, Image, ImageSource
 
-# Grey stays grey and 16 bits stay 16. The orientation tag is not obeyed: the camera matrix
-# belongs to the picture as the sensor delivered it. (For TIFF, OpenCV obeys it all the same.)
+# Grey stays grey and 16 bits stay 16. The orientation tag is ignored: the camera matrix
+# belongs to the picture as the sensor delivered it. (For TIFF, OpenCV applies it all the same.)
 READ_FLAGS = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
 
 
@@ -47,8 +47,8 @@ def read_image(path: PathLike) -> Image:
 def read_photograph(path: PathLike) -> tuple[Image, str | None]:
     """Read a photograph as `read_image` does, and say how its orientation tag would turn it.
 
-    The text completes "its orientation tag says that it is to be shown"; it is None where there
-    is no tag, or an upright picture's.
+    The text says what the orientation tag asks for; it is None without a tag, or for an upright
+    picture.
     """
     try:
         encoded = read_bytes(path)

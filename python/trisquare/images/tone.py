@@ -40,20 +40,20 @@ class PictureTone:
         return cls(tone, tone)
 
     @classmethod
-    def estimated(cls, members: _core.ToneMembers) -> PictureTone:
+    def estimated(cls, estimate: _core.ToneEstimate) -> PictureTone:
         """Return what the profiles of a picture's edges have told."""
-        shift_std = members["shift_std"]
+        shift_std = estimate.shift_std
         return cls(
-            (members["gamma"], members["toe"], shift_std),
-            members["effective_gamma"],
-            members["std"],
+            (estimate.gamma, estimate.toe, shift_std),
+            estimate.effective_gamma,
+            estimate.std,
             None if shift_std is None else (0.0, shift_std),
         )
 
-    def refined(self, fit: _core.ToneFitMembers) -> PictureTone:
+    def refined(self, fit: _core.ToneFit) -> PictureTone:
         """Return the same with what the fit to the pixels has told."""
-        std = self.std if fit["std"] is None else fit["std"]
-        return replace(self, value=fit["effective_gamma"], std=std, shift=fit["shift"])
+        std = self.std if fit.std is None else fit.std
+        return replace(self, value=fit.effective_gamma, std=std, shift=fit.shift)
 
     def of_board(self) -> PictureTone:
         """Return the same for a board, whose own zigzag tells and takes away every shift."""
@@ -72,8 +72,11 @@ def shift_warnings(tones: Sequence[PictureTone]) -> list[str]:
     if not shifts:
         return []
     return [
-        "the edges' profiles follow no tone curve (sharpened, compressed or overexposed?); "
-        f"all edges of a picture were allowed one shift toward the dark: {'; '.join(shifts)}"
+        (
+            "the edge profiles fit no tone curve (is the picture sharpened, compressed or "
+            "overexposed?); instead one common shift of all edges toward their dark side "
+            f"was estimated: {'; '.join(shifts)}"
+        )
     ]
 
 

@@ -11,12 +11,13 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from trisquare._core import SideSamples
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.candidates import Lattice
-from trisquare.edges import PlaneEdges
+from trisquare.edges import PlaneEdges, unchecked_edges
 from trisquare.measurement.board_shift import shift_toward_light, shifts_of_lines, without_shift
 from trisquare.measurement.marker_margins import light_cells, marker_rims
-from trisquare.measurement.side_spans import Samples, Span
+from trisquare.measurement.side_spans import SideSpan
 
 PROBE = 0.25
 """Distance from a grid line, in cells, at which a cell's shade is looked up: inside the white rim
@@ -81,7 +82,7 @@ class Board:
         points = self.lattice.crossings[self.lattice.present].astype(np.float32)
         return np.asarray(cv2.boxPoints(cv2.minAreaRect(points)), dtype=np.float64)
 
-    def spans(self, first: int) -> list[Span]:
+    def spans(self, first: int) -> list[SideSpan]:
         """Return the grid lines, the rows before the columns."""
         lines = _grid_lines(self.lattice.present)
         # The span of the row, and of the column, through every crossing.
@@ -89,7 +90,7 @@ class Board:
         for span, line in enumerate(lines, first):
             rows, cols = _indices(line)
             through[0 if line.is_row else 1, rows, cols] = span
-        spans: list[Span] = []
+        spans: list[SideSpan] = []
         for line in lines:
             rows, cols = _indices(line)
             others = through[1 if line.is_row else 0, rows, cols].tolist()
@@ -98,20 +99,17 @@ class Board:
                 for other, place in zip(others, line.places.tolist(), strict=True)
             ]
             path = np.ascontiguousarray(self.lattice.crossings[rows, cols])
-            contrast_sign = self._contrast_sign_after_first(line)
-            if self.rims is None:
-                spans.append((path, contrast_sign, (None, None), crossings))
-            else:
-                rims = _rims_along(self.rims, line)
-                spans.append((path, contrast_sign, (None, None), crossings, rims))
+            polarity = self._contrast_sign_after_first(line)
+            rims = () if self.rims is None else _rims_along(self.rims, line)
+            spans.append(SideSpan(path, polarity, crossings=crossings, rims=rims))
         return spans
 
-    def figures(self, measured: Sequence[Samples | str], plane: int) -> list[PlaneEdges]:
+    def figures(self, measured: Sequence[SideSamples | str], plane: int) -> list[PlaneEdges]:
         """One figure of all grid lines that were measured."""
         return self.figures_and_shift(measured, plane)[0]
 
     def figures_and_shift(
-        self, measured: Sequence[Samples | str], plane: int
+        self, measured: Sequence[SideSamples | str], plane: int
     ) -> tuple[list[PlaneEdges], float]:
         """Return the figures, and by how much edges were shifted toward the light, pixels."""
         rows, cols = self.lattice.present.shape
@@ -119,7 +117,7 @@ class Board:
         for line, samples in zip(_grid_lines(self.lattice.present), measured, strict=True):
             if isinstance(samples, str):
                 continue
-            points, std, _ = samples
+            points, std = samples.points, samples.std
             if line.is_row:
                 models.append((0.0, 1.0, (rows - 1) / 2 - line.number))
             else:
@@ -146,13 +144,13 @@ class Board:
                 _with_doubt(std, at_crossings, shift)
                 for (_, std, _), at_crossings in zip(lines, doubted, strict=True)
             ]
-        board = PlaneEdges(
-            np.array(models),
-            tuple(
+        board = unchecked_edges(
+            lines=np.array(models),
+            points=tuple(
                 without_shift(points, signs, own)
                 for (points, _, signs), own in zip(lines, shifts, strict=True)
             ),
-            tuple(deviations),
+            std=tuple(deviations),
             plane=plane,
             kind=self.kind,
         )

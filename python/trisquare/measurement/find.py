@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -26,9 +27,27 @@ from trisquare.measurement.squares import Square
 from trisquare.results.rejected import Rejected
 
 
-def find(picture: Image, targets: TargetKinds) -> Sequence[DetectedTarget | Rejected]:
-    """Find the targets in a checked picture, and what is none after all; the list may be empty."""
+class Search(NamedTuple):
+    """What was searched for in a picture, and what was found."""
+
+    grey: NDArray[np.uint8]
+    kinds: TargetKinds
+    found: Sequence[DetectedTarget | Rejected]
+
+    @property
+    def targets(self) -> list[DetectedTarget]:
+        """The targets that were found."""
+        return [target for target in self.found if not isinstance(target, Rejected)]
+
+
+def search(picture: Image, kinds: TargetKinds) -> Search:
+    """Search a checked picture for targets."""
     grey = grey_bytes(picture)
+    return Search(grey, kinds, _found(grey, kinds))
+
+
+def _found(grey: NDArray[np.uint8], targets: TargetKinds) -> Sequence[DetectedTarget | Rejected]:
+    """Find the targets in a grey picture, and what is none after all; the list may be empty."""
     if targets.layout is not None:
         return [
             Sheet.of(found) if isinstance(found, SheetMatch) else found
@@ -70,14 +89,14 @@ def _paint(grey: NDArray[np.uint8], cells: NDArray[np.int32]) -> None:
     part[mask > 0] = np.rint(cv2.mean(part, mask)[0])
 
 
-def find_annotated(
-    picture: Image, annotated: Sequence[AnnotatedSquare]
-) -> Sequence[DetectedTarget | Rejected]:
+def search_annotated(picture: Image, annotated: Sequence[AnnotatedSquare]) -> Search:
     """Snap annotated squares to the edges of a checked picture, or reject those without edges."""
     grey = grey_bytes(picture)
-    return [
+    found = [
         Rejected(target.kind, 0, target.corners, snapped)
         if isinstance(snapped := snap_to_edges(grey, target), str)
         else Square(snapped)
         for target in annotated
     ]
+    # Where outlines are drawn by hand, no search has passed anything over.
+    return Search(grey, TargetKinds(), found)

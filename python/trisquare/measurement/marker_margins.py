@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.candidates import Lattice
+from trisquare.detection.sampling import homographies_from_unit_square
 
 STEP = 1.0 / 48.0
 BEFORE = 12
@@ -187,8 +188,6 @@ SHARE = 0.5
 PLACES = (0.1, 0.5, 0.9)
 """Along a side, as parts of it, where the margin is looked up; the least counts."""
 
-UNIT = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float32)
-
 
 def side_margins(corners: FloatArray, border: float, gap: float) -> list[tuple[float, float]]:
     """Return the margins on the left, outside, and on the right of each side.
@@ -214,13 +213,14 @@ def _margin(corners: FloatArray, share: float) -> list[float]:
     """Distance from each side to the line that runs inside of it by this part of the square."""
     if math.isinf(share):
         return [math.inf] * 4
-    turned = [np.roll(corners, -side, axis=0).astype(np.float32) for side in range(4)]
-    margin = []
-    for quad in turned:
-        beside = np.array([[(place, SHARE * share) for place in PLACES]])
-        seen = cv2.perspectiveTransform(beside, cv2.getPerspectiveTransform(UNIT, quad))[0]
-        along = (quad[1] - quad[0]).astype(np.float64)
-        off = np.asarray(seen, dtype=np.float64) - quad[0]
-        margin.append(float(np.abs(along[0] * off[:, 1] - along[1] * off[:, 0]).min()))
-        margin[-1] /= max(float(np.hypot(*along)), 1e-9)
-    return margin
+    turned = np.array([np.roll(corners, -side, axis=0) for side in range(4)])
+    beside = np.array([[(place, SHARE * share) for place in PLACES]])
+    margins = []
+    for quad, homography in zip(turned, homographies_from_unit_square(turned), strict=True):
+        seen = cv2.perspectiveTransform(beside, homography)[0]
+        start, end = quad[:2].astype(np.float32)
+        along = (end - start).astype(np.float64)
+        off = np.asarray(seen, dtype=np.float64) - start
+        nearest = float(np.abs(along[0] * off[:, 1] - along[1] * off[:, 0]).min())
+        margins.append(nearest / max(float(np.hypot(*along)), 1e-9))
+    return margins

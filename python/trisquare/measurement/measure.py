@@ -12,8 +12,8 @@ from trisquare.detection.kinds import TargetKinds
 from trisquare.edges import PlaneEdges
 from trisquare.images.pixels import Image
 from trisquare.images.tone import PictureTone
-from trisquare.measurement.find import find, find_annotated
-from trisquare.measurement.side_spans import DetectedTarget, Samples, Span
+from trisquare.measurement.find import Search, search, search_annotated
+from trisquare.measurement.side_spans import DetectedTarget, SideSpan
 from trisquare.results.rejected import Rejected
 
 TOO_FEW_LINES = "too few of its lines could be measured"
@@ -29,6 +29,7 @@ class MeasuredTargets(NamedTuple):
     tone: PictureTone
     rejected: list[Rejected]
     quads: list[FloatArray]
+    search: Search
 
 
 def measure(
@@ -43,26 +44,27 @@ def measure(
     With `annotated` targets nothing else is looked for.
     """
     if annotated is None:
-        candidates = find(picture, targets)
-        names = [""] * len(candidates)
+        searched = search(picture, targets)
+        names = [""] * len(searched.found)
     else:
-        candidates = find_annotated(picture, annotated)
+        searched = search_annotated(picture, annotated)
         names = [f"{target.where}: " for target in annotated]
-    rejected = [candidate for candidate in candidates if isinstance(candidate, Rejected)]
-    found = [
+    rejected = [candidate for candidate in searched.found if isinstance(candidate, Rejected)]
+    named = [
         (candidate, name)
-        for candidate, name in zip(candidates, names, strict=True)
+        for candidate, name in zip(searched.found, names, strict=True)
         if not isinstance(candidate, Rejected)
     ]
-    measured = _measured(found, core, tone)
-    return measured._replace(rejected=rejected + measured.rejected)
+    figures, picture_tone, not_measured = _measured(named, core, tone)
+    quads = [target.quad for target in searched.targets]
+    return MeasuredTargets(figures, picture_tone, rejected + not_measured, quads, searched)
 
 
 def _measured(
     found: Sequence[tuple[DetectedTarget, str]], core: _core.Picture, tone: str | float
-) -> MeasuredTargets:
+) -> tuple[list[PlaneEdges], PictureTone, list[Rejected]]:
     """Measure what was found; each with the name that its rejection begins with."""
-    spans: list[Span] = []
+    spans: list[SideSpan] = []
     ends = [0]
     for target, _ in found:
         spans += target.spans(len(spans))
@@ -81,12 +83,12 @@ def _measured(
     # Boards and sheets have taken every shift away, whose drift the others still carry.
     if figures and all(figure.drift is None for figure in figures):
         picture_tone = picture_tone.of_board()
-    return MeasuredTargets(figures, picture_tone, rejected, [target.quad for target, _ in found])
+    return figures, picture_tone, rejected
 
 
 def _localise(
-    core: _core.Picture, spans: list[Span], tone: str | float
-) -> tuple[list[Samples | str], PictureTone]:
+    core: _core.Picture, spans: list[SideSpan], tone: str | float
+) -> tuple[list[_core.SideSamples | str], PictureTone]:
     """Measure spans, and the tone curve where that is to be estimated."""
     measured, estimate = _core.localise(core, spans, None if tone == "auto" else tone)
     if estimate is None:

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from trisquare._support.arrays import FloatArray
 from trisquare._support.convex_quads import quad_areas
 from trisquare.detection.candidates import MIN_CONTRAST
-from trisquare.detection.grey import MIN_PICTURE, RANGE_PERCENTILES, grey_bytes, working_picture
-from trisquare.detection.kinds import TargetKinds
+from trisquare.detection.grey import MIN_PICTURE, RANGE_PERCENTILES, working_picture
 from trisquare.detection.squares.find import one_in_other
 from trisquare.detection.squares.framed import find_framed_squares, reasons_against_quads
 from trisquare.detection.squares.quads import (
@@ -28,9 +27,8 @@ from trisquare.detection.squares.quads import (
 )
 from trisquare.detection.squares.rectified import views_of_squares
 from trisquare.detection.squares.side_curves import MAX_CORNER_COSINE, fit_sides
-from trisquare.images.pixels import Image
 from trisquare.measurement.boards import Board
-from trisquare.measurement.find import find
+from trisquare.measurement.find import Search
 from trisquare.measurement.side_spans import DetectedTarget
 from trisquare.results.rejected import Rejected
 
@@ -60,21 +58,16 @@ MAX_CUT_SHARE = 0.2
 """Of the picture: anything larger is the ground."""
 
 
-def rejection_reasons(picture: Image, kinds: TargetKinds) -> list[Rejected]:
-    """Return the four-sided shapes of a checked picture that are no targets, with the reasons.
+def rejection_reasons(search: Search) -> list[Rejected]:
+    """Return the four-sided shapes of a searched picture that are no targets, with the reasons.
 
     The largest come first, at most `MOST_REPORTED`. Shapes within a target that was found are left
     out, and so are the sheets and signs that targets lie on.
     """
-    grey = grey_bytes(picture)
-    searched, scale = working_picture(grey)
-    if not kinds.squares or min(searched.shape) < MIN_PICTURE:
+    searched, scale = working_picture(search.grey)
+    if not search.kinds.squares or min(searched.shape) < MIN_PICTURE:
         return []
-    targets = [
-        _region(target) / scale
-        for target in find(picture, kinds)
-        if not isinstance(target, Rejected)
-    ]
+    targets = [_region(target) / scale for target in search.targets]
     reported: list[tuple[FloatArray, str]] = []
     for corners, reason in (*_dropped_by_stages(searched), *_cut_by_border(searched)):
         if (
@@ -115,7 +108,10 @@ def _dropped_by_stages(picture: NDArray[np.uint8]) -> Iterator[tuple[FloatArray,
         along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
         cosines = np.abs((along * np.roll(along, 1, axis=0)).sum(axis=1))
         flat = cosines.max() > MAX_CORNER_COSINE
-        yield corners, "it is seen at too flat an angle" if flat else "a side is no smooth edge"
+        yield (
+            corners,
+            "it is seen at too flat an angle" if flat else "one of its sides is not a smooth edge",
+        )
 
 
 def _dropped(before: Quads, after: Quads) -> list[FloatArray]:
@@ -144,7 +140,7 @@ def _cut_by_border(picture: NDArray[np.uint8]) -> Iterator[tuple[FloatArray, str
             # An edge stays where it is from one level to the next; a shadow's rim does not.
             for box in boxes:
                 if any(_same(box, other) for other in before):
-                    yield box, "the picture's border cuts it"
+                    yield box, "it is cut by the picture's border"
             before = boxes
 
 

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
+from trisquare._core import SideSamples
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.candidates import Lattice
 from trisquare.detection.sheets.find import SheetMatch
-from trisquare.edges import PlaneEdges
+from trisquare.edges import PlaneEdges, unchecked_edges
 from trisquare.measurement.board_shift import marker_shift, without_shift
 from trisquare.measurement.boards import Board
 from trisquare.measurement.marker_margins import side_margins
-from trisquare.measurement.side_spans import Samples, Span
+from trisquare.measurement.side_spans import SideSpan
 
 LEAST_MARGIN = 3.0
 """Pixels to either side of an edge that hold it. A marker's edge with less between a chessboard's
@@ -63,14 +64,14 @@ class Sheet:
         points = self.corners.reshape(-1, 2).astype(np.float32)
         return np.asarray(cv2.boxPoints(cv2.minAreaRect(points)), dtype=np.float64)
 
-    def spans(self, first: int) -> list[Span]:
+    def spans(self, first: int) -> list[SideSpan]:
         """Spans of the grid lines, then four for each marker."""
         spans = [] if self.lattice is None else self.lattice.spans(first)
         for corners in self.corners:
             number = first + len(spans)
             margins = side_margins(corners, self.border, self.gap)
             spans += [
-                (
+                SideSpan(
                     corners[[i, (i + 1) % 4]],
                     -1.0,
                     (number + (i + 3) % 4, number + (i + 1) % 4),
@@ -80,7 +81,7 @@ class Sheet:
             ]
         return spans
 
-    def figures(self, measured: Sequence[Samples | str], plane: int) -> list[PlaneEdges]:
+    def figures(self, measured: Sequence[SideSamples | str], plane: int) -> list[PlaneEdges]:
         """One figure of the grid lines and one for each marker, all in sheet coordinates."""
         grid = len(measured) - 4 * len(self.corners)
         markers = []
@@ -96,11 +97,11 @@ class Sheet:
             markers = [marker for marker in markers if self._stands_apart(marker[0])]
         else:
             models = np.array([model for _, model, _ in markers])
-            shift = marker_shift(models, [[side[0] for side in own] for _, _, own in markers])
+            shift = marker_shift(models, [[side.points for side in own] for _, _, own in markers])
         for _, model, samples in markers:
             side = float(np.linalg.norm(model[1] - model[0]))
-            edges = _marker_edges(model, samples, shift, plane, self.kind)
-            figures.append(replace(edges, border=self.border * side))
+            border = self.border * side
+            figures.append(_marker_edges(model, samples, shift, plane, self.kind, border))
         return figures
 
     def _stands_apart(self, marker: int) -> bool:
@@ -110,7 +111,12 @@ class Sheet:
 
 
 def _marker_edges(
-    model: FloatArray, samples: list[Samples], shift: float, plane: int, kind: str
+    model: FloatArray,
+    samples: list[SideSamples],
+    shift: float,
+    plane: int,
+    kind: str,
+    border: float,
 ) -> PlaneEdges:
     """Edges of one marker, less a shift toward the light that the whole sheet's edges have."""
     along = np.roll(model, -1, axis=0) - model
@@ -118,16 +124,19 @@ def _marker_edges(
     inward /= np.linalg.norm(inward, axis=1, keepdims=True)
     offsets = -(inward * model).sum(axis=1)
     # Where the sheet itself tells the shift, none is left to be accounted for.
-    drift = tuple(drift for _, _, drift in samples if drift is not None and shift == 0.0)
-    return PlaneEdges(
-        np.column_stack([inward, offsets]),
-        tuple(without_shift(points, -np.ones(len(points)), shift) for points, _, _ in samples),
-        tuple(std for _, std, _ in samples),
+    drift = tuple(side.drift for side in samples if side.drift is not None and shift == 0.0)
+    return unchecked_edges(
+        lines=np.column_stack([inward, offsets]),
+        points=tuple(
+            without_shift(side.points, -np.ones(len(side.points)), shift) for side in samples
+        ),
+        std=tuple(side.std for side in samples),
         polarity=1,
         plane=plane,
         kind=kind,
         freedom="fixed",
         drift=drift or None,
+        border=border,
     )
 
 

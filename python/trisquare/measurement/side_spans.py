@@ -2,36 +2,45 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from typing import Protocol, TypeAlias
+from dataclasses import dataclass
+from typing import Protocol
 
+from trisquare._core import SideSamples
 from trisquare._support.arrays import FloatArray
 from trisquare.edges import PlaneEdges
 
-Edge: TypeAlias = tuple[FloatArray, float, tuple[int | None, int | None]]
-"""A coarse path (N, 2) in pixels, where it gets lighter (+1 toward the right-hand normal, else
--1), and the spans that bound it at its start and end, by their numbers."""
 
-Confined: TypeAlias = tuple[FloatArray, float, tuple[int | None, int | None], tuple[float, float]]
-"""The same with the margins on its left and on its right, pixels (or infinite), beyond which
-something else begins."""
+@dataclass(frozen=True, slots=True, eq=False)
+class SideSpan:
+    """A stretch of edge that is known coarsely, to be measured by the core.
 
-GridLine: TypeAlias = tuple[FloatArray, float, tuple[None, None], Sequence[tuple[int | None, int]]]
-"""The crossings of a chessboard's grid line (N, 2) in pixels, where it gets lighter after the
-first, and for each the span that crosses there and its place among all crossings of that line.
-After every crossing light and dark are exchanged; between two that are no neighbours nothing is
-measured."""
+    Attributes
+    ----------
+    path : ndarray, shape (N, 2)
+        Points along it, pixels; of a chessboard's grid line its crossings.
+    polarity : float
+        +1 if it gets lighter toward the right-hand normal, else -1; of a grid line, after its first
+        crossing: at each crossing light and dark are exchanged.
+    bounds : (int or None, int or None)
+        The spans that it meets at its start and its end, by their numbers.
+    margins : (float, float)
+        Pixels to its left and to its right beyond which something else begins.
+    crossings : sequence of (int or None, int)
+        Of a grid line, for each crossing the span that crosses there, and its place among all
+        crossings of the line; between two that are no neighbours nothing is measured.
+    rims : sequence of float
+        Of a grid line with markers beside it, for the stretch after each crossing the distance of
+        the marker from the edges of its cell, over the cell's side; 0 without a marker.
+    """
 
-MarkedLine: TypeAlias = tuple[
-    FloatArray, float, tuple[None, None], Sequence[tuple[int | None, int]], Sequence[float]
-]
-"""The same with, for the stretch after each crossing, how far from the edges of the light cell
-beside it a marker begins, over the cell's side; 0 where there is none."""
-
-Span: TypeAlias = Edge | Confined | GridLine | MarkedLine
-
-Samples: TypeAlias = tuple[FloatArray, FloatArray, FloatArray | None]
-"""Points (N, 2), standard deviations (N,) and drift (N, 2) of one span, in pixels."""
+    path: FloatArray
+    polarity: float
+    bounds: tuple[int | None, int | None] = (None, None)
+    margins: tuple[float, float] = (math.inf, math.inf)
+    crossings: Sequence[tuple[int | None, int]] = ()
+    rims: Sequence[float] = ()
 
 
 class DetectedTarget(Protocol):
@@ -45,8 +54,8 @@ class DetectedTarget(Protocol):
     def quad(self) -> FloatArray:
         """Four points of the picture that enclose it, shape (4, 2), pixels."""
 
-    def spans(self, first: int) -> list[Span]:
+    def spans(self, first: int) -> list[SideSpan]:
         """Spans to measure, the first of which gets the number `first`."""
 
-    def figures(self, measured: Sequence[Samples | str], plane: int) -> list[PlaneEdges]:
+    def figures(self, measured: Sequence[SideSamples | str], plane: int) -> list[PlaneEdges]:
         """Edges from its measured spans, or why each gave none; empty if they are too few."""

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
+from trisquare._core import SideSamples, square_lines
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.candidates import Outline, SquareOutline
 from trisquare.detection.tags.codes import dictionary
 from trisquare.detection.tags.decode import BORDER
-from trisquare.edges import PlaneEdges
+from trisquare.edges import PlaneEdges, unchecked_edges
 from trisquare.measurement.marker_margins import side_margins
-from trisquare.measurement.side_spans import Samples, Span
+from trisquare.measurement.side_spans import SideSpan
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,14 +36,14 @@ class Square:
         """Corners of the outer outline, shape (4, 2), pixels."""
         return self.outline.outer.corners
 
-    def spans(self, first: int) -> list[Span]:
+    def spans(self, first: int) -> list[SideSpan]:
         """Four spans for each outline, in order."""
-        spans: list[Span] = []
+        spans: list[SideSpan] = []
         for outline in self._outlines():
             spans += _outline_spans(outline, first + len(spans), self._border)
         return spans
 
-    def figures(self, measured: Sequence[Samples | str], plane: int) -> list[PlaneEdges]:
+    def figures(self, measured: Sequence[SideSamples | str], plane: int) -> list[PlaneEdges]:
         """One figure for each outline, all four sides of which are edges."""
         sides = iter(measured)
         figures = []
@@ -52,8 +53,7 @@ class Square:
             # An outline with a side that is no edge is no square; without its outer outline, a
             # frame's inner one is a square of its own.
             if len(samples) == 4:
-                edges = _square_edges(outline, samples, plane, self.kind)
-                figures.append(replace(edges, border=self._border))
+                figures.append(_square_edges(outline, samples, plane, self.kind, self._border))
         return figures
 
     @property
@@ -67,13 +67,13 @@ class Square:
         return [outer] if inner is None else [outer, inner]
 
 
-def _outline_spans(outline: Outline, first: int, border: float | None) -> list[Span]:
-    contrast_sign = -1.0 if outline.dark_inside else 1.0
+def _outline_spans(outline: Outline, first: int, border: float | None) -> list[SideSpan]:
+    polarity = -1.0 if outline.dark_inside else 1.0
     margins = side_margins(outline.corners, math.inf if border is None else border, math.inf)
     return [
-        (
+        SideSpan(
             np.ascontiguousarray(side),
-            contrast_sign,
+            polarity,
             (first + (i + 3) % 4, first + (i + 1) % 4),
             margins[i],
         )
@@ -81,14 +81,19 @@ def _outline_spans(outline: Outline, first: int, border: float | None) -> list[S
     ]
 
 
-def _square_edges(outline: Outline, sides: list[Samples], plane: int, kind: str) -> PlaneEdges:
-    edges = PlaneEdges.square(
-        [points for points, _, _ in sides],
-        [std for _, std, _ in sides],
+def _square_edges(
+    outline: Outline, sides: list[SideSamples], plane: int, kind: str, border: float | None
+) -> PlaneEdges:
+    points = tuple(side.points for side in sides)
+    drift = tuple(side.drift for side in sides if side.drift is not None)
+    return unchecked_edges(
+        lines=square_lines(points),
+        points=points,
+        std=tuple(side.std for side in sides),
         polarity=1 if outline.dark_inside else -1,
         plane=plane,
         kind=kind,
         freedom="size" if kind == "frame" else "auto",
+        drift=drift or None,
+        border=border,
     )
-    drift = tuple(drift for _, _, drift in sides if drift is not None)
-    return replace(edges, drift=drift) if drift else edges

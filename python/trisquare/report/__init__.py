@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from trisquare.edges import PlaneEdges
-from trisquare.images.pixels import ImageSource, Outlines
+from trisquare.images.photographs import Photographs
+from trisquare.images.pixels import ImageSource, sources_of
 from trisquare.results.calibration import Calibration
 
 if TYPE_CHECKING:
@@ -23,9 +23,6 @@ def write_report(
     path: PathLike,
     image: ImageSource | Sequence[ImageSource] = (),
     *,
-    edges: Sequence[PlaneEdges] | None = None,
-    targets: str = "auto",
-    outlines: Outlines | None = None,
     command: str | None = None,
 ) -> None:
     """Write a calibration as one HTML file that needs no other.
@@ -36,7 +33,7 @@ def write_report(
         What to report.
     path : str or path
         The file; it is written whole or not at all.
-    image, edges, targets, outlines, command
+    image, command
         As in `report_page`.
 
     Raises
@@ -53,19 +50,13 @@ def write_report(
     from trisquare._support.writing import check_writable, write_atomically
 
     check_writable(path)
-    page = report_page(
-        calibration, image, edges=edges, targets=targets, outlines=outlines, command=command
-    )
-    write_atomically({path: page})
+    write_atomically({path: report_page(calibration, image, command=command)})
 
 
 def report_page(
     calibration: Calibration,
-    image: ImageSource | Sequence[ImageSource] = (),
+    image: ImageSource | Sequence[ImageSource] | Photographs = (),
     *,
-    edges: Sequence[PlaneEdges] | None = None,
-    targets: str = "auto",
-    outlines: Outlines | None = None,
     command: str | None = None,
 ) -> bytes:
     """Return a calibration as an HTML page that needs nothing besides.
@@ -74,14 +65,9 @@ def report_page(
     ----------
     calibration : Calibration
         What to report.
-    image : path or ndarray, or a sequence of them
+    image : path or ndarray, a sequence of them, or Photographs
         The photographs, in the order they were given to `calibrate`; without them the page has
-        plots and tables only.
-    edges : sequence of PlaneEdges, optional
-        What was measured; by default it is measured again in the photographs, with the
-        calibration's own tone curve.
-    targets, outlines
-        What `calibrate` was given.
+        plots and tables only. The residuals are those that the calibration holds.
     command : str, optional
         A command line that repeats the calibration, to be stated.
 
@@ -104,13 +90,8 @@ def report_page(
         raise TypeError(f"calibration must be a Calibration, not {type(calibration).__name__}")
     from trisquare.report.page import page_of  # it needs the extra
 
-    return page_of(calibration, _sources(image), edges, targets, outlines, command)
-
-
-def _sources(image: ImageSource | Sequence[ImageSource]) -> list[ImageSource]:
-    if isinstance(image, Sequence) and not isinstance(image, str):
-        return list(image)
-    return [image]
+    photographs = image if isinstance(image, Photographs) else Photographs(sources_of(image))
+    return page_of(calibration, photographs, command)
 
 
 def check_extra() -> None:

@@ -149,22 +149,23 @@ def summary(calibration: Calibration, known: ProjectionMap) -> Iterator[str]:
         places = (finite.min(), float(np.median(finite)), finite.max())
         best, median, worst = (two_digits(place) for place in places)
         yield (
-            f"Where a direction is seen is known to {best} px in the best place of the picture, to "
-            f"{median} px in the median and to {worst} px in the worst (one standard deviation)."
+            f"Projected points are known to {best} px at the best place of the picture, to "
+            f"{median} px at the median place and to {worst} px at the worst (one standard "
+            "deviation)."
         )
     beyond = 1.0 - len(finite) / known.std.size
     if beyond > 0.0:
         yield (
-            f"Over {100.0 * beyond:.0f} % of the picture the lens model does not reach: there "
-            "nothing is known."
+            f"The lens model does not cover {100.0 * beyond:.0f} % of the picture: nothing "
+            "is known there."
         )
     yield (
-        f"The measured edges lie {two_digits(calibration.rms)} px (rms) from where camera and "
-        f"planes put them, {calibration.noise_scale:.2f} times what their own noise lets expect."
+        f"The reprojection error of the measured edges is {two_digits(calibration.rms)} "
+        f"px (rms), {calibration.noise_scale:.2f} times what their noise predicts."
     )
 
 
-def settings(calibration: Calibration, targets: str | None) -> list[tuple[str, str]]:
+def settings(calibration: Calibration) -> list[tuple[str, str]]:
     """Return what was asked for, and what it was computed with."""
     methods = {"ml": "maximum likelihood (ml)", "linear": "the three linear steps (linear)"}
     method = methods.get(calibration.method, calibration.method)
@@ -174,8 +175,6 @@ def settings(calibration: Calibration, targets: str | None) -> list[tuple[str, s
     rows.append(("lens model", calibration.camera.model + chosen))
     rows.append(("held", ", ".join(calibration.fixed) or "nothing"))
     rows.append(("tone curve", _tone(calibration)))
-    if targets is not None:
-        rows.append(("targets", targets))
     rows.append(("calibrated by", f"trisquare {calibration.software}"))
     rows.append(
         (

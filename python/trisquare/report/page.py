@@ -14,8 +14,7 @@ from markupsafe import Markup
 from trisquare.analysis.comparison import two_digits
 from trisquare.analysis.residuals import MeasuredSide
 from trisquare.camera.projection_uncertainty import ProjectionMap
-from trisquare.edges import PlaneEdges
-from trisquare.images.pixels import ImageSource, Outlines
+from trisquare.images.photographs import Photographs
 from trisquare.report import content
 from trisquare.report.layers import PictureLayers, picture_layers
 from trisquare.report.pictures import ReportedPicture, reported_pictures
@@ -30,16 +29,13 @@ MOST_PICTURES = 6
 
 def page_of(
     calibration: Calibration,
-    sources: Sequence[ImageSource],
-    edges: Sequence[PlaneEdges] | None,
-    targets: str,
-    outlines: Outlines | None,
+    photographs: Photographs,
     command: str | None,
 ) -> bytes:
     """Gather, draw and lay out; the arguments are those of `report_page`."""
     pictures: list[ReportedPicture] = []
     layers: list[PictureLayers] = []
-    for picture in reported_pictures(calibration, sources, edges, targets, outlines):
+    for picture in reported_pictures(calibration, photographs):
         if len(layers) < MOST_PICTURES:
             layers.append(picture_layers(calibration, picture))
         pictures.append(picture.without_pixels())
@@ -64,8 +60,8 @@ def page_of(
         planes=content.plane_rows(calibration, names),
         pictures=layers,
         more_pictures=len(pictures) - len(layers),
-        settings=content.settings(calibration, targets if sources and edges is None else None),
-        files=content.picture_rows(pictures) if sources else [],
+        settings=content.settings(calibration),
+        files=content.picture_rows(pictures) if photographs.sources else [],
         command=command,
         json="data:application/json;base64," + base64.b64encode(json).decode("ascii"),
         **_plots(calibration, known, sides, [layer.index for layer in layers]),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,12 +12,8 @@ import cv2
 import numpy as np
 
 from trisquare.analysis.residuals import MeasuredSide, measured_sides
-from trisquare.detection.annotations.load import Annotations
-from trisquare.edges import PlaneEdges
-from trisquare.errors import DetectionError
-from trisquare.images.pixels import Image, ImageSource, Outlines, picture_size
-from trisquare.images.reading import load_picture
-from trisquare.measurement.detect import detect
+from trisquare.images.photographs import Photographs
+from trisquare.images.pixels import Image, picture_size
 from trisquare.results.calibration import Calibration
 
 LARGEST_SHOWN = 1600
@@ -58,23 +54,15 @@ class ReportedPicture:
 
 
 def reported_pictures(
-    calibration: Calibration,
-    sources: Sequence[ImageSource],
-    edges: Sequence[PlaneEdges] | None,
-    targets: str,
-    outlines: Outlines | None,
+    calibration: Calibration, photographs: Photographs
 ) -> Iterator[ReportedPicture]:
-    """Load the pictures one at a time and measure what the calibration measured.
+    """Yield the pictures one at a time with what the calibration measured in them.
 
     Parameters
     ----------
     calibration : Calibration
-    sources : sequence of path or ndarray
-        The calibration's pictures in their order; it may be empty.
-    edges : sequence of PlaneEdges, optional
-        What was measured, instead of measuring it again.
-    targets, outlines
-        As in `calibrate`.
+    photographs : Photographs
+        The calibration's pictures in their order; there may be none.
 
     Raises
     ------
@@ -83,30 +71,25 @@ def reported_pictures(
     TypeError, ValueError
         For bad arguments, or if a picture is not of the camera's size.
     """
-    if not sources:
+    if not photographs.sources:
         for index in sorted({plane.image for plane in calibration.planes} or {0}):
-            sides = _sides(calibration, edges or (), index)
+            sides = tuple(measured_sides(calibration, index))
             yield ReportedPicture(index, f"picture {index}", None, sides)
         return
-    drawings = None if outlines is None else Annotations.read(outlines, sources)
-    for index, source in enumerate(sources):
-        picture = load_picture(source)
-        size = picture_size(picture)
+    for photograph in photographs:
+        index, path = photograph.index, photograph.path
+        size = picture_size(photograph.pixels)
         if size != calibration.camera.image_size:
             width, height = calibration.camera.image_size
             raise ValueError(
                 f"picture {index} is {size[0]} x {size[1]}, the calibration's are {width} x "
                 f"{height}: is it one of them?"
             )
-        of_picture = edges
-        if edges is None:
-            of_picture = _measured(calibration, picture, index, targets, drawings)
-        path = source if isinstance(source, str | os.PathLike) else None
         yield ReportedPicture(
             index,
             f"picture {index}" if path is None else os.path.basename(path),
-            shown_pixels(picture, linear=calibration.tone == "linear"),
-            _sides(calibration, of_picture or (), index),
+            shown_pixels(photograph.pixels, linear=calibration.tone == "linear"),
+            tuple(measured_sides(calibration, index)),
             None if path is None else _digest(path),
         )
 
@@ -129,33 +112,6 @@ def shown_pixels(picture: Image, *, linear: bool) -> Image:
         knee = light < SRGB_KNEE
         light = np.where(knee, 12.92 * light, 1.055 * light ** (1.0 / 2.4) - 0.055)
     return np.asarray(np.rint(255.0 * light), dtype=np.uint8)
-
-
-def _measured(
-    calibration: Calibration,
-    picture: Image,
-    index: int,
-    targets: str,
-    drawings: Annotations | None,
-) -> list[PlaneEdges]:
-    # In a picture that gave no plane (nothing in it, or given twice) nothing was measured.
-    if not any(plane.image == index for plane in calibration.planes):
-        return []
-    drawn = None if drawings is None else drawings.on(index, picture_size(picture))
-    try:
-        found = detect(picture, targets=targets, tone=calibration.tone, outlines=drawn)
-    except DetectionError:
-        return []  # another picture than the calibration's, or other targets
-    return [replace(figure, image=index) for figure in found]
-
-
-def _sides(
-    calibration: Calibration, edges: Sequence[PlaneEdges], index: int
-) -> tuple[MeasuredSide, ...]:
-    try:
-        return tuple(measured_sides(calibration, edges, index))
-    except ValueError:
-        return ()  # samples where the camera does not reach are not this calibration's
 
 
 def _digest(path: str | os.PathLike[str]) -> str:

@@ -118,8 +118,8 @@ def _outward_residuals(
         radius = np.maximum(np.linalg.norm(arms, axis=1), 1e-9)
         cosine = (arms * side.normals).sum(axis=1) / radius
         outward = side.residuals * np.sign(cosine)
-        told = np.abs(cosine) > ACROSS
-        rows.append(np.column_stack([radius, outward, np.full(len(radius), side.plane)])[told])
+        across = np.abs(cosine) > ACROSS
+        rows.append(np.column_stack([radius, outward, np.full(len(radius), side.plane)])[across])
     radius, outward, planes = np.vstack(rows).T
     return radius, outward, planes.astype(int)
 

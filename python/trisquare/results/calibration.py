@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -29,6 +29,7 @@ from trisquare.camera.projection_uncertainty import (
     projection_map,
     rms_displacement,
 )
+from trisquare.edges import PlaneEdges, edges_from_members, edges_members
 from trisquare.results.model_alternative import (
     ModelAlternative,
     alternative_from_members,
@@ -46,6 +47,7 @@ from trisquare.results.residual_correlation import (
     residual_correlation_from_members,
     residual_correlation_members,
 )
+from trisquare.results.residuals import FigureResiduals, residuals_from_members, residuals_members
 
 __all__ = ["Calibration", "Camera", "Plane"]
 
@@ -96,6 +98,10 @@ class Calibration(RebuiltByConstructor):
         What was found in the pictures but not used, and why.
     tone_std : float, optional
         One standard deviation of an estimated gamma; None where the tone curve was stated.
+    edges : sequence of PlaneEdges
+        What it was calibrated from; empty in results that were read from JSON without them.
+    residuals : sequence of FigureResiduals
+        How far the samples of each of the edges are from the calibrated model.
     """
 
     camera: Camera
@@ -115,6 +121,8 @@ class Calibration(RebuiltByConstructor):
     tone_std: float | None = None
     coherence: ResidualCorrelation | None = None
     rejected: tuple[Rejected, ...] = ()
+    edges: tuple[PlaneEdges, ...] = ()
+    residuals: tuple[FigureResiduals, ...] = ()
 
     def __post_init__(self) -> None:
         if not isinstance(self.camera, Camera):
@@ -156,6 +164,14 @@ class Calibration(RebuiltByConstructor):
         if not all(isinstance(candidate, Rejected) for candidate in rejected):
             raise TypeError("rejected must all be of the class Rejected")
         object.__setattr__(self, "rejected", rejected)
+        edges, residuals = tuple(self.edges), tuple(self.residuals)
+        if not all(isinstance(figure, PlaneEdges) for figure in edges):
+            raise TypeError("edges must all be of the class PlaneEdges")
+        if not all(isinstance(own, FigureResiduals) for own in residuals):
+            raise TypeError("residuals must all be of the class FigureResiduals")
+        _check_residuals(edges, residuals, len(planes))
+        object.__setattr__(self, "edges", edges)
+        object.__setattr__(self, "residuals", residuals)
         for name in ("method", "stage", "software"):
             string(getattr(self, name), name)
 
@@ -245,8 +261,14 @@ class Calibration(RebuiltByConstructor):
         """Whether ``fy`` follows ``fx``."""
         return "aspect" in self.fixed and "fx" in self.parameters
 
-    def to_json(self) -> str:
-        """Return the result as JSON text that `from_json` reads back exactly."""
+    def to_json(self, *, edges: bool = False) -> str:
+        """Return the result as JSON text that `from_json` reads back exactly.
+
+        Parameters
+        ----------
+        edges : bool
+            Whether the measured edges and their residuals are part of it; they are most of it.
+        """
         return dump_members(
             {
                 "format": RESULT_FORMAT,
@@ -268,6 +290,7 @@ class Calibration(RebuiltByConstructor):
                 **_alternatives_member(self.alternatives),
                 **_coherence_member(self.coherence),
                 **_rejected_member(self.rejected),
+                **(_edges_members(self) if edges else {}),
             }
         )
 
@@ -299,10 +322,7 @@ class Calibration(RebuiltByConstructor):
             stage=members.text("stage"),
             software=members.text("software"),
             alternatives=tuple(
-                alternative_from_members(other)
-                for other in (
-                    members.objects("alternatives") if members.has("alternatives") else ()
-                )
+                alternative_from_members(other) for other in _optional(members, "alternatives")
             ),
             tone_std=members.number("tone_std") if members.has("tone_std") else None,
             coherence=(
@@ -311,10 +331,36 @@ class Calibration(RebuiltByConstructor):
                 else None
             ),
             rejected=tuple(
-                rejected_from_members(candidate)
-                for candidate in (members.objects("rejected") if members.has("rejected") else ())
+                rejected_from_members(candidate) for candidate in _optional(members, "rejected")
             ),
+            edges=tuple(edges_from_members(figure) for figure in _optional(members, "edges")),
+            residuals=tuple(residuals_from_members(own) for own in _optional(members, "residuals")),
         )
+
+
+def _check_residuals(
+    edges: tuple[PlaneEdges, ...], residuals: tuple[FigureResiduals, ...], planes: int
+) -> None:
+    """Raise ValueError unless the residuals are those of the edges."""
+    samples = [[len(points) for points in figure.points] for figure in edges]
+    distances = [[len(own) for own in figure.distances] for figure in residuals]
+    if samples != distances:
+        raise ValueError("residuals must be those of the edges: one for each sample")
+    if any(own.plane >= planes for own in residuals):
+        raise ValueError(f"residuals must be of one of the {planes} planes")
+
+
+def _edges_members(calibration: Calibration) -> dict[str, Any]:
+    """Return the ``edges`` and ``residuals`` members, which are there only if asked for."""
+    return {
+        "edges": [edges_members(figure) for figure in calibration.edges],
+        "residuals": [residuals_members(own) for own in calibration.residuals],
+    }
+
+
+def _optional(members: JsonFields, name: str) -> Sequence[JsonFields]:
+    """Return a list of objects that may be missing."""
+    return members.objects(name) if members.has(name) else ()
 
 
 def _covariance_member(members: JsonFields, size: int) -> FloatArray:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 INTERPOLATIONS = ("nearest", "linear", "cubic", "lanczos")
 
-LARGEST_SIDE = 32766
+LARGEST_RESAMPLED = 32766
 """What OpenCV resamples: it counts pixels in 16 bits, and 32767 is the end."""
 
 PART_BITS = 5
@@ -167,9 +167,9 @@ class Undistorter:
 def _check_camera(camera: Any, name: str) -> None:
     if not isinstance(camera, Camera):
         raise TypeError(f"{name} must be a Camera, not {type(camera).__name__}")
-    if max(camera.image_size) > LARGEST_SIDE:
+    if max(camera.image_size) > LARGEST_RESAMPLED:
         raise ValueError(
-            f"{name}: pictures of more than {LARGEST_SIDE} pixels a side cannot be resampled"
+            f"{name}: pictures of more than {LARGEST_RESAMPLED} pixels a side cannot be resampled"
         )
 
 
@@ -179,7 +179,7 @@ def _refuse_size(found: tuple[int, int], camera: Camera) -> NoReturn:
     try:
         camera.rescaled(found)
     except ValueError:
-        remedy = "it has another shape, so that it is no scaled picture of this camera"
+        remedy = "it has another aspect ratio, so it is not a scaled picture of this camera"
     raise ValueError(
         f"the picture is {found[0]} x {found[1]}, the camera's are {width} x {height}: {remedy}"
     )

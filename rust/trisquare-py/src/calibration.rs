@@ -1,12 +1,14 @@
 //! The whole calibration.
 
 use nalgebra::DMatrix;
+use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::PyDict;
+use pyo3::{PyClass, PyClassInitializer};
 use trisquare::{
-    Brown, Calibration, Fixed, ImageSize, Lens, Method, Model, ModelChoice, Options, Photographs,
-    PictureTone, PlaneEdges, PoseUncertainty, Stage, ToneFit,
+    Brown, BrownModel, Fixed, ImageSize, Lens, Method, ModelChoice, Options, Photographs,
+    PictureTone, Plane, PlaneEdges, Stage,
 };
 
 use crate::arrays;
@@ -14,22 +16,117 @@ use crate::errors::{detached, exception};
 use crate::image::{Picture, picture_tone};
 use crate::observations::plane_edges;
 
-/// Calibrates from figures and, where given, the pictures they were measured in.
+/// What became of a candidate plane.
+#[pyclass(frozen, get_all, module = "trisquare._core")]
+pub struct Verdict {
+    /// Index of its first figure.
+    figure: usize,
+    kept: bool,
+    residual: Option<f64>,
+}
+
+/// What is kept of the figures, and the calibration from it or why there is none.
+#[pyclass(frozen, module = "trisquare._core")]
+pub struct Outcome {
+    /// Empty where nothing was to be chosen.
+    #[pyo3(get)]
+    verdicts: Vec<Py<Verdict>>,
+    #[pyo3(get)]
+    doubt: Option<String>,
+    solution: PyResult<Py<Solution>>,
+}
+
+#[pymethods]
+impl Outcome {
+    /// The calibration from the figures that are kept.
+    fn solution(&self, py: Python<'_>) -> PyResult<Py<Solution>> {
+        match &self.solution {
+            Ok(solution) => Ok(solution.clone_ref(py)),
+            Err(error) => Err(error.clone_ref(py)),
+        }
+    }
+}
+
+/// A calibrated camera, how well it is known, and where the planes stand.
+#[pyclass(frozen, get_all, module = "trisquare._core")]
+pub struct Solution {
+    camera_matrix: Py<PyArray2<f64>>,
+    distortion: Py<PyArray1<f64>>,
+    valid_radius: f64,
+    model: &'static str,
+    parameters: Vec<&'static str>,
+    covariance: Py<PyArray2<f64>>,
+    std: Py<PyDict>,
+    planes: Vec<Py<SolvedPlane>>,
+    residuals: Vec<Py<FigureResiduals>>,
+    rms: f64,
+    noise_scale: f64,
+    iterations: usize,
+    warnings: Vec<String>,
+    stage: &'static str,
+    /// Model, logarithm of its evidence, and rms of those that were not chosen.
+    alternatives: Vec<(&'static str, f64, f64)>,
+    correlation: Py<ResidualCorrelation>,
+    tones: Vec<Py<ToneFit>>,
+}
+
+/// One plane of a calibration.
+#[pyclass(frozen, get_all, module = "trisquare._core")]
+pub struct SolvedPlane {
+    figure: usize,
+    image: usize,
+    corners: Py<PyArray2<f64>>,
+    rotation: Py<PyArray2<f64>>,
+    translation: Py<PyArray1<f64>>,
+    rms: f64,
+    samples: usize,
+    /// Covariance for a given camera (6, 6), and the pose's change by the camera (6, 9).
+    uncertainty: Option<(Py<PyArray2<f64>>, Py<PyArray2<f64>>)>,
+}
+
+/// How far the samples of a figure are from the images of its lines, line by line.
+#[pyclass(frozen, get_all, module = "trisquare._core")]
+pub struct FigureResiduals {
+    plane: usize,
+    distances: Vec<Py<PyArray1<f64>>>,
+    normals: Vec<Py<PyArray2<f64>>>,
+}
+
+/// How far the residuals are from independent noise.
+#[pyclass(frozen, get_all, module = "trisquare._core")]
+pub struct ResidualCorrelation {
+    neighbours: f64,
+    probability: f64,
+    displacements: Vec<f64>,
+    contradiction: f64,
+}
+
+/// What the fit to the pixels told of how a picture was coded.
+#[pyclass(frozen, get_all, module = "trisquare._core")]
+pub struct ToneFit {
+    effective_gamma: f64,
+    std: Option<f64>,
+    shift: Option<(f64, f64)>,
+}
+
+/// Calibrates from figures and, where given, the pictures they were measured in; if `choosing`,
+/// from the largest set of planes that one camera sees as true squares.
 #[pyfunction]
-#[pyo3(signature = (figures, image_size, *, method, model, fixed, initial, pictures, tones))]
+#[pyo3(signature = (figures, image_size, *, choosing, method, model, fixed, initial, pictures, tones))]
 #[allow(clippy::too_many_arguments)] // the keywords of the Python function
 pub fn calibrate<'py>(
     py: Python<'py>,
     figures: Vec<Bound<'py, PyAny>>,
     image_size: (u32, u32),
+    choosing: bool,
     method: &str,
     model: &str,
     fixed: Vec<String>,
     initial: Option<[f64; 9]>,
     pictures: Option<Vec<PyRef<'py, Picture>>>,
     tones: Vec<Bound<'py, PyAny>>,
-) -> PyResult<Bound<'py, PyDict>> {
-    let edges: Vec<PlaneEdges> = figures.iter().map(plane_edges).collect::<PyResult<_>>()?;
+) -> PyResult<Outcome> {
+    let mut edges: Vec<PlaneEdges> = figures.iter().map(plane_edges).collect::<PyResult<_>>()?;
     let size = ImageSize {
         width: image_size.0,
         height: image_size.1,
@@ -51,77 +148,54 @@ pub fn calibrate<'py>(
     {
         return Err(PyValueError::new_err("every picture needs its tone curve"));
     }
-    let found = detached(py, || {
+    let (choice, found) = detached(py, || {
+        let choice = match choosing {
+            true => Some(trisquare::choose(&edges, size, &options)?),
+            false => None,
+        };
+        if let Some(choice) = &choice {
+            choice.keep(&mut edges);
+        }
         let photographs = pictures.as_ref().map(|pictures| Photographs {
             pictures,
             tones: &tones,
         });
         let photographs = photographs.as_ref();
-        if by_evidence {
-            return trisquare::calibrate_by_evidence(&edges, size, &options, photographs);
-        }
-        Ok(ModelChoice {
-            model: options.model,
-            calibration: trisquare::calibrate_photographs(&edges, size, &options, photographs)?,
-            alternatives: Vec::new(),
-        })
+        let found = match by_evidence {
+            true => trisquare::calibrate_by_evidence(&edges, size, &options, photographs),
+            false => trisquare::calibrate_photographs(&edges, size, &options, photographs).map(
+                |calibration| ModelChoice {
+                    model: options.model,
+                    calibration,
+                    alternatives: Vec::new(),
+                },
+            ),
+        };
+        Ok((choice, found))
     })?
     .map_err(exception)?;
-    let dict = to_dict(py, &found.calibration)?;
-    dict.set_item("model", model_name(found.model))?;
-    let alternatives: Vec<(&str, f64, f64)> = found
-        .alternatives
-        .iter()
-        .map(|other| (model_name(other.model), other.log_evidence, other.rms))
-        .collect();
-    dict.set_item("alternatives", alternatives)?;
-    Ok(dict)
-}
-
-/// Chooses the planes that one camera sees as true squares: of each its first figure, whether it is
-/// kept, and else its distance from a square; and why the choice may be wrong.
-#[pyfunction]
-#[pyo3(signature = (figures, image_size, *, model, fixed, initial))]
-#[allow(clippy::type_complexity)] // what Python gets
-pub fn choose(
-    py: Python<'_>,
-    figures: Vec<Bound<'_, PyAny>>,
-    image_size: (u32, u32),
-    model: &str,
-    fixed: Vec<String>,
-    initial: Option<[f64; 9]>,
-) -> PyResult<(Vec<(usize, bool, Option<f64>)>, Option<String>)> {
-    let edges: Vec<PlaneEdges> = figures.iter().map(plane_edges).collect::<PyResult<_>>()?;
-    let size = ImageSize {
-        width: image_size.0,
-        height: image_size.1,
-    };
-    let options = Options {
-        method: Method::MaximumLikelihood,
-        model: model_named(model)?,
-        fixed: fixed_parameters(&fixed)?,
-        initial: initial.map(Brown::new),
-    };
-    let choice = detached(py, || trisquare::choose(&edges, size, &options))?.map_err(exception)?;
-    let verdicts = choice.verdicts.iter();
-    Ok((
-        verdicts.map(|v| (v.figure, v.kept, v.residual)).collect(),
-        choice.doubt.map(|doubt| doubt.to_string()),
-    ))
+    let verdicts = choice.iter().flat_map(|choice| &choice.verdicts);
+    Ok(Outcome {
+        verdicts: verdicts.map(|v| verdict(py, v)).collect::<PyResult<_>>()?,
+        doubt: choice.and_then(|choice| choice.doubt.map(|doubt| doubt.to_string())),
+        solution: found
+            .map_err(exception)
+            .and_then(|found| Py::new(py, solution(py, &found)?)),
+    })
 }
 
 /// The model that stands for the choice among all of them.
 const AUTO: &str = "auto";
 
 /// The model of a name; for the choice among all, the one it begins with.
-fn model_named(name: &str) -> PyResult<Model> {
+fn model_named(name: &str) -> PyResult<BrownModel> {
     match name {
-        AUTO => Ok(Model::default()),
+        AUTO => Ok(BrownModel::default()),
         _ => named(name, "model", &MODELS),
     }
 }
 
-fn model_name(model: Model) -> &'static str {
+fn model_name(model: BrownModel) -> &'static str {
     let found = MODELS.iter().find(|(_, known)| *known == model);
     found.map_or("", |(name, _)| name)
 }
@@ -131,12 +205,12 @@ const METHODS: [(&str, Method); 2] = [
     ("linear", Method::Linear),
 ];
 
-pub(crate) const MODELS: [(&str, Model); 5] = [
-    ("none", Model::None),
-    ("radial1", Model::Radial1),
-    ("radial2", Model::Radial2),
-    ("radial3", Model::Radial3),
-    ("brown", Model::Brown),
+pub(crate) const MODELS: [(&str, BrownModel); 5] = [
+    ("none", BrownModel::None),
+    ("radial1", BrownModel::Radial1),
+    ("radial2", BrownModel::Radial2),
+    ("radial3", BrownModel::Radial3),
+    ("brown", BrownModel::Brown),
 ];
 
 pub(crate) fn named<T: Copy>(name: &str, what: &str, known: &[(&str, T)]) -> PyResult<T> {
@@ -168,88 +242,110 @@ pub(crate) fn fixed_parameters(names: &[String]) -> PyResult<Fixed> {
     Ok(fixed)
 }
 
-fn tone_fit<'py>(py: Python<'py>, fit: &ToneFit) -> PyResult<Bound<'py, PyDict>> {
-    let dict = PyDict::new(py);
-    dict.set_item("effective_gamma", fit.curve.effective_gamma())?;
-    dict.set_item("std", fit.effective_gamma_std())?;
-    dict.set_item("shift", fit.shift)?;
-    Ok(dict)
+fn verdict(py: Python<'_>, found: &trisquare::Verdict) -> PyResult<Py<Verdict>> {
+    Py::new(
+        py,
+        Verdict {
+            figure: found.figure,
+            kept: found.kept,
+            residual: found.residual,
+        },
+    )
 }
 
-fn pose_uncertainty<'py>(py: Python<'py>, found: &PoseUncertainty) -> PyResult<Bound<'py, PyDict>> {
-    let (given, by) = (&found.given_camera, &found.by_camera);
-    let given = DMatrix::from_column_slice(given.nrows(), given.ncols(), given.as_slice());
-    let by = DMatrix::from_column_slice(by.nrows(), by.ncols(), by.as_slice());
-    let dict = PyDict::new(py);
-    dict.set_item("given_camera", arrays::from_matrix(py, &given))?;
-    dict.set_item("by_camera", arrays::from_matrix(py, &by))?;
-    Ok(dict)
-}
-
-fn to_dict<'py>(py: Python<'py>, found: &Calibration) -> PyResult<Bound<'py, PyDict>> {
+fn solution(py: Python<'_>, choice: &ModelChoice) -> PyResult<Solution> {
+    let found = &choice.calibration;
     let std = PyDict::new(py);
     for (name, value) in found.std() {
         std.set_item(name, value)?;
     }
-    let planes = found
-        .planes
-        .iter()
-        .map(|plane| {
-            let dict = PyDict::new(py);
-            dict.set_item("figure", plane.figure)?;
-            dict.set_item("image", plane.image)?;
-            dict.set_item("corners", arrays::from_points(py, &plane.corners))?;
-            dict.set_item("rotation", arrays::from_matrix3(py, &plane.pose.rotation))?;
-            let translation = plane.pose.translation;
-            dict.set_item(
-                "translation",
-                arrays::from_slice(py, translation.as_slice()),
-            )?;
-            dict.set_item("rms", plane.rms)?;
-            dict.set_item("samples", plane.samples)?;
-            let uncertainty = plane.uncertainty.as_ref();
-            let uncertainty = uncertainty.map(|u| pose_uncertainty(py, u)).transpose()?;
-            dict.set_item("uncertainty", uncertainty)?;
-            Ok(dict)
-        })
-        .collect::<PyResult<Vec<_>>>()?;
-    let warnings: Vec<String> = found.warnings.iter().map(ToString::to_string).collect();
-    let stage = match found.stage {
-        Stage::Linear => "linear",
-        Stage::Edges => "edges",
-        Stage::Pixels => "pixels",
-    };
+    let correlation = &found.residual_correlation;
+    let alternatives = choice.alternatives.iter();
+    Ok(Solution {
+        camera_matrix: arrays::from_matrix3(py, &found.camera.camera_matrix()).unbind(),
+        distortion: arrays::from_slice(py, &found.camera.distortion()).unbind(),
+        valid_radius: found.camera.valid_radius(),
+        model: model_name(choice.model),
+        parameters: found.parameters.clone(),
+        covariance: arrays::from_matrix(py, &found.covariance).unbind(),
+        std: std.unbind(),
+        planes: each(py, &found.planes, solved_plane)?,
+        residuals: each(py, &found.residuals, figure_residuals)?,
+        rms: found.rms,
+        noise_scale: found.noise_scale,
+        iterations: found.iterations,
+        warnings: found.warnings.iter().map(ToString::to_string).collect(),
+        stage: match found.stage {
+            Stage::Linear => "linear",
+            Stage::Edges => "edges",
+            Stage::Pixels => "pixels",
+        },
+        alternatives: alternatives
+            .map(|other| (model_name(other.model), other.log_evidence, other.rms))
+            .collect(),
+        correlation: Py::new(
+            py,
+            ResidualCorrelation {
+                neighbours: correlation.neighbours,
+                probability: correlation.probability,
+                displacements: correlation.displacements.to_vec(),
+                contradiction: correlation.between_plane_variance_ratio,
+            },
+        )?,
+        tones: each(py, &found.tones, tone_fit)?,
+    })
+}
 
-    let dict = PyDict::new(py);
-    dict.set_item(
-        "camera_matrix",
-        arrays::from_matrix3(py, &found.camera.camera_matrix()),
-    )?;
-    dict.set_item(
-        "distortion",
-        arrays::from_slice(py, &found.camera.distortion()),
-    )?;
-    dict.set_item("valid_radius", found.camera.valid_radius())?;
-    dict.set_item("parameters", &found.parameters)?;
-    dict.set_item("covariance", arrays::from_matrix(py, &found.covariance))?;
-    dict.set_item("std", std)?;
-    dict.set_item("planes", planes)?;
-    dict.set_item("rms", found.rms)?;
-    let residual_correlation = PyDict::new(py);
-    residual_correlation.set_item("neighbours", found.residual_correlation.neighbours)?;
-    residual_correlation.set_item("probability", found.residual_correlation.probability)?;
-    let displacements = PyTuple::new(py, &found.residual_correlation.displacements)?;
-    residual_correlation.set_item("displacements", displacements)?;
-    residual_correlation.set_item(
-        "contradiction",
-        found.residual_correlation.between_plane_variance_ratio,
-    )?;
-    dict.set_item("coherence", residual_correlation)?;
-    dict.set_item("noise_scale", found.noise_scale)?;
-    dict.set_item("iterations", found.iterations)?;
-    dict.set_item("warnings", warnings)?;
-    dict.set_item("stage", stage)?;
-    let tones = found.tones.iter().map(|fit| tone_fit(py, fit));
-    dict.set_item("tones", tones.collect::<PyResult<Vec<_>>>()?)?;
-    Ok(dict)
+/// Converts each of some values to an object of Python's.
+fn each<T, U>(
+    py: Python<'_>,
+    values: &[T],
+    convert: impl Fn(Python<'_>, &T) -> U,
+) -> PyResult<Vec<Py<U>>>
+where
+    U: PyClass + Into<PyClassInitializer<U>>,
+{
+    let converted = values.iter().map(|value| Py::new(py, convert(py, value)));
+    converted.collect()
+}
+
+fn solved_plane(py: Python<'_>, plane: &Plane) -> SolvedPlane {
+    SolvedPlane {
+        figure: plane.figure,
+        image: plane.image,
+        corners: arrays::from_points(py, &plane.corners).unbind(),
+        rotation: arrays::from_matrix3(py, &plane.pose.rotation).unbind(),
+        translation: arrays::from_slice(py, plane.pose.translation.as_slice()).unbind(),
+        rms: plane.rms,
+        samples: plane.samples,
+        uncertainty: plane.uncertainty.as_ref().map(|known| {
+            let (given, by) = (&known.given_camera, &known.by_camera);
+            let given = DMatrix::from_column_slice(given.nrows(), given.ncols(), given.as_slice());
+            let by = DMatrix::from_column_slice(by.nrows(), by.ncols(), by.as_slice());
+            let array = |matrix| arrays::from_matrix(py, matrix).unbind();
+            (array(&given), array(&by))
+        }),
+    }
+}
+
+fn figure_residuals(py: Python<'_>, figure: &trisquare::FigureResiduals) -> FigureResiduals {
+    let sides = figure.sides.iter();
+    FigureResiduals {
+        plane: figure.plane,
+        distances: sides
+            .clone()
+            .map(|side| arrays::from_slice(py, &side.distances).unbind())
+            .collect(),
+        normals: sides
+            .map(|side| arrays::from_points(py, &side.normals).unbind())
+            .collect(),
+    }
+}
+
+fn tone_fit(_: Python<'_>, fit: &trisquare::ToneFit) -> ToneFit {
+    ToneFit {
+        effective_gamma: fit.curve.effective_gamma(),
+        std: fit.effective_gamma_std(),
+        shift: fit.shift,
+    }
 }

@@ -4,8 +4,7 @@ use numpy::ndarray::{ArrayView, Dimension};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2, PyReadonlyArrayDyn};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
-use trisquare::{EdgeSpan, PictureTone, PowerCurve, Tone, ToneEstimate};
+use trisquare::{EdgeSpan, PictureTone, PowerCurve, Tone};
 
 use crate::arrays;
 use crate::errors::detached;
@@ -103,40 +102,49 @@ pub fn tone(value: &Bound<'_, PyAny>) -> PyResult<Tone> {
 
 type Bounds = (Option<usize>, Option<usize>);
 
-/// A path, its rise and the spans that bound it; of an edge the room beside it; of a grid line the
-/// spans that cross it, with the number of each crossing, and the rims of the markers after them.
+/// A stretch of edge that is known coarsely: the members of Python's `SideSpan`.
 #[derive(FromPyObject)]
-pub enum Span<'py> {
-    MarkedLine(
-        PyReadonlyArray2<'py, f64>,
-        f64,
-        Bounds,
-        Vec<(Option<usize>, usize)>,
-        Vec<f64>,
-    ),
-    GridLine(
-        PyReadonlyArray2<'py, f64>,
-        f64,
-        Bounds,
-        Vec<(Option<usize>, usize)>,
-    ),
-    Confined(PyReadonlyArray2<'py, f64>, f64, Bounds, (f64, f64)),
-    Edge(PyReadonlyArray2<'py, f64>, f64, Bounds),
+pub struct SideSpan<'py> {
+    path: PyReadonlyArray2<'py, f64>,
+    polarity: f64,
+    bounds: Bounds,
+    margins: (f64, f64),
+    crossings: Vec<(Option<usize>, usize)>,
+    rims: Vec<f64>,
 }
 
-/// Points with their standard deviations and common displacement, or why there are none.
+/// The samples of one side.
+#[pyclass(frozen, get_all, module = "trisquare._core")]
+pub struct SideSamples {
+    /// Shape (N, 2), pixels.
+    points: Py<PyArray2<f64>>,
+    /// One standard deviation of each across the side, pixels.
+    std: Py<PyArray1<f64>>,
+    /// Displacement of each by one standard deviation of an estimated tone curve, pixels.
+    drift: Option<Py<PyArray2<f64>>>,
+}
+
+/// The samples of a side, or why there are none.
 #[derive(IntoPyObject)]
-pub enum Measured<'py> {
-    Samples(
-        Bound<'py, PyArray2<f64>>,
-        Bound<'py, PyArray1<f64>>,
-        Option<Bound<'py, PyArray2<f64>>>,
-    ),
+pub enum Measured {
+    Samples(Py<SideSamples>),
     Reason(String),
 }
 
+/// An estimated tone curve.
+#[pyclass(frozen, get_all, module = "trisquare._core")]
+pub struct ToneEstimate {
+    gamma: f64,
+    toe: f64,
+    effective_gamma: f64,
+    std: f64,
+    sides: usize,
+    misfit: f64,
+    shift_std: Option<f64>,
+}
+
 /// The samples of every span, and what is known of the tone curve if it was estimated.
-type Localised<'py> = (Vec<Measured<'py>>, Option<Bound<'py, PyDict>>);
+type Localised = (Vec<Measured>, Option<ToneEstimate>);
 
 /// Sub-pixel samples along coarsely known spans; a reason where there is no edge.
 ///
@@ -147,11 +155,11 @@ type Localised<'py> = (Vec<Measured<'py>>, Option<Bound<'py, PyDict>>);
 pub fn localise<'py>(
     py: Python<'py>,
     picture: &Picture,
-    spans: Vec<Span<'py>>,
+    spans: Vec<SideSpan<'py>>,
     tone: Option<&Bound<'py, PyAny>>,
-) -> PyResult<Localised<'py>> {
+) -> PyResult<Localised> {
     let tone = tone.map(self::tone).transpose()?;
-    let spans = edge_spans(&spans)?;
+    let spans = edge_spans(spans)?;
     let picture = &picture.picture;
     let (found, estimate) = detached(py, || match tone {
         Some(tone) => (trisquare::localise(picture, &spans, tone), None),
@@ -160,51 +168,49 @@ pub fn localise<'py>(
             (found, Some(estimate))
         }
     })?;
-    let measured = found.into_iter().map(|span| match span {
-        Ok(edges) => Measured::Samples(
-            arrays::from_points(py, &edges.points),
-            arrays::from_slice(py, &edges.std),
-            estimate.map(|_| arrays::from_points(py, &edges.tone_drift)),
-        ),
-        Err(reason) => Measured::Reason(reason.to_string()),
+    let measured = found.into_iter().map(|side| match side {
+        Ok(edges) => {
+            let drift = estimate.map(|_| arrays::from_points(py, &edges.tone_drift).unbind());
+            let samples = SideSamples {
+                points: arrays::from_points(py, &edges.points).unbind(),
+                std: arrays::from_slice(py, &edges.std).unbind(),
+                drift,
+            };
+            Ok(Measured::Samples(Py::new(py, samples)?))
+        }
+        Err(reason) => Ok(Measured::Reason(reason.to_string())),
     });
-    let estimate = estimate.map(|estimate| tone_dict(py, &estimate));
-    Ok((measured.collect(), estimate.transpose()?))
+    Ok((
+        measured.collect::<PyResult<_>>()?,
+        estimate.as_ref().map(tone_estimate),
+    ))
 }
 
-fn tone_dict<'py>(py: Python<'py>, estimate: &ToneEstimate) -> PyResult<Bound<'py, PyDict>> {
-    let dict = PyDict::new(py);
-    dict.set_item("gamma", estimate.curve.gamma)?;
-    dict.set_item("toe", estimate.curve.toe)?;
-    dict.set_item("effective_gamma", estimate.curve.effective_gamma())?;
-    dict.set_item("std", estimate.effective_gamma_std())?;
-    dict.set_item("sides", estimate.sides)?;
-    dict.set_item("misfit", estimate.misfit)?;
-    dict.set_item("shift_std", estimate.shift_std)?;
-    Ok(dict)
+fn tone_estimate(found: &trisquare::ToneEstimate) -> ToneEstimate {
+    ToneEstimate {
+        gamma: found.curve.gamma,
+        toe: found.curve.toe,
+        effective_gamma: found.curve.effective_gamma(),
+        std: found.effective_gamma_std(),
+        sides: found.sides,
+        misfit: found.misfit,
+        shift_std: found.shift_std,
+    }
 }
 
-fn edge_spans(spans: &[Span<'_>]) -> PyResult<Vec<EdgeSpan>> {
+fn edge_spans(spans: Vec<SideSpan<'_>>) -> PyResult<Vec<EdgeSpan>> {
     let count = spans.len();
     let spans: Vec<EdgeSpan> = spans
-        .iter()
+        .into_iter()
         .map(|span| {
-            let (Span::MarkedLine(path, polarity, bounds, ..)
-            | Span::GridLine(path, polarity, bounds, _)
-            | Span::Confined(path, polarity, bounds, _)
-            | Span::Edge(path, polarity, bounds)) = span;
-            let mut edge = EdgeSpan::new(arrays::points(path)?, *polarity);
-            edge.bounds = [bounds.0, bounds.1];
-            match span {
-                Span::MarkedLine(.., crossings, rims) => {
-                    edge.crossings.clone_from(crossings);
-                    edge.rims.clone_from(rims);
-                }
-                Span::GridLine(.., crossings) => edge.crossings.clone_from(crossings),
-                Span::Confined(.., room) => edge.margin = [room.0, room.1],
-                Span::Edge(..) => {}
-            }
-            Ok(edge)
+            Ok(EdgeSpan {
+                path: arrays::points(&span.path)?,
+                polarity: span.polarity,
+                bounds: [span.bounds.0, span.bounds.1],
+                crossings: span.crossings,
+                rims: span.rims,
+                margin: [span.margins.0, span.margins.1],
+            })
         })
         .collect::<PyResult<_>>()?;
     let met = |span: &EdgeSpan| {

@@ -1,6 +1,6 @@
 //! A camera's maps, for arrays of points.
 
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{Matrix6xX, SMatrix, Vector2, Vector3};
 use numpy::{
     PyArray1, PyArray2, PyArray3, PyReadonlyArray2, PyReadwriteArray2, PyReadwriteArray3,
     PyUntypedArrayMethods,
@@ -170,12 +170,12 @@ pub fn can_unproject(
     pixels: PyReadonlyArray2<'_, f64>,
 ) -> PyResult<Vec<bool>> {
     let (camera, pixels) = (camera.camera(), arrays::points(&pixels)?);
-    Ok(detached(py, || {
+    detached(py, || {
         pixels
             .iter()
             .map(|p| camera.unproject_with_jacobian(p).is_some())
             .collect()
-    })?)
+    })
 }
 
 /// Covariance, in pixels, of the projections of the directions seen at pixels.
@@ -299,9 +299,10 @@ pub fn points_on_plane_with_covariance<'py>(
 ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>)> {
     let lens = camera.0.camera();
     let (camera, pose) = (uncertain(&lens, &camera)?, self::pose(&pose)?);
+    let by_camera: SMatrix<f64, 6, 9> = arrays::sized_matrix(&uncertainty.1)?;
     let uncertainty = PoseUncertainty {
         given_camera: arrays::sized_matrix(&uncertainty.0)?,
-        by_camera: arrays::sized_matrix(&uncertainty.1)?,
+        by_camera: Matrix6xX::from_column_slice(by_camera.as_slice()),
     };
     let pixels = arrays::points(&pixels)?;
     let (points, covariance) = detached(py, || {

@@ -18,11 +18,14 @@ mod _core {
     const __version__: &str = env!("CARGO_PKG_VERSION");
 
     #[pymodule_export]
-    use crate::calibration::{calibrate, choose};
+    use crate::calibration::{
+        FigureResiduals, Outcome, ResidualCorrelation, Solution, SolvedPlane, ToneFit, Verdict,
+        calibrate,
+    };
     #[pymodule_export]
     use crate::errors::provoke_panic;
     #[pymodule_export]
-    use crate::image::{Picture, localise};
+    use crate::image::{Picture, SideSamples, ToneEstimate, localise};
     #[pymodule_export]
     use crate::lens::{
         can_unproject, compare_projections, distort_pixels, fill_undistortion_map,
@@ -38,7 +41,7 @@ mod _core {
     #[pymodule_export]
     use crate::observations::square_lines;
     #[pymodule_export]
-    use crate::planning::predict;
+    use crate::planning::{Prediction, predict};
     #[pymodule_export]
     use crate::search::{
         fit_lattice_surface, fit_side_cubics, grow_lattice, lattice_surface_points,

@@ -1,7 +1,7 @@
 //! The accuracy that a planned photograph will have.
 
 use nalgebra::{Vector2, Vector3};
-use numpy::PyReadonlyArray2;
+use numpy::{PyArray2, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -18,6 +18,14 @@ type Planned<'py> = (
     Vec<PyReadonlyArray2<'py, f64>>,
 );
 
+/// How well a camera will be known.
+#[pyclass(frozen, get_all, module = "trisquare._core")]
+pub struct Prediction {
+    parameters: Vec<&'static str>,
+    covariance: Py<PyArray2<f64>>,
+    std: Py<PyDict>,
+}
+
 /// Predicts the covariance of a calibration from planes that are to be photographed.
 #[pyfunction]
 #[pyo3(signature = (camera, image_size, planes, *, sigma, spacing, model, fixed, judged))]
@@ -32,7 +40,7 @@ pub fn predict<'py>(
     model: &str,
     fixed: Vec<String>,
     judged: bool,
-) -> PyResult<Bound<'py, PyDict>> {
+) -> PyResult<Prediction> {
     let camera = Brown::new(camera);
     let size = ImageSize {
         width: image_size.0,
@@ -55,11 +63,11 @@ pub fn predict<'py>(
     for (name, value) in found.std() {
         std.set_item(name, value)?;
     }
-    let dict = PyDict::new(py);
-    dict.set_item("parameters", &found.parameters)?;
-    dict.set_item("covariance", arrays::from_matrix(py, &found.covariance))?;
-    dict.set_item("std", std)?;
-    Ok(dict)
+    Ok(Prediction {
+        parameters: found.parameters.clone(),
+        covariance: arrays::from_matrix(py, &found.covariance).unbind(),
+        std: std.unbind(),
+    })
 }
 
 fn planned((rotation, translation, outlines): &Planned<'_>) -> PyResult<PlannedPlane> {

@@ -4,6 +4,8 @@ use std::rc::Rc;
 
 use crate::error::Error;
 use crate::image_size::ImageSize;
+use crate::lens::Lens;
+use crate::noise::check_drift_count;
 use crate::observations::{Method, Options, PlaneEdges, sort_by_plane};
 use crate::photometric::{Photographs, improve};
 use crate::result::{Calibration, Stage};
@@ -17,11 +19,11 @@ use crate::uncertainty::check_plane_count;
 ///
 /// # Errors
 /// Every variant of [`Error`] says what is wrong and what would help.
-pub fn calibrate(
+pub fn calibrate<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
-    options: &Options,
-) -> Result<Calibration, Error> {
+    options: &Options<L>,
+) -> Result<Calibration<L>, Error> {
     calibrate_photographs(edges, size, options, None)
 }
 
@@ -30,23 +32,23 @@ pub fn calibrate(
 ///
 /// # Errors
 /// As [`calibrate`].
-pub fn calibrate_photographs(
+pub fn calibrate_photographs<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
-    options: &Options,
+    options: &Options<L>,
     photographs: Option<&Photographs<'_>>,
-) -> Result<Calibration, Error> {
+) -> Result<Calibration<L>, Error> {
     run(edges, size, options, photographs, Purpose::Answer)
 }
 
 /// As [`calibrate`], without a judgement of the geometry: to compare models, of which the chosen
 /// one is judged. They share their work, which the first one bounds.
-pub(crate) fn calibrate_unjudged(
+pub(crate) fn calibrate_unjudged<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
-    options: &Options,
+    options: &Options<L>,
     shared: &mut Option<Rc<Work>>,
-) -> Result<Calibration, Error> {
+) -> Result<Calibration<L>, Error> {
     run(edges, size, options, None, Purpose::Comparison(shared))
 }
 
@@ -57,16 +59,17 @@ enum Purpose<'a> {
     Comparison(&'a mut Option<Rc<Work>>),
 }
 
-fn run(
+fn run<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
-    options: &Options,
+    options: &Options<L>,
     photographs: Option<&Photographs<'_>>,
     purpose: Purpose<'_>,
-) -> Result<Calibration, Error> {
+) -> Result<Calibration<L>, Error> {
     size.check()?;
     options.check()?;
     let planes = sort_by_plane(edges)?;
+    check_drift_count(&planes)?;
     let own = || Rc::new(Work::for_planes(&planes));
     let (judging, work) = match purpose {
         Purpose::Answer => (true, own()),

@@ -46,19 +46,20 @@ pub use image::{
 };
 pub use image_size::ImageSize;
 pub use lens::{
-    Brown, Distortion, DistortionTerm, Lens, LensFamily, NearestLens, SeenAgain, TurnedLenses,
-    UndistortionMap,
+    Brown, BrownModel, Distortion, DistortionModel, DistortionTerm, Lens, LensFamily, NearestLens,
+    SeenAgain, TurnedLenses, UndistortionMap,
 };
 pub use linear::{Straightening, fit_distortion};
 pub use localise::{
     EdgeSpan, NoEdge, SpanEdges, ToneEstimate, localise, localise_with_unknown_tone,
 };
 pub use model_selection::{ModelAlternative, ModelChoice, calibrate_by_evidence};
-pub use observations::{Fixed, Freedom, Method, Model, Options, PlaneEdges, Polarity};
+pub use observations::{Fixed, Freedom, Method, Options, PlaneEdges, Polarity};
 pub use photometric::Photographs;
 pub use planning::{EdgeNoise, PlannedPlane, Prediction, predict};
 pub use result::{
-    Calibration, Disagreement, Plane, PoseUncertainty, ResidualCorrelation, Stage, Warning,
+    Calibration, Disagreement, FigureResiduals, Plane, PoseUncertainty, ResidualCorrelation,
+    SideResiduals, Stage, Warning,
 };
 pub use selection::{Choice, Doubt, Verdict, choose};
 pub use uncertainty::{

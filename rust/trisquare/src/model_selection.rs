@@ -18,27 +18,10 @@ use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
 use crate::calibrate::{calibrate_photographs, calibrate_unjudged};
 use crate::error::Error;
 use crate::image_size::ImageSize;
-use crate::lens::{Lens, MAX_LENS_COLUMNS};
-use crate::observations::{Method, Model, Options, PlaneEdges};
+use crate::lens::{DefaultLens, DistortionModel, Lens, MAX_LENS_COLUMNS};
+use crate::observations::{Method, Options, PlaneEdges};
 use crate::photometric::Photographs;
 use crate::result::Calibration;
-
-/// The models compared, each nested in the next.
-const LADDER: [Model; 5] = [
-    Model::None,
-    Model::Radial1,
-    Model::Radial2,
-    Model::Radial3,
-    Model::Brown,
-];
-
-/// Coefficients in the order in which the models add them.
-const COEFFICIENTS: [&str; 5] = ["k1", "k2", "k3", "p1", "p2"];
-
-/// Prior standard deviations of what the coefficients do at the picture's corner, as a part of its
-/// radius: `k1 r^2, k2 r^4, k3 r^6, p1 r, p2 r`. Lenses bend it by up to 0.3, each further term
-/// does about half as much as the one before, and decentred elements move it by some thousandths.
-const PRIOR_EFFECTS: [f64; 5] = [0.2, 0.1, 0.05, 0.002, 0.002];
 
 /// Iterations of an eigenvalue problem of a handful of rows; it takes a few per row.
 const MAX_EIGEN_ITERATIONS: usize = 100 * MAX_LENS_COLUMNS;
@@ -46,9 +29,9 @@ const MAX_EIGEN_ITERATIONS: usize = 100 * MAX_LENS_COLUMNS;
 /// A model that was considered and not chosen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct ModelAlternative {
+pub struct ModelAlternative<L: Lens = DefaultLens> {
     /// The model.
-    pub model: Model,
+    pub model: L::Model,
     /// Natural logarithm of its odds against the chosen one; not positive.
     pub log_evidence: f64,
     /// Root mean square distance of the edge samples with it, in pixels.
@@ -57,14 +40,14 @@ pub struct ModelAlternative {
 
 /// A calibration with the model that the data ask for.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ModelChoice {
+pub struct ModelChoice<L: Lens = DefaultLens> {
     /// The model chosen.
-    pub model: Model,
+    pub model: L::Model,
     /// The calibration with it; its covariance holds the doubt about the model as well.
-    pub calibration: Calibration,
+    pub calibration: Calibration<L>,
     /// The models that were rejected, the simplest first; models that did not converge are left
     /// out.
-    pub alternatives: Vec<ModelAlternative>,
+    pub alternatives: Vec<ModelAlternative<L>>,
 }
 
 /// Calibrates with the distortion model that has the largest evidence.
@@ -75,12 +58,12 @@ pub struct ModelChoice {
 /// # Errors
 /// [`Error::InvalidArgument`] for the linear method or a fixed distortion, which leave nothing to
 /// compare; otherwise as [`crate::calibrate`] with the chosen model.
-pub fn calibrate_by_evidence(
+pub fn calibrate_by_evidence<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
-    options: &Options,
+    options: &Options<L>,
     photographs: Option<&Photographs<'_>>,
-) -> Result<ModelChoice, Error> {
+) -> Result<ModelChoice<L>, Error> {
     if options.fixed.distortion || options.method == Method::Linear {
         return Err(Error::InvalidArgument(
             "choosing the model by evidence compares maximum-likelihood fits with the distortion \
@@ -111,22 +94,22 @@ pub fn calibrate_by_evidence(
 }
 
 /// A model, its fit to the edge samples, and the logarithm of its evidence but for a constant.
-struct Candidate {
-    model: Model,
-    fit: Calibration,
+struct Candidate<L: Lens> {
+    model: L::Model,
+    fit: Calibration<L>,
     log_evidence: f64,
 }
 
-struct Candidates {
-    all: Vec<Candidate>,
+struct Candidates<L: Lens> {
+    all: Vec<Candidate<L>>,
 }
 
-impl Candidates {
+impl<L: Lens> Candidates<L> {
     /// Fits every model, and weighs those that converge.
-    fn fit(edges: &[PlaneEdges], size: ImageSize, options: &Options) -> Self {
-        let mut fits: Vec<(Model, Calibration)> = Vec::with_capacity(LADDER.len());
+    fn fit(edges: &[PlaneEdges], size: ImageSize, options: &Options<L>) -> Self {
+        let mut fits: Vec<(L::Model, Calibration<L>)> = Vec::with_capacity(L::Model::NESTED.len());
         let mut work = None;
-        for model in LADDER {
+        for &model in L::Model::NESTED {
             let options = Options { model, ..*options };
             if let Ok(fit) = calibrate_unjudged(edges, size, &options, &mut work) {
                 fits.push((model, fit));
@@ -138,7 +121,7 @@ impl Candidates {
                 let weighed = fits.into_iter().map(|(model, fit)| Candidate {
                     model,
                     fit,
-                    log_evidence: evidence[coefficient_count(model)],
+                    log_evidence: evidence[model.columns().len()],
                 });
                 return Self {
                     all: weighed.collect(),
@@ -157,7 +140,7 @@ impl Candidates {
         })
     }
 
-    fn alternatives(&self, chosen: usize) -> Vec<ModelAlternative> {
+    fn alternatives(&self, chosen: usize) -> Vec<ModelAlternative<L>> {
         let reference = self.all[chosen].log_evidence;
         let rejected = self.all.iter().enumerate().filter(|(i, _)| *i != chosen);
         rejected
@@ -177,7 +160,7 @@ impl Candidates {
     /// their assumption.
     fn doubt(&self, chosen: usize) -> Option<DMatrix<f64>> {
         let reference = &self.all[chosen];
-        let weight = |c: &Candidate| (c.log_evidence - reference.log_evidence).exp();
+        let weight = |c: &Candidate<L>| (c.log_evidence - reference.log_evidence).exp();
         let total: f64 = self.all.iter().map(weight).sum();
         let size = reference.fit.parameters.len();
         let mut doubt = DMatrix::zeros(size, size);
@@ -200,26 +183,20 @@ impl Candidates {
     }
 }
 
-/// Distortion coefficients of a model.
-fn coefficient_count(model: Model) -> usize {
-    let tangential = if model == Model::Brown { 2 } else { 0 };
-    model.radial_coefficients() + tangential
-}
-
 /// Logarithm of the evidence for the first `n` coefficients alone, `n` from none to all of those
 /// of the fitted model, against the fitted model.
 ///
 /// In units of the prior's standard deviations, with estimate `d` and covariance `C`, the posterior
 /// has the mean `(I + C)^-1 d` and the covariance `C (I + C)^-1`.
-fn log_evidence(model: Model, fit: &Calibration) -> Option<Vec<f64>> {
-    let count = coefficient_count(model);
-    let places: Vec<usize> = COEFFICIENTS[..count]
+fn log_evidence<L: Lens>(model: L::Model, fit: &Calibration<L>) -> Option<Vec<f64>> {
+    let coefficients = model.columns();
+    let count = coefficients.len();
+    let places: Vec<usize> = L::parameter_names()[coefficients.clone()]
         .iter()
         .map(|name| fit.parameters.iter().position(|p| p == name))
         .collect::<Option<_>>()?;
-    let unit = prior_std(fit);
-    let [k1, k2, p1, p2, k3] = fit.camera.distortion();
-    let values = [k1, k2, k3, p1, p2];
+    let unit = fit.camera.coefficient_priors(fit.image_size);
+    let values = &fit.camera.parameters()[coefficients];
     let estimate = DVector::from_fn(count, |i, _| values[i] / unit[i]);
     let covariance = DMatrix::from_fn(count, count, |i, j| {
         fit.covariance[(places[i], places[j])] / (unit[i] * unit[j])
@@ -241,18 +218,10 @@ fn log_evidence(model: Model, fit: &Calibration) -> Option<Vec<f64>> {
         .collect()
 }
 
-/// Prior standard deviations of the coefficients.
-fn prior_std(fit: &Calibration) -> [f64; 5] {
-    let focal = fit.camera.focal();
-    let corner = fit.image_size.half_diagonal() / (focal.x * focal.y).sqrt();
-    let powers = [2, 4, 6, 1, 1];
-    std::array::from_fn(|i| PRIOR_EFFECTS[i] / corner.powi(powers[i]))
-}
-
 /// How far another fit is from `reference`, in its free parameters.
-fn difference(reference: &Calibration, other: &Calibration) -> DVector<f64> {
+fn difference<L: Lens>(reference: &Calibration<L>, other: &Calibration<L>) -> DVector<f64> {
     let (ours, theirs) = (reference.camera.parameters(), other.camera.parameters());
-    let names = crate::lens::Brown::parameter_names();
+    let names = L::parameter_names();
     let places = reference.parameters.iter().map(|name| {
         let place = names.iter().position(|n| n == name).unwrap_or_default();
         theirs[place] - ours[place]
@@ -261,7 +230,10 @@ fn difference(reference: &Calibration, other: &Calibration) -> DVector<f64> {
 }
 
 /// The covariance of a richer fit, in the free parameters of `reference`.
-fn shared_covariance(reference: &Calibration, richer: &Calibration) -> Option<DMatrix<f64>> {
+fn shared_covariance<L: Lens>(
+    reference: &Calibration<L>,
+    richer: &Calibration<L>,
+) -> Option<DMatrix<f64>> {
     let places: Vec<usize> = reference
         .parameters
         .iter()
@@ -292,7 +264,7 @@ fn raising_part(matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lens::Brown;
+    use crate::lens::{Brown, BrownModel};
     use crate::observations::Fixed;
     use crate::synthetic::{Scene, SceneOptions};
 
@@ -323,10 +295,10 @@ mod tests {
     fn the_model_of_the_lens_is_chosen() {
         let pinhole = scene(false);
         for (k, model) in [
-            ([0.0; 5], Model::None),
-            ([-0.15, 0.0, 0.0, 0.0, 0.0], Model::Radial1),
-            ([-0.25, 0.2, 0.0, 0.0, 0.0], Model::Radial2),
-            ([-0.15, 0.0, 0.0, 0.004, -0.004], Model::Brown),
+            ([0.0; 5], BrownModel::None),
+            ([-0.15, 0.0, 0.0, 0.0, 0.0], BrownModel::Radial1),
+            ([-0.25, 0.2, 0.0, 0.0, 0.0], BrownModel::Radial2),
+            ([-0.15, 0.0, 0.0, 0.004, -0.004], BrownModel::Brown),
         ] {
             let found = chosen(&bent(&pinhole, k), 0.05);
             assert_eq!(found.model, model, "{:?}", found.alternatives);
@@ -367,7 +339,7 @@ mod tests {
         };
         let edges = scene.edges(3, 0.1, 6.0);
         let found = calibrate_by_evidence(&edges, scene.size, &options, None).unwrap();
-        assert_eq!(found.model, Model::None);
+        assert_eq!(found.model, BrownModel::None);
         assert!(found.calibration.parameters.is_empty());
     }
 
@@ -376,16 +348,16 @@ mod tests {
         // One coefficient: y ~ N(k, s^2) with prior N(0, t^2) against k = 0, in closed form.
         let scene = bent(&scene(false), [-0.01, 0.0, 0.0, 0.0, 0.0]);
         let options = Options {
-            model: Model::Radial1,
+            model: BrownModel::Radial1,
             ..Options::default()
         };
         let fit =
             calibrate_unjudged(&scene.edges(3, 0.3, 6.0), scene.size, &options, &mut None).unwrap();
         let (y, s) = (fit.camera.distortion()[0], fit.std()[4].1);
-        let t = prior_std(&fit)[0];
+        let t = fit.camera.coefficient_priors(fit.image_size)[0];
         let normal = |variance: f64| -0.5 * (y * y / variance + variance.ln());
         let expected = normal(s * s) - normal(s * s + t * t);
-        let found = log_evidence(Model::Radial1, &fit).unwrap();
+        let found = log_evidence(BrownModel::Radial1, &fit).unwrap();
         assert!(
             (found[0] - found[1] - expected).abs() < 1e-9,
             "{found:?} {expected}"

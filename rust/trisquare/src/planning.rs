@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, Vector2};
 use crate::error::Error;
 use crate::geometry::{Line, Pose};
 use crate::image_size::ImageSize;
-use crate::lens::{Brown, Lens};
+use crate::lens::Lens;
 use crate::numeric::{ArrowSystem, Problem};
 use crate::observations::{
     Figure, Fixed, FreeParameters, Freedom, ObservedPlane, Options, Placement, PlaneState, Sample,
@@ -102,12 +102,12 @@ impl Prediction {
 /// [`Error::InvalidArgument`] naming a square that is not wholly in the picture,
 /// [`Error::NotEnoughPlanes`], and [`Error::IllConditioned`] for a plan that a calibration would
 /// refuse.
-pub fn predict(
-    camera: &Brown,
+pub fn predict<L: Lens>(
+    camera: &L,
     size: ImageSize,
     planes: &[PlannedPlane],
     noise: EdgeNoise,
-    options: &Options,
+    options: &Options<L>,
 ) -> Result<Prediction, Error> {
     let plan = Plan::new(camera, size, planes, noise, options)?;
     match plan.judge(plan.options.fixed) {
@@ -127,31 +127,31 @@ pub fn predict(
 ///
 /// # Errors
 /// As [`predict`]; [`Error::NotConverged`] if nothing is determined at all.
-pub fn predict_unjudged(
-    camera: &Brown,
+pub fn predict_unjudged<L: Lens>(
+    camera: &L,
     size: ImageSize,
     planes: &[PlannedPlane],
     noise: EdgeNoise,
-    options: &Options,
+    options: &Options<L>,
 ) -> Result<Prediction, Error> {
     Plan::new(camera, size, planes, noise, options)?.prediction()
 }
 
 /// A scene as it will be photographed.
-struct Plan {
-    view: View<Brown>,
+struct Plan<L: Lens> {
+    view: View<L>,
     seen: Vec<ObservedPlane>,
     size: ImageSize,
-    options: Options,
+    options: Options<L>,
 }
 
-impl Plan {
+impl<L: Lens> Plan<L> {
     fn new(
-        camera: &Brown,
+        camera: &L,
         size: ImageSize,
         planes: &[PlannedPlane],
         noise: EdgeNoise,
-        options: &Options,
+        options: &Options<L>,
     ) -> Result<Self, Error> {
         size.check()?;
         let options = Options {
@@ -184,7 +184,7 @@ impl Plan {
         })
     }
 
-    fn conditioning<'a>(&'a self, options: &'a Options) -> Conditioning<'a, Brown> {
+    fn conditioning<'a>(&'a self, options: &'a Options<L>) -> Conditioning<'a, L> {
         Conditioning {
             view: &self.view,
             planes: &self.seen,
@@ -245,8 +245,8 @@ fn state(plane: &PlannedPlane) -> PlaneState {
 }
 
 /// Noise-free samples of a plane's figures.
-fn photographed(
-    camera: &Brown,
+fn photographed<L: Lens>(
+    camera: &L,
     size: ImageSize,
     plane: &PlannedPlane,
     index: usize,
@@ -284,8 +284,8 @@ fn photographed(
 }
 
 /// Samples of one side, evenly spread and each weighted as the part of the side it stands for.
-fn side(
-    camera: &Brown,
+fn side<L: Lens>(
+    camera: &L,
     size: ImageSize,
     plane: &PlannedPlane,
     index: usize,

@@ -10,7 +10,7 @@ use rand_distr::StandardNormal;
 
 use crate::geometry::Pose;
 use crate::image_size::ImageSize;
-use crate::lens::{Brown, Lens};
+use crate::lens::{DefaultLens, INTRINSICS, Lens};
 use crate::observations::{PlaneEdges, square_lines};
 
 /// Where the squares stand, in parts of the picture.
@@ -24,9 +24,9 @@ const MAX_DRAWS: usize = 1000;
 
 /// A camera and the squares it sees.
 #[derive(Debug, Clone)]
-pub struct Scene {
+pub struct Scene<L = DefaultLens> {
     /// The true camera.
-    pub camera: Brown,
+    pub camera: L,
     /// The picture's size.
     pub size: ImageSize,
     /// `cam_from_plane` of every square, in units of its side.
@@ -67,25 +67,35 @@ impl Scene {
         let mut rng = StdRng::seed_from_u64(seed);
         Self::draw(&mut rng, options, |rng| random_camera(rng, options))
     }
+}
+
+impl<L: Lens> Scene<L> {
+    /// Draws a scene of three squares that a given camera sees.
+    ///
+    /// # Panics
+    /// As [`Scene::random`].
+    pub fn seen_by(camera: L, seed: u64, options: SceneOptions) -> Self {
+        let mut rng = StdRng::seed_from_u64(seed);
+        Self::draw(&mut rng, options, |_| camera)
+    }
 
     /// Draws another picture of the same camera.
     ///
     /// # Panics
-    /// As [`Self::random`].
+    /// As [`Scene::random`].
     #[must_use]
     pub fn another(&self, seed: u64) -> Self {
         let options = SceneOptions {
             size: self.size,
             ..SceneOptions::default()
         };
-        let mut rng = StdRng::seed_from_u64(seed);
-        Self::draw(&mut rng, options, |_| self.camera)
+        Self::seen_by(self.camera, seed, options)
     }
 
     fn draw(
         rng: &mut StdRng,
         options: SceneOptions,
-        mut camera: impl FnMut(&mut StdRng) -> Brown,
+        mut camera: impl FnMut(&mut StdRng) -> L,
     ) -> Self {
         for _ in 0..MAX_DRAWS {
             let camera = camera(rng);
@@ -125,7 +135,7 @@ fn corner(i: usize) -> Vector2<f64> {
     Vector2::new(x, y)
 }
 
-fn side_points(camera: &Brown, pose: &Pose, side: usize, spacing: f64) -> Vec<Vector2<f64>> {
+fn side_points<L: Lens>(camera: &L, pose: &Pose, side: usize, spacing: f64) -> Vec<Vector2<f64>> {
     let (a, b) = (corner(side), corner(side + 1));
     let see = |t: f64| camera.project(&pose.transform(&a.lerp(&b, t)));
     let (Some(start), Some(end)) = (see(0.0), see(1.0)) else {
@@ -139,7 +149,7 @@ fn side_points(camera: &Brown, pose: &Pose, side: usize, spacing: f64) -> Vec<Ve
         .collect()
 }
 
-fn random_camera(rng: &mut StdRng, options: SceneOptions) -> Brown {
+fn random_camera(rng: &mut StdRng, options: SceneOptions) -> DefaultLens {
     let width = f64::from(options.size.width);
     let centre = options.size.centre();
     loop {
@@ -152,7 +162,10 @@ fn random_camera(rng: &mut StdRng, options: SceneOptions) -> Brown {
             k1 = rng.random_range(-0.32..0.12);
             k2 = rng.random_range(0.0..0.35) * f64::abs(k1);
         }
-        let camera = Brown::new([focal, focal * aspect, cx, cy, k1, k2, 0.0, 0.0, 0.0]);
+        let k = Matrix3::new(focal, 0.0, cx, 0.0, focal * aspect, cy, 0.0, 0.0, 1.0);
+        let mut parameters = DefaultLens::from_camera_matrix(&k).parameters();
+        parameters[INTRINSICS..INTRINSICS + 2].copy_from_slice(&[k1, k2]);
+        let camera = DefaultLens::from_camera_matrix(&k).with_parameters(&parameters);
         let far = 1.05;
         let monotonic = options.size.corners().iter().all(|c| {
             let stretched = centre + (c - centre) * far;
@@ -164,7 +177,7 @@ fn random_camera(rng: &mut StdRng, options: SceneOptions) -> Brown {
     }
 }
 
-fn random_poses(rng: &mut StdRng, camera: &Brown, options: SceneOptions) -> Option<Vec<Pose>> {
+fn random_poses<L: Lens>(rng: &mut StdRng, camera: &L, options: SceneOptions) -> Option<Vec<Pose>> {
     let (width, height) = (
         f64::from(options.size.width),
         f64::from(options.size.height),

@@ -3,7 +3,7 @@
 use nalgebra::Vector2;
 use trisquare::synthetic::{Scene, SceneOptions};
 use trisquare::{
-    Calibration, Error, ErrorKind, Fixed, Lens, Method, Model, Options, PlaneEdges, Stage,
+    BrownModel, Calibration, Error, ErrorKind, Fixed, Lens, Method, Options, PlaneEdges, Stage,
     calibrate,
 };
 
@@ -30,7 +30,7 @@ fn linear_is_exact_without_noise_and_distortion() {
     for seed in 0..40 {
         let scene = Scene::random(seed, pinhole());
         let edges = scene.edges(0, NO_NOISE, SPACING);
-        for model in [Model::None, Model::Radial2] {
+        for model in [BrownModel::None, BrownModel::Radial2] {
             let options = Options {
                 method: Method::Linear,
                 model,
@@ -49,7 +49,7 @@ fn maximum_likelihood_is_exact_without_noise() {
     for seed in 0..60 {
         let scene = Scene::random(seed, SceneOptions::default());
         let edges = scene.edges(0, NO_NOISE, SPACING);
-        for model in [Model::Radial2, Model::Radial3, Model::Brown] {
+        for model in [BrownModel::Radial2, BrownModel::Radial3, BrownModel::Brown] {
             let options = Options {
                 model,
                 ..Options::default()

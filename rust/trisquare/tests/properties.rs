@@ -7,8 +7,8 @@ use proptest::num::f64::ANY;
 use proptest::prelude::*;
 use trisquare::synthetic::{Scene, SceneOptions};
 use trisquare::{
-    Brown, Calibration, Fixed, ImageSize, Lens, Line, Method, Model, Options, PlaneEdges, Pose,
-    calibrate, camera_matrix_from_homographies, fit_distortion, homography_from_lines,
+    Brown, BrownModel, Calibration, Fixed, ImageSize, Lens, Line, Method, Options, PlaneEdges,
+    Pose, calibrate, camera_matrix_from_homographies, fit_distortion, homography_from_lines,
 };
 
 const SIZE: ImageSize = ImageSize {
@@ -66,11 +66,11 @@ fn lens() -> impl Strategy<Value = Brown> {
 fn options() -> impl Strategy<Value = Options> {
     let method = prop_oneof![Just(Method::MaximumLikelihood), Just(Method::Linear)];
     let model = prop_oneof![
-        Just(Model::None),
-        Just(Model::Radial1),
-        Just(Model::Radial2),
-        Just(Model::Radial3),
-        Just(Model::Brown),
+        Just(BrownModel::None),
+        Just(BrownModel::Radial1),
+        Just(BrownModel::Radial2),
+        Just(BrownModel::Radial3),
+        Just(BrownModel::Brown),
     ];
     let fixed = any::<[bool; 4]>().prop_map(|[aspect, principal_point, focal, distortion]| Fixed {
         aspect,

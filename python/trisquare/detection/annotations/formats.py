@@ -80,8 +80,10 @@ class AnnotatedPicture:
             f"the outlines were drawn on a picture of {self.size[0]} x {self.size[1]} pixels, this "
             f"one has {image_size[0]} x {image_size[1]}"
             + (
-                ": they belong to the picture turned upright by its orientation tag, and must be "
-                "drawn on the picture as it is stored"
+                (
+                    ": they were drawn on the picture as turned by its orientation tag; draw them "
+                    "on the picture as it is stored"
+                )
                 if turned
                 else ""
             )
@@ -103,7 +105,8 @@ def annotated_pictures(members: Any) -> list[AnnotatedPicture]:
         pictures = [_labelme(fields)]
     else:
         raise ValueError(
-            f'has none of the keys of outlines: "format" ({OUTLINES_FORMAT}) or "shapes" (labelme)'
+            f'is not an outlines file: neither "format" ({OUTLINES_FORMAT}) nor "shapes" '
+            "(labelme) is there"
         )
     if not any(picture.targets for picture in pictures):
         raise ValueError("holds no outline")

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PureWindowsPath
 from typing import Any
 
-from trisquare._support.json_members import refuse_constant
+from trisquare._support.json_members import parse_json
 from trisquare._support.number_text import listed
 from trisquare._support.paths import naming, read_bytes
 from trisquare.detection.annotations.formats import (
@@ -49,15 +48,14 @@ class Annotations:
             If the file cannot be read.
         """
         if isinstance(outlines, str | os.PathLike):
-            text = read_bytes(outlines)
             with naming(outlines):
-                return cls._matched(annotated_pictures(_parsed(text)), sources)
+                return cls._matched(annotated_pictures(parse_json(read_bytes(outlines))), sources)
         if isinstance(outlines, Mapping):
             return cls._matched(annotated_pictures(dict(outlines)), sources)
         if len(sources) != 1:
             raise ValueError(
-                "a list of outlines is for one picture: give several a file, or its content, that "
-                "says which outlines are on which"
+                "a list of outlines is for one picture: for several, give a file (or its "
+                "content) that names the picture of each outline"
             )
         return cls((AnnotatedPicture(tuple(_squares_of(outlines))),))
 
@@ -93,13 +91,6 @@ class Annotations:
         for target in drawn.targets:
             target.check_inside(image_size)
         return drawn.targets
-
-
-def _parsed(text: bytes) -> Any:
-    try:
-        return json.loads(text, parse_constant=refuse_constant)
-    except (ValueError, RecursionError) as error:
-        raise ValueError(f"not JSON that can be read ({error})") from error
 
 
 def _squares_of(outlines: Any) -> list[AnnotatedSquare]:

@@ -107,7 +107,7 @@ class AnnotatedOutline:
             )
         corners = np.array([side[0] for side in sides])
         if not cv2.isContourConvex(corners.astype(np.float32)):
-            raise ValueError(f"{where}: its four corners make no convex quadrilateral")
+            raise ValueError(f"{where}: its four corners do not make a convex quadrilateral")
         for side in sides:
             side.flags.writeable = False
         return cls(tuple(sides), where)
@@ -192,7 +192,7 @@ def _signed_area(polygon: FloatArray) -> float:
 def _clockwise(polygon: FloatArray, where: str) -> FloatArray:
     area = _signed_area(polygon)
     if area == 0:
-        raise ValueError(f"{where} encloses nothing")
+        raise ValueError(f"{where} has no area")
     return polygon if area > 0 else polygon[::-1]
 
 

@@ -6,7 +6,6 @@ unit is a chess square, or a marker's side, or whatever a file is written in.
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from dataclasses import dataclass
@@ -16,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from trisquare._support.arrays import FloatArray, real_array
-from trisquare._support.paths import read_text
+from trisquare._support.json_members import parse_json
+from trisquare._support.paths import naming, read_text
 from trisquare.detection.tags.families import APRILTAG, ARUCO, LARGEST, SIZES, dictionary_name
 
 GRAMMAR = (
@@ -194,10 +194,8 @@ def _from_file(path: Path) -> Layout:
     if path.is_file() and path.stat().st_size > MOST_FILE_BYTES:
         raise ValueError(f"{path}: too large for a layout")
     text = read_text(path)
-    try:
-        content = json.loads(text)
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise ValueError(f"{path}: not JSON: {error}") from error
+    with naming(path):
+        content = parse_json(text)
     if not isinstance(content, dict):
         raise ValueError(f'{path}: must be an object with "sheets" or "markers"')
     given = content.get("sheets", [content])

@@ -139,10 +139,10 @@ def reasons_against_quads(picture: NDArray[np.float32], quads: Quads) -> list[st
     alone = _standing_alone(picture, quads, ground, figure, _on_ground(quads, ground, figure))
     reasons = np.where(
         ~alone,
-        "something else lies beside its sides or corners",
+        "something else touches its sides or corners",
         np.where(
             ~_uniform(picture, quads),
-            "its inside is neither even nor a frame's",
+            "its inside is neither uniform nor that of a frame",
             "it is far smaller than the others",
         ),
     )

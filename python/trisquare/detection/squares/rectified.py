@@ -8,10 +8,10 @@ squares of a picture; other four-sided things seldom fit.
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
 from trisquare._support.arrays import FloatArray
+from trisquare.detection.sampling import homographies_from_unit_square
 from trisquare.detection.squares.quads import Quads
 
 FOCAL_LENGTHS = np.geomspace(0.35, 12.0, 24)
@@ -45,10 +45,7 @@ def deviations_from_square(corners: FloatArray, image_size: tuple[int, int]) -> 
     """
     longer = max(image_size)
     centred = (corners - 0.5 * (np.array(image_size) - 1.0)) / longer
-    unit = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float32)
-    homographies = np.array(
-        [cv2.getPerspectiveTransform(unit, quad.astype(np.float32)) for quad in centred]
-    ).reshape(-1, 3, 3)
+    homographies = homographies_from_unit_square(centred)
     unscaled = np.stack(np.broadcast_arrays(1.0 / FOCAL_LENGTHS, 1.0 / FOCAL_LENGTHS, 1.0), axis=-1)
     sides = homographies[:, None, :, :2] * unscaled[None, :, :, None]
     first, second = sides[..., 0], sides[..., 1]

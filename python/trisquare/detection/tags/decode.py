@@ -12,12 +12,12 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.candidates import MIN_CONTRAST, Tag
+from trisquare.detection.sampling import homographies_from_unit_square, sample
 from trisquare.detection.tags.codes import Bits, Dictionary, dictionary
 from trisquare.detection.tags.families import TagSearch
 
@@ -165,22 +165,11 @@ def _log_binomial_tail(trials: int, hits: int, chance: float) -> float:
 
 def _cell_shades(grey: NDArray[np.uint8], corners: FloatArray, cells: int) -> FloatArray:
     """Mean shade of each cell of quads cut into a grid, shape (Q, cells, cells)."""
-    unit = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float32)
     places = (np.arange(cells)[:, None] + PROBES).ravel() / cells
     u, v = np.meshgrid(places, places)
     points = np.stack([u.ravel(), v.ravel(), np.ones(u.size)])
-    homographies = np.array(
-        [cv2.getPerspectiveTransform(unit, quad.astype(np.float32)) for quad in corners]
-    )
-    mapped = homographies @ points
-    x, y = (mapped[:, axis] / mapped[:, 2] for axis in range(2))
-    shades = cv2.remap(
-        grey,
-        x.astype(np.float32),
-        y.astype(np.float32),
-        cv2.INTER_LINEAR,
-        borderMode=cv2.BORDER_REPLICATE,
-    )
+    mapped = homographies_from_unit_square(corners) @ points
+    shades = sample(grey, np.moveaxis(mapped[:, :2] / mapped[:, 2:], 1, 2))
     # A row of samples for every quad: rows of cells, probes, columns of cells, probes.
-    grid = np.asarray(shades, dtype=np.float64).reshape(-1, cells, len(PROBES), cells, len(PROBES))
+    grid = shades.reshape(-1, cells, len(PROBES), cells, len(PROBES))
     return np.asarray(grid.mean(axis=(2, 4)))

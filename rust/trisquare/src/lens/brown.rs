@@ -1,11 +1,26 @@
 //! The Brown-Conrady lens: three radial and two tangential coefficients (OpenCV's first five).
 
+use std::ops::Range;
+
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
-use super::{Columns, Lens, LineDistance, MAX_LENS_COLUMNS, radial};
+use super::brown_model::BrownModel;
+use super::{
+    Columns, INTRINSICS, Lens, LineDistance, MAX_LENS_COLUMNS, ProjectionJacobian,
+    forward_coefficients, radial,
+};
+use crate::image_size::ImageSize;
 
 /// Names of the parameters in the order of the Jacobian's columns.
 const NAMES: [&str; 9] = ["fx", "fy", "cx", "cy", "k1", "k2", "k3", "p1", "p2"];
+
+/// Prior standard deviations of what `k1, k2, k3, p1, p2` do at the picture's corner, as a part of
+/// its radius: `k1 r^2, k2 r^4, k3 r^6, p1 r, p2 r`. Lenses bend it by up to 0.3, each further term
+/// does about half as much as the one before, and decentred elements move it by some thousandths.
+const PRIOR_EFFECTS: [f64; 5] = [0.2, 0.1, 0.05, 0.002, 0.002];
+
+/// Powers of the corner's radius in these effects.
+const EFFECT_POWERS: [i32; 5] = [2, 4, 6, 1, 1];
 
 /// Pinhole camera with Brown-Conrady distortion.
 ///
@@ -58,29 +73,6 @@ impl Brown {
             valid_radius: self.valid_radius.min(radius),
             ..self
         }
-    }
-
-    /// The same camera as a pinhole.
-    #[must_use]
-    pub fn without_distortion(&self) -> Self {
-        let [fx, fy, cx, cy, ..] = self.parameters;
-        Self::new([fx, fy, cx, cy, 0.0, 0.0, 0.0, 0.0, 0.0])
-    }
-
-    /// Focal lengths in pixels.
-    pub fn focal(&self) -> Vector2<f64> {
-        Vector2::new(self.parameters[0], self.parameters[1])
-    }
-
-    /// Principal point in pixels.
-    pub fn principal_point(&self) -> Vector2<f64> {
-        Vector2::new(self.parameters[2], self.parameters[3])
-    }
-
-    /// The camera matrix `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`.
-    pub fn camera_matrix(&self) -> Matrix3<f64> {
-        let [fx, fy, cx, cy, ..] = self.parameters;
-        Matrix3::new(fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0)
     }
 
     /// The distortion `(k1, k2, p1, p2, k3)`, in OpenCV's order.
@@ -143,9 +135,54 @@ pub(super) fn adjugate(m: &Matrix2<f64>) -> Matrix2<f64> {
 
 impl Lens for Brown {
     type PixelRay = BrownPixelRay;
+    type Model = BrownModel;
 
     fn parameter_names() -> &'static [&'static str] {
         &NAMES
+    }
+
+    fn centre_columns() -> Range<usize> {
+        NAMES.len()..NAMES.len() + 2
+    }
+
+    fn from_camera_matrix(camera_matrix: &Matrix3<f64>) -> Self {
+        let k = camera_matrix;
+        Self::new([k.m11, k.m22, k.m13, k.m23, 0.0, 0.0, 0.0, 0.0, 0.0])
+    }
+
+    /// With the forward coefficients `(k1, k2, k3)` that fit best over the radii which the image
+    /// covers.
+    fn from_straightening(
+        camera_matrix: &Matrix3<f64>,
+        ideal_radius: impl Fn(f64) -> f64,
+        size: ImageSize,
+        model: BrownModel,
+    ) -> Self {
+        let pinhole = Self::from_camera_matrix(camera_matrix);
+        let count = model.radial_coefficients();
+        if count == 0 {
+            return pinhole;
+        }
+        let [fx, fy, cx, cy] = pinhole.intrinsics();
+        let focal = (fx * fy).sqrt();
+        let covered = size
+            .corners()
+            .map(|c| (c - pinhole.principal_point()).norm() / focal);
+        let largest = covered.iter().fold(0.0f64, |a, b| a.max(*b));
+        let ideal = |r: f64| ideal_radius(r * focal) / focal;
+        // An estimate that folds over before the corners is believed as far as half the radius.
+        let found = forward_coefficients(ideal, largest, count)
+            .or_else(|| forward_coefficients(ideal, 0.5 * largest, count));
+        let mut k = [0.0; 3];
+        for (k, value) in k.iter_mut().zip(found.unwrap_or_default()) {
+            *k = value;
+        }
+        Self::new([fx, fy, cx, cy, k[0], k[1], k[2], 0.0, 0.0])
+    }
+
+    fn intrinsics(&self) -> [f64; INTRINSICS] {
+        let [fx, fy, cx, cy, ..] = self.parameters;
+        [fx, fy, cx, cy]
     }
 
     fn parameters(&self) -> Vec<f64> {
@@ -158,11 +195,35 @@ impl Lens for Brown {
         Self::new(values)
     }
 
+    fn coefficient_priors(&self, size: ImageSize) -> Vec<f64> {
+        let [fx, fy, ..] = self.parameters;
+        let corner = size.half_diagonal() / (fx * fy).sqrt();
+        let effects = PRIOR_EFFECTS.iter().zip(EFFECT_POWERS);
+        effects
+            .map(|(effect, power)| effect / corner.powi(power))
+            .collect()
+    }
+
     fn project(&self, point: &Vector3<f64>) -> Option<Vector2<f64>> {
         let ideal = point.xy() / point.z;
         let inside = point.z > 0.0 && ideal.norm() <= self.valid_radius;
         let pixel = self.distort(&ideal).component_mul(&self.focal()) + self.principal_point();
         (inside && is_finite(&pixel)).then_some(pixel)
+    }
+
+    /// Beyond the valid radius where a pinhole would see it.
+    fn project_extended(&self, point: &Vector3<f64>) -> Vector2<f64> {
+        self.project(point).unwrap_or_else(|| {
+            let ideal = point.xy() / point.z;
+            ideal.component_mul(&self.focal()) + self.principal_point()
+        })
+    }
+
+    fn projection_jacobian(&self, pixel_ray: &BrownPixelRay) -> ProjectionJacobian {
+        let mut jacobian = ProjectionJacobian::zeros();
+        let own = self.jacobian_of_projection(&pixel_ray.ideal);
+        jacobian.fixed_columns_mut::<9>(0).copy_from(&own);
+        jacobian
     }
 
     fn unproject_with_jacobian(&self, pixel: &Vector2<f64>) -> Option<BrownPixelRay> {
@@ -179,23 +240,24 @@ impl Lens for Brown {
         })
     }
 
-    fn unproject(&self, pixel: &Vector2<f64>) -> Option<Vector3<f64>> {
-        Some(
-            self.unproject_with_jacobian(pixel)?
-                .ideal
-                .push(1.0)
-                .normalize(),
-        )
+    fn direction(&self, pixel_ray: &BrownPixelRay) -> Vector3<f64> {
+        pixel_ray.ideal.push(1.0)
     }
 
     fn valid_radius(&self) -> f64 {
         self.valid_radius
     }
 
-    fn line_distance(&self, pixel_ray: &BrownPixelRay, line: &Vector3<f64>) -> f64 {
+    fn line_distance_and_normal(
+        &self,
+        pixel_ray: &BrownPixelRay,
+        line: &Vector3<f64>,
+    ) -> (f64, Vector2<f64>) {
         let pulled = pixel_ray.inverse_transpose * line.xy();
         let gradient = pulled.component_mul(&self.inverse_focal);
-        (line.xy().dot(&pixel_ray.ideal) + line.z) / gradient.norm()
+        let norm = gradient.norm();
+        let distance = (line.xy().dot(&pixel_ray.ideal) + line.z) / norm;
+        (distance, gradient / norm)
     }
 
     /// With `u` the ideal point, `J = du_d/du`, `q = J^-T (l1, l2)` and `G = q / f`, the distance

@@ -6,6 +6,8 @@
 
 mod brown;
 mod brown_inverse;
+mod brown_model;
+mod brown_projection;
 mod distortion;
 mod families;
 mod point_maps;
@@ -15,21 +17,35 @@ mod undistorted_view;
 mod undistortion_map;
 
 pub use brown::{Brown, BrownPixelRay};
+pub use brown_model::BrownModel;
 pub use distortion::{Distortion, DistortionTerm};
 pub use families::{LensFamily, NearestLens};
+pub(crate) use point_maps::of_all;
 pub(crate) use radial::{forward_coefficients, sign_changes};
 pub use radial::{invertible_radius, monotonic_radius};
 pub use turned_lenses::{SeenAgain, TurnedLenses};
 pub use undistortion_map::{UndistortionMap, largest_rectangle};
 
-use nalgebra::{Vector2, Vector3};
+use std::fmt::Debug;
+use std::ops::Range;
+
+use nalgebra::{Matrix3, SMatrix, Vector2, Vector3};
+
+use crate::image_size::ImageSize;
+
+/// The lens of a calibration that names none: that of most cameras.
+pub type DefaultLens = Brown;
+
+/// Parameters of every lens that come first: `fx, fy, cx, cy`. Those that follow are its
+/// distortion coefficients.
+pub const INTRINSICS: usize = 4;
 
 /// Room for the parameters of any lens and the two offsets of its centre of distortion.
 pub const MAX_LENS_COLUMNS: usize = 11;
 
-/// Index of the first of the two columns that move the centre of distortion away from the
-/// principal point; they are not parameters, but tell what the planes alone know of the camera.
-pub const CENTRE_COLUMNS: usize = 9;
+/// Derivatives of a pixel by the lens parameters; columns that a lens has no parameter for are
+/// zero.
+pub type ProjectionJacobian = SMatrix<f64, 2, MAX_LENS_COLUMNS>;
 
 /// Signed distance of a pixel to the image of a line, with its derivatives.
 ///
@@ -64,35 +80,101 @@ impl Columns {
     }
 }
 
-/// What the refinement needs to know of a lens.
-pub trait Lens: Clone + Send + Sync {
+/// Which distortion coefficients of a lens are estimated.
+pub trait DistortionModel: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
+    /// All models of the lens, each nested in the next: it is the next one with coefficients at
+    /// zero.
+    const NESTED: &'static [Self];
+
+    /// The parameters that are its coefficients: from [`INTRINSICS`] on.
+    fn columns(self) -> Range<usize>;
+
+    /// Radial coefficients (0 to 2) by which the linear steps straighten the picture: 0 for what
+    /// sees straight lines as straight.
+    fn straightening_coefficients(self) -> usize;
+}
+
+/// A lens: what the whole pipeline needs to know of it.
+///
+/// Viewing directions are 3-vectors of any length: nothing outside a lens takes for granted that
+/// their third component is positive.
+pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
     /// What is known of a pixel once its ray has been found.
     type PixelRay: Copy;
 
-    /// Names of the parameters, in the order of the Jacobian's columns.
+    /// Which of its coefficients are estimated.
+    type Model: DistortionModel;
+
+    /// Names of the parameters, in the order of the Jacobian's columns: `fx, fy, cx, cy`, then the
+    /// distortion coefficients. At most [`MAX_LENS_COLUMNS`], the centre's columns included.
     fn parameter_names() -> &'static [&'static str];
 
-    /// The parameters' values, in the same order.
+    /// The two columns after the parameters' that move the centre of distortion away from the
+    /// principal point: no parameters, but they tell what the planes alone know of the camera.
+    /// Empty where the law of the lens itself vouches for the principal point: where it bends
+    /// directions by a law that no coefficients can take back.
+    fn centre_columns() -> Range<usize>;
+
+    /// The lens without distortion coefficients that sees the neighbourhood of its axis as a
+    /// pinhole with this camera matrix.
+    fn from_camera_matrix(camera_matrix: &Matrix3<f64>) -> Self;
+
+    /// The lens with which the refinement starts.
+    ///
+    /// `ideal_radius` is what the linear steps found: the distance from the principal point, in
+    /// pixels, at which the pinhole of the camera matrix would see what is observed at a given one.
+    fn from_straightening(
+        camera_matrix: &Matrix3<f64>,
+        ideal_radius: impl Fn(f64) -> f64,
+        size: ImageSize,
+        model: Self::Model,
+    ) -> Self;
+
+    /// `fx, fy, cx, cy`, in pixels.
+    fn intrinsics(&self) -> [f64; INTRINSICS];
+
+    /// The parameters' values, in the order of their names.
     fn parameters(&self) -> Vec<f64>;
 
     /// The lens with other parameter values.
     #[must_use]
     fn with_parameters(&self, parameters: &[f64]) -> Self;
 
+    /// Standard deviations of the distortion coefficients beforehand, by what lenses are like.
+    fn coefficient_priors(&self, size: ImageSize) -> Vec<f64>;
+
     /// The pixel at which a point of camera coordinates is seen; `None` beyond the valid radius.
     fn project(&self, point: &Vector3<f64>) -> Option<Vector2<f64>>;
+
+    /// As [`Self::project`]; a point beyond the valid radius is drawn where the lens would see it
+    /// if it distorted no further.
+    fn project_extended(&self, point: &Vector3<f64>) -> Vector2<f64>;
+
+    /// Derivative, by the parameters, of where the direction seen at a pixel is projected.
+    fn projection_jacobian(&self, pixel_ray: &Self::PixelRay) -> ProjectionJacobian;
 
     /// Follows a pixel back; `None` where the distortion is not invertible.
     fn unproject_with_jacobian(&self, pixel: &Vector2<f64>) -> Option<Self::PixelRay>;
 
-    /// The unit ray along which a pixel looks; `None` where the distortion is not invertible.
-    fn unproject(&self, pixel: &Vector2<f64>) -> Option<Vector3<f64>>;
+    /// The direction along which a pixel looks, of any length.
+    fn direction(&self, pixel_ray: &Self::PixelRay) -> Vector3<f64>;
 
-    /// The ideal radius (tangent of the field angle) up to which the distortion is monotonic.
+    /// The largest radius at which the lens is trusted, in its own measure: the tangent of the
+    /// field angle for a distorted pinhole.
     fn valid_radius(&self) -> f64;
 
+    /// Signed distance in pixels of a pixel to the image of the line `l`, and the unit normal of the
+    /// image towards which it is positive.
+    fn line_distance_and_normal(
+        &self,
+        pixel_ray: &Self::PixelRay,
+        line: &Vector3<f64>,
+    ) -> (f64, Vector2<f64>);
+
     /// Signed distance in pixels of a pixel with its ray to the image of the line `l`.
-    fn line_distance(&self, pixel_ray: &Self::PixelRay, line: &Vector3<f64>) -> f64;
+    fn line_distance(&self, pixel_ray: &Self::PixelRay, line: &Vector3<f64>) -> f64 {
+        self.line_distance_and_normal(pixel_ray, line).0
+    }
 
     /// The same with its derivatives; columns that are not wanted may be left zero.
     fn line_distance_jacobian(
@@ -101,6 +183,45 @@ pub trait Lens: Clone + Send + Sync {
         line: &Vector3<f64>,
         wanted: Columns,
     ) -> LineDistance;
+
+    /// The unit ray along which a pixel looks; `None` where the distortion is not invertible.
+    fn unproject(&self, pixel: &Vector2<f64>) -> Option<Vector3<f64>> {
+        let pixel_ray = self.unproject_with_jacobian(pixel)?;
+        Some(self.direction(&pixel_ray).normalize())
+    }
+
+    /// Focal lengths in pixels.
+    fn focal(&self) -> Vector2<f64> {
+        let [fx, fy, _, _] = self.intrinsics();
+        Vector2::new(fx, fy)
+    }
+
+    /// Principal point in pixels.
+    fn principal_point(&self) -> Vector2<f64> {
+        let [_, _, cx, cy] = self.intrinsics();
+        Vector2::new(cx, cy)
+    }
+
+    /// The camera matrix `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`.
+    fn camera_matrix(&self) -> Matrix3<f64> {
+        let [fx, fy, cx, cy] = self.intrinsics();
+        Matrix3::new(fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0)
+    }
+
+    /// The same distortion with another camera matrix.
+    #[must_use]
+    fn with_camera_matrix(&self, camera_matrix: &Matrix3<f64>) -> Self {
+        let k = camera_matrix;
+        let mut parameters = self.parameters();
+        parameters[..INTRINSICS].copy_from_slice(&[k.m11, k.m22, k.m13, k.m23]);
+        self.with_parameters(&parameters)
+    }
+
+    /// The same camera without distortion coefficients.
+    #[must_use]
+    fn without_distortion(&self) -> Self {
+        Self::from_camera_matrix(&self.camera_matrix())
+    }
 }
 
 #[cfg(test)]

@@ -19,7 +19,7 @@ impl Brown {
             let count = points.iter().filter(behind).count();
             return Err(Error::BehindCamera { count, first });
         }
-        self.of_all(points, |point| self.project(point))
+        of_all(self, points, |point| self.project(point))
     }
 
     /// The unit rays along which pixels look.
@@ -27,7 +27,7 @@ impl Brown {
     /// # Errors
     /// [`Error::BeyondValidRadius`] where the distortion is not invertible.
     pub fn unproject_pixels(&self, pixels: &[Vector2<f64>]) -> Result<Vec<Vector3<f64>>, Error> {
-        self.of_all(pixels, |pixel| self.unproject(pixel))
+        of_all(self, pixels, |pixel| self.unproject(pixel))
     }
 
     /// Where the lens moves the pixels of a pinhole with the same camera matrix.
@@ -35,7 +35,7 @@ impl Brown {
     /// # Errors
     /// [`Error::BeyondValidRadius`] where the distortion is not monotonic.
     pub fn distort_pixels(&self, ideal: &[Vector2<f64>]) -> Result<Vec<Vector2<f64>>, Error> {
-        self.of_all(ideal, |pixel| {
+        of_all(self, ideal, |pixel| {
             let point = (pixel - self.principal_point()).component_div(&self.focal());
             self.project(&point.push(1.0))
         })
@@ -46,7 +46,7 @@ impl Brown {
     /// # Errors
     /// [`Error::BeyondValidRadius`] where the distortion is not invertible.
     pub fn undistort_pixels(&self, observed: &[Vector2<f64>]) -> Result<Vec<Vector2<f64>>, Error> {
-        self.of_all(observed, |pixel| {
+        of_all(self, observed, |pixel| {
             let observed = (pixel - self.principal_point()).component_div(&self.focal());
             let ideal = self.undistort(&observed)?.component_mul(&self.focal());
             Some(ideal + self.principal_point()).filter(|p| p.norm().is_finite())
@@ -75,25 +75,29 @@ impl Brown {
     pub fn ideal_point(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
         self.unproject_with_jacobian(pixel).map(|ray| ray.ideal())
     }
+}
 
-    pub(crate) fn of_all<P, Q>(
-        &self,
-        points: &[P],
-        map: impl Fn(&P) -> Option<Q>,
-    ) -> Result<Vec<Q>, Error> {
-        let mut found = Vec::with_capacity(points.len());
-        found.extend(points.iter().map_while(&map));
-        if found.len() == points.len() {
-            return Ok(found);
-        }
-        let first = found.len();
-        let others = &points[first + 1..];
-        Err(Error::BeyondValidRadius {
-            count: 1 + others.iter().filter(|point| map(point).is_none()).count(),
-            first,
-            radius: self.valid_radius(),
-        })
+/// A map of many points.
+///
+/// # Errors
+/// [`Error::BeyondValidRadius`] with the first point that has none, and how many have none.
+pub(crate) fn of_all<L: Lens, P, Q>(
+    lens: &L,
+    points: &[P],
+    map: impl Fn(&P) -> Option<Q>,
+) -> Result<Vec<Q>, Error> {
+    let mut found = Vec::with_capacity(points.len());
+    found.extend(points.iter().map_while(&map));
+    if found.len() == points.len() {
+        return Ok(found);
     }
+    let first = found.len();
+    let others = &points[first + 1..];
+    Err(Error::BeyondValidRadius {
+        count: 1 + others.iter().filter(|point| map(point).is_none()).count(),
+        first,
+        radius: lens.valid_radius(),
+    })
 }
 
 #[cfg(test)]

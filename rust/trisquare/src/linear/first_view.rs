@@ -6,7 +6,7 @@ use super::homographies::{Homographies, Undistortion};
 use crate::error::Error;
 use crate::geometry::{KnownIntrinsics, Pose, camera_matrix};
 use crate::image_size::ImageSize;
-use crate::lens::Brown;
+use crate::lens::Lens;
 use crate::observations::{Figure, Freedom, ObservedPlane, Options, Placement, PlaneState, View};
 
 /// Focal lengths tried, in image widths, where the conic gives none.
@@ -19,10 +19,10 @@ const CONCENTRIC_SHIFT: f64 = 0.05;
 const CONCENTRIC_ANGLE: f64 = 0.09;
 
 /// Step 3: the camera matrix from the image of the absolute conic.
-pub(crate) fn conic_camera_matrix(
+pub(crate) fn conic_camera_matrix<L: Lens>(
     homographies: &Homographies,
     size: ImageSize,
-    options: &Options,
+    options: &Options<L>,
 ) -> Result<Matrix3<f64>, Error> {
     let known = options.known_intrinsics(&size);
     if options.fixed.focal {
@@ -37,10 +37,10 @@ pub(crate) fn conic_camera_matrix(
 
 /// Camera matrices to start from where the conic gives none, or a useless one: the principal
 /// point at the image centre, then focal lengths from experience.
-pub(crate) fn fallback_camera_matrices(
+pub(crate) fn fallback_camera_matrices<L: Lens>(
     homographies: &Homographies,
     size: ImageSize,
-    options: &Options,
+    options: &Options<L>,
 ) -> Vec<Matrix3<f64>> {
     let known = options.known_intrinsics(&size);
     let centre = known.principal_point.unwrap_or_else(|| size.centre());
@@ -74,26 +74,19 @@ fn matrix_of(focal: Vector2<f64>, centre: Vector2<f64>) -> Matrix3<f64> {
 }
 
 /// The camera with its poses and placements that a camera matrix and the homographies imply.
-pub(crate) fn first_view(
+pub(crate) fn first_view<L: Lens>(
     camera_matrix: &Matrix3<f64>,
     homographies: &Homographies,
     planes: &[ObservedPlane],
-    undistortion: &Undistortion,
+    undistortion: &Undistortion<L>,
     size: ImageSize,
-    options: &Options,
-) -> Result<View<Brown>, Error> {
-    let (fx, fy) = (camera_matrix.m11, camera_matrix.m22);
-    let (cx, cy) = (camera_matrix.m13, camera_matrix.m23);
-    let pinhole = Brown::new([fx, fy, cx, cy, 0.0, 0.0, 0.0, 0.0, 0.0]);
-    let distortion = match (options.fixed.distortion, &options.initial) {
-        (true, Some(camera)) => camera.distortion(),
-        (true, None) => [0.0; 5],
-        (false, _) => {
-            let [k1, k2, k3] = undistortion.forward(&pinhole, size, options.model);
-            [k1, k2, 0.0, 0.0, k3]
-        }
+    options: &Options<L>,
+) -> Result<View<L>, Error> {
+    let lens = match (options.fixed.distortion, &options.initial) {
+        (true, Some(camera)) => camera.with_camera_matrix(camera_matrix),
+        (true, None) => L::from_camera_matrix(camera_matrix),
+        (false, _) => undistortion.lens(camera_matrix, size, options.model),
     };
-    let [k1, k2, p1, p2, k3] = distortion;
     let mut states = Vec::with_capacity(planes.len());
     for (i, plane) in planes.iter().enumerate() {
         let own = &homographies.figures[i];
@@ -106,7 +99,7 @@ pub(crate) fn first_view(
         states.push(PlaneState { pose, figures });
     }
     Ok(View {
-        lens: Brown::new([fx, fy, cx, cy, k1, k2, k3, p1, p2]),
+        lens,
         planes: states,
     })
 }

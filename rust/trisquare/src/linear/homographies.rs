@@ -6,31 +6,34 @@ use super::straighten::{Straightening, fit_distortion};
 use crate::error::Error;
 use crate::geometry::{Line, Normalisation, normalised_homography};
 use crate::image_size::ImageSize;
-use crate::lens::{Brown, Lens, forward_coefficients};
-use crate::observations::{Figure, Freedom, Method, Model, ObservedPlane, Options};
+use crate::lens::{DistortionModel, Lens};
+use crate::observations::{Figure, Freedom, Method, ObservedPlane, Options};
 
 /// The pictures' samples freed from distortion, before any camera matrix is known.
+///
+/// Homographies and conic ask for what a pinhole would see: of all stages, the linear steps alone
+/// need every sample in front of the camera.
 #[derive(Debug, Clone)]
-pub(crate) enum Undistortion {
+pub(crate) enum Undistortion<L> {
     /// Estimated from straightness.
     Straightened(Straightening),
     /// Held at that of a given camera.
-    Known(Brown),
+    Known(L),
 }
 
-impl Undistortion {
+impl<L: Lens> Undistortion<L> {
     /// Step 1.
     pub fn estimate(
         planes: &[ObservedPlane],
         size: ImageSize,
-        options: &Options,
+        options: &Options<L>,
     ) -> Result<Self, Error> {
         if options.fixed.distortion {
             let known = options.initial.map(Self::Known);
             return Ok(known.unwrap_or_else(|| Self::Straightened(Straightening::identity(size))));
         }
-        let coefficients = options.model.radial_coefficients().min(2);
-        if options.model == Model::None || coefficients == 0 {
+        let coefficients = options.model.straightening_coefficients();
+        if coefficients == 0 {
             return Ok(Self::Straightened(Straightening::identity(size)));
         }
         let curves: Vec<Vec<Vector2<f64>>> = planes
@@ -52,36 +55,22 @@ impl Undistortion {
         match self {
             Self::Straightened(straightening) => straightening.undistort(pixel),
             Self::Known(camera) => {
-                let ideal = camera.unproject_with_jacobian(pixel)?.ideal();
+                let ray = camera.direction(&camera.unproject_with_jacobian(pixel)?);
+                let ideal = (ray.z > 0.0).then(|| ray.xy() / ray.z)?;
                 Some(ideal.component_mul(&camera.focal()) + camera.principal_point())
             }
         }
     }
 
-    /// The forward coefficients `(k1, k2, k3)` that go with a camera matrix, by least squares
-    /// over the radii which the image covers.
-    pub fn forward(&self, lens: &Brown, size: ImageSize, model: Model) -> [f64; 3] {
-        let mut k = [0.0; 3];
-        let Self::Straightened(straightening) = self else {
-            return k;
-        };
-        let count = model.radial_coefficients();
-        if count == 0 || straightening.coefficients.is_empty() {
-            return k;
+    /// The lens that goes with a camera matrix.
+    pub fn lens(&self, camera_matrix: &Matrix3<f64>, size: ImageSize, model: L::Model) -> L {
+        match self {
+            Self::Straightened(found) if !found.coefficients.is_empty() => {
+                let ideal_radius = |observed| found.ideal_radius(observed);
+                L::from_straightening(camera_matrix, ideal_radius, size, model)
+            }
+            _ => L::from_camera_matrix(camera_matrix),
         }
-        let focal = (lens.focal().x * lens.focal().y).sqrt();
-        let covered = size
-            .corners()
-            .map(|c| (c - lens.principal_point()).norm() / focal);
-        let largest = covered.iter().fold(0.0f64, |a, b| a.max(*b));
-        let ideal = |r: f64| straightening.ideal_radius(r * focal) / focal;
-        // An estimate that folds over before the corners is believed as far as half the radius.
-        let found = forward_coefficients(ideal, largest, count)
-            .or_else(|| forward_coefficients(ideal, 0.5 * largest, count));
-        for (k, value) in k.iter_mut().zip(found.unwrap_or_default()) {
-            *k = value;
-        }
-        k
     }
 }
 
@@ -94,7 +83,10 @@ pub(crate) struct Homographies {
 }
 
 impl Homographies {
-    pub fn estimate(planes: &[ObservedPlane], undistortion: &Undistortion) -> Result<Self, Error> {
+    pub fn estimate<L: Lens>(
+        planes: &[ObservedPlane],
+        undistortion: &Undistortion<L>,
+    ) -> Result<Self, Error> {
         let mut figures = Vec::with_capacity(planes.len());
         let mut witnesses = Vec::with_capacity(planes.len());
         for plane in planes {
@@ -146,9 +138,9 @@ fn with_fixed(plane: &ObservedPlane) -> Figure {
     first
 }
 
-pub(crate) fn homography_of_figure(
+pub(crate) fn homography_of_figure<L: Lens>(
     figure: &Figure,
-    undistortion: &Undistortion,
+    undistortion: &Undistortion<L>,
 ) -> Result<(Matrix3<f64>, Vector2<f64>), Error> {
     let degenerate = |reason| Error::DegenerateHomography {
         figure: figure.index,

@@ -6,7 +6,7 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use crate::lens::{Brown, Lens};
+use crate::lens::Lens;
 use crate::numeric::Block;
 use crate::observations::{
     BoardRelief, Heights, ObservedPlane, PlaneState, Sample, TERMS, View, has_grid,
@@ -21,7 +21,11 @@ pub(crate) const FLAT: f64 = 1e-12;
 
 impl BoardRelief {
     /// A flat one, of a board that has lines enough to show another; `None` if it has not.
-    pub fn flat(plane: &ObservedPlane, view: &View<Brown>, state: &PlaneState) -> Option<Self> {
+    pub fn flat<L: Lens>(
+        plane: &ObservedPlane,
+        view: &View<L>,
+        state: &PlaneState,
+    ) -> Option<Self> {
         let large = plane.figures.iter().any(has_grid);
         if !large || plane.is_outlier() {
             return None;

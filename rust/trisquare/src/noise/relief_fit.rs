@@ -15,7 +15,7 @@ use nalgebra::Vector2;
 use super::board_relief::FLAT;
 use super::local::{Noise, white_variance};
 use super::side_errors::SideErrors;
-use crate::lens::{Brown, Lens};
+use crate::lens::Lens;
 use crate::numeric::Problem;
 use crate::observations::{BoardRelief, FreeParameters, Heights, ObservedPlane, PlaneState, TERMS};
 use crate::refine::{EdgeProblem, Refined, residuals, robust_scale};
@@ -41,12 +41,12 @@ const GRADIENT_STEP: f64 = 0.01;
 
 /// The samples with the boards' out-of-plane shape taken out, and the optimum of generalised least
 /// squares there; `None` where no board has one.
-pub(crate) fn account_for_relief(
+pub(crate) fn account_for_relief<L: Lens>(
     planes: &[ObservedPlane],
     free: &FreeParameters,
     judged: &FreeParameters,
-    refined: &Refined<Brown>,
-) -> Option<(Vec<ObservedPlane>, Refined<Brown>)> {
+    refined: &Refined<L>,
+) -> Option<(Vec<ObservedPlane>, Refined<L>)> {
     // Where a tone curve's error is to be told from the samples, both would claim the same.
     if planes.iter().any(ObservedPlane::has_tone_drift) {
         return None;
@@ -92,10 +92,10 @@ pub(crate) fn account_for_relief(
 }
 
 /// The errors of sides and boards that the residuals of an optimum show.
-fn errors(
+fn errors<L: Lens>(
     planes: &[ObservedPlane],
     free: &FreeParameters,
-    refined: &Refined<Brown>,
+    refined: &Refined<L>,
 ) -> Option<SideErrors> {
     let noise = Noise::of_optimum(planes, refined);
     let white = white_variance(&noise, refined);
@@ -118,9 +118,9 @@ fn variance(errors: &SideErrors) -> Option<f64> {
 }
 
 /// Takes further heights of a plane's relief out of its samples.
-fn raise(
+fn raise<L: Lens>(
     plane: &mut ObservedPlane,
-    (lens, state): (&Brown, &PlaneState),
+    (lens, state): (&L, &PlaneState),
     by: &Heights,
 ) -> Option<()> {
     let board_relief = plane.board_relief.as_mut()?;

@@ -7,21 +7,25 @@
 
 use nalgebra::DVector;
 
-use crate::lens::{Brown, Lens, MAX_LENS_COLUMNS};
+use crate::error::Error;
+use crate::lens::{Lens, MAX_LENS_COLUMNS};
 use crate::numeric::{ArrowSystem, Block, Loss, Problem};
 use crate::observations::{FreeParameters, ObservedPlane};
 use crate::refine::{EdgeProblem, Refined};
+
+/// Entries of the normal equations, at most: 2 GB. Three planes in each of 430 pictures have as many.
+const MOST_NUMBERS: usize = 250_000_000;
 
 /// Estimates the tone drift of all pictures, one Newton step from the optimum without them: the
 /// samples where they are without the tone drift, and the optimum there, whose normal equations
 /// have the tone drifts eliminated. `None` where no sample has a tone drift, or where the step
 /// fails.
-pub(crate) fn account_for_drift(
+pub(crate) fn account_for_drift<L: Lens>(
     planes: &[ObservedPlane],
     free: &FreeParameters,
     judged: &FreeParameters,
-    refined: &Refined<Brown>,
-) -> Option<(Vec<ObservedPlane>, Refined<Brown>)> {
+    refined: &Refined<L>,
+) -> Option<(Vec<ObservedPlane>, Refined<L>)> {
     if !planes.iter().any(ObservedPlane::has_tone_drift) {
         return None;
     }
@@ -52,16 +56,35 @@ fn pictures(planes: &[ObservedPlane]) -> Vec<usize> {
     numbers
 }
 
+/// Refuses more drifting pictures than the normal equations can hold: every plane's has a row and a
+/// column for each of them.
+///
+/// # Errors
+/// [`Error::InvalidArgument`].
+pub(crate) fn check_drift_count(planes: &[ObservedPlane]) -> Result<(), Error> {
+    let side = pictures(planes).len() + MAX_LENS_COLUMNS;
+    let numbers = side.saturating_mul(side).saturating_mul(planes.len());
+    if numbers > MOST_NUMBERS && planes.iter().any(ObservedPlane::has_tone_drift) {
+        return Err(Error::InvalidArgument(format!(
+            "{} planes in {} pictures are too many to free a drift for each picture: leave out the \
+             drift, or pictures",
+            planes.len(),
+            pictures(planes).len()
+        )));
+    }
+    Ok(())
+}
+
 /// The place of a plane's picture among all.
 fn place(pictures: &[usize], plane: &ObservedPlane) -> usize {
     pictures.partition_point(|number| *number < plane.image)
 }
 
 /// The normal equations with one more shared parameter per picture, after all others.
-fn freed(
+fn freed<L: Lens>(
     planes: &[ObservedPlane],
     judged: &FreeParameters,
-    refined: &Refined<Brown>,
+    refined: &Refined<L>,
 ) -> Option<ArrowSystem> {
     let loss = Loss::Tukey;
     let scale = refined.noise_scale * (loss.mean_weight() / refined.covariance_factor).sqrt();
@@ -145,6 +168,7 @@ impl DriftRow {
 mod tests {
     use crate::calibrate;
     use crate::image_size::ImageSize;
+    use crate::lens::Lens;
     use crate::observations::{Options, PlaneEdges};
     use crate::synthetic::{Scene, SceneOptions};
     use nalgebra::Vector2;
@@ -205,6 +229,22 @@ mod tests {
         // The mean of twelve squares of normal errors stays below 2.75 but once in a thousand.
         assert!(with < 2.75_f64.sqrt(), "{with}");
         assert!(without > 3.0, "{without}");
+    }
+
+    #[test]
+    fn more_drifting_pictures_than_memory_holds_are_refused() {
+        let scene = Scene::random(3, SceneOptions::default());
+        let figure = shifted(&scene).swap_remove(0);
+        let in_picture = |image| PlaneEdges {
+            image,
+            ..figure.clone()
+        };
+        let edges: Vec<_> = (0..1000).map(in_picture).collect();
+        let found = calibrate(&edges, scene.size, &Options::default());
+        assert!(
+            matches!(found, Err(crate::error::Error::InvalidArgument(_))),
+            "{found:?}"
+        );
     }
 
     #[test]

@@ -1,20 +1,26 @@
 //! The free parameters of a lens.
 
+use std::ops::Range;
+
 use nalgebra::DVector;
 
-use super::options::{Fixed, Model, Options};
-use crate::lens::{Brown, CENTRE_COLUMNS, Columns, Lens, MAX_LENS_COLUMNS};
+use super::options::{Fixed, Options};
+use crate::lens::{Columns, DistortionModel, Lens, MAX_LENS_COLUMNS};
 
 /// The free parameters of a lens: which Jacobian columns they own.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct FreeParameters {
     columns: Vec<usize>,
+    /// The lens's own names of its parameters.
+    names: &'static [&'static str],
+    /// Columns that free the centre of distortion from the principal point.
+    centre: Range<usize>,
     /// `fy / fx` where `fy` follows `fx`.
     aspect: Option<f64>,
 }
 
 impl FreeParameters {
-    pub fn new(model: Model, fixed: &Fixed, aspect: f64) -> Self {
+    pub fn new<L: Lens>(model: L::Model, fixed: &Fixed, aspect: f64) -> Self {
         let mut columns = Vec::with_capacity(MAX_LENS_COLUMNS);
         if !fixed.focal {
             columns.push(0);
@@ -30,14 +36,27 @@ impl FreeParameters {
         }
         Self {
             columns,
+            names: L::parameter_names(),
+            centre: L::centre_columns(),
             aspect: (fixed.aspect && !fixed.focal).then_some(aspect),
+        }
+    }
+
+    /// All parameters of a lens.
+    pub fn all<L: Lens>() -> Self {
+        let names = L::parameter_names();
+        Self {
+            columns: (0..names.len()).collect(),
+            names,
+            centre: L::centre_columns(),
+            aspect: None,
         }
     }
 
     /// The same with the centre of distortion freed from the principal point.
     pub fn with_free_centre(&self) -> Self {
         let mut freed = self.clone();
-        freed.columns.extend([CENTRE_COLUMNS, CENTRE_COLUMNS + 1]);
+        freed.columns.extend(self.centre.clone());
         freed
     }
 
@@ -57,17 +76,14 @@ impl FreeParameters {
     }
 
     pub fn names(&self) -> Vec<&'static str> {
-        self.columns
-            .iter()
-            .map(|c| Brown::parameter_names()[*c])
-            .collect()
+        self.columns.iter().map(|c| self.names[*c]).collect()
     }
 
     /// Position of a named parameter among the free ones.
     pub fn position(&self, name: &str) -> Option<usize> {
         self.columns
             .iter()
-            .position(|c| Brown::parameter_names().get(*c) == Some(&name))
+            .position(|c| self.names.get(*c) == Some(&name))
     }
 
     /// Picks the free columns out of a lens Jacobian.
@@ -90,7 +106,7 @@ impl FreeParameters {
     pub fn advance<L: Lens>(&self, lens: &L, step: &DVector<f64>) -> L {
         let mut parameters = lens.parameters();
         for (column, change) in self.columns.iter().zip(step.iter()) {
-            if *column < CENTRE_COLUMNS {
+            if *column < self.names.len() {
                 parameters[*column] += change;
             }
         }
@@ -101,8 +117,8 @@ impl FreeParameters {
     }
 }
 
-impl Options {
+impl<L: Lens> Options<L> {
     pub(crate) fn free_parameters(&self) -> FreeParameters {
-        FreeParameters::new(self.model, &self.fixed, self.aspect())
+        FreeParameters::new::<L>(self.model, &self.fixed, self.aspect())
     }
 }

@@ -12,7 +12,7 @@ pub(crate) use free_parameters::FreeParameters;
 pub(crate) use observed::{
     Figure, ObservedPlane, Sample, Side, directions, has_grid, sort_by_plane,
 };
-pub use options::{Fixed, Method, Model, Options};
+pub use options::{Fixed, Method, Options};
 pub(crate) use placement::Placement;
 #[cfg(feature = "synthetic")]
 pub(crate) use plane_edges::square_lines;

@@ -2,47 +2,13 @@
 
 use crate::error::Error;
 use crate::geometry::KnownIntrinsics;
-use crate::lens::{Brown, Lens};
+use crate::lens::{DefaultLens, Lens};
 
 /// No camera is this short; below, products of the focal lengths underflow.
 const SMALLEST_FOCAL: f64 = 1e-3;
 
 /// No camera's parameter is this large; beyond it, squares of pixels overflow.
 const LARGEST_PARAMETER: f64 = 1e9;
-
-/// The distortion coefficients that are estimated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum Model {
-    /// None: a pinhole.
-    None,
-    /// `k1`.
-    Radial1,
-    /// `k1, k2`.
-    #[default]
-    Radial2,
-    /// `k1, k2, k3`.
-    Radial3,
-    /// `k1, k2, k3, p1, p2`.
-    Brown,
-}
-
-impl Model {
-    /// Number of radial coefficients.
-    pub fn radial_coefficients(self) -> usize {
-        match self {
-            Model::None => 0,
-            Model::Radial1 => 1,
-            Model::Radial2 => 2,
-            Model::Radial3 | Model::Brown => 3,
-        }
-    }
-
-    pub(crate) fn columns(self) -> std::ops::Range<usize> {
-        let tangential = if self == Model::Brown { 2 } else { 0 };
-        4..4 + self.radial_coefficients() + tangential
-    }
-}
 
 /// What is held at the initial camera's values, or else at aspect 1, the image centre and zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -58,17 +24,19 @@ pub struct Fixed {
     pub distortion: bool,
 }
 
-/// Everything a caller may decide about a calibration.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Options {
+/// Everything a caller may decide about a calibration, and with which lens.
+///
+/// `Options::default()` calibrates the default lens, `Options::<L>::new()` any other.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options<L: Lens = DefaultLens> {
     /// Maximum likelihood or the three linear steps alone.
     pub method: Method,
     /// The distortion coefficients estimated.
-    pub model: Model,
+    pub model: L::Model,
     /// The parameters held.
     pub fixed: Fixed,
     /// The camera whose values the held parameters keep.
-    pub initial: Option<Brown>,
+    pub initial: Option<L>,
 }
 
 /// How far a calibration goes.
@@ -82,7 +50,23 @@ pub enum Method {
     Linear,
 }
 
-impl Options {
+impl Default for Options {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<L: Lens> Options<L> {
+    /// Maximum likelihood, the lens's default model, and nothing held.
+    pub fn new() -> Self {
+        Self {
+            method: Method::default(),
+            model: L::Model::default(),
+            fixed: Fixed::default(),
+            initial: None,
+        }
+    }
+
     /// The ratio `fy / fx` that a fixed aspect keeps.
     pub(crate) fn aspect(&self) -> f64 {
         self.initial

@@ -5,7 +5,7 @@ use nalgebra::Vector2;
 use super::coverage::PLATEAU;
 use super::photographs::{Photographs, Refusal};
 use crate::image::{GreyReader, Picture};
-use crate::lens::{Brown, Lens};
+use crate::lens::Lens;
 use crate::observations::{ObservedPlane, PlaneEdges, PlaneState, Polarity, Side, View};
 
 /// Pixels this near (px) to an outline are used: farther ones still tell the plateaus' light.
@@ -121,10 +121,10 @@ impl PixelFigure {
 
 /// Collects the pixels around every figure that is not an outlier; not applicable unless all are
 /// squares of known polarity.
-pub(super) fn collect(
+pub(super) fn collect<L: Lens>(
     edges: &[PlaneEdges],
     planes: &[ObservedPlane],
-    view: &View<Brown>,
+    view: &View<L>,
     photographs: &Photographs<'_>,
     width: Width,
 ) -> Result<Vec<PixelFigure>, Refusal> {
@@ -181,11 +181,11 @@ struct TracePoint {
 }
 
 impl Outline {
-    fn of(
+    fn of<L: Lens>(
         plane: &ObservedPlane,
         state: &PlaneState,
         figure: usize,
-        (lens, border): (&Brown, Option<f64>),
+        (lens, border): (&L, Option<f64>),
     ) -> Option<Self> {
         let mut sides: [Side; 4] = plane.figures[figure].sides.clone().try_into().ok()?;
         let mut corners = [Vector2::zeros(); 4];

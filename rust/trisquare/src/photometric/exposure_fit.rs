@@ -7,7 +7,7 @@ use super::figure_sums::{ExposureRow, ExposureSums, add_exposure};
 use super::fit::PixelFit;
 use super::scene::Shade;
 use crate::image::PictureState;
-use crate::lens::{Brown, Lens};
+use crate::lens::Lens;
 use crate::numeric::{
     ArrowStep, ArrowSystem, Limits, Loss, Problem, Termination, add_rank_one, median_scale,
     minimise,
@@ -28,9 +28,9 @@ const LIMITS: Limits = Limits {
 const MIN_NOISE: f64 = 1e-6;
 
 /// The pixels of a fit with camera and planes held.
-struct HeldGeometry<'a> {
+struct HeldGeometry<'a, L> {
     pixels: PixelFit<'a>,
-    view: &'a View<Brown>,
+    view: &'a View<L>,
     pictures: &'a [PictureState],
     /// For every pixel of every figure, its distances to the near sides.
     distances: Vec<Vec<[f64; 4]>>,
@@ -38,9 +38,9 @@ struct HeldGeometry<'a> {
 
 /// Fits the exposures from a guess, and measures the noise of each figure's pixels; `None` if
 /// they do not show blurred squares.
-pub(super) fn fit_exposures(
+pub(super) fn fit_exposures<L: Lens>(
     pixels: PixelFit<'_>,
-    view: &View<Brown>,
+    view: &View<L>,
     pictures: &[PictureState],
     guess: Vec<Exposure>,
 ) -> Option<(Vec<Exposure>, Vec<f64>)> {
@@ -73,7 +73,7 @@ pub(super) fn fit_exposures(
     Some((exposures, scales))
 }
 
-impl HeldGeometry<'_> {
+impl<L: Lens> HeldGeometry<'_, L> {
     /// Shows the model at every pixel of a figure to `visit`, with its row of the Jacobian.
     fn for_each(
         &self,
@@ -108,7 +108,7 @@ impl HeldGeometry<'_> {
     }
 }
 
-impl Problem for HeldGeometry<'_> {
+impl<L: Lens> Problem for HeldGeometry<'_, L> {
     type State = Vec<Exposure>;
 
     fn evaluate(&self, exposures: &Vec<Exposure>) -> Option<(f64, ArrowSystem)> {

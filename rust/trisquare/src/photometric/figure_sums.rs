@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, DVector};
 use super::exposure::EXPOSURE_PARAMETERS;
 use super::scene::{Scene, Shade};
 use crate::image::PICTURE_PARAMETERS;
-use crate::lens::{BrownPixelRay, Columns, Lens, MAX_LENS_COLUMNS};
+use crate::lens::{Columns, Lens, MAX_LENS_COLUMNS};
 use crate::numeric::{Block, add_rank_one, symmetric};
 use crate::observations::FreeParameters;
 
@@ -68,10 +68,10 @@ impl<'a, const N: usize> FigureSums<'a, N> {
 
     /// Adds a pixel that one side cuts.
     #[inline]
-    pub fn add_cut(
+    pub fn add_cut<L: Lens>(
         &mut self,
-        scene: &Scene<'_>,
-        pixel_ray: &BrownPixelRay,
+        scene: &Scene<'_, L>,
+        pixel_ray: &L::PixelRay,
         shade: &Shade,
         weight: f64,
     ) {
@@ -99,10 +99,10 @@ impl<'a, const N: usize> FigureSums<'a, N> {
     }
 
     /// Adds a pixel that two sides cut.
-    pub fn add_corner(
+    pub fn add_corner<L: Lens>(
         &mut self,
-        scene: &Scene<'_>,
-        pixel_ray: &BrownPixelRay,
+        scene: &Scene<'_, L>,
+        pixel_ray: &L::PixelRay,
         shade: &Shade,
         weight: f64,
         block: &mut Block,
@@ -150,7 +150,7 @@ impl<'a, const N: usize> FigureSums<'a, N> {
 
     /// Adds a pixel that shows the ground or the figure alone.
     #[inline]
-    pub fn add_plateau(&mut self, scene: &Scene<'_>, shade: &Shade, weight: f64) {
+    pub fn add_plateau<L: Lens>(&mut self, scene: &Scene<'_, L>, shade: &Shade, weight: f64) {
         if self.has_picture() {
             let mut row = [shade.residual; PICTURED];
             row[..EXPOSURE_PARAMETERS].copy_from_slice(&scene.wrt_exposure(shade));

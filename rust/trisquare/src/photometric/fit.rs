@@ -5,14 +5,14 @@ use super::exposure::{EXPOSURE_PARAMETERS, Exposure};
 use super::figure_sums::FigureSums;
 use super::scene::Scene;
 use crate::image::{PICTURE_PARAMETERS, PicturePrior, PictureState, ToneFit};
-use crate::lens::{Brown, Lens};
+use crate::lens::Lens;
 use crate::numeric::{ArrowStep, ArrowSystem, Loss, Spread};
 use crate::observations::{FreeParameters, View};
 
 /// What the fit moves.
 #[derive(Clone)]
-pub(crate) struct PixelState {
-    pub view: View<Brown>,
+pub(crate) struct PixelState<L> {
+    pub view: View<L>,
     /// One per figure, in the order of the figures.
     pub exposures: Vec<Exposure>,
     /// One per picture.
@@ -41,13 +41,13 @@ pub(crate) struct PixelSystem {
 
 impl PixelFit<'_> {
     /// One figure under a view and an exposure; `None` where the lens does not see its corners.
-    pub(super) fn scene<'a>(
+    pub(super) fn scene<'a, L: Lens>(
         &'a self,
-        view: &'a View<Brown>,
+        view: &'a View<L>,
         exposure: &'a Exposure,
         pictures: &'a [PictureState],
         index: usize,
-    ) -> Option<Scene<'a>> {
+    ) -> Option<Scene<'a, L>> {
         let figure = &self.figures[index];
         Scene::new(figure, &pictures[figure.image], view, exposure)
     }
@@ -72,9 +72,9 @@ impl PixelFit<'_> {
         self.free.len() + PICTURE_PARAMETERS * image
     }
 
-    fn add_figure<const N: usize>(
+    fn add_figure<L: Lens, const N: usize>(
         &self,
-        state: &PixelState,
+        state: &PixelState<L>,
         index: usize,
         sum: &mut PixelSystem,
     ) -> Option<()> {
@@ -112,7 +112,7 @@ impl PixelFit<'_> {
     }
 
     /// Where a figure's exposure begins among its plane's own parameters.
-    fn exposure_offset(&self, state: &PixelState, index: usize) -> usize {
+    fn exposure_offset<L: Lens>(&self, state: &PixelState<L>, index: usize) -> usize {
         let figure = &self.figures[index];
         state.view.planes[figure.plane].parameter_count() + EXPOSURE_PARAMETERS * figure.figure
     }
@@ -123,7 +123,7 @@ impl PixelFit<'_> {
         pairs.all(|(exposure, figure)| exposure.is_valid(figure))
     }
 
-    fn assemble<const N: usize>(&self, state: &PixelState) -> Option<PixelSystem> {
+    fn assemble<L: Lens, const N: usize>(&self, state: &PixelState<L>) -> Option<PixelSystem> {
         if !self.are_valid(&state.exposures) {
             return None;
         }
@@ -139,7 +139,7 @@ impl PixelFit<'_> {
         };
         self.add_priors(state, &mut sum);
         for index in 0..self.figures.len() {
-            self.add_figure::<N>(state, index, &mut sum)?;
+            self.add_figure::<L, N>(state, index, &mut sum)?;
         }
         // A plane without figures stays where it is.
         for (p, block) in sum.system.blocks.iter_mut().enumerate() {
@@ -151,9 +151,9 @@ impl PixelFit<'_> {
     }
 
     /// What the fit found out of the pictures' coding; nothing where that was known.
-    pub fn tone_fits(
+    pub fn tone_fits<L: Lens>(
         &self,
-        state: &PixelState,
+        state: &PixelState<L>,
         system: &ArrowSystem,
         covariance_factor: f64,
     ) -> Option<Vec<ToneFit>> {
@@ -176,7 +176,7 @@ impl PixelFit<'_> {
     }
 
     /// What is known of the pictures' parameters beforehand.
-    fn add_priors(&self, state: &PixelState, sum: &mut PixelSystem) {
+    fn add_priors<L: Lens>(&self, state: &PixelState<L>, sum: &mut PixelSystem) {
         for (image, picture) in state.pictures.iter().enumerate().take(self.free_pictures) {
             let PicturePrior {
                 information,
@@ -194,7 +194,7 @@ impl PixelFit<'_> {
     }
 
     /// Cost and normal equations at a state; `None` where they are not defined.
-    pub fn evaluate(&self, state: &PixelState) -> Option<PixelSystem> {
+    pub fn evaluate<L: Lens>(&self, state: &PixelState<L>) -> Option<PixelSystem> {
         // One instance per number of shared parameters, so that the innermost loops are unrolled.
         let tone = if self.free_pictures > 0 {
             PICTURE_PARAMETERS
@@ -202,24 +202,24 @@ impl PixelFit<'_> {
             0
         };
         match self.free.len() + tone {
-            0 => self.assemble::<9>(state),
-            1 => self.assemble::<10>(state),
-            2 => self.assemble::<11>(state),
-            3 => self.assemble::<12>(state),
-            4 => self.assemble::<13>(state),
-            5 => self.assemble::<14>(state),
-            6 => self.assemble::<15>(state),
-            7 => self.assemble::<16>(state),
-            8 => self.assemble::<17>(state),
-            9 => self.assemble::<18>(state),
-            10 => self.assemble::<19>(state),
-            11 => self.assemble::<20>(state),
-            _ => self.assemble::<21>(state),
+            0 => self.assemble::<L, 9>(state),
+            1 => self.assemble::<L, 10>(state),
+            2 => self.assemble::<L, 11>(state),
+            3 => self.assemble::<L, 12>(state),
+            4 => self.assemble::<L, 13>(state),
+            5 => self.assemble::<L, 14>(state),
+            6 => self.assemble::<L, 15>(state),
+            7 => self.assemble::<L, 16>(state),
+            8 => self.assemble::<L, 17>(state),
+            9 => self.assemble::<L, 18>(state),
+            10 => self.assemble::<L, 19>(state),
+            11 => self.assemble::<L, 20>(state),
+            _ => self.assemble::<L, 21>(state),
         }
     }
 
     /// The state after a step.
-    pub fn advance(&self, state: &PixelState, step: &ArrowStep) -> PixelState {
+    pub fn advance<L: Lens>(&self, state: &PixelState<L>, step: &ArrowStep) -> PixelState<L> {
         let pictures = self.advanced_pictures(state, step);
         let exposures = state.exposures.iter().enumerate().map(|(index, exposure)| {
             let figure = &self.figures[index];
@@ -240,7 +240,11 @@ impl PixelFit<'_> {
         }
     }
 
-    fn advanced_pictures(&self, state: &PixelState, step: &ArrowStep) -> Vec<PictureState> {
+    fn advanced_pictures<L: Lens>(
+        &self,
+        state: &PixelState<L>,
+        step: &ArrowStep,
+    ) -> Vec<PictureState> {
         if self.free_pictures == 0 {
             return state.pictures.clone();
         }
@@ -258,7 +262,8 @@ mod tests {
     use super::super::photographs::Photographs;
     use super::*;
     use crate::image::{Picture, PictureTone, PowerCurve};
-    use crate::observations::{Fixed, Model, PlaneState, Polarity, sort_by_plane};
+    use crate::lens::DefaultLens;
+    use crate::observations::{PlaneState, Polarity, sort_by_plane};
     use crate::synthetic::Scene as Truth;
     use crate::synthetic::SceneOptions;
     use nalgebra::DVector;
@@ -271,11 +276,11 @@ mod tests {
     const SHIFTED: PictureTone = PictureTone::Shifted(CURVE, 0.05);
 
     fn free() -> FreeParameters {
-        FreeParameters::new(Model::Brown, &Fixed::default(), 1.0)
+        FreeParameters::all::<DefaultLens>()
     }
 
     /// The figures of a scene, filled with what the model itself makes of them.
-    fn modelled(tone: PictureTone) -> (Vec<PixelFigure>, PixelState) {
+    fn modelled(tone: PictureTone) -> (Vec<PixelFigure>, PixelState<DefaultLens>) {
         let truth = Truth::random(2, SceneOptions::default());
         let mut edges = truth.edges(0, 0.0, 20.0);
         edges

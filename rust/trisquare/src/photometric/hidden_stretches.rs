@@ -7,7 +7,7 @@ use super::band::{BandPixel, PixelFigure};
 use super::exposure::Exposure;
 use super::fit::PixelFit;
 use crate::image::PictureState;
-use crate::lens::{Brown, Lens};
+use crate::lens::Lens;
 use crate::numeric::median_scale;
 use crate::observations::View;
 
@@ -44,9 +44,9 @@ pub(super) struct HiddenPart {
 }
 
 /// Which stretches of each figure are not to be used; `None` where the lens does not see a pixel.
-pub(super) fn disturbed(
+pub(super) fn disturbed<L: Lens>(
     fit: &PixelFit<'_>,
-    view: &View<Brown>,
+    view: &View<L>,
     pictures: &[PictureState],
     exposures: &[Exposure],
 ) -> Option<Vec<Vec<bool>>> {
@@ -55,9 +55,9 @@ pub(super) fn disturbed(
         .collect()
 }
 
-fn disturbed_of_figure(
+fn disturbed_of_figure<L: Lens>(
     fit: &PixelFit<'_>,
-    (view, pictures): (&View<Brown>, &[PictureState]),
+    (view, pictures): (&View<L>, &[PictureState]),
     exposure: &Exposure,
     index: usize,
 ) -> Option<Vec<bool>> {

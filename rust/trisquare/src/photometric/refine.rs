@@ -13,6 +13,7 @@ use super::fit::{PixelFit, PixelState, PixelSystem};
 use super::hidden_stretches::{HiddenPart, disturbed, hidden_parts};
 use super::photographs::{Photographs, Refusal};
 use crate::image::{PictureState, PictureTone};
+use crate::lens::Lens;
 use crate::numeric::Loss;
 use crate::observations::{FreeParameters, PlaneEdges};
 use crate::refine::{Refined, residuals};
@@ -48,12 +49,12 @@ const MAX_LOG_RATIO: f64 = 0.2;
 const MAX_MEAN_SQUARE_SHIFT: f64 = 9.0;
 
 /// Fits the photographs and replaces the calibration's numbers where that improves them.
-pub(crate) fn improve(
+pub(crate) fn improve<L: Lens>(
     edges: &[PlaneEdges],
-    problem: &JointProblem<'_>,
-    solution: &Solution,
+    problem: &JointProblem<'_, L>,
+    solution: &Solution<L>,
     photographs: &Photographs<'_>,
-    calibration: &mut Calibration,
+    calibration: &mut Calibration<L>,
 ) {
     match attempt(edges, problem, solution, photographs, calibration) {
         Ok(better) => *calibration = better,
@@ -65,15 +66,15 @@ pub(crate) fn improve(
 }
 
 /// What the joint fit starts from.
-struct Start {
+struct Start<L> {
     figures: Vec<PixelFigure>,
     /// Noise of each figure's pixels.
     scales: Vec<f64>,
-    state: PixelState,
+    state: PixelState<L>,
     hidden: Vec<HiddenPart>,
 }
 
-impl Start {
+impl<L: Lens> Start<L> {
     /// Whether the bands are wide enough for the blurs; those that are not stop at the limit.
     fn holds_blurs(&self) -> bool {
         let mut pairs = self.state.exposures.iter().zip(&self.figures);
@@ -81,13 +82,13 @@ impl Start {
     }
 }
 
-fn attempt(
+fn attempt<L: Lens>(
     edges: &[PlaneEdges],
-    problem: &JointProblem<'_>,
-    solution: &Solution,
+    problem: &JointProblem<'_, L>,
+    solution: &Solution<L>,
     photographs: &Photographs<'_>,
-    calibration: &Calibration,
-) -> Result<Calibration, Refusal> {
+    calibration: &Calibration<L>,
+) -> Result<Calibration<L>, Refusal> {
     let tones = photographs.tones;
     let known = tones.iter().all(|t| matches!(t, PictureTone::Known(_)));
     let mut fit = PixelFit {
@@ -97,7 +98,7 @@ fn attempt(
         loss: Loss::WideTukey,
         scales: Vec::new(),
     };
-    let begin = |width: Width| -> Result<Option<Start>, Refusal> {
+    let begin = |width: Width| -> Result<Option<Start<L>>, Refusal> {
         let view = &solution.refined.view;
         let figures = collect(edges, &solution.planes, view, photographs, width)?;
         Ok(start(&fit, figures, solution, tones))
@@ -126,12 +127,12 @@ fn attempt(
 const BROKEN: Refusal = Refusal::Reason("the pixels near an outline do not show a blurred step");
 
 /// Exposures and noise of all figures, from the edges' camera, and the pixels that show them.
-fn start(
+fn start<L: Lens>(
     fit: &PixelFit<'_>,
     mut figures: Vec<PixelFigure>,
-    solution: &Solution,
+    solution: &Solution<L>,
     tones: &[PictureTone],
-) -> Option<Start> {
+) -> Option<Start<L>> {
     let view = &solution.refined.view;
     let pictures: Vec<PictureState> = tones.iter().map(|tone| PictureState::of(*tone)).collect();
     let subsampled: Vec<PixelFigure> = figures
@@ -180,7 +181,10 @@ fn start(
 
 /// The joint optimum, with the normal equations of the last step; `None` if the steps do not
 /// converge.
-fn converge(fit: &PixelFit<'_>, mut state: PixelState) -> Option<(PixelState, PixelSystem)> {
+fn converge<L: Lens>(
+    fit: &PixelFit<'_>,
+    mut state: PixelState<L>,
+) -> Option<(PixelState<L>, PixelSystem)> {
     let mut last_cost = f64::INFINITY;
     for _ in 0..MAX_STEPS {
         let found = fit.evaluate(&state)?;
@@ -199,13 +203,13 @@ fn converge(fit: &PixelFit<'_>, mut state: PixelState) -> Option<(PixelState, Pi
 }
 
 /// The calibration of an optimum.
-fn answer(
+fn answer<L: Lens>(
     fit: &PixelFit<'_>,
-    state: PixelState,
+    state: PixelState<L>,
     PixelSystem { system, spread, .. }: PixelSystem,
-    (problem, solution): (&JointProblem<'_>, &Solution),
+    (problem, solution): (&JointProblem<'_, L>, &Solution<L>),
     measured: bool,
-) -> Option<Calibration> {
+) -> Option<Calibration<L>> {
     let Solution {
         planes,
         refined,
@@ -247,10 +251,10 @@ fn answer(
 }
 
 /// Refuses an answer that is less certain than the edges', or far from it.
-fn check_improvement(
+fn check_improvement<L: Lens>(
     free: &FreeParameters,
-    edges: &Calibration,
-    pixels: &Calibration,
+    edges: &Calibration<L>,
+    pixels: &Calibration<L>,
 ) -> Result<(), Refusal> {
     if free.len() == 0 {
         return Ok(());

@@ -7,7 +7,7 @@ use super::coverage;
 use super::coverage::{Corner, Coverage, PLATEAU, coverage};
 use super::exposure::{EXPOSURE_PARAMETERS, Exposure};
 use crate::image::{PICTURE_PARAMETERS, PictureState, TONE_PARAMETERS, ToneCurve, box_kurtosis};
-use crate::lens::{Brown, BrownPixelRay, Lens};
+use crate::lens::Lens;
 use crate::observations::View;
 
 /// A pixel's distance to the outline changes by less than this (px) from its first estimate.
@@ -17,13 +17,13 @@ const DEPTH_SLACK: f64 = 1.0;
 const CORNER_STEP: f64 = 0.01;
 
 /// One figure under one state: what all its pixels share.
-pub(super) struct Scene<'a> {
+pub(super) struct Scene<'a, L> {
     pub figure: &'a PixelFigure,
     curve: &'a ToneCurve,
     picture: &'a PictureState,
     /// Derivatives of ground and contrast by the tone curve's parameters, their coded values kept.
     translation: [[f64; 2]; TONE_PARAMETERS],
-    pub lens: &'a Brown,
+    pub lens: &'a L,
     exposure: &'a Exposure,
     /// The planes through the camera centre and the sides.
     pub lines: [Vector3<f64>; 4],
@@ -50,12 +50,12 @@ pub(super) struct Shade {
     place: Vector2<f64>,
 }
 
-impl<'a> Scene<'a> {
+impl<'a, L: Lens> Scene<'a, L> {
     /// `None` where the lens does not see the figure's corners.
     pub fn new(
         figure: &'a PixelFigure,
         picture: &'a PictureState,
-        view: &'a View<Brown>,
+        view: &'a View<L>,
         exposure: &'a Exposure,
     ) -> Option<Self> {
         let plane = &view.planes[figure.plane];
@@ -102,7 +102,7 @@ impl<'a> Scene<'a> {
 
     /// Signed distances (px) of a pixel to the sides near it.
     #[inline]
-    pub fn distances(&self, pixel: &BandPixel, pixel_ray: &BrownPixelRay) -> [f64; 4] {
+    pub fn distances(&self, pixel: &BandPixel, pixel_ray: &L::PixelRay) -> [f64; 4] {
         let mut distances = [0.0; 4];
         let shift = self.shift_direction() * self.picture.shift;
         for side in 0..4 {

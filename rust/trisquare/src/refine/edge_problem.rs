@@ -155,13 +155,14 @@ impl<L: Lens> Problem for EdgeProblem<'_, L> {
 mod tests {
     use super::super::residuals::residuals;
     use super::*;
-    use crate::observations::{Fixed, Model, Placement, sort_by_plane};
+    use crate::lens::DefaultLens;
+    use crate::observations::{Placement, sort_by_plane};
     use crate::synthetic::{Scene, SceneOptions};
     use nalgebra::DVector;
 
     const NOISE: f64 = 0.2;
 
-    fn scene(noise: f64) -> (Vec<ObservedPlane>, View<crate::lens::Brown>) {
+    fn scene(noise: f64) -> (Vec<ObservedPlane>, View<DefaultLens>) {
         let truth = Scene::random(4, SceneOptions::default());
         let planes = sort_by_plane(&truth.edges(1, noise, 15.0)).unwrap();
         let state = |pose: &crate::geometry::Pose| PlaneState {
@@ -176,7 +177,7 @@ mod tests {
     }
 
     fn free() -> FreeParameters {
-        FreeParameters::new(Model::Brown, &Fixed::default(), 1.0)
+        FreeParameters::all::<DefaultLens>()
     }
 
     fn step(system: &ArrowSystem) -> ArrowStep {

@@ -1,5 +1,7 @@
 //! Distances of the samples to the images of their lines, and their spread.
 
+use nalgebra::Vector2;
+
 use crate::lens::Lens;
 use crate::numeric::median_scale;
 use crate::observations::{ObservedPlane, View};
@@ -12,6 +14,8 @@ pub(crate) const MIN_SCALE: f64 = 1e-9;
 pub(crate) struct Residual {
     /// Signed, in pixels.
     pub distance: f64,
+    /// Unit normal of the line's image, towards which the distance is positive.
+    pub normal: Vector2<f64>,
     /// One over the standard deviation given for the sample.
     pub weight: f64,
     /// Whether its side belongs to the scene; an outlier says nothing about the noise.
@@ -41,8 +45,10 @@ pub(crate) fn residuals<L: Lens>(planes: &[ObservedPlane], view: &View<L>) -> Op
                 let line = state.line(f, side);
                 for sample in &side.samples {
                     let pixel_ray = view.lens.unproject_with_jacobian(&sample.pixel)?;
+                    let (distance, normal) = view.lens.line_distance_and_normal(&pixel_ray, &line);
                     own.push(Residual {
-                        distance: view.lens.line_distance(&pixel_ray, &line),
+                        distance,
+                        normal,
                         weight: sample.weight,
                         counts: !side.is_outlier,
                     });

@@ -4,11 +4,12 @@ use nalgebra::{DMatrix, Vector2};
 
 use super::pose_uncertainty::PoseUncertainty;
 use super::residual_correlation::ResidualCorrelation;
+use super::residuals::FigureResiduals;
 use super::warning::{Stage, Warning};
 use crate::geometry::Pose;
 use crate::image::ToneFit;
 use crate::image_size::ImageSize;
-use crate::lens::Brown;
+use crate::lens::{DefaultLens, Lens};
 
 /// A plane of the scene.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,9 +33,9 @@ pub struct Plane {
 
 /// A calibrated camera, how well it is known, and where the planes stand.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Calibration {
+pub struct Calibration<L: Lens = DefaultLens> {
     /// The camera.
-    pub camera: Brown,
+    pub camera: L,
     /// Size of the pictures.
     pub image_size: ImageSize,
     /// Names of the free parameters, in the order of the covariance.
@@ -45,6 +46,9 @@ pub struct Calibration {
     pub aspect_fixed: bool,
     /// The planes, in the order in which their first figures were given.
     pub planes: Vec<Plane>,
+    /// How far the samples of every figure are from the images of its lines, in the order in which
+    /// the figures were given.
+    pub residuals: Vec<FigureResiduals>,
     /// Root mean square distance of all samples to the images of their lines, in pixels.
     pub rms: f64,
     /// What the given standard deviations had to be multiplied by to agree with the residuals.
@@ -61,7 +65,7 @@ pub struct Calibration {
     pub tones: Vec<ToneFit>,
 }
 
-impl Calibration {
+impl<L: Lens> Calibration<L> {
     /// One standard deviation of every free parameter (and of `fy` where it follows `fx`).
     pub fn std(&self) -> Vec<(&'static str, f64)> {
         let mut all = Vec::with_capacity(self.parameters.len() + 1);

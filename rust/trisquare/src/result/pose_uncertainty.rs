@@ -1,6 +1,6 @@
 //! How well the pose of a plane is known.
 
-use nalgebra::{Matrix6, SMatrix};
+use nalgebra::{Matrix6, Matrix6xX};
 
 /// How well a pose is known, and how it would follow another camera.
 ///
@@ -12,6 +12,6 @@ pub struct PoseUncertainty {
     /// Covariance of the pose where the camera is given.
     pub given_camera: Matrix6<f64>,
     /// Derivative of the pose by all of the camera's parameters, free or held, in the order of
-    /// [`Brown::parameter_names`](crate::lens::Lens::parameter_names).
-    pub by_camera: SMatrix<f64, 6, 9>,
+    /// [`Lens::parameter_names`](crate::lens::Lens::parameter_names).
+    pub by_camera: Matrix6xX<f64>,
 }

@@ -3,12 +3,13 @@
 use super::hypothesis::Hypothesis;
 use super::squareness::Candidate;
 use crate::image_size::ImageSize;
+use crate::lens::Lens;
 use crate::linear::{Homographies, Undistortion};
 use crate::observations::ObservedPlane;
 
 /// The planes that have homographies, and what these show.
-pub(crate) struct Pool {
-    pub undistortion: Undistortion,
+pub(crate) struct Pool<L> {
+    pub undistortion: Undistortion<L>,
     /// Their indices, ascending.
     pub places: Vec<usize>,
     pub candidates: Vec<Candidate>,
@@ -16,8 +17,8 @@ pub(crate) struct Pool {
     pub homographies: Vec<Homographies>,
 }
 
-impl Pool {
-    pub fn of(planes: &[ObservedPlane], undistortion: Undistortion, size: ImageSize) -> Self {
+impl<L: Lens> Pool<L> {
+    pub fn of(planes: &[ObservedPlane], undistortion: Undistortion<L>, size: ImageSize) -> Self {
         let mut pool = Self {
             undistortion,
             places: Vec::new(),

@@ -14,7 +14,7 @@ use super::straightness::Straightness;
 use super::verdict::{Choice, LEAST_BOARDS, Verdict, doubt_of_boards, doubt_of_choice};
 use crate::error::Error;
 use crate::image_size::ImageSize;
-use crate::lens::Brown;
+use crate::lens::Lens;
 use crate::linear::{Homographies, Undistortion, first_view};
 use crate::observations::{
     Fixed, Method, ObservedPlane, Options, PlaneEdges, has_grid, sort_by_plane,
@@ -32,7 +32,11 @@ const SAMPLES_PER_SIDE: usize = 16;
 /// # Errors
 /// [`Error::InvalidArgument`] and its like for bad edges or options. That no camera is found is no
 /// error: then nothing is dropped.
-pub fn choose(edges: &[PlaneEdges], size: ImageSize, options: &Options) -> Result<Choice, Error> {
+pub fn choose<L: Lens>(
+    edges: &[PlaneEdges],
+    size: ImageSize,
+    options: &Options<L>,
+) -> Result<Choice, Error> {
     size.check()?;
     options.check()?;
     let planes = sort_by_plane(edges)?;
@@ -67,9 +71,9 @@ pub fn choose(edges: &[PlaneEdges], size: ImageSize, options: &Options) -> Resul
         .unwrap_or_else(|| Choice::of_all(&subsampled)))
 }
 
-struct Chooser<'a>(Inliers<'a>);
+struct Chooser<'a, L: Lens>(Inliers<'a, L>);
 
-impl Chooser<'_> {
+impl<L: Lens> Chooser<'_, L> {
     /// Whether the one plane that a choice drops is found false, or bent on one side, by the fit of
     /// all planes as well: that one names it, and may keep its other sides.
     fn is_outlier_anyway(&self, choice: &Choice) -> bool {
@@ -133,7 +137,7 @@ impl Chooser<'_> {
         if !fits.iter().any(|fit| inliers.agrees(fit)) {
             fits.extend(inliers.fits_without_one_of_all(&hypotheses));
         }
-        let order = |fit: &Fit| (inliers.agrees(fit), inliers.worth(fit));
+        let order = |fit: &Fit<L>| (inliers.agrees(fit), inliers.worth(fit));
         fits.sort_by(|a, b| {
             let ((a_agrees, a), (b_agrees, b)) = (order(a), order(b));
             b_agrees.cmp(&a_agrees).then(b.total_cmp(&a))
@@ -160,7 +164,7 @@ impl Chooser<'_> {
     }
 
     /// How far a plane's samples are from the best square that a camera allows.
-    fn residual(&self, plane: &ObservedPlane, lens: &Brown) -> Option<f64> {
+    fn residual(&self, plane: &ObservedPlane, lens: &L) -> Option<f64> {
         let options = Options {
             fixed: Fixed {
                 aspect: true,

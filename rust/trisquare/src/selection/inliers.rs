@@ -11,7 +11,7 @@ use super::hypothesis::{Hypothesis, alike, squared_deviation};
 use super::joint_fit::Fit;
 use super::propose::{FOCAL_DOUBT, matrix_of, pinhole, prior, propose, triples};
 use super::squareness::Pinhole;
-use crate::lens::Brown;
+use crate::lens::Lens;
 use crate::linear::first_view;
 use crate::noise::{Misfit, Noise};
 use crate::observations::{ObservedPlane, PlaneState};
@@ -56,25 +56,25 @@ const SQUARE_EVIDENCE: f64 = 5.0;
 
 /// What agrees is sought among these planes.
 #[derive(Clone, Copy)]
-pub(crate) struct Inliers<'a> {
-    pub problem: &'a JointProblem<'a>,
+pub(crate) struct Inliers<'a, L: Lens> {
+    pub problem: &'a JointProblem<'a, L>,
     pub planes: &'a [ObservedPlane],
-    pub pool: &'a Pool,
+    pub pool: &'a Pool<L>,
     /// Mean square curvature of the sides where they are as straight as a lens can make them, in
     /// units of their noise; at least 1.
     pub bent: f64,
 }
 
-impl Inliers<'_> {
+impl<L: Lens> Inliers<'_, L> {
     /// Whether the planes of a joint fit agree: all of them together and, where they are so many
     /// that one false one would be lost among them, each by itself.
-    pub fn agrees(&self, fit: &Fit) -> bool {
+    pub fn agrees(&self, fit: &Fit<L>) -> bool {
         fit.agrees(self.bent)
             && (fit.members.len() <= MAX_FITTED || self.within(fit).len() == fit.members.len())
     }
 
     /// The members of a joint fit that do not stick out of it.
-    fn within(&self, fit: &Fit) -> Vec<usize> {
+    fn within(&self, fit: &Fit<L>) -> Vec<usize> {
         let limit = FALSE_PLANE * self.bent * fit.ordinary_misfit();
         let own = fit.members.iter().zip(&fit.own_misfits);
         own.filter(|(_, own)| **own <= limit)
@@ -83,7 +83,7 @@ impl Inliers<'_> {
     }
 
     /// The joint fit of some planes, searched from a camera.
-    fn fit(&self, members: &[usize], start: &Pinhole) -> Option<Fit> {
+    fn fit(&self, members: &[usize], start: &Pinhole) -> Option<Fit<L>> {
         let JointProblem {
             size,
             options,
@@ -110,8 +110,8 @@ impl Inliers<'_> {
         &self,
         members: &[usize],
         planes: &[ObservedPlane],
-        refined: Refined<Brown>,
-    ) -> Fit {
+        refined: Refined<L>,
+    ) -> Fit<L> {
         let noise = (!refined.is_exact()).then(|| Noise::of_optimum(planes, &refined));
         let misfit = noise.as_ref().map_or(Misfit::NONE, |noise| {
             Misfit::of(planes, &refined.view, &self.problem.free, noise)
@@ -135,7 +135,7 @@ impl Inliers<'_> {
     }
 
     /// The joint fits that the best of some hypotheses lead to.
-    pub fn fits(&self, hypotheses: &[Hypothesis]) -> Vec<Fit> {
+    pub fn fits(&self, hypotheses: &[Hypothesis]) -> Vec<Fit<L>> {
         let mut fits = Vec::new();
         for hypothesis in hypotheses {
             if hypotheses[0].evidence - hypothesis.evidence < CONSIDERED {
@@ -147,7 +147,7 @@ impl Inliers<'_> {
 
     /// The joint fits that agree once a square is left out which is in all hypotheses: one that
     /// is known so well as a board is in any, also where another camera saw it.
-    pub fn fits_without_one_of_all(&self, found: &[Hypothesis]) -> Vec<Fit> {
+    pub fn fits_without_one_of_all(&self, found: &[Hypothesis]) -> Vec<Fit<L>> {
         let in_all = |plane: &usize| {
             let mut sets = found.iter().map(|one| self.pool.squares(one));
             sets.all(|squares| squares.contains(plane))
@@ -171,12 +171,12 @@ impl Inliers<'_> {
     }
 
     /// The joint fits that a hypothesis leads to: of its squares, or of those that agree.
-    fn add_fits(&self, hypothesis: &Hypothesis, fits: &mut Vec<Fit>) {
+    fn add_fits(&self, hypothesis: &Hypothesis, fits: &mut Vec<Fit<L>>) {
         let squares = self.most_telling(self.pool.squares(hypothesis), hypothesis);
         let start = &hypothesis.camera;
-        let mut keep = |fit: Fit| {
+        let mut keep = |fit: Fit<L>| {
             let known = |members: &[usize]| {
-                let within = |known: &&Fit| members.iter().all(|i| known.members.contains(i));
+                let within = |known: &&Fit<L>| members.iter().all(|i| known.members.contains(i));
                 fits.iter().any(|fit| self.agrees(fit) && within(&fit))
             };
             if !known(&fit.members) {
@@ -206,7 +206,7 @@ impl Inliers<'_> {
     }
 
     /// What speaks for a joint fit: squares that do not stand alike, and an ordinary camera.
-    pub fn worth(&self, fit: &Fit) -> f64 {
+    pub fn worth(&self, fit: &Fit<L>) -> f64 {
         fit.standing_apart() * SQUARE_EVIDENCE - prior(self.problem).cost(&fit.camera)
     }
 
@@ -246,7 +246,7 @@ impl Inliers<'_> {
     }
 
     /// What agrees of a fit once the planes that stick out are dropped, if anything does.
-    fn trimmed(&self, fit: &Fit) -> Option<Fit> {
+    fn trimmed(&self, fit: &Fit<L>) -> Option<Fit<L>> {
         let mut rest = self.fit(&fit.members, &fit.camera)?;
         for _ in 0..MAX_TRIMS {
             if self.agrees(&rest) {
@@ -271,7 +271,7 @@ impl Inliers<'_> {
     }
 
     /// Takes back what agrees in the joint fit, the most promising first.
-    fn with_others(&self, mut fit: Fit, hypothesis: &Hypothesis) -> Fit {
+    fn with_others(&self, mut fit: Fit<L>, hypothesis: &Hypothesis) -> Fit<L> {
         let mut others: Vec<(f64, usize)> = self
             .pool
             .candidates
@@ -298,7 +298,7 @@ impl Inliers<'_> {
 
     /// A joint fit with all that agrees, where there are too many to be tried one by one: all at
     /// once, and then without those that stick out.
-    pub fn completed(&self, fit: Fit) -> Fit {
+    pub fn completed(&self, fit: Fit<L>) -> Fit<L> {
         if self.pool.places.len() <= MAX_FITTED {
             return fit;
         }

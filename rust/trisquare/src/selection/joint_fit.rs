@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::hypothesis::{ALIKE_SHARE, alike};
 use super::squareness::Pinhole;
-use crate::lens::Brown;
+use crate::lens::Lens;
 use crate::noise::Misfit;
 use crate::refine::{Refined, root_mean_square};
 
@@ -19,18 +19,18 @@ const CHANCE: f64 = 4.0;
 const MEDIAN_OF_CHANCE: f64 = std::f64::consts::LN_2;
 
 /// The joint fit of some planes.
-pub(crate) struct Fit {
+pub(crate) struct Fit<L> {
     /// Their indices, ascending.
     pub members: Vec<usize>,
     pub camera: Pinhole,
-    pub refined: Refined<Brown>,
+    pub refined: Refined<L>,
     pub misfit: Misfit,
     /// By how much every member puts its sides in the wrong place, per degree of freedom and in
     /// units of the noise.
     pub own_misfits: Vec<f64>,
 }
 
-impl Fit {
+impl<L: Lens> Fit<L> {
     /// Whether its sides lie where they should, and are straight, but for the noise and for what
     /// bends them anyway.
     pub fn agrees(&self, bent: f64) -> bool {

@@ -8,6 +8,7 @@ use super::hypothesis::{Hypothesis, Prior};
 use super::squareness::{Candidate, Pinhole};
 use crate::geometry::camera_matrix;
 use crate::image_size::ImageSize;
+use crate::lens::Lens;
 use crate::linear::Homographies;
 use crate::observations::Options;
 use crate::solver::JointProblem;
@@ -44,7 +45,7 @@ const HELD: f64 = 1e-6;
 pub(crate) const FOCAL_DOUBT: f64 = 0.04;
 
 /// What is known of the camera beforehand.
-pub(crate) fn prior(problem: &JointProblem<'_>) -> Prior {
+pub(crate) fn prior<L: Lens>(problem: &JointProblem<'_, L>) -> Prior {
     let Options { fixed, initial, .. } = *problem.options;
     let mut mean = Pinhole::new(ORDINARY_FOCAL, 0.0, 0.0, 0.0);
     let mut std = Pinhole::from(PRIOR_STD);
@@ -68,7 +69,7 @@ pub(crate) fn prior(problem: &JointProblem<'_>) -> Prior {
 }
 
 /// All that cameras make of the candidates, from the most evidence to the least.
-pub(crate) fn propose(problem: &JointProblem<'_>, pool: &Pool) -> Vec<Hypothesis> {
+pub(crate) fn propose<L: Lens>(problem: &JointProblem<'_, L>, pool: &Pool<L>) -> Vec<Hypothesis> {
     let prior = prior(problem);
     let mut doubt = prior.std;
     doubt[0] = doubt[0].min(FOCAL_DOUBT);
@@ -107,7 +108,11 @@ fn best_different(mut found: Vec<Hypothesis>) -> Vec<Hypothesis> {
 
 /// Cameras that may explain candidates: every plausible focal length, and what pairs and triples of
 /// candidates ask for.
-fn candidate_cameras(problem: &JointProblem<'_>, pool: &Pool, prior: &Prior) -> Vec<Pinhole> {
+fn candidate_cameras<L: Lens>(
+    problem: &JointProblem<'_, L>,
+    pool: &Pool<L>,
+    prior: &Prior,
+) -> Vec<Pinhole> {
     let mut cameras = vec![prior.mean];
     if problem.options.fixed.focal {
         return cameras;

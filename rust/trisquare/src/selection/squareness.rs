@@ -11,6 +11,7 @@ use nalgebra::{Matrix2, Matrix2x4, SMatrix, SVector, Vector2, Vector3, Vector4};
 use crate::error::Error;
 use crate::geometry::Line;
 use crate::image_size::ImageSize;
+use crate::lens::Lens;
 use crate::linear::{Undistortion, homography_of_figure};
 use crate::observations::ObservedPlane;
 
@@ -56,9 +57,9 @@ pub(crate) struct Deviation {
 impl Candidate {
     /// # Errors
     /// If the figure has no homography.
-    pub fn of(
+    pub fn of<L: Lens>(
         plane: &ObservedPlane,
-        undistortion: &Undistortion,
+        undistortion: &Undistortion<L>,
         size: ImageSize,
     ) -> Result<Self, Error> {
         let figure = &plane.figures[0];
@@ -170,7 +171,7 @@ impl Candidate {
 }
 
 /// By how much the distortion stretches a small figure more along the radius than across it.
-fn anisotropy(undistortion: &Undistortion, size: ImageSize, rho: f64) -> f64 {
+fn anisotropy<L: Lens>(undistortion: &Undistortion<L>, size: ImageSize, rho: f64) -> f64 {
     let Undistortion::Straightened(straightening) = undistortion else {
         return 0.0;
     };
@@ -185,6 +186,7 @@ fn anisotropy(undistortion: &Undistortion, size: ImageSize, rho: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lens::DefaultLens;
     use crate::linear::Straightening;
     use crate::observations::sort_by_plane;
     use crate::synthetic::{Scene, SceneOptions};
@@ -196,7 +198,7 @@ mod tests {
         };
         let scene = Scene::random(3, options);
         let planes = sort_by_plane(&scene.edges(1, noise, 10.0)).unwrap();
-        let known = Undistortion::Straightened(Straightening::identity(scene.size));
+        let known = Undistortion::<DefaultLens>::Straightened(Straightening::identity(scene.size));
         let all = planes
             .iter()
             .map(|p| Candidate::of(p, &known, scene.size).unwrap());

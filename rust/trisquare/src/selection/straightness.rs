@@ -8,6 +8,7 @@ use nalgebra::Vector2;
 
 use super::propose::triples;
 use crate::geometry::Line;
+use crate::lens::Lens;
 use crate::linear::{Straightening, Undistortion};
 use crate::noise::{Misfit, Noise};
 use crate::observations::{ObservedPlane, Sample, Side};
@@ -26,15 +27,15 @@ const MAX_TRIPLES: usize = 20;
 const CLEARLY_STRAIGHTER: f64 = 4.0;
 
 /// A lens, and how straight it makes the sides that it concerns.
-pub(crate) struct Straightness {
-    pub undistortion: Undistortion,
+pub(crate) struct Straightness<L> {
+    pub undistortion: Undistortion<L>,
     /// Mean square curvature of the sides, in units of their noise; at least 1.
     pub bent: f64,
 }
 
-impl Straightness {
-    pub fn of(planes: &[ObservedPlane], problem: &JointProblem<'_>) -> Self {
-        let of_all = Lens::of(planes, undistortion(planes, problem));
+impl<L: Lens> Straightness<L> {
+    pub fn of(planes: &[ObservedPlane], problem: &JointProblem<'_, L>) -> Self {
+        let of_all = Straightened::of(planes, undistortion(planes, problem));
         let bent = of_all.mean_below(f64::INFINITY);
         if bent < CURVED {
             return Self {
@@ -46,7 +47,7 @@ impl Straightness {
         let of_triple = |triple: [usize; 3]| {
             let own = triple.map(|i| planes[i].clone());
             let found = Undistortion::estimate(&own, problem.size, problem.options).ok()?;
-            Some(Lens::of(planes, found))
+            Some(Straightened::of(planes, found))
         };
         let triples = triples(&indices, MAX_TRIPLES);
         let lenses = triples.into_iter().filter_map(of_triple);
@@ -68,20 +69,23 @@ impl Straightness {
     }
 }
 
-fn undistortion(planes: &[ObservedPlane], problem: &JointProblem<'_>) -> Undistortion {
+fn undistortion<L: Lens>(
+    planes: &[ObservedPlane],
+    problem: &JointProblem<'_, L>,
+) -> Undistortion<L> {
     Undistortion::estimate(planes, problem.size, problem.options)
         .unwrap_or_else(|_| Undistortion::Straightened(Straightening::identity(problem.size)))
 }
 
-/// A lens with what it makes of all planes.
-struct Lens {
-    undistortion: Undistortion,
+/// Planes seen without the distortion of a lens.
+struct Straightened<L> {
+    undistortion: Undistortion<L>,
     /// Of every plane; empty where the lens cannot map them all.
     misfits: Vec<Misfit>,
 }
 
-impl Lens {
-    fn of(planes: &[ObservedPlane], undistortion: Undistortion) -> Self {
+impl<L: Lens> Straightened<L> {
+    fn of(planes: &[ObservedPlane], undistortion: Undistortion<L>) -> Self {
         let own = |plane: &ObservedPlane| -> Option<Vec<Residual>> {
             let sides = plane.sides().map(|side| residuals(side, &undistortion));
             Some(sides.collect::<Option<Vec<_>>>()?.concat())
@@ -126,7 +130,7 @@ fn curvature(misfit: &Misfit) -> f64 {
 }
 
 /// A side's distances from its line in the undistorted picture.
-fn residuals(side: &Side, undistortion: &Undistortion) -> Option<Vec<Residual>> {
+fn residuals<L: Lens>(side: &Side, undistortion: &Undistortion<L>) -> Option<Vec<Residual>> {
     let pixels = side
         .samples
         .iter()
@@ -135,6 +139,7 @@ fn residuals(side: &Side, undistortion: &Undistortion) -> Option<Vec<Residual>> 
     let line = Line::fit(ideal.iter().map(|pixel| (*pixel, 1.0)))?;
     let residual = |(pixel, sample): (&Vector2<f64>, &Sample)| Residual {
         distance: line.distance(pixel),
+        normal: line.normal(),
         weight: sample.weight,
         counts: true,
     };

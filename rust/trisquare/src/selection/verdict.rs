@@ -3,7 +3,8 @@
 use super::hypothesis::Hypothesis;
 use super::inliers::Inliers;
 use super::joint_fit::Fit;
-use crate::observations::ObservedPlane;
+use crate::lens::Lens;
+use crate::observations::{ObservedPlane, PlaneEdges};
 
 /// Boards that show a camera and their own errors: more than half of them are then right.
 pub(crate) const LEAST_BOARDS: usize = 3;
@@ -75,6 +76,22 @@ pub enum Doubt {
 }
 
 impl Choice {
+    /// Drops, of the figures among which was chosen, those on planes that are not kept.
+    pub fn keep(&self, edges: &mut Vec<PlaneEdges>) {
+        let dropped = self.verdicts.iter().filter(|verdict| !verdict.kept);
+        let dropped: Vec<(usize, Option<u64>)> = dropped
+            .map(|verdict| (verdict.figure, edges[verdict.figure].plane))
+            .collect();
+        let mut index = 0;
+        edges.retain(|figure| {
+            let is_dropped = dropped
+                .iter()
+                .any(|(first, plane)| *first == index || plane.is_some() && *plane == figure.plane);
+            index += 1;
+            !is_dropped
+        });
+    }
+
     /// The choice that keeps all.
     pub(crate) fn of_all(planes: &[ObservedPlane]) -> Self {
         let kept = |plane: &ObservedPlane| Verdict {
@@ -90,15 +107,15 @@ impl Choice {
 }
 
 /// That a choice has a rival, comes about by chance, or asks for an odd camera.
-pub(crate) fn doubt_of_choice(
-    inliers: &Inliers<'_>,
+pub(crate) fn doubt_of_choice<L: Lens>(
+    inliers: &Inliers<'_, L>,
     best: &Hypothesis,
-    chosen: &Fit,
-    others: Vec<Fit>,
+    chosen: &Fit<L>,
+    others: Vec<Fit<L>>,
 ) -> Option<Doubt> {
     let problem = inliers.problem;
     let lens = chosen.refined.view.lens;
-    let focal = |fit: &Fit| fit.refined.view.lens.focal().x;
+    let focal = |fit: &Fit<L>| fit.refined.view.lens.focal().x;
     let close = inliers.worth(chosen) - CLOSE_RIVAL;
     let rival = others.into_iter().find(|other| {
         (focal(other) / focal(chosen)).ln().abs() > DIFFERENT_FOCAL && inliers.worth(other) > close
@@ -125,7 +142,10 @@ pub(crate) fn doubt_of_choice(
 }
 
 /// That as many others as boards agree on another camera: these may be a picture's in the picture.
-pub(crate) fn doubt_of_boards(inliers: &Inliers<'_>, rejected: &[usize]) -> Option<Doubt> {
+pub(crate) fn doubt_of_boards<L: Lens>(
+    inliers: &Inliers<'_, L>,
+    rejected: &[usize],
+) -> Option<Doubt> {
     if rejected.len() < LEAST_BOARDS {
         return None;
     }

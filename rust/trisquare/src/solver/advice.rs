@@ -3,12 +3,13 @@
 use super::problem::{Failure, IllConditionedOptimum, JointProblem};
 use super::starts::with_starts;
 use crate::error::Error;
+use crate::lens::Lens;
 use crate::observations::{Fixed, Options};
 use crate::uncertainty::{remedies_by_holding, remedy_by_showing};
 
-impl JointProblem<'_> {
+impl<L: Lens> JointProblem<'_, L> {
     /// The error of a failure; a weak geometry is told with what would help.
-    pub fn advised(&self, failure: Failure) -> Error {
+    pub fn advised(&self, failure: Failure<L>) -> Error {
         let found = match failure {
             Failure::Other(error) => return error,
             Failure::IllConditioned(found) => found,

@@ -4,15 +4,15 @@ use nalgebra::Vector2;
 
 use super::problem::JointProblem;
 use super::solve::Solution;
-use crate::lens::{Brown, Lens};
+use crate::lens::Lens;
 use crate::observations::{ObservedPlane, Placement, View};
-use crate::refine::root_mean_square;
-use crate::result::{Calibration, Plane, Stage, Warning};
+use crate::refine::{Residuals, root_mean_square};
+use crate::result::{Calibration, FigureResiduals, Plane, SideResiduals, Stage, Warning};
 use crate::uncertainty::{Correlated, pose_uncertainties};
 
-impl Calibration {
+impl<L: Lens> Calibration<L> {
     /// Says how well the poses of the optimum are known that it was assembled from.
-    pub(crate) fn state_poses(&mut self, solution: &Solution) {
+    pub(crate) fn state_poses(&mut self, solution: &Solution<L>) {
         let added = match self.stage {
             Stage::Pixels => &self.residual_correlation.added_to_pixels,
             _ => &self.residual_correlation.added,
@@ -27,7 +27,11 @@ impl Calibration {
     }
 
     /// The numbers of an optimum, but for how well its poses are known.
-    pub(crate) fn assemble(problem: &JointProblem<'_>, solution: &Solution, stage: Stage) -> Self {
+    pub(crate) fn assemble(
+        problem: &JointProblem<'_, L>,
+        solution: &Solution<L>,
+        stage: Stage,
+    ) -> Self {
         let Solution {
             planes,
             refined,
@@ -63,6 +67,7 @@ impl Calibration {
                     uncertainty: None,
                 })
                 .collect(),
+            residuals: by_figure(planes, residuals),
             rms: root_mean_square(residuals.iter().flatten().filter(|r| r.counts)),
             noise_scale: refined.noise_scale,
             iterations: refined.iterations,
@@ -74,9 +79,38 @@ impl Calibration {
     }
 }
 
+/// The residuals of every figure and line, in the order in which they were given.
+fn by_figure(planes: &[ObservedPlane], residuals: &Residuals) -> Vec<FigureResiduals> {
+    let mut sorted = Vec::new();
+    for (number, (plane, own)) in planes.iter().zip(residuals).enumerate() {
+        let mut own = own.iter();
+        for figure in &plane.figures {
+            let sides = figure.sides.iter().map(|side| {
+                let of_side = own.by_ref().take(side.samples.len());
+                let (distances, normals) = of_side.map(|r| (r.distance, r.normal)).unzip();
+                SideResiduals { distances, normals }
+            });
+            let sides = sides.collect();
+            sorted.push((
+                figure.index,
+                FigureResiduals {
+                    plane: number,
+                    sides,
+                },
+            ));
+        }
+    }
+    sorted.sort_by_key(|(index, _)| *index);
+    sorted.into_iter().map(|(_, figure)| figure).collect()
+}
+
 /// The images of a plane's corners: of a square where sides `i - 1` and `i` meet, of a lattice
 /// the corners of the rectangle that its lines' crossings span.
-fn observed_corners(plane: &ObservedPlane, view: &View<Brown>, index: usize) -> [Vector2<f64>; 4] {
+fn observed_corners<L: Lens>(
+    plane: &ObservedPlane,
+    view: &View<L>,
+    index: usize,
+) -> [Vector2<f64>; 4] {
     let sides = &plane.figures[0].sides;
     let crossing = |i: usize, j: usize| sides[i].line.intersection(&sides[j].line);
     let square = || -> Option<[Vector2<f64>; 4]> {
@@ -110,11 +144,7 @@ fn observed_corners(plane: &ObservedPlane, view: &View<Brown>, index: usize) -> 
     });
     let state = &view.planes[index];
     corners.map(|corner| {
-        let point = state.pose.transform(&Placement::IDENTITY.point(corner));
-        // A corner beyond the valid radius is given where a pinhole would see it.
-        view.lens.project(&point).unwrap_or_else(|| {
-            let ideal = point.xy() / point.z;
-            ideal.component_mul(&view.lens.focal()) + view.lens.principal_point()
-        })
+        let point = Placement::IDENTITY.point(corner);
+        view.lens.project_extended(&state.pose.transform(&point))
     })
 }

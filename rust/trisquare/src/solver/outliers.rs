@@ -3,8 +3,8 @@
 
 use super::problem::{Failure, JointProblem};
 use super::solve::Solution;
-use crate::lens::Brown;
-use crate::noise::{Misfit, Noise};
+use crate::lens::Lens;
+use crate::noise::{Misfit, Moments, Noise};
 use crate::observations::ObservedPlane;
 use crate::refine::{Refined, root_mean_square};
 use crate::result::Warning;
@@ -28,6 +28,10 @@ const BENT: f64 = 10.0;
 /// remains without it: chance makes it 7 once in ten thousand times, and there are some twelve.
 const FALSE_SIDE: f64 = 10.0;
 
+/// Part of its weight that the robust loss must leave every side where a bent one stays: of a side
+/// that it mostly ignores, the standard deviations do not include the bend.
+const LEAST_WEIGHT: f64 = 0.5;
+
 /// At most one side in so many is rejected: beyond, nobody can tell who is right.
 const SIDES_PER_OUTLIER: usize = 4;
 
@@ -49,10 +53,10 @@ const SIDES: usize = 4;
 ///
 /// # Errors
 /// If no camera is found for any of the planes.
-pub(crate) fn reject_outliers(
-    problem: &JointProblem<'_>,
+pub(crate) fn reject_outliers<L: Lens>(
+    problem: &JointProblem<'_, L>,
     planes: &[ObservedPlane],
-) -> Result<(Solution, Vec<Warning>), Failure> {
+) -> Result<(Solution<L>, Vec<Warning>), Failure<L>> {
     let mut solution = match without_false_plane(problem, planes, problem.solve(planes)) {
         Err(failure) if failure.may_be_outliers() => {
             solved_without_bent_side(problem, planes).ok_or(failure)?
@@ -70,7 +74,7 @@ pub(crate) fn reject_outliers(
             break;
         };
         let before = std::mem::replace(&mut solution, straighter);
-        if !problem.is_ill_conditioned(&before) {
+        if before.has_weight_on_all_sides() && !problem.is_ill_conditioned(&before) {
             last_sound = Some(before);
         }
     }
@@ -105,11 +109,11 @@ fn farthest<T: Copy>(mut things: Vec<(T, Misfit)>, count: usize) -> Vec<T> {
 /// Leaves out each plane in turn where they disagree, and rejects the one without which the
 /// others agree much better, or only its one bent side. Of many planes only the farthest off are
 /// left out, from the optimum of all.
-fn without_false_plane(
-    problem: &JointProblem<'_>,
+fn without_false_plane<L: Lens>(
+    problem: &JointProblem<'_, L>,
     planes: &[ObservedPlane],
-    all: Result<Solution, Failure>,
-) -> Result<Solution, Failure> {
+    all: Result<Solution<L>, Failure<L>>,
+) -> Result<Solution<L>, Failure<L>> {
     let enough =
         planes.len() > LEAST_PLANES && check_plane_count(planes.len() - 1, &problem.free).is_ok();
     let misfit = match &all {
@@ -157,7 +161,11 @@ fn without_false_plane(
 }
 
 /// A plane of which one side alone is bent comes back with the others.
-fn with_its_straight_sides(problem: &JointProblem<'_>, found: Solution, plane: usize) -> Solution {
+fn with_its_straight_sides<L: Lens>(
+    problem: &JointProblem<'_, L>,
+    found: Solution<L>,
+    plane: usize,
+) -> Solution<L> {
     let curvatures = curvatures(&found, plane);
     let bent: Vec<usize> = (0..curvatures.len())
         .filter(|s| curvatures[*s] > BENT)
@@ -181,17 +189,27 @@ fn with_its_straight_sides(problem: &JointProblem<'_>, found: Solution, plane: u
         .unwrap_or(found)
 }
 
-impl Solution {
-    fn misfit(&self, problem: &JointProblem<'_>) -> Misfit {
+impl<L: Lens> Solution<L> {
+    fn misfit(&self, problem: &JointProblem<'_, L>) -> Misfit {
         let view = &self.refined.view;
         self.noise.as_ref().map_or(Misfit::NONE, |noise| {
             Misfit::of(&self.planes, view, &problem.free, noise)
         })
     }
+
+    /// Whether the robust loss leaves every side that counts most of its weight.
+    fn has_weight_on_all_sides(&self) -> bool {
+        let moments = self.noise.iter().flat_map(|noise| &noise.sides).flatten();
+        let sides = self.planes.iter().flat_map(ObservedPlane::sides);
+        sides.zip(moments).all(|(side, moments)| {
+            let weight = |of: &Moments| of.gram[(0, 0)];
+            side.is_outlier || weight(&moments.robust) > LEAST_WEIGHT * weight(&moments.plain)
+        })
+    }
 }
 
 /// The planes that are worth leaving out: those farthest off.
-fn suspected_planes(solution: &Solution) -> Vec<usize> {
+fn suspected_planes<L: Lens>(solution: &Solution<L>) -> Vec<usize> {
     let own = |noise: &Noise| {
         let planes = 0..noise.sides.len();
         planes
@@ -203,7 +221,7 @@ fn suspected_planes(solution: &Solution) -> Vec<usize> {
 }
 
 /// The sides of squares that are worth leaving out: all, or of many those farthest off.
-fn suspected_sides(solution: &Solution) -> Vec<(usize, usize)> {
+fn suspected_sides<L: Lens>(solution: &Solution<L>) -> Vec<(usize, usize)> {
     let sides = sides_of_squares(&solution.planes);
     match &solution.noise {
         Some(noise) if solution.planes.len() > ALL_TRIED => {
@@ -226,10 +244,10 @@ fn sides_of_squares(planes: &[ObservedPlane]) -> impl Iterator<Item = (usize, us
 
 /// Leaves out each side of a square from the start on, where all of them together gave no camera:
 /// of a few planes, for among many no single side is to blame.
-fn solved_without_bent_side(
-    problem: &JointProblem<'_>,
+fn solved_without_bent_side<L: Lens>(
+    problem: &JointProblem<'_, L>,
     planes: &[ObservedPlane],
-) -> Option<Solution> {
+) -> Option<Solution<L>> {
     if planes.len() > ALL_TRIED {
         return None;
     }
@@ -246,7 +264,10 @@ fn solved_without_bent_side(
 /// Leaves out each side of a square in turn where the sides disagree, and rejects the one
 /// without which the others agree much better; `None` if there is none, or if it is straight: a
 /// straight side in the wrong place belongs to a square that is none.
-fn without_bent_side(problem: &JointProblem<'_>, solution: &Solution) -> Option<Solution> {
+fn without_bent_side<L: Lens>(
+    problem: &JointProblem<'_, L>,
+    solution: &Solution<L>,
+) -> Option<Solution<L>> {
     let misfit = solution.misfit(problem);
     if misfit.mean() < DOUBTED {
         return None;
@@ -281,14 +302,14 @@ fn without_side(
 }
 
 /// What remains where a plane or a side is left out, and how well it agrees.
-struct Trial {
+struct Trial<L> {
     planes: Vec<ObservedPlane>,
-    refined: Refined<Brown>,
+    refined: Refined<L>,
     misfit: Misfit,
 }
 
-impl Trial {
-    fn of(problem: &JointProblem<'_>, planes: Vec<ObservedPlane>, refined: Refined<Brown>) -> Self {
+impl<L: Lens> Trial<L> {
+    fn of(problem: &JointProblem<'_, L>, planes: Vec<ObservedPlane>, refined: Refined<L>) -> Self {
         let noise = Noise::of_optimum(&planes, &refined);
         let misfit = Misfit::of(&planes, &refined.view, &problem.free, &noise);
         Self {
@@ -298,7 +319,7 @@ impl Trial {
         }
     }
 
-    fn converged(&self, problem: &JointProblem<'_>) -> Option<Solution> {
+    fn converged(&self, problem: &JointProblem<'_, L>) -> Option<Solution<L>> {
         problem.converge(&self.planes, self.refined.clone()).ok()
     }
 
@@ -315,22 +336,22 @@ impl Trial {
     }
 
     /// Whether the side left out is curved, beyond what the others are.
-    fn shows_bent(&self, found: &Solution, (plane, side): (usize, usize)) -> bool {
+    fn shows_bent(&self, found: &Solution<L>, (plane, side): (usize, usize)) -> bool {
         curvatures(found, plane).get(side) > Some(&(BENT * self.ordinary()))
     }
 }
 
 /// The trial whose remainder agrees best; `None` where the work was spent before all were made.
-fn best<T>(
-    problem: &JointProblem<'_>,
-    trials: impl Iterator<Item = (T, Trial)>,
-) -> Option<(T, Trial)> {
+fn best<L: Lens, T>(
+    problem: &JointProblem<'_, L>,
+    trials: impl Iterator<Item = (T, Trial<L>)>,
+) -> Option<(T, Trial<L>)> {
     let found = trials.min_by(|(_, a), (_, b)| a.misfit.mean().total_cmp(&b.misfit.mean()));
     found.filter(|_| !problem.work.is_spent())
 }
 
 /// Mean square curvature of every side of a plane, in units of the noise.
-fn curvatures(solution: &Solution, plane: usize) -> Vec<f64> {
+fn curvatures<L: Lens>(solution: &Solution<L>, plane: usize) -> Vec<f64> {
     let curvature = |noise: &Noise| {
         let mean = |side: usize| {
             let misfit = Misfit::of_side(noise, plane, side);
@@ -342,7 +363,7 @@ fn curvatures(solution: &Solution, plane: usize) -> Vec<f64> {
 }
 
 /// Names the outliers.
-fn warnings(solution: &Solution) -> Vec<Warning> {
+fn warnings<L: Lens>(solution: &Solution<L>) -> Vec<Warning> {
     let mut warnings = Vec::new();
     for (p, plane) in solution.planes.iter().enumerate() {
         let residuals = &solution.refined.residuals[p];

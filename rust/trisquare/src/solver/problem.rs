@@ -6,15 +6,15 @@ use super::work::Work;
 use crate::error::Error;
 use crate::ill_conditioning::IllConditioning;
 use crate::image_size::ImageSize;
-use crate::lens::Brown;
+use crate::lens::Lens;
 use crate::observations::{FreeParameters, ObservedPlane, Options};
 use crate::refine::Refined;
 use crate::uncertainty::{Conditioning, judged_parameters};
 
 /// What is asked of the planes.
-pub(crate) struct JointProblem<'a> {
+pub(crate) struct JointProblem<'a, L: Lens> {
     pub size: ImageSize,
-    pub options: &'a Options,
+    pub options: &'a Options<L>,
     pub free: FreeParameters,
     pub judged: FreeParameters,
     /// Shared with the tasks that try what would help.
@@ -22,27 +22,27 @@ pub(crate) struct JointProblem<'a> {
 }
 
 /// Why the solver gives no answer.
-pub(crate) enum Failure {
+pub(crate) enum Failure<L> {
     /// The geometry of an optimum cannot answer; what would help has not been asked yet.
-    IllConditioned(Box<IllConditionedOptimum>),
+    IllConditioned(Box<IllConditionedOptimum<L>>),
     /// Anything else.
     Other(Error),
 }
 
 /// An optimum whose geometry cannot answer.
-pub(crate) struct IllConditionedOptimum {
+pub(crate) struct IllConditionedOptimum<L> {
     pub planes: Vec<ObservedPlane>,
-    pub refined: Refined<Brown>,
+    pub refined: Refined<L>,
     pub ill_conditioning: IllConditioning,
 }
 
-impl From<Error> for Failure {
+impl<L> From<Error> for Failure<L> {
     fn from(error: Error) -> Self {
         Self::Other(error)
     }
 }
 
-impl Failure {
+impl<L> Failure<L> {
     /// Whether fewer planes or sides may give an answer where all of them gave none.
     pub fn may_be_outliers(&self) -> bool {
         matches!(
@@ -52,8 +52,8 @@ impl Failure {
     }
 }
 
-impl<'a> JointProblem<'a> {
-    pub fn new(size: ImageSize, options: &'a Options) -> Self {
+impl<'a, L: Lens> JointProblem<'a, L> {
+    pub fn new(size: ImageSize, options: &'a Options<L>) -> Self {
         let free = options.free_parameters();
         Self {
             size,
@@ -76,7 +76,7 @@ impl<'a> JointProblem<'a> {
     pub fn ill_conditioning(
         &self,
         planes: &[ObservedPlane],
-        refined: &Refined<Brown>,
+        refined: &Refined<L>,
     ) -> Option<IllConditioning> {
         let factor = refined.covariance_factor;
         let conditioning = self.conditioning(planes, refined);
@@ -89,9 +89,9 @@ impl<'a> JointProblem<'a> {
     pub fn refuse(
         &self,
         planes: &[ObservedPlane],
-        refined: &Refined<Brown>,
+        refined: &Refined<L>,
         ill_conditioning: IllConditioning,
-    ) -> Failure {
+    ) -> Failure<L> {
         Failure::IllConditioned(Box::new(IllConditionedOptimum {
             planes: planes.to_vec(),
             refined: refined.clone(),
@@ -102,8 +102,8 @@ impl<'a> JointProblem<'a> {
     pub fn conditioning<'b>(
         &'b self,
         planes: &'b [ObservedPlane],
-        refined: &'b Refined<Brown>,
-    ) -> Conditioning<'b, Brown> {
+        refined: &'b Refined<L>,
+    ) -> Conditioning<'b, L> {
         Conditioning {
             view: &refined.view,
             planes,

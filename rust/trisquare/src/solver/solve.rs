@@ -4,7 +4,7 @@
 use super::problem::{Failure, JointProblem};
 use super::starts::with_starts;
 use crate::error::Error;
-use crate::lens::Brown;
+use crate::lens::Lens;
 use crate::linear::{Homographies, Undistortion, first_view};
 use crate::noise::{Noise, account_for_drift, account_for_relief};
 use crate::observations::{FreeParameters, Method, ObservedPlane, View};
@@ -19,18 +19,18 @@ const FINAL_STEPS: usize = 6;
 
 /// The best camera for some planes, and what is known of it.
 #[derive(Clone)]
-pub(crate) struct Solution {
+pub(crate) struct Solution<L> {
     /// The planes, each weighed by its own noise.
     pub planes: Vec<ObservedPlane>,
-    pub refined: Refined<Brown>,
+    pub refined: Refined<L>,
     pub correlated: Correlated,
     /// What the residuals say of their noise; nothing where they are exact, or not asked.
     pub noise: Option<Noise>,
 }
 
-impl JointProblem<'_> {
+impl<L: Lens> JointProblem<'_, L> {
     /// The optimum of planes that are only tried; `None` where there is none, or no work is left.
-    pub fn tried(&self, planes: &[ObservedPlane]) -> Option<Refined<Brown>> {
+    pub fn tried(&self, planes: &[ObservedPlane]) -> Option<Refined<L>> {
         match self.work.is_spent() {
             true => None,
             false => self.optimum(planes).ok(),
@@ -38,12 +38,12 @@ impl JointProblem<'_> {
     }
 
     /// The answer of the method asked for.
-    pub fn optimum(&self, planes: &[ObservedPlane]) -> Result<Refined<Brown>, Failure> {
+    pub fn optimum(&self, planes: &[ObservedPlane]) -> Result<Refined<L>, Failure<L>> {
         with_starts(self, planes, |starts| starts.optimum())
     }
 
     /// The same, with what is known of it.
-    pub fn solve(&self, planes: &[ObservedPlane]) -> Result<Solution, Failure> {
+    pub fn solve(&self, planes: &[ObservedPlane]) -> Result<Solution<L>, Failure<L>> {
         let refined = self.optimum(planes)?;
         match self.options.method {
             Method::MaximumLikelihood => self.converge(planes, refined),
@@ -56,8 +56,8 @@ impl JointProblem<'_> {
     pub fn converge(
         &self,
         planes: &[ObservedPlane],
-        mut refined: Refined<Brown>,
-    ) -> Result<Solution, Failure> {
+        mut refined: Refined<L>,
+    ) -> Result<Solution<L>, Failure<L>> {
         if refined.is_exact() {
             return self.independent_solution(planes, refined);
         }
@@ -87,11 +87,7 @@ impl JointProblem<'_> {
     }
 
     /// The optimum of planes that are weighed otherwise than before.
-    pub fn again(
-        &self,
-        planes: &[ObservedPlane],
-        before: &Refined<Brown>,
-    ) -> Option<Refined<Brown>> {
+    pub fn again(&self, planes: &[ObservedPlane], before: &Refined<L>) -> Option<Refined<L>> {
         self.finished(planes, before.as_start()).or_else(|| {
             let found = self.searched(planes, &self.free, before.view.clone())?;
             self.finished(planes, found)
@@ -103,8 +99,8 @@ impl JointProblem<'_> {
         &self,
         planes: &[ObservedPlane],
         free: &FreeParameters,
-        start: View<Brown>,
-    ) -> Option<Search<Brown>> {
+        start: View<L>,
+    ) -> Option<Search<L>> {
         let found = search(planes, free, start);
         self.work
             .count(planes, found.as_ref().map_or(1, |found| found.iterations));
@@ -112,11 +108,7 @@ impl JointProblem<'_> {
     }
 
     /// As [`finish`], its work counted.
-    pub fn finished(
-        &self,
-        planes: &[ObservedPlane],
-        start: Search<Brown>,
-    ) -> Option<Refined<Brown>> {
+    pub fn finished(&self, planes: &[ObservedPlane], start: Search<L>) -> Option<Refined<L>> {
         self.work.count(planes, FINAL_STEPS);
         finish(planes, &self.free, &self.judged, start)
     }
@@ -124,10 +116,10 @@ impl JointProblem<'_> {
     /// A solution for some planes, with one more that follows its camera without moving it.
     pub fn with_follower(
         &self,
-        solution: &Solution,
+        solution: &Solution<L>,
         index: usize,
         plane: &ObservedPlane,
-    ) -> Option<Solution> {
+    ) -> Option<Solution<L>> {
         let mut follower = plane.clone();
         follower.mark_as_outlier();
         let lens = solution.refined.view.lens;
@@ -148,8 +140,8 @@ impl JointProblem<'_> {
     fn independent_solution(
         &self,
         planes: &[ObservedPlane],
-        refined: Refined<Brown>,
-    ) -> Result<Solution, Failure> {
+        refined: Refined<L>,
+    ) -> Result<Solution<L>, Failure<L>> {
         let system = refined.system.leading(self.free.len());
         let focal = refined.view.lens.focal().x;
         let factor = refined.covariance_factor;
@@ -169,7 +161,7 @@ impl JointProblem<'_> {
     }
 
     /// Whether the geometry cannot answer.
-    pub fn is_ill_conditioned(&self, solution: &Solution) -> bool {
+    pub fn is_ill_conditioned(&self, solution: &Solution<L>) -> bool {
         self.ill_conditioning(&solution.planes, &solution.refined)
             .is_some()
     }
@@ -178,7 +170,7 @@ impl JointProblem<'_> {
     ///
     /// # Errors
     /// [`Failure::IllConditioned`].
-    pub fn judge(&self, solution: &Solution) -> Result<(), Failure> {
+    pub fn judge(&self, solution: &Solution<L>) -> Result<(), Failure<L>> {
         let (planes, refined) = (&solution.planes, &solution.refined);
         match self.ill_conditioning(planes, refined) {
             Some(ill_conditioning) => Err(self.refuse(planes, refined, ill_conditioning)),
@@ -187,7 +179,7 @@ impl JointProblem<'_> {
     }
 
     /// Why there is no covariance: most likely the geometry.
-    fn singular(&self, planes: &[ObservedPlane], refined: &Refined<Brown>) -> Failure {
+    fn singular(&self, planes: &[ObservedPlane], refined: &Refined<L>) -> Failure<L> {
         match self.ill_conditioning(planes, refined) {
             Some(ill_conditioning) => self.refuse(planes, refined, ill_conditioning),
             None => Failure::Other(Error::NotConverged {

@@ -5,7 +5,7 @@ use nalgebra::Matrix3;
 use super::problem::{Failure, JointProblem};
 use crate::error::Error;
 use crate::ill_conditioning::IllConditioning;
-use crate::lens::Brown;
+use crate::lens::Lens;
 use crate::linear::{
     Homographies, Undistortion, conic_camera_matrix, fallback_camera_matrices, first_view,
 };
@@ -23,11 +23,11 @@ const START_SAMPLES_PER_SIDE: usize = 16;
 const BEATEN: f64 = 0.98;
 
 /// The paper's steps 1 and 2, and on them what `answer` makes of all starts.
-pub(crate) fn with_starts<T>(
-    problem: &JointProblem<'_>,
+pub(crate) fn with_starts<L: Lens, T>(
+    problem: &JointProblem<'_, L>,
     planes: &[ObservedPlane],
-    answer: impl FnOnce(&Starts<'_>) -> Result<T, Failure>,
-) -> Result<T, Failure> {
+    answer: impl FnOnce(&Starts<'_, L>) -> Result<T, Failure<L>>,
+) -> Result<T, Failure<L>> {
     let sample_limit = match problem.options.method {
         Method::Linear => usize::MAX,
         Method::MaximumLikelihood => START_SAMPLES_PER_SIDE,
@@ -45,7 +45,7 @@ pub(crate) fn with_starts<T>(
 }
 
 /// Keeps the optimum with the smaller residuals.
-fn keep_better(best: &mut Option<Refined<Brown>>, found: Refined<Brown>) {
+fn keep_better<L>(best: &mut Option<Refined<L>>, found: Refined<L>) {
     if best
         .as_ref()
         .is_none_or(|b| found.noise_scale < b.noise_scale)
@@ -58,17 +58,17 @@ fn keep_better(best: &mut Option<Refined<Brown>>, found: Refined<Brown>) {
 const STRAINED: f64 = 2.0;
 
 /// What every start shares.
-pub(crate) struct Starts<'a> {
-    problem: &'a JointProblem<'a>,
+pub(crate) struct Starts<'a, L: Lens> {
+    problem: &'a JointProblem<'a, L>,
     planes: &'a [ObservedPlane],
     /// The same with fewer samples: from these the search starts.
     some: &'a [ObservedPlane],
-    undistortion: &'a Undistortion,
+    undistortion: &'a Undistortion<L>,
     homographies: &'a Homographies,
 }
 
-impl Starts<'_> {
-    fn view(&self, camera_matrix: &Matrix3<f64>) -> Result<View<Brown>, Error> {
+impl<L: Lens> Starts<'_, L> {
+    fn view(&self, camera_matrix: &Matrix3<f64>) -> Result<View<L>, Error> {
         let view = first_view(
             camera_matrix,
             self.homographies,
@@ -90,7 +90,7 @@ impl Starts<'_> {
     }
 
     /// The answer of the method asked for.
-    pub fn optimum(&self) -> Result<Refined<Brown>, Failure> {
+    pub fn optimum(&self) -> Result<Refined<L>, Failure<L>> {
         match self.problem.options.method {
             Method::Linear => self.linear().map_err(|error| self.why_not_linear(error)),
             Method::MaximumLikelihood => self.refine(),
@@ -98,7 +98,7 @@ impl Starts<'_> {
     }
 
     /// The linear steps' own answer.
-    fn linear(&self) -> Result<Refined<Brown>, Error> {
+    fn linear(&self) -> Result<Refined<L>, Error> {
         let camera_matrix =
             conic_camera_matrix(self.homographies, self.problem.size, self.problem.options)?;
         let view = self.view(&camera_matrix)?;
@@ -111,7 +111,7 @@ impl Starts<'_> {
 
     /// Where the linear steps give no camera, its geometry is the likeliest reason, and the
     /// refinement can tell.
-    fn why_not_linear(&self, error: Error) -> Failure {
+    fn why_not_linear(&self, error: Error) -> Failure<L> {
         match self.refine() {
             Err(found @ Failure::IllConditioned(_)) => found,
             Err(_) => error.into(),
@@ -131,15 +131,15 @@ impl Starts<'_> {
     /// turned to match: then all starts are tried and the one that fits best is taken. One that
     /// leaves much more than noise may be wrong, too, where the robust loss gave up a part of the
     /// samples for the rest: it has to stand against that of another start.
-    fn refine(&self) -> Result<Refined<Brown>, Failure> {
+    fn refine(&self) -> Result<Refined<L>, Failure<L>> {
         let conic = conic_camera_matrix(self.homographies, self.problem.size, self.problem.options);
         let starts = conic.into_iter().chain(fallback_camera_matrices(
             self.homographies,
             self.problem.size,
             self.problem.options,
         ));
-        let mut unsettled: Option<Search<Brown>> = None;
-        let mut best: Option<Refined<Brown>> = None;
+        let mut unsettled: Option<Search<L>> = None;
+        let mut best: Option<Refined<L>> = None;
         for camera_matrix in starts {
             // One is tried in any case.
             let tried = best.is_some() || unsettled.is_some();
@@ -173,7 +173,7 @@ impl Starts<'_> {
         if let Some(refined) = again.and_then(|found| self.finish(found)) {
             keep_better(&mut best, refined);
         }
-        let beaten = |b: &Refined<Brown>| {
+        let beaten = |b: &Refined<L>| {
             let held = centred.as_ref().and_then(|c| self.around(c.view.clone()));
             held.is_some_and(|held| held.noise_scale < BEATEN * b.noise_scale)
         };
@@ -182,12 +182,12 @@ impl Starts<'_> {
     }
 
     /// A view with the spread of all residuals around it.
-    fn around(&self, view: View<Brown>) -> Option<Refined<Brown>> {
+    fn around(&self, view: View<L>) -> Option<Refined<L>> {
         Refined::of_linear(self.planes, &self.problem.free, &self.problem.judged, view)
     }
 
     /// Searches the optimum of some samples from a start.
-    fn search(&self, free: &FreeParameters, start: View<Brown>) -> Option<Search<Brown>> {
+    fn search(&self, free: &FreeParameters, start: View<L>) -> Option<Search<L>> {
         // Where the straightening's polynomial does not reach a sample, start without.
         let pinhole = View {
             lens: start.lens.without_distortion(),
@@ -200,7 +200,7 @@ impl Starts<'_> {
 
     /// The optimum with the principal point held where it is known to be, or at the image centre:
     /// parallel planes have one there, though none without.
-    fn centred(&self) -> Option<Search<Brown>> {
+    fn centred(&self) -> Option<Search<L>> {
         let fixed = Fixed {
             principal_point: true,
             ..self.problem.options.fixed
@@ -218,7 +218,7 @@ impl Starts<'_> {
     }
 
     /// From the optimum of some samples to that of all.
-    fn finish(&self, found: Search<Brown>) -> Option<Refined<Brown>> {
+    fn finish(&self, found: Search<L>) -> Option<Refined<L>> {
         if found.termination != Termination::Converged {
             return None;
         }
@@ -238,7 +238,7 @@ impl Starts<'_> {
     }
 
     /// A geometry that cannot answer is the likeliest reason, and has its own error.
-    fn no_convergence(&self, unsettled: Option<Search<Brown>>) -> Failure {
+    fn no_convergence(&self, unsettled: Option<Search<L>>) -> Failure<L> {
         let iterations = unsettled.as_ref().map_or(0, |found| found.iterations);
         let refined = unsettled.and_then(|found| self.around(found.view));
         let rms = refined.as_ref().map_or(0.0, |refined| refined.noise_scale);
@@ -254,11 +254,11 @@ impl Starts<'_> {
         })
     }
 
-    pub fn ill_conditioning(&self, refined: &Refined<Brown>) -> Option<IllConditioning> {
+    pub fn ill_conditioning(&self, refined: &Refined<L>) -> Option<IllConditioning> {
         self.problem.ill_conditioning(self.planes, refined)
     }
 
-    fn is_doubtful(&self, refined: &Refined<Brown>) -> bool {
+    fn is_doubtful(&self, refined: &Refined<L>) -> bool {
         let conditioning = self.problem.conditioning(self.planes, refined);
         let factor = refined.covariance_factor;
         let weakest = conditioning.weakest(&refined.system, &self.problem.free, factor);
@@ -266,7 +266,7 @@ impl Starts<'_> {
     }
 
     /// Whether the sides are much farther from their lines than noise explains.
-    fn is_strained(&self, refined: &Refined<Brown>) -> bool {
+    fn is_strained(&self, refined: &Refined<L>) -> bool {
         let noise = Noise::of_optimum(self.planes, refined);
         Misfit::of(self.planes, &refined.view, &self.problem.free, &noise).mean() > STRAINED
     }

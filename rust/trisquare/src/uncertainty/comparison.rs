@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector2};
 
 use super::projection::ProjectionUncertainty;
 use crate::error::Error;
-use crate::lens::{SeenAgain, TurnedLenses};
+use crate::lens::{Lens, SeenAgain, TurnedLenses};
 use crate::numeric::chi_square_tail;
 
 /// Directions of difference known this much better than the least known are rounding.

@@ -86,11 +86,11 @@ pub(crate) fn judged_parameters(free: &FreeParameters) -> FreeParameters {
 }
 
 /// What a judgement of the geometry looks at.
-pub(crate) struct Conditioning<'a, L> {
+pub(crate) struct Conditioning<'a, L: Lens> {
     pub view: &'a View<L>,
     pub planes: &'a [ObservedPlane],
     pub size: ImageSize,
-    pub options: &'a Options,
+    pub options: &'a Options<L>,
     /// What the samples' standard deviations are to be multiplied by.
     pub noise_scale: f64,
 }
@@ -164,11 +164,11 @@ impl<L: Lens> Conditioning<'_, L> {
         };
         let limit = self.limit(noise);
         let covariance = self.judged_covariance(system, free, factor * floor);
-        let parameters = self.view.lens.parameters();
+        let focal = self.view.lens.focal();
         let width = f64::from(self.size.width);
         let units = [
-            ("fx", parameters[0]),
-            ("fy", parameters[1]),
+            ("fx", focal.x),
+            ("fy", focal.y),
             ("cx", width),
             ("cy", width),
         ];
@@ -194,7 +194,7 @@ impl<L: Lens> Conditioning<'_, L> {
         factor: f64,
     ) -> Option<DMatrix<f64>> {
         let mut system = system.clone();
-        let focal = self.view.lens.parameters()[0];
+        let focal = self.view.lens.focal().x;
         let prior = CENTRE_PRIOR * self.size.half_diagonal() / focal;
         for i in free.len()..system.prior.nrows() {
             system.prior[(i, i)] += factor / (prior * prior);

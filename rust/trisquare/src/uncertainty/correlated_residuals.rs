@@ -136,7 +136,7 @@ pub(crate) fn correlated_covariance<L: Lens>(
         displacements: displacements.map(rms_displacement).collect(),
         added: &total - independent,
     };
-    let focal = refined.view.lens.parameters()[0];
+    let focal = refined.view.lens.focal().x;
     Some(Correlated {
         covariance: total,
         disagreement: disagreement(&system, free, focal, 1.0),

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, Matrix2, Matrix3, SMatrix, Vector2};
 use super::projection::ProjectionUncertainty;
 use crate::error::Error;
 use crate::geometry::Pose;
-use crate::lens::Brown;
+use crate::lens::{Brown, Lens, of_all};
 use crate::result::PoseUncertainty;
 
 /// Cosine of the angle between ray and normal below which a point's place means nothing.
@@ -40,7 +40,7 @@ impl Brown {
     /// `p` so that `[r1 r2 -(u, 1)] (dp, dlambda) = -d`; a rotation vector `w` makes
     /// `d = w x R (p, 0)`.
     fn meet(&self, pose: &Pose, pixels: &[Vector2<f64>]) -> Result<Vec<PlanePoint>, Error> {
-        let ideal = self.of_all(pixels, |pixel| self.ideal_point(pixel))?;
+        let ideal = of_all(self, pixels, |pixel| self.ideal_point(pixel))?;
         let normal = pose.normal();
         let distance = normal.dot(&pose.translation);
         let met = ideal
@@ -87,7 +87,7 @@ impl Brown {
     }
 }
 
-impl ProjectionUncertainty<'_> {
+impl ProjectionUncertainty<'_, Brown> {
     /// The points of a plane that are seen at pixels, and their covariance, `(2 N, 2 N)` of
     /// `x0, y0, x1, ...`.
     ///
@@ -131,7 +131,6 @@ mod tests {
     use nalgebra::{Matrix6, Rotation3, Vector3};
 
     use super::*;
-    use crate::lens::Lens;
 
     fn camera() -> Brown {
         Brown::new([500.0, 505.0, 320.0, 240.0, -0.25, 0.08, -0.01, 2e-3, -1e-3])
@@ -176,7 +175,7 @@ mod tests {
             ProjectionUncertainty::new(&camera, &["cx"], false, DMatrix::identity(1, 1)).unwrap();
         let mut uncertainty = PoseUncertainty {
             given_camera: Matrix6::zeros(),
-            by_camera: SMatrix::zeros(),
+            by_camera: nalgebra::Matrix6xX::zeros(9),
         };
         let pixels = [Vector2::new(300.0, 200.0), Vector2::new(350.0, 260.0)];
         let (points, covariance) = uncertain

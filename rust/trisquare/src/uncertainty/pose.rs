@@ -9,9 +9,9 @@
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use crate::lens::{Brown, Columns, Lens};
+use crate::lens::{Columns, Lens};
 use crate::numeric::{ArrowSystem, Block, Loss, Problem};
-use crate::observations::{Fixed, FreeParameters, Model, ObservedPlane, POSE_PARAMETERS};
+use crate::observations::{FreeParameters, ObservedPlane, POSE_PARAMETERS};
 use crate::refine::{EdgeProblem, Refined};
 use crate::result::PoseUncertainty;
 
@@ -23,9 +23,9 @@ const SAMPLES_PER_SIDE: usize = 16;
 ///
 /// `independent` is the covariance of the free parameters that independent noise gives, and
 /// `displacements` are what the sides of each plane err by beyond it, px.
-pub(crate) fn pose_uncertainties(
+pub(crate) fn pose_uncertainties<L: Lens>(
     planes: &[ObservedPlane],
-    refined: &Refined<Brown>,
+    refined: &Refined<L>,
     independent: &DMatrix<f64>,
     displacements: &[f64],
 ) -> Vec<Option<PoseUncertainty>> {
@@ -52,9 +52,7 @@ pub(crate) fn pose_uncertainties(
         let by_camera = -factor.solve(&follows.cross);
         let found = PoseUncertainty {
             given_camera,
-            by_camera: by_camera
-                .fixed_view::<POSE_PARAMETERS, 9>(0, 0)
-                .into_owned(),
+            by_camera: by_camera.fixed_rows::<POSE_PARAMETERS>(0).into_owned(),
         };
         let finite = found.given_camera.iter().chain(found.by_camera.iter());
         finite.copied().all(f64::is_finite).then_some(found)
@@ -63,10 +61,10 @@ pub(crate) fn pose_uncertainties(
 }
 
 /// The gradient, by a plane's own parameters, of each of its sides' samples all displaced by 1 px.
-fn gradients_of_sides(
+fn gradients_of_sides<L: Lens>(
     plane: &ObservedPlane,
     index: usize,
-    refined: &Refined<Brown>,
+    refined: &Refined<L>,
 ) -> Option<Vec<DVector<f64>>> {
     let (lens, state) = (&refined.view.lens, &refined.view.planes[index]);
     let none = Columns::of(std::iter::empty());
@@ -90,8 +88,8 @@ fn gradients_of_sides(
 }
 
 /// The normal equations over all of the camera's parameters.
-fn following(planes: &[ObservedPlane], refined: &Refined<Brown>) -> Option<ArrowSystem> {
-    let all = FreeParameters::new(Model::Brown, &Fixed::default(), 1.0);
+fn following<L: Lens>(planes: &[ObservedPlane], refined: &Refined<L>) -> Option<ArrowSystem> {
+    let all = FreeParameters::all::<L>();
     let problem = EdgeProblem::new(planes, &all, refined.scale);
     Some(problem.evaluate(&refined.view)?.1)
 }

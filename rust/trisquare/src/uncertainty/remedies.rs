@@ -6,12 +6,12 @@
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-use nalgebra::{Rotation3, Unit, Vector2, Vector3};
+use nalgebra::{Matrix3, Rotation3, Unit, Vector2, Vector3};
 
 use super::conditioning::{Conditioning, judged_parameters};
 use crate::geometry::Pose;
 use crate::ill_conditioning::{Cause, IllConditioning, Remedy};
-use crate::lens::{Brown, Lens};
+use crate::lens::Lens;
 use crate::numeric::Problem;
 use crate::observations::{Fixed, ObservedPlane, View};
 use crate::refine::EdgeProblem;
@@ -70,8 +70,8 @@ pub(crate) fn remedies_by_holding(fixed: &Fixed, succeeds: impl Fn(Fixed) -> boo
 }
 
 /// How to show the planes so that a calibration succeeds; `None` if nothing tried would do.
-pub(crate) fn remedy_by_showing(
-    conditioning: &Conditioning<'_, Brown>,
+pub(crate) fn remedy_by_showing<L: Lens>(
+    conditioning: &Conditioning<'_, L>,
     ill_conditioning: &IllConditioning,
 ) -> Option<Remedy> {
     let imagined = Imagined::new(conditioning, ill_conditioning);
@@ -99,24 +99,24 @@ pub(crate) fn remedy_by_showing(
 }
 
 /// The same planes as another photograph might show them.
-struct Imagined<'a, 'b> {
-    conditioning: &'a Conditioning<'b, Brown>,
+struct Imagined<'a, 'b, L: Lens> {
+    conditioning: &'a Conditioning<'b, L>,
     /// Some of the samples, which stand for all.
     planes: Vec<ObservedPlane>,
     /// The noise scale that goes with them.
     noise_scale: f64,
-    lens: Brown,
+    lens: L,
     lens_is_known: bool,
 }
 
-impl<'a, 'b> Imagined<'a, 'b> {
-    fn new(conditioning: &'a Conditioning<'b, Brown>, ill_conditioning: &IllConditioning) -> Self {
+impl<'a, 'b, L: Lens> Imagined<'a, 'b, L> {
+    fn new(conditioning: &'a Conditioning<'b, L>, ill_conditioning: &IllConditioning) -> Self {
         let found = conditioning.view.lens;
         let width = f64::from(conditioning.size.width);
         let lens_is_known = ill_conditioning.std < KNOWN * ill_conditioning.limit;
         let focal = ASSUMED_FOCAL * width;
         let centre = conditioning.size.centre();
-        let assumed = [focal, focal, centre.x, centre.y, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let assumed = Matrix3::new(focal, 0.0, centre.x, 0.0, focal, centre.y, 0.0, 0.0, 1.0);
         let planes: Vec<ObservedPlane> = conditioning
             .planes
             .iter()
@@ -134,7 +134,7 @@ impl<'a, 'b> Imagined<'a, 'b> {
             lens: if lens_is_known {
                 found
             } else {
-                Brown::new(assumed)
+                L::from_camera_matrix(&assumed)
             },
             lens_is_known,
         }
@@ -170,7 +170,7 @@ impl<'a, 'b> Imagined<'a, 'b> {
         self.judged_ratio(&view, &seen)
     }
 
-    fn judged_ratio(&self, view: &View<Brown>, planes: &[ObservedPlane]) -> Option<f64> {
+    fn judged_ratio(&self, view: &View<L>, planes: &[ObservedPlane]) -> Option<f64> {
         let free = self.conditioning.options.free_parameters();
         let judged = judged_parameters(&free);
         let (_, system) = EdgeProblem::new(planes, &judged, self.noise_scale).evaluate(view)?;
@@ -197,7 +197,8 @@ impl<'a, 'b> Imagined<'a, 'b> {
         let old = view.planes[index].pose;
         let to_plane = old.homography().try_inverse()?;
         let on_plane = |pixel: &Vector2<f64>| {
-            let point = to_plane * view.lens.unproject_with_jacobian(pixel)?.ideal().push(1.0);
+            let pixel_ray = view.lens.unproject_with_jacobian(pixel)?;
+            let point = to_plane * view.lens.direction(&pixel_ray);
             Some(point.xy() / point.z)
         };
         let count = plane.samples().count() as f64;
@@ -206,7 +207,8 @@ impl<'a, 'b> Imagined<'a, 'b> {
             middle += on_plane(&sample.pixel)? / count;
             pixel += sample.pixel / count;
         }
-        let ray = self.lens.unproject(&pixel)?;
+        // Tilts are against the image plane: only what lies before it is imagined.
+        let ray = self.lens.unproject(&pixel).filter(|ray| ray.z > 0.0)?;
         let focal_ratio = self.lens.focal().x / view.lens.focal().x;
         let depth = old.transform(&middle).z * focal_ratio / factor;
         let rotation = match tilt {

@@ -1,0 +1,242 @@
+//! The variances of side errors, by restricted maximum likelihood (H. D. Patterson & R. Thompson,
+//! Biometrika 58 (1971) 545-554).
+
+use nalgebra::{DMatrix, DVector};
+
+use super::side_errors::SideErrors;
+use crate::numeric::chi_square_tail;
+
+/// Variances tried: each so many times the last, to what moves a side by pixels.
+const VARIANCE_RATIO: f64 = 3.0;
+const VARIANCES: usize = 19;
+
+/// Probability, before the residuals are seen, that sides do not err together; the rest is spread
+/// evenly over the variances tried.
+const PRIOR_OF_WHITE: f64 = 0.5;
+
+/// Twice the log likelihood that is lost where a variance is beyond all doubt too large.
+const HOPELESS: f64 = 20.0;
+
+/// How often variances of each plane's own are taken where all planes share one.
+const CHANCE: f64 = 0.01;
+
+/// How strongly the sides of each plane err together, all strengths weighed by how well they
+/// explain the residuals.
+pub(crate) struct Strength {
+    /// Probability that they do at all.
+    pub probability: f64,
+    /// Mean of `tau^2` for every plane, px^2.
+    pub mean: Vec<f64>,
+}
+
+impl Strength {
+    /// Mean of `tau^2` for every plane if they do, px^2.
+    pub fn if_any(&self) -> Vec<f64> {
+        let probability = self.probability.max(f64::MIN_POSITIVE);
+        self.mean.iter().map(|mean| mean / probability).collect()
+    }
+}
+
+/// What one plane, or several, say of the shared parameters, their own eliminated.
+struct Part {
+    information: DMatrix<f64>,
+    gradient: DVector<f64>,
+    /// Their own part of minus twice the log likelihood.
+    criterion: f64,
+}
+
+impl Part {
+    fn add(&mut self, other: &Self) {
+        self.information += &other.information;
+        self.gradient += &other.gradient;
+        self.criterion += other.criterion;
+    }
+}
+
+/// One strength of the side errors.
+struct Hypothesis {
+    variances: Vec<f64>,
+    criterion: f64,
+}
+
+impl SideErrors {
+    /// Weighs no side errors, and those of growing strength, by their restricted likelihood.
+    ///
+    /// One strength is common to all planes unless they clearly differ.
+    pub fn strength(&self) -> Option<Strength> {
+        let planes = self.system.blocks.len();
+        let mut found = self.hypotheses(&vec![1.0; planes])?;
+        if let Some(apart) = self.relative_variances(&found) {
+            found = self.hypotheses(&apart)?;
+        }
+        combined(&found)
+    }
+
+    /// The likeliest common variance of the sides and its criterion at a variance of the boards'
+    /// relief: no larger than one given, for what the relief explains the sides do not.
+    pub fn likeliest_at(&self, board_relief: f64, largest: Option<f64>) -> Option<(f64, f64)> {
+        let planes = self.system.blocks.len();
+        let criterion = |variance: f64| {
+            let part = |plane: usize| self.part(plane, board_relief, variance);
+            let parts: Option<Vec<Part>> = (0..planes).map(part).collect();
+            Some((variance, self.restricted(parts?.iter())?))
+        };
+        let mut best = criterion(0.0)?;
+        for index in 0..VARIANCES {
+            let variance = self.first_variance() * VARIANCE_RATIO.powi(index as i32);
+            let Some(next) = criterion(variance) else {
+                break;
+            };
+            let beyond = largest.is_some_and(|largest| variance > largest);
+            if beyond || next.1 > best.1 + HOPELESS {
+                break;
+            }
+            if next.1 < best.1 {
+                best = next;
+            }
+        }
+        Some(best)
+    }
+
+    /// White noise, then common variances times those of the planes.
+    fn hypotheses(&self, relative: &[f64]) -> Option<Vec<Hypothesis>> {
+        let mut found = vec![self.hypothesis(relative, 0.0)?];
+        let mut best = found[0].criterion;
+        for index in 0..VARIANCES {
+            let variance = self.first_variance() * VARIANCE_RATIO.powi(index as i32);
+            // Rounding may leave nothing of the information where next to nothing is left.
+            let Some(next) = self.hypothesis(relative, variance) else {
+                break;
+            };
+            let criterion = next.criterion;
+            if criterion > best + HOPELESS {
+                break;
+            }
+            best = best.min(criterion);
+            found.push(next);
+        }
+        Some(found)
+    }
+
+    fn hypothesis(&self, relative: &[f64], variance: f64) -> Option<Hypothesis> {
+        let variances: Vec<f64> = relative.iter().map(|r| r * variance).collect();
+        let criterion = self.criterion(&variances)?;
+        Some(Hypothesis {
+            variances,
+            criterion,
+        })
+    }
+
+    /// Variances of each plane's own, if they explain the residuals clearly better.
+    fn relative_variances(&self, together: &[Hypothesis]) -> Option<Vec<f64>> {
+        let best = likeliest(together);
+        let common = *best.variances.first().filter(|v| **v > 0.0)?;
+        let mut variances = best.variances.clone();
+        let mut criterion = best.criterion;
+        let mut parts = self.parts(&variances)?;
+        for plane in 0..variances.len() {
+            let (before, after) = parts.split_at(plane);
+            let others = self.joined(before.iter().chain(&after[1..]));
+            for index in 0..VARIANCES {
+                let variance = self.first_variance() * VARIANCE_RATIO.powi(index as i32);
+                let Some(own) = self.part(plane, self.board_relief(plane), variance) else {
+                    continue;
+                };
+                let together = self.restricted([&others, &own].into_iter());
+                if let Some(found) = together.filter(|c| *c < criterion) {
+                    (variances[plane], criterion) = (variance, found);
+                    parts[plane] = own;
+                }
+            }
+        }
+        let gain = best.criterion - criterion;
+        let freedom = (variances.len() - 1).max(1) as f64;
+        let clearly = chi_square_tail(gain, freedom) < CHANCE;
+        clearly.then(|| variances.iter().map(|v| v / common).collect())
+    }
+
+    /// Minus twice the restricted log likelihood of the planes' variances, but for a constant.
+    pub(super) fn criterion(&self, variances: &[f64]) -> Option<f64> {
+        self.restricted(self.parts(variances)?.iter())
+    }
+
+    fn parts(&self, variances: &[f64]) -> Option<Vec<Part>> {
+        let part = |(plane, variance): (usize, &f64)| {
+            self.part(plane, self.board_relief(plane), *variance)
+        };
+        variances.iter().enumerate().map(part).collect()
+    }
+
+    /// What one plane says of the shared parameters, and of its variances.
+    fn part(&self, plane: usize, board_relief: f64, variance: f64) -> Option<Part> {
+        let (block, criterion) = self.marginalise(plane, board_relief, variance)?;
+        let factor = block.hessian.cholesky()?;
+        let log_determinant = 2.0 * factor.l_dirty().diagonal().map(f64::ln).sum();
+        let solved = factor.solve(&block.gradient);
+        let own = factor.solve(&block.cross);
+        Some(Part {
+            information: block.shared - block.cross.tr_mul(&own),
+            gradient: block.shared_gradient - block.cross.tr_mul(&solved),
+            criterion: criterion + log_determinant - block.gradient.dot(&solved),
+        })
+    }
+
+    /// Minus twice the restricted log likelihood of what all planes say together.
+    fn restricted<'a>(&self, parts: impl Iterator<Item = &'a Part>) -> Option<f64> {
+        let Part {
+            information,
+            gradient,
+            mut criterion,
+        } = self.joined(parts);
+        let information = information + &self.system.prior;
+        let factor = information.cholesky()?;
+        criterion += 2.0 * factor.l_dirty().diagonal().map(f64::ln).sum();
+        criterion -= gradient.dot(&factor.solve(&gradient));
+        criterion.is_finite().then_some(criterion)
+    }
+
+    /// What several planes say together.
+    fn joined<'a>(&self, parts: impl Iterator<Item = &'a Part>) -> Part {
+        let shared = self.system.prior.nrows();
+        let mut all = Part {
+            information: DMatrix::zeros(shared, shared),
+            gradient: DVector::zeros(shared),
+            criterion: 0.0,
+        };
+        parts.for_each(|part| all.add(part));
+        all
+    }
+}
+
+fn likeliest(hypotheses: &[Hypothesis]) -> &Hypothesis {
+    let by_criterion = |a: &&Hypothesis, b: &&Hypothesis| a.criterion.total_cmp(&b.criterion);
+    hypotheses
+        .iter()
+        .min_by(by_criterion)
+        .unwrap_or(&hypotheses[0])
+}
+
+/// Probability and mean over all hypotheses, the first of which is white noise.
+fn combined(hypotheses: &[Hypothesis]) -> Option<Strength> {
+    let best = likeliest(hypotheses);
+    let prior = |index: usize| match index {
+        0 => PRIOR_OF_WHITE,
+        _ => (1.0 - PRIOR_OF_WHITE) / VARIANCES as f64,
+    };
+    let weights: Vec<f64> = hypotheses
+        .iter()
+        .enumerate()
+        .map(|(i, h)| prior(i) * (0.5 * (best.criterion - h.criterion)).exp())
+        .collect();
+    let total: f64 = weights.iter().sum();
+    let mut mean = vec![0.0; best.variances.len()];
+    for (weight, hypothesis) in weights.iter().zip(hypotheses) {
+        for (mean, variance) in mean.iter_mut().zip(&hypothesis.variances) {
+            *mean += weight / total * variance;
+        }
+    }
+    Some(Strength {
+        probability: 1.0 - weights[0] / total,
+        mean,
+    })
+}
