@@ -3,7 +3,6 @@
 import json
 import subprocess
 import sys
-from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -13,8 +12,10 @@ import trisquare.cli.calibrate
 import trisquare.cli.pictures_drawn
 from trisquare import cli as commands
 from trisquare import errors, simulate
+from trisquare.calibration.calibrate import Calibrated
 from trisquare.drawing.overlay import draw_overlay
 from trisquare.edges import PlaneEdges
+from trisquare.measurement import measure
 from trisquare.results.calibration import Calibration, Camera
 from trisquare.results.plane import Plane
 
@@ -73,13 +74,11 @@ def asked(monkeypatch):
     """Let the command meet a calibration that is done already; returns what it asked for."""
     calls = []
 
-    def calibrate(photos, **options):
-        calls.append((photos, options))
-        several = isinstance(photos, list)
-        return true_calibration(len(photos) if several else 1, warnings=["a warning"])
+    def calibrate_photographs(photographs, **options):
+        calls.append((photographs.sources, options))
+        return Calibrated(true_calibration(len(photographs), warnings=["a warning"]), ())
 
-    monkeypatch.setattr(commands.calibrate, "calibrate", calibrate)
-    monkeypatch.setattr(commands.pictures_drawn, "detect", true_edges)
+    monkeypatch.setattr(commands.calibrate, "calibrate_photographs", calibrate_photographs)
     return calls
 
 
@@ -103,15 +102,17 @@ def test_the_options_reach_the_library(run, photo, asked):
     )
     assert (code, err) == (0, "")
     photos, options = asked[0]
-    assert photos == photo
+    assert photos == [photo]
     assert options == {
         **{"model": "brown", "method": "linear", "tone": 2.2, "targets": "squares"},
         **{"fix": ("aspect", "focal", "distortion"), "progress": None, "outlines": None},
+        **{"initial": None, "explain": False},
     }
     run("calibrate", photo)
     assert asked[1][1] == {
         **{"model": "radial2", "method": "ml", "tone": None, "targets": "auto"},
         **{"fix": (), "progress": None, "outlines": None},
+        **{"initial": None, "explain": False},
     }
 
 
@@ -151,11 +152,31 @@ def test_several_photographs_have_an_overlay_each(run, photo, asked, tmp_path):
     assert asked[0][0] == [photo, again]
     calibration = true_calibration(2, warnings=["a warning"])
     for index in (0, 1):
-        edges = [replace(figure, image=index) for figure in true_edges()]
-        drawn = draw_overlay(PHOTO, calibration, edges, index=index)
+        drawn = draw_overlay(PHOTO, calibration, index=index)
         written = cv2.imread(str(tmp_path / f"over-{index + 1}.png"))
         np.testing.assert_array_equal(written, drawn)
     assert not (tmp_path / "over.png").exists()
+
+
+@pytest.mark.parametrize("outcome", ["answered", "refused"])
+def test_a_photograph_is_decoded_and_searched_once(run, tmp_path, monkeypatch, outcome):
+    """Whatever is drawn of it: overlay, report, debug picture and diagnosis."""
+    decoded, searched = [], []
+    decode, search = cv2.imdecode, measure.search
+    monkeypatch.setattr(cv2, "imdecode", lambda *a: decoded.append(a) or decode(*a))
+    monkeypatch.setattr(measure, "search", lambda *a: searched.append(a) or search(*a))
+    photo = tmp_path / "photo.png"
+    picture = simulate.render(SCENE, np.random.default_rng(1), noise=1.0)
+    if outcome == "refused":
+        picture[:, : picture.shape[1] // 2] = picture.max()
+    cv2.imwrite(str(photo), picture)
+    outputs = [tmp_path / name for name in ("c.json", "over.png", "debug.png", "report.html")]
+    options = ("-o", "--overlay", "--debug-image", "--report")
+    pairs = [word for pair in zip(options, outputs, strict=True) for word in pair]
+    code, _, _ = run("calibrate", photo, *pairs, "--diagnose")
+    assert (code == 0) == (outcome == "answered")
+    assert (len(decoded), len(searched)) == (1, 1)
+    assert outputs[2].exists()
 
 
 @pytest.mark.parametrize(
@@ -175,7 +196,7 @@ def test_every_error_has_its_exit_code(run, photo, tmp_path, monkeypatch, error,
     def fail(*_, **__):
         raise error
 
-    monkeypatch.setattr(commands.calibrate, "calibrate", fail)
+    monkeypatch.setattr(commands.calibrate, "calibrate_photographs", fail)
     outcome = run("calibrate", photo, "-o", tmp_path / "camera.json", "--json")
     assert_refused(outcome, exit_code, tmp_path)
     assert " ".join(str(error).split()) in outcome[2]
@@ -185,7 +206,7 @@ def test_a_failing_overlay_leaves_no_file(run, photo, asked, tmp_path, monkeypat
     def fail(*_, **__):
         raise errors.ImageError("gone")
 
-    monkeypatch.setattr(commands.pictures_drawn, "detect", fail)
+    monkeypatch.setattr(commands.pictures_drawn, "draw_overlay", fail)
     camera, overlay = tmp_path / "camera.json", tmp_path / "overlay.png"
     outcome = run("calibrate", photo, "-o", camera, "--overlay", overlay)
     assert_refused(outcome, 5, tmp_path)

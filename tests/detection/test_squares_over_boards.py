@@ -5,7 +5,7 @@ import pytest
 
 from trisquare import simulate
 from trisquare.detection.kinds import TargetKinds
-from trisquare.measurement.find import find
+from trisquare.measurement.find import search
 from trisquare.simulate.render import render_into
 
 SIZE = (1280, 960)
@@ -24,7 +24,7 @@ def board_picture(seed):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_board_alone_gives_no_squares(seed):
-    found = find(board_picture(seed), TargetKinds.parse("auto"))
+    found = search(board_picture(seed), TargetKinds.parse("auto")).found
     assert [target.kind for target in found] == ["chessboard"]
 
 
@@ -34,7 +34,7 @@ def test_three_squares_before_a_board_are_found_and_nothing_else(kind, seed):
     rng = np.random.default_rng([82, seed])
     scene = simulate.random_scene(rng, image_size=SIZE, kind=kind)
     picture = render_into(board_picture(seed), scene, rng)
-    found = find(picture, TargetKinds.parse("auto"))
+    found = search(picture, TargetKinds.parse("auto")).found
     squares = [target for target in found if target.kind != "chessboard"]
     truth = np.array([scene.image_points(i, np.zeros((1, 2)))[0] for i in range(3)])
     assert len(squares) == 3

@@ -18,7 +18,7 @@ from trisquare.detection.tags.codes import dictionary, opencv_dictionary
 from trisquare.detection.tags.decode import decode_tags
 from trisquare.detection.tags.families import DICTIONARIES, SIZES, TagSearch, dictionary_name
 from trisquare.measurement.boards import Board
-from trisquare.measurement.find import find
+from trisquare.measurement.find import search
 from trisquare.simulate.cramer_rao import cramer_rao_bound, pixel_sigma
 from trisquare_scenes.tagged import charuco_box_scene, tag_scene
 
@@ -42,7 +42,7 @@ def box():
 
 
 def tags_in(picture, targets="auto"):
-    return [target.outline for target in find(picture, TargetKinds.parse(targets))]
+    return [target.outline for target in search(picture, TargetKinds.parse(targets)).targets]
 
 
 def test_tags_are_found_with_their_numbers_and_corners(tagged):

@@ -17,6 +17,7 @@ from trisquare.detection.candidates import Lattice
 from trisquare.detection.kinds import TargetKinds
 from trisquare.drawing.detections import FOUND_COLOUR, REJECTED_COLOUR, draw_detections
 from trisquare.measurement.boards import Board
+from trisquare.measurement.find import search
 from trisquare.measurement.rejection_reasons import rejection_reasons
 
 CAMERA = simulate.TrueCamera(700.0, 700.0, 319.5, 239.5, image_size=(640, 480))
@@ -110,7 +111,7 @@ def reasons(scene, **settings):
     picture = photograph(scene, **settings)
     return {
         tuple(np.rint(candidate.corners.mean(axis=0)).astype(int)): candidate.reason
-        for candidate in rejection_reasons(picture, TargetKinds.parse("squares"))
+        for candidate in rejection_reasons(search(picture, TargetKinds.parse("squares")))
     }
 
 
@@ -145,7 +146,7 @@ def test_what_lies_beside_a_square_is_told():
     picture = photograph(scene)
     dark, light = float(picture[240, 220]), float(picture[10, 10])
     picture[150:330, 300:420] = round(0.6 * dark + 0.4 * light)
-    told = rejection_reasons(picture, TargetKinds.parse("squares"))
+    told = rejection_reasons(search(picture, TargetKinds.parse("squares")))
     beside = [c for c in told if np.abs(c.corners.mean(axis=0) - [220, 240]).max() < 10]
     assert [candidate.reason for candidate in beside] == [
         "something else touches its sides or corners"
@@ -156,7 +157,7 @@ def test_a_square_with_a_patterned_inside_is_told():
     scene = simulate.Scene(CAMERA, (seen_at((320, 240), 200.0, np.eye(3)),))
     picture = photograph(scene)
     cv2.circle(picture, (320, 240), 50, 200, -1)
-    (candidate,) = rejection_reasons(picture, TargetKinds.parse("squares"))
+    (candidate,) = rejection_reasons(search(picture, TargetKinds.parse("squares")))
     assert candidate.reason.startswith("its inside is neither")
     assert_at(candidate, scene.image_points(0, UNIT_SQUARE))
 

@@ -160,8 +160,8 @@ def test_a_name_that_is_no_text_can_be_told(calibration, tmp_path):
     assert rb"caf\udce9.png" in report_page(calibration, photograph)
 
 
-def reported(calibration, edges, image=0):
-    return ReportedPicture(image, "x", None, tuple(measured_sides(calibration, edges, image)))
+def reported(calibration, image=0):
+    return ReportedPicture(image, "x", None, tuple(measured_sides(calibration, image)))
 
 
 def polylines(path):
@@ -180,7 +180,7 @@ def bend(line):
 
 
 def test_sides_lie_on_the_samples_and_are_straight_once_undistorted(calibration, edges):
-    layers = picture_layers(calibration, reported(calibration, edges))
+    layers = picture_layers(calibration, reported(calibration))
     assert len(layers.planes) == len(layers.undistorted_planes) == 3
     for plane, figure in zip(layers.planes, edges, strict=True):
         for line, samples in zip(polylines(plane.sides), figure.points, strict=True):
@@ -192,7 +192,7 @@ def test_sides_lie_on_the_samples_and_are_straight_once_undistorted(calibration,
 
 
 def test_needles_are_the_residuals_times_the_stated_exaggeration(calibration, edges):
-    picture = reported(calibration, edges)
+    picture = reported(calibration)
     layers = picture_layers(calibration, picture)
     residuals = np.concatenate([side.residuals for side in picture.sides])
     needles = np.array([n for plane in layers.planes for n in polylines(plane.needles)])
@@ -202,28 +202,17 @@ def test_needles_are_the_residuals_times_the_stated_exaggeration(calibration, ed
 
 
 def test_many_residuals_are_thinned_and_the_page_says_so(calibration, scene):
-    dense = edges_of(scene, noise=0.05, spacing=0.5)
-    layers = picture_layers(calibration, reported(calibration, dense))
+    edges = edges_of(scene, noise=0.05, spacing=0.5)
+    dense = ts.calibrate_edges(edges, calibration.camera.image_size)
+    layers = picture_layers(dense, reported(dense))
     assert layers.every > 1
-    assert f"one in {layers.every} is drawn".encode() in report_page(calibration, edges=dense)
-
-
-def test_residuals_of_boards_that_may_bend_are_explained(calibration, edges):
-    """They are drawn from flat planes, and larger than those the calibration states."""
-    half = [replace(plane, rms=plane.rms / 2) for plane in calibration.planes]
-    together = ts.ResidualCorrelation(5.0, 0.99, (0.1, 0.1, 0.1), 1.0)
-    bent = replace(calibration, planes=half, coherence=together)
-    layers = picture_layers(bent, reported(calibration, edges))
-    assert layers.bent_rms == pytest.approx(calibration.rms / 2, rel=0.02)
-    assert "drawn flat" in Page(report_page(bent, edges=edges)).text
-    assert "drawn flat" not in Page(report_page(calibration, edges=edges)).text
+    assert f"one in {layers.every} is drawn".encode() in report_page(dense)
 
 
 def side(residual, plane, *, at, normal, count=20):
     """Samples around one place that all have one residual."""
     points = np.array(at, float) + np.linspace(-1.0, 1.0, count)[:, None] * [normal[1], -normal[0]]
     return MeasuredSide(
-        points,
         points,
         np.full(count, residual),
         np.tile(np.array(normal, float), (count, 1)),
@@ -232,7 +221,7 @@ def side(residual, plane, *, at, normal, count=20):
 
 
 def test_the_plot_by_side_shows_each_sides_mean(calibration, edges):
-    sides = list(measured_sides(calibration, edges))
+    sides = list(measured_sides(calibration))
     sides[6] = replace(sides[6], residuals=sides[6].residuals + 0.7)
     with plotting():
         axes = residuals_by_side(sides).axes[0]
@@ -315,10 +304,10 @@ def test_planes_behind_the_camera_are_not_sketched(calibration):
 
 
 def test_a_report_without_pictures_or_edges(calibration, edges):
-    text = Page(report_page(calibration)).text
+    text = Page(report_page(replace(calibration, edges=(), residuals=()))).text
     assert "no photograph was given" in text
     assert "There are no residuals" in text
-    assert "There are no residuals" not in Page(report_page(calibration, edges=edges)).text
+    assert "There are no residuals" not in Page(report_page(calibration)).text
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 700), (3, 2)])
@@ -358,7 +347,7 @@ def turned(plane):
     ids=["poses", "corners", "narrow", "uncertain"],
 )
 def test_a_result_that_makes_no_sense_makes_a_page_all_the_same(calibration, edges, contort):
-    text = report_page(contort(calibration), edges=edges).decode()
+    text = report_page(contort(calibration)).decode()
     assert text.endswith("</html>")
     assert not re.search(r"[ML >](nan|inf)\b", text)
 
@@ -366,7 +355,7 @@ def test_a_result_that_makes_no_sense_makes_a_page_all_the_same(calibration, edg
 def test_a_lens_that_reaches_nothing_is_not_undistorted(calibration):
     size = calibration.camera.image_size
     far = ts.Camera([[900.0, 0, -5e4], [0, 900.0, -5e4], [0, 0, 1]], [-0.3, 0, 0, 0, 0], size)
-    lost = replace(calibration, camera=far, planes=[])
+    lost = replace(calibration, camera=far, planes=[], edges=(), residuals=())
     found = Page(report_page(lost, np.zeros(size[::-1], np.uint8)))
     assert found.tags.count("img") == 1
     assert "cannot be undistorted" in found.text
@@ -393,7 +382,7 @@ def test_pictures_are_shown_in_eight_bits_and_no_larger_than_needed():
 def test_of_several_photographs_the_first_are_shown(calibration, edges):
     size = calibration.camera.image_size
     photographs = [np.zeros(size[::-1], np.uint8)] * 8
-    text = Page(report_page(calibration, photographs, edges=edges)).text
+    text = Page(report_page(calibration, photographs)).text
     assert "2 more photographs are not shown" in text
     assert "picture 7" in text  # among the files
 
@@ -402,18 +391,12 @@ def test_refusals(calibration, tmp_path):
     with pytest.raises(TypeError, match="Calibration"):
         write_report("calibration", tmp_path / "x.html")
     with pytest.raises(ValueError, match="is it one of them"):
-        calibration.report(tmp_path / "x.html", np.zeros((5, 7), np.uint8))
+        write_report(calibration, tmp_path / "x.html", np.zeros((5, 7), np.uint8))
     with pytest.raises(ts.ImageError):
         write_report(calibration, tmp_path / "x.html", tmp_path / "no.png")
     with pytest.raises(OSError, match="no folder"):
         write_report(calibration, tmp_path / "no" / "x.html")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_another_picture_of_that_size_has_no_residuals(calibration, tmp_path):
-    size = calibration.camera.image_size
-    calibration.report(tmp_path / "x.html", np.zeros(size[::-1], np.uint8))
-    assert "no residual is drawn" in Page((tmp_path / "x.html").read_bytes()).text
 
 
 def test_nobodys_own_settings_matter(calibration, edges, page, demo):
@@ -430,9 +413,9 @@ def test_nobodys_own_settings_matter(calibration, edges, page, demo):
 
 def test_threads_do_not_disturb_each_other(calibration, edges):
     """Settings of matplotlib belong to the process."""
-    alone = report_page(calibration, edges=edges)
+    alone = report_page(calibration)
     with ThreadPoolExecutor(3) as pool:
-        pages = list(pool.map(lambda _: report_page(calibration, edges=edges), range(3)))
+        pages = list(pool.map(lambda _: report_page(calibration), range(3)))
     assert pages == [alone] * 3
 
 

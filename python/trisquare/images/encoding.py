@@ -5,14 +5,14 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-import cv2
-
 from trisquare._support.writing import PathLike
 from trisquare.images.pixels import Image
 
 
 def check_picture_name(path: PathLike) -> None:
     """Raise ValueError if no picture format has the path's extension."""
+    import cv2  # loaded where a picture is encoded
+
     suffix = Path(path).suffix
     # The extension alone: a name that is no UTF-8 crashes OpenCV.
     if not (suffix.isascii() and cv2.haveImageWriter(f"picture{suffix}")):
@@ -27,6 +27,8 @@ def encode_image(image: Image, path: PathLike) -> bytes:
     ValueError
         If it names none.
     """
+    import cv2  # loaded where a picture is encoded
+
     check_picture_name(path)
     encoded = cv2.imencode(Path(path).suffix, image)[1]
     return encoded.tobytes()

@@ -1,10 +1,9 @@
-"""Reading photographs whole, and writing files whole or not at all."""
+"""Reading photographs whole."""
 
 from __future__ import annotations
 
 import os
 
-import cv2
 import numpy as np
 
 from trisquare._support.paths import read_bytes
@@ -13,10 +12,6 @@ from trisquare.errors import ImageError
 from trisquare.images.integrity import incompleteness
 from trisquare.images.orientation import TIFF_STARTS, find_orientation
 from trisquare.images.pixels import PIXEL_TYPES, Image, ImageSource
-
-# Grey stays grey and 16 bits stay 16. The orientation tag is ignored: the camera matrix
-# belongs to the picture as the sensor delivered it. (For TIFF, OpenCV applies it all the same.)
-READ_FLAGS = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
 
 
 def read_image(path: PathLike) -> Image:
@@ -61,8 +56,13 @@ def read_photograph(path: PathLike) -> tuple[Image, str | None]:
     turn = None if tag is None else tag.turn
     if tag is not None and turn is not None and encoded[:4] in TIFF_STARTS:
         encoded = tag.made_upright(encoded)
+    import cv2  # loaded where a file is read
+
+    # Grey stays grey and 16 bits stay 16. The orientation tag is ignored: the camera matrix
+    # belongs to the picture as the sensor delivered it. (For TIFF, OpenCV applies it all the same.)
+    flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
     try:
-        image = cv2.imdecode(np.frombuffer(encoded, np.uint8), READ_FLAGS)
+        image = cv2.imdecode(np.frombuffer(encoded, np.uint8), flags)
     except cv2.error as error:
         raise ImageError(f"{os.fspath(path)}: not a readable picture") from error
     if image is None:

@@ -30,10 +30,6 @@ MOST_NEEDLES = 3000
 """Residuals drawn in a picture: more would be one blot, and a file too large for a mail."""
 
 
-NOTED_BEND = 1.2
-"""Residuals that are larger by this than the calibration says would puzzle a reader."""
-
-
 @dataclass(frozen=True, slots=True)
 class PlaneLayer:
     """A plane's lines as paths of SVG, in pixels of the photograph or of the undistorted one."""
@@ -59,8 +55,7 @@ class PictureLayers:
 
     `photograph` and `undistorted` are data URIs, or None where there is no photograph, or no
     undistorting it; `view_box` is in pixels, whose centres are whole numbers. `exaggeration` and
-    `rms` are those of the residuals, of which one in `every` is drawn; `bent_rms` is what they are
-    once boards may bend, where that matters, else None.
+    `rms` are those of the residuals, of which one in `every` is drawn.
     """
 
     name: str
@@ -76,7 +71,6 @@ class PictureLayers:
     rejected: tuple[RejectedLayer, ...]
     exaggeration: float
     rms: float | None
-    bent_rms: float | None
     every: int
 
 
@@ -110,20 +104,8 @@ def picture_layers(calibration: Calibration, picture: ReportedPicture) -> Pictur
         ),
         exaggeration=exaggeration,
         rms=rms if sides else None,
-        bent_rms=_bent_rms(calibration, picture.index, rms),
         every=every,
     )
-
-
-def _bent_rms(calibration: Calibration, image: int, flat_rms: float) -> float | None:
-    """Return a picture's rms where the calibration granted boards a relief, which is not drawn."""
-    own = [plane for plane in calibration.planes if plane.image == image]
-    samples = sum(plane.samples for plane in own)
-    coherence = calibration.coherence
-    if samples == 0 or coherence is None or not coherence.sides_err_together:
-        return None
-    rms = float(np.sqrt(sum(plane.samples * plane.rms**2 for plane in own) / samples))
-    return rms if flat_rms > NOTED_BEND * rms else None
 
 
 def jpeg_uri(pixels: Image) -> str:

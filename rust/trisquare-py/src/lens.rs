@@ -1,6 +1,6 @@
 //! A camera's maps, for arrays of points.
 
-use nalgebra::{Matrix6xX, SMatrix, Vector2, Vector3};
+use nalgebra::{Vector2, Vector3};
 use numpy::{
     PyArray1, PyArray2, PyArray3, PyReadonlyArray2, PyReadwriteArray2, PyReadwriteArray3,
     PyUntypedArrayMethods,
@@ -299,10 +299,11 @@ pub fn points_on_plane_with_covariance<'py>(
 ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>)> {
     let lens = camera.0.camera();
     let (camera, pose) = (uncertain(&lens, &camera)?, self::pose(&pose)?);
-    let by_camera: SMatrix<f64, 6, 9> = arrays::sized_matrix(&uncertainty.1)?;
     let uncertainty = PoseUncertainty {
         given_camera: arrays::sized_matrix(&uncertainty.0)?,
-        by_camera: Matrix6xX::from_column_slice(by_camera.as_slice()),
+        by_camera: arrays::sized_matrix::<6, 9>(&uncertainty.1)?
+            .columns(0, 9)
+            .into_owned(),
     };
     let pixels = arrays::points(&pixels)?;
     let (points, covariance) = detached(py, || {
@@ -352,7 +353,7 @@ pub fn nearest_lens(
             let (focal, centre) = (camera.focal(), camera.principal_point());
             detached(py, || {
                 family.nearest(size, focal, centre, |pixel| camera.ideal_point(pixel))
-            })
+            })?
         }
         LensMembers::Other(OtherMembers([fx, fy, cx, cy], model, coefficients)) => {
             let (focal, centre) = (Vector2::new(fx, fy), Vector2::new(cx, cy));
@@ -361,10 +362,10 @@ pub fn nearest_lens(
                 family.nearest(size, focal, centre, |pixel| {
                     distortion.undistort(&(pixel - centre).component_div(&focal))
                 })
-            })
+            })?
         }
     };
-    let found = found?.map_err(exception)?;
+    let found = found.map_err(exception)?;
     let (focal, centre) = (found.focal, found.centre);
     Ok((
         (focal.x, focal.y, centre.x, centre.y),

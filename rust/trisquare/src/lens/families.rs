@@ -248,7 +248,7 @@ mod tests {
     fn a_lens_of_the_family_is_found_again() {
         let truth = [520.0, 515.0, 310.0, 250.0, -0.25, 0.08, -0.01, 2e-3, -1e-3];
         let lens = Brown::new(truth);
-        let ideal = |pixel: &Vector2<f64>| Some(lens.ideal_point(pixel)?);
+        let ideal = |pixel: &Vector2<f64>| Some(lens.unproject_with_jacobian(pixel)?.ideal());
         let (focal, centre) = start();
         let found = family(false, "k1 k2 k3 p1 p2")
             .nearest(SIZE, focal, centre, ideal)

@@ -1,7 +1,7 @@
 //! Two lenses that look the same way: the pixels of one in the other.
 //!
-//! A calibration does not say which way its camera points: a shift of the principal point is all
-//! but a turn of the camera. So two lenses are compared after the rotation that brings their projections
+//! A calibration does not say which way its camera points: a shift of the principal point is all but
+//! a turn of the camera. So two lenses are compared after the rotation that brings their projections
 //! closest (mrcal's "projection difference", <https://mrcal.secretsauce.net>).
 
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Rotation3, Vector2, Vector3};
@@ -114,7 +114,7 @@ impl<'a> TurnedLenses<'a> {
     /// With `u` the ideal point, `q = R (u, 1)` and `v` that of the second lens: the derivatives
     /// are those of the distortions, of `v = (q_x, q_y) / q_z`, and `dq = turn x q`.
     pub fn see_again(&self, pixel: &Vector2<f64>) -> Option<SeenAgain> {
-        let ideal = self.first.ideal_point(pixel)?;
+        let ideal = self.first.unproject_with_jacobian(pixel)?.ideal();
         let direction = self.rotation * ideal.push(1.0);
         let seen = self.second.project(&direction)?;
         let (focal, first_focal) = (self.second.focal(), self.first.focal());

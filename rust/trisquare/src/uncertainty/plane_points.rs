@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, Matrix2, Matrix3, SMatrix, Vector2};
 use super::projection::ProjectionUncertainty;
 use crate::error::Error;
 use crate::geometry::Pose;
-use crate::lens::{Brown, Lens, of_all};
+use crate::lens::{DefaultLens, Lens, of_all};
 use crate::result::PoseUncertainty;
 
 /// Cosine of the angle between ray and normal below which a point's place means nothing.
@@ -20,7 +20,7 @@ struct PlanePoint {
     by_pose: SMatrix<f64, 2, 6>,
 }
 
-impl Brown {
+impl DefaultLens {
     /// The points of a plane that are seen at pixels, in the plane's own coordinates and unit.
     ///
     /// # Errors
@@ -87,7 +87,7 @@ impl Brown {
     }
 }
 
-impl ProjectionUncertainty<'_, Brown> {
+impl ProjectionUncertainty<'_> {
     /// The points of a plane that are seen at pixels, and their covariance, `(2 N, 2 N)` of
     /// `x0, y0, x1, ...`.
     ///
@@ -95,7 +95,7 @@ impl ProjectionUncertainty<'_, Brown> {
     /// and the camera contribute, jointly: the pose follows the camera.
     ///
     /// # Errors
-    /// As [`Brown::points_on_plane`].
+    /// As [`DefaultLens::points_on_plane`].
     pub fn points_on_plane(
         &self,
         pose: &Pose,
@@ -131,6 +131,7 @@ mod tests {
     use nalgebra::{Matrix6, Rotation3, Vector3};
 
     use super::*;
+    use crate::lens::Brown;
 
     fn camera() -> Brown {
         Brown::new([500.0, 505.0, 320.0, 240.0, -0.25, 0.08, -0.01, 2e-3, -1e-3])

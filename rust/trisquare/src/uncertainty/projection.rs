@@ -6,12 +6,11 @@
 //! the projection by the free parameters and `C` their covariance.
 
 use nalgebra::{
-    Const, DMatrix, Dim, Dyn, Matrix, Matrix2, Matrix2xX, OMatrix, RawStorage, SymmetricEigen,
-    Vector2,
+    Const, DMatrix, Dim, Dyn, Matrix, Matrix2, Matrix2xX, OMatrix, Storage, SymmetricEigen, Vector2,
 };
 
 use crate::error::Error;
-use crate::lens::{Brown, DefaultLens, Lens, of_all};
+use crate::lens::{DefaultLens, Lens, of_all};
 use crate::result::Calibration;
 
 /// Sweeps of the symmetric eigenvalue iteration; a few per column suffice.
@@ -113,7 +112,7 @@ impl<'a, L: Lens> ProjectionUncertainty<'a, L> {
     /// Of derivatives by all parameters, those by the free ones; `fy` may follow `fx`.
     pub(super) fn free_columns<const R: usize, C: Dim>(
         &self,
-        all: &Matrix<f64, Const<R>, C, impl RawStorage<f64, Const<R>, C>>,
+        all: &Matrix<f64, Const<R>, C, impl Storage<f64, Const<R>, C>>,
     ) -> OMatrix<f64, Const<R>, Dyn> {
         let mut free = OMatrix::<f64, Const<R>, Dyn>::zeros(self.columns.len());
         for (i, column) in self.columns.iter().enumerate() {
@@ -135,13 +134,6 @@ impl<'a, L: Lens> ProjectionUncertainty<'a, L> {
     }
 }
 
-impl ProjectionUncertainty<'_, Brown> {
-    /// The projection's derivative by the free parameters, at an ideal point.
-    pub(super) fn free_jacobian(&self, ideal: &Vector2<f64>) -> Matrix2xX<f64> {
-        self.free_columns(&self.camera.jacobian_of_projection(ideal))
-    }
-}
-
 impl<L: Lens> Calibration<L> {
     /// How far, in pixels (rms), the projections of the directions seen at pixels may be off.
     ///
@@ -160,6 +152,13 @@ impl<L: Lens> Calibration<L> {
         let found = uncertainty.at_pixels(pixels)?;
         // Rounding may leave a trace that vanishes a little below zero.
         Ok(found.iter().map(|c| c.trace().max(0.0).sqrt()).collect())
+    }
+}
+
+impl ProjectionUncertainty<'_, DefaultLens> {
+    /// The projection's derivative by the free parameters, at an ideal point.
+    pub(super) fn free_jacobian(&self, ideal: &Vector2<f64>) -> Matrix2xX<f64> {
+        self.free_columns(&self.camera.jacobian_of_projection(ideal))
     }
 }
 
