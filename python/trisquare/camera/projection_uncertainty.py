@@ -114,8 +114,6 @@ def picture_grid(
 ) -> tuple[FloatArray, FloatArray]:
     """Return columns and rows of a grid from border to border, at most `step` pixels apart.
 
-    Without a step they are a thirty-second of the width apart, but no more than `MOST_ROWS`.
-
     Raises
     ------
     TypeError, ValueError

@@ -88,4 +88,6 @@ def rescaled(camera: Calibration | Camera, image_size: tuple[int, int]) -> Calib
         rejected=(),
         alternatives=(),
         coherence=None,
+        edges=(),
+        residuals=(),
     )

@@ -2,18 +2,24 @@
 
 use nalgebra::{SMatrix, Vector2};
 
+use super::Lens;
 use super::brown::Brown;
-use super::{Lens, of_all};
-use crate::error::Error;
+use super::distortion::DistortionTerm;
+
+/// What the coefficients `k1, k2, k3, p1, p2` multiply.
+const TERMS: [DistortionTerm; 5] = [
+    DistortionTerm::Radial(2),
+    DistortionTerm::Radial(4),
+    DistortionTerm::Radial(6),
+    DistortionTerm::TangentialY,
+    DistortionTerm::TangentialX,
+];
 
 impl Brown {
     /// The derivative of the pixel by `fx, fy, cx, cy, k1, k2, k3, p1, p2`, at an ideal point.
     ///
-    /// With `u_d` the observed point: `du_d = u s^i dk_i` and, for the tangential coefficients,
-    /// `(2 x y, s + 2 y^2) dp1 + (s + 2 x^2, 2 x y) dp2`; the pixel is `f u_d + c`.
+    /// The pixel is `f u_d + c`, with `u_d = u + sum c_i s_i(u)` the observed point.
     pub(crate) fn jacobian_of_projection(&self, ideal: &Vector2<f64>) -> SMatrix<f64, 2, 9> {
-        let (x, y) = (ideal.x, ideal.y);
-        let square = x * x + y * y;
         let distorted = self.distort(ideal);
         let focal = self.focal();
         let mut jacobian = SMatrix::<f64, 2, 9>::zeros();
@@ -21,33 +27,10 @@ impl Brown {
         jacobian[(1, 1)] = distorted.y;
         jacobian[(0, 2)] = 1.0;
         jacobian[(1, 3)] = 1.0;
-        let shifts = [
-            ideal * square,
-            ideal * (square * square),
-            ideal * (square * square * square),
-            Vector2::new(2.0 * x * y, square + 2.0 * y * y),
-            Vector2::new(square + 2.0 * x * x, 2.0 * x * y),
-        ];
-        for (i, shift) in shifts.iter().enumerate() {
-            jacobian.set_column(4 + i, &shift.component_mul(&focal));
+        for (i, term) in TERMS.iter().enumerate() {
+            jacobian.set_column(4 + i, &term.shift(ideal).component_mul(&focal));
         }
         jacobian
-    }
-
-    /// The derivative, by `fx, fy, cx, cy, k1, k2, k3, p1, p2`, of where the direction seen at each
-    /// pixel is projected.
-    ///
-    /// # Errors
-    /// [`Error::BeyondValidRadius`].
-    pub fn projection_jacobians(
-        &self,
-        pixels: &[Vector2<f64>],
-    ) -> Result<Vec<SMatrix<f64, 2, 9>>, Error> {
-        of_all(self, pixels, |pixel| {
-            let ideal = self.unproject_with_jacobian(pixel)?.ideal();
-            let jacobian = self.jacobian_of_projection(&ideal);
-            jacobian.iter().all(|v| v.is_finite()).then_some(jacobian)
-        })
     }
 }
 

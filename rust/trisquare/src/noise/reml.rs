@@ -1,10 +1,10 @@
 //! The variances of side errors, by restricted maximum likelihood (H. D. Patterson & R. Thompson,
 //! Biometrika 58 (1971) 545-554).
 
-use crate::numeric::chi_square_tail;
 use nalgebra::{DMatrix, DVector};
 
 use super::side_errors::SideErrors;
+use crate::numeric::chi_square_tail;
 
 /// Variances tried: each so many times the last, to what moves a side by pixels.
 const VARIANCE_RATIO: f64 = 3.0;

@@ -109,6 +109,11 @@ fn tested(
     focal: f64,
     again: &[Option<SeenAgain>],
 ) -> Result<DifferenceTest, Error> {
+    if !spread.iter().all(|v| v.is_finite()) {
+        return Err(Error::InvalidArgument(
+            "the covariance is so large that the projections' overflow".into(),
+        ));
+    }
     let qr = spread.clone().qr();
     let svd = qr.r().try_svd(true, false, f64::EPSILON, MAX_SWEEPS);
     let (directions, sizes) = svd

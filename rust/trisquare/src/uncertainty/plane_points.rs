@@ -132,7 +132,6 @@ mod tests {
 
     use super::*;
     use crate::lens::Brown;
-    use crate::lens::Lens;
 
     fn camera() -> Brown {
         Brown::new([500.0, 505.0, 320.0, 240.0, -0.25, 0.08, -0.01, 2e-3, -1e-3])

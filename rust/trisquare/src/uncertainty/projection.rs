@@ -96,8 +96,8 @@ impl<'a, L: Lens> ProjectionUncertainty<'a, L> {
         self.columns.len()
     }
 
-    /// A square root `L` of the covariance, `C = L L^T`, of a covariance that rounding may have left
-    /// a little indefinite.
+    /// A square root `L` of the covariance, `C = L L^T`, which rounding may have left a little
+    /// indefinite.
     pub(super) fn root(&self) -> Result<DMatrix<f64>, Error> {
         if self.columns.is_empty() {
             return Ok(DMatrix::zeros(0, 0));
