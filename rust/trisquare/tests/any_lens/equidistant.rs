@@ -169,9 +169,11 @@ impl Lens for Equidistant {
         std::f64::consts::PI
     }
 
-    fn line_distance(&self, ray: &Ray, line: &Vector3<f64>) -> f64 {
+    fn line_distance_and_normal(&self, ray: &Ray, line: &Vector3<f64>) -> (f64, Vector2<f64>) {
         let (gradient, _) = Self::gradient(ray, line);
-        line.dot(&ray.unit) / gradient.component_div(&self.focal()).norm()
+        let gradient = gradient.component_div(&self.focal());
+        let norm = gradient.norm();
+        (line.dot(&ray.unit) / norm, gradient / norm)
     }
 
     /// With `g` the gradient of `n = l . ray` by `q`, the distance is `n / |g / f|`. A parameter
