@@ -2,7 +2,7 @@
 
 use arbitrary::Unstructured;
 use nalgebra::{Matrix3, Vector2};
-use trisquare::{Brown, Fixed, ImageSize, Line, Method, BrownModel, Options, PowerCurve, Tone};
+use trisquare::{Brown, BrownModel, Fixed, ImageSize, Line, Method, Options, PowerCurve, Tone};
 
 /// Far outside every picture, but not so far that squares overflow.
 const LARGE: f64 = 1e6;
