@@ -15,7 +15,7 @@ from trisquare.detection.kinds import TargetKinds
 from trisquare.detection.tags.codes import opencv_dictionary
 from trisquare.detection.tags.decode import decode_tags
 from trisquare.detection.tags.families import DICTIONARIES, TagSearch
-from trisquare.measurement.find import find
+from trisquare.measurement.find import search
 from trisquare.measurement.sheets import Sheet
 from trisquare.measurement.squares import Square
 from trisquare_scenes.tagged import charuco_box_scene, tag_scene
@@ -72,7 +72,7 @@ def _single_tags() -> list[Row]:
         picture = simulate.render(scene, rng, noise=noise, blur=blur, contrast=CONTRAST)
         _, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
         coded = np.asarray(cv2.imdecode(data, cv2.IMREAD_GRAYSCALE), dtype=np.uint8)
-        targets = find(coded, TargetKinds.parse("auto"))
+        targets = search(coded, TargetKinds.parse("auto")).found
         tags = [one.outline.tag for one in targets if isinstance(one, Square)]
         seen = [tag.number for tag in tags if tag is not None]
         whole += sorted(seen) == sorted(numbers)
@@ -164,7 +164,7 @@ def _cube() -> list[Row]:
     faces: Counter[int] = Counter()
     for photograph in photographs:
         picture = cv2.imread(photograph, cv2.IMREAD_GRAYSCALE)
-        found = find(np.asarray(picture), targets)
+        found = search(np.asarray(picture), targets).found
         faces[sum(isinstance(sheet, Sheet) for sheet in found)] += 1
     print(f"  cube: pictures by the number of faces found: {dict(sorted(faces.items()))}")
     with_planes = len(photographs) - faces[0]

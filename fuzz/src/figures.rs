@@ -179,7 +179,7 @@ pub fn damage(figures: &mut [PlaneEdges], size: ImageSize, bytes: &mut Bytes<'_>
             }
             // A picture's number is a name, of any size.
             7 => figure.image = bytes.seed() as usize >> bytes.below(64),
-            8 => figure.drift = Some(drifts(figure, bytes)),
+            8 => figure.tone_drift = Some(drifts(figure, bytes)),
             _ => damage_side(figure, size, bytes),
         }
     }

@@ -1,6 +1,6 @@
 """The compiled core of trisquare."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final, Protocol, TypeAlias, final, type_check_only
 
 import numpy as np
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 __all__ = [
     "FigureResiduals",
+    "Lattice",
     "Outcome",
     "Picture",
     "Prediction",
@@ -25,16 +26,12 @@ __all__ = [
     "compare_projections",
     "distort_pixels",
     "fill_undistortion_map",
+    "find_lattices",
     "fit_distortion",
-    "fit_lattice_surface",
     "fit_side_cubics",
-    "grow_lattice",
     "homography_from_lines",
     "invertible_radius",
     "largest_rectangle",
-    "lattice_surface_points",
-    "lattice_surface_sites",
-    "link_crossings",
     "localise",
     "nearest_lens",
     "points_on_plane",
@@ -44,8 +41,6 @@ __all__ = [
     "project_points",
     "projection_covariance",
     "provoke_panic",
-    "saddle_steps",
-    "settle_on_saddles",
     "square_lines",
     "straighten",
     "undistort_pixels",
@@ -115,6 +110,16 @@ class Picture:
     def __new__(cls, pixels: NDArray[Any], /) -> Picture: ...
     @property
     def size(self) -> tuple[int, int]: ...
+
+_Candidates: TypeAlias = tuple[NDArray[np.int64], NDArray[np.float64]]
+"""Pixels (column, row), shape (N, 2), and how strongly the grey levels are curved there, (N,)."""
+
+@final
+class Lattice:
+    """Crossings of a chessboard's grid lines in rows and columns."""
+
+    @property
+    def crossings(self) -> NDArray[np.float64]: ...
 
 @final
 class SideSamples:
@@ -297,16 +302,11 @@ def predict(
     fixed: Sequence[str],
     judged: bool,
 ) -> Prediction: ...
-def grow_lattice(
-    picture: NDArray[np.uint8],
-    points: NDArray[np.float64],
-    edges: NDArray[np.float64],
-    grid: NDArray[np.float64],
-    dark_first: bool,
-) -> tuple[NDArray[np.float64], tuple[int, int]]: ...
-def fit_lattice_surface(
-    grid: NDArray[np.float64], middle: tuple[float, float], size: float
-) -> tuple[NDArray[np.float64], float]: ...
+def find_lattices(
+    photograph: NDArray[np.uint8],
+    pictures: Sequence[tuple[NDArray[np.uint8], _Candidates]],
+    candidates: Callable[[], _Candidates],
+) -> list[Lattice]: ...
 def fit_side_cubics(
     basis: NDArray[np.float64],
     offsets: NDArray[np.float64],
@@ -314,21 +314,6 @@ def fit_side_cubics(
     lengths: NDArray[np.float64],
     trimmed: bool,
 ) -> NDArray[np.float64]: ...
-def lattice_surface_points(
-    homography: NDArray[np.float64], bend: float, sites: NDArray[np.float64]
-) -> NDArray[np.float64]: ...
-def lattice_surface_sites(
-    homography: NDArray[np.float64], bend: float, points: NDArray[np.float64]
-) -> NDArray[np.float64]: ...
-def saddle_steps(
-    picture: NDArray[np.uint8], pixels: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
-def settle_on_saddles(
-    picture: NDArray[np.uint8], points: NDArray[np.float64]
-) -> NDArray[np.float64]: ...
-def link_crossings(
-    picture: NDArray[np.uint8], points: NDArray[np.float64], edges: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]: ...
 def localise(
     picture: Picture, spans: Sequence[_Span], tone: str | float | None
 ) -> tuple[list[SideSamples | str], ToneEstimate | None]: ...

@@ -3,6 +3,7 @@
 import io
 import pickle
 from dataclasses import replace
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -164,13 +165,13 @@ def test_a_square_with_a_patterned_inside_is_told():
 
 def test_found_squares_are_not_passed_over():
     scene = simulate.random_scene(np.random.default_rng(74), kind="frame")
-    assert rejection_reasons(photograph(scene), TargetKinds.parse("squares")) == []
+    assert rejection_reasons(search(photograph(scene), TargetKinds.parse("squares"))) == []
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (3, 700), (40, 40), (480, 640)])
 def test_noise_is_explained_without_harm(shape):
     noise = np.random.default_rng(75).integers(0, 256, shape).astype(np.uint8)
-    for candidate in rejection_reasons(noise, TargetKinds.parse("auto")):
+    for candidate in rejection_reasons(search(noise, TargetKinds.parse("auto"))):
         assert np.isfinite(candidate.corners).all()
 
 
@@ -179,8 +180,9 @@ def test_a_board_measured_in_one_direction_is_no_plane():
     y, x = np.mgrid[100:260:40, 100:260:40].astype(float)
     lattice = Lattice(np.stack([x, y], axis=2), np.ones((4, 4), bool))
     found = Board.of(lattice, np.zeros((400, 400), np.uint8))
-    rows = [(np.array([[105.0, place], [215.0, place]]), np.ones(2), None) for place in y[:, 0]]
-    columns = [(points[:, ::-1].copy(), std, None) for points, std, _ in rows]
+    ends = [np.array([[105.0, place], [215.0, place]]) for place in y[:, 0]]
+    rows = [SimpleNamespace(points=line, std=np.ones(2)) for line in ends]
+    columns = [SimpleNamespace(points=line[:, ::-1].copy(), std=np.ones(2)) for line in ends]
     blurred = "too blurred"
     assert len(found.figures(rows + columns, 0)) == 1
     assert len(found.figures([*rows, blurred, blurred, *columns[2:]], 0)) == 1

@@ -110,14 +110,14 @@ def test_stray_parts_of_a_lattice_are_no_lines():
     found = Board(lattice, 1.0)
     spans = found.spans(7)
     assert len(spans) == 4 + 6
-    path, rise, bounds, crossings = spans[0]
-    assert path.shape == (6, 2)
-    assert bounds == (None, None)
-    assert crossings == [(11 + column, column) for column in range(6)]
-    assert rise == 1.0
-    assert spans[1][1] == -1.0
+    first = spans[0]
+    assert first.path.shape == (6, 2)
+    assert first.bounds == (None, None)
+    assert first.crossings == [(11 + column, column) for column in range(6)]
+    assert first.polarity == 1.0
+    assert spans[1].polarity == -1.0
     # The first column goes down to the crossing of the last row, which is no line.
-    assert spans[4][3][-1] == (None, 4)
+    assert spans[4].crossings[-1] == (None, 4)
 
 
 @pytest.mark.parametrize("value", [0, 128, 255])

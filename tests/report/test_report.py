@@ -425,7 +425,7 @@ def test_a_missing_extra_is_told_before_anything_is_computed(run, tmp_path, monk
         raise AssertionError("computed in vain")
 
     monkeypatch.setitem(sys.modules, module, None)
-    monkeypatch.setattr("trisquare.cli.calibrate.calibrate", compute)
+    monkeypatch.setattr("trisquare.cli.calibrate.calibrate_photographs", compute)
     photograph, report = tmp_path / "photo.png", tmp_path / "out.html"
     photograph.write_bytes(DEMO.read_bytes())
     code, out, err = run("calibrate", photograph, "--report", report)

@@ -43,8 +43,5 @@ mod _core {
     #[pymodule_export]
     use crate::planning::{Prediction, predict};
     #[pymodule_export]
-    use crate::search::{
-        fit_lattice_surface, fit_side_cubics, grow_lattice, lattice_surface_points,
-        lattice_surface_sites, link_crossings, saddle_steps, settle_on_saddles,
-    };
+    use crate::search::{Lattice, find_lattices, fit_side_cubics};
 }

@@ -1,263 +1,114 @@
-//! The search for boards: saddle points, the crossings that edges link, lattices, the surface that
-//! their crossings lie on, and cubics along sides.
-//!
-//! Newton's method on saddle points is so short a work that it needs no copy of the picture: the GIL
-//! is held.
+//! The search for boards, and cubics along the sides of squares.
 
-use std::borrow::Cow;
-use std::collections::BTreeMap;
-
-use nalgebra::{Vector2, Vector4};
+use nalgebra::Vector4;
 use numpy::{
     PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
     PyUntypedArrayMethods,
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use trisquare::internals::{
-    Crossing, GreyBytes, Lattice, LatticeSurface, SaddleStep, SidePoints, Site, refine_corner,
-    trimmed_cubics,
-};
+use trisquare::internals::{Candidate, GreyBytes, ReducedPicture, SidePoints, trimmed_cubics};
 
 use crate::arrays;
 use crate::errors::detached;
 
-type Grown<'py> = (Bound<'py, PyArray3<f64>>, Site);
-type Linked<'py> = (Bound<'py, PyArray2<i64>>, Bound<'py, PyArray2<i64>>);
+/// Pixels (column, row), shape (N, 2), and how strongly the grey levels are curved there, (N,).
+type Candidates<'py> = (PyReadonlyArray2<'py, i64>, PyReadonlyArray1<'py, f64>);
 
-/// Number of the crossing that follows in each of four directions, and its direction back, or -1.
-#[pyfunction]
-#[pyo3(signature = (picture, points, edges))]
-pub fn link_crossings<'py>(
-    py: Python<'py>,
-    picture: PyReadonlyArray2<'py, u8>,
-    points: PyReadonlyArray2<'py, f64>,
-    edges: PyReadonlyArray2<'py, f64>,
-) -> PyResult<Linked<'py>> {
-    let crossings = crossings_of(&points, &edges)?;
-    let (width, height, values) = bytes_of(&picture);
-    let values = values.into_owned();
-    let grey = GreyBytes::new(width, height, &values).ok_or_else(no_picture)?;
-    let linked = detached(py, || {
-        trisquare::internals::link_crossings(&grey, &crossings)
-    })?;
-    let following = PyArray2::zeros(py, [linked.len(), 4], false);
-    let back = PyArray2::zeros(py, [linked.len(), 4], false);
-    {
-        let (mut following, mut back) = (following.readwrite(), back.readwrite());
-        let (mut following, mut back) = (following.as_array_mut(), back.as_array_mut());
-        for (number, followers) in linked.iter().enumerate() {
-            for (direction, follower) in followers.iter().enumerate() {
-                let place = [number, direction];
-                following[place] = follower.map_or(-1, |f| f.crossing as i64);
-                back[place] = follower.map_or(-1, |f| f.back as i64);
+/// Crossings of a chessboard's grid lines in rows and columns.
+#[pyclass(frozen, module = "trisquare._core")]
+pub struct Lattice(trisquare::internals::Lattice);
+
+#[pymethods]
+impl Lattice {
+    /// In pixels of the photograph, shape (rows, columns, 2); NaN where there is none.
+    #[getter]
+    fn crossings<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray3<f64>> {
+        let [rows, columns] = self.0.size();
+        let crossings = PyArray3::zeros(py, [rows, columns, 2], false);
+        {
+            let mut filled = crossings.readwrite();
+            let mut filled = filled.as_array_mut();
+            filled.fill(f64::NAN);
+            for ((row, column), point) in self.0.found() {
+                filled[[row as usize, column as usize, 0]] = point.x;
+                filled[[row as usize, column as usize, 1]] = point.y;
             }
         }
+        crossings
     }
-    Ok((following, back))
 }
 
-/// The lattice with all neighbouring crossings that fit, and the row and column of its new first
-/// site relative to the old one's; NaN where there is none.
+/// Finds every lattice of 3 x 3 crossings and more in a grey photograph, the largest first.
+///
+/// The reduced pictures come from coarse to fine, each with its candidates; `candidates` returns
+/// those of the photograph itself, if the search needs them.
 #[pyfunction]
-#[pyo3(signature = (picture, points, edges, grid, dark_first))]
-pub fn grow_lattice<'py>(
-    py: Python<'py>,
-    picture: PyReadonlyArray2<'py, u8>,
-    points: PyReadonlyArray2<'py, f64>,
-    edges: PyReadonlyArray2<'py, f64>,
-    grid: PyReadonlyArray3<'py, f64>,
-    dark_first: bool,
-) -> PyResult<Grown<'py>> {
-    let crossings = crossings_of(&points, &edges)?;
-    let (width, height, values) = bytes_of(&picture);
-    let values = values.into_owned();
-    let grey = GreyBytes::new(width, height, &values).ok_or_else(no_picture)?;
-    let mut lattice = Lattice {
-        crossings: sites_of(&grid)?,
-        dark_first,
-    };
-    detached(py, || lattice.grow(&grey, &crossings))?;
-    let sites = || lattice.crossings.keys();
-    let first = (
-        sites().map(|site| site.0).min().unwrap_or(0),
-        sites().map(|site| site.1).min().unwrap_or(0),
-    );
-    let rows = sites().map(|s| s.0 - first.0 + 1).max().unwrap_or(0) as usize;
-    let columns = sites().map(|s| s.1 - first.1 + 1).max().unwrap_or(0) as usize;
-    let grown = PyArray3::zeros(py, [rows, columns, 2], false);
-    {
-        let mut grown = grown.readwrite();
-        let mut grown = grown.as_array_mut();
-        grown.fill(f64::NAN);
-        for (site, point) in &lattice.crossings {
-            let (row, column) = ((site.0 - first.0) as usize, (site.1 - first.1) as usize);
-            grown[[row, column, 0]] = point.x;
-            grown[[row, column, 1]] = point.y;
-        }
-    }
-    Ok((grown, first))
-}
-
-fn crossings_of(
-    points: &PyReadonlyArray2<'_, f64>,
-    edges: &PyReadonlyArray2<'_, f64>,
-) -> PyResult<Vec<Crossing>> {
-    let points = arrays::points(points)?;
-    let edges = arrays::points(edges)?;
-    if edges.len() != 2 * points.len() {
-        return Err(PyValueError::new_err("a crossing has two edges"));
-    }
-    let pairs = points.iter().zip(edges.chunks_exact(2));
-    Ok(pairs
-        .map(|(&point, edges)| Crossing {
-            point,
-            edges: [edges[0], edges[1]],
+#[pyo3(signature = (photograph, pictures, candidates))]
+pub fn find_lattices(
+    py: Python<'_>,
+    photograph: PyReadonlyArray2<'_, u8>,
+    pictures: Vec<(PyReadonlyArray2<'_, u8>, Candidates<'_>)>,
+    candidates: Py<PyAny>,
+) -> PyResult<Vec<Lattice>> {
+    let bytes: Vec<Vec<u8>> = pictures
+        .iter()
+        .map(|(picture, _)| bytes_of(picture))
+        .collect();
+    let reduced = pictures
+        .iter()
+        .zip(&bytes)
+        .map(|((picture, candidates), bytes)| {
+            Ok(ReducedPicture {
+                picture: grey(picture, bytes)?,
+                candidates: candidates_of(candidates)?,
+            })
+        });
+    let reduced = reduced.collect::<PyResult<Vec<_>>>()?;
+    let whole = bytes_of(&photograph);
+    let whole = grey(&photograph, &whole)?;
+    let found = detached(py, || {
+        trisquare::internals::find_lattices(&whole, &reduced, || {
+            Python::attach(|py| candidates_of(&candidates.call0(py)?.extract(py)?))
         })
-        .collect())
+    })??;
+    Ok(found.into_iter().map(Lattice).collect())
 }
 
-/// Sites of a lattice, shape `(rows, columns, 2)`, that hold a crossing.
-pub fn sites_of(grid: &PyReadonlyArray3<'_, f64>) -> PyResult<BTreeMap<Site, Vector2<f64>>> {
-    let view = grid.as_array();
-    if view.shape()[2] != 2 {
-        return Err(PyValueError::new_err("a point has two coordinates"));
+fn candidates_of((pixels, strengths): &Candidates<'_>) -> PyResult<Vec<Candidate>> {
+    if pixels.shape() != [strengths.len(), 2] {
+        return Err(PyValueError::new_err(
+            "a pixel has two coordinates and a strength",
+        ));
     }
-    let mut sites = BTreeMap::new();
-    for row in 0..view.shape()[0] {
-        for column in 0..view.shape()[1] {
-            let point = Vector2::new(view[[row, column, 0]], view[[row, column, 1]]);
-            if point.iter().all(|value| value.is_finite()) {
-                sites.insert((row as i32, column as i32), point);
-            }
-        }
-    }
-    Ok(sites)
-}
-
-/// Width, height and the values of a grey picture in row order, borrowed if they lie so.
-fn bytes_of<'a>(picture: &'a PyReadonlyArray2<'_, u8>) -> (usize, usize, Cow<'a, [u8]>) {
-    let (height, width) = (picture.shape()[0], picture.shape()[1]);
-    let values = match picture.as_slice() {
-        Ok(values) if picture.is_c_contiguous() => Cow::Borrowed(values),
-        _ => Cow::Owned(picture.as_array().iter().copied().collect()),
+    let (pixels, strengths) = (pixels.as_array(), strengths.as_array());
+    let candidate = |(pixel, strength): (_, &f64)| {
+        let pixel: numpy::ndarray::ArrayView1<'_, i64> = pixel;
+        Ok(Candidate {
+            pixel: [usize::try_from(pixel[0])?, usize::try_from(pixel[1])?],
+            strength: *strength,
+        })
     };
-    (width, height, values)
-}
-
-pub fn no_picture() -> PyErr {
-    PyValueError::new_err("the picture is empty")
-}
-
-type Steps<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
-
-/// Where the slope vanishes relative to pixels, shape (N, 2), and the second derivatives xx, xy, yy
-/// and their determinant there, shape (N, 4).
-#[pyfunction]
-#[pyo3(signature = (picture, pixels))]
-pub fn saddle_steps<'py>(
-    py: Python<'py>,
-    picture: PyReadonlyArray2<'py, u8>,
-    pixels: PyReadonlyArray2<'py, i64>,
-) -> PyResult<Steps<'py>> {
-    let (width, height, values) = bytes_of(&picture);
-    let grey = GreyBytes::new(width, height, &values).ok_or_else(no_picture)?;
-    if pixels.shape()[1] != 2 {
-        return Err(PyValueError::new_err("a pixel has two coordinates"));
-    }
-    let view = pixels.as_array();
-    let steps: Option<Vec<SaddleStep>> = view
+    pixels
         .rows()
         .into_iter()
-        .map(|pixel| {
-            let pixel = [pixel[0], pixel[1]].map(|at| usize::try_from(at).unwrap_or(0));
-            SaddleStep::from(&grey, pixel)
-        })
-        .collect();
-    let steps = steps.ok_or_else(|| PyValueError::new_err("the picture is too small"))?;
-    let offsets: Vec<Vector2<f64>> = steps.iter().map(|step| step.offset).collect();
-    let curvatures = steps
-        .iter()
-        .flat_map(|step| <[f64; 4]>::from(step.curvature));
-    Ok((
-        arrays::from_points(py, &offsets),
-        arrays::from_rows(py, steps.len(), 4, curvatures),
-    ))
+        .zip(strengths)
+        .map(candidate)
+        .collect()
 }
 
-/// Points, shape (N, 2), moved onto the saddle next to them where there is one.
-#[pyfunction]
-#[pyo3(signature = (picture, points))]
-pub fn settle_on_saddles<'py>(
-    py: Python<'py>,
-    picture: PyReadonlyArray2<'py, u8>,
-    points: PyReadonlyArray2<'py, f64>,
-) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let (width, height, values) = bytes_of(&picture);
-    let grey = GreyBytes::new(width, height, &values).ok_or_else(no_picture)?;
-    let settled: Vec<Vector2<f64>> = arrays::points(&points)?
-        .into_iter()
-        .map(|point| refine_corner(&grey, point))
-        .collect();
-    Ok(arrays::from_points(py, &settled))
+/// The values of a grey picture in row order.
+fn bytes_of(picture: &PyReadonlyArray2<'_, u8>) -> Vec<u8> {
+    match picture.as_slice() {
+        Ok(values) => values.to_vec(),
+        Err(_) => picture.as_array().iter().copied().collect(),
+    }
 }
 
-type Fitted<'py> = (Bound<'py, PyArray2<f64>>, f64);
-
-/// Homography and bend of a lattice, shape (rows, columns, 2), NaN where there is no crossing.
-#[pyfunction]
-#[pyo3(signature = (grid, middle, size))]
-pub fn fit_lattice_surface<'py>(
-    py: Python<'py>,
-    grid: PyReadonlyArray3<'py, f64>,
-    middle: (f64, f64),
-    size: f64,
-) -> PyResult<Fitted<'py>> {
-    let middle = Vector2::new(middle.0, middle.1);
-    let (sites, points): (Vec<_>, Vec<_>) = sites_of(&grid)?
-        .into_iter()
-        .map(|((row, column), point)| {
-            let site = Vector2::new(f64::from(column), f64::from(row));
-            (site, (point - middle) / size)
-        })
-        .unzip();
-    let surface = detached(py, || LatticeSurface::fitted(&sites, &points, size))?;
-    Ok((arrays::from_matrix3(py, &surface.homography), surface.bend))
-}
-
-/// Points of a surface, in half diagonals from the picture's middle, at columns and rows, shape
-/// (N, 2); NaN where there is none.
-#[pyfunction]
-#[pyo3(signature = (homography, bend, sites))]
-pub fn lattice_surface_points<'py>(
-    py: Python<'py>,
-    homography: PyReadonlyArray2<'py, f64>,
-    bend: f64,
-    sites: PyReadonlyArray2<'py, f64>,
-) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let surface = surface(&homography, bend)?;
-    let sites = arrays::points(&sites)?;
-    let points: Vec<_> = sites.into_iter().map(|site| surface.at(site)).collect();
-    Ok(arrays::from_points(py, &points))
-}
-
-/// Columns and rows of points, shape (N, 2), in half diagonals from the picture's middle.
-#[pyfunction]
-#[pyo3(signature = (homography, bend, points))]
-pub fn lattice_surface_sites<'py>(
-    py: Python<'py>,
-    homography: PyReadonlyArray2<'py, f64>,
-    bend: f64,
-    points: PyReadonlyArray2<'py, f64>,
-) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let surface = surface(&homography, bend)?;
-    let sites = surface.sites(&arrays::points(&points)?);
-    Ok(arrays::from_points(py, &sites))
-}
-
-fn surface(homography: &PyReadonlyArray2<'_, f64>, bend: f64) -> PyResult<LatticeSurface> {
-    let homography = arrays::matrix3(homography)?;
-    Ok(LatticeSurface { homography, bend })
+fn grey<'a>(picture: &PyReadonlyArray2<'_, u8>, values: &'a [u8]) -> PyResult<GreyBytes<'a>> {
+    let (height, width) = (picture.shape()[0], picture.shape()[1]);
+    let picture = GreyBytes::new(width, height, values);
+    picture.ok_or_else(|| PyValueError::new_err("the picture is empty"))
 }
 
 /// Coefficients, shape (S, 4), of cubics through offsets, shape (S, N), given their bases, shape

@@ -78,7 +78,6 @@ pub mod internals {
     pub use crate::numeric::{cdf, chi_square_tail};
     pub use crate::planning::predict_unjudged;
     pub use crate::search::{
-        Crossing, Follower, Lattice, LatticeSurface, SaddleStep, SidePoints, Site, link_crossings,
-        refine_corner, trimmed_cubics,
+        Candidate, Lattice, ReducedPicture, SidePoints, find_lattices, trimmed_cubics,
     };
 }

@@ -32,12 +32,16 @@ fn modules(folder: &Path, files: bool) -> BTreeMap<String, PathBuf> {
     wanted.map(|path| (name(&path), path)).collect()
 }
 
-/// The code of a file before its tests, without comments.
-fn code(path: &Path) -> String {
+/// The text of a file before its tests.
+fn before_tests(path: &Path) -> String {
     let text = read_to_string(path).unwrap();
-    let before_tests = text.split("#[cfg(test)]\nmod ").next().unwrap();
-    let lines = before_tests.lines();
-    lines
+    text.split("#[cfg(test)]\nmod ").next().unwrap().to_owned()
+}
+
+/// The same without comments.
+fn code(path: &Path) -> String {
+    before_tests(path)
+        .lines()
         .map(|line| line.split("//").next().unwrap().to_owned() + "\n")
         .collect()
 }
@@ -97,6 +101,20 @@ fn rooms_import_only_from_the_rows_below() {
             }
         }
     }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+#[test]
+fn no_room_but_that_of_the_lenses_names_one() {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let folders = modules(&source, false).into_iter();
+    let in_folders = folders
+        .filter(|(room, _)| room != "lens")
+        .flat_map(|(_, folder)| modules(&folder, true));
+    let alone = modules(&source, true).into_iter();
+    let all = alone.filter(|(name, _)| name != "lib").chain(in_folders);
+    let naming = all.filter(|(_, path)| before_tests(path).contains("Brown"));
+    let wrong: Vec<PathBuf> = naming.map(|(_, path)| path).collect();
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 

@@ -32,6 +32,12 @@ impl<'a> GreyBytes<'a> {
         self.values
     }
 
+    /// The nearest grey level to what `at` interpolates.
+    pub(crate) fn level(&self, point: Vector2<f64>) -> f64 {
+        self.at(point.map(|x| f64::from(x as f32)))
+            .round_ties_even()
+    }
+
     /// Bilinear interpolation; beyond the border its value goes on.
     pub(crate) fn at(&self, point: Vector2<f64>) -> f64 {
         let x = point.x.clamp(0.0, (self.width - 1) as f64);

@@ -15,4 +15,4 @@ pub(crate) use levenberg::{Limits, Minimum, Problem, Termination, minimise};
 pub use normal::cdf;
 pub(crate) use normal::{BivariateNormal, cdf_and_pdf, pdf};
 pub(crate) use rank_one::{add_rank_one, symmetric};
-pub(crate) use robust::{Loss, Spread, median_scale};
+pub(crate) use robust::{Loss, Spread, median, median_scale};

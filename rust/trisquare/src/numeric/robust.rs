@@ -97,6 +97,21 @@ impl Loss {
     }
 }
 
+/// The median; of an even number of values, the mean of the two in the middle.
+pub(crate) fn median(mut values: Vec<f64>) -> Option<f64> {
+    let upper = values.len() / 2;
+    if values.is_empty() {
+        return None;
+    }
+    let is_odd = values.len() % 2 == 1;
+    let (below, median, _) = values.select_nth_unstable_by(upper, f64::total_cmp);
+    if is_odd {
+        return Some(*median);
+    }
+    let lower = below.iter().copied().max_by(f64::total_cmp)?;
+    Some(0.5 * (lower + *median))
+}
+
 /// Standard deviation of the bulk of zero-mean residuals, from their median size.
 pub(crate) fn median_scale(residuals: impl Iterator<Item = f64>) -> f64 {
     let mut sizes: Vec<f64> = residuals.map(f64::abs).collect();
@@ -186,6 +201,13 @@ mod tests {
             assert!((newton - loss.newton_factor()).abs() < 1e-3, "{newton}");
             assert!(spread.covariance_factor(0.0).is_finite());
         }
+    }
+
+    #[test]
+    fn the_median_is_in_the_middle() {
+        assert_eq!(median(vec![3.0, -1.0, 2.0]), Some(2.0));
+        assert_eq!(median(vec![3.0, -1.0, 2.0, 7.0]), Some(2.5));
+        assert_eq!(median(Vec::new()), None);
     }
 
     #[test]

@@ -71,6 +71,9 @@ pub struct Follower {
     pub back: usize,
 }
 
+/// What follows a crossing in its four directions.
+pub type Followers = [Option<Follower>; 4];
+
 impl GreyBytes<'_> {
     /// Whether one edge leads all the way from one point to another, dark clockwise of the way
     /// (on the right hand, as y points down) or light.
@@ -115,15 +118,16 @@ impl Crossing {
     /// The direction that a vector follows, if it follows one.
     #[must_use]
     pub fn direction(&self, vector: Vector2<f64>) -> Option<usize> {
-        self.direction_within(MISALIGNED, vector)
+        let (direction, along) = self.nearest_direction(vector);
+        (along * along >= MISALIGNED * MISALIGNED * vector.norm_squared()).then_some(direction)
     }
 
-    /// The same for another cosine of how far the vector may be beside it.
-    fn direction_within(&self, least: f64, vector: Vector2<f64>) -> Option<usize> {
-        let along = self.edges.map(|edge| edge.dot(&vector));
+    /// The direction nearest to that of a vector, and the vector's part along it.
+    #[inline]
+    fn nearest_direction(&self, vector: Vector2<f64>) -> (usize, f64) {
+        let along = [self.edges[0].dot(&vector), self.edges[1].dot(&vector)];
         let edge = usize::from(along[1].abs() > along[0].abs());
-        let good = along[edge].powi(2) >= least.powi(2) * vector.norm_squared();
-        good.then_some(if along[edge] < 0.0 { edge + 2 } else { edge })
+        (edge + 2 * usize::from(along[edge] < 0.0), along[edge])
     }
 }
 
@@ -132,19 +136,20 @@ impl Crossing {
 /// Returns what follows each crossing in its directions 0 to 3. A link is the nearest at both of
 /// its ends.
 #[must_use]
-pub fn link_crossings(
-    picture: &GreyBytes<'_>,
-    crossings: &[Crossing],
-) -> Vec<[Option<Follower>; 4]> {
+pub fn link_crossings(picture: &GreyBytes<'_>, crossings: &[Crossing]) -> Vec<Followers> {
+    let from_each = crossings.iter();
+    let nearest: Vec<[Followers; PASSES.len()]> = from_each
+        .map(|from| nearest_of(picture, crossings, from))
+        .collect();
     let mut links = vec![[None; 4]; crossings.len()];
-    for pass in PASSES {
-        add_links(&mut links, &mutual_links(picture, crossings, pass));
+    for pass in 0..PASSES.len() {
+        add_links(&mut links, &mutual_links(&nearest, pass));
     }
     links
 }
 
 /// Adds links between directions of which neither has one yet.
-fn add_links(links: &mut [[Option<Follower>; 4]], others: &[[Option<Follower>; 4]]) {
+fn add_links(links: &mut [Followers], others: &[Followers]) {
     for (number, others) in others.iter().enumerate() {
         for (direction, other) in others.iter().enumerate() {
             let Some(follower) = *other else { continue };
@@ -190,69 +195,102 @@ const PASSES: [Pass; 3] = [
     },
 ];
 
-/// Links that are the nearest at both of their ends.
-fn mutual_links(
-    picture: &GreyBytes<'_>,
-    crossings: &[Crossing],
-    pass: Pass,
-) -> Vec<[Option<Follower>; 4]> {
-    let nearest: Vec<[Option<Follower>; 4]> = crossings
-        .iter()
-        .map(|crossing| nearest_of(picture, crossings, crossing, pass))
-        .collect();
+/// Links of a pass that are the nearest at both of their ends.
+fn mutual_links(nearest: &[[Followers; PASSES.len()]], pass: usize) -> Vec<Followers> {
     let mutual = |number: usize, direction: usize| {
-        nearest[number][direction].filter(|follower| {
-            nearest[follower.crossing][follower.back]
-                == Some(Follower {
-                    crossing: number,
-                    back: direction,
-                })
+        nearest[number][pass][direction].filter(|follower| {
+            let home = Follower {
+                crossing: number,
+                back: direction,
+            };
+            nearest[follower.crossing][pass][follower.back] == Some(home)
         })
     };
-    (0..crossings.len())
+    (0..nearest.len())
         .map(|number| std::array::from_fn(|direction| mutual(number, direction)))
         .collect()
 }
 
+/// The nearest crossings, pass by pass, that an edge leads to from one.
+///
+/// All pairs of crossings are looked at, but only once for all passes.
 fn nearest_of(
     picture: &GreyBytes<'_>,
     crossings: &[Crossing],
     from: &Crossing,
-    pass: Pass,
-) -> [Option<Follower>; 4] {
-    let mut aligned: [Vec<(f64, Follower)>; 4] = Default::default();
-    for (number, other) in crossings.iter().enumerate() {
+) -> [Followers; PASSES.len()] {
+    let mut aligned: [[Vec<(f64, Follower)>; 4]; PASSES.len()] = Default::default();
+    let mut beside = vec![0; crossings.len()];
+    let count = numbers_beside(from, crossings, &mut beside);
+    for &number in &beside[..count] {
+        let other = &crossings[number];
         let way = other.point - from.point;
-        if way.norm_squared() > pass.reach * pass.reach {
+        let distance = way.norm_squared();
+        let (direction, along) = from.nearest_direction(way);
+        let (back, along_back) = other.nearest_direction(-way);
+        if distance == 0.0 || (direction + back) % 2 == 0 {
             continue;
         }
-        let Some(direction) = from.direction_within(pass.aligned, way) else {
-            continue;
-        };
-        let distance = way.norm_squared();
-        match other.direction_within(pass.aligned, -way) {
-            Some(back) if distance > 0.0 && (direction + back) % 2 == 1 => {
+        let least_along = along.abs().min(along_back.abs());
+        for (pass, aligned) in PASSES.iter().zip(&mut aligned) {
+            let is_aligned = least_along * least_along >= pass.aligned * pass.aligned * distance;
+            if is_aligned && distance <= pass.reach * pass.reach {
                 let follower = Follower {
                     crossing: number,
                     back,
                 };
                 aligned[direction].push((distance, follower));
             }
-            _ => {}
         }
     }
-    std::array::from_fn(|direction| {
-        let candidates = &mut aligned[direction];
-        let tried = candidates.len().min(MOST_TRIED);
-        if tried == 0 {
-            return None;
-        }
-        candidates.select_nth_unstable_by(tried - 1, |a, b| a.0.total_cmp(&b.0));
-        candidates[..tried].sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-        let found = candidates[..tried].iter().find(|(_, follower)| {
-            let end = crossings[follower.crossing].point;
-            picture.has_edge_beyond(pass.corner, from.point, end, direction % 2 == 0)
-        });
-        found.map(|&(_, follower)| follower)
+    std::array::from_fn(|pass| {
+        let corner = PASSES[pass].corner;
+        std::array::from_fn(|direction| {
+            nearest_linked(&mut aligned[pass][direction], |follower| {
+                let end = crossings[follower.crossing].point;
+                picture.has_edge_beyond(corner, from.point, end, direction % 2 == 0)
+            })
+        })
     })
+}
+
+/// Puts the numbers of the crossings in some direction of one first, and counts them.
+///
+/// Of all pairs of crossings, those that are not aligned must cost little: there is no branch.
+fn numbers_beside(from: &Crossing, crossings: &[Crossing], numbers: &mut [usize]) -> usize {
+    let mut count = 0;
+    for (number, other) in crossings.iter().enumerate() {
+        let way = other.point - from.point;
+        let distance = way.norm_squared();
+        let is_near = distance <= NEAR * NEAR;
+        let least = if is_near { MISALIGNED_NEAR } else { MISALIGNED };
+        let along = [
+            from.edges[0].dot(&way),
+            from.edges[1].dot(&way),
+            other.edges[0].dot(&way),
+            other.edges[1].dot(&way),
+        ];
+        let own = along[0].abs().max(along[1].abs());
+        let others = along[2].abs().max(along[3].abs());
+        let along = own.min(others);
+        numbers[count] = number;
+        count += usize::from(along * along >= least * least * distance);
+    }
+    count
+}
+
+/// The nearest of some crossings to which an edge leads, with the squares of their distances.
+fn nearest_linked(
+    candidates: &mut [(f64, Follower)],
+    is_linked: impl Fn(&Follower) -> bool,
+) -> Option<Follower> {
+    let tried = candidates.len().min(MOST_TRIED);
+    if tried == 0 {
+        return None;
+    }
+    candidates.select_nth_unstable_by(tried - 1, |a, b| a.0.total_cmp(&b.0));
+    let nearest = &mut candidates[..tried];
+    nearest.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    let found = nearest.iter().find(|(_, follower)| is_linked(follower));
+    found.map(|&(_, follower)| follower)
 }

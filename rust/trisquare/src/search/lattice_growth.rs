@@ -1,10 +1,12 @@
 //! Growing a lattice of crossings: where the next one must be, and whether there is one.
 
-use std::collections::{BTreeMap, BTreeSet, HashSet};
+use std::collections::HashSet;
 
 use nalgebra::Vector2;
 
 use super::edge_following::Crossing;
+use super::lattice::{Lattice, STEPS, Site, beside};
+use super::pieces::KINK;
 use crate::image::GreyBytes;
 
 /// Rows and columns that are added one after another.
@@ -13,65 +15,38 @@ const MOST_ROUNDS: usize = 100;
 /// Cells that a crossing may be off its predicted place; perspective and lens leave a tenth.
 const OFF_COURSE: f64 = 0.22;
 
-/// How far a crossing may be off the line of its two neighbours, as the sine of the turn: lenses
-/// curve a grid line of four cells by 0.1 a crossing, folded paper by more.
-const KINK: f64 = 0.22;
-
-/// Row and column steps of a lattice's directions, clockwise on the screen: along a row, down a
-/// column, and back.
-const STEPS: [(i32, i32); 4] = [(0, 1), (1, 0), (0, -1), (-1, 0)];
-
-/// Row and column of a crossing; any integers.
-pub type Site = (i32, i32);
-
-/// The site some rows and columns on; the last integer is followed by the first, as sites may be
-/// any integers.
-fn beside(site: Site, step: (i32, i32)) -> Site {
-    (site.0.wrapping_add(step.0), site.1.wrapping_add(step.1))
-}
-
-/// Crossings in rows and columns, columns clockwise from rows on the screen.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Lattice {
-    /// In pixels.
-    pub crossings: BTreeMap<Site, Vector2<f64>>,
-    /// Whether it is dark clockwise of the row that leaves crossing (0, 0).
-    pub dark_first: bool,
-}
-
 impl Lattice {
-    /// Adds neighbouring crossings, round by round, as long as there are any.
-    pub fn grow(&mut self, picture: &GreyBytes<'_>, crossings: &[Crossing]) {
+    /// With all neighbouring crossings that fit, round by round.
+    pub(super) fn grown(&self, picture: &GreyBytes<'_>, crossings: &[Crossing]) -> Self {
+        let mut lattice = self.clone();
         let mut taken = HashSet::new();
         for _ in 0..MOST_ROUNDS {
-            let mut fitting: Vec<(f64, Site, usize)> = self
+            lattice = lattice.padded();
+            let mut fitting: Vec<(f64, Site, usize)> = lattice
                 .rim()
-                .into_iter()
-                .filter_map(|site| self.fitting(site, picture, crossings))
+                .filter_map(|site| lattice.fitting(site, picture, crossings))
                 .collect();
             fitting.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let before = self.crossings.len();
+            let mut is_finished = true;
             for (_, site, number) in fitting {
                 if taken.insert(number) {
-                    self.crossings.insert(site, crossings[number].point);
+                    lattice.set(site, Some(crossings[number].point));
+                    is_finished = false;
                 }
             }
-            if self.crossings.len() == before {
+            lattice = lattice.filtered(|_| true);
+            if is_finished {
                 break;
             }
         }
-    }
-
-    fn at(&self, site: Site, step: (i32, i32), count: i32) -> Option<Vector2<f64>> {
-        let place = beside(site, (count * step.0, count * step.1));
-        self.crossings.get(&place).copied()
+        lattice
     }
 
     /// Empty sites next to a crossing.
-    fn rim(&self) -> BTreeSet<Site> {
-        let around = |site: &Site| STEPS.map(|step| beside(*site, step));
-        let sites = self.crossings.keys().flat_map(around);
-        sites.filter(|s| !self.crossings.contains_key(s)).collect()
+    pub(super) fn rim(&self) -> impl Iterator<Item = Site> {
+        let is_next = |site: Site| STEPS.iter().any(|step| self.has(beside(site, *step, 1)));
+        self.sites()
+            .filter(move |site| !self.has(*site) && is_next(*site))
     }
 
     /// Where a site's crossing must be if the lattice goes on smoothly.
@@ -79,12 +54,12 @@ impl Lattice {
         let mut sum = Vector2::zeros();
         let mut weight = 0.0;
         for (direction, step) in STEPS.into_iter().enumerate() {
-            let Some(one) = self.at(site, step, 1) else {
+            let Some(one) = self.at(beside(site, step, 1)) else {
                 continue;
             };
             let next = STEPS[(direction + 1) % 4];
-            if let Some(two) = self.at(site, step, 2) {
-                let goes_on = match self.at(site, step, 3) {
+            if let Some(two) = self.at(beside(site, step, 2)) {
+                let goes_on = match self.at(beside(site, step, 3)) {
                     Some(three) => (one - two) * 3.0 + three,
                     None => one * 2.0 - two,
                 };
@@ -92,11 +67,12 @@ impl Lattice {
                 weight += 1.0;
             }
             let diagonal = (step.0 + next.0, step.1 + next.1);
-            if let (Some(other), Some(far)) = (self.at(site, next, 1), self.at(site, diagonal, 1)) {
+            let around = [next, diagonal].map(|step| self.at(beside(site, step, 1)));
+            if let [Some(other), Some(far)] = around {
                 sum += one + other - far;
                 weight += 1.0;
             }
-            if let (0 | 1, Some(behind)) = (direction, self.at(site, step, -1)) {
+            if let (0 | 1, Some(behind)) = (direction, self.at(beside(site, step, -1))) {
                 sum += (one + behind) * 2.0; // between two of them: the surest
                 weight += 4.0;
             }
@@ -131,20 +107,17 @@ impl Lattice {
     ) -> Option<f64> {
         let mut shortest = f64::INFINITY;
         for (direction, step) in STEPS.into_iter().enumerate() {
-            let Some(there) = self.at(site, step, 1) else {
+            let Some(there) = self.at(beside(site, step, 1)) else {
                 continue;
             };
             let way = there - crossing.point;
-            if let Some(beyond) = self.at(site, step, 2) {
+            if let Some(beyond) = self.at(beside(site, step, 2)) {
                 let onward = beyond - there;
                 if way.perp(&onward).abs() > KINK * way.norm() * onward.norm() {
                     return None;
                 }
             }
-            // Odd sums stay odd where they wrap.
-            let sum = site.0.wrapping_add(site.1).wrapping_add(direction as i32);
-            let even = sum.rem_euclid(2) == 0;
-            let dark = even == self.dark_first;
+            let dark = self.is_dark(site) == direction.is_multiple_of(2);
             let follows = crossing.direction(way)?;
             if (follows % 2 == 0) != dark || !picture.has_edge(crossing.point, there, dark) {
                 return None;

@@ -7,6 +7,8 @@
 
 use nalgebra::{Matrix2x3, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
+use super::lattice::{Lattice, Site};
+
 /// Gauss-Newton steps, which reweight as well: a few strays have lost their weight by then.
 const STEPS: usize = 6;
 
@@ -32,22 +34,91 @@ const PARAMETERS: usize = 9;
 type Normal = SMatrix<f64, PARAMETERS, PARAMETERS>;
 type Step = SVector<f64, PARAMETERS>;
 
-/// Where a plane has the crossings of each row and column.
+/// The unit and origin of points of the photograph.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LatticeSurface {
-    /// From (column, row, 1) to ideal points, in half diagonals from the picture's middle.
-    pub homography: Matrix3<f64>,
-    /// Of the lens.
-    pub bend: f64,
+struct Frame {
+    /// Of the picture, pixels.
+    middle: Vector2<f64>,
+    /// Half its diagonal, pixels.
+    half_diagonal: f64,
+}
+
+/// Where a plane has the crossings of each row and column of a picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct LatticeSurface {
+    frame: Frame,
+    shape: BentPlane,
 }
 
 impl LatticeSurface {
+    /// Fits a lattice's crossings, but for a few strays.
+    ///
+    /// There are four and more that are not on one line; `size` is the picture's width and height.
+    pub fn of(lattice: &Lattice, size: [usize; 2]) -> Self {
+        let middle = Vector2::from(size.map(|pixels| 0.5 * (pixels as f64 - 1.0)));
+        let half_diagonal = middle.x.hypot(middle.y).max(1.0);
+        let (sites, points): (Vec<_>, Vec<_>) = lattice
+            .found()
+            .map(|(site, point)| (column_and_row(site), (point - middle) / half_diagonal))
+            .unzip();
+        Self {
+            frame: Frame {
+                middle,
+                half_diagonal,
+            },
+            shape: BentPlane::fitted(&sites, &points, half_diagonal),
+        }
+    }
+
+    /// The point of the photograph, pixels, for a row and a column; NaN if there is none.
+    pub fn at(&self, site: Site) -> Vector2<f64> {
+        self.frame.middle + self.frame.half_diagonal * self.shape.at(column_and_row(site))
+    }
+
+    /// Columns and rows of points of the photograph; not finite if there are none.
+    pub fn sites(&self, points: impl Iterator<Item = Vector2<f64>>) -> Vec<Vector2<f64>> {
+        let observed = points.map(|point| (point - self.frame.middle) / self.frame.half_diagonal);
+        self.shape.sites(&observed.collect::<Vec<_>>())
+    }
+
+    /// How far each crossing of a lattice is off, pixels.
+    pub fn deviations(&self, lattice: &Lattice) -> Vec<(Site, f64)> {
+        let off = |(site, point): (Site, Vector2<f64>)| {
+            let gap = (point - self.at(site)).norm();
+            // What has no place on the surface is as far off as can be.
+            let is_on_it = gap.is_finite();
+            (
+                site,
+                if is_on_it {
+                    gap
+                } else {
+                    self.frame.half_diagonal
+                },
+            )
+        };
+        lattice.found().map(off).collect()
+    }
+}
+
+fn column_and_row((row, column): Site) -> Vector2<f64> {
+    Vector2::new(column as f64, row as f64)
+}
+
+/// A homography and a lens's bending, of points in half diagonals from the picture's middle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct BentPlane {
+    /// From (column, row, 1) to ideal points.
+    homography: Matrix3<f64>,
+    /// Of the lens.
+    bend: f64,
+}
+
+impl BentPlane {
     /// Fits crossings by least absolute deviations, but for a few strays.
     ///
     /// `sites` are (column, row); `points` in half diagonals from the picture's middle, of which one
     /// is `size` pixels. There are four and more that are not on one line.
-    #[must_use]
-    pub fn fitted(sites: &[Vector2<f64>], points: &[Vector2<f64>], size: f64) -> Self {
+    fn fitted(sites: &[Vector2<f64>], points: &[Vector2<f64>], size: f64) -> Self {
         let Some(&first) = sites.first() else {
             return Self {
                 homography: Matrix3::identity(),
@@ -83,10 +154,8 @@ impl LatticeSurface {
         surface
     }
 
-    /// The point of the photograph, in half diagonals, for a column and a row; NaN if there is
-    /// none.
-    #[must_use]
-    pub fn at(&self, site: Vector2<f64>) -> Vector2<f64> {
+    /// The point of the photograph, in half diagonals, for a column and a row; NaN if there is none.
+    fn at(&self, site: Vector2<f64>) -> Vector2<f64> {
         let mapped = self.homography * site.push(1.0);
         // The depth is one in the middle of the crossings.
         if !(mapped.z > 0.0) {
@@ -97,10 +166,8 @@ impl LatticeSurface {
         ideal * (2.0 / (1.0 + (1.0 - bent).sqrt()))
     }
 
-    /// Column and row of a point of the photograph, in half diagonals; not finite if there are
-    /// none.
-    #[must_use]
-    pub fn sites(&self, points: &[Vector2<f64>]) -> Vec<Vector2<f64>> {
+    /// Column and row of a point of the photograph, in half diagonals; not finite if there are none.
+    fn sites(&self, points: &[Vector2<f64>]) -> Vec<Vector2<f64>> {
         // A homography without inverse, which noise may give, is solved as nearly as can be.
         let inverse = self
             .homography
@@ -167,7 +234,7 @@ struct Place {
 }
 
 impl Place {
-    fn new(surface: &LatticeSurface, site: Vector2<f64>, point: Vector2<f64>, size: f64) -> Self {
+    fn new(surface: &BentPlane, site: Vector2<f64>, point: Vector2<f64>, size: f64) -> Self {
         let site = site.push(1.0);
         let mapped = surface.homography * site;
         let depth = if mapped.z.abs() > LEAST {
@@ -268,9 +335,9 @@ mod tests {
             .collect()
     }
 
-    fn truth() -> LatticeSurface {
+    fn truth() -> BentPlane {
         let homography = Matrix3::new(0.08, 0.01, -0.4, -0.02, 0.07, -0.2, 0.02, -0.01, 1.0);
-        LatticeSurface {
+        BentPlane {
             homography,
             bend: -0.2,
         }
@@ -279,7 +346,7 @@ mod tests {
     #[test]
     fn a_fit_has_every_crossing_and_site_of_the_truth() {
         let points: Vec<_> = sites().iter().map(|&site| truth().at(site)).collect();
-        let fitted = LatticeSurface::fitted(&sites(), &points, SIZE);
+        let fitted = BentPlane::fitted(&sites(), &points, SIZE);
         for (&site, point) in sites().iter().zip(&points) {
             assert!((fitted.at(site) - point).norm() * SIZE < 0.02);
         }
@@ -292,7 +359,7 @@ mod tests {
     fn a_stray_is_far_off_the_surface_of_the_others() {
         let mut points: Vec<_> = sites().iter().map(|&site| truth().at(site)).collect();
         points[20].x += 12.0 / SIZE;
-        let fitted = LatticeSurface::fitted(&sites(), &points, SIZE);
+        let fitted = BentPlane::fitted(&sites(), &points, SIZE);
         for (number, (&site, point)) in sites().iter().zip(&points).enumerate() {
             let off = (fitted.at(site) - point).norm() * SIZE;
             assert_eq!(off > 5.0, number == 20, "{number}: {off}");
@@ -303,9 +370,9 @@ mod tests {
     #[test]
     fn what_is_no_lattice_gives_a_surface_all_the_same() {
         let same = vec![Vector2::new(0.3, 0.3); 5];
-        let fitted = LatticeSurface::fitted(&sites()[..5], &same, SIZE);
+        let fitted = BentPlane::fitted(&sites()[..5], &same, SIZE);
         let _ = (fitted.at(Vector2::zeros()), fitted.sites(&same));
-        let none = LatticeSurface::fitted(&[], &[], SIZE);
+        let none = BentPlane::fitted(&[], &[], SIZE);
         assert!(none.sites(&[]).is_empty());
     }
 }

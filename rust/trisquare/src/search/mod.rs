@@ -1,13 +1,25 @@
-//! The search for boards in a picture: saddles, the edges that link them, and lattices.
+//! The search for boards in a picture: saddles, the edges that link them, and lattices; and cubics
+//! through the sides of squares.
 
+mod cell_shades;
 mod edge_following;
+mod extension;
+mod find_lattices;
+mod folds;
+mod lattice;
 mod lattice_growth;
 mod lattice_surface;
+mod level;
+mod link_edges;
+mod merging;
+mod outline;
+mod photograph;
+mod pieces;
 mod saddles;
+mod sectors;
 mod side_cubics;
 
-pub use edge_following::{Crossing, Follower, link_crossings};
-pub use lattice_growth::{Lattice, Site};
-pub use lattice_surface::LatticeSurface;
-pub use saddles::{SaddleStep, refine_corner};
+pub use find_lattices::{ReducedPicture, find_lattices};
+pub use lattice::Lattice;
+pub use sectors::Candidate;
 pub use side_cubics::{SidePoints, trimmed_cubics};

@@ -2,6 +2,8 @@
 
 use nalgebra::{Matrix4, Vector4};
 
+use crate::numeric::median;
+
 /// Pixels; of one edge position.
 const POINT_NOISE: f64 = 0.2;
 
@@ -73,7 +75,7 @@ impl SidePoints {
             cubic = self.fitted(&kept, terms);
             for _ in 0..TRIMMINGS {
                 let gaps = self.gaps(&cubic);
-                let limit = (STRAY * median(gaps.clone())).max(STRAY_PIXELS);
+                let limit = (STRAY * median(gaps.clone()).unwrap_or(0.0)).max(STRAY_PIXELS);
                 let near = self.used.iter().zip(&gaps);
                 let next: Vec<bool> = near.map(|(used, gap)| *used && *gap < limit).collect();
                 if next == kept {
@@ -98,15 +100,6 @@ pub fn trimmed_cubics(sides: &[SidePoints]) -> Vec<Vector4<f64>> {
     } else {
         cubics
     }
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    values.sort_unstable_by(f64::total_cmp);
-    let count = values.len();
-    0.5 * (values[(count - 1) / 2] + values[count / 2])
 }
 
 #[cfg(test)]

@@ -1,0 +1,96 @@
+//! Crossings that were too faint to be found, but are where a lattice goes on.
+
+use nalgebra::Vector2;
+
+use super::lattice::{Lattice, Site, beside};
+use super::lattice_surface::LatticeSurface;
+use super::link_edges::WAYS;
+use super::outline::Outline;
+use super::photograph::Photograph;
+use super::saddles::refine_corner;
+use crate::image::GreyBytes;
+
+/// Rows and columns that are added one after another: as many as a large board has.
+const MOST_EXTENSIONS: usize = 12;
+
+/// Cells from the outline of another lattice, with one cell round it, at which a fold may be.
+const AT_FOLD: f64 = 0.25;
+
+/// Pixels at the border in which no crossing is foretold: the reach of the filters that find one.
+const MARGIN: f64 = 6.0;
+
+impl Lattice {
+    /// With a crossing at every empty site next to one, where the surface has it, and one more row
+    /// and column on every side.
+    fn with_neighbours(&self, [width, height]: [usize; 2]) -> Self {
+        let surface = LatticeSurface::of(self, [width, height]);
+        let padded = self.padded();
+        let last = Vector2::new(width as f64, height as f64).add_scalar(-1.0 - MARGIN);
+        let mut wider = padded.clone();
+        for site in padded.rim() {
+            let point = surface.at(beside(site, (-1, -1), 1));
+            let is_inside = point >= Vector2::repeat(MARGIN) && point <= last;
+            wider.set(site, is_inside.then_some(point));
+        }
+        wider
+    }
+
+    /// With the crossings that were too faint to be found in a picture.
+    ///
+    /// Cells alternate round them, and edges lead to their neighbours in the photograph. At a fold
+    /// they do so, too, where two sheets' cells happen to meet: what is next to one of the outlines
+    /// of `others` is not added.
+    pub(super) fn extended(
+        &self,
+        picture: &GreyBytes<'_>,
+        photograph: &Photograph<'_>,
+        others: &[&Outline],
+    ) -> Self {
+        let mut lattice = self.clone();
+        for _ in 0..MOST_EXTENSIONS {
+            let wider = lattice.with_new_neighbours(picture, photograph, others);
+            let wider = wider.complete();
+            if wider.count() <= lattice.count() {
+                break;
+            }
+            lattice = wider;
+        }
+        lattice
+    }
+
+    fn with_new_neighbours(
+        &self,
+        picture: &GreyBytes<'_>,
+        photograph: &Photograph<'_>,
+        others: &[&Outline],
+    ) -> Self {
+        let foretold = self.with_neighbours(picture.size());
+        let at_fold = AT_FOLD * self.pitch();
+        let is_new = |site: &Site| !self.has(beside(*site, (-1, -1), 1));
+        let new = foretold.found().filter(|(site, point)| {
+            is_new(site)
+                && photograph.alternates(&foretold, *site)
+                && !others
+                    .iter()
+                    .any(|outline| outline.is_near(*point, at_fold))
+        });
+        let least_stray = self.least_stray();
+        let mut wider = self.padded();
+        for (site, point) in new {
+            let settled = refine_corner(picture, point);
+            let is_stray = (settled - point).norm() > least_stray;
+            wider.set(site, (!is_stray).then_some(settled));
+        }
+        let mut linked = wider.clone();
+        for way in WAYS {
+            for (site, link) in wider.links(way) {
+                // Without an edge between two crossings, one of them may be none.
+                if !photograph.is_edge(wider.is_dark(site) == (way == WAYS[0]), link) {
+                    linked.set(site, None);
+                    linked.set(beside(site, way, 1), None);
+                }
+            }
+        }
+        wider.filtered(|site| !is_new(&site) || linked.has(site))
+    }
+}

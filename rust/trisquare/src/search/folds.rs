@@ -1,0 +1,142 @@
+//! What the crossings of a plane have in common: they lie smoothly.
+//!
+//! A plane's crossings are those of a homography, moved by the lens along its radii. A crossing
+//! that was mistaken leaves that by itself; paper that is folded leaves it all along the fold.
+
+use super::lattice::{Lattice, Site};
+use super::lattice_surface::LatticeSurface;
+use crate::numeric::median;
+
+/// Times the typical deviation, beyond which a crossing is a stray.
+const STRAY: f64 = 5.0;
+
+/// Pixels of the searched picture, and cells, that a crossing may always be off: its own error, and
+/// what curled paper does besides the smooth surface.
+const LEAST_STRAY: f64 = 0.8;
+const LEAST_STRAY_CELLS: f64 = 0.06;
+
+/// Deviation of a whole row or column, in cells and at least in pixels, that tells a fold. Paper
+/// that curls leaves half of it, a fold of 30 degrees twice as much.
+const FOLDED: f64 = 0.1;
+const LEAST_FOLDED: f64 = 0.6;
+
+/// Folds after one another that a lattice is split at: two that meet in a room's corner.
+const MOST_FOLDS: usize = 2;
+
+/// Sites of a lattice beyond which no fold is looked for: it bounds the time in a strange picture,
+/// and boards of 30 x 30 cells are the largest.
+pub(super) const MOST_SITES: usize = 1000;
+
+impl Lattice {
+    /// Splits a lattice where the paper is folded along a row or a column, and leaves out strays.
+    ///
+    /// What is too small to tell whether it is smooth is left out: a row or two of another board.
+    /// `size` is the picture's width and height.
+    pub(super) fn smooth_parts(&self, size: [usize; 2]) -> Vec<Self> {
+        self.parts_between_folds(size, MOST_FOLDS)
+    }
+
+    fn parts_between_folds(&self, size: [usize; 2], most_folds: usize) -> Vec<Self> {
+        if !self.is_large() {
+            return Vec::new();
+        }
+        let deviations = LatticeSurface::of(self, size).deviations(self);
+        if largest(&deviations) < LEAST_FOLDED {
+            return vec![self.clone()];
+        }
+        let (whole, flat) = (roughness(&deviations), self.flatness());
+        let [rows, columns] = self.size();
+        if whole <= flat || most_folds == 0 || rows * columns > MOST_SITES {
+            let strays = self.strays(&deviations);
+            return vec![self.filtered(|site| !strays.contains(&site))];
+        }
+        let (parts, folds_left) = match self.best_cut(size, whole, flat) {
+            Some(parts) => (parts, most_folds - 1),
+            None => (vec![self.clone()], 0),
+        };
+        let smooth = |part: &Self| part.parts_between_folds(size, folds_left);
+        parts.iter().flat_map(smooth).collect()
+    }
+
+    /// Of cuts that leave flat parts, the parts of the one that loses least; else of the flattest.
+    fn best_cut(&self, size: [usize; 2], whole: f64, flat: f64) -> Option<Vec<Self>> {
+        let [rows, columns] = self.size();
+        let across = (1..rows).map(|cut| (0, cut as isize));
+        let along = (1..columns).map(|cut| (1, cut as isize));
+        let (mut best, mut best_parts) = ((0, whole), None);
+        for (axis, cut) in across.chain(along) {
+            let is_first = |(row, column): Site| [row, column][axis] < cut;
+            let pair = [
+                self.filtered(is_first),
+                self.filtered(|site| !is_first(site)),
+            ];
+            let mut parts: Vec<_> = pair.into_iter().filter(Self::is_large).collect();
+            if parts.is_empty() {
+                continue;
+            }
+            let extent = |part: &Self| part.size()[0] * part.size()[1];
+            let mut by_extent: Vec<&Self> = parts.iter().collect();
+            by_extent.sort_by_key(|part| extent(part));
+            let mut rough: f64 = 0.0;
+            for part in by_extent {
+                rough = rough.max(roughness(&LatticeSurface::of(part, size).deviations(part)));
+                if rough > flat.max(best.1) {
+                    break; // the other, larger one, does not matter
+                }
+            }
+            let kept: usize = parts.iter().map(Self::count).sum();
+            let lost = if rough <= flat { -(kept as isize) } else { 0 };
+            if (lost, rough) < best {
+                best = (lost, rough);
+                best_parts = Some(std::mem::take(&mut parts));
+            }
+        }
+        best_parts
+    }
+
+    /// Whether there is neither fold nor stray.
+    pub(super) fn is_smooth(&self, size: [usize; 2]) -> bool {
+        let deviations = LatticeSurface::of(self, size).deviations(self);
+        largest(&deviations) < LEAST_FOLDED
+            || (roughness(&deviations) <= self.flatness() && self.strays(&deviations).is_empty())
+    }
+
+    /// Crossings that are off the smooth surface of the others.
+    fn strays(&self, deviations: &[(Site, f64)]) -> Vec<Site> {
+        let typical = median(deviations.iter().map(|(_, off)| *off).collect());
+        let limit = (STRAY * typical.unwrap_or(0.0)).max(self.least_stray());
+        let strays = deviations.iter().filter(|(_, off)| *off > limit);
+        strays.map(|(site, _)| *site).collect()
+    }
+
+    /// Pixels that a crossing may always be off.
+    pub(super) fn least_stray(&self) -> f64 {
+        (LEAST_STRAY_CELLS * self.pitch()).max(LEAST_STRAY)
+    }
+
+    /// Largest deviation of a whole row or column that is no fold, pixels.
+    fn flatness(&self) -> f64 {
+        (FOLDED * self.pitch()).max(LEAST_FOLDED)
+    }
+}
+
+fn largest(deviations: &[(Site, f64)]) -> f64 {
+    deviations.iter().map(|(_, off)| *off).fold(0.0, f64::max)
+}
+
+/// Typical deviation in that row or column where it is largest, pixels.
+fn roughness(deviations: &[(Site, f64)]) -> f64 {
+    if largest(deviations) < LEAST_FOLDED {
+        return 0.0;
+    }
+    let typical = |number: fn(Site) -> isize| {
+        let lines = deviations.iter().map(|(site, _)| number(*site)).max();
+        (0..=lines.unwrap_or(0)).filter_map(move |line| {
+            let on_line = deviations.iter().filter(|(site, _)| number(*site) == line);
+            median(on_line.map(|(_, off)| *off).collect())
+        })
+    };
+    typical(|site| site.0)
+        .chain(typical(|site| site.1))
+        .fold(0.0, f64::max)
+}

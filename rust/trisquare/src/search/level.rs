@@ -1,0 +1,139 @@
+//! The lattices of one picture: those known from a coarser one are completed, others are found.
+
+use super::edge_following::{Crossing, link_crossings};
+use super::lattice::{LEAST_CROSSINGS, Lattice};
+use super::merging::joined;
+use super::outline::Outline;
+use super::photograph::Photograph;
+use super::pieces::pieces;
+use crate::image::GreyBytes;
+
+/// Crossings that a lattice may lose to strays without a second search.
+const LEAST_LOST: usize = 3;
+
+/// A picture and the crossings of edges in it.
+pub(super) struct Level<'a> {
+    pub picture: GreyBytes<'a>,
+    pub crossings: Vec<Crossing>,
+}
+
+/// Lattices that are large enough to tell whether they are smooth, and others.
+struct Grown {
+    lattices: Vec<Lattice>,
+    fragments: Vec<Lattice>,
+}
+
+impl Level<'_> {
+    /// Completes the lattices known from a coarser picture and finds those that it did not show.
+    ///
+    /// What hangs on by a thread in a coarse picture is better seen in the next: only if `thorough`,
+    /// faint crossings are looked for beside those of lattices that have remained small.
+    pub fn lattices(&self, known: Vec<Lattice>, thorough: bool) -> Vec<Lattice> {
+        if self.crossings.len() < LEAST_CROSSINGS {
+            return known;
+        }
+        let grown = self.grown(&known, thorough);
+        let (count, crossings) = (grown.lattices.len(), crossings_of(&grown.lattices));
+        let parts = self.smooth(grown);
+        if parts.len() == count && crossings_of(&parts) + LEAST_LOST > crossings {
+            return parts;
+        }
+        // What a lattice had of its neighbour over a fold is there for the neighbour now, and
+        // between two pieces that were joined there may be more.
+        self.smooth(self.grown(&parts, thorough))
+    }
+
+    /// Whether there are as many linked crossings beside some lattices as a lattice has.
+    pub fn shows_more(&self, lattices: &[Lattice]) -> bool {
+        let free = beside(
+            &self.crossings,
+            &lattices.iter().map(Outline::of).collect::<Vec<_>>(),
+        );
+        if free.len() < LEAST_CROSSINGS {
+            return false;
+        }
+        let links = link_crossings(&self.picture, &free);
+        let linked = links
+            .iter()
+            .filter(|links| links.iter().flatten().count() >= 2);
+        linked.count() >= LEAST_CROSSINGS
+    }
+
+    /// Parts of lattices that are smooth and have whole cells, put together where they continue.
+    fn smooth(&self, grown: Grown) -> Vec<Lattice> {
+        let size = self.picture.size();
+        let parts = grown.lattices.iter();
+        let parts = parts.flat_map(|lattice| lattice.complete().smooth_parts(size));
+        let (whole, rest): (Vec<_>, Vec<_>) = parts
+            .map(|part| part.complete())
+            .partition(Lattice::is_large);
+        let fragments = grown.fragments.iter().map(Lattice::complete).chain(rest);
+        joined(whole, fragments.filter(|it| it.count() > 0).collect(), size)
+    }
+
+    /// Grows known lattices, each into what no other has, and then those that nothing is known of.
+    fn grown(&self, known: &[Lattice], thorough: bool) -> Grown {
+        let mut outlines: Vec<_> = known.iter().map(Outline::of).collect();
+        let mut lattices: Vec<Lattice> = Vec::new();
+        for (number, lattice) in known.iter().enumerate() {
+            let (before, own_and_after) = outlines.split_at(number);
+            let others = beside(&beside(&self.crossings, before), &own_and_after[1..]);
+            let grown = lattice.grown(&self.picture, &others);
+            outlines[number] = Outline::of(&grown);
+            lattices.push(grown);
+        }
+        let mut free = beside(&self.crossings, &outlines);
+        let mut fragments = Vec::new();
+        if free.len() < LEAST_CROSSINGS {
+            return Grown {
+                lattices,
+                fragments,
+            };
+        }
+        for seed in pieces(&free, &link_crossings(&self.picture, &free)) {
+            if seed
+                .points()
+                .any(|point| outlines.iter().any(|outline| outline.covers(point)))
+            {
+                continue;
+            }
+            let mut lattice = seed.grown(&self.picture, &free);
+            if thorough && !lattice.complete().is_large() {
+                let others: Vec<_> = lattices.iter().map(Outline::with_rim).collect();
+                lattice = self.extended(&lattice, &others.iter().collect::<Vec<_>>());
+                lattice = lattice.grown(&self.picture, &free);
+            }
+            if lattice.is_large() {
+                let outline = Outline::of(&lattice);
+                free.retain(|crossing| !outline.covers(crossing.point));
+                outlines.push(outline);
+                lattices.push(lattice);
+            } else {
+                fragments.push(lattice);
+            }
+        }
+        Grown {
+            lattices,
+            fragments,
+        }
+    }
+
+    /// With faint crossings of this picture alone.
+    fn extended(&self, lattice: &Lattice, others: &[&Outline]) -> Lattice {
+        let own = Photograph {
+            grey: self.picture,
+            scale: 1.0,
+        };
+        lattice.extended(&self.picture, &own, others)
+    }
+}
+
+fn crossings_of(lattices: &[Lattice]) -> usize {
+    lattices.iter().map(Lattice::count).sum()
+}
+
+/// The crossings that no outline covers.
+fn beside(crossings: &[Crossing], outlines: &[Outline]) -> Vec<Crossing> {
+    let is_free = |crossing: &&Crossing| !outlines.iter().any(|it| it.covers(crossing.point));
+    crossings.iter().filter(is_free).copied().collect()
+}

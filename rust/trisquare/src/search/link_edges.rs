@@ -1,0 +1,58 @@
+//! Whether edges lead from crossing to crossing in the photograph.
+//!
+//! A grille or a keyboard is a chessboard on its corner when it is blurred, and only then.
+
+use nalgebra::Vector2;
+
+use super::lattice::{Lattice, SMALL, STEPS, Site};
+use super::photograph::Photograph;
+
+/// Where edges are looked for between crossings: fractions of the way, and pixels of the searched
+/// picture beside it.
+const PLACES: [f64; 5] = [0.2, 0.35, 0.5, 0.65, 0.8];
+const BESIDE: f64 = 1.3;
+
+/// Of the links between crossings, those that must be edges in the photograph, too, in the rows as
+/// well as in the columns.
+const EDGE_SHARE: f64 = 0.7;
+
+/// The same of a lattice of fewer than `SMALL` crossings: print and stripes have some of them.
+const SMALL_EDGE_SHARE: f64 = 0.95;
+
+/// The steps of links in rows and in columns.
+pub(super) const WAYS: [Site; 2] = [STEPS[0], STEPS[1]];
+
+/// Pixels; the length of a link whose ends coincide.
+const LEAST_LENGTH: f64 = 1e-9;
+
+impl Photograph<'_> {
+    /// Whether enough of a lattice's links are edges, in rows and in columns.
+    pub fn has_edges(&self, lattice: &Lattice) -> bool {
+        let least = match lattice.count() < SMALL {
+            true => SMALL_EDGE_SHARE,
+            false => EDGE_SHARE,
+        };
+        // Rows that are linked across every second one have all the edges that lie along them.
+        WAYS.iter().all(|way| {
+            let links = lattice.links(*way);
+            let (mut edges, mut count) = (0, 0);
+            for (site, link) in links {
+                count += 1;
+                edges +=
+                    usize::from(self.is_edge(lattice.is_dark(site) == (*way == WAYS[0]), link));
+            }
+            count > 0 && f64::from(edges as u32) / f64::from(count) >= least
+        })
+    }
+
+    /// Whether a link is an edge all along, dark clockwise of the way or light.
+    pub fn is_edge(&self, dark_clockwise: bool, [start, end]: [Vector2<f64>; 2]) -> bool {
+        let way = end - start;
+        let clockwise = Vector2::new(-way.y, way.x) * (BESIDE / way.norm().max(LEAST_LENGTH));
+        let sign = if dark_clockwise { 1.0 } else { -1.0 };
+        PLACES.iter().all(|place| {
+            let at = start + way * *place;
+            sign * (self.level(at - clockwise) - self.level(at + clockwise)) > 0.0
+        })
+    }
+}

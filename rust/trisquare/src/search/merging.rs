@@ -1,0 +1,185 @@
+//! Joining the pieces of one board: what lies on the other's surface, crossing upon crossing.
+//!
+//! An arm before a board, a highlight or a row of crossings too blurred to see leave pieces of it.
+//! As planes of their own they would be counted as independent, and each tells less than the whole.
+
+use std::cmp::Reverse;
+
+use nalgebra::{Matrix2, Vector2};
+
+use super::folds::MOST_SITES;
+use super::lattice::{Lattice, STEPS, Site};
+use super::lattice_surface::LatticeSurface;
+use crate::numeric::median;
+
+/// Cells that a piece's crossings may lie off those that another one's surface foretells: fewer
+/// than half a cell, or the next ones might be meant.
+const ASTRAY: f64 = 0.3;
+
+/// Cells that each of so many crossings lies off the host's at most: once in a million by chance.
+const NEARLY: f64 = 0.15;
+const LEAST_MISLINKED: usize = 6;
+
+/// Cells between two crossings that are the same, found twice.
+const SAME: f64 = 0.25;
+
+/// Joins lattices that continue each other, and fragments of lattices to them.
+///
+/// Each of the `hosts` is large enough to tell of its surface; fragments that continue none are left
+/// out. `size` is the picture's width and height.
+pub(super) fn joined(
+    mut hosts: Vec<Lattice>,
+    fragments: Vec<Lattice>,
+    size: [usize; 2],
+) -> Vec<Lattice> {
+    hosts.sort_by_key(|host| Reverse(host.count()));
+    let hosts = hosts.into_iter().map(|host| (true, host));
+    let fragments = fragments.into_iter().map(|fragment| (false, fragment));
+    let mut pieces: Vec<_> = hosts.chain(fragments).collect();
+    let mut done = Vec::new();
+    while let Some(first) = pieces.iter().position(|(is_host, _)| *is_host) {
+        let (_, host) = pieces.remove(first);
+        done.push(with_pieces(host, &mut pieces, size));
+    }
+    done
+}
+
+/// Joins to a lattice what continues it, which is taken from the pieces; so is what is linked wrongly.
+fn with_pieces(mut host: Lattice, pieces: &mut Vec<(bool, Lattice)>, size: [usize; 2]) -> Lattice {
+    let mut surface = LatticeSurface::of(&host, size);
+    let mut number = 0;
+    while let Some((_, piece)) = pieces.get(number) {
+        if let Some(union) = host.union(piece, &surface).filter(|it| it.is_smooth(size)) {
+            (host, surface) = (union.clone(), LatticeSurface::of(&union, size));
+            pieces.remove(number);
+            number = 0; // it reaches farther now
+        } else if host.is_mislinked(piece, &surface) {
+            pieces.remove(number);
+        } else {
+            number += 1;
+        }
+    }
+    host
+}
+
+impl Lattice {
+    /// Both as one lattice, if the piece's crossings lie where its own must.
+    fn union(&self, piece: &Self, surface: &LatticeSurface) -> Option<Self> {
+        let (index, points): (Vec<Site>, Vec<_>) = piece.found().unzip();
+        let sites = surface.sites(points.iter().copied());
+        if !sites.iter().all(|s| s.x.is_finite() && s.y.is_finite()) || !self.is_near(&sites) {
+            return None;
+        }
+        let index: Vec<_> = index.into_iter().map(|(row, col)| [row, col]).collect();
+        let sites: Vec<_> = sites.into_iter().map(|s| s.yx()).collect(); // row, column
+        let turn = turn_between(&index, &sites)?;
+        let (down, right) = (STEPS[(turn + 1) % 4], STEPS[turn]);
+        let turned = index.iter().map(|[row, column]| {
+            (
+                row * down.0 + column * right.0,
+                row * down.1 + column * right.1,
+            )
+        });
+        let turned: Vec<Site> = turned.collect();
+        let gaps = || {
+            sites
+                .iter()
+                .zip(&turned)
+                .map(|(site, own)| site - as_vector(*own))
+        };
+        let offset = [
+            median(gaps().map(|gap| gap.x).collect())?,
+            median(gaps().map(|gap| gap.y).collect())?,
+        ];
+        let offset = offset.map(|cells| cells.round_ties_even() as isize);
+        let placed: Vec<Site> = turned
+            .iter()
+            .map(|(row, column)| {
+                (
+                    row.saturating_add(offset[0]),
+                    column.saturating_add(offset[1]),
+                )
+            })
+            .collect();
+        let off = sites
+            .iter()
+            .zip(&placed)
+            .map(|(site, own)| (site - as_vector(*own)).amax());
+        if median(off.collect())? > ASTRAY {
+            return None;
+        }
+        let [row, column] = *index.first()?;
+        let dark = piece.is_dark((row, column)) == turn.is_multiple_of(2);
+        let placed: Vec<_> = placed.into_iter().zip(points).collect();
+        (dark == self.is_dark(placed.first()?.0)).then(|| self.merged(&placed))?
+    }
+
+    /// Whether a piece has put crossings of the host's own lattice into other rows and columns.
+    fn is_mislinked(&self, piece: &Self, surface: &LatticeSurface) -> bool {
+        let sites = surface.sites(piece.points());
+        let is_close = |site: &Vector2<f64>| {
+            let off = site.map(|cells| (cells - cells.round_ties_even()).abs());
+            off.x < NEARLY && off.y < NEARLY
+        };
+        sites.len() >= LEAST_MISLINKED && sites.iter().all(is_close) && self.is_near(&sites)
+    }
+
+    /// Whether columns and rows are no farther from a lattice than that is wide.
+    fn is_near(&self, sites: &[Vector2<f64>]) -> bool {
+        let [rows, columns] = self.size();
+        let last = Vector2::new(columns as f64 - 1.0, rows as f64 - 1.0);
+        let beyond = sites.iter().map(|site| (-site).sup(&(site - last)).max());
+        beyond.fold(f64::INFINITY, f64::min) <= rows.max(columns) as f64
+    }
+
+    /// With crossings at other sites, too; `None` if they contradict its own.
+    fn merged(&self, placed: &[(Site, Vector2<f64>)]) -> Option<Self> {
+        let gap = |&(site, point): &(Site, Vector2<f64>)| Some((self.at(site)? - point).norm());
+        if placed.iter().filter_map(gap).fold(0.0, f64::max) > SAME * self.pitch() {
+            return None;
+        }
+        let [rows, columns] = self.size();
+        let extent = |coordinate: fn(&(Site, Vector2<f64>)) -> isize, count: usize| {
+            let (first, last) = placed
+                .iter()
+                .map(coordinate)
+                .fold((0, count as isize - 1), |(f, l), at| (at.min(f), at.max(l)));
+            last.abs_diff(first).saturating_add(1)
+        };
+        let (height, width) = (extent(|p| p.0.0, rows), extent(|p| p.0.1, columns));
+        if height.saturating_mul(width) > MOST_SITES {
+            return None;
+        }
+        let all: Vec<_> = placed.iter().copied().chain(self.found()).collect();
+        Some(Self::of(&all, self.is_dark((0, 0))))
+    }
+}
+
+fn as_vector((row, column): Site) -> Vector2<f64> {
+    Vector2::new(row as f64, column as f64)
+}
+
+/// Which of the host's directions the rows of a piece run in, by linear regression of the host's rows
+/// and columns on the piece's.
+fn turn_between(index: &[[isize; 2]], sites: &[Vector2<f64>]) -> Option<usize> {
+    let count = index.len() as f64;
+    let own: Vec<_> = index
+        .iter()
+        .map(|i| Vector2::from(i.map(|n| n as f64)))
+        .collect();
+    let own_mean = own.iter().sum::<Vector2<f64>>() / count;
+    let mean = sites.iter().sum::<Vector2<f64>>() / count;
+    let (mut normal, mut right) = (Matrix2::zeros(), Matrix2::zeros());
+    for (own, site) in own.iter().zip(sites) {
+        let centred = own - own_mean;
+        normal += centred * centred.transpose();
+        right += centred * (site - mean).transpose();
+    }
+    let slopes = normal.try_inverse()? * right;
+    (0..4).find(|turn| {
+        let (down, right) = (STEPS[(turn + 1) % 4], STEPS[*turn]);
+        let along =
+            Matrix2::from_rows(&[as_vector(down).transpose(), as_vector(right).transpose()]);
+        (slopes - along).amax() < ASTRAY
+    })
+}

@@ -1,0 +1,240 @@
+//! Crossings among saddle points: two light sectors and two dark ones alternate round them.
+
+use std::collections::HashSet;
+use std::f64::consts::PI;
+use std::sync::LazyLock;
+
+use nalgebra::Vector2;
+
+use super::edge_following::Crossing;
+use super::saddles::SaddleStep;
+use crate::image::GreyBytes;
+
+/// Pixels from a candidate to the saddle point itself. At the corner of a lone square the grey
+/// levels are curved alike, but have a slope: the saddle lies farther away or nowhere.
+const MAX_OFFSET: f64 = 1.2;
+
+/// Pixels to a saddle that print beside it has drawn the candidate away from, and what is left of
+/// them one step later, when the nearest pixel is at most half a pixel off.
+const FAR_OFFSET: f64 = 2.5;
+const ARRIVED: f64 = 0.6;
+
+/// The strongest candidates are looked at: 30 boards of 10 x 10 cells. It bounds the time in a
+/// picture of gravel or grass.
+const MOST_CANDIDATES: usize = 4000;
+
+/// Pixels from a saddle at which its four sectors are looked at: inside a cell of five pixels.
+const RING: f64 = 2.5;
+
+/// Pixels from a saddle at which its edges are looked for again: as far as blur turns them toward
+/// each other's right angle in the ring, and it has faded.
+const FAR_RING: f64 = 5.0;
+
+/// Radians, 34 degrees, by which blur turns an edge at most: what lies farther off is another.
+const MOST_TURNED: f64 = 0.6;
+
+/// Of the step between light and dark, what an edge has at a pixel beside it, or there is none but
+/// the end of a cell.
+const LEAST_EDGE: f64 = 0.3;
+
+/// Directions looked in from a saddle, over half a turn.
+const HALF_TURN: usize = 16;
+
+/// Least step between a light sector and a dark one over the mean step: noise and one-sided shading
+/// leave more, the end of a line or a bend less.
+const MIN_ALTERNATION: f64 = 0.5;
+
+/// Values in the directions of half a turn; the next half turn repeats them.
+type Ring = [f64; HALF_TURN];
+
+/// Unit vectors in all directions that are looked in.
+static DIRECTIONS: LazyLock<[Vector2<f64>; 2 * HALF_TURN]> = LazyLock::new(|| {
+    std::array::from_fn(|k| {
+        let angle = k as f64 * (PI / HALF_TURN as f64);
+        Vector2::new(angle.cos(), angle.sin())
+    })
+});
+
+/// How a ring passes zero.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Turn {
+    Falls,
+    Rises,
+}
+
+/// A pixel at which the grey levels are curved as at a saddle, more than at those around it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Candidate {
+    /// Column and row.
+    pub pixel: [usize; 2],
+    /// The greater, the more curved; only the order counts.
+    pub strength: f64,
+}
+
+/// Finds the crossings of two edges at or beside candidates, each once.
+pub(super) fn crossings_at(picture: &GreyBytes<'_>, candidates: &[Candidate]) -> Vec<Crossing> {
+    let saddles = saddles_at(picture, candidates).into_iter();
+    saddles
+        .filter_map(|point| crossing_at(picture, point))
+        .collect()
+}
+
+fn saddles_at(picture: &GreyBytes<'_>, candidates: &[Candidate]) -> Vec<Vector2<f64>> {
+    let mut saddles = Vec::new();
+    let mut drawn_away = Vec::new();
+    for candidate in strongest(candidates) {
+        let Some(step) = even_step(picture, candidate.pixel) else {
+            continue;
+        };
+        let point = Vector2::from(candidate.pixel.map(|at| at as f64)) + step;
+        match step.amax() {
+            gap if gap < MAX_OFFSET => saddles.push(point),
+            gap if gap < FAR_OFFSET => drawn_away.push(point),
+            _ => {}
+        }
+    }
+    let mut taken: HashSet<[isize; 2]> =
+        saddles.iter().map(nearest_pixel).flat_map(around).collect();
+    for point in drawn_away {
+        let pixel = nearest_pixel(&point);
+        if !taken.insert(pixel) {
+            continue;
+        }
+        let Some(step) = even_step(picture, pixel.map(|at| at.max(0) as usize)) else {
+            continue;
+        };
+        if step.amax() < ARRIVED {
+            saddles.push(Vector2::from(pixel.map(|at| at as f64)) + step);
+        }
+    }
+    saddles
+}
+
+/// The strongest candidates, in their own order unless there are more than are looked at.
+fn strongest(candidates: &[Candidate]) -> Vec<Candidate> {
+    let mut candidates = candidates.to_vec();
+    if candidates.len() > MOST_CANDIDATES {
+        candidates.sort_by(|a, b| b.strength.total_cmp(&a.strength));
+        candidates.truncate(MOST_CANDIDATES);
+    }
+    candidates
+}
+
+/// From a pixel to the saddle, if that is as steep both ways.
+fn even_step(picture: &GreyBytes<'_>, pixel: [usize; 2]) -> Option<Vector2<f64>> {
+    let step = SaddleStep::from(picture, pixel)?;
+    step.is_even().then_some(step.offset)
+}
+
+fn nearest_pixel(point: &Vector2<f64>) -> [isize; 2] {
+    [point.x, point.y].map(|at| at.round_ties_even() as isize)
+}
+
+fn around([x, y]: [isize; 2]) -> impl Iterator<Item = [isize; 2]> {
+    (y - 1..=y + 1).flat_map(move |y| (x - 1..=x + 1).map(move |x| [x, y]))
+}
+
+/// The crossing at a saddle round which two light sectors and two dark ones alternate.
+///
+/// Each pair of opposite ones is much alike. The second derivatives would tell where the sectors are,
+/// but not how wide: smoothed, every crossing of two edges has them as if at right angles.
+fn crossing_at(picture: &GreyBytes<'_>, point: Vector2<f64>) -> Option<Crossing> {
+    let shades = shades_around(picture, point, RING);
+    let mean = mean_of_opposite(&shades);
+    let (light, dark) = (first_of(&mean, |a, b| a > b), first_of(&mean, |a, b| a < b));
+    let step = mean[light] - mean[dark];
+    let lightest = shades[light].min(shades[light + HALF_TURN]);
+    let darkest = shades[dark].max(shades[dark + HALF_TURN]);
+    if !(step > 0.0 && lightest - darkest > MIN_ALTERNATION * step) {
+        return None;
+    }
+    let above = mean.map(|shade| shade - 0.5 * (mean[light] + mean[dark]));
+    let [falls, rises] = [Turn::Falls, Turn::Rises].map(|turn| sign_changes(&above, turn));
+    let ([fall], [rise]) = (&falls[..], &rises[..]) else {
+        return None;
+    };
+    let near = [fall.place, rise.place];
+    let turned = edges_afar(picture, point, near, step).unwrap_or(near);
+    let [first, mut second] = turned.map(|turn| (turn * (PI / HALF_TURN as f64)).rem_euclid(PI));
+    if second < first {
+        second += PI;
+    }
+    let edges = [first, second].map(|angle| Vector2::new(angle.cos(), angle.sin()));
+    Some(Crossing { point, edges })
+}
+
+/// Directions of the edges as a wider ring has them, if it shows both.
+///
+/// Where edges cross aslant, blur turns what is near of them toward a right angle.
+fn edges_afar(
+    picture: &GreyBytes<'_>,
+    point: Vector2<f64>,
+    near: [f64; 2],
+    step: f64,
+) -> Option<[f64; 2]> {
+    let mean = mean_of_opposite(&shades_around(picture, point, FAR_RING));
+    let (most, least) = mean.iter().fold((f64::MIN, f64::MAX), |(most, least), s| {
+        (most.max(*s), least.min(*s))
+    });
+    let above = mean.map(|shade| shade - 0.5 * (most + least));
+    let mut found = near;
+    for (edge, turn) in found.iter_mut().zip([Turn::Falls, Turn::Rises]) {
+        let gaps = sign_changes(&above, turn).into_iter().filter_map(|turn| {
+            let beside = [turn.after + HALF_TURN - 1, turn.after + 2].map(|k| above[k % HALF_TURN]);
+            let gap = turn.place - *edge;
+            let gap = gap - HALF_TURN as f64 * (gap / HALF_TURN as f64).round_ties_even();
+            ((beside[0] - beside[1]).abs() > LEAST_EDGE * step).then_some(gap)
+        });
+        let nearest = gaps.min_by(|a, b| a.abs().total_cmp(&b.abs()))?;
+        if !(nearest.abs() < MOST_TURNED * HALF_TURN as f64 / PI) {
+            return None;
+        }
+        *edge += nearest;
+    }
+    Some(found)
+}
+
+fn shades_around(
+    picture: &GreyBytes<'_>,
+    point: Vector2<f64>,
+    radius: f64,
+) -> [f64; 2 * HALF_TURN] {
+    std::array::from_fn(|k| picture.level(point + DIRECTIONS[k] * radius))
+}
+
+fn mean_of_opposite(shades: &[f64; 2 * HALF_TURN]) -> Ring {
+    std::array::from_fn(|k| 0.5 * (shades[k] + shades[k + HALF_TURN]))
+}
+
+/// The first direction of those that are before all others.
+fn first_of(ring: &Ring, is_before: impl Fn(f64, f64) -> bool) -> usize {
+    (1..HALF_TURN).fold(0, |first, k| {
+        if is_before(ring[k], ring[first]) {
+            k
+        } else {
+            first
+        }
+    })
+}
+
+/// Where a ring is zero.
+struct SignChange {
+    /// The direction before it.
+    after: usize,
+    /// Between that direction and the next.
+    place: f64,
+}
+
+/// Where a ring falls to below zero, or where it rises above it.
+fn sign_changes(above: &Ring, turn: Turn) -> Vec<SignChange> {
+    let is_above = |k: usize| above[k % HALF_TURN] > 0.0;
+    let was_above = turn == Turn::Falls;
+    (0..HALF_TURN)
+        .filter(|k| is_above(*k) == was_above && is_above(k + 1) != was_above)
+        .map(|after| {
+            let next = above[(after + 1) % HALF_TURN];
+            let place = after as f64 + above[after] / (above[after] - next);
+            SignChange { after, place }
+        })
+        .collect()
+}
