@@ -70,6 +70,9 @@ pub struct Solution {
     tones: Vec<Py<ToneFit>>,
 }
 
+/// Covariance of a pose for a given camera, (6, 6), and its change by the camera, (6, 9).
+type PoseMembers = (Py<PyArray2<f64>>, Py<PyArray2<f64>>);
+
 /// One plane of a calibration.
 #[pyclass(frozen, get_all, module = "trisquare._core")]
 pub struct SolvedPlane {
@@ -80,8 +83,7 @@ pub struct SolvedPlane {
     translation: Py<PyArray1<f64>>,
     rms: f64,
     samples: usize,
-    /// Covariance for a given camera (6, 6), and the pose's change by the camera (6, 9).
-    uncertainty: Option<(Py<PyArray2<f64>>, Py<PyArray2<f64>>)>,
+    uncertainty: Option<PoseMembers>,
 }
 
 /// How far the samples of a figure are from the images of its lines, line by line.

@@ -286,6 +286,9 @@ pub fn points_on_plane<'py>(
     Ok(arrays::from_points(py, &found))
 }
 
+/// Points, shape (N, 2), and their covariance, (2 N, 2 N).
+type CertainPoints<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
+
 /// The points of a plane that are seen at pixels, and their covariance.
 #[pyfunction]
 #[pyo3(signature = (camera, pose, uncertainty, pixels, pixel_std))]
@@ -296,7 +299,7 @@ pub fn points_on_plane_with_covariance<'py>(
     uncertainty: (PyReadonlyArray2<'py, f64>, PyReadonlyArray2<'py, f64>),
     pixels: PyReadonlyArray2<'py, f64>,
     pixel_std: f64,
-) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>)> {
+) -> PyResult<CertainPoints<'py>> {
     let lens = camera.0.camera();
     let (camera, pose) = (uncertain(&lens, &camera)?, self::pose(&pose)?);
     let uncertainty = PoseUncertainty {
