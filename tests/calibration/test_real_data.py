@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import trisquare as ts
-from trisquare.detection.boards.opencv import find_chessboard
+from trisquare.detection.boards.find import find_chessboard
 from trisquare.images.reading import read_image
 
 REPOSITORY = Path(__file__).resolve().parents[2]
