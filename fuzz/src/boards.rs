@@ -1,10 +1,10 @@
-//! Chessboards: how their crossings are linked, the lattice that grows from one, and their lines.
+//! Chessboards: the lattices that are found, and the lines of one.
 
-use std::collections::BTreeMap;
+use std::convert::Infallible;
 use std::sync::LazyLock;
 
 use nalgebra::{Matrix3, Vector2};
-use trisquare::internals::{Crossing, Follower, GreyBytes, Lattice};
+use trisquare::internals::{Candidate, GreyBytes, ReducedPicture};
 use trisquare::synthetic::Scene;
 use trisquare::{EdgeSpan, ImageSize, Lens, Pose};
 
@@ -48,17 +48,8 @@ impl Board {
         Vector2::new(column as f64, row as f64) / self.cells as f64 - Vector2::repeat(0.5)
     }
 
-    fn crossing(&self, row: usize, column: usize) -> Crossing {
-        let place = self.place(row, column);
-        let seen = |step: Vector2<f64>| self.view.see(0, place + step / self.cells as f64);
-        let point = seen(Vector2::zeros());
-        let along = [Vector2::x(), Vector2::y()].map(|step| (seen(step) - point).normalize());
-        // Below and to the right of a crossing of an even sum it is dark: clockwise of the row.
-        let edges = match (row + column).is_multiple_of(2) {
-            true => along,
-            false => [along[1], -along[0]],
-        };
-        Crossing { point, edges }
+    fn crossing(&self, row: usize, column: usize) -> Vector2<f64> {
+        self.view.see(0, self.place(row, column))
     }
 
     fn crossings(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
@@ -95,7 +86,7 @@ impl Board {
                 let own = 1 + line % inner;
                 let site = |k: usize| if is_row { (own, k) } else { (k, own) };
                 let crosses = |k: usize| if is_row { inner + k - 1 } else { k - 1 };
-                let path = (1..=inner).map(|k| self.crossing(site(k).0, site(k).1).point);
+                let path = (1..=inner).map(|k| self.crossing(site(k).0, site(k).1));
                 EdgeSpan {
                     path: path.collect(),
                     polarity: if own.is_multiple_of(2) == is_row {
@@ -124,76 +115,9 @@ fn on_plane(view: &View, pose: &Pose, pixel: Vector2<f64>) -> Option<Vector2<f64
     Some(found.xy())
 }
 
-/// `trisquare::internals::link_crossings` on a board or on anything.
-pub fn link_crossings(data: &[u8]) -> Outcome {
+/// `trisquare::internals::find_lattices` on a board or on anything.
+pub fn find_lattices(data: &[u8]) -> Outcome {
     let bytes = &mut Bytes::new(data);
-    let (crossings, _, canvas) = crossings_and_picture(bytes);
-    let (width, height, values) = canvas.grey_bytes();
-    let picture = GreyBytes::new(width, height, &values).expect("the values fill the size");
-    let links = trisquare::internals::link_crossings(&picture, &crossings);
-    assert_eq!(links.len(), crossings.len());
-    for (number, followers) in links.iter().enumerate() {
-        for (direction, follower) in followers.iter().enumerate() {
-            let Some(Follower { crossing, back }) = *follower else {
-                continue;
-            };
-            let home = Follower {
-                crossing: number,
-                back: direction,
-            };
-            assert!(crossing != number && (direction + back) % 2 == 1);
-            assert_eq!(links[crossing][back], Some(home), "a link leads back");
-        }
-    }
-    match links.iter().flatten().flatten().count() {
-        0 => "no link",
-        _ => "Ok",
-    }
-}
-
-/// `trisquare::internals::Lattice::grow` from some cells of a board, or from anything.
-pub fn grow_lattice(data: &[u8]) -> Outcome {
-    let bytes = &mut Bytes::new(data);
-    let (crossings, sites, canvas) = crossings_and_picture(bytes);
-    let (width, height, values) = canvas.grey_bytes();
-    let picture = GreyBytes::new(width, height, &values).expect("the values fill the size");
-    // Any integers; those of a corner of the picture's coordinates at times.
-    let origin = match bytes.below(8) {
-        0 => (i32::MAX - bytes.below(4) as i32, i32::MIN),
-        1 => (bytes.seed() as i32, bytes.seed() as i32),
-        _ => (0, 0),
-    };
-    let known = 2 + bytes.below(2) as i32;
-    let start = sites
-        .iter()
-        .zip(&crossings)
-        .filter(|((row, column), _)| *row <= known && *column <= known)
-        .map(|((row, column), crossing)| {
-            let site = (origin.0.wrapping_add(*row), origin.1.wrapping_add(*column));
-            (site, crossing.point)
-        });
-    let before: BTreeMap<_, _> = start.collect();
-    let mut lattice = Lattice {
-        crossings: before.clone(),
-        dark_first: bytes.once_in(2),
-    };
-    lattice.grow(&picture, &crossings);
-    assert!(lattice.crossings.len() <= before.len() + crossings.len());
-    let added = lattice
-        .crossings
-        .iter()
-        .filter(|(site, _)| !before.contains_key(site));
-    for (_, point) in added {
-        assert!(point.iter().all(|v| v.is_finite()), "{point}");
-    }
-    match lattice.crossings.len() - before.len() {
-        0 => "nothing to add",
-        _ => "Ok",
-    }
-}
-
-/// A board's crossings and picture, damaged at times, or garbage.
-fn crossings_and_picture(bytes: &mut Bytes<'_>) -> (Vec<Crossing>, Vec<(i32, i32)>, Canvas) {
     let board = Board::drawn(bytes);
     let mut canvas = match bytes.once_in(8) {
         true => Canvas::garbage(bytes),
@@ -202,26 +126,76 @@ fn crossings_and_picture(bytes: &mut Bytes<'_>) -> (Vec<Crossing>, Vec<(i32, i32
     if bytes.once_in(3) {
         canvas.damage(bytes);
     }
-    let sites = board.crossings().map(|(r, c)| (r as i32, c as i32));
-    let mut sites: Vec<_> = sites.collect();
-    let seen = board.crossings().map(|(r, c)| board.crossing(r, c));
-    let mut crossings: Vec<_> = seen.collect();
-    for _ in 0..bytes.below(4) {
-        let any = |bytes: &mut Bytes<'_>| Vector2::new(bytes.coefficient(), bytes.coefficient());
-        let wrong = Crossing {
-            point: bytes.point(SIZE),
-            edges: [any(bytes), any(bytes)],
-        };
-        let at = bytes.below(crossings.len());
-        match bytes.below(4) {
-            0 => crossings[at] = wrong,
-            1 => crossings.push(crossings[at]),
-            2 => crossings.push(wrong),
-            _ => crossings[at].edges.swap(0, 1),
-        }
-        sites.resize(crossings.len(), (at as i32, at as i32));
+    let mut reduced = vec![canvas.grey_bytes()];
+    for _ in 0..bytes.below(3) {
+        reduced.push(halved(&reduced[reduced.len() - 1]));
     }
-    (crossings, sites, canvas)
+    let pictures: Vec<_> = reduced
+        .iter()
+        .enumerate()
+        .map(|(halvings, (width, height, values))| ReducedPicture {
+            picture: GreyBytes::new(*width, *height, values).expect("the values fill the size"),
+            candidates: candidates(&board, 0.5f64.powi(halvings as i32), bytes),
+        })
+        .rev()
+        .collect();
+    // The last one is the photograph itself, or half as fine, or has nothing to do with it.
+    let whole = pictures[pictures.len() - 1].clone();
+    let searched = match bytes.below(4) {
+        0 => &pictures[..pictures.len() - 1],
+        1 => &pictures[pictures.len() - 1..],
+        _ => &pictures[..],
+    };
+    let closer = || Ok::<_, Infallible>(whole.candidates.clone());
+    let Ok(found) = trisquare::internals::find_lattices(&whole.picture, searched, closer);
+    for lattice in &found {
+        assert!(lattice.count() >= 9 && lattice.size().iter().min() >= Some(&3));
+        for (site, point) in lattice.found() {
+            assert_eq!(lattice.at(site), Some(point));
+            assert!(point.iter().all(|v| v.is_finite()), "{point}");
+        }
+    }
+    assert!(found.is_sorted_by_key(|lattice| std::cmp::Reverse(lattice.count())));
+    match found.len() {
+        0 => "no lattice",
+        _ => "Ok",
+    }
+}
+
+/// A board's crossings to the pixel, some of them damaged, or any pixels.
+fn candidates(board: &Board, scale: f64, bytes: &mut Bytes<'_>) -> Vec<Candidate> {
+    let mut pixels: Vec<[usize; 2]> = board
+        .crossings()
+        .map(|(row, column)| board.crossing(row, column) * scale)
+        .map(|point| [point.x, point.y].map(|at| at.round() as usize))
+        .collect();
+    for _ in 0..bytes.below(6) {
+        let at = bytes.below(pixels.len());
+        let wrong = [
+            bytes.below(SIZE.width as usize),
+            bytes.below(SIZE.height as usize),
+        ];
+        match bytes.below(4) {
+            0 => pixels[at] = wrong,
+            1 => pixels.push(pixels[at]),
+            2 => pixels.push(wrong),
+            _ => pixels.push([bytes.seed() as usize, wrong[1]]),
+        }
+    }
+    let candidate = |pixel| Candidate {
+        pixel,
+        strength: bytes.coefficient(),
+    };
+    pixels.into_iter().map(candidate).collect()
+}
+
+/// Every second pixel.
+fn halved((width, height, values): &(usize, usize, Vec<u8>)) -> (usize, usize, Vec<u8>) {
+    let rows = values.chunks(*width).step_by(2);
+    let values = rows
+        .flat_map(|row| row.iter().copied().step_by(2))
+        .collect();
+    (width.div_ceil(2), height.div_ceil(2), values)
 }
 
 /// `trisquare::localise` along the lines of a board, which cross.

@@ -13,7 +13,7 @@ mod figures;
 mod pixels;
 mod steps;
 
-pub use boards::{grow_lattice, link_crossings, localise_grid_lines};
+pub use boards::{find_lattices, localise_grid_lines};
 pub use coordinates::{calibrate, calibrate_by_evidence, choose, predict, square};
 pub use pixels::{calibrate_photographs, localise, localise_with_unknown_tone};
 pub use steps::{fit_distortion, lens, linear_steps};
@@ -25,7 +25,7 @@ pub type Outcome = &'static str;
 pub type Entry = fn(&[u8]) -> Outcome;
 
 /// All entry points by name.
-pub const ENTRIES: [(&str, Entry); 14] = [
+pub const ENTRIES: [(&str, Entry); 13] = [
     ("calibrate", calibrate),
     ("calibrate_by_evidence", calibrate_by_evidence),
     ("choose", choose),
@@ -37,7 +37,6 @@ pub const ENTRIES: [(&str, Entry); 14] = [
     ("localise", localise),
     ("localise_with_unknown_tone", localise_with_unknown_tone),
     ("localise_grid_lines", localise_grid_lines),
-    ("link_crossings", link_crossings),
-    ("grow_lattice", grow_lattice),
+    ("find_lattices", find_lattices),
     ("calibrate_photographs", calibrate_photographs),
 ];

@@ -1,4 +1,4 @@
-"""Where the grey levels are curved as at a saddle: corners of a chessboard's cells may be there.
+"""Pixels whose grey levels are curved as at a saddle: corners of cells may be there.
 
 Next to a crossing the grey levels rise toward two opposite cells and fall toward the other two,
 whatever the lens and the perspective do. That is a negative determinant of their second

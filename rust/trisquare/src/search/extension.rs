@@ -94,3 +94,34 @@ impl Lattice {
         wider.filtered(|site| !is_new(&site) || linked.has(site))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::search::bent_board::{BentBoard, SIZE};
+
+    #[test]
+    fn neighbours_are_foretold_where_the_board_has_them() {
+        let whole = BentBoard::turned(30.0, [0.0, 0.0, 30.0]).crossings(0..8, 0..10);
+        let inner =
+            whole.filtered(|(row, column)| (1..7).contains(&row) && (1..9).contains(&column));
+        let wider = inner.with_neighbours(SIZE);
+        assert_eq!(wider.size(), whole.size());
+        // Without corners, which are next to none.
+        assert_eq!(wider.count(), inner.count() + 2 * 8 + 2 * 6);
+        for (site, point) in wider.found() {
+            assert!((point - whole.at(site).unwrap()).norm() < 1.0);
+        }
+    }
+
+    #[test]
+    fn nothing_is_foretold_beyond_the_picture() {
+        let near = BentBoard::turned(0.0, [0.0, 0.0, 8.0]).crossings(0..8, 2..8);
+        let wider = near.with_neighbours(SIZE);
+        let is_inside = |p: &Vector2<f64>| p.x >= MARGIN && p.y >= MARGIN;
+        let new = wider
+            .found()
+            .filter(|(site, _)| !near.has(beside(*site, (-1, -1), 1)));
+        assert!(new.into_iter().all(|(_, point)| is_inside(&point)));
+    }
+}

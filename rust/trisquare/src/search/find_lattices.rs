@@ -157,3 +157,114 @@ fn looked_closer(known: Vec<Lattice>, whole: &Level<'_>) -> Vec<Lattice> {
     });
     replaced.chain(new.into_iter().flatten()).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use std::convert::Infallible;
+
+    use nalgebra::Vector2;
+
+    use super::*;
+
+    const SIZE: usize = 120;
+    const CELL: f64 = 14.0;
+
+    /// A board of 6 crossings a row, turned a little, and the pixels of its crossings.
+    fn board(rows: u32) -> (Vec<u8>, Vec<Candidate>) {
+        let along = Vector2::new(0.98, 0.2) * CELL;
+        let down = Vector2::new(-0.2, 0.98) * CELL;
+        let first = Vector2::new(30.0, 18.0);
+        let wave = |way: f64| (2.5 * (std::f64::consts::PI * way).sin()).tanh();
+        let shade = |index: usize| {
+            let way = Vector2::new((index % SIZE) as f64, (index / SIZE) as f64) - first;
+            let (u, v) = (
+                way.dot(&along) / CELL.powi(2),
+                way.dot(&down) / CELL.powi(2),
+            );
+            let is_on_it = u > -1.0 && u < 6.0 && v > -1.0 && v < f64::from(rows);
+            if is_on_it {
+                120.0 + 80.0 * wave(u) * wave(v)
+            } else {
+                200.0
+            }
+        };
+        let values = (0..SIZE * SIZE)
+            .map(|index| shade(index).round() as u8)
+            .collect();
+        let sites = (0..rows).flat_map(|row| (0..6).map(move |column| (row, column)));
+        let candidate = |(row, column): (u32, u32)| {
+            let point = first + along * f64::from(column) + down * f64::from(row);
+            Candidate {
+                pixel: [point.x.round() as usize, point.y.round() as usize],
+                strength: 1.0,
+            }
+        };
+        (values, sites.map(candidate).collect())
+    }
+
+    fn no_candidates() -> Result<Vec<Candidate>, Infallible> {
+        unreachable!("the photograph itself was searched")
+    }
+
+    #[test]
+    fn a_board_is_found_whole_with_all_its_crossings_or_some_that_are_too_faint() {
+        let (values, candidates) = board(5);
+        let picture = GreyBytes::new(SIZE, SIZE, &values).unwrap();
+        for missing in [0, 3] {
+            let reduced = ReducedPicture {
+                picture,
+                candidates: candidates[missing..].to_vec(),
+            };
+            let Ok(found) = find_lattices(&picture, &[reduced], no_candidates);
+            let [lattice] = &found[..] else {
+                panic!("{found:?}")
+            };
+            let mut size = lattice.size();
+            size.sort_unstable();
+            assert_eq!((size, lattice.count()), ([5, 6], 30));
+            for (site, point) in lattice.found() {
+                let near =
+                    |it: &Candidate| (Vector2::from(it.pixel.map(|x| x as f64)) - point).amax();
+                assert!(candidates.iter().any(|it| near(it) < 1.0), "{site:?}");
+            }
+        }
+    }
+
+    /// The same picture of twice the size.
+    fn doubled(values: &[u8]) -> Vec<u8> {
+        let at = |index: usize| index / (4 * SIZE) * SIZE + index % (2 * SIZE) / 2;
+        (0..4 * SIZE * SIZE)
+            .map(|index| values[at(index)])
+            .collect()
+    }
+
+    #[test]
+    fn a_photograph_is_searched_itself_if_its_half_shows_crossings_without_a_lattice() {
+        for (rows, is_lattice) in [(2, false), (5, true)] {
+            let (values, candidates) = board(rows);
+            let whole = doubled(&values);
+            let reduced = ReducedPicture {
+                picture: GreyBytes::new(SIZE, SIZE, &values).unwrap(),
+                candidates,
+            };
+            let photograph = GreyBytes::new(2 * SIZE, 2 * SIZE, &whole).unwrap();
+            let found = find_lattices(&photograph, &[reduced], || Err("asked"));
+            assert_eq!(found.is_ok(), is_lattice);
+            let mut points = found.iter().flatten().flat_map(Lattice::points);
+            assert_eq!(is_lattice, points.any(|point| point.x > 1.2 * SIZE as f64));
+        }
+    }
+
+    #[test]
+    fn nothing_is_found_in_nothing() {
+        let flat = vec![100; SIZE * SIZE];
+        let picture = GreyBytes::new(SIZE, SIZE, &flat).unwrap();
+        assert_eq!(find_lattices(&picture, &[], no_candidates), Ok(Vec::new()));
+        let reduced = ReducedPicture {
+            picture,
+            candidates: board(5).1,
+        };
+        let Ok(found) = find_lattices(&picture, &[reduced], no_candidates);
+        assert!(found.is_empty());
+    }
+}

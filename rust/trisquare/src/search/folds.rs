@@ -140,3 +140,77 @@ fn roughness(deviations: &[(Site, f64)]) -> f64 {
         .chain(typical(|site| site.1))
         .fold(0.0, f64::max)
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector2;
+
+    use super::*;
+    use crate::search::bent_board::{BentBoard, SIZE};
+
+    const CENTRE: [f64; 3] = [0.0, 0.0, 30.0];
+
+    fn board() -> Lattice {
+        BentBoard::turned(30.0, CENTRE).crossings(0..8, 0..10)
+    }
+
+    /// A board and rows beyond its last one, so many cells from it.
+    fn with_alien_rows(distances: &[f64]) -> Lattice {
+        let own = board();
+        let mut found: Vec<_> = own.found().collect();
+        for (number, distance) in (0..).zip(distances) {
+            for column in 0..10 {
+                let [before, last] = [6, 7].map(|row| own.at((row, column)).unwrap());
+                found.push(((8 + number, column), last + (last - before) * *distance));
+            }
+        }
+        Lattice::of(&found, true)
+    }
+
+    #[test]
+    fn a_bent_board_is_smooth_and_one_part() {
+        assert!(board().is_smooth(SIZE));
+        assert_eq!(board().smooth_parts(SIZE), [board()]);
+    }
+
+    #[test]
+    fn a_row_of_another_board_is_left_out() {
+        // A row beyond a fold is nearer than the next one of the board would be.
+        assert_eq!(with_alien_rows(&[0.6]).smooth_parts(SIZE), [board()]);
+    }
+
+    #[test]
+    fn rows_on_both_sides_of_a_fold_are_no_part() {
+        // What bends freely, as a polynomial does, passes through any three rows.
+        let parts = with_alien_rows(&[1.6, 2.2]).smooth_parts(SIZE);
+        assert_eq!(parts.iter().map(Lattice::count).max(), Some(80));
+        let own: Vec<_> = board().points().collect();
+        for part in parts {
+            let mut points = part.points();
+            let first = own.contains(&points.next().unwrap());
+            assert!(points.all(|point| own.contains(&point) == first));
+        }
+    }
+
+    #[test]
+    fn a_stray_is_left_out() {
+        let mut lattice = board();
+        let moved = lattice
+            .at((0, 3))
+            .map(|point| point + Vector2::new(4.0, 2.0));
+        lattice.set((0, 3), moved);
+        assert!(!lattice.is_smooth(SIZE));
+        let parts = lattice.smooth_parts(SIZE);
+        assert_eq!(parts, [board().filtered(|site| site != (0, 3))]);
+    }
+
+    #[test]
+    fn a_few_crossings_tell_nothing() {
+        assert!(
+            board()
+                .filtered(|(row, _)| row < 2)
+                .smooth_parts(SIZE)
+                .is_empty()
+        );
+    }
+}

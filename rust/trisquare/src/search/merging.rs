@@ -183,3 +183,74 @@ fn turn_between(index: &[[isize; 2]], sites: &[Vector2<f64>]) -> Option<usize> {
         (slopes - along).amax() < ASTRAY
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::search::bent_board::{BentBoard, SIZE, quarter_turned};
+
+    const CENTRE: [f64; 3] = [0.0, 0.0, 30.0];
+
+    fn board() -> BentBoard {
+        BentBoard::turned(35.0, CENTRE)
+    }
+
+    #[test]
+    fn pieces_of_a_board_are_joined_whichever_way_they_are_turned() {
+        let first = board().crossings(0..8, 0..4);
+        let mut second = board().crossings(3..8, 6..10);
+        for _ in 0..4 {
+            let whole = joined(vec![second.clone(), first.clone()], Vec::new(), SIZE);
+            let expected = board().crossings(0..8, 0..10);
+            let expected =
+                expected.filtered(|(row, column)| column < 4 || (column >= 6 && row >= 3));
+            assert_eq!(whole, [expected]);
+            second = quarter_turned(&second);
+        }
+    }
+
+    #[test]
+    fn fragments_are_joined_or_left_out() {
+        let host = board().crossings(0..8, 0..6);
+        let fragment = board().crossings(2..5, 7..9);
+        let strange = BentBoard::turned(-20.0, [14.0, 0.0, 30.0]).crossings(0..3, 0..2);
+        let whole = joined(vec![host], vec![strange, fragment], SIZE);
+        assert_eq!(
+            whole.iter().map(Lattice::count).collect::<Vec<_>>(),
+            [48 + 6]
+        );
+    }
+
+    #[test]
+    fn what_contradicts_is_not_joined() {
+        let host = board().crossings(0..8, 0..4);
+        let piece = board().crossings(0..8, 6..10);
+        let found: Vec<_> = piece.found().collect();
+        // Dark cells where light ones must be: the host's own crossings, linked wrongly.
+        let swapped = Lattice::of(&found, !piece.is_dark((0, 0)));
+        let own = joined(vec![host.clone(), swapped], Vec::new(), SIZE);
+        assert!(matches!(&own[..], [only] if *only == host));
+        let half = 0.5 * (piece.at((0, 1)).unwrap() - piece.at((0, 0)).unwrap());
+        let between = piece.moved(|point| point + half);
+        assert_eq!(
+            joined(vec![host.clone(), between], Vec::new(), SIZE).len(),
+            2
+        );
+        let folded = BentBoard::turned(-25.0, [3.0, 0.0, 30.0]).crossings(0..8, 6..10);
+        assert_eq!(joined(vec![host, folded], Vec::new(), SIZE).len(), 2);
+    }
+
+    #[test]
+    fn every_second_row_is_no_lattice_of_its_own() {
+        let board = BentBoard::turned(20.0, CENTRE);
+        let host = board.crossings(0..8, 0..10);
+        let rows = board.crossings(8..14, 0..10);
+        let second: Vec<_> = rows
+            .found()
+            .filter(|((row, _), _)| row % 2 == 0)
+            .map(|((row, column), point)| ((row / 2, column), point))
+            .collect();
+        let second = Lattice::of(&second, true);
+        assert_eq!(joined(vec![host.clone(), second], Vec::new(), SIZE), [host]);
+    }
+}

@@ -1,6 +1,8 @@
 //! The search for boards in a picture: saddles, the edges that link them, and lattices; and cubics
 //! through the sides of squares.
 
+#[cfg(test)]
+mod bent_board;
 mod cell_shades;
 mod edge_following;
 mod extension;

@@ -82,7 +82,9 @@ pub(super) fn crossings_at(picture: &GreyBytes<'_>, candidates: &[Candidate]) ->
 fn saddles_at(picture: &GreyBytes<'_>, candidates: &[Candidate]) -> Vec<Vector2<f64>> {
     let mut saddles = Vec::new();
     let mut drawn_away = Vec::new();
-    for candidate in strongest(candidates) {
+    let [width, height] = picture.size();
+    let is_inside = |it: &Candidate| it.pixel[0] < width && it.pixel[1] < height;
+    for candidate in strongest(candidates).into_iter().filter(is_inside) {
         let Some(step) = even_step(picture, candidate.pixel) else {
             continue;
         };
@@ -237,4 +239,83 @@ fn sign_changes(above: &Ring, turn: Turn) -> Vec<SignChange> {
             SignChange { after, place }
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: usize = 40;
+
+    /// Two edges that cross at a point at some angles, blurred by a pixel or so.
+    fn crossed_edges(point: Vector2<f64>, angles: [f64; 2]) -> Vec<u8> {
+        let across = angles.map(|angle| Vector2::new(-angle.sin(), angle.cos()));
+        let soft = |way: f64| (way / 1.2).tanh();
+        let shade = |index: usize| {
+            let way = Vector2::new((index % SIZE) as f64, (index / SIZE) as f64) - point;
+            120.0 + 80.0 * soft(across[0].dot(&way)) * soft(across[1].dot(&way))
+        };
+        (0..SIZE * SIZE)
+            .map(|index| shade(index).round() as u8)
+            .collect()
+    }
+
+    fn found(values: &[u8], pixels: &[[usize; 2]]) -> Vec<Crossing> {
+        let picture = GreyBytes::new(SIZE, SIZE, values).unwrap();
+        let candidate = |pixel: &[usize; 2]| Candidate {
+            pixel: *pixel,
+            strength: 1.0,
+        };
+        crossings_at(&picture, &pixels.iter().map(candidate).collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn a_crossing_has_its_place_and_the_directions_of_its_edges() {
+        for (first, between) in [(0.2, 1.6), (1.0, 1.2), (2.4, 1.9)] {
+            let place = Vector2::new(19.3, 20.4);
+            let values = crossed_edges(place, [first, first + between]);
+            let crossings = found(&values, &[[19, 20]]);
+            let [crossing] = &crossings[..] else {
+                panic!("{crossings:?}")
+            };
+            assert!((crossing.point - place).amax() < 0.1, "{}", crossing.point);
+            for angle in [first, first + between] {
+                let way = Vector2::new(angle.cos(), angle.sin());
+                let along = crossing.edges.map(|edge| edge.dot(&way).abs());
+                assert!(along[0].max(along[1]) > 0.98, "{angle}: {along:?}");
+            }
+            let picture = GreyBytes::new(SIZE, SIZE, &values).unwrap();
+            for (edge, is_dark) in crossing.edges.iter().zip([true, false]) {
+                let clockwise = Vector2::new(-edge.y, edge.x);
+                let level = picture.level(crossing.point + edge * 5.0 + clockwise * 2.0);
+                assert_eq!(level < 120.0, is_dark);
+            }
+        }
+    }
+
+    #[test]
+    fn a_crossing_is_found_once_and_from_two_pixels_away() {
+        let values = crossed_edges(Vector2::new(20.0, 20.0), [0.1, 1.6]);
+        assert_eq!(found(&values, &[[20, 20], [22, 20], [18, 20]]).len(), 1);
+    }
+
+    #[test]
+    fn a_single_edge_and_pixels_outside_are_no_crossings() {
+        let edge: Vec<u8> = (0..SIZE * SIZE)
+            .map(|i| if i % SIZE < 20 { 30 } else { 200 })
+            .collect();
+        assert!(found(&edge, &[[19, 20], [20, 20]]).is_empty());
+        let values = crossed_edges(Vector2::new(20.0, 20.0), [0.1, 1.6]);
+        let outside = [[usize::MAX, 20], [20, SIZE], [0, 0]];
+        assert!(found(&values, &outside).is_empty());
+        let noise = vec![
+            Candidate {
+                pixel: [20, 20],
+                strength: f64::NAN
+            };
+            MOST_CANDIDATES + 1
+        ];
+        let picture = GreyBytes::new(SIZE, SIZE, &values).unwrap();
+        assert!(crossings_at(&picture, &noise).len() <= MOST_CANDIDATES);
+    }
 }

@@ -1,5 +1,5 @@
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| {
-    trisquare_fuzz::grow_lattice(data);
+    trisquare_fuzz::find_lattices(data);
 });
