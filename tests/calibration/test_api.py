@@ -277,7 +277,7 @@ def test_what_is_fixed_is_held(fix, given):
         scene = scene_of("radial2", 3)
         initial = camera_of(scene)
     elif "focal" in fix:
-        with pytest.raises(ValueError, match="focal length needs an initial camera"):
+        with pytest.raises(ValueError, match="to fix the focal length, give its value"):
             ts.calibrate_edges(edges_of(scene_of("none")), IMAGE_SIZE, fix=fix)
         return
     else:

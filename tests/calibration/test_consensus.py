@@ -8,8 +8,9 @@ import pytest
 from scenes import IMAGE_SIZE, assert_within, edges_of, squares
 
 import trisquare as ts
+import trisquare._core as _core
 from trisquare import simulate
-from trisquare.calibration.select import choose
+from trisquare.calibration.select import chosen_by
 from trisquare.simulate.scene import Scene, rectangle
 from trisquare_scenes.distractors import mixed_scene, photograph
 
@@ -23,9 +24,24 @@ NOISE = 0.05
 WORDS_OF_DOUBT = ("choice", "contradict", "disagree", "set aside")
 
 
+def chosen_among(figures, size, quads, fixed=()):
+    outcome = _core.calibrate(
+        figures,
+        size,
+        choosing=True,
+        method="ml",
+        model="radial2",
+        fixed=fixed,
+        initial=None,
+        pictures=None,
+        tones=[],
+    )
+    return chosen_by(outcome, figures, quads)
+
+
 def chosen(figures, quads=None, fixed=()):
     quads = quads or {figure.plane: np.eye(4, 2) for figure in figures}
-    return choose(figures, IMAGE_SIZE, quads, model="radial2", fixed=fixed, initial=None)
+    return chosen_among(figures, IMAGE_SIZE, quads, fixed)
 
 
 def planes(figures):
@@ -114,7 +130,7 @@ def test_of_a_hundred_and_fifty_candidates_nearly_all_squares_are_chosen(seed):
     figures = edges_of(scene, NOISE, seed)
     quads = {figure.plane: np.eye(4, 2) for figure in figures}
     size = scene.camera.image_size
-    found = choose(figures, size, quads, model="radial2", fixed=(), initial=None)
+    found = chosen_among(figures, size, quads)
     kept = np.isin(np.arange(len(is_square)), planes(found.figures))
     assert np.mean(kept[is_square]) > 0.95
     # From so far away, some rectangles look like squares that are tilted otherwise.

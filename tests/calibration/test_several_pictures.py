@@ -58,7 +58,7 @@ def test_pictures_of_different_sizes_are_named(tmp_path, paths):
 
 def test_pictures_of_different_depth_need_one_stated_tone():
     deep = BLANK.astype(np.uint16) * 257
-    with pytest.raises(ValueError, match=r"picture 1 holds uint16 pixels.* state the tone curve"):
+    with pytest.raises(ValueError, match=r"picture 1 has uint16 pixels.* give one tone curve"):
         ts.calibrate([BLANK, deep])
 
 
