@@ -81,7 +81,17 @@ def run_case(squares: int, index: int, seed: int = SEED) -> Case:
         return Case(0, 0, 0, 0, np.nan, np.nan, False, False, str(error), 0.0)
     found = [_target(mixed, np.mean(np.concatenate(one.points), axis=0)) for one in edges]
     start = time.perf_counter()
-    _core.choose(edges, mixed.scene.camera.image_size, model="radial2", fixed=(), initial=None)
+    _core.calibrate(
+        edges,
+        mixed.scene.camera.image_size,
+        choosing=True,
+        method="ml",
+        model="radial2",
+        fixed=(),
+        initial=None,
+        pictures=None,
+        tones=[],
+    )
     seconds = time.perf_counter() - start
     true, false = _count(mixed, found)
     try:
