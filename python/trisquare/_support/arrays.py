@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import fields
 from types import MappingProxyType
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
+T = TypeVar("T")
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 
 # No camera comes near; float64 resolves 1e-7 px so far out.
@@ -147,6 +149,14 @@ def strings(values: Any, name: str) -> tuple[str, ...]:
     if isinstance(values, str) or not hasattr(values, "__iter__"):
         raise TypeError(f"{name} must be a sequence of strings")
     return tuple(string(value, f"each of {name}") for value in values)
+
+
+def instances(values: Iterable[Any], kind: type[T], name: str) -> tuple[T, ...]:
+    """Return values that are all of one class as a tuple, or raise TypeError."""
+    checked = tuple(values)
+    if not all(isinstance(value, kind) for value in checked):
+        raise TypeError(f"{name} must all be of the class {kind.__name__}")
+    return checked
 
 
 class RebuiltByConstructor:

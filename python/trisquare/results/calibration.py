@@ -13,6 +13,7 @@ from trisquare._core import __version__
 from trisquare._support.arrays import (
     FloatArray,
     RebuiltByConstructor,
+    instances,
     is_covariance,
     not_negative,
     real_array,
@@ -127,9 +128,7 @@ class Calibration(RebuiltByConstructor):
     def __post_init__(self) -> None:
         if not isinstance(self.camera, Camera):
             raise TypeError(f"camera must be a Camera, not {type(self.camera).__name__}")
-        planes = tuple(self.planes)
-        if not all(isinstance(plane, Plane) for plane in planes):
-            raise TypeError("planes must all be of the class Plane")
+        planes = instances(self.planes, Plane, "planes")
         parameters = strings(self.parameters, "parameters")
         size = len(parameters)
         covariance = real_array(self.covariance, "covariance", (size, size))
@@ -156,19 +155,12 @@ class Calibration(RebuiltByConstructor):
         object.__setattr__(self, "fixed", strings(self.fixed, "fixed"))
         if self.coherence is not None and not isinstance(self.coherence, ResidualCorrelation):
             raise TypeError("coherence must be of the class ResidualCorrelation")
-        alternatives = tuple(self.alternatives)
-        if not all(isinstance(other, ModelAlternative) for other in alternatives):
-            raise TypeError("alternatives must all be of the class ModelAlternative")
+        alternatives = instances(self.alternatives, ModelAlternative, "alternatives")
         object.__setattr__(self, "alternatives", alternatives)
-        rejected = tuple(self.rejected)
-        if not all(isinstance(candidate, Rejected) for candidate in rejected):
-            raise TypeError("rejected must all be of the class Rejected")
+        rejected = instances(self.rejected, Rejected, "rejected")
         object.__setattr__(self, "rejected", rejected)
-        edges, residuals = tuple(self.edges), tuple(self.residuals)
-        if not all(isinstance(figure, PlaneEdges) for figure in edges):
-            raise TypeError("edges must all be of the class PlaneEdges")
-        if not all(isinstance(own, FigureResiduals) for own in residuals):
-            raise TypeError("residuals must all be of the class FigureResiduals")
+        edges = instances(self.edges, PlaneEdges, "edges")
+        residuals = instances(self.residuals, FigureResiduals, "residuals")
         _check_residuals(edges, residuals, len(planes))
         object.__setattr__(self, "edges", edges)
         object.__setattr__(self, "residuals", residuals)
