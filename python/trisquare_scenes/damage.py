@@ -13,9 +13,9 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from trisquare.simulate import random_scene
-from trisquare.simulate.occluders import Array, Overlay, polygon_mask, spot_mask
 from trisquare.simulate.render import Image, render
 from trisquare.simulate.scene import Scene, SideSamples, rectangle, sample_sides
+from trisquare_scenes.occluders import Array, Overlay, polygon_mask, spot_mask
 
 DamageKind = Literal[
     "finger", "glare", "torn", "stain", "curl", "rectangle", "trapezium", "false_of_three"

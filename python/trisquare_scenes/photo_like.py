@@ -19,11 +19,11 @@ from trisquare._support.convex_quads import any_meet
 from trisquare._support.rotations import tilted
 from trisquare.simulate import random_camera
 from trisquare.simulate.cramer_rao import cramer_rao_bound, pixel_sigma
-from trisquare.simulate.occluders import Overlay, polygon_mask
 from trisquare.simulate.render import WHITE, Image, quantised, render
 from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, rectangle
 from trisquare.simulate.scenes import faces_camera, inside
 from trisquare_scenes.distractors import mixed_scene
+from trisquare_scenes.occluders import Overlay, polygon_mask
 from trisquare_scenes.picture_bound import picture_bound
 from trisquare_scenes.tagged import charuco_box_scene, tag_scene
 

@@ -14,14 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from trisquare.simulate.cramer_rao import (
-    DIFFERENCE_STEP,
-    Change,
     InSight,
-    changes_of,
-    project_outlines,
+    image_slopes,
     standard_deviations,
 )
 from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, sample_sides
+from trisquare_scenes.tagged import MarkedTarget
 
 BAND_BLURS = 3.0
 """Pixels within so many blurs of an edge know of its place."""
@@ -94,11 +92,14 @@ def _sums(
         if in_sight is not None:
             pixels = pixels[in_sight(pixels.astype(np.float64))]
         plane = _plane_points(scene.camera, target, pixels.astype(np.float64))
-        if target.kind == "charuco":
+        if isinstance(target, MarkedTarget) and target.is_board:
             line = ~_of_marker(target, plane)
             pixels, plane = pixels[line], plane[line]
         x, y = pixels.T
-        flow = _flow(scene.camera, target, plane, changes_of(free, count))
+        # Of a frame, what is nearer to the hole than to the outline moves with the hole.
+        of_hole = np.abs(plane).max(axis=1) < 0.25 * (1.0 + target.inner)
+        of_hole &= target.kind == "frame"
+        flow = -image_slopes(scene.camera, target, (*free, *range(count)), plane, of_hole)
         rows = flow[..., 0] * slopes[0][y, x, None] + flow[..., 1] * slopes[1][y, x, None]
         columns = np.r_[: len(free), first : first + count]
         information[np.ix_(columns, columns)] += rows.T @ rows
@@ -147,21 +148,6 @@ def _of_marker(target: Target, plane: Array) -> npt.NDArray[np.bool_]:
     light = np.floor(cells).sum(axis=1) % 2.0 == 1.0
     from_middle = np.abs(cells - np.floor(cells) - 0.5).max(axis=1)
     return np.asarray(light & (from_middle < 0.25 * (1.0 + target.inner)))
-
-
-def _flow(camera: TrueCamera, target: Target, plane: Array, changes: Sequence[Change]) -> Array:
-    """How far what is seen of points of a plane moves per change, shape (N, P, 2)."""
-    # Of a frame, what is nearer to the hole than to the outline moves with the hole.
-    of_hole = np.abs(plane).max(axis=1) < 0.25 * (1.0 + target.inner)
-    of_hole &= target.kind == "frame"
-    flows = []
-    for change in changes:
-        moved = [
-            project_outlines(*change(camera, target, step), target.inner, plane, of_hole)
-            for step in (DIFFERENCE_STEP, -DIFFERENCE_STEP)
-        ]
-        flows.append((moved[1] - moved[0]) / (2.0 * DIFFERENCE_STEP))
-    return np.stack(flows, axis=1)
 
 
 def _summed(number: npt.NDArray[np.intp], rows: Array) -> tuple[list[int], Array]:

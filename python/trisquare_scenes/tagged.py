@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +12,7 @@ from trisquare._support.rotations import tilted
 from trisquare.detection.tags.codes import dictionary
 from trisquare.simulate import random_camera
 from trisquare.simulate.render import SHEET_RIM
-from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, rectangle
+from trisquare.simulate.scene import Array, Scene, Side, Target, TrueCamera, rectangle, sides_of
 
 Codes = npt.NDArray[np.bool_]
 
@@ -30,6 +31,45 @@ BOX_MARGIN = 0.08
 
 PICTURE_MARGIN = 12.0  # pixels
 MOST_DRAWS = 5000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MarkedTarget(Target):
+    """A square tag with a code, or a chessboard with markers in its light cells (ChArUco).
+
+    Parameters
+    ----------
+    inner : float
+        Side of a board's markers, in cells.
+    codes : array_like of bool, shape (M, n, n)
+        What is printed in a tag (M = 1), or in a board's markers row by row: True is white. A
+        border of one dark cell comes round it.
+    """
+
+    codes: Codes = field(default_factory=lambda: np.zeros((0, 1, 1), bool))
+
+    def figure(self) -> Iterator[tuple[float, list[Side]]]:
+        """Yield the signs and the sides of convex quadrilaterals whose sum is the figure."""
+        if not self.is_board:
+            yield from _marker(self.codes[0], np.zeros(2), 1.0)
+            return
+        yield from Target.figure(self)
+        # As many markers as there are codes: the rest of the light cells stay empty.
+        for centre, code in zip(self.cells(1), self.codes, strict=False):
+            yield from _marker(code, self.cell_size * centre, self.inner * self.cell_size)
+
+
+def _marker(code: Codes, centre: Array, side: float) -> Iterator[tuple[float, list[Side]]]:
+    """Yield a dark square of the given side and, taken out of it, the code's runs of white."""
+    yield 1.0, sides_of(centre + side * rectangle(0.5, 0.5))
+    cells = len(code) + 2
+    cell = side / cells
+    for row, bits in enumerate(code.astype(np.int8)):
+        steps = np.diff(bits, prepend=0, append=0)
+        for start, end in zip(np.flatnonzero(steps > 0), np.flatnonzero(steps < 0), strict=True):
+            middle = np.array([0.5 * (start + end), row + 0.5]) + 1.0 - 0.5 * cells
+            white = rectangle(0.5 * cell * float(end - start), 0.5 * cell)
+            yield -1.0, sides_of(centre + cell * middle + white)
 
 
 def tag_scene(
@@ -65,7 +105,7 @@ def tag_scene(
             centre *= camera.fx / rng.uniform(*sides)
             # Beyond 70 degrees from the line of sight little is left of the smallest.
             if rotation[:, 2] @ centre > np.cos(np.deg2rad(70.0)) * np.linalg.norm(centre):
-                tag = Target(rotation, centre, "tag", codes=codes[[number]])
+                tag = MarkedTarget(rotation, centre, codes=codes[[number]])
                 if _in_picture(camera, tag, 0.5 + SHEET_RIM[1]):
                     targets.append(tag)
                     break
@@ -124,10 +164,10 @@ def _box(rng: np.random.Generator, camera: TrueCamera) -> list[Target]:
 def _board(face: Target, squares: int, ratio: float, codes: Codes) -> Target:
     """Lay a ChArUco board over a face of unit side; its own unit is a cell."""
     cell = (1.0 - 2.0 * BOX_MARGIN) / squares
-    return replace(
-        face,
-        translation=face.translation / cell,
-        kind="charuco",
+    return MarkedTarget(
+        face.rotation,
+        face.translation / cell,
+        "chessboard",
         inner=ratio,
         inner_corners=(squares - 1, squares - 1),
         codes=codes,

@@ -7,10 +7,10 @@ import pytest
 
 import trisquare as ts
 from trisquare.detection.squares.find import find_squares
-from trisquare.simulate.occluders import Overlay, polygon_mask, spot_mask
 from trisquare.simulate.pixel_coverage import quadrilateral_coverage
-from trisquare.simulate.scene import Target, TrueCamera, sample_sides
+from trisquare.simulate.scene import Target, TrueCamera, sample_sides, sides_of
 from trisquare_scenes.damage import BOW_RANGE, HIDDEN_RANGE, KINDS, MIN_HIDDEN, damaged_scene
+from trisquare_scenes.occluders import Overlay, polygon_mask, spot_mask
 
 SMALL = (640, 480)
 HIDING = ("finger", "glare", "torn", "stain")
@@ -53,7 +53,7 @@ def test_a_bow_adds_the_area_under_its_parabola():
     target = Target(np.eye(3), np.array([0.0, 0.0, 5.0]))
     corners = target.outlines()[0]
     areas = [
-        quadrilateral_coverage(camera, target, corners, 0.8, np.array([0.0, bow, 0.0, 0.0]))
+        quadrilateral_coverage(camera, target, sides_of(corners, [0.0, bow, 0.0, 0.0]), 0.8)
         for bow in (0.0, 0.02, -0.02)
     ]
     straight, outward, inward = (patch.coverage.sum() for patch in areas)

@@ -20,7 +20,7 @@ from trisquare.detection.tags.families import DICTIONARIES, SIZES, TagSearch, di
 from trisquare.measurement.boards import Board
 from trisquare.measurement.find import search
 from trisquare.simulate.cramer_rao import cramer_rao_bound, pixel_sigma
-from trisquare_scenes.tagged import charuco_box_scene, tag_scene
+from trisquare_scenes.tagged import MarkedTarget, charuco_box_scene, tag_scene
 
 CUBE = Path(__file__).resolve().parents[3] / "shared" / "data" / "charuco-cube"
 
@@ -188,7 +188,7 @@ def test_markers_of_known_places_bear_witness_together():
     for face in box.targets:
         for index, code in enumerate(dictionary("4X4_1000").codes[:9]):
             place = face.to_camera(arrangement.corners[index].mean(axis=0)[None])[0]
-            targets.append(simulate.Target(face.rotation, place, "tag", codes=code[None]))
+            targets.append(MarkedTarget(face.rotation, place, codes=code[None]))
     scene = simulate.Scene(box.camera, tuple(targets))
     points = simulate.edge_points(scene, rng, noise=0.05)
     for index, sides in enumerate(points):

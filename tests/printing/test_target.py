@@ -248,9 +248,9 @@ def test_without_reportlab_it_says_what_to_install(run, tmp_path, monkeypatch):
 
 def folded(page, face, point):
     """Where a point of the sheet, mm, comes to be when the face that holds it is folded."""
-    frame, place = page.frames[face], folded_frames(page)[face]
+    frame, (rotation, translation) = page.frames[face], folded_frames(page)[face]
     on_plane = np.append(np.subtract(point, frame.centre), 0.0)
-    return place.rotation @ on_plane + place.translation
+    return rotation @ on_plane + translation
 
 
 def test_the_sheet_folds_into_a_corner():
@@ -265,14 +265,14 @@ def test_the_sheet_folds_into_a_corner():
         folded(page, 2, (apex[0], apex[1] + page.face)), folded(page, 1, right), atol=1e-9
     )
     np.testing.assert_allclose(folded(page, 1, apex), np.zeros(3), atol=1e-9)
-    rotations = [frame.rotation for frame in folded_frames(page)]
+    rotations = [rotation for rotation, _ in folded_frames(page)]
     normals = np.array([rotation[:, 2] for rotation in rotations])
     np.testing.assert_allclose(normals @ normals.T, np.eye(3), atol=1e-12)
     assert [round(np.linalg.det(rotation)) for rotation in rotations] == [1, 1, 1]
     # Print inside: every frame is on the side that every other one shows its print to.
-    for i, frame in enumerate(folded_frames(page)):
+    for i, (_, translation) in enumerate(folded_frames(page)):
         others = np.delete(normals, i, axis=0)
-        assert (others @ frame.translation < 0.0).all()
+        assert (others @ translation < 0.0).all()
     # The tab stays behind the face that it is glued to.
     outline = np.array(page.tab) - apex
     assert outline.min() >= 0.0

@@ -7,7 +7,7 @@ from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm
 
 from trisquare import simulate
-from trisquare.simulate import random_scene, render
+from trisquare.simulate import random_scene, render, tilted
 from trisquare.simulate.edge_profile import (
     bivariate_normal_cdf,
     blurred_step,
@@ -16,8 +16,7 @@ from trisquare.simulate.edge_profile import (
 )
 from trisquare.simulate.pixel_coverage import EdgeCurve, quadrilateral_coverage
 from trisquare.simulate.render import decode_tone, encode_tone
-from trisquare.simulate.scene import Scene, Target, TrueCamera
-from trisquare.simulate.scenes import tilted
+from trisquare.simulate.scene import Scene, Side, Target, TrueCamera, sides_of
 
 BENT = TrueCamera(900.0, 903.0, 650.0, 470.0, np.array([-0.3, 0.1, 1e-3, -8e-4, 0.0]))
 
@@ -95,7 +94,7 @@ def test_wedge_matches_direct_integration(normals, blur):
 def test_distance_to_bent_side_matches_dense_polyline():
     target = bent_target()
     start, end = target.outlines()[0][:2]
-    curve = EdgeCurve(BENT, target, start, end, 20.0)
+    curve = EdgeCurve(BENT, target, Side(start, end), 20.0)
     along = np.linspace(-0.1, 1.1, 240_001)
     dense = BENT.project(target.to_camera(start + along[:, None] * (end - start)))
     chord = dense[200_000] - dense[40_000 - 20_000]
@@ -139,7 +138,7 @@ def test_corner_of_bent_square_matches_supersampling(corner, blur):
     target = bent_target()
     at = BENT.project(target.to_camera(target.outlines()[0][corner]))
     columns, rows = (slice(int(c) - 6, int(c) + 7) for c in at)
-    patch = quadrilateral_coverage(BENT, target, target.outlines()[0], blur)
+    patch = quadrilateral_coverage(BENT, target, target.sides(), blur)
     whole = np.zeros((960, 1280))
     whole[patch.rows, patch.columns] = patch.coverage
     brute = supersampled_coverage(BENT, target, rows, columns, blur, 48)
@@ -157,7 +156,7 @@ def test_coverage_adds_up_to_the_projected_area():
     """
     target = bent_target()
     corners = target.outlines()[0]
-    patch = quadrilateral_coverage(BENT, target, corners, 0.9)
+    patch = quadrilateral_coverage(BENT, target, sides_of(corners), 0.9)
     t = np.linspace(0.0, 1.0, 4001)[:-1, None]
     outline = BENT.project(
         target.to_camera(

@@ -6,12 +6,12 @@ quoted for the package can be drawn again from a seed.
 
 from trisquare._support.rotations import tilted
 from trisquare.simulate.cramer_rao import cramer_rao_bound, pixel_sigma
+from trisquare.simulate.folded_corner import corner_scene
 from trisquare.simulate.motion_blur import Motion
 from trisquare.simulate.render import render, render_into
 from trisquare.simulate.scene import Scene, Target, TrueCamera
 from trisquare.simulate.scenes import (
     chessboard_scene,
-    corner_scene,
     edge_points,
     photo_like,
     random_camera,

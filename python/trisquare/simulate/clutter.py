@@ -15,21 +15,9 @@ _WORDS = ("square", "KALIBER", "0 1 2 3", "f = 35 mm", "edge", "17 Mar", "#42", 
 
 
 def cluttered_ground(image_size: tuple[int, int], rng: np.random.Generator, count: int) -> Canvas:
-    """Draw `count` things on an uneven ground.
+    """Draw `count` things on an uneven ground: coded grey levels, shape (H, W).
 
-    Parameters
-    ----------
-    image_size : tuple of int
-        Width and height, pixels.
-    rng : numpy.random.Generator
-        Source of everything.
-    count : int
-        Number of circles, triangles, lines, words, polygons, blobs and stripes.
-
-    Returns
-    -------
-    ndarray of uint8, shape (H, W)
-        Coded grey levels.
+    They are circles, triangles and other polygons, lines, words, blobs and stripes.
     """
     width, height = image_size
     canvas = _uneven_ground(width, height, rng)

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from trisquare.simulate.scene import Scene, SideSamples, Target, TrueCamera, sample_sides
+from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, sample_sides
 
-Array = npt.NDArray[np.float64]
-Change = Callable[[TrueCamera, Target, float], tuple[TrueCamera, Target]]
+# Of the camera, by name; of a plane, a small turn (0 to 2), a shift (3 to 5) or the size of its
+# hole (6).
+Parameter: TypeAlias = str | int
 InSight = Callable[[Array], npt.NDArray[np.bool_]]
 
 DISTORTION_NAMES = ("k1", "k2", "p1", "p2", "k3")
@@ -88,10 +90,16 @@ def cramer_rao_bound(
     information = np.zeros((size, size))
     first = len(free)
     for target, count in zip(scene.targets, counts, strict=True):
-        changes = changes_of(free, count)
         columns = np.r_[: len(free), first : first + count]
         sides = sample_sides(scene.camera, target, spacing)
-        rows, weights = _offset_jacobian(scene.camera, target, sides, changes, spacing)
+        lengths = [len(side.plane) for side in sides]
+        # A frame's hole comes after its outline.
+        of_hole = np.repeat(np.arange(len(sides)) >= 4, lengths) & (target.kind == "frame")
+        plane = np.concatenate([side.plane for side in sides])
+        normal = np.concatenate([side.normal for side in sides])
+        slopes = image_slopes(scene.camera, target, (*free, *range(count)), plane, of_hole)
+        rows = np.sum(slopes * normal[:, None], axis=2)
+        weights = np.repeat([side.length / spacing / len(side.plane) for side in sides], lengths)
         if in_sight is not None:
             weights = weights * in_sight(np.concatenate([side.image for side in sides]))
         information[np.ix_(columns, columns)] += (rows * weights[:, None]).T @ rows / sigma**2
@@ -119,77 +127,44 @@ def standard_deviations(
     return {name: float(np.sqrt(variances[i])) for i, name in enumerate(names)}
 
 
-def _offset_jacobian(
+def image_slopes(
     camera: TrueCamera,
     target: Target,
-    sides: list[SideSamples],
-    changes: list[Change],
-    spacing: float,
-) -> tuple[Array, Array]:
-    """Differentiate the edges' offsets by each change, shape (N, P); weights, shape (N,)."""
-    plane = np.concatenate([side.plane for side in sides])
-    normal = np.concatenate([side.normal for side in sides])
-    weights = np.concatenate(
-        [np.full(len(side.plane), side.length / spacing / len(side.plane)) for side in sides]
-    )
-    hole = np.arange(len(sides)) >= (4 if target.kind == "frame" else len(sides))
-    of_hole = np.repeat(hole, [len(side.plane) for side in sides])
-    derivatives = []
-    for change in changes:
-        moved = [
-            project_outlines(*change(camera, target, step), target.inner, plane, of_hole)
-            for step in (DIFFERENCE_STEP, -DIFFERENCE_STEP)
-        ]
-        slope = (moved[0] - moved[1]) / (2.0 * DIFFERENCE_STEP)
-        derivatives.append(np.sum(slope * normal, axis=1))
-    return np.stack(derivatives, axis=1), weights
-
-
-def project_outlines(
-    camera: TrueCamera, target: Target, inner: float, plane: Array, of_hole: npt.NDArray[np.bool_]
+    parameters: Sequence[Parameter],
+    plane: Array,
+    of_hole: npt.NDArray[np.bool_],
 ) -> Array:
-    """Project outline points, those of the hole scaled from size `inner` to the target's own."""
-    scale = np.where(of_hole, target.inner / inner, 1.0)
-    return camera.project(target.to_camera(plane * scale[:, None]))
+    """Differentiate the images of a plane's points, (N, 2), by each parameter, shape (N, P, 2).
+
+    Points `of_hole` move with the size of the target's hole.
+    """
+
+    def seen(parameter: Parameter, step: float) -> Array:
+        moved, figure = changed(camera, target, parameter, step)
+        scale = np.where(of_hole, figure.inner / target.inner, 1.0)
+        return moved.project(figure.to_camera(plane * scale[:, None]))
+
+    step = DIFFERENCE_STEP
+    slopes = [(seen(name, step) - seen(name, -step)) / (2.0 * step) for name in parameters]
+    return np.stack(slopes, axis=1)
 
 
-def changes_of(free: Sequence[str], of_plane: int) -> list[Change]:
-    """Return the changes of the free camera parameters, and those of a plane."""
-    return [_camera_change(name) for name in free] + [_plane_change(i) for i in range(of_plane)]
-
-
-def _camera_change(name: str) -> Change:
-    """Return a change of one camera parameter, lengths in pixels."""
-    if name == "f":
-        return lambda camera, target, step: (
-            replace(camera, fx=camera.fx + step, fy=camera.fy + step * camera.fy / camera.fx),
-            target,
-        )
-    if name in ("fx", "fy", "cx", "cy"):
-        return lambda camera, target, step: (
-            replace(camera, **{name: getattr(camera, name) + step}),
-            target,
-        )
-    direction = np.eye(5)[DISTORTION_NAMES.index(name)]
-    return lambda camera, target, step: (
-        replace(camera, distortion=camera.distortion + step * direction),
-        target,
-    )
-
-
-def _plane_change(index: int) -> Change:
-    """Return a change of a plane: a small turn (0-2), a shift (3-5) or the hole's size (6)."""
-    if index == 6:
-        return lambda camera, target, step: (camera, replace(target, inner=target.inner + step))
-    direction = np.eye(3)[index % 3]
-    if index >= 3:
-        return lambda camera, target, step: (
-            camera,
-            replace(target, translation=target.translation + step * direction),
-        )
-    x, y, z = direction
-    turn = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return lambda camera, target, step: (
-        camera,
-        replace(target, rotation=target.rotation + step * turn @ target.rotation),
-    )
+def changed(
+    camera: TrueCamera, target: Target, parameter: Parameter, step: float
+) -> tuple[TrueCamera, Target]:
+    """Change one parameter: a length in pixels, an angle in radians, or without a unit."""
+    if parameter == "f":
+        fy = camera.fy + step * camera.fy / camera.fx
+        return replace(camera, fx=camera.fx + step, fy=fy), target
+    if parameter in DISTORTION_NAMES:
+        direction = np.eye(5)[DISTORTION_NAMES.index(parameter)]
+        return replace(camera, distortion=camera.distortion + step * direction), target
+    if isinstance(parameter, str):
+        return replace(camera, **{parameter: getattr(camera, parameter) + step}), target
+    if parameter == 6:
+        return camera, replace(target, inner=target.inner + step)
+    axis = np.eye(3)[parameter % 3]
+    if parameter >= 3:
+        return camera, replace(target, translation=target.translation + step * axis)
+    turn = np.cross(axis, target.rotation, axisb=0, axisc=0)
+    return camera, replace(target, rotation=target.rotation + step * turn)

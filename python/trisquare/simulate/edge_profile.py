@@ -10,9 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from trisquare.simulate.scene import Array
 
 # The normal cdf is a table of erfc plus five Taylor terms: with nodes 1/64 apart the sixth
 # is below 1e-15, and beyond 9 standard deviations the tail is below 1e-18.
@@ -55,24 +54,12 @@ def normal_cdf(x: Array) -> Array:
 
 
 def blurred_step(distance: Array, normal: Array, blur: float) -> Array:
-    """Grey value of pixels near a straight step edge.
+    """Grey value, 0 to 1, of pixels near a straight step edge, shape (N,).
 
-    Seen along the edge normal n the pixel's square is two boxes of widths |nx| and |ny|, so
-    the profile is a second difference of the twice integrated normal distribution.
-
-    Parameters
-    ----------
-    distance : ndarray, shape (N,)
-        Signed distance of the pixels to the edge, pixels, positive on the bright side.
-    normal : ndarray, shape (N, 2)
-        Unit normal of the edge toward the bright side.
-    blur : float
-        Standard deviation of the optical blur, pixels.
-
-    Returns
-    -------
-    ndarray, shape (N,)
-        0 on the dark side to 1 on the bright side.
+    They are at signed distances, shape (N,), from the edge, pixels, positive on the bright side,
+    to which its unit normals, shape (N, 2), point. Seen along the normal n the pixel's square is
+    two boxes of widths |nx| and |ny|, so the profile is a second difference of the twice
+    integrated normal distribution.
     """
     x = distance / blur
     widths = np.abs(normal) / blur
@@ -98,24 +85,11 @@ def blurred_step(distance: Array, normal: Array, blur: float) -> Array:
 def blurred_wedge(
     distance1: Array, distance2: Array, normal1: Array, normal2: Array, blur: float
 ) -> Array:
-    """Grey value of pixels near a corner: the set where both distances are positive.
+    """Grey value, 0 to 1, of pixels near a corner, inside which both distances are positive.
 
-    A Gaussian-blurred wedge is the bivariate normal distribution function of the two signed
-    distances with correlation n1 . n2; the pixel's box is integrated by quadrature.
-
-    Parameters
-    ----------
-    distance1, distance2 : ndarray, shape (N,)
-        Signed distances to the two sides, pixels, positive inside.
-    normal1, normal2 : ndarray, shape (N, 2)
-        Inward unit normals of the two sides.
-    blur : float
-        Standard deviation of the optical blur, pixels.
-
-    Returns
-    -------
-    ndarray, shape (N,)
-        0 outside to 1 inside.
+    Distances and inward normals are as of `blurred_step`. A Gaussian-blurred wedge is the
+    bivariate normal distribution function of the two signed distances with correlation n1 . n2;
+    the pixel's box is integrated by quadrature.
     """
     nodes = 0.5 * np.stack(np.meshgrid(_PIXEL_NODES, _PIXEL_NODES), axis=-1).reshape(-1, 2)
     weights = 0.25 * np.outer(_PIXEL_WEIGHTS, _PIXEL_WEIGHTS).ravel()

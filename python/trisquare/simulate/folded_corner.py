@@ -1,40 +1,45 @@
-"""The printed corner as it stands when it is folded: three planes at right angles."""
+"""The printed corner as it is photographed, folded: three planes at right angles."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from trisquare.printing.layout import TargetPage
-from trisquare.simulate.scene import Array
-
-CORNER_DIAGONAL = np.ones(3) / np.sqrt(3.0)
-"""Along it a camera sees the three faces alike, each tilted by 54.7 degrees."""
+from trisquare._support.rotations import tilted
+from trisquare.printing.layout import TargetPage, corner_page
+from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, rectangle
+from trisquare.simulate.scenes import MOST_DRAWS, faces_camera, inside, random_camera
 
 # How the sheet's right, down and into-the-paper turn when it is folded about the lines between
 # the upper left face, which stays, and its two neighbours: columns, in the corner's frame.
-_STAYS = np.eye(3)
-_RIGHT_FOLDED_UP = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
-_LOWER_FOLDED_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+FOLDS = np.array(
+    [
+        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]],
+        [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]],
+    ]
+)
+# Along this diagonal a camera sees the three faces alike, each tilted by 54.7 degrees.
+DIAGONAL = np.ones(3) / np.sqrt(3.0)
+RIGHT = np.cross([0.0, 1.0, 0.0], DIAGONAL)
+RIGHT /= np.linalg.norm(RIGHT)
+# Rotation of a camera that looks along it; rows are its axes.
+LOOK_ALONG_DIAGONAL = np.array([RIGHT, np.cross(DIAGONAL, RIGHT), DIAGONAL])
+# A corner is photographed from within this angle of its diagonal; at 20 degrees off, one of its
+# faces is tilted by 75 and the two others by 50 at most.
+OFF_DIAGONAL = 15.0  # degrees
+# How much farther off it is than would just do, and how far it is off the middle of the picture.
+DISTANCE = (1.02, 1.2)
+JITTER = 0.02  # of the picture's height
+CENTRING_STEPS = 3  # each leaves half; after three, under 10 px, less than the jitter
+NEARER = 0.95  # steps by which a camera comes nearer while it still sees the whole corner
 
 
-class FoldedFrame(NamedTuple):
-    """Where a frame of the folded corner is: ``X_corner = rotation @ X_plane + translation``.
+def folded_frames(page: TargetPage) -> list[tuple[Array, Array]]:
+    """Fold a corner's page, print inside: ``corner_from_plane`` of its frames, millimetres.
 
     The corner's frame has its origin at the apex, x and y right and down in the sheet's upper
-    left face, z into that face; the frames' planes are on its negative axes. The plane's origin
-    is the frame's centre, its axes right, down and into the paper.
-    """
-
-    rotation: Array  # corner_from_plane, shape (3, 3)
-    translation: Array  # millimetres, shape (3,)
-    side: float  # millimetres
-    inner: float
-
-
-def folded_frames(page: TargetPage) -> list[FoldedFrame]:
-    """Fold a corner's page, print inside.
+    left face, z into that face; the frames' planes are on its negative axes. A plane's origin is
+    the frame's centre, its axes right, down and into the paper.
 
     Raises
     ------
@@ -43,9 +48,83 @@ def folded_frames(page: TargetPage) -> list[FoldedFrame]:
     """
     if page.apex is None:
         raise ValueError("a flat page has no corner: ask for printed_target('corner')")
-    turns = (_STAYS, _RIGHT_FOLDED_UP, _LOWER_FOLDED_UP)
-    frames = []
-    for frame, turn in zip(page.frames, turns, strict=True):
-        on_sheet = np.append(np.subtract(frame.centre, page.apex), 0.0)
-        frames.append(FoldedFrame(turn, turn @ on_sheet, frame.side, frame.inner))
-    return frames
+    return [
+        (turn, turn @ np.append(np.subtract(frame.centre, page.apex), 0.0))
+        for frame, turn in zip(page.frames, FOLDS, strict=True)
+    ]
+
+
+def corner_scene(
+    rng: np.random.Generator,
+    *,
+    page: TargetPage | None = None,
+    image_size: tuple[int, int] = (1280, 960),
+    camera: TrueCamera | None = None,
+) -> Scene:
+    """Draw a photograph of the printed corner: three frames on planes at right angles.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of everything.
+    page : TargetPage, optional
+        The corner's page of a `printed_target`; by default that of A4.
+    image_size : tuple of int
+        Width and height, pixels; a given `camera` brings its own.
+    camera : TrueCamera, optional
+        The camera; drawn if not given.
+
+    Returns
+    -------
+    Scene
+        Seen from within 15 degrees of its diagonal, turned anyhow, nearly filling the picture.
+        The targets are in the order of the page's frames, and have the paper's margin as rim.
+    """
+    sheet = corner_page("A4", None) if page is None else page
+    camera = camera or random_camera(rng, image_size)
+    for _ in range(MOST_DRAWS):
+        off = OFF_DIAGONAL * np.sqrt(rng.random())
+        turned = tilted(off, rng.uniform(0.0, 360.0), rng.uniform(0.0, 360.0))
+        jitter = JITTER * camera.image_size[1] / camera.fx * rng.standard_normal(2)
+        # From where a corner is surely seen whole to the nearest such place.
+        distance, nearest = 8.0 * sheet.face * camera.fx / min(camera.image_size), None
+        while _seen_corner(camera, sheet, turned, distance, jitter) is not None:
+            distance, nearest = NEARER * distance, distance
+        if nearest is None:
+            continue
+        distance = nearest * rng.uniform(*DISTANCE)
+        targets = _seen_corner(camera, sheet, turned, distance, jitter)
+        if targets is not None:
+            return Scene(camera, targets)
+    raise ValueError("the corner does not fit this camera's picture")
+
+
+def _seen_corner(
+    camera: TrueCamera, page: TargetPage, turned: Array, distance: float, jitter: Array
+) -> tuple[Target, ...] | None:
+    """Place a folded corner `distance` millimetres away; None if it is not seen whole."""
+    cam_from_corner = turned @ LOOK_ALONG_DIAGONAL
+    poses = folded_frames(page)
+    rotations = [cam_from_corner @ rotation for rotation, _ in poses]
+    centres = np.array([cam_from_corner @ translation for _, translation in poses])
+    centres += [0.0, 0.0, distance] - centres.mean(axis=0)
+    for _ in range(CENTRING_STEPS):
+        outlines = [
+            centre + frame.side * rectangle(0.5, 0.5) @ rotation[:, :2].T
+            for frame, rotation, centre in zip(page.frames, rotations, centres, strict=True)
+        ]
+        points = np.concatenate(outlines)
+        if np.any(points[:, 2] <= 0.0):
+            return None
+        seen = points[:, :2] / points[:, 2:]
+        centres[:, :2] -= distance * (0.5 * (seen.min(axis=0) + seen.max(axis=0)) - jitter)
+    targets = []
+    for frame, rotation, centre in zip(page.frames, rotations, centres, strict=True):
+        if not faces_camera(rotation, centre):
+            return None
+        rim = 0.5 * (page.face / frame.side - 1.0)
+        target = Target(rotation, centre / frame.side, "frame", inner=frame.inner, rim=rim)
+        if not inside(camera, target):
+            return None
+        targets.append(target)
+    return tuple(targets)

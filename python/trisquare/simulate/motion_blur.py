@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from trisquare.simulate.scene import Array
 
 POINTS_PER_PIXEL = 16
 """Points of the path by which its length is cut into steps far below a pixel."""
@@ -48,15 +47,10 @@ class Motion:
         return np.asarray(spread, dtype=np.float64).reshape(light.shape)
 
     def kernel(self) -> Array:
-        """Share of the light that falls on each pixel about the middle of the path.
+        """Share of the light on each pixel about the path's middle, shape (2 N + 1, 2 N + 1).
 
         Points between pixels are shared out bilinearly, which keeps the path's centre but adds a
         variance of up to 1/6 square pixel along each axis.
-
-        Returns
-        -------
-        ndarray of float64, shape (2 N + 1, 2 N + 1)
-            Symmetric about its middle, of sum 1.
         """
         count = max(int(POINTS_PER_PIXEL * self.length), 1)
         along = self.length * ((np.arange(count) + 0.5) / count - 0.5)

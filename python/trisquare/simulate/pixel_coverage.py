@@ -2,7 +2,7 @@
 
 Every side is a gently curved line in the picture. Its signed distance is taken to the curve
 itself, not to its chord nor in undistorted coordinates, and turned into grey by
-`trisquare.edge_profile`.
+`edge_profile`.
 """
 
 from __future__ import annotations
@@ -10,12 +10,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from trisquare.simulate.edge_profile import blurred_step, blurred_wedge
-from trisquare.simulate.scene import Target, TrueCamera, points_of_side
-
-Array = npt.NDArray[np.float64]
+from trisquare.simulate.scene import Array, Side, Target, TrueCamera
 
 # A side is a graph over its chord: degree 13 leaves under 1e-7 px for the design's lenses.
 _DEGREE = 13
@@ -40,28 +37,11 @@ class Patch(NamedTuple):
 class EdgeCurve:
     """The image of one side of a figure, as a graph over its chord.
 
-    Parameters
-    ----------
-    camera, target : TrueCamera, Target
-        Where the side is seen from and the plane that it lies in.
-    start, end : ndarray, shape (2,)
-        Ends of the side in plane units, the figure on its right on the screen.
-    continuation : float
-        How far the curve goes on past both ends, pixels.
-    bow : float
-        How far the side's middle is bent outward, plane units.
+    The figure is on its right on the screen; it goes on `continuation` pixels past both ends.
     """
 
-    def __init__(
-        self,
-        camera: TrueCamera,
-        target: Target,
-        start: Array,
-        end: Array,
-        continuation: float,
-        bow: float = 0.0,
-    ) -> None:
-        ends = camera.project(target.to_camera(np.array([start, end])))
+    def __init__(self, camera: TrueCamera, target: Target, side: Side, continuation: float) -> None:
+        ends = camera.project(target.to_camera(np.array([side.start, side.end])))
         length = float(np.hypot(*(ends[1] - ends[0])))
         self.origin = ends[0]
         self.along = (ends[1] - ends[0]) / length
@@ -69,7 +49,7 @@ class EdgeCurve:
         margin = continuation / length
         chebyshev = np.cos(np.pi * (np.arange(_CURVE_SAMPLES) + 0.5) / _CURVE_SAMPLES)
         fraction = 0.5 + (0.5 + margin) * chebyshev
-        points = camera.project(target.to_camera(points_of_side(start, end, bow, fraction)))
+        points = camera.project(target.to_camera(side.points(fraction)))
         u, v = (points - self.origin) @ self.along, (points - self.origin) @ self.inward
         self.domain = (float(u.min()), float(u.max()))
         self.bulge = (float(v.min()), float(v.max()))
@@ -79,14 +59,9 @@ class EdgeCurve:
         self.points = points
 
     def signed_distance(self, pixels: Array) -> tuple[Array, Array]:
-        """Distance of pixels, shape (N, 2), to the curve, and its inward normals.
+        """Distance of pixels, shape (N, 2), to the curve, shape (N,), positive inside.
 
-        Returns
-        -------
-        distance : ndarray, shape (N,)
-            Pixels, positive inside.
-        normal : ndarray, shape (N, 2)
-            Inward unit normal at the nearest point of the curve.
+        And the curve's inward unit normals at the points nearest to them, shape (N, 2).
         """
         offset = pixels - self.origin
         u_pixel, v_pixel = offset @ self.along, offset @ self.inward
@@ -103,63 +78,34 @@ class EdgeCurve:
 
 
 def quadrilateral_coverage(
-    camera: TrueCamera, target: Target, corners: Array, blur: float, bows: Array | None = None
+    camera: TrueCamera, target: Target, sides: list[Side], blur: float
 ) -> Patch | None:
-    """Coverage of every pixel by a convex quadrilateral of the target's plane, blurred.
+    """Coverage of every pixel by a convex quadrilateral of the target's plane.
 
-    Parameters
-    ----------
-    camera, target : TrueCamera, Target
-        The camera and the plane.
-    corners : ndarray, shape (4, 2)
-        Plane units, clockwise on the screen.
-    blur : float
-        Standard deviation of the optical blur, pixels.
-    bows : ndarray, shape (4,), optional
-        How far each side's middle is bent outward, plane units.
-
-    Returns
-    -------
-    Patch or None
-        The part of the picture where the coverage is not zero; None if there is none.
+    It is blurred with a standard deviation of `blur` pixels; `sides` go clockwise on the screen.
+    Returned is the part of the picture where it is not zero; None if there is none.
     """
     reach = _GAUSSIAN_REACH * blur + _PIXEL_HALF_DIAGONAL
-    bent = np.zeros(4) if bows is None else bows
-    ends = zip(corners, np.roll(corners, -1, axis=0), bent.tolist(), strict=True)
-    curves = [
-        EdgeCurve(camera, target, start, end, _CONTINUATION * reach, bow)
-        for start, end, bow in ends
-    ]
-    window = _window(curves, camera.image_size)
-    if window is None:
+    curves = [EdgeCurve(camera, target, side, _CONTINUATION * reach) for side in sides]
+    points = np.concatenate([curve.points for curve in curves])
+    low = np.maximum(np.floor(points.min(axis=0)).astype(int), 0)
+    high = np.minimum(np.ceil(points.max(axis=0)).astype(int) + 1, camera.image_size)
+    if np.any(low >= high):
         return None
-    rows, columns = window
+    rows, columns = slice(low[1], high[1]), slice(low[0], high[0])
     y, x = np.mgrid[rows, columns].astype(np.float64)
-    sides, distances = [], []
-    for curve in curves:
-        side, distance = _side_profile(curve, x, y, blur, reach)
-        sides.append(side)
-        distances.append(distance)
-    coverage = sides[0] * sides[1] * sides[2] * sides[3]
+    profiles, distances = zip(
+        *(_side_profile(curve, x, y, blur, reach) for curve in curves), strict=True
+    )
+    coverage = profiles[0] * profiles[1] * profiles[2] * profiles[3]
     for i in range(4):
         near = (np.abs(distances[i - 1]) < reach) & (np.abs(distances[i]) < reach)
         pixels = np.stack([x[near], y[near]], axis=1)
-        before, after = curves[i - 1], curves[i]
-        distance1, normal1 = before.signed_distance(pixels)
-        distance2, normal2 = after.signed_distance(pixels)
+        distance1, normal1 = curves[i - 1].signed_distance(pixels)
+        distance2, normal2 = curves[i].signed_distance(pixels)
         wedge = blurred_wedge(distance1, distance2, normal1, normal2, blur)
-        coverage[near] = wedge * sides[i - 2][near] * sides[i - 3][near]
+        coverage[near] = wedge * profiles[i - 2][near] * profiles[i - 3][near]
     return Patch(rows, columns, coverage)
-
-
-def _window(curves: list[EdgeCurve], image_size: tuple[int, int]) -> tuple[slice, slice] | None:
-    """Rows and columns that hold the continued curves, cut to the picture."""
-    points = np.concatenate([curve.points for curve in curves])
-    low = np.maximum(np.floor(points.min(axis=0)).astype(int), 0)
-    high = np.minimum(np.ceil(points.max(axis=0)).astype(int) + 1, image_size)
-    if np.any(low >= high):
-        return None
-    return slice(low[1], high[1]), slice(low[0], high[0])
 
 
 def _side_profile(

@@ -6,7 +6,7 @@ Brightness is quoted in grey levels of the coded picture, 0 to 255, whatever the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
 import cv2
@@ -15,11 +15,9 @@ import numpy.typing as npt
 
 from trisquare.simulate.clutter import cluttered_ground
 from trisquare.simulate.motion_blur import Motion
-from trisquare.simulate.occluders import Overlay
 from trisquare.simulate.pixel_coverage import quadrilateral_coverage
-from trisquare.simulate.scene import Scene, Target, TrueCamera, rectangle
+from trisquare.simulate.scene import Array, Scene, Target, rectangle, sides_of
 
-Array = npt.NDArray[np.float64]
 Image = npt.NDArray[Any]
 ToneCurve = Literal["linear", "srgb"] | float
 
@@ -69,7 +67,7 @@ def render(
     background: Image | None = None,
     dtype: npt.DTypeLike = np.uint8,
     jpeg_quality: int | None = None,
-    overlays: Sequence[Overlay] = (),
+    overlays: Sequence[Callable[[Array], Array]] = (),
     motion: Motion | None = None,
 ) -> Image:
     """Photograph a scene.
@@ -101,8 +99,9 @@ def render(
         uint8, uint16 (full range 65535) or float32 (1.0 is white; neither rounded nor clipped).
     jpeg_quality : int, optional
         Pass the (uint8) picture through JPEG.
-    overlays : sequence of Overlay
-        What hides, stains or outshines parts of the scene, in the order it is laid.
+    overlays : sequence of callable
+        What hides, stains or outshines parts of the scene, in the order it is laid: each changes
+        the linear light, shape (H, W, 1 or 3).
     motion : Motion, optional
         How the camera moved while the shutter was open; it blurs a given `background`, too.
 
@@ -114,7 +113,7 @@ def render(
     if blur <= 0.0 or contrast <= 0.0 or contrast > WHITE:
         raise ValueError(f"blur and contrast must be positive, got {blur} and {contrast}")
     levels = np.array([WHITE - contrast, WHITE + contrast]) / (2.0 * WHITE)
-    dark, light = decode_tone(levels, tone)
+    dark, light = decode_tone(levels, tone).tolist()
     on_sheets = bool(clutter) or background is not None
     canvas = _ground(scene, rng, (dark, light), tone, clutter, background, blur)
     sheets = np.zeros(canvas.shape[:2])
@@ -123,15 +122,18 @@ def render(
         if on_sheets:
             ground *= 1.0 - _SHEET_TINT * rng.random()
         if on_sheets or target.rim is not None or target.dark != scene.targets[0].dark:
-            _paint(canvas, scene.camera, target, _sheet(target, rng), ground, blur, sheets)
-        for sign, corners, bows in target.figure():
-            patch = quadrilateral_coverage(scene.camera, target, corners, blur, bows)
-            if patch is not None:
-                canvas[patch.rows, patch.columns] += (
-                    sign * (ink - ground) * patch.coverage[..., None]
-                )
+            sheet = sides_of(_sheet(target, rng))
+            if patch := quadrilateral_coverage(scene.camera, target, sheet, blur):
+                below = canvas[patch.rows, patch.columns]
+                below += patch.coverage[..., None] * (ground - below)
+                covered = sheets[patch.rows, patch.columns]
+                np.maximum(covered, patch.coverage, out=covered)
+        for sign, sides in target.figure():
+            if patch := quadrilateral_coverage(scene.camera, target, sides, blur):
+                step = sign * (ink - ground) * patch.coverage
+                canvas[patch.rows, patch.columns] += step[..., None]
     for overlay in overlays:
-        canvas = overlay.laid_over(canvas)
+        canvas = overlay(canvas)
     if background is None:
         canvas = _illuminate(canvas, rng, shading, colour)
     if motion is not None:
@@ -195,15 +197,14 @@ def _ground(
                 f"the background must be uint8 of shape ({height}, {width}), "
                 f"got {background.dtype} of shape {background.shape}"
             )
-        coded = background.reshape(height, width, -1).astype(np.float64)
-        return decode_tone(coded / WHITE, tone)
-    if clutter:
+        coded = background.astype(np.float64)
+    elif clutter:
         drawn = cluttered_ground(scene.camera.image_size, rng, clutter).astype(np.float64)
-        coded = np.asarray(cv2.GaussianBlur(drawn, (0, 0), blur), dtype=np.float64)
-        return decode_tone(coded / WHITE, tone)[..., None]
-    dark, light = levels
-    bright = not scene.targets or scene.targets[0].dark
-    return np.full((height, width, 1), light if bright else dark)
+        coded = np.asarray(cv2.GaussianBlur(drawn, (0, 0), blur))
+    else:
+        bright = not scene.targets or scene.targets[0].dark
+        return np.full((height, width, 1), levels[int(bright)])
+    return decode_tone(coded.reshape(height, width, -1) / WHITE, tone)
 
 
 def _sheet(target: Target, rng: np.random.Generator) -> Array:
@@ -219,25 +220,6 @@ def _sheet(target: Target, rng: np.random.Generator) -> Array:
     corners[[0, 1], 1] -= rims[2]
     corners[[2, 3], 1] += rims[3]
     return corners
-
-
-def _paint(
-    canvas: Array,
-    camera: TrueCamera,
-    target: Target,
-    corners: Array,
-    level: float,
-    blur: float,
-    mask: Array,
-) -> None:
-    """Lay an opaque quadrilateral of one level over the canvas and add it to the mask."""
-    patch = quadrilateral_coverage(camera, target, corners, blur)
-    if patch is None:
-        return
-    below = canvas[patch.rows, patch.columns]
-    below += patch.coverage[..., None] * (level - below)
-    covered = mask[patch.rows, patch.columns]
-    np.maximum(covered, patch.coverage, out=covered)
 
 
 def _illuminate(canvas: Array, rng: np.random.Generator, shading: float, colour: bool) -> Array:

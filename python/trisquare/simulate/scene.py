@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Kind = Literal["square", "frame", "chessboard", "tag", "charuco"]
+from trisquare._support.arrays import FloatArray, real_array
+
+Array: TypeAlias = FloatArray
 
 # Newton on the distortion converges quadratically; 1e-13 is what rounding leaves of a
 # normalised coordinate near 1, and a radius inside the monotonic range needs under 20 steps.
@@ -22,15 +23,6 @@ UNDISTORT_STEPS = 50
 # Arc length of a side's image is summed over this many chords: bent by 20 px, it is exact
 # to 1e-4 of itself, which only moves the samples along their own edge.
 ARC_CHORDS = 200
-
-
-def read_only(values: npt.ArrayLike, shape: tuple[int, ...], name: str) -> Array:
-    """Return a read-only float64 copy of `values`, or raise if its shape is not `shape`."""
-    array = np.array(values, dtype=np.float64)
-    if array.shape != shape or not np.all(np.isfinite(array)):
-        raise ValueError(f"{name} must be finite with shape {shape}, got shape {array.shape}")
-    array.flags.writeable = False
-    return array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,7 +47,7 @@ class TrueCamera:
     image_size: tuple[int, int] = (1280, 960)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "distortion", read_only(self.distortion, (5,), "distortion"))
+        object.__setattr__(self, "distortion", real_array(self.distortion, "distortion", (5,)))
 
     @property
     def K(self) -> Array:  # noqa: N802 (the field's name)
@@ -144,13 +136,12 @@ class Target:
     ----------
     rotation, translation : array_like, shapes (3, 3) and (3,)
         ``cam_from_plane``.
-    kind : {"square", "frame", "chessboard", "tag", "charuco"}
-        Solid square, square with a square hole, chessboard, square tag with a code, or chessboard
-        with markers in its light cells.
+    kind : {"square", "frame", "chessboard"}
+        Solid square, square with a square hole, or chessboard.
     dark : bool
         Dark figure on light ground, or the reverse.
     inner : float
-        Side of a frame's hole, in units of its outer side; of a ChArUco board's markers, in cells.
+        Side of a frame's hole, in units of its outer side.
     inner_corners : tuple of int
         Columns and rows of a chessboard's inner corners.
     cell_size : float
@@ -163,14 +154,11 @@ class Target:
     rim : float, optional
         How far the paper reaches beyond the figure on every side, plane units; 0 for a board that
         is cut along its cells. Where it is not given, `render` draws one if there is to be paper.
-    codes : array_like of bool, shape (M, n, n)
-        What is printed in a tag (M = 1), or in a ChArUco board's markers row by row: True is
-        white. A border of one dark cell comes round it.
     """
 
     rotation: Array
     translation: Array
-    kind: Kind = "square"
+    kind: Literal["square", "frame", "chessboard"] = "square"
     dark: bool = True
     inner: float = 0.6
     inner_corners: tuple[int, int] = (9, 6)
@@ -178,14 +166,12 @@ class Target:
     printed: Array | None = None
     bows: Array = field(default_factory=lambda: np.zeros(4))
     rim: float | None = None
-    codes: npt.NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 1, 1), bool))
 
     def __post_init__(self) -> None:
-        if self.printed is not None:
-            object.__setattr__(self, "printed", read_only(self.printed, (4, 2), "printed"))
-        object.__setattr__(self, "bows", read_only(self.bows, (4,), "bows"))
-        object.__setattr__(self, "rotation", read_only(self.rotation, (3, 3), "rotation"))
-        object.__setattr__(self, "translation", read_only(self.translation, (3,), "translation"))
+        shapes = {"rotation": (3, 3), "translation": (3,), "bows": (4,), "printed": (4, 2)}
+        for name, shape in shapes.items():
+            if (value := getattr(self, name)) is not None:
+                object.__setattr__(self, name, real_array(value, name, shape))
         if self.rotation[:, 2] @ self.translation <= 0.0:
             raise ValueError(
                 "the target is seen from behind: its Z must point away from the camera"
@@ -199,7 +185,7 @@ class Target:
     @property
     def is_board(self) -> bool:
         """Whether it has cells in rows and columns."""
-        return self.kind in ("chessboard", "charuco")
+        return self.kind == "chessboard"
 
     @property
     def extent(self) -> tuple[float, float]:
@@ -217,33 +203,29 @@ class Target:
             outer = rectangle(*self.extent)
         return [outer, self.inner * outer] if self.kind == "frame" else [outer]
 
-    def outline_bows(self) -> list[Array]:
-        """Bows of the sides of each of `outlines`, plane units, each shape (4,)."""
-        return [self.bows, self.inner**2 * self.bows] if self.kind == "frame" else [self.bows]
-
-    def figure(self) -> Iterator[tuple[float, Array, Array]]:
-        """Yield signed convex quadrilaterals whose sum is the figure: corners (4, 2), bows (4,)."""
+    def figure(self) -> Iterator[tuple[float, list[Side]]]:
+        """Yield the signs and the sides of convex quadrilaterals whose sum is the figure."""
         if self.is_board:
             cell = rectangle(0.5 * self.cell_size, 0.5 * self.cell_size)
-            for centre in self._cells(0):
-                yield 1.0, cell + self.cell_size * centre, np.zeros(4)
-            # As many markers as there are codes: the rest of the light cells stay empty.
-            for centre, code in zip(self._cells(1), self.codes, strict=False):
-                yield from _marker(code, self.cell_size * centre, self.inner * self.cell_size)
+            for centre in self.cells(0):
+                yield 1.0, sides_of(cell + self.cell_size * centre)
             return
-        if self.kind == "tag":
-            yield from _marker(self.codes[0], np.zeros(2), 1.0)
-            return
-        yield from zip((1.0, -1.0), self.outlines(), self.outline_bows(), strict=False)
+        yield from zip((1.0, -1.0), self._outline_sides(), strict=False)
 
-    def grid_lines(self) -> Iterator[tuple[Array, Array]]:
-        """Yield the ends of a chessboard's rows, then of its columns of inner corners."""
+    def sides(self) -> list[Side]:
+        """Sides of the outlines; of a chessboard its rows of inner corners, then its columns."""
+        if not self.is_board:
+            return [side for sides in self._outline_sides() for side in sides]
         columns, rows = self.inner_corners
         corners = self.board_corners().reshape(rows, columns, 2)
-        yield from zip(corners[:, 0], corners[:, -1], strict=True)
-        yield from zip(corners[0], corners[-1], strict=True)
+        lines = (*corners, *corners.swapaxes(0, 1))
+        return [Side(line[0], line[-1]) for line in lines]
 
-    def _cells(self, colour: int) -> Iterator[Array]:
+    def _outline_sides(self) -> list[list[Side]]:
+        bows = (self.bows, self.inner**2 * self.bows)
+        return [sides_of(*bent) for bent in zip(self.outlines(), bows, strict=False)]
+
+    def cells(self, colour: int) -> Iterator[Array]:
         """Middles of a board's dark (0) or light (1) cells, row by row, in cells."""
         columns, rows = self.inner_corners
         for row in range(rows + 1):
@@ -281,26 +263,31 @@ def rectangle(half_width: float, half_height: float) -> Array:
     )
 
 
-def _marker(
-    code: npt.NDArray[np.bool_], centre: Array, side: float
-) -> Iterator[tuple[float, Array, Array]]:
-    """Yield a dark square of the given side and, taken out of it, the code's runs of white."""
-    yield 1.0, centre + side * rectangle(0.5, 0.5), np.zeros(4)
-    cells = len(code) + 2
-    cell = side / cells
-    for row, bits in enumerate(code.astype(np.int8)):
-        steps = np.diff(bits, prepend=0, append=0)
-        for start, end in zip(np.flatnonzero(steps > 0), np.flatnonzero(steps < 0), strict=True):
-            middle = np.array([0.5 * (start + end), row + 0.5]) + 1.0 - 0.5 * cells
-            white = rectangle(0.5 * cell * float(end - start), 0.5 * cell)
-            yield -1.0, centre + cell * middle + white, np.zeros(4)
+class Side(NamedTuple):
+    """A side of a figure, plane units; its middle is bent outward by `bow`."""
+
+    start: Array
+    end: Array
+    bow: float = 0.0
+
+    def points(self, fraction: Array) -> Array:
+        """Points at fractions of the chord, shape (N, 2)."""
+        chord = self.end - self.start
+        outward = np.array([chord[1], -chord[0]]) / np.hypot(*chord)
+        height = 4.0 * self.bow * fraction * (1.0 - fraction)
+        points: Array = self.start + fraction[:, None] * chord + height[:, None] * outward
+        return points
+
+
+def sides_of(corners: Array, bows: npt.ArrayLike = (0.0, 0.0, 0.0, 0.0)) -> list[Side]:
+    """Sides of a quadrilateral, corners (4, 2) clockwise on the screen, bent by `bows`, (4,)."""
+    ends = zip(corners, np.roll(corners, -1, axis=0), np.asarray(bows).tolist(), strict=True)
+    return [Side(*side) for side in ends]
 
 
 class SideSamples(NamedTuple):
     """Points spread evenly over the image of one side of a figure."""
 
-    start: Array  # ends of the side in plane units, shape (2,)
-    end: Array
     plane: Array  # plane units, shape (N, 2)
     image: Array  # pixels, shape (N, 2)
     normal: Array  # inward unit normals in the image, shape (N, 2)
@@ -313,43 +300,20 @@ def sample_sides(camera: TrueCamera, target: Target, spacing: float) -> list[Sid
     Each side is cut into equal pieces and sampled in their middles; a grid line runs between the
     outermost crossings.
     """
-    if target.is_board:
-        sides = [(start, end, 0.0) for start, end in target.grid_lines()]
-    else:
-        sides = [
-            (outline[i], outline[(i + 1) % 4], float(bows[i]))
-            for outline, bows in zip(target.outlines(), target.outline_bows(), strict=True)
-            for i in range(4)
-        ]
-    return [_sample_side(camera, target, side, spacing) for side in sides]
+    return [_sample_side(camera, target, side, spacing) for side in target.sides()]
 
 
-def points_of_side(start: Array, end: Array, bow: float, fraction: Array) -> Array:
-    """Points of a side at fractions of its chord, plane units, shape (N, 2); `bow` is outward."""
-    chord = end - start
-    outward = np.array([chord[1], -chord[0]]) / np.hypot(*chord)
-    height = 4.0 * bow * fraction * (1.0 - fraction)
-    points: Array = start + fraction[:, None] * chord + height[:, None] * outward
-    return points
-
-
-def _sample_side(
-    camera: TrueCamera, target: Target, side: tuple[Array, Array, float], spacing: float
-) -> SideSamples:
+def _sample_side(camera: TrueCamera, target: Target, side: Side, spacing: float) -> SideSamples:
     """Sample one side at equal arc lengths of its image."""
-    start, end, bow = side
+
+    def seen(fraction: Array) -> Array:
+        return camera.project(target.to_camera(side.points(fraction)))
+
     fraction = np.linspace(0.0, 1.0, ARC_CHORDS + 1)
-    curve = camera.project(target.to_camera(points_of_side(start, end, bow, fraction)))
-    arc = np.append(0.0, np.cumsum(np.hypot(*np.diff(curve, axis=0).T)))
+    arc = np.append(0.0, np.cumsum(np.hypot(*np.diff(seen(fraction), axis=0).T)))
     count = max(int(arc[-1] / spacing), 1)
-    middles = (np.arange(count) + 0.5) / count * arc[-1]
-    at = np.interp(middles, arc, fraction)
-    plane = points_of_side(start, end, bow, at)
-    ahead, behind = (
-        camera.project(target.to_camera(points_of_side(start, end, bow, at + step)))
-        for step in (1e-4, -1e-4)
-    )
+    at = np.interp((np.arange(count) + 0.5) / count * arc[-1], arc, fraction)
+    ahead, behind = seen(at + 1e-4), seen(at - 1e-4)
     tangent = (ahead - behind) / np.hypot(*(ahead - behind).T)[:, None]
     normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
-    image = camera.project(target.to_camera(plane))
-    return SideSamples(start, end, plane, image, normal, float(arc[-1]))
+    return SideSamples(side.points(at), seen(at), normal, float(arc[-1]))

@@ -1,8 +1,4 @@
-"""Seeded cameras, scenes and edge points with known truth, and the best accuracy possible.
-
-The scenes follow one published distribution (section 6 of the design), so that every figure
-quoted for the package can be drawn again from a seed.
-"""
+"""Seeded cameras, scenes of squares and of boards, and their edge points, with known truth."""
 
 from __future__ import annotations
 
@@ -12,10 +8,8 @@ import numpy as np
 
 from trisquare._support.convex_quads import any_meet
 from trisquare._support.rotations import tilted
-from trisquare.printing.layout import TargetPage, corner_page
-from trisquare.simulate.folded_corner import CORNER_DIAGONAL, folded_frames
-from trisquare.simulate.render import SHEET_RIM, Array, Image, render
-from trisquare.simulate.scene import Scene, Target, TrueCamera, rectangle, sample_sides
+from trisquare.simulate.render import SHEET_RIM, Image, render
+from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, rectangle, sample_sides
 
 # The distribution of design section 6.
 FOCAL_RANGE = (0.65, 1.3)  # of the width
@@ -31,26 +25,8 @@ CENTRE_JITTER = 0.015  # of the picture; "about" in the design
 PICTURE_MARGIN = 12.0  # pixels between any square and the border
 # A plane closer to edge-on than this shows a sliver whose sides merge under blur.
 STEEPEST_SIGHT = 75.0  # degrees
-# A corner is photographed from within this angle of its diagonal; at 20 degrees off, one of its
-# faces is tilted by 75 and the two others by 50 at most.
-CORNER_OFF_DIAGONAL = 15.0  # degrees
-# How much farther off it is than would just do, and how far it is off the middle of the picture.
-CORNER_DISTANCE = (1.02, 1.2)
-CORNER_JITTER = 0.02  # of the picture's height
-CENTRING_STEPS = 3  # each leaves half; after three, under 10 px, less than the jitter
-NEARER = 0.95  # steps by which a camera comes nearer while it still sees the whole corner
 # Scenes are drawn by rejection; one in a few is good, so this never runs out by chance.
 MOST_DRAWS = 5000
-
-
-def _looking_along(direction: Array) -> Array:
-    """Rotation of a camera that looks along a direction; rows are its axes."""
-    right = np.cross([0.0, 1.0, 0.0], direction)
-    right /= np.linalg.norm(right)
-    return np.array([right, np.cross(direction, right), direction])
-
-
-_LOOK_ALONG_DIAGONAL = _looking_along(CORNER_DIAGONAL)
 
 
 def random_camera(
@@ -145,82 +121,6 @@ def chessboard_scene(
         if inside(camera, board):
             return Scene(camera, (board,))
     raise ValueError("no board fits this camera's picture")
-
-
-def corner_scene(
-    rng: np.random.Generator,
-    *,
-    page: TargetPage | None = None,
-    image_size: tuple[int, int] = (1280, 960),
-    camera: TrueCamera | None = None,
-) -> Scene:
-    """Draw a photograph of the printed corner: three frames on planes at right angles.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Source of everything.
-    page : TargetPage, optional
-        The corner's page of a `printed_target`; by default that of A4.
-    image_size : tuple of int
-        Width and height, pixels; a given `camera` brings its own.
-    camera : TrueCamera, optional
-        The camera; drawn if not given.
-
-    Returns
-    -------
-    Scene
-        Seen from within 15 degrees of its diagonal, turned anyhow, nearly filling the picture.
-        The targets are in the order of the page's frames, and have the paper's margin as rim.
-    """
-    sheet = corner_page("A4", None) if page is None else page
-    camera = camera or random_camera(rng, image_size)
-    for _ in range(MOST_DRAWS):
-        off = CORNER_OFF_DIAGONAL * np.sqrt(rng.random())
-        turned = tilted(off, rng.uniform(0.0, 360.0), rng.uniform(0.0, 360.0))
-        jitter = CORNER_JITTER * camera.image_size[1] / camera.fx * rng.standard_normal(2)
-        # From where a corner is surely seen whole to the nearest such place.
-        distance, nearest = 8.0 * sheet.face * camera.fx / min(camera.image_size), None
-        while _seen_corner(camera, sheet, turned, distance, jitter) is not None:
-            distance, nearest = NEARER * distance, distance
-        if nearest is None:
-            continue
-        distance = nearest * rng.uniform(*CORNER_DISTANCE)
-        targets = _seen_corner(camera, sheet, turned, distance, jitter)
-        if targets is not None:
-            return Scene(camera, targets)
-    raise ValueError("the corner does not fit this camera's picture")
-
-
-def _seen_corner(
-    camera: TrueCamera, page: TargetPage, turned: Array, distance: float, jitter: Array
-) -> tuple[Target, ...] | None:
-    """Place a folded corner `distance` millimetres away; None if it is not seen whole."""
-    frames = folded_frames(page)
-    cam_from_corner = turned @ _LOOK_ALONG_DIAGONAL
-    rotations = [cam_from_corner @ frame.rotation for frame in frames]
-    centres = np.array([cam_from_corner @ frame.translation for frame in frames])
-    centres += [0.0, 0.0, distance] - centres.mean(axis=0)
-    for _ in range(CENTRING_STEPS):
-        outlines = [
-            centre + frame.side * rectangle(0.5, 0.5) @ rotation[:, :2].T
-            for frame, rotation, centre in zip(frames, rotations, centres, strict=True)
-        ]
-        points = np.concatenate(outlines)
-        if np.any(points[:, 2] <= 0.0):
-            return None
-        seen = points[:, :2] / points[:, 2:]
-        centres[:, :2] -= distance * (0.5 * (seen.min(axis=0) + seen.max(axis=0)) - jitter)
-    targets = []
-    for frame, rotation, centre in zip(frames, rotations, centres, strict=True):
-        if not faces_camera(rotation, centre):
-            return None
-        rim = 0.5 * (page.face / frame.side - 1.0)
-        target = Target(rotation, centre / frame.side, "frame", inner=frame.inner, rim=rim)
-        if not inside(camera, target):
-            return None
-        targets.append(target)
-    return tuple(targets)
 
 
 def photo_like(

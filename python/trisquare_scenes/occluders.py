@@ -34,7 +34,7 @@ class Overlay:
     opacity: float
     own: Array | tuple[int, int]
 
-    def laid_over(self, canvas: Array) -> Array:
+    def __call__(self, canvas: Array) -> Array:
         """Return the canvas, linear light of shape (H, W, C), with this laid over it."""
         if isinstance(self.own, tuple):
             x, y = self.own
