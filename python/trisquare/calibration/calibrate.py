@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import trisquare._core as _core
 from trisquare._support.arrays import size_of_image
-from trisquare.calibration.explain_failure import raise_with_reasons, rejected_shapes
-from trisquare.calibration.gather import gather
+from trisquare.calibration.explain_failure import add_reasons, rejected_shapes
+from trisquare.calibration.gather import Gathered, gather
 from trisquare.calibration.select import chosen_by
 from trisquare.camera.camera import Camera
 from trisquare.camera.settings import Settings
 from trisquare.detection.kinds import TargetKinds, nothing_found
 from trisquare.edges import PlaneEdges, changed_edges
-from trisquare.errors import DetectionError
+from trisquare.errors import DetectionError, TrisquareError
 from trisquare.images.photographs import Photographs
 from trisquare.images.pixels import ImageSource, Outlines, Tone, sources_of
-from trisquare.images.tone import PictureTone, pooled, shift_warnings
+from trisquare.images.tone import pooled, shift_warnings
 from trisquare.results.calibration import Calibration
 from trisquare.results.model_alternative import ModelAlternative
 from trisquare.results.plane import Plane
@@ -135,33 +134,25 @@ def calibrate_photographs(
     kinds = TargetKinds.parse(targets)
     gathered = gather(photographs, kinds, tone, outlines, progress, explain_all=explain)
     by_hand = outlines is not None
-    figures, size = gathered.figures, gathered.image_size
-    several = len(photographs) > 1
-    with raise_with_reasons(figures, gathered.rejected, gathered.searches, several=several):
-        if not figures:
+    try:
+        if not gathered.figures:
             # What was not used is told with its place, once the error is on its way.
             untold = [
                 text for text in gathered.warnings if not is_reported(text, gathered.rejected)
             ]
             raise DetectionError("; ".join(untold) if by_hand else nothing_found(kinds))
-        outcome = _ask_core(
-            figures,
-            size,
-            settings,
-            # What was asked for by its layout or drawn by hand is vouched for.
-            choosing=kinds.squares and not by_hand,
-            pictures=gathered.pictures,
-            tones=gathered.tones,
-        )
+        # What was asked for by its layout or drawn by hand is vouched for.
+        choosing = kinds.squares and not by_hand
+        outcome = _ask_core(gathered.figures, gathered, settings, choosing)
         if outcome.verdicts:
-            gathered.keep(chosen_by(outcome, figures, gathered.quads))
-        calibration = _calibration(
-            outcome.solution(), figures, size, settings, gathered.tones, gathered.warnings
-        )
-    return Calibrated(
-        replace(calibration, rejected=tuple(gathered.rejected)),
-        rejected_shapes(gathered.searches) if explain else (),
-    )
+            gathered.figures, others, remarks = chosen_by(outcome, gathered.figures, gathered.quads)
+            gathered.rejected += others
+            gathered.warnings += remarks
+        calibration = _calibration(outcome.solution(), gathered, settings)
+    except TrisquareError as error:
+        add_reasons(error, gathered)
+        raise
+    return Calibrated(calibration, rejected_shapes(gathered.searches) if explain else ())
 
 
 def calibrate_edges(
@@ -207,42 +198,30 @@ def calibrate_edges(
         figure if figure.plane is None else changed_edges(figure, plane=number[figure.plane])
         for figure in figures
     ]
-    size = size_of_image(image_size)
-    outcome = _ask_core(counted, size, settings, choosing=False, pictures=None, tones=[])
-    return _calibration(outcome.solution(), figures, size, settings, [], [])
+    given = Gathered(size_of_image(image_size), figures)
+    outcome = _ask_core(counted, given, settings, choosing=False)
+    return _calibration(outcome.solution(), given, settings)
 
 
 def _ask_core(
-    figures: Sequence[PlaneEdges],
-    image_size: tuple[int, int],
-    settings: Settings,
-    *,
-    choosing: bool,
-    pictures: Sequence[_core.Picture] | None,
-    tones: Sequence[PictureTone],
+    figures: Sequence[PlaneEdges], gathered: Gathered, settings: Settings, choosing: bool
 ) -> _core.Outcome:
     return _core.calibrate(
         figures,
-        image_size,
+        gathered.image_size,
         choosing=choosing,
         method=settings.method,
         model=settings.model,
         fixed=settings.fixed,
-        initial=settings.initial_parameters(image_size),
-        pictures=pictures,
-        tones=[tone.curve for tone in tones],
+        initial=settings.initial_parameters(gathered.image_size),
+        pictures=gathered.pictures or None,
+        tones=[tone.curve for tone in gathered.tones],
     )
 
 
-def _calibration(
-    found: _core.Solution,
-    figures: Sequence[PlaneEdges],
-    image_size: tuple[int, int],
-    settings: Settings,
-    tones: Sequence[PictureTone],
-    warnings: Sequence[str],
-) -> Calibration:
+def _calibration(found: _core.Solution, gathered: Gathered, settings: Settings) -> Calibration:
     """Return what the core found as a result."""
+    figures, tones = gathered.figures, gathered.tones
     # The fit to the pixels knows more of the tone than the edges' profiles alone.
     if found.tones:
         tones = [tone.refined(fit) for tone, fit in zip(tones, found.tones, strict=True)]
@@ -252,17 +231,29 @@ def _calibration(
         camera=Camera(
             found.camera_matrix,
             found.distortion,
-            image_size,
+            gathered.image_size,
             found.model,
             valid_radius=found.valid_radius,
         ),
         std=found.std,
         covariance=found.covariance,
         parameters=tuple(found.parameters),
-        planes=tuple(_plane(plane, figures[plane.figure].kind) for plane in found.planes),
+        planes=tuple(
+            Plane(
+                kind=figures[plane.figure].kind,
+                image=plane.image,
+                corners=plane.corners,
+                rotation=plane.rotation,
+                translation=plane.translation,
+                rms=plane.rms,
+                samples=plane.samples,
+                uncertainty=plane.uncertainty and PoseUncertainty(*plane.uncertainty),
+            )
+            for plane in found.planes
+        ),
         rms=found.rms,
         noise_scale=found.noise_scale,
-        warnings=(*warnings, *found.warnings, *shift_warnings(tones)),
+        warnings=(*gathered.warnings, *found.warnings, *shift_warnings(tones)),
         method=settings.method,
         tone=tone,
         fixed=settings.fixed,
@@ -275,22 +266,10 @@ def _calibration(
             correlation.contradiction,
         ),
         tone_std=tone_std,
+        rejected=tuple(gathered.rejected),
         edges=tuple(figures),
         residuals=tuple(
             FigureResiduals(own.plane, tuple(own.distances), tuple(own.normals))
             for own in found.residuals
         ),
-    )
-
-
-def _plane(found: _core.SolvedPlane, kind: str) -> Plane:
-    return Plane(
-        kind=kind,
-        image=found.image,
-        corners=found.corners,
-        rotation=found.rotation,
-        translation=found.translation,
-        rms=found.rms,
-        samples=found.samples,
-        uncertainty=None if found.uncertainty is None else PoseUncertainty(*found.uncertainty),
     )

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from trisquare._support.number_text import listed
-from trisquare.edges import PlaneEdges
+from trisquare.calibration.gather import Gathered
 from trisquare.errors import TrisquareError
 from trisquare.results.partial_detection import PartialDetection, partial_detections
 from trisquare.results.rejected import Rejected
@@ -20,38 +19,15 @@ MOST_NAMED = 3
 """Groups, and places in each, that a message names; the error's attributes hold all."""
 
 
-@contextmanager
-def raise_with_reasons(
-    figures: Sequence[PlaneEdges],
-    rejected: Sequence[Rejected],
-    searches: Mapping[int, Search],
-    *,
-    several: bool,
-) -> Iterator[None]:
-    """Add what was found and what was rejected to a `TrisquareError`: to its text and attributes.
-
-    Parameters
-    ----------
-    figures : sequence of PlaneEdges
-        What was measured.
-    rejected : sequence of Rejected
-        What is known to have been rejected.
-    searches : mapping of int to Search
-        What was searched for in which picture, of those whose rejected shapes are reported.
-    several : bool
-        Whether there is more than one picture.
-    """
-    try:
-        yield
-    except TrisquareError as error:
-        error.found = tuple(partial_detections(figures))
-        error.rejected = (*rejected, *rejected_shapes(searches))
-        texts = [str(error)]
-        for heading, things in (("found", error.found), ("not used", error.rejected)):
-            if things:
-                texts.append(f"{heading}: {_named(things, several)}")
-        error.args = ("; ".join(texts),)
-        raise
+def add_reasons(error: TrisquareError, gathered: Gathered) -> None:
+    """Add what was found and what was rejected to an error: to its text and attributes."""
+    error.found = tuple(partial_detections(gathered.figures))
+    error.rejected = (*gathered.rejected, *rejected_shapes(gathered.searches))
+    texts = [str(error)]
+    for heading, things in (("found", error.found), ("not used", error.rejected)):
+        if things:
+            texts.append(f"{heading}: {_named(things, len(gathered.pictures) > 1)}")
+    error.args = ("; ".join(texts),)
 
 
 def rejected_shapes(searches: Mapping[int, Search]) -> list[Rejected]:

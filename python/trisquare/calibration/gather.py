@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import trisquare._core as _core
 from trisquare._support.arrays import FloatArray
-from trisquare.calibration.select import Chosen
 from trisquare.detection.kinds import TargetKinds, nothing_found
 from trisquare.edges import PlaneEdges, changed_edges
 from trisquare.images.photographs import Photograph, Photographs
@@ -56,12 +55,6 @@ class Gathered:
     tones: list[PictureTone] = field(default_factory=list)
     searches: dict[int, Search] = field(default_factory=dict)
 
-    def keep(self, chosen: Chosen) -> None:
-        """Keep what is chosen of the figures; the others have been rejected."""
-        self.figures[:] = chosen.figures
-        self.rejected += chosen.rejected
-        self.warnings += chosen.warnings
-
     def add(
         self,
         photograph: Photograph,
@@ -86,10 +79,16 @@ class Gathered:
         if annotated is not None:
             self.warnings += [f"{photograph.name}: {candidate.reason}" for candidate in rejected]
         if not figures and not photograph.repeats:
-            self.warnings.append(f"{photograph.name}: {_nothing(targets, annotated)}")
-        planes_before = len(self.quads)
-        self.quads.update(enumerate(quads, planes_before))
-        self.figures += [_placed(figure, photograph.index, planes_before) for figure in figures]
+            nothing = nothing_found(targets)
+            if annotated is not None:
+                nothing = (
+                    "none of the outlines is a square" if annotated else "nothing is drawn on it"
+                )
+            self.warnings.append(f"{photograph.name}: {nothing}")
+        for figure in figures:
+            plane = None if figure.plane is None else figure.plane + len(self.quads)
+            self.figures.append(changed_edges(figure, image=photograph.index, plane=plane))
+        self.quads.update(enumerate(quads, len(self.quads)))
 
     def forget_richest_search(self) -> None:
         """Forget the search of the photograph with the most targets, of as many the last."""
@@ -144,24 +143,10 @@ def gather(
                 "before it, and their tone curves probably differ: give one tone curve for all "
                 "(srgb, linear, auto or a gamma)"
             )
-        annotated = None
-        if drawings is not None:
-            annotated = drawings.on(photograph.index, gathered.image_size)
+        annotated = None if drawings is None else drawings.on(photograph.index, gathered.image_size)
         gathered.add(photograph, targets, curve, annotated)
         if not explain_all:
             gathered.forget_richest_search()
         if progress is not None:
             progress(photograph.index + 1, len(photographs))
     return gathered
-
-
-def _nothing(targets: TargetKinds, annotated: Sequence[AnnotatedSquare] | None) -> str:
-    """Say what was looked for in a picture in vain."""
-    if annotated is None:
-        return nothing_found(targets)
-    return "none of the outlines is a square" if annotated else "nothing is drawn on it"
-
-
-def _placed(figure: PlaneEdges, image: int, planes_before: int) -> PlaneEdges:
-    plane = None if figure.plane is None else figure.plane + planes_before
-    return changed_edges(figure, image=image, plane=plane)
