@@ -19,7 +19,7 @@ from real.real_pictures import CHESS
 
 import trisquare as ts
 from trisquare import simulate
-from trisquare.analysis.plane_points import onto_plane
+from trisquare.analysis.plan import onto_plane
 from trisquare.simulate.scene import Scene
 
 CAMERAS = 6

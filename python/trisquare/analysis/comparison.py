@@ -96,25 +96,23 @@ class Comparison(RebuiltByConstructor):
     @property
     def rms(self) -> float:
         """Root mean square distance over the picture, pixels."""
-        distance = self.distance
-        return float(np.sqrt(np.mean(distance[np.isfinite(distance)] ** 2)))
+        return _rms(self.distance)
 
     @property
     def expected_rms(self) -> float | None:
         """The rms that the stated uncertainties lead to expect, pixels."""
-        if self.std is None:
-            return None
-        return float(np.sqrt(np.mean(self.std[np.isfinite(self.std)] ** 2)))
+        return None if self.std is None else _rms(self.std)
 
     @property
     def worst(self) -> float:
         """The largest distance, pixels."""
-        return float(self.distance[self._worst_place])
+        distance = self.distance
+        return float(np.max(distance[np.isfinite(distance)]))
 
     @property
     def worst_at(self) -> tuple[float, float]:
         """The pixel of the largest distance."""
-        row, column = self._worst_place
+        row, column = np.argwhere(self.distance == self.worst)[0]
         return float(self.x[column]), float(self.y[row])
 
     @property
@@ -171,13 +169,6 @@ class Comparison(RebuiltByConstructor):
             return said
         return f"{said}; {two_digits(self.unexplained)} px (rms) that no uncertain parameter makes"
 
-    @property
-    def _worst_place(self) -> tuple[int, int]:
-        distance = self.distance
-        finite = np.where(np.isfinite(distance), distance, -1.0)
-        row, column = np.unravel_index(int(np.argmax(finite)), finite.shape)
-        return int(row), int(column)
-
     def __repr__(self) -> str:
         return f"<Comparison: {self.verdict}>"
 
@@ -205,28 +196,22 @@ def compare(first: Calibration | Camera, second: Calibration | Camera) -> Compar
     """
     a, b = camera_of(first, "first"), camera_of(second, "second")
     if a.image_size != b.image_size:
-        sizes = " and ".join(
-            f"{width} x {height}" for width, height in (a.image_size, b.image_size)
-        )
+        sizes = " and ".join("{} x {}".format(*camera.image_size) for camera in (a, b))
         raise ValueError(f"the cameras' pictures differ in size, {sizes}: rescale one of them")
     x, y = picture_grid(a.image_size)
     pixels = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     rotation, difference, test = _core.compare_projections(
         uncertain_camera(first), uncertain_camera(second), pixels
     )
-    std, p_value, freedom, unexplained = (None, None, 0, 0.0) if test is None else test
-    return Comparison(
-        a,
-        b,
-        rotation,
-        x,
-        y,
-        difference.reshape(len(y), len(x), 2),
-        None if std is None else std.reshape(len(y), len(x)),
-        p_value,
-        freedom,
-        unexplained,
-    )
+    std, p_value, freedom, unexplained = test or (None, None, 0, 0.0)
+    difference = difference.reshape(len(y), len(x), 2)
+    if std is not None:
+        std = std.reshape(len(y), len(x))
+    return Comparison(a, b, rotation, x, y, difference, std, p_value, freedom, unexplained)
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values[np.isfinite(values)] ** 2)))
 
 
 def two_digits(value: float) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from operator import itemgetter
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -93,27 +94,29 @@ def diagnose(calibration: Calibration) -> Diagnosis:
     """
     ratios = gains(calibration)
     return Diagnosis(
-        {
-            name: _diagnose(calibration, name, [(w, g[name]) for w, g in ratios if name in g])
-            for name in calibration.parameters
-        }
+        {name: _diagnose(calibration, name, ratios) for name in calibration.parameters}
     )
 
 
 def _diagnose(
-    calibration: Calibration, name: str, ratios: list[tuple[WhatIf, float]]
+    calibration: Calibration, name: str, ratios: list[tuple[WhatIf, Mapping[str, float]]]
 ) -> ParameterDiagnosis:
-    names = calibration.parameters
+    names, std = calibration.parameters, calibration.std[name]
     index = names.index(name)
     spread = np.sqrt(np.diag(calibration.covariance))
     scale = spread[index] * spread
     row = np.divide(calibration.covariance[index], scale, out=np.zeros_like(scale), where=scale > 0)
-    row = np.clip(row, -1.0, 1.0)
-    correlation = {other: float(row[i]) for i, other in enumerate(names) if i != index}
-    ranked = sorted(ratios, key=lambda ratio: ratio[1])
-    helpful = [(what_if, ratio) for what_if, ratio in ranked if ratio < WORTHWHILE_GAIN]
-    std = calibration.std[name]
-    limits = [what_if.lack for what_if, _ in helpful if what_if.lack][:1]
+    values = dict(zip(names, np.clip(row, -1.0, 1.0).tolist(), strict=True))
+    correlation = {other: value for other, value in values.items() if other != name}
+    helpful = sorted(
+        (
+            (ratio[name], what_if)
+            for what_if, ratio in ratios
+            if ratio.get(name, 1.0) < WORTHWHILE_GAIN
+        ),
+        key=itemgetter(0),
+    )
+    limits = [what_if.lack for _, what_if in helpful if what_if.lack][:1]
     strongest = max(correlation, key=lambda other: abs(correlation[other]), default=name)
     if abs(value := correlation.get(strongest, 0.0)) > STRONG_CORRELATION:
         limits.append(f"it is strongly correlated with {strongest} ({value:+.2f})")
@@ -122,12 +125,9 @@ def _diagnose(
     unit = " px" if name in ("fx", "fy", "cx", "cy") else ""
     remedies = [
         f"{what_if.change} would reduce it from {std:.2g} to {std * ratio:.2g}{unit}"
-        for what_if, ratio in helpful[:MOST_REMEDIES]
+        for ratio, what_if in helpful[:MOST_REMEDIES]
     ]
+    nothing = "no single change of the set-up would help much; lower noise would"
     return ParameterDiagnosis(
-        std=std,
-        correlation=correlation,
-        limits=", and ".join(limits[:2]),
-        remedy="; ".join(remedies)
-        or "no single change of the set-up would help much; lower noise would",
+        std, correlation, ", and ".join(limits[:2]), "; ".join(remedies) or nothing
     )

@@ -1,14 +1,17 @@
-"""Squares that are to be photographed: where they will stand."""
+"""Planes that stand before a camera, and squares that are to be photographed."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
+import trisquare._core as _core
 from trisquare._support.arrays import FloatArray, RebuiltByConstructor, real_array, real_number
 from trisquare._support.rotations import rotation_matrix, tilt_degrees, tilted
-from trisquare.camera.camera import Camera
+from trisquare.camera.camera import Camera, camera_for_core, camera_parameters
 
 UNIT_SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
 
@@ -91,7 +94,7 @@ class PlannedSquare(RebuiltByConstructor):
         if length <= 0.0:
             raise ValueError(f"side must be positive, not {length}")
         angles = [real_number(angle, "an angle") for angle in (tilt, direction, spin)]
-        ray = np.append(ideal_point(camera, real_array(centre, "centre", (2,))), 1.0)
+        ray = ray_at(camera, real_array(centre, "centre", (2,)))
         return cls(tilted(*angles), ray * (camera.fx / length), inner)
 
     def __repr__(self) -> str:
@@ -101,8 +104,59 @@ class PlannedSquare(RebuiltByConstructor):
         return f"<{name} at ({x:.4g}, {y:.4g}, {z:.4g}), tilted {tilt:.1f} degrees>"
 
 
-def ideal_point(camera: Camera, pixel: FloatArray) -> FloatArray:
-    """Return the ideal normalised point, shape (2,), that is seen at a pixel.
+class StandingPlane(Protocol):
+    """A plane that stands somewhere: `PlannedSquare`, `Plane`, `simulate.Target`."""
+
+    @property
+    def rotation(self) -> FloatArray:
+        """Shape (3, 3)."""
+
+    @property
+    def translation(self) -> FloatArray:
+        """Shape (3,), in units of the square's side."""
+
+
+class PosedPlane(NamedTuple):
+    """A plane's pose, and the corners of the outlines on it, shape (4, 2) each."""
+
+    rotation: FloatArray
+    translation: FloatArray
+    outlines: Sequence[FloatArray]
+
+
+def predicted(
+    camera: Camera,
+    planes: Iterable[PosedPlane],
+    sigma: float,
+    spacing: float,
+    model: str,
+    fixed: Sequence[str],
+    *,
+    judged: bool,
+) -> _core.Prediction:
+    """Predict a calibration from planes, as `predict` does; refuse a bad one only if `judged`.
+
+    Raises
+    ------
+    ValueError
+        If a plane is not wholly in the picture.
+    TrisquareError
+        If nothing is determined.
+    """
+    return _core.predict(
+        list(camera_parameters(camera).values()),
+        camera.image_size,
+        [(rotation, place.tolist(), outlines) for rotation, place, outlines in planes],
+        sigma=sigma,
+        spacing=spacing,
+        model=model,
+        fixed=fixed,
+        judged=judged,
+    )
+
+
+def ray_at(camera: Camera, pixel: FloatArray) -> FloatArray:
+    """Return the ray seen at a pixel, shape (3,), with Z = 1.
 
     Raises
     ------
@@ -110,7 +164,19 @@ def ideal_point(camera: Camera, pixel: FloatArray) -> FloatArray:
         If the camera's distortion is not invertible there.
     """
     (ray,) = camera.unproject(pixel[None])
-    return np.asarray(ray[:2] / ray[2])
+    return np.asarray(ray / ray[2])
+
+
+def onto_plane(pixels: FloatArray, camera: Camera, plane: StandingPlane) -> FloatArray:
+    """Intersect the rays of pixels, shape (N, 2), with a plane: in its own coordinates and unit.
+
+    Raises
+    ------
+    ValueError
+        If a pixel lies beyond the valid radius, or at or beyond the plane's horizon.
+    """
+    pose = (plane.rotation, plane.translation)
+    return _core.points_on_plane(camera_for_core(camera), pose, pixels)
 
 
 def outlines_of(kind: str, inner: float | None = None) -> list[FloatArray]:

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-import trisquare._core as _core
 from trisquare._support.arrays import (
     FloatArray,
     RebuiltByConstructor,
@@ -16,8 +15,13 @@ from trisquare._support.arrays import (
     strings,
 )
 from trisquare._support.suggestions import unknown
-from trisquare.analysis.plan import PlannedSquare, outlines_of
-from trisquare.analysis.plane_points import StandingPlane
+from trisquare.analysis.plan import (
+    PlannedSquare,
+    PosedPlane,
+    StandingPlane,
+    outlines_of,
+    predicted,
+)
 from trisquare.camera.camera import MODELS, Camera, camera_parameters
 from trisquare.camera.settings import checked_fix
 
@@ -123,29 +127,21 @@ def predict(
         raise unknown("model", model_name, MODELS)
     noise = real_number(sigma, "sigma")
     distance = real_number(spacing, "spacing")
-    predicted = _core.predict(
-        list(camera_parameters(camera).values()),
-        camera.image_size,
-        [_core_plane(plane) for plane in planes],
-        sigma=noise,
-        spacing=distance,
-        model=model_name,
-        fixed=checked_fix(fix),
-        judged=True,
+    found = predicted(
+        camera, map(_posed, planes), noise, distance, model_name, checked_fix(fix), judged=True
     )
     return Prediction(
         camera=camera,
-        std=predicted.std,
-        covariance=predicted.covariance,
-        parameters=tuple(predicted.parameters),
+        std=found.std,
+        covariance=found.covariance,
+        parameters=tuple(found.parameters),
         sigma=noise,
         spacing=distance,
     )
 
 
-def _core_plane(plane: StandingPlane) -> tuple[FloatArray, list[float], list[FloatArray]]:
-    """Return a plane as the core takes it."""
+def _posed(plane: StandingPlane) -> PosedPlane:
     inner = getattr(plane, "inner", None)
     kind = getattr(plane, "kind", "square" if inner is None else "frame")
     square = PlannedSquare(plane.rotation, plane.translation, inner)
-    return square.rotation, square.translation.tolist(), outlines_of(kind, square.inner)
+    return PosedPlane(square.rotation, square.translation, outlines_of(kind, square.inner))

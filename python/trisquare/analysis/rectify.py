@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trisquare._support.arrays import FloatArray, not_negative, real_number
-from trisquare.analysis.plane_points import onto_plane
+from trisquare.analysis.plan import onto_plane
 from trisquare.camera.camera import Camera
 from trisquare.images.pixels import Image, ImageSource, picture_size
 from trisquare.images.reading import load_picture

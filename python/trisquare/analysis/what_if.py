@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-import trisquare._core as _core
 from trisquare._support.arrays import FloatArray
 from trisquare._support.convex_quads import any_meet
 from trisquare._support.rotations import tilted
-from trisquare.analysis.plan import UNIT_SQUARE, ideal_point, outlines_of
-from trisquare.analysis.plane_points import onto_plane
-from trisquare.camera.camera import Camera, camera_parameters
+from trisquare.analysis.plan import (
+    UNIT_SQUARE,
+    PosedPlane,
+    onto_plane,
+    outlines_of,
+    predicted,
+    ray_at,
+)
+from trisquare.camera.camera import Camera
 from trisquare.errors import TrisquareError
 
 if TYPE_CHECKING:
@@ -35,14 +41,6 @@ ADDED_PLACES = {
 HELD = {"aspect": "the aspect", "principal_point": "the principal point"}
 # Any will do: only ratios of predicted standard deviations are used.
 SIGMA = 0.01
-
-
-class PosedPlane(NamedTuple):
-    """A plane's pose, and the outlines on it."""
-
-    rotation: FloatArray
-    translation: FloatArray
-    outlines: tuple[FloatArray, ...]
 
 
 class WhatIf(NamedTuple):
@@ -67,48 +65,35 @@ def gains(calibration: Calibration) -> list[tuple[WhatIf, Mapping[str, float]]]:
     for what_if in changes_of(calibration, planes):
         if apart and _collide(what_if.planes):
             continue
-        try:
+        # One that would leave the picture is no plan either.
+        with suppress(TrisquareError, ValueError):
             after = predicted_std(camera, what_if.planes, what_if.fixed)
-        except (TrisquareError, ValueError):
-            continue  # it would leave the picture
-        found.append((what_if, {name: after[name] / before[name] for name in after}))
+            found.append((what_if, {name: after[name] / before[name] for name in after}))
     return found
 
 
 def predicted_std(
-    camera: Camera, planes: tuple[PosedPlane, ...], fixed: tuple[str, ...]
+    camera: Camera, planes: Sequence[PosedPlane], fixed: Sequence[str]
 ) -> dict[str, float]:
     """Predict the standard deviations, up to a factor that is common to all plans.
 
     Raises
     ------
-    ValueError
-        If a plane is not wholly in the picture.
-    TrisquareError
-        If nothing is determined.
+    ValueError, TrisquareError
+        As `predicted`.
     """
-    return _core.predict(
-        list(camera_parameters(camera).values()),
-        camera.image_size,
-        [(p.rotation, p.translation.tolist(), list(p.outlines)) for p in planes],
-        sigma=SIGMA,
-        spacing=1.0,
-        model=camera.model,
-        fixed=fixed,
-        judged=False,
-    ).std
+    return predicted(camera, planes, SIGMA, 1.0, camera.model, fixed, judged=False).std
 
 
 def planes_of(calibration: Calibration) -> tuple[PosedPlane, ...]:
     """Return the planes as they were found; a lattice by the rectangle of its outermost corners."""
-    camera = calibration.camera
     return tuple(
         PosedPlane(
             plane.rotation,
             plane.translation,
-            tuple(outlines_of(plane.kind))
+            outlines_of(plane.kind)
             if plane.kind in ("square", "tag", "frame")
-            else (onto_plane(plane.corners, camera, plane),),
+            else [onto_plane(plane.corners, calibration.camera, plane)],
         )
         for plane in calibration.planes
     )
@@ -144,18 +129,17 @@ def changes_of(calibration: Calibration, planes: tuple[PosedPlane, ...]) -> Iter
         )
     for where, place in ADDED_PLACES.items():
         try:
-            ideal = ideal_point(camera, np.multiply(place, camera.image_size))
+            ray = ray_at(camera, np.multiply(place, camera.image_size))
         except ValueError:
             continue
         yield WhatIf(
             f"adding a square in the picture's {where}, tilted in another direction,",
             "the squares are few",
-            (*planes, _added_square(planes, ideal)),
+            (*planes, _added_square(planes, ray)),
             fixed,
         )
     if all(plane.kind in ("square", "tag") for plane in calibration.planes):
-        frame = tuple(outlines_of("frame"))
-        frames = tuple(plane._replace(outlines=frame) for plane in planes)
+        frames = tuple(plane._replace(outlines=outlines_of("frame")) for plane in planes)
         yield WhatIf("frames instead of solid squares", "", frames, fixed)
     for name, words in HELD.items():
         if name not in fixed and "focal" not in fixed:
@@ -179,10 +163,10 @@ def _tilted_more(plane: PosedPlane, direction: float) -> PosedPlane:
     return plane._replace(rotation=tilted(MORE_TILT, direction, 0.0) @ plane.rotation)
 
 
-def _added_square(planes: tuple[PosedPlane, ...], ideal: FloatArray) -> PosedPlane:
+def _added_square(planes: tuple[PosedPlane, ...], ray: FloatArray) -> PosedPlane:
     """Add a square of the others' size; its tilt's direction is away from all of theirs."""
     depth = float(np.median([plane.translation[2] for plane in planes]))
     normals = sum((plane.rotation[:, 2] for plane in planes), np.zeros(3))
     direction = float(np.degrees(np.arctan2(-normals[0], normals[1])))
     rotation = tilted(ADDED_TILT, direction, 45.0)
-    return PosedPlane(rotation, np.append(ideal, 1.0) * depth, (UNIT_SQUARE,))
+    return PosedPlane(rotation, ray * depth, [UNIT_SQUARE])

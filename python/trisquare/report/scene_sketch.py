@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from trisquare._support.arrays import FloatArray
-from trisquare.analysis.plane_points import onto_plane
+from trisquare.analysis.plan import onto_plane
 from trisquare.report.plot_style import FAINT, GRID, INK, PLOT_WIDTH, plane_colour
 
 if TYPE_CHECKING:
