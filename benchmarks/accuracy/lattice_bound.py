@@ -63,9 +63,9 @@ def board_scene(
     boards = tuple(
         replace(
             target,
+            translation=(inner_corners + 1) * target.translation,
             kind="chessboard",
             inner_corners=(inner_corners, inner_corners),
-            cell_size=1.0 / (inner_corners + 1),
         )
         for target in scene.targets
     )

@@ -7,14 +7,14 @@ side; or a target is no square at all.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
 from trisquare.simulate import random_scene
 from trisquare.simulate.render import Image, render
-from trisquare.simulate.scene import Scene, SideSamples, rectangle, sample_sides
+from trisquare.simulate.scene import Scene, Side, SideSamples, Target, rectangle, sample_sides
 from trisquare_scenes.occluders import Array, Overlay, polygon_mask, spot_mask
 
 DamageKind = Literal[
@@ -76,6 +76,43 @@ class Damage:
     side: int | None
     extent: float
     hidden: tuple[tuple[int, int, int, float], ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BentSide(Side):
+    """A side whose middle is bent outward by `bow`, plane units."""
+
+    bow: float
+
+    def points(self, fraction: Array) -> Array:
+        """Points at fractions of the chord, shape (N, 2)."""
+        chord = self.end - self.start
+        outward = np.array([chord[1], -chord[0]]) / np.hypot(*chord)
+        height = 4.0 * self.bow * fraction * (1.0 - fraction)
+        bent: Array = Side.points(self, fraction) + height[:, None] * outward
+        return bent
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CurledTarget(Target):
+    """A square or a frame on paper that curls.
+
+    Parameters
+    ----------
+    bows : ndarray, shape (4,)
+        How far the middle of each side is bent outward, plane units. A frame's inner side bends
+        less, as the square of its distance from the middle.
+    """
+
+    bows: Array = field(default_factory=lambda: np.zeros(4))
+
+    def outline_sides(self) -> list[list[Side]]:
+        """Sides of each of `outlines`."""
+        bows = (self.bows.tolist(), (self.inner**2 * self.bows).tolist())
+        return [
+            [BentSide(side.start, side.end, bow) for side, bow in zip(sides, bent, strict=True)]
+            for sides, bent in zip(Target.outline_sides(self), bows, strict=False)
+        ]
 
 
 class _Place(NamedTuple):
@@ -150,9 +187,9 @@ def _settings(rng: np.random.Generator) -> dict[str, Any]:
     }
 
 
-def _with_target(scene: Scene, plane: int, **changes: Any) -> Scene:
+def _with_target(scene: Scene, plane: int, target: Target) -> Scene:
     targets = list(scene.targets)
-    targets[plane] = replace(targets[plane], **changes)
+    targets[plane] = target
     return replace(scene, targets=tuple(targets))
 
 
@@ -169,7 +206,11 @@ def _curled(scene: Scene, plane: int, rng: np.random.Generator) -> tuple[Scene, 
     per_unit = abs(chord[0] * move[1] - chord[1] * move[0]) / (2.0 * np.hypot(*step))
     bows = np.zeros(4)
     bows[side] = rng.choice([-1.0, 1.0]) * pixels / per_unit
-    return _with_target(scene, plane, bows=bows), Damage("curl", plane, side, pixels)
+    flat = scene.targets[plane]
+    curled = CurledTarget(
+        flat.rotation, flat.translation, flat.kind, flat.dark, flat.inner, bows=bows
+    )
+    return _with_target(scene, plane, curled), Damage("curl", plane, side, pixels)
 
 
 def _false_square(
@@ -190,7 +231,8 @@ def _false_square(
         printed[:2, 0] *= 1.0 - departure
     if rng.random() < 0.5:  # the other pair of sides; a quarter turn keeps the order
         printed = np.roll(printed @ np.array([[0.0, 1.0], [-1.0, 0.0]]), -1, axis=0)
-    return _with_target(scene, plane, printed=printed), Damage(kind, plane, None, departure)
+    false = replace(scene.targets[plane], printed=printed)
+    return _with_target(scene, plane, false), Damage(kind, plane, None, departure)
 
 
 def _hidden_stretch(

@@ -144,7 +144,7 @@ def _plane_points(camera: TrueCamera, target: Target, pixels: Array) -> Array:
 
 def _of_marker(target: Target, plane: Array) -> npt.NDArray[np.bool_]:
     """Whether points of a ChArUco board are nearer to a marker's border than to a grid line."""
-    cells = plane / target.cell_size + 0.5 * (np.array(target.inner_corners) + 1.0)
+    cells = plane + 0.5 * (np.array(target.inner_corners) + 1.0)
     light = np.floor(cells).sum(axis=1) % 2.0 == 1.0
     from_middle = np.abs(cells - np.floor(cells) - 0.5).max(axis=1)
     return np.asarray(light & (from_middle < 0.25 * (1.0 + target.inner)))

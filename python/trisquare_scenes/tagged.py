@@ -56,7 +56,7 @@ class MarkedTarget(Target):
         yield from Target.figure(self)
         # As many markers as there are codes: the rest of the light cells stay empty.
         for centre, code in zip(self.cells(1), self.codes, strict=False):
-            yield from _marker(code, self.cell_size * centre, self.inner * self.cell_size)
+            yield from _marker(code, centre, self.inner)
 
 
 def _marker(code: Codes, centre: Array, side: float) -> Iterator[tuple[float, list[Side]]]:

@@ -7,7 +7,8 @@ from scenes import IMAGE_SIZE, edges_of, squares
 import trisquare as ts
 from trisquare import simulate
 from trisquare.analysis.diagnosis import diagnose
-from trisquare.analysis.what_if import changes_of, planes_of, predicted_std
+from trisquare.analysis.plan import predicted
+from trisquare.analysis.what_if import changes_of, planes_of
 
 NOISE = 0.05
 
@@ -51,7 +52,7 @@ def test_advice_comes_true(seed):
     tried = 0
     for planned in changes_of(result, planes):
         try:
-            promised = predicted_std(result.camera, planned.planes, planned.fixed)
+            promised = predicted(result.camera, planned.planes, planned.fixed).std
         except ValueError:
             continue
         kind = "frame" if len(planned.planes[0].outlines) == 2 else "square"
@@ -72,7 +73,7 @@ def test_advice_comes_true(seed):
 
 
 def planned_before(result):
-    return predicted_std(result.camera, planes_of(result), result.fixed)
+    return predicted(result.camera, planes_of(result), result.fixed).std
 
 
 def test_little_tilt_and_small_squares_are_named():

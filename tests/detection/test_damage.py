@@ -8,8 +8,15 @@ import pytest
 import trisquare as ts
 from trisquare.detection.squares.find import find_squares
 from trisquare.simulate.pixel_coverage import quadrilateral_coverage
-from trisquare.simulate.scene import Target, TrueCamera, sample_sides, sides_of
-from trisquare_scenes.damage import BOW_RANGE, HIDDEN_RANGE, KINDS, MIN_HIDDEN, damaged_scene
+from trisquare.simulate.scene import Target, TrueCamera, sample_sides
+from trisquare_scenes.damage import (
+    BOW_RANGE,
+    HIDDEN_RANGE,
+    KINDS,
+    MIN_HIDDEN,
+    CurledTarget,
+    damaged_scene,
+)
 from trisquare_scenes.occluders import Overlay, polygon_mask, spot_mask
 
 SMALL = (640, 480)
@@ -42,7 +49,7 @@ def test_an_overlay_hides_dims_or_brightens():
     mask = np.zeros((4, 5))
     mask[0, 0] = 1.0
     values = [
-        Overlay(mask, opacity, own).laid_over(canvas)[0, 0, 0]
+        Overlay(mask, opacity, own)(canvas)[0, 0, 0]
         for opacity, own in [(1.0, (2, 1)), (0.4, np.zeros(1)), (0.0, np.ones(1))]
     ]
     assert values == pytest.approx([0.9, 0.3, 1.5])
@@ -50,12 +57,11 @@ def test_an_overlay_hides_dims_or_brightens():
 
 def test_a_bow_adds_the_area_under_its_parabola():
     camera = TrueCamera(500.0, 500.0, 150.0, 120.0, image_size=(300, 240))
-    target = Target(np.eye(3), np.array([0.0, 0.0, 5.0]))
-    corners = target.outlines()[0]
-    areas = [
-        quadrilateral_coverage(camera, target, sides_of(corners, [0.0, bow, 0.0, 0.0]), 0.8)
+    targets = [
+        CurledTarget(np.eye(3), np.array([0.0, 0.0, 5.0]), bows=np.array([0.0, bow, 0.0, 0.0]))
         for bow in (0.0, 0.02, -0.02)
     ]
+    areas = [quadrilateral_coverage(camera, target, target.sides(), 0.8) for target in targets]
     straight, outward, inward = (patch.coverage.sum() for patch in areas)
     # Two thirds of 100 px times 2 px.
     assert outward - straight == pytest.approx(400.0 / 3.0, rel=1e-3)

@@ -19,7 +19,12 @@ def board_scene(seed, inner_corners):
     scene = simulate.random_scene(rng)
     size = (inner_corners, inner_corners)
     boards = tuple(
-        replace(t, kind="chessboard", inner_corners=size, cell_size=1 / (inner_corners + 1))
+        replace(
+            t,
+            translation=(inner_corners + 1) * t.translation,
+            kind="chessboard",
+            inner_corners=size,
+        )
         for t in scene.targets
     )
     return replace(scene, targets=boards), rng

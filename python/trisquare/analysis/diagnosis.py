@@ -10,15 +10,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from operator import itemgetter
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from trisquare._support.arrays import RebuiltByConstructor
 from trisquare.analysis.what_if import WhatIf, gains
-
-if TYPE_CHECKING:
-    from trisquare.results.calibration import Calibration
+from trisquare.results.calibration import Calibration
 
 # Correlations and gains that are worth a word.
 STRONG_CORRELATION = 0.8
@@ -93,9 +90,8 @@ def diagnose(calibration: Calibration) -> Diagnosis:
         By the names in ``calibration.parameters``.
     """
     ratios = gains(calibration)
-    return Diagnosis(
-        {name: _diagnose(calibration, name, ratios) for name in calibration.parameters}
-    )
+    names = calibration.parameters
+    return Diagnosis({name: _diagnose(calibration, name, ratios) for name in names})
 
 
 def _diagnose(
@@ -108,14 +104,8 @@ def _diagnose(
     row = np.divide(calibration.covariance[index], scale, out=np.zeros_like(scale), where=scale > 0)
     values = dict(zip(names, np.clip(row, -1.0, 1.0).tolist(), strict=True))
     correlation = {other: value for other, value in values.items() if other != name}
-    helpful = sorted(
-        (
-            (ratio[name], what_if)
-            for what_if, ratio in ratios
-            if ratio.get(name, 1.0) < WORTHWHILE_GAIN
-        ),
-        key=itemgetter(0),
-    )
+    gained = [(ratio[name], what_if) for what_if, ratio in ratios if name in ratio]
+    helpful = sorted((one for one in gained if one[0] < WORTHWHILE_GAIN), key=itemgetter(0))
     limits = [what_if.lack for _, what_if in helpful if what_if.lack][:1]
     strongest = max(correlation, key=lambda other: abs(correlation[other]), default=name)
     if abs(value := correlation.get(strongest, 0.0)) > STRONG_CORRELATION:

@@ -168,8 +168,18 @@ def measure(
     if not 0 < length < LARGEST:
         raise ValueError(f"side must be positive and less than {LARGEST:g}, not {length:g}")
     lens = camera_of(camera)
-    _check_in_picture(pixels, lens)
-    _check_apart(pixels)
+    width, height = lens.image_size
+    outside = np.any((pixels < -0.5) | (pixels > np.array([width, height]) - 0.5), axis=1)
+    if outside.any():
+        index = int(np.argmax(outside))
+        x, y = pixels[index]
+        raise ValueError(
+            f"point {index}, ({x:g}, {y:g}), is outside the picture of {width} x {height}"
+        )
+    together = ~np.diff(pixels, axis=0).any(axis=1)
+    if together.any():
+        index = int(np.argmax(together))
+        raise ValueError(f"points {index} and {index + 1} are the same: they have no length")
     noise = not_negative(point_std, "point_std")
     if noise >= LARGEST:
         raise ValueError(f"point_std must be less than {LARGEST:g} px, not {noise:g}")
@@ -183,24 +193,6 @@ def measure(
         noise,
     )
     return Measurement(length * found, length**2 * covariance)
-
-
-def _check_apart(pixels: FloatArray) -> None:
-    together = ~np.diff(pixels, axis=0).any(axis=1)
-    if together.any():
-        index = int(np.argmax(together))
-        raise ValueError(f"points {index} and {index + 1} are the same: they have no length")
-
-
-def _check_in_picture(pixels: FloatArray, camera: Camera) -> None:
-    width, height = camera.image_size
-    inside = np.all((pixels >= -0.5) & (pixels <= np.array([width, height]) - 0.5), axis=1)
-    if not inside.all():
-        index = int(np.argmin(inside))
-        x, y = pixels[index]
-        raise ValueError(
-            f"point {index}, ({x:g}, {y:g}), is outside the picture of {width} x {height}"
-        )
 
 
 def _lengths(points: FloatArray) -> FloatArray:

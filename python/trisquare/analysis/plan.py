@@ -15,6 +15,12 @@ from trisquare.camera.camera import Camera, camera_for_core, camera_parameters
 
 UNIT_SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
 
+OUTLINED = ("square", "tag", "frame")
+"""Kinds of targets that a prediction can be made of."""
+
+ANY_SIGMA = 0.01
+"""Pixels, where only ratios of predicted standard deviations are used."""
+
 FRAME_HOLE = 0.6
 """Side of a frame's hole over its own, where it is not known."""
 
@@ -124,17 +130,33 @@ class PosedPlane(NamedTuple):
     outlines: Sequence[FloatArray]
 
 
+def posed(plane: StandingPlane) -> PosedPlane:
+    """Return where a square or a frame stands.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is neither, or as `PlannedSquare`.
+    """
+    inner = getattr(plane, "inner", None)
+    kind = getattr(plane, "kind", "square" if inner is None else "frame")
+    square = PlannedSquare(plane.rotation, plane.translation, inner)
+    return PosedPlane(square.rotation, square.translation, outlines_of(kind, square.inner))
+
+
 def predicted(
     camera: Camera,
     planes: Iterable[PosedPlane],
-    sigma: float,
-    spacing: float,
-    model: str,
     fixed: Sequence[str],
     *,
-    judged: bool,
+    sigma: float = ANY_SIGMA,
+    spacing: float = 1.0,
+    model: str | None = None,
+    judged: bool = False,
 ) -> _core.Prediction:
     """Predict a calibration from planes, as `predict` does; refuse a bad one only if `judged`.
+
+    Without `sigma`, only ratios of standard deviations mean something.
 
     Raises
     ------
@@ -149,7 +171,7 @@ def predicted(
         [(rotation, place.tolist(), outlines) for rotation, place, outlines in planes],
         sigma=sigma,
         spacing=spacing,
-        model=model,
+        model=model or camera.model,
         fixed=fixed,
         judged=judged,
     )
@@ -189,7 +211,7 @@ def outlines_of(kind: str, inner: float | None = None) -> list[FloatArray]:
     ValueError
         If it is neither a square nor a frame.
     """
-    if kind not in ("square", "tag", "frame"):
+    if kind not in OUTLINED:
         raise ValueError(f"a prediction needs squares, tags or frames, not a {kind}")
     if kind != "frame":
         return [UNIT_SQUARE]

@@ -15,13 +15,7 @@ from trisquare._support.arrays import (
     strings,
 )
 from trisquare._support.suggestions import unknown
-from trisquare.analysis.plan import (
-    PlannedSquare,
-    PosedPlane,
-    StandingPlane,
-    outlines_of,
-    predicted,
-)
+from trisquare.analysis.plan import PlannedSquare, StandingPlane, posed, predicted
 from trisquare.camera.camera import MODELS, Camera, camera_parameters
 from trisquare.camera.settings import checked_fix
 
@@ -122,13 +116,18 @@ def predict(
     """
     if not isinstance(camera, Camera):
         raise TypeError(f"camera must be a Camera, not {type(camera).__name__}")
-    model_name = camera.model if model is None else model
-    if model_name not in MODELS:
-        raise unknown("model", model_name, MODELS)
+    if model is not None and model not in MODELS:
+        raise unknown("model", model, MODELS)
     noise = real_number(sigma, "sigma")
     distance = real_number(spacing, "spacing")
     found = predicted(
-        camera, map(_posed, planes), noise, distance, model_name, checked_fix(fix), judged=True
+        camera,
+        map(posed, planes),
+        checked_fix(fix),
+        sigma=noise,
+        spacing=distance,
+        model=model,
+        judged=True,
     )
     return Prediction(
         camera=camera,
@@ -138,10 +137,3 @@ def predict(
         sigma=noise,
         spacing=distance,
     )
-
-
-def _posed(plane: StandingPlane) -> PosedPlane:
-    inner = getattr(plane, "inner", None)
-    kind = getattr(plane, "kind", "square" if inner is None else "frame")
-    square = PlannedSquare(plane.rotation, plane.translation, inner)
-    return PosedPlane(square.rotation, square.translation, outlines_of(kind, square.inner))

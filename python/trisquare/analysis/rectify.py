@@ -98,7 +98,13 @@ def rectify(
         raise TypeError(f"plane must be a Plane, not {type(plane).__name__}")
     lens = camera_of(camera)
     picture = load_picture(image)
-    _check_size(picture, lens)
+    size = picture_size(picture)
+    if size != lens.image_size:
+        raise ValueError(f"the picture has {size} pixels, the camera's {lens.image_size}")
+    if max(size) > LARGEST_PICTURE:
+        raise ValueError(
+            f"pictures of more than {LARGEST_PICTURE} pixels a side cannot be resampled"
+        )
     figure = onto_plane(plane.corners, lens, plane)
     low, high = figure.min(axis=0), figure.max(axis=0)
     shown = 1.0 + 2.0 * not_negative(margin, "margin")
@@ -108,7 +114,10 @@ def rectify(
     around = margin * (high - low)
     low, high = low - around, high + around
     if resolution is None:
-        scale = min(_sharpest(plane, figure), (LARGEST - 1) / longest)
+        # That of the photograph along the figure's best resolved side.
+        sides, seen = (np.roll(quad, -1, axis=0) - quad for quad in (figure, plane.corners))
+        sharpest = np.max(np.linalg.norm(seen, axis=1) / np.linalg.norm(sides, axis=1))
+        scale = min(float(sharpest), (LARGEST - 1) / longest)
     else:
         scale = real_number(resolution, "resolution")
         if not 0 < scale * longest < MOST:
@@ -125,23 +134,6 @@ def rectify(
         for start in range(0, len(y), BAND)
     ]
     return TopView(np.concatenate(bands), (float(x[0]), float(y[0])), scale)
-
-
-def _check_size(picture: Image, camera: Camera) -> None:
-    size = picture_size(picture)
-    if size != camera.image_size:
-        raise ValueError(f"the picture has {size} pixels, the camera's {camera.image_size}")
-    if max(size) > LARGEST_PICTURE:
-        raise ValueError(
-            f"pictures of more than {LARGEST_PICTURE} pixels a side cannot be resampled"
-        )
-
-
-def _sharpest(plane: Plane, figure: FloatArray) -> float:
-    """Pixels of the photograph to a unit of the plane, along the figure's best resolved side."""
-    sides = np.linalg.norm(np.roll(figure, -1, axis=0) - figure, axis=1)
-    seen = np.linalg.norm(np.roll(plane.corners, -1, axis=0) - plane.corners, axis=1)
-    return float(np.max(seen / sides))
 
 
 def _remapped(picture: Image, plane: Plane, camera: Camera, x: FloatArray, y: FloatArray) -> Image:

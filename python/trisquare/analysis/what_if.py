@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,18 +12,17 @@ from trisquare._support.arrays import FloatArray
 from trisquare._support.convex_quads import any_meet
 from trisquare._support.rotations import tilted
 from trisquare.analysis.plan import (
+    OUTLINED,
     UNIT_SQUARE,
     PosedPlane,
     onto_plane,
     outlines_of,
+    posed,
     predicted,
     ray_at,
 )
-from trisquare.camera.camera import Camera
 from trisquare.errors import TrisquareError
-
-if TYPE_CHECKING:
-    from trisquare.results.calibration import Calibration
+from trisquare.results.calibration import Calibration
 
 MORE_TILT = 10.0  # degrees
 LARGER = 1.25
@@ -39,8 +38,6 @@ ADDED_PLACES = {
     "lower right": (0.75, 0.75),
 }
 HELD = {"aspect": "the aspect", "principal_point": "the principal point"}
-# Any will do: only ratios of predicted standard deviations are used.
-SIGMA = 0.01
 
 
 class WhatIf(NamedTuple):
@@ -57,7 +54,7 @@ def gains(calibration: Calibration) -> list[tuple[WhatIf, Mapping[str, float]]]:
     camera = calibration.camera
     try:
         planes = planes_of(calibration)
-        before = predicted_std(camera, planes, calibration.fixed)
+        before = predicted(camera, planes, calibration.fixed).std
     except (TrisquareError, ValueError):
         return []  # what was photographed is no plan that could be compared with
     found: list[tuple[WhatIf, Mapping[str, float]]] = []
@@ -67,33 +64,20 @@ def gains(calibration: Calibration) -> list[tuple[WhatIf, Mapping[str, float]]]:
             continue
         # One that would leave the picture is no plan either.
         with suppress(TrisquareError, ValueError):
-            after = predicted_std(camera, what_if.planes, what_if.fixed)
+            after = predicted(camera, what_if.planes, what_if.fixed).std
             found.append((what_if, {name: after[name] / before[name] for name in after}))
     return found
-
-
-def predicted_std(
-    camera: Camera, planes: Sequence[PosedPlane], fixed: Sequence[str]
-) -> dict[str, float]:
-    """Predict the standard deviations, up to a factor that is common to all plans.
-
-    Raises
-    ------
-    ValueError, TrisquareError
-        As `predicted`.
-    """
-    return predicted(camera, planes, SIGMA, 1.0, camera.model, fixed, judged=False).std
 
 
 def planes_of(calibration: Calibration) -> tuple[PosedPlane, ...]:
     """Return the planes as they were found; a lattice by the rectangle of its outermost corners."""
     return tuple(
-        PosedPlane(
+        posed(plane)
+        if plane.kind in OUTLINED
+        else PosedPlane(
             plane.rotation,
             plane.translation,
-            outlines_of(plane.kind)
-            if plane.kind in ("square", "tag", "frame")
-            else [onto_plane(plane.corners, calibration.camera, plane)],
+            [onto_plane(plane.corners, calibration.camera, plane)],
         )
         for plane in calibration.planes
     )

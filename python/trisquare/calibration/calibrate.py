@@ -152,7 +152,7 @@ def calibrate_photographs(
     except TrisquareError as error:
         add_reasons(error, gathered)
         raise
-    return Calibrated(calibration, rejected_shapes(gathered.searches) if explain else ())
+    return Calibrated(calibration, rejected_shapes(gathered) if explain else ())
 
 
 def calibrate_edges(

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from trisquare._support.number_text import listed
 from trisquare.calibration.gather import Gathered
 from trisquare.errors import TrisquareError
 from trisquare.results.partial_detection import PartialDetection, partial_detections
 from trisquare.results.rejected import Rejected
-
-if TYPE_CHECKING:  # it would load OpenCV, which waits until a picture is searched
-    from trisquare.measurement.find import Search
 
 MOST_NAMED = 3
 """Groups, and places in each, that a message names; the error's attributes hold all."""
@@ -22,7 +18,7 @@ MOST_NAMED = 3
 def add_reasons(error: TrisquareError, gathered: Gathered) -> None:
     """Add what was found and what was rejected to an error: to its text and attributes."""
     error.found = tuple(partial_detections(gathered.figures))
-    error.rejected = (*gathered.rejected, *rejected_shapes(gathered.searches))
+    error.rejected = (*gathered.rejected, *rejected_shapes(gathered))
     texts = [str(error)]
     for heading, things in (("found", error.found), ("not used", error.rejected)):
         if things:
@@ -30,13 +26,13 @@ def add_reasons(error: TrisquareError, gathered: Gathered) -> None:
     error.args = ("; ".join(texts),)
 
 
-def rejected_shapes(searches: Mapping[int, Search]) -> list[Rejected]:
+def rejected_shapes(gathered: Gathered) -> list[Rejected]:
     """Return the four-sided shapes of searched pictures that are no targets, with the reasons."""
     from trisquare.measurement.rejection_reasons import rejection_reasons
 
     return [
         replace(candidate, image=index)
-        for index, search in sorted(searches.items())
+        for index, search in sorted(gathered.searches.items())
         for candidate in rejection_reasons(search)
     ]
 

@@ -79,11 +79,9 @@ class Gathered:
         if annotated is not None:
             self.warnings += [f"{photograph.name}: {candidate.reason}" for candidate in rejected]
         if not figures and not photograph.repeats:
-            nothing = nothing_found(targets)
-            if annotated is not None:
-                nothing = (
-                    "none of the outlines is a square" if annotated else "nothing is drawn on it"
-                )
+            nothing = nothing_found(targets) if annotated is None else "nothing is drawn on it"
+            if annotated:
+                nothing = "none of the outlines is a square"
             self.warnings.append(f"{photograph.name}: {nothing}")
         for figure in figures:
             plane = None if figure.plane is None else figure.plane + len(self.quads)
@@ -108,15 +106,8 @@ def gather(
 ) -> Gathered:
     """Find and measure the targets of several photographs, one after another.
 
-    Parameters
-    ----------
-    photographs : Photographs
-    targets : TargetKinds
-        What is looked for where nothing is drawn by hand.
-    tone, outlines, progress
-        As in `calibrate`.
-    explain_all : bool
-        Whether the rejected shapes of every photograph may be asked for.
+    `explain_all` is whether the rejected shapes of every photograph may be asked for; `tone`,
+    `outlines` and `progress` are as in `calibrate`.
 
     Raises
     ------

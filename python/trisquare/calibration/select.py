@@ -27,25 +27,17 @@ def chosen_by(
 ) -> Chosen:
     """Read which planes the core kept: the largest set that one camera sees as true squares.
 
-    Parameters
-    ----------
-    outcome : Outcome
-    figures : sequence of PlaneEdges
-        Among which was chosen, each with the number of its plane.
-    quads : mapping of int to ndarray, shape (4, 2)
-        Corners of every plane, by its number.
+    It chose among the `figures`; `quads` has the corners, shape (4, 2), of every plane.
     """
     verdicts, doubt = outcome.verdicts, outcome.doubt
-    dropped = {
-        figures[verdict.figure].plane: (figures[verdict.figure], verdict.residual)
-        for verdict in verdicts
-        if not verdict.kept
-    }
-    rejected = [
-        Rejected(figure.kind, figure.image, quads[plane], NO_SQUARE, residual)
-        for plane, (figure, residual) in dropped.items()
-        if plane is not None
-    ]
+    dropped = {figures[one.figure].plane: one for one in verdicts if not one.kept}
+    rejected = []
+    for plane, verdict in dropped.items():
+        if plane is not None:
+            figure = figures[verdict.figure]
+            rejected.append(
+                Rejected(figure.kind, figure.image, quads[plane], NO_SQUARE, verdict.residual)
+            )
     kept = [figure for figure in figures if figure.plane not in dropped]
     planes = {figure.plane for figure in kept if figure.plane is not None}
     smallest = min((float(quad_areas(quads[plane])) for plane in planes), default=0.0)

@@ -7,7 +7,7 @@ import numpy as np
 from trisquare._support.rotations import tilted
 from trisquare.printing.layout import TargetPage, corner_page
 from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, rectangle
-from trisquare.simulate.scenes import MOST_DRAWS, faces_camera, inside, random_camera
+from trisquare.simulate.scenes import MOST_DRAWS, placed, random_camera
 
 # How the sheet's right, down and into-the-paper turn when it is folded about the lines between
 # the upper left face, which stays, and its two neighbours: columns, in the corner's frame.
@@ -120,11 +120,11 @@ def _seen_corner(
         centres[:, :2] -= distance * (0.5 * (seen.min(axis=0) + seen.max(axis=0)) - jitter)
     targets = []
     for frame, rotation, centre in zip(page.frames, rotations, centres, strict=True):
-        if not faces_camera(rotation, centre):
-            return None
         rim = 0.5 * (page.face / frame.side - 1.0)
-        target = Target(rotation, centre / frame.side, "frame", inner=frame.inner, rim=rim)
-        if not inside(camera, target):
+        # The unit of a plane is the side of its frame.
+        centre /= frame.side
+        target = placed(camera, rotation, centre, kind="frame", inner=frame.inner, rim=rim)
+        if target is None:
             return None
         targets.append(target)
     return tuple(targets)

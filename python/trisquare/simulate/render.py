@@ -149,11 +149,8 @@ def render_into(
     scene: Scene,
     rng: np.random.Generator,
     *,
-    contrast: float = 175.0,
-    blur: float = 0.8,
-    noise: float = 2.0,
     tone: ToneCurve = "srgb",
-    jpeg_quality: int | None = None,
+    **settings: Any,
 ) -> Image:
     """Lay a scene's targets, each on a paper sheet, into an existing photograph.
 
@@ -161,23 +158,14 @@ def render_into(
     ----------
     background : ndarray of uint8, shape (H, W) or (H, W, 3)
         The photograph; its size must be the scene's image size.
-    scene, rng, contrast, blur, noise, tone, jpeg_quality
+    scene, rng, tone, **settings
         As for `render`; a target's ``dark`` gives its polarity.
 
     Returns
     -------
     ndarray of uint8, shape of `background`
     """
-    return render(
-        scene,
-        rng,
-        background=background,
-        contrast=contrast,
-        blur=blur,
-        noise=noise,
-        tone=tone,
-        jpeg_quality=jpeg_quality,
-    )
+    return render(scene, rng, background=background, tone=tone, **settings)
 
 
 def _ground(

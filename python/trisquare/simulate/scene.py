@@ -144,13 +144,8 @@ class Target:
         Side of a frame's hole, in units of its outer side.
     inner_corners : tuple of int
         Columns and rows of a chessboard's inner corners.
-    cell_size : float
-        Side of a chessboard's cell, in plane units.
     printed : array_like, shape (4, 2), optional
         Corners that the outline has where it is not the square it should be, plane units.
-    bows : array_like, shape (4,)
-        How far the middle of each side is bent outward, as paper that curls shows it, plane
-        units. A frame's inner side bends less, as the square of its distance from the middle.
     rim : float, optional
         How far the paper reaches beyond the figure on every side, plane units; 0 for a board that
         is cut along its cells. Where it is not given, `render` draws one if there is to be paper.
@@ -162,13 +157,11 @@ class Target:
     dark: bool = True
     inner: float = 0.6
     inner_corners: tuple[int, int] = (9, 6)
-    cell_size: float = 1.0
     printed: Array | None = None
-    bows: Array = field(default_factory=lambda: np.zeros(4))
     rim: float | None = None
 
     def __post_init__(self) -> None:
-        shapes = {"rotation": (3, 3), "translation": (3,), "bows": (4,), "printed": (4, 2)}
+        shapes = {"rotation": (3, 3), "translation": (3,), "printed": (4, 2)}
         for name, shape in shapes.items():
             if (value := getattr(self, name)) is not None:
                 object.__setattr__(self, name, real_array(value, name, shape))
@@ -194,7 +187,7 @@ class Target:
             half_width, half_height = np.abs(self.outlines()[0]).max(axis=0).tolist()
             return half_width, half_height
         columns, rows = self.inner_corners
-        return 0.5 * (columns + 1) * self.cell_size, 0.5 * (rows + 1) * self.cell_size
+        return 0.5 * (columns + 1), 0.5 * (rows + 1)
 
     def outlines(self) -> list[Array]:
         """Outer and, for a frame, inner square: corners in plane units, each shape (4, 2)."""
@@ -206,24 +199,23 @@ class Target:
     def figure(self) -> Iterator[tuple[float, list[Side]]]:
         """Yield the signs and the sides of convex quadrilaterals whose sum is the figure."""
         if self.is_board:
-            cell = rectangle(0.5 * self.cell_size, 0.5 * self.cell_size)
             for centre in self.cells(0):
-                yield 1.0, sides_of(cell + self.cell_size * centre)
+                yield 1.0, sides_of(centre + rectangle(0.5, 0.5))
             return
-        yield from zip((1.0, -1.0), self._outline_sides(), strict=False)
+        yield from zip((1.0, -1.0), self.outline_sides(), strict=False)
 
     def sides(self) -> list[Side]:
         """Sides of the outlines; of a chessboard its rows of inner corners, then its columns."""
         if not self.is_board:
-            return [side for sides in self._outline_sides() for side in sides]
+            return [side for sides in self.outline_sides() for side in sides]
         columns, rows = self.inner_corners
         corners = self.board_corners().reshape(rows, columns, 2)
         lines = (*corners, *corners.swapaxes(0, 1))
         return [Side(line[0], line[-1]) for line in lines]
 
-    def _outline_sides(self) -> list[list[Side]]:
-        bows = (self.bows, self.inner**2 * self.bows)
-        return [sides_of(*bent) for bent in zip(self.outlines(), bows, strict=False)]
+    def outline_sides(self) -> list[list[Side]]:
+        """Sides of each of `outlines`."""
+        return [sides_of(outline) for outline in self.outlines()]
 
     def cells(self, colour: int) -> Iterator[Array]:
         """Middles of a board's dark (0) or light (1) cells, row by row, in cells."""
@@ -236,7 +228,7 @@ class Target:
         """Inner corners of a chessboard, row by row, plane units, shape (columns * rows, 2)."""
         columns, rows = self.inner_corners
         grid = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
-        return self.cell_size * (grid - [0.5 * (columns - 1), 0.5 * (rows - 1)])
+        return np.asarray(grid - [0.5 * (columns - 1), 0.5 * (rows - 1)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -263,26 +255,22 @@ def rectangle(half_width: float, half_height: float) -> Array:
     )
 
 
-class Side(NamedTuple):
-    """A side of a figure, plane units; its middle is bent outward by `bow`."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Side:
+    """A side of a figure, from corner to corner in plane units."""
 
     start: Array
     end: Array
-    bow: float = 0.0
 
     def points(self, fraction: Array) -> Array:
         """Points at fractions of the chord, shape (N, 2)."""
-        chord = self.end - self.start
-        outward = np.array([chord[1], -chord[0]]) / np.hypot(*chord)
-        height = 4.0 * self.bow * fraction * (1.0 - fraction)
-        points: Array = self.start + fraction[:, None] * chord + height[:, None] * outward
+        points: Array = self.start + fraction[:, None] * (self.end - self.start)
         return points
 
 
-def sides_of(corners: Array, bows: npt.ArrayLike = (0.0, 0.0, 0.0, 0.0)) -> list[Side]:
-    """Sides of a quadrilateral, corners (4, 2) clockwise on the screen, bent by `bows`, (4,)."""
-    ends = zip(corners, np.roll(corners, -1, axis=0), np.asarray(bows).tolist(), strict=True)
-    return [Side(*side) for side in ends]
+def sides_of(corners: Array) -> list[Side]:
+    """Sides of a quadrilateral, corners (4, 2) clockwise on the screen."""
+    return [Side(*ends) for ends in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
 
 
 class SideSamples(NamedTuple):

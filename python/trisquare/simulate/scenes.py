@@ -22,6 +22,12 @@ TILT_DIRECTION_JITTER = 20.0  # degrees
 SIDE_RANGE = (0.30, 0.42)  # of the height
 CENTRE_JITTER = 0.015  # of the picture; "about" in the design
 
+# The middles of so many squares, parts of the picture.
+PLACES = {
+    1: [(0.5, 0.5)],
+    2: [(0.27, 0.5), (0.73, 0.5)],
+    3: [(0.23, 0.3), (0.77, 0.3), (0.5, 0.72)],
+}
 PICTURE_MARGIN = 12.0  # pixels between any square and the border
 # A plane closer to edge-on than this shows a sliver whose sides merge under blur.
 STEEPEST_SIGHT = 75.0  # degrees
@@ -95,8 +101,10 @@ def random_scene(
                 first + 360.0 * i / count + jitter,
                 rng.uniform(0.0, 360.0),
             )
-            target = _place(camera, rotation, pixel, side, kind, dark, inner)
-            if target is None or not inside(camera, target):
+            # Its side is that large before foreshortening.
+            centre = np.append(camera.undistort(pixel[None])[0], 1.0) * camera.fx / side
+            target = placed(camera, rotation, centre, kind=kind, dark=dark, inner=inner)
+            if target is None:
                 break
             targets.append(target)
         if len(targets) == count and not _any_overlap(targets):
@@ -115,10 +123,8 @@ def chessboard_scene(
         cell = rng.uniform(0.45, 0.85) * width / (inner_corners[0] + 1)
         depth = camera.fx / cell
         centre = np.append(camera.undistort(pixel[None])[0], 1.0) * depth
-        if not faces_camera(rotation, centre):
-            continue
-        board = Target(rotation, centre, "chessboard", inner_corners=inner_corners)
-        if inside(camera, board):
+        board = placed(camera, rotation, centre, kind="chessboard", inner_corners=inner_corners)
+        if board is not None:
             return Scene(camera, (board,))
     raise ValueError("no board fits this camera's picture")
 
@@ -173,44 +179,31 @@ def edge_points(
         Per target, the points of its four sides, in order; a frame's hole adds four more. A
         chessboard's rows, then its columns, between the outermost crossings.
     """
-    points: list[list[Array]] = []
-    for target in scene.targets:
-        sides = []
-        for side in sample_sides(scene.camera, target, spacing):
-            offset = noise * rng.standard_normal(len(side.plane))
-            sides.append(side.image + offset[:, None] * side.normal)
-        points.append(sides)
-    return points
+    return [
+        [
+            side.image + noise * rng.standard_normal((len(side.plane), 1)) * side.normal
+            for side in sample_sides(scene.camera, target, spacing)
+        ]
+        for target in scene.targets
+    ]
 
 
 def _places(count: int) -> Array:
     """Where the squares' centres go, as fractions of the picture, shape (count, 2)."""
-    if count == 1:
-        return np.array([[0.5, 0.5]])
-    if count == 2:
-        return np.array([[0.27, 0.5], [0.73, 0.5]])
-    if count == 3:
-        return np.array([[0.23, 0.3], [0.77, 0.3], [0.5, 0.72]])
+    if count in PLACES:
+        return np.array(PLACES[count])
     columns = int(np.ceil(np.sqrt(4.0 / 3.0 * count)))
     rows = -(-count // columns)
     grid = [((i % columns + 0.5) / columns, (i // columns + 0.5) / rows) for i in range(count)]
     return np.array(grid)
 
 
-def _place(
-    camera: TrueCamera,
-    rotation: Array,
-    pixel: Array,
-    side: float,
-    kind: Literal["square", "frame"],
-    dark: bool,
-    inner: float,
-) -> Target | None:
-    """Put a square's centre behind a pixel, `side` pixels large before foreshortening."""
-    centre = np.append(camera.undistort(pixel[None])[0], 1.0) * camera.fx / side
+def placed(camera: TrueCamera, rotation: Array, centre: Array, **options: Any) -> Target | None:
+    """Make a target, unless it is seen too steeply or not wholly in the picture."""
     if not faces_camera(rotation, centre):
         return None
-    return Target(rotation, centre, kind, dark, inner)
+    target = Target(rotation, centre, **options)
+    return target if inside(camera, target) else None
 
 
 def faces_camera(rotation: Array, centre: Array) -> bool:
@@ -225,19 +218,16 @@ def inside(camera: TrueCamera, target: Target) -> bool:
     fraction = np.linspace(0.0, 1.0, 9)[:, None, None]
     outline = corners + fraction * (np.roll(corners, -1, axis=0) - corners)
     points = target.to_camera(outline.reshape(-1, 2))
-    if np.any(points[:, 2] <= 0.0) or not _in_monotonic_field(camera, points):
+    if np.any(points[:, 2] <= 0.0):
+        return False
+    # The distortion must still grow there, lest it fold the points back into the picture.
+    k1, k2, _, _, k3 = camera.distortion
+    r2 = np.linspace(0.0, 1.0, 50)[:, None] * np.sum((points[:, :2] / points[:, 2:]) ** 2, axis=1)
+    if np.any(1.0 + r2 * (3.0 * k1 + r2 * (5.0 * k2 + r2 * 7.0 * k3)) <= 0.0):
         return False
     pixels = camera.project(points)
     low, high = PICTURE_MARGIN, np.array(camera.image_size) - 1.0 - PICTURE_MARGIN
     return bool(np.all(pixels > low) and np.all(pixels < high))
-
-
-def _in_monotonic_field(camera: TrueCamera, points: Array) -> bool:
-    """Whether points are where the distortion still grows, not folded back into the picture."""
-    normalised = points[:, :2] / points[:, 2:]
-    k1, k2, _, _, k3 = camera.distortion
-    r2 = np.linspace(0.0, 1.0, 50)[:, None] * np.sum(normalised**2, axis=1)
-    return bool(np.all(1.0 + r2 * (3.0 * k1 + r2 * (5.0 * k2 + r2 * 7.0 * k3)) > 0.0))
 
 
 def _any_overlap(targets: list[Target]) -> bool:
@@ -249,5 +239,4 @@ def _any_overlap(targets: list[Target]) -> bool:
     spaces = [target.to_camera(sheet) for target in targets]
     if any(np.any(points[:, 2] <= 0.0) for points in spaces):
         return True
-    quads = [points[:, :2] / points[:, 2:] for points in spaces]
-    return any_meet(quads)
+    return any_meet([points[:, :2] / points[:, 2:] for points in spaces])
