@@ -52,9 +52,15 @@ EXIT_CODES_HELP = """\
 
 
 class HelpfulCommand(TyperCommand):
-    """A command whose help ends with examples and exit codes."""
+    """A command that prints JSON, text or nothing; its help ends with examples and exit codes."""
 
     examples: tuple[str, ...] = ()
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command, but refuse to print and to be quiet at once."""
+        if ctx.params["json"] and ctx.params["quiet"]:
+            raise ValueError("--json prints, and --quiet does not: give one of them")
+        return super().invoke(ctx)
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help; what the formatter holds comes after what Typer prints by itself."""

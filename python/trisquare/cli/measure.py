@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import json as json_text
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import typer
-from rich.console import Console
-from rich.text import Text
 
 from trisquare._support.arrays import FloatArray
 from trisquare._support.number_text import decimals_shown
@@ -22,10 +18,10 @@ from trisquare.analysis.measure import CLICKED_STD, Measurement, measure
 from trisquare.analysis.rectify import TopView
 from trisquare.analysis.rectify import rectify as rectified
 from trisquare.calibration.locate import locate
-from trisquare.cli.console import JsonOption, QuietOption, check_printing, progress_bar
+from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.framework import reading
 from trisquare.cli.input_files import of_size, read_camera
-from trisquare.cli.options import completing
+from trisquare.cli.options import JSON, QUIET, argument, flag, option
 from trisquare.cli.pictures_drawn import check_outputs
 from trisquare.detection.kinds import TAG_SEARCHES
 from trisquare.images.encoding import encode_image
@@ -47,80 +43,45 @@ LENGTH = re.compile(r"([0-9.eE+-]+)\s*([A-Za-z]*)")
 
 
 def measure_command(
-    photo: Annotated[
-        Path, typer.Argument(metavar="PHOTO", help="The photograph that shows the square.")
-    ],
-    points: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="[X,Y]...",
-            help="Pixels on the square's plane: two for a length, three for an angle, in order "
-            "round a polygon for its area.",
-        ),
-    ] = None,
-    camera: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help=(
-                "The camera that took it: a calibration's JSON, or any format that convert "
-                "reads (then taken as exact)."
-            ),
-        ),
-    ] = None,
-    plane: Annotated[
-        int,
-        typer.Option(metavar="N", help="Which of the photograph's planes; the first is 0."),
-    ] = 0,
-    side: Annotated[
-        str,
-        typer.Option(
-            metavar="LENGTH",
-            help=(
-                "Side of the square (on a board: of a cell), such as 50mm; units "
-                f"{', '.join(UNITS)}."
-            ),
-        ),
-    ] = "1",
-    point_std: Annotated[
-        float,
-        typer.Option(metavar="PX", help="Standard deviation of the given pixels."),
-    ] = CLICKED_STD,
-    rectify: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Draw the plane from straight above, to scale."),
-    ] = None,
-    resolution: Annotated[
-        float | None,
-        typer.Option(metavar="PX", help="Pixels per unit of length in the view from above."),
-    ] = None,
-    rescale: Annotated[
-        bool,
-        typer.Option(
-            "--rescale", help="Scale the camera to the photograph, if only the resolution differs."
-        ),
-    ] = False,
-    targets: Annotated[
-        str,
-        typer.Option(
-            metavar="WHAT",
-            autocompletion=completing(TAG_SEARCHES),
-            help="Targets to search for, as in calibrate.",
-        ),
-    ] = "auto",
-    outline: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Outlines drawn by hand, as in calibrate."),
-    ] = None,
-    json: JsonOption = False,
-    quiet: QuietOption = False,
+    photo: Path = argument(..., "PHOTO", "The photograph that shows the square."),
+    points: list[str] | None = argument(
+        None,
+        "[X,Y]...",
+        "Pixels on the square's plane: two for a length, three for an angle, in order round a "
+        "polygon for its area.",
+    ),
+    camera: Path | None = option(
+        None,
+        "FILE",
+        "The camera that took it: a calibration's JSON, or any format that convert reads (then "
+        "taken as exact).",
+    ),
+    plane: int = option(0, "N", "Which of the photograph's planes; the first is 0."),
+    side: str = option(
+        "1",
+        "LENGTH",
+        f"Side of the square (on a board: of a cell), such as 50mm; units {', '.join(UNITS)}.",
+    ),
+    point_std: float = option(CLICKED_STD, "PX", "Standard deviation of the given pixels."),
+    rectify: Path | None = option(None, "FILE", "Draw the plane from straight above, to scale."),
+    resolution: float | None = option(
+        None, "PX", "Pixels per unit of length in the view from above."
+    ),
+    rescale: bool = flag(
+        "Scale the camera to the photograph, if only the resolution differs.", "--rescale"
+    ),
+    targets: str = option(
+        "auto", "WHAT", "Targets to search for, as in calibrate.", offer=TAG_SEARCHES
+    ),
+    outline: Path | None = option(None, "FILE", "Outlines drawn by hand, as in calibrate."),
+    json: bool = JSON,
+    quiet: bool = QUIET,
 ) -> None:
     """Measure lengths, angles and areas on the plane of a square.
 
     The square is found in the photograph again, before the camera that is given; all that is
     uncertain about the pixels, its pose and the camera is in the standard deviations.
     """
-    check_printing(json, quiet)
     if camera is None:
         raise ValueError("say which camera took the photograph: --camera camera.json")
     pixels = _pixels(points or [])
@@ -144,14 +105,11 @@ def measure_command(
         scale = None if resolution is None else resolution * length.value
         view = rectified(picture, chosen, lens, resolution=scale)
         write_atomically({rectify: encode_image(view.image, rectify)})
-    if json:
-        members = _members(chosen, plane, length, measured, view)
-        print(json_text.dumps(members, indent=2, allow_nan=False))
-    elif not quiet:
-        for line in _lines(chosen, plane, length, measured, view):
-            Console().print(Text(line), soft_wrap=True)
-        if rectify is not None:
-            Console().print(Text(f"wrote {rectify}"), soft_wrap=True)
+    members = _members(chosen, plane, length, measured, view)
+    lines = [*_lines(chosen, plane, length, measured, view)]
+    if rectify is not None:
+        lines.append(f"wrote {rectify}")
+    answer(json, quiet, members, lines)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from rich import box
-from rich.console import Group, RenderableType
+from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
@@ -20,21 +18,19 @@ MOST_REJECTED = 10
 """Lines on candidates that were not used: the results are to be read first."""
 
 
-def calibration_report(calibration: Calibration) -> RenderableType:
+def calibration_report(calibration: Calibration) -> list[RenderableType]:
     """Lay out the parameters, the planes and the warnings."""
-    return Group(
+    return [
         _parameter_table(calibration),
         _plane_table(calibration),
         _summary(calibration),
         *_rejected(calibration),
         *_warnings(calibration),
-    )
+    ]
 
 
-def comparison_report(
-    calibration: Calibration, truth: Camera, written: tuple[Path, ...]
-) -> RenderableType:
-    """Lay out the estimate beside the truth, and say what was written."""
+def comparison_report(calibration: Calibration, truth: Camera) -> list[RenderableType]:
+    """Lay out the estimate beside the truth."""
     table = Table("parameter", box=box.SIMPLE_HEAD)
     for heading in ("estimate", "std", "truth", "error", "error / std"):
         table.add_column(heading, justify="right")
@@ -52,8 +48,7 @@ def comparison_report(
             f"{error:+.{decimals}f}",
             f"{error / std:+.1f}" if std > 0 else "",
         )
-    files = Text("wrote " + " and ".join(str(path) for path in written))
-    return Group(table, _summary(calibration), *_warnings(calibration), files)
+    return [table, _summary(calibration), *_warnings(calibration)]
 
 
 def _parameter_table(calibration: Calibration) -> Table:
