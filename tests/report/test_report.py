@@ -160,8 +160,7 @@ def test_a_name_that_is_no_text_can_be_told(calibration, tmp_path):
     assert rb"caf\udce9.png" in report_page(calibration, photograph)
 
 
-def reported(calibration, image=0):
-    return ReportedPicture(image, "x", None, tuple(measured_sides(calibration, image)))
+PICTURE = ReportedPicture(0, "x")
 
 
 def polylines(path):
@@ -180,7 +179,7 @@ def bend(line):
 
 
 def test_sides_lie_on_the_samples_and_are_straight_once_undistorted(calibration, edges):
-    layers = picture_layers(calibration, reported(calibration))
+    layers = picture_layers(calibration, PICTURE)
     assert len(layers.planes) == len(layers.undistorted_planes) == 3
     for plane, figure in zip(layers.planes, edges, strict=True):
         for line, samples in zip(polylines(plane.sides), figure.points, strict=True):
@@ -192,9 +191,8 @@ def test_sides_lie_on_the_samples_and_are_straight_once_undistorted(calibration,
 
 
 def test_needles_are_the_residuals_times_the_stated_exaggeration(calibration, edges):
-    picture = reported(calibration)
-    layers = picture_layers(calibration, picture)
-    residuals = np.concatenate([side.residuals for side in picture.sides])
+    layers = picture_layers(calibration, PICTURE)
+    residuals = np.concatenate([side.residuals for side in measured_sides(calibration)])
     needles = np.array([n for plane in layers.planes for n in polylines(plane.needles)])
     lengths = np.hypot(*(needles[:, 1] - needles[:, 0]).T)
     np.testing.assert_allclose(lengths, layers.exaggeration * np.abs(residuals), atol=0.15)
@@ -204,7 +202,7 @@ def test_needles_are_the_residuals_times_the_stated_exaggeration(calibration, ed
 def test_many_residuals_are_thinned_and_the_page_says_so(calibration, scene):
     edges = edges_of(scene, noise=0.05, spacing=0.5)
     dense = ts.calibrate_edges(edges, calibration.camera.image_size)
-    layers = picture_layers(dense, reported(dense))
+    layers = picture_layers(dense, PICTURE)
     assert layers.every > 1
     assert f"one in {layers.every} is drawn".encode() in report_page(dense)
 

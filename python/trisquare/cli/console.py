@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json as json_text
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
+from rich import box
 from rich.console import Console, RenderableType
 from rich.progress import Progress
+from rich.table import Table
 from rich.text import Text
 
 
@@ -27,6 +29,14 @@ def answer(
         console = Console()
         for part in parts:
             console.print(Text(part) if isinstance(part, str) else part, soft_wrap=True)
+
+
+def new_table(*left: str, right: Sequence[str]) -> Table:
+    """Make a table of columns with these headings, on the left texts and on the right numbers."""
+    table = Table(*left, box=box.SIMPLE_HEAD)
+    for heading in right:
+        table.add_column(heading, justify="right")
+    return table
 
 
 @contextmanager

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from trisquare._support.arrays import FloatArray
-from trisquare._support.number_text import decimals_shown
+from trisquare._support.number_text import with_its_std
 from trisquare._support.suggestions import unknown
 from trisquare._support.writing import write_atomically
 from trisquare.analysis.measure import CLICKED_STD, Measurement, measure
@@ -208,5 +208,4 @@ def _lines(
 
 
 def _with_std(value: float, std: float) -> str:
-    decimals = decimals_shown(std)
-    return f"{value:.{decimals}f} +- {std:.{decimals}f}"
+    return " +- ".join(with_its_std(value, std))

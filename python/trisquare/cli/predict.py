@@ -5,9 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from rich import box
 from rich.console import RenderableType
-from rich.table import Table
 
 from trisquare._support.json_members import JsonFields
 from trisquare._support.number_text import decimals_shown
@@ -16,7 +14,7 @@ from trisquare._support.rotations import tilt_degrees
 from trisquare.analysis.plan import PlannedSquare
 from trisquare.analysis.predict import Prediction, predict
 from trisquare.camera.camera import MODELS, Camera, camera_parameters
-from trisquare.cli.console import answer
+from trisquare.cli.console import answer, new_table
 from trisquare.cli.framework import reading
 from trisquare.cli.input_files import camera_alone
 from trisquare.cli.options import FIX, JSON, QUIET, argument, fixed_names, option, parse_size
@@ -164,13 +162,10 @@ def _members(prediction: Prediction, planned: list[PlannedSquare]) -> dict[str, 
 
 
 def _report(prediction: Prediction, planned: list[PlannedSquare]) -> list[RenderableType]:
-    table = Table("parameter", box=box.SIMPLE_HEAD)
-    for heading in ("assumed", "predicted std"):
-        table.add_column(heading, justify="right")
+    table = new_table("parameter", right=("assumed", "predicted std"))
     values = camera_parameters(prediction.camera)
     for name, std in prediction.std.items():
-        decimals = decimals_shown(std)
-        table.add_row(name, f"{values[name]:.6g}", f"{std:.{decimals}f}")
+        table.add_row(name, f"{values[name]:.6g}", f"{std:.{decimals_shown(std)}f}")
     width, height = prediction.camera.image_size
     tilts = ", ".join(f"{tilt_degrees(square.rotation):.0f}" for square in planned)
     summary = (

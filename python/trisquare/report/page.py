@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib import resources
 from typing import Any
 
@@ -12,7 +13,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from trisquare.analysis.comparison import two_digits
-from trisquare.analysis.residuals import MeasuredSide
+from trisquare.analysis.diagnosis import diagnose
+from trisquare.analysis.residuals import measured_sides
 from trisquare.camera.projection_uncertainty import ProjectionMap
 from trisquare.images.photographs import Photographs
 from trisquare.report import content
@@ -26,6 +28,9 @@ from trisquare.results.calibration import Calibration
 MOST_PICTURES = 6
 """Photographs shown: what is odd is seen in the first, and a page of hundreds would not open."""
 
+MOST_REJECTED = 30
+"""Rows on candidates that were not used."""
+
 
 def page_of(
     calibration: Calibration,
@@ -38,33 +43,31 @@ def page_of(
     for picture in reported_pictures(calibration, photographs):
         if len(layers) < MOST_PICTURES:
             layers.append(picture_layers(calibration, picture))
-        pictures.append(picture.without_pixels())
-    sides = [side for picture in pictures for side in picture.sides]
+        pictures.append(replace(picture, pixels=None))  # which are most of it
     known = calibration.projection_map()
-    names = [picture.name for picture in pictures]
     json = calibration.to_json().encode()
     script = _own("report.js")
     page: str = _template().render(
-        title=_title(names),
+        calibration=calibration,
+        summary=list(content.summary(calibration, known)),
+        parameters=list(content.parameter_texts(calibration)),
+        meanings=content.MEANINGS,
+        diagnosis=diagnose(calibration),
+        correlations=content.correlations(calibration),
+        settings=content.settings(calibration),
+        plane_texts=content.plane_texts,
+        pictures=pictures,
+        names={picture.index: picture.name for picture in pictures},
+        layers=layers,
+        most_rejected=MOST_REJECTED,
+        series=SERIES,
+        has_files=bool(photographs.sources),
+        command=command,
+        style=Markup(_own("report.css")),
         script=Markup(script),
         script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii"),
-        style=Markup(_own("report.css")),
-        series=range(SERIES),
-        summary=list(content.summary(calibration, known)),
-        warnings=calibration.warnings,
-        rejected=content.rejected_rows(calibration, names),
-        more_rejected=max(0, len(calibration.rejected) - content.MOST_REJECTED),
-        parameters=content.parameter_rows(calibration),
-        free=calibration.parameters,
-        correlations=content.correlations(calibration),
-        planes=content.plane_rows(calibration, names),
-        pictures=layers,
-        more_pictures=len(pictures) - len(layers),
-        settings=content.settings(calibration),
-        files=content.picture_rows(pictures) if photographs.sources else [],
-        command=command,
         json="data:application/json;base64," + base64.b64encode(json).decode("ascii"),
-        **_plots(calibration, known, sides, [layer.index for layer in layers]),
+        **_plots(calibration, known, pictures, layers),
     )
     # A file's name may hold bytes that are no text.
     return page.encode("utf-8", "backslashreplace")
@@ -73,22 +76,23 @@ def page_of(
 def _plots(
     calibration: Calibration,
     known: ProjectionMap,
-    sides: Sequence[MeasuredSide],
-    indices: Sequence[int],
+    pictures: Sequence[ReportedPicture],
+    layers: Sequence[PictureLayers],
 ) -> dict[str, Any]:
     """Draw the plots: those that cannot be drawn are None."""
+    sides = [side for picture in pictures for side in measured_sides(calibration, picture.index)]
     with plotting():
         uncertainty = uncertainty_map(calibration, known)
-        by_radius = residuals_by_radius(calibration, sides)
-        sketches = {index: scene_sketch(calibration, index) for index in indices}
+        by_radius, beyond_scale = residuals_by_radius(calibration, sides) or (None, 0)
         return {
             "by_side": _svg(residuals_by_side(sides) if sides else None, "by-side"),
-            "by_radius": _svg(None if by_radius is None else by_radius[0], "by-radius"),
-            "beyond_scale": 0 if by_radius is None else by_radius[1],
+            "by_radius": _svg(by_radius, "by-radius"),
+            "beyond_scale": beyond_scale,
             "uncertainty": _svg(uncertainty, "uncertainty"),
-            "sketches": {
-                index: _svg(figure, f"sketch-{index}") for index, figure in sketches.items()
-            },
+            "sketches": [
+                _svg(scene_sketch(calibration, layer.index), f"sketch-{layer.index}")
+                for layer in layers
+            ],
         }
 
 
@@ -111,8 +115,3 @@ def _template() -> Any:
 def _own(name: str) -> str:
     """Return the text of a file beside this one."""
     return (resources.files("trisquare.report") / name).read_text("utf-8").strip()
-
-
-def _title(names: Sequence[str]) -> str:
-    others = f" and {len(names) - 1} more" if len(names) > 1 else ""
-    return f"Calibration from {names[0]}{others}"

@@ -1,17 +1,16 @@
-"""The photographs of a report, with what was measured in them."""
+"""The photographs of a report."""
 
 from __future__ import annotations
 
 import hashlib
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from trisquare.analysis.residuals import MeasuredSide, measured_sides
 from trisquare.images.photographs import Photographs
 from trisquare.images.pixels import Image, picture_size
 from trisquare.results.calibration import Calibration
@@ -29,40 +28,27 @@ SRGB_KNEE = 0.0031308
 class ReportedPicture:
     """One of the pictures.
 
-    Parameters
+    Attributes
     ----------
     index : int
     name : str
         What the report calls it; anything, as it may be a file's name.
     pixels : ndarray of uint8, shape (h, w) or (h, w, 3), or None
         To be shown: at most `LARGEST_SHOWN` wide and high; None if there is no photograph.
-    sides : tuple of MeasuredSide
-        Measured lines with their residuals, in pixels of the photograph itself.
     digest : str or None
         Beginning of its file's SHA-256.
     """
 
     index: int
     name: str
-    pixels: Image | None
-    sides: tuple[MeasuredSide, ...]
+    pixels: Image | None = None
     digest: str | None = None
-
-    def without_pixels(self) -> ReportedPicture:
-        """Return the same but for the pixels, which are most of it."""
-        return replace(self, pixels=None)
 
 
 def reported_pictures(
     calibration: Calibration, photographs: Photographs
 ) -> Iterator[ReportedPicture]:
-    """Yield the pictures one at a time with what the calibration measured in them.
-
-    Parameters
-    ----------
-    calibration : Calibration
-    photographs : Photographs
-        The calibration's pictures in their order; there may be none.
+    """Yield the calibration's pictures one at a time; there may be no photographs of them.
 
     Raises
     ------
@@ -73,25 +59,21 @@ def reported_pictures(
     """
     if not photographs.sources:
         for index in sorted({plane.image for plane in calibration.planes} or {0}):
-            sides = tuple(measured_sides(calibration, index))
-            yield ReportedPicture(index, f"picture {index}", None, sides)
-        return
+            yield ReportedPicture(index, f"picture {index}")
     for photograph in photographs:
         index, path = photograph.index, photograph.path
-        size = picture_size(photograph.pixels)
-        if size != calibration.camera.image_size:
-            width, height = calibration.camera.image_size
+        size, own = picture_size(photograph.pixels), calibration.camera.image_size
+        if size != own:
             raise ValueError(
-                f"picture {index} is {size[0]} x {size[1]}, the calibration's are {width} x "
-                f"{height}: is it one of them?"
+                f"picture {index} is {size[0]} x {size[1]}, the calibration's are {own[0]} x "
+                f"{own[1]}: is it one of them?"
             )
-        yield ReportedPicture(
-            index,
-            f"picture {index}" if path is None else os.path.basename(path),
-            shown_pixels(photograph.pixels, linear=calibration.tone == "linear"),
-            tuple(measured_sides(calibration, index)),
-            None if path is None else _digest(path),
-        )
+        pixels = shown_pixels(photograph.pixels, linear=calibration.tone == "linear")
+        if path is None:
+            yield ReportedPicture(index, f"picture {index}", pixels)
+        else:
+            digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()[:DIGEST_LETTERS]
+            yield ReportedPicture(index, os.path.basename(path), pixels, digest)
 
 
 def shown_pixels(picture: Image, *, linear: bool) -> Image:
@@ -112,7 +94,3 @@ def shown_pixels(picture: Image, *, linear: bool) -> Image:
         knee = light < SRGB_KNEE
         light = np.where(knee, 12.92 * light, 1.055 * light ** (1.0 / 2.4) - 0.055)
     return np.asarray(np.rint(255.0 * light), dtype=np.uint8)
-
-
-def _digest(path: str | os.PathLike[str]) -> str:
-    return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:DIGEST_LETTERS]
