@@ -14,16 +14,12 @@ from trisquare.camera.settings import AUTO, METHODS
 from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.framework import command_line, reading
 from trisquare.cli.options import FIX, JSON, PHOTOS, QUIET, fixed_names, flag, option
-from trisquare.cli.pictures_drawn import (
-    check_outputs,
-    debug_pictures,
-    drawn_on_failure,
-    numbered_paths,
-    overlays,
-)
+from trisquare.cli.pictures_drawn import check_outputs, drawn, drawn_on_failure, numbered_paths
 from trisquare.cli.tables import calibration_report
 from trisquare.detection.kinds import TAG_SEARCHES
 from trisquare.detection.sheets.layout import parse_layout
+from trisquare.drawing.detections import draw_detections
+from trisquare.drawing.overlay import draw_overlay
 from trisquare.images.photographs import Photographs
 from trisquare.images.pixels import TONE_CURVES
 from trisquare.report import check_extra, report_page
@@ -110,12 +106,17 @@ def calibrate_command(
         raise ValueError("--diagnose prints text and --json prints JSON: give one of them")
     overlay_paths = numbered_paths(overlay, len(photos))
     debug_images = numbered_paths(debug_image, len(photos))
-    inputs = _inputs(photos, outline, board)
-    check_outputs(inputs, output, [*overlay_paths, *debug_images], report)
+    # No board but a file has a name that might be an output's.
+    inputs = [*photos, outline, None if board is None else Path(board)]
+    check_outputs(inputs, [*overlay_paths, *debug_images], [output, report])
     if report is not None:
         check_extra()
     if board is not None:
-        targets = _targets_of_board(board, targets)
+        if targets != "auto":
+            raise ValueError("--board and --targets both name the targets: give one of them")
+        with reading():
+            parse_layout(board)
+        targets = board  # in Python they are one argument
     photographs = Photographs(photos, keep=bool(overlay or debug_image or report))
     with (
         drawn_on_failure(photographs, debug_images),
@@ -135,8 +136,8 @@ def calibrate_command(
             explain=debug_image is not None,
         )
     rejected = [*calibration.rejected, *rejected_shapes]
-    contents = debug_pictures(photographs, debug_images, calibration.planes, rejected)
-    contents |= overlays(calibration, photographs, overlay_paths)
+    contents = drawn(draw_detections, photographs, debug_images, calibration.planes, rejected)
+    contents |= drawn(draw_overlay, photographs, overlay_paths, calibration)
     if report is not None:
         contents[report] = report_page(calibration, photographs, command=command_line(context))
     if output is not None:
@@ -146,21 +147,6 @@ def calibrate_command(
     if with_diagnosis:
         parts.append(str(diagnose(calibration)))
     answer(json, quiet, calibration.to_json().rstrip(), parts)
-
-
-def _inputs(photos: list[Path], outline: Path | None, board: str | None) -> list[Path]:
-    """Return all that is read, and so must not be written to; no board but a file has a name."""
-    others = (outline, None if board is None else Path(board))
-    return [*photos, *(path for path in others if path is not None)]
-
-
-def _targets_of_board(board: str, targets: str) -> str:
-    """Return the targets that a board is; in Python they are one argument."""
-    if targets != "auto":
-        raise ValueError("--board and --targets both name the targets: give one of them")
-    with reading():
-        parse_layout(board)
-    return board
 
 
 def _tone(text: str | None) -> str | float | None:

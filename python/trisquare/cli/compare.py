@@ -43,7 +43,7 @@ def compare_command(
     The rotation between the two cameras that fits best is taken out first: intrinsics cannot tell
     it from a turn of the camera.
     """
-    check_outputs([first, second], None, [] if map_file is None else [map_file])
+    check_outputs([first, second], [map_file])
     known = read_camera(first)
     lens = camera_of(known)
     other = of_size(read_camera(second), lens.image_size, rescale, str(first))

@@ -51,10 +51,23 @@ EXIT_CODES_HELP = """\
 5  a picture or a file is missing or cannot be read"""
 
 
-class HelpfulCommand(TyperCommand):
-    """A command that prints JSON, text or nothing; its help ends with examples and exit codes."""
+class HelpEndingWithExamples:
+    """What a command's help and that of `trisquare` itself end with: examples and exit codes."""
 
     examples: tuple[str, ...] = ()
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the help; what the formatter holds comes after what Typer prints by itself."""
+        super().format_help(ctx, formatter)  # type: ignore[misc]  # the command class comes next
+        endings = ("Examples", self.examples), ("Exit codes", EXIT_CODES_HELP.splitlines())
+        for heading, lines in endings:
+            formatter.write(f" {heading}:\n")
+            formatter.write("".join(f"   {line}\n" for line in lines))
+            formatter.write("\n")
+
+
+class HelpfulCommand(HelpEndingWithExamples, TyperCommand):
+    """A command that prints JSON, text or nothing."""
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command, but refuse to print and to be quiet at once."""
@@ -62,13 +75,8 @@ class HelpfulCommand(TyperCommand):
             raise ValueError("--json prints, and --quiet does not: give one of them")
         return super().invoke(ctx)
 
-    def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Write the help; what the formatter holds comes after what Typer prints by itself."""
-        super().format_help(ctx, formatter)
-        _write_ending(formatter, self.examples)
 
-
-class CommandGroup(TyperGroup):
+class CommandGroup(HelpEndingWithExamples, TyperGroup):
     """`trisquare` itself: knows all commands by name and summary, and loads those that run."""
 
     examples = (
@@ -93,11 +101,6 @@ class CommandGroup(TyperGroup):
             self.commands[name] = load_command(name)
         return super().resolve_command(ctx, args)
 
-    def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Write the help; what the formatter holds comes after what Typer prints by itself."""
-        super().format_help(ctx, formatter)
-        _write_ending(formatter, self.examples)
-
 
 def load_command(name: str) -> HelpfulCommand:
     """Import a command of `SUMMARIES`."""
@@ -111,13 +114,6 @@ def load_command(name: str) -> HelpfulCommand:
     paragraphs = (command.help or "").split("\n\n")
     command.help = "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs)
     return command
-
-
-def _write_ending(formatter: Any, examples: tuple[str, ...]) -> None:
-    for heading, lines in (("Examples", examples), ("Exit codes", EXIT_CODES_HELP.splitlines())):
-        formatter.write(f" {heading}:\n")
-        formatter.write("".join(f"   {line}\n" for line in lines))
-        formatter.write("\n")
 
 
 def command_line(context: typer.Context) -> str:

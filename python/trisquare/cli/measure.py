@@ -88,8 +88,7 @@ def measure_command(
     if len(pixels) == 1 or (not len(pixels) and rectify is None):
         raise ValueError("give two points or more, as X,Y; or --rectify FILE")
     length = _Length.parse(side)
-    inputs = [photo, camera, *([] if outline is None else [outline])]
-    check_outputs(inputs, None, [] if rectify is None else [rectify])
+    check_outputs([photo, camera, outline], [rectify])
     known = read_camera(camera)
     picture = read_image(photo)
     known = of_size(known, picture_size(picture), rescale, str(photo))

@@ -62,7 +62,7 @@ def undistort_command(
         paths = [output / photo.name for photo in photos]
     else:
         paths = numbered_paths(output, len(photos))
-    check_outputs([*photos, camera], None, paths)
+    check_outputs([*photos, camera], paths)
     if interpolation not in INTERPOLATIONS:  # not to be said of the first photograph
         raise unknown("interpolation", interpolation, INTERPOLATIONS)
     lens = camera_alone(camera)
