@@ -84,7 +84,10 @@ def draw_overlay(
     for number, plane in enumerate(calibration.planes):
         if plane.image == index:
             _draw_axes(canvas, calibration, plane, number, thickness)
-    _draw_principal_point(canvas, calibration, thickness)
+    centre = np.array([calibration.camera.cx, calibration.camera.cy])
+    arm = max(4.0, max(canvas.shape) / 100)
+    cross = [np.array([centre - step, centre + step]) for step in ([arm, 0.0], [0.0, arm])]
+    draw_lines(canvas, cross, CENTRE_COLOUR, thickness)
     entries = _legend_entries(calibration)
     if sides:
         entries.append(("chords of the sides", CHORD_COLOUR))
@@ -149,13 +152,6 @@ def _projected(calibration: Calibration, plane: Plane, points: FloatArray) -> Fl
     seen = points @ plane.rotation.T + plane.translation
     camera = calibration.camera
     return camera.project(seen[camera.can_project(seen)])
-
-
-def _draw_principal_point(canvas: Canvas, calibration: Calibration, thickness: int) -> None:
-    centre = np.array([calibration.camera.cx, calibration.camera.cy])
-    arm = max(4.0, max(canvas.shape) / 100)
-    cross = [np.array([centre - step, centre + step]) for step in ([arm, 0.0], [0.0, arm])]
-    draw_lines(canvas, cross, CENTRE_COLOUR, thickness)
 
 
 def _legend_entries(calibration: Calibration) -> list[tuple[str, Colour]]:

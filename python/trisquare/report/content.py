@@ -131,13 +131,8 @@ def _tone(calibration: Calibration) -> str:
 def _field_of_view(camera: Camera) -> tuple[float, float] | None:
     """Return the angles across and down through the middle; None where the lens does not reach."""
     width, height = camera.image_size
-    middle = [(width - 1) / 2.0, (height - 1) / 2.0]
-    ends = [
-        [-0.5, middle[1]],
-        [width - 0.5, middle[1]],
-        [middle[0], -0.5],
-        [middle[0], height - 0.5],
-    ]
+    x, y = (width - 1) / 2.0, (height - 1) / 2.0
+    ends = [[-0.5, y], [width - 0.5, y], [x, -0.5], [x, height - 0.5]]
     try:
         left, right, top, bottom = camera.unproject(ends)
     except ValueError:

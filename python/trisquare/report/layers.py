@@ -1,12 +1,10 @@
-"""What a report shows of a photograph: pictures as JPEG, and measured lines drawn over them."""
+"""What a report shows of a photograph: it and its undistorted self, measured lines over both."""
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 import trisquare._core as _core
@@ -15,12 +13,9 @@ from trisquare.analysis.residuals import measured_sides
 from trisquare.camera.camera import Camera, camera_for_core
 from trisquare.drawing.overlay import drawn_residuals, needles
 from trisquare.images.pixels import Image, picture_size
-from trisquare.report.pictures import ReportedPicture
+from trisquare.report.pictures import jpeg_uri
 from trisquare.results.calibration import Calibration
 from trisquare.undistortion.undistort import Undistorter
-
-JPEG_QUALITY = 85
-"""Its errors are under what a screen shows at this size."""
 
 CURVE_POINTS = 25
 """Points of a drawn side: no lens bends one so much that a screen shows the chords."""
@@ -49,7 +44,6 @@ class PictureLayers:
     residuals, of which one in `every` is drawn; `rms` is None where there are none.
     """
 
-    name: str
     index: int
     photograph: str | None
     undistorted: str | None
@@ -61,13 +55,13 @@ class PictureLayers:
     every: int
 
 
-def picture_layers(calibration: Calibration, picture: ReportedPicture) -> PictureLayers:
-    """Prepare what is shown of a picture."""
-    camera, index = calibration.camera, picture.index
+def picture_layers(calibration: Calibration, index: int, pixels: Image | None) -> PictureLayers:
+    """Prepare what is shown of a picture; `pixels` are those of its photograph, as shown."""
+    camera = calibration.camera
     sides = list(measured_sides(calibration, index))
     rms, exaggeration = drawn_residuals(sides, camera.image_size)
     every = -(-sum(len(side.residuals) for side in sides) // MOST_NEEDLES) or 1
-    pinhole, undistorted = _undistorted(camera, picture.pixels)
+    pinhole, undistorted = _undistorted(camera, pixels)
     seen, straight = [], []
     for number, plane in enumerate(calibration.planes):
         if plane.image != index:
@@ -84,9 +78,8 @@ def picture_layers(calibration: Calibration, picture: ReportedPicture) -> Pictur
                 straight.append(_plane_layer(number, centre, curves, []))
     rejected = [other.corners for other in calibration.rejected if other.image == index]
     return PictureLayers(
-        name=picture.name,
         index=index,
-        photograph=None if picture.pixels is None else jpeg_uri(picture.pixels),
+        photograph=None if pixels is None else jpeg_uri(pixels),
         undistorted=None if undistorted is None else jpeg_uri(undistorted),
         planes=tuple(seen),
         undistorted_planes=tuple(straight),
@@ -95,12 +88,6 @@ def picture_layers(calibration: Calibration, picture: ReportedPicture) -> Pictur
         rms=rms if sides else None,
         every=every,
     )
-
-
-def jpeg_uri(pixels: Image) -> str:
-    """Return 8-bit pixels as the URI of a JPEG that it holds itself."""
-    encoded = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
-    return "data:image/jpeg;base64," + base64.b64encode(encoded.tobytes()).decode("ascii")
 
 
 def _undistorted(camera: Camera, pixels: Image | None) -> tuple[Camera | None, Image | None]:

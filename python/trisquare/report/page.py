@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import os
 from collections.abc import Sequence
-from dataclasses import replace
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -14,12 +15,13 @@ from markupsafe import Markup
 
 from trisquare.analysis.comparison import two_digits
 from trisquare.analysis.diagnosis import diagnose
-from trisquare.analysis.residuals import measured_sides
+from trisquare.analysis.residuals import MeasuredSide, measured_sides
 from trisquare.camera.projection_uncertainty import ProjectionMap
 from trisquare.images.photographs import Photographs
+from trisquare.images.pixels import picture_size
 from trisquare.report import content
 from trisquare.report.layers import PictureLayers, picture_layers
-from trisquare.report.pictures import ReportedPicture, reported_pictures
+from trisquare.report.pictures import shown_pixels
 from trisquare.report.plot_style import SERIES, inline_svg, plotting
 from trisquare.report.plots import residuals_by_radius, residuals_by_side, uncertainty_map
 from trisquare.report.scene_sketch import scene_sketch
@@ -27,6 +29,9 @@ from trisquare.results.calibration import Calibration
 
 MOST_PICTURES = 6
 """Photographs shown: what is odd is seen in the first, and a page of hundreds would not open."""
+
+DIGEST_LETTERS = 16
+"""Of a file's SHA-256: enough to tell photographs apart."""
 
 MOST_REJECTED = 30
 """Rows on candidates that were not used."""
@@ -38,16 +43,39 @@ def page_of(
     command: str | None,
 ) -> bytes:
     """Gather, draw and lay out; the arguments are those of `report_page`."""
-    pictures: list[ReportedPicture] = []
+    names: dict[int, str] = {}
+    files: list[tuple[str, str]] = []
     layers: list[PictureLayers] = []
-    for picture in reported_pictures(calibration, photographs):
+    if not photographs.sources:
+        indices = sorted({plane.image for plane in calibration.planes} or {0})
+        names = {index: f"picture {index}" for index in indices}
+        layers = [picture_layers(calibration, index, None) for index in indices[:MOST_PICTURES]]
+    for photograph in photographs:
+        index, path, pixels = photograph.index, photograph.path, photograph.pixels
+        size, own = picture_size(pixels), calibration.camera.image_size
+        if size != own:
+            raise ValueError(
+                f"picture {index} is {size[0]} x {size[1]}, the calibration's are {own[0]} x "
+                f"{own[1]}: is it one of them?"
+            )
+        names[index] = f"picture {index}" if path is None else os.path.basename(path)
+        files.append((names[index], "no file" if path is None else _digest(path)))
         if len(layers) < MOST_PICTURES:
-            layers.append(picture_layers(calibration, picture))
-        pictures.append(replace(picture, pixels=None))  # which are most of it
+            shown = shown_pixels(pixels, linear=calibration.tone == "linear")
+            layers.append(picture_layers(calibration, index, shown))
+    sides = [side for index in names for side in measured_sides(calibration, index)]
     known = calibration.projection_map()
     json = calibration.to_json().encode()
     script = _own("report.js")
-    page: str = _template().render(
+    environment = Environment(
+        loader=PackageLoader("trisquare.report", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["two_digits"] = two_digits
+    page: str = environment.get_template("report.html.j2").render(
         calibration=calibration,
         summary=list(content.summary(calibration, known)),
         parameters=list(content.parameter_texts(calibration)),
@@ -56,18 +84,17 @@ def page_of(
         correlations=content.correlations(calibration),
         settings=content.settings(calibration),
         plane_texts=content.plane_texts,
-        pictures=pictures,
-        names={picture.index: picture.name for picture in pictures},
-        layers=layers,
+        names=names,
+        files=files,
+        pictures=layers,
         most_rejected=MOST_REJECTED,
         series=SERIES,
-        has_files=bool(photographs.sources),
         command=command,
         style=Markup(_own("report.css")),
         script=Markup(script),
         script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii"),
         json="data:application/json;base64," + base64.b64encode(json).decode("ascii"),
-        **_plots(calibration, known, pictures, layers),
+        **_plots(calibration, known, sides, layers),
     )
     # A file's name may hold bytes that are no text.
     return page.encode("utf-8", "backslashreplace")
@@ -76,11 +103,10 @@ def page_of(
 def _plots(
     calibration: Calibration,
     known: ProjectionMap,
-    pictures: Sequence[ReportedPicture],
+    sides: Sequence[MeasuredSide],
     layers: Sequence[PictureLayers],
 ) -> dict[str, Any]:
     """Draw the plots: those that cannot be drawn are None."""
-    sides = [side for picture in pictures for side in measured_sides(calibration, picture.index)]
     with plotting():
         uncertainty = uncertainty_map(calibration, known)
         by_radius, beyond_scale = residuals_by_radius(calibration, sides) or (None, 0)
@@ -100,16 +126,9 @@ def _svg(figure: Any, name: str) -> Markup | None:
     return None if figure is None else Markup(inline_svg(figure, name))
 
 
-def _template() -> Any:
-    environment = Environment(
-        loader=PackageLoader("trisquare.report", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["two_digits"] = two_digits
-    return environment.get_template("report.html.j2")
+def _digest(path: str | os.PathLike[str]) -> str:
+    """Tell a file from others."""
+    return f"SHA-256 {hashlib.sha256(Path(path).read_bytes()).hexdigest()[:DIGEST_LETTERS]}\u2026"
 
 
 def _own(name: str) -> str:
