@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from importlib import import_module
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -126,7 +124,7 @@ def command_line(context: typer.Context) -> str:
     arguments: list[str] = []
     for parameter in context.command.params:
         value = context.params.get(parameter.name or "")
-        texts = _texts(value)
+        texts = [str(one) for one in (value if isinstance(value, list | tuple) else [value])]
         if parameter.param_type_name == "argument":
             arguments += texts
         elif value != parameter.get_default(context) and value is not False and value is not None:
@@ -134,11 +132,6 @@ def command_line(context: typer.Context) -> str:
             name = max(parameter.opts, key=len)
             options += [name] if value is True else [w for text in texts for w in (name, text)]
     return shlex.join([*context.command_path.split(), *options, *arguments])
-
-
-def _texts(value: Any) -> list[str]:
-    values = value if isinstance(value, list | tuple) else [value]
-    return [os.fspath(v) if isinstance(v, Path) else str(v) for v in values]
 
 
 class UnreadableInputError(Exception):

@@ -15,7 +15,6 @@ from trisquare._support.number_text import with_its_std
 from trisquare._support.suggestions import unknown
 from trisquare._support.writing import write_atomically
 from trisquare.analysis.measure import CLICKED_STD, Measurement, measure
-from trisquare.analysis.rectify import TopView
 from trisquare.analysis.rectify import rectify as rectified
 from trisquare.calibration.locate import locate
 from trisquare.cli.console import answer, progress_bar
@@ -96,18 +95,32 @@ def measure_command(
     with progress_bar("measuring", quiet), reading():
         planes = locate(picture, known, targets=targets, outlines=outline)
     chosen = _chosen(planes, plane)
-    measured = None
+    x, y = chosen.corners.mean(axis=0)
+    lines = [f"on plane {plane}, a {chosen.kind} around ({x:.0f}, {y:.0f})"]
+    members: dict[str, Any] = {
+        "format": MEASUREMENT_FORMAT,
+        "plane": plane,
+        "kind": chosen.kind,
+        "corners": chosen.corners.tolist(),
+        "side": length.value,
+        "unit": length.unit,
+    }
     if len(pixels):
         measured = measure(chosen, pixels, known, side=length.value, point_std=point_std)
-    view = None
+        lines += _lines(measured, length)
+        members |= _members(measured)
     if rectify is not None:
         scale = None if resolution is None else resolution * length.value
         view = rectified(picture, chosen, lens, resolution=scale)
         write_atomically({rectify: encode_image(view.image, rectify)})
-    members = _members(chosen, plane, length, measured, view)
-    lines = [*_lines(chosen, plane, length, measured, view)]
-    if rectify is not None:
-        lines.append(f"wrote {rectify}")
+        resolution = view.resolution / length.value
+        unit = length.unit or ("side" if length.value == 1 else "unit")
+        lines += [f"from above: {resolution:.6g} px to a {unit}", f"wrote {rectify}"]
+        members["rectified"] = {
+            "image_size": list(view.image.shape[1::-1]),
+            "origin": [length.value * value for value in view.origin],
+            "resolution": resolution,
+        }
     answer(json, quiet, members, lines)
 
 
@@ -157,53 +170,26 @@ def _chosen(planes: Sequence[Plane], index: int) -> Plane:
     return planes[index]
 
 
-def _members(
-    plane: Plane, index: int, length: _Length, measured: Measurement | None, view: TopView | None
-) -> dict[str, Any]:
-    members: dict[str, Any] = {
-        "format": MEASUREMENT_FORMAT,
-        "plane": index,
-        "kind": plane.kind,
-        "corners": plane.corners.tolist(),
-        "side": length.value,
-        "unit": length.unit,
+def _members(measured: Measurement) -> dict[str, Any]:
+    return {
+        "points": measured.points.tolist(),
+        "covariance": measured.covariance.tolist(),
+        "lengths": measured.lengths.tolist(),
+        "lengths_std": measured.lengths_std.tolist(),
+        "angles": measured.angles.tolist(),
+        "angles_std": measured.angles_std.tolist(),
+        "area": measured.area,
+        "area_std": measured.area_std,
     }
-    if measured is not None:
-        members |= {
-            "points": measured.points.tolist(),
-            "covariance": measured.covariance.tolist(),
-            "lengths": measured.lengths.tolist(),
-            "lengths_std": measured.lengths_std.tolist(),
-            "angles": measured.angles.tolist(),
-            "angles_std": measured.angles_std.tolist(),
-            "area": measured.area,
-            "area_std": measured.area_std,
-        }
-    if view is not None:
-        members["rectified"] = {
-            "image_size": list(view.image.shape[1::-1]),
-            "origin": [length.value * value for value in view.origin],
-            "resolution": view.resolution / length.value,
-        }
-    return members
 
 
-def _lines(
-    plane: Plane, index: int, length: _Length, measured: Measurement | None, view: TopView | None
-) -> Iterator[str]:
-    x, y = plane.corners.mean(axis=0)
-    yield f"on plane {index}, a {plane.kind} around ({x:.0f}, {y:.0f})"
-    if measured is not None:
-        for i, (value, std) in enumerate(zip(measured.lengths, measured.lengths_std, strict=True)):
-            yield f"length {i + 1} to {i + 2}: {length.after(_with_std(value, std))}"
-        for i, (value, std) in enumerate(zip(measured.angles, measured.angles_std, strict=True)):
-            yield f"angle at {i + 2}: {_with_std(value, std)} degrees"
-        if measured.area is not None and measured.area_std is not None:
-            yield f"area: {length.after(_with_std(measured.area, measured.area_std), '^2')}"
-    if view is not None:
-        resolution = view.resolution / length.value
-        unit = length.unit or ("side" if length.value == 1 else "unit")
-        yield f"from above: {resolution:.6g} px to a {unit}"
+def _lines(measured: Measurement, length: _Length) -> Iterator[str]:
+    for i, (value, std) in enumerate(zip(measured.lengths, measured.lengths_std, strict=True)):
+        yield f"length {i + 1} to {i + 2}: {length.after(_with_std(value, std))}"
+    for i, (value, std) in enumerate(zip(measured.angles, measured.angles_std, strict=True)):
+        yield f"angle at {i + 2}: {_with_std(value, std)} degrees"
+    if measured.area is not None and measured.area_std is not None:
+        yield f"area: {length.after(_with_std(measured.area, measured.area_std), '^2')}"
 
 
 def _with_std(value: float, std: float) -> str:

@@ -81,23 +81,21 @@ def undistort_command(
                 if rescale and size != undistorter.camera.image_size:
                     undistorter = Undistorter(lens.rescaled(size), balance)
                 straight = undistorter.undistort(picture, interpolation=interpolation)
-            pictures.append(_members(photo, path, undistorter))
+            pictures.append(
+                {
+                    "photo": str(photo),
+                    "output": str(path),
+                    "image_size": list(undistorter.new_camera.image_size),
+                    "camera": camera_members(undistorter.new_camera),
+                    "valid_rectangle": list(undistorter.valid_rectangle),
+                }
+            )
             yield path, encode_image(straight, path)
 
     with progress_bar("undistorting", quiet) as progress:
         write_in_turn(undistorted())
     members = {"format": UNDISTORTION_FORMAT, "balance": balance, "pictures": pictures}
     answer(json, quiet, members, _lines(pictures))
-
-
-def _members(photo: Path, path: Path, undistorter: Undistorter) -> dict[str, Any]:
-    return {
-        "photo": str(photo),
-        "output": str(path),
-        "image_size": list(undistorter.new_camera.image_size),
-        "camera": camera_members(undistorter.new_camera),
-        "valid_rectangle": list(undistorter.valid_rectangle),
-    }
 
 
 def _lines(pictures: Sequence[dict[str, Any]]) -> Iterator[str]:
