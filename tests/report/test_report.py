@@ -21,7 +21,6 @@ from trisquare.camera.camera import camera_parameters
 from trisquare.camera.projection_uncertainty import ProjectionMap
 from trisquare.images.reading import read_image
 from trisquare.report import report_page, write_report
-from trisquare.report.content import correlations
 from trisquare.report.layers import picture_layers
 from trisquare.report.pictures import LARGEST_SHOWN, shown_pixels
 from trisquare.report.plot_style import inline_svg, plotting
@@ -323,7 +322,7 @@ def test_a_report_of_a_tiny_camera(size):
         stage="edges",
     )
     assert Page(report_page(bare, np.zeros(size[::-1], np.float32))).tags.count("img") == 2
-    assert correlations(bare) == []
+    assert not ts.diagnose(bare)
 
 
 def turned(plane):
@@ -357,7 +356,8 @@ def test_a_lens_that_reaches_nothing_is_not_undistorted(calibration):
 
 
 def test_correlations_are_those_of_the_covariance(demo):
-    matrix = np.array(correlations(demo))
+    found = ts.diagnose(demo)
+    matrix = np.array([[found[a].correlation.get(b, 1.0) for b in found] for a in found])
     spread = np.sqrt(np.diag(demo.covariance))
     np.testing.assert_allclose(matrix * np.outer(spread, spread), demo.covariance, rtol=1e-12)
 

@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 
 from trisquare._core import __version__
-from trisquare._support.arrays import FloatArray
 from trisquare._support.number_text import with_its_std
 from trisquare._support.rotations import tilt_degrees
 from trisquare.analysis.comparison import two_digits
@@ -38,15 +37,6 @@ def parameter_texts(calibration: Calibration) -> Iterator[tuple[str, str, str]]:
             yield name, *with_its_std(value, calibration.std[name])
         elif value != 0 or name in ("fx", "fy", "cx", "cy"):
             yield name, f"{value:.6g}", "held"
-
-
-def correlations(calibration: Calibration) -> list[list[float]]:
-    """Return the correlation matrix of the free parameters; zero where one has no spread."""
-    spread = np.sqrt(np.maximum(np.diag(calibration.covariance), 0.0))
-    scale = np.divide(1.0, spread, out=np.zeros_like(spread), where=spread > 0.0)
-    matrix: FloatArray = np.clip(calibration.covariance * np.outer(scale, scale), -1.0, 1.0)
-    rows: list[list[float]] = matrix.tolist()
-    return rows
 
 
 def plane_texts(plane: Plane) -> tuple[str, str, str, str]:

@@ -81,7 +81,6 @@ def page_of(
         parameters=list(content.parameter_texts(calibration)),
         meanings=content.MEANINGS,
         diagnosis=diagnose(calibration),
-        correlations=content.correlations(calibration),
         settings=content.settings(calibration),
         plane_texts=content.plane_texts,
         names=names,
