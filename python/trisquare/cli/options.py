@@ -26,9 +26,9 @@ def option(default: Any, metavar: str, text: str, *names: str, offer: Iterable[s
     return typer.Option(default, *names, metavar=metavar, help=text, autocompletion=offered)
 
 
-def flag(text: str, *names: str) -> Any:
-    """Describe an option that takes no value."""
-    return typer.Option(False, *names, help=text)
+def flag(text: str, *names: str, **more: Any) -> Any:
+    """Describe an option that takes no value; `more` is what else `typer.Option` takes."""
+    return typer.Option(False, *names, help=text, **more)
 
 
 PHOTOS = argument(..., "PHOTO", "One photograph, or several of the same camera.")
