@@ -112,11 +112,10 @@ def _framed(chart: Canvas, comparison: Comparison) -> Canvas:
     canvas[:height, :width] = chart
     shades = np.linspace(255, 0, height)[:, None].repeat(bar, axis=1)
     canvas[:height, width + bar // 2 : width + bar // 2 + bar] = _viridis(shades)
-    for step in range(BAR_STEPS + 1):
-        part = step / BAR_STEPS
+    for part in np.linspace(0, 1, BAR_STEPS + 1).tolist():
         baseline = np.clip((1 - part) * height + 0.5 * letter, 1.5 * letter, height - 0.5 * letter)
         place = np.array([width + 1.75 * bar, baseline])
-        unit = " px" if step == BAR_STEPS else ""
+        unit = " px" if part == 1 else ""
         draw_text(canvas, f"{two_digits(part * comparison.worst)}{unit}", place, TEXT_COLOUR, scale)
     for number, line in enumerate(lines):
         place = np.array([letter_width, height + 2 * letter * (number + 1)])
