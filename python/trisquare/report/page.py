@@ -43,26 +43,7 @@ def page_of(
     command: str | None,
 ) -> bytes:
     """Gather, draw and lay out; the arguments are those of `report_page`."""
-    names: dict[int, str] = {}
-    files: list[tuple[str, str]] = []
-    layers: list[PictureLayers] = []
-    if not photographs.sources:
-        indices = sorted({plane.image for plane in calibration.planes} or {0})
-        names = {index: f"picture {index}" for index in indices}
-        layers = [picture_layers(calibration, index, None) for index in indices[:MOST_PICTURES]]
-    for photograph in photographs:
-        index, path, pixels = photograph.index, photograph.path, photograph.pixels
-        size, own = picture_size(pixels), calibration.camera.image_size
-        if size != own:
-            raise ValueError(
-                f"picture {index} is {size[0]} x {size[1]}, the calibration's are {own[0]} x "
-                f"{own[1]}: is it one of them?"
-            )
-        names[index] = f"picture {index}" if path is None else os.path.basename(path)
-        files.append((names[index], "no file" if path is None else _digest(path)))
-        if len(layers) < MOST_PICTURES:
-            shown = shown_pixels(pixels, linear=calibration.tone == "linear")
-            layers.append(picture_layers(calibration, index, shown))
+    names, files, layers = _pictures(calibration, photographs)
     sides = [side for index in names for side in measured_sides(calibration, index)]
     known = calibration.projection_map()
     json = calibration.to_json().encode()
@@ -97,6 +78,33 @@ def page_of(
     )
     # A file's name may hold bytes that are no text.
     return page.encode("utf-8", "backslashreplace")
+
+
+def _pictures(
+    calibration: Calibration, photographs: Photographs
+) -> tuple[dict[int, str], list[tuple[str, str]], list[PictureLayers]]:
+    """Return the pictures' names, what tells the photographs' files, and what the first show."""
+    names: dict[int, str] = {}
+    files: list[tuple[str, str]] = []
+    layers: list[PictureLayers] = []
+    if not photographs.sources:
+        indices = sorted({plane.image for plane in calibration.planes} or {0})
+        names = {index: f"picture {index}" for index in indices}
+        layers = [picture_layers(calibration, index, None) for index in indices[:MOST_PICTURES]]
+    for photograph in photographs:
+        index, path, pixels = photograph.index, photograph.path, photograph.pixels
+        size, own = picture_size(pixels), calibration.camera.image_size
+        if size != own:
+            raise ValueError(
+                f"picture {index} is {size[0]} x {size[1]}, the calibration's are {own[0]} x "
+                f"{own[1]}: is it one of them?"
+            )
+        names[index] = f"picture {index}" if path is None else os.path.basename(path)
+        files.append((names[index], "no file" if path is None else _digest(path)))
+        if len(layers) < MOST_PICTURES:
+            shown = shown_pixels(pixels, linear=calibration.tone == "linear")
+            layers.append(picture_layers(calibration, index, shown))
+    return names, files, layers
 
 
 def _plots(
