@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import trisquare.cli.calibrate
-import trisquare.cli.pictures_drawn
 from trisquare import cli as commands
 from trisquare import errors, simulate
 from trisquare.calibration.calibrate import Calibrated
@@ -206,7 +205,7 @@ def test_a_failing_overlay_leaves_no_file(run, photo, asked, tmp_path, monkeypat
     def fail(*_, **__):
         raise errors.ImageError("gone")
 
-    monkeypatch.setattr(commands.pictures_drawn, "draw_overlay", fail)
+    monkeypatch.setattr(commands.calibrate, "draw_overlay", fail)
     camera, overlay = tmp_path / "camera.json", tmp_path / "overlay.png"
     outcome = run("calibrate", photo, "-o", camera, "--overlay", overlay)
     assert_refused(outcome, 5, tmp_path)

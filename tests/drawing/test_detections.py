@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
-from rich.console import Console
+from rich.console import Console, Group
 from scenes import parallel_squares
 
 import trisquare as ts
@@ -312,7 +312,7 @@ def test_the_tables_name_what_was_not_used():
     with_refused = replace(result, rejected=refused)
     for calibration, count in ((result, 0), (with_refused, 14)):
         console = Console(width=200, record=True, file=io.StringIO())
-        console.print(calibration_report(calibration), soft_wrap=True)
+        console.print(Group(*calibration_report(calibration)), soft_wrap=True)
         lines = [line for line in console.export_text().splitlines() if "not used" in line]
         assert len(lines) == min(count, 11)
     assert lines[0].strip() == (

@@ -21,9 +21,8 @@ from trisquare.camera.camera import camera_parameters
 from trisquare.camera.projection_uncertainty import ProjectionMap
 from trisquare.images.reading import read_image
 from trisquare.report import report_page, write_report
-from trisquare.report.content import correlations
 from trisquare.report.layers import picture_layers
-from trisquare.report.pictures import LARGEST_SHOWN, ReportedPicture, shown_pixels
+from trisquare.report.pictures import LARGEST_SHOWN, shown_pixels
 from trisquare.report.plot_style import inline_svg, plotting
 from trisquare.report.plots import residuals_by_radius, residuals_by_side, uncertainty_map
 from trisquare.report.scene_sketch import scene_sketch
@@ -160,10 +159,6 @@ def test_a_name_that_is_no_text_can_be_told(calibration, tmp_path):
     assert rb"caf\udce9.png" in report_page(calibration, photograph)
 
 
-def reported(calibration, image=0):
-    return ReportedPicture(image, "x", None, tuple(measured_sides(calibration, image)))
-
-
 def polylines(path):
     """The polylines of an SVG path."""
     return [
@@ -180,7 +175,7 @@ def bend(line):
 
 
 def test_sides_lie_on_the_samples_and_are_straight_once_undistorted(calibration, edges):
-    layers = picture_layers(calibration, reported(calibration))
+    layers = picture_layers(calibration, 0, None)
     assert len(layers.planes) == len(layers.undistorted_planes) == 3
     for plane, figure in zip(layers.planes, edges, strict=True):
         for line, samples in zip(polylines(plane.sides), figure.points, strict=True):
@@ -192,9 +187,8 @@ def test_sides_lie_on_the_samples_and_are_straight_once_undistorted(calibration,
 
 
 def test_needles_are_the_residuals_times_the_stated_exaggeration(calibration, edges):
-    picture = reported(calibration)
-    layers = picture_layers(calibration, picture)
-    residuals = np.concatenate([side.residuals for side in picture.sides])
+    layers = picture_layers(calibration, 0, None)
+    residuals = np.concatenate([side.residuals for side in measured_sides(calibration)])
     needles = np.array([n for plane in layers.planes for n in polylines(plane.needles)])
     lengths = np.hypot(*(needles[:, 1] - needles[:, 0]).T)
     np.testing.assert_allclose(lengths, layers.exaggeration * np.abs(residuals), atol=0.15)
@@ -204,7 +198,7 @@ def test_needles_are_the_residuals_times_the_stated_exaggeration(calibration, ed
 def test_many_residuals_are_thinned_and_the_page_says_so(calibration, scene):
     edges = edges_of(scene, noise=0.05, spacing=0.5)
     dense = ts.calibrate_edges(edges, calibration.camera.image_size)
-    layers = picture_layers(dense, reported(dense))
+    layers = picture_layers(dense, 0, None)
     assert layers.every > 1
     assert f"one in {layers.every} is drawn".encode() in report_page(dense)
 
@@ -328,7 +322,7 @@ def test_a_report_of_a_tiny_camera(size):
         stage="edges",
     )
     assert Page(report_page(bare, np.zeros(size[::-1], np.float32))).tags.count("img") == 2
-    assert correlations(bare) == []
+    assert not ts.diagnose(bare)
 
 
 def turned(plane):
@@ -362,7 +356,8 @@ def test_a_lens_that_reaches_nothing_is_not_undistorted(calibration):
 
 
 def test_correlations_are_those_of_the_covariance(demo):
-    matrix = np.array(correlations(demo))
+    found = ts.diagnose(demo)
+    matrix = np.array([[found[a].correlation.get(b, 1.0) for b in found] for a in found])
     spread = np.sqrt(np.diag(demo.covariance))
     np.testing.assert_allclose(matrix * np.outer(spread, spread), demo.covariance, rtol=1e-12)
 

@@ -12,6 +12,12 @@ def decimals_shown(std: float) -> int:
     return int(np.clip(1 - np.floor(np.log10(std)), 0, 12)) if std > 0 else 6
 
 
+def with_its_std(value: float, std: float) -> tuple[str, str]:
+    """Write a number and its standard deviation with the decimals that the latter deserves."""
+    decimals = decimals_shown(std)
+    return f"{value:.{decimals}f}", f"{std:.{decimals}f}"
+
+
 def listed(texts: Sequence[str], most: int | None = None) -> str:
     """Join texts as "a, b and c"; beyond the first `most` as "a, b and 5 more"."""
     shown = list(texts[:most])

@@ -18,13 +18,14 @@ import traceback
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from io import TextIOWrapper
-from typing import Annotated, Any, NoReturn
+from typing import Any, NoReturn
 
 import typer
 
 from trisquare._core import __version__
 from trisquare._support.suggestions import nearest_name
 from trisquare.cli.framework import CommandGroup, UnreadableInputError
+from trisquare.cli.options import flag
 from trisquare.errors import (
     ConvergenceError,
     DegenerateGeometryError,
@@ -184,9 +185,6 @@ def _print_version(wanted: bool) -> None:
 
 @app.callback()
 def _options(
-    version: Annotated[
-        bool,
-        typer.Option("--version", callback=_print_version, is_eager=True, help="Print version."),
-    ] = False,
+    version: bool = flag("Print version.", "--version", callback=_print_version, is_eager=True),
 ) -> None:
     pass

@@ -3,30 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.text import Text
 
 from trisquare._support.writing import write_atomically
 from trisquare.analysis.diagnosis import diagnose
 from trisquare.calibration.calibrate import calibrate_photographs
 from trisquare.camera.camera import MODELS
 from trisquare.camera.settings import AUTO, METHODS
-from trisquare.cli.console import JsonOption, QuietOption, check_printing, progress_bar
+from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.framework import command_line, reading
-from trisquare.cli.options import FixOption, completing, fixed_names
-from trisquare.cli.pictures_drawn import (
-    check_outputs,
-    debug_pictures,
-    drawn_on_failure,
-    numbered_paths,
-    overlays,
-)
+from trisquare.cli.options import FIX, JSON, PHOTOS, QUIET, fixed_names, flag, option
+from trisquare.cli.pictures_drawn import check_outputs, drawn, drawn_on_failure, numbered_paths
 from trisquare.cli.tables import calibration_report
 from trisquare.detection.kinds import TAG_SEARCHES
 from trisquare.detection.sheets.layout import parse_layout
+from trisquare.drawing.detections import draw_detections
+from trisquare.drawing.overlay import draw_overlay
 from trisquare.images.photographs import Photographs
 from trisquare.images.pixels import TONE_CURVES
 from trisquare.report import check_extra, report_page
@@ -41,127 +34,89 @@ EXAMPLES = (
 
 def calibrate_command(
     context: typer.Context,
-    photos: Annotated[
-        list[Path],
-        typer.Argument(metavar="PHOTO", help="One photograph, or several of the same camera."),
-    ],
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output", "-o", metavar="FILE", help="Write the result to this file, as JSON."
-        ),
-    ] = None,
-    json: JsonOption = False,
-    quiet: QuietOption = False,
-    overlay: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help=(
-                "Draw the measured edges and their residuals over the photograph. With several "
-                "photographs, FILE.png becomes FILE-1.png, FILE-2.png, ..."
-            ),
-        ),
-    ] = None,
-    debug_image: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help=(
-                "Draw the targets that were found and, in another colour, the rejected shapes "
-                "with the reasons; also if the calibration fails. Several photographs as for "
-                "--overlay."
-            ),
-        ),
-    ] = None,
-    report: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help=(
-                "Write a report as one HTML page, with pictures and plots, that opens offline. "
-                "Needs pip install 'trisquare[report]'."
-            ),
-        ),
-    ] = None,
-    model: Annotated[
-        str,
-        typer.Option(
-            metavar="MODEL",
-            autocompletion=completing((*MODELS, AUTO)),
-            help=(
-                "Distortion model: none, radial1, radial2, radial3, brown, or auto (chosen by "
-                "evidence)."
-            ),
-        ),
-    ] = "radial2",
-    method: Annotated[
-        str,
-        typer.Option(
-            metavar="METHOD",
-            autocompletion=completing(METHODS),
-            help=(
-                "Method: ml (maximum likelihood), or linear (the paper's three linear steps alone)."
-            ),
-        ),
-    ] = "ml",
-    fix: FixOption = None,
-    tone: Annotated[
-        str | None,
-        typer.Option(
-            metavar="TONE",
-            autocompletion=completing(TONE_CURVES),
-            help="Tone curve: auto (estimated), srgb, linear or a gamma. By default srgb for 8-bit "
-            "pictures.",
-        ),
-    ] = None,
-    targets: Annotated[
-        str,
-        typer.Option(
-            metavar="TARGETS",
-            autocompletion=completing(TAG_SEARCHES),
-            help=(
-                "Targets to search for: auto, squares, tags, aruco, apriltag, or "
-                "chessboard:9x6 (inner corners of a checkerboard)."
-            ),
-        ),
-    ] = "auto",
-    board: Annotated[
-        str | None,
-        typer.Option(
-            metavar="LAYOUT",
-            help="Sheets of markers of a known layout: charuco:10x10:0.75 (squares across and "
-            "down, marker over square), aruco:5x7:0.2 or apriltag:6x6:0.3 (gap over marker), "
-            "or FILE.json.",
-        ),
-    ] = None,
-    outline: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Measure the squares outlined in this file, and search for no others: trisquare's "
-            "JSON or labelme's, in pixels of the picture as stored, accurate to 5 px.",
-        ),
-    ] = None,
-    with_diagnosis: Annotated[
-        bool,
-        typer.Option(
-            "--diagnose", help="Show what limits each parameter, and what would improve it."
-        ),
-    ] = False,
+    photos: list[Path] = PHOTOS,
+    output: Path | None = option(
+        None, "FILE", "Write the result to this file, as JSON.", "--output", "-o"
+    ),
+    json: bool = JSON,
+    quiet: bool = QUIET,
+    overlay: Path | None = option(
+        None,
+        "FILE",
+        "Draw the measured edges and their residuals over the photograph. With several "
+        "photographs, FILE.png becomes FILE-1.png, FILE-2.png, ...",
+    ),
+    debug_image: Path | None = option(
+        None,
+        "FILE",
+        "Draw the targets that were found and, in another colour, the rejected shapes with the "
+        "reasons; also if the calibration fails. Several photographs as for --overlay.",
+    ),
+    report: Path | None = option(
+        None,
+        "FILE",
+        "Write a report as one HTML page, with pictures and plots, that opens offline. Needs pip "
+        "install 'trisquare[report]'.",
+    ),
+    model: str = option(
+        "radial2",
+        "MODEL",
+        "Distortion model: none, radial1, radial2, radial3, brown, or auto (chosen by evidence).",
+        offer=(*MODELS, AUTO),
+    ),
+    method: str = option(
+        "ml",
+        "METHOD",
+        "Method: ml (maximum likelihood), or linear (the paper's three linear steps alone).",
+        offer=METHODS,
+    ),
+    fix: list[str] | None = FIX,
+    tone: str | None = option(
+        None,
+        "TONE",
+        "Tone curve: auto (estimated), srgb, linear or a gamma. By default srgb for 8-bit "
+        "pictures.",
+        offer=TONE_CURVES,
+    ),
+    targets: str = option(
+        "auto",
+        "TARGETS",
+        "Targets to search for: auto, squares, tags, aruco, apriltag, or chessboard:9x6 (inner "
+        "corners of a checkerboard).",
+        offer=TAG_SEARCHES,
+    ),
+    board: str | None = option(
+        None,
+        "LAYOUT",
+        "Sheets of markers of a known layout: charuco:10x10:0.75 (squares across and down, marker "
+        "over square), aruco:5x7:0.2 or apriltag:6x6:0.3 (gap over marker), or FILE.json.",
+    ),
+    outline: Path | None = option(
+        None,
+        "FILE",
+        "Measure the squares outlined in this file, and search for no others: trisquare's JSON or "
+        "labelme's, in pixels of the picture as stored, accurate to 5 px.",
+    ),
+    with_diagnosis: bool = flag(
+        "Show what limits each parameter, and what would improve it.", "--diagnose"
+    ),
 ) -> None:
     """Calibrate a camera from its photographs."""
-    check_printing(json, quiet)
     if with_diagnosis and json:
         raise ValueError("--diagnose prints text and --json prints JSON: give one of them")
     overlay_paths = numbered_paths(overlay, len(photos))
     debug_images = numbered_paths(debug_image, len(photos))
-    inputs = _inputs(photos, outline, board)
-    check_outputs(inputs, output, [*overlay_paths, *debug_images], report)
+    # No board but a file has a name that might be an output's.
+    inputs = [*photos, outline, None if board is None else Path(board)]
+    check_outputs(inputs, [*overlay_paths, *debug_images], [output, report])
     if report is not None:
         check_extra()
     if board is not None:
-        targets = _targets_of_board(board, targets)
+        if targets != "auto":
+            raise ValueError("--board and --targets both name the targets: give one of them")
+        with reading():
+            parse_layout(board)
+        targets = board  # in Python they are one argument
     photographs = Photographs(photos, keep=bool(overlay or debug_image or report))
     with (
         drawn_on_failure(photographs, debug_images),
@@ -181,34 +136,17 @@ def calibrate_command(
             explain=debug_image is not None,
         )
     rejected = [*calibration.rejected, *rejected_shapes]
-    contents = debug_pictures(photographs, debug_images, calibration.planes, rejected)
-    contents |= overlays(calibration, photographs, overlay_paths)
+    contents = drawn(draw_detections, photographs, debug_images, calibration.planes, rejected)
+    contents |= drawn(draw_overlay, photographs, overlay_paths, calibration)
     if report is not None:
         contents[report] = report_page(calibration, photographs, command=command_line(context))
     if output is not None:
         contents[output] = calibration.to_json().encode()
     write_atomically(contents)
-    if json:
-        print(calibration.to_json(), end="")
-    elif not quiet:
-        Console().print(calibration_report(calibration), soft_wrap=True)
-        if with_diagnosis:
-            Console().print(Text(str(diagnose(calibration))), soft_wrap=True)
-
-
-def _inputs(photos: list[Path], outline: Path | None, board: str | None) -> list[Path]:
-    """Return all that is read, and so must not be written to; no board but a file has a name."""
-    others = (outline, None if board is None else Path(board))
-    return [*photos, *(path for path in others if path is not None)]
-
-
-def _targets_of_board(board: str, targets: str) -> str:
-    """Return the targets that a board is; in Python they are one argument."""
-    if targets != "auto":
-        raise ValueError("--board and --targets both name the targets: give one of them")
-    with reading():
-        parse_layout(board)
-    return board
+    parts = calibration_report(calibration)
+    if with_diagnosis:
+        parts.append(str(diagnose(calibration)))
+    answer(json, quiet, calibration.to_json().rstrip(), parts)
 
 
 def _tone(text: str | None) -> str | float | None:

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import json as json_text
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import typer
-from rich.console import Console, Group, RenderableType
-from rich.text import Text
 
 from trisquare._support.arrays import FloatArray
 from trisquare._support.writing import write_atomically
 from trisquare.analysis.comparison import Comparison, compare, two_digits
-from trisquare.cli.console import JsonOption, QuietOption, check_printing
+from trisquare.cli.console import answer
 from trisquare.cli.input_files import of_size, read_camera
+from trisquare.cli.options import JSON, QUIET, argument, flag, option
 from trisquare.cli.pictures_drawn import check_outputs
 from trisquare.drawing.difference_map import draw_comparison
 from trisquare.images.encoding import encode_image
@@ -31,41 +29,28 @@ EXAMPLES = (
 
 
 def compare_command(
-    first: Annotated[
-        Path,
-        typer.Argument(metavar="A", help="The first camera file, to whose pictures pixels refer."),
-    ],
-    second: Annotated[Path, typer.Argument(metavar="B", help="The second camera file.")],
-    map_file: Annotated[
-        Path | None,
-        typer.Option("--map", metavar="FILE", help="Draw the differences over the picture."),
-    ] = None,
-    rescale: Annotated[
-        bool,
-        typer.Option(
-            "--rescale", help="Scale B to the pictures of A, if only the resolution differs."
-        ),
-    ] = False,
-    json: JsonOption = False,
-    quiet: QuietOption = False,
+    first: Path = argument(..., "A", "The first camera file, to whose pictures pixels refer."),
+    second: Path = argument(..., "B", "The second camera file."),
+    map_file: Path | None = option(None, "FILE", "Draw the differences over the picture.", "--map"),
+    rescale: bool = flag(
+        "Scale B to the pictures of A, if only the resolution differs.", "--rescale"
+    ),
+    json: bool = JSON,
+    quiet: bool = QUIET,
 ) -> None:
     """Compare two cameras: how far apart they project, and whether uncertainties explain it.
 
     The rotation between the two cameras that fits best is taken out first: intrinsics cannot tell
     it from a turn of the camera.
     """
-    check_printing(json, quiet)
-    check_outputs([first, second], None, [] if map_file is None else [map_file])
+    check_outputs([first, second], [map_file])
     known = read_camera(first)
     lens = camera_of(known)
     other = of_size(read_camera(second), lens.image_size, rescale, str(first))
     comparison = compare(known, other)
     if map_file is not None:
         write_atomically({map_file: encode_image(draw_comparison(comparison), map_file)})
-    if json:
-        print(json_text.dumps(_members(comparison), indent=2, allow_nan=False))
-    elif not quiet:
-        Console().print(_report(comparison), soft_wrap=True)
+    answer(json, quiet, _members(comparison), _lines(comparison))
 
 
 def _members(comparison: Comparison) -> dict[str, Any]:
@@ -97,11 +82,8 @@ def _finite_or_none(grid: FloatArray) -> list[list[float | None]]:
     return [[value if np.isfinite(value) else None for value in row] for row in grid.tolist()]
 
 
-def _report(comparison: Comparison) -> RenderableType:
-    lines = [
-        comparison.verdict,
-        f"rotation between them: {two_digits(comparison.angle)} degrees (taken out)",
-    ]
+def _lines(comparison: Comparison) -> Iterator[str]:
+    yield comparison.verdict
+    yield f"rotation between them: {two_digits(comparison.angle)} degrees (taken out)"
     if comparison.coverage < 1:
-        lines.append(f"compared over {100 * comparison.coverage:.0f} % of the picture")
-    return Group(*(Text(line) for line in lines))
+        yield f"compared over {100 * comparison.coverage:.0f} % of the picture"

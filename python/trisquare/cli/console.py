@@ -2,33 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import json as json_text
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Annotated, TypeAlias
+from typing import Any
 
-import typer
-from rich.console import Console
+from rich import box
+from rich.console import Console, RenderableType
 from rich.progress import Progress
-
-JsonOption: TypeAlias = Annotated[
-    bool, typer.Option("--json", help="Print JSON instead of text, and nothing else.")
-]
-
-QuietOption: TypeAlias = Annotated[
-    bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")
-]
+from rich.table import Table
+from rich.text import Text
 
 
-def check_printing(json: bool, quiet: bool) -> None:
-    """Refuse to print and to be quiet at once.
+def answer(
+    json: bool, quiet: bool, members: Mapping[str, Any] | str, parts: Iterable[RenderableType]
+) -> None:
+    """Print what a command has done, as ``--json`` and ``--quiet`` want it.
 
-    Raises
-    ------
-    ValueError
-        If both are asked for.
+    `members` may be JSON already; of the `parts` of the text, a string is printed as it is.
     """
-    if json and quiet:
-        raise ValueError("--json prints, and --quiet does not: give one of them")
+    if json:
+        if not isinstance(members, str):
+            members = json_text.dumps(members, indent=2, allow_nan=False)
+        print(members)
+    elif not quiet:
+        console = Console()
+        for part in parts:
+            console.print(Text(part) if isinstance(part, str) else part, soft_wrap=True)
+
+
+def new_table(*left: str, right: Sequence[str]) -> Table:
+    """Make a table of columns with these headings, on the left texts and on the right numbers."""
+    table = Table(*left, box=box.SIMPLE_HEAD)
+    for heading in right:
+        table.add_column(heading, justify="right")
+    return table
 
 
 @contextmanager

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from importlib import import_module
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -51,18 +49,32 @@ EXIT_CODES_HELP = """\
 5  a picture or a file is missing or cannot be read"""
 
 
-class HelpfulCommand(TyperCommand):
-    """A command whose help ends with examples and exit codes."""
+class HelpEndingWithExamples:
+    """What a command's help and that of `trisquare` itself end with: examples and exit codes."""
 
     examples: tuple[str, ...] = ()
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help; what the formatter holds comes after what Typer prints by itself."""
-        super().format_help(ctx, formatter)
-        _write_ending(formatter, self.examples)
+        super().format_help(ctx, formatter)  # type: ignore[misc]  # the command class comes next
+        endings = ("Examples", self.examples), ("Exit codes", EXIT_CODES_HELP.splitlines())
+        for heading, lines in endings:
+            formatter.write(f" {heading}:\n")
+            formatter.write("".join(f"   {line}\n" for line in lines))
+            formatter.write("\n")
 
 
-class CommandGroup(TyperGroup):
+class HelpfulCommand(HelpEndingWithExamples, TyperCommand):
+    """A command that prints JSON, text or nothing."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command, but refuse to print and to be quiet at once."""
+        if ctx.params["json"] and ctx.params["quiet"]:
+            raise ValueError("--json prints, and --quiet does not: give one of them")
+        return super().invoke(ctx)
+
+
+class CommandGroup(HelpEndingWithExamples, TyperGroup):
     """`trisquare` itself: knows all commands by name and summary, and loads those that run."""
 
     examples = (
@@ -87,11 +99,6 @@ class CommandGroup(TyperGroup):
             self.commands[name] = load_command(name)
         return super().resolve_command(ctx, args)
 
-    def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Write the help; what the formatter holds comes after what Typer prints by itself."""
-        super().format_help(ctx, formatter)
-        _write_ending(formatter, self.examples)
-
 
 def load_command(name: str) -> HelpfulCommand:
     """Import a command of `SUMMARIES`."""
@@ -107,13 +114,6 @@ def load_command(name: str) -> HelpfulCommand:
     return command
 
 
-def _write_ending(formatter: Any, examples: tuple[str, ...]) -> None:
-    for heading, lines in (("Examples", examples), ("Exit codes", EXIT_CODES_HELP.splitlines())):
-        formatter.write(f" {heading}:\n")
-        formatter.write("".join(f"   {line}\n" for line in lines))
-        formatter.write("\n")
-
-
 def command_line(context: typer.Context) -> str:
     """Return a command line, quoted for a shell, that does the same again.
 
@@ -124,7 +124,7 @@ def command_line(context: typer.Context) -> str:
     arguments: list[str] = []
     for parameter in context.command.params:
         value = context.params.get(parameter.name or "")
-        texts = _texts(value)
+        texts = [str(one) for one in (value if isinstance(value, list | tuple) else [value])]
         if parameter.param_type_name == "argument":
             arguments += texts
         elif value != parameter.get_default(context) and value is not False and value is not None:
@@ -132,11 +132,6 @@ def command_line(context: typer.Context) -> str:
             name = max(parameter.opts, key=len)
             options += [name] if value is True else [w for text in texts for w in (name, text)]
     return shlex.join([*context.command_path.split(), *options, *arguments])
-
-
-def _texts(value: Any) -> list[str]:
-    values = value if isinstance(value, list | tuple) else [value]
-    return [os.fspath(v) if isinstance(v, Path) else str(v) for v in values]
 
 
 class UnreadableInputError(Exception):

@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
-import json as json_text
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import typer
-from rich.console import Console
-from rich.text import Text
 
 from trisquare._support.arrays import FloatArray
-from trisquare._support.number_text import decimals_shown
+from trisquare._support.number_text import with_its_std
 from trisquare._support.suggestions import unknown
 from trisquare._support.writing import write_atomically
 from trisquare.analysis.measure import CLICKED_STD, Measurement, measure
-from trisquare.analysis.rectify import TopView
 from trisquare.analysis.rectify import rectify as rectified
 from trisquare.calibration.locate import locate
-from trisquare.cli.console import JsonOption, QuietOption, check_printing, progress_bar
+from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.framework import reading
 from trisquare.cli.input_files import of_size, read_camera
-from trisquare.cli.options import completing
+from trisquare.cli.options import JSON, QUIET, argument, flag, option
 from trisquare.cli.pictures_drawn import check_outputs
 from trisquare.detection.kinds import TAG_SEARCHES
 from trisquare.images.encoding import encode_image
@@ -47,88 +42,52 @@ LENGTH = re.compile(r"([0-9.eE+-]+)\s*([A-Za-z]*)")
 
 
 def measure_command(
-    photo: Annotated[
-        Path, typer.Argument(metavar="PHOTO", help="The photograph that shows the square.")
-    ],
-    points: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="[X,Y]...",
-            help="Pixels on the square's plane: two for a length, three for an angle, in order "
-            "round a polygon for its area.",
-        ),
-    ] = None,
-    camera: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help=(
-                "The camera that took it: a calibration's JSON, or any format that convert "
-                "reads (then taken as exact)."
-            ),
-        ),
-    ] = None,
-    plane: Annotated[
-        int,
-        typer.Option(metavar="N", help="Which of the photograph's planes; the first is 0."),
-    ] = 0,
-    side: Annotated[
-        str,
-        typer.Option(
-            metavar="LENGTH",
-            help=(
-                "Side of the square (on a board: of a cell), such as 50mm; units "
-                f"{', '.join(UNITS)}."
-            ),
-        ),
-    ] = "1",
-    point_std: Annotated[
-        float,
-        typer.Option(metavar="PX", help="Standard deviation of the given pixels."),
-    ] = CLICKED_STD,
-    rectify: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Draw the plane from straight above, to scale."),
-    ] = None,
-    resolution: Annotated[
-        float | None,
-        typer.Option(metavar="PX", help="Pixels per unit of length in the view from above."),
-    ] = None,
-    rescale: Annotated[
-        bool,
-        typer.Option(
-            "--rescale", help="Scale the camera to the photograph, if only the resolution differs."
-        ),
-    ] = False,
-    targets: Annotated[
-        str,
-        typer.Option(
-            metavar="WHAT",
-            autocompletion=completing(TAG_SEARCHES),
-            help="Targets to search for, as in calibrate.",
-        ),
-    ] = "auto",
-    outline: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Outlines drawn by hand, as in calibrate."),
-    ] = None,
-    json: JsonOption = False,
-    quiet: QuietOption = False,
+    photo: Path = argument(..., "PHOTO", "The photograph that shows the square."),
+    points: list[str] | None = argument(
+        None,
+        "[X,Y]...",
+        "Pixels on the square's plane: two for a length, three for an angle, in order round a "
+        "polygon for its area.",
+    ),
+    camera: Path | None = option(
+        None,
+        "FILE",
+        "The camera that took it: a calibration's JSON, or any format that convert reads (then "
+        "taken as exact).",
+    ),
+    plane: int = option(0, "N", "Which of the photograph's planes; the first is 0."),
+    side: str = option(
+        "1",
+        "LENGTH",
+        f"Side of the square (on a board: of a cell), such as 50mm; units {', '.join(UNITS)}.",
+    ),
+    point_std: float = option(CLICKED_STD, "PX", "Standard deviation of the given pixels."),
+    rectify: Path | None = option(None, "FILE", "Draw the plane from straight above, to scale."),
+    resolution: float | None = option(
+        None, "PX", "Pixels per unit of length in the view from above."
+    ),
+    rescale: bool = flag(
+        "Scale the camera to the photograph, if only the resolution differs.", "--rescale"
+    ),
+    targets: str = option(
+        "auto", "WHAT", "Targets to search for, as in calibrate.", offer=TAG_SEARCHES
+    ),
+    outline: Path | None = option(None, "FILE", "Outlines drawn by hand, as in calibrate."),
+    json: bool = JSON,
+    quiet: bool = QUIET,
 ) -> None:
     """Measure lengths, angles and areas on the plane of a square.
 
     The square is found in the photograph again, before the camera that is given; all that is
     uncertain about the pixels, its pose and the camera is in the standard deviations.
     """
-    check_printing(json, quiet)
     if camera is None:
         raise ValueError("say which camera took the photograph: --camera camera.json")
     pixels = _pixels(points or [])
     if len(pixels) == 1 or (not len(pixels) and rectify is None):
         raise ValueError("give two points or more, as X,Y; or --rectify FILE")
     length = _Length.parse(side)
-    inputs = [photo, camera, *([] if outline is None else [outline])]
-    check_outputs(inputs, None, [] if rectify is None else [rectify])
+    check_outputs([photo, camera, outline], [rectify])
     known = read_camera(camera)
     picture = read_image(photo)
     known = of_size(known, picture_size(picture), rescale, str(photo))
@@ -136,22 +95,33 @@ def measure_command(
     with progress_bar("measuring", quiet), reading():
         planes = locate(picture, known, targets=targets, outlines=outline)
     chosen = _chosen(planes, plane)
-    measured = None
+    x, y = chosen.corners.mean(axis=0)
+    lines = [f"on plane {plane}, a {chosen.kind} around ({x:.0f}, {y:.0f})"]
+    members: dict[str, Any] = {
+        "format": MEASUREMENT_FORMAT,
+        "plane": plane,
+        "kind": chosen.kind,
+        "corners": chosen.corners.tolist(),
+        "side": length.value,
+        "unit": length.unit,
+    }
     if len(pixels):
         measured = measure(chosen, pixels, known, side=length.value, point_std=point_std)
-    view = None
+        lines += _lines(measured, length)
+        members |= _members(measured)
     if rectify is not None:
         scale = None if resolution is None else resolution * length.value
         view = rectified(picture, chosen, lens, resolution=scale)
         write_atomically({rectify: encode_image(view.image, rectify)})
-    if json:
-        members = _members(chosen, plane, length, measured, view)
-        print(json_text.dumps(members, indent=2, allow_nan=False))
-    elif not quiet:
-        for line in _lines(chosen, plane, length, measured, view):
-            Console().print(Text(line), soft_wrap=True)
-        if rectify is not None:
-            Console().print(Text(f"wrote {rectify}"), soft_wrap=True)
+        resolution = view.resolution / length.value
+        unit = length.unit or ("side" if length.value == 1 else "unit")
+        lines += [f"from above: {resolution:.6g} px to a {unit}", f"wrote {rectify}"]
+        members["rectified"] = {
+            "image_size": list(view.image.shape[1::-1]),
+            "origin": [length.value * value for value in view.origin],
+            "resolution": resolution,
+        }
+    answer(json, quiet, members, lines)
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,55 +170,27 @@ def _chosen(planes: Sequence[Plane], index: int) -> Plane:
     return planes[index]
 
 
-def _members(
-    plane: Plane, index: int, length: _Length, measured: Measurement | None, view: TopView | None
-) -> dict[str, Any]:
-    members: dict[str, Any] = {
-        "format": MEASUREMENT_FORMAT,
-        "plane": index,
-        "kind": plane.kind,
-        "corners": plane.corners.tolist(),
-        "side": length.value,
-        "unit": length.unit,
+def _members(measured: Measurement) -> dict[str, Any]:
+    return {
+        "points": measured.points.tolist(),
+        "covariance": measured.covariance.tolist(),
+        "lengths": measured.lengths.tolist(),
+        "lengths_std": measured.lengths_std.tolist(),
+        "angles": measured.angles.tolist(),
+        "angles_std": measured.angles_std.tolist(),
+        "area": measured.area,
+        "area_std": measured.area_std,
     }
-    if measured is not None:
-        members |= {
-            "points": measured.points.tolist(),
-            "covariance": measured.covariance.tolist(),
-            "lengths": measured.lengths.tolist(),
-            "lengths_std": measured.lengths_std.tolist(),
-            "angles": measured.angles.tolist(),
-            "angles_std": measured.angles_std.tolist(),
-            "area": measured.area,
-            "area_std": measured.area_std,
-        }
-    if view is not None:
-        members["rectified"] = {
-            "image_size": list(view.image.shape[1::-1]),
-            "origin": [length.value * value for value in view.origin],
-            "resolution": view.resolution / length.value,
-        }
-    return members
 
 
-def _lines(
-    plane: Plane, index: int, length: _Length, measured: Measurement | None, view: TopView | None
-) -> Iterator[str]:
-    x, y = plane.corners.mean(axis=0)
-    yield f"on plane {index}, a {plane.kind} around ({x:.0f}, {y:.0f})"
-    if measured is not None:
-        for i, (value, std) in enumerate(zip(measured.lengths, measured.lengths_std, strict=True)):
-            yield f"length {i + 1} to {i + 2}: {length.after(_with_std(value, std))}"
-        for i, (value, std) in enumerate(zip(measured.angles, measured.angles_std, strict=True)):
-            yield f"angle at {i + 2}: {_with_std(value, std)} degrees"
-        if measured.area is not None and measured.area_std is not None:
-            yield f"area: {length.after(_with_std(measured.area, measured.area_std), '^2')}"
-    if view is not None:
-        resolution = view.resolution / length.value
-        unit = length.unit or ("side" if length.value == 1 else "unit")
-        yield f"from above: {resolution:.6g} px to a {unit}"
+def _lines(measured: Measurement, length: _Length) -> Iterator[str]:
+    for i, (value, std) in enumerate(zip(measured.lengths, measured.lengths_std, strict=True)):
+        yield f"length {i + 1} to {i + 2}: {length.after(_with_std(value, std))}"
+    for i, (value, std) in enumerate(zip(measured.angles, measured.angles_std, strict=True)):
+        yield f"angle at {i + 2}: {_with_std(value, std)} degrees"
+    if measured.area is not None and measured.area_std is not None:
+        yield f"area: {length.after(_with_std(measured.area, measured.area_std), '^2')}"
 
 
 def _with_std(value: float, std: float) -> str:
-    decimals = decimals_shown(std)
-    return f"{value:.{decimals}f} +- {std:.{decimals}f}"
+    return " +- ".join(with_its_std(value, std))

@@ -1,9 +1,9 @@
-"""What the shell offers for an option's value."""
+"""How the commands describe their arguments and options, and read the values of some."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from typing import Annotated, TypeAlias
+from collections.abc import Iterable
+from typing import Any
 
 import typer
 
@@ -11,14 +11,35 @@ from trisquare._support.arrays import size_of_image
 from trisquare.camera.settings import FIXABLE
 
 
-def completing(names: Iterable[str]) -> Callable[[str], list[str]]:
-    """Return what tells the shell which of these names go on from what is typed already."""
-    known = tuple(names)
+def argument(default: Any, metavar: str, text: str) -> Any:
+    """Describe an argument, as the default of the parameter that takes it; ``...`` for none."""
+    return typer.Argument(default, metavar=metavar, help=text)
 
-    def names_from(incomplete: str) -> list[str]:
-        return [name for name in known if name.startswith(incomplete)]
 
-    return names_from
+def option(default: Any, metavar: str, text: str, *names: str, offer: Iterable[str] = ()) -> Any:
+    """Describe an option likewise; the shell offers the values `offer`."""
+    known = tuple(offer)
+
+    def offered(incomplete: str) -> list[str]:
+        return [value for value in known if value.startswith(incomplete)]
+
+    return typer.Option(default, *names, metavar=metavar, help=text, autocompletion=offered)
+
+
+def flag(text: str, *names: str, **more: Any) -> Any:
+    """Describe an option that takes no value; `more` is what else `typer.Option` takes."""
+    return typer.Option(False, *names, help=text, **more)
+
+
+PHOTOS = argument(..., "PHOTO", "One photograph, or several of the same camera.")
+JSON = flag("Print JSON instead of text, and nothing else.", "--json")
+QUIET = flag("Print nothing but errors.", "--quiet", "-q")
+FIX = option(
+    None,
+    "WHAT",
+    "Hold aspect, principal_point, focal or distortion; repeatable, or with commas.",
+    offer=FIXABLE,
+)
 
 
 def parse_size(text: str) -> tuple[int, int]:
@@ -34,16 +55,6 @@ def parse_size(text: str) -> tuple[int, int]:
     except ValueError as error:
         raise ValueError(f"a size is written 1280x960, not {text!r}") from error
     return size_of_image((width, height))
-
-
-FixOption: TypeAlias = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="WHAT",
-        autocompletion=completing(FIXABLE),
-        help="Hold aspect, principal_point, focal or distortion; repeatable, or with commas.",
-    ),
-]
 
 
 def fixed_names(fix: Iterable[str] | None) -> tuple[str, ...]:

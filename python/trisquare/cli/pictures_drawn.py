@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from trisquare._support.writing import PathLike, check_writable, write_atomically
 from trisquare.drawing.detections import draw_detections
-from trisquare.drawing.overlay import draw_overlay
 from trisquare.errors import ImageError, TrisquareError
 from trisquare.images.encoding import check_picture_name, encode_image
 from trisquare.images.photographs import Photographs
-from trisquare.results.calibration import Calibration
-from trisquare.results.partial_detection import PartialDetection
-from trisquare.results.plane import Plane
-from trisquare.results.rejected import Rejected
+from trisquare.images.pixels import Image
 
 
 def numbered_paths(path: Path | None, photos: int) -> list[Path]:
@@ -29,14 +26,14 @@ def numbered_paths(path: Path | None, photos: int) -> list[Path]:
 
 
 def check_outputs(
-    inputs: Sequence[Path],
-    output: Path | None,
-    drawings: Sequence[Path],
-    report: Path | None = None,
+    inputs: Iterable[Path | None],
+    pictures: Iterable[Path | None],
+    others: Iterable[Path | None] = (),
 ) -> None:
-    """Refuse outputs that cannot be written before anything is computed."""
-    taken = {os.path.realpath(path) for path in inputs}
-    for path in (*drawings, *(path for path in (output, report) if path is not None)):
+    """Refuse outputs that cannot be written before anything is computed; None is no file."""
+    taken = {os.path.realpath(path) for path in inputs if path is not None}
+    drawings = [path for path in pictures if path is not None]
+    for path in (*drawings, *(path for path in others if path is not None)):
         check_writable(path)
         if os.path.realpath(path) in taken:
             raise ValueError(f"{path}: would overwrite an input or another output")
@@ -45,14 +42,12 @@ def check_outputs(
         check_picture_name(path)
 
 
-def overlays(
-    calibration: Calibration, photographs: Photographs, paths: Sequence[Path]
+def drawn(
+    draw: Callable[..., Image], photographs: Photographs, paths: Sequence[Path], *what: Any
 ) -> dict[PathLike, bytes]:
-    """Draw the calibration over each photograph that a path is given for."""
+    """Draw `what` over each photograph that a path is given for."""
     return {
-        path: encode_image(
-            draw_overlay(photograph.pixels, calibration, index=photograph.index), path
-        )
+        path: encode_image(draw(photograph.pixels, *what, index=photograph.index), path)
         for path, photograph in zip(paths, photographs, strict=False)
     }
 
@@ -65,20 +60,5 @@ def drawn_on_failure(photographs: Photographs, paths: Sequence[Path]) -> Iterato
     except ImageError:
         raise  # there was no picture to search
     except TrisquareError as error:
-        write_atomically(debug_pictures(photographs, paths, error.found, error.rejected))
+        write_atomically(drawn(draw_detections, photographs, paths, error.found, error.rejected))
         raise
-
-
-def debug_pictures(
-    photographs: Photographs,
-    paths: Sequence[Path],
-    found: Sequence[Plane | PartialDetection],
-    rejected: Sequence[Rejected],
-) -> dict[PathLike, bytes]:
-    """Draw what was found in each photograph that a path is given for."""
-    return {
-        path: encode_image(
-            draw_detections(photograph.pixels, found, rejected, index=photograph.index), path
-        )
-        for path, photograph in zip(paths, photographs, strict=False)
-    }

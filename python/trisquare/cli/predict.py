@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-import json as json_text
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-import typer
-from rich import box
-from rich.console import Console, Group, RenderableType
-from rich.table import Table
-from rich.text import Text
+from rich.console import RenderableType
 
 from trisquare._support.json_members import JsonFields
 from trisquare._support.number_text import decimals_shown
@@ -20,10 +14,10 @@ from trisquare._support.rotations import tilt_degrees
 from trisquare.analysis.plan import PlannedSquare
 from trisquare.analysis.predict import Prediction, predict
 from trisquare.camera.camera import MODELS, Camera, camera_parameters
-from trisquare.cli.console import JsonOption, QuietOption, check_printing
+from trisquare.cli.console import answer, new_table
 from trisquare.cli.framework import reading
 from trisquare.cli.input_files import camera_alone
-from trisquare.cli.options import FixOption, completing, fixed_names, parse_size
+from trisquare.cli.options import FIX, JSON, QUIET, argument, fixed_names, option, parse_size
 
 PLAN_FORMAT = "trisquare-plan/1"
 PREDICTION_FORMAT = "trisquare-prediction/1"
@@ -41,78 +35,43 @@ SQUARE_FIELDS = ("centre x", "centre y", "side", "tilt", "direction", "spin")
 
 
 def predict_command(
-    plan: Annotated[
-        Path | None,
-        typer.Argument(metavar="[PLAN]", help="A plan as JSON; options override it."),
-    ] = None,
-    size: Annotated[
-        str | None,
-        typer.Option(metavar="WxH", help="Size of the picture in pixels, such as 1280x960."),
-    ] = None,
-    focal: Annotated[
-        float | None,
-        typer.Option(metavar="PX", help="Guess of the focal length; by default the width."),
-    ] = None,
-    camera: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="A camera, as convert reads it, instead of --size and --focal."
-        ),
-    ] = None,
-    square: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="X,Y,SIDE,TILT,DIRECTION[,SPIN]",
-            help="A square: its centre and side in pixels, or in % of the picture's width, height "
-            "and height; its tilt, the direction of the axis it is tilted about, and its spin in "
-            "degrees. Repeatable; by default three good ones.",
-        ),
-    ] = None,
-    frame: Annotated[
-        float | None,
-        typer.Option(
-            metavar="PART", help="Make all squares frames, with a hole of this part of their side."
-        ),
-    ] = None,
-    sigma: Annotated[
-        float,
-        typer.Option(metavar="PX", help="Standard deviation of an edge sample, pixels."),
-    ] = 0.02,
-    spacing: Annotated[
-        float, typer.Option(metavar="PX", help="Edge length per sample, pixels.")
-    ] = 1.0,
-    model: Annotated[
-        str | None,
-        typer.Option(
-            metavar="MODEL",
-            autocompletion=completing(MODELS),
-            help="Distortion model: none, radial1, radial2, radial3 or brown.",
-        ),
-    ] = None,
-    fix: FixOption = None,
-    json: JsonOption = False,
-    quiet: QuietOption = False,
+    plan: Path | None = argument(None, "[PLAN]", "A plan as JSON; options override it."),
+    size: str | None = option(None, "WxH", "Size of the picture in pixels, such as 1280x960."),
+    focal: float | None = option(None, "PX", "Guess of the focal length; by default the width."),
+    camera: Path | None = option(
+        None, "FILE", "A camera, as convert reads it, instead of --size and --focal."
+    ),
+    square: list[str] | None = option(
+        None,
+        "X,Y,SIDE,TILT,DIRECTION[,SPIN]",
+        "A square: its centre and side in pixels, or in % of the picture's width, height and "
+        "height; its tilt, the direction of the axis it is tilted about, and its spin in degrees. "
+        "Repeatable; by default three good ones.",
+    ),
+    frame: float | None = option(
+        None, "PART", "Make all squares frames, with a hole of this part of their side."
+    ),
+    sigma: float = option(0.02, "PX", "Standard deviation of an edge sample, pixels."),
+    spacing: float = option(1.0, "PX", "Edge length per sample, pixels."),
+    model: str | None = option(
+        None,
+        "MODEL",
+        "Distortion model: none, radial1, radial2, radial3 or brown.",
+        offer=MODELS,
+    ),
+    fix: list[str] | None = FIX,
+    json: bool = JSON,
+    quiet: bool = QUIET,
 ) -> None:
     """Predict the standard deviations that a planned photograph will have."""
-    check_printing(json, quiet)
     written = None if plan is None else _written(plan)
     guess = _camera(written, size, focal, camera)
     if square or written is None:
         planned = [_square(text, guess, frame) for text in square or DEFAULT_SQUARES]
     else:
         planned = [_planned(members, guess, frame) for members in written.objects("squares")]
-    prediction = predict(
-        guess,
-        planned,
-        sigma,
-        spacing=spacing,
-        model=model,
-        fix=fixed_names(fix),
-    )
-    if json:
-        print(json_text.dumps(_members(prediction, planned), indent=2, allow_nan=False))
-    elif not quiet:
-        Console().print(_report(prediction, planned), soft_wrap=True)
+    prediction = predict(guess, planned, sigma, spacing=spacing, model=model, fix=fixed_names(fix))
+    answer(json, quiet, _members(prediction, planned), _report(prediction, planned))
 
 
 def _written(plan: Path) -> JsonFields:
@@ -202,18 +161,15 @@ def _members(prediction: Prediction, planned: list[PlannedSquare]) -> dict[str, 
     }
 
 
-def _report(prediction: Prediction, planned: list[PlannedSquare]) -> RenderableType:
-    table = Table("parameter", box=box.SIMPLE_HEAD)
-    for heading in ("assumed", "predicted std"):
-        table.add_column(heading, justify="right")
+def _report(prediction: Prediction, planned: list[PlannedSquare]) -> list[RenderableType]:
+    table = new_table("parameter", right=("assumed", "predicted std"))
     values = camera_parameters(prediction.camera)
     for name, std in prediction.std.items():
-        decimals = decimals_shown(std)
-        table.add_row(name, f"{values[name]:.6g}", f"{std:.{decimals}f}")
+        table.add_row(name, f"{values[name]:.6g}", f"{std:.{decimals_shown(std)}f}")
     width, height = prediction.camera.image_size
     tilts = ", ".join(f"{tilt_degrees(square.rotation):.0f}" for square in planned)
-    summary = Text(
+    summary = (
         f"{width} x {height}, {len(planned)} squares tilted by {tilts} degrees, "
         f"edges known to {prediction.sigma:g} px every {prediction.spacing:g} px"
     )
-    return Group(table, summary)
+    return [table, summary]

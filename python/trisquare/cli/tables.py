@@ -1,18 +1,14 @@
-"""Results as tables for the terminal; only the `trisquare` command needs rich."""
+"""A calibration as tables for the terminal."""
 
 from __future__ import annotations
 
-from pathlib import Path
-
-import numpy as np
-from rich import box
-from rich.console import Group, RenderableType
-from rich.table import Table
+from rich.console import RenderableType
 from rich.text import Text
 
-from trisquare._support.number_text import decimals_shown
-from trisquare._support.rotations import tilt_degrees
+from trisquare._support.number_text import decimals_shown, with_its_std
 from trisquare.camera.camera import Camera, camera_parameters
+from trisquare.cli.console import new_table
+from trisquare.report.content import log_odds, parameter_texts, plane_texts
 from trisquare.results.calibration import Calibration
 from trisquare.results.rejected import is_reported
 
@@ -20,80 +16,42 @@ MOST_REJECTED = 10
 """Lines on candidates that were not used: the results are to be read first."""
 
 
-def calibration_report(calibration: Calibration) -> RenderableType:
+def calibration_report(calibration: Calibration) -> list[RenderableType]:
     """Lay out the parameters, the planes and the warnings."""
-    return Group(
-        _parameter_table(calibration),
-        _plane_table(calibration),
-        _summary(calibration),
-        *_rejected(calibration),
-        *_warnings(calibration),
+    parameters = new_table("parameter", right=("value", "std"))
+    for texts in parameter_texts(calibration):
+        parameters.add_row(*texts)
+    planes = new_table(
+        "plane", "kind", right=("image", "distance", "tilt deg", "rms px", "samples")
     )
+    for number, plane in enumerate(calibration.planes):
+        planes.add_row(str(number), Text(plane.kind), str(plane.image), *plane_texts(plane))
+    rejected, warnings = _rejected(calibration), _warnings(calibration)
+    return [parameters, planes, _summary(calibration), *rejected, *warnings]
 
 
-def comparison_report(
-    calibration: Calibration, truth: Camera, written: tuple[Path, ...]
-) -> RenderableType:
-    """Lay out the estimate beside the truth, and say what was written."""
-    table = Table("parameter", box=box.SIMPLE_HEAD)
-    for heading in ("estimate", "std", "truth", "error", "error / std"):
-        table.add_column(heading, justify="right")
+def comparison_report(calibration: Calibration, truth: Camera) -> list[RenderableType]:
+    """Lay out the estimate beside the truth."""
+    table = new_table("parameter", right=("estimate", "std", "truth", "error", "error / std"))
     true_values = camera_parameters(truth)
     for name, value in camera_parameters(calibration.camera).items():
-        if name not in calibration.std:
-            continue
-        std, error = calibration.std[name], value - true_values[name]
-        decimals = decimals_shown(std)
-        table.add_row(
-            name,
-            f"{value:.{decimals}f}",
-            f"{std:.{decimals}f}",
-            f"{true_values[name]:.{decimals}f}",
-            f"{error:+.{decimals}f}",
-            f"{error / std:+.1f}" if std > 0 else "",
-        )
-    files = Text("wrote " + " and ".join(str(path) for path in written))
-    return Group(table, _summary(calibration), *_warnings(calibration), files)
-
-
-def _parameter_table(calibration: Calibration) -> Table:
-    table = Table("parameter", box=box.SIMPLE_HEAD)
-    for heading in ("value", "std"):
-        table.add_column(heading, justify="right")
-    for name, value in camera_parameters(calibration.camera).items():
         if name in calibration.std:
-            decimals = decimals_shown(calibration.std[name])
-            std = f"{calibration.std[name]:.{decimals}f}"
-            table.add_row(name, f"{value:.{decimals}f}", std)
-        elif value != 0 or name in ("fx", "fy", "cx", "cy"):
-            table.add_row(name, f"{value:.6g}", "held")
-    return table
-
-
-def _plane_table(calibration: Calibration) -> Table:
-    table = Table("plane", "kind", box=box.SIMPLE_HEAD)
-    for heading in ("image", "distance", "tilt deg", "rms px", "samples"):
-        table.add_column(heading, justify="right")
-    for number, plane in enumerate(calibration.planes):
-        tilt = tilt_degrees(plane.rotation)
-        table.add_row(
-            str(number),
-            Text(plane.kind),
-            str(plane.image),
-            f"{np.linalg.norm(plane.translation):.3f}",
-            f"{tilt:.1f}",
-            f"{plane.rms:.4f}",
-            str(plane.samples),
-        )
-    return table
+            std, true = calibration.std[name], true_values[name]
+            error, decimals = value - true, decimals_shown(std)
+            table.add_row(
+                name,
+                *with_its_std(value, std),
+                f"{true:.{decimals}f}",
+                f"{error:+.{decimals}f}",
+                f"{error / std:+.1f}" if std > 0 else "",
+            )
+    return [table, _summary(calibration), *_warnings(calibration)]
 
 
 def _summary(calibration: Calibration) -> Text:
     width, height = calibration.camera.image_size
-    rejected = ", ".join(
-        f"{other.model} {other.log_evidence:.1f}" for other in calibration.alternatives
-    )
-    evidence = f" (by evidence; log odds of the others: {rejected})" if rejected else ""
+    others = log_odds(calibration)
+    evidence = f" (by evidence; log odds of the others: {others})" if others else ""
     return Text(
         f"{width} x {height}, model {calibration.camera.model}{evidence}, "
         f"method {calibration.method} ({calibration.stage}): rms {calibration.rms:.4f} px, "

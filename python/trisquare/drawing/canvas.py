@@ -110,15 +110,22 @@ def draw_legend(
     ]
     left, top = corners[int(np.argmin(covered))]
     box = (left, top, left + legend_width, top + legend_height)
-    darken(canvas, box)
-    for number, (text, colour) in enumerate(entries):
-        baseline = top + margin + (number + 0.75) * line_height
-        draw_text(canvas, text, np.array([left + margin, baseline]), colour, scale)
+    write_lines(canvas, box, entries, line_height, (margin, margin), scale)
     return box
 
 
-def darken(canvas: Canvas, box: Box) -> None:
-    """Make a ground for text."""
+def write_lines(
+    canvas: Canvas,
+    box: Box,
+    entries: Sequence[tuple[str, Colour]],
+    line_height: float,
+    margins: tuple[float, float],
+    scale: float,
+) -> None:
+    """Write lines of text on a darkened ground, so far from its left and upper border."""
     left, top, right, bottom = (max(round(value), 0) for value in box)
     ground = canvas[top:bottom, left:right]
     ground[:] = (ground * LEGEND_GROUND).astype(np.uint8)
+    for number, (text, colour) in enumerate(entries):
+        baseline = box[1] + margins[1] + (number + 0.75) * line_height
+        draw_text(canvas, text, np.array([box[0] + margins[0], baseline]), colour, scale)

@@ -12,13 +12,12 @@ from trisquare.drawing.canvas import (
     Box,
     Canvas,
     Colour,
-    darken,
     dimmed_grey,
     draw_legend,
     draw_lines,
-    draw_text,
     text_scale,
     text_size,
+    write_lines,
 )
 from trisquare.images.pixels import Image
 from trisquare.results.partial_detection import PartialDetection
@@ -90,10 +89,14 @@ def draw_detections(
     ]
     quads = [corners for _, _, corners in labels]
     taken = [draw_legend(canvas, entries, np.vstack([np.empty((0, 2)), *quads]))]
-    for text, _, corners in labels:
-        taken.append(_label_box(canvas, textwrap.wrap(text, LABEL_WIDTH), corners, taken))
-    for (text, colour, _), box in zip(labels, taken[1:], strict=True):
-        _draw_label(canvas, textwrap.wrap(text, LABEL_WIDTH), colour, box)
+    size = text_scale(canvas)
+    letter = text_size("Xg", size)[1]
+    for text, colour, corners in labels:
+        lines = textwrap.wrap(text, LABEL_WIDTH)
+        box = _label_box(canvas, lines, corners, taken)
+        taken.append(box)
+        entries = [(line, colour) for line in lines]
+        write_lines(canvas, box, entries, LINE_SPACING * letter, (0.5 * letter, 0.0), size)
     thickness = max(1, round(max(canvas.shape) / 1000))
     # What was found is drawn last, over the rest.
     for _, colour, corners in reversed(labels):
@@ -135,13 +138,3 @@ def _label_box(
     overlap = np.maximum(shared, 0.0).prod(axis=2).sum(axis=1)
     x, y = starts[int(np.argmin(overlap))].tolist()
     return x, y, x + float(size[0]), y + float(size[1])
-
-
-def _draw_label(canvas: Canvas, lines: Sequence[str], colour: Colour, box: Box) -> None:
-    """Write lines of text on a darkened ground."""
-    scale = text_scale(canvas)
-    letter = text_size("Xg", scale)[1]
-    darken(canvas, box)
-    for number, line in enumerate(lines):
-        baseline = box[1] + (number + 0.75) * LINE_SPACING * letter
-        draw_text(canvas, line, np.array([box[0] + 0.5 * letter, baseline]), colour, scale)

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import textwrap
+from typing import Any
+
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from trisquare._support.arrays import FloatArray
 from trisquare.analysis.comparison import Comparison, two_digits
@@ -49,23 +53,22 @@ def draw_comparison(comparison: Comparison) -> Canvas:
     width, height = comparison.first.image_size
     shrink = LONGEST_SIDE / max(width, height)
     size = (max(round(width * shrink), 1), max(round(height * shrink), 1))
-    chart = _colours(comparison, size)
+    distance = comparison.distance
+    known = np.isfinite(distance)
+    worst = max(comparison.worst, np.finfo(float).tiny)
+    level = _enlarged(np.where(known, distance, 0.0) / worst, size, cv2.INTER_LINEAR)
+    chart = _viridis(255 * level)
+    chart[_enlarged(known, size, cv2.INTER_NEAREST) < 0.5] = UNKNOWN_COLOUR
     _draw_arrows(chart, comparison)
     return _framed(chart, comparison)
 
 
-def _colours(comparison: Comparison, size: tuple[int, int]) -> Canvas:
-    distance = comparison.distance
-    known = np.isfinite(distance)
-    worst = max(comparison.worst, np.finfo(float).tiny)
-    grid = np.where(known, distance, 0.0) / worst
-    level = _enlarged(grid, size, cv2.INTER_LINEAR)
-    chart = cv2.applyColorMap(np.rint(255 * level).astype(np.uint8), cv2.COLORMAP_VIRIDIS)
-    chart[_enlarged(known.astype(np.float64), size, cv2.INTER_NEAREST) < 0.5] = UNKNOWN_COLOUR
-    return np.asarray(chart, dtype=np.uint8)
+def _viridis(shades: FloatArray) -> Canvas:
+    colours = cv2.applyColorMap(np.rint(shades).astype(np.uint8), cv2.COLORMAP_VIRIDIS)
+    return np.asarray(colours, dtype=np.uint8)
 
 
-def _enlarged(grid: FloatArray, size: tuple[int, int], interpolation: int) -> FloatArray:
+def _enlarged(grid: npt.NDArray[Any], size: tuple[int, int], interpolation: int) -> FloatArray:
     """Interpolate values on a grid from border to border."""
     rows, columns = grid.shape
     x = np.linspace(0, columns - 1, size[0], dtype=np.float32)
@@ -87,14 +90,11 @@ def _draw_arrows(chart: Canvas, comparison: Comparison) -> None:
             if not np.all(np.isfinite(difference)):
                 continue
             foot = np.array([comparison.x[column], comparison.y[row]]) * scale
-            _draw_arrow(chart, foot, foot + length * difference)
-
-
-def _draw_arrow(chart: Canvas, foot: FloatArray, tip: FloatArray) -> None:
-    along = 0.25 * (tip - foot)
-    across = 0.5 * np.array([-along[1], along[0]])
-    head = np.array([tip - along + across, tip, tip - along - across])
-    draw_lines(chart, [np.array([foot, tip]), head], ARROW_COLOUR, 1)
+            tip = foot + length * difference
+            along = 0.25 * (tip - foot)
+            across = 0.5 * np.array([-along[1], along[0]])
+            head = np.array([tip - along + across, tip, tip - along - across])
+            draw_lines(chart, [np.array([foot, tip]), head], ARROW_COLOUR, 1)
 
 
 def _framed(chart: Canvas, comparison: Comparison) -> Canvas:
@@ -103,19 +103,19 @@ def _framed(chart: Canvas, comparison: Comparison) -> Canvas:
     scale = text_scale(chart)
     letter_width, letter = text_size("0", scale)
     bar = max(round(BAR_WIDTH * width), 1)
-    lines = _verdict_lines(comparison, width, scale)
+    letters = len(comparison.verdict) * width // text_size(comparison.verdict, scale)[0]
+    lines = textwrap.wrap(
+        comparison.verdict, max(letters, 1), break_long_words=False, break_on_hyphens=False
+    )
     below = round(2 * letter * (len(lines) + 0.5))
     canvas = np.full((height + below, width + 2 * bar + 8 * letter_width, 3), GROUND_COLOUR, "u1")
     canvas[:height, :width] = chart
-    shades = np.linspace(255, 0, height).round().astype(np.uint8)[:, None].repeat(bar, axis=1)
-    canvas[:height, width + bar // 2 : width + bar // 2 + bar] = cv2.applyColorMap(
-        shades, cv2.COLORMAP_VIRIDIS
-    )
-    for step in range(BAR_STEPS + 1):
-        part = step / BAR_STEPS
+    shades = np.linspace(255, 0, height)[:, None].repeat(bar, axis=1)
+    canvas[:height, width + bar // 2 : width + bar // 2 + bar] = _viridis(shades)
+    for part in np.linspace(0, 1, BAR_STEPS + 1).tolist():
         baseline = np.clip((1 - part) * height + 0.5 * letter, 1.5 * letter, height - 0.5 * letter)
         place = np.array([width + 1.75 * bar, baseline])
-        unit = " px" if step == BAR_STEPS else ""
+        unit = " px" if part == 1 else ""
         draw_text(canvas, f"{two_digits(part * comparison.worst)}{unit}", place, TEXT_COLOUR, scale)
     for number, line in enumerate(lines):
         place = np.array([letter_width, height + 2 * letter * (number + 1)])
@@ -125,15 +125,3 @@ def _framed(chart: Canvas, comparison: Comparison) -> Canvas:
     where = np.array([np.clip(x, room, width - room), np.clip(y, 2 * letter, height - 2 * letter)])
     draw_label(canvas, f"{two_digits(comparison.worst)} px", where, TEXT_COLOUR, scale)
     return canvas
-
-
-def _verdict_lines(comparison: Comparison, width: int, scale: float) -> list[str]:
-    """Break the verdict into lines that fit."""
-    lines = [""]
-    for word in comparison.verdict.split():
-        longer = f"{lines[-1]} {word}".strip()
-        if lines[-1] and text_size(longer, scale)[0] > width:
-            lines.append(word)
-        else:
-            lines[-1] = longer
-    return lines

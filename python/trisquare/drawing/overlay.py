@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from trisquare._support.arrays import FloatArray
-from trisquare._support.number_text import decimals_shown
+from trisquare._support.number_text import with_its_std
 from trisquare.analysis.residuals import MeasuredSide, measured_sides
 from trisquare.camera.camera import camera_parameters
 from trisquare.drawing.canvas import (
@@ -17,7 +19,7 @@ from trisquare.drawing.canvas import (
     draw_lines,
     text_scale,
 )
-from trisquare.images.pixels import Image
+from trisquare.images.pixels import Image, picture_size
 from trisquare.results.calibration import Calibration
 from trisquare.results.plane import Plane
 
@@ -72,18 +74,20 @@ def draw_overlay(
     canvas = dimmed_grey(image)
     thickness = max(1, round(max(canvas.shape) / 1600))
     sides = list(measured_sides(calibration, index))
-    rms = float(np.sqrt(np.mean(np.concatenate([s.residuals for s in sides]) ** 2))) if sides else 0
-    if exaggeration is None:
-        exaggeration = round_exaggeration(rms, float(np.hypot(*canvas.shape[:2])))
+    rms, readable = drawn_residuals(sides, picture_size(canvas))
+    exaggeration = readable if exaggeration is None else exaggeration
     for side in sides:
-        _draw_residuals(canvas, side, exaggeration, thickness)
+        draw_lines(canvas, list(needles(side, exaggeration)), RESIDUAL_COLOUR, thickness)
     for number, side in enumerate(sides):
         draw_lines(canvas, [side.curve[[0, -1]]], CHORD_COLOUR, thickness)
         draw_lines(canvas, [side.curve], SIDE_COLOURS[number % 4], 2 * thickness)
     for number, plane in enumerate(calibration.planes):
         if plane.image == index:
             _draw_axes(canvas, calibration, plane, number, thickness)
-    _draw_principal_point(canvas, calibration, thickness)
+    centre = np.array([calibration.camera.cx, calibration.camera.cy])
+    arm = max(4.0, max(canvas.shape) / 100)
+    cross = [np.array([centre - step, centre + step]) for step in ([arm, 0.0], [0.0, arm])]
+    draw_lines(canvas, cross, CENTRE_COLOUR, thickness)
     entries = _legend_entries(calibration)
     if sides:
         entries.append(("chords of the sides", CHORD_COLOUR))
@@ -95,19 +99,23 @@ def draw_overlay(
     return canvas
 
 
-def round_exaggeration(rms: float, diagonal: float) -> float:
-    """Return 1, 2 or 5 times a power of ten that makes residuals visible."""
-    length = DRAWN_RESIDUAL * diagonal / max(rms, 1e-9)
+def drawn_residuals(sides: Sequence[MeasuredSide], size: tuple[int, int]) -> tuple[float, float]:
+    """Return the rms of the residuals in a picture, and how many times longer to draw them.
+
+    That is the 1, 2 or 5 times a power of ten that makes them visible.
+    """
+    residuals = np.concatenate([side.residuals for side in sides]) if sides else np.zeros(1)
+    rms = float(np.sqrt(np.mean(residuals**2)))
+    length = DRAWN_RESIDUAL * float(np.hypot(*size)) / max(rms, 1e-9)
     power = 10.0 ** np.floor(np.log10(length))
-    return float(max(step * power for step in (1, 2, 5) if step * power <= length * (1 + 1e-9)))
+    steps = [step * power for step in (1, 2, 5) if step * power <= length * (1 + 1e-9)]
+    return rms, float(max(steps))
 
 
-def _draw_residuals(
-    canvas: Canvas, side: MeasuredSide, exaggeration: float, thickness: int
-) -> None:
+def needles(side: MeasuredSide, exaggeration: float) -> FloatArray:
+    """Return a line from each sample along its residual, shape (N, 2, 2)."""
     tips = side.points + exaggeration * side.residuals[:, None] * side.normals
-    needles = list(np.stack([side.points, tips], axis=1))
-    draw_lines(canvas, needles, RESIDUAL_COLOUR, thickness)
+    return np.stack([side.points, tips], axis=1)
 
 
 def _draw_axes(
@@ -146,20 +154,12 @@ def _projected(calibration: Calibration, plane: Plane, points: FloatArray) -> Fl
     return camera.project(seen[camera.can_project(seen)])
 
 
-def _draw_principal_point(canvas: Canvas, calibration: Calibration, thickness: int) -> None:
-    centre = np.array([calibration.camera.cx, calibration.camera.cy])
-    arm = max(4.0, max(canvas.shape) / 100)
-    cross = [np.array([centre - step, centre + step]) for step in ([arm, 0.0], [0.0, arm])]
-    draw_lines(canvas, cross, CENTRE_COLOUR, thickness)
-
-
 def _legend_entries(calibration: Calibration) -> list[tuple[str, Colour]]:
     entries = []
     for name, value in camera_parameters(calibration.camera).items():
         if name in calibration.std:
-            std = calibration.std[name]
-            decimals = decimals_shown(std)
-            entries.append((f"{name}  {value:.{decimals}f} +- {std:.{decimals}f}", TEXT_COLOUR))
+            texts = with_its_std(value, calibration.std[name])
+            entries.append((f"{name}  {' +- '.join(texts)}", TEXT_COLOUR))
     entries.append(("+ principal point", CENTRE_COLOUR))
     if calibration.warnings:
         entries.append((f"{len(calibration.warnings)} warning(s)", RESIDUAL_COLOUR))

@@ -20,7 +20,6 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from trisquare._support.arrays import FloatArray, real_number
-from trisquare._support.suggestions import unknown
 
 Point: TypeAlias = tuple[float, float]
 Line: TypeAlias = tuple[Point, Point]
@@ -103,7 +102,7 @@ class PrintedFrame:
         return outlines
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TargetPage:
     """One page of a printed target; all in millimetres from its upper left corner.
 
@@ -132,28 +131,12 @@ class TargetPage:
     size: Point
     frames: tuple[PrintedFrame, ...]
     face: float
-    apex: Point | None
-    folds: tuple[Line, ...]
-    cuts: tuple[Line, ...]
-    tab: tuple[Point, ...]
+    apex: Point | None = None
+    folds: tuple[Line, ...] = ()
+    cuts: tuple[Line, ...] = ()
+    tab: tuple[Point, ...] = ()
     ruler: Point
     text: tuple[str, ...]
-
-
-def page_named(name: str) -> tuple[str, Point]:
-    """Return a page's proper name and its size; capitals do not matter.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If it is no text, or not one of `PAGES`.
-    """
-    if not isinstance(name, str):
-        raise TypeError(f"page must be a name, not {name!r}")
-    for known, size in PAGES.items():
-        if known.lower() == name.strip().lower():
-            return known, size
-    raise unknown("page", name, PAGES)
 
 
 def flat_pages(page: str, side: float | None) -> list[TargetPage]:
@@ -169,11 +152,11 @@ def flat_pages(page: str, side: float | None) -> list[TargetPage]:
     Raises
     ------
     TypeError, ValueError
-        If the page is unknown or too small for the side, or the side is too small to be printed.
+        If the page is too small for the side, or the side is too small to be printed.
     """
-    name, size = page_named(page)
+    size = PAGES[page]
     width = size[0]
-    length = _checked_side(side, width, f"one frame on {name}")
+    length = _checked_side(side, width, f"one frame on {page}")
     # In the middle of a square at the page's top, as wide as the page.
     frame = PrintedFrame((0.5 * width, 0.5 * width), length)
     return [
@@ -182,12 +165,8 @@ def flat_pages(page: str, side: float | None) -> list[TargetPage]:
             size=size,
             frames=(frame,),
             face=width,
-            apex=None,
-            folds=(),
-            cuts=(),
-            tab=(),
             ruler=(0.5 * (width - RULER), width + RULER_DROP),
-            text=(_heading(name, length, f"flat target, frame {number} of 3"), *FLAT_TEXT),
+            text=(_heading(page, length, f"flat target, frame {number} of 3"), *FLAT_TEXT),
         )
         for number in (1, 2, 3)
     ]
@@ -195,10 +174,10 @@ def flat_pages(page: str, side: float | None) -> list[TargetPage]:
 
 def corner_page(page: str, side: float | None) -> TargetPage:
     """Lay out the sheet that folds into a corner of three planes; see `flat_pages`."""
-    name, size = page_named(page)
+    size = PAGES[page]
     width = size[0]
-    length = _checked_side(side, 0.5 * width, f"a corner of three frames on {name}")
-    needed = length + 2.0 * _margin(length)
+    length = _checked_side(side, 0.5 * width, f"a corner of three frames on {page}")
+    needed = length + 2.0 * max(MARGIN * length, UNPRINTABLE)
     face = 0.5 * width if 0.5 * width - needed < SLIVER else needed
     x, y = apex = (0.5 * width, face)
     left, right, bottom = x - face, x + face, y + face
@@ -226,12 +205,8 @@ def corner_page(page: str, side: float | None) -> TargetPage:
         cuts=tuple(cuts),
         tab=tab,
         ruler=(0.5 * (width - RULER), bottom + RULER_DROP),
-        text=(_heading(name, length, "corner target"), *CORNER_TEXT),
+        text=(_heading(page, length, "corner target"), *CORNER_TEXT),
     )
-
-
-def _margin(side: float) -> float:
-    return max(MARGIN * side, UNPRINTABLE)
 
 
 def _checked_side(side: float | None, room: float, what: str) -> float:

@@ -91,7 +91,12 @@ def _draw(canvas: Canvas, page: TargetPage) -> None:
     for frame in page.frames:
         _fill(canvas, frame.outlines().tolist())
     canvas.setLineWidth(THIN)
-    _draw_lines(canvas, page)
+    canvas.setStrokeGray(FOLD_GREY)
+    canvas.setDash(DASHES)
+    canvas.lines([(*start, *end) for start, end in page.folds])
+    canvas.setDash()
+    canvas.setStrokeGray(0.0)
+    canvas.lines([(*start, *end) for start, end in page.cuts])
     _draw_ruler(canvas, page.ruler)
     if page.apex is not None:
         x, y = (centre + 0.5 * page.face for centre in page.apex)
@@ -109,15 +114,6 @@ def _fill(canvas: Canvas, outlines: Iterable[Sequence[Point]]) -> None:
             path.lineTo(*point)
         path.close()
     canvas.drawPath(path, stroke=0, fill=1, fillMode=EVEN_ODD)
-
-
-def _draw_lines(canvas: Canvas, page: TargetPage) -> None:
-    canvas.setStrokeGray(FOLD_GREY)
-    canvas.setDash(DASHES)
-    canvas.lines([(*start, *end) for start, end in page.folds])
-    canvas.setDash()
-    canvas.setStrokeGray(0.0)
-    canvas.lines([(*start, *end) for start, end in page.cuts])
 
 
 def _draw_ruler(canvas: Canvas, start: Point) -> None:

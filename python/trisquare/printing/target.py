@@ -12,14 +12,7 @@ from typing import Literal, TypeAlias
 
 from trisquare._core import __version__
 from trisquare._support.suggestions import unknown
-from trisquare.printing.layout import (
-    PAGES,
-    PrintedFrame,
-    TargetPage,
-    corner_page,
-    flat_pages,
-    page_named,
-)
+from trisquare.printing.layout import PAGES, PrintedFrame, TargetPage, corner_page, flat_pages
 from trisquare.printing.pdf import pdf_of
 
 __all__ = ["PAGES", "PrintedFrame", "PrintedTarget", "TargetPage", "printed_target"]
@@ -107,9 +100,11 @@ def printed_target(
     """
     if kind not in KINDS:
         raise unknown("kind of target", str(kind), KINDS)
-    pages: list[TargetPage] = []
-    if kind != "flat":
-        pages.append(corner_page(page, side))
-    if kind != "corner":
-        pages += flat_pages(page, side)
-    return PrintedTarget(page_named(page)[0], tuple(pages))
+    if not isinstance(page, str):
+        raise TypeError(f"page must be a name, not {page!r}")
+    name = next((known for known in PAGES if known.lower() == page.strip().lower()), None)
+    if name is None:
+        raise unknown("page", page, PAGES)
+    corner = [] if kind == "flat" else [corner_page(name, side)]
+    flat = [] if kind == "corner" else flat_pages(name, side)
+    return PrintedTarget(name, (*corner, *flat))

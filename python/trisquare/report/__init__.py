@@ -33,8 +33,11 @@ def write_report(
         What to report.
     path : str or path
         The file; it is written whole or not at all.
-    image, command
-        As in `report_page`.
+    image : path or ndarray, or a sequence of them
+        The photographs, in the order they were given to `calibrate`; without them the page has
+        plots and tables only. The residuals are those that the calibration holds.
+    command : str, optional
+        A command line that repeats the calibration, to be stated.
 
     Raises
     ------
@@ -59,31 +62,9 @@ def report_page(
     *,
     command: str | None = None,
 ) -> bytes:
-    """Return a calibration as an HTML page that needs nothing besides.
+    """Return the page that `write_report` writes, in UTF-8; the same for the same arguments.
 
-    Parameters
-    ----------
-    calibration : Calibration
-        What to report.
-    image : path or ndarray, a sequence of them, or Photographs
-        The photographs, in the order they were given to `calibrate`; without them the page has
-        plots and tables only. The residuals are those that the calibration holds.
-    command : str, optional
-        A command line that repeats the calibration, to be stated.
-
-    Returns
-    -------
-    bytes
-        UTF-8; the same for the same arguments.
-
-    Raises
-    ------
-    ImportError
-        If Jinja or matplotlib is not installed.
-    ImageError
-        If a photograph cannot be read whole.
-    TypeError, ValueError
-        For bad arguments, or if a photograph is not of the camera's size.
+    Photographs that are loaded already may be given as such.
     """
     check_extra()
     if not isinstance(calibration, Calibration):

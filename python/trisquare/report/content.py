@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
 
 import cv2
 import numpy as np
 
 from trisquare._core import __version__
-from trisquare._support.arrays import FloatArray
-from trisquare._support.number_text import decimals_shown
+from trisquare._support.number_text import with_its_std
 from trisquare._support.rotations import tilt_degrees
 from trisquare.analysis.comparison import two_digits
-from trisquare.analysis.diagnosis import diagnose
 from trisquare.camera.camera import Camera, camera_parameters
 from trisquare.camera.projection_uncertainty import ProjectionMap
-from trisquare.report.pictures import ReportedPicture
-from trisquare.report.plot_style import SERIES
 from trisquare.results.calibration import Calibration
+from trisquare.results.plane import Plane
 
 MEANINGS = {
     "fx": "focal length along x, px",
@@ -33,103 +29,24 @@ MEANINGS = {
     "p2": "tangential distortion, second",
 }
 
-MOST_REJECTED = 30
-"""Rows on candidates that were not used."""
 
-
-@dataclass(frozen=True, slots=True)
-class ParameterRow:
-    """A parameter: text as it is printed; `limits` and `remedy` are empty if it was held."""
-
-    name: str
-    meaning: str
-    value: str
-    std: str
-    limits: str = ""
-    remedy: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class PlaneRow:
-    """A plane, as it is printed."""
-
-    number: int
-    colour: int
-    kind: str
-    picture: str
-    distance: str
-    tilt: str
-    rms: str
-    samples: int
-
-
-@dataclass(frozen=True, slots=True)
-class RejectedRow:
-    """A candidate that was not used, as it is printed."""
-
-    kind: str
-    picture: str
-    place: str
-    reason: str
-    residual: str
-
-
-def parameter_rows(calibration: Calibration) -> list[ParameterRow]:
-    """Return the free parameters, and the held ones that matter."""
-    rows = []
-    diagnosis = diagnose(calibration)
+def parameter_texts(calibration: Calibration) -> Iterator[tuple[str, str, str]]:
+    """Yield name, value and std of the free parameters, and of the held ones that matter."""
     for name, value in camera_parameters(calibration.camera).items():
         if name in calibration.std:
-            std = calibration.std[name]
-            decimals = decimals_shown(std)
-            found = diagnosis.get(name)
-            limits, remedy = ("", "") if found is None else (found.limits, found.remedy)
-            texts = f"{value:.{decimals}f}", f"{std:.{decimals}f}"
-            rows.append(ParameterRow(name, MEANINGS[name], *texts, limits, remedy))
+            yield name, *with_its_std(value, calibration.std[name])
         elif value != 0 or name in ("fx", "fy", "cx", "cy"):
-            rows.append(ParameterRow(name, MEANINGS[name], f"{value:.6g}", "held"))
-    return rows
+            yield name, f"{value:.6g}", "held"
 
 
-def correlations(calibration: Calibration) -> list[list[float]]:
-    """Return the correlation matrix of the free parameters; zero where one has no spread."""
-    spread = np.sqrt(np.maximum(np.diag(calibration.covariance), 0.0))
-    scale = np.divide(1.0, spread, out=np.zeros_like(spread), where=spread > 0.0)
-    matrix: FloatArray = np.clip(calibration.covariance * np.outer(scale, scale), -1.0, 1.0)
-    rows: list[list[float]] = matrix.tolist()
-    return rows
-
-
-def plane_rows(calibration: Calibration, names: Sequence[str]) -> list[PlaneRow]:
-    """Return the planes; `names` are the pictures'."""
-    rows = []
-    for number, plane in enumerate(calibration.planes):
-        tilt = tilt_degrees(plane.rotation)
-        rows.append(
-            PlaneRow(
-                number=number,
-                colour=number % SERIES,
-                kind=plane.kind,
-                picture=_name(names, plane.image),
-                distance=f"{np.linalg.norm(plane.translation):.3f}",
-                tilt=f"{tilt:.1f}\N{DEGREE SIGN}",
-                rms=f"{plane.rms:.4f}",
-                samples=plane.samples,
-            )
-        )
-    return rows
-
-
-def rejected_rows(calibration: Calibration, names: Sequence[str]) -> list[RejectedRow]:
-    """Return the first of the candidates that were not used."""
-    rows = []
-    for candidate in calibration.rejected[:MOST_REJECTED]:
-        x, y = candidate.corners.mean(axis=0).tolist()
-        residual = "" if candidate.residual is None else f"{candidate.residual:.3g} px"
-        place = f"({x:.0f}, {y:.0f})"
-        picture = _name(names, candidate.image)
-        rows.append(RejectedRow(candidate.kind, picture, place, candidate.reason, residual))
-    return rows
+def plane_texts(plane: Plane) -> tuple[str, str, str, str]:
+    """Return a plane's distance, tilt, rms and samples."""
+    return (
+        f"{np.linalg.norm(plane.translation):.3f}",
+        f"{tilt_degrees(plane.rotation):.1f}",
+        f"{plane.rms:.4f}",
+        str(plane.samples),
+    )
 
 
 def summary(calibration: Calibration, known: ProjectionMap) -> Iterator[str]:
@@ -169,30 +86,26 @@ def settings(calibration: Calibration) -> list[tuple[str, str]]:
     """Return what was asked for, and what it was computed with."""
     methods = {"ml": "maximum likelihood (ml)", "linear": "the three linear steps (linear)"}
     method = methods.get(calibration.method, calibration.method)
-    rows = [("method", f"{method}; the numbers are from the {calibration.stage} stage")]
-    others = ", ".join(f"{o.model} {o.log_evidence:.1f}" for o in calibration.alternatives)
+    others = log_odds(calibration)
     chosen = f", by evidence (log odds of the others: {others})" if others else ""
-    rows.append(("lens model", calibration.camera.model + chosen))
-    rows.append(("held", ", ".join(calibration.fixed) or "nothing"))
-    rows.append(("tone curve", _tone(calibration)))
-    rows.append(("calibrated by", f"trisquare {calibration.software}"))
-    rows.append(
-        (
-            "reported by",
-            f"trisquare {__version__}, Python {platform.python_version()}, "
-            f"NumPy {np.__version__}, OpenCV {cv2.__version__}, "
-            f"{platform.system()} {platform.machine()}",
-        )
+    reported_by = (
+        f"trisquare {__version__}, Python {platform.python_version()}, "
+        f"NumPy {np.__version__}, OpenCV {cv2.__version__}, "
+        f"{platform.system()} {platform.machine()}"
     )
-    return rows
-
-
-def picture_rows(pictures: Sequence[ReportedPicture]) -> list[tuple[str, str]]:
-    """Return the pictures' names and what tells their files from others."""
     return [
-        (picture.name, "no file" if picture.digest is None else f"SHA-256 {picture.digest}\u2026")
-        for picture in pictures
+        ("method", f"{method}; the numbers are from the {calibration.stage} stage"),
+        ("lens model", calibration.camera.model + chosen),
+        ("held", ", ".join(calibration.fixed) or "nothing"),
+        ("tone curve", _tone(calibration)),
+        ("calibrated by", f"trisquare {calibration.software}"),
+        ("reported by", reported_by),
     ]
+
+
+def log_odds(calibration: Calibration) -> str:
+    """Return the models that were not chosen, with what speaks against each."""
+    return ", ".join(f"{o.model} {o.log_evidence:.1f}" for o in calibration.alternatives)
 
 
 def _tone(calibration: Calibration) -> str:
@@ -201,32 +114,21 @@ def _tone(calibration: Calibration) -> str:
         return "none: there were no pixels"
     if isinstance(tone, str):
         return tone
-    estimated = calibration.tone_std is not None
-    return f"gamma {tone:.3f}" + (
-        f", estimated, std {calibration.tone_std:.3f}" if estimated else ""
-    )
+    std = calibration.tone_std
+    return f"gamma {tone:.3f}" + ("" if std is None else f", estimated, std {std:.3f}")
 
 
 def _field_of_view(camera: Camera) -> tuple[float, float] | None:
     """Return the angles across and down through the middle; None where the lens does not reach."""
     width, height = camera.image_size
-    middle = [(width - 1) / 2.0, (height - 1) / 2.0]
-    ends = [
-        [-0.5, middle[1]],
-        [width - 0.5, middle[1]],
-        [middle[0], -0.5],
-        [middle[0], height - 0.5],
-    ]
+    x, y = (width - 1) / 2.0, (height - 1) / 2.0
+    ends = [[-0.5, y], [width - 0.5, y], [x, -0.5], [x, height - 0.5]]
     try:
         left, right, top, bottom = camera.unproject(ends)
     except ValueError:
         return None
     across, down = (float(np.clip(a @ b, -1.0, 1.0)) for a, b in ((left, right), (top, bottom)))
     return float(np.degrees(np.arccos(across))), float(np.degrees(np.arccos(down)))
-
-
-def _name(names: Sequence[str], index: int) -> str:
-    return names[index] if index < len(names) else f"picture {index}"
 
 
 def _count(number: int, what: str) -> str:

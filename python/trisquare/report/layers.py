@@ -1,27 +1,21 @@
-"""What a report shows of a photograph: pictures as JPEG, and measured lines drawn over them."""
+"""What a report shows of a photograph: it and its undistorted self, measured lines over both."""
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 import trisquare._core as _core
 from trisquare._support.arrays import FloatArray
-from trisquare.analysis.residuals import MeasuredSide
+from trisquare.analysis.residuals import measured_sides
 from trisquare.camera.camera import Camera, camera_for_core
-from trisquare.drawing.overlay import round_exaggeration
+from trisquare.drawing.overlay import drawn_residuals, needles
 from trisquare.images.pixels import Image, picture_size
-from trisquare.report.pictures import ReportedPicture
-from trisquare.report.plot_style import SERIES
+from trisquare.report.pictures import jpeg_uri
 from trisquare.results.calibration import Calibration
 from trisquare.undistortion.undistort import Undistorter
-
-JPEG_QUALITY = 85
-"""Its errors are under what a screen shows at this size."""
 
 CURVE_POINTS = 25
 """Points of a drawn side: no lens bends one so much that a screen shows the chords."""
@@ -35,7 +29,6 @@ class PlaneLayer:
     """A plane's lines as paths of SVG, in pixels of the photograph or of the undistorted one."""
 
     number: int
-    colour: int
     x: float
     y: float
     sides: str
@@ -43,75 +36,58 @@ class PlaneLayer:
 
 
 @dataclass(frozen=True, slots=True)
-class RejectedLayer:
-    """The outline of a candidate that was not used."""
-
-    outline: str
-
-
-@dataclass(frozen=True, slots=True)
 class PictureLayers:
     """A photograph and its undistorted self, each with its lines.
 
     `photograph` and `undistorted` are data URIs, or None where there is no photograph, or no
-    undistorting it; `view_box` is in pixels, whose centres are whole numbers. `exaggeration` and
-    `rms` are those of the residuals, of which one in `every` is drawn.
+    undistorting it; `rejected` are paths of SVG. `exaggeration` and `rms` are those of the
+    residuals, of which one in `every` is drawn; `rms` is None where there are none.
     """
 
-    name: str
     index: int
     photograph: str | None
     undistorted: str | None
-    view_box: str
-    ratio: str
-    label_size: float
-    centre: tuple[float, float]
     planes: tuple[PlaneLayer, ...]
     undistorted_planes: tuple[PlaneLayer, ...]
-    rejected: tuple[RejectedLayer, ...]
+    rejected: tuple[str, ...]
     exaggeration: float
     rms: float | None
     every: int
 
 
-def picture_layers(calibration: Calibration, picture: ReportedPicture) -> PictureLayers:
-    """Prepare what is shown of a picture."""
+def picture_layers(calibration: Calibration, index: int, pixels: Image | None) -> PictureLayers:
+    """Prepare what is shown of a picture; `pixels` are those of its photograph, as shown."""
     camera = calibration.camera
-    width, height = camera.image_size
-    sides = picture.sides
-    samples = sum(len(side.residuals) for side in sides)
-    rms = float(np.sqrt(np.mean(np.concatenate([s.residuals for s in sides]) ** 2))) if sides else 0
-    exaggeration = round_exaggeration(rms, float(np.hypot(width, height)))
-    every = -(-samples // MOST_NEEDLES) or 1
-    pinhole, undistorted = _undistorted(camera, picture.pixels)
+    sides = list(measured_sides(calibration, index))
+    rms, exaggeration = drawn_residuals(sides, camera.image_size)
+    every = -(-sum(len(side.residuals) for side in sides) // MOST_NEEDLES) or 1
+    pinhole, undistorted = _undistorted(camera, pixels)
+    seen, straight = [], []
+    for number, plane in enumerate(calibration.planes):
+        if plane.image != index:
+            continue
+        own = [side for side in sides if side.plane == number]
+        # Without samples, the corners tell where the plane is.
+        curves = [_thinned(side.curve) for side in own] or [_closed(plane.corners)]
+        centre = plane.corners.mean(axis=0, keepdims=True)
+        lines = [_path(n) for side in own for n in needles(side, exaggeration)[::every]]
+        seen.append(_plane_layer(number, centre, curves, lines))
+        if pinhole is not None:
+            centre, *curves = (_through(pinhole, camera, line) for line in (centre, *curves))
+            if len(centre) > 0:
+                straight.append(_plane_layer(number, centre, curves, []))
+    rejected = [other.corners for other in calibration.rejected if other.image == index]
     return PictureLayers(
-        name=picture.name,
-        index=picture.index,
-        photograph=None if picture.pixels is None else jpeg_uri(picture.pixels),
+        index=index,
+        photograph=None if pixels is None else jpeg_uri(pixels),
         undistorted=None if undistorted is None else jpeg_uri(undistorted),
-        view_box=f"-0.5 -0.5 {width} {height}",
-        ratio=f"{width} / {height}",
-        label_size=max(width, height) / 32.0,
-        centre=(camera.cx, camera.cy),
-        planes=_plane_layers(calibration, picture, None, exaggeration, every),
-        undistorted_planes=(
-            () if pinhole is None else _plane_layers(calibration, picture, pinhole, 0.0, every)
-        ),
-        rejected=tuple(
-            RejectedLayer(_path(np.vstack([other.corners, other.corners[:1]])))
-            for other in calibration.rejected
-            if other.image == picture.index
-        ),
+        planes=tuple(seen),
+        undistorted_planes=tuple(straight),
+        rejected=tuple(_path(_closed(corners)) for corners in rejected),
         exaggeration=exaggeration,
         rms=rms if sides else None,
         every=every,
     )
-
-
-def jpeg_uri(pixels: Image) -> str:
-    """Return 8-bit pixels as the URI of a JPEG that it holds itself."""
-    encoded = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
-    return "data:image/jpeg;base64," + base64.b64encode(encoded.tobytes()).decode("ascii")
 
 
 def _undistorted(camera: Camera, pixels: Image | None) -> tuple[Camera | None, Image | None]:
@@ -132,34 +108,11 @@ def _undistorted(camera: Camera, pixels: Image | None) -> tuple[Camera | None, I
         return None, None
 
 
-def _plane_layers(
-    calibration: Calibration,
-    picture: ReportedPicture,
-    pinhole: Camera | None,
-    exaggeration: float,
-    every: int,
-) -> tuple[PlaneLayer, ...]:
-    """Lay out the planes of a picture, seen through a pinhole or as they are."""
-    layers = []
-    camera = calibration.camera
-    for number, plane in enumerate(calibration.planes):
-        if plane.image != picture.index:
-            continue
-        own = [side for side in picture.sides if side.plane == number]
-        curves = [_thinned(side.curve) for side in own]
-        # Without samples, the corners tell where the plane is.
-        curves = curves or [np.vstack([plane.corners, plane.corners[:1]])]
-        centre = plane.corners.mean(axis=0, keepdims=True)
-        if pinhole is not None:
-            curves = [_through(pinhole, camera, curve) for curve in curves]
-            centre = _through(pinhole, camera, centre)
-        if len(centre) == 0:
-            continue
-        x, y = centre[0].tolist()
-        needles = "" if pinhole is not None else _needles(own, exaggeration, every)
-        sides = "".join(_path(curve) for curve in curves)
-        layers.append(PlaneLayer(number, number % SERIES, x, y, sides, needles))
-    return tuple(layers)
+def _plane_layer(
+    number: int, centre: FloatArray, curves: Sequence[FloatArray], lines: Sequence[str]
+) -> PlaneLayer:
+    x, y = centre[0].tolist()
+    return PlaneLayer(number, x, y, "".join(_path(curve) for curve in curves), "".join(lines))
 
 
 def _thinned(curve: FloatArray) -> FloatArray:
@@ -173,12 +126,8 @@ def _through(pinhole: Camera, camera: Camera, pixels: FloatArray) -> FloatArray:
     return pinhole.project(camera.unproject(pixels[known.astype(bool)]))
 
 
-def _needles(sides: Sequence[MeasuredSide], exaggeration: float, every: int) -> str:
-    path = []
-    for side in sides:
-        tips = side.points + exaggeration * side.residuals[:, None] * side.normals
-        path += [_path(needle) for needle in np.stack([side.points, tips], axis=1)[::every]]
-    return "".join(path)
+def _closed(corners: FloatArray) -> FloatArray:
+    return np.vstack([corners, corners[:1]])
 
 
 def _path(points: FloatArray) -> str:

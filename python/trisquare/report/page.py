@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import os
 from collections.abc import Sequence
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from trisquare.analysis.comparison import two_digits
-from trisquare.analysis.residuals import MeasuredSide
+from trisquare.analysis.diagnosis import diagnose
+from trisquare.analysis.residuals import MeasuredSide, measured_sides
 from trisquare.camera.projection_uncertainty import ProjectionMap
 from trisquare.images.photographs import Photographs
+from trisquare.images.pixels import picture_size
 from trisquare.report import content
 from trisquare.report.layers import PictureLayers, picture_layers
-from trisquare.report.pictures import ReportedPicture, reported_pictures
+from trisquare.report.pictures import shown_pixels
 from trisquare.report.plot_style import SERIES, inline_svg, plotting
 from trisquare.report.plots import residuals_by_radius, residuals_by_side, uncertainty_map
 from trisquare.report.scene_sketch import scene_sketch
@@ -26,6 +30,12 @@ from trisquare.results.calibration import Calibration
 MOST_PICTURES = 6
 """Photographs shown: what is odd is seen in the first, and a page of hundreds would not open."""
 
+DIGEST_LETTERS = 16
+"""Of a file's SHA-256: enough to tell photographs apart."""
+
+MOST_REJECTED = 30
+"""Rows on candidates that were not used."""
+
 
 def page_of(
     calibration: Calibration,
@@ -33,70 +43,11 @@ def page_of(
     command: str | None,
 ) -> bytes:
     """Gather, draw and lay out; the arguments are those of `report_page`."""
-    pictures: list[ReportedPicture] = []
-    layers: list[PictureLayers] = []
-    for picture in reported_pictures(calibration, photographs):
-        if len(layers) < MOST_PICTURES:
-            layers.append(picture_layers(calibration, picture))
-        pictures.append(picture.without_pixels())
-    sides = [side for picture in pictures for side in picture.sides]
+    names, files, layers = _pictures(calibration, photographs)
+    sides = [side for index in names for side in measured_sides(calibration, index)]
     known = calibration.projection_map()
-    names = [picture.name for picture in pictures]
     json = calibration.to_json().encode()
     script = _own("report.js")
-    page: str = _template().render(
-        title=_title(names),
-        script=Markup(script),
-        script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii"),
-        style=Markup(_own("report.css")),
-        series=range(SERIES),
-        summary=list(content.summary(calibration, known)),
-        warnings=calibration.warnings,
-        rejected=content.rejected_rows(calibration, names),
-        more_rejected=max(0, len(calibration.rejected) - content.MOST_REJECTED),
-        parameters=content.parameter_rows(calibration),
-        free=calibration.parameters,
-        correlations=content.correlations(calibration),
-        planes=content.plane_rows(calibration, names),
-        pictures=layers,
-        more_pictures=len(pictures) - len(layers),
-        settings=content.settings(calibration),
-        files=content.picture_rows(pictures) if photographs.sources else [],
-        command=command,
-        json="data:application/json;base64," + base64.b64encode(json).decode("ascii"),
-        **_plots(calibration, known, sides, [layer.index for layer in layers]),
-    )
-    # A file's name may hold bytes that are no text.
-    return page.encode("utf-8", "backslashreplace")
-
-
-def _plots(
-    calibration: Calibration,
-    known: ProjectionMap,
-    sides: Sequence[MeasuredSide],
-    indices: Sequence[int],
-) -> dict[str, Any]:
-    """Draw the plots: those that cannot be drawn are None."""
-    with plotting():
-        uncertainty = uncertainty_map(calibration, known)
-        by_radius = residuals_by_radius(calibration, sides)
-        sketches = {index: scene_sketch(calibration, index) for index in indices}
-        return {
-            "by_side": _svg(residuals_by_side(sides) if sides else None, "by-side"),
-            "by_radius": _svg(None if by_radius is None else by_radius[0], "by-radius"),
-            "beyond_scale": 0 if by_radius is None else by_radius[1],
-            "uncertainty": _svg(uncertainty, "uncertainty"),
-            "sketches": {
-                index: _svg(figure, f"sketch-{index}") for index, figure in sketches.items()
-            },
-        }
-
-
-def _svg(figure: Any, name: str) -> Markup | None:
-    return None if figure is None else Markup(inline_svg(figure, name))
-
-
-def _template() -> Any:
     environment = Environment(
         loader=PackageLoader("trisquare.report", "."),
         autoescape=True,
@@ -105,14 +56,88 @@ def _template() -> Any:
         lstrip_blocks=True,
     )
     environment.filters["two_digits"] = two_digits
-    return environment.get_template("report.html.j2")
+    page: str = environment.get_template("report.html.j2").render(
+        calibration=calibration,
+        summary=list(content.summary(calibration, known)),
+        parameters=list(content.parameter_texts(calibration)),
+        meanings=content.MEANINGS,
+        diagnosis=diagnose(calibration),
+        settings=content.settings(calibration),
+        plane_texts=content.plane_texts,
+        names=names,
+        files=files,
+        pictures=layers,
+        most_rejected=MOST_REJECTED,
+        series=SERIES,
+        command=command,
+        style=Markup(_own("report.css")),
+        script=Markup(script),
+        script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii"),
+        json="data:application/json;base64," + base64.b64encode(json).decode("ascii"),
+        **_plots(calibration, known, sides, layers),
+    )
+    # A file's name may hold bytes that are no text.
+    return page.encode("utf-8", "backslashreplace")
+
+
+def _pictures(
+    calibration: Calibration, photographs: Photographs
+) -> tuple[dict[int, str], list[tuple[str, str]], list[PictureLayers]]:
+    """Return the pictures' names, what tells the photographs' files, and what the first show."""
+    names: dict[int, str] = {}
+    files: list[tuple[str, str]] = []
+    layers: list[PictureLayers] = []
+    if not photographs.sources:
+        indices = sorted({plane.image for plane in calibration.planes} or {0})
+        names = {index: f"picture {index}" for index in indices}
+        layers = [picture_layers(calibration, index, None) for index in indices[:MOST_PICTURES]]
+    for photograph in photographs:
+        index, path, pixels = photograph.index, photograph.path, photograph.pixels
+        size, own = picture_size(pixels), calibration.camera.image_size
+        if size != own:
+            raise ValueError(
+                f"picture {index} is {size[0]} x {size[1]}, the calibration's are {own[0]} x "
+                f"{own[1]}: is it one of them?"
+            )
+        names[index] = f"picture {index}" if path is None else os.path.basename(path)
+        files.append((names[index], "no file" if path is None else _digest(path)))
+        if len(layers) < MOST_PICTURES:
+            shown = shown_pixels(pixels, linear=calibration.tone == "linear")
+            layers.append(picture_layers(calibration, index, shown))
+    return names, files, layers
+
+
+def _plots(
+    calibration: Calibration,
+    known: ProjectionMap,
+    sides: Sequence[MeasuredSide],
+    layers: Sequence[PictureLayers],
+) -> dict[str, Any]:
+    """Draw the plots: those that cannot be drawn are None."""
+    with plotting():
+        uncertainty = uncertainty_map(calibration, known)
+        by_radius, beyond_scale = residuals_by_radius(calibration, sides) or (None, 0)
+        return {
+            "by_side": _svg(residuals_by_side(sides) if sides else None, "by-side"),
+            "by_radius": _svg(by_radius, "by-radius"),
+            "beyond_scale": beyond_scale,
+            "uncertainty": _svg(uncertainty, "uncertainty"),
+            "sketches": [
+                _svg(scene_sketch(calibration, layer.index), f"sketch-{layer.index}")
+                for layer in layers
+            ],
+        }
+
+
+def _svg(figure: Any, name: str) -> Markup | None:
+    return None if figure is None else Markup(inline_svg(figure, name))
+
+
+def _digest(path: str | os.PathLike[str]) -> str:
+    """Tell a file from others."""
+    return f"SHA-256 {hashlib.sha256(Path(path).read_bytes()).hexdigest()[:DIGEST_LETTERS]}\u2026"
 
 
 def _own(name: str) -> str:
     """Return the text of a file beside this one."""
     return (resources.files("trisquare.report") / name).read_text("utf-8").strip()
-
-
-def _title(names: Sequence[str]) -> str:
-    others = f" and {len(names) - 1} more" if len(names) > 1 else ""
-    return f"Calibration from {names[0]}{others}"

@@ -1,97 +1,21 @@
-"""The photographs of a report, with what was measured in them."""
+"""Photographs as a page shows them."""
 
 from __future__ import annotations
 
-import hashlib
-import os
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from pathlib import Path
+import base64
 
 import cv2
 import numpy as np
 
-from trisquare.analysis.residuals import MeasuredSide, measured_sides
-from trisquare.images.photographs import Photographs
 from trisquare.images.pixels import Image, picture_size
-from trisquare.results.calibration import Calibration
 
 LARGEST_SHOWN = 1600
 """Pixels of a shown picture's longer side: no screen gives a page's picture more."""
 
-DIGEST_LETTERS = 16
-"""Of a file's SHA-256: enough to tell photographs apart."""
+JPEG_QUALITY = 85
+"""Its errors are under what a screen shows at this size."""
 
 SRGB_KNEE = 0.0031308
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ReportedPicture:
-    """One of the pictures.
-
-    Parameters
-    ----------
-    index : int
-    name : str
-        What the report calls it; anything, as it may be a file's name.
-    pixels : ndarray of uint8, shape (h, w) or (h, w, 3), or None
-        To be shown: at most `LARGEST_SHOWN` wide and high; None if there is no photograph.
-    sides : tuple of MeasuredSide
-        Measured lines with their residuals, in pixels of the photograph itself.
-    digest : str or None
-        Beginning of its file's SHA-256.
-    """
-
-    index: int
-    name: str
-    pixels: Image | None
-    sides: tuple[MeasuredSide, ...]
-    digest: str | None = None
-
-    def without_pixels(self) -> ReportedPicture:
-        """Return the same but for the pixels, which are most of it."""
-        return replace(self, pixels=None)
-
-
-def reported_pictures(
-    calibration: Calibration, photographs: Photographs
-) -> Iterator[ReportedPicture]:
-    """Yield the pictures one at a time with what the calibration measured in them.
-
-    Parameters
-    ----------
-    calibration : Calibration
-    photographs : Photographs
-        The calibration's pictures in their order; there may be none.
-
-    Raises
-    ------
-    ImageError
-        If a file cannot be read whole.
-    TypeError, ValueError
-        For bad arguments, or if a picture is not of the camera's size.
-    """
-    if not photographs.sources:
-        for index in sorted({plane.image for plane in calibration.planes} or {0}):
-            sides = tuple(measured_sides(calibration, index))
-            yield ReportedPicture(index, f"picture {index}", None, sides)
-        return
-    for photograph in photographs:
-        index, path = photograph.index, photograph.path
-        size = picture_size(photograph.pixels)
-        if size != calibration.camera.image_size:
-            width, height = calibration.camera.image_size
-            raise ValueError(
-                f"picture {index} is {size[0]} x {size[1]}, the calibration's are {width} x "
-                f"{height}: is it one of them?"
-            )
-        yield ReportedPicture(
-            index,
-            f"picture {index}" if path is None else os.path.basename(path),
-            shown_pixels(photograph.pixels, linear=calibration.tone == "linear"),
-            tuple(measured_sides(calibration, index)),
-            None if path is None else _digest(path),
-        )
 
 
 def shown_pixels(picture: Image, *, linear: bool) -> Image:
@@ -114,5 +38,7 @@ def shown_pixels(picture: Image, *, linear: bool) -> Image:
     return np.asarray(np.rint(255.0 * light), dtype=np.uint8)
 
 
-def _digest(path: str | os.PathLike[str]) -> str:
-    return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:DIGEST_LETTERS]
+def jpeg_uri(pixels: Image) -> str:
+    """Return 8-bit pixels as the URI of a JPEG that it holds itself."""
+    encoded = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
+    return "data:image/jpeg;base64," + base64.b64encode(encoded.tobytes()).decode("ascii")

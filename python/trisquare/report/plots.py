@@ -52,7 +52,7 @@ LARGEST_MAPPED = 1e6
 
 def residuals_by_side(sides: Sequence[MeasuredSide]) -> Figure:
     """Draw each side's mean residual and the spread about it, plane by plane."""
-    figure, axes = _figure()
+    figure, axes = _figure("sides, by plane", "residual, px")
     planes = np.array([side.plane for side in sides])
     order = np.argsort(planes, kind="stable")
     planes = planes[order]
@@ -69,8 +69,6 @@ def residuals_by_side(sides: Sequence[MeasuredSide]) -> Figure:
     every = -(-len(numbers) // MOST_TICKS)
     axes.set_xticks(middles[::every], [str(number) for number in numbers[::every]])
     axes.grid(visible=False, axis="x")
-    axes.set_xlabel("sides, by plane")
-    axes.set_ylabel("residual, px")
     return figure
 
 
@@ -87,12 +85,20 @@ def residuals_by_radius(
         The plot and how many samples lie beyond its scale; None if no sample tells.
     """
     centre = np.array([calibration.camera.cx, calibration.camera.cy])
-    radius, outward, planes = _outward_residuals(sides, centre)
+    rows = [np.empty((0, 3))]
+    for side in sides:
+        arms = side.points - centre
+        radii = np.maximum(np.linalg.norm(arms, axis=1), 1e-9)
+        cosine = (arms * side.normals).sum(axis=1) / radii
+        values = side.residuals * np.sign(cosine)
+        across = np.abs(cosine) > ACROSS
+        rows.append(np.column_stack([radii, values, np.full(len(radii), side.plane)])[across])
+    radius, outward, planes = np.vstack(rows).T
     if len(radius) == 0:
         return None
-    figure, axes = _figure()
+    figure, axes = _figure("distance from the principal point, px", "outward residual, px")
     shown = slice(None, None, -(-len(radius) // MOST_DOTS))
-    colours = [plane_colour(plane) for plane in planes[shown].tolist()]
+    colours = [plane_colour(int(plane)) for plane in planes[shown]]
     axes.axhline(0.0, color=FAINT, linewidth=1.0)
     axes.scatter(radius[shown], outward[shown], s=5.0, c=colours, alpha=0.4, linewidths=0.0)
     groups = np.array_split(np.argsort(radius), min(RADIUS_BINS, -(-len(radius) // 8)))
@@ -103,25 +109,7 @@ def residuals_by_radius(
     spread = float(np.median(np.abs(outward))) / 0.6745
     reach = max(SHOWN_SPREAD * spread, 1.3 * float(np.abs(means).max()), 1e-9)
     axes.set_ylim(-reach, reach)
-    axes.set_xlabel("distance from the principal point, px")
-    axes.set_ylabel("outward residual, px")
     return figure, int((np.abs(outward) > reach).sum())
-
-
-def _outward_residuals(
-    sides: Sequence[MeasuredSide], centre: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return radius, residual away from the centre, and plane of the samples that tell."""
-    rows = [np.empty((0, 3))]
-    for side in sides:
-        arms = side.points - centre
-        radius = np.maximum(np.linalg.norm(arms, axis=1), 1e-9)
-        cosine = (arms * side.normals).sum(axis=1) / radius
-        outward = side.residuals * np.sign(cosine)
-        across = np.abs(cosine) > ACROSS
-        rows.append(np.column_stack([radius, outward, np.full(len(radius), side.plane)])[across])
-    radius, outward, planes = np.vstack(rows).T
-    return radius, outward, planes.astype(int)
 
 
 def uncertainty_map(calibration: Calibration, known: ProjectionMap) -> Figure | None:
@@ -136,7 +124,7 @@ def uncertainty_map(calibration: Calibration, known: ProjectionMap) -> Figure | 
     std = np.ma.masked_array(known.std, ~(known.std < LARGEST_MAPPED))
     if min(std.shape) < 2 or std.count() == 0 or not std.max() > 0.0:
         return None
-    figure, axes = _figure()
+    figure, axes = _figure("x, px", "y, px")
     levels = _levels(float(std.min()), float(std.max()))
     drawn = axes.contourf(known.x, known.y, std, levels=levels, cmap="viridis", extend="both")
     bar = figure.colorbar(drawn, ax=axes, label="px", shrink=0.9)
@@ -158,8 +146,6 @@ def uncertainty_map(calibration: Calibration, known: ProjectionMap) -> Figure | 
         axes.set_aspect("equal")
     axes.grid(visible=False)
     axes.set_facecolor(GROUND)
-    axes.set_xlabel("x, px")
-    axes.set_ylabel("y, px")
     return figure
 
 
@@ -178,8 +164,8 @@ def _levels(low: float, high: float) -> FloatArray:
     return levels[:: -(-len(levels) // MOST_LEVELS)]
 
 
-def _figure() -> tuple[Figure, Axes]:
+def _figure(xlabel: str, ylabel: str) -> tuple[Figure, Axes]:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(PLOT_WIDTH, PLOT_HEIGHT))
-    return figure, figure.add_subplot()
+    return figure, figure.add_subplot(xlabel=xlabel, ylabel=ylabel)

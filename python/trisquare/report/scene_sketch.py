@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,48 +21,23 @@ if TYPE_CHECKING:
 SKETCH_HEIGHT = 2.7
 """Inches: two views side by side are wider than they are high."""
 
-AZIMUTH, ELEVATION = np.radians(40.0), np.radians(24.0)
-"""From where the oblique view looks, beside and above the camera's own line of sight."""
-
 PYRAMID = 0.3
 """Length of the camera's pyramid over the distance of the nearest plane."""
 
 
-class View(NamedTuple):
-    """A parallel projection: directions of the camera's frame that run right, down and away."""
+def _view(azimuth: float, elevation: float) -> FloatArray:
+    """Return a parallel projection that looks from beside and above the camera, by so many degrees.
 
-    right: FloatArray
-    down: FloatArray
-    away: FloatArray
-
-    @classmethod
-    def along(cls, away: FloatArray, right: FloatArray) -> View:
-        """Return the view that looks along a direction."""
-        return cls(right, np.cross(away, right), away)
-
-    def flat(self, points: FloatArray) -> FloatArray:
-        """Return points (N, 3) as they are drawn, (N, 2), x right and y up."""
-        return np.column_stack([points @ self.right, -points @ self.down])
+    Its rows are the directions of the camera's frame that run right, down and away.
+    """
+    beside, above = np.radians([azimuth, elevation])
+    right = [np.cos(beside), 0.0, np.sin(beside)]
+    level = np.array([-np.sin(beside), 0.0, np.cos(beside)])
+    away = np.cos(above) * level + [0.0, np.sin(above), 0.0]
+    return np.array([right, np.cross(away, right), away])
 
 
-OBLIQUE = View.along(
-    away=np.array(
-        [
-            -np.sin(AZIMUTH) * np.cos(ELEVATION),
-            np.sin(ELEVATION),
-            np.cos(AZIMUTH) * np.cos(ELEVATION),
-        ]
-    ),
-    right=np.array([np.cos(AZIMUTH), 0.0, np.sin(AZIMUTH)]),
-)
-FROM_ABOVE = View.along(away=np.array([0.0, 1.0, 0.0]), right=np.array([1.0, 0.0, 0.0]))
-
-
-class StandingFigure(NamedTuple):
-    """A plane's first figure: its number and its corners (4, 3) in the camera's frame."""
-
-    number: int
-    corners: FloatArray
+FROM_THE_SIDE, FROM_ABOVE = _view(40.0, 24.0), _view(0.0, 90.0)
 
 
 def scene_sketch(calibration: Calibration, image: int) -> Figure | None:
@@ -77,7 +52,7 @@ def scene_sketch(calibration: Calibration, image: int) -> Figure | None:
         None if the picture has no plane that stands before the camera.
     """
     figures = [
-        StandingFigure(number, corners)
+        (number, corners)
         for number, plane in enumerate(calibration.planes)
         if plane.image == image and (corners := _corners(plane, calibration.camera)) is not None
     ]
@@ -86,7 +61,9 @@ def scene_sketch(calibration: Calibration, image: int) -> Figure | None:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(PLOT_WIDTH, SKETCH_HEIGHT))
-    for place, (title, view) in enumerate([("from the side", OBLIQUE), ("from above", FROM_ABOVE)]):
+    for place, (title, view) in enumerate(
+        [("from the side", FROM_THE_SIDE), ("from above", FROM_ABOVE)]
+    ):
         axes = figure.add_subplot(1, 2, place + 1)
         _draw(axes, calibration.camera, figures, view)
         axes.set_title(title, fontsize=10.0, color=FAINT)
@@ -103,48 +80,49 @@ def _corners(plane: Plane, camera: Camera) -> FloatArray | None:
     return corners if np.all(corners[:, 2] > 0.0) else None
 
 
-def _draw(axes: Axes, camera: Camera, figures: list[StandingFigure], view: View) -> None:
+def _flat(view: FloatArray, points: FloatArray) -> FloatArray:
+    """Return points (N, 3) as they are drawn, (N, 2), x right and y up."""
+    return points @ view[:2].T * [1.0, -1.0]
+
+
+def _draw(
+    axes: Axes, camera: Camera, figures: list[tuple[int, FloatArray]], view: FloatArray
+) -> None:
+    """Draw the camera and figures: each its number and its corners (4, 3) in the camera's frame."""
     axes.set_axis_off()
     axes.set_aspect("equal", adjustable="datalim")
-    floor = max(0.0, *(float(figure.corners[:, 1].max()) for figure in figures))
-    nearest = min(float(np.linalg.norm(figure.corners.mean(axis=0))) for figure in figures)
-    oblique = view is OBLIQUE
-    for number, corners in sorted(
-        figures, key=lambda f: -float(f.corners.mean(axis=0) @ view.away)
-    ):
-        centre = corners.mean(axis=0)
-        if oblique:  # shadows tell how high and how far away things are
-            on_floor = corners * [1.0, 0.0, 1.0] + [0.0, floor, 0.0]
-            axes.fill(*view.flat(on_floor).T, facecolor=GRID, edgecolor="none", alpha=0.6)
-            drop = np.array([centre, centre * [1.0, 0.0, 1.0] + [0.0, floor, 0.0]])
-            axes.plot(*view.flat(drop).T, color=FAINT, linewidth=0.7, linestyle=":")
-        ray = view.flat(np.array([np.zeros(3), centre]))
-        axes.plot(*ray.T, color=FAINT, linewidth=0.7, linestyle="--")
-        colour, outline = plane_colour(number), view.flat(corners)
-        axes.fill(*outline.T, facecolor=colour, edgecolor="none", alpha=0.35)
-        axes.plot(*np.vstack([outline, outline[:1]]).T, color=colour, linewidth=1.6)
-        x, y = ray[1]
+    floor = max(0.0, *(float(corners[:, 1].max()) for _, corners in figures))
+    nearest = min(float(np.linalg.norm(corners.mean(axis=0))) for _, corners in figures)
+
+    def fill(points: FloatArray, colour: str, alpha: float) -> None:
+        axes.fill(*_flat(view, points).T, facecolor=colour, edgecolor="none", alpha=alpha)
+
+    def line(points: FloatArray, colour: str, width: float, style: str = "-") -> None:
+        axes.plot(*_flat(view, points).T, color=colour, linewidth=width, linestyle=style)
+
+    def on_floor(points: FloatArray) -> FloatArray:
+        return points * [1.0, 0.0, 1.0] + [0.0, floor, 0.0]
+
+    origin = np.zeros(3)
+    for number, corners in sorted(figures, key=lambda f: -float(f[1].mean(axis=0) @ view[2])):
+        centre, colour = corners.mean(axis=0), plane_colour(number)
+        if view is FROM_THE_SIDE:  # shadows tell how high and how far away things are
+            fill(on_floor(corners), GRID, 0.6)
+            line(np.array([centre, on_floor(centre)]), FAINT, 0.7, ":")
+        line(np.array([origin, centre]), FAINT, 0.7, "--")
+        fill(corners, colour, 0.35)
+        line(np.vstack([corners, corners[:1]]), colour, 1.6)
+        x, y = _flat(view, centre)
         axes.text(x, y, str(number), color=INK, ha="center", va="center")
-    _draw_camera(axes, camera, view, PYRAMID * nearest)
-    if oblique:
-        foot = np.array([[0.0, 0.0, 0.0], [0.0, floor, 0.0]])
-        axes.plot(*view.flat(foot).T, color=FAINT, linewidth=0.7, linestyle=":")
-
-
-def _draw_camera(axes: Axes, camera: Camera, view: View, length: float) -> None:
-    """Draw the pyramid that the picture spans, without the lens's bend."""
+    # The camera is the pyramid that the picture spans, without the lens's bend.
     width, height = camera.image_size
-    pixels = np.array([[0, 0, 1], [width, 0, 1], [width, height, 1], [0, height, 1]]) - [
-        0.5,
-        0.5,
-        0,
-    ]
-    rays = pixels @ np.linalg.inv(camera.K).T
-    base = view.flat(rays * length / np.linalg.norm(rays, axis=1).max())
-    tip = view.flat(np.zeros((1, 3)))[0]
+    pixels = np.array([[0, 0], [width, 0], [width, height], [0, height]]) - 0.5
+    rays = np.column_stack([pixels, np.ones(4)]) @ np.linalg.inv(camera.K).T
+    base = rays * PYRAMID * nearest / np.linalg.norm(rays, axis=1).max()
     for corner in base:
-        axes.plot(*np.array([tip, corner]).T, color=INK, linewidth=1.2)
-    axes.plot(*np.vstack([base, base[:1]]).T, color=INK, linewidth=1.2)
-    # The picture's upper side is drawn thicker.
-    axes.plot(*base[:2].T, color=INK, linewidth=2.6)
-    axes.text(tip[0], tip[1], "camera ", color=INK, ha="right", va="top")
+        line(np.array([origin, corner]), INK, 1.2)
+    line(np.vstack([base, base[:1]]), INK, 1.2)
+    line(base[:2], INK, 2.6)  # the picture's upper side
+    axes.text(0.0, 0.0, "camera ", color=INK, ha="right", va="top")
+    if view is FROM_THE_SIDE:
+        line(np.array([origin, on_floor(origin)]), FAINT, 0.7, ":")

@@ -17,7 +17,14 @@ from trisquare.images.reading import load_picture
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-INTERPOLATIONS = ("nearest", "linear", "cubic", "lanczos")
+INTERPOLATIONS = {
+    "nearest": ("INTER_NEAREST", "BORDER_CONSTANT"),
+    "linear": ("INTER_LINEAR", "BORDER_CONSTANT"),
+    # These weigh pixels beyond the next: black ones from outside would darken the border.
+    "cubic": ("INTER_CUBIC", "BORDER_REPLICATE"),
+    "lanczos": ("INTER_LANCZOS4", "BORDER_REPLICATE"),
+}
+"""What OpenCV calls them, and how each takes what lies outside the picture."""
 
 LARGEST_RESAMPLED = 32766
 """What OpenCV resamples: it counts pixels in 16 bits, and 32767 is the end."""
@@ -127,28 +134,20 @@ class Undistorter:
         picture = load_picture(image)
         if picture_size(picture) != self._camera.image_size:
             _refuse_size(picture_size(picture), self._camera)
-        picture = np.ascontiguousarray(picture)
-        if interpolation == "linear":
-            return self._remap(picture, "INTER_LINEAR", "BORDER_CONSTANT")
-        if interpolation == "nearest":
-            return self._remap(picture, "INTER_NEAREST", "BORDER_CONSTANT")
-        # These weigh pixels beyond the next: black ones from outside would darken the border.
-        flag = "INTER_CUBIC" if interpolation == "cubic" else "INTER_LANCZOS4"
-        undistorted = self._remap(picture, flag, "BORDER_REPLICATE")
-        undistorted[~self._valid] = 0
-        return undistorted
-
-    def _remap(self, picture: Image, interpolation: str, border: str) -> Image:
         import cv2  # loaded where a picture is first undistorted
 
-        nearest = interpolation == "INTER_NEAREST"
-        return cv2.remap(
-            picture,
+        nearest = interpolation == "nearest"
+        method, border = INTERPOLATIONS[interpolation]
+        undistorted = cv2.remap(
+            np.ascontiguousarray(picture),
             self._nearest if nearest else self._whole,
             None if nearest else self._parts,  # type: ignore[arg-type]  # the stubs want an array
-            getattr(cv2, interpolation),
+            getattr(cv2, method),
             borderMode=getattr(cv2, border),
         )
+        if border == "BORDER_REPLICATE":
+            undistorted[~self._valid] = 0
+        return undistorted
 
     @cached_property
     def _nearest(self) -> npt.NDArray[np.int16]:
