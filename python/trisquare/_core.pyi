@@ -41,6 +41,7 @@ __all__ = [
     "project_points",
     "projection_covariance",
     "provoke_panic",
+    "remove_edge_shift",
     "square_lines",
     "straighten",
     "undistort_pixels",
@@ -317,6 +318,9 @@ def fit_side_cubics(
 def localise(
     picture: Picture, spans: Sequence[_Span], tone: str | float | None
 ) -> tuple[list[SideSamples | str], ToneEstimate | None]: ...
+def remove_edge_shift(
+    lines: Sequence[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp], float]],
+) -> tuple[list[tuple[NDArray[np.float64], NDArray[np.float64]]], float]: ...
 def square_lines(sides: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]: ...
 def fit_distortion(
     curves: Sequence[NDArray[np.float64]],

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from trisquare.detection.boards.opencv import find_chessboard
+from trisquare.detection.boards.find import find_chessboard
 from trisquare.detection.candidates import Outline, SquareOutline
 from trisquare.detection.squares.find import find_squares
 from trisquare.simulate import Scene, chessboard_scene, photo_like, random_camera, random_scene
@@ -323,11 +323,5 @@ def test_rendered_chessboards(cols, rows, seeds):
         scene = chessboard_scene(rng, random_camera(rng), inner_corners=(cols, rows))
         board = find_chessboard(render_scene(scene, rng), cols, rows)
         truth = scene.image_points(0, scene.targets[0].board_corners()).reshape(rows, cols, 2)
-        # OpenCV alone leaves single corners at the rim up to half a cell off in some of these.
         gaps = [np.abs(board.crossings - t).max() for t in (truth, truth[::-1, ::-1])]
         assert min(gaps) < 0.3
-
-
-def test_chessboard_of_too_few_corners():
-    with pytest.raises(ValueError, match="3 x 3"):
-        find_chessboard(np.zeros((100, 100), np.uint8), 2, 6)

@@ -44,6 +44,14 @@ class Outline:
     sides: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
     dark_inside: bool
 
+    @classmethod
+    def of(cls, sides: FloatArray, dark_inside: bool, places: int = 0) -> Outline:
+        """Take sides, shape (4, N, 2), in an order that is rolled by `places`."""
+        sides = np.roll(sides, places, axis=0)
+        sides.flags.writeable = False
+        first, second, third, fourth = sides
+        return cls(sides[:, 0], (first, second, third, fourth), dark_inside)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SquareOutline:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -11,11 +10,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from trisquare._core import SideSamples
+import trisquare._core as _core
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.candidates import Lattice
+from trisquare.detection.sampling import sample
 from trisquare.edges import PlaneEdges, unchecked_edges
-from trisquare.measurement.board_shift import shift_toward_light, shifts_of_lines, without_shift
 from trisquare.measurement.marker_margins import light_cells, marker_rims
 from trisquare.measurement.side_spans import SideSpan
 
@@ -25,16 +24,6 @@ of a ChArUco board's marker or on the marker, but for the most part on the light
 
 LEAST_LINES = 2
 """Grid lines that a plane needs in each direction: three parallel ones of four leave it open."""
-
-FADED = 1.05
-"""Standard deviation of a sample, over the least of its cell, from which a crossing takes part of
-its contrast, `2 Phi(2) - 1 = 1 / 1.05`, or it lies across one: a wrong tone curve shifts it by
-neither cell's amount, but by up to as much more as it is less certain."""
-
-MOST_DOUBT = 1.0
-"""Shift, in standard deviations of a sample, from which samples at crossings are left out: what it
-may do to them is more than their noise, and goes to and fro with the cells. Below, they are doubted
-by as much; to leave them out for less would cost short cells half of what is known of a line."""
 
 
 class GridLine(NamedTuple):
@@ -99,94 +88,53 @@ class Board:
                 for other, place in zip(others, line.places.tolist(), strict=True)
             ]
             path = np.ascontiguousarray(self.lattice.crossings[rows, cols])
-            polarity = self._contrast_sign_after_first(line)
+            polarity = self._contrast_sign_of_even(line) * float(_alternation(int(line.places[0])))
             rims = () if self.rims is None else _rims_along(self.rims, line)
             spans.append(SideSpan(path, polarity, crossings=crossings, rims=rims))
         return spans
 
-    def figures(self, measured: Sequence[SideSamples | str], plane: int) -> list[PlaneEdges]:
+    def figures(self, measured: Sequence[_core.SideSamples | str], plane: int) -> list[PlaneEdges]:
         """One figure of all grid lines that were measured."""
         return self.figures_and_shift(measured, plane)[0]
 
     def figures_and_shift(
-        self, measured: Sequence[SideSamples | str], plane: int
+        self, measured: Sequence[_core.SideSamples | str], plane: int
     ) -> tuple[list[PlaneEdges], float]:
         """Return the figures, and by how much edges were shifted toward the light, pixels."""
         rows, cols = self.lattice.present.shape
-        models, lines, clear, doubted = [], [], [], []
+        models, lines = [], []
         for line, samples in zip(_grid_lines(self.lattice.present), measured, strict=True):
             if isinstance(samples, str):
                 continue
-            points, std = samples.points, samples.std
             if line.is_row:
                 models.append((0.0, 1.0, (rows - 1) / 2 - line.number))
             else:
                 models.append((1.0, 0.0, (cols - 1) / 2 - line.number))
-            cells, contrast_signs = self._cells_and_contrast_signs(line, points)
-            lines.append((points, std, contrast_signs))
-            whole = _clear_of_crossings(std, cells)
-            clear.append((points[whole], std[whole], contrast_signs[whole]))
-            doubted.append(~whole)
+            cells = self._cells(line, samples.points)
+            lines.append((samples.points, samples.std, cells, self._contrast_sign_of_even(line)))
         columns = sum(model[0] != 0.0 for model in models)
         if min(columns, len(models) - columns) < LEAST_LINES:
             return [], 0.0
         # The board's own zigzag tells the shift that a tone curve leaves, far better than profiles
         # do: there is no drift to account for.
-        shift = shift_toward_light(clear)
-        usual = float(np.median(np.concatenate([std for _, std, _ in lines])))
-        evident = abs(shift) > MOST_DOUBT * usual
-        # It differs from line to line, as the blur across them does.
-        shifts = shifts_of_lines(clear, shift, evident=evident)
-        if evident:
-            lines, deviations = clear, [std for _, std, _ in clear]
-        else:
-            deviations = [
-                _with_doubt(std, at_crossings, shift)
-                for (_, std, _), at_crossings in zip(lines, doubted, strict=True)
-            ]
+        unshifted, shift = _core.remove_edge_shift(lines)
+        points, deviations = zip(*unshifted, strict=True)
         board = unchecked_edges(
-            lines=np.array(models),
-            points=tuple(
-                without_shift(points, signs, own)
-                for (points, _, signs), own in zip(lines, shifts, strict=True)
-            ),
-            std=tuple(deviations),
-            plane=plane,
-            kind=self.kind,
+            lines=np.array(models), points=points, std=deviations, plane=plane, kind=self.kind
         )
         return [board], shift
 
-    def _contrast_sign_after_first(self, line: GridLine) -> float:
-        """Which way a line gets lighter after the first of its crossings that were found."""
+    def _contrast_sign_of_even(self, line: GridLine) -> float:
+        """Which way a line gets lighter after crossings of even number."""
         # A column's right-hand normal points the other way in the row it starts from.
         sign = self.contrast_sign if line.is_row else -self.contrast_sign
-        return sign * float(_alternation(line.number + int(line.places[0])))
+        return sign * float(_alternation(line.number))
 
-    def _cells_and_contrast_signs(
-        self, line: GridLine, points: FloatArray
-    ) -> tuple[npt.NDArray[np.intp], FloatArray]:
-        """Which of the line's cells a sample is of, and which way the line gets lighter there."""
+    def _cells(self, line: GridLine, points: FloatArray) -> npt.NDArray[np.intp]:
+        """Return the number of the crossing in whose cell, after it, each sample of a line is."""
         path = self.lattice.crossings[_indices(line)]
         along = path[-1] - path[0]
-        after = np.searchsorted(path[1:-1] @ along, points @ along)
-        flips: FloatArray = _alternation(line.places[after] - line.places[0])
-        return after, self._contrast_sign_after_first(line) * flips
-
-
-def _clear_of_crossings(std: FloatArray, cells: npt.NDArray[np.intp]) -> npt.NDArray[np.bool_]:
-    """Tell which samples of a line have the whole contrast of their cell."""
-    least = np.full(cells.max() + 1, np.inf)
-    np.minimum.at(least, cells, std)
-    whole = std <= FADED * least[cells]
-    # Of a line of few samples, these may be too few to be a line.
-    return np.asarray(whole if whole.sum() > 1 else np.ones_like(whole))
-
-
-def _with_doubt(std: FloatArray, at_crossings: npt.NDArray[np.bool_], shift: float) -> FloatArray:
-    """Return samples' deviations, with what a shift of the edges adds to those at crossings."""
-    usual = float(np.sort(std)[std.size // 2])
-    doubt = math.hypot(1.0, shift / usual)
-    return np.where(at_crossings, doubt * std, std)
+        return np.asarray(line.places[np.searchsorted(path[1:-1] @ along, points @ along)])
 
 
 def _grid_lines(present: npt.NDArray[np.bool_]) -> list[GridLine]:
@@ -234,9 +182,6 @@ def _contrast_sign(lattice: Lattice, grey: npt.NDArray[np.uint8]) -> float:
     along = end - start
     normal = np.stack([-along[:, 1], along[:, 0]], axis=1) * PROBE
     middle = 0.5 * (start + end)
-    probes = np.stack([middle + normal, middle - normal], axis=1).astype(np.float32)
-    if not len(probes):
-        return 1.0
-    shades = cv2.remap(grey, probes[..., 0], probes[..., 1], cv2.INTER_LINEAR).astype(np.float64)
+    shades = sample(grey, np.stack([middle + normal, middle - normal], axis=1))
     contrast = (shades[:, 0] - shades[:, 1]) * _alternation(rows + cols)
-    return 1.0 if np.sum(contrast) > 0.0 else -1.0
+    return 1.0 if np.sum(contrast) >= 0.0 else -1.0

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from trisquare.detection.annotations.outlines import AnnotatedSquare
 from trisquare.detection.annotations.snap import snap_to_edges
-from trisquare.detection.boards.find import find_lattices
+from trisquare.detection.boards.find import find_chessboard, find_lattices
 from trisquare.detection.boards.membership import belongs_to, whole_cells
-from trisquare.detection.boards.opencv import find_chessboard
 from trisquare.detection.candidates import ENOUGH, Lattice
 from trisquare.detection.grey import grey_bytes
 from trisquare.detection.kinds import TargetKinds

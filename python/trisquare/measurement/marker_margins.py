@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.candidates import Lattice
-from trisquare.detection.sampling import homographies_from_unit_square
+from trisquare.detection.sampling import homographies_from_unit_square, sample
 
 STEP = 1.0 / 48.0
 BEFORE = 12
@@ -117,16 +117,8 @@ def _profiles(grey: npt.NDArray[np.uint8], corners: FloatArray) -> FloatArray:
     outer = start[:, :, None] + along * (end - start)[:, :, None]
     inner = inner_start[:, :, None] + along * (inner_end - inner_start)[:, :, None]
     places = outer[:, :, None] + depth * (inner - outer)[:, :, None]
-    x, y = np.moveaxis(places.astype(np.float32), -1, 0).reshape(2, len(corners), -1)
-    shades = cv2.remap(
-        grey,
-        np.ascontiguousarray(x),
-        np.ascontiguousarray(y),
-        cv2.INTER_LINEAR,
-        borderMode=cv2.BORDER_REPLICATE,
-    )
-    table = np.asarray(shades, dtype=np.float64).reshape(len(corners), 4, -1, len(ALONG))
-    return np.asarray(table.mean(axis=(1, 3)))
+    shades = sample(grey, places.reshape(len(corners), -1, 2))
+    return np.asarray(shades.reshape(len(corners), 4, -1, len(ALONG)).mean(axis=(1, 3)))
 
 
 def _rims(profiles: FloatArray) -> FloatArray:

@@ -69,7 +69,8 @@ def _measured(
     for target, _ in found:
         spans += target.spans(len(spans))
         ends.append(len(spans))
-    measured, picture_tone = _localise(core, spans, tone)
+    measured, estimate = _core.localise(core, spans, None if tone == "auto" else tone)
+    picture_tone = PictureTone.known(tone) if estimate is None else PictureTone.estimated(estimate)
     figures: list[PlaneEdges] = []
     rejected: list[Rejected] = []
     for plane, (target, name) in enumerate(found):
@@ -84,13 +85,3 @@ def _measured(
     if figures and all(figure.drift is None for figure in figures):
         picture_tone = picture_tone.of_board()
     return figures, picture_tone, rejected
-
-
-def _localise(
-    core: _core.Picture, spans: list[SideSpan], tone: str | float
-) -> tuple[list[_core.SideSamples | str], PictureTone]:
-    """Measure spans, and the tone curve where that is to be estimated."""
-    measured, estimate = _core.localise(core, spans, None if tone == "auto" else tone)
-    if estimate is None:
-        return measured, PictureTone.known(tone)
-    return measured, PictureTone.estimated(estimate)

@@ -13,9 +13,9 @@ from trisquare._support.arrays import FloatArray
 from trisquare.detection.candidates import Lattice
 from trisquare.detection.sheets.find import SheetMatch
 from trisquare.edges import PlaneEdges, unchecked_edges
-from trisquare.measurement.board_shift import marker_shift, without_shift
 from trisquare.measurement.boards import Board
 from trisquare.measurement.marker_margins import side_margins
+from trisquare.measurement.marker_shift import marker_shift
 from trisquare.measurement.side_spans import SideSpan
 
 LEAST_MARGIN = 3.0
@@ -127,9 +127,7 @@ def _marker_edges(
     drift = tuple(side.drift for side in samples if side.drift is not None and shift == 0.0)
     return unchecked_edges(
         lines=np.column_stack([inward, offsets]),
-        points=tuple(
-            without_shift(side.points, -np.ones(len(side.points)), shift) for side in samples
-        ),
+        points=tuple(_inward(side.points, shift) for side in samples),
         std=tuple(side.std for side in samples),
         polarity=1,
         plane=plane,
@@ -138,6 +136,12 @@ def _marker_edges(
         drift=drift or None,
         border=border,
     )
+
+
+def _inward(points: FloatArray, shift: float) -> FloatArray:
+    """Move the samples along one side of a marker, clockwise, into it."""
+    x, y = (points[-1] - points[0]) / np.linalg.norm(points[-1] - points[0])
+    return np.asarray(points + shift * np.array([-y, x]))
 
 
 def _crossings(

@@ -39,7 +39,7 @@ mod _core {
         pose_from_homography, straighten,
     };
     #[pymodule_export]
-    use crate::observations::square_lines;
+    use crate::observations::{remove_edge_shift, square_lines};
     #[pymodule_export]
     use crate::planning::{Prediction, predict};
     #[pymodule_export]

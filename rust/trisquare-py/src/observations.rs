@@ -1,12 +1,13 @@
 //! From the Python class `PlaneEdges` to the crate's.
 
-use numpy::{PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use nalgebra::Vector2;
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use trisquare::{Freedom, PlaneEdges, Polarity};
+use trisquare::{CellSample, Freedom, GridLineSamples, PlaneEdges, Polarity};
 
 use crate::arrays;
-use crate::errors::exception;
+use crate::errors::{detached, exception};
 
 /// The lines of a unit square whose sides were sampled in order round it, either way round.
 #[pyfunction]
@@ -18,6 +19,59 @@ pub fn square_lines<'py>(
     let sides: Vec<_> = sides.iter().map(arrays::points).collect::<PyResult<_>>()?;
     let square = PlaneEdges::square(sides).map_err(exception)?;
     Ok(arrays::from_lines(py, &square.lines))
+}
+
+/// Points (N, 2) of a grid line, their deviations and cells, (N,), and the sign of its even cells.
+type GridLine<'py> = (
+    PyReadonlyArray2<'py, f64>,
+    PyReadonlyArray1<'py, f64>,
+    PyReadonlyArray1<'py, i64>,
+    f64,
+);
+
+/// Points (N, 2) and their deviations (N,).
+type Samples<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
+
+/// The samples of a chessboard's grid lines without their shift toward the light, and the shift.
+#[pyfunction]
+#[pyo3(signature = (lines))]
+pub fn remove_edge_shift<'py>(
+    py: Python<'py>,
+    lines: Vec<GridLine<'py>>,
+) -> PyResult<(Vec<Samples<'py>>, f64)> {
+    let mut lines: Vec<_> = lines.iter().map(grid_line).collect::<PyResult<_>>()?;
+    let shift = detached(py, || trisquare::remove_edge_shift(&mut lines))?;
+    let samples = lines.iter().map(|line| {
+        let points: Vec<_> = line.samples.iter().map(|it| it.point).collect();
+        let std: Vec<_> = line.samples.iter().map(|it| it.std).collect();
+        (
+            arrays::from_points(py, &points),
+            arrays::from_slice(py, &std),
+        )
+    });
+    Ok((samples.collect(), shift))
+}
+
+fn grid_line((points, std, cells, contrast_sign): &GridLine<'_>) -> PyResult<GridLineSamples> {
+    let points = arrays::points(points)?;
+    let (std, cells) = (std.as_array(), cells.as_array());
+    if points.len() < 2 || std.len() != points.len() || cells.len() != points.len() {
+        return Err(PyValueError::new_err(
+            "a grid line has two points or more, a deviation and a cell for each",
+        ));
+    }
+    let sample = |((point, std), cell): ((Vector2<f64>, &f64), &i64)| {
+        Ok(CellSample {
+            point,
+            std: *std,
+            cell: usize::from(u16::try_from(*cell)?),
+        })
+    };
+    let samples = points.into_iter().zip(std).zip(cells).map(sample);
+    Ok(GridLineSamples {
+        samples: samples.collect::<PyResult<_>>()?,
+        contrast_sign: *contrast_sign,
+    })
 }
 
 /// Copies a Python `PlaneEdges`, whose own constructor has checked it.

@@ -54,7 +54,10 @@ pub use localise::{
     EdgeSpan, NoEdge, SpanEdges, ToneEstimate, localise, localise_with_unknown_tone,
 };
 pub use model_selection::{ModelAlternative, ModelChoice, calibrate_by_evidence};
-pub use observations::{Fixed, Freedom, Method, Options, PlaneEdges, Polarity};
+pub use observations::{
+    CellSample, Fixed, Freedom, GridLineSamples, Method, Options, PlaneEdges, Polarity,
+    remove_edge_shift,
+};
 pub use photometric::Photographs;
 pub use planning::{EdgeNoise, PlannedPlane, Prediction, predict};
 pub use result::{

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.annotations.outlines import AnnotatedOutline, AnnotatedSquare
 from trisquare.detection.candidates import Outline, SquareOutline
+from trisquare.detection.sampling import sample
 from trisquare.detection.squares.framed import alignment
 
 REACH = 8.0
@@ -107,9 +107,7 @@ def snap_to_edges(picture: NDArray[np.uint8], annotated: AnnotatedSquare) -> Squ
     if isinstance(inner, str):
         return inner
     places = alignment(inner.corners, outer.corners)
-    first, second, third, fourth = (inner.sides[(i - places) % 4] for i in range(4))
-    corners = np.roll(inner.corners, places, axis=0)
-    return SquareOutline(outer, Outline(corners, (first, second, third, fourth), inner.dark_inside))
+    return SquareOutline(outer, Outline.of(np.array(inner.sides), inner.dark_inside, places))
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,36 +152,26 @@ def _snapped_outline(picture: NDArray[np.uint8], annotated: AnnotatedOutline) ->
             x, y = annotated.corners[number]
             return f"{annotated.where}: the edges do not meet near its corner ({x:.0f}, {y:.0f})"
     closed = np.array(corners)
-    snapped = [
-        _path_through(np.vstack([closed[i], curves[i], closed[(i + 1) % 4]])) for i in range(4)
-    ]
-    closed.flags.writeable = False
-    return Outline(closed, (snapped[0], snapped[1], snapped[2], snapped[3]), bool(dark_inside))
+    paths_through = [np.vstack([closed[i], curves[i], closed[(i + 1) % 4]]) for i in range(4)]
+    shares = np.linspace(0.0, 1.0, PATH_POINTS)
+    return Outline.of(np.array([_at(path, shares) for path in paths_through]), bool(dark_inside))
 
 
 def _read_side(picture: NDArray[np.uint8], polyline: FloatArray) -> _Side:
     """Read the steps across a drawn side; outside the picture its border is continued."""
-    lengths = np.hypot(*np.diff(polyline, axis=0).T)
-    travelled = np.append(0.0, np.cumsum(lengths))
     length = float(np.hypot(*(polyline[-1] - polyline[0])))
     reach = max(REACH, REACH_SHARE * max(picture.shape))
     reach = min(reach, NARROW * length)
     # Near the ends, the steps of the neighbouring sides are in reach as well.
     margin = min(reach / length, NARROW)
     along = np.linspace(margin, 1.0 - margin, POSITIONS)
-    points = np.stack(
-        [np.interp(along * travelled[-1], travelled, polyline[:, axis]) for axis in range(2)],
-        axis=1,
-    )
+    points = _at(polyline, along)
     chord = (polyline[-1] - polyline[0]) / length
     outward = np.array([chord[1], -chord[0]])
     farthest = int(np.ceil(reach + BULGE * length))
     read = np.arange(-farthest - FILTER, farthest + FILTER + 1, dtype=np.float64)
-    across = (points[:, None] + read[:, None] * outward).astype(np.float32)
-    values = cv2.remap(
-        picture, across[..., 0], across[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-    )
-    sums = np.cumsum(np.pad(values.astype(np.float64), ((0, 0), (1, 0))), axis=1)
+    values = sample(picture, points[:, None] + read[:, None] * outward)
+    sums = np.cumsum(np.pad(values, ((0, 0), (1, 0))), axis=1)
     means = (sums[:, FILTER:] - sums[:, :-FILTER]) / FILTER  # of the pixels from each on
     steps = means[:, FILTER + 1 :] - means[:, : -FILTER - 1]
     needed = max(MIN_STEP, MIN_STEP_NOISES * float(np.median(np.abs(steps))) / MEDIAN_OF_NORMAL)
@@ -238,10 +226,8 @@ def _meet(before: FloatArray, after: FloatArray) -> FloatArray | None:
     return np.asarray(before[-1] + (gap[0] * here[1] - gap[1] * here[0]) / cross * there)
 
 
-def _path_through(points: FloatArray) -> FloatArray:
-    """Points of a polyline at equal distances, its ends included, read-only."""
-    travelled = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
-    places = np.linspace(0.0, travelled[-1], PATH_POINTS)
-    path = np.stack([np.interp(places, travelled, points[:, axis]) for axis in range(2)], axis=1)
-    path.flags.writeable = False
-    return path
+def _at(polyline: FloatArray, shares: FloatArray) -> FloatArray:
+    """Points of a polyline at shares of its length."""
+    travelled = np.append(0.0, np.cumsum(np.hypot(*np.diff(polyline, axis=0).T)))
+    places = shares * travelled[-1]
+    return np.stack([np.interp(places, travelled, polyline[:, axis]) for axis in range(2)], axis=1)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 import trisquare._core as _core
 from trisquare.detection.boards.saddles import find_candidates
 from trisquare.detection.candidates import Lattice
+from trisquare.detection.grey import MIN_PICTURE, grey_bytes
 
 FINEST = 1000
 """Longest side in pixels of a picture that is searched as it is; a larger one is halved once,
@@ -38,6 +39,33 @@ def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
     pictures = [(picture, find_candidates(picture)) for picture in _pictures(grey)]
     found = _core.find_lattices(grey, pictures, lambda: find_candidates(grey))
     return [_lattice(lattice.crossings) for lattice in found]
+
+
+def find_chessboard(image: NDArray[np.generic], cols: int, rows: int) -> Lattice | None:
+    """Find the chessboard with `cols` x `rows` inner corners.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
+        Grey or BGR.
+    cols, rows : int
+        Inner corners along the board's two directions.
+
+    Returns
+    -------
+    Lattice or None
+        Of shape (rows, cols), of which single crossings may be hidden; of several boards, the one
+        of which most is seen. None if the picture shows no such board.
+    """
+    grey = grey_bytes(image)
+    if min(grey.shape) < MIN_PICTURE:
+        return None
+    for lattice in find_lattices(grey):
+        if lattice.present.shape == (rows, cols):
+            return lattice
+        if lattice.present.shape == (cols, rows):
+            return Lattice(np.rot90(lattice.crossings), np.rot90(lattice.present))
+    return None
 
 
 def _pictures(grey: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:

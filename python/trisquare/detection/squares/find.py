@@ -17,7 +17,7 @@ from trisquare._support.convex_quads import quad_areas
 from trisquare.detection.candidates import ENOUGH, Outline, SquareOutline, Tag
 from trisquare.detection.grey import MIN_PICTURE, grey_bytes, working_picture
 from trisquare.detection.squares.framed import MIN_RELATIVE_SIDE, alignment, find_framed_squares
-from trisquare.detection.squares.quads import Quads, find_quads
+from trisquare.detection.squares.quads import find_quads
 from trisquare.detection.squares.rectified import views_of_squares
 from trisquare.detection.squares.side_curves import fit_sides
 from trisquare.detection.tags.decode import decode_tags
@@ -70,25 +70,18 @@ def _squares_of(
         steps = quads.contrasts[indices].mean(axis=1)
         return decode_tags(grey, scale * quads.corners[indices], steps, tag_search)
 
+    # pyrDown keeps every second pixel's centre, so that coordinates only need the factor.
+    sides = scale * quads.sides
     squares = []
     for figure in find_framed_squares(smooth, quads, None if tag_search is None else read_tags):
-        outer = _outline(quads, figure.outer, figure.tag.turns if figure.tag else 0, scale)
+        turns = figure.tag.turns if figure.tag else 0
+        outer = Outline.of(sides[figure.outer], bool(quads.dark_inside[figure.outer]), turns)
         inner = None
         if figure.inner is not None:
             places = alignment(quads.corners[figure.inner], quads.corners[figure.outer])
-            inner = _outline(quads, figure.inner, places, scale)
+            inner = Outline.of(sides[figure.inner], not outer.dark_inside, places)
         squares.append(SquareOutline(outer, inner, figure.tag))
     return squares
-
-
-def _outline(quads: Quads, index: int, places: int, scale: int) -> Outline:
-    """Outline in pixels of the photograph, its numbering rolled by `places`."""
-    # pyrDown keeps every second pixel's centre, so that coordinates only need the factor.
-    corners = scale * np.roll(quads.corners[index], places, axis=0)
-    sides = scale * np.roll(quads.sides[index], places, axis=0)
-    corners.flags.writeable = sides.flags.writeable = False
-    first, second, third, fourth = sides
-    return Outline(corners, (first, second, third, fourth), bool(quads.dark_inside[index]))
 
 
 def _further_tags(grey: NDArray[np.uint8], found: list[SquareOutline]) -> list[SquareOutline]:
@@ -106,9 +99,7 @@ def _further_tags(grey: NDArray[np.uint8], found: list[SquareOutline]) -> list[S
             if tag is not None and not _is_known(quad, (*found, *further)):
                 own = np.roll(quad, tag.turns, axis=0)
                 ends = np.stack([own, np.roll(own, -1, axis=0)], axis=1)
-                own.flags.writeable = ends.flags.writeable = False
-                outline = Outline(own, (ends[0], ends[1], ends[2], ends[3]), dark_inside=True)
-                further.append(SquareOutline(outline, None, tag))
+                further.append(SquareOutline(Outline.of(ends, dark_inside=True), None, tag))
     sizes = sorted(_side(square.outer) for square in (*found, *further))
     smallest = MIN_RELATIVE_SIDE * sizes[-3] if len(sizes) > 3 else 0.0
     return [square for square in further if _side(square.outer) >= smallest]

@@ -247,7 +247,7 @@ def _concentric(quads: Quads, outer: int, inner: int) -> bool:
         corners.astype(np.float32), unit.astype(np.float32)
     )
     mapped = cv2.perspectiveTransform(quads.corners[inner][None], plane_from_image)[0]
-    mapped = _aligned(mapped, unit)
+    mapped = np.roll(mapped, alignment(mapped, unit), axis=0)
     size = float((mapped * unit).mean())
     side = np.linalg.norm(corners - np.roll(corners, -1, axis=0), axis=1).min()
     tolerance = 2.0 * (FRAME_TOLERANCE + FRAME_TOLERANCE_PIXELS / side)
@@ -265,11 +265,6 @@ def alignment(corners: FloatArray, reference: FloatArray) -> int:
     """How many places to roll `corners` (4, 2) so that they go with `reference` (4, 2)."""
     distances = [np.sum((np.roll(corners, k, axis=0) - reference) ** 2) for k in range(4)]
     return int(np.argmin(distances))
-
-
-def _aligned(corners: FloatArray, reference: FloatArray) -> FloatArray:
-    """Return the corners in the order that goes with the reference."""
-    return np.roll(corners, alignment(corners, reference), axis=0)
 
 
 def _innermost(

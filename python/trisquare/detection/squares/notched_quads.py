@@ -9,9 +9,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 from cv2.typing import MatLike
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from trisquare._support.arrays import FloatArray
 
 POINTS_PER_SIDE = 32
 FRACTIONS = np.linspace(0.0, 1.0, POINTS_PER_SIDE)

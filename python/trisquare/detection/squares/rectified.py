@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from trisquare._support.arrays import FloatArray
 from trisquare.detection.sampling import homographies_from_unit_square
 from trisquare.detection.squares.quads import Quads
 
@@ -23,33 +22,16 @@ quadrilaterals one in twenty is below 0.6. The rest is for a principal point off
 
 
 def views_of_squares(quads: Quads, image_size: tuple[int, int]) -> Quads:
-    """Keep the quads that some camera sees as squares; `image_size` is (width, height)."""
-    smallest = deviations_from_square(quads.corners, image_size).min(axis=1)
-    return quads.subset(smallest < MAX_DEVIATION)
+    """Keep the quads that some camera sees as squares; `image_size` is (width, height).
 
-
-def deviations_from_square(corners: FloatArray, image_size: tuple[int, int]) -> FloatArray:
-    """How far each quadrilateral is from a square, seen with each of `FOCAL_LENGTHS`.
-
-    Parameters
-    ----------
-    corners : ndarray of float64, shape (Q, 4, 2)
-        Pixels.
-    image_size : tuple of int
-        (width, height).
-
-    Returns
-    -------
-    ndarray of float64, shape (Q, F)
-        The larger of the cosine between the sides and the logarithm of their ratio.
+    A quad deviates from a square by the larger of the cosine between the sides and the logarithm of
+    their ratio, as seen with each of `FOCAL_LENGTHS`.
     """
-    longer = max(image_size)
-    centred = (corners - 0.5 * (np.array(image_size) - 1.0)) / longer
+    centred = (quads.corners - 0.5 * (np.array(image_size) - 1.0)) / max(image_size)
     homographies = homographies_from_unit_square(centred)
     unscaled = np.stack(np.broadcast_arrays(1.0 / FOCAL_LENGTHS, 1.0 / FOCAL_LENGTHS, 1.0), axis=-1)
     sides = homographies[:, None, :, :2] * unscaled[None, :, :, None]
-    first, second = sides[..., 0], sides[..., 1]
     lengths = np.linalg.norm(sides, axis=2)
-    cosine = np.abs((first * second).sum(axis=-1)) / lengths.prod(axis=-1)
+    cosine = np.abs(sides.prod(axis=-1).sum(axis=-1)) / lengths.prod(axis=-1)
     stretch = np.abs(np.log(lengths[..., 0] / lengths[..., 1]))
-    return np.asarray(np.maximum(cosine, stretch))
+    return quads.subset(np.maximum(cosine, stretch).min(axis=1) < MAX_DEVIATION)

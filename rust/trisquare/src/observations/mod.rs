@@ -1,5 +1,6 @@
 //! What was measured and what is asked: edge samples by plane, options, free parameters, the view.
 
+mod edge_shift;
 mod free_parameters;
 mod observed;
 mod options;
@@ -8,6 +9,7 @@ mod plane_edges;
 mod relief;
 mod view;
 
+pub use edge_shift::{CellSample, GridLineSamples, remove_edge_shift};
 pub(crate) use free_parameters::FreeParameters;
 pub(crate) use observed::{
     Figure, ObservedPlane, Sample, Side, directions, has_grid, sort_by_plane,

@@ -90,28 +90,28 @@ impl SaddleStep {
 /// Moves a point onto the saddle next to it, where there is one.
 #[must_use]
 pub fn refine_corner(picture: &GreyBytes<'_>, point: Vector2<f64>) -> Vector2<f64> {
-    let mut refined = point;
-    let mut last = None;
+    let (mut refined, mut nearest) = (point, point);
+    let mut shortest: Option<SaddleStep> = None;
     for _ in 0..SETTLING_STEPS {
         let pixel: [usize; 2] = std::array::from_fn(|k| {
             let most = picture.size()[k].saturating_sub(1 + REACH);
             // The cast saturates, and takes NaN to zero.
             (refined[k].round_ties_even() as usize).min(most).max(REACH)
         });
-        if last.is_some_and(|(previous, _)| previous == pixel) {
-            break; // every further step is the same
-        }
         let Some(step) = SaddleStep::from(picture, pixel) else {
             return point;
         };
         let moved = step.offset.map(|o| o.clamp(-SETTLING_STEP, SETTLING_STEP));
         refined = Vector2::new(pixel[0] as f64, pixel[1] as f64) + moved;
-        last = Some((pixel, step));
+        // From beside a saddle amid four pixels the steps go to and fro: the shortest is the best.
+        if shortest.is_none_or(|it| step.offset.amax() < it.offset.amax()) {
+            (shortest, nearest) = (Some(step), refined);
+        }
     }
     let arrived =
-        last.is_some_and(|(_, step)| step.offset.amax() < MOST_OFFSET && step.curvature[3] < 0.0);
-    if arrived && (refined - point).amax() < MOST_SETTLING {
-        refined
+        shortest.is_some_and(|it| it.offset.amax() < MOST_OFFSET && it.curvature[3] < 0.0);
+    if arrived && (nearest - point).amax() < MOST_SETTLING {
+        nearest
     } else {
         point
     }

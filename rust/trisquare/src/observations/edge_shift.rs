@@ -1,0 +1,464 @@
+//! The shift of a chessboard's edges toward their dark side, taken out before a calibration.
+//!
+//! A tone curve that is not quite the camera's, or clipped white, moves every edge by about the same
+//! amount toward its dark side. Along a grid line that side alternates from cell to cell, so the line
+//! shows the shift as a zigzag, and no calibration is needed to measure it.
+
+use nalgebra::{Matrix5, Matrix5x2, RowVector2, Vector2, Vector5};
+
+use crate::numeric::median;
+
+/// Standard deviation of a sample, over the least of its cell, from which a crossing takes part of
+/// its contrast, `2 Phi(2) - 1 = 1 / 1.05`, or it lies across one: a wrong tone curve shifts it by
+/// neither cell's amount, but by up to as much more as it is less certain.
+const FADED: f64 = 1.05;
+
+/// Shift, in standard deviations of a sample, from which samples at crossings are left out: what it
+/// may do to them is more than their noise, and goes to and fro with the cells. Below, they are
+/// doubted by as much; to leave them out for less would cost short cells half of what is known.
+const MOST_DOUBT: f64 = 1.0;
+
+/// Of the polynomial that a grid line's image follows: distortion bends it, but smoothly.
+const LINE_DEGREE: usize = 4;
+
+/// Of reweighting, at most.
+const ROUNDS: usize = 8;
+
+/// Change of the shift, pixels, after which no further round is needed: a tenth of what the best
+/// boards know of it.
+const SETTLED: f64 = 2e-4;
+
+/// Part of the signs' squares that is left where a line's cells have one sign only.
+const ROUNDING: f64 = 1e-12;
+
+/// Median sizes of the samples' residuals, which are two robust standard deviations: beyond, a
+/// sample counts less.
+const HUBER_LIMIT: f64 = 2.0 * 1.4826;
+/// Standard deviations; the limit for residuals that are all rounding.
+const SMALLEST_LIMIT: f64 = 2e-6;
+
+/// Part of a line's zigzag that a polynomial must leave for the line to say anything of its shift:
+/// of two cells it leaves a seventh, and that hangs on the samples next to the one crossing.
+const LEAST_KNOWN: f64 = 0.2;
+/// Where the shift is evident in every sample, such a line knows it better than the others do.
+const LEAST_KNOWN_IF_EVIDENT: f64 = 1e-3;
+
+/// Median of a standard normal variable's square.
+const MEDIAN_SQUARE: f64 = 0.455;
+
+/// Of the range in which the lines' variance is looked for: to a millionth of it.
+const HALVINGS: usize = 20;
+
+/// One edge sample along a grid line of a chessboard.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CellSample {
+    /// Pixels.
+    pub point: Vector2<f64>,
+    /// Its standard deviation across the line, pixels.
+    pub std: f64,
+    /// The number along the line of the cell that it is beside.
+    pub cell: usize,
+}
+
+/// Edge samples along one grid line of a chessboard.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GridLineSamples {
+    /// In order along the line; two or more.
+    pub samples: Vec<CellSample>,
+    /// +1 if cells of even number get lighter toward the line's right-hand normal, else -1; those of
+    /// odd number do the opposite.
+    pub contrast_sign: f64,
+}
+
+/// Moves the edges of one chessboard back from where a wrong tone curve has shifted them.
+///
+/// Returns the shift toward the light in pixels, 0 if the lines do not tell. Where it is more than a
+/// sample's noise, the samples next to crossings are left out; else they are doubted.
+pub fn remove_edge_shift(lines: &mut [GridLineSamples]) -> f64 {
+    let faded: Vec<_> = lines.iter().map(GridLineSamples::at_crossings).collect();
+    let pairs = lines.iter().zip(&faded);
+    let clear: Vec<_> = pairs.map(|(line, faded)| line.without(faded)).collect();
+    let zigzags: Vec<Zigzag> = clear.iter().map(Zigzag::of).collect();
+    let shift = common_shift(&zigzags);
+    let deviations = lines.iter().flat_map(|line| &line.samples).map(|it| it.std);
+    let usual = median(deviations.collect()).unwrap_or(f64::INFINITY);
+    let is_evident = shift.abs() > MOST_DOUBT * usual;
+    // It differs from line to line, as the blur across them does.
+    let shifts = shifts_of_lines(&zigzags, shift, is_evident);
+    for (((line, clear), faded), own) in lines.iter_mut().zip(clear).zip(faded).zip(shifts) {
+        if is_evident {
+            *line = clear;
+        } else {
+            line.doubt(&faded, shift);
+        }
+        line.shift(-own);
+    }
+    shift
+}
+
+impl GridLineSamples {
+    /// Which samples have not the whole contrast of their cell.
+    fn at_crossings(&self) -> Vec<bool> {
+        let cells = self.samples.iter().map(|it| it.cell + 1).max();
+        let mut least = vec![f64::INFINITY; cells.unwrap_or(0)];
+        for sample in &self.samples {
+            least[sample.cell] = least[sample.cell].min(sample.std);
+        }
+        let is_faded = |it: &CellSample| it.std > FADED * least[it.cell];
+        let faded: Vec<bool> = self.samples.iter().map(is_faded).collect();
+        // Of a line of few samples, the others may be too few to be a line.
+        let is_line = faded.iter().filter(|it| !**it).count() > 1;
+        faded.iter().map(|it| *it && is_line).collect()
+    }
+
+    fn without(&self, faded: &[bool]) -> Self {
+        let pairs = self.samples.iter().zip(faded);
+        Self {
+            samples: pairs.filter(|it| !it.1).map(|it| *it.0).collect(),
+            ..*self
+        }
+    }
+
+    /// Adds to the deviations at crossings what a shift of the edges does there.
+    fn doubt(&mut self, faded: &[bool], shift: f64) {
+        let mut sorted: Vec<f64> = self.samples.iter().map(|it| it.std).collect();
+        sorted.sort_by(f64::total_cmp);
+        let doubt = 1f64.hypot(shift / sorted[sorted.len() / 2]);
+        for (sample, _) in self.samples.iter_mut().zip(faded).filter(|it| *it.1) {
+            sample.std *= doubt;
+        }
+    }
+
+    /// Moves the samples toward the light.
+    fn shift(&mut self, by: f64) {
+        let (normal, sign) = (self.normal(), self.contrast_sign);
+        for sample in &mut self.samples {
+            sample.point += normal * (by * sample.sign(sign));
+        }
+    }
+
+    /// The right-hand normal of the chord.
+    fn normal(&self) -> Vector2<f64> {
+        let ends = self.samples.first().zip(self.samples.last());
+        let along = ends.and_then(|(first, last)| (last.point - first.point).try_normalize(0.0));
+        along.map_or(Vector2::zeros(), |along| Vector2::new(-along.y, along.x))
+    }
+}
+
+impl CellSample {
+    fn sign(&self, of_even: f64) -> f64 {
+        if self.cell.is_multiple_of(2) {
+            of_even
+        } else {
+            -of_even
+        }
+    }
+}
+
+/// A sample's offset from its line's chord and which way it is shifted; the Legendre polynomials at
+/// it, those zero that so few samples cannot follow; and one over its standard deviation.
+struct ZigzagSample {
+    values: RowVector2<f64>,
+    basis: Vector5<f64>,
+    precision: f64,
+}
+
+struct Zigzag(Vec<ZigzagSample>);
+
+impl Zigzag {
+    fn of(line: &GridLineSamples) -> Self {
+        let normal = line.normal();
+        let along = Vector2::new(normal.y, -normal.x);
+        let count = line.samples.len();
+        let points = line.samples.iter().map(|it| it.point);
+        let middle = points.clone().sum::<Vector2<f64>>() / count as f64;
+        let farthest = points.fold(f64::MIN_POSITIVE, |most, point| {
+            most.max((point - middle).dot(&along).abs())
+        });
+        let degree = LINE_DEGREE.min(count.saturating_sub(2));
+        let sample = |it: &CellSample| {
+            let away = it.point - middle;
+            ZigzagSample {
+                values: RowVector2::new(away.dot(&normal), it.sign(line.contrast_sign)),
+                basis: legendre(away.dot(&along) / farthest, degree),
+                precision: 1.0 / it.std,
+            }
+        };
+        Self(line.samples.iter().map(sample).collect())
+    }
+
+    /// Weighted offsets and signs less what a polynomial explains of them.
+    fn without_polynomial(&self, weights: &[f64]) -> Vec<RowVector2<f64>> {
+        let (mut gram, mut right) = (Matrix5::zeros(), Matrix5x2::zeros());
+        for (sample, weight) in self.0.iter().zip(weights) {
+            let weighted = sample.basis * (weight * weight);
+            gram += weighted * sample.basis.transpose();
+            right += weighted * sample.values;
+        }
+        for degree in 0..=LINE_DEGREE {
+            if gram[(degree, degree)] == 0.0 {
+                gram[(degree, degree)] = 1.0;
+            }
+        }
+        let explained = gram.lu().solve(&right).unwrap_or_default();
+        let left = |it: &ZigzagSample| it.values - it.basis.transpose() * explained;
+        let pairs = self.0.iter().zip(weights);
+        pairs
+            .map(|(sample, weight)| left(sample) * *weight)
+            .collect()
+    }
+
+    fn precisions(&self) -> Vec<f64> {
+        self.0.iter().map(|sample| sample.precision).collect()
+    }
+}
+
+/// Legendre polynomials up to a degree; those beyond are zero.
+fn legendre(x: f64, degree: usize) -> Vector5<f64> {
+    let all = Vector5::new(
+        1.0,
+        x,
+        (3.0 * x * x - 1.0) / 2.0,
+        (5.0 * x * x - 3.0) * x / 2.0,
+        ((35.0 * x * x - 30.0) * x * x + 3.0) / 8.0,
+    );
+    Vector5::from_fn(|k, _| if k <= degree { all[k] } else { 0.0 })
+}
+
+/// The shift that all lines show together, toward their light side, pixels; 0 if they show none.
+///
+/// Least squares over all lines at once, a polynomial for each and one shift for all, reweighted by
+/// Huber's function.
+fn common_shift(lines: &[Zigzag]) -> f64 {
+    let precisions: Vec<_> = lines.iter().map(Zigzag::precisions).collect();
+    let mut weights = precisions.clone();
+    let mut shift = 0.0;
+    for _ in 0..ROUNDS {
+        let pairs = lines.iter().zip(&weights);
+        let left: Vec<_> = pairs
+            .map(|(line, own)| line.without_polynomial(own))
+            .collect();
+        let (squares, products) = sums(left.iter().flatten());
+        // What the polynomials explain of the signs leaves rounding.
+        if squares <= ROUNDING * weights.iter().flatten().map(|it| it * it).sum::<f64>() {
+            return 0.0;
+        }
+        let previous = shift;
+        shift = products / squares;
+        if (shift - previous).abs() < SETTLED {
+            break;
+        }
+        let used = weights.iter().flatten().zip(precisions.iter().flatten());
+        let sizes: Vec<f64> = left
+            .iter()
+            .flatten()
+            .zip(used)
+            .map(|(left, (weight, precision))| (left.x - shift * left.y).abs() * precision / weight)
+            .collect();
+        let limit = HUBER_LIMIT * median(sizes.clone()).unwrap_or(0.0);
+        let limit = limit.max(SMALLEST_LIMIT);
+        let new = precisions.iter().flatten().zip(sizes);
+        for (weight, (precision, size)) in weights.iter_mut().flatten().zip(new) {
+            *weight = precision * (limit / size.max(limit)).sqrt();
+        }
+    }
+    shift
+}
+
+/// Sums of what is left of the signs squared, and times what is left of the offsets.
+fn sums<'a>(left: impl IntoIterator<Item = &'a RowVector2<f64>>) -> (f64, f64) {
+    let add =
+        |(squares, products), it: &RowVector2<f64>| (squares + it.y * it.y, products + it.x * it.y);
+    left.into_iter().fold((0.0, 0.0), add)
+}
+
+/// Each line's own shift, as far as lines are seen to differ from the board's.
+///
+/// A line of two or three cells hardly knows its own: a zigzag of so few turns is a bend or a tilt.
+/// So what each of them says is drawn to the board's, by its variance over that which the lines have
+/// among themselves beyond it (the median of their squared departures in units of both together is
+/// that of chance; R. C. Paule & J. Mandel, J. Res. NBS 87 (1982) 377-385).
+fn shifts_of_lines(lines: &[Zigzag], shift: f64, is_evident: bool) -> Vec<f64> {
+    let least = if is_evident {
+        LEAST_KNOWN_IF_EVIDENT
+    } else {
+        LEAST_KNOWN
+    };
+    let precisions: Vec<_> = lines.iter().map(Zigzag::precisions).collect();
+    let pairs = lines.iter().zip(&precisions);
+    let left: Vec<_> = pairs
+        .map(|(line, own)| line.without_polynomial(own))
+        .collect();
+    // Samples whose stated deviations a wrong tone curve has raised scatter less than they say.
+    let scatter = left
+        .iter()
+        .flatten()
+        .map(|it| (it.x - shift * it.y).powi(2));
+    let scatter = median(scatter.collect()).unwrap_or(0.0);
+    let departures = left.iter().zip(&precisions).map(|(left, precisions)| {
+        let (known, products) = sums(left);
+        let variance = scatter / MEDIAN_SQUARE / known + f64::MIN_POSITIVE;
+        let is_known = known > least * precisions.iter().map(|it| it * it).sum::<f64>();
+        is_known.then_some((products / known - shift, variance))
+    });
+    let departures: Vec<Option<(f64, f64)>> = departures.collect();
+    let seen = || departures.iter().flatten();
+    let largest = seen().fold(0.0, |most: f64, (departure, _)| most.max(departure.powi(2)));
+    let (mut low, mut high) = (0.0, largest / MEDIAN_SQUARE);
+    for _ in 0..HALVINGS {
+        let between = 0.5 * (low + high);
+        let ratios = seen().map(|(departure, variance)| departure.powi(2) / (variance + between));
+        if median(ratios.collect()).is_some_and(|ratio| ratio > MEDIAN_SQUARE) {
+            low = between;
+        } else {
+            high = between;
+        }
+    }
+    let own = |seen: &Option<(f64, f64)>| {
+        seen.map_or(shift, |(departure, variance)| {
+            shift + departure * low / (low + variance)
+        })
+    };
+    departures.iter().map(own).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NOISE: f64 = 0.05;
+    const PER_CELL: usize = 6;
+
+    /// Normally distributed with the standard deviation `NOISE`, always the same.
+    struct Noise(u64);
+
+    impl Noise {
+        fn uniform(&mut self) -> f64 {
+            self.0 = self
+                .0
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (self.0 >> 11) as f64 / (1u64 << 53) as f64
+        }
+
+        fn next(&mut self) -> f64 {
+            NOISE * ((0..12).map(|_| self.uniform()).sum::<f64>() - 6.0)
+        }
+    }
+
+    /// Gently bent grid lines whose cells are shifted alternately.
+    fn zigzag(shift: f64, lines: usize, cells: usize, noise: &mut Noise) -> Vec<GridLineSamples> {
+        let line = |line: usize| {
+            let count = PER_CELL * cells;
+            let contrast_sign = if line % 2 == 0 { 1.0 } else { -1.0 };
+            let mut point = |k: usize| {
+                let x = 200.0 * k as f64 / (count - 1) as f64;
+                let sign = if (k / PER_CELL) % 2 == 0 {
+                    contrast_sign
+                } else {
+                    -contrast_sign
+                };
+                let bent = 20.0 * line as f64 + 1e-4 * (x - 90.0).powi(2);
+                Vector2::new(x, bent + shift * sign + noise.next())
+            };
+            let sample = |k: usize| CellSample {
+                point: point(k),
+                std: NOISE,
+                cell: k / PER_CELL,
+            };
+            GridLineSamples {
+                samples: (0..count).map(sample).collect(),
+                contrast_sign,
+            }
+        };
+        (0..lines).map(line).collect()
+    }
+
+    fn zigzags(lines: &[GridLineSamples]) -> Vec<Zigzag> {
+        lines.iter().map(Zigzag::of).collect()
+    }
+
+    #[test]
+    fn the_shift_of_bent_lines_is_found_and_taken_out() {
+        let mut noise = Noise(1);
+        for shift in [-0.4, 0.0, 0.25] {
+            let mut lines = zigzag(shift, 9, 8, &mut noise);
+            let found = remove_edge_shift(&mut lines);
+            let std = NOISE / ((9 * 8 * PER_CELL) as f64).sqrt();
+            assert!((found - shift).abs() < 4.0 * std, "{found}");
+            let left = common_shift(&zigzags(&lines));
+            assert!(left.abs() < 1e-3, "{left}");
+        }
+    }
+
+    #[test]
+    fn a_tenth_of_outliers_hardly_matters() {
+        let mut noise = Noise(2);
+        let mut lines = zigzag(0.25, 9, 8, &mut noise);
+        for line in &mut lines {
+            let contrast_sign = line.contrast_sign;
+            for sample in &mut line.samples {
+                if noise.uniform() < 0.1 {
+                    sample.point.y -= 2.0 * sample.sign(contrast_sign);
+                }
+            }
+        }
+        assert!((common_shift(&zigzags(&lines)) - 0.25).abs() < 0.05);
+    }
+
+    #[test]
+    fn long_lines_keep_a_shift_of_their_own() {
+        let mut noise = Noise(4);
+        let mut lines = zigzag(0.1, 9, 16, &mut noise);
+        lines.extend(zigzag(0.3, 9, 16, &mut noise));
+        let own = shifts_of_lines(&zigzags(&lines), 0.2, false);
+        let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
+        assert!((mean(&own[..9]) - 0.1).abs() < 0.02);
+        assert!((mean(&own[9..]) - 0.3).abs() < 0.02);
+    }
+
+    #[test]
+    fn lines_that_differ_by_chance_have_the_board_s_shift() {
+        let lines = zigzags(&zigzag(0.1, 9, 8, &mut Noise(5)));
+        let each = lines
+            .iter()
+            .map(|line| common_shift(std::slice::from_ref(line)));
+        let spread = |shifts: Vec<f64>| shifts.iter().map(|s| (s - 0.1).powi(2)).sum::<f64>();
+        let own = shifts_of_lines(&lines, 0.1, false);
+        assert!(spread(own) < 0.25 * spread(each.collect()));
+    }
+
+    #[test]
+    fn lines_of_two_cells_are_left_to_the_board_and_never_run_away() {
+        let mut noise = Noise(6);
+        let lines = zigzags(&zigzag(0.0, 20, 2, &mut noise));
+        assert_eq!(shifts_of_lines(&lines, 0.01, false), [0.01; 20]);
+        let own = shifts_of_lines(&lines, 0.0, true);
+        assert!(own.iter().all(|shift| shift.abs() < 10.0 * NOISE));
+    }
+
+    #[test]
+    fn one_cell_no_line_and_points_that_coincide_say_nothing() {
+        let mut one = zigzag(0.2, 1, 1, &mut Noise(7));
+        assert_eq!(common_shift(&zigzags(&one)), 0.0);
+        for sample in &mut one[0].samples {
+            sample.point = Vector2::new(3.0, 4.0);
+        }
+        assert_eq!(common_shift(&zigzags(&one)), 0.0);
+        assert_eq!(remove_edge_shift(&mut []), 0.0);
+    }
+
+    #[test]
+    fn samples_at_crossings_are_doubted_or_left_out() {
+        for (shift, left) in [(0.02, 48), (0.3, 46)] {
+            let mut lines = zigzag(shift, 9, 8, &mut Noise(8));
+            for line in &mut lines {
+                line.samples[5].std *= 1.5;
+                line.samples[6].std *= 1.5;
+            }
+            remove_edge_shift(&mut lines);
+            assert!(lines.iter().all(|line| line.samples.len() == left));
+            assert!(left == 46 || lines[0].samples[5].std > 1.5 * NOISE);
+        }
+    }
+}
