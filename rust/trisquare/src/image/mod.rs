@@ -13,5 +13,5 @@ pub(crate) use picture_tone::{PICTURE_PARAMETERS, PicturePrior, PictureState};
 pub use picture_tone::{PictureTone, ToneFit};
 pub(crate) use pixel_box::box_kurtosis;
 pub use power_curve::{PowerCurve, Sensitivity};
-pub(crate) use power_curve::{TONE_PARAMETERS, TonePrior, USUAL};
+pub(crate) use power_curve::{SRGB, TONE_PARAMETERS, TonePrior, USUAL};
 pub use tone::{Tone, ToneCurve};

@@ -27,6 +27,12 @@ pub(crate) const USUAL: PowerCurve = PowerCurve {
 };
 const USUAL_STD: Sensitivity = [0.5, 0.02];
 
+/// sRGB, to 5e-5 of white.
+pub(crate) const SRGB: PowerCurve = PowerCurve {
+    gamma: 2.4,
+    toe: 0.055 / 1.4,
+};
+
 /// No camera writes gammas beyond these, though noise may ask for them.
 const GAMMAS: [f64; 2] = [0.5, 3.5];
 
@@ -184,11 +190,6 @@ impl PowerCurve {
 mod tests {
     use super::super::tone::Tone;
     use super::*;
-
-    const SRGB: PowerCurve = PowerCurve {
-        gamma: 2.4,
-        toe: 0.055 / 1.4,
-    };
 
     #[test]
     fn the_standard_curves_belong_to_the_family() {

@@ -35,11 +35,24 @@ pub(super) fn corrected(
     }
     // Both move the samples much alike: the direction that moves them most stands for both.
     let direction = deviations * first_axis(&gram);
-    let shift_std = estimate.shift_std.unwrap_or(0.0);
-    let spans = measured.into_iter().map(|measured| {
-        measured.map(|measured| measured.displaced(&step, common, &direction, shift_std))
-    });
-    (spans.collect(), estimate)
+    let spans = measured.into_iter();
+    let displaced = spans
+        .map(|measured| Ok(measured?.displaced(&step, common, &direction, 0.0)))
+        .collect();
+    (displaced, estimate)
+}
+
+/// The samples where they are, with one common distance that all edges may lie off towards the
+/// dark: of this standard deviation, px.
+pub(super) fn shifted(
+    measured: Vec<Result<Measured, NoEdge>>,
+    shift_std: f64,
+) -> Vec<Result<SpanEdges, NoEdge>> {
+    let none = Vector2::zeros();
+    let spans = measured.into_iter();
+    spans
+        .map(|measured| Ok(measured?.displaced(&none, 0.0, &none, shift_std)))
+        .collect()
 }
 
 /// The unit eigenvector of the larger eigenvalue.

@@ -26,7 +26,7 @@ mod side;
 mod span;
 mod tone_fit;
 
-use crate::image::{GreyReader, Picture, Tone, USUAL};
+use crate::image::{GreyReader, Picture, SRGB, Tone, USUAL};
 use band::{Band, Pixel, SearchLimit};
 use blur::BlurShape;
 use coarse::CoarseEdge;
@@ -92,9 +92,8 @@ pub fn localise(
 ) -> Vec<Result<SpanEdges, NoEdge>> {
     let mut localiser = Localiser::new(picture, tone);
     let previews = localiser.previews(spans);
-    (0..spans.len())
-        .map(|index| Ok(localiser.measure(spans, index, &previews)?.edges))
-        .collect()
+    let measured = localiser.measure_all(spans, &previews).into_iter();
+    measured.map(|measured| Ok(measured?.edges)).collect()
 }
 
 /// Measures the edges along coarsely known spans of a picture whose tone curve is not known.
@@ -102,6 +101,11 @@ pub fn localise(
 /// The curve is estimated from the asymmetry of the edges' profiles, at first from some of the
 /// pixels; the samples measured with that are moved to where the estimate from all pixels sees
 /// them, which one linear step reaches.
+///
+/// Where the profiles fit no curve (JPEG, sharpening, clipped white) they tell none: the picture is
+/// taken as sRGB, as most are, and one common shift of its edges is left open. Over 20 rendered
+/// scenes each, error over standard deviation was then 0.7 to 1.3 (1.9 where a third of the scale
+/// is clipped), 1.1 to 2.2 about the misled estimate.
 #[must_use]
 pub fn localise_with_unknown_tone(
     picture: &Picture,
@@ -110,11 +114,19 @@ pub fn localise_with_unknown_tone(
     let mut localiser = Localiser::new(picture, Tone::Power(USUAL));
     let mut previews = localiser.previews(spans);
     let first = tone_fit::estimate_tone(USUAL, &mut previews);
-    let mut localiser = Localiser::new(picture, Tone::Power(first));
-    let measured: Vec<_> = (0..spans.len())
-        .map(|index| localiser.measure(spans, index, &previews))
-        .collect();
-    displacement::corrected(first, measured)
+    let measured = Localiser::new(picture, Tone::Power(first)).measure_all(spans, &previews);
+    let (edges, estimate) = displacement::corrected(first, measured);
+    let Some(shift_std) = estimate.shift_std else {
+        return (edges, estimate);
+    };
+    let mut localiser = Localiser::new(picture, Tone::Power(SRGB));
+    let previews = localiser.previews(spans);
+    let measured = localiser.measure_all(spans, &previews);
+    let estimate = ToneEstimate {
+        curve: SRGB,
+        ..estimate
+    };
+    (displacement::shifted(measured, shift_std), estimate)
 }
 
 /// What all spans share: the picture's reader, and buffers.
@@ -227,6 +239,18 @@ impl<'a> Localiser<'a> {
         let all = self.wide.iter();
         all.filter(|pixel| (-before..=after).contains(&side.distance(pixel)))
             .copied()
+            .collect()
+    }
+
+    /// Measures all spans, whose curves are known.
+    fn measure_all(
+        &mut self,
+        spans: &[EdgeSpan],
+        previews: &[Result<Preview, NoEdge>],
+    ) -> Vec<Result<Measured, NoEdge>> {
+        let indices = 0..spans.len();
+        indices
+            .map(|index| self.measure(spans, index, previews))
             .collect()
     }
 
