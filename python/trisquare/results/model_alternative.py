@@ -28,8 +28,8 @@ class ModelAlternative(Record):
     rms: float = field(metadata=member(NUMBER, "rms_px"))
 
     def __post_init__(self) -> None:
-        check_members(self)
         if self.model not in MODELS:
             raise ValueError(f"model must be one of {MODELS}, not {self.model!r}")
+        check_members(self)
         if self.log_evidence > 0:
             raise ValueError(f"log_evidence must not be positive, but is {self.log_evidence}")

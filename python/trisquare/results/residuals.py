@@ -27,6 +27,10 @@ class FigureResiduals(Record):
     normals: tuple[FloatArray, ...] = field(metadata=member(arrays(None, 2)))
 
     def __post_init__(self) -> None:
+        if len(self.distances) != len(self.normals):
+            raise ValueError("distances and normals must be of the same lines")
         check_members(self)
-        if [len(own) for own in self.distances] != [len(own) for own in self.normals]:
-            raise ValueError("distances and normals must be of the same lines and samples")
+        for normals, distances in zip(self.normals, self.distances, strict=True):
+            if len(normals) != len(distances):
+                wanted = (len(distances), 2)
+                raise ValueError(f"normals must have shape {wanted}, not {normals.shape}")
