@@ -15,7 +15,7 @@ from camera_files import FILES, PANORAMA
 import trisquare as ts
 from trisquare import Camera
 from trisquare.formats import FORMAT_NAMES, load_camera
-from trisquare.formats.approximation import BrownFamily, nearest
+from trisquare.formats.approximation import Family, nearest
 
 SIZE = (1280, 960)
 MODELS = {
@@ -207,7 +207,7 @@ def test_the_nearest_lens_is_the_least_squares_one(tmp_path):
     optimize = pytest.importorskip("scipy.optimize")
     camera = random_camera(8)
     pixels = pixel_grid(camera)
-    family = BrownFamily("radtan", ("k1", "k2", "p1", "p2"))
+    family = Family("radtan", ("k1", "k2", "p1", "p2"))
     found = nearest(camera, family)
     # On the grid that the fit is over, spaced like a fortieth of the width.
     x, y = np.linspace(0, 1279, 41), np.linspace(0, 959, 31)

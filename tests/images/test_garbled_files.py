@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 
 import trisquare as ts
 from trisquare._support.json_members import JsonFields
+from trisquare._support.records import record_from_members, record_members
 from trisquare.detection.annotations.formats import annotated_pictures
 from trisquare.detection.kinds import TargetKinds
-from trisquare.results.rejected import Rejected, rejected_from_members, rejected_members
+from trisquare.results.rejected import Rejected
 
 many = settings(max_examples=120, derandomize=True)
 
@@ -88,20 +89,20 @@ REJECTED = Rejected("square", 0, np.array([[1.0, 2.0], [9.0, 2.0], [9.0, 8.0], [
 
 @many
 @given(
-    st.sampled_from(sorted(rejected_members(REJECTED))),
+    st.sampled_from(sorted(record_members(REJECTED))),
     st.one_of(values, st.just(...)),
 )
 def test_a_damaged_rejected_square_is_refused_or_whole(key, value):
-    members = rejected_members(REJECTED)
+    members = record_members(REJECTED)
     if value is ...:
         del members[key]
     else:
         members[key] = value
     with suppress(ValueError):
-        candidate = rejected_from_members(JsonFields(members, "rejected"))
+        candidate = record_from_members(Rejected, JsonFields(members, "rejected"))
         # What was accepted can be written and read again.
-        text = json.dumps(rejected_members(candidate), allow_nan=False)
-        again = rejected_from_members(JsonFields(json.loads(text), "rejected"))
+        text = json.dumps(record_members(candidate), allow_nan=False)
+        again = record_from_members(Rejected, JsonFields(json.loads(text), "rejected"))
         np.testing.assert_array_equal(again.corners, candidate.corners)
 
 

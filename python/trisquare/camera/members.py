@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from trisquare._support.arrays import size_of_image
 from trisquare._support.json_members import JsonFields
-
-if TYPE_CHECKING:
-    pass
 from trisquare.camera.camera import Camera
 
 

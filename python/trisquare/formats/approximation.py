@@ -4,56 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 import trisquare._core as _core
 from trisquare.camera.approximation import Approximation
 from trisquare.camera.camera import Camera, CoreCamera, camera_for_core, camera_parameters
-from trisquare.formats.other_lenses import ForeignLens, camera_of
+from trisquare.formats.other_lenses import ForeignLens, camera_matrix, camera_of
 
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")
 
 Lens: TypeAlias = "Camera | ForeignLens"
 
 
-class Family(Protocol):
-    """The lenses that one model of a file format can say."""
-
-    @property
-    def title(self) -> str:
-        """The model's name in the format, and its coefficients."""
-
-    @property
-    def free(self) -> tuple[str, ...]:
-        """The coefficients it has, by the core's names."""
-
-    @property
-    def square(self) -> bool:
-        """Whether it has one focal length only."""
-
-    def exactly(self, camera: Camera) -> object | None:
-        """Return the camera as the family has it, None if it has not."""
-
-    def lens(
-        self,
-        focal: Sequence[float],
-        centre: Sequence[float],
-        coefficients: Sequence[float],
-        image_size: tuple[int, int],
-    ) -> object:
-        """Return the lens of these parameters."""
-
-
 @dataclass(frozen=True, slots=True)
-class BrownFamily:
-    """Cameras of `Camera`'s own model with some of its numbers tied.
+class Family:
+    """The lenses that one model of a file format can say.
+
+    Those of this class are cameras of `Camera`'s own model with some of its numbers tied.
 
     Parameters
     ----------
     title : str
         The model's name in the format, and its coefficients.
     free : tuple of str
-        The coefficients it has, of ``k1 k2 p1 p2 k3``; the others are zero.
+        The coefficients it has, by the core's names; here of ``k1 k2 p1 p2 k3``.
     square : bool
         Whether it has one focal length only.
     """
@@ -62,8 +36,8 @@ class BrownFamily:
     free: tuple[str, ...]
     square: bool = False
 
-    def exactly(self, camera: Camera) -> Camera | None:
-        """Return the camera itself if all that it has is free."""
+    def exactly(self, camera: Camera) -> Any:
+        """Return the camera as the family has it, None if it has not: here, itself."""
         values = camera_parameters(camera)
         missing = any(values[name] for name in COEFFICIENTS if name not in self.free)
         return None if missing or (self.square and camera.fx != camera.fy) else camera
@@ -74,13 +48,13 @@ class BrownFamily:
         centre: Sequence[float],
         coefficients: Sequence[float],
         image_size: tuple[int, int],
-    ) -> Camera:
-        """Return the camera."""
+    ) -> Any:
+        """Return the lens of these parameters: here, a camera."""
         named = dict(zip(self.free, coefficients, strict=True))
-        return camera_of(focal, centre, named, image_size)
+        return camera_of(camera_matrix(*focal, *centre), named, image_size)
 
 
-ANY_CAMERA = BrownFamily("brown (k1, k2, p1, p2, k3)", COEFFICIENTS)
+ANY_CAMERA = Family("brown (k1, k2, p1, p2, k3)", COEFFICIENTS)
 """All that a `Camera` can be."""
 
 

@@ -18,10 +18,10 @@ from functools import partial
 
 from trisquare._support.arrays import real_number
 from trisquare.camera.camera import Camera
-from trisquare.formats.approximation import BrownFamily, Lens
+from trisquare.formats.approximation import Family, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize
 from trisquare.formats.document import Document
-from trisquare.formats.other_lenses import camera_of, fisheye_lens, opencv_lens
+from trisquare.formats.other_lenses import camera_matrix, camera_of, fisheye_lens, opencv_lens
 
 HALF_PIXEL = 0.5
 """From trisquare's origin to COLMAP's."""
@@ -40,12 +40,12 @@ FOCALS_AND_COEFFICIENTS = {
 """How many focal lengths, one or two, and coefficients a model has."""
 
 FAMILIES = (
-    BrownFamily("SIMPLE_PINHOLE", (), square=True),
-    BrownFamily("PINHOLE", ()),
-    BrownFamily("SIMPLE_RADIAL", ("k1",), square=True),
-    BrownFamily("RADIAL", ("k1", "k2"), square=True),
-    BrownFamily("OPENCV", ("k1", "k2", "p1", "p2")),
-    BrownFamily("FULL_OPENCV", ("k1", "k2", "p1", "p2", "k3")),
+    Family("SIMPLE_PINHOLE", (), square=True),
+    Family("PINHOLE", ()),
+    Family("SIMPLE_RADIAL", ("k1",), square=True),
+    Family("RADIAL", ("k1", "k2"), square=True),
+    Family("OPENCV", ("k1", "k2", "p1", "p2")),
+    Family("FULL_OPENCV", ("k1", "k2", "p1", "p2", "k3")),
 )
 
 # Blanks only, as white space at large would run on through a file of empty lines from each of them.
@@ -89,15 +89,15 @@ def _camera(words: Sequence[str]) -> Lens:
             f"{where}: {model} has {focals + 2 + coefficients} parameters, not {len(words) - 4}"
         )
     numbers = [_real(word, f"{where}: PARAMS[{i}]") for i, word in enumerate(words[4:])]
-    focal = (numbers[0], numbers[focals - 1])
-    centre = (numbers[focals] - HALF_PIXEL, numbers[focals + 1] - HALF_PIXEL)
+    cx, cy = (number - HALF_PIXEL for number in numbers[focals : focals + 2])
+    K = camera_matrix(numbers[0], numbers[focals - 1], cx, cy)
     distortion = numbers[focals + 2 :]
     if model.endswith("FISHEYE"):
-        return fisheye_lens(f"COLMAP's {model}", focal, centre, distortion, size)
+        return fisheye_lens(f"COLMAP's {model}", K, distortion, size)
     if model in ("SIMPLE_RADIAL", "RADIAL"):
         named = dict(zip(("k1", "k2"), distortion, strict=False))
-        return camera_of(focal, centre, named, size)
-    return opencv_lens(focal, centre, distortion, size)
+        return camera_of(K, named, size)
+    return opencv_lens(K, distortion, size)
 
 
 def _integer(word: str, name: str) -> int:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import PurePath
-from typing import Any
 
-from trisquare._support.json_members import JsonFields, refuse_constant
+from trisquare._support.json_members import JsonFields, parse_json
 from trisquare.formats.yaml_text import parse_yaml
 
 MOST_BYTES = 64 << 20
@@ -30,11 +28,6 @@ class Document:
 
     text: str
     name: str = ""
-    _start: str = field(init=False, default="")
-
-    def __post_init__(self) -> None:
-        # Enough to tell formats apart without parsing.
-        object.__setattr__(self, "_start", self.text[:4096].lstrip("\ufeff \t\r\n"))
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Document:
@@ -70,7 +63,7 @@ class Document:
 
     def starts_with(self, text: str) -> bool:
         """Whether the text begins so, after white space."""
-        return self._start.startswith(text)
+        return self.text[:4096].lstrip("\ufeff \t\r\n").startswith(text)
 
     @cached_property
     def json(self) -> JsonFields:
@@ -96,13 +89,3 @@ class Document:
         if not isinstance(parsed, dict):
             raise ValueError("the YAML text must be a mapping")
         return JsonFields(parsed)
-
-
-def parse_json(text: str) -> Any:
-    """Parse JSON; every mistake is a ValueError."""
-    try:
-        return json.loads(text, parse_constant=refuse_constant)
-    except RecursionError as error:
-        raise ValueError("the JSON text is nested too deeply") from error
-    except json.JSONDecodeError as error:
-        raise ValueError(f"not JSON: {error}") from error

@@ -16,10 +16,10 @@ from functools import partial
 
 from trisquare._support.json_members import JsonFields
 from trisquare.camera.camera import Camera
-from trisquare.formats.approximation import BrownFamily, Lens
+from trisquare.formats.approximation import Family, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize, size_member
 from trisquare.formats.document import Document
-from trisquare.formats.other_lenses import fisheye_lens, opencv_lens
+from trisquare.formats.other_lenses import camera_matrix, fisheye_lens, opencv_lens
 from trisquare.formats.ros import yaml_real
 
 CAMERA_NAME = re.compile(r"cam\d{1,4}")
@@ -48,16 +48,16 @@ def _camera(members: JsonFields) -> Lens:
         raise ValueError(
             f'"camera_model" is {members.text("camera_model")!r}: only pinhole can be read'
         )
-    fx, fy, cx, cy = members.array("intrinsics", (4,)).tolist()
+    K = camera_matrix(*members.array("intrinsics", (4,)).tolist())
     size = size_member(members, "resolution")
     model = members.text("distortion_model")
     if model == "none":
-        return opencv_lens((fx, fy), (cx, cy), (), size)
+        return opencv_lens(K, (), size)
     distortion = members.array("distortion_coeffs", (4,)).tolist()
     if model == "equidistant":
-        return fisheye_lens("Kalibr's equidistant model", (fx, fy), (cx, cy), distortion, size)
+        return fisheye_lens("Kalibr's equidistant model", K, distortion, size)
     if model == "radtan":
-        return opencv_lens((fx, fy), (cx, cy), distortion, size)
+        return opencv_lens(K, distortion, size)
     raise ValueError(f'"distortion_model" is {model!r}: only radtan, equidistant and none are read')
 
 
@@ -87,6 +87,6 @@ FORMAT = Format(
     recognises=recognises,
     read=read,
     write=write,
-    families=(BrownFamily("radtan (k1, k2, p1, p2)", ("k1", "k2", "p1", "p2")),),
+    families=(Family("radtan (k1, k2, p1, p2)", ("k1", "k2", "p1", "p2")),),
     file_names=("camchain.yaml", "camchain.yml"),
 )

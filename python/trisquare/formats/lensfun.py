@@ -22,10 +22,10 @@ from functools import partial
 
 from trisquare._support.arrays import real_number
 from trisquare.camera.camera import Camera
-from trisquare.formats.approximation import BrownFamily, Lens
+from trisquare.formats.approximation import Family, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize, only
 from trisquare.formats.document import Document
-from trisquare.formats.other_lenses import camera_of
+from trisquare.formats.other_lenses import camera_matrix, camera_of
 from trisquare.formats.panotools import PanoFamily, PanoLens
 from trisquare.formats.xml_text import parse_xml
 
@@ -84,7 +84,7 @@ def _lens(
     if model == "poly5":
         step = (focal / half) ** 2
         named = {"k1": terms["k1"] * step, "k2": terms["k2"] * step**2}
-        return camera_of((focal, focal), (x, y), named, image_size)
+        return camera_of(camera_matrix(focal, focal, x, y), named, image_size)
     a, b, c = terms.get("a", 0.0), terms.get("b", terms.get("k1", 0.0)), terms.get("c", 0.0)
     scale = 1.0 - a - b - c
     if not scale > 0:
@@ -158,7 +158,7 @@ FORMAT = Format(
     read=read,
     write=write,
     families=(
-        BrownFamily("poly5 (k1, k2 with square pixels)", ("k1", "k2"), square=True),
+        Family("poly5 (k1, k2 with square pixels)", ("k1", "k2"), square=True),
         PanoFamily("ptlens (a, b, c with square pixels)", border=1),
     ),
     file_names=("lensfun.xml",),

@@ -14,12 +14,12 @@ from __future__ import annotations
 
 import re
 
-from trisquare._support.json_members import JsonFields
+from trisquare._support.json_members import JsonFields, parse_json
 from trisquare.camera.camera import Camera
-from trisquare.formats.approximation import BrownFamily, Lens
+from trisquare.formats.approximation import Family, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize, only, size_member
-from trisquare.formats.document import Document, parse_json
-from trisquare.formats.other_lenses import opencv_lens
+from trisquare.formats.document import Document
+from trisquare.formats.other_lenses import camera_matrix, opencv_lens
 
 COEFFICIENTS = {
     "LENSMODEL_PINHOLE": 0,
@@ -30,9 +30,9 @@ COEFFICIENTS = {
 }
 
 FAMILIES = (
-    BrownFamily("LENSMODEL_PINHOLE", ()),
-    BrownFamily("LENSMODEL_OPENCV4", ("k1", "k2", "p1", "p2")),
-    BrownFamily("LENSMODEL_OPENCV5", ("k1", "k2", "p1", "p2", "k3")),
+    Family("LENSMODEL_PINHOLE", ()),
+    Family("LENSMODEL_OPENCV4", ("k1", "k2", "p1", "p2")),
+    Family("LENSMODEL_OPENCV5", ("k1", "k2", "p1", "p2", "k3")),
 )
 
 # What a Python literal may have and JSON has not: other strings, comments, commas at the end, 1.
@@ -81,7 +81,9 @@ def _camera(members: JsonFields) -> Lens:
             f'"lensmodel" is {model!r}; of mrcal\'s these can be read: {", ".join(COEFFICIENTS)}'
         )
     fx, fy, cx, cy, *distortion = members.array("intrinsics", (4 + COEFFICIENTS[model],)).tolist()
-    return opencv_lens((fx, fy), (cx, cy), distortion, size_member(members, "imagersize"))
+    return opencv_lens(
+        camera_matrix(fx, fy, cx, cy), distortion, size_member(members, "imagersize")
+    )
 
 
 def write(camera: Camera, suffix: str) -> str:

@@ -65,15 +65,16 @@ def _camera(members: JsonFields, shared: JsonFields) -> Lens:
         raise ValueError(f'"w" and "h" must be whole numbers, not {width:g} and {height:g}')
     size = (int(width), int(height))
     fl_x = _focal(members if any(members.has(key) for key in FOCAL_KEYS) else shared, width)
-    focal = (fl_x, number("fl_y", fl_x))
+    fl_y = number("fl_y", fl_x)
     # Where it is not said, instant-ngp takes the picture's centre.
     centre = (number("cx", width / 2) - HALF_PIXEL, number("cy", height / 2) - HALF_PIXEL)
+    K = camera_matrix(fl_x, fl_y, *centre)
     named = {key: number(key, 0.0) for key in COEFFICIENTS}
     holder = members if members.has("camera_model") else shared
     model = holder.text("camera_model") if holder.has("camera_model") else "OPENCV"
     if model == "OPENCV_FISHEYE":
         coefficients = [named[key] for key in ("k1", "k2", "k3", "k4")]
-        return fisheye_lens("nerfstudio's OPENCV_FISHEYE", focal, centre, coefficients, size)
+        return fisheye_lens("nerfstudio's OPENCV_FISHEYE", K, coefficients, size)
     if model not in PINHOLE_MODELS:
         raise ValueError(
             f'"camera_model" is {model!r}; of nerfstudio\'s these can be read: '
@@ -82,12 +83,12 @@ def _camera(members: JsonFields, shared: JsonFields) -> Lens:
     if named["k4"]:
         return ForeignLens(
             "nerfstudio's OPENCV model with k4",
-            camera_matrix(focal, centre),
+            K,
             size,
             " ".join(named),
             list(named.values()),
         )
-    return camera_of(focal, centre, named, size)
+    return camera_of(K, named, size)
 
 
 def _focal(members: JsonFields, width: float) -> float:

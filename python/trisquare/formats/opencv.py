@@ -70,8 +70,7 @@ def _camera(members: JsonFields, image_size: ImageSize | None) -> Lens:
             "4, 5, 8, 12 or 14"
         )
     Camera(K, np.zeros(5), (1, 1))  # says what is wrong with K
-    width, height = _size(members, image_size)
-    return opencv_lens((K[0, 0], K[1, 1]), (K[0, 2], K[1, 2]), distortion.tolist(), (width, height))
+    return opencv_lens(K, distortion.tolist(), _size(members, image_size))
 
 
 def _size(members: JsonFields, image_size: ImageSize | None) -> ImageSize:

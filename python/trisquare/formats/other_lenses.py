@@ -41,8 +41,7 @@ class ForeignLens:
 
 
 def camera_of(
-    focal: Sequence[float],
-    centre: Sequence[float],
+    K: FloatArray,
     coefficients: Mapping[str, float],
     image_size: tuple[int, int],
 ) -> Camera:
@@ -50,8 +49,8 @@ def camera_of(
 
     Parameters
     ----------
-    focal, centre : (float, float)
-        ``fx, fy`` and ``cx, cy``, pixels, counted from the centre of the top-left pixel.
+    K : array_like, shape (3, 3)
+        As `Camera.K`.
     coefficients : mapping of str to float
         Of ``k1 k2 p1 p2 k3``; those that are missing are zero.
     image_size : (int, int)
@@ -62,22 +61,16 @@ def camera_of(
         model = "brown"
     else:
         model = "radial3" if k3 else "radial2" if k2 else "radial1" if k1 else "none"
-    return Camera(
-        camera_matrix(focal, centre),
-        np.array([k1, k2, p1, p2, k3]),
-        image_size,
-        model,
-    )
+    return Camera(K, np.array([k1, k2, p1, p2, k3]), image_size, model)
 
 
-def camera_matrix(focal: Sequence[float], centre: Sequence[float]) -> FloatArray:
-    """Return K of ``(fx, fy)`` and ``(cx, cy)``."""
-    return np.array([[focal[0], 0.0, centre[0]], [0.0, focal[1], centre[1]], [0.0, 0.0, 1.0]])
+def camera_matrix(fx: float, fy: float, cx: float, cy: float) -> FloatArray:
+    """Return K, ``[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]``."""
+    return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
 
 def opencv_lens(
-    focal: Sequence[float],
-    centre: Sequence[float],
+    K: FloatArray,
     coefficients: Sequence[float],
     image_size: tuple[int, int],
 ) -> Camera | ForeignLens:
@@ -85,8 +78,8 @@ def opencv_lens(
 
     Parameters
     ----------
-    focal, centre : (float, float)
-        Pixels.
+    K : array_like, shape (3, 3)
+        As `Camera.K`.
     coefficients : sequence of float
         ``(k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tx, ty]]]])``: 0, 2, 4, 5, 8, 12 or
         14 of them.
@@ -97,15 +90,14 @@ def opencv_lens(
     if any(values[5:]):
         parts = {8: "rational", 12: "thin-prism", 14: "tilted-sensor"}
         title = f"OpenCV's {parts[len(values)]} model"
-        return ForeignLens(title, camera_matrix(focal, centre), image_size, "opencv", values)
+        return ForeignLens(title, K, image_size, "opencv", values)
     named = dict(zip(("k1", "k2", "p1", "p2", "k3"), values, strict=False))
-    return camera_of(focal, centre, named, image_size)
+    return camera_of(K, named, image_size)
 
 
 def fisheye_lens(
     title: str,
-    focal: Sequence[float],
-    centre: Sequence[float],
+    K: FloatArray,
     coefficients: Sequence[float],
     image_size: tuple[int, int],
 ) -> ForeignLens:
@@ -114,5 +106,4 @@ def fisheye_lens(
     ``r = theta (1 + k1 theta^2 + k2 theta^4 + ...)``, what OpenCV's ``fisheye``, Kalibr's
     ``equidistant`` and COLMAP's ``OPENCV_FISHEYE`` share.
     """
-    K = camera_matrix(focal, centre)
     return ForeignLens(title, K, image_size, "kannala_brandt", [float(c) for c in coefficients])

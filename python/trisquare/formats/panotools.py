@@ -15,7 +15,7 @@ import numpy as np
 
 from trisquare._support.arrays import FloatArray
 from trisquare.camera.camera import Camera
-from trisquare.formats.approximation import Lens
+from trisquare.formats.approximation import Family, Lens
 from trisquare.formats.other_lenses import ForeignLens, camera_matrix, camera_of
 
 # What polynomials' roots may have of an imaginary part by rounding.
@@ -65,39 +65,27 @@ class PanoLens:
         # Of the radius as a pinhole's of the focal length in the centre would have it.
         step = self.focal / self.half
         bend = (self.c * step / scale, self.b * step**2 / scale, self.a * step**3 / scale)
-        focal = (self.focal * scale,) * 2
+        focal = self.focal * scale
+        K = camera_matrix(focal, focal, *self.centre)
         if bend[0] == bend[2] == 0:
-            return camera_of(focal, self.centre, {"k1": bend[1]}, self.image_size)
-
-        K = camera_matrix(focal, self.centre)
+            return camera_of(K, {"k1": bend[1]}, self.image_size)
         return ForeignLens(title, K, self.image_size, " ".join(POWERS), bend)
 
 
 @dataclass(frozen=True, slots=True)
-class PanoFamily:
+class PanoFamily(Family):
     """All lenses of the panorama programs.
 
     Parameters
     ----------
-    title : str
-        The model's name in the format, and its coefficients.
     border : int
         Pixels of which the unit of length, half the shorter side, takes no account: 1 if it is
         counted from the centre of the first pixel to that of the last one.
     """
 
-    title: str
+    free: tuple[str, ...] = POWERS
+    square: bool = True
     border: int = 0
-
-    @property
-    def free(self) -> tuple[str, ...]:
-        """Three powers of the radius."""
-        return POWERS
-
-    @property
-    def square(self) -> bool:
-        """One focal length only."""
-        return True
 
     def exactly(self, camera: Camera) -> PanoLens | None:
         """Return the lens that has the same k1, where that is all."""

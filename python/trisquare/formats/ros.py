@@ -60,10 +60,9 @@ def _camera(members: JsonFields) -> Lens:
             f"{' or '.join(str(length) for length in LENGTHS[model])}"
         )
     Camera(K, np.zeros(5), size)  # says what is wrong with K or the size
-    focal, centre = (K[0, 0], K[1, 1]), (K[0, 2], K[1, 2])
     if model in ("equidistant", "fisheye"):
-        return fisheye_lens(f"ROS's {model} model", focal, centre, distortion, size)
-    return opencv_lens(focal, centre, distortion, size)
+        return fisheye_lens(f"ROS's {model} model", K, distortion, size)
+    return opencv_lens(K, distortion, size)
 
 
 def write(camera: Camera, suffix: str) -> str:

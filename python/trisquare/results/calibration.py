@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
@@ -12,16 +12,27 @@ import numpy.typing as npt
 from trisquare._core import __version__
 from trisquare._support.arrays import (
     FloatArray,
-    RebuiltByConstructor,
     instances,
     is_covariance,
     not_negative,
     real_array,
     real_number,
     string,
-    strings,
 )
 from trisquare._support.json_members import JsonFields, dump_members
+from trisquare._support.records import (
+    NUMBER,
+    TEXT,
+    TEXTS,
+    Kind,
+    Record,
+    check_members,
+    member,
+    record,
+    record_from_members,
+    record_members,
+    records,
+)
 from trisquare.camera.camera import Camera, camera_parameters
 from trisquare.camera.members import camera_from_members, camera_members
 from trisquare.camera.projection_uncertainty import (
@@ -31,32 +42,44 @@ from trisquare.camera.projection_uncertainty import (
     rms_displacement,
 )
 from trisquare.edges import PlaneEdges, edges_from_members, edges_members
-from trisquare.results.model_alternative import (
-    ModelAlternative,
-    alternative_from_members,
-    alternative_members,
-)
+from trisquare.results.model_alternative import ModelAlternative
 from trisquare.results.plane import Plane
-from trisquare.results.pose_uncertainty import (
-    PoseUncertainty,
-    uncertainty_from_members,
-    uncertainty_members,
-)
-from trisquare.results.rejected import Rejected, rejected_from_members, rejected_members
-from trisquare.results.residual_correlation import (
-    ResidualCorrelation,
-    residual_correlation_from_members,
-    residual_correlation_members,
-)
-from trisquare.results.residuals import FigureResiduals, residuals_from_members, residuals_members
+from trisquare.results.rejected import Rejected
+from trisquare.results.residual_correlation import ResidualCorrelation
+from trisquare.results.residuals import FigureResiduals
 
 __all__ = ["Calibration", "Camera", "Plane"]
 
 RESULT_FORMAT = "trisquare/1"
 
+JSON_ORDER = (
+    *("software", "method", "stage", "tone", "tone_std", "fixed", "image_size", "camera"),
+    *("std", "parameters", "covariance", "rms_px", "noise_scale", "planes", "warnings"),
+    *("alternatives", "coherence", "rejected"),
+)
+"""Members of a result; the measured edges and their residuals follow if they are asked for."""
+
+
+def _checked_deviations(value: Any, name: str) -> Mapping[str, float]:
+    return MappingProxyType(
+        {
+            string(parameter, f"{name}'s key"): not_negative(std, f"{name}[{parameter!r}]")
+            for parameter, std in dict(value).items()
+        }
+    )
+
+
+def _checked_tone(value: Any, name: str) -> str | float | None:
+    return value if value is None or isinstance(value, str) else real_number(value, name)
+
+
+def _read_tone(members: JsonFields, key: str) -> str | float | None:
+    tone = members.value(key)
+    return tone if tone is None or isinstance(tone, str) else members.number(key)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Calibration(RebuiltByConstructor):
+class Calibration(Record):
     """A camera with its uncertainty, and the planes that it was calibrated from.
 
     Parameters
@@ -106,66 +129,49 @@ class Calibration(RebuiltByConstructor):
     """
 
     camera: Camera
-    std: Mapping[str, float]
+    std: Mapping[str, float] = field(
+        metadata=member(Kind(_checked_deviations, JsonFields.numbers_by_name))
+    )
     covariance: FloatArray
-    parameters: tuple[str, ...]
-    planes: tuple[Plane, ...]
-    rms: float
-    noise_scale: float
-    warnings: tuple[str, ...]
-    method: str
-    tone: str | float | None
-    fixed: tuple[str, ...]
-    stage: str
-    software: str = __version__
-    alternatives: tuple[ModelAlternative, ...] = ()
-    tone_std: float | None = None
-    coherence: ResidualCorrelation | None = None
-    rejected: tuple[Rejected, ...] = ()
+    parameters: tuple[str, ...] = field(metadata=member(TEXTS))
+    planes: tuple[Plane, ...] = field(metadata=member(records(Plane)))
+    rms: float = field(metadata=member(NUMBER, "rms_px"))
+    noise_scale: float = field(metadata=member(NUMBER))
+    warnings: tuple[str, ...] = field(metadata=member(TEXTS))
+    method: str = field(metadata=member(TEXT))
+    tone: str | float | None = field(metadata=member(Kind(_checked_tone, _read_tone)))
+    fixed: tuple[str, ...] = field(metadata=member(TEXTS))
+    stage: str = field(metadata=member(TEXT))
+    software: str = field(default=__version__, metadata=member(TEXT))
+    alternatives: tuple[ModelAlternative, ...] = field(
+        default=(), metadata=member(records(ModelAlternative))
+    )
+    tone_std: float | None = field(default=None, metadata=member(NUMBER))
+    coherence: ResidualCorrelation | None = field(
+        default=None, metadata=member(record(ResidualCorrelation))
+    )
+    rejected: tuple[Rejected, ...] = field(default=(), metadata=member(records(Rejected)))
     edges: tuple[PlaneEdges, ...] = ()
-    residuals: tuple[FigureResiduals, ...] = ()
+    residuals: tuple[FigureResiduals, ...] = field(
+        default=(), metadata=member(records(FigureResiduals))
+    )
 
     def __post_init__(self) -> None:
         if not isinstance(self.camera, Camera):
             raise TypeError(f"camera must be a Camera, not {type(self.camera).__name__}")
-        planes = instances(self.planes, Plane, "planes")
-        parameters = strings(self.parameters, "parameters")
-        size = len(parameters)
+        check_members(self)
+        size = len(self.parameters)
         covariance = real_array(self.covariance, "covariance", (size, size))
-        std = {
-            string(name, "std's key"): not_negative(value, f"std[{name!r}]")
-            for name, value in dict(self.std).items()
-        }
-        missing = [name for name in parameters if name not in std]
+        object.__setattr__(self, "covariance", covariance)
+        missing = [name for name in self.parameters if name not in self.std]
         if missing:
             raise ValueError(f"std lacks the free parameters {', '.join(missing)}")
-        tone = self.tone
-        if tone is not None and not isinstance(tone, str):
-            tone = real_number(tone, "tone")
-        object.__setattr__(self, "std", MappingProxyType(std))
-        object.__setattr__(self, "covariance", covariance)
-        object.__setattr__(self, "parameters", parameters)
-        object.__setattr__(self, "planes", planes)
-        object.__setattr__(self, "rms", not_negative(self.rms, "rms"))
-        object.__setattr__(self, "noise_scale", not_negative(self.noise_scale, "noise_scale"))
-        object.__setattr__(self, "warnings", strings(self.warnings, "warnings"))
-        object.__setattr__(self, "tone", tone)
-        if self.tone_std is not None:
-            object.__setattr__(self, "tone_std", not_negative(self.tone_std, "tone_std"))
-        object.__setattr__(self, "fixed", strings(self.fixed, "fixed"))
-        if self.coherence is not None and not isinstance(self.coherence, ResidualCorrelation):
-            raise TypeError("coherence must be of the class ResidualCorrelation")
-        alternatives = instances(self.alternatives, ModelAlternative, "alternatives")
-        object.__setattr__(self, "alternatives", alternatives)
-        rejected = instances(self.rejected, Rejected, "rejected")
-        object.__setattr__(self, "rejected", rejected)
-        edges = instances(self.edges, PlaneEdges, "edges")
-        residuals = instances(self.residuals, FigureResiduals, "residuals")
-        _check_residuals(edges, residuals, len(planes))
-        object.__setattr__(self, "edges", edges)
-        object.__setattr__(self, "residuals", residuals)
-        for name in ("method", "stage", "software"):
-            string(getattr(self, name), name)
+        object.__setattr__(self, "edges", instances(self.edges, PlaneEdges, "edges"))
+        samples = [[len(points) for points in figure.points] for figure in self.edges]
+        if samples != [[len(own) for own in figure.distances] for figure in self.residuals]:
+            raise ValueError("residuals must be those of the edges: one for each sample")
+        if any(own.plane >= len(self.planes) for own in self.residuals):
+            raise ValueError(f"residuals must be of one of the {len(self.planes)} planes")
 
     def __repr__(self) -> str:
         width, height = self.camera.image_size
@@ -261,30 +267,18 @@ class Calibration(RebuiltByConstructor):
         edges : bool
             Whether the measured edges and their residuals are part of it; they are most of it.
         """
-        return dump_members(
-            {
-                "format": RESULT_FORMAT,
-                "software": self.software,
-                "method": self.method,
-                "stage": self.stage,
-                "tone": self.tone,
-                **({} if self.tone_std is None else {"tone_std": self.tone_std}),
-                "fixed": list(self.fixed),
-                "image_size": list(self.camera.image_size),
-                "camera": camera_members(self.camera),
-                "std": dict(self.std),
-                "parameters": list(self.parameters),
-                "covariance": self.covariance.tolist(),
-                "rms_px": self.rms,
-                "noise_scale": self.noise_scale,
-                "planes": [_plane_members(plane) for plane in self.planes],
-                "warnings": list(self.warnings),
-                **_alternatives_member(self.alternatives),
-                **_coherence_member(self.coherence),
-                **_rejected_member(self.rejected),
-                **(_edges_members(self) if edges else {}),
-            }
-        )
+        members = {
+            **record_members(self),
+            "image_size": list(self.camera.image_size),
+            "camera": camera_members(self.camera),
+            "covariance": self.covariance.tolist(),
+        }
+        residuals = members.pop("residuals", [])
+        shown = {key: members[key] for key in JSON_ORDER if key in members}
+        if edges:
+            shown["edges"] = [edges_members(figure) for figure in self.edges]
+            shown["residuals"] = residuals
+        return dump_members({"format": RESULT_FORMAT, **shown})
 
     @classmethod
     def from_json(cls, text: str) -> Calibration:
@@ -297,119 +291,16 @@ class Calibration(RebuiltByConstructor):
             or not finite; the message names it.
         """
         members = JsonFields.parse(text, RESULT_FORMAT)
-        parameters = members.texts("parameters")
-        tone = members.value("tone")
-        return cls(
-            camera=camera_from_members(members.object("camera"), members.integers("image_size")),
-            std=members.numbers_by_name("std"),
-            covariance=_covariance_member(members, len(parameters)),
-            parameters=parameters,
-            planes=tuple(_plane_from_members(plane) for plane in members.objects("planes")),
-            rms=members.number("rms_px"),
-            noise_scale=members.number("noise_scale"),
-            warnings=members.texts("warnings"),
-            method=members.text("method"),
-            tone=tone if tone is None or isinstance(tone, str) else members.number("tone"),
-            fixed=members.texts("fixed"),
-            stage=members.text("stage"),
-            software=members.text("software"),
-            alternatives=tuple(
-                alternative_from_members(other) for other in _optional(members, "alternatives")
-            ),
-            tone_std=members.number("tone_std") if members.has("tone_std") else None,
-            coherence=(
-                residual_correlation_from_members(members.object("coherence"))
-                if members.has("coherence")
-                else None
-            ),
-            rejected=tuple(
-                rejected_from_members(candidate) for candidate in _optional(members, "rejected")
-            ),
-            edges=tuple(edges_from_members(figure) for figure in _optional(members, "edges")),
-            residuals=tuple(residuals_from_members(own) for own in _optional(members, "residuals")),
+        size = len(members.texts("parameters"))
+        covariance = members.array("covariance", (size, size))
+        if not is_covariance(covariance):  # the directions' variances, of which numpy takes roots
+            raise ValueError('"covariance" must be symmetric and positive semidefinite')
+        image_size = members.integers("image_size")
+        edges = members.objects("edges") if members.has("edges") else ()
+        return record_from_members(
+            cls,
+            members,
+            camera=camera_from_members(members.object("camera"), image_size),
+            covariance=covariance,
+            edges=tuple(edges_from_members(figure) for figure in edges),
         )
-
-
-def _check_residuals(
-    edges: tuple[PlaneEdges, ...], residuals: tuple[FigureResiduals, ...], planes: int
-) -> None:
-    """Raise ValueError unless the residuals are those of the edges."""
-    samples = [[len(points) for points in figure.points] for figure in edges]
-    distances = [[len(own) for own in figure.distances] for figure in residuals]
-    if samples != distances:
-        raise ValueError("residuals must be those of the edges: one for each sample")
-    if any(own.plane >= planes for own in residuals):
-        raise ValueError(f"residuals must be of one of the {planes} planes")
-
-
-def _edges_members(calibration: Calibration) -> dict[str, Any]:
-    """Return the ``edges`` and ``residuals`` members, which are there only if asked for."""
-    return {
-        "edges": [edges_members(figure) for figure in calibration.edges],
-        "residuals": [residuals_members(own) for own in calibration.residuals],
-    }
-
-
-def _optional(members: JsonFields, name: str) -> Sequence[JsonFields]:
-    """Return a list of objects that may be missing."""
-    return members.objects(name) if members.has(name) else ()
-
-
-def _covariance_member(members: JsonFields, size: int) -> FloatArray:
-    """Read a covariance, whose directions must have variances: numpy takes their roots."""
-    covariance = members.array("covariance", (size, size))
-    if not is_covariance(covariance):
-        raise ValueError('"covariance" must be symmetric and positive semidefinite')
-    return covariance
-
-
-def _coherence_member(coherence: ResidualCorrelation | None) -> dict[str, Any]:
-    """Return the ``coherence`` member, which older results lack."""
-    return {} if coherence is None else {"coherence": residual_correlation_members(coherence)}
-
-
-def _alternatives_member(alternatives: tuple[ModelAlternative, ...]) -> dict[str, Any]:
-    """Return the ``alternatives`` member, which is there only where models were compared."""
-    members = [alternative_members(other) for other in alternatives]
-    return {"alternatives": members} if members else {}
-
-
-def _rejected_member(rejected: tuple[Rejected, ...]) -> dict[str, Any]:
-    """Return the ``rejected`` member, which is there only where something was."""
-    members = [rejected_members(candidate) for candidate in rejected]
-    return {"rejected": members} if members else {}
-
-
-def _plane_members(plane: Plane) -> dict[str, Any]:
-    return {
-        "kind": plane.kind,
-        "image": plane.image,
-        "corners": plane.corners.tolist(),
-        "rotation": plane.rotation.tolist(),
-        "translation": plane.translation.tolist(),
-        "rms_px": plane.rms,
-        "samples": plane.samples,
-        **_uncertainty_member(plane.uncertainty),
-    }
-
-
-def _uncertainty_member(uncertainty: PoseUncertainty | None) -> dict[str, Any]:
-    """Return a plane's ``pose_uncertainty`` member, which older results lack."""
-    return {} if uncertainty is None else {"pose_uncertainty": uncertainty_members(uncertainty)}
-
-
-def _plane_from_members(members: JsonFields) -> Plane:
-    return Plane(
-        kind=members.text("kind"),
-        image=members.integer("image"),
-        corners=members.array("corners", (4, 2)),
-        rotation=members.array("rotation", (3, 3)),
-        translation=members.array("translation", (3,)),
-        rms=members.number("rms_px"),
-        samples=members.integer("samples"),
-        uncertainty=(
-            uncertainty_from_members(members.object("pose_uncertainty"))
-            if members.has("pose_uncertainty")
-            else None
-        ),
-    )

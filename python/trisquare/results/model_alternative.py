@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
 
-from trisquare._support.arrays import RebuiltByConstructor, not_negative, real_number
-from trisquare._support.json_members import JsonFields
+from trisquare._support.records import NUMBER, REAL, TEXT, Record, check_members, member
 from trisquare.camera.camera import MODELS
 
 
 @dataclass(frozen=True, slots=True)
-class ModelAlternative(RebuiltByConstructor):
+class ModelAlternative(Record):
     """A distortion model that ``model="auto"`` considered and did not choose.
 
     Parameters
@@ -25,31 +23,13 @@ class ModelAlternative(RebuiltByConstructor):
         Root mean square residual of the edge samples with it, in pixels.
     """
 
-    model: str
-    log_evidence: float
-    rms: float
+    model: str = field(metadata=member(TEXT))
+    log_evidence: float = field(metadata=member(REAL))
+    rms: float = field(metadata=member(NUMBER, "rms_px"))
 
     def __post_init__(self) -> None:
         if self.model not in MODELS:
             raise ValueError(f"model must be one of {MODELS}, not {self.model!r}")
-        log_evidence = real_number(self.log_evidence, "log_evidence")
-        if log_evidence > 0:
-            raise ValueError(f"log_evidence must not be positive, but is {log_evidence}")
-        object.__setattr__(self, "log_evidence", log_evidence)
-        object.__setattr__(self, "rms", not_negative(self.rms, "rms"))
-
-
-def alternative_members(alternative: ModelAlternative) -> dict[str, Any]:
-    """Return one of the ``alternatives`` of the JSON format."""
-    return {
-        "model": alternative.model,
-        "log_evidence": alternative.log_evidence,
-        "rms_px": alternative.rms,
-    }
-
-
-def alternative_from_members(members: JsonFields) -> ModelAlternative:
-    """Read one of the ``alternatives`` of the JSON format."""
-    return ModelAlternative(
-        members.text("model"), members.number("log_evidence"), members.number("rms_px")
-    )
+        check_members(self)
+        if self.log_evidence > 0:
+            raise ValueError(f"log_evidence must not be positive, but is {self.log_evidence}")

@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 import trisquare._core as _core
-from trisquare._support.arrays import (
-    FloatArray,
-    RebuiltByConstructor,
-    index_number,
-    real_array,
-    string,
-)
+from trisquare._support.arrays import FloatArray
+from trisquare._support.records import INDEX, TEXT, Record, array, member
 from trisquare.edges import PlaneEdges
 from trisquare.errors import TrisquareError
 
@@ -27,7 +22,7 @@ FARTHEST = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PartialDetection(RebuiltByConstructor):
+class PartialDetection(Record):
     """A target that was found and measured in a picture.
 
     Parameters
@@ -40,14 +35,9 @@ class PartialDetection(RebuiltByConstructor):
         Where it is, in pixels of the photograph; a board's outermost crossings.
     """
 
-    kind: str
-    image: int
-    corners: FloatArray
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "kind", string(self.kind, "kind"))
-        object.__setattr__(self, "image", index_number(self.image, "image"))
-        object.__setattr__(self, "corners", real_array(self.corners, "corners", (4, 2)))
+    kind: str = field(metadata=member(TEXT))
+    image: int = field(metadata=member(INDEX))
+    corners: FloatArray = field(metadata=member(array(4, 2)))
 
     def __repr__(self) -> str:
         x, y = self.corners.mean(axis=0).tolist()

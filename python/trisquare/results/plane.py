@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from trisquare._support.arrays import (
-    FloatArray,
-    RebuiltByConstructor,
-    index_number,
-    not_negative,
-    real_array,
-    string,
-)
+from trisquare._support.arrays import FloatArray
+from trisquare._support.records import INDEX, NUMBER, TEXT, Kind, Record, array, member, record
 from trisquare._support.rotations import rotation_matrix
 from trisquare.results.pose_uncertainty import PoseUncertainty
 
+ROTATION = Kind(
+    lambda value, name: rotation_matrix(value), lambda members, key: members.array(key, (3, 3))
+)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Plane(RebuiltByConstructor):
+class Plane(Record):
     """One physical plane: where it stands, and how well it fits.
 
     Parameters
@@ -38,25 +36,16 @@ class Plane(RebuiltByConstructor):
         How well its pose is known; None in results of versions that did not say.
     """
 
-    kind: str
-    image: int
-    corners: FloatArray
-    rotation: FloatArray
-    translation: FloatArray
-    rms: float
-    samples: int
-    uncertainty: PoseUncertainty | None = None
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "kind", string(self.kind, "kind"))
-        object.__setattr__(self, "image", index_number(self.image, "image"))
-        object.__setattr__(self, "corners", real_array(self.corners, "corners", (4, 2)))
-        object.__setattr__(self, "rotation", rotation_matrix(self.rotation))
-        object.__setattr__(self, "translation", real_array(self.translation, "translation", (3,)))
-        object.__setattr__(self, "rms", not_negative(self.rms, "rms"))
-        object.__setattr__(self, "samples", index_number(self.samples, "samples"))
-        if self.uncertainty is not None and not isinstance(self.uncertainty, PoseUncertainty):
-            raise TypeError("uncertainty must be of the class PoseUncertainty")
+    kind: str = field(metadata=member(TEXT))
+    image: int = field(metadata=member(INDEX))
+    corners: FloatArray = field(metadata=member(array(4, 2)))
+    rotation: FloatArray = field(metadata=member(ROTATION))
+    translation: FloatArray = field(metadata=member(array(3)))
+    rms: float = field(metadata=member(NUMBER, "rms_px"))
+    samples: int = field(metadata=member(INDEX))
+    uncertainty: PoseUncertainty | None = field(
+        default=None, metadata=member(record(PoseUncertainty), "pose_uncertainty")
+    )
 
     def __repr__(self) -> str:
         x, y, z = self.translation.tolist()

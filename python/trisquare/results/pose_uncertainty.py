@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from trisquare._support.arrays import FloatArray, RebuiltByConstructor, real_array
-from trisquare._support.json_members import JsonFields
-
-POSE_PARAMETERS = 6
-CAMERA_PARAMETERS = 9
+from trisquare._support.arrays import FloatArray
+from trisquare._support.records import Record, array, member
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PoseUncertainty(RebuiltByConstructor):
+class PoseUncertainty(Record):
     """How well a pose is known, and how it would follow another camera.
 
     A pose's parameters are a rotation vector applied after its rotation, in camera coordinates
@@ -30,32 +26,9 @@ class PoseUncertainty(RebuiltByConstructor):
         ``fx fy cx cy k1 k2 k3 p1 p2``.
     """
 
-    given_camera: FloatArray
-    by_camera: FloatArray
-
-    def __post_init__(self) -> None:
-        shape = (POSE_PARAMETERS, POSE_PARAMETERS)
-        given_camera = real_array(self.given_camera, "given_camera", shape)
-        object.__setattr__(self, "given_camera", given_camera)
-        by_camera = real_array(self.by_camera, "by_camera", (POSE_PARAMETERS, CAMERA_PARAMETERS))
-        object.__setattr__(self, "by_camera", by_camera)
+    given_camera: FloatArray = field(metadata=member(array(6, 6)))
+    by_camera: FloatArray = field(metadata=member(array(6, 9)))
 
     def __repr__(self) -> str:
         turn, shift = np.sqrt(np.diag(self.given_camera)).reshape(2, 3).max(axis=1).tolist()
         return f"<PoseUncertainty given the camera: {turn:.2g} rad, {shift:.2g} sides>"
-
-
-def uncertainty_members(uncertainty: PoseUncertainty) -> dict[str, Any]:
-    """Return the ``pose_uncertainty`` object of the JSON format."""
-    return {
-        "given_camera": uncertainty.given_camera.tolist(),
-        "by_camera": uncertainty.by_camera.tolist(),
-    }
-
-
-def uncertainty_from_members(members: JsonFields) -> PoseUncertainty:
-    """Read the ``pose_uncertainty`` object of the JSON format."""
-    return PoseUncertainty(
-        given_camera=members.array("given_camera", (POSE_PARAMETERS, POSE_PARAMETERS)),
-        by_camera=members.array("by_camera", (POSE_PARAMETERS, CAMERA_PARAMETERS)),
-    )

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
 
-from trisquare._support.arrays import RebuiltByConstructor, not_negative
-from trisquare._support.json_members import JsonFields
+from trisquare._support.arrays import not_negative
+from trisquare._support.records import NUMBER, Kind, Record, member
 
 LIKELIER = 0.5
 
+NUMBERS = Kind(
+    lambda values, name: tuple(not_negative(value, name) for value in values),
+    lambda members, key: tuple(members.array(key, (None,)).tolist()),
+)
+
 
 @dataclass(frozen=True, slots=True)
-class ResidualCorrelation(RebuiltByConstructor):
+class ResidualCorrelation(Record):
     """How far the residuals are from independent noise; the covariance allows for it.
 
     Parameters
@@ -30,38 +34,12 @@ class ResidualCorrelation(RebuiltByConstructor):
         straightness lets expect; 1 where they do not.
     """
 
-    neighbours: float
-    probability: float
-    displacements: tuple[float, ...]
-    contradiction: float
-
-    def __post_init__(self) -> None:
-        for name in ("neighbours", "probability", "contradiction"):
-            object.__setattr__(self, name, not_negative(getattr(self, name), name))
-        displacements = tuple(not_negative(d, "displacements") for d in self.displacements)
-        object.__setattr__(self, "displacements", displacements)
+    neighbours: float = field(metadata=member(NUMBER))
+    probability: float = field(metadata=member(NUMBER))
+    displacements: tuple[float, ...] = field(metadata=member(NUMBERS, "displacements_px"))
+    contradiction: float = field(metadata=member(NUMBER))
 
     @property
     def sides_err_together(self) -> bool:
         """Whether the samples of a side share an error, likelier than not."""
         return self.probability > LIKELIER
-
-
-def residual_correlation_members(coherence: ResidualCorrelation) -> dict[str, Any]:
-    """Return the ``coherence`` object of the JSON format."""
-    return {
-        "neighbours": coherence.neighbours,
-        "probability": coherence.probability,
-        "displacements_px": list(coherence.displacements),
-        "contradiction": coherence.contradiction,
-    }
-
-
-def residual_correlation_from_members(members: JsonFields) -> ResidualCorrelation:
-    """Read the ``coherence`` object of the JSON format."""
-    return ResidualCorrelation(
-        neighbours=members.number("neighbours"),
-        probability=members.number("probability"),
-        displacements=tuple(members.array("displacements_px", (None,)).tolist()),
-        contradiction=members.number("contradiction"),
-    )

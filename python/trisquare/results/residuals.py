@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
 
-from trisquare._support.arrays import (
-    FloatArray,
-    RebuiltByConstructor,
-    index_number,
-    real_array,
-)
-from trisquare._support.json_members import JsonFields
+from trisquare._support.arrays import FloatArray
+from trisquare._support.records import INDEX, Record, arrays, check_members, member
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FigureResiduals(RebuiltByConstructor):
+class FigureResiduals(Record):
     """How far the samples of a figure are from the images of its lines.
 
     Parameters
@@ -29,34 +22,15 @@ class FigureResiduals(RebuiltByConstructor):
         Unit normals of the line's image at the samples, towards which the distances are positive.
     """
 
-    plane: int
-    distances: tuple[FloatArray, ...]
-    normals: tuple[FloatArray, ...]
+    plane: int = field(metadata=member(INDEX))
+    distances: tuple[FloatArray, ...] = field(metadata=member(arrays(None)))
+    normals: tuple[FloatArray, ...] = field(metadata=member(arrays(None, 2)))
 
     def __post_init__(self) -> None:
         if len(self.distances) != len(self.normals):
             raise ValueError("distances and normals must be of the same lines")
-        distances = [real_array(d, "distances", (None,)) for d in self.distances]
-        normals = [
-            real_array(normal, "normals", (len(own), 2))
-            for normal, own in zip(self.normals, distances, strict=True)
-        ]
-        object.__setattr__(self, "plane", index_number(self.plane, "plane"))
-        object.__setattr__(self, "distances", tuple(distances))
-        object.__setattr__(self, "normals", tuple(normals))
-
-
-def residuals_members(residuals: FigureResiduals) -> dict[str, Any]:
-    """Return a member of ``residuals`` of the JSON format."""
-    return {
-        "plane": residuals.plane,
-        "distances": [distances.tolist() for distances in residuals.distances],
-        "normals": [normals.tolist() for normals in residuals.normals],
-    }
-
-
-def residuals_from_members(members: JsonFields) -> FigureResiduals:
-    """Read a member of ``residuals`` of the JSON format."""
-    distances: Sequence[FloatArray] = members.arrays("distances", (None,))
-    normals: Sequence[FloatArray] = members.arrays("normals", (None, 2))
-    return FigureResiduals(members.integer("plane"), tuple(distances), tuple(normals))
+        check_members(self)
+        for normals, distances in zip(self.normals, self.distances, strict=True):
+            if len(normals) != len(distances):
+                wanted = (len(distances), 2)
+                raise ValueError(f"normals must have shape {wanted}, not {normals.shape}")

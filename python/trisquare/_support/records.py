@@ -1,0 +1,155 @@
+"""Frozen records whose members are declared once: how they are checked, and what JSON has of them.
+
+>>> @dataclass(frozen=True, slots=True)
+... class Place(Record):
+...     image: int = field(metadata=member(INDEX))
+...     residual: float | None = field(default=None, metadata=member(NUMBER, "residual_px"))
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import Field, dataclass, fields
+from typing import Any, TypeVar
+
+import numpy as np
+
+from trisquare._support.arrays import (
+    RebuiltByConstructor,
+    index_number,
+    instances,
+    not_negative,
+    real_array,
+    real_number,
+    string,
+    strings,
+)
+from trisquare._support.json_members import JsonFields
+
+R = TypeVar("R", bound="Record")
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """What values of a kind must be, and how they are read from JSON.
+
+    Parameters
+    ----------
+    check : callable
+        From a value and its name to what the record keeps; raises TypeError or ValueError.
+    read : callable
+        From the members of a JSON object and a key to the value.
+    """
+
+    check: Callable[[Any, str], Any]
+    read: Callable[[JsonFields, str], Any]
+
+
+TEXT = Kind(string, JsonFields.text)
+TEXTS = Kind(strings, JsonFields.texts)
+INDEX = Kind(index_number, JsonFields.integer)
+REAL = Kind(real_number, JsonFields.number)
+NUMBER = Kind(not_negative, JsonFields.number)
+"""A number that is not negative."""
+
+
+def array(*shape: int | None) -> Kind:
+    """Return the kind of arrays of a shape; None stands for any length."""
+    return Kind(
+        lambda value, name: real_array(value, name, shape),
+        lambda members, key: members.array(key, shape),
+    )
+
+
+def arrays(*shape: int | None) -> Kind:
+    """Return the kind of sequences of arrays of a shape."""
+    return Kind(
+        lambda values, name: tuple(real_array(value, name, shape) for value in values),
+        lambda members, key: members.arrays(key, shape),
+    )
+
+
+def record(kind: type[Record]) -> Kind:
+    """Return the kind of another record."""
+
+    def check(value: Any, name: str) -> Any:
+        if not isinstance(value, kind):
+            raise TypeError(f"{name} must be of the class {kind.__name__}")
+        return value
+
+    return Kind(check, lambda members, key: record_from_members(kind, members.object(key)))
+
+
+def records(kind: type[Record]) -> Kind:
+    """Return the kind of sequences of other records."""
+    return Kind(
+        lambda values, name: instances(values, kind, name),
+        lambda members, key: tuple(
+            record_from_members(kind, each) for each in members.objects(key)
+        ),
+    )
+
+
+def member(kind: Kind, key: str | None = None) -> Mapping[str, Any]:
+    """Return the metadata of a field: its kind, and its key in JSON, by default its name."""
+    return {"kind": kind, "key": key}
+
+
+class Record(RebuiltByConstructor):
+    """A frozen dataclass whose fields say with `member` what they must be.
+
+    A field whose default is None or ``()`` may have that value; JSON is without it then.
+    """
+
+    __slots__ = ()
+
+    def __post_init__(self) -> None:
+        check_members(self)
+
+
+def check_members(record: Record) -> None:
+    """Check all fields of a record that have a kind."""
+    for own, kind, _ in _members_of(type(record)):
+        value = getattr(record, own.name)
+        if value is not None or own.default is not None:
+            object.__setattr__(record, own.name, kind.check(value, own.name))
+
+
+def record_members(record: Record) -> dict[str, Any]:
+    """Return the fields of a record that have a kind as members of a JSON object."""
+    values = ((own, key, getattr(record, own.name)) for own, _, key in _members_of(type(record)))
+    return {
+        key: _plain(value)
+        for own, key, value in values
+        if not (_is_optional(own) and value in (None, ()))
+    }
+
+
+def record_from_members(kind: type[R], members: JsonFields, **others: Any) -> R:
+    """Read a record from a JSON object; `others` are its fields that have no kind."""
+    found = {
+        own.name: own_kind.read(members, key)
+        for own, own_kind, key in _members_of(kind)
+        if members.has(key) or not _is_optional(own)
+    }
+    return kind(**found, **others)
+
+
+def _is_optional(own: Field[Any]) -> bool:
+    return own.default in (None, ())
+
+
+def _members_of(kind: Any) -> list[tuple[Field[Any], Kind, str]]:
+    declared = [own for own in fields(kind) if own.metadata]
+    return [(own, own.metadata["kind"], own.metadata["key"] or own.name) for own in declared]
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as JSON has it."""
+    if isinstance(value, Record):
+        return record_members(value)
+    if isinstance(value, tuple):
+        return [_plain(each) for each in value]
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return dict(value) if isinstance(value, Mapping) else value
