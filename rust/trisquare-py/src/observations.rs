@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use trisquare::{Freedom, PlaneEdges, Polarity};
 
 use crate::arrays;
-use crate::errors::exception;
+use crate::errors::computed;
 
 /// The lines of a unit square whose sides were sampled in order round it, either way round.
 #[pyfunction]
@@ -16,7 +16,7 @@ pub fn square_lines<'py>(
     sides: Vec<PyReadonlyArray2<'py, f64>>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let sides: Vec<_> = sides.iter().map(arrays::points).collect::<PyResult<_>>()?;
-    let square = PlaneEdges::square(sides).map_err(exception)?;
+    let square = computed(py, || PlaneEdges::square(sides))?;
     Ok(arrays::from_lines(py, &square.lines))
 }
 
