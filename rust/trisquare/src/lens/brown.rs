@@ -93,6 +93,16 @@ impl Brown {
             )
     }
 
+    /// The normalised point of a pixel.
+    pub(super) fn normalised(&self, pixel: &Vector2<f64>) -> Vector2<f64> {
+        (pixel - self.principal_point()).component_div(&self.focal())
+    }
+
+    /// The pixel of a normalised point.
+    pub(super) fn pixel_of(&self, point: &Vector2<f64>) -> Vector2<f64> {
+        point.component_mul(&self.focal()) + self.principal_point()
+    }
+
     /// `1 + k1 s + k2 s^2 + k3 s^3`.
     pub(super) fn radial_factor(&self, square: f64) -> f64 {
         let [_, _, _, _, k1, k2, k3, ..] = self.parameters;
@@ -207,16 +217,14 @@ impl Lens for Brown {
     fn project(&self, point: &Vector3<f64>) -> Option<Vector2<f64>> {
         let ideal = point.xy() / point.z;
         let inside = point.z > 0.0 && ideal.norm() <= self.valid_radius;
-        let pixel = self.distort(&ideal).component_mul(&self.focal()) + self.principal_point();
+        let pixel = self.pixel_of(&self.distort(&ideal));
         (inside && is_finite(&pixel)).then_some(pixel)
     }
 
     /// Beyond the valid radius where a pinhole would see it.
     fn project_extended(&self, point: &Vector3<f64>) -> Vector2<f64> {
-        self.project(point).unwrap_or_else(|| {
-            let ideal = point.xy() / point.z;
-            ideal.component_mul(&self.focal()) + self.principal_point()
-        })
+        self.project(point)
+            .unwrap_or_else(|| self.pixel_of(&(point.xy() / point.z)))
     }
 
     fn projection_jacobian(&self, pixel_ray: &BrownPixelRay) -> ProjectionJacobian {
