@@ -7,14 +7,12 @@ use crate::lens::Lens;
 use crate::linear::{Homographies, Undistortion};
 use crate::observations::ObservedPlane;
 
-/// The planes that have homographies, and what these show.
+/// The planes that have homographies, and what their first figures show.
 pub(crate) struct Pool<L> {
     pub undistortion: Undistortion<L>,
     /// Their indices, ascending.
     pub places: Vec<usize>,
     pub candidates: Vec<Candidate>,
-    /// In the order of `places`.
-    pub homographies: Vec<Homographies>,
 }
 
 impl<L: Lens> Pool<L> {
@@ -23,16 +21,14 @@ impl<L: Lens> Pool<L> {
             undistortion,
             places: Vec::new(),
             candidates: Vec::new(),
-            homographies: Vec::new(),
         };
         for (i, plane) in planes.iter().enumerate() {
             let one = std::slice::from_ref(plane);
-            let candidate = Candidate::of(plane, &pool.undistortion, size);
-            let homographies = Homographies::estimate(one, &pool.undistortion);
-            if let (Ok(candidate), Ok(homographies)) = (candidate, homographies) {
+            if let Some(candidate) = Candidate::of(plane, &pool.undistortion, size)
+                && Homographies::estimate(one, &pool.undistortion).is_ok()
+            {
                 pool.places.push(i);
                 pool.candidates.push(candidate);
-                pool.homographies.push(homographies);
             }
         }
         pool
@@ -46,18 +42,7 @@ impl<L: Lens> Pool<L> {
             undistortion: self.undistortion.clone(),
             places: rest.iter().map(|i| self.places[*i]).collect(),
             candidates: rest.iter().map(|i| self.candidates[*i].clone()).collect(),
-            homographies: rest.iter().map(|i| self.homographies[*i].clone()).collect(),
         }
-    }
-
-    pub fn homographies_of(&self, planes: &[usize]) -> Homographies {
-        let place = |plane: &usize| self.places.binary_search(plane).ok();
-        Homographies::joined(
-            planes
-                .iter()
-                .filter_map(place)
-                .map(|i| &self.homographies[i]),
-        )
     }
 
     /// The planes that a hypothesis takes for squares.

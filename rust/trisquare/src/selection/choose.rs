@@ -2,25 +2,22 @@
 //!
 //! Where all candidates agree in one joint fit, all are kept, and nothing more is done. Otherwise
 //! cameras are hypothesised (every plausible focal length with the principal point at the image
-//! centre; and from pairs and triples of candidates, whatever camera they ask for), each is moved
-//! to where it explains most, and the one with the most evidence is taken. Its squares go through
-//! the joint fit, which drops what does not agree and takes back what does.
+//! centre), each is moved to where it explains most, and the one with the most evidence is taken.
+//! Of its squares the largest set is kept that a joint fit finds to agree.
 
 use super::candidates::Pool;
-use super::inliers::{Inliers, LEAST_CANDIDATES, STICKS_OUT};
+use super::inliers::{Inliers, LEAST_CANDIDATES};
 use super::joint_fit::Fit;
 use super::propose::propose;
-use super::straightness::Straightness;
-use super::verdict::{Choice, LEAST_BOARDS, Verdict, doubt_of_boards, doubt_of_choice};
+use super::straightness::straightened;
+use super::verdict::{Choice, Verdict, doubt_of_choice};
 use crate::error::Error;
 use crate::image_size::ImageSize;
 use crate::lens::Lens;
 use crate::linear::{Homographies, Undistortion, first_view};
-use crate::observations::{
-    Fixed, Method, ObservedPlane, Options, PlaneEdges, has_grid, sort_by_plane,
-};
-use crate::refine::{Residual, residuals, root_mean_square, search};
-use crate::solver::{JointProblem, reject_outliers};
+use crate::observations::{Fixed, Method, ObservedPlane, Options, PlaneEdges, sort_by_plane};
+use crate::refine::{residuals, root_mean_square, search};
+use crate::solver::JointProblem;
 
 /// Samples of each side that the choice looks at: a false square shows in few.
 const SAMPLES_PER_SIDE: usize = 16;
@@ -52,101 +49,45 @@ pub fn choose<L: Lens>(
         ..*options
     };
     let problem = JointProblem::new(size, &options);
-    let Straightness { undistortion, bent } = Straightness::of(&subsampled, &problem);
-    let chooser = Chooser(Inliers {
+    let (undistortion, bent) = straightened(&subsampled, &problem);
+    let inliers = Inliers {
         problem: &problem,
         planes: &subsampled,
         pool: &Pool::of(&subsampled, undistortion, size),
         bent,
-    });
-    if chooser.all_agree() {
-        return Ok(Choice::of_all(&subsampled));
-    }
-    if let Some(choice) = chooser.beside_boards() {
-        return Ok(choice);
-    }
-    let found = chooser.choice();
-    Ok(found
-        .filter(|choice| !chooser.is_outlier_anyway(choice))
-        .unwrap_or_else(|| Choice::of_all(&subsampled)))
+    };
+    let choice = if inliers.all_agree() {
+        None
+    } else {
+        inliers.choice()
+    };
+    Ok(choice.unwrap_or_else(|| Choice::of_all(&subsampled)))
 }
 
-struct Chooser<'a, L: Lens>(Inliers<'a, L>);
-
-impl<L: Lens> Chooser<'_, L> {
-    /// Whether the one plane that a choice drops is found false, or bent on one side, by the fit of
-    /// all planes as well: that one names it, and may keep its other sides.
-    fn is_outlier_anyway(&self, choice: &Choice) -> bool {
-        let mut dropped = (0..self.0.planes.len()).filter(|i| !choice.verdicts[*i].kept);
-        let (Some(one), None, None) = (dropped.next(), dropped.next(), choice.doubt) else {
-            return false;
-        };
-        reject_outliers(self.0.problem, self.0.planes)
-            .is_ok_and(|(solution, _)| solution.planes[one].sides().any(|side| side.is_outlier))
-    }
-
+impl<L: Lens> Inliers<'_, L> {
     fn all_agree(&self) -> bool {
-        let all: Vec<usize> = (0..self.0.planes.len()).collect();
-        let refined = self.0.problem.optimum(self.0.planes);
-        refined.is_ok_and(|refined| self.0.agrees(&self.0.judged(&all, self.0.planes, refined)))
-    }
-
-    /// What agrees with boards as well as these among themselves, where they show the camera alone:
-    /// a board is no chance find, and its paper need not be as flat as its noise is small.
-    fn beside_boards(&self) -> Option<Choice> {
-        let is_board = |i: &usize| self.0.planes[*i].figures.iter().any(has_grid);
-        let boards: Vec<usize> = (0..self.0.planes.len()).filter(is_board).collect();
-        let planes: Vec<_> = boards.iter().map(|i| self.0.planes[*i].clone()).collect();
-        if boards.len() < LEAST_BOARDS {
-            return None;
-        }
-        let refined = self.0.problem.optimum(&planes).ok()?;
-        if self.0.problem.ill_conditioning(&planes, &refined).is_some() {
-            return None;
-        }
-        let of_board = |own: &Vec<Residual>| root_mean_square(own.iter());
-        let distances: Vec<f64> = refined.residuals.iter().map(of_board).collect();
-        let mut sorted = distances.clone();
-        sorted.sort_by(f64::total_cmp);
-        let limit = STICKS_OUT * sorted[sorted.len() / 2];
-        let verdict = |(i, plane): (usize, &ObservedPlane)| {
-            let residual = match boards.binary_search(&i) {
-                Ok(place) => Some(distances[place]),
-                Err(_) => self.residual(plane, &refined.view.lens),
-            };
-            let kept = residual.is_some_and(|residual| residual <= limit);
-            Verdict {
-                figure: plane.figures[0].index,
-                kept,
-                residual: residual.filter(|_| !kept),
-            }
-        };
-        let verdicts: Vec<Verdict> = self.0.planes.iter().enumerate().map(verdict).collect();
-        let rejected = (0..self.0.planes.len()).filter(|i| !verdicts[*i].kept);
-        Some(Choice {
-            doubt: doubt_of_boards(&self.0, &rejected.collect::<Vec<_>>()),
-            verdicts,
-        })
+        let all: Vec<usize> = (0..self.planes.len()).collect();
+        let refined = self.problem.optimum(self.planes);
+        refined.is_ok_and(|refined| self.agrees(&self.judged(&all, self.planes, refined)))
     }
 
     fn choice(&self) -> Option<Choice> {
-        let inliers = &self.0;
-        let hypotheses = propose(inliers.problem, inliers.pool);
+        let hypotheses = propose(self.problem, self.pool);
         let best = hypotheses.first()?;
-        let mut fits = inliers.fits(&hypotheses);
-        if !fits.iter().any(|fit| inliers.agrees(fit)) {
-            fits.extend(inliers.fits_without_one_of_all(&hypotheses));
+        let mut fits = self.fits(&hypotheses);
+        if !fits.iter().any(|fit| self.agrees(fit)) {
+            fits.extend(self.fits_without_one_of_all(&hypotheses));
         }
-        let order = |fit: &Fit<L>| (inliers.agrees(fit), inliers.worth(fit));
+        let order = |fit: &Fit<L>| (self.agrees(fit), self.worth(fit));
         fits.sort_by(|a, b| {
             let ((a_agrees, a), (b_agrees, b)) = (order(a), order(b));
             b_agrees.cmp(&a_agrees).then(b.total_cmp(&a))
         });
         let mut fits = fits.into_iter();
-        let chosen = fits.next().map(|fit| inliers.completed(fit));
+        let chosen = fits.next().map(|fit| self.completed(fit));
         let (members, lens) = match &chosen {
             Some(fit) => (fit.members.clone(), Some(fit.refined.view.lens)),
-            None => (inliers.pool.squares(best), None),
+            None => (self.pool.squares(best), None),
         };
         let verdict = |(i, plane): (usize, &ObservedPlane)| {
             let kept = members.contains(&i);
@@ -158,8 +99,8 @@ impl<L: Lens> Chooser<'_, L> {
             }
         };
         Some(Choice {
-            verdicts: self.0.planes.iter().enumerate().map(verdict).collect(),
-            doubt: chosen.and_then(|fit| doubt_of_choice(inliers, best, &fit, fits.collect())),
+            verdicts: self.planes.iter().enumerate().map(verdict).collect(),
+            doubt: chosen.and_then(|fit| doubt_of_choice(self, best, &fit, fits.collect())),
         })
     }
 
@@ -173,7 +114,7 @@ impl<L: Lens> Chooser<'_, L> {
                 distortion: true,
             },
             initial: Some(*lens),
-            ..*self.0.problem.options
+            ..*self.problem.options
         };
         let one = std::slice::from_ref(plane);
         let known = Undistortion::Known(*lens);
@@ -184,7 +125,7 @@ impl<L: Lens> Chooser<'_, L> {
             &homographies,
             one,
             &known,
-            self.0.problem.size,
+            self.problem.size,
             &options,
         );
         let found = search(one, &options.free_parameters(), start.ok()?)?;
