@@ -119,9 +119,9 @@ impl Brown {
     }
 
     /// The symmetric Jacobian `d(observed)/d(ideal)`.
-    pub(crate) fn distortion_jacobian(&self, ideal: &Vector2<f64>, square: f64) -> Matrix2<f64> {
+    pub(crate) fn distortion_jacobian(&self, ideal: &Vector2<f64>) -> Matrix2<f64> {
         let [.., p1, p2] = self.parameters;
-        let (x, y) = (ideal.x, ideal.y);
+        let (x, y, square) = (ideal.x, ideal.y, ideal.norm_squared());
         let factor = self.radial_factor(square);
         let slope = 2.0 * self.radial_slopes(square).0;
         let xy = slope * x * y + 2.0 * (p1 * x + p2 * y);
@@ -237,12 +237,11 @@ impl Lens for Brown {
     fn unproject_with_jacobian(&self, pixel: &Vector2<f64>) -> Option<BrownPixelRay> {
         let distorted = (pixel - self.principal_point()).component_mul(&self.inverse_focal);
         let ideal = self.undistort(&distorted)?;
-        let square = ideal.norm_squared();
-        let jacobian = self.distortion_jacobian(&ideal, square);
+        let jacobian = self.distortion_jacobian(&ideal);
         Some(BrownPixelRay {
             ideal,
             distorted,
-            square,
+            square: ideal.norm_squared(),
             // The Jacobian is symmetric, so its inverse is its own transpose.
             inverse_transpose: adjugate(&jacobian) * (1.0 / jacobian.determinant()),
         })

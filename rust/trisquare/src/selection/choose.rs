@@ -5,7 +5,6 @@
 //! centre), each is moved to where it explains most, and the one with the most evidence is taken.
 //! Of its squares the largest set is kept that a joint fit finds to agree.
 
-use super::candidates::Pool;
 use super::inliers::{Inliers, LEAST_CANDIDATES};
 use super::joint_fit::Fit;
 use super::propose::propose;
@@ -50,12 +49,7 @@ pub fn choose<L: Lens>(
     };
     let problem = JointProblem::new(size, &options);
     let (undistortion, bent) = straightened(&subsampled, &problem);
-    let inliers = Inliers {
-        problem: &problem,
-        planes: &subsampled,
-        pool: &Pool::of(&subsampled, undistortion, size),
-        bent,
-    };
+    let inliers = Inliers::new(&problem, &subsampled, undistortion, bent);
     let choice = if inliers.all_agree() {
         None
     } else {
@@ -72,12 +66,9 @@ impl<L: Lens> Inliers<'_, L> {
     }
 
     fn choice(&self) -> Option<Choice> {
-        let hypotheses = propose(self.problem, self.pool);
+        let hypotheses = propose(self.problem, &self.candidates);
         let best = hypotheses.first()?;
         let mut fits = self.fits(&hypotheses);
-        if !fits.iter().any(|fit| self.agrees(fit)) {
-            fits.extend(self.fits_without_one_of_all(&hypotheses));
-        }
         let order = |fit: &Fit<L>| (self.agrees(fit), self.worth(fit));
         fits.sort_by(|a, b| {
             let ((a_agrees, a), (b_agrees, b)) = (order(a), order(b));
@@ -87,7 +78,7 @@ impl<L: Lens> Inliers<'_, L> {
         let chosen = fits.next().map(|fit| self.completed(fit));
         let (members, lens) = match &chosen {
             Some(fit) => (fit.members.clone(), Some(fit.refined.view.lens)),
-            None => (self.pool.squares(best), None),
+            None => (self.squares(best), None),
         };
         let verdict = |(i, plane): (usize, &ObservedPlane)| {
             let kept = members.contains(&i);

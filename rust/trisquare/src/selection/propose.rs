@@ -3,7 +3,6 @@
 
 use nalgebra::Matrix3;
 
-use super::candidates::Pool;
 use super::hypothesis::{Hypothesis, Prior};
 use super::squareness::{Candidate, Pinhole};
 use crate::image_size::ImageSize;
@@ -36,9 +35,6 @@ const ORDINARY_FOCAL: f64 = 0.6;
 /// Standard deviation of a parameter that is held.
 const HELD: f64 = 1e-6;
 
-/// Doubt about the logarithm of a hypothesised focal length.
-pub(crate) const FOCAL_DOUBT: f64 = 0.04;
-
 /// What is known of the camera beforehand.
 pub(crate) fn prior<L: Lens>(problem: &JointProblem<'_, L>) -> Prior {
     let Options { fixed, initial, .. } = *problem.options;
@@ -64,14 +60,14 @@ pub(crate) fn prior<L: Lens>(problem: &JointProblem<'_, L>) -> Prior {
 }
 
 /// All that cameras make of the candidates, from the most evidence to the least.
-pub(crate) fn propose<L: Lens>(problem: &JointProblem<'_, L>, pool: &Pool<L>) -> Vec<Hypothesis> {
+pub(crate) fn propose<L: Lens>(
+    problem: &JointProblem<'_, L>,
+    all: &[Candidate],
+) -> Vec<Hypothesis> {
     let prior = prior(problem);
-    let mut doubt = prior.std;
-    doubt[0] = doubt[0].min(FOCAL_DOUBT);
-    let all = &pool.candidates;
     let starts = candidate_cameras(problem.options.fixed.focal, &prior);
     let explained = |candidates: &[Candidate], starts: Vec<Pinhole>| {
-        let converged = |start| Hypothesis::converged(candidates, &prior, start, &doubt);
+        let converged = |start| Hypothesis::converged(candidates, &prior, start);
         best_different(starts.into_iter().filter_map(converged).collect())
     };
     if all.len() <= MAX_WEIGHED {
