@@ -14,10 +14,27 @@ const LARGEST_SQUARED_RADIUS: f64 = 1e12;
 
 /// The largest radius up to which `r (1 + k1 r^2 + k2 r^4 + k3 r^6)` increases; may be infinite.
 pub fn monotonic_radius([k1, k2, k3]: [f64; 3]) -> f64 {
-    // In s = r^2 the slope is 1 + 3 k1 s + 5 k2 s^2 + 7 k3 s^3.
-    let slope = [1.0, 3.0 * k1, 5.0 * k2, 7.0 * k3];
-    let changes = sign_changes(&slope, LARGEST_SQUARED_RADIUS);
-    changes.first().map_or(f64::INFINITY, |s| s.sqrt())
+    // In s = r^2 the slope is 1 + 3 k1 s + 5 k2 s^2 + 7 k3 s^3; its own extrema bound the
+    // stretches in which it has at most one root.
+    let slope = |s: f64| 1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * 7.0 * k3));
+    let mut stretches = positive_roots(3.0 * k1, 10.0 * k2, 21.0 * k3);
+    // All roots lie within Cauchy's bound, beyond which the highest power rules.
+    let powers = [1.0, 3.0 * k1, 5.0 * k2, 7.0 * k3];
+    if let Some(highest) = powers.iter().rposition(|c| *c != 0.0) {
+        let largest = powers[..highest].iter().fold(0.0f64, |a, c| a.max(c.abs()));
+        stretches.push(1.0 + largest / powers[highest].abs());
+    }
+    for stretch in &mut stretches {
+        *stretch = stretch.min(LARGEST_SQUARED_RADIUS);
+    }
+    let mut left = 0.0;
+    for right in stretches {
+        if slope(right) <= 0.0 {
+            return bisect(slope, left, right).sqrt();
+        }
+        left = right;
+    }
+    f64::INFINITY
 }
 
 /// The largest radius up to which Brown's distortion is monotonic in the plane; may be infinite.
@@ -72,6 +89,22 @@ pub(crate) fn sign_changes(polynomial: &[f64], limit: f64) -> Vec<f64> {
         left = right;
     }
     changes
+}
+
+/// Positive roots of `c0 + c1 s + c2 s^2`, ascending.
+fn positive_roots(c0: f64, c1: f64, c2: f64) -> Vec<f64> {
+    let discriminant = c1 * c1 - 4.0 * c2 * c0;
+    let mut roots = Vec::with_capacity(3);
+    if discriminant >= 0.0 {
+        let q = -0.5 * (c1 + discriminant.sqrt().copysign(c1));
+        roots.extend(
+            [q / c2, c0 / q]
+                .iter()
+                .filter(|r| r.is_finite() && **r > 0.0),
+        );
+        roots.sort_by(f64::total_cmp);
+    }
+    roots
 }
 
 /// The root of a function that is positive at `left` and not at `right`.

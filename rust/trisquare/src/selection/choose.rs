@@ -9,17 +9,22 @@ use super::inliers::{Inliers, LEAST_CANDIDATES};
 use super::joint_fit::Fit;
 use super::propose::propose;
 use super::straightness::straightened;
-use super::verdict::{Choice, Verdict, doubt_of_choice};
+use super::verdict::{Choice, LEAST_BOARDS, Verdict, doubt_of_boards, doubt_of_choice};
 use crate::error::Error;
 use crate::image_size::ImageSize;
 use crate::lens::Lens;
 use crate::linear::{Homographies, Undistortion, first_view};
-use crate::observations::{Fixed, Method, ObservedPlane, Options, PlaneEdges, sort_by_plane};
-use crate::refine::{residuals, root_mean_square, search};
+use crate::observations::{
+    Fixed, Method, ObservedPlane, Options, PlaneEdges, has_grid, sort_by_plane,
+};
+use crate::refine::{Residual, residuals, root_mean_square, search};
 use crate::solver::JointProblem;
 
 /// Samples of each side that the choice looks at: a false square shows in few.
 const SAMPLES_PER_SIDE: usize = 16;
+
+/// Beside boards that plane is dropped which is so many times farther off than the median board.
+const STICKS_OUT: f64 = 2.5;
 
 /// Chooses the largest set of planes that one camera sees as true squares.
 ///
@@ -53,7 +58,7 @@ pub fn choose<L: Lens>(
     let choice = if inliers.all_agree() {
         None
     } else {
-        inliers.choice()
+        inliers.beside_boards().or_else(|| inliers.choice())
     };
     Ok(choice.unwrap_or_else(|| Choice::of_all(&subsampled)))
 }
@@ -63,6 +68,44 @@ impl<L: Lens> Inliers<'_, L> {
         let all: Vec<usize> = (0..self.planes.len()).collect();
         let refined = self.problem.optimum(self.planes);
         refined.is_ok_and(|refined| self.agrees(&self.judged(&all, self.planes, refined)))
+    }
+
+    /// What agrees with boards as well as these among themselves, where they show the camera alone:
+    /// a board is no chance find, and its paper need not be as flat as its noise is small.
+    fn beside_boards(&self) -> Option<Choice> {
+        let is_board = |i: &usize| self.planes[*i].figures.iter().any(has_grid);
+        let boards: Vec<usize> = (0..self.planes.len()).filter(is_board).collect();
+        let planes: Vec<_> = boards.iter().map(|i| self.planes[*i].clone()).collect();
+        if boards.len() < LEAST_BOARDS {
+            return None;
+        }
+        let refined = self.problem.optimum(&planes).ok()?;
+        if self.problem.ill_conditioning(&planes, &refined).is_some() {
+            return None;
+        }
+        let of_board = |own: &Vec<Residual>| root_mean_square(own.iter());
+        let distances: Vec<f64> = refined.residuals.iter().map(of_board).collect();
+        let mut sorted = distances.clone();
+        sorted.sort_by(f64::total_cmp);
+        let limit = STICKS_OUT * sorted[sorted.len() / 2];
+        let verdict = |(i, plane): (usize, &ObservedPlane)| {
+            let residual = match boards.binary_search(&i) {
+                Ok(place) => Some(distances[place]),
+                Err(_) => self.residual(plane, &refined.view.lens),
+            };
+            let kept = residual.is_some_and(|residual| residual <= limit);
+            Verdict {
+                figure: plane.figures[0].index,
+                kept,
+                residual: residual.filter(|_| !kept),
+            }
+        };
+        let verdicts: Vec<Verdict> = self.planes.iter().enumerate().map(verdict).collect();
+        let rejected = (0..self.planes.len()).filter(|i| !verdicts[*i].kept);
+        Some(Choice {
+            doubt: doubt_of_boards(self, &rejected.collect::<Vec<_>>()),
+            verdicts,
+        })
     }
 
     fn choice(&self) -> Option<Choice> {

@@ -25,8 +25,11 @@ pub(crate) const LEAST_CANDIDATES: usize = 4;
 /// noise, per degree of freedom, of which it has two: chance does it once in three thousand times.
 const FALSE_PLANE: f64 = 8.0;
 
-/// Candidates whose squared deviation is below this are put to the joint fit of many.
+/// Excluded candidates whose squared deviation is below this are put to the joint fit.
 const WORTH_A_TRIAL: f64 = 60.0;
+
+/// How many at most.
+const MAX_TRIALS: usize = 12;
 
 /// Rounds in which the planes are dropped that stick out of a fit of many.
 const MAX_TRIMS: usize = 12;
@@ -178,7 +181,10 @@ impl<'a, L: Lens> Inliers<'a, L> {
                 fits.iter().any(|fit| self.agrees(fit) && within(&fit))
             };
             if !known(&fit.members) {
-                fits.push(fit);
+                let grown = self.with_others(fit, hypothesis);
+                if !known(&grown.members) {
+                    fits.push(grown);
+                }
             }
         };
         match self.fit(&squares, start) {
@@ -235,6 +241,31 @@ impl<'a, L: Lens> Inliers<'a, L> {
         first.truncate(MAX_FITTED);
         first.sort_unstable();
         first
+    }
+
+    /// Takes back what agrees in the joint fit, the most promising first.
+    fn with_others(&self, mut fit: Fit<L>, hypothesis: &Hypothesis) -> Fit<L> {
+        let mut others: Vec<(f64, usize)> = self
+            .candidates
+            .iter()
+            .zip(&self.places)
+            .filter(|(_, place)| !fit.members.contains(place))
+            .filter_map(|(c, place)| Some((squared_deviation(c, hypothesis)?, *place)))
+            .filter(|(square, _)| *square < WORTH_A_TRIAL)
+            .collect();
+        others.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for (_, other) in others.into_iter().take(MAX_TRIALS) {
+            let mut members = fit.members.clone();
+            members.push(other);
+            members.sort_unstable();
+            if let Some(more) = self.fit(&members, &fit.camera)
+                && fit.strain(&more) < FALSE_PLANE * self.bent
+                && self.agrees(&more)
+            {
+                fit = more;
+            }
+        }
+        fit
     }
 
     /// A joint fit with all that agrees, where there are too many to be tried one by one: all at

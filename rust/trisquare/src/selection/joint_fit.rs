@@ -67,6 +67,13 @@ impl<L: Lens> Fit<L> {
         number
     }
 
+    /// By how much further planes put sides in the wrong place, per degree of freedom.
+    pub fn strain(&self, more: &Self) -> f64 {
+        let (before, after) = (&self.misfit, &more.misfit);
+        let freedom = (after.straight_freedom - before.straight_freedom).max(1.0);
+        (after.straight - before.straight) / freedom
+    }
+
     /// How far the samples of every member are from its lines, root mean square, px.
     pub fn distances(&self) -> Vec<(f64, usize)> {
         let own = self.refined.residuals.iter();

@@ -6,6 +6,9 @@ use super::joint_fit::Fit;
 use crate::lens::Lens;
 use crate::observations::{ObservedPlane, PlaneEdges};
 
+/// Boards that show a camera and their own errors: more than half of them are then right.
+pub(crate) const LEAST_BOARDS: usize = 3;
+
 /// Logarithm of the odds below which another hypothesis is nearly as good.
 const CLOSE_RIVAL: f64 = 4.0;
 
@@ -136,4 +139,23 @@ pub(crate) fn doubt_of_choice<L: Lens>(
     let unit = problem.size.half_diagonal();
     let odd = aspect.ln().abs() > ODD_ASPECT || offset > ODD_CENTRE * unit;
     (odd && problem.options.initial.is_none()).then_some(Doubt::OddCamera { aspect, offset })
+}
+
+/// That as many others as boards agree on another camera: these may be a picture's in the picture.
+pub(crate) fn doubt_of_boards<L: Lens>(
+    inliers: &Inliers<'_, L>,
+    rejected: &[usize],
+) -> Option<Doubt> {
+    if rejected.len() < LEAST_BOARDS {
+        return None;
+    }
+    let planes: Vec<_> = rejected
+        .iter()
+        .map(|i| inliers.planes[*i].clone())
+        .collect();
+    let fit = inliers.judged(rejected, &planes, inliers.problem.optimum(&planes).ok()?);
+    inliers.agrees(&fit).then(|| Doubt::Rival {
+        squares: rejected.len(),
+        focal: fit.refined.view.lens.focal().x,
+    })
 }
