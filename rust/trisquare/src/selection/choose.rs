@@ -5,7 +5,7 @@
 //! centre), each is moved to where it explains most, and the one with the most evidence is taken.
 //! Of its squares the largest set is kept that a joint fit finds to agree.
 
-use super::inliers::{Inliers, LEAST_CANDIDATES};
+use super::inliers::{Inliers, LEAST_CANDIDATES, STICKS_OUT};
 use super::joint_fit::Fit;
 use super::propose::propose;
 use super::straightness::straightened;
@@ -18,13 +18,10 @@ use crate::observations::{
     Fixed, Method, ObservedPlane, Options, PlaneEdges, has_grid, sort_by_plane,
 };
 use crate::refine::{Residual, residuals, root_mean_square, search};
-use crate::solver::JointProblem;
+use crate::solver::{JointProblem, reject_outliers};
 
 /// Samples of each side that the choice looks at: a false square shows in few.
 const SAMPLES_PER_SIDE: usize = 16;
-
-/// Beside boards that plane is dropped which is so many times farther off than the median board.
-const STICKS_OUT: f64 = 2.5;
 
 /// Chooses the largest set of planes that one camera sees as true squares.
 ///
@@ -55,15 +52,30 @@ pub fn choose<L: Lens>(
     let problem = JointProblem::new(size, &options);
     let (undistortion, bent) = straightened(&subsampled, &problem);
     let inliers = Inliers::new(&problem, &subsampled, undistortion, bent);
-    let choice = if inliers.all_agree() {
-        None
-    } else {
-        inliers.beside_boards().or_else(|| inliers.choice())
-    };
-    Ok(choice.unwrap_or_else(|| Choice::of_all(&subsampled)))
+    if inliers.all_agree() {
+        return Ok(Choice::of_all(&subsampled));
+    }
+    if let Some(choice) = inliers.beside_boards() {
+        return Ok(choice);
+    }
+    let found = inliers.choice();
+    Ok(found
+        .filter(|choice| !inliers.is_outlier_anyway(choice))
+        .unwrap_or_else(|| Choice::of_all(&subsampled)))
 }
 
 impl<L: Lens> Inliers<'_, L> {
+    /// Whether the one plane that a choice drops is found false, or bent on one side, by the fit of
+    /// all planes as well: that one names it, and may keep its other sides.
+    fn is_outlier_anyway(&self, choice: &Choice) -> bool {
+        let mut dropped = (0..self.planes.len()).filter(|i| !choice.verdicts[*i].kept);
+        let (Some(one), None, None) = (dropped.next(), dropped.next(), choice.doubt) else {
+            return false;
+        };
+        reject_outliers(self.problem, self.planes)
+            .is_ok_and(|(solution, _)| solution.planes[one].sides().any(|side| side.is_outlier))
+    }
+
     fn all_agree(&self) -> bool {
         let all: Vec<usize> = (0..self.planes.len()).collect();
         let refined = self.problem.optimum(self.planes);

@@ -31,8 +31,9 @@ const WORTH_A_TRIAL: f64 = 60.0;
 /// How many at most.
 const MAX_TRIALS: usize = 12;
 
-/// Rounds in which the planes are dropped that stick out of a fit of many.
+/// Rounds in which those planes are dropped that are so many times farther off than the median one.
 const MAX_TRIMS: usize = 12;
+pub(crate) const STICKS_OUT: f64 = 2.5;
 
 /// Triples of a hypothesis' squares that are fitted where these do not agree: all of nine.
 const MAX_SEEDS: usize = 84;
@@ -190,6 +191,9 @@ impl<'a, L: Lens> Inliers<'a, L> {
         match self.fit(&squares, start) {
             Some(fit) if self.agrees(&fit) || squares.len() < LEAST_CANDIDATES => keep(fit),
             Some(fit) => {
+                if let Some(trimmed) = self.trimmed(&fit) {
+                    keep(trimmed);
+                }
                 for seed in triples(&squares, MAX_SEEDS) {
                     if let Some(seed) = self.fit(&seed, start).filter(|seed| self.agrees(seed)) {
                         keep(seed);
@@ -241,6 +245,31 @@ impl<'a, L: Lens> Inliers<'a, L> {
         first.truncate(MAX_FITTED);
         first.sort_unstable();
         first
+    }
+
+    /// What agrees of a fit once the planes that stick out are dropped, if anything does.
+    fn trimmed(&self, fit: &Fit<L>) -> Option<Fit<L>> {
+        let mut rest = self.fit(&fit.members, &fit.camera)?;
+        for _ in 0..MAX_TRIMS {
+            if self.agrees(&rest) {
+                return Some(rest);
+            }
+            let mut distances = rest.distances();
+            distances.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let limit = STICKS_OUT * distances[distances.len() / 2].0;
+            let within = distances.iter().filter(|(distance, _)| *distance <= limit);
+            let mut members: Vec<usize> = within.map(|(_, plane)| *plane).collect();
+            if members.len() == distances.len() {
+                // Nobody sticks out, but they do not agree: the farthest must go.
+                members.pop();
+            }
+            if members.len() + 1 < LEAST_CANDIDATES {
+                return None;
+            }
+            members.sort_unstable();
+            rest = self.fit(&members, &rest.camera)?;
+        }
+        None
     }
 
     /// Takes back what agrees in the joint fit, the most promising first.

@@ -177,12 +177,11 @@ impl<L: Lens> JointProblem<'_, L> {
 
     /// Why there is no covariance: most likely the geometry.
     fn singular(&self, planes: &[ObservedPlane], refined: &Refined<L>) -> Failure<L> {
-        self.refusal(planes, refined).unwrap_or_else(|| {
-            Failure::Other(Error::NotConverged {
-                stage: "the covariance",
-                iterations: refined.iterations,
-                rms: refined.noise_scale,
-            })
-        })
+        let refusal = self.refusal(planes, refined);
+        refusal.unwrap_or(Failure::Other(Error::NotConverged {
+            stage: "the covariance",
+            iterations: refined.iterations,
+            rms: refined.noise_scale,
+        }))
     }
 }
