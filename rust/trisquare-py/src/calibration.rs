@@ -1,19 +1,19 @@
 //! The whole calibration.
 
-use nalgebra::DMatrix;
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{IntoPyDict, PyDict};
 use pyo3::{PyClass, PyClassInitializer};
 use trisquare::{
-    Brown, BrownModel, Fixed, ImageSize, Lens, Method, ModelChoice, Options, Photographs,
-    PictureTone, Plane, PlaneEdges, Stage,
+    Brown, BrownModel, Fixed, Lens, Method, ModelChoice, Options, Photographs, PictureTone, Plane,
+    PlaneEdges, Stage,
 };
 
 use crate::arrays;
-use crate::errors::{detached, exception};
+use crate::errors::{computed, detached, exception};
 use crate::image::{Picture, picture_tone};
+use crate::lens::size;
 use crate::observations::plane_edges;
 
 /// What became of a candidate plane.
@@ -129,16 +129,13 @@ pub fn calibrate<'py>(
     tones: Vec<Bound<'py, PyAny>>,
 ) -> PyResult<Outcome> {
     let mut edges: Vec<PlaneEdges> = figures.iter().map(plane_edges).collect::<PyResult<_>>()?;
-    let size = ImageSize {
-        width: image_size.0,
-        height: image_size.1,
-    };
+    let size = size(image_size);
     let by_evidence = model == AUTO;
     let options = Options {
         method: named(method, "method", &METHODS)?,
         model: model_named(model)?,
         fixed: fixed_parameters(&fixed)?,
-        initial: initial.map(Brown::new),
+        initial: detached(py, || initial.map(Brown::new))?,
     };
     let tones: Vec<PictureTone> = tones.iter().map(picture_tone).collect::<PyResult<_>>()?;
     let pictures: Option<Vec<&trisquare::Picture>> = pictures
@@ -150,7 +147,7 @@ pub fn calibrate<'py>(
     {
         return Err(PyValueError::new_err("every picture needs its tone curve"));
     }
-    let (choice, found) = detached(py, || {
+    let (choice, found) = computed(py, || {
         let choice = match choosing {
             true => Some(trisquare::choose(&edges, size, &options)?),
             false => None,
@@ -174,12 +171,11 @@ pub fn calibrate<'py>(
             ),
         };
         Ok((choice, found))
-    })?
-    .map_err(exception)?;
-    let verdicts = choice.iter().flat_map(|choice| &choice.verdicts);
+    })?;
+    let (verdicts, doubt) = choice.map_or((Vec::new(), None), |c| (c.verdicts, c.doubt));
     Ok(Outcome {
-        verdicts: verdicts.map(|v| verdict(py, v)).collect::<PyResult<_>>()?,
-        doubt: choice.and_then(|choice| choice.doubt.map(|doubt| doubt.to_string())),
+        verdicts: each(py, &verdicts, verdict)?,
+        doubt: doubt.map(|doubt| doubt.to_string()),
         solution: found
             .map_err(exception)
             .and_then(|found| Py::new(py, solution(py, &found)?)),
@@ -244,33 +240,26 @@ pub(crate) fn fixed_parameters(names: &[String]) -> PyResult<Fixed> {
     Ok(fixed)
 }
 
-fn verdict(py: Python<'_>, found: &trisquare::Verdict) -> PyResult<Py<Verdict>> {
-    Py::new(
-        py,
-        Verdict {
-            figure: found.figure,
-            kept: found.kept,
-            residual: found.residual,
-        },
-    )
+fn verdict(_: Python<'_>, found: &trisquare::Verdict) -> Verdict {
+    Verdict {
+        figure: found.figure,
+        kept: found.kept,
+        residual: found.residual,
+    }
 }
 
 fn solution(py: Python<'_>, choice: &ModelChoice) -> PyResult<Solution> {
     let found = &choice.calibration;
-    let std = PyDict::new(py);
-    for (name, value) in found.std() {
-        std.set_item(name, value)?;
-    }
     let correlation = &found.residual_correlation;
     let alternatives = choice.alternatives.iter();
     Ok(Solution {
-        camera_matrix: arrays::from_matrix3(py, &found.camera.camera_matrix()).unbind(),
+        camera_matrix: arrays::from_matrix(py, &found.camera.camera_matrix()).unbind(),
         distortion: arrays::from_slice(py, &found.camera.distortion()).unbind(),
         valid_radius: found.camera.valid_radius(),
         model: model_name(choice.model),
         parameters: found.parameters.clone(),
         covariance: arrays::from_matrix(py, &found.covariance).unbind(),
-        std: std.unbind(),
+        std: found.std().into_py_dict(py)?.unbind(),
         planes: each(py, &found.planes, solved_plane)?,
         residuals: each(py, &found.residuals, figure_residuals)?,
         rms: found.rms,
@@ -316,16 +305,15 @@ fn solved_plane(py: Python<'_>, plane: &Plane) -> SolvedPlane {
         figure: plane.figure,
         image: plane.image,
         corners: arrays::from_points(py, &plane.corners).unbind(),
-        rotation: arrays::from_matrix3(py, &plane.pose.rotation).unbind(),
+        rotation: arrays::from_matrix(py, &plane.pose.rotation).unbind(),
         translation: arrays::from_slice(py, plane.pose.translation.as_slice()).unbind(),
         rms: plane.rms,
         samples: plane.samples,
         uncertainty: plane.uncertainty.as_ref().map(|known| {
-            let (given, by) = (&known.given_camera, &known.by_camera);
-            let given = DMatrix::from_column_slice(given.nrows(), given.ncols(), given.as_slice());
-            let by = DMatrix::from_column_slice(by.nrows(), by.ncols(), by.as_slice());
-            let array = |matrix| arrays::from_matrix(py, matrix).unbind();
-            (array(&given), array(&by))
+            (
+                arrays::from_matrix(py, &known.given_camera).unbind(),
+                arrays::from_matrix(py, &known.by_camera).unbind(),
+            )
         }),
     }
 }

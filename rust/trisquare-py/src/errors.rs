@@ -54,6 +54,17 @@ pub fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyR
     })
 }
 
+/// As [`detached`], for what may refuse its input.
+///
+/// # Errors
+/// The exception of the crate's error, or `InternalError`.
+pub fn computed<T: Send>(
+    py: Python<'_>,
+    work: impl FnOnce() -> Result<T, Error> + Send,
+) -> PyResult<T> {
+    detached(py, work)?.map_err(exception)
+}
+
 /// Lets the place of a panic be told by the exception, and not on standard error.
 fn keep_panics_silent() {
     let before = take_hook();

@@ -1,6 +1,6 @@
 //! A camera's maps, for arrays of points.
 
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{SVector, Vector2, Vector3};
 use numpy::{
     PyArray1, PyArray2, PyArray3, PyReadonlyArray2, PyReadwriteArray2, PyReadwriteArray3,
     PyUntypedArrayMethods,
@@ -13,13 +13,22 @@ use trisquare::{
 };
 
 use crate::arrays;
-use crate::errors::{detached, exception};
+use crate::errors::{computed, detached};
 
 /// The largest ideal radius up to which a distortion is monotonic and invertible.
 #[pyfunction]
 #[pyo3(signature = (k1, k2, p1, p2, k3))]
-pub fn invertible_radius(k1: f64, k2: f64, p1: f64, p2: f64, k3: f64) -> f64 {
-    trisquare::internals::invertible_radius([k1, k2, k3], [p1, p2])
+pub fn invertible_radius(
+    py: Python<'_>,
+    k1: f64,
+    k2: f64,
+    p1: f64,
+    p2: f64,
+    k3: f64,
+) -> PyResult<f64> {
+    detached(py, || {
+        trisquare::internals::invertible_radius([k1, k2, k3], [p1, p2])
+    })
 }
 
 /// A camera as Python hands it over: its nine parameters, and the radius it is trusted up to.
@@ -27,77 +36,73 @@ pub fn invertible_radius(k1: f64, k2: f64, p1: f64, p2: f64, k3: f64) -> f64 {
 pub struct CameraMembers([f64; 9], f64);
 
 impl CameraMembers {
-    fn camera(&self) -> Brown {
-        Brown::new(self.0).within(self.1)
+    fn camera(&self, py: Python<'_>) -> PyResult<Brown> {
+        detached(py, || Brown::new(self.0).within(self.1))
     }
+
+    /// Copies points, and maps them without the GIL.
+    fn map<'py, const D: usize, const E: usize>(
+        &self,
+        points: &PyReadonlyArray2<'py, f64>,
+        map: impl FnOnce(&Brown, &[SVector<f64, D>]) -> Result<Vec<SVector<f64, E>>, Error> + Send,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let (py, points) = (points.py(), arrays::points(points)?);
+        let camera = self.camera(py)?;
+        let found = computed(py, || map(&camera, &points))?;
+        Ok(arrays::from_points(py, &found))
+    }
+}
+
+pub(crate) fn size((width, height): (u32, u32)) -> ImageSize {
+    ImageSize { width, height }
 }
 
 /// The distance from the principal point within which every pixel can be undistorted.
 #[pyfunction]
 #[pyo3(signature = (camera))]
-pub fn valid_pixel_radius(camera: CameraMembers) -> f64 {
-    camera.camera().valid_pixel_radius()
+pub fn valid_pixel_radius(py: Python<'_>, camera: CameraMembers) -> PyResult<f64> {
+    let camera = camera.camera(py)?;
+    detached(py, || camera.valid_pixel_radius())
 }
 
 /// The pixels at which points of camera coordinates are seen.
 #[pyfunction]
 #[pyo3(signature = (camera, points))]
 pub fn project_points<'py>(
-    py: Python<'py>,
     camera: CameraMembers,
     points: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let (camera, points) = (camera.camera(), arrays::space_points(&points)?);
-    let seen = detached(py, || camera.project_points(&points))?.map_err(exception)?;
-    Ok(arrays::from_points(py, &seen))
+    camera.map(&points, Brown::project_points)
 }
 
 /// The unit rays along which pixels look.
 #[pyfunction]
 #[pyo3(signature = (camera, pixels))]
 pub fn unproject_pixels<'py>(
-    py: Python<'py>,
     camera: CameraMembers,
     pixels: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let (camera, pixels) = (camera.camera(), arrays::points(&pixels)?);
-    let rays = detached(py, || camera.unproject_pixels(&pixels))?.map_err(exception)?;
-    Ok(arrays::from_space_points(py, &rays))
+    camera.map(&pixels, Brown::unproject_pixels)
 }
 
 /// Where the lens moves the pixels of a pinhole.
 #[pyfunction]
 #[pyo3(signature = (camera, ideal))]
 pub fn distort_pixels<'py>(
-    py: Python<'py>,
     camera: CameraMembers,
     ideal: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    mapped(py, &camera, &ideal, Brown::distort_pixels)
+    camera.map(&ideal, Brown::distort_pixels)
 }
 
 /// Where a pinhole would have seen what pixels show.
 #[pyfunction]
 #[pyo3(signature = (camera, observed))]
 pub fn undistort_pixels<'py>(
-    py: Python<'py>,
     camera: CameraMembers,
     observed: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    mapped(py, &camera, &observed, Brown::undistort_pixels)
-}
-
-type PixelMap = fn(&Brown, &[Vector2<f64>]) -> Result<Vec<Vector2<f64>>, Error>;
-
-fn mapped<'py>(
-    py: Python<'py>,
-    camera: &CameraMembers,
-    pixels: &PyReadonlyArray2<'py, f64>,
-    map: PixelMap,
-) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let (camera, pixels) = (camera.camera(), arrays::points(pixels)?);
-    let found = detached(py, || map(&camera, &pixels))?.map_err(exception)?;
-    Ok(arrays::from_points(py, &found))
+    camera.map(&observed, Brown::undistort_pixels)
 }
 
 /// `fx, fy, cx, cy` of the pinhole that sees a camera's pictures undistorted.
@@ -109,11 +114,9 @@ pub fn undistorted_view(
     image_size: (u32, u32),
     balance: f64,
 ) -> PyResult<(f64, f64, f64, f64)> {
-    let camera = camera.camera();
-    let view =
-        detached(py, || camera.undistorted(size(image_size), balance))?.map_err(exception)?;
-    let (focal, centre) = (view.focal(), view.principal_point());
-    Ok((focal.x, focal.y, centre.x, centre.y))
+    let camera = camera.camera(py)?;
+    let view = computed(py, || camera.undistorted(size(image_size), balance))?;
+    Ok(view.intrinsics().into())
 }
 
 /// Fills the map of where a pinhole's pixels lie in a camera's picture.
@@ -128,17 +131,14 @@ pub fn fill_undistortion_map(
     mut parts: PyReadwriteArray2<'_, u16>,
     mut valid: PyReadwriteArray2<'_, bool>,
 ) -> PyResult<()> {
-    let (camera, view) = (camera.camera(), view.camera());
-    let (height, width) = (valid.shape()[0] as u32, valid.shape()[1] as u32);
+    let (camera, view) = (camera.camera(py)?, view.camera(py)?);
+    let view_size = size((valid.shape()[1] as u32, valid.shape()[0] as u32));
     let mut map = UndistortionMap {
         whole: whole.as_slice_mut()?,
         parts: parts.as_slice_mut()?,
         valid: valid.as_slice_mut()?,
     };
-    detached(py, || {
-        map.fill(&camera, size(image_size), &view, size((width, height)))
-    })?
-    .map_err(exception)
+    computed(py, || map.fill(&camera, size(image_size), &view, view_size))
 }
 
 /// `(x, y, width, height)` of the largest rectangle in which a mask is set everywhere.
@@ -152,13 +152,8 @@ pub fn largest_rectangle(
     let mask = mask
         .as_slice()
         .map_err(|_| PyValueError::new_err("the mask must be contiguous"))?;
-    let [x, y, width, height] =
-        detached(py, || trisquare::internals::largest_rectangle(mask, width))?;
-    Ok((x, y, width, height))
-}
-
-fn size((width, height): (u32, u32)) -> ImageSize {
-    ImageSize { width, height }
+    let found = detached(py, || trisquare::internals::largest_rectangle(mask, width))?;
+    Ok(found.into())
 }
 
 /// Which of the pixels the lens model can follow back.
@@ -169,12 +164,25 @@ pub fn can_unproject(
     camera: CameraMembers,
     pixels: PyReadonlyArray2<'_, f64>,
 ) -> PyResult<Vec<bool>> {
-    let (camera, pixels) = (camera.camera(), arrays::points(&pixels)?);
+    let (camera, pixels) = (camera.camera(py)?, arrays::points(&pixels)?);
     detached(py, || {
-        pixels
-            .iter()
-            .map(|p| camera.unproject_with_jacobian(p).is_some())
-            .collect()
+        let can = |p| camera.unproject_with_jacobian(p).is_some();
+        pixels.iter().map(can).collect()
+    })
+}
+
+/// A camera, its free parameters, whether `fy` follows `fx`, and the parameters' covariance.
+type UncertainMembers<'py> = (CameraMembers, Vec<String>, bool, PyReadonlyArray2<'py, f64>);
+
+fn uncertain<'a>(
+    py: Python<'_>,
+    camera: &'a Brown,
+    (_, parameters, aspect_fixed, covariance): &UncertainMembers<'_>,
+) -> PyResult<ProjectionUncertainty<'a>> {
+    let names: Vec<&str> = parameters.iter().map(String::as_str).collect();
+    let covariance = arrays::matrix(covariance);
+    computed(py, || {
+        ProjectionUncertainty::new(camera, &names, *aspect_fixed, covariance)
     })
 }
 
@@ -189,28 +197,11 @@ pub fn projection_covariance<'py>(
     covariance: PyReadonlyArray2<'py, f64>,
     pixels: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray3<f64>>> {
-    let camera = camera.camera();
-    let covariance = arrays::matrix(&covariance);
+    let lens = camera.camera(py)?;
+    let camera = uncertain(py, &lens, &(camera, parameters, aspect_fixed, covariance))?;
     let pixels = arrays::points(&pixels)?;
-    let names: Vec<&str> = parameters.iter().map(String::as_str).collect();
-    let found = detached(py, || {
-        let uncertainty = ProjectionUncertainty::new(&camera, &names, aspect_fixed, covariance)?;
-        uncertainty.at_pixels(&pixels)
-    })?
-    .map_err(exception)?;
+    let found = computed(py, || camera.at_pixels(&pixels))?;
     Ok(arrays::from_matrices(py, &found))
-}
-
-/// A camera, its free parameters, whether `fy` follows `fx`, and the parameters' covariance.
-type UncertainMembers<'py> = (CameraMembers, Vec<String>, bool, PyReadonlyArray2<'py, f64>);
-
-fn uncertain<'a>(
-    camera: &'a Brown,
-    (_, parameters, aspect_fixed, covariance): &UncertainMembers<'_>,
-) -> PyResult<ProjectionUncertainty<'a>> {
-    let names: Vec<&str> = parameters.iter().map(String::as_str).collect();
-    let covariance = arrays::matrix(covariance);
-    ProjectionUncertainty::new(camera, &names, *aspect_fixed, covariance).map_err(exception)
 }
 
 /// Standard deviations, p-value, degrees of freedom, rms left unexplained.
@@ -231,14 +222,13 @@ pub fn compare_projections<'py>(
     second: UncertainMembers<'py>,
     pixels: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<DifferenceMembers<'py>> {
-    let (first_camera, second_camera) = (first.0.camera(), second.0.camera());
-    let first = uncertain(&first_camera, &first)?;
-    let second = uncertain(&second_camera, &second)?;
+    let (first_camera, second_camera) = (first.0.camera(py)?, second.0.camera(py)?);
+    let first = uncertain(py, &first_camera, &first)?;
+    let second = uncertain(py, &second_camera, &second)?;
     let pixels = arrays::points(&pixels)?;
-    let found = detached(py, || {
+    let found = computed(py, || {
         trisquare::compare_projections(&first, &second, &pixels)
-    })?
-    .map_err(exception)?;
+    })?;
     let nowhere = Vector2::repeat(f64::INFINITY);
     let differences = found.differences.iter().map(|d| d.unwrap_or(nowhere));
     let test = found.test.map(|test| {
@@ -252,7 +242,7 @@ pub fn compare_projections<'py>(
         )
     });
     Ok((
-        arrays::from_matrix3(py, &found.rotation),
+        arrays::from_matrix(py, &found.rotation),
         arrays::from_points(py, &differences.collect::<Vec<_>>()),
         test,
     ))
@@ -263,7 +253,7 @@ type PoseMembers<'py> = (PyReadonlyArray2<'py, f64>, [f64; 3]);
 
 fn pose((rotation, translation): &PoseMembers<'_>) -> PyResult<Pose> {
     Ok(Pose {
-        rotation: arrays::matrix3(rotation)?,
+        rotation: arrays::sized_matrix(rotation)?,
         translation: Vector3::from(*translation),
     })
 }
@@ -272,18 +262,14 @@ fn pose((rotation, translation): &PoseMembers<'_>) -> PyResult<Pose> {
 #[pyfunction]
 #[pyo3(signature = (camera, pose, pixels))]
 pub fn points_on_plane<'py>(
-    py: Python<'py>,
     camera: CameraMembers,
     pose: PoseMembers<'py>,
     pixels: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let (camera, pose, pixels) = (
-        camera.camera(),
-        self::pose(&pose)?,
-        arrays::points(&pixels)?,
-    );
-    let found = detached(py, || camera.points_on_plane(&pose, &pixels))?.map_err(exception)?;
-    Ok(arrays::from_points(py, &found))
+    let pose = self::pose(&pose)?;
+    camera.map(&pixels, |camera, pixels| {
+        camera.points_on_plane(&pose, pixels)
+    })
 }
 
 /// Points, shape (N, 2), and their covariance, (2 N, 2 N).
@@ -300,8 +286,8 @@ pub fn points_on_plane_with_covariance<'py>(
     pixels: PyReadonlyArray2<'py, f64>,
     pixel_std: f64,
 ) -> PyResult<CertainPoints<'py>> {
-    let lens = camera.0.camera();
-    let (camera, pose) = (uncertain(&lens, &camera)?, self::pose(&pose)?);
+    let lens = camera.0.camera(py)?;
+    let (camera, pose) = (uncertain(py, &lens, &camera)?, self::pose(&pose)?);
     let uncertainty = PoseUncertainty {
         given_camera: arrays::sized_matrix(&uncertainty.0)?,
         by_camera: arrays::sized_matrix::<6, 9>(&uncertainty.1)?
@@ -309,10 +295,9 @@ pub fn points_on_plane_with_covariance<'py>(
             .into_owned(),
     };
     let pixels = arrays::points(&pixels)?;
-    let (points, covariance) = detached(py, || {
+    let (points, covariance) = computed(py, || {
         camera.points_on_plane(&pose, &uncertainty, &pixels, pixel_std)
-    })?
-    .map_err(exception)?;
+    })?;
     Ok((
         arrays::from_points(py, &points),
         arrays::from_matrix(py, &covariance),
@@ -344,31 +329,31 @@ pub fn nearest_lens(
     square_pixels: bool,
     terms: &str,
 ) -> PyResult<NearestMembers> {
+    let size = size(image_size);
+    let terms = computed(py, || DistortionTerm::of_names(terms))?;
     let family = LensFamily {
         name,
         square_pixels,
-        terms: DistortionTerm::of_names(terms).map_err(exception)?,
+        terms,
     };
-    let size = size(image_size);
     let found = match lens {
         LensMembers::Camera(camera) => {
-            let camera = camera.camera();
+            let camera = camera.camera(py)?;
             let (focal, centre) = (camera.focal(), camera.principal_point());
-            detached(py, || {
+            computed(py, || {
                 family.nearest(size, focal, centre, |pixel| camera.ideal_point(pixel))
             })?
         }
         LensMembers::Other(OtherMembers([fx, fy, cx, cy], model, coefficients)) => {
             let (focal, centre) = (Vector2::new(fx, fy), Vector2::new(cx, cy));
-            let distortion = Distortion::of_model(&model, &coefficients).map_err(exception)?;
-            detached(py, || {
+            computed(py, || {
+                let distortion = Distortion::of_model(&model, &coefficients)?;
                 family.nearest(size, focal, centre, |pixel| {
                     distortion.undistort(&(pixel - centre).component_div(&focal))
                 })
             })?
         }
     };
-    let found = found.map_err(exception)?;
     let (focal, centre) = (found.focal, found.centre);
     Ok((
         (focal.x, focal.y, centre.x, centre.y),

@@ -4,10 +4,11 @@ use nalgebra::Vector2;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use trisquare::{ImageSize, Pose, Straightening};
+use trisquare::{Pose, Straightening};
 
 use crate::arrays;
-use crate::errors::{detached, exception};
+use crate::errors::{computed, detached};
+use crate::lens::size;
 
 /// Coefficients, centre, radius unit, rms.
 type StraighteningMembers<'py> = (Bound<'py, PyArray1<f64>>, (f64, f64), f64, f64);
@@ -25,15 +26,10 @@ pub fn fit_distortion<'py>(
     centre: Option<(f64, f64)>,
 ) -> PyResult<StraighteningMembers<'py>> {
     let curves: Vec<_> = curves.iter().map(arrays::points).collect::<PyResult<_>>()?;
-    let size = ImageSize {
-        width: image_size.0,
-        height: image_size.1,
-    };
     let centre = centre.map(|(x, y)| Vector2::new(x, y));
-    let found = detached(py, || {
-        trisquare::fit_distortion(&curves, size, coefficients, centre)
-    })?
-    .map_err(exception)?;
+    let found = computed(py, || {
+        trisquare::fit_distortion(&curves, size(image_size), coefficients, centre)
+    })?;
     Ok((
         arrays::from_slice(py, &found.coefficients),
         (found.centre.x, found.centre.y),
@@ -77,9 +73,8 @@ pub fn homography_from_lines<'py>(
     image_lines: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (plane, image) = (arrays::lines(&plane_lines)?, arrays::lines(&image_lines)?);
-    let found =
-        detached(py, || trisquare::homography_from_lines(&plane, &image))?.map_err(exception)?;
-    Ok(arrays::from_matrix3(py, &found))
+    let found = computed(py, || trisquare::homography_from_lines(&plane, &image))?;
+    Ok(arrays::from_matrix(py, &found))
 }
 
 /// The camera matrix of homographies, by the image of the absolute conic.
@@ -91,13 +86,12 @@ pub fn camera_matrix_from_homographies<'py>(
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let homographies: Vec<_> = homographies
         .iter()
-        .map(arrays::matrix3)
+        .map(arrays::sized_matrix)
         .collect::<PyResult<_>>()?;
-    let found = detached(py, || {
+    let found = computed(py, || {
         trisquare::camera_matrix_from_homographies(&homographies)
-    })?
-    .map_err(exception)?;
-    Ok(arrays::from_matrix3(py, &found))
+    })?;
+    Ok(arrays::from_matrix(py, &found))
 }
 
 /// Rotation and translation of the plane that a homography shows.
@@ -108,12 +102,13 @@ pub fn pose_from_homography<'py>(
     camera_matrix: PyReadonlyArray2<'py, f64>,
     homography: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<PoseMembers<'py>> {
-    let camera_matrix = arrays::matrix3(&camera_matrix)?;
-    let homography = arrays::matrix3(&homography)?;
-    let pose =
-        Pose::from_homography(&camera_matrix, &homography, &Vector2::zeros()).map_err(exception)?;
+    let camera_matrix = arrays::sized_matrix(&camera_matrix)?;
+    let homography = arrays::sized_matrix(&homography)?;
+    let pose = computed(py, || {
+        Pose::from_homography(&camera_matrix, &homography, &Vector2::zeros())
+    })?;
     Ok((
-        arrays::from_matrix3(py, &pose.rotation),
+        arrays::from_matrix(py, &pose.rotation),
         arrays::from_slice(py, pose.translation.as_slice()),
     ))
 }

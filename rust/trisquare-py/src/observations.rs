@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use trisquare::{CellSample, Freedom, GridLineSamples, PlaneEdges, Polarity};
 
 use crate::arrays;
-use crate::errors::{detached, exception};
+use crate::errors::{computed, detached};
 
 /// The lines of a unit square whose sides were sampled in order round it, either way round.
 #[pyfunction]
@@ -17,7 +17,7 @@ pub fn square_lines<'py>(
     sides: Vec<PyReadonlyArray2<'py, f64>>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let sides: Vec<_> = sides.iter().map(arrays::points).collect::<PyResult<_>>()?;
-    let square = PlaneEdges::square(sides).map_err(exception)?;
+    let square = computed(py, || PlaneEdges::square(sides))?;
     Ok(arrays::from_lines(py, &square.lines))
 }
 

@@ -4,12 +4,13 @@ use nalgebra::{Vector2, Vector3};
 use numpy::{PyArray2, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
-use trisquare::{Brown, EdgeNoise, ImageSize, Method, Options, PlannedPlane, Pose};
+use pyo3::types::{IntoPyDict, PyDict};
+use trisquare::{Brown, EdgeNoise, Method, Options, PlannedPlane, Pose};
 
 use crate::arrays;
 use crate::calibration::{MODELS, fixed_parameters, named};
-use crate::errors::{detached, exception};
+use crate::errors::computed;
+use crate::lens::size;
 
 /// Rotation, translation, and the corners of each outline, `(4, 2)`.
 type Planned<'py> = (
@@ -41,11 +42,7 @@ pub fn predict<'py>(
     fixed: Vec<String>,
     judged: bool,
 ) -> PyResult<Prediction> {
-    let camera = Brown::new(camera);
-    let size = ImageSize {
-        width: image_size.0,
-        height: image_size.1,
-    };
+    let size = size(image_size);
     let planes: Vec<PlannedPlane> = planes.iter().map(planned).collect::<PyResult<_>>()?;
     let noise = EdgeNoise { sigma, spacing };
     let options = Options {
@@ -54,19 +51,19 @@ pub fn predict<'py>(
         fixed: fixed_parameters(&fixed)?,
         initial: None,
     };
-    let found = detached(py, || match judged {
-        true => trisquare::predict(&camera, size, &planes, noise, &options),
-        false => trisquare::internals::predict_unjudged(&camera, size, &planes, noise, &options),
-    })?
-    .map_err(exception)?;
-    let std = PyDict::new(py);
-    for (name, value) in found.std() {
-        std.set_item(name, value)?;
-    }
+    let found = computed(py, || {
+        let camera = Brown::new(camera);
+        match judged {
+            true => trisquare::predict(&camera, size, &planes, noise, &options),
+            false => {
+                trisquare::internals::predict_unjudged(&camera, size, &planes, noise, &options)
+            }
+        }
+    })?;
     Ok(Prediction {
-        parameters: found.parameters.clone(),
         covariance: arrays::from_matrix(py, &found.covariance).unbind(),
-        std: std.unbind(),
+        std: found.std().into_py_dict(py)?.unbind(),
+        parameters: found.parameters,
     })
 }
 
@@ -79,7 +76,7 @@ fn planned((rotation, translation, outlines): &Planned<'_>) -> PyResult<PlannedP
     };
     Ok(PlannedPlane {
         pose: Pose {
-            rotation: arrays::matrix3(rotation)?,
+            rotation: arrays::sized_matrix(rotation)?,
             translation: Vector3::from(*translation),
         },
         outlines: outlines.iter().map(corners).collect::<PyResult<_>>()?,

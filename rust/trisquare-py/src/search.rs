@@ -141,10 +141,9 @@ pub fn fit_side_cubics<'py>(
         length: lengths[side],
     };
     let all: Vec<SidePoints> = (0..sides).map(side).collect();
-    let cubics = detached(py, || match trimmed {
+    let cubics: Vec<_> = detached(py, || match trimmed {
         true => trimmed_cubics(&all),
         false => all.iter().map(SidePoints::cubic).collect(),
     })?;
-    let values = cubics.iter().flat_map(|cubic| <[f64; 4]>::from(*cubic));
-    Ok(arrays::from_rows(py, sides, 4, values))
+    Ok(arrays::from_points(py, &cubics))
 }

@@ -19,7 +19,7 @@ use crate::calibrate::{calibrate_photographs, calibrate_unjudged};
 use crate::error::Error;
 use crate::image_size::ImageSize;
 use crate::lens::{DefaultLens, DistortionModel, Lens, MAX_LENS_COLUMNS};
-use crate::observations::{Method, Options, PlaneEdges};
+use crate::observations::{FreeParameters, Method, Options, PlaneEdges};
 use crate::photometric::Photographs;
 use crate::result::Calibration;
 
@@ -71,8 +71,8 @@ pub fn calibrate_by_evidence<L: Lens>(
                 .into(),
         ));
     }
-    let candidates = Candidates::fit(edges, size, options);
-    let Some(chosen) = candidates.best() else {
+    let candidates = candidates(edges, size, options);
+    let Some(chosen) = best(&candidates) else {
         // No model converges: the error of the one that was asked for tells why.
         return Ok(ModelChoice {
             model: options.model,
@@ -80,16 +80,26 @@ pub fn calibrate_by_evidence<L: Lens>(
             alternatives: Vec::new(),
         });
     };
-    let model = candidates.all[chosen].model;
+    let Candidate {
+        model,
+        log_evidence: reference,
+        ..
+    } = candidates[chosen];
     let options = Options { model, ..*options };
     let mut calibration = calibrate_photographs(edges, size, &options, photographs)?;
-    if let Some(doubt) = candidates.doubt(chosen) {
+    if let Some(doubt) = doubt(&candidates, chosen, &options.free_parameters()) {
         calibration.covariance += doubt;
     }
+    let rejected = candidates.iter().filter(|other| other.model != model);
+    let alternatives = rejected.map(|other| ModelAlternative {
+        model: other.model,
+        log_evidence: other.log_evidence - reference,
+        rms: other.fit.rms,
+    });
     Ok(ModelChoice {
         model,
         calibration,
-        alternatives: candidates.alternatives(chosen),
+        alternatives: alternatives.collect(),
     })
 }
 
@@ -100,87 +110,75 @@ struct Candidate<L: Lens> {
     log_evidence: f64,
 }
 
-struct Candidates<L: Lens> {
-    all: Vec<Candidate<L>>,
+/// Fits every model, and weighs those that converge. They share their work.
+fn candidates<L: Lens>(
+    edges: &[PlaneEdges],
+    size: ImageSize,
+    options: &Options<L>,
+) -> Vec<Candidate<L>> {
+    let mut fits: Vec<(L::Model, Calibration<L>)> = Vec::with_capacity(L::Model::NESTED.len());
+    let mut work = None;
+    for &model in L::Model::NESTED {
+        let options = Options { model, ..*options };
+        if let Ok(fit) = calibrate_unjudged(edges, size, &options, &mut work) {
+            fits.push((model, fit));
+        }
+    }
+    // The richest whose covariance can be weighed speaks for all models nested in it.
+    while let Some((richest, fit)) = fits.last() {
+        if let Some(evidence) = log_evidence(*richest, fit) {
+            let weighed = fits.into_iter().map(|(model, fit)| Candidate {
+                model,
+                fit,
+                log_evidence: evidence[model.columns().len()],
+            });
+            return weighed.collect();
+        }
+        fits.pop();
+    }
+    Vec::new()
 }
 
-impl<L: Lens> Candidates<L> {
-    /// Fits every model, and weighs those that converge.
-    fn fit(edges: &[PlaneEdges], size: ImageSize, options: &Options<L>) -> Self {
-        let mut fits: Vec<(L::Model, Calibration<L>)> = Vec::with_capacity(L::Model::NESTED.len());
-        let mut work = None;
-        for &model in L::Model::NESTED {
-            let options = Options { model, ..*options };
-            if let Ok(fit) = calibrate_unjudged(edges, size, &options, &mut work) {
-                fits.push((model, fit));
-            }
-        }
-        // The richest whose covariance can be weighed speaks for all models nested in it.
-        while let Some((richest, fit)) = fits.last() {
-            if let Some(evidence) = log_evidence(*richest, fit) {
-                let weighed = fits.into_iter().map(|(model, fit)| Candidate {
-                    model,
-                    fit,
-                    log_evidence: evidence[model.columns().len()],
-                });
-                return Self {
-                    all: weighed.collect(),
-                };
-            }
-            fits.pop();
-        }
-        Self { all: Vec::new() }
-    }
+/// The one with the largest evidence; of equals the simplest.
+fn best<L: Lens>(candidates: &[Candidate<L>]) -> Option<usize> {
+    (0..candidates.len()).reduce(|best, next| {
+        let better = candidates[next].log_evidence > candidates[best].log_evidence;
+        if better { next } else { best }
+    })
+}
 
-    /// The one with the largest evidence; of equals the simplest.
-    fn best(&self) -> Option<usize> {
-        (0..self.all.len()).reduce(|best, next| {
-            let better = self.all[next].log_evidence > self.all[best].log_evidence;
-            if better { next } else { best }
-        })
+/// What the doubt about the model adds to the covariance of the chosen one, over its free
+/// parameters.
+///
+/// With `w` a model's probability, `d` its difference from the chosen one in the latter's free
+/// parameters and `C` the covariances: `sum w (C_model - C_chosen + d d^T)`; of the covariance
+/// differences only what raises it, and none of simpler models, whose certainty is that of
+/// their assumption.
+fn doubt<L: Lens>(
+    candidates: &[Candidate<L>],
+    chosen: usize,
+    free: &FreeParameters,
+) -> Option<DMatrix<f64>> {
+    let reference = &candidates[chosen];
+    let weight = |c: &Candidate<L>| (c.log_evidence - reference.log_evidence).exp();
+    let total: f64 = candidates.iter().map(weight).sum();
+    let mut doubt = DMatrix::zeros(free.len(), free.len());
+    if free.len() == 0 {
+        return Some(doubt); // everything else is held, and the simplest model was chosen
     }
-
-    fn alternatives(&self, chosen: usize) -> Vec<ModelAlternative<L>> {
-        let reference = self.all[chosen].log_evidence;
-        let rejected = self.all.iter().enumerate().filter(|(i, _)| *i != chosen);
-        rejected
-            .map(|(_, candidate)| ModelAlternative {
-                model: candidate.model,
-                log_evidence: candidate.log_evidence - reference,
-                rms: candidate.fit.rms,
-            })
-            .collect()
-    }
-
-    /// What the doubt about the model adds to the covariance of the chosen one.
-    ///
-    /// With `w` a model's probability, `d` its difference from the chosen one in the latter's free
-    /// parameters and `C` the covariances: `sum w (C_model - C_chosen + d d^T)`; of the covariance
-    /// differences only what raises it, and none of simpler models, whose certainty is that of
-    /// their assumption.
-    fn doubt(&self, chosen: usize) -> Option<DMatrix<f64>> {
-        let reference = &self.all[chosen];
-        let weight = |c: &Candidate<L>| (c.log_evidence - reference.log_evidence).exp();
-        let total: f64 = self.all.iter().map(weight).sum();
-        let size = reference.fit.parameters.len();
-        let mut doubt = DMatrix::zeros(size, size);
-        if size == 0 {
-            return Some(doubt); // everything else is held, and the simplest model was chosen
+    for (i, candidate) in candidates.iter().enumerate() {
+        if i == chosen {
+            continue;
         }
-        for (i, candidate) in self.all.iter().enumerate() {
-            if i == chosen {
-                continue;
-            }
-            let difference = difference(&reference.fit, &candidate.fit);
-            let mut own = &difference * difference.transpose();
-            if i > chosen {
-                let shared = shared_covariance(&reference.fit, &candidate.fit)?;
-                own += raising_part(shared - &reference.fit.covariance)?;
-            }
-            doubt += own * (weight(candidate) / total);
+        let difference = free.difference(&candidate.fit.camera, &reference.fit.camera);
+        let mut own = &difference * difference.transpose();
+        if i > chosen {
+            let shared = shared_covariance(&reference.fit, &candidate.fit)?;
+            own += raising_part(shared - &reference.fit.covariance)?;
         }
-        doubt.iter().all(|v| v.is_finite()).then_some(doubt)
+        doubt += own * (weight(candidate) / total);
     }
+    doubt.iter().all(|v| v.is_finite()).then_some(doubt)
 }
 
 /// Logarithm of the evidence for the first `n` coefficients alone, `n` from none to all of those
@@ -216,17 +214,6 @@ fn log_evidence<L: Lens>(model: L::Model, fit: &Calibration<L>) -> Option<Vec<f6
             evidence.is_finite().then_some(evidence)
         })
         .collect()
-}
-
-/// How far another fit is from `reference`, in its free parameters.
-fn difference<L: Lens>(reference: &Calibration<L>, other: &Calibration<L>) -> DVector<f64> {
-    let (ours, theirs) = (reference.camera.parameters(), other.camera.parameters());
-    let names = L::parameter_names();
-    let places = reference.parameters.iter().map(|name| {
-        let place = names.iter().position(|n| n == name).unwrap_or_default();
-        theirs[place] - ours[place]
-    });
-    DVector::from_iterator(reference.parameters.len(), places)
 }
 
 /// The covariance of a richer fit, in the free parameters of `reference`.

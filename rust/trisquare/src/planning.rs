@@ -17,8 +17,7 @@ use crate::observations::{
 };
 use crate::refine::EdgeProblem;
 use crate::uncertainty::{
-    Conditioning, check_plane_count, covariance, judged_parameters, remedies_by_holding,
-    remedy_by_showing,
+    Conditioning, add_remedies, check_plane_count, covariance, judged_parameters,
 };
 
 /// Samples that stand for one side; more would change nothing, for the information varies slowly
@@ -113,10 +112,9 @@ pub fn predict<L: Lens>(
     match plan.judge(plan.options.fixed) {
         Ok(()) => plan.prediction(),
         Err(Error::IllConditioned(mut ill_conditioning)) => {
-            ill_conditioning.remedies =
-                remedies_by_holding(&plan.options.fixed, |fixed| plan.judge(fixed).is_ok());
-            let shown = remedy_by_showing(&plan.conditioning(&plan.options), &ill_conditioning);
-            ill_conditioning.remedies.extend(shown);
+            let conditioning = plan.conditioning(&plan.options);
+            let succeeds = |fixed| plan.judge(fixed).is_ok();
+            add_remedies(&mut ill_conditioning, &conditioning, succeeds);
             Err(Error::IllConditioned(ill_conditioning))
         }
         Err(other) => Err(other),
@@ -209,9 +207,11 @@ impl<L: Lens> Plan<L> {
         };
         let free = options.free_parameters();
         let system = self.system(&judged_parameters(&free))?;
-        self.conditioning(&options)
-            .judge(&system, &free, 1.0)
-            .map_err(|ill_conditioning| Error::IllConditioned(Box::new(ill_conditioning)))
+        let conditioning = self.conditioning(&options);
+        match conditioning.ill_conditioning(&system, &free, 1.0) {
+            Some(found) => Err(Error::IllConditioned(Box::new(found))),
+            None => Ok(()),
+        }
     }
 
     fn prediction(&self) -> Result<Prediction, Error> {

@@ -93,6 +93,16 @@ impl Brown {
             )
     }
 
+    /// The normalised point of a pixel.
+    pub(super) fn normalised(&self, pixel: &Vector2<f64>) -> Vector2<f64> {
+        (pixel - self.principal_point()).component_div(&self.focal())
+    }
+
+    /// The pixel of a normalised point.
+    pub(super) fn pixel_of(&self, point: &Vector2<f64>) -> Vector2<f64> {
+        point.component_mul(&self.focal()) + self.principal_point()
+    }
+
     /// `1 + k1 s + k2 s^2 + k3 s^3`.
     pub(super) fn radial_factor(&self, square: f64) -> f64 {
         let [_, _, _, _, k1, k2, k3, ..] = self.parameters;
@@ -109,9 +119,9 @@ impl Brown {
     }
 
     /// The symmetric Jacobian `d(observed)/d(ideal)`.
-    pub(crate) fn distortion_jacobian(&self, ideal: &Vector2<f64>, square: f64) -> Matrix2<f64> {
+    pub(crate) fn distortion_jacobian(&self, ideal: &Vector2<f64>) -> Matrix2<f64> {
         let [.., p1, p2] = self.parameters;
-        let (x, y) = (ideal.x, ideal.y);
+        let (x, y, square) = (ideal.x, ideal.y, ideal.norm_squared());
         let factor = self.radial_factor(square);
         let slope = 2.0 * self.radial_slopes(square).0;
         let xy = slope * x * y + 2.0 * (p1 * x + p2 * y);
@@ -207,16 +217,14 @@ impl Lens for Brown {
     fn project(&self, point: &Vector3<f64>) -> Option<Vector2<f64>> {
         let ideal = point.xy() / point.z;
         let inside = point.z > 0.0 && ideal.norm() <= self.valid_radius;
-        let pixel = self.distort(&ideal).component_mul(&self.focal()) + self.principal_point();
+        let pixel = self.pixel_of(&self.distort(&ideal));
         (inside && is_finite(&pixel)).then_some(pixel)
     }
 
     /// Beyond the valid radius where a pinhole would see it.
     fn project_extended(&self, point: &Vector3<f64>) -> Vector2<f64> {
-        self.project(point).unwrap_or_else(|| {
-            let ideal = point.xy() / point.z;
-            ideal.component_mul(&self.focal()) + self.principal_point()
-        })
+        self.project(point)
+            .unwrap_or_else(|| self.pixel_of(&(point.xy() / point.z)))
     }
 
     fn projection_jacobian(&self, pixel_ray: &BrownPixelRay) -> ProjectionJacobian {
@@ -229,12 +237,11 @@ impl Lens for Brown {
     fn unproject_with_jacobian(&self, pixel: &Vector2<f64>) -> Option<BrownPixelRay> {
         let distorted = (pixel - self.principal_point()).component_mul(&self.inverse_focal);
         let ideal = self.undistort(&distorted)?;
-        let square = ideal.norm_squared();
-        let jacobian = self.distortion_jacobian(&ideal, square);
+        let jacobian = self.distortion_jacobian(&ideal);
         Some(BrownPixelRay {
             ideal,
             distorted,
-            square,
+            square: ideal.norm_squared(),
             // The Jacobian is symmetric, so its inverse is its own transpose.
             inverse_transpose: adjugate(&jacobian) * (1.0 / jacobian.determinant()),
         })

@@ -147,7 +147,7 @@ impl Brown {
         }
         let mut error = distorted - self.distort(&ideal);
         for _ in 0..MAX_NEWTON_STEPS {
-            let jacobian = self.distortion_jacobian(&ideal, ideal.norm_squared());
+            let jacobian = self.distortion_jacobian(&ideal);
             let determinant = jacobian.determinant();
             if !(determinant > 0.0) {
                 return None;
@@ -185,7 +185,7 @@ impl Brown {
         ideal: Vector2<f64>,
         error: Vector2<f64>,
     ) -> (Vector2<f64>, Vector2<f64>) {
-        let jacobian = self.distortion_jacobian(&ideal, ideal.norm_squared());
+        let jacobian = self.distortion_jacobian(&ideal);
         let next = ideal + adjugate(&jacobian) * error / jacobian.determinant();
         let next_error = distorted - self.distort(&next);
         if next_error.norm() < error.norm() {

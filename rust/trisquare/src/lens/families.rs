@@ -80,14 +80,16 @@ impl LensFamily {
                 100.0 * covered
             )));
         }
-        let start = Member {
-            focal: if self.square_pixels {
-                Vector2::repeat(focal.mean())
-            } else {
-                focal
+        let start = NearestLens {
+            focal: match self.square_pixels {
+                true => Vector2::repeat(focal.mean()),
+                false => focal,
             },
             centre,
             coefficients: vec![0.0; self.terms.len()],
+            rms: 0.0,
+            worst: 0.0,
+            covered,
         };
         let fit = Fit {
             family: self,
@@ -104,21 +106,25 @@ impl LensFamily {
             })?;
         let off = pairs
             .iter()
-            .map(|(u, pixel)| (found.project(self, u) - pixel).norm_squared());
+            .map(|(u, pixel)| (self.project(&found, u).1 - pixel).norm_squared());
         let (sum, most) = off.fold((0.0, 0.0f64), |(sum, most), v| (sum + v, most.max(v)));
         Ok(NearestLens {
-            focal: found.focal,
-            centre: found.centre,
-            coefficients: found.coefficients,
             rms: (sum / pairs.len() as f64).sqrt(),
             worst: most.sqrt(),
-            covered,
+            ..found
         })
+    }
+
+    /// Where a lens of the family sees an ideal point: normalised, and the pixel.
+    fn project(&self, lens: &NearestLens, ideal: &Vector2<f64>) -> (Vector2<f64>, Vector2<f64>) {
+        let terms = self.terms.iter().zip(&lens.coefficients);
+        let observed = terms.fold(*ideal, |sum, (term, c)| sum + term.shift(ideal) * *c);
+        (observed, observed.component_mul(&lens.focal) + lens.centre)
     }
 
     /// Whether the distortion folds back, or may, up to the farthest of the points: see
     /// [`invertible_radius`](super::invertible_radius).
-    fn folds(&self, lens: &Member, pairs: &[(Vector2<f64>, Vector2<f64>)]) -> bool {
+    fn folds(&self, lens: &NearestLens, pairs: &[(Vector2<f64>, Vector2<f64>)]) -> bool {
         let largest = pairs.iter().map(|(u, _)| u.norm()).fold(0.0, f64::max);
         let (mut across, mut along, mut pull) = (vec![1.0, 0.0], vec![1.0, 0.0], 0.0f64);
         for (term, c) in self.terms.iter().zip(&lens.coefficients) {
@@ -153,25 +159,6 @@ fn grid(size: ImageSize) -> Result<Vec<Vector2<f64>>, Error> {
         .collect())
 }
 
-/// A lens of a family.
-#[derive(Clone)]
-struct Member {
-    focal: Vector2<f64>,
-    centre: Vector2<f64>,
-    coefficients: Vec<f64>,
-}
-
-impl Member {
-    fn observed(&self, family: &LensFamily, ideal: &Vector2<f64>) -> Vector2<f64> {
-        let terms = family.terms.iter().zip(&self.coefficients);
-        terms.fold(*ideal, |sum, (term, c)| sum + term.shift(ideal) * *c)
-    }
-
-    fn project(&self, family: &LensFamily, ideal: &Vector2<f64>) -> Vector2<f64> {
-        self.observed(family, ideal).component_mul(&self.focal) + self.centre
-    }
-}
-
 /// Least squares of pixels; parameters are `fx, fy` (or both in one), `cx, cy`, the coefficients.
 struct Fit<'a> {
     family: &'a LensFamily,
@@ -185,17 +172,17 @@ impl Fit<'_> {
 }
 
 impl Problem for Fit<'_> {
-    type State = Member;
+    type State = NearestLens;
 
-    fn evaluate(&self, lens: &Member) -> Option<(f64, ArrowSystem)> {
+    fn evaluate(&self, lens: &NearestLens) -> Option<(f64, ArrowSystem)> {
         let focals = self.focal_count();
         let count = focals + 2 + self.family.terms.len();
         let mut system = ArrowSystem::zeros(0, std::iter::once(count));
         let mut cost = 0.0;
         let mut rows = DMatrix::zeros(2, count);
         for (ideal, pixel) in self.pairs {
-            let observed = lens.observed(self.family, ideal);
-            let residual = observed.component_mul(&lens.focal) + lens.centre - pixel;
+            let (observed, projected) = self.family.project(lens, ideal);
+            let residual = projected - pixel;
             for axis in 0..2 {
                 rows[(axis, axis.min(focals - 1))] = observed[axis];
                 rows[(axis, focals + axis)] = 1.0;
@@ -211,13 +198,14 @@ impl Problem for Fit<'_> {
         cost.is_finite().then_some((cost, system))
     }
 
-    fn advance(&self, lens: &Member, step: &ArrowStep) -> Member {
+    fn advance(&self, lens: &NearestLens, step: &ArrowStep) -> NearestLens {
         let (own, focals): (&DVector<f64>, _) = (&step.blocks[0], self.focal_count());
         let coefficients = lens.coefficients.iter().zip(own.iter().skip(focals + 2));
-        Member {
+        NearestLens {
             focal: lens.focal + Vector2::new(own[0], own[focals - 1]),
             centre: lens.centre + Vector2::new(own[focals], own[focals + 1]),
             coefficients: coefficients.map(|(c, change)| c + change).collect(),
+            ..*lens
         }
     }
 }
@@ -279,12 +267,7 @@ mod tests {
                 family: &family,
                 pairs: &pairs,
             };
-            let best = Member {
-                focal: found.focal,
-                centre: found.centre,
-                coefficients: found.coefficients,
-            };
-            let (cost, system) = fit.evaluate(&best).unwrap();
+            let (cost, system) = fit.evaluate(&found).unwrap();
             assert!((2.0 * cost / pairs.len() as f64 - found.rms.powi(2)).abs() < 1e-9 * found.rms);
             // Where the residual does not fall along any parameter's own gradient.
             for i in 0..system.blocks[0].gradient.len() {
@@ -297,10 +280,13 @@ mod tests {
     #[test]
     fn jacobian_agrees_with_central_differences() {
         let family = family(false, "k1 p1 p2 a");
-        let lens = Member {
+        let lens = NearestLens {
             focal: Vector2::new(500.0, 520.0),
             centre: Vector2::new(300.0, 250.0),
             coefficients: vec![-0.1, 2e-3, -1e-3, 0.02],
+            rms: 0.0,
+            worst: 0.0,
+            covered: 1.0,
         };
         let pairs = [(Vector2::new(0.3, -0.4), Vector2::new(500.0, 50.0))];
         let fit = Fit {

@@ -36,8 +36,7 @@ impl Brown {
     /// [`Error::BeyondValidRadius`] where the distortion is not monotonic.
     pub fn distort_pixels(&self, ideal: &[Vector2<f64>]) -> Result<Vec<Vector2<f64>>, Error> {
         of_all(self, ideal, |pixel| {
-            let point = (pixel - self.principal_point()).component_div(&self.focal());
-            self.project(&point.push(1.0))
+            self.project(&self.normalised(pixel).push(1.0))
         })
     }
 
@@ -47,9 +46,8 @@ impl Brown {
     /// [`Error::BeyondValidRadius`] where the distortion is not invertible.
     pub fn undistort_pixels(&self, observed: &[Vector2<f64>]) -> Result<Vec<Vector2<f64>>, Error> {
         of_all(self, observed, |pixel| {
-            let observed = (pixel - self.principal_point()).component_div(&self.focal());
-            let ideal = self.undistort(&observed)?.component_mul(&self.focal());
-            Some(ideal + self.principal_point()).filter(|p| p.norm().is_finite())
+            let ideal = self.undistort(&self.normalised(pixel))?;
+            Some(self.pixel_of(&ideal)).filter(|p| p.norm().is_finite())
         })
     }
 
@@ -64,10 +62,9 @@ impl Brown {
         if radius.is_infinite() {
             return radius;
         }
-        let [k1, k2, p1, p2, k3] = self.distortion();
+        let [.., p1, p2] = self.parameters;
         let square = radius * radius;
-        let radial = 1.0 + square * (k1 + square * (k2 + square * k3));
-        let reach = radius * radial - 3.0 * p1.hypot(p2) * square;
+        let reach = radius * self.radial_factor(square) - 3.0 * p1.hypot(p2) * square;
         reach.max(0.0) * self.focal().min()
     }
 

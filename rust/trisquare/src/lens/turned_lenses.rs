@@ -70,15 +70,12 @@ impl<'a> TurnedLenses<'a> {
         };
         for _ in 0..MAX_STEPS {
             let (mut normal, mut gradient) = (Matrix3::zeros(), Vector3::zeros());
-            let mut seen = 0;
             for pixel in pixels {
                 if let Some(again) = turned.see_again(pixel) {
                     normal += again.by_turn.tr_mul(&again.by_turn);
                     gradient += again.by_turn.tr_mul(&(again.pixel - pixel));
-                    seen += 1;
                 }
             }
-            turned.check_common(seen, pixels.len())?;
             let floor = f64::EPSILON * normal.trace() * RIDGE;
             for axis in 0..3 {
                 normal[(axis, axis)] += RIDGE * normal[(axis, axis)] + floor;
@@ -93,12 +90,7 @@ impl<'a> TurnedLenses<'a> {
             }
         }
         let seen = pixels.iter().filter(|p| turned.see_again(p).is_some());
-        turned.check_common(seen.count(), pixels.len())?;
-        Ok(turned)
-    }
-
-    fn check_common(&self, seen: usize, all: usize) -> Result<(), Error> {
-        let part = seen as f64 / all.max(1) as f64;
+        let part = seen.count() as f64 / pixels.len().max(1) as f64;
         if part < LEAST_IN_COMMON {
             return Err(Error::InvalidArgument(format!(
                 "the cameras have too little in common: their distortions can be inverted together \
@@ -106,7 +98,7 @@ impl<'a> TurnedLenses<'a> {
                 100.0 * part
             )));
         }
-        Ok(())
+        Ok(turned)
     }
 
     /// Where the second lens sees what the first sees at a pixel; `None` where one cannot follow.
@@ -118,11 +110,9 @@ impl<'a> TurnedLenses<'a> {
         let direction = self.rotation * ideal.push(1.0);
         let seen = self.second.project(&direction)?;
         let (focal, first_focal) = (self.second.focal(), self.first.focal());
-        let first_bend = self.first.distortion_jacobian(&ideal, ideal.norm_squared());
+        let first_bend = self.first.distortion_jacobian(&ideal);
         let point = direction.xy() / direction.z;
-        let second_bend = self
-            .second
-            .distortion_jacobian(&point, point.norm_squared());
+        let second_bend = self.second.distortion_jacobian(&point);
         if !(first_bend.determinant() > NEAR_RIM && second_bend.determinant() > NEAR_RIM) {
             return None;
         }

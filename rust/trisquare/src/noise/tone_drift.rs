@@ -9,7 +9,7 @@ use nalgebra::DVector;
 
 use crate::error::Error;
 use crate::lens::{Lens, MAX_LENS_COLUMNS};
-use crate::numeric::{ArrowSystem, Block, Loss, Problem};
+use crate::numeric::{ArrowSystem, Loss, Problem};
 use crate::observations::{FreeParameters, ObservedPlane};
 use crate::refine::{EdgeProblem, Refined};
 
@@ -100,68 +100,40 @@ fn freed<L: Lens>(
     for (p, plane) in planes.iter().enumerate() {
         let state = &refined.view.planes[p];
         let lens = &refined.view.lens;
-        for (f, figure) in plane.figures.iter().enumerate() {
-            for side in &figure.sides {
-                let line = state.line(f, side);
-                let line_jacobian = state.line_jacobian(f, side);
-                for (i, sample) in side.samples.iter().enumerate() {
-                    let pixel_ray = lens.unproject_with_jacobian(&sample.pixel)?;
-                    let distance = lens.line_distance_jacobian(&pixel_ray, &line, judged.columns());
-                    let displacement = match side.tone_drift.get(i) {
-                        Some(tone_drift) => {
-                            let displaced =
-                                lens.unproject_with_jacobian(&(sample.pixel + tone_drift))?;
-                            lens.line_distance(&displaced, &line) - distance.value
-                        }
-                        None => 0.0,
-                    };
-                    let to_noise = side.trust() * sample.weight / scale;
-                    let (_, weight) = loss.cost_and_weight(distance.value * to_noise);
-                    let row = DriftRow {
-                        weight: weight * to_noise * to_noise,
-                        displacement,
-                        residual: distance.value,
-                        own: line_jacobian.tr_mul(&distance.wrt_line),
-                        shared: gathered(judged, &distance.wrt_lens),
-                    };
-                    row.add(&mut system.blocks[p], known + place(&pictures, plane));
+        for (f, side) in plane.sides_by_figure() {
+            let line = state.line(f, side);
+            let line_jacobian = state.line_jacobian(f, side);
+            for (i, sample) in side.samples.iter().enumerate() {
+                let pixel_ray = lens.unproject_with_jacobian(&sample.pixel)?;
+                let distance = lens.line_distance_jacobian(&pixel_ray, &line, judged.columns());
+                let displacement = match side.tone_drift.get(i) {
+                    Some(tone_drift) => {
+                        let displaced =
+                            lens.unproject_with_jacobian(&(sample.pixel + tone_drift))?;
+                        lens.line_distance(&displaced, &line) - distance.value
+                    }
+                    None => 0.0,
+                };
+                let to_noise = side.trust() * sample.weight / scale;
+                let (_, weight) = loss.cost_and_weight(distance.value * to_noise);
+                let mut shared = DVector::zeros(judged.len());
+                judged.gather(&distance.wrt_lens, shared.as_mut_slice());
+                let own = line_jacobian.tr_mul(&distance.wrt_line);
+                // Products with the displacement, which belongs to one shared column.
+                let weighted = weight * to_noise * to_noise * displacement;
+                let column = known + place(&pictures, plane);
+                let block = &mut system.blocks[p];
+                for (i, shared) in shared.iter().enumerate() {
+                    block.shared[(i, column)] += weighted * shared;
+                    block.shared[(column, i)] += weighted * shared;
                 }
+                block.shared[(column, column)] += weighted * displacement;
+                block.shared_gradient[column] += weighted * distance.value;
+                block.cross.column_mut(column).axpy(weighted, &own, 1.0);
             }
         }
     }
     Some(system)
-}
-
-fn gathered(judged: &FreeParameters, wrt_lens: &[f64; MAX_LENS_COLUMNS]) -> DVector<f64> {
-    let mut shared = DVector::zeros(judged.len());
-    judged.gather(wrt_lens, shared.as_mut_slice());
-    shared
-}
-
-/// One sample's derivatives.
-struct DriftRow {
-    weight: f64,
-    displacement: f64,
-    residual: f64,
-    own: DVector<f64>,
-    shared: DVector<f64>,
-}
-
-impl DriftRow {
-    /// Adds the products with the displacement, which belongs to one shared column.
-    fn add(&self, block: &mut Block, column: usize) {
-        let weighted = self.weight * self.displacement;
-        for (i, shared) in self.shared.iter().enumerate() {
-            block.shared[(i, column)] += weighted * shared;
-            block.shared[(column, i)] += weighted * shared;
-        }
-        block.shared[(column, column)] += weighted * self.displacement;
-        block.shared_gradient[column] += weighted * self.residual;
-        block
-            .cross
-            .column_mut(column)
-            .axpy(weighted, &self.own, 1.0);
-    }
 }
 
 #[cfg(test)]

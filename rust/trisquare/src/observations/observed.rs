@@ -71,7 +71,7 @@ impl ObservedPlane {
     /// The same with at most so many samples of each side, evenly spread.
     pub fn subsampled(&self, samples_per_side: usize) -> Self {
         let mut subsampled = self.clone();
-        for side in subsampled.figures.iter_mut().flat_map(|f| &mut f.sides) {
+        for side in subsampled.sides_mut() {
             let step = side.samples.len().div_ceil(samples_per_side);
             side.samples = side.samples.iter().step_by(step).copied().collect();
             side.tone_drift = side.tone_drift.iter().step_by(step).copied().collect();
@@ -81,7 +81,7 @@ impl ObservedPlane {
 
     /// Removes the tone drift, of so many standard deviations, from every sample.
     pub fn remove_tone_drift(&mut self, deviations: f64) {
-        for side in self.figures.iter_mut().flat_map(|f| &mut f.sides) {
+        for side in self.sides_mut() {
             for (sample, tone_drift) in side.samples.iter_mut().zip(&side.tone_drift) {
                 sample.pixel += tone_drift * deviations;
             }
@@ -95,15 +95,14 @@ impl ObservedPlane {
 
     /// Marks all sides as outliers.
     pub fn mark_as_outlier(&mut self) {
-        for side in self.figures.iter_mut().flat_map(|f| &mut f.sides) {
+        for side in self.sides_mut() {
             side.is_outlier = true;
         }
     }
 
-    /// A side by its index over all figures.
-    pub fn side_mut(&mut self, index: usize) -> Option<&mut Side> {
-        let sides = self.figures.iter_mut().flat_map(|figure| &mut figure.sides);
-        sides.into_iter().nth(index)
+    /// All sides, in the order of the figures.
+    pub fn sides_mut(&mut self) -> impl Iterator<Item = &mut Side> {
+        self.figures.iter_mut().flat_map(|figure| &mut figure.sides)
     }
 
     /// Whether all sides are outliers.
@@ -113,7 +112,7 @@ impl ObservedPlane {
 
     /// Multiplies the weight of every sample.
     pub fn weigh(&mut self, factor: f64) {
-        for side in self.figures.iter_mut().flat_map(|f| &mut f.sides) {
+        for side in self.sides_mut() {
             side.samples.iter_mut().for_each(|s| s.weight *= factor);
         }
     }
@@ -124,6 +123,12 @@ impl ObservedPlane {
 
     pub fn sides(&self) -> impl Iterator<Item = &Side> + Clone {
         self.figures.iter().flat_map(|figure| &figure.sides)
+    }
+
+    /// All sides with the indices of their figures.
+    pub fn sides_by_figure(&self) -> impl Iterator<Item = (usize, &Side)> {
+        let figures = self.figures.iter().enumerate();
+        figures.flat_map(|(f, figure)| figure.sides.iter().map(move |side| (f, side)))
     }
 }
 

@@ -115,10 +115,8 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
         let mut system = ArrowSystem::zeros(N - SHARED_OFFSET, own);
         let mut cost = 0.0;
         for (p, plane) in self.planes.iter().enumerate() {
-            for (f, figure) in plane.figures.iter().enumerate() {
-                for side in &figure.sides {
-                    cost += self.add_side::<N>(view, (p, f), side, &mut system)?;
-                }
+            for (f, side) in plane.sides_by_figure() {
+                cost += self.add_side::<N>(view, (p, f), side, &mut system)?;
             }
         }
         Some((cost, system))

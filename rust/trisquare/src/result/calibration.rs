@@ -1,15 +1,45 @@
 //! What a calibration returns.
 
-use nalgebra::{DMatrix, Vector2};
+use nalgebra::{DMatrix, Matrix6, Matrix6xX, Vector2};
 
-use super::pose_uncertainty::PoseUncertainty;
 use super::residual_correlation::ResidualCorrelation;
-use super::residuals::FigureResiduals;
 use super::warning::{Stage, Warning};
 use crate::geometry::Pose;
 use crate::image::ToneFit;
 use crate::image_size::ImageSize;
 use crate::lens::{DefaultLens, Lens};
+
+/// How well a pose is known, and how it would follow another camera.
+///
+/// A pose's parameters are a rotation vector applied after its rotation, in camera coordinates
+/// (radians), and the translation (units of the plane).
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct PoseUncertainty {
+    /// Covariance of the pose where the camera is given.
+    pub given_camera: Matrix6<f64>,
+    /// Derivative of the pose by all of the camera's parameters, free or held, in the order of
+    /// [`Lens::parameter_names`](crate::lens::Lens::parameter_names).
+    pub by_camera: Matrix6xX<f64>,
+}
+
+/// How far the samples of a figure are from the images of its lines.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FigureResiduals {
+    /// Index of its plane among the calibration's planes.
+    pub plane: usize,
+    /// One for each of its lines, in the order in which they were given.
+    pub sides: Vec<SideResiduals>,
+}
+
+/// How far the samples of a line are from its image, in the order in which they were given.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SideResiduals {
+    /// Signed distances, in pixels.
+    pub distances: Vec<f64>,
+    /// Unit normals of the line's image, towards which the distances are positive.
+    pub normals: Vec<Vector2<f64>>,
+}
 
 /// A plane of the scene.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,6 +1,16 @@
 //! Where a result comes from, and what a user should know of it.
 
-use super::disagreement::Disagreement;
+/// A plane that disagrees with the rest.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Disagreement {
+    /// Index of the plane.
+    pub plane: usize,
+    /// By how much the focal length `fx` changes without it, as a part of it.
+    pub focal_change: f64,
+    /// The size of the disagreement, as a normal deviate.
+    pub sigmas: f64,
+}
 
 /// The stage a result comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

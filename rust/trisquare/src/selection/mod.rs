@@ -1,6 +1,5 @@
 //! Which candidates are squares that one camera sees.
 
-mod candidates;
 mod choose;
 mod hypothesis;
 mod inliers;

@@ -1,11 +1,10 @@
 //! What would help where the geometry of an optimum cannot answer: the solver is asked again.
 
 use super::problem::{Failure, IllConditionedOptimum, JointProblem};
-use super::starts::with_starts;
 use crate::error::Error;
 use crate::lens::Lens;
 use crate::observations::{Fixed, Options};
-use crate::uncertainty::{remedies_by_holding, remedy_by_showing};
+use crate::uncertainty::add_remedies;
 
 impl<L: Lens> JointProblem<'_, L> {
     /// The error of a failure; a weak geometry is told with what would help.
@@ -28,15 +27,11 @@ impl<L: Lens> JointProblem<'_, L> {
                 return false;
             }
             let trial = JointProblem::new(self.size, &options).within(&self.work);
-            let judged = with_starts(&trial, &planes, |starts| {
-                Ok(starts.ill_conditioning(&starts.optimum()?).is_none())
-            });
-            judged.unwrap_or(false)
+            let optimum = trial.optimum(&planes);
+            optimum.is_ok_and(|found| trial.ill_conditioning(&planes, &found).is_none())
         };
-        ill_conditioning.remedies = remedies_by_holding(&self.options.fixed, succeeds);
         let conditioning = self.conditioning(&planes, &refined);
-        let shown = remedy_by_showing(&conditioning, &ill_conditioning);
-        ill_conditioning.remedies.extend(shown);
+        add_remedies(&mut ill_conditioning, &conditioning, succeeds);
         Error::IllConditioned(Box::new(ill_conditioning))
     }
 }

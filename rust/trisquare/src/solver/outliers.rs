@@ -174,10 +174,8 @@ fn with_its_straight_sides<L: Lens>(
         return found;
     };
     let mut planes = found.planes.clone();
-    for index in 0..curvatures.len() {
-        if let Some(side) = planes[plane].side_mut(index) {
-            side.is_outlier = index == bent;
-        }
+    for (index, side) in planes[plane].sides_mut().enumerate() {
+        side.is_outlier = index == bent;
     }
     let again = problem
         .again(&planes, &found.refined)
@@ -297,7 +295,7 @@ fn without_side(
     (plane, side): (usize, usize),
 ) -> Option<Vec<ObservedPlane>> {
     let mut rest = planes.to_vec();
-    rest[plane].side_mut(side)?.is_outlier = true;
+    rest[plane].sides_mut().nth(side)?.is_outlier = true;
     Some(rest)
 }
 

@@ -80,23 +80,17 @@ impl<'a, L: Lens> JointProblem<'a, L> {
     ) -> Option<IllConditioning> {
         let factor = refined.covariance_factor;
         let conditioning = self.conditioning(planes, refined);
-        conditioning
-            .judge(&refined.system, &self.free, factor)
-            .err()
+        conditioning.ill_conditioning(&refined.system, &self.free, factor)
     }
 
-    /// The refusal of an optimum whose geometry cannot answer.
-    pub fn refuse(
-        &self,
-        planes: &[ObservedPlane],
-        refined: &Refined<L>,
-        ill_conditioning: IllConditioning,
-    ) -> Failure<L> {
-        Failure::IllConditioned(Box::new(IllConditionedOptimum {
+    /// The refusal of an optimum whose geometry cannot answer; `None` where it can.
+    pub fn refusal(&self, planes: &[ObservedPlane], refined: &Refined<L>) -> Option<Failure<L>> {
+        let ill_conditioning = self.ill_conditioning(planes, refined)?;
+        Some(Failure::IllConditioned(Box::new(IllConditionedOptimum {
             planes: planes.to_vec(),
             refined: refined.clone(),
             ill_conditioning,
-        }))
+        })))
     }
 
     pub fn conditioning<'b>(

@@ -2,7 +2,7 @@
 //! judgement.
 
 use super::problem::{Failure, JointProblem};
-use super::starts::with_starts;
+use super::starts::Starts;
 use crate::error::Error;
 use crate::lens::Lens;
 use crate::linear::{Homographies, Undistortion, first_view};
@@ -39,7 +39,7 @@ impl<L: Lens> JointProblem<'_, L> {
 
     /// The answer of the method asked for.
     pub fn optimum(&self, planes: &[ObservedPlane]) -> Result<Refined<L>, Failure<L>> {
-        with_starts(self, planes, |starts| starts.optimum())
+        Starts::of(self, planes)?.optimum()
     }
 
     /// The same, with what is known of it.
@@ -171,22 +171,17 @@ impl<L: Lens> JointProblem<'_, L> {
     /// # Errors
     /// [`Failure::IllConditioned`].
     pub fn judge(&self, solution: &Solution<L>) -> Result<(), Failure<L>> {
-        let (planes, refined) = (&solution.planes, &solution.refined);
-        match self.ill_conditioning(planes, refined) {
-            Some(ill_conditioning) => Err(self.refuse(planes, refined, ill_conditioning)),
-            None => Ok(()),
-        }
+        let refusal = self.refusal(&solution.planes, &solution.refined);
+        refusal.map_or(Ok(()), Err)
     }
 
     /// Why there is no covariance: most likely the geometry.
     fn singular(&self, planes: &[ObservedPlane], refined: &Refined<L>) -> Failure<L> {
-        match self.ill_conditioning(planes, refined) {
-            Some(ill_conditioning) => self.refuse(planes, refined, ill_conditioning),
-            None => Failure::Other(Error::NotConverged {
-                stage: "the covariance",
-                iterations: refined.iterations,
-                rms: refined.noise_scale,
-            }),
-        }
+        let refusal = self.refusal(planes, refined);
+        refusal.unwrap_or(Failure::Other(Error::NotConverged {
+            stage: "the covariance",
+            iterations: refined.iterations,
+            rms: refined.noise_scale,
+        }))
     }
 }

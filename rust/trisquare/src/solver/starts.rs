@@ -4,7 +4,6 @@ use nalgebra::Matrix3;
 
 use super::problem::{Failure, JointProblem};
 use crate::error::Error;
-use crate::ill_conditioning::IllConditioning;
 use crate::lens::Lens;
 use crate::linear::{
     Homographies, Undistortion, conic_camera_matrix, fallback_camera_matrices, first_view,
@@ -22,28 +21,6 @@ const START_SAMPLES_PER_SIDE: usize = 16;
 /// where they are smaller, the free optimum is a wrong one.
 const BEATEN: f64 = 0.98;
 
-/// The paper's steps 1 and 2, and on them what `answer` makes of all starts.
-pub(crate) fn with_starts<L: Lens, T>(
-    problem: &JointProblem<'_, L>,
-    planes: &[ObservedPlane],
-    answer: impl FnOnce(&Starts<'_, L>) -> Result<T, Failure<L>>,
-) -> Result<T, Failure<L>> {
-    let sample_limit = match problem.options.method {
-        Method::Linear => usize::MAX,
-        Method::MaximumLikelihood => START_SAMPLES_PER_SIDE,
-    };
-    let some: Vec<ObservedPlane> = planes.iter().map(|p| p.subsampled(sample_limit)).collect();
-    let undistortion = Undistortion::estimate(&some, problem.size, problem.options)?;
-    let homographies = Homographies::estimate(&some, &undistortion)?;
-    answer(&Starts {
-        problem,
-        planes,
-        some: &some,
-        undistortion: &undistortion,
-        homographies: &homographies,
-    })
-}
-
 /// Keeps the optimum with the smaller residuals.
 fn keep_better<L>(best: &mut Option<Refined<L>>, found: Refined<L>) {
     if best
@@ -57,23 +34,43 @@ fn keep_better<L>(best: &mut Option<Refined<L>>, found: Refined<L>) {
 /// Mean square misfit from which an optimum may be a wrong one; that of noise alone is 1.
 const STRAINED: f64 = 2.0;
 
-/// What every start shares.
+/// What every start shares: the paper's steps 1 and 2.
 pub(crate) struct Starts<'a, L: Lens> {
     problem: &'a JointProblem<'a, L>,
     planes: &'a [ObservedPlane],
     /// The same with fewer samples: from these the search starts.
-    some: &'a [ObservedPlane],
-    undistortion: &'a Undistortion<L>,
-    homographies: &'a Homographies,
+    some: Vec<ObservedPlane>,
+    undistortion: Undistortion<L>,
+    homographies: Homographies,
 }
 
-impl<L: Lens> Starts<'_, L> {
+impl<'a, L: Lens> Starts<'a, L> {
+    pub fn of(
+        problem: &'a JointProblem<'a, L>,
+        planes: &'a [ObservedPlane],
+    ) -> Result<Self, Error> {
+        let sample_limit = match problem.options.method {
+            Method::Linear => usize::MAX,
+            Method::MaximumLikelihood => START_SAMPLES_PER_SIDE,
+        };
+        let some: Vec<_> = planes.iter().map(|p| p.subsampled(sample_limit)).collect();
+        let undistortion = Undistortion::estimate(&some, problem.size, problem.options)?;
+        let homographies = Homographies::estimate(&some, &undistortion)?;
+        Ok(Self {
+            problem,
+            planes,
+            some,
+            undistortion,
+            homographies,
+        })
+    }
+
     fn view(&self, camera_matrix: &Matrix3<f64>) -> Result<View<L>, Error> {
         let view = first_view(
             camera_matrix,
-            self.homographies,
+            &self.homographies,
             self.planes,
-            self.undistortion,
+            &self.undistortion,
             self.problem.size,
             self.problem.options,
         )?;
@@ -99,9 +96,7 @@ impl<L: Lens> Starts<'_, L> {
 
     /// The linear steps' own answer.
     fn linear(&self) -> Result<Refined<L>, Error> {
-        let camera_matrix =
-            conic_camera_matrix(self.homographies, self.problem.size, self.problem.options)?;
-        let view = self.view(&camera_matrix)?;
+        let view = self.view(&self.conic_camera_matrix()?)?;
         self.around(view).ok_or(Error::NotConverged {
             stage: "the linear solution (its distortion is not invertible at a sample)",
             iterations: 0,
@@ -115,13 +110,19 @@ impl<L: Lens> Starts<'_, L> {
         match self.refine() {
             Err(found @ Failure::IllConditioned(_)) => found,
             Err(_) => error.into(),
-            Ok(refined) => match self.ill_conditioning(&refined) {
-                Some(ill_conditioning) => {
-                    self.problem.refuse(self.planes, &refined, ill_conditioning)
-                }
-                None => error.into(),
-            },
+            Ok(refined) => {
+                let refusal = self.problem.refusal(self.planes, &refined);
+                refusal.unwrap_or_else(|| error.into())
+            }
         }
+    }
+
+    fn conic_camera_matrix(&self) -> Result<Matrix3<f64>, Error> {
+        conic_camera_matrix(&self.homographies, self.problem.size, self.problem.options)
+    }
+
+    fn fallback_camera_matrices(&self, options: &Options<L>) -> Vec<Matrix3<f64>> {
+        fallback_camera_matrices(&self.homographies, self.problem.size, options)
     }
 
     /// Joint maximum likelihood from the conic's camera matrix, or from the first fallback that
@@ -132,12 +133,8 @@ impl<L: Lens> Starts<'_, L> {
     /// leaves much more than noise may be wrong, too, where the robust loss gave up a part of the
     /// samples for the rest: it has to stand against that of another start.
     fn refine(&self) -> Result<Refined<L>, Failure<L>> {
-        let conic = conic_camera_matrix(self.homographies, self.problem.size, self.problem.options);
-        let starts = conic.into_iter().chain(fallback_camera_matrices(
-            self.homographies,
-            self.problem.size,
-            self.problem.options,
-        ));
+        let fallbacks = self.fallback_camera_matrices(self.problem.options);
+        let starts = self.conic_camera_matrix().into_iter().chain(fallbacks);
         let mut unsettled: Option<Search<L>> = None;
         let mut best: Option<Refined<L>> = None;
         for camera_matrix in starts {
@@ -194,8 +191,8 @@ impl<L: Lens> Starts<'_, L> {
             ..start.clone()
         };
         let problem = self.problem;
-        let found = problem.searched(self.some, free, start);
-        found.or_else(|| problem.searched(self.some, free, pinhole))
+        let found = problem.searched(&self.some, free, start);
+        found.or_else(|| problem.searched(&self.some, free, pinhole))
     }
 
     /// The optimum with the principal point held where it is known to be, or at the image centre:
@@ -210,7 +207,7 @@ impl<L: Lens> Starts<'_, L> {
             ..*self.problem.options
         };
         let free = options.free_parameters();
-        fallback_camera_matrices(self.homographies, self.problem.size, &options)
+        self.fallback_camera_matrices(&options)
             .iter()
             .take_while(|_| !self.problem.work.is_spent())
             .filter_map(|camera_matrix| self.search(&free, self.view(camera_matrix).ok()?))
@@ -241,21 +238,16 @@ impl<L: Lens> Starts<'_, L> {
     fn no_convergence(&self, unsettled: Option<Search<L>>) -> Failure<L> {
         let iterations = unsettled.as_ref().map_or(0, |found| found.iterations);
         let refined = unsettled.and_then(|found| self.around(found.view));
-        let rms = refined.as_ref().map_or(0.0, |refined| refined.noise_scale);
-        if let Some(refined) = &refined
-            && let Some(ill_conditioning) = self.ill_conditioning(refined)
-        {
-            return self.problem.refuse(self.planes, refined, ill_conditioning);
-        }
-        Failure::Other(Error::NotConverged {
-            stage: "the joint refinement",
-            iterations,
-            rms,
+        let refusal = refined
+            .as_ref()
+            .and_then(|refined| self.problem.refusal(self.planes, refined));
+        refusal.unwrap_or_else(|| {
+            Failure::Other(Error::NotConverged {
+                stage: "the joint refinement",
+                iterations,
+                rms: refined.map_or(0.0, |refined| refined.noise_scale),
+            })
         })
-    }
-
-    pub fn ill_conditioning(&self, refined: &Refined<L>) -> Option<IllConditioning> {
-        self.problem.ill_conditioning(self.planes, refined)
     }
 
     fn is_doubtful(&self, refined: &Refined<L>) -> bool {

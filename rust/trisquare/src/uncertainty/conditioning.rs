@@ -119,29 +119,25 @@ impl Weakest {
 }
 
 impl<L: Lens> Conditioning<'_, L> {
-    /// Refuses geometry from which the camera matrix does not follow.
+    /// Why the camera matrix does not follow from the geometry, without remedies; `None` where it
+    /// does.
     ///
     /// `system` holds the normal equations over the [`judged_parameters`], `factor` turns the
     /// inverse of their information into a covariance.
-    ///
-    /// # Errors
-    /// The ill-conditioning, without remedies.
-    pub fn judge(
+    pub fn ill_conditioning(
         &self,
         system: &ArrowSystem,
         free: &FreeParameters,
         factor: f64,
-    ) -> Result<(), IllConditioning> {
-        match self.weakest(system, free, factor) {
-            Some(weakest) if !(weakest.ratio() <= 1.0) => Err(IllConditioning {
-                cause: self.cause(),
-                parameter: weakest.parameter,
-                std: weakest.std,
-                limit: weakest.limit,
-                remedies: Vec::new(),
-            }),
-            _ => Ok(()),
-        }
+    ) -> Option<IllConditioning> {
+        let weakest = self.weakest(system, free, factor)?;
+        (!(weakest.ratio() <= 1.0)).then(|| IllConditioning {
+            cause: self.cause(),
+            parameter: weakest.parameter,
+            std: weakest.std,
+            limit: weakest.limit,
+            remedies: Vec::new(),
+        })
     }
 
     /// The parameter that is known worst in proportion to its limit; `None` if K is held.

@@ -17,4 +17,4 @@ pub(crate) use covariance::{check_plane_count, covariance};
 pub(crate) use known_values::disagreement;
 pub(crate) use pose::pose_uncertainties;
 pub use projection::ProjectionUncertainty;
-pub(crate) use remedies::{remedies_by_holding, remedy_by_showing};
+pub(crate) use remedies::add_remedies;

@@ -64,7 +64,7 @@ impl DefaultLens {
                     pose.rotation.column(1).into_owned(),
                     -ray,
                 ]);
-                let bend = self.distortion_jacobian(ideal, ideal.norm_squared());
+                let bend = self.distortion_jacobian(ideal);
                 let solved = system.try_inverse().zip(bend.try_inverse());
                 let (inverse, unbend) = solved.ok_or(Error::NotFinite {
                     what: "the derivative of a point of a plane",

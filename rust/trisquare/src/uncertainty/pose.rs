@@ -69,20 +69,18 @@ fn gradients_of_sides<L: Lens>(
     let (lens, state) = (&refined.view.lens, &refined.view.planes[index]);
     let none = Columns::of(std::iter::empty());
     let mut gradients = Vec::new();
-    for (f, figure) in plane.figures.iter().enumerate() {
-        for side in &figure.sides {
-            let line = state.line(f, side);
-            let to_scale = side.trust() / refined.scale;
-            let mut wrt_line = Vector3::zeros();
-            for sample in &side.samples {
-                let pixel_ray = lens.unproject_with_jacobian(&sample.pixel)?;
-                let distance = lens.line_distance_jacobian(&pixel_ray, &line, none);
-                let to_noise = sample.weight * to_scale;
-                let (_, weight) = Loss::Tukey.cost_and_weight(distance.value * to_noise);
-                wrt_line += distance.wrt_line * (weight * to_noise * to_noise);
-            }
-            gradients.push(state.line_jacobian(f, side).tr_mul(&wrt_line));
+    for (f, side) in plane.sides_by_figure() {
+        let line = state.line(f, side);
+        let to_scale = side.trust() / refined.scale;
+        let mut wrt_line = Vector3::zeros();
+        for sample in &side.samples {
+            let pixel_ray = lens.unproject_with_jacobian(&sample.pixel)?;
+            let distance = lens.line_distance_jacobian(&pixel_ray, &line, none);
+            let to_noise = sample.weight * to_scale;
+            let (_, weight) = Loss::Tukey.cost_and_weight(distance.value * to_noise);
+            wrt_line += distance.wrt_line * (weight * to_noise * to_noise);
         }
+        gradients.push(state.line_jacobian(f, side).tr_mul(&wrt_line));
     }
     Some(gradients)
 }

@@ -43,8 +43,19 @@ const ASSUMED_FOCAL: f64 = 1.5;
 /// be moved.
 const SLACK: f64 = 0.1;
 
-/// What to hold so that a calibration succeeds, `succeeds` being told what is held.
-pub(crate) fn remedies_by_holding(fixed: &Fixed, succeeds: impl Fn(Fixed) -> bool) -> Vec<Remedy> {
+/// Adds what would help to a refusal, `succeeds` being told what is held.
+pub(crate) fn add_remedies<L: Lens>(
+    ill_conditioning: &mut IllConditioning,
+    conditioning: &Conditioning<'_, L>,
+    succeeds: impl Fn(Fixed) -> bool,
+) {
+    ill_conditioning.remedies = remedies_by_holding(&conditioning.options.fixed, succeeds);
+    let shown = remedy_by_showing(conditioning, ill_conditioning);
+    ill_conditioning.remedies.extend(shown);
+}
+
+/// What to hold so that a calibration succeeds.
+fn remedies_by_holding(fixed: &Fixed, succeeds: impl Fn(Fixed) -> bool) -> Vec<Remedy> {
     let aspect = Fixed {
         aspect: true,
         ..*fixed
@@ -70,7 +81,7 @@ pub(crate) fn remedies_by_holding(fixed: &Fixed, succeeds: impl Fn(Fixed) -> boo
 }
 
 /// How to show the planes so that a calibration succeeds; `None` if nothing tried would do.
-pub(crate) fn remedy_by_showing<L: Lens>(
+fn remedy_by_showing<L: Lens>(
     conditioning: &Conditioning<'_, L>,
     ill_conditioning: &IllConditioning,
 ) -> Option<Remedy> {
