@@ -221,7 +221,7 @@ pub fn localise_grid_lines(data: &[u8]) -> Outcome {
         assert!(estimate.picture_tone().is_valid(), "{estimate:?}");
         return measured_spans(&found);
     }
-    let found = trisquare::localise(&picture, &lines, bytes.tone());
+    let (found, _) = trisquare::localise(&picture, &lines, bytes.tone());
     assert_eq!(found.len(), lines.len());
     measured_spans(&found)
 }

@@ -27,7 +27,7 @@ pub fn localise(data: &[u8]) -> Outcome {
     let bytes = &mut Bytes::new(data);
     let tone = bytes.tone();
     let (picture, spans) = searched(tone, bytes);
-    let found = trisquare::localise(&picture, &spans, tone);
+    let (found, _) = trisquare::localise(&picture, &spans, tone);
     assert_eq!(found.len(), spans.len());
     measured_spans(&found)
 }
@@ -153,7 +153,7 @@ fn picture_tone(tone: Tone, bytes: &mut Bytes<'_>) -> PictureTone {
 /// Figures as the package measures them: every side localised from its chord.
 fn measured(view: &View, picture: &Picture, tone: Tone) -> Vec<PlaneEdges> {
     let spans: Vec<EdgeSpan> = sides(view).collect();
-    let found = trisquare::localise(picture, &spans, tone);
+    let (found, _) = trisquare::localise(picture, &spans, tone);
     found
         .chunks_exact(4)
         .filter_map(|sides| {

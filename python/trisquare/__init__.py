@@ -41,6 +41,7 @@ from trisquare.measurement.detect import detect
 from trisquare.printing.target import PrintedTarget, printed_target
 from trisquare.report import write_report
 from trisquare.results.calibration import Calibration
+from trisquare.results.calibration_warning import CalibrationWarning
 from trisquare.results.model_alternative import ModelAlternative
 from trisquare.results.partial_detection import PartialDetection
 from trisquare.results.plane import Plane
@@ -52,6 +53,7 @@ from trisquare.undistortion.undistort import Undistorter, undistort
 __all__ = [
     "Approximation",
     "Calibration",
+    "CalibrationWarning",
     "Camera",
     "Comparison",
     "ConvergenceError",

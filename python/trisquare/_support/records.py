@@ -39,10 +39,13 @@ class Kind:
         From a value and its name to what the record keeps; raises TypeError or ValueError.
     read : callable
         From the members of a JSON object and a key to the value.
+    write : callable, optional
+        From what the record keeps to what JSON has, where the class of the value does not tell.
     """
 
     check: Callable[[Any, str], Any]
     read: Callable[[JsonFields, str], Any]
+    write: Callable[[Any], Any] | None = None
 
 
 TEXT = Kind(string, JsonFields.text)
@@ -117,12 +120,12 @@ def check_members(record: Record) -> None:
 
 def record_members(record: Record) -> dict[str, Any]:
     """Return the fields of a record that have a kind as members of a JSON object."""
-    values = ((own, key, getattr(record, own.name)) for own, _, key in _members_of(type(record)))
-    return {
-        key: _plain(value)
-        for own, key, value in values
-        if not (_is_optional(own) and value in (None, ()))
-    }
+    members = {}
+    for own, kind, key in _members_of(type(record)):
+        value = getattr(record, own.name)
+        if not (_is_optional(own) and value in (None, ())):
+            members[key] = (kind.write or _plain)(value)
+    return members
 
 
 def record_from_members(kind: type[R], members: JsonFields, **others: Any) -> R:

@@ -17,8 +17,9 @@ from trisquare.edges import PlaneEdges, changed_edges
 from trisquare.errors import DetectionError, TrisquareError
 from trisquare.images.photographs import Photographs
 from trisquare.images.pixels import ImageSource, Outlines, Tone, sources_of
-from trisquare.images.tone import pooled, shift_warnings
+from trisquare.images.tone import contradiction_text, pooled, shift_text
 from trisquare.results.calibration import Calibration
+from trisquare.results.calibration_warning import CalibrationWarning, by_severity
 from trisquare.results.model_alternative import ModelAlternative
 from trisquare.results.plane import Plane
 from trisquare.results.pose_uncertainty import PoseUncertainty
@@ -66,7 +67,7 @@ def calibrate(
         Values for what is fixed; "focal" needs them.
     tone : {"auto", "srgb", "linear"} or float, optional
         How light was coded; a number is a gamma, and "auto" estimates the curve of each picture
-        along with the camera. By default sRGB for 8-bit pictures, linear for others.
+        along with the camera. By default "auto" for 8 and 16 bits, linear for floats.
     targets : str
         See `detect`.
     outlines : path, mapping or sequence, optional
@@ -206,6 +207,10 @@ def calibrate_edges(
 def _ask_core(
     figures: Sequence[PlaneEdges], gathered: Gathered, settings: Settings, choosing: bool
 ) -> _core.Outcome:
+    if gathered.images != list(range(len(gathered.images))):
+        # The core numbers the pictures that it has.
+        place = {image: count for count, image in enumerate(gathered.images)}
+        figures = [changed_edges(figure, image=place[figure.image]) for figure in figures]
     return _core.calibrate(
         figures,
         gathered.image_size,
@@ -226,6 +231,13 @@ def _calibration(found: _core.Solution, gathered: Gathered, settings: Settings) 
     if found.tones:
         tones = [tone.refined(fit) for tone, fit in zip(tones, found.tones, strict=True)]
     tone, tone_std = pooled(tones)
+    tone_of_image = dict(zip(gathered.images, tones, strict=False))
+    warnings = []
+    if text := contradiction_text(tone_of_image):
+        warnings.append(CalibrationWarning(text, "tone_contradicted", "high"))
+    if text := shift_text(tone_of_image):
+        warnings.append(CalibrationWarning(text, "no_tone_curve", "low"))
+    warnings += [CalibrationWarning(*warning) for warning in found.warnings]
     correlation = found.correlation
     return Calibration(
         camera=Camera(
@@ -241,7 +253,7 @@ def _calibration(found: _core.Solution, gathered: Gathered, settings: Settings) 
         planes=tuple(
             Plane(
                 kind=figures[plane.figure].kind,
-                image=plane.image,
+                image=gathered.images[plane.image] if gathered.images else plane.image,
                 corners=plane.corners,
                 rotation=plane.rotation,
                 translation=plane.translation,
@@ -253,7 +265,7 @@ def _calibration(found: _core.Solution, gathered: Gathered, settings: Settings) 
         ),
         rms=found.rms,
         noise_scale=found.noise_scale,
-        warnings=(*gathered.warnings, *found.warnings, *shift_warnings(tones)),
+        warnings=tuple(by_severity([*gathered.warnings, *warnings])),
         method=settings.method,
         tone=tone,
         fixed=settings.fixed,

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import compress
 from typing import TYPE_CHECKING
 
 import trisquare._core as _core
@@ -13,6 +15,7 @@ from trisquare.edges import PlaneEdges, changed_edges
 from trisquare.images.photographs import Photograph, Photographs
 from trisquare.images.pixels import Outlines, Tone, checked_tone, picture_size, tone_of
 from trisquare.images.tone import PictureTone
+from trisquare.results.calibration_warning import CalibrationWarning
 from trisquare.results.rejected import Rejected
 
 if TYPE_CHECKING:  # it would load OpenCV, which waits until a picture is searched
@@ -31,13 +34,19 @@ class Gathered:
     Attributes
     ----------
     image_size : (int, int)
-        Width and height of every photograph, in pixels.
+        Width and height of every photograph that is used, in pixels.
+    names : list of str
+        Of every photograph.
+    sizes : list of (int, int)
+        Of every photograph.
+    images : list of int
+        The photographs that are used, by their indices.
     figures : list of PlaneEdges
         Each with the index of its photograph and the number of its plane, counted over all.
     quads : dict of int to ndarray, shape (4, 2)
         Four points that enclose each plane, by its number.
     rejected : list of Rejected
-    warnings : list of str
+    warnings : list of CalibrationWarning
     pictures : list of Picture
         The pixels of every photograph as the core has them.
     tones : list of PictureTone
@@ -48,9 +57,12 @@ class Gathered:
 
     image_size: tuple[int, int] = (0, 0)
     figures: list[PlaneEdges] = field(default_factory=list)
+    names: list[str] = field(default_factory=list)
+    sizes: list[tuple[int, int]] = field(default_factory=list)
+    images: list[int] = field(default_factory=list)
     quads: dict[int, FloatArray] = field(default_factory=dict)
     rejected: list[Rejected] = field(default_factory=list)
-    warnings: list[str] = field(default_factory=list)
+    warnings: list[CalibrationWarning] = field(default_factory=list)
     pictures: list[_core.Picture] = field(default_factory=list)
     tones: list[PictureTone] = field(default_factory=list)
     searches: dict[int, Search] = field(default_factory=dict)
@@ -71,22 +83,63 @@ class Gathered:
         figures, picture_tone, rejected, quads, search = measure(
             photograph.pixels, core, targets, tone, sought
         )
+        self.names.append(photograph.name)
+        self.sizes.append(picture_size(photograph.pixels))
+        self.images.append(photograph.index)
         self.searches[photograph.index] = search
         self.pictures.append(core)
         self.tones.append(picture_tone)
         self.rejected += [replace(candidate, image=photograph.index) for candidate in rejected]
-        self.warnings += photograph.remarks
+        self.warnings += [
+            CalibrationWarning(text, code, "low") for code, text in photograph.remarks.items()
+        ]
         if annotated is not None:
-            self.warnings += [f"{photograph.name}: {candidate.reason}" for candidate in rejected]
+            self.warnings += [
+                CalibrationWarning(f"{photograph.name}: {candidate.reason}", "outline_rejected")
+                for candidate in rejected
+            ]
         if not figures and not photograph.repeats:
             nothing = nothing_found(targets) if annotated is None else "nothing is drawn on it"
             if annotated:
                 nothing = "none of the outlines is a square"
-            self.warnings.append(f"{photograph.name}: {nothing}")
+            text = f"{photograph.name}: {nothing}"
+            self.warnings.append(CalibrationWarning(text, "nothing_found"))
         for figure in figures:
             plane = None if figure.plane is None else figure.plane + len(self.quads)
             self.figures.append(changed_edges(figure, image=photograph.index, plane=plane))
         self.quads.update(enumerate(quads, len(self.quads)))
+
+    def leave_out_other_sizes(self) -> None:
+        """Leave out the photographs that differ in size from most.
+
+        Raises
+        ------
+        ValueError
+            If no size is that of most photographs.
+        """
+        counts = Counter(self.sizes).most_common()
+        self.image_size, count = counts[0]
+        other = next((i for i, size in enumerate(self.sizes) if size != self.sizes[0]), None)
+        if other is not None and 2 * count <= len(self.sizes):
+            first = self.sizes[0]
+            raise ValueError(
+                f"{self._described(other)}, but {self.names[0]} is {first[0]} x {first[1]}: all "
+                "pictures of one camera must have the same size"
+            )
+        for index in [i for i in self.images if self.sizes[i] != self.image_size]:
+            text = f"{self._described(index)}, unlike {count} others: it is left out"
+            self.warnings.append(CalibrationWarning(text, "other_size"))
+            self.searches.pop(index, None)
+        kept = [size == self.image_size for size in self.sizes]
+        self.figures = [figure for figure in self.figures if kept[figure.image]]
+        self.rejected = [candidate for candidate in self.rejected if kept[candidate.image]]
+        self.images = list(compress(self.images, kept))
+        self.pictures = list(compress(self.pictures, kept))
+        self.tones = list(compress(self.tones, kept))
+
+    def _described(self, index: int) -> str:
+        width, height = self.sizes[index]
+        return f"{self.names[index]} is {width} x {height} pixels"
 
     def forget_richest_search(self) -> None:
         """Forget the search of the photograph with the most targets, of as many the last."""
@@ -114,7 +167,7 @@ def gather(
     ImageError
         If a file cannot be read whole.
     TypeError, ValueError
-        For bad arguments.
+        For bad arguments, and if no size is that of most photographs.
     """
     from trisquare.detection.annotations.load import Annotations
 
@@ -123,21 +176,25 @@ def gather(
         raise ValueError("no picture given")
     drawings = None if outlines is None else Annotations.read(outlines, photographs.sources)
     gathered = Gathered()
-    curves: set[str | float] = set()
+    depths: set[str] = set()
     for photograph in photographs:
-        gathered.image_size = picture_size(photograph.pixels)
         curve = tone_of(photograph.pixels, checked)
-        curves.add(curve)
-        if len(curves) > 1:
+        depths.add(photograph.pixels.dtype.name)
+        if checked is None and len(depths) > 1:
             raise ValueError(
                 f"{photograph.name} has {photograph.pixels.dtype} pixels, unlike the pictures "
                 "before it, and their tone curves probably differ: give one tone curve for all "
                 "(srgb, linear, auto or a gamma)"
             )
-        annotated = None if drawings is None else drawings.on(photograph.index, gathered.image_size)
+        annotated = (
+            None
+            if drawings is None
+            else drawings.on(photograph.index, picture_size(photograph.pixels))
+        )
         gathered.add(photograph, targets, curve, annotated)
         if not explain_all:
             gathered.forget_richest_search()
         if progress is not None:
             progress(photograph.index + 1, len(photographs))
+    gathered.leave_out_other_sizes()
     return gathered

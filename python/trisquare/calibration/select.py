@@ -9,6 +9,7 @@ import trisquare._core as _core
 from trisquare._support.arrays import FloatArray
 from trisquare._support.convex_quads import quad_areas
 from trisquare.edges import PlaneEdges
+from trisquare.results.calibration_warning import CalibrationWarning
 from trisquare.results.rejected import Rejected
 
 NO_SQUARE = "not a square to the camera that the other planes determine"
@@ -19,7 +20,7 @@ class Chosen(NamedTuple):
 
     figures: list[PlaneEdges]
     rejected: list[Rejected]
-    warnings: list[str]
+    warnings: list[CalibrationWarning]
 
 
 def chosen_by(
@@ -45,10 +46,12 @@ def chosen_by(
     warnings = []
     chosen = f"of {len(verdicts)} planes found, {len(planes)} are squares that one camera explains"
     if doubt is not None:
-        warnings.append(f"the choice among candidates is uncertain: {chosen}, and {doubt}")
+        text = f"the choice among candidates is uncertain: {chosen}, and {doubt}"
+        warnings.append(CalibrationWarning(text, "choice_uncertain", "high"))
     elif larger:
-        warnings.append(
+        text = (
             f"{chosen}; {larger} of the rejected are larger than one of these: if they are true "
             "squares, the answer is wrong"
         )
+        warnings.append(CalibrationWarning(text, "larger_rejected"))
     return Chosen(kept, rejected, warnings)

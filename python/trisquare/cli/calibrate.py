@@ -74,7 +74,7 @@ def calibrate_command(
     tone: str | None = option(
         None,
         "TONE",
-        "Tone curve: auto (estimated), srgb, linear or a gamma. By default srgb for 8-bit "
+        "Tone curve: auto (estimated), srgb, linear or a gamma. By default auto for 8- and 16-bit "
         "pictures.",
         offer=TONE_CURVES,
     ),
@@ -100,6 +100,7 @@ def calibrate_command(
     with_diagnosis: bool = flag(
         "Show what limits each parameter, and what would improve it.", "--diagnose"
     ),
+    verbose: bool = flag("Show all warnings, not only the most severe.", "--verbose", "-v"),
 ) -> None:
     """Calibrate a camera from its photographs."""
     if with_diagnosis and json:
@@ -143,7 +144,7 @@ def calibrate_command(
     if output is not None:
         contents[output] = calibration.to_json().encode()
     write_atomically(contents)
-    parts = calibration_report(calibration)
+    parts = calibration_report(calibration, verbose=verbose)
     if with_diagnosis:
         parts.append(str(diagnose(calibration)))
     answer(json, quiet, calibration.to_json().rstrip(), parts)

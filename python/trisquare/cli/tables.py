@@ -16,8 +16,12 @@ MOST_REJECTED = 10
 """Lines on candidates that were not used: the results are to be read first."""
 
 
-def calibration_report(calibration: Calibration) -> list[RenderableType]:
-    """Lay out the parameters, the planes and the warnings."""
+MOST_WARNINGS = 5
+"""Warnings that are shown unless all are asked for: they are to be read."""
+
+
+def calibration_report(calibration: Calibration, *, verbose: bool) -> list[RenderableType]:
+    """Lay out the parameters, the planes and the warnings; if `verbose`, all of these."""
     parameters = new_table("parameter", right=("value", "std"))
     for texts in parameter_texts(calibration):
         parameters.add_row(*texts)
@@ -26,7 +30,8 @@ def calibration_report(calibration: Calibration) -> list[RenderableType]:
     )
     for number, plane in enumerate(calibration.planes):
         planes.add_row(str(number), Text(plane.kind), str(plane.image), *plane_texts(plane))
-    rejected, warnings = _rejected(calibration), _warnings(calibration)
+    most = None if verbose else MOST_WARNINGS
+    rejected, warnings = _rejected(calibration), _warnings(calibration, most)
     return [parameters, planes, _summary(calibration), *rejected, *warnings]
 
 
@@ -45,7 +50,7 @@ def comparison_report(calibration: Calibration, truth: Camera) -> list[Renderabl
                 f"{error:+.{decimals}f}",
                 f"{error / std:+.1f}" if std > 0 else "",
             )
-    return [table, _summary(calibration), *_warnings(calibration)]
+    return [table, _summary(calibration), *_warnings(calibration, None)]
 
 
 def _summary(calibration: Calibration) -> Text:
@@ -77,5 +82,10 @@ def _rejected(calibration: Calibration) -> list[Text]:
     return [Text(line, style="dim") for line in lines]
 
 
-def _warnings(calibration: Calibration) -> list[Text]:
-    return [Text(f"warning: {warning}", style="yellow") for warning in calibration.warnings]
+def _warnings(calibration: Calibration, most: int | None) -> list[Text]:
+    """Lay out a line for each of the most severe warnings."""
+    lines = [f"warning: {warning}" for warning in calibration.warnings[:most]]
+    more = len(calibration.warnings) - len(lines)
+    if more:
+        lines.append(f"and {more} more: --verbose")
+    return [Text(line, style="yellow") for line in lines]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,8 +24,8 @@ class Photograph:
         What messages call it.
     pixels : ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
         Grey or BGR, rows and columns as they are stored.
-    remarks : tuple of str
-        What its user should know of it, each beginning with its name.
+    remarks : mapping of str to str
+        What its user should know of it, each beginning with its name, by a code.
     repeats : bool
         Whether an earlier picture is the same.
     path : str or None
@@ -35,7 +35,7 @@ class Photograph:
     index: int
     name: str
     pixels: Image
-    remarks: tuple[str, ...]
+    remarks: Mapping[str, str]
     repeats: bool
     path: str | None = None
 
@@ -84,36 +84,28 @@ def _load_all(sources: Sequence[ImageSource]) -> Iterator[Photograph]:
     ------
     ImageError
         If a file cannot be read: who named it wants it used, and is told which one it is.
-    ValueError
-        If two pictures differ in size; both are named.
     TypeError, ValueError
         If an array is no picture.
     """
-    first: tuple[str, tuple[int, int]] | None = None
     seen: dict[int, str] = {}
     for index, source in enumerate(sources):
         name = _name(index, source)
         pixels, turn = _loaded(source)
         size = picture_size(pixels)
-        if first is None:
-            first = (name, size)
-        if size != first[1]:
-            raise ValueError(
-                f"{name} is {size[0]} x {size[1]} pixels, but {first[0]} is {first[1][0]} x "
-                f"{first[1][1]}: all pictures of one camera must have the same size"
-            )
-        remarks = []
+        remarks = {}
         if turn is not None:
-            remarks.append(
+            remarks["orientation_ignored"] = (
                 f"{name}: its orientation tag ({turn}) is ignored; the result refers to the "
                 f"picture as it is stored, {size[0]} x {size[1]} pixels"
             )
         key = _fingerprint(pixels) if len(sources) > 1 else 0
         twin = seen.setdefault(key, name)
         if twin != name:
-            remarks.append(f"{name} is the same picture as {twin}: it is counted once")
+            remarks["repeated_picture"] = (
+                f"{name} is the same picture as {twin}: it is counted once"
+            )
         path = os.fspath(source) if isinstance(source, str | os.PathLike) else None
-        yield Photograph(index, name, pixels, tuple(remarks), twin != name, path)
+        yield Photograph(index, name, pixels, remarks, twin != name, path)
 
 
 def _name(index: int, source: ImageSource) -> str:

@@ -53,7 +53,10 @@ def checked_tone(tone: Tone) -> str | float | None:
 
 
 def tone_of(picture: Image, tone: str | float | None) -> str | float:
-    """Return the tone curve of a picture: sRGB for 8 bits, linear for others, unless stated."""
+    """Return the tone curve of a picture, unless stated: estimated for integers, linear for floats.
+
+    Files hold 8 and 16 bits in every coding; floats are what a program made of them.
+    """
     if tone is not None:
         return tone
-    return "srgb" if picture.dtype == np.uint8 else "linear"
+    return "auto" if np.issubdtype(picture.dtype, np.integer) else "linear"

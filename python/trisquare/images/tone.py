@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import trisquare._core as _core
+
+CONTRADICTED = 5.0
+"""Standard deviations of the effective gamma from which the profiles contradict a stated curve."""
 
 CoreTone: TypeAlias = "str | float | tuple[float, float, float | None]"
 
@@ -27,17 +30,21 @@ class PictureTone:
     shift : (float, float), optional
         Where no curve fits: how far all edges appear moved toward the dark, and one standard
         deviation of that, in pixels.
+    contradicting : float, optional
+        The gamma that the edges' profiles ask for, where they contradict a stated curve.
     """
 
     curve: CoreTone
     value: str | float
     std: float | None = None
     shift: tuple[float, float] | None = None
+    contradicting: float | None = None
 
     @classmethod
-    def known(cls, tone: str | float) -> PictureTone:
-        """Return a stated curve."""
-        return cls(tone, tone)
+    def known(cls, tone: str | float, estimate: _core.ToneEstimate) -> PictureTone:
+        """Return a stated curve, which what the profiles tell may contradict."""
+        contradicts = estimate.contradiction > CONTRADICTED
+        return cls(tone, tone, contradicting=estimate.effective_gamma if contradicts else None)
 
     @classmethod
     def estimated(cls, estimate: _core.ToneEstimate) -> PictureTone:
@@ -62,22 +69,35 @@ class PictureTone:
         return replace(self, curve=(*self.curve[:2], None), shift=None)
 
 
-def shift_warnings(tones: Sequence[PictureTone]) -> list[str]:
-    """Say of which pictures no tone curve fits the profiles, if there are any."""
+def contradiction_text(tones: Mapping[int, PictureTone]) -> str | None:
+    """Say in which pictures, by index, the profiles contradict the stated tone curve, if in any."""
+    asked = [
+        f"picture {index}: a gamma of about {tone.contradicting:.1f}"
+        for index, tone in tones.items()
+        if tone.contradicting is not None
+    ]
+    if not asked:
+        return None
+    return (
+        "the edge profiles contradict the tone curve that was stated, which moves the edges: use "
+        f'tone="auto", which estimates it ({"; ".join(asked)})'
+    )
+
+
+def shift_text(tones: Mapping[int, PictureTone]) -> str | None:
+    """Say in which pictures, by index, the profiles fit no tone curve, if in any."""
     shifts = [
         f"picture {index}: {tone.shift[0]:+.3f} +- {tone.shift[1]:.3f} px"
-        for index, tone in enumerate(tones)
+        for index, tone in tones.items()
         if tone.shift is not None
     ]
     if not shifts:
-        return []
-    return [
-        (
-            "the edge profiles fit no tone curve (is the picture sharpened, compressed or "
-            "overexposed?); instead one common shift of all edges toward their dark side "
-            f"was estimated: {'; '.join(shifts)}"
-        )
-    ]
+        return None
+    return (
+        "the edge profiles fit no tone curve (is the picture sharpened, compressed or "
+        "overexposed?); instead one common shift of all edges toward their dark side "
+        f"was estimated: {'; '.join(shifts)}"
+    )
 
 
 def pooled(tones: Sequence[PictureTone]) -> tuple[str | float | None, float | None]:

@@ -42,7 +42,7 @@ def detect(
           ...}}, ...]}``, x to the right and y down, clockwise from the top left of the code.
     tone : {"auto", "srgb", "linear"} or float, optional
         How light was coded into pixel values; a number is a gamma, and "auto" estimates the curve
-        from the edges' profiles. By default sRGB for 8-bit pictures and linear for others.
+        from the edges' profiles. By default "auto" for 8 and 16 bits and linear for floats.
     outlines : path, mapping or sequence, optional
         Coarse outlines of the squares, drawn by hand, instead of a search. They may be 5 px off:
         the edges are measured in the picture. A JSON file (trisquare's own format or labelme's),

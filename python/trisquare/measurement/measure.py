@@ -70,7 +70,10 @@ def _measured(
         spans += target.spans(len(spans))
         ends.append(len(spans))
     measured, estimate = _core.localise(core, spans, None if tone == "auto" else tone)
-    picture_tone = PictureTone.known(tone) if estimate is None else PictureTone.estimated(estimate)
+    if tone == "auto":
+        picture_tone = PictureTone.estimated(estimate)
+    else:
+        picture_tone = PictureTone.known(tone, estimate)
     figures: list[PlaneEdges] = []
     rejected: list[Rejected] = []
     for plane, (target, name) in enumerate(found):

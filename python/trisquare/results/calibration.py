@@ -42,6 +42,7 @@ from trisquare.camera.projection_uncertainty import (
     rms_displacement,
 )
 from trisquare.edges import PlaneEdges, edges_from_members, edges_members
+from trisquare.results.calibration_warning import WARNINGS, CalibrationWarning
 from trisquare.results.model_alternative import ModelAlternative
 from trisquare.results.plane import Plane
 from trisquare.results.rejected import Rejected
@@ -100,8 +101,9 @@ class Calibration(Record):
     noise_scale : float
         The residuals' spread relative to the stated standard deviations; the covariance is
         scaled by its square.
-    warnings : sequence of str
-        What a reader should know before trusting the numbers.
+    warnings : sequence of CalibrationWarning or str
+        What to do something about before relying on the numbers, the most severe first. Each is
+        its text, with a `code`, a `severity` and the `plane` it is about.
     method : str
         ``"ml"`` or ``"linear"``.
     tone : str, float or None
@@ -137,7 +139,7 @@ class Calibration(Record):
     planes: tuple[Plane, ...] = field(metadata=member(records(Plane)))
     rms: float = field(metadata=member(NUMBER, "rms_px"))
     noise_scale: float = field(metadata=member(NUMBER))
-    warnings: tuple[str, ...] = field(metadata=member(TEXTS))
+    warnings: tuple[CalibrationWarning, ...] = field(metadata=member(WARNINGS))
     method: str = field(metadata=member(TEXT))
     tone: str | float | None = field(metadata=member(Kind(_checked_tone, _read_tone)))
     fixed: tuple[str, ...] = field(metadata=member(TEXTS))

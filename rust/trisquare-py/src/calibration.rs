@@ -7,7 +7,7 @@ use pyo3::types::{IntoPyDict, PyDict};
 use pyo3::{PyClass, PyClassInitializer};
 use trisquare::{
     Brown, BrownModel, Fixed, Lens, Method, ModelChoice, Options, Photographs, PictureTone, Plane,
-    PlaneEdges, Stage,
+    PlaneEdges, Severity, Stage, Warning,
 };
 
 use crate::arrays;
@@ -62,13 +62,16 @@ pub struct Solution {
     rms: f64,
     noise_scale: f64,
     iterations: usize,
-    warnings: Vec<String>,
+    /// Text, code, severity, and the plane it is about.
+    warnings: Vec<WarningMembers>,
     stage: &'static str,
     /// Model, logarithm of its evidence, and rms of those that were not chosen.
     alternatives: Vec<(&'static str, f64, f64)>,
     correlation: Py<ResidualCorrelation>,
     tones: Vec<Py<ToneFit>>,
 }
+
+type WarningMembers = (String, &'static str, &'static str, Option<usize>);
 
 /// Covariance of a pose for a given camera, (6, 6), and its change by the camera, (6, 9).
 type PoseMembers = (Py<PyArray2<f64>>, Py<PyArray2<f64>>);
@@ -265,7 +268,7 @@ fn solution(py: Python<'_>, choice: &ModelChoice) -> PyResult<Solution> {
         rms: found.rms,
         noise_scale: found.noise_scale,
         iterations: found.iterations,
-        warnings: found.warnings.iter().map(ToString::to_string).collect(),
+        warnings: found.warnings.iter().map(warning).collect(),
         stage: match found.stage {
             Stage::Linear => "linear",
             Stage::Edges => "edges",
@@ -285,6 +288,20 @@ fn solution(py: Python<'_>, choice: &ModelChoice) -> PyResult<Solution> {
         )?,
         tones: each(py, &found.tones, tone_fit)?,
     })
+}
+
+fn warning(warning: &Warning) -> WarningMembers {
+    let severity = match warning.severity() {
+        Severity::Low => "low",
+        Severity::Medium => "medium",
+        Severity::High => "high",
+    };
+    (
+        warning.to_string(),
+        warning.code(),
+        severity,
+        warning.plane(),
+    )
 }
 
 /// Converts each of some values to an object of Python's.

@@ -141,10 +141,12 @@ pub struct ToneEstimate {
     sides: usize,
     misfit: f64,
     shift_std: Option<f64>,
+    /// How far a stated curve is from this one, in standard deviations.
+    contradiction: f64,
 }
 
-/// The samples of every span, and what is known of the tone curve if it was estimated.
-type Localised = (Vec<Measured>, Option<ToneEstimate>);
+/// The samples of every span, and what their profiles tell of the tone curve.
+type Localised = (Vec<Measured>, ToneEstimate);
 
 /// Sub-pixel samples along coarsely known spans; a reason where there is no edge.
 ///
@@ -162,19 +164,16 @@ pub fn localise<'py>(
     let spans = edge_spans(spans)?;
     let picture = &picture.picture;
     let (found, estimate) = detached(py, || match tone {
-        Some(tone) => (trisquare::localise(picture, &spans, tone), None),
-        None => {
-            let (found, estimate) = trisquare::localise_with_unknown_tone(picture, &spans);
-            (found, Some(estimate))
-        }
+        Some(tone) => trisquare::localise(picture, &spans, tone),
+        None => trisquare::localise_with_unknown_tone(picture, &spans),
     })?;
     let measured = found.into_iter().map(|side| match side {
         Ok(edges) => {
-            let drift = estimate.map(|_| arrays::from_points(py, &edges.tone_drift).unbind());
+            let drift = || arrays::from_points(py, &edges.tone_drift).unbind();
             let samples = SideSamples {
                 points: arrays::from_points(py, &edges.points).unbind(),
                 std: arrays::from_slice(py, &edges.std).unbind(),
-                drift,
+                drift: tone.is_none().then(drift),
             };
             Ok(Measured::Samples(Py::new(py, samples)?))
         }
@@ -182,12 +181,13 @@ pub fn localise<'py>(
     });
     Ok((
         measured.collect::<PyResult<_>>()?,
-        estimate.as_ref().map(tone_estimate),
+        tone_estimate(&estimate, tone),
     ))
 }
 
-fn tone_estimate(found: &trisquare::ToneEstimate) -> ToneEstimate {
+fn tone_estimate(found: &trisquare::ToneEstimate, stated: Option<Tone>) -> ToneEstimate {
     ToneEstimate {
+        contradiction: stated.map_or(0.0, |tone| found.deviations_from(tone)),
         gamma: found.curve.gamma,
         toe: found.curve.toe,
         effective_gamma: found.curve.effective_gamma(),

@@ -10,7 +10,7 @@ use crate::observations::{Method, Options, PlaneEdges, sort_by_plane};
 use crate::photometric::{Photographs, improve};
 use crate::result::{Calibration, Stage};
 use crate::solver::{JointProblem, Work, reject_outliers};
-use crate::uncertainty::check_plane_count;
+use crate::uncertainty::{check_plane_count, unlikely_camera};
 
 /// Calibrates a camera from edge samples of planes with known lines.
 ///
@@ -98,5 +98,14 @@ fn run<L: Lens>(
         calibration.state_poses(&solution);
     }
     calibration.warnings.splice(0..0, outliers);
+    if judging {
+        let unlikely = unlikely_camera(&calibration, options.fixed, |fixed| {
+            let options = Options { fixed, ..*options };
+            let held = calibrate_unjudged(edges, size, &options, &mut None).ok()?;
+            Some(held.camera.focal().x)
+        });
+        // What explains other warnings comes before them.
+        calibration.warnings.splice(0..0, unlikely);
+    }
     Ok(calibration)
 }

@@ -62,7 +62,7 @@ pub use photometric::Photographs;
 pub use planning::{EdgeNoise, PlannedPlane, Prediction, predict};
 pub use result::{
     Calibration, Disagreement, FigureResiduals, Plane, PoseUncertainty, ResidualCorrelation,
-    SideResiduals, Stage, Warning,
+    Severity, SideResiduals, Stage, Warning,
 };
 pub use selection::{Choice, Doubt, Verdict, choose};
 pub use uncertainty::{

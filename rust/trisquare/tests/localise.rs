@@ -313,7 +313,7 @@ fn a_side_cut_by_the_border_has_samples_inside_only() {
         degrees: 12.0,
     };
     let picture = CAMERA.bytes(&CAMERA.exposure(&shape), 3);
-    let found = localise(
+    let (found, _) = localise(
         &picture,
         &spans(&shape, -1.0, |_| [1.0, -1.0]),
         Tone::Linear,
@@ -430,7 +430,7 @@ fn where_there_is_no_edge_the_reason_is_told() {
     ];
     for picture in &pictures {
         for tone in [Tone::Linear, Tone::Srgb, Tone::Gamma(2.2)] {
-            let found = localise(picture, &spans, tone);
+            let (found, _) = localise(picture, &spans, tone);
             assert!(found.iter().all(Result::is_err), "{found:?}");
             assert_eq!(found[2].as_ref().unwrap_err(), &NoEdge::OutsidePicture);
             assert_eq!(found[7].as_ref().unwrap_err(), &NoEdge::NoPath);
@@ -442,7 +442,8 @@ fn where_there_is_no_edge_the_reason_is_told() {
 fn the_wrong_polarity_is_no_edge() {
     let shape = square(17.0);
     let picture = CAMERA.bytes(&CAMERA.exposure(&shape), 1);
-    for found in localise(&picture, &spans(&shape, 1.0, |_| [0.0; 2]), Tone::Linear) {
+    let (found, _) = localise(&picture, &spans(&shape, 1.0, |_| [0.0; 2]), Tone::Linear);
+    for found in found {
         assert_eq!(found.unwrap_err(), NoEdge::Inconsistent);
     }
 }
@@ -463,7 +464,7 @@ proptest::proptest! {
         let path = points.iter().map(|&(x, y)| Vector2::new(x, y)).collect();
         let span = EdgeSpan { bounds: [Some(1), Some(0)], ..EdgeSpan::new(path, polarity) };
         let other = EdgeSpan { bounds: [Some(0), None], ..EdgeSpan::new(vec![Vector2::new(26.0, 5.0), Vector2::new(26.0, 50.0)], -1.0) };
-        for edges in localise(&picture, &[span, other], Tone::Srgb).into_iter().flatten() {
+        for edges in localise(&picture, &[span, other], Tone::Srgb).0.into_iter().flatten() {
             let sound = edges.std.iter().all(|std| *std > 0.0 && std.is_finite());
             proptest::prop_assert!(sound && edges.points.len() == edges.std.len());
             proptest::prop_assert!(edges.points.iter().all(|point| point.iter().all(|v| v.is_finite())));
@@ -494,7 +495,7 @@ fn time_of_three_squares() {
         let mut times: Vec<_> = (0..100)
             .map(|_| {
                 let start = std::time::Instant::now();
-                assert!(localise(&picture, &all, tone).iter().all(Result::is_ok));
+                assert!(localise(&picture, &all, tone).0.iter().all(Result::is_ok));
                 start.elapsed()
             })
             .collect();

@@ -2,7 +2,7 @@
 //!
 //! All values are normalised: 0 is black and 1 is the largest value the file can hold.
 
-use super::power_curve::{FLOOR_OCTAVES, GAMMA_FLOOR, PowerCurve, Sensitivity};
+use super::power_curve::{FLOOR_OCTAVES, GAMMA_FLOOR, PowerCurve, SRGB, Sensitivity};
 
 /// The curve `g` from light to the value written in the picture, `coded = g(linear)`.
 ///
@@ -86,6 +86,19 @@ impl Tone {
             Self::Gamma(gamma) => coded.powf(gamma),
             Self::Power(power) => power.decode_power(coded),
             _ => ((coded + SRGB_SCALE - 1.0) / SRGB_SCALE).powf(1.0 / SRGB_EXPONENT),
+        }
+    }
+
+    /// The curve of the two-parameter family that is this one; sRGB to 5e-5 of white.
+    pub(crate) fn power(&self) -> PowerCurve {
+        match *self {
+            Self::Linear => PowerCurve {
+                gamma: 1.0,
+                toe: 0.0,
+            },
+            Self::Srgb => SRGB,
+            Self::Gamma(gamma) => PowerCurve { gamma, toe: 0.0 },
+            Self::Power(power) => power,
         }
     }
 

@@ -79,8 +79,9 @@ const MIN_SAMPLES: usize = 2;
 
 /// Measures the edges along coarsely known spans.
 ///
-/// Gives, for every span in order, its samples or why there are none. A span needs about 12 pixels
-/// of length; it may leave the picture, where it just has no samples.
+/// Gives, for every span in order, its samples or why there are none; and what their profiles tell
+/// of the tone curve, which may contradict the stated one. A span needs about 12 pixels of length;
+/// it may leave the picture, where it just has no samples.
 ///
 /// # Errors
 /// Each element may be a [`NoEdge`].
@@ -89,11 +90,13 @@ pub fn localise(
     picture: &Picture,
     spans: &[EdgeSpan],
     tone: Tone,
-) -> Vec<Result<SpanEdges, NoEdge>> {
+) -> (Vec<Result<SpanEdges, NoEdge>>, ToneEstimate) {
     let mut localiser = Localiser::new(picture, tone);
-    let previews = localiser.previews(spans);
-    let measured = localiser.measure_all(spans, &previews).into_iter();
-    measured.map(|measured| Ok(measured?.edges)).collect()
+    let mut previews = localiser.previews(spans);
+    let measured = localiser.measure_all(spans, &previews);
+    let estimate = tone_fit::estimate_tone(tone.power(), &mut previews);
+    let edges = measured.into_iter().map(|measured| Ok(measured?.edges));
+    (edges.collect(), estimate)
 }
 
 /// Measures the edges along coarsely known spans of a picture whose tone curve is not known.
@@ -113,7 +116,7 @@ pub fn localise_with_unknown_tone(
 ) -> (Vec<Result<SpanEdges, NoEdge>>, ToneEstimate) {
     let mut localiser = Localiser::new(picture, Tone::Power(USUAL));
     let mut previews = localiser.previews(spans);
-    let first = tone_fit::estimate_tone(USUAL, &mut previews);
+    let first = tone_fit::estimate_tone(USUAL, &mut previews).curve;
     let measured = Localiser::new(picture, Tone::Power(first)).measure_all(spans, &previews);
     let (edges, estimate) = displacement::corrected(first, measured);
     let Some(shift_std) = estimate.shift_std else {
@@ -221,10 +224,7 @@ impl<'a> Localiser<'a> {
             return Err(NoEdge::Cramped);
         }
         let reach = plateaus::reach(&side, self.reader.curve(), &self.wide, noise, near, far);
-        let pixels = match self.tone {
-            Tone::Power(_) => self.wide_within(&side, reach),
-            _ => Vec::new(),
-        };
+        let pixels = self.wide_within(&side, reach);
         Ok(Preview {
             side,
             noise,

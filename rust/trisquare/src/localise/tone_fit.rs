@@ -89,6 +89,19 @@ impl ToneEstimate {
         self.curve.effective_gamma_std(&self.covariance)
     }
 
+    /// How far a stated curve is from this one, in standard deviations of the effective gamma; zero
+    /// where the profiles are those of no curve, and contradict none.
+    #[must_use]
+    pub fn deviations_from(&self, stated: Tone) -> f64 {
+        let stated = stated.power().effective_gamma();
+        let away = (self.curve.effective_gamma() - stated).abs() / self.effective_gamma_std();
+        if self.shift_std.is_none() && away.is_finite() {
+            away
+        } else {
+            0.0
+        }
+    }
+
     /// What is to be assumed of the picture from here on.
     #[must_use]
     pub fn picture_tone(&self) -> PictureTone {
@@ -306,10 +319,12 @@ pub(super) fn pool<'a>(
 pub(super) fn estimate_tone(
     start: PowerCurve,
     previews: &mut [Result<Preview, NoEdge>],
-) -> PowerCurve {
+) -> ToneEstimate {
     let mut power = start;
     let mut trust = Trust::Full;
-    for _ in 0..MAX_ROUNDS {
+    let mut rounds = 0;
+    loop {
+        rounds += 1;
         let tone = Tone::Power(power).curve();
         let shares: Vec<Option<ToneShare>> = previews
             .iter()
@@ -337,13 +352,16 @@ pub(super) fn estimate_tone(
         power = next;
         let deviations = step[0].powi(2) / estimate.covariance[(0, 0)];
         let settled = cut >= 1.0 && deviations < LAST_STEP * LAST_STEP;
-        match trust {
-            Trust::ByMisfit if settled => break,
-            Trust::Full if settled => trust = Trust::ByMisfit,
-            _ => {}
+        if rounds == MAX_ROUNDS || (settled && trust == Trust::ByMisfit) {
+            return ToneEstimate {
+                curve: power,
+                ..estimate
+            };
+        }
+        if settled {
+            trust = Trust::ByMisfit;
         }
     }
-    power
 }
 
 impl Side {

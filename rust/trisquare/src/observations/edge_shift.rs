@@ -350,10 +350,10 @@ mod tests {
     fn zigzag(shift: f64, lines: usize, cells: usize, noise: &mut Noise) -> Vec<GridLineSamples> {
         let line = |line: usize| {
             let count = PER_CELL * cells;
-            let contrast_sign = if line % 2 == 0 { 1.0 } else { -1.0 };
+            let contrast_sign = if line.is_multiple_of(2) { 1.0 } else { -1.0 };
             let mut point = |k: usize| {
                 let x = 200.0 * k as f64 / (count - 1) as f64;
-                let sign = if (k / PER_CELL) % 2 == 0 {
+                let sign = if (k / PER_CELL).is_multiple_of(2) {
                     contrast_sign
                 } else {
                     -contrast_sign

@@ -6,4 +6,4 @@ mod warning;
 
 pub use calibration::{Calibration, FigureResiduals, Plane, PoseUncertainty, SideResiduals};
 pub use residual_correlation::ResidualCorrelation;
-pub use warning::{Disagreement, Stage, Warning};
+pub use warning::{Disagreement, Severity, Stage, Warning};

@@ -24,7 +24,19 @@ pub enum Stage {
     Pixels,
 }
 
-/// Something a user should know of a result.
+/// How much a warning matters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Severity {
+    /// Something was left out, or an interval widened; the answer stands.
+    Low,
+    /// Something is to be looked at.
+    Medium,
+    /// The answer may be wrong beyond its stated uncertainty.
+    High,
+}
+
+/// Something a user should do something about.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
@@ -94,6 +106,35 @@ pub enum Warning {
         /// What spoke against it.
         reason: &'static str,
     },
+    /// The pixels of the camera do not come out as squares.
+    #[error(
+        "fy / fx is {ratio:.4} +- {std:.4}, but nearly every camera's pixels are square: are the \
+         targets rectangles, or was the picture stretched?{}",
+        held_focal("aspect", *.held)
+    )]
+    PixelsNotSquare {
+        /// `fy / fx`.
+        ratio: f64,
+        /// One standard deviation of it.
+        std: f64,
+        /// `fx` with the aspect ratio held, pixels; `None` where that has no answer.
+        held: Option<f64>,
+    },
+    /// The principal point comes out far from the centre of the picture.
+    #[error(
+        "the principal point is {distance:.0} +- {std:.0} px from the centre of the picture, \
+         farther than nearly every camera's: was the picture cropped, or are the targets no \
+         squares?{}",
+        held_focal("principal_point", *.held)
+    )]
+    PrincipalPointOffCentre {
+        /// From the principal point to the centre of the picture, pixels.
+        distance: f64,
+        /// One standard deviation of it.
+        std: f64,
+        /// `fx` with the principal point held, pixels; `None` where that has no answer.
+        held: Option<f64>,
+    },
     /// Something lies over a part of one side, which is not used there.
     #[error(
         "plane {plane}: {:.0} % of side {side}{} is left out: something lies over it (a finger, \
@@ -110,4 +151,57 @@ pub enum Warning {
         /// Part of the side's length that is left out.
         part: f64,
     },
+}
+
+/// What the focal length is where something is held.
+fn held_focal(fixed: &str, held: Option<f64>) -> String {
+    held.map_or_else(String::new, |fx| {
+        format!(" With fix={fixed:?} fx is {fx:.1}")
+    })
+}
+
+impl Warning {
+    /// A name that programs may rely on.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Disagreement(_) => "plane_disagrees",
+            Self::SideSetAside { .. } => "side_rejected",
+            Self::PlaneSetAside { .. } => "plane_rejected",
+            Self::PlanesContradict { .. } => "planes_contradict",
+            Self::SidesErrTogether { .. } => "correlated_residuals",
+            Self::PixelsNotUsed { .. } => "pixels_not_used",
+            Self::PixelsNotSquare { .. } => "pixels_not_square",
+            Self::PrincipalPointOffCentre { .. } => "principal_point_off_centre",
+            Self::PartlyHidden { .. } => "side_partly_hidden",
+        }
+    }
+
+    /// How much it matters.
+    #[must_use]
+    pub fn severity(&self) -> Severity {
+        match self {
+            Self::PlanesContradict { .. } | Self::PixelsNotSquare { .. } => Severity::High,
+            Self::Disagreement(_)
+            | Self::SideSetAside { .. }
+            | Self::PlaneSetAside { .. }
+            | Self::PrincipalPointOffCentre { .. } => Severity::Medium,
+            Self::SidesErrTogether { .. }
+            | Self::PixelsNotUsed { .. }
+            | Self::PartlyHidden { .. } => Severity::Low,
+        }
+    }
+
+    /// The plane that it is about, if it is about one.
+    #[must_use]
+    pub fn plane(&self) -> Option<usize> {
+        match self {
+            Self::Disagreement(found) => Some(found.plane),
+            Self::SideSetAside { plane, .. }
+            | Self::PlaneSetAside { plane, .. }
+            | Self::SidesErrTogether { plane, .. }
+            | Self::PartlyHidden { plane, .. } => Some(*plane),
+            _ => None,
+        }
+    }
 }

@@ -32,6 +32,10 @@ pub(crate) struct Correlated {
     pub residual_correlation: ResidualCorrelation,
 }
 
+/// Below this factor on the standard deviations there is nothing to do about sides that err
+/// together: the diagnosis names them.
+const NOTABLE_FACTOR: f64 = 2.0;
+
 impl ResidualCorrelation {
     /// By how much the standard deviation of each parameter of a covariance was raised.
     fn factors(&self, covariance: &DMatrix<f64>) -> Vec<f64> {
@@ -60,7 +64,7 @@ impl ResidualCorrelation {
         }
         let most = |a: &usize, b: &usize| self.displacements[*a].total_cmp(&self.displacements[*b]);
         let plane = (0..self.displacements.len()).rev().max_by(most);
-        if let Some(plane) = plane.filter(|_| self.is_likely()) {
+        if let Some(plane) = plane.filter(|_| self.is_likely() && factors[worst] > NOTABLE_FACTOR) {
             warnings.push(Warning::SidesErrTogether {
                 plane,
                 displacement: self.displacements[plane],

@@ -246,6 +246,7 @@ pub fn offsets(shape: &Shape, edges: &[SpanEdges]) -> Vec<Vec<(f64, f64)>> {
 
 pub fn measured(picture: &Picture, spans: &[EdgeSpan], tone: Tone) -> Vec<SpanEdges> {
     localise(picture, spans, tone)
+        .0
         .into_iter()
         .collect::<Result<_, _>>()
         .unwrap()

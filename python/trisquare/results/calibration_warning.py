@@ -1,0 +1,106 @@
+"""What a user should do something about before relying on a result."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from trisquare._support.arrays import index_number, string
+from trisquare._support.json_members import JsonFields
+from trisquare._support.records import Kind
+from trisquare._support.suggestions import unknown
+
+SEVERITIES = ("high", "medium", "low")
+"""In the order in which warnings are told."""
+
+
+class CalibrationWarning(str):
+    """A warning: its text, with a code that programs may rely on.
+
+    Parameters
+    ----------
+    text : str
+        What is wrong, what it does to the result, and what helps.
+    code : str
+        A name of what is wrong, the same in all versions; see the page of warnings.
+    severity : {"high", "medium", "low"}
+        ``"high"``: the answer may be wrong beyond its uncertainty; ``"medium"``: something is to
+        be looked at; ``"low"``: something was left out or an interval widened.
+    plane : int, optional
+        The plane that it is about.
+    """
+
+    code: str
+    severity: str
+    plane: int | None
+
+    def __new__(
+        cls, text: str, code: str = "other", severity: str = "medium", plane: int | None = None
+    ) -> CalibrationWarning:
+        """Check the parts.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a part is of another class, or the severity is none.
+        """
+        if severity not in SEVERITIES:
+            raise unknown("severity", str(severity), SEVERITIES)
+        self = super().__new__(cls, string(text, "text"))
+        self.code = string(code, "code")
+        self.severity = severity
+        self.plane = None if plane is None else index_number(plane, "plane")
+        return self
+
+    def __getnewargs__(self) -> tuple[str, str, str, int | None]:  # type: ignore[override]
+        return self.text, self.code, self.severity, self.plane
+
+    @property
+    def text(self) -> str:
+        """The warning without its code."""
+        return str(self)
+
+
+def by_severity(warnings: Iterable[CalibrationWarning]) -> list[CalibrationWarning]:
+    """Return warnings with the most severe first."""
+    return sorted(warnings, key=lambda warning: SEVERITIES.index(warning.severity))
+
+
+def _checked(values: Any, name: str) -> tuple[CalibrationWarning, ...]:
+    if isinstance(values, str):
+        raise TypeError(f"{name} must be a sequence of warnings, not one str")
+    return tuple(
+        value if isinstance(value, CalibrationWarning) else CalibrationWarning(string(value, name))
+        for value in values
+    )
+
+
+def _read(members: JsonFields, key: str) -> tuple[CalibrationWarning, ...]:
+    """Read warnings; results of versions before the codes have texts alone."""
+    given = members.value(key)
+    if isinstance(given, list) and all(isinstance(value, str) for value in given):
+        return tuple(CalibrationWarning(text) for text in members.texts(key))
+    return tuple(
+        CalibrationWarning(
+            own.text("text"),
+            own.text("code"),
+            own.text("severity"),
+            own.integer("plane") if own.has("plane") else None,
+        )
+        for own in members.objects(key)
+    )
+
+
+def _written(warnings: tuple[CalibrationWarning, ...]) -> list[dict[str, Any]]:
+    return [
+        {
+            "code": warning.code,
+            "severity": warning.severity,
+            **({} if warning.plane is None else {"plane": warning.plane}),
+            "text": warning.text,
+        }
+        for warning in warnings
+    ]
+
+
+WARNINGS = Kind(_checked, _read, _written)

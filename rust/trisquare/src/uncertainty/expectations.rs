@@ -1,0 +1,80 @@
+//! What nearly every camera is like: square pixels, and a principal point near the centre.
+//!
+//! Targets that are no squares, a stretched or a cropped picture give an answer that fits as well
+//! as a true one. Only what is known of cameras tells it.
+
+use nalgebra::Vector2;
+
+use crate::lens::Lens;
+use crate::observations::Fixed;
+use crate::result::{Calibration, Warning};
+
+/// Pixels are square to this part, and principal points central to this part of the width.
+const ASPECT_TOLERANCE: f64 = 0.005;
+const CENTRE_TOLERANCE: f64 = 0.05;
+/// Standard deviations from which a departure is no chance.
+const EVIDENT: f64 = 5.0;
+
+/// Warns of a camera that is unlike nearly all others.
+///
+/// `held` gives `fx` where more is held than was: what is usual of cameras.
+pub(crate) fn unlikely_camera<L: Lens>(
+    found: &Calibration<L>,
+    fixed: Fixed,
+    held: impl Fn(Fixed) -> Option<f64>,
+) -> Vec<Warning> {
+    let mut warnings = Vec::new();
+    if let Some((ratio, std)) = aspect(found)
+        && (ratio - 1.0).abs() > ASPECT_TOLERANCE.max(EVIDENT * std)
+    {
+        let held = held(Fixed {
+            aspect: true,
+            ..fixed
+        });
+        warnings.push(Warning::PixelsNotSquare { ratio, std, held });
+    }
+    if let Some((distance, std)) = off_centre(found)
+        && distance > (CENTRE_TOLERANCE * found.image_size.width as f64).max(EVIDENT * std)
+    {
+        let held = held(Fixed {
+            principal_point: true,
+            ..fixed
+        });
+        warnings.push(Warning::PrincipalPointOffCentre {
+            distance,
+            std,
+            held,
+        });
+    }
+    warnings
+}
+
+/// The ratio `fy / fx` and its standard deviation, if it is free.
+fn aspect<L: Lens>(found: &Calibration<L>) -> Option<(f64, f64)> {
+    let [x, y] = [found.place("fx")?, found.place("fy")?];
+    let focal = found.camera.focal();
+    let by = Vector2::new(-focal.y / focal.x, 1.0) / focal.x;
+    Some((focal.y / focal.x, found.deviation([x, y], by)))
+}
+
+/// The distance of the principal point from the centre and its standard deviation, if it is free.
+fn off_centre<L: Lens>(found: &Calibration<L>) -> Option<(f64, f64)> {
+    let [x, y] = [found.place("cx")?, found.place("cy")?];
+    let away = found.camera.principal_point() - found.image_size.centre();
+    let by = away.try_normalize(f64::MIN_POSITIVE)?;
+    Some((away.norm(), found.deviation([x, y], by)))
+}
+
+impl<L: Lens> Calibration<L> {
+    fn place(&self, name: &str) -> Option<usize> {
+        self.parameters.iter().position(|own| *own == name)
+    }
+
+    /// The standard deviation of a function of two parameters with these derivatives.
+    fn deviation(&self, [i, j]: [usize; 2], by: Vector2<f64>) -> f64 {
+        let c = &self.covariance;
+        let variance =
+            by.x * by.x * c[(i, i)] + 2.0 * by.x * by.y * c[(i, j)] + by.y * by.y * c[(j, j)];
+        variance.max(0.0).sqrt()
+    }
+}
