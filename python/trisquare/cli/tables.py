@@ -20,7 +20,7 @@ MOST_WARNINGS = 5
 """Warnings that are shown unless all are asked for: they are to be read."""
 
 
-def calibration_report(calibration: Calibration, *, verbose: bool) -> list[RenderableType]:
+def calibration_report(calibration: Calibration, *, verbose: bool = False) -> list[RenderableType]:
     """Lay out the parameters, the planes and the warnings; if `verbose`, all of these."""
     parameters = new_table("parameter", right=("value", "std"))
     for texts in parameter_texts(calibration):

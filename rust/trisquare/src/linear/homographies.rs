@@ -110,6 +110,16 @@ impl Homographies {
         Ok(Self { figures, witnesses })
     }
 
+    /// Those of several sets of planes, one after the other.
+    pub fn joined<'a>(sets: impl Iterator<Item = &'a Self>) -> Self {
+        let (mut figures, mut witnesses) = (Vec::new(), Vec::new());
+        for set in sets {
+            figures.extend(set.figures.iter().cloned());
+            witnesses.extend(&set.witnesses);
+        }
+        Self { figures, witnesses }
+    }
+
     /// The first figure's homography of every plane.
     pub fn of_planes(&self) -> Vec<Matrix3<f64>> {
         self.figures.iter().map(|figures| figures[0]).collect()

@@ -2,13 +2,15 @@
 //!
 //! Where all candidates agree in one joint fit, all are kept, and nothing more is done. Otherwise
 //! cameras are hypothesised (every plausible focal length with the principal point at the image
-//! centre), each is moved to where it explains most, and the one with the most evidence is taken.
-//! Of its squares the largest set is kept that a joint fit finds to agree.
+//! centre; and from pairs and triples of candidates, whatever camera they ask for), each is moved
+//! to where it explains most, and the one with the most evidence is taken. Its squares go through
+//! the joint fit, which drops what does not agree and takes back what does.
 
+use super::candidates::Pool;
 use super::inliers::{Inliers, LEAST_CANDIDATES, STICKS_OUT};
 use super::joint_fit::Fit;
 use super::propose::propose;
-use super::straightness::straightened;
+use super::straightness::Straightness;
 use super::verdict::{Choice, LEAST_BOARDS, Verdict, doubt_of_boards, doubt_of_choice};
 use crate::error::Error;
 use crate::image_size::ImageSize;
@@ -50,49 +52,56 @@ pub fn choose<L: Lens>(
         ..*options
     };
     let problem = JointProblem::new(size, &options);
-    let (undistortion, bent) = straightened(&subsampled, &problem);
-    let inliers = Inliers::new(&problem, &subsampled, undistortion, bent);
-    if inliers.all_agree() {
+    let Straightness { undistortion, bent } = Straightness::of(&subsampled, &problem);
+    let chooser = Chooser(Inliers {
+        problem: &problem,
+        planes: &subsampled,
+        pool: &Pool::of(&subsampled, undistortion, size),
+        bent,
+    });
+    if chooser.all_agree() {
         return Ok(Choice::of_all(&subsampled));
     }
-    if let Some(choice) = inliers.beside_boards() {
+    if let Some(choice) = chooser.beside_boards() {
         return Ok(choice);
     }
-    let found = inliers.choice();
+    let found = chooser.choice();
     Ok(found
-        .filter(|choice| !inliers.is_outlier_anyway(choice))
+        .filter(|choice| !chooser.is_outlier_anyway(choice))
         .unwrap_or_else(|| Choice::of_all(&subsampled)))
 }
 
-impl<L: Lens> Inliers<'_, L> {
+struct Chooser<'a, L: Lens>(Inliers<'a, L>);
+
+impl<L: Lens> Chooser<'_, L> {
     /// Whether the one plane that a choice drops is found false, or bent on one side, by the fit of
     /// all planes as well: that one names it, and may keep its other sides.
     fn is_outlier_anyway(&self, choice: &Choice) -> bool {
-        let mut dropped = (0..self.planes.len()).filter(|i| !choice.verdicts[*i].kept);
+        let mut dropped = (0..self.0.planes.len()).filter(|i| !choice.verdicts[*i].kept);
         let (Some(one), None, None) = (dropped.next(), dropped.next(), choice.doubt) else {
             return false;
         };
-        reject_outliers(self.problem, self.planes)
+        reject_outliers(self.0.problem, self.0.planes)
             .is_ok_and(|(solution, _)| solution.planes[one].sides().any(|side| side.is_outlier))
     }
 
     fn all_agree(&self) -> bool {
-        let all: Vec<usize> = (0..self.planes.len()).collect();
-        let refined = self.problem.optimum(self.planes);
-        refined.is_ok_and(|refined| self.agrees(&self.judged(&all, self.planes, refined)))
+        let all: Vec<usize> = (0..self.0.planes.len()).collect();
+        let refined = self.0.problem.optimum(self.0.planes);
+        refined.is_ok_and(|refined| self.0.agrees(&self.0.judged(&all, self.0.planes, refined)))
     }
 
     /// What agrees with boards as well as these among themselves, where they show the camera alone:
     /// a board is no chance find, and its paper need not be as flat as its noise is small.
     fn beside_boards(&self) -> Option<Choice> {
-        let is_board = |i: &usize| self.planes[*i].figures.iter().any(has_grid);
-        let boards: Vec<usize> = (0..self.planes.len()).filter(is_board).collect();
-        let planes: Vec<_> = boards.iter().map(|i| self.planes[*i].clone()).collect();
+        let is_board = |i: &usize| self.0.planes[*i].figures.iter().any(has_grid);
+        let boards: Vec<usize> = (0..self.0.planes.len()).filter(is_board).collect();
+        let planes: Vec<_> = boards.iter().map(|i| self.0.planes[*i].clone()).collect();
         if boards.len() < LEAST_BOARDS {
             return None;
         }
-        let refined = self.problem.optimum(&planes).ok()?;
-        if self.problem.ill_conditioning(&planes, &refined).is_some() {
+        let refined = self.0.problem.optimum(&planes).ok()?;
+        if self.0.problem.ill_conditioning(&planes, &refined).is_some() {
             return None;
         }
         let of_board = |own: &Vec<Residual>| root_mean_square(own.iter());
@@ -112,28 +121,32 @@ impl<L: Lens> Inliers<'_, L> {
                 residual: residual.filter(|_| !kept),
             }
         };
-        let verdicts: Vec<Verdict> = self.planes.iter().enumerate().map(verdict).collect();
-        let rejected = (0..self.planes.len()).filter(|i| !verdicts[*i].kept);
+        let verdicts: Vec<Verdict> = self.0.planes.iter().enumerate().map(verdict).collect();
+        let rejected = (0..self.0.planes.len()).filter(|i| !verdicts[*i].kept);
         Some(Choice {
-            doubt: doubt_of_boards(self, &rejected.collect::<Vec<_>>()),
+            doubt: doubt_of_boards(&self.0, &rejected.collect::<Vec<_>>()),
             verdicts,
         })
     }
 
     fn choice(&self) -> Option<Choice> {
-        let hypotheses = propose(self.problem, &self.candidates);
+        let inliers = &self.0;
+        let hypotheses = propose(inliers.problem, inliers.pool);
         let best = hypotheses.first()?;
-        let mut fits = self.fits(&hypotheses);
-        let order = |fit: &Fit<L>| (self.agrees(fit), self.worth(fit));
+        let mut fits = inliers.fits(&hypotheses);
+        if !fits.iter().any(|fit| inliers.agrees(fit)) {
+            fits.extend(inliers.fits_without_one_of_all(&hypotheses));
+        }
+        let order = |fit: &Fit<L>| (inliers.agrees(fit), inliers.worth(fit));
         fits.sort_by(|a, b| {
             let ((a_agrees, a), (b_agrees, b)) = (order(a), order(b));
             b_agrees.cmp(&a_agrees).then(b.total_cmp(&a))
         });
         let mut fits = fits.into_iter();
-        let chosen = fits.next().map(|fit| self.completed(fit));
+        let chosen = fits.next().map(|fit| inliers.completed(fit));
         let (members, lens) = match &chosen {
             Some(fit) => (fit.members.clone(), Some(fit.refined.view.lens)),
-            None => (self.squares(best), None),
+            None => (inliers.pool.squares(best), None),
         };
         let verdict = |(i, plane): (usize, &ObservedPlane)| {
             let kept = members.contains(&i);
@@ -145,8 +158,8 @@ impl<L: Lens> Inliers<'_, L> {
             }
         };
         Some(Choice {
-            verdicts: self.planes.iter().enumerate().map(verdict).collect(),
-            doubt: chosen.and_then(|fit| doubt_of_choice(self, best, &fit, fits.collect())),
+            verdicts: self.0.planes.iter().enumerate().map(verdict).collect(),
+            doubt: chosen.and_then(|fit| doubt_of_choice(inliers, best, &fit, fits.collect())),
         })
     }
 
@@ -160,7 +173,7 @@ impl<L: Lens> Inliers<'_, L> {
                 distortion: true,
             },
             initial: Some(*lens),
-            ..*self.problem.options
+            ..*self.0.problem.options
         };
         let one = std::slice::from_ref(plane);
         let known = Undistortion::Known(*lens);
@@ -171,7 +184,7 @@ impl<L: Lens> Inliers<'_, L> {
             &homographies,
             one,
             &known,
-            self.problem.size,
+            self.0.problem.size,
             &options,
         );
         let found = search(one, &options.free_parameters(), start.ok()?)?;

@@ -91,23 +91,37 @@ impl Hypothesis {
 
     /// What the camera explains once it has moved to where it explains it best; `None` where it
     /// cannot be told.
-    pub fn converged(candidates: &[Candidate], prior: &Prior, start: Pinhole) -> Option<Self> {
+    ///
+    /// `doubt` holds the standard deviations of the first guess.
+    pub fn converged(
+        candidates: &[Candidate],
+        prior: &Prior,
+        start: Pinhole,
+        doubt: &Pinhole,
+    ) -> Option<Self> {
         let mut camera = start;
+        let mut covariance = Matrix4::from_diagonal(&doubt.component_mul(doubt));
         let mut best: Option<Self> = None;
         for _ in 0..MAX_STEPS {
             let seen: Vec<Option<Deviation>> =
                 candidates.iter().map(|c| c.deviation(&camera)).collect();
-            let gain = |one: &Option<Deviation>| one.as_ref().map(best_gain);
-            let gains: Vec<Option<(Shape, f64)>> = seen.iter().map(gain).collect();
+            let shapes: Vec<Shape> = seen
+                .iter()
+                .map(|seen| {
+                    seen.as_ref()
+                        .map_or(Shape::Other, |d| shape(d, &covariance))
+                })
+                .collect();
             let mut information = prior.information(&camera);
             let mut pull = information * (camera - prior.mean);
-            for (deviation, gain) in seen.iter().zip(&gains) {
-                if let (Some(deviation), Some((shape, _))) = (deviation, gain) {
+            for (deviation, shape) in seen.iter().zip(&shapes) {
+                if let Some(deviation) = deviation {
                     add(deviation, *shape, &mut information, &mut pull);
                 }
             }
             let factor = information.cholesky()?;
-            let here = Self::at(&seen, &gains, prior, camera, factor.inverse());
+            covariance = factor.inverse();
+            let here = Self::at(&seen, prior, camera, covariance);
             if best.as_ref().is_none_or(|b| here.evidence > b.evidence) {
                 best = Some(here);
             }
@@ -124,17 +138,19 @@ impl Hypothesis {
     /// The hypothesis by a camera of known covariance.
     fn at(
         seen: &[Option<Deviation>],
-        gains: &[Option<(Shape, f64)>],
         prior: &Prior,
         camera: Pinhole,
         covariance: Matrix4<f64>,
     ) -> Self {
         let volume = covariance.determinant().max(f64::MIN_POSITIVE).ln();
         let mut evidence = 0.5 * volume - prior.log_volume() - prior.cost(&camera);
-        let gains = gains.iter().enumerate();
-        let mut gains: Vec<(usize, Shape, f64)> = gains
-            .filter_map(|(i, gain)| gain.map(|(shape, gain)| (i, shape, gain)))
-            .collect();
+        let mut gains: Vec<(usize, Shape, f64)> = Vec::new();
+        for (i, deviation) in seen.iter().enumerate() {
+            if let Some(deviation) = deviation {
+                let (shape, gain) = best_gain(deviation, &nalgebra::Matrix2::zeros());
+                gains.push((i, shape, gain));
+            }
+        }
         gains.sort_by(|a, b| b.2.total_cmp(&a.2));
         let mut shapes = vec![Shape::Other; seen.len()];
         let mut counted: Vec<[Vector3<f64>; 2]> = Vec::new();
@@ -156,9 +172,19 @@ impl Hypothesis {
     }
 }
 
+/// What a deviation shows, for a camera that is itself uncertain.
+fn shape(deviation: &Deviation, covariance: &Matrix4<f64>) -> Shape {
+    let wrt_camera = &deviation.wrt_camera;
+    best_gain(
+        deviation,
+        &(wrt_camera * covariance * wrt_camera.transpose()),
+    )
+    .0
+}
+
 /// The likeliest shape, and the logarithm of how much likelier than chance it makes a deviation.
-fn best_gain(deviation: &Deviation) -> (Shape, f64) {
-    let covariance = deviation.covariance;
+fn best_gain(deviation: &Deviation, further: &nalgebra::Matrix2<f64>) -> (Shape, f64) {
+    let covariance = deviation.covariance + further;
     let value = deviation.value;
     let [squares, rectangles, others] = SHARES;
     let tau = std::f64::consts::TAU;

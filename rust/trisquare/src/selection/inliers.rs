@@ -6,12 +6,13 @@
 
 use nalgebra::Vector3;
 
+use super::candidates::Pool;
 use super::hypothesis::{Hypothesis, alike, squared_deviation};
 use super::joint_fit::Fit;
-use super::propose::{matrix_of, pinhole, prior, triples};
-use super::squareness::{Candidate, Pinhole};
+use super::propose::{FOCAL_DOUBT, matrix_of, pinhole, prior, propose, triples};
+use super::squareness::Pinhole;
 use crate::lens::Lens;
-use crate::linear::{Homographies, Undistortion, first_view};
+use crate::linear::first_view;
 use crate::noise::{Misfit, Noise};
 use crate::observations::{ObservedPlane, PlaneState};
 use crate::refine::{Refined, search};
@@ -44,6 +45,9 @@ const MAX_FITTED: usize = 32;
 /// One in so many of the planes that do not agree goes, where none sticks out among many.
 const PART_DROPPED: usize = 8;
 
+/// Squares that are in all hypotheses, and left out in turn where no joint fit agrees.
+const MAX_SHARED: usize = 3;
+
 /// By how much less evidence than the best a hypothesis may have that is followed up.
 const CONSIDERED: f64 = 8.0;
 
@@ -51,47 +55,17 @@ const CONSIDERED: f64 = 8.0;
 const SQUARE_EVIDENCE: f64 = 5.0;
 
 /// What agrees is sought among these planes.
+#[derive(Clone, Copy)]
 pub(crate) struct Inliers<'a, L: Lens> {
     pub problem: &'a JointProblem<'a, L>,
     pub planes: &'a [ObservedPlane],
-    undistortion: Undistortion<L>,
-    /// The planes that have homographies, ascending.
-    places: Vec<usize>,
-    /// What the first figure of each of them shows.
-    pub candidates: Vec<Candidate>,
+    pub pool: &'a Pool<L>,
     /// Mean square curvature of the sides where they are as straight as a lens can make them, in
     /// units of their noise; at least 1.
-    bent: f64,
+    pub bent: f64,
 }
 
-impl<'a, L: Lens> Inliers<'a, L> {
-    pub fn new(
-        problem: &'a JointProblem<'a, L>,
-        planes: &'a [ObservedPlane],
-        undistortion: Undistortion<L>,
-        bent: f64,
-    ) -> Self {
-        let candidate = |(i, plane): (usize, &ObservedPlane)| {
-            let candidate = Candidate::of(plane, &undistortion, problem.size)?;
-            let homographies = Homographies::estimate(std::slice::from_ref(plane), &undistortion);
-            homographies.is_ok().then_some((i, candidate))
-        };
-        let (places, candidates) = planes.iter().enumerate().filter_map(candidate).unzip();
-        Self {
-            problem,
-            planes,
-            undistortion,
-            places,
-            candidates,
-            bent,
-        }
-    }
-
-    /// The planes that a hypothesis takes for squares.
-    pub fn squares(&self, hypothesis: &Hypothesis) -> Vec<usize> {
-        hypothesis.squares().map(|i| self.places[i]).collect()
-    }
-
+impl<L: Lens> Inliers<'_, L> {
     /// Whether the planes of a joint fit agree: all of them together and, where they are so many
     /// that one false one would be lost among them, each by itself.
     pub fn agrees(&self, fit: &Fit<L>) -> bool {
@@ -119,12 +93,11 @@ impl<'a, L: Lens> Inliers<'a, L> {
         } = self.problem;
         check_plane_count(members.len(), free).ok()?;
         let planes: Vec<_> = members.iter().map(|i| self.planes[*i].clone()).collect();
-        let undistortion = &self.undistortion;
         let view = first_view(
             &matrix_of(start, self.problem.size),
-            &Homographies::estimate(&planes, undistortion).ok()?,
+            &self.pool.homographies_of(members),
             &planes,
-            undistortion,
+            &self.pool.undistortion,
             *size,
             options,
         );
@@ -172,9 +145,34 @@ impl<'a, L: Lens> Inliers<'a, L> {
         fits
     }
 
+    /// The joint fits that agree once a square is left out which is in all hypotheses: one that
+    /// is known so well as a board is in any, also where another camera saw it.
+    pub fn fits_without_one_of_all(&self, found: &[Hypothesis]) -> Vec<Fit<L>> {
+        let in_all = |plane: &usize| {
+            let mut sets = found.iter().map(|one| self.pool.squares(one));
+            sets.all(|squares| squares.contains(plane))
+        };
+        let places = self.pool.places.iter().copied();
+        let shared = places.filter(in_all).take(MAX_SHARED);
+        let mut fits = Vec::new();
+        for plane in shared {
+            let others = self.pool.without(plane);
+            let hypotheses = propose(self.problem, &others);
+            fits.extend(
+                Inliers {
+                    pool: &others,
+                    ..*self
+                }
+                .fits(&hypotheses),
+            );
+        }
+        fits.retain(|fit| self.agrees(fit));
+        fits
+    }
+
     /// The joint fits that a hypothesis leads to: of its squares, or of those that agree.
     fn add_fits(&self, hypothesis: &Hypothesis, fits: &mut Vec<Fit<L>>) {
-        let squares = self.most_telling(self.squares(hypothesis), hypothesis);
+        let squares = self.most_telling(self.pool.squares(hypothesis), hypothesis);
         let start = &hypothesis.camera;
         let mut keep = |fit: Fit<L>| {
             let known = |members: &[usize]| {
@@ -222,7 +220,7 @@ impl<'a, L: Lens> Inliers<'a, L> {
             .squares()
             .zip(squares)
             .filter_map(|(index, place)| {
-                let deviation = self.candidates[index].deviation(&hypothesis.camera)?;
+                let deviation = self.pool.candidates[index].deviation(&hypothesis.camera)?;
                 Some((
                     deviation.covariance.determinant(),
                     deviation.directions,
@@ -275,9 +273,10 @@ impl<'a, L: Lens> Inliers<'a, L> {
     /// Takes back what agrees in the joint fit, the most promising first.
     fn with_others(&self, mut fit: Fit<L>, hypothesis: &Hypothesis) -> Fit<L> {
         let mut others: Vec<(f64, usize)> = self
+            .pool
             .candidates
             .iter()
-            .zip(&self.places)
+            .zip(&self.pool.places)
             .filter(|(_, place)| !fit.members.contains(place))
             .filter_map(|(c, place)| Some((squared_deviation(c, hypothesis)?, *place)))
             .filter(|(square, _)| *square < WORTH_A_TRIAL)
@@ -300,19 +299,21 @@ impl<'a, L: Lens> Inliers<'a, L> {
     /// A joint fit with all that agrees, where there are too many to be tried one by one: all at
     /// once, and then without those that stick out.
     pub fn completed(&self, fit: Fit<L>) -> Fit<L> {
-        if self.places.len() <= MAX_FITTED {
+        if self.pool.places.len() <= MAX_FITTED {
             return fit;
         }
         let prior = prior(self.problem);
-        let all = &self.candidates;
-        let Some(hypothesis) = Hypothesis::converged(all, &prior, fit.camera) else {
+        let mut doubt = prior.std;
+        doubt[0] = doubt[0].min(FOCAL_DOUBT);
+        let all = &self.pool.candidates;
+        let Some(hypothesis) = Hypothesis::converged(all, &prior, fit.camera, &doubt) else {
             return fit;
         };
         let own = Hypothesis {
             camera: fit.camera,
             ..hypothesis
         };
-        let of_all = all.iter().zip(&self.places);
+        let of_all = all.iter().zip(&self.pool.places);
         let promising = of_all.filter(|(candidate, place)| {
             let square = squared_deviation(candidate, &own);
             fit.members.contains(place) || square.is_some_and(|square| square < WORTH_A_TRIAL)

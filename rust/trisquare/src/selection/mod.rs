@@ -1,5 +1,6 @@
 //! Which candidates are squares that one camera sees.
 
+mod candidates;
 mod choose;
 mod hypothesis;
 mod inliers;

@@ -3,16 +3,22 @@
 
 use nalgebra::Matrix3;
 
+use super::candidates::Pool;
 use super::hypothesis::{Hypothesis, Prior};
 use super::squareness::{Candidate, Pinhole};
+use crate::geometry::camera_matrix;
 use crate::image_size::ImageSize;
 use crate::lens::Lens;
+use crate::linear::Homographies;
 use crate::observations::Options;
 use crate::solver::JointProblem;
 
 /// Focal lengths tried, over half the image diagonal, and how many: neighbours differ by 8 %.
 const FOCAL_LENGTHS: (f64, f64) = (0.4, 18.0);
 const FOCAL_STEPS: usize = 48;
+
+/// Pairs and triples of candidates that are asked for their camera.
+const MAX_SUBSETS: usize = 160;
 
 /// Of more candidates, only so many are combined.
 const MAX_COMBINED: usize = 24;
@@ -34,6 +40,9 @@ const ORDINARY_FOCAL: f64 = 0.6;
 
 /// Standard deviation of a parameter that is held.
 const HELD: f64 = 1e-6;
+
+/// Doubt about the logarithm of a hypothesised focal length.
+pub(crate) const FOCAL_DOUBT: f64 = 0.04;
 
 /// What is known of the camera beforehand.
 pub(crate) fn prior<L: Lens>(problem: &JointProblem<'_, L>) -> Prior {
@@ -60,14 +69,14 @@ pub(crate) fn prior<L: Lens>(problem: &JointProblem<'_, L>) -> Prior {
 }
 
 /// All that cameras make of the candidates, from the most evidence to the least.
-pub(crate) fn propose<L: Lens>(
-    problem: &JointProblem<'_, L>,
-    all: &[Candidate],
-) -> Vec<Hypothesis> {
+pub(crate) fn propose<L: Lens>(problem: &JointProblem<'_, L>, pool: &Pool<L>) -> Vec<Hypothesis> {
     let prior = prior(problem);
-    let starts = candidate_cameras(problem.options.fixed.focal, &prior);
+    let mut doubt = prior.std;
+    doubt[0] = doubt[0].min(FOCAL_DOUBT);
+    let all = &pool.candidates;
+    let starts = candidate_cameras(problem, pool, &prior);
     let explained = |candidates: &[Candidate], starts: Vec<Pinhole>| {
-        let converged = |start| Hypothesis::converged(candidates, &prior, start);
+        let converged = |start| Hypothesis::converged(candidates, &prior, start, &doubt);
         best_different(starts.into_iter().filter_map(converged).collect())
     };
     if all.len() <= MAX_WEIGHED {
@@ -97,10 +106,15 @@ fn best_different(mut found: Vec<Hypothesis>) -> Vec<Hypothesis> {
     different
 }
 
-/// Cameras that may explain candidates: every plausible focal length.
-fn candidate_cameras(focal_is_fixed: bool, prior: &Prior) -> Vec<Pinhole> {
+/// Cameras that may explain candidates: every plausible focal length, and what pairs and triples of
+/// candidates ask for.
+fn candidate_cameras<L: Lens>(
+    problem: &JointProblem<'_, L>,
+    pool: &Pool<L>,
+    prior: &Prior,
+) -> Vec<Pinhole> {
     let mut cameras = vec![prior.mean];
-    if focal_is_fixed {
+    if problem.options.fixed.focal {
         return cameras;
     }
     let (shortest, longest) = (FOCAL_LENGTHS.0.ln(), FOCAL_LENGTHS.1.ln());
@@ -108,6 +122,18 @@ fn candidate_cameras(focal_is_fixed: bool, prior: &Prior) -> Vec<Pinhole> {
         let mut camera = prior.mean;
         camera[0] = shortest + (longest - shortest) * i as f64 / (FOCAL_STEPS - 1) as f64;
         cameras.push(camera);
+    }
+    let planes = pool.homographies.iter();
+    let homographies: Vec<_> = planes.flat_map(Homographies::of_planes).collect();
+    let known = problem.options.known_intrinsics(&problem.size);
+    for subset in subsets(homographies.len()) {
+        let own: Vec<Matrix3<f64>> = subset.iter().map(|i| homographies[*i]).collect();
+        if let Ok(matrix) = camera_matrix(&own, &known) {
+            let camera = pinhole(&matrix, problem.size);
+            if camera.iter().all(|v| v.is_finite()) && camera[0] < FOCAL_LENGTHS.1.ln() {
+                cameras.push(camera);
+            }
+        }
     }
     cameras
 }
@@ -129,6 +155,22 @@ pub(crate) fn matrix_of(camera: &Pinhole, size: ImageSize) -> Matrix3<f64> {
     let fx = camera[0].exp() * unit;
     let (cx, cy) = (centre.x + camera[2] * unit, centre.y + camera[3] * unit);
     Matrix3::new(fx, 0.0, cx, 0.0, fx * camera[1].exp(), cy, 0.0, 0.0, 1.0)
+}
+
+/// Pairs and triples of so many things, evenly chosen.
+fn subsets(count: usize) -> Vec<Vec<usize>> {
+    let things: Vec<usize> = (0..count)
+        .step_by(count.div_ceil(MAX_COMBINED).max(1))
+        .collect();
+    let mut all = Vec::new();
+    for (i, a) in things.iter().enumerate() {
+        for (j, b) in things.iter().enumerate().skip(i + 1) {
+            all.push(vec![*a, *b]);
+            all.extend(things[j + 1..].iter().map(|c| vec![*a, *b, *c]));
+        }
+    }
+    let step = all.len().div_ceil(MAX_SUBSETS).max(1);
+    all.into_iter().step_by(step).collect()
 }
 
 /// Triples of some things, evenly chosen where there are more.

@@ -8,6 +8,7 @@
 
 use nalgebra::{Matrix2, Matrix2x4, SMatrix, SVector, Vector2, Vector3, Vector4};
 
+use crate::error::Error;
 use crate::geometry::Line;
 use crate::image_size::ImageSize;
 use crate::lens::Lens;
@@ -18,8 +19,15 @@ use crate::observations::ObservedPlane;
 /// straightness alone, about a centre that is not, moves a side so far.
 const SIDE_ERROR: f64 = 0.1;
 
-/// Standard deviation of the deviation itself that no edge tells: paper is cut, and squares are printed, this well.
+/// The same for the deviation itself: paper is cut, and squares are printed, this well.
 const LEAST_DEVIATION: f64 = 0.003;
+
+/// How far the centre of distortion may be from where it is taken to be, over half the diagonal:
+/// the principal points of ordinary cameras scatter so far about the image centre.
+const CENTRE_ERROR: f64 = 0.03;
+
+/// Step of a numerical derivative, over half the diagonal.
+const STEP: f64 = 1e-3;
 
 /// A pinhole camera, in units of half the image diagonal about the image centre: logarithms of
 /// the focal length and of the aspect `fy / fx`, and the principal point.
@@ -32,6 +40,8 @@ pub(crate) struct Candidate {
     columns: [Vector3<f64>; 2],
     /// Their covariance.
     covariance: SMatrix<f64, 6, 6>,
+    /// Standard deviation of the deviation that no edge of its own tells.
+    floor: f64,
 }
 
 /// What a camera makes of a candidate.
@@ -45,14 +55,19 @@ pub(crate) struct Deviation {
 }
 
 impl Candidate {
-    /// `None` if the figure has no homography.
+    /// # Errors
+    /// If the figure has no homography.
     pub fn of<L: Lens>(
         plane: &ObservedPlane,
         undistortion: &Undistortion<L>,
         size: ImageSize,
-    ) -> Option<Self> {
+    ) -> Result<Self, Error> {
         let figure = &plane.figures[0];
-        let (homography, _) = homography_of_figure(figure, undistortion).ok()?;
+        let degenerate = |reason| Error::DegenerateHomography {
+            figure: figure.index,
+            reason,
+        };
+        let (homography, _) = homography_of_figure(figure, undistortion)?;
         let (centre, unit) = (size.centre(), size.half_diagonal());
         let mut normalised = homography;
         for column in 0..3 {
@@ -61,17 +76,23 @@ impl Candidate {
             normalised[(1, column)] = (homography[(1, column)] - centre.y * z) / unit;
         }
         normalised /= normalised.norm();
-        let inverse = normalised.try_inverse()?;
+        let inverse = normalised
+            .try_inverse()
+            .ok_or_else(|| degenerate("it is singular"))?;
 
         let mut information = SMatrix::<f64, 9, 9>::zeros();
+        let mut middle = Vector2::zeros();
         for side in &figure.sides {
             let image = inverse.transpose() * side.line.coefficients();
             let image = image / image.xy().norm();
             let mut ideal = Vec::with_capacity(side.samples.len());
             for sample in &side.samples {
-                ideal.push((undistortion.undistort(&sample.pixel)? - centre) / unit);
+                let pixel = undistortion.undistort(&sample.pixel);
+                let pixel = pixel.ok_or_else(|| degenerate("a sample cannot be undistorted"))?;
+                ideal.push((pixel - centre) / unit);
             }
-            let line = Line::fit(ideal.iter().map(|p| (*p, 1.0)))?;
+            let line = Line::fit(ideal.iter().map(|p| (*p, 1.0)));
+            let line = line.ok_or_else(|| degenerate("all samples of a line coincide"))?;
             let count = ideal.len() as f64;
             let bent = ideal.iter().map(|p| line.distance(p).powi(2)).sum::<f64>() / count;
             let variance = bent + (SIDE_ERROR / unit).powi(2);
@@ -81,14 +102,23 @@ impl Candidate {
                 let gradient = SVector::<f64, 9>::from_fn(|i, _| image[i % 3] * there[i / 3]);
                 information.ger(1.0 / (count * variance), &gradient, &gradient, 1.0);
             }
+            middle += ideal.iter().sum::<Vector2<f64>>() / count;
         }
+        middle /= figure.sides.len() as f64;
         // The homography's scale is open, and changes no deviation.
         let scale = SVector::<f64, 9>::from_iterator(normalised.iter().copied());
         information.ger(information.trace(), &scale, &scale, 1.0);
-        let covariance = information.cholesky()?.inverse();
-        Some(Self {
+        let covariance = information
+            .cholesky()
+            .ok_or_else(|| degenerate("its lines leave it open"))?
+            .inverse();
+        let bend = |rho: f64| anisotropy(undistortion, size, rho);
+        let radius = middle.norm();
+        let slope = (bend(radius + STEP) - bend((radius - STEP).abs())) / (2.0 * STEP);
+        Ok(Self {
             columns: [0, 1].map(|i| normalised.column(i).into_owned()),
             covariance: covariance.fixed_view::<6, 6>(0, 0).into_owned(),
+            floor: LEAST_DEVIATION + CENTRE_ERROR * slope.abs(),
         })
     }
 
@@ -128,7 +158,8 @@ impl Candidate {
             }
         }
         let mut covariance = wrt_columns * self.covariance * wrt_columns.transpose();
-        covariance += Matrix2::identity() * LEAST_DEVIATION.powi(2);
+        covariance[(0, 0)] += self.floor * self.floor;
+        covariance[(1, 1)] += self.floor * self.floor;
         let finite = value.iter().chain(covariance.iter()).all(|v| v.is_finite());
         (finite && wrt_camera.iter().all(|v| v.is_finite())).then(|| Deviation {
             value,
@@ -137,6 +168,19 @@ impl Candidate {
             directions: [first / one, second / two],
         })
     }
+}
+
+/// By how much the distortion stretches a small figure more along the radius than across it.
+fn anisotropy<L: Lens>(undistortion: &Undistortion<L>, size: ImageSize, rho: f64) -> f64 {
+    let Undistortion::Straightened(straightening) = undistortion else {
+        return 0.0;
+    };
+    let unit = size.half_diagonal();
+    let radius = rho.max(STEP) * unit;
+    let step = STEP * unit;
+    let ideal = |r: f64| straightening.ideal_radius(r);
+    let along = (ideal(radius + step) - ideal(radius - step)) / (2.0 * step);
+    along - ideal(radius) / radius
 }
 
 #[cfg(test)]

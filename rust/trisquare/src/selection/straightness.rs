@@ -1,9 +1,12 @@
 //! The lens that makes the sides of candidates straight, and how straight it makes them.
 //!
-//! The sides of false squares are straight, too, so that one lens suits all that one camera saw.
+//! The sides of false squares are straight, too, so that one lens suits all that one camera saw. A
+//! board in a picture of a picture was seen by another one: no lens makes all sides straight then,
+//! and what half of the planes agree on is taken.
 
 use nalgebra::Vector2;
 
+use super::propose::triples;
 use crate::geometry::Line;
 use crate::lens::Lens;
 use crate::linear::{Straightening, Undistortion};
@@ -12,30 +15,118 @@ use crate::observations::{ObservedPlane, Sample, Side};
 use crate::refine::{Residual, Residuals, robust_scale};
 use crate::solver::JointProblem;
 
-/// What undistorts the planes, and how straight it leaves their sides: mean square curvature in
-/// units of their noise, at least 1.
-pub(crate) fn straightened<L: Lens>(
+/// Mean square curvature, in units of the noise, from which lenses of some planes are tried: that
+/// of paper which is clearly not flat, or of two cameras.
+const CURVED: f64 = 2.0;
+
+/// Triples of planes whose lens is tried: all of six, of which half are right.
+const MAX_TRIPLES: usize = 20;
+
+/// A lens of some planes is taken if the straighter half of all are so many times straighter with
+/// it, in variance: of bent papers the straightest happen to be twice or three times so.
+const CLEARLY_STRAIGHTER: f64 = 4.0;
+
+/// A lens, and how straight it makes the sides that it concerns.
+pub(crate) struct Straightness<L> {
+    pub undistortion: Undistortion<L>,
+    /// Mean square curvature of the sides, in units of their noise; at least 1.
+    pub bent: f64,
+}
+
+impl<L: Lens> Straightness<L> {
+    pub fn of(planes: &[ObservedPlane], problem: &JointProblem<'_, L>) -> Self {
+        let of_all = Straightened::of(planes, undistortion(planes, problem));
+        let bent = of_all.mean_below(f64::INFINITY);
+        if bent < CURVED {
+            return Self {
+                undistortion: of_all.undistortion,
+                bent,
+            };
+        }
+        let indices: Vec<usize> = (0..planes.len()).collect();
+        let of_triple = |triple: [usize; 3]| {
+            let own = triple.map(|i| planes[i].clone());
+            let found = Undistortion::estimate(&own, problem.size, problem.options).ok()?;
+            Some(Straightened::of(planes, found))
+        };
+        let triples = triples(&indices, MAX_TRIPLES);
+        let lenses = triples.into_iter().filter_map(of_triple);
+        let best = lenses.min_by(|a, b| a.straighter_half().total_cmp(&b.straighter_half()));
+        match best {
+            Some(best)
+                if CLEARLY_STRAIGHTER * best.straighter_half() < of_all.straighter_half() =>
+            {
+                Self {
+                    bent: best.mean_below(CLEARLY_STRAIGHTER * best.straighter_half()),
+                    undistortion: best.undistortion,
+                }
+            }
+            _ => Self {
+                undistortion: of_all.undistortion,
+                bent,
+            },
+        }
+    }
+}
+
+fn undistortion<L: Lens>(
     planes: &[ObservedPlane],
     problem: &JointProblem<'_, L>,
-) -> (Undistortion<L>, f64) {
-    let undistortion = Undistortion::estimate(planes, problem.size, problem.options)
-        .unwrap_or_else(|_| Undistortion::Straightened(Straightening::identity(problem.size)));
-    let own = |plane: &ObservedPlane| -> Option<Vec<Residual>> {
-        let sides = plane.sides().map(|side| residuals(side, &undistortion));
-        Some(sides.collect::<Option<Vec<_>>>()?.concat())
-    };
-    // Where the lens cannot map them all, nothing is known of their curvature.
-    let Some(residuals) = planes.iter().map(own).collect::<Option<Residuals>>() else {
-        return (undistortion, 1.0);
-    };
-    let noise = Noise::of(planes, &residuals, robust_scale(&residuals));
-    let (mut curved, mut freedom) = (0.0, 0.0);
-    for plane in 0..planes.len() {
-        let misfit = Misfit::of_plane(&noise, plane);
-        curved += misfit.curved;
-        freedom += misfit.curved_freedom;
+) -> Undistortion<L> {
+    Undistortion::estimate(planes, problem.size, problem.options)
+        .unwrap_or_else(|_| Undistortion::Straightened(Straightening::identity(problem.size)))
+}
+
+/// Planes seen without the distortion of a lens.
+struct Straightened<L> {
+    undistortion: Undistortion<L>,
+    /// Of every plane; empty where the lens cannot map them all.
+    misfits: Vec<Misfit>,
+}
+
+impl<L: Lens> Straightened<L> {
+    fn of(planes: &[ObservedPlane], undistortion: Undistortion<L>) -> Self {
+        let own = |plane: &ObservedPlane| -> Option<Vec<Residual>> {
+            let sides = plane.sides().map(|side| residuals(side, &undistortion));
+            Some(sides.collect::<Option<Vec<_>>>()?.concat())
+        };
+        let misfits = match planes.iter().map(own).collect::<Option<Residuals>>() {
+            Some(residuals) => {
+                let noise = Noise::of(planes, &residuals, robust_scale(&residuals));
+                (0..planes.len())
+                    .map(|p| Misfit::of_plane(&noise, p))
+                    .collect()
+            }
+            None => Vec::new(),
+        };
+        Self {
+            undistortion,
+            misfits,
+        }
     }
-    (undistortion, f64::max(curved / f64::max(freedom, 1.0), 1.0))
+
+    /// Mean square curvature, at least 1, of the planes for which it is at most so much.
+    fn mean_below(&self, limit: f64) -> f64 {
+        let (mut curved, mut freedom) = (0.0, 0.0);
+        for misfit in self.misfits.iter().filter(|m| curvature(m) <= limit) {
+            curved += misfit.curved;
+            freedom += misfit.curved_freedom;
+        }
+        f64::max(curved / f64::max(freedom, 1.0), 1.0)
+    }
+
+    /// Mean square curvature, at least 1, that half of the planes do not exceed.
+    fn straighter_half(&self) -> f64 {
+        let mut all: Vec<f64> = self.misfits.iter().map(curvature).collect();
+        all.sort_by(f64::total_cmp);
+        let middle = all.len().saturating_sub(1) / 2;
+        all.get(middle)
+            .map_or(f64::INFINITY, |curved| curved.max(1.0))
+    }
+}
+
+fn curvature(misfit: &Misfit) -> f64 {
+    misfit.curved / misfit.curved_freedom.max(1.0)
 }
 
 /// A side's distances from its line in the undistorted picture.

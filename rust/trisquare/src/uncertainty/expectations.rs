@@ -9,11 +9,11 @@ use crate::lens::Lens;
 use crate::observations::Fixed;
 use crate::result::{Calibration, Warning};
 
-/// Pixels are square to this part, and principal points central to this part of the width.
+/// Pixels are square to this part, and principal points central to this part of the width; what
+/// departs is farther off by so many standard deviations.
 const ASPECT_TOLERANCE: f64 = 0.005;
 const CENTRE_TOLERANCE: f64 = 0.05;
-/// Standard deviations from which a departure is no chance.
-const EVIDENT: f64 = 5.0;
+const EVIDENT: f64 = 4.0;
 
 /// Warns of a camera that is unlike nearly all others.
 ///
@@ -25,7 +25,7 @@ pub(crate) fn unlikely_camera<L: Lens>(
 ) -> Vec<Warning> {
     let mut warnings = Vec::new();
     if let Some((ratio, std)) = aspect(found)
-        && (ratio - 1.0).abs() > ASPECT_TOLERANCE.max(EVIDENT * std)
+        && (ratio - 1.0).abs() > ASPECT_TOLERANCE + EVIDENT * std
     {
         let held = held(Fixed {
             aspect: true,
@@ -34,7 +34,7 @@ pub(crate) fn unlikely_camera<L: Lens>(
         warnings.push(Warning::PixelsNotSquare { ratio, std, held });
     }
     if let Some((distance, std)) = off_centre(found)
-        && distance > (CENTRE_TOLERANCE * found.image_size.width as f64).max(EVIDENT * std)
+        && distance > CENTRE_TOLERANCE * found.image_size.width as f64 + EVIDENT * std
     {
         let held = held(Fixed {
             principal_point: true,

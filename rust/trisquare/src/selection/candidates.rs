@@ -1,0 +1,67 @@
+//! All planes among which a choice is made, without their distortion.
+
+use super::hypothesis::Hypothesis;
+use super::squareness::Candidate;
+use crate::image_size::ImageSize;
+use crate::lens::Lens;
+use crate::linear::{Homographies, Undistortion};
+use crate::observations::ObservedPlane;
+
+/// The planes that have homographies, and what these show.
+pub(crate) struct Pool<L> {
+    pub undistortion: Undistortion<L>,
+    /// Their indices, ascending.
+    pub places: Vec<usize>,
+    pub candidates: Vec<Candidate>,
+    /// In the order of `places`.
+    pub homographies: Vec<Homographies>,
+}
+
+impl<L: Lens> Pool<L> {
+    pub fn of(planes: &[ObservedPlane], undistortion: Undistortion<L>, size: ImageSize) -> Self {
+        let mut pool = Self {
+            undistortion,
+            places: Vec::new(),
+            candidates: Vec::new(),
+            homographies: Vec::new(),
+        };
+        for (i, plane) in planes.iter().enumerate() {
+            let one = std::slice::from_ref(plane);
+            let candidate = Candidate::of(plane, &pool.undistortion, size);
+            let homographies = Homographies::estimate(one, &pool.undistortion);
+            if let (Ok(candidate), Ok(homographies)) = (candidate, homographies) {
+                pool.places.push(i);
+                pool.candidates.push(candidate);
+                pool.homographies.push(homographies);
+            }
+        }
+        pool
+    }
+
+    /// The same but for one plane.
+    pub fn without(&self, plane: usize) -> Self {
+        let of_others = |i: &usize| self.places[*i] != plane;
+        let rest: Vec<usize> = (0..self.places.len()).filter(of_others).collect();
+        Self {
+            undistortion: self.undistortion.clone(),
+            places: rest.iter().map(|i| self.places[*i]).collect(),
+            candidates: rest.iter().map(|i| self.candidates[*i].clone()).collect(),
+            homographies: rest.iter().map(|i| self.homographies[*i].clone()).collect(),
+        }
+    }
+
+    pub fn homographies_of(&self, planes: &[usize]) -> Homographies {
+        let place = |plane: &usize| self.places.binary_search(plane).ok();
+        Homographies::joined(
+            planes
+                .iter()
+                .filter_map(place)
+                .map(|i| &self.homographies[i]),
+        )
+    }
+
+    /// The planes that a hypothesis takes for squares.
+    pub fn squares(&self, hypothesis: &Hypothesis) -> Vec<usize> {
+        hypothesis.squares().map(|i| self.places[i]).collect()
+    }
+}
