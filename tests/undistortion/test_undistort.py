@@ -31,6 +31,13 @@ def camera(lens="decentred", size=SIZE):
     return Camera(K, LENSES[lens], size, "brown")
 
 
+@pytest.mark.parametrize("size", [(640, 480), (1280, 960), (4000, 3000), (1081, 721)])
+def test_the_filled_view_shows_nearly_what_the_photograph_shows(size):
+    K = [[0.9 * size[0], 0, size[0] / 2], [0, 0.9 * size[0], size[1] / 2], [0, 0, 1]]
+    lens = Camera(K, [-0.07, 0.014, 0, 0, 0], size, "radial2")
+    assert lens.fx * 0.95 < lens.undistorted().fx < lens.fx * 1.05
+
+
 @st.composite
 def cameras(draw, size=SIZE):
     """Lenses of any kind, from a long focal length to a corner 50 degrees off the axis."""

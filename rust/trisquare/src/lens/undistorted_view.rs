@@ -27,12 +27,11 @@ const MAX_POINTS_PER_SIDE: u32 = 1 << 15;
 /// Points of the outline between which the largest rectangle is looked for.
 const SEARCHED_POINTS: usize = 4096;
 
-/// Places of the largest rectangle's middle that are tried to either side of the best one, each
-/// time closer together, down to a part of the smallest rectangle round the outline: half a pixel
-/// of most pictures.
-const PLACES: i32 = 12;
-const CLOSEST: f64 = 1.0 / 8192.0;
-const CLOSER: f64 = 0.25;
+/// Part of its size to which the largest rectangle is found: a pixel of most pictures.
+const TOLERANCE: f64 = 1.0 / 1024.0;
+
+/// Places tried for the largest rectangle; some thousand suffice.
+const MAX_PLACES: usize = 50_000;
 
 /// Bisections of the zoom at the place found: a millionth of a pixel.
 const MAX_BISECTIONS: usize = 36;
@@ -61,23 +60,12 @@ impl Brown {
             return Ok(self.without_distortion());
         }
         let outline = self.outline(size);
-        let outer = smallest_round(&outline, size).ok_or_else(|| {
-            Error::InvalidArgument(
-                "no part of the picture lies within the valid radius, where the distortion can be \
-                 undone"
-                    .into(),
-            )
-        })?;
-        let inner = self.largest_inside(&outline, &outer, size).ok_or_else(|| {
-            Error::InvalidArgument(
-                "no undistorted view is filled by the picture: too little of it lies within the \
-                 valid radius, or it is a single line of pixels"
-                    .into(),
-            )
-        })?;
+        let outer = smallest_round(&outline, size)?;
+        let inner = self.largest_inside(&outline, &outer, size)?;
         let (inner, outer) = (inner.pinhole(self, size), outer.pinhole(self, size));
-        let mixed = std::array::from_fn(|i| inner[i] + balance * (outer[i] - inner[i]));
-        Ok(Self::new(mixed))
+        Ok(Self::new(std::array::from_fn(|i| {
+            inner[i] + balance * (outer[i] - inner[i])
+        })))
     }
 
     /// The border of what the photograph shows, in ideal pixels: its own border, and the rim of
@@ -87,7 +75,7 @@ impl Brown {
             centre: size.centre(),
             zoom: 1.0,
         };
-        let pixels: Vec<_> = whole.border(size).collect();
+        let pixels: Vec<_> = whole.border(size, MIN_POINTS_PER_SIDE).collect();
         let border = pixels
             .iter()
             .filter_map(|p| self.undistort(&self.normalised(p)));
@@ -96,15 +84,18 @@ impl Brown {
             .map(|i| std::f64::consts::TAU * i as f64 / pixels.len() as f64)
             .map(|angle| Vector2::new(angle.cos(), angle.sin()) * self.valid_radius())
             .filter(|ideal| size.contains(&self.pixel_of(&self.distort(ideal)), 0.0));
-        let ideal = border.chain(rim);
-        ideal.map(|ideal| self.pixel_of(&ideal)).collect()
+        border
+            .chain(rim)
+            .map(|ideal| self.pixel_of(&ideal))
+            .collect()
     }
 
-    /// The largest rectangle inside an outline, near the centre of the photograph where there are
-    /// several.
+    /// The largest rectangle inside an outline, to a part of [`TOLERANCE`], near the centre of the
+    /// photograph where there are several.
     ///
     /// Its half size is the distance to the outline, in the norm whose unit ball is a rectangle of
-    /// the picture's shape, from the place where that is largest. Its zoom is then settled at
+    /// the picture's shape, from the place where that is largest: halving cells of places leaves
+    /// those that may hold a better one (V. Agafonkin's `polylabel`). Its zoom is then settled at
     /// the pixels themselves: the distortion maps the border of the rectangle to a closed curve,
     /// and what it encloses to the inside of that curve.
     fn largest_inside(
@@ -112,68 +103,94 @@ impl Brown {
         outline: &[Vector2<f64>],
         outer: &Rectangle,
         size: ImageSize,
-    ) -> Option<Rectangle> {
+    ) -> Result<Rectangle, Error> {
         let unit = size.centre() * (2.0 * outer.zoom);
-        let searched = outline
-            .iter()
-            .step_by(outline.len().div_ceil(SEARCHED_POINTS));
-        let outline: Vec<_> = searched.map(|p| p.component_div(&unit)).collect();
-        let margin = |place: &Vector2<f64>| {
+        let every = outline.len().div_ceil(SEARCHED_POINTS);
+        let searched = outline.iter().step_by(every);
+        let outline: Vec<_> = searched
+            .map(|p| (p - outer.centre).component_div(&unit))
+            .collect();
+        let pixel_at = |place: &Vector2<f64>| outer.centre + place.component_mul(&unit);
+        let room = |place: &Vector2<f64>| {
             let distances = outline.iter().map(|p| (p - place).amax());
             let nearest = distances.fold(f64::INFINITY, f64::min);
-            match self.shows(&place.component_mul(&unit), size) {
-                true => nearest,
-                false => -nearest,
+            if self.shows(&pixel_at(place), size) {
+                nearest
+            } else {
+                -nearest
             }
         };
-        let mut best = size.centre().component_div(&unit);
-        let mut most = margin(&best);
-        let mut middle = outer.centre.component_div(&unit);
-        let mut spacing = 0.5 / f64::from(PLACES);
-        while spacing > CLOSEST {
-            for (x, y) in (-PLACES..=PLACES).flat_map(|x| (-PLACES..=PLACES).map(move |y| (x, y))) {
-                let place = middle + Vector2::new(f64::from(x), f64::from(y)) * spacing;
-                let own = margin(&place);
-                if own > most + CLOSEST {
-                    (best, most) = (place, own);
+        let mut best = (size.centre() - outer.centre).component_div(&unit);
+        let mut most = room(&best);
+        let (mut cells, mut half, mut tried) = (vec![Vector2::zeros()], 0.5, 0);
+        while !cells.is_empty() && tried < MAX_PLACES {
+            tried += cells.len();
+            let rooms: Vec<f64> = cells.iter().map(room).collect();
+            let better = |most: f64| most + TOLERANCE * most.max(0.0);
+            for (place, room) in cells.iter().zip(&rooms) {
+                if *room > better(most) {
+                    (best, most) = (*place, *room);
                 }
             }
-            middle = best;
-            spacing *= CLOSER;
+            half *= 0.5;
+            let promising = cells.iter().zip(&rooms);
+            let promising = promising.filter(|(_, room)| **room + 2.0 * half > better(most));
+            let quarters = [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)];
+            cells = promising
+                .flat_map(|(place, _)| quarters.map(|(x, y)| place + Vector2::new(x, y) * half))
+                .collect();
         }
-        let centre = best.component_mul(&unit);
+        let centre = pixel_at(&best);
         let is_filled = |zoom: f64| {
-            let mut border = Rectangle { centre, zoom }.border(size);
+            let mut border = Rectangle { centre, zoom }.border(size, 1);
             border.all(|pixel| self.shows(&pixel, size))
         };
-        let (mut low, mut high) = (0.0, 2.0 * (most + CLOSEST) * outer.zoom);
+        let (mut low, mut high) = (0.0, 2.0 * most * (1.0 + TOLERANCE) * outer.zoom);
         for _ in 0..MAX_BISECTIONS {
             let zoom = 0.5 * (low + high);
             *(if is_filled(zoom) { &mut low } else { &mut high }) = zoom;
         }
-        (low > 0.0).then_some(Rectangle { centre, zoom: low })
+        let found = Rectangle { centre, zoom: low };
+        Some(found).filter(|r| r.zoom > 0.0).ok_or_else(|| {
+            Error::InvalidArgument(
+                "no undistorted view is filled by the picture: too little of it lies within the \
+                 valid radius, or it is a single line of pixels"
+                    .into(),
+            )
+        })
     }
 
     /// Whether an ideal pixel is within the valid radius, and seen in the photograph.
     fn shows(&self, ideal_pixel: &Vector2<f64>, size: ImageSize) -> bool {
         let ideal = self.normalised(ideal_pixel);
         let to_rim = (self.valid_radius() - ideal.norm()) * self.focal().min();
-        let seen = self.pixel_of(&self.distort(&ideal));
-        to_rim >= ON_THE_BORDER && size.contains(&seen, 0.5 * ON_THE_BORDER)
+        to_rim >= ON_THE_BORDER
+            && size.contains(&self.pixel_of(&self.distort(&ideal)), 0.5 * ON_THE_BORDER)
     }
 }
 
 /// The smallest rectangle of the picture's shape that holds an outline.
-fn smallest_round(outline: &[Vector2<f64>], size: ImageSize) -> Option<Rectangle> {
+fn smallest_round(outline: &[Vector2<f64>], size: ImageSize) -> Result<Rectangle, Error> {
     let ends = outline.iter().map(|pixel| (*pixel, *pixel));
-    let (low, high) = ends.reduce(|(low, high), (pixel, _)| (low.inf(&pixel), high.sup(&pixel)))?;
-    let of_picture = |needed: f64, had: f64| if had > 0.0 { needed / had } else { 0.0 };
-    let zoom = (high - low)
-        .zip_map(&(size.centre() * 2.0), of_picture)
-        .max();
-    let centre = (low + high) * 0.5;
-    let sound = zoom > 0.0 && zoom.is_finite() && centre.norm().is_finite();
-    sound.then_some(Rectangle { centre, zoom })
+    let ends = ends.reduce(|(low, high), (pixel, _)| (low.inf(&pixel), high.sup(&pixel)));
+    let found = ends.map(|(low, high)| {
+        let of_picture = |needed: f64, had: f64| if had > 0.0 { needed / had } else { 0.0 };
+        Rectangle {
+            centre: (low + high) * 0.5,
+            zoom: (high - low)
+                .zip_map(&(size.centre() * 2.0), of_picture)
+                .max(),
+        }
+    });
+    found
+        .filter(|r| r.zoom > 0.0 && r.zoom.is_finite() && r.centre.norm().is_finite())
+        .ok_or_else(|| {
+            Error::InvalidArgument(
+                "no part of the picture lies within the valid radius, where the distortion can be \
+                 undone"
+                    .into(),
+            )
+        })
 }
 
 /// What a pinhole sees, in ideal pixels.
@@ -185,17 +202,19 @@ struct Rectangle {
 }
 
 impl Rectangle {
-    /// The pixels along the border of a new picture, and of a small one some places between them,
-    /// in ideal pixels.
-    fn border(self, size: ImageSize) -> impl Iterator<Item = Vector2<f64>> {
+    /// The pixels along the border of a new picture and, for `least` points a side, some between
+    /// them, in ideal pixels.
+    fn border(self, size: ImageSize, least: u32) -> impl Iterator<Item = Vector2<f64>> {
         let far = size.centre() * 2.0;
         let along = move |length: u32| {
             let pixels = length.min(MAX_POINTS_PER_SIDE) - 1;
-            let count = pixels * MIN_POINTS_PER_SIDE.div_ceil(pixels.max(1));
+            let count = pixels * least.div_ceil(pixels.max(1));
             (0..=count).map(move |i| f64::from(i) / f64::from(count.max(1)))
         };
-        let rows = along(size.width).flat_map(|x| [(x, 0.0), (x, 1.0)]);
-        let columns = along(size.height).flat_map(|y| [(0.0, y), (1.0, y)]);
+        // One side after the other: every second point still is on all of them.
+        let ends = || [0.0, 1.0].into_iter();
+        let rows = ends().flat_map(move |y| along(size.width).map(move |x| (x, y)));
+        let columns = ends().flat_map(move |x| along(size.height).map(move |y| (x, y)));
         rows.chain(columns).map(move |(x, y)| {
             self.centre + Vector2::new(x - 0.5, y - 0.5).component_mul(&far) * self.zoom
         })
@@ -272,6 +291,22 @@ mod tests {
                 parameters[..4].copy_from_slice(&wider);
                 assert!(!filled(&Brown::new(parameters)), "{lens:?} {view:?}");
             }
+        }
+    }
+
+    #[test]
+    fn views_are_alike_at_all_sizes() {
+        let zoom = |scale: f64| {
+            let size = ImageSize {
+                width: (320.0 * scale) as u32,
+                height: (240.0 * scale) as u32,
+            };
+            let [fx, fy, cx, cy] = [200.0, 210.0, 160.0, 120.0].map(|v| v * scale);
+            let lens = Brown::new([fx, fy, cx, cy, -0.2, 0.05, 0.0, 0.0, 0.0]);
+            lens.undistorted(size, 0.0).unwrap().focal().x / fx
+        };
+        for scale in [2.0, 4.0, 9.0, 12.5] {
+            assert!((zoom(scale) / zoom(1.0) - 1.0).abs() < 0.02, "{scale}");
         }
     }
 
