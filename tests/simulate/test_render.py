@@ -143,7 +143,9 @@ def supersampled_coverage(camera, target, rows, columns, blur, fine):
 
 @pytest.mark.parametrize(
     ("corner", "blur"),
-    first_quick([(0, 0.5), (2, 1.1), (1, 0.5), (2, 0.5), (3, 0.5), (0, 1.1), (1, 1.1), (3, 1.1)], 2),
+    first_quick(
+        [(0, 0.5), (2, 1.1), (1, 0.5), (2, 0.5), (3, 0.5), (0, 1.1), (1, 1.1), (3, 1.1)], 2
+    ),
 )
 def test_corner_of_bent_square_matches_supersampling(corner, blur):
     target = bent_target()
