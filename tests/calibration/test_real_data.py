@@ -116,7 +116,7 @@ def test_three_faces_of_a_charuco_cube(number):
     assert result.std["fx"] < 0.03 * 5145
 
 
-@pytest.mark.parametrize("number", first_quick(range(8), 3))
+@pytest.mark.parametrize("number", first_quick(range(8), 5))
 def test_squares_rendered_into_photographs_are_found_and_calibrated(number, inserted):
     """Of what `make bench` does in 50 pictures, beside and over boards that another camera saw.
 
