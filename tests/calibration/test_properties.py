@@ -18,6 +18,7 @@ RESULTS = [ts.calibrate_edges(edges, IMAGE_SIZE) for edges in EDGES]
 
 numbered_scenes = st.sampled_from(range(len(SCENES)))
 few = settings(max_examples=25)
+some = settings(max_examples=50)
 many = settings(max_examples=150, suppress_health_check=[HealthCheck.too_slow])
 
 
@@ -190,7 +191,7 @@ def test_ruined_squares_are_refused_or_give_finite_numbers(seed, disturbance, me
         assert_finite(ts.calibrate_edges(edges, IMAGE_SIZE, method=method, model=model))
 
 
-@many
+@some
 @given(st.lists(sides, max_size=5), st.integers(1, 3))
 def test_the_straightening_of_garbage(curves, count):
     try:
@@ -243,7 +244,7 @@ def test_any_array_is_refused_or_searched(dtype, size, channels, layout, seed, w
 matrices = arrays(np.float64, (3, 3), elements=st.one_of(st.floats(-5, 5), st.floats()))
 
 
-@many
+@some
 @given(st.lists(matrices, max_size=4), matrices, lines, lines)
 def test_the_other_steps_of_garbage(homographies, K, plane_lines, image_lines):
     for call in (

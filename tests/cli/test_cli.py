@@ -18,7 +18,7 @@ from trisquare.measurement import measure
 from trisquare.results.calibration import Calibration, Camera
 from trisquare.results.plane import Plane
 
-SCENE = simulate.random_scene(np.random.default_rng(11))
+SCENE = simulate.random_scene(np.random.default_rng(11), image_size=(640, 480))
 PHOTO = simulate.render(SCENE, np.random.default_rng(12))
 UNIT_SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
 
@@ -288,12 +288,12 @@ def test_the_demo_shows_the_truth(tmp_path):
 
 
 @pytest.mark.parametrize("content", [None, b"", b"no picture"], ids=["missing", "empty", "text"])
-def test_an_unreadable_photograph_exits_5(tmp_path, content):
+def test_an_unreadable_photograph_exits_5(run, tmp_path, content):
     if content is not None:
         (tmp_path / "photo.png").write_bytes(content)
-    done = trisquare("calibrate", "photo.png", "-o", "camera.json", folder=tmp_path)
     left = () if content is None else ("photo.png",)
-    assert_refused((done.returncode, done.stdout, done.stderr), 5, tmp_path, left)
+    outcome = run("calibrate", tmp_path / "photo.png", "-o", tmp_path / "camera.json")
+    assert_refused(outcome, 5, tmp_path, left)
 
 
 def test_a_truncated_photograph_exits_5(photo, tmp_path):
@@ -302,10 +302,9 @@ def test_a_truncated_photograph_exits_5(photo, tmp_path):
     assert_refused((done.returncode, done.stdout, done.stderr), 5, tmp_path)
 
 
-def test_a_photograph_of_nothing_exits_3(photo, tmp_path):
+def test_a_photograph_of_nothing_exits_3(run, photo, tmp_path):
     cv2.imwrite(str(photo), np.full((480, 640), 128, np.uint8))
-    done = trisquare("calibrate", "photo.png", "-o", "camera.json", folder=tmp_path)
-    assert_refused((done.returncode, done.stdout, done.stderr), 3, tmp_path)
+    assert_refused(run("calibrate", photo, "-o", tmp_path / "camera.json"), 3, tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -348,9 +347,10 @@ def test_a_file_that_is_wrong_is_named_first(run, photo, tmp_path, monkeypatch, 
     assert outcome[2].startswith("trisquare: error: given.json: ")
 
 
-def test_json_is_the_library_s(photo, tmp_path):
-    done = trisquare("calibrate", "photo.png", "--json", "--tone", "linear", folder=tmp_path)
-    members = json.loads(done.stdout)
+def test_json_is_the_library_s(run, photo):
+    code, out, err = run("calibrate", photo, "--json", "--tone", "linear")
+    assert (code, err) == (0, "")
+    members = json.loads(out)
     assert members["tone"] == "linear"
     assert members["image_size"] == list(SCENE.camera.image_size)
     assert len(members["planes"]) == len(SCENE.targets)

@@ -16,14 +16,15 @@ import sys
 import cv2
 import numpy as np
 import pytest
-from scenes import IMAGE_SIZE, edges_of, squares
+from scenes import edges_of, squares
 
 import trisquare as ts
 from trisquare import cli as commands
 from trisquare import simulate
 from trisquare.cli.framework import EXIT_CODES_HELP, SUMMARIES, load_command
 
-SCENE = squares(11)
+IMAGE_SIZE = (640, 480)
+SCENE = squares(11, image_size=IMAGE_SIZE)
 CALIBRATION = ts.calibrate_edges(edges_of(SCENE), IMAGE_SIZE)
 PHOTO = simulate.render(SCENE, np.random.default_rng(12))
 FIRST, SECOND = (
@@ -311,7 +312,7 @@ def test_a_picture_of_nothing_is_refused(run, folder, name, size):
 @pytest.mark.parametrize("options", [(), ("--rescale",)])
 @pytest.mark.parametrize("name", ["measure", "undistort"])
 def test_a_picture_of_another_shape_is_no_scaled_one(run, folder, name, options):
-    cv2.imwrite("photo.png", PHOTO[:-20])
+    cv2.imwrite("photo.png", PHOTO[:-10])
     before = held(folder)
     outcome = run(name, *WORKING[name], *options)
     assert_refused(outcome, 2, folder, before)

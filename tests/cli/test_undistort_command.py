@@ -5,13 +5,14 @@ import json
 import cv2
 import numpy as np
 import pytest
-from scenes import IMAGE_SIZE, edges_of, squares
+from scenes import edges_of, squares
 
 import trisquare as ts
 
-CALIBRATION = ts.calibrate_edges(edges_of(squares(11)), IMAGE_SIZE)
+IMAGE_SIZE = (640, 480)
+CALIBRATION = ts.calibrate_edges(edges_of(squares(11, image_size=IMAGE_SIZE)), IMAGE_SIZE)
 CAMERA = CALIBRATION.camera
-PHOTO = np.random.default_rng(2).integers(0, 256, (960, 1280), np.uint8)
+PHOTO = np.random.default_rng(2).integers(0, 256, IMAGE_SIZE[::-1], np.uint8)
 
 
 @pytest.fixture
@@ -39,7 +40,7 @@ def test_a_photograph_is_undistorted(undistort, folder):
     np.testing.assert_array_equal(read(folder / "out.png"), ts.undistort(PHOTO, CAMERA, 0.5))
     new = CAMERA.undistorted(0.5)
     x, y, width, height = ts.Undistorter(CAMERA, 0.5).valid_rectangle
-    assert f"1280 x 960, fx {new.fx:.6g}, fy {new.fy:.6g}, cx {new.cx:.6g}" in out
+    assert f"640 x 480, fx {new.fx:.6g}, fy {new.fy:.6g}, cx {new.cx:.6g}" in out
     assert f"from ({x}, {y}) of {width} x {height}" in out
     assert "wrote out.png" in out
 
@@ -54,14 +55,14 @@ def test_json_and_quiet(undistort, folder):
         *(new.fx, new.fy, new.cx, new.cy)
     ]
     assert picture["camera"]["distortion"] == [0.0] * 5
-    assert picture["image_size"] == [1280, 960]
-    assert picture["valid_rectangle"] == [0, 0, 1280, 960]
+    assert picture["image_size"] == [640, 480]
+    assert picture["valid_rectangle"] == [0, 0, 640, 480]
     assert undistort("photo.png", "--camera", "camera.json", "-o", "o.png", "-q") == (0, "", "")
     np.testing.assert_array_equal(read(folder / "o.png"), read(folder / "out.png"))
 
 
 def test_several_photographs_of_several_sizes(undistort, folder):
-    small = cv2.resize(cv2.merge([PHOTO, PHOTO, 255 - PHOTO]), (640, 480)).astype(np.uint16) * 257
+    small = cv2.resize(cv2.merge([PHOTO, PHOTO, 255 - PHOTO]), (320, 240)).astype(np.uint16) * 257
     cv2.imwrite(str(folder / "small.png"), small)
     photos = ("photo.png", "small.png", "photo.png")
     options = ("--camera", "camera.json", "--rescale", "--interpolation", "cubic", "--json")
@@ -72,7 +73,7 @@ def test_several_photographs_of_several_sizes(undistort, folder):
     for number, picture in enumerate(expected, 1):
         np.testing.assert_array_equal(read(folder / f"out-{number}.png"), picture)
     sizes = [picture["image_size"] for picture in json.loads(out)["pictures"]]
-    assert sizes == [[1280, 960], [640, 480], [1280, 960]]
+    assert sizes == [[640, 480], [320, 240], [640, 480]]
     (folder / "into").mkdir()
     code, out, _ = undistort(*photos[:2], *options[:-1], "-o", "into")
     assert (code, out.count("new camera"), out.count("wrote")) == (0, 2, 2)
@@ -88,7 +89,7 @@ def test_several_photographs_of_several_sizes(undistort, folder):
         ("photo.png --camera photo.png -o out.png", 2, "photo.png: not a text file"),
         ("gone.png --camera camera.json -o out.png", 5, "gone.png"),
         ("photo.png camera.json --camera camera.json -o out.png", 5, "camera.json"),
-        ("photo.png small.png --camera camera.json -o out.png", 2, "small.png: the picture is 64"),
+        ("photo.png small.png --camera camera.json -o out.png", 2, "small.png: the picture is 32"),
         ("photo.png wide.png --camera camera.json -o out.png --rescale", 2, "another aspect ratio"),
         ("photo.png deep.png --camera camera.json -o out.jpg --rescale", 2, "uint16"),
         ("photo.png --camera camera.json -o photo.png", 2, "overwrite"),
@@ -104,8 +105,8 @@ def test_several_photographs_of_several_sizes(undistort, folder):
 def test_what_is_wrong_is_one_line_and_writes_nothing(
     undistort, folder, arguments, exit_code, said
 ):
-    cv2.imwrite(str(folder / "small.png"), PHOTO[:480, :640])
-    cv2.imwrite(str(folder / "wide.png"), PHOTO[:720])
+    cv2.imwrite(str(folder / "small.png"), PHOTO[:240, :320])
+    cv2.imwrite(str(folder / "wide.png"), PHOTO[:360])
     cv2.imwrite(str(folder / "deep.png"), PHOTO.astype(np.uint16))
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     code, out, err = undistort(*arguments.split())

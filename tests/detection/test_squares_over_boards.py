@@ -1,7 +1,10 @@
 """Squares before a chessboard are found; the board's own cells and its sheet are no squares."""
 
+from functools import cache
+
 import numpy as np
 import pytest
+from quick import first_quick
 
 from trisquare import simulate
 from trisquare.detection.kinds import TargetKinds
@@ -15,21 +18,24 @@ INNER_CORNERS = (9, 6)
 NEAR = 30.0
 
 
+@cache
 def board_picture(seed):
     rng = np.random.default_rng([81, seed])
     camera = simulate.random_camera(rng, SIZE)
     scene = simulate.chessboard_scene(rng, camera, inner_corners=INNER_CORNERS)
-    return simulate.render(scene, rng, noise=2.0)
+    picture = simulate.render(scene, rng, noise=2.0)
+    picture.flags.writeable = False
+    return picture
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", first_quick(range(3), 2))
 def test_a_board_alone_gives_no_squares(seed):
     found = search(board_picture(seed), TargetKinds.parse("auto")).found
     assert [target.kind for target in found] == ["chessboard"]
 
 
-@pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("kind", ["square", "frame"])
+@pytest.mark.parametrize("seed", first_quick(range(4), 2))
 def test_three_squares_before_a_board_are_found_and_nothing_else(kind, seed):
     rng = np.random.default_rng([82, seed])
     scene = simulate.random_scene(rng, image_size=SIZE, kind=kind)

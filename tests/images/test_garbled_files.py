@@ -15,7 +15,7 @@ from trisquare.detection.annotations.formats import annotated_pictures
 from trisquare.detection.kinds import TargetKinds
 from trisquare.results.rejected import Rejected
 
-many = settings(max_examples=120, derandomize=True)
+many = settings(max_examples=60, derandomize=True)
 
 numbers = st.one_of(
     st.integers(-3, 2000),

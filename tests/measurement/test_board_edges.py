@@ -14,9 +14,9 @@ from trisquare.measurement.boards import Board
 NAMES = ("fx", "fy", "cx", "cy")
 
 
-def board_scene(seed, inner_corners):
+def board_scene(seed, inner_corners, **options):
     rng = np.random.default_rng([91, seed])
-    scene = simulate.random_scene(rng)
+    scene = simulate.random_scene(rng, **options)
     size = (inner_corners, inner_corners)
     boards = tuple(
         replace(
@@ -73,13 +73,13 @@ def test_boards_reach_the_bound_of_their_grid_lines(inner_corners, blur):
 
 def test_hidden_and_missing_crossings_leave_the_rest_as_good():
     """A hand over a part, of which the search found the crossings missing."""
-    scene, rng = board_scene(2, 8)
+    scene, rng = board_scene(2, 6, image_size=(800, 600))
     picture = simulate.render(scene, rng, noise=1.0, blur=0.8, contrast=175.0, tone="linear")
     lattices = [true_lattice(scene, i, rng) for i in range(3)]
-    hidden = lattices[0].crossings[3:6, 2:5].reshape(-1, 2)
+    hidden = lattices[0].crossings[2:4, 2:5].reshape(-1, 2)
     low, high = np.floor(hidden.min(axis=0)).astype(int), np.ceil(hidden.max(axis=0)).astype(int)
     picture[low[1] - 6 : high[1] + 7, low[0] - 6 : high[0] + 7] = 140
-    for row, column in np.ndindex(8, 8):
+    for row, column in np.ndindex(6, 6):
         x, y = lattices[0].crossings[row, column]
         if low[0] - 10 < x < high[0] + 10 and low[1] - 10 < y < high[1] + 10:
             lattices[0].present[row, column] = False
@@ -94,7 +94,7 @@ def test_hidden_and_missing_crossings_leave_the_rest_as_good():
 
 def test_shade_is_judged_by_the_whole_board():
     """Neither which cell comes first nor a wrong tone curve moves the lines."""
-    scene, rng = board_scene(3, 7)
+    scene, rng = board_scene(3, 5)
     picture = simulate.render(scene, rng, noise=1.0, blur=0.8, contrast=175.0, tone="srgb")
     lattices = [true_lattice(scene, i, rng) for i in range(3)]
     cut = [Lattice(a.crossings[:, 1:], a.present[:, 1:]) for a in lattices]

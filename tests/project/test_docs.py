@@ -95,6 +95,7 @@ def test_what_a_page_shows_runs(name, folder):
     run_page(name)
 
 
+@pytest.mark.slow
 def test_the_tutorial_leads_to_a_straight_video(folder):
     names = run_page("tutorial.md")
     assert (folder / "target.pdf").read_bytes().startswith(b"%PDF")

@@ -145,13 +145,16 @@ def test_the_core_lets_other_threads_run(name, monkeypatch):
 
     dense = edges_of(squares(78), 0.1, spacing=0.05)
     curves = [points for figure in dense for points in figure.points]
+    calls = {
+        "calibrate": lambda: ts.calibrate_edges(dense, IMAGE_SIZE),
+        "localise": lambda: ts.calibrate(PHOTO),
+        "fit_distortion": lambda: ts.fit_distortion(curves, IMAGE_SIZE),
+    }
 
     def work():
         # Again where a busy machine let nobody else run; with the GIL held, nobody ever does.
         for _ in range(BUSY_ROUNDS):
-            ts.calibrate(PHOTO)
-            ts.calibrate_edges(dense, IMAGE_SIZE)
-            ts.fit_distortion(curves, IMAGE_SIZE)
+            calls[name]()
             if max(during) > 0:
                 break
 

@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+from quick import first_quick
 from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm
 
@@ -127,13 +128,25 @@ def supersampled_coverage(camera, target, rows, columns, blur, fine):
     image = inside.reshape(len(y), len(x)).astype(np.float64)
     half = int(np.ceil(6 * blur * fine))
     kernel = np.exp(-0.5 * (np.arange(-half, half + 1) / (blur * fine)) ** 2)
-    blurred = cv2.sepFilter2D(image, cv2.CV_64F, kernel / kernel.sum(), kernel / kernel.sum())
-    boxed = blurred.reshape(y1 - y0, fine, x1 - x0, fine).mean(axis=(1, 3))
-    return boxed[pad:-pad, pad:-pad]
+    boxed = np.convolve(kernel / kernel.sum(), np.full(fine, 1.0 / fine))
+
+    def weights(count):
+        """What each sample of the fine grid adds to each pixel, along one axis."""
+        grid = np.zeros((count, (count + 2 * pad) * fine))
+        for pixel in range(count):
+            start = (pixel + pad) * fine - half
+            grid[pixel, start : start + len(boxed)] = boxed
+        return grid
+
+    return weights(y1 - y0 - 2 * pad) @ image @ weights(x1 - x0 - 2 * pad).T
 
 
-@pytest.mark.parametrize("corner", range(4))
-@pytest.mark.parametrize("blur", [0.5, 1.1])
+@pytest.mark.parametrize(
+    ("corner", "blur"),
+    first_quick(
+        [(0, 0.5), (2, 1.1), (1, 0.5), (2, 0.5), (3, 0.5), (0, 1.1), (1, 1.1), (3, 1.1)], 2
+    ),
+)
 def test_corner_of_bent_square_matches_supersampling(corner, blur):
     target = bent_target()
     at = BENT.project(target.to_camera(target.outlines()[0][corner]))
@@ -290,10 +303,11 @@ def test_clutter_stays_off_the_paper():
 
 
 def test_same_seed_same_picture():
-    first, second = (simulate.photo_like(np.random.default_rng(11)) for _ in range(2))
+    size = (320, 240)
+    first, second = (simulate.photo_like(np.random.default_rng(11), size) for _ in range(2))
     np.testing.assert_array_equal(first[0], second[0])
     assert first[2] == second[2]
-    third = simulate.photo_like(np.random.default_rng(12))
+    third = simulate.photo_like(np.random.default_rng(12), size)
     assert np.any(first[0] != third[0])
 
 

@@ -70,7 +70,7 @@ def is_in(points, size=SIZE, margin=1e-6):
 # As OpenCV does it.
 
 
-@settings(max_examples=40)
+@settings(max_examples=15)
 @given(cameras(), st.floats(0, 1), st.sampled_from(TYPES), st.booleans())
 def test_pictures_agree_with_opencv(lens, balance, dtype, colour):
     picture = NOISE.astype(dtype) * (257 if dtype == np.uint16 else 1)
@@ -109,7 +109,7 @@ def test_other_interpolations_agree_with_opencv_inside(interpolation):
 # What a picture shows.
 
 
-@settings(max_examples=40)
+@settings(max_examples=15)
 @given(cameras())
 def test_no_border_is_black_and_no_wider_view_is_without(lens):
     view = lens.undistorted(0.0)
@@ -129,7 +129,7 @@ def test_no_border_is_black_and_no_wider_view_is_without(lens):
         assert not (inside.all() and is_in(seen).all())
 
 
-@settings(max_examples=40)
+@settings(max_examples=15)
 @given(cameras())
 def test_the_whole_photograph_is_there_and_fills_the_view(lens):
     view = lens.undistorted(1.0)
@@ -149,7 +149,7 @@ def test_the_whole_photograph_is_there_and_fills_the_view(lens):
         assert (np.ptp(places, axis=0) / (np.array(SIZE) - 1)).max() > 1 - 1e-9
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(cameras(), st.floats(0, 1))
 def test_mask_and_rectangle_say_what_is_black(lens, balance):
     undistorter = Undistorter(lens, balance)
