@@ -53,7 +53,19 @@ def test_pictures_of_different_sizes_are_named(tmp_path, paths):
     other = tmp_path / "small.png"
     cv2.imwrite(str(other), BLANK[:480, :640])
     with pytest.raises(ValueError, match=r"small\.png.* 640 x 480 .*a\.png.* 1280 x 960:"):
-        ts.calibrate([paths["a"], paths["b"], other])
+        ts.calibrate([paths["a"], other])
+
+
+def test_a_picture_of_another_size_than_most_is_left_out(tmp_path, paths):
+    other = tmp_path / "small.png"
+    cv2.imwrite(str(other), PICTURES[0][:-1])
+    result = ts.calibrate([other, paths["a"], paths["b"]])
+    (warning,) = (w for w in result.warnings if w.code == "other_size")
+    assert warning.startswith("picture 0 (small.png) is 1280 x 959 pixels")
+    assert [plane.image for plane in result.planes] == [1, 1, 1, 2, 2, 2]
+    assert {figure.image for figure in result.edges} == {1, 2}
+    alone = ts.calibrate([paths["a"], paths["b"]])
+    assert (result.camera.fx, result.std) == (alone.camera.fx, alone.std)
 
 
 def test_pictures_of_different_depth_need_one_stated_tone():

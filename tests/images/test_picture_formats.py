@@ -213,7 +213,7 @@ def test_sixteen_bits_and_floats_say_what_eight_bits_say(tmp_path):
     ]:
         path = tmp_path / name
         path.write_bytes(encode_image(picture, path))
-        results.append(ts.calibrate(path))
+        results.append(ts.calibrate(path, tone="linear"))
     for result in results:
         assert abs(result.camera.fx - SCENE.camera.fx) < 4 * result.std["fx"]
         assert result.camera.fx == pytest.approx(results[0].camera.fx, rel=1e-5)

@@ -14,6 +14,7 @@ from trisquare import simulate
 
 SCENE = squares(31)
 PHOTO = simulate.render(SCENE, np.random.default_rng(32))
+SRGB_GAMMA = 2.2
 RESULT = ts.calibrate(PHOTO, tone="linear")
 
 
@@ -57,7 +58,7 @@ def test_photo_like_pictures_are_calibrated_with_default_settings(seed):
     photo, scene, _ = simulate.photo_like(np.random.default_rng(seed))
     result = ts.calibrate(photo)
     assert_within(result, scene, 5)
-    assert result.tone == "srgb"
+    assert abs(result.tone - SRGB_GAMMA) < 4 * result.tone_std
 
 
 def test_the_wrong_tone_curve_moves_the_answer():
@@ -140,12 +141,23 @@ def test_every_kind_of_pixel_gives_the_same_answer(same):
         assert result.std[name] == pytest.approx(RESULT.std[name], rel=0.02)
 
 
-@pytest.mark.parametrize("dtype", [np.uint16, np.float32])
-def test_deep_pictures_are_linear_by_default(dtype):
-    photo = simulate.render(SCENE, np.random.default_rng(39), dtype=dtype)
+def test_floats_are_linear_by_default():
+    photo = simulate.render(SCENE, np.random.default_rng(39), dtype=np.float32)
     result = ts.calibrate(photo)
     assert result.tone == "linear"
     assert_within(result, SCENE, 4.5)
+
+
+@pytest.mark.parametrize(("tone", "gamma"), [("linear", 1.0), ("srgb", SRGB_GAMMA)])
+def test_the_tone_of_sixteen_bits_is_estimated_by_default(tone, gamma):
+    photo = simulate.render(SCENE, np.random.default_rng(39), dtype=np.uint16, tone=tone)
+    result = ts.calibrate(photo)
+    assert abs(result.tone - gamma) < 4 * result.tone_std
+    assert result.warnings == ()
+    assert_within(result, SCENE, 4.5)
+    if tone == "srgb":
+        wrong = ts.calibrate(photo, tone="linear")
+        assert wrong.warnings[0].code == "tone_contradicted"
 
 
 def test_several_pictures_of_one_camera_pool_their_planes():

@@ -38,7 +38,9 @@ def test_squares_in_bad_light_are_found_and_measured(name):
 def edge_errors(picture, scene):
     """Mean distance, outward, of each side's samples from the true side, pixels."""
     means = []
-    for edges, target in zip(ts.detect(picture), by_place(picture, scene), strict=True):
+    for edges, target in zip(
+        ts.detect(picture, tone="srgb"), by_place(picture, scene), strict=True
+    ):
         centre = np.concatenate(edges.points).mean(axis=0)
         true_sides = target
         for points in edges.points:

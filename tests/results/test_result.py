@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from trisquare._core import __version__
 from trisquare.results.calibration import Calibration, Camera
+from trisquare.results.calibration_warning import CalibrationWarning
 from trisquare.results.plane import Plane
 
 K = [[900.5, 0, 640.25], [0, 905.125, 470], [0, 0, 1]]
@@ -302,3 +303,26 @@ def test_repr_is_for_people():
     ]
     assert "fx 900.5" in repr(calibration().camera)
     assert "400 samples" in repr(plane())
+
+
+def test_warnings_keep_their_codes_and_older_files_are_read():
+    warning = CalibrationWarning("plane 1 is odd", "plane_disagrees", "high", 1)
+    result = calibration(warnings=(warning, "a plain text"))
+    for again in (
+        Calibration.from_json(result.to_json()),
+        pickle.loads(pickle.dumps(result)),
+    ):
+        assert again.warnings == ("plane 1 is odd", "a plain text")
+        codes = [(own.code, own.severity, own.plane) for own in again.warnings]
+        assert codes == [("plane_disagrees", "high", 1), ("other", "medium", None)]
+    members = json.loads(result.to_json())
+    assert members["warnings"][0] == {
+        "code": "plane_disagrees",
+        "severity": "high",
+        "plane": 1,
+        "text": "plane 1 is odd",
+    }
+    members["warnings"] = ["of an older version"]
+    assert Calibration.from_json(json.dumps(members)).warnings == ("of an older version",)
+    with pytest.raises(ValueError, match="severity"):
+        CalibrationWarning("x", "y", "enormous")

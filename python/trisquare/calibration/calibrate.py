@@ -133,7 +133,15 @@ def calibrate_photographs(
     """
     settings = Settings.check(method, model, fix, initial)
     kinds = TargetKinds.parse(targets)
-    gathered = gather(photographs, kinds, tone, outlines, progress, explain_all=explain)
+    gathered = gather(
+        photographs,
+        kinds,
+        tone,
+        outlines,
+        progress,
+        explain_all=explain,
+        camera_held={"focal", "principal_point", "distortion"} <= set(settings.fixed),
+    )
     by_hand = outlines is not None
     try:
         if not gathered.figures:

@@ -156,10 +156,11 @@ def gather(
     progress: Callable[[int, int], None] | None,
     *,
     explain_all: bool,
+    camera_held: bool,
 ) -> Gathered:
     """Find and measure the targets of several photographs, one after another.
 
-    `explain_all` is whether the rejected shapes of every photograph may be asked for; `tone`,
+    `camera_held` is whether nothing of the camera is estimated; `explain_all` is whether the rejected shapes of every photograph may be asked for; `tone`,
     `outlines` and `progress` are as in `calibrate`.
 
     Raises
@@ -178,7 +179,7 @@ def gather(
     gathered = Gathered()
     depths: set[str] = set()
     for photograph in photographs:
-        curve = tone_of(photograph.pixels, checked)
+        curve = tone_of(photograph.pixels, checked, camera_held=camera_held)
         depths.add(photograph.pixels.dtype.name)
         if checked is None and len(depths) > 1:
             raise ValueError(

@@ -32,7 +32,8 @@ def locate(
     camera : Calibration or Camera
         That took it.
     targets, tone, outlines
-        As in `calibrate`.
+        As in `calibrate`; but 8-bit pictures are taken as sRGB and 16-bit ones as linear unless
+        `tone` says otherwise: one square tells too little of the curve.
 
     Returns
     -------

@@ -52,11 +52,15 @@ def checked_tone(tone: Tone) -> str | float | None:
     return gamma
 
 
-def tone_of(picture: Image, tone: str | float | None) -> str | float:
+def tone_of(picture: Image, tone: str | float | None, *, camera_held: bool = False) -> str | float:
     """Return the tone curve of a picture, unless stated: estimated for integers, linear for floats.
 
-    Files hold 8 and 16 bits in every coding; floats are what a program made of them.
+    Files hold 8 and 16 bits in every coding; floats are what a program made of them. It is mostly
+    the planes of a free camera that tell the curve: where the camera is held, 8 bits are taken as
+    sRGB and 16 as linear.
     """
     if tone is not None:
         return tone
+    if camera_held:
+        return "srgb" if picture.dtype == np.uint8 else "linear"
     return "auto" if np.issubdtype(picture.dtype, np.integer) else "linear"

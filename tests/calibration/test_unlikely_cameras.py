@@ -1,0 +1,48 @@
+"""Answers that fit, and that no camera is like."""
+
+import pytest
+from scenes import edges_of, squares
+
+import trisquare as ts
+
+SCENE = squares(3)
+WIDTH, HEIGHT = SCENE.camera.image_size
+
+
+def moved(edges, scale=(1.0, 1.0), shift=(0.0, 0.0)):
+    """The edges in a picture that was stretched or cropped."""
+    return [
+        ts.PlaneEdges.square([points * scale + shift for points in figure.points])
+        for figure in edges
+    ]
+
+
+def codes(result):
+    return [warning.code for warning in result.warnings]
+
+
+@pytest.mark.parametrize("stretch", [0.97, 1.02])
+def test_a_stretched_picture_is_named_with_the_answer_for_square_pixels(stretch):
+    edges = moved(edges_of(SCENE, noise=0.05), scale=(1.0, stretch))
+    result = ts.calibrate_edges(edges, (WIDTH, round(HEIGHT * stretch)))
+    assert result.warnings[0].code == "pixels_not_square"
+    assert result.warnings[0].severity == "high"
+    held = ts.calibrate_edges(edges, (WIDTH, round(HEIGHT * stretch)), fix="aspect")
+    assert f"fx is {held.camera.fx:.1f}" in result.warnings[0]
+    assert "pixels_not_square" not in codes(held)
+
+
+def test_a_cropped_picture_is_named():
+    cut = 200
+    edges = moved(edges_of(SCENE, noise=0.05), shift=(-cut, 0.0))
+    result = ts.calibrate_edges(edges, (WIDTH - cut, HEIGHT))
+    assert "principal_point_off_centre" in codes(result)
+
+
+def test_what_the_data_leave_open_is_no_reason_to_warn():
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        result = ts.calibrate_edges(
+            edges_of(squares(rng.integers(1000)), noise=1.0), (WIDTH, HEIGHT)
+        )
+        assert not {"pixels_not_square", "principal_point_off_centre"} & set(codes(result))
