@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -157,10 +158,17 @@ def agreement(
     if expected is not None:
         codes = _normalised(book.codes[expected])
         return Agreement(expected, np.zeros_like(expected), (shades * codes).sum(axis=1))
-    turned = [_normalised(np.rot90(book.codes, turns, axes=(1, 2))) for turns in range(4)]
-    correlation = shades @ np.concatenate(turned).T
+    correlation = shades @ _normalised_codes(name).T
     turns, numbers = np.divmod(correlation.argmax(axis=1), len(book.codes))
     return Agreement(numbers, turns, correlation[quads, turns * len(book.codes) + numbers])
+
+
+@cache
+def _normalised_codes(name: str) -> FloatArray:
+    """Codes in the four ways they may be turned, shape (4 N, n * n)."""
+    codes = dictionary(name).codes
+    turned = [np.rot90(codes, turns, axes=(1, 2)) for turns in range(4)]
+    return _normalised(np.concatenate(turned))
 
 
 def _normalised(cells: FloatArray | Bits) -> FloatArray:

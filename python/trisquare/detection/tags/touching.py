@@ -56,7 +56,9 @@ SADDLE_WINDOW = 0.12
 """Half width over a tag's shortest side, of the pixels that tell where its corner is: less than a
 border and than the gaps that are printed."""
 
-LEAST_SADDLE_WINDOW = 2  # pixels
+SADDLE_WINDOWS = (2, 8)
+"""Pixels: the least that shows a saddle, and the most that is of use."""
+
 SADDLE_STOP = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 20, 0.01)
 
 MAX_CORNER_STEP = 0.2
@@ -100,7 +102,7 @@ def on_saddles(grey: NDArray[np.uint8], quads: FloatArray) -> FloatArray:
     limits = np.array(grey.shape[::-1]) - 1.0
     for own, quad in zip(moved, quads, strict=True):
         shortest = shortest_side(quad)
-        window = max(round(SADDLE_WINDOW * shortest), LEAST_SADDLE_WINDOW)
+        window = int(np.clip(round(SADDLE_WINDOW * shortest), *SADDLE_WINDOWS))
         if ((quad < 0.0) | (quad > limits)).any():
             continue
         corners = np.ascontiguousarray(quad[:, None], dtype=np.float32)
@@ -142,9 +144,8 @@ def _extremes(grey: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.ui
     """Return the darkest and the lightest around, `COARSE` pixels to one."""
     reach = max(LEAST_REACH, round(REACH * max(grey.shape))) // COARSE
     around = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
-    near = np.ones((COARSE, COARSE), np.uint8)
-    lowest, highest = (
-        extreme(np.ascontiguousarray(extreme(grey, near)[::COARSE, ::COARSE]), around)
-        for extreme in (cv2.erode, cv2.dilate)
-    )
+    # Averaged, lest the noise of a plain ground look like a contrast.
+    size = tuple(max(side // COARSE, 1) for side in grey.shape[::-1])
+    small = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
+    lowest, highest = cv2.erode(small, around), cv2.dilate(small, around)
     return np.asarray(lowest, dtype=np.uint8), np.asarray(highest, dtype=np.uint8)
