@@ -32,6 +32,7 @@ BENCHMARKS = (
     "finding.inserted_squares",
     "finding.board_finding",
     "finding.tags",
+    "finding.aprilgrids",
     "accuracy.printed_target",
     "finding.robustness",
     "finding.real_scenes",

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from trisquare._support.rotations import tilted
 from trisquare.detection.tags.codes import dictionary
+from trisquare.detection.tags.decode import BORDER
 from trisquare.simulate import random_camera
 from trisquare.simulate.render import SHEET_RIM
 from trisquare.simulate.scene import Array, Scene, Side, Target, TrueCamera, rectangle, sides_of
@@ -51,23 +52,25 @@ class MarkedTarget(Target):
     def figure(self) -> Iterator[tuple[float, list[Side]]]:
         """Yield the signs and the sides of convex quadrilaterals whose sum is the figure."""
         if not self.is_board:
-            yield from _marker(self.codes[0], np.zeros(2), 1.0)
+            yield from marker(self.codes[0], np.zeros(2), 1.0)
             return
         yield from Target.figure(self)
         # As many markers as there are codes: the rest of the light cells stay empty.
         for centre, code in zip(self.cells(1), self.codes, strict=False):
-            yield from _marker(code, centre, self.inner)
+            yield from marker(code, centre, self.inner)
 
 
-def _marker(code: Codes, centre: Array, side: float) -> Iterator[tuple[float, list[Side]]]:
+def marker(
+    code: Codes, centre: Array, side: float, border: int = BORDER
+) -> Iterator[tuple[float, list[Side]]]:
     """Yield a dark square of the given side and, taken out of it, the code's runs of white."""
     yield 1.0, sides_of(centre + side * rectangle(0.5, 0.5))
-    cells = len(code) + 2
+    cells = len(code) + 2 * border
     cell = side / cells
     for row, bits in enumerate(code.astype(np.int8)):
         steps = np.diff(bits, prepend=0, append=0)
         for start, end in zip(np.flatnonzero(steps > 0), np.flatnonzero(steps < 0), strict=True):
-            middle = np.array([0.5 * (start + end), row + 0.5]) + 1.0 - 0.5 * cells
+            middle = np.array([0.5 * (start + end), row + 0.5]) + border - 0.5 * cells
             white = rectangle(0.5 * cell * float(end - start), 0.5 * cell)
             yield -1.0, sides_of(centre + cell * middle + white)
 
@@ -106,7 +109,7 @@ def tag_scene(
             # Beyond 70 degrees from the line of sight little is left of the smallest.
             if rotation[:, 2] @ centre > np.cos(np.deg2rad(70.0)) * np.linalg.norm(centre):
                 tag = MarkedTarget(rotation, centre, codes=codes[[number]])
-                if _in_picture(camera, tag, 0.5 + SHEET_RIM[1]):
+                if in_picture(camera, tag, 0.5 + SHEET_RIM[1]):
                     targets.append(tag)
                     break
         else:
@@ -132,14 +135,14 @@ def charuco_box_scene(
         own = camera or random_camera(rng)
         faces = [
             _board(face, squares, ratio, codes[i * half : (i + 1) * half])
-            for i, face in enumerate(_box(rng, own))
+            for i, face in enumerate(box_faces(rng, own))
         ]
-        if all(_in_picture(own, face, 0.5 * squares) for face in faces):
+        if all(in_picture(own, face, 0.5 * squares) for face in faces):
             return Scene(own, tuple(faces))
     raise ValueError("no box fits this camera's picture")
 
 
-def _box(rng: np.random.Generator, camera: TrueCamera) -> list[Target]:
+def box_faces(rng: np.random.Generator, camera: TrueCamera) -> list[Target]:
     """Three faces that meet in a corner which points about at the camera, with unit sides."""
     width, height = camera.image_size
     while True:
@@ -174,7 +177,7 @@ def _board(face: Target, squares: int, ratio: float, codes: Codes) -> Target:
     )
 
 
-def _in_picture(camera: TrueCamera, target: Target, half: float) -> bool:
+def in_picture(camera: TrueCamera, target: Target, half: float) -> bool:
     """Whether a square of the target's plane stays clear of the picture's border."""
     corners = rectangle(half, half)
     fraction = np.linspace(0.0, 1.0, 9)[:, None, None]

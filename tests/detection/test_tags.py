@@ -350,6 +350,8 @@ def test_a_bad_layout_file_is_refused(tmp_path, content):
         ("charuco:100x100:0.7", "needs 5000"),
         ("aruco:5x0:0.3", "from 1"),
         ("aruco:5x5:0.3:0.3", "RATIO"),
+        ("aprilgrid:6x6", "aprilgrid:COLSxROWS:GAP"),
+        ("aprilgrid:30x30:0.3", "needs 900"),
         ("apriltag:6x6:99999", "gap"),
         ("tags:", "choose among"),
         ("tags:nonsense", "choose among"),

@@ -89,7 +89,8 @@ def calibrate_command(
         None,
         "LAYOUT",
         "Sheets of markers of a known layout: charuco:10x10:0.75 (squares across and down, marker "
-        "over square), aruco:5x7:0.2 or apriltag:6x6:0.3 (gap over marker), or FILE.json.",
+        "over square), aruco:5x7:0.2, apriltag:6x6:0.3 or aprilgrid:6x6:0.3 (gap over marker), "
+        "or FILE.json.",
     ),
     outline: Path | None = option(
         None,

@@ -25,8 +25,12 @@ SMALLEST_BOARD = 3
 
 CHOICES = (
     "auto, squares, tags, aruco, apriltag, tags:6X6_250, chessboard:9x6, or a board of known "
-    "layout, such as charuco:10x10:0.75, aruco:5x7:0.2, apriltag:6x6:0.3 or layout.json"
+    "layout, such as charuco:10x10:0.75, aruco:5x7:0.2, apriltag:6x6:0.3, aprilgrid:6x6:0.3 or "
+    "layout.json"
 )
+
+SHEETS = ("charuco:", "aruco:", "apriltag:", "aprilgrid:")
+"""What the names of layouts begin with."""
 
 TAG_SEARCHES = {
     "auto": TagSearch(DICTIONARIES),
@@ -53,6 +57,8 @@ class TargetKinds:
         Whether squares without a code are looked for.
     lattices : bool
         Whether chessboards of any size are looked for.
+    grids : bool
+        Whether AprilGrids of any size are looked for.
     """
 
     board: tuple[int, int] | None = None
@@ -60,6 +66,7 @@ class TargetKinds:
     tags: TagSearch | None = None
     squares: bool = False
     lattices: bool = False
+    grids: bool = False
 
     @classmethod
     def parse(cls, text: str) -> TargetKinds:
@@ -73,12 +80,16 @@ class TargetKinds:
         if not isinstance(text, str):
             raise TypeError(f"targets must be a string, not {type(text).__name__}")
         if text in TAG_SEARCHES:
-            squares = text in ("auto", "squares")
-            return cls(tags=TAG_SEARCHES[text], squares=squares, lattices=text == "auto")
+            return cls(
+                tags=TAG_SEARCHES[text],
+                squares=text in ("auto", "squares"),
+                lattices=text == "auto",
+                grids=text in ("auto", "tags", "apriltag"),
+            )
         if text.startswith("tags:"):
             name = dictionary_name(text.removeprefix("tags:"))
             return cls(tags=TagSearch((name,), stated=True))
-        if text.startswith(("charuco:", "aruco:", "apriltag:")) or text.lower().endswith(".json"):
+        if text.startswith(SHEETS) or text.lower().endswith(".json"):
             from trisquare.detection.sheets.layout import parse_layout
 
             return cls(layout=parse_layout(text))

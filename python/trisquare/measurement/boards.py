@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -14,8 +15,9 @@ import trisquare._core as _core
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.candidates import Lattice
 from trisquare.detection.sampling import sample
+from trisquare.detection.sheets.find import SheetMatch
 from trisquare.edges import PlaneEdges, unchecked_edges
-from trisquare.measurement.marker_margins import light_cells, marker_rims
+from trisquare.measurement.marker_margins import light_cells, marker_rims, side_margins
 from trisquare.measurement.side_spans import SideSpan
 
 PROBE = 0.25
@@ -48,6 +50,11 @@ class Board:
     """Of the markers in the cells between and around R x C crossings, shape (R + 1, C + 1): the
     distance from their cell's edges over its side; 0 for a cell without one."""
     kind: str = "chessboard"
+    lines: tuple[FloatArray, FloatArray] | None = None
+    """Where the rows and the columns are, sheet coordinates; by default one apart."""
+    margins: tuple[FloatArray, FloatArray] | None = None
+    """Pixels to the left and to the right of each row, and of each column, shape (N, 2), that hold
+    nothing else; by default as far as the next line."""
 
     @classmethod
     def of(cls, lattice: Lattice, grey: npt.NDArray[np.uint8]) -> Board:
@@ -64,6 +71,34 @@ class Board:
         rows, cols = lattice.present.shape
         light = light_cells((rows + 1, cols + 1), first_is_dark=dark_corner)
         return cls(lattice, contrast_sign, np.where(light, rim, 0.0), "charuco")
+
+    @classmethod
+    def of_grid(cls, grid: SheetMatch) -> Board:
+        """Take the tags' sides for grid lines: at a tag's corner they run on along dark squares.
+
+        What is dark and what is light alternates as on a chessboard, with cells of two widths.
+        """
+        gap = grid.sheet.gap
+        first = grid.model[:, 0]
+        places = np.rint((first - first.min(axis=0)) / (1.0 + gap)).astype(int)
+        across, down = 2 * (places.max(axis=0) + 1)
+        crossings = np.zeros((down, across, 2))
+        present = np.zeros((down, across), bool)
+        for (x, y), corners in zip(places.tolist(), grid.corners, strict=True):
+            for corner, (right, below) in zip(
+                corners, ((0, 0), (1, 0), (1, 1), (0, 1)), strict=True
+            ):
+                crossings[2 * y + below, 2 * x + right] = corner
+                present[2 * y + below, 2 * x + right] = True
+        numbers = np.arange(max(across, down))
+        lines = numbers // 2 * (1.0 + gap) + numbers % 2
+        return cls(
+            Lattice(crossings, present),
+            -1.0,
+            kind=grid.sheet.kind,
+            lines=(lines[:down] - 0.5 * lines[down - 1], lines[:across] - 0.5 * lines[across - 1]),
+            margins=_grid_margins(places, grid, present.shape),
+        )
 
     @property
     def quad(self) -> FloatArray:
@@ -90,7 +125,11 @@ class Board:
             path = np.ascontiguousarray(self.lattice.crossings[rows, cols])
             polarity = self._contrast_sign_of_even(line) * float(_alternation(int(line.places[0])))
             rims = () if self.rims is None else _rims_along(self.rims, line)
-            spans.append(SideSpan(path, polarity, crossings=crossings, rims=rims))
+            spans.append(
+                SideSpan(
+                    path, polarity, margins=self._margins(line), crossings=crossings, rims=rims
+                )
+            )
         return spans
 
     def figures(self, measured: Sequence[_core.SideSamples | str], plane: int) -> list[PlaneEdges]:
@@ -101,15 +140,17 @@ class Board:
         self, measured: Sequence[_core.SideSamples | str], plane: int
     ) -> tuple[list[PlaneEdges], float]:
         """Return the figures, and by how much edges were shifted toward the light, pixels."""
-        rows, cols = self.lattice.present.shape
+        down, across = self.lines or tuple(
+            np.arange(count) - 0.5 * (count - 1) for count in self.lattice.present.shape
+        )
         models, lines = [], []
         for line, samples in zip(_grid_lines(self.lattice.present), measured, strict=True):
             if isinstance(samples, str):
                 continue
             if line.is_row:
-                models.append((0.0, 1.0, (rows - 1) / 2 - line.number))
+                models.append((0.0, 1.0, -down[line.number]))
             else:
-                models.append((1.0, 0.0, (cols - 1) / 2 - line.number))
+                models.append((1.0, 0.0, -across[line.number]))
             cells = self._cells(line, samples.points)
             lines.append((samples.points, samples.std, cells, self._contrast_sign_of_even(line)))
         columns = sum(model[0] != 0.0 for model in models)
@@ -124,6 +165,13 @@ class Board:
         )
         return [board], shift
 
+    def _margins(self, line: GridLine) -> tuple[float, float]:
+        """Pixels to the left and to the right of a line that hold nothing else."""
+        if self.margins is None:
+            return math.inf, math.inf
+        left, right = self.margins[0 if line.is_row else 1][line.number].tolist()
+        return left, right
+
     def _contrast_sign_of_even(self, line: GridLine) -> float:
         """Which way a line gets lighter after crossings of even number."""
         # A column's right-hand normal points the other way in the row it starts from.
@@ -135,6 +183,24 @@ class Board:
         path = self.lattice.crossings[_indices(line)]
         along = path[-1] - path[0]
         return np.asarray(line.places[np.searchsorted(path[1:-1] @ along, points @ along)])
+
+
+def _grid_margins(
+    places: npt.NDArray[np.intp], grid: SheetMatch, shape: tuple[int, ...]
+) -> tuple[FloatArray, FloatArray]:
+    """Return the least margins that tags' borders and gaps leave along the rows and columns."""
+    rows, columns = (np.full((count, 2), np.inf) for count in shape)
+    for (x, y), corners in zip(places.tolist(), grid.corners, strict=True):
+        top, right, bottom, left = side_margins(corners, grid.border, grid.sheet.gap)
+        # Lines run to the right and downward, a tag's sides clockwise.
+        for lines, number, (on_left, on_right) in (
+            (rows, 2 * y, top),
+            (rows, 2 * y + 1, bottom[::-1]),
+            (columns, 2 * x, left[::-1]),
+            (columns, 2 * x + 1, right),
+        ):
+            lines[number] = np.minimum(lines[number], (on_left, on_right))
+    return rows, columns
 
 
 def _grid_lines(present: npt.NDArray[np.bool_]) -> list[GridLine]:

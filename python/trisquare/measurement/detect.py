@@ -29,13 +29,15 @@ def detect(
         - ``"squares"``: dark squares on a lighter ground or the reverse, solid or framed;
         - ``"tags"``, ``"aruco"``, ``"apriltag"``: the black borders of tags of any dictionary, each
           a square of its own; ``"tags:6X6_250"``: of that dictionary, without a doubt;
-        - ``"auto"``: these, and chessboards of any size;
+        - ``"auto"``: these, and chessboards and Kalibr's AprilGrids of any size, each one plane;
         - ``"chessboard:9x6"``: one board of 9 x 6 inner corners;
         - ``"charuco:10x10:0.75"``: ChArUco boards of 10 x 10 squares (across and down) with markers
           of 0.75 of a square, each one plane; board f carries the numbers from f M to f M + M - 1,
           M being the number of its markers;
         - ``"aruco:5x7:0.2"`` or ``"apriltag:6x6:0.3"``: likewise sheets of 5 x 7 markers with gaps
           of 0.2 of a marker's side, numbered row by row from the top, or the bottom as Kalibr does;
+        - ``"aprilgrid:6x6:0.3"``: likewise AprilGrids, whose tags have borders of two cells;
+          the dark squares between their corners are measured, too;
         - each of these with a dictionary, as ``"charuco:10x10:0.75:6X6_1000"``, is faster;
         - ``"layout.json"``: sheets of markers whose corners the file has by their numbers,
           ``{"dictionary": "6X6_250", "sheets": [{"markers": {"7": [[0, 0], [1, 0], [1, 1], [0, 1]],

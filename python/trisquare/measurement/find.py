@@ -16,7 +16,7 @@ from trisquare.detection.boards.membership import belongs_to, whole_cells
 from trisquare.detection.candidates import ENOUGH, Lattice
 from trisquare.detection.grey import grey_bytes
 from trisquare.detection.kinds import TargetKinds
-from trisquare.detection.sheets.find import SheetMatch, find_sheets
+from trisquare.detection.sheets.find import SheetMatch, find_sheets, find_unknown_grids
 from trisquare.detection.squares.find import find_squares
 from trisquare.images.pixels import Image
 from trisquare.measurement.boards import Board
@@ -48,16 +48,23 @@ def search(picture: Image, kinds: TargetKinds) -> Search:
 def _found(grey: NDArray[np.uint8], targets: TargetKinds) -> Sequence[DetectedTarget | Rejected]:
     """Find the targets in a grey picture, and what is none after all; the list may be empty."""
     if targets.layout is not None:
-        return [
-            Sheet.of(found) if isinstance(found, SheetMatch) else found
-            for found in find_sheets(grey, targets.layout)
-        ]
+        return [_of_match(found) for found in find_sheets(grey, targets.layout)]
     if targets.board is not None:
         lattice = find_chessboard(grey, *targets.board)
         return [] if lattice is None else [Board.of(lattice, grey)]
-    lattices = find_lattices(grey) if targets.lattices else []
-    squares = _squares_beside(grey, lattices, targets)
-    return [Board.of(lattice, grey) for lattice in lattices] + squares
+    boards = (
+        [Board.of(lattice, grey) for lattice in find_lattices(grey)] if targets.lattices else []
+    )
+    grids = [_of_match(grid) for grid in find_unknown_grids(grey)] if targets.grids else []
+    lattices = [found.lattice for found in (*boards, *grids) if isinstance(found, Board)]
+    return [*boards, *grids, *_squares_beside(grey, lattices, targets)]
+
+
+def _of_match(found: SheetMatch | Rejected) -> DetectedTarget | Rejected:
+    """Tell how a sheet that was found is measured."""
+    if isinstance(found, Rejected):
+        return found
+    return Board.of_grid(found) if found.sheet.touching else Sheet.of(found)
 
 
 def _squares_beside(

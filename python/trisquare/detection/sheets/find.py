@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from typing import NamedTuple
 
 import cv2
@@ -11,9 +12,10 @@ from numpy.typing import NDArray
 
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.grey import MIN_PICTURE
+from trisquare.detection.sheets.aprilgrids import AprilGrid, find_aprilgrids
 from trisquare.detection.sheets.layout import Arrangement, Layout, PrintedSheet
-from trisquare.detection.tags.decode import BORDER, WIDE_BORDER, WIDE_BORDERED, decode_tags
-from trisquare.detection.tags.families import TagSearch
+from trisquare.detection.tags.decode import BORDER, WIDE_BORDER, decode_tags
+from trisquare.detection.tags.families import WIDE_BORDERED, TagSearch
 from trisquare.detection.tags.find import Marker, detect_markers, shortest_side
 from trisquare.results.rejected import Rejected
 
@@ -63,6 +65,9 @@ def find_sheets(grey: NDArray[np.uint8], layout: Layout) -> list[SheetMatch | Re
     """Find the sheets of a layout in a grey picture; sheets that do not fit are rejected."""
     if min(grey.shape) < MIN_PICTURE:
         return []
+    if layout.sheets[0].touching:
+        grids = find_aprilgrids(grey, layout.dictionaries[0])
+        return [_of_layout(grid, layout) for grid in grids]
     seen: dict[int, list[tuple[int, FloatArray]]] = {}
     markers = _markers(grey, layout)
     for marker in markers:
@@ -75,7 +80,31 @@ def find_sheets(grey: NDArray[np.uint8], layout: Layout) -> list[SheetMatch | Re
         places = np.array([place for place, _ in seen[index]])
         corners = np.array([corners for _, corners in seen[index]])
         if len(places) >= min(LEAST_MARKERS, len(sheet.arrangements[0].corners)):
-            found.append(_fit(layout, sheet, places, corners, markers[0].border))
+            found.append(_fit(layout.text, sheet, places, corners, markers[0].border))
+    return found
+
+
+def _of_layout(grid: AprilGrid, layout: Layout) -> SheetMatch | Rejected:
+    """Put a grid that was found on the sheet of the layout that most of its tags are on."""
+    count = len(layout.sheets[0].arrangements[0].corners)
+    index, _ = Counter(tag.number // count for tag in grid.tags).most_common(1)[0]
+    tags = [tag for tag in grid.tags if tag.number // count == index]
+    places = np.array([tag.number % count for tag in tags])
+    corners = np.array([tag.corners for tag in tags])
+    return _fit(layout.text, layout.sheet(index), places, corners, grid.border)
+
+
+def find_unknown_grids(grey: NDArray[np.uint8]) -> list[SheetMatch | Rejected]:
+    """Find AprilGrids of any size in a grey picture."""
+    if min(grey.shape) < MIN_PICTURE:
+        return []
+    found = []
+    for grid in find_aprilgrids(grey):
+        sheet = PrintedSheet(
+            "sheet", "sheet", (Arrangement(grid.model),), gap=grid.gap, touching=True
+        )
+        corners = np.array([tag.corners for tag in grid.tags])
+        found.append(_fit("an AprilGrid", sheet, np.arange(len(corners)), corners, grid.border))
     return found
 
 
@@ -111,7 +140,7 @@ class _Fit(NamedTuple):
 
 
 def _fit(
-    layout: Layout,
+    text: str,
     sheet: PrintedSheet,
     places: NDArray[np.intp],
     corners: FloatArray,
@@ -128,12 +157,12 @@ def _fit(
     box = cv2.boxPoints(cv2.minAreaRect(corners.reshape(-1, 2).astype(np.float32)))
     quad = np.asarray(box, dtype=np.float64)
     if best is None or best.fits.mean() < MIN_SHARE:
-        reason = f"its {len(places)} markers are not where {layout.text} has them"
+        reason = f"its {len(places)} markers are not where {text} has them"
         return Rejected(sheet.kind, 0, quad, reason)
     size = _size_seen(best, corners)
     shortest = float(np.median([shortest_side(marker) for marker in corners]))
     if abs(size - 1.0) > MAX_SIZE_ERROR + MAX_SIZE_ERROR_PIXELS / shortest:
-        reason = f"its markers are {size:.2f} times as large as {layout.text} says"
+        reason = f"its markers are {size:.2f} times as large as {text} says"
         return Rejected(sheet.kind, 0, quad, reason)
     kept = best.fits
     return SheetMatch(

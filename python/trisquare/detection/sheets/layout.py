@@ -17,12 +17,20 @@ import numpy as np
 from trisquare._support.arrays import FloatArray, real_array
 from trisquare._support.json_members import parse_json
 from trisquare._support.paths import naming, read_text
-from trisquare.detection.tags.families import APRILTAG, ARUCO, LARGEST, SIZES, dictionary_name
+from trisquare.detection.tags.families import (
+    APRILTAG,
+    ARUCO,
+    LARGEST,
+    SIZES,
+    WIDE_BORDERED,
+    dictionary_name,
+)
 
 GRAMMAR = (
     "charuco:COLSxROWS:RATIO (squares across and down, marker side over square side), "
-    "aruco:COLSxROWS:GAP or apriltag:COLSxROWS:GAP (markers across and down, gap over marker "
-    "side), each with :DICTIONARY if you like, or FILE.json"
+    "aruco:COLSxROWS:GAP, apriltag:COLSxROWS:GAP or aprilgrid:COLSxROWS:GAP (markers across and "
+    "down, gap over marker side; an aprilgrid's borders are two cells wide), each with "
+    ":DICTIONARY if you like, or FILE.json"
 )
 
 MOST_ACROSS = 100
@@ -38,6 +46,14 @@ GAPS = (0.01, 10.0)
 """Gap over marker."""
 
 MOST_FILE_BYTES = 10_000_000
+
+OF_KIND = {
+    "charuco": LARGEST,
+    "aruco": ARUCO,
+    "apriltag": APRILTAG,
+    "aprilgrid": (WIDE_BORDERED,),
+}
+"""Dictionaries that a layout's markers may be from if it names none."""
 
 UNIT_SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
@@ -76,6 +92,8 @@ class PrintedSheet:
         Of a chessboard, the white between a square's edges and its marker, over the square's side.
     gap : float
         White round a marker before the next thing, over the marker's side.
+    touching : bool
+        Whether the markers' borders are two cells wide, and dark squares touch their corners.
     """
 
     kind: str
@@ -84,6 +102,7 @@ class PrintedSheet:
     squares: tuple[int, int] | None = None
     rim: float = 0.0
     gap: float = math.inf
+    touching: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,7 +152,8 @@ def parse_layout(text: str) -> Layout:
     if text.lower().endswith(".json"):
         return _from_file(Path(text))
     match = re.fullmatch(
-        r"(charuco|aruco|apriltag):(\d{1,4})x(\d{1,4}):(\d{0,6}\.?\d{0,9})(?::(\w+))?", text
+        r"(charuco|aruco|apriltag|aprilgrid):(\d{1,4})x(\d{1,4}):(\d{0,6}\.?\d{0,9})(?::(\w+))?",
+        text,
     )
     if match is None or not any(character.isdigit() for character in match[4]):
         raise ValueError(f"unknown board {text!r}: give {GRAMMAR}")
@@ -146,10 +166,12 @@ def parse_layout(text: str) -> Layout:
     what, (low, high) = ("marker over square", RATIOS) if kind == "charuco" else ("gap", GAPS)
     if not low <= size <= high:
         raise ValueError(f"{what} {size:g} in {text!r}: give from {low:g} to {high:g}")
-    sheet = _charuco(cols, rows, size) if kind == "charuco" else _grid(cols, rows, size)
+    if kind == "charuco":
+        sheet = _charuco(cols, rows, size)
+    else:
+        sheet = _grid(cols, rows, size, touching=kind == "aprilgrid")
     count = len(sheet.arrangements[0].corners)
-    of_kind = ARUCO if kind == "aruco" else APRILTAG if kind == "apriltag" else LARGEST
-    names: tuple[str, ...] = tuple(name for name in LARGEST if name in of_kind)
+    names: tuple[str, ...] = tuple(name for name in LARGEST if name in OF_KIND[kind])
     if match[5] is not None:
         names = (dictionary_name(match[5]),)
     enough = tuple(name for name in names if SIZES[name] >= count)
@@ -176,13 +198,18 @@ def _charuco(cols: int, rows: int, ratio: float) -> PrintedSheet:
     return PrintedSheet("charuco", "board", tuple(arrangements), (cols, rows), rim, rim / ratio)
 
 
-def _grid(cols: int, rows: int, gap: float) -> PrintedSheet:
+def _grid(cols: int, rows: int, gap: float, *, touching: bool) -> PrintedSheet:
     """Markers row by row, from the top as OpenCV counts them or from the bottom as Kalibr does."""
     x, y = np.meshgrid(np.arange(cols), np.arange(rows))
     cells = np.stack([x.ravel(), y.ravel()], axis=1) * (1.0 + gap)
     corners = UNIT_SQUARE + cells[:, None] - 0.5 * (cells[-1] + 1.0)
     from_bottom = corners.reshape(rows, cols, 4, 2)[::-1].reshape(-1, 4, 2)
-    return PrintedSheet("sheet", "sheet", (Arrangement(corners), Arrangement(from_bottom)), gap=gap)
+    ways = (
+        (Arrangement(from_bottom),)
+        if touching
+        else (Arrangement(corners), Arrangement(from_bottom))
+    )
+    return PrintedSheet("sheet", "sheet", ways, gap=gap, touching=touching)
 
 
 def _from_file(path: Path) -> Layout:

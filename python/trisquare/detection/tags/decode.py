@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -19,14 +20,13 @@ from trisquare._support.arrays import FloatArray
 from trisquare.detection.candidates import MIN_CONTRAST, Tag
 from trisquare.detection.sampling import homographies_from_unit_square, sample
 from trisquare.detection.tags.codes import Bits, Dictionary, dictionary
-from trisquare.detection.tags.families import TagSearch
+from trisquare.detection.tags.families import WIDE_BORDERED, TagSearch
 
 BORDER = 1
 """Cells of black round a code."""
 
 WIDE_BORDER = 2
-WIDE_BORDERED = "APRILTAG_36H11"
-"""Kalibr prints the border of AprilTags, of which this is the usual family, twice as wide."""
+"""Of those of `WIDE_BORDERED`, that is."""
 
 PROBES = np.array([0.3, 0.5, 0.7])
 """Where a cell's shade is looked up, in cells: clear of its neighbours' blur."""
@@ -129,6 +129,52 @@ class _Reading(NamedTuple):
         clear &= (above[:, ~inner] <= -MIN_CLEARANCE).mean(axis=1) >= MIN_DARK_SHARE
         clear &= step[:, 0, 0] >= np.maximum(MIN_CONTRAST, MIN_RELATIVE_STEP * steps)
         return cls(above[:, border:-border, border:-border] > 0.0, clear)
+
+
+class Agreement(NamedTuple):
+    """How well the shades of quads' cells agree with a dictionary's codes."""
+
+    numbers: NDArray[np.intp]  # (Q,) of the codes that agree best
+    turns: NDArray[np.intp]  # (Q,) as of `Tag`
+    correlation: FloatArray  # (Q,)
+
+
+def agreement(
+    grey: NDArray[np.uint8],
+    corners: FloatArray,
+    name: str,
+    border: int,
+    expected: NDArray[np.intp] | None = None,
+) -> Agreement:
+    """Compare quads, shape (Q, 4, 2), with all codes, or upright with those that are expected.
+
+    Nothing is cut into bits: the cells of a small tag are too blurred for that, one by one, when
+    all together still tell its code.
+    """
+    book = dictionary(name)
+    cells = _cell_shades(grey, corners, book.side + 2 * border)
+    shades = _normalised(cells[:, border:-border, border:-border])
+    quads = np.arange(len(shades))
+    if expected is not None:
+        codes = _normalised(book.codes[expected])
+        return Agreement(expected, np.zeros_like(expected), (shades * codes).sum(axis=1))
+    correlation = shades @ _normalised_codes(name).T
+    turns, numbers = np.divmod(correlation.argmax(axis=1), len(book.codes))
+    return Agreement(numbers, turns, correlation[quads, turns * len(book.codes) + numbers])
+
+
+@cache
+def _normalised_codes(name: str) -> FloatArray:
+    """Codes in the four ways they may be turned, shape (4 N, n * n)."""
+    codes = dictionary(name).codes
+    turned = [np.rot90(codes, turns, axes=(1, 2)) for turns in range(4)]
+    return _normalised(np.concatenate(turned))
+
+
+def _normalised(cells: FloatArray | Bits) -> FloatArray:
+    """Cells of each quad as a vector of unit length and zero sum, shape (Q, n * n)."""
+    flat = cells.reshape(len(cells), cells.shape[1] ** 2) - cells.mean(axis=(1, 2))[:, None]
+    return np.asarray(flat / np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-9))
 
 
 class _Hits(NamedTuple):

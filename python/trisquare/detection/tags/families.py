@@ -21,6 +21,9 @@ DICTIONARIES = tuple(SIZES)
 APRILTAG = tuple(name for name in DICTIONARIES if name.startswith("APRILTAG"))
 ARUCO = tuple(name for name in DICTIONARIES if name not in APRILTAG)
 
+WIDE_BORDERED = "APRILTAG_36H11"
+"""Kalibr prints the border of AprilTags, of which this is the usual family, twice as wide."""
+
 LARGEST = tuple(name for name in DICTIONARIES if not name.endswith(("_50", "_100", "_250")))
 """Without those that are the beginning of another one."""
 

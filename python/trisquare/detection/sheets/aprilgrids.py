@@ -1,0 +1,221 @@
+"""Kalibr AprilGrids: from a few tags that are read, along the grid, to all that are there.
+
+Tags with borders of two cells touch small dark squares at their corners, so that few of their
+outlines come whole out of a threshold. But where a tag's neighbours are follows from the tag, and
+the corners are saddles, which are located without a threshold.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from trisquare._support.arrays import FloatArray
+from trisquare.detection.sampling import homographies_from_unit_square
+from trisquare.detection.tags.codes import dictionary
+from trisquare.detection.tags.decode import WIDE_BORDER, agreement
+from trisquare.detection.tags.families import WIDE_BORDERED
+from trisquare.detection.tags.find import shortest_side
+from trisquare.detection.tags.touching import find_touching_tags, on_saddles
+
+LEAST_TAGS = 3
+"""Of a grid: two may still stand side by side by chance."""
+
+LEAST_AGREEMENT = 0.6
+"""Correlation between the cells of a tag and those of the code that has to be there. Any other code
+of the dictionary correlates to less than 0.4."""
+
+NEAREST = 6
+"""Tags of a grid that tell where the next one is: they are close enough for any lens."""
+
+GAPS = (0.1, 1.0)
+"""Gap over tag that is looked for."""
+
+OFF_AXIS = 0.15
+"""Of a tag's side, by which a neighbour may seem to lie off its row, as it is small and blurred."""
+
+USUAL_GAPS = 0.05
+USUAL_GAP_ERROR = 0.01
+"""A gap that seems to be within the error of a multiple of the former is that."""
+
+
+class GridTag(NamedTuple):
+    """A tag on a grid: column to the right and row down from the first that was read."""
+
+    number: int
+    place: tuple[int, int]
+    corners: FloatArray  # (4, 2), pixels, clockwise from the top left of the grid
+
+
+class AprilGrid(NamedTuple):
+    """Tags of one grid."""
+
+    tags: list[GridTag]
+    gap: float  # over the tags' side
+    border: float  # likewise
+
+    @property
+    def model(self) -> FloatArray:
+        """Corners of the tags, their side as unit, shape (N, 4, 2)."""
+        return _model([tag.place for tag in self.tags], self.gap)
+
+
+class Print(NamedTuple):
+    """What all grids of a picture have in common."""
+
+    cols: int | None  # None where only one row is seen
+    gap: float
+    turns: int  # of the code against the grid
+
+
+def find_aprilgrids(grey: NDArray[np.uint8], name: str = WIDE_BORDERED) -> list[AprilGrid]:
+    """Find every grid of tags with wide borders in a grey picture.
+
+    Parameters
+    ----------
+    grey : ndarray of uint8, shape (H, W)
+    name : str
+        The tags' dictionary.
+
+    Returns
+    -------
+    list of AprilGrid
+        From the one of most tags to the one of fewest.
+    """
+    numbers, corners = find_touching_tags(grey, name, WIDE_BORDER)
+    if len(numbers) < LEAST_TAGS:
+        return []
+    printed = _print(numbers, corners)
+    if printed is None:
+        return []
+    border = WIDE_BORDER / (dictionary(name).side + 2 * WIDE_BORDER)
+    grids: list[AprilGrid] = []
+    largest_first = np.argsort([-shortest_side(quad) for quad in corners])
+    covered = np.zeros(len(corners), bool)
+    for index in largest_first.tolist():
+        if covered[index]:
+            continue
+        seed = GridTag(numbers[index], (0, 0), np.roll(corners[index], printed.turns, axis=0))
+        grids.append(AprilGrid(_grown(grey, seed, printed, name), printed.gap, border))
+        covered |= _covers(grids[-1], corners)
+    apart: list[AprilGrid] = []
+    for grid in sorted(grids, key=lambda grid: -len(grid.tags)):
+        # A tag that the larger grid lacks may have led to the same grid once more.
+        own = np.array([tag.corners for tag in grid.tags])
+        known = any(_covers(other, own).any() for other in apart)
+        if len(grid.tags) >= LEAST_TAGS and not known:
+            apart.append(grid)
+    return apart
+
+
+def _print(numbers: Sequence[int], corners: FloatArray) -> Print | None:
+    """Tell from pairs of neighbours how the grids are printed; None if there are none."""
+    pairs = list(_neighbours(numbers, corners))
+    rows = Counter(turn for step, turn, _ in pairs if step == 1)
+    if not rows:
+        return None
+    turns = rows.most_common(1)[0][0]
+    # One row up is a quarter turn left of one to the right.
+    columns = Counter(step for step, turn, _ in pairs if step > 1 and turn == (turns + 3) % 4)
+    cols = columns.most_common(1)[0][0] if columns else None
+    right = [(1, turns), (cols, (turns + 3) % 4)]
+    gaps = [seen for step, turn, seen in pairs if (step, turn) in right]
+    if len(gaps) < LEAST_TAGS - 1:
+        return None
+    gap = float(np.median(gaps))
+    usual = USUAL_GAPS * round(gap / USUAL_GAPS)
+    return Print(cols, usual if abs(gap - usual) < USUAL_GAP_ERROR else gap, turns)
+
+
+def _neighbours(numbers: Sequence[int], corners: FloatArray) -> Iterator[tuple[int, int, float]]:
+    """Yield of each two tags that are side by side how they stand to each other.
+
+    Namely by how much the second one's number is higher, in which direction it is (quarter turns
+    clockwise from the right of the first one's code), and the gap between them.
+    """
+    for homography, number in zip(homographies_from_unit_square(corners), numbers, strict=True):
+        inverse = np.linalg.inv(homography)
+        seen = cv2.perspectiveTransform(corners.reshape(1, -1, 2), inverse).reshape(-1, 4, 2)
+        middles = seen.mean(axis=1) - 0.5
+        for other, (x, y) in zip(numbers, middles.tolist(), strict=True):
+            far, off = max(abs(x), abs(y)), min(abs(x), abs(y))
+            if other > number and 1.0 + GAPS[0] < far < 1.0 + GAPS[1] and off < OFF_AXIS:
+                turn = (0 if x > 0.0 else 2) if abs(x) > abs(y) else (1 if y > 0.0 else 3)
+                yield other - number, turn, far - 1.0
+
+
+def _grown(grey: NDArray[np.uint8], seed: GridTag, printed: Print, name: str) -> list[GridTag]:
+    """All tags of the grid that a tag belongs to."""
+    known = {seed.place: seed}
+    tried: dict[tuple[int, int], int] = {}
+    while wanted := _wanted(known, printed.cols, tried, len(dictionary(name).codes)):
+        places, numbers = zip(*wanted.items(), strict=True)
+        expected = np.array([_expected(known, place, printed.gap) for place in places])
+        inside = ((expected >= 0.0) & (expected <= np.array(grey.shape[::-1]) - 1.0)).all((1, 2))
+        quads = on_saddles(grey, expected[inside])
+        own = np.roll(quads, -printed.turns, axis=1)
+        codes = np.array(numbers)[inside]
+        seen = agreement(grey, own, name, WIDE_BORDER, codes).correlation
+        for index, quad, agrees in zip(np.flatnonzero(inside), quads, seen, strict=True):
+            if agrees >= LEAST_AGREEMENT:
+                known[places[index]] = GridTag(numbers[index], places[index], quad)
+    return list(known.values())
+
+
+def _wanted(
+    known: Mapping[tuple[int, int], GridTag],
+    cols: int | None,
+    tried: dict[tuple[int, int], int],
+    count: int,
+) -> dict[tuple[int, int], int]:
+    """Numbers by the places beside known tags, unless these were tried with as many tags around."""
+    steps = [(1, 0, 1), (-1, 0, -1)]
+    if cols is not None:
+        steps += [(0, -1, cols), (0, 1, -cols)]
+    wanted: dict[tuple[int, int], int] = {}
+    for (x, y), tag in known.items():
+        for right, down, more in steps:
+            place, number = (x + right, y + down), tag.number + more
+            if place in known or not 0 <= number < count:
+                continue
+            around = sum(
+                (place[0] + i, place[1] + j) in known for i in (-1, 0, 1) for j in (-1, 0, 1)
+            )
+            if tried.get(place, 0) < around:
+                wanted[place] = number
+                tried[place] = around
+    return wanted
+
+
+def _expected(
+    known: Mapping[tuple[int, int], GridTag], place: tuple[int, int], gap: float
+) -> FloatArray:
+    """Where the corners of the tag at a place are, shape (4, 2), by the tags next to it."""
+    nearest = heapq.nsmallest(NEAREST, known.values(), key=lambda tag: math.dist(tag.place, place))
+    model = _model([place, *(tag.place for tag in nearest)], gap)
+    seen = np.array([tag.corners for tag in nearest])
+    homography, _ = cv2.findHomography(model[1:].reshape(-1, 2), seen.reshape(-1, 2))
+    if homography is None:
+        return np.full((4, 2), -1.0)
+    corners = cv2.perspectiveTransform(model[:1], homography)[0]
+    return np.asarray(corners, dtype=np.float64)
+
+
+def _model(places: Sequence[tuple[int, int]], gap: float) -> FloatArray:
+    unit = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    return np.asarray(unit + (1.0 + gap) * np.array(places, dtype=np.float64)[:, None])
+
+
+def _covers(grid: AprilGrid, corners: FloatArray) -> NDArray[np.bool_]:
+    """Whether tags, shape (N, 4, 2), are a grid's."""
+    own = np.array([tag.corners for tag in grid.tags])
+    sides = np.linalg.norm(own - np.roll(own, 1, axis=1), axis=2).min(axis=1)
+    off = corners.mean(axis=1)[:, None] - own.mean(axis=1)
+    return np.asarray((np.linalg.norm(off, axis=2) < 0.5 * sides).any(axis=1))

@@ -1,0 +1,151 @@
+"""Tags whose corners touch dark squares, as on Kalibr's AprilGrids: quads that decode as such.
+
+A threshold in the middle joins what touches; a lower one parts it, or a pixel taken off all that is
+dark. The corners, which are saddles, are then located without a threshold.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from trisquare._support.arrays import FloatArray
+from trisquare.detection.candidates import MIN_CONTRAST
+from trisquare.detection.tags.decode import agreement
+from trisquare.detection.tags.find import SMALLEST_SIDE, shortest_side
+
+LEAST_CORRELATION = 0.8
+"""Between the cells of a quad and a code: chance reaches it once in 200 000 quads, for any of 587
+codes of 36 cells."""
+
+REACH = 1.0 / 40.0
+LEAST_REACH = 15
+"""Over the picture's longest side, and in pixels: the darkest and the lightest pixel that are as
+near as this give the threshold. Seven times as large a tag still has white so near to
+its border."""
+
+COARSE = 3
+"""Pixels to one of the pictures of darkest and lightest: the threshold need not be finer."""
+
+SAME = 3.0
+"""Pixels between the middles of a tag that is found twice."""
+
+CORNER_TOLERANCE = 0.06
+"""Over an outline's length, how far a quad may be from it."""
+
+LEAST_FILLED = 0.8
+"""Of a quad, the share that its outline encloses."""
+
+
+class Parting(NamedTuple):
+    """What parts dark corners that touch: the threshold is low, and what is dark is eroded."""
+
+    level: float  # of the way from the darkest to the lightest around
+    eroded: int  # pixels
+    moved: float  # pixels by which corners are moved inward by both
+
+
+PARTINGS = (Parting(0.25, 0, 0.7), Parting(0.4, 1, 1.8))
+"""Blunt corners of blurred tags part by the first, small tags by the second. That is tried where
+the first has shown a tag."""
+
+SADDLE_WINDOW = 0.12
+"""Half width over a tag's shortest side, of the pixels that tell where its corner is: less than a
+border and than the gaps that are printed."""
+
+SADDLE_WINDOWS = (2, 8)
+"""Pixels: the least that shows a saddle, and the most that is of use."""
+
+SADDLE_STOP = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 20, 0.01)
+
+MAX_CORNER_STEP = 0.2
+"""Of the shortest side: how far a corner may be from where it was expected."""
+
+
+def find_touching_tags(
+    grey: NDArray[np.uint8], name: str, border: int
+) -> tuple[list[int], FloatArray]:
+    """Find tags of a dictionary, whether or not something dark touches their corners.
+
+    Returns
+    -------
+    numbers : list of int
+    corners : ndarray, shape (N, 4, 2)
+        Clockwise from the top left of each code, pixels.
+    """
+    found: list[int] = []
+    corners: list[FloatArray] = []
+    lowest, highest = _extremes(grey)
+    for parting in PARTINGS:
+        quads = on_saddles(grey, _dark_quads(grey, lowest, highest, parting))
+        numbers, turns, correlation = agreement(grey, quads, name, border)
+        read = np.flatnonzero(correlation >= LEAST_CORRELATION)
+        own = [np.roll(quads[index], turns[index], axis=0) for index in read]
+        # A tag that both show is found once.
+        new = [
+            not any(np.abs(quad.mean(axis=0) - one.mean(axis=0)).max() < SAME for one in corners)
+            for quad in own
+        ]
+        found += [int(number) for number, is_new in zip(numbers[read], new, strict=True) if is_new]
+        corners += [quad for quad, is_new in zip(own, new, strict=True) if is_new]
+        if not found:
+            break
+    return found, np.array(corners).reshape(-1, 4, 2)
+
+
+def on_saddles(grey: NDArray[np.uint8], quads: FloatArray) -> FloatArray:
+    """Move corners, shape (Q, 4, 2), onto the saddles that are next to them."""
+    moved = quads.copy()
+    limits = np.array(grey.shape[::-1]) - 1.0
+    for own, quad in zip(moved, quads, strict=True):
+        shortest = shortest_side(quad)
+        window = int(np.clip(round(SADDLE_WINDOW * shortest), *SADDLE_WINDOWS))
+        if ((quad < 0.0) | (quad > limits)).any():
+            continue
+        corners = np.ascontiguousarray(quad[:, None], dtype=np.float32)
+        found = cv2.cornerSubPix(grey, corners, (window, window), (-1, -1), SADDLE_STOP)[:, 0]
+        near = np.linalg.norm(found - quad, axis=1) < MAX_CORNER_STEP * shortest
+        own[near] = found[near]
+    return moved
+
+
+def _dark_quads(
+    grey: NDArray[np.uint8],
+    lowest: NDArray[np.uint8],
+    highest: NDArray[np.uint8],
+    parting: Parting,
+) -> FloatArray:
+    """Outlines of dark things that have four corners, clockwise, shape (Q, 4, 2)."""
+    level = cv2.addWeighted(lowest, 1.0 - parting.level, highest, parting.level, 0.0)
+    level[cv2.subtract(highest, lowest) < MIN_CONTRAST] = 0
+    threshold = cv2.resize(level, grey.shape[::-1], interpolation=cv2.INTER_LINEAR)
+    dark = cv2.compare(grey, threshold, cv2.CMP_LT)
+    if parting.eroded:
+        dark = cv2.erode(dark, np.ones((2 * parting.eroded + 1,) * 2, np.uint8))
+    contours, tree = cv2.findContours(dark, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
+    quads = []
+    for contour, links in zip(contours, [] if tree is None else tree[0], strict=True):
+        if links[3] >= 0 or min(cv2.boundingRect(contour)[2:]) < SMALLEST_SIDE:
+            continue  # a hole, or a speck
+        hull = cv2.convexHull(contour)
+        quad = cv2.approxPolyDP(hull, CORNER_TOLERANCE * cv2.arcLength(hull, True), True)
+        if len(quad) == 4 and cv2.contourArea(contour) > LEAST_FILLED * cv2.contourArea(quad):
+            quads.append(quad[::-1, 0] if cv2.contourArea(quad, True) < 0.0 else quad[:, 0])
+    corners = np.array(quads, dtype=np.float64).reshape(-1, 4, 2)
+    outward = corners - corners.mean(axis=1, keepdims=True)
+    outward /= np.linalg.norm(outward, axis=2, keepdims=True)
+    return np.asarray(corners + parting.moved * outward)
+
+
+def _extremes(grey: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """Return the darkest and the lightest around, `COARSE` pixels to one."""
+    reach = max(LEAST_REACH, round(REACH * max(grey.shape))) // COARSE
+    around = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+    # Averaged, lest the noise of a plain ground look like a contrast.
+    size = tuple(max(side // COARSE, 1) for side in grey.shape[::-1])
+    small = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
+    lowest, highest = cv2.erode(small, around), cv2.dilate(small, around)
+    return np.asarray(lowest, dtype=np.uint8), np.asarray(highest, dtype=np.uint8)

@@ -1,0 +1,239 @@
+"""Seeded scenes of Kalibr AprilGrids, and photographs of them.
+
+`trisquare.simulate.render` takes the scenes, exactly but in a minute or more: each bit is a
+quadrilateral of its own. `ink` counts samples instead, in a second.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from trisquare._support.rotations import tilted
+from trisquare.detection.tags.codes import dictionary
+from trisquare.detection.tags.decode import WIDE_BORDER, WIDE_BORDERED
+from trisquare.simulate import random_camera
+from trisquare.simulate.render import WHITE, Image, ToneCurve, decode_tone, encode_tone, quantised
+from trisquare.simulate.scene import (
+    Array,
+    Scene,
+    Side,
+    Target,
+    TrueCamera,
+    rectangle,
+    sides_of,
+)
+from trisquare_scenes.tagged import BOX_MARGIN, MOST_DRAWS, PLACES, box_faces, in_picture, marker
+
+SAMPLES = 6
+"""Along a pixel's side: one in 36 is wrong at an edge, and by chance to either side."""
+
+POSE_TILTS = (25.0, 50.0)  # degrees
+POSE_WIDTHS = (0.38, 0.5)
+"""Of a grid in a pose of its own: its side over the picture's height, before foreshortening."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AprilGridTarget(Target):
+    """A grid of tags with borders of two cells, and dark squares between their corners.
+
+    The plane's unit is a tag's side. Tags are numbered row by row from the bottom left.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Tags across and down.
+    gap : float
+        Between tags, and the side of the dark squares.
+    first : int
+        Number of the bottom left tag.
+    """
+
+    shape: tuple[int, int] = (6, 6)
+    gap: float = 0.3
+    first: int = 0
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Half width and half height with the outermost dark squares, tags' sides."""
+        cols, rows = self.shape
+        half = [0.5 * (count * (1.0 + self.gap) + self.gap) for count in (cols, rows)]
+        return half[0], half[1]
+
+    def tags(self) -> Iterator[tuple[int, Array]]:
+        """Yield the numbers and the middles of the tags."""
+        cols, rows = self.shape
+        for index in range(cols * rows):
+            row, column = divmod(index, cols)
+            place = np.array([column - 0.5 * (cols - 1), 0.5 * (rows - 1) - row])
+            yield self.first + index, place * (1.0 + self.gap)
+
+    def figure(self) -> Iterator[tuple[float, list[Side]]]:
+        """Yield the signs and the sides of convex quadrilaterals whose sum is the figure."""
+        codes = dictionary(WIDE_BORDERED).codes
+        for number, middle in self.tags():
+            yield from marker(codes[number], middle, 1.0, WIDE_BORDER)
+        cols, rows = self.shape
+        for row in range(rows + 1):
+            for column in range(cols + 1):
+                place = np.array([column - 0.5 * cols, row - 0.5 * rows]) * (1.0 + self.gap)
+                yield 1.0, sides_of(place + self.gap * rectangle(0.5, 0.5))
+
+    def bitmap(self) -> npt.NDArray[np.bool_]:
+        """Return what is dark: a row and a column for each gap and for each cell of a tag."""
+        codes = dictionary(WIDE_BORDERED).codes
+        cells = codes.shape[1] + 2 * WIDE_BORDER
+        cols, rows = self.shape
+        dark = np.zeros((rows * (cells + 1) + 1, cols * (cells + 1) + 1), bool)
+        dark[:: cells + 1, :: cells + 1] = True
+        for index in range(cols * rows):
+            y, x = 1 + (cells + 1) * np.array([rows - 1 - index // cols, index % cols])
+            tag = np.pad(codes[self.first + index], WIDE_BORDER)
+            dark[y : y + cells, x : x + cells] = ~tag
+        return dark
+
+    def sides(self) -> list[Side]:
+        """Sides of the tags' borders."""
+        unit = rectangle(0.5, 0.5)
+        return [side for _, middle in self.tags() for side in sides_of(middle + unit)]
+
+
+def aprilgrid_box_scene(
+    rng: np.random.Generator,
+    shape: tuple[int, int] = (6, 6),
+    *,
+    gap: float = 0.3,
+    camera: TrueCamera | None = None,
+) -> Scene:
+    """Draw a box's corner with a grid on each of its faces; grid f is numbered from f M on."""
+    half = AprilGridTarget(np.eye(3), np.array([0.0, 0.0, 1.0]), shape=shape, gap=gap).extent
+    unit = (1.0 - 2.0 * BOX_MARGIN) / (2.0 * max(half))
+    for _ in range(MOST_DRAWS):
+        own = camera or random_camera(rng)
+        faces = [
+            AprilGridTarget(
+                face.rotation,
+                face.translation / unit,
+                shape=shape,
+                gap=gap,
+                first=index * shape[0] * shape[1],
+            )
+            for index, face in enumerate(box_faces(rng, own))
+        ]
+        if all(in_picture(own, face, max(half)) for face in faces):
+            return Scene(own, tuple(faces))
+    raise ValueError("no box fits this camera's picture")
+
+
+def aprilgrid_poses_scene(
+    rng: np.random.Generator,
+    shape: tuple[int, int] = (6, 6),
+    *,
+    gap: float = 0.3,
+    widths: tuple[float, float] = POSE_WIDTHS,
+    camera: TrueCamera | None = None,
+) -> Scene:
+    """Draw three copies of one grid, all numbered from 0, that lie apart in three poses."""
+    camera = camera or random_camera(rng)
+    half = max(AprilGridTarget(np.eye(3), np.array([0.0, 0.0, 1.0]), shape=shape, gap=gap).extent)
+    first, upright = rng.uniform(0.0, 360.0, 2)
+    targets = []
+    for i, place in enumerate(PLACES):
+        for _ in range(MOST_DRAWS):
+            rotation = tilted(
+                rng.uniform(*POSE_TILTS),
+                first + 120.0 * i + rng.uniform(-20.0, 20.0),
+                upright + rng.uniform(-15.0, 15.0),
+            )
+            middle = (place + rng.uniform(-0.06, 0.06, 2)) * camera.image_size
+            centre = np.append(camera.undistort(middle[None])[0], 1.0)
+            centre *= camera.fx * 2.0 * half / (rng.uniform(*widths) * camera.image_size[1])
+            if rotation[:, 2] @ centre <= 0.5 * np.linalg.norm(centre):
+                continue
+            target = AprilGridTarget(rotation, centre, shape=shape, gap=gap)
+            if in_picture(camera, target, half) and not any(
+                _overlap(camera, target, other, half) for other in targets
+            ):
+                targets.append(target)
+                break
+        else:
+            raise ValueError("no grid fits this camera's picture")
+    return Scene(camera, tuple(targets))
+
+
+def _overlap(camera: TrueCamera, one: Target, two: Target, half: float) -> bool:
+    """Whether the images of two sheets meet: no side of one has all of the other beyond it."""
+    quads = [camera.project(target.to_camera(rectangle(half, half))) for target in (one, two)]
+    for quad, other in (quads, quads[::-1]):
+        along = np.roll(quad, -1, axis=0) - quad
+        off = other[None] - quad[:, None]
+        inside = along[:, None, 0] * off[..., 1] - along[:, None, 1] * off[..., 0]
+        if (inside < 0.0).all(axis=1).any():
+            return False
+    return True
+
+
+def ink(scene: Scene, blur: float) -> Array:
+    """How much of each pixel is dark, shape (H, W), blurred by `blur` pixels."""
+    width, height = scene.camera.image_size
+    covered = np.zeros((height, width))
+    for target in scene.targets:
+        assert isinstance(target, AprilGridTarget)
+        outline = scene.camera.project(target.to_camera(rectangle(*target.extent)))
+        reach = int(np.ceil(6.0 * blur)) + 20
+        left, top = np.maximum(np.floor(outline.min(axis=0)).astype(int) - reach, 0).tolist()
+        right, bottom = np.ceil(outline.max(axis=0)).astype(int) + reach
+        y, x = np.mgrid[top : min(bottom, height), left : min(right, width)].astype(np.float64)
+        rays = scene.camera.undistort(np.stack([x.ravel(), y.ravel()], axis=1))
+        axes = np.column_stack([target.rotation[:, :2], target.translation])
+        plane = np.linalg.solve(axes, np.column_stack([rays, np.ones(len(rays))]).T)
+        places = (plane[:2] / plane[2]).reshape(2, *x.shape)
+        part = covered[top : top + x.shape[0], left : left + x.shape[1]]
+        part += _sampled(target, places, blur)
+    return covered
+
+
+def _sampled(target: AprilGridTarget, places: Array, blur: float) -> Array:
+    """Share of dark samples round pixels that show these places, shape (2, H, W), of the grid."""
+    down, across = np.gradient(places, axis=1), np.gradient(places, axis=2)
+    offsets = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
+    _, height, width = places.shape
+    fine = np.zeros((height, SAMPLES, width, SAMPLES), np.float32)
+    bitmap, period = target.bitmap(), 1.0 + target.gap
+    cells = (bitmap.shape[0] - 1) // target.shape[1] - 1
+    for i, dy in enumerate(offsets):
+        for j, dx in enumerate(offsets):
+            from_corner = places + dy * down + dx * across
+            from_corner += np.array(target.extent)[:, None, None]
+            tag = np.floor(from_corner / period)
+            rest = from_corner - tag * period - target.gap
+            column, row = (cells + 1) * tag + np.where(rest < 0.0, 0.0, 1.0 + rest * cells // 1.0)
+            inside = (row >= 0) & (row < len(bitmap)) & (column >= 0) & (column < bitmap.shape[1])
+            row, column = (np.where(inside, of, 0.0).astype(np.intp) for of in (row, column))
+            fine[:, i, :, j] = inside & bitmap[row, column]
+    whole = fine.reshape(height * SAMPLES, width * SAMPLES)
+    blurred = cv2.GaussianBlur(whole, (0, 0), blur * SAMPLES)
+    return np.asarray(blurred.reshape(fine.shape).mean(axis=(1, 3), dtype=np.float64))
+
+
+def photograph(
+    scene: Scene,
+    rng: np.random.Generator,
+    *,
+    noise: float = 2.0,
+    blur: float = 0.8,
+    contrast: float = 175.0,
+    tone: ToneCurve = "linear",
+    jpeg_quality: int | None = None,
+) -> tuple[Image, npt.NDArray[np.float32]]:
+    """Photograph grids as `trisquare.simulate.render` does, and return what is ideal of it, too."""
+    levels = np.array([WHITE - contrast, WHITE + contrast]) / (2.0 * WHITE)
+    dark, light = decode_tone(levels, tone).tolist()
+    coded = encode_tone(light + (dark - light) * ink(scene, blur), tone)
+    noisy = coded + noise / WHITE * rng.standard_normal(coded.shape)
+    picture = quantised(noisy[..., None], np.dtype(np.uint8), jpeg_quality)
+    return picture, (WHITE * coded).astype(np.float32)

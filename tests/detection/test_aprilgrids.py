@@ -1,0 +1,152 @@
+"""Kalibr's AprilGrids: tags with borders of two cells whose corners touch dark squares."""
+
+import cv2
+import numpy as np
+import pytest
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare.detection.kinds import TargetKinds
+from trisquare.detection.sheets.aprilgrids import find_aprilgrids
+from trisquare.detection.tags.touching import find_touching_tags
+from trisquare.measurement.find import search
+from trisquare.simulate.scene import Scene, rectangle
+from trisquare_scenes.aprilgrids import (
+    AprilGridTarget,
+    aprilgrid_box_scene,
+    aprilgrid_poses_scene,
+    photograph,
+)
+
+NAME = "APRILTAG_36H11"
+
+
+@pytest.fixture(scope="module")
+def box():
+    """A box with a grid of 4 x 4 tags on each of three faces, numbered from 0, 16 and 32 on."""
+    rng = np.random.default_rng(31)
+    scene = aprilgrid_box_scene(rng, (4, 4))
+    return scene, photograph(scene, rng, noise=2.0, blur=0.8, jpeg_quality=85)[0]
+
+
+@pytest.fixture(scope="module")
+def poses():
+    """Three copies of one grid of 6 x 6 small tags."""
+    rng = np.random.default_rng(32)
+    scene = aprilgrid_poses_scene(rng, (6, 6), gap=0.25)
+    return scene, photograph(scene, rng, noise=2.0, blur=0.8, jpeg_quality=85)[0]
+
+
+def corners_of(scene):
+    """The corners of every tag of every target."""
+    return [
+        {
+            number: scene.camera.project(target.to_camera(middle + rectangle(0.5, 0.5)))
+            for number, middle in target.tags()
+        }
+        for target in scene.targets
+    ]
+
+
+def test_photograph_shows_what_render_does():
+    rng = np.random.default_rng(5)
+    whole = aprilgrid_box_scene(rng, (2, 2))
+    small = simulate.TrueCamera(400.0, 400.0, 159.5, 119.5, image_size=(320, 240))
+    target = AprilGridTarget(
+        whole.targets[0].rotation, np.array([0.0, 0.0, 4.0]), shape=(1, 1), first=7
+    )
+    scene = Scene(small, (target,))
+    exact = simulate.render(scene, rng, noise=0.0, blur=0.7, dtype=np.float32)
+    ideal = photograph(scene, rng, noise=0.0, blur=0.7)[1]
+    error = 255.0 * exact - ideal
+    assert np.abs(error).max() < 6.0
+    assert np.abs(error.mean()) < 0.01
+    assert error[exact < 0.8].std() < 1.0
+
+
+@pytest.mark.parametrize("drawn", ["box", "poses"])
+def test_every_tag_is_read_where_it_is(drawn, request):
+    scene, picture = request.getfixturevalue(drawn)
+    grids = find_aprilgrids(picture)
+    expected = corners_of(scene)
+    assert [len(grid.tags) for grid in grids] == [len(tags) for tags in expected]
+    for grid in grids:
+        # Which of the targets it is, the nearest tells: the copies have the same numbers.
+        off = [
+            max(np.abs(tag.corners - tags.get(tag.number, 1e9)).max() for tag in grid.tags)
+            for tags in expected
+        ]
+        assert min(off) < 1.0
+        assert grid.gap == pytest.approx(scene.targets[0].gap)
+
+
+def test_more_small_tags_are_read_along_the_grid_than_alone():
+    rng = np.random.default_rng(33)
+    scene = aprilgrid_box_scene(rng, (6, 6))
+    picture = photograph(scene, rng, noise=3.0, blur=0.9, jpeg_quality=85)[0]
+    numbers, _ = find_touching_tags(picture, NAME, 2)
+    along = sum(len(grid.tags) for grid in find_aprilgrids(picture))
+    assert 3 <= len(numbers) < 0.9 * along
+    assert along >= 0.95 * 108
+
+
+@pytest.mark.parametrize("drawn", ["box", "poses"])
+def test_grids_calibrate_a_camera_untold(drawn, request):
+    scene, picture = request.getfixturevalue(drawn)
+    result = ts.calibrate(picture, tone="linear")
+    assert [plane.kind for plane in result.planes] == ["sheet"] * 3
+    assert abs(result.camera.fx - scene.camera.fx) < 4.0 * result.std["fx"]
+    bound = simulate.cramer_rao_bound(scene, simulate.pixel_sigma(2.0, 175.0, 0.8))
+    # JPEG's errors come on top of the noise.
+    assert result.std["fx"] < 2.5 * bound["fx"]
+    assert not result.rejected
+
+
+def test_a_stated_layout_gives_what_none_does(box):
+    _, picture = box
+    untold = ts.detect(picture, tone="linear")
+    for targets in ("aprilgrid:4x4:0.3", "apriltag"):
+        told = ts.detect(picture, targets=targets, tone="linear")
+        assert len(told) == len(untold) == 3
+        for one, other in zip(told, untold, strict=True):
+            assert np.allclose(one.lines, other.lines)
+            assert all(
+                np.array_equal(*points) for points in zip(one.points, other.points, strict=True)
+            )
+
+
+@pytest.mark.parametrize(
+    ("targets", "why"),
+    [
+        ("aprilgrid:4x4:0.6", "times as large"),
+        ("aprilgrid:5x4:0.3", "are not where"),
+    ],
+)
+def test_a_wrong_layout_is_refused_and_says_why(box, targets, why):
+    with pytest.raises(ts.DetectionError, match=why):
+        ts.detect(box[1], targets=targets)
+
+
+def test_a_grid_that_is_turned_or_partly_hidden_is_found(box):
+    _, picture = box
+    hidden = picture.copy()
+    tags = find_aprilgrids(picture)[0].tags
+    inner = next(tag for tag in tags if tag.number % 16 == 5)
+    cv2.fillPoly(hidden, [np.rint(inner.corners).astype(np.int32)], (230.0,))
+    for turns in (1, 2):
+        turned = np.ascontiguousarray(np.rot90(hidden, turns))
+        found = find_aprilgrids(turned)
+        assert sorted(len(grid.tags) for grid in found) == [15, 16, 16]
+        assert len(search(turned, TargetKinds.parse("auto")).targets) == 3
+
+
+def test_lone_tags_and_pictures_of_nothing_are_no_grid():
+    rng = np.random.default_rng(6)
+    noise = rng.integers(0, 256, (300, 400), np.uint8)
+    tag = cv2.aruco.generateImageMarker(
+        cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11), 3, 100, borderBits=2
+    )
+    lone = np.pad(tag, 100, constant_values=230)
+    for picture in (noise, np.zeros((40, 40), np.uint8), np.zeros((33, 400), np.uint8), lone):
+        assert find_aprilgrids(picture) == []
+    assert find_touching_tags(lone, NAME, 2)[0] == [3]
