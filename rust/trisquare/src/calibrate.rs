@@ -75,7 +75,7 @@ fn run<L: Lens>(
         Purpose::Answer => (true, own()),
         Purpose::Comparison(shared) => (false, Rc::clone(shared.get_or_insert_with(own))),
     };
-    let problem = JointProblem::new(size, options).within(&work);
+    let problem = JointProblem::of_planes(&planes, size, options, &work);
     check_plane_count(planes.len(), &problem.free)?;
 
     let advised = |failure| problem.advised(failure);
@@ -89,6 +89,9 @@ fn run<L: Lens>(
     let (solution, outliers) = found.map_err(advised)?;
     if judging {
         problem.judge(&solution).map_err(advised)?;
+    }
+    if stage == Stage::Edges {
+        problem.check_reach(&solution.refined.view.lens)?;
     }
     let mut calibration = Calibration::assemble(&problem, &solution, stage);
     if let (Stage::Edges, Some(photographs)) = (stage, photographs) {

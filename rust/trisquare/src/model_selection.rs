@@ -18,8 +18,8 @@ use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
 use crate::calibrate::{calibrate_photographs, calibrate_unjudged};
 use crate::error::Error;
 use crate::image_size::ImageSize;
-use crate::lens::{DefaultLens, DistortionModel, Lens, MAX_LENS_COLUMNS};
-use crate::observations::{FreeParameters, Method, Options, PlaneEdges};
+use crate::lens::{DefaultLens, DistortionModel, INTRINSICS, Lens, MAX_LENS_COLUMNS};
+use crate::observations::{FreeParameters, Method, Options, PRIOR_SLACK, PlaneEdges};
 use crate::photometric::Photographs;
 use crate::result::Calibration;
 
@@ -185,7 +185,8 @@ fn doubt<L: Lens>(
 /// of the fitted model, against the fitted model.
 ///
 /// In units of the prior's standard deviations, with estimate `d` and covariance `C`, the posterior
-/// has the mean `(I + C)^-1 d` and the covariance `C (I + C)^-1`.
+/// has the mean `(I + C E)^-1 d` and the covariance `(I + C E)^-1 C`, `E` being what the prior knows
+/// beyond that which the fit was held by.
 fn log_evidence<L: Lens>(model: L::Model, fit: &Calibration<L>) -> Option<Vec<f64>> {
     let coefficients = model.columns();
     let count = coefficients.len();
@@ -199,9 +200,15 @@ fn log_evidence<L: Lens>(model: L::Model, fit: &Calibration<L>) -> Option<Vec<f6
     let covariance = DMatrix::from_fn(count, count, |i, j| {
         fit.covariance[(places[i], places[j])] / (unit[i] * unit[j])
     });
-    let total = Cholesky::new(&covariance + DMatrix::identity(count, count))?;
-    let mean = total.solve(&estimate);
-    let posterior = total.solve(&covariance);
+    let further = model.further_columns();
+    let unknown = DVector::from_fn(count, |i, _| match further.contains(&(INTRINSICS + i)) {
+        true => 1.0 - 1.0 / (PRIOR_SLACK * PRIOR_SLACK),
+        false => 1.0,
+    });
+    let total = &covariance * DMatrix::from_diagonal(&unknown) + DMatrix::identity(count, count);
+    let total = total.lu();
+    let mean = total.solve(&estimate)?;
+    let posterior = total.solve(&covariance)?;
     let posterior = (&posterior + posterior.transpose()) * 0.5;
     (0..=count)
         .map(|kept| {

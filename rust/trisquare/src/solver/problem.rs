@@ -6,7 +6,7 @@ use super::work::Work;
 use crate::error::Error;
 use crate::ill_conditioning::IllConditioning;
 use crate::image_size::ImageSize;
-use crate::lens::Lens;
+use crate::lens::{DistortionModel, Lens};
 use crate::observations::{FreeParameters, ObservedPlane, Options};
 use crate::refine::Refined;
 use crate::uncertainty::{Conditioning, judged_parameters};
@@ -17,6 +17,8 @@ pub(crate) struct JointProblem<'a, L: Lens> {
     pub options: &'a Options<L>,
     pub free: FreeParameters,
     pub judged: FreeParameters,
+    /// The lens that the next poorer model found, where the model is richer than the default.
+    pub poorer: Option<L>,
     /// Shared with the tasks that try what would help.
     pub work: Rc<Work>,
 }
@@ -60,8 +62,30 @@ impl<'a, L: Lens> JointProblem<'a, L> {
             options,
             judged: judged_parameters(&free),
             free,
+            poorer: None,
             work: Rc::new(Work::unbounded()),
         }
+    }
+
+    /// The same beginning from the lens that the next poorer model found, which also says of what
+    /// size coefficients are.
+    pub fn beyond(self, poorer: Option<L>) -> Self {
+        let Some(lens) = poorer else {
+            return self;
+        };
+        let free = self.free.held_like(self.options.model, &lens, self.size);
+        Self {
+            judged: judged_parameters(&free),
+            free,
+            poorer,
+            ..self
+        }
+    }
+
+    /// Whether the model is richer than the default, and all its coefficients estimated.
+    pub(super) fn is_rich(&self) -> bool {
+        let estimated = !self.options.fixed.distortion;
+        estimated && self.options.model.poorer().is_some()
     }
 
     /// The same, whose searches end where they have cost so much.

@@ -4,7 +4,7 @@ use nalgebra::Matrix3;
 
 use super::problem::{Failure, JointProblem};
 use crate::error::Error;
-use crate::lens::Lens;
+use crate::lens::{DistortionModel, Lens};
 use crate::linear::{
     Homographies, Undistortion, conic_camera_matrix, fallback_camera_matrices, first_view,
 };
@@ -90,8 +90,59 @@ impl<'a, L: Lens> Starts<'a, L> {
     pub fn optimum(&self) -> Result<Refined<L>, Failure<L>> {
         match self.problem.options.method {
             Method::Linear => self.linear().map_err(|error| self.why_not_linear(error)),
-            Method::MaximumLikelihood => self.refine(),
+            Method::MaximumLikelihood => self.better(self.refine(), self.from_poorer()),
         }
+    }
+
+    /// The optimum of the next poorer model and from there that of the model, which therefore fits
+    /// no worse.
+    fn from_poorer(&self) -> Option<Refined<L>> {
+        let (problem, planes) = (self.problem, self.planes);
+        let poorer = Options {
+            model: problem.options.model.poorer()?,
+            ..*problem.options
+        };
+        let lens = problem.poorer?;
+        let free = poorer.free_parameters();
+        let free = free.held_like(poorer.model, &lens, problem.size);
+        let undistortion = Undistortion::Known(lens);
+        let homographies = Homographies::estimate(&self.some, &undistortion).ok()?;
+        let start = first_view(
+            &lens.camera_matrix(),
+            &homographies,
+            planes,
+            &undistortion,
+            problem.size,
+            problem.options,
+        );
+        let found = problem.searched(&self.some, &free, start.ok()?)?;
+        let found = problem.searched(planes, &free, found.view)?;
+        let before = self.around(found.view)?;
+        problem.again(planes, &before)
+    }
+
+    /// Of two optima the one that sees all of the picture, or else the one that costs less.
+    fn better(
+        &self,
+        own: Result<Refined<L>, Failure<L>>,
+        nested: Option<Refined<L>>,
+    ) -> Result<Refined<L>, Failure<L>> {
+        let Some(nested) = nested else {
+            return own;
+        };
+        let Ok(own) = own else {
+            return Ok(nested);
+        };
+        let sees = |of: &Refined<L>| of.view.lens.sees_all_of(self.problem.size);
+        let keeps_own = match (sees(&own), sees(&nested)) {
+            (true, false) => true,
+            (false, true) => false,
+            _ => {
+                let cost = |of: &Refined<L>| of.cost_at(self.planes, &self.problem.free, &nested);
+                cost(&own) < cost(&nested)
+            }
+        };
+        Ok(if keeps_own { own } else { nested })
     }
 
     /// The linear steps' own answer.
