@@ -94,10 +94,15 @@ impl<'a, L: Lens> Starts<'a, L> {
         }
     }
 
+    /// The same from one start, if that answers: planes are left out in turn with it.
+    pub fn tried(&self) -> Result<Refined<L>, Failure<L>> {
+        self.from_poorer().map_or_else(|| self.optimum(), Ok)
+    }
+
     /// The optimum of the next poorer model and from there that of the model, which therefore fits
     /// no worse.
     fn from_poorer(&self) -> Option<Refined<L>> {
-        let (problem, planes) = (self.problem, self.planes);
+        let problem = self.problem;
         let poorer = Options {
             model: problem.options.model.poorer()?,
             ..*problem.options
@@ -110,15 +115,13 @@ impl<'a, L: Lens> Starts<'a, L> {
         let start = first_view(
             &lens.camera_matrix(),
             &homographies,
-            planes,
+            self.planes,
             &undistortion,
             problem.size,
             problem.options,
         );
         let found = problem.searched(&self.some, &free, start.ok()?)?;
-        let found = problem.searched(planes, &free, found.view)?;
-        let before = self.around(found.view)?;
-        problem.again(planes, &before)
+        self.finish(problem.searched(&self.some, &problem.free, found.view)?)
     }
 
     /// Of two optima the one that sees all of the picture, or else the one that costs less.
