@@ -39,3 +39,29 @@ def answer(seed, model, count=3):
 def cost(result, scale):
     distances = np.concatenate([own for figure in result.residuals for own in figure.distances])
     return (1.0 - (1.0 - np.minimum(np.abs(distances) / scale / 7.041, 1.0) ** 2) ** 3).sum()
+
+
+@pytest.mark.parametrize("model", RICHER)
+@pytest.mark.parametrize("seed", [3, 11, 26])
+def test_a_richer_model_fits_no_worse_and_does_not_turn_back_inside_the_picture(seed, model):
+    poorer, richer = answer(seed, "radial2"), answer(seed, model)
+    scale = poorer.noise_scale
+    assert cost(richer, scale) <= cost(poorer, scale) * (1.0 + 1e-6)
+    camera = richer.camera
+    width, height = IMAGE_SIZE
+    corners = [(0.0, 0.0), (width - 1, 0.0), (0.0, height - 1), (width - 1, height - 1)]
+    farthest = max(np.hypot(x - camera.cx, y - camera.cy) for x, y in corners)
+    assert camera.valid_radius_px is None or camera.valid_radius_px > farthest
+
+
+@pytest.mark.parametrize("model", RICHER)
+def test_coefficients_that_the_edges_leave_open_stay_those_of_lenses(model):
+    camera = TrueCamera(1600.0, 1600.0, 639.5, 479.5, np.zeros(5), IMAGE_SIZE)
+    edges = edges_of(squares(7, camera=camera), noise=0.5)
+    result = ts.calibrate_edges(edges, IMAGE_SIZE, model=model)
+    corner = np.hypot(*IMAGE_SIZE) / 2.0 / result.camera.fx
+    largest = {"k3": 0.15 / corner**6, "p1": 0.006 / corner, "p2": 0.006 / corner}
+    held = [name for name in largest if name in result.std]
+    assert held
+    for name in held:
+        assert result.std[name] < 1.1 * largest[name]

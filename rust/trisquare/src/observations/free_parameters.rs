@@ -25,7 +25,7 @@ pub(crate) struct FreeParameters {
 
 /// The coefficients beyond the default model are held to so many times what lenses are like: an
 /// unusual lens is not bent to the usual, and coefficients a hundred times any lens's are none.
-pub(crate) const PRIOR_SLACK: f64 = 3.0;
+const PRIOR_SLACK: f64 = 3.0;
 
 impl FreeParameters {
     pub fn new<L: Lens>(model: L::Model, fixed: &Fixed, aspect: f64) -> Self {
@@ -52,14 +52,30 @@ impl FreeParameters {
     }
 
     /// The same with the coefficients beyond the default model held to what lenses are like that
-    /// have about the focal length of a given one.
-    pub fn held_like<L: Lens>(mut self, model: L::Model, lens: &L, size: ImageSize) -> Self {
-        let priors = lens.coefficient_priors(size);
+    /// have about the focal length of a given one, those that a poorer model has as they are held
+    /// there; all of them tighter by a factor.
+    pub fn held_like<L: Lens>(
+        mut self,
+        model: L::Model,
+        (lens, size): (&L, ImageSize),
+        poorer: &Self,
+        tighter: f64,
+    ) -> Self {
+        let usual = lens.coefficient_priors(size);
         let further = model.further_columns();
         let free = further.filter(|column| self.columns.contains(column));
-        let prior = |column: usize| (column, PRIOR_SLACK * priors[column - INTRINSICS]);
+        let prior = |column: usize| {
+            let known = poorer.priors.iter().find(|(other, _)| *other == column);
+            let std = known.map_or(PRIOR_SLACK * usual[column - INTRINSICS], |(_, std)| *std);
+            (column, std / tighter)
+        };
         self.priors = free.map(prior).collect();
         self
+    }
+
+    /// Column and standard deviation of what is held near zero.
+    pub fn priors(&self) -> &[(usize, f64)] {
+        &self.priors
     }
 
     /// Adds what is known of the coefficients beforehand; returns its cost.

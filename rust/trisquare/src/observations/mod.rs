@@ -10,7 +10,7 @@ mod relief;
 mod view;
 
 pub use edge_shift::{CellSample, GridLineSamples, remove_edge_shift};
-pub(crate) use free_parameters::{FreeParameters, PRIOR_SLACK};
+pub(crate) use free_parameters::FreeParameters;
 pub(crate) use observed::{
     Figure, ObservedPlane, Sample, Side, directions, has_grid, sort_by_plane,
 };

@@ -26,9 +26,7 @@ impl<L: Lens> JointProblem<'_, L> {
             if self.work.is_spent() {
                 return false;
             }
-            let trial = JointProblem::new(self.size, &options)
-                .beyond(self.poorer)
-                .within(&self.work);
+            let trial = JointProblem::new(self.size, &options).within(&self.work);
             let optimum = trial.optimum(&planes);
             optimum.is_ok_and(|found| trial.ill_conditioning(&planes, &found).is_none())
         };

@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use super::problem::JointProblem;
+use super::problem::{JointProblem, Poorer};
 use super::work::Work;
 use crate::error::Error;
 use crate::image_size::ImageSize;
@@ -12,17 +12,44 @@ use crate::observations::{Method, ObservedPlane, Options};
 /// Pixels to which it is told where a distortion turns back.
 const REACH_TOLERANCE: f64 = 0.5;
 
+/// By how much tighter coefficients are held where the distortion turns back, and how often.
+const TIGHTENING: f64 = 3.0;
+const MAX_TIGHTENINGS: usize = 9;
+
 impl<'a, L: Lens> JointProblem<'a, L> {
     /// What is asked of some planes, beginning from what the next poorer model finds where the
     /// model is richer than the default.
+    ///
+    /// Where the distortion turns back inside the picture, beyond the samples, further coefficients
+    /// are held the tighter until it does not: with none it is the poorer one.
     pub fn of_planes(
         planes: &[ObservedPlane],
         size: ImageSize,
         options: &'a Options<L>,
         work: &Rc<Work>,
     ) -> Self {
-        let lens = poorer_lens(planes, size, options, work);
-        Self::new(size, options).beyond(lens).within(work)
+        let problem = |poorer: &Option<Poorer<L>>, tighter: f64| {
+            let problem = Self::new(size, options).within(work);
+            match poorer {
+                Some(poorer) => problem.beyond(poorer.clone(), tighter),
+                None => problem,
+            }
+        };
+        let poorer = poorer_optimum(planes, size, options, work);
+        let turns_back = |problem: &Self| {
+            let tried = problem.is_rich().then(|| problem.tried(planes)).flatten();
+            tried.is_some_and(|found| !found.view.lens.sees_all_of(size))
+        };
+        let mut tighter = 1.0;
+        let mut found = problem(&poorer, tighter);
+        for _ in 0..MAX_TIGHTENINGS {
+            if !turns_back(&found) {
+                break;
+            }
+            tighter *= TIGHTENING;
+            found = problem(&poorer, tighter);
+        }
+        found
     }
 
     /// Refuses the lens of a rich model that turns back inside the picture.
@@ -52,14 +79,14 @@ impl<'a, L: Lens> JointProblem<'a, L> {
     }
 }
 
-/// The lens of the richest model poorer than the one asked for that converges; `None` where that is
-/// no richer than the default.
-fn poorer_lens<L: Lens>(
+/// What the richest model poorer than the one asked for finds; `None` where that is no richer than
+/// the default, or nothing converges.
+fn poorer_optimum<L: Lens>(
     planes: &[ObservedPlane],
     size: ImageSize,
     options: &Options<L>,
     work: &Rc<Work>,
-) -> Option<L> {
+) -> Option<Poorer<L>> {
     if options.fixed.distortion || options.method == Method::Linear {
         return None;
     }
@@ -69,7 +96,10 @@ fn poorer_lens<L: Lens>(
     };
     let problem = JointProblem::of_planes(planes, size, &poorer, work);
     match problem.optimum(planes) {
-        Ok(refined) => Some(refined.view.lens),
+        Ok(refined) => Some(Poorer {
+            lens: refined.view.lens,
+            free: problem.free,
+        }),
         Err(_) => problem.poorer,
     }
 }

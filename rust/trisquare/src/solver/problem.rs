@@ -17,10 +17,17 @@ pub(crate) struct JointProblem<'a, L: Lens> {
     pub options: &'a Options<L>,
     pub free: FreeParameters,
     pub judged: FreeParameters,
-    /// The lens that the next poorer model found, where the model is richer than the default.
-    pub poorer: Option<L>,
+    /// What the next poorer model found, where the model is richer than the default.
+    pub(super) poorer: Option<Poorer<L>>,
     /// Shared with the tasks that try what would help.
     pub work: Rc<Work>,
+}
+
+/// What a poorer model found.
+#[derive(Clone)]
+pub(super) struct Poorer<L> {
+    pub lens: L,
+    pub free: FreeParameters,
 }
 
 /// Why the solver gives no answer.
@@ -67,17 +74,15 @@ impl<'a, L: Lens> JointProblem<'a, L> {
         }
     }
 
-    /// The same beginning from the lens that the next poorer model found, which also says of what
-    /// size coefficients are.
-    pub fn beyond(self, poorer: Option<L>) -> Self {
-        let Some(lens) = poorer else {
-            return self;
-        };
-        let free = self.free.held_like(self.options.model, &lens, self.size);
+    /// The same beginning from what the next poorer model found, which also says of what size
+    /// coefficients are; these are held tighter than that by a factor.
+    pub(super) fn beyond(self, poorer: Poorer<L>, tighter: f64) -> Self {
+        let (model, known) = (self.options.model, (&poorer.lens, self.size));
+        let free = self.free.held_like(model, known, &poorer.free, tighter);
         Self {
             judged: judged_parameters(&free),
             free,
-            poorer,
+            poorer: Some(poorer),
             ..self
         }
     }

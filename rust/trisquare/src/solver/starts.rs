@@ -2,9 +2,9 @@
 
 use nalgebra::Matrix3;
 
-use super::problem::{Failure, JointProblem};
+use super::problem::{Failure, JointProblem, Poorer};
 use crate::error::Error;
-use crate::lens::{DistortionModel, Lens};
+use crate::lens::Lens;
 use crate::linear::{
     Homographies, Undistortion, conic_camera_matrix, fallback_camera_matrices, first_view,
 };
@@ -103,13 +103,7 @@ impl<'a, L: Lens> Starts<'a, L> {
     /// no worse.
     fn from_poorer(&self) -> Option<Refined<L>> {
         let problem = self.problem;
-        let poorer = Options {
-            model: problem.options.model.poorer()?,
-            ..*problem.options
-        };
-        let lens = problem.poorer?;
-        let free = poorer.free_parameters();
-        let free = free.held_like(poorer.model, &lens, problem.size);
+        let Poorer { lens, free } = problem.poorer.clone()?;
         let undistortion = Undistortion::Known(lens);
         let homographies = Homographies::estimate(&self.some, &undistortion).ok()?;
         let start = first_view(
