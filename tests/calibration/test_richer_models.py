@@ -57,11 +57,11 @@ def test_a_richer_model_fits_no_worse_and_does_not_turn_back_inside_the_picture(
 @pytest.mark.parametrize("model", RICHER)
 def test_coefficients_that_the_edges_leave_open_stay_those_of_lenses(model):
     camera = TrueCamera(1600.0, 1600.0, 639.5, 479.5, np.zeros(5), IMAGE_SIZE)
-    edges = edges_of(squares(7, camera=camera), noise=0.5)
+    edges = edges_of(squares(8, camera=camera), noise=1.5)
     result = ts.calibrate_edges(edges, IMAGE_SIZE, model=model)
     corner = np.hypot(*IMAGE_SIZE) / 2.0 / result.camera.fx
     largest = {"k3": 0.15 / corner**6, "p1": 0.006 / corner, "p2": 0.006 / corner}
     held = [name for name in largest if name in result.std]
     assert held
     for name in held:
-        assert result.std[name] < 1.1 * largest[name]
+        assert result.std[name] < largest[name]

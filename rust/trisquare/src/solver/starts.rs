@@ -90,18 +90,18 @@ impl<'a, L: Lens> Starts<'a, L> {
     pub fn optimum(&self) -> Result<Refined<L>, Failure<L>> {
         match self.problem.options.method {
             Method::Linear => self.linear().map_err(|error| self.why_not_linear(error)),
-            Method::MaximumLikelihood => self.better(self.refine(), self.from_poorer()),
+            Method::MaximumLikelihood => self.better(self.refine(), self.beyond_poorer()),
         }
     }
 
     /// The same from one start, if that answers: planes are left out in turn with it.
     pub fn tried(&self) -> Result<Refined<L>, Failure<L>> {
-        self.from_poorer().map_or_else(|| self.optimum(), Ok)
+        self.beyond_poorer().map_or_else(|| self.optimum(), Ok)
     }
 
     /// The optimum of the next poorer model and from there that of the model, which therefore fits
     /// no worse.
-    fn from_poorer(&self) -> Option<Refined<L>> {
+    fn beyond_poorer(&self) -> Option<Refined<L>> {
         let problem = self.problem;
         let Poorer { lens, free } = problem.poorer.clone()?;
         let undistortion = Undistortion::Known(lens);
