@@ -19,6 +19,7 @@ BENCHMARKS = (
     "accuracy.projection",
     "accuracy.undistort",
     "accuracy.model_choice",
+    "accuracy.richer_models",
     "accuracy.pixel_bound",
     "accuracy.lattice_bound",
     "accuracy.photo_like",

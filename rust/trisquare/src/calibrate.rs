@@ -47,16 +47,24 @@ pub(crate) fn calibrate_unjudged<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
     options: &Options<L>,
-    shared: &mut Option<Rc<Work>>,
+    shared: &mut Comparison,
 ) -> Result<Calibration<L>, Error> {
     run(edges, size, options, None, Purpose::Comparison(shared))
+}
+
+/// What models that are compared share, and tell beside their calibration.
+#[derive(Default)]
+pub(crate) struct Comparison {
+    work: Option<Rc<Work>>,
+    /// Column and standard deviation of what the last one was held near zero by.
+    pub priors: Vec<(usize, f64)>,
 }
 
 /// What a calibration is for.
 enum Purpose<'a> {
     Answer,
     /// With other models, all of which share their work.
-    Comparison(&'a mut Option<Rc<Work>>),
+    Comparison(&'a mut Comparison),
 }
 
 fn run<L: Lens>(
@@ -71,11 +79,17 @@ fn run<L: Lens>(
     let planes = sort_by_plane(edges)?;
     check_drift_count(&planes)?;
     let own = || Rc::new(Work::for_planes(&planes));
-    let (judging, work) = match purpose {
-        Purpose::Answer => (true, own()),
-        Purpose::Comparison(shared) => (false, Rc::clone(shared.get_or_insert_with(own))),
+    let (work, comparison) = match purpose {
+        Purpose::Answer => (own(), None),
+        Purpose::Comparison(shared) => {
+            (Rc::clone(shared.work.get_or_insert_with(own)), Some(shared))
+        }
     };
-    let problem = JointProblem::new(size, options).within(&work);
+    let judging = comparison.is_none();
+    let problem = JointProblem::of_planes(&planes, size, options, &work);
+    if let Some(comparison) = comparison {
+        comparison.priors = problem.free.priors().to_vec();
+    }
     check_plane_count(planes.len(), &problem.free)?;
 
     let advised = |failure| problem.advised(failure);
@@ -89,6 +103,9 @@ fn run<L: Lens>(
     let (solution, outliers) = found.map_err(advised)?;
     if judging {
         problem.judge(&solution).map_err(advised)?;
+    }
+    if stage == Stage::Edges {
+        problem.check_reach(&solution.refined.view.lens)?;
     }
     let mut calibration = Calibration::assemble(&problem, &solution, stage);
     if let (Stage::Edges, Some(photographs)) = (stage, photographs) {

@@ -126,6 +126,20 @@ pub enum Error {
     #[error("{0}")]
     IllConditioned(Box<IllConditioning>),
 
+    /// A rich lens model that fits best where it is no lens.
+    #[error(
+        "the distortion that fits best with this lens model turns back {radius:.0} px from the \
+         principal point, inside the picture (its farthest corner is {corner:.0} px away), as no \
+         lens does: the edges do not determine so many coefficients; choose a model with fewer, or \
+         show targets nearer the corners"
+    )]
+    TurnsBack {
+        /// Distance from the principal point, in pixels, at which the distortion turns back.
+        radius: f64,
+        /// Distance of the picture's farthest corner from the principal point, in pixels.
+        corner: f64,
+    },
+
     /// An iteration did not converge.
     #[error("{stage} did not converge in {iterations} iterations (rms {rms:.3} px)")]
     NotConverged {
@@ -185,6 +199,7 @@ impl Error {
             Error::DegenerateHomography { .. }
             | Error::UndeterminedConic { .. }
             | Error::IndefiniteConic
+            | Error::TurnsBack { .. }
             | Error::IllConditioned(_) => ErrorKind::DegenerateGeometry,
             Error::NotConverged { .. } => ErrorKind::Convergence,
         }

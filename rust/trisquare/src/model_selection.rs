@@ -15,10 +15,10 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
 
-use crate::calibrate::{calibrate_photographs, calibrate_unjudged};
+use crate::calibrate::{Comparison, calibrate_photographs, calibrate_unjudged};
 use crate::error::Error;
 use crate::image_size::ImageSize;
-use crate::lens::{DefaultLens, DistortionModel, Lens, MAX_LENS_COLUMNS};
+use crate::lens::{DefaultLens, DistortionModel, INTRINSICS, Lens, MAX_LENS_COLUMNS};
 use crate::observations::{FreeParameters, Method, Options, PlaneEdges};
 use crate::photometric::Photographs;
 use crate::result::Calibration;
@@ -116,18 +116,18 @@ fn candidates<L: Lens>(
     size: ImageSize,
     options: &Options<L>,
 ) -> Vec<Candidate<L>> {
-    let mut fits: Vec<(L::Model, Calibration<L>)> = Vec::with_capacity(L::Model::NESTED.len());
-    let mut work = None;
+    let mut fits = Vec::with_capacity(L::Model::NESTED.len());
+    let mut shared = Comparison::default();
     for &model in L::Model::NESTED {
         let options = Options { model, ..*options };
-        if let Ok(fit) = calibrate_unjudged(edges, size, &options, &mut work) {
-            fits.push((model, fit));
+        if let Ok(fit) = calibrate_unjudged(edges, size, &options, &mut shared) {
+            fits.push((model, fit, std::mem::take(&mut shared.priors)));
         }
     }
     // The richest whose covariance can be weighed speaks for all models nested in it.
-    while let Some((richest, fit)) = fits.last() {
-        if let Some(evidence) = log_evidence(*richest, fit) {
-            let weighed = fits.into_iter().map(|(model, fit)| Candidate {
+    while let Some((richest, fit, priors)) = fits.last() {
+        if let Some(evidence) = log_evidence(*richest, fit, priors) {
+            let weighed = fits.into_iter().map(|(model, fit, _)| Candidate {
                 model,
                 fit,
                 log_evidence: evidence[model.columns().len()],
@@ -185,8 +185,13 @@ fn doubt<L: Lens>(
 /// of the fitted model, against the fitted model.
 ///
 /// In units of the prior's standard deviations, with estimate `d` and covariance `C`, the posterior
-/// has the mean `(I + C)^-1 d` and the covariance `C (I + C)^-1`.
-fn log_evidence<L: Lens>(model: L::Model, fit: &Calibration<L>) -> Option<Vec<f64>> {
+/// has the mean `(I + C E)^-1 d` and the covariance `(I + C E)^-1 C`, `E` being the prior's
+/// information less that which the fit was held by (column and standard deviation).
+fn log_evidence<L: Lens>(
+    model: L::Model,
+    fit: &Calibration<L>,
+    held: &[(usize, f64)],
+) -> Option<Vec<f64>> {
     let coefficients = model.columns();
     let count = coefficients.len();
     let places: Vec<usize> = L::parameter_names()[coefficients.clone()]
@@ -199,9 +204,14 @@ fn log_evidence<L: Lens>(model: L::Model, fit: &Calibration<L>) -> Option<Vec<f6
     let covariance = DMatrix::from_fn(count, count, |i, j| {
         fit.covariance[(places[i], places[j])] / (unit[i] * unit[j])
     });
-    let total = Cholesky::new(&covariance + DMatrix::identity(count, count))?;
-    let mean = total.solve(&estimate);
-    let posterior = total.solve(&covariance);
+    let unknown = DVector::from_fn(count, |i, _| {
+        let own = held.iter().find(|(column, _)| *column == INTRINSICS + i);
+        1.0 - own.map_or(0.0, |(_, std)| (unit[i] / std).powi(2))
+    });
+    let total = &covariance * DMatrix::from_diagonal(&unknown) + DMatrix::identity(count, count);
+    let total = total.lu();
+    let mean = total.solve(&estimate)?;
+    let posterior = total.solve(&covariance)?;
     let posterior = (&posterior + posterior.transpose()) * 0.5;
     (0..=count)
         .map(|kept| {
@@ -338,13 +348,18 @@ mod tests {
             model: BrownModel::Radial1,
             ..Options::default()
         };
-        let fit =
-            calibrate_unjudged(&scene.edges(3, 0.3, 6.0), scene.size, &options, &mut None).unwrap();
+        let fit = calibrate_unjudged(
+            &scene.edges(3, 0.3, 6.0),
+            scene.size,
+            &options,
+            &mut Comparison::default(),
+        )
+        .unwrap();
         let (y, s) = (fit.camera.distortion()[0], fit.std()[4].1);
         let t = fit.camera.coefficient_priors(fit.image_size)[0];
         let normal = |variance: f64| -0.5 * (y * y / variance + variance.ln());
         let expected = normal(s * s) - normal(s * s + t * t);
-        let found = log_evidence(BrownModel::Radial1, &fit).unwrap();
+        let found = log_evidence(BrownModel::Radial1, &fit, &[]).unwrap();
         assert!(
             (found[0] - found[1] - expected).abs() < 1e-9,
             "{found:?} {expected}"

@@ -19,7 +19,8 @@ const NAMES: [&str; 9] = ["fx", "fy", "cx", "cy", "k1", "k2", "k3", "p1", "p2"];
 /// does about half as much as the one before, and decentred elements move it by some thousandths.
 const PRIOR_EFFECTS: [f64; 5] = [0.2, 0.1, 0.05, 0.002, 0.002];
 
-/// Powers of the corner's radius in these effects.
+/// Powers of the corner's radius in these effects. Beyond the radius 1 they count no further: what
+/// sees more than 45 degrees from its axis has coefficients like those of `atan`, of 1/3, 1/5, 1/7.
 const EFFECT_POWERS: [i32; 5] = [2, 4, 6, 1, 1];
 
 /// Pinhole camera with Brown-Conrady distortion.
@@ -207,7 +208,7 @@ impl Lens for Brown {
 
     fn coefficient_priors(&self, size: ImageSize) -> Vec<f64> {
         let [fx, fy, ..] = self.parameters;
-        let corner = size.half_diagonal() / (fx * fy).sqrt();
+        let corner = (size.half_diagonal() / (fx * fy).sqrt()).min(1.0);
         let effects = PRIOR_EFFECTS.iter().zip(EFFECT_POWERS);
         effects
             .map(|(effect, power)| effect / corner.powi(power))

@@ -92,6 +92,20 @@ pub trait DistortionModel: Copy + Debug + Default + PartialEq + Send + Sync + 's
     /// Radial coefficients (0 to 2) by which the linear steps straighten the picture: 0 for what
     /// sees straight lines as straight.
     fn straightening_coefficients(self) -> usize;
+
+    /// The next poorer model of one that is richer than the default, from whose optimum that one is
+    /// searched; the others need none.
+    fn poorer(self) -> Option<Self> {
+        let place = |model: Self| Self::NESTED.iter().position(|other| *other == model);
+        let (own, usual) = (place(self)?, place(Self::default())?);
+        (own > usual).then(|| Self::NESTED[own - 1])
+    }
+
+    /// The coefficients that only models richer than the default have: pictures seldom determine
+    /// them, and what lenses are like has to hold them.
+    fn further_columns(self) -> Range<usize> {
+        Self::default().columns().end..self.columns().end
+    }
 }
 
 /// A lens: what the whole pipeline needs to know of it.
@@ -183,6 +197,15 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
         line: &Vector3<f64>,
         wanted: Columns,
     ) -> LineDistance;
+
+    /// Whether every pixel of a picture has its direction: where the distortion turns back inside
+    /// the picture, its corners have none.
+    fn sees_all_of(&self, size: ImageSize) -> bool {
+        let corners = size.corners();
+        corners
+            .iter()
+            .all(|corner| self.unproject(corner).is_some())
+    }
 
     /// The unit ray along which a pixel looks; `None` where the distortion is not invertible.
     fn unproject(&self, pixel: &Vector2<f64>) -> Option<Vector3<f64>> {

@@ -189,6 +189,7 @@ impl SideErrors {
             mut criterion,
         } = self.joined(parts);
         let information = information + &self.system.prior;
+        let gradient = gradient + &self.system.prior_gradient;
         let factor = information.cholesky()?;
         criterion += 2.0 * factor.l_dirty().diagonal().map(f64::ln).sum();
         criterion -= gradient.dot(&factor.solve(&gradient));

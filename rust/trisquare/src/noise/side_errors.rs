@@ -47,6 +47,7 @@ impl SideErrors {
             view.planes[p].parameter_count() + planes[p].board_relief.map_or(0, |_| TERMS)
         };
         let mut system = ArrowSystem::zeros(free.len(), (0..planes.len()).map(own));
+        free.add_prior(&view.lens, &mut system);
         let mut families = Vec::new();
         for (p, plane) in planes.iter().enumerate() {
             let (state, block) = (&view.planes[p], &mut system.blocks[p]);
@@ -125,6 +126,7 @@ impl SideErrors {
         let blocks: Option<Vec<Block>> = variances.iter().enumerate().map(block).collect();
         Some(ArrowSystem {
             prior: self.system.prior.clone(),
+            prior_gradient: self.system.prior_gradient.clone(),
             blocks: blocks?,
         })
     }

@@ -40,6 +40,8 @@ impl Block {
 pub(crate) struct ArrowSystem {
     /// Information on the shared parameters that no plane gave.
     pub prior: DMatrix<f64>,
+    /// The gradient that belongs to it.
+    pub prior_gradient: DVector<f64>,
     pub blocks: Vec<Block>,
 }
 
@@ -62,6 +64,7 @@ impl ArrowSystem {
     pub fn zeros(shared: usize, own: impl Iterator<Item = usize>) -> Self {
         Self {
             prior: DMatrix::zeros(shared, shared),
+            prior_gradient: DVector::zeros(shared),
             blocks: own.map(|n| Block::zeros(n, shared)).collect(),
         }
     }
@@ -69,7 +72,7 @@ impl ArrowSystem {
     /// The Levenberg-Marquardt step with the diagonal raised by `damping`; `None` if singular.
     pub fn solve(&self, damping: f64) -> Option<ArrowStep> {
         let mut shared_hessian = self.prior.clone();
-        let mut shared_gradient = DVector::zeros(self.prior.nrows());
+        let mut shared_gradient = self.prior_gradient.clone();
         for block in &self.blocks {
             shared_hessian += &block.shared;
             shared_gradient += &block.shared_gradient;
@@ -104,6 +107,7 @@ impl ArrowSystem {
     pub fn leading(&self, shared: usize) -> Self {
         Self {
             prior: self.prior.view((0, 0), (shared, shared)).into_owned(),
+            prior_gradient: self.prior_gradient.rows(0, shared).into_owned(),
             blocks: self
                 .blocks
                 .iter()
@@ -148,17 +152,19 @@ impl ArrowSystem {
             let (height, width) = matrix.shape();
             matrix.clone().resize(height + rows, width + further, 0.0)
         };
+        let longer = |vector: &DVector<f64>| {
+            let length = vector.len() + further;
+            vector.clone().resize_vertically(length, 0.0)
+        };
         Self {
             prior: grown(&self.prior, further),
+            prior_gradient: longer(&self.prior_gradient),
             blocks: self
                 .blocks
                 .iter()
                 .map(|block| Block {
                     shared: grown(&block.shared, further),
-                    shared_gradient: block
-                        .shared_gradient
-                        .clone()
-                        .resize_vertically(block.shared_gradient.len() + further, 0.0),
+                    shared_gradient: longer(&block.shared_gradient),
                     hessian: block.hessian.clone(),
                     cross: grown(&block.cross, 0),
                     gradient: block.gradient.clone(),
@@ -171,6 +177,7 @@ impl ArrowSystem {
     pub fn selected(&self, shared: &[usize]) -> Self {
         Self {
             prior: self.prior.select_rows(shared).select_columns(shared),
+            prior_gradient: self.prior_gradient.select_rows(shared),
             blocks: self
                 .blocks
                 .iter()

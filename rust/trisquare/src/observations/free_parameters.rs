@@ -5,7 +5,9 @@ use std::ops::Range;
 use nalgebra::DVector;
 
 use super::options::{Fixed, Options};
-use crate::lens::{Columns, DistortionModel, Lens, MAX_LENS_COLUMNS};
+use crate::image_size::ImageSize;
+use crate::lens::{Columns, DistortionModel, INTRINSICS, Lens, MAX_LENS_COLUMNS};
+use crate::numeric::ArrowSystem;
 
 /// The free parameters of a lens: which Jacobian columns they own.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,7 +19,13 @@ pub(crate) struct FreeParameters {
     centre: Range<usize>,
     /// `fy / fx` where `fy` follows `fx`.
     aspect: Option<f64>,
+    /// Column and standard deviation of what is known beforehand to be near zero.
+    priors: Vec<(usize, f64)>,
 }
+
+/// The coefficients beyond the default model are held to so many times what lenses are like: an
+/// unusual lens is not bent to the usual, and coefficients a hundred times any lens's are none.
+const PRIOR_SLACK: f64 = 3.0;
 
 impl FreeParameters {
     pub fn new<L: Lens>(model: L::Model, fixed: &Fixed, aspect: f64) -> Self {
@@ -39,7 +47,53 @@ impl FreeParameters {
             names: L::parameter_names(),
             centre: L::centre_columns(),
             aspect: (fixed.aspect && !fixed.focal).then_some(aspect),
+            priors: Vec::new(),
         }
+    }
+
+    /// The same with the coefficients beyond the default model held to what lenses are like that
+    /// have about the focal length of a given one, those that a poorer model has as they are held
+    /// there; all of them tighter by a factor.
+    pub fn held_like<L: Lens>(
+        mut self,
+        model: L::Model,
+        (lens, size): (&L, ImageSize),
+        poorer: &Self,
+        tighter: f64,
+    ) -> Self {
+        let usual = lens.coefficient_priors(size);
+        let further = model.further_columns();
+        let free = further.filter(|column| self.columns.contains(column));
+        let prior = |column: usize| {
+            let known = poorer.priors.iter().find(|(other, _)| *other == column);
+            let std = known.map_or(PRIOR_SLACK * usual[column - INTRINSICS], |(_, std)| *std);
+            (column, std / tighter)
+        };
+        self.priors = free.map(prior).collect();
+        self
+    }
+
+    /// Column and standard deviation of what is held near zero.
+    pub fn priors(&self) -> &[(usize, f64)] {
+        &self.priors
+    }
+
+    /// Adds what is known of the coefficients beforehand; returns its cost.
+    pub fn add_prior<L: Lens>(&self, lens: &L, system: &mut ArrowSystem) -> f64 {
+        if self.priors.is_empty() {
+            return 0.0;
+        }
+        let values = lens.parameters();
+        let mut cost = 0.0;
+        for (column, std) in &self.priors {
+            let deviation = values[*column] / std;
+            cost += 0.5 * deviation * deviation;
+            for i in (0..self.columns.len()).filter(|i| self.columns[*i] == *column) {
+                system.prior[(i, i)] += 1.0 / (std * std);
+                system.prior_gradient[i] += deviation / std;
+            }
+        }
+        cost
     }
 
     /// All parameters of a lens.
@@ -50,6 +104,7 @@ impl FreeParameters {
             names,
             centre: L::centre_columns(),
             aspect: None,
+            priors: Vec::new(),
         }
     }
 

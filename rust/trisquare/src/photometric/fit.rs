@@ -137,6 +137,7 @@ impl PixelFit<'_> {
             system: ArrowSystem::zeros(self.shared_count(), own),
             spread: Spread::default(),
         };
+        sum.cost += self.free.add_prior(&state.view.lens, &mut sum.system);
         self.add_priors(state, &mut sum);
         for index in 0..self.figures.len() {
             self.add_figure::<L, N>(state, index, &mut sum)?;

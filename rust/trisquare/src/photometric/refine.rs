@@ -114,6 +114,8 @@ fn attempt<L: Lens>(
     let measured = edges.iter().all(|figure| figure.std.is_some());
     let mut better = answer(&fit, state, found, (problem, solution), measured).ok_or(BROKEN)?;
     check_improvement(&problem.free, calibration, &better)?;
+    let turns_back = |_| Refusal::Reason("with them the distortion turns back inside the picture");
+    problem.check_reach(&better.camera).map_err(turns_back)?;
     let hidden = start.hidden.into_iter().map(|part| Warning::PartlyHidden {
         plane: part.plane,
         figure: part.figure,

@@ -113,7 +113,7 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
     fn assemble<const N: usize>(&self, view: &View<L>) -> Option<(f64, ArrowSystem)> {
         let own = view.planes.iter().map(PlaneState::parameter_count);
         let mut system = ArrowSystem::zeros(N - SHARED_OFFSET, own);
-        let mut cost = 0.0;
+        let mut cost = self.free.add_prior(&view.lens, &mut system);
         for (p, plane) in self.planes.iter().enumerate() {
             for (f, side) in plane.sides_by_figure() {
                 cost += self.add_side::<N>(view, (p, f), side, &mut system)?;

@@ -2,6 +2,7 @@
 
 mod advice;
 mod assemble;
+mod nested_models;
 mod outliers;
 mod problem;
 mod solve;

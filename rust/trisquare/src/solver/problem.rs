@@ -6,7 +6,7 @@ use super::work::Work;
 use crate::error::Error;
 use crate::ill_conditioning::IllConditioning;
 use crate::image_size::ImageSize;
-use crate::lens::Lens;
+use crate::lens::{DistortionModel, Lens};
 use crate::observations::{FreeParameters, ObservedPlane, Options};
 use crate::refine::Refined;
 use crate::uncertainty::{Conditioning, judged_parameters};
@@ -17,8 +17,17 @@ pub(crate) struct JointProblem<'a, L: Lens> {
     pub options: &'a Options<L>,
     pub free: FreeParameters,
     pub judged: FreeParameters,
+    /// What the next poorer model found, where the model is richer than the default.
+    pub(super) poorer: Option<Poorer<L>>,
     /// Shared with the tasks that try what would help.
     pub work: Rc<Work>,
+}
+
+/// What a poorer model found.
+#[derive(Clone)]
+pub(super) struct Poorer<L> {
+    pub lens: L,
+    pub free: FreeParameters,
 }
 
 /// Why the solver gives no answer.
@@ -60,8 +69,28 @@ impl<'a, L: Lens> JointProblem<'a, L> {
             options,
             judged: judged_parameters(&free),
             free,
+            poorer: None,
             work: Rc::new(Work::unbounded()),
         }
+    }
+
+    /// The same beginning from what the next poorer model found, which also says of what size
+    /// coefficients are; these are held tighter than that by a factor.
+    pub(super) fn beyond(self, poorer: Poorer<L>, tighter: f64) -> Self {
+        let (model, known) = (self.options.model, (&poorer.lens, self.size));
+        let free = self.free.held_like(model, known, &poorer.free, tighter);
+        Self {
+            judged: judged_parameters(&free),
+            free,
+            poorer: Some(poorer),
+            ..self
+        }
+    }
+
+    /// Whether the model is richer than the default, and all its coefficients estimated.
+    pub(super) fn is_rich(&self) -> bool {
+        let estimated = !self.options.fixed.distortion;
+        estimated && self.options.model.poorer().is_some()
     }
 
     /// The same, whose searches end where they have cost so much.

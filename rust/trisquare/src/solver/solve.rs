@@ -33,7 +33,7 @@ impl<L: Lens> JointProblem<'_, L> {
     pub fn tried(&self, planes: &[ObservedPlane]) -> Option<Refined<L>> {
         match self.work.is_spent() {
             true => None,
-            false => self.optimum(planes).ok(),
+            false => Starts::of(self, planes).ok()?.tried().ok(),
         }
     }
 

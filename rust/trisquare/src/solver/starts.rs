@@ -2,7 +2,7 @@
 
 use nalgebra::Matrix3;
 
-use super::problem::{Failure, JointProblem};
+use super::problem::{Failure, JointProblem, Poorer};
 use crate::error::Error;
 use crate::lens::Lens;
 use crate::linear::{
@@ -90,8 +90,56 @@ impl<'a, L: Lens> Starts<'a, L> {
     pub fn optimum(&self) -> Result<Refined<L>, Failure<L>> {
         match self.problem.options.method {
             Method::Linear => self.linear().map_err(|error| self.why_not_linear(error)),
-            Method::MaximumLikelihood => self.refine(),
+            Method::MaximumLikelihood => self.better(self.refine(), self.beyond_poorer()),
         }
+    }
+
+    /// The same from one start, if that answers: planes are left out in turn with it.
+    pub fn tried(&self) -> Result<Refined<L>, Failure<L>> {
+        self.beyond_poorer().map_or_else(|| self.optimum(), Ok)
+    }
+
+    /// The optimum of the next poorer model and from there that of the model, which therefore fits
+    /// no worse.
+    fn beyond_poorer(&self) -> Option<Refined<L>> {
+        let problem = self.problem;
+        let Poorer { lens, free } = problem.poorer.clone()?;
+        let undistortion = Undistortion::Known(lens);
+        let homographies = Homographies::estimate(&self.some, &undistortion).ok()?;
+        let start = first_view(
+            &lens.camera_matrix(),
+            &homographies,
+            self.planes,
+            &undistortion,
+            problem.size,
+            problem.options,
+        );
+        let found = problem.searched(&self.some, &free, start.ok()?)?;
+        self.finish(problem.searched(&self.some, &problem.free, found.view)?)
+    }
+
+    /// Of two optima the one that sees all of the picture, or else the one that costs less.
+    fn better(
+        &self,
+        own: Result<Refined<L>, Failure<L>>,
+        nested: Option<Refined<L>>,
+    ) -> Result<Refined<L>, Failure<L>> {
+        let Some(nested) = nested else {
+            return own;
+        };
+        let Ok(own) = own else {
+            return Ok(nested);
+        };
+        let sees = |of: &Refined<L>| of.view.lens.sees_all_of(self.problem.size);
+        let keeps_own = match (sees(&own), sees(&nested)) {
+            (true, false) => true,
+            (false, true) => false,
+            _ => {
+                let cost = |of: &Refined<L>| of.cost_at(self.planes, &self.problem.free, &nested);
+                cost(&own) < cost(&nested)
+            }
+        };
+        Ok(if keeps_own { own } else { nested })
     }
 
     /// The linear steps' own answer.

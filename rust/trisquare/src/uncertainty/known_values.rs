@@ -43,7 +43,7 @@ pub(crate) fn disagreement(
         .iter()
         .map(|part| &part.gradient)
         .sum::<DVector<f64>>();
-    let left = &inverse * left;
+    let left = &inverse * (left + &system.prior_gradient);
     let mut worst: Option<Disagreement> = None;
     for (plane, part) in contributions.iter().enumerate() {
         let information = &part.information;
