@@ -1,9 +1,10 @@
 //! The light and the dark cells of a lattice, as the photograph shows them.
 //!
 //! Blurred, or in a coarse picture, dark tiles apart from each other look like a chessboard that
-//! stands on its corner: crossings lie where two tiles are nearest. But there the picture is as
-//! light as what is between the tiles. On a chessboard light and dark meet in every crossing, in
-//! equal shares.
+//! stands on its corner: crossings lie where two tiles are nearest, and each link cuts off the corner
+//! of a tile. So a dark cell is light in its corners, or a light one dark beside its edges. The cells
+//! of a chessboard have one shade up to their edges, even where dark ones are too small to touch, or
+//! so large that they overlap.
 
 use nalgebra::Vector2;
 
@@ -23,29 +24,35 @@ const MIN_CONTRAST: f64 = 0.3;
 /// Pixels; the side of a cell whose crossings coincide.
 const LEAST_SIDE: f64 = 1e-9;
 
-/// How light crossings and the middles of edges may be, from 0 (as dark cells) to 1 (as light ones).
-/// A tone curve lifts the half of it to 0.73, ink that has spread leaves 0.31; crossings of tiles
-/// apart from each other have 0.05 or 0.97, and blurred by two pixels 0.13 or 0.80.
-const LEAST_SHARE: f64 = 0.2;
-const MOST_SHARE: f64 = 0.77;
+/// Least step from what is lightest of dark cells to what is darkest of light ones, near their edges,
+/// over the step between their middles. A chessboard of 8 pixels a cell leaves 0.19, blurred by 2
+/// pixels or with gaps or overlaps of a sixth of a cell; tiles leave 0.15, blurred as much, or less.
+const LEAST_STEP: f64 = 0.17;
 
-/// Of a cell's side: where a light cell is looked at beside its edges, as it may hold a marker. The
-/// marker's white rim is an eighth.
-const RIM: f64 = 0.08;
+/// Of a cell's side: where a dark cell is looked at beside its edges. For tiles apart, the two depths
+/// must be less than a third together.
+const DARK_RIM: f64 = 0.15;
+/// The same of a light cell, which may hold a marker. The marker's white rim is an eighth.
+const LIGHT_RIM: f64 = 0.1;
 
-/// Places in a cell, in units of its sides. The corners of a light cell are farther from a marker
-/// than the middle of its rim, which blur darkens where that is narrow.
+/// Places in a cell, in units of its sides.
 type Places = [(f64, f64)];
-const CORNERS: &Places = &[(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)];
-const MIDDLES: &Places = &[(0.0, 0.5), (1.0, 0.5), (0.5, 0.0), (0.5, 1.0)];
 const CENTRE: &Places = &[(0.5, 0.5)];
-const RIMS: &Places = &[(RIM, 0.5), (1.0 - RIM, 0.5), (0.5, RIM), (0.5, 1.0 - RIM)];
-const INNER: &Places = &[
-    (RIM, RIM),
-    (1.0 - RIM, RIM),
-    (RIM, 1.0 - RIM),
-    (1.0 - RIM, 1.0 - RIM),
-];
+
+/// Beside the middles of a cell's edges, that far from them.
+const fn middles(rim: f64) -> [(f64, f64); 4] {
+    [(rim, 0.5), (1.0 - rim, 0.5), (0.5, rim), (0.5, 1.0 - rim)]
+}
+
+/// In the corners of a cell, that far from both edges.
+const fn corners(rim: f64) -> [(f64, f64); 4] {
+    [
+        (rim, rim),
+        (1.0 - rim, rim),
+        (rim, 1.0 - rim),
+        (1.0 - rim, 1.0 - rim),
+    ]
+}
 
 impl Photograph<'_> {
     /// Whether two light cells and two dark ones alternate round a crossing.
@@ -80,31 +87,29 @@ impl Photograph<'_> {
         }))
     }
 
-    /// Whether crossings and edges are midway between the light and the dark of a lattice's cells.
+    /// Whether the cells of a lattice are light or dark up to near their edges.
     pub fn is_chequered(&self, lattice: &Lattice) -> bool {
         let cells = lattice
             .sites()
             .filter_map(|site| Some((site, lattice.cell(site)?)));
         let (dark, light): (Vec<_>, Vec<_>) = cells.partition(|(site, _)| lattice.is_dark(*site));
-        let sum_of = |cells: &[(Site, [Vector2<f64>; 4])], places: &Places| -> f64 {
-            let points = cells
-                .iter()
-                .flat_map(|(_, corners)| places.iter().map(move |place| within(corners, *place)));
-            points.map(|point| self.level(point)).sum()
-        };
-        let mean_of = |cells: &[_], places: &Places| {
-            sum_of(cells, places) / (cells.len() * places.len()) as f64
-        };
         if dark.is_empty() || light.is_empty() {
             return false;
         }
+        let mean_of = |cells: &[(Site, [Vector2<f64>; 4])], places: &Places| -> f64 {
+            let points = cells
+                .iter()
+                .flat_map(|(_, around)| places.iter().map(move |place| within(around, *place)));
+            points.map(|point| self.level(point)).sum::<f64>() / (cells.len() * places.len()) as f64
+        };
         let darkest = mean_of(&dark, CENTRE);
-        let lightest = [CENTRE, RIMS, INNER].map(|places| mean_of(&light, places));
-        let lightest = lightest.into_iter().fold(f64::NEG_INFINITY, f64::max);
-        let all = [dark, light].concat();
-        let share = |places| (mean_of(&all, places) - darkest) / (lightest - darkest);
-        let is_midway = |share: f64| share > LEAST_SHARE && share < MOST_SHARE;
-        lightest > darkest && is_midway(share(CORNERS)) && is_midway(share(MIDDLES))
+        let rims = |cells: &[_], rim| [middles(rim), corners(rim)].map(|at| mean_of(cells, &at));
+        let [dark_rim, dark_corner] = rims(&dark, DARK_RIM);
+        let [light_rim, light_corner] = rims(&light, LIGHT_RIM);
+        // The middle of a light cell may be that of a marker.
+        let lightest = mean_of(&light, CENTRE).max(light_rim).max(light_corner);
+        let step = light_rim.min(light_corner) - dark_rim.max(dark_corner);
+        lightest > darkest && step > LEAST_STEP * (lightest - darkest)
     }
 }
 
