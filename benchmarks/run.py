@@ -31,6 +31,7 @@ BENCHMARKS = (
     "accuracy.held_out",
     "finding.inserted_squares",
     "finding.board_finding",
+    "finding.gapped_boards",
     "finding.tags",
     "accuracy.printed_target",
     "finding.robustness",

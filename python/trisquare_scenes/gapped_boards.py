@@ -1,4 +1,4 @@
-"""Chessboards whose dark cells do not quite touch, or overlap: ink, displays and cutters do that."""
+"""Chessboards whose dark cells do not quite touch, or overlap, as ink and displays make them."""
 
 from __future__ import annotations
 
@@ -73,9 +73,13 @@ def gapped_scene(
     camera = camera or random_camera(rng)
     cell = cell or float(np.exp(rng.uniform(*np.log(CELLS))))
     width, height = camera.image_size
-    most = [min(m, int(FILLED * size / cell) - 1) for m, size in zip(MOST, (width, height), strict=True)]
+    most = [
+        min(m, int(FILLED * size / cell) - 1) for m, size in zip(MOST, (width, height), strict=True)
+    ]
     for _ in range(MOST_DRAWS):
-        columns, rows = (int(rng.integers(low, high + 1)) for low, high in zip(FEWEST, most, strict=True))
+        columns, rows = (
+            int(rng.integers(low, high + 1)) for low, high in zip(FEWEST, most, strict=True)
+        )
         rotation = tilted(
             rng.uniform(0.0, MOST_TILTED), rng.uniform(0.0, 360.0), rng.uniform(0.0, 360.0)
         )

@@ -35,6 +35,13 @@ const DARK_RIM: f64 = 0.15;
 /// The same of a light cell, which may hold a marker. The marker's white rim is an eighth.
 const LIGHT_RIM: f64 = 0.1;
 
+/// Of the places beside and in a space between two boards, those that must be as they are then.
+const SPACE_SHARE: f64 = 0.9;
+/// How light a space is at least, from 0 (as dark cells) to 1 (as light ones).
+const LIGHT_SPACE: f64 = 0.7;
+/// Cells on either side of a space at least: fewer are light and dark by chance.
+const LEAST_BESIDE: usize = 4;
+
 /// Places in a cell, in units of its sides.
 type Places = [(f64, f64)];
 const CENTRE: &Places = &[(0.5, 0.5)];
@@ -110,6 +117,72 @@ impl Photograph<'_> {
         let lightest = mean_of(&light, CENTRE).max(light_rim).max(light_corner);
         let step = light_rim.min(light_corner) - dark_rim.max(dark_corner);
         lightest > darkest && step > LEAST_STEP * (lightest - darkest)
+    }
+
+    /// Whether two parts of a lattice are boards of their own: light paper lies between the whole
+    /// cells that both go on by.
+    ///
+    /// One part has the crossings of `host`. What hides a part of one board is seldom as light as
+    /// paper, and leaves no whole cells at its rim.
+    pub fn has_space(&self, lattice: &Lattice, host: &Lattice) -> bool {
+        let own: Vec<_> = host.points().collect();
+        let (host, other): (Vec<_>, Vec<_>) =
+            lattice.found().partition(|(_, point)| own.contains(point));
+        [0, 1].iter().any(|&axis| {
+            let across = |(site, _): &(Site, _)| [site.0, site.1][axis];
+            let range = |part: &[_]| {
+                let all = || part.iter().map(across);
+                Some((all().min()?, all().max()?))
+            };
+            let (Some(host), Some(other)) = (range(&host), range(&other)) else {
+                return false;
+            };
+            let ends = [(host.1, other.0), (other.1, host.0)];
+            let mut ends = ends.iter().filter(|(last, first)| first - last >= 2);
+            ends.next()
+                .is_some_and(|ends| self.is_space(lattice, axis, *ends))
+        })
+    }
+
+    /// Whether there is a space from the last row (axis 0) or column of one part to the first of
+    /// the other.
+    fn is_space(&self, lattice: &Lattice, axis: usize, (last, first): (isize, isize)) -> bool {
+        let [rows, columns] = lattice.size();
+        let site = |across: isize, along: isize| match axis {
+            0 => (across, along),
+            _ => (along, across),
+        };
+        let half_cell = 0.5 / (first - last) as f64;
+        let (mut dark, mut light, mut space) = (Vec::new(), Vec::new(), Vec::new());
+        for along in 0..[columns, rows][axis] as isize {
+            let around = [(last, 0), (last, 1), (first, 0), (first, 1)];
+            let around = around.map(|(across, step)| lattice.at(site(across, along + step)));
+            let [Some(a), Some(b), Some(c), Some(d)] = around else {
+                continue;
+            };
+            // Beside the marker that a light cell may hold.
+            let level = |part| self.level(within(&[a, b, c, d], (LIGHT_RIM, part)));
+            for (across, part) in [(last, half_cell), (first - 1, 1.0 - half_cell)] {
+                match lattice.is_dark(site(across, along)) {
+                    true => dark.push(level(part)),
+                    false => light.push(level(part)),
+                }
+            }
+            space.push(level(0.5));
+        }
+        if dark.len().min(light.len()) < LEAST_BESIDE {
+            return false;
+        }
+        let mean = |levels: &[f64]| levels.iter().sum::<f64>() / levels.len() as f64;
+        let (darkest, step) = (mean(&dark), mean(&light) - mean(&dark));
+        let share = |levels: &[f64], least: f64| {
+            let lighter = levels.iter().filter(|it| **it > darkest + least * step);
+            lighter.count() as f64 / levels.len() as f64
+        };
+        step > 0.0
+            && share(&dark, 0.5) <= 1.0 - SPACE_SHARE
+            && share(&light, 0.5) >= SPACE_SHARE
+            && share(&space, LIGHT_SPACE) >= SPACE_SHARE
     }
 }
 
