@@ -32,6 +32,7 @@ BENCHMARKS = (
     "accuracy.held_out",
     "finding.inserted_squares",
     "finding.board_finding",
+    "finding.gapped_boards",
     "finding.tags",
     "finding.aprilgrids",
     "accuracy.printed_target",

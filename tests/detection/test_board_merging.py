@@ -2,6 +2,7 @@
 
 import cv2
 import numpy as np
+import pytest
 
 from trisquare import simulate
 from trisquare.detection.boards.find import find_lattices
@@ -45,3 +46,20 @@ def test_faint_crossings_are_found_by_their_neighbours():
     truth = scene.image_points(0, scene.targets[0].board_corners())
     gaps = np.linalg.norm(truth[:, None] - lattice.crossings.reshape(-1, 2), axis=2)
     assert gaps.min(axis=1).max() < 1.5
+
+
+@pytest.mark.parametrize("space", [1.0, 2.0])
+def test_boards_side_by_side_are_two(space):
+    """Each lies where the other one's rows go on, to a hundredth of a cell."""
+    rotation = cv2.Rodrigues(np.radians(25.0) * np.array([0.6, 0.8, 0.0]))[0]
+    middles = [
+        np.array([0.0, 0.0, 30.0]) + 0.5 * side * (7.0 + space) * rotation[:, 0]
+        for side in (-1.0, 1.0)
+    ]
+    targets = tuple(
+        simulate.Target(rotation, middle, "chessboard", inner_corners=(6, 7)) for middle in middles
+    )
+    scene = simulate.Scene(CAMERA, targets)
+    lattices = find_lattices(simulate.render(scene, np.random.default_rng(98), noise=3.0))
+    assert len(lattices) == 2
+    assert all(np.count_nonzero(lattice.present) == 42 for lattice in lattices)

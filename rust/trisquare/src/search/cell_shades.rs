@@ -1,9 +1,10 @@
 //! The light and the dark cells of a lattice, as the photograph shows them.
 //!
 //! Blurred, or in a coarse picture, dark tiles apart from each other look like a chessboard that
-//! stands on its corner: crossings lie where two tiles are nearest. But there the picture is as
-//! light as what is between the tiles. On a chessboard light and dark meet in every crossing, in
-//! equal shares.
+//! stands on its corner: crossings lie where two tiles are nearest, and each link cuts off the corner
+//! of a tile. So a dark cell is light in its corners, or a light one dark beside its edges. The cells
+//! of a chessboard have one shade up to their edges, even where dark ones are too small to touch, or
+//! so large that they overlap.
 
 use nalgebra::Vector2;
 
@@ -23,29 +24,42 @@ const MIN_CONTRAST: f64 = 0.3;
 /// Pixels; the side of a cell whose crossings coincide.
 const LEAST_SIDE: f64 = 1e-9;
 
-/// How light crossings and the middles of edges may be, from 0 (as dark cells) to 1 (as light ones).
-/// A tone curve lifts the half of it to 0.73, ink that has spread leaves 0.31; crossings of tiles
-/// apart from each other have 0.05 or 0.97, and blurred by two pixels 0.13 or 0.80.
-const LEAST_SHARE: f64 = 0.2;
-const MOST_SHARE: f64 = 0.77;
+/// Least step from what is lightest of dark cells to what is darkest of light ones, near their edges,
+/// over the step between their middles. A chessboard of 8 pixels a cell leaves 0.19, blurred by 2
+/// pixels or with gaps or overlaps of a sixth of a cell; tiles leave 0.15, blurred as much, or less.
+const LEAST_STEP: f64 = 0.17;
 
-/// Of a cell's side: where a light cell is looked at beside its edges, as it may hold a marker. The
-/// marker's white rim is an eighth.
-const RIM: f64 = 0.08;
+/// Of a cell's side: where a dark cell is looked at beside its edges. For tiles apart, the two depths
+/// must be less than a third together.
+const DARK_RIM: f64 = 0.15;
+/// The same of a light cell, which may hold a marker. The marker's white rim is an eighth.
+const LIGHT_RIM: f64 = 0.1;
 
-/// Places in a cell, in units of its sides. The corners of a light cell are farther from a marker
-/// than the middle of its rim, which blur darkens where that is narrow.
+/// Of the places beside and in a space between two boards, those that must be as they are then.
+const SPACE_SHARE: f64 = 0.9;
+/// How light a space is at least, from 0 (as dark cells) to 1 (as light ones).
+const LIGHT_SPACE: f64 = 0.7;
+/// Cells on either side of a space at least: fewer are light and dark by chance.
+const LEAST_BESIDE: usize = 4;
+
+/// Places in a cell, in units of its sides.
 type Places = [(f64, f64)];
-const CORNERS: &Places = &[(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)];
-const MIDDLES: &Places = &[(0.0, 0.5), (1.0, 0.5), (0.5, 0.0), (0.5, 1.0)];
 const CENTRE: &Places = &[(0.5, 0.5)];
-const RIMS: &Places = &[(RIM, 0.5), (1.0 - RIM, 0.5), (0.5, RIM), (0.5, 1.0 - RIM)];
-const INNER: &Places = &[
-    (RIM, RIM),
-    (1.0 - RIM, RIM),
-    (RIM, 1.0 - RIM),
-    (1.0 - RIM, 1.0 - RIM),
-];
+
+/// Beside the middles of a cell's edges, that far from them.
+const fn middles(rim: f64) -> [(f64, f64); 4] {
+    [(rim, 0.5), (1.0 - rim, 0.5), (0.5, rim), (0.5, 1.0 - rim)]
+}
+
+/// In the corners of a cell, that far from both edges.
+const fn corners(rim: f64) -> [(f64, f64); 4] {
+    [
+        (rim, rim),
+        (1.0 - rim, rim),
+        (rim, 1.0 - rim),
+        (1.0 - rim, 1.0 - rim),
+    ]
+}
 
 impl Photograph<'_> {
     /// Whether two light cells and two dark ones alternate round a crossing.
@@ -80,31 +94,95 @@ impl Photograph<'_> {
         }))
     }
 
-    /// Whether crossings and edges are midway between the light and the dark of a lattice's cells.
+    /// Whether the cells of a lattice are light or dark up to near their edges.
     pub fn is_chequered(&self, lattice: &Lattice) -> bool {
         let cells = lattice
             .sites()
             .filter_map(|site| Some((site, lattice.cell(site)?)));
         let (dark, light): (Vec<_>, Vec<_>) = cells.partition(|(site, _)| lattice.is_dark(*site));
-        let sum_of = |cells: &[(Site, [Vector2<f64>; 4])], places: &Places| -> f64 {
-            let points = cells
-                .iter()
-                .flat_map(|(_, corners)| places.iter().map(move |place| within(corners, *place)));
-            points.map(|point| self.level(point)).sum()
-        };
-        let mean_of = |cells: &[_], places: &Places| {
-            sum_of(cells, places) / (cells.len() * places.len()) as f64
-        };
         if dark.is_empty() || light.is_empty() {
             return false;
         }
+        let mean_of = |cells: &[(Site, [Vector2<f64>; 4])], places: &Places| -> f64 {
+            let points = cells
+                .iter()
+                .flat_map(|(_, around)| places.iter().map(move |place| within(around, *place)));
+            points.map(|point| self.level(point)).sum::<f64>() / (cells.len() * places.len()) as f64
+        };
         let darkest = mean_of(&dark, CENTRE);
-        let lightest = [CENTRE, RIMS, INNER].map(|places| mean_of(&light, places));
-        let lightest = lightest.into_iter().fold(f64::NEG_INFINITY, f64::max);
-        let all = [dark, light].concat();
-        let share = |places| (mean_of(&all, places) - darkest) / (lightest - darkest);
-        let is_midway = |share: f64| share > LEAST_SHARE && share < MOST_SHARE;
-        lightest > darkest && is_midway(share(CORNERS)) && is_midway(share(MIDDLES))
+        let rims = |cells: &[_], rim| [middles(rim), corners(rim)].map(|at| mean_of(cells, &at));
+        let [dark_rim, dark_corner] = rims(&dark, DARK_RIM);
+        let [light_rim, light_corner] = rims(&light, LIGHT_RIM);
+        // The middle of a light cell may be that of a marker.
+        let lightest = mean_of(&light, CENTRE).max(light_rim).max(light_corner);
+        let step = light_rim.min(light_corner) - dark_rim.max(dark_corner);
+        lightest > darkest && step > LEAST_STEP * (lightest - darkest)
+    }
+
+    /// Whether two parts of a lattice are boards of their own: light paper lies between the whole
+    /// cells that both go on by.
+    ///
+    /// One part has the crossings of `host`. What hides a part of one board is seldom as light as
+    /// paper, and leaves no whole cells at its rim.
+    pub fn has_space(&self, lattice: &Lattice, host: &Lattice) -> bool {
+        let own: Vec<_> = host.points().collect();
+        let (host, other): (Vec<_>, Vec<_>) =
+            lattice.found().partition(|(_, point)| own.contains(point));
+        [0, 1].iter().any(|&axis| {
+            let across = |(site, _): &(Site, _)| [site.0, site.1][axis];
+            let range = |part: &[_]| {
+                let all = || part.iter().map(across);
+                Some((all().min()?, all().max()?))
+            };
+            let (Some(host), Some(other)) = (range(&host), range(&other)) else {
+                return false;
+            };
+            let ends = [(host.1, other.0), (other.1, host.0)];
+            let mut ends = ends.iter().filter(|(last, first)| first - last >= 2);
+            ends.next()
+                .is_some_and(|ends| self.is_space(lattice, axis, *ends))
+        })
+    }
+
+    /// Whether there is a space from the last row (axis 0) or column of one part to the first of
+    /// the other.
+    fn is_space(&self, lattice: &Lattice, axis: usize, (last, first): (isize, isize)) -> bool {
+        let [rows, columns] = lattice.size();
+        let site = |across: isize, along: isize| match axis {
+            0 => (across, along),
+            _ => (along, across),
+        };
+        let half_cell = 0.5 / (first - last) as f64;
+        let (mut dark, mut light, mut space) = (Vec::new(), Vec::new(), Vec::new());
+        for along in 0..[columns, rows][axis] as isize {
+            let around = [(last, 0), (last, 1), (first, 0), (first, 1)];
+            let around = around.map(|(across, step)| lattice.at(site(across, along + step)));
+            let [Some(a), Some(b), Some(c), Some(d)] = around else {
+                continue;
+            };
+            // Beside the marker that a light cell may hold.
+            let level = |part| self.level(within(&[a, b, c, d], (LIGHT_RIM, part)));
+            for (across, part) in [(last, half_cell), (first - 1, 1.0 - half_cell)] {
+                match lattice.is_dark(site(across, along)) {
+                    true => dark.push(level(part)),
+                    false => light.push(level(part)),
+                }
+            }
+            space.push(level(0.5));
+        }
+        if dark.len().min(light.len()) < LEAST_BESIDE {
+            return false;
+        }
+        let mean = |levels: &[f64]| levels.iter().sum::<f64>() / levels.len() as f64;
+        let (darkest, step) = (mean(&dark), mean(&light) - mean(&dark));
+        let share = |levels: &[f64], least: f64| {
+            let lighter = levels.iter().filter(|it| **it > darkest + least * step);
+            lighter.count() as f64 / levels.len() as f64
+        };
+        step > 0.0
+            && share(&dark, 0.5) <= 1.0 - SPACE_SHARE
+            && share(&light, 0.5) >= SPACE_SHARE
+            && share(&space, LIGHT_SPACE) >= SPACE_SHARE
     }
 }
 

@@ -68,7 +68,11 @@ impl Level<'_> {
             .map(|part| part.complete())
             .partition(Lattice::is_large);
         let fragments = grown.fragments.iter().map(Lattice::complete).chain(rest);
-        joined(whole, fragments.filter(|it| it.count() > 0).collect(), size)
+        let fragments = fragments.filter(|it| it.count() > 0).collect();
+        let own = self.own_photograph();
+        joined(whole, fragments, size, |union, host| {
+            own.has_space(union, host)
+        })
     }
 
     /// Grows known lattices, each into what no other has, and then those that nothing is known of.
@@ -120,11 +124,15 @@ impl Level<'_> {
 
     /// With faint crossings of this picture alone.
     fn extended(&self, lattice: &Lattice, others: &[&Outline]) -> Lattice {
-        let own = Photograph {
+        lattice.extended(&self.picture, &self.own_photograph(), others)
+    }
+
+    /// This picture alone.
+    fn own_photograph(&self) -> Photograph<'_> {
+        Photograph {
             grey: self.picture,
             scale: 1.0,
-        };
-        lattice.extended(&self.picture, &own, others)
+        }
     }
 }
 

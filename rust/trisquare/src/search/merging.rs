@@ -26,11 +26,13 @@ const SAME: f64 = 0.25;
 /// Joins lattices that continue each other, and fragments of lattices to them.
 ///
 /// Each of the `hosts` is large enough to tell of its surface; fragments that continue none are left
-/// out. `size` is the picture's width and height.
+/// out. `size` is the picture's width and height; `are_apart` says of a lattice and of one of its
+/// two parts whether these are boards of their own.
 pub(super) fn joined(
     mut hosts: Vec<Lattice>,
     fragments: Vec<Lattice>,
     size: [usize; 2],
+    are_apart: impl Fn(&Lattice, &Lattice) -> bool,
 ) -> Vec<Lattice> {
     hosts.sort_by_key(|host| Reverse(host.count()));
     let hosts = hosts.into_iter().map(|host| (true, host));
@@ -39,17 +41,25 @@ pub(super) fn joined(
     let mut done = Vec::new();
     while let Some(first) = pieces.iter().position(|(is_host, _)| *is_host) {
         let (_, host) = pieces.remove(first);
-        done.push(with_pieces(host, &mut pieces, size));
+        done.push(with_pieces(host, &mut pieces, size, &are_apart));
     }
     done
 }
 
 /// Joins to a lattice what continues it, which is taken from the pieces; so is what is linked wrongly.
-fn with_pieces(mut host: Lattice, pieces: &mut Vec<(bool, Lattice)>, size: [usize; 2]) -> Lattice {
+fn with_pieces(
+    mut host: Lattice,
+    pieces: &mut Vec<(bool, Lattice)>,
+    size: [usize; 2],
+    are_apart: impl Fn(&Lattice, &Lattice) -> bool,
+) -> Lattice {
     let mut surface = LatticeSurface::of(&host, size);
     let mut number = 0;
     while let Some((_, piece)) = pieces.get(number) {
-        if let Some(union) = host.union(piece, &surface).filter(|it| it.is_smooth(size)) {
+        let union = host.union(piece, &surface);
+        if union.as_ref().is_some_and(|it| are_apart(it, &host)) {
+            number += 1;
+        } else if let Some(union) = union.filter(|it| it.is_smooth(size)) {
             (host, surface) = (union.clone(), LatticeSurface::of(&union, size));
             pieces.remove(number);
             number = 0; // it reaches farther now
@@ -191,6 +201,10 @@ mod tests {
 
     const CENTRE: [f64; 3] = [0.0, 0.0, 30.0];
 
+    fn never(_: &Lattice, _: &Lattice) -> bool {
+        false
+    }
+
     fn board() -> BentBoard {
         BentBoard::turned(35.0, CENTRE)
     }
@@ -200,7 +214,7 @@ mod tests {
         let first = board().crossings(0..8, 0..4);
         let mut second = board().crossings(3..8, 6..10);
         for _ in 0..4 {
-            let whole = joined(vec![second.clone(), first.clone()], Vec::new(), SIZE);
+            let whole = joined(vec![second.clone(), first.clone()], Vec::new(), SIZE, never);
             let expected = board().crossings(0..8, 0..10);
             let expected =
                 expected.filtered(|(row, column)| column < 4 || (column >= 6 && row >= 3));
@@ -214,7 +228,7 @@ mod tests {
         let host = board().crossings(0..8, 0..6);
         let fragment = board().crossings(2..5, 7..9);
         let strange = BentBoard::turned(-20.0, [14.0, 0.0, 30.0]).crossings(0..3, 0..2);
-        let whole = joined(vec![host], vec![strange, fragment], SIZE);
+        let whole = joined(vec![host], vec![strange, fragment], SIZE, never);
         assert_eq!(
             whole.iter().map(Lattice::count).collect::<Vec<_>>(),
             [48 + 6]
@@ -228,16 +242,16 @@ mod tests {
         let found: Vec<_> = piece.found().collect();
         // Dark cells where light ones must be: the host's own crossings, linked wrongly.
         let swapped = Lattice::of(&found, !piece.is_dark((0, 0)));
-        let own = joined(vec![host.clone(), swapped], Vec::new(), SIZE);
+        let own = joined(vec![host.clone(), swapped], Vec::new(), SIZE, never);
         assert!(matches!(&own[..], [only] if *only == host));
         let half = 0.5 * (piece.at((0, 1)).unwrap() - piece.at((0, 0)).unwrap());
         let between = piece.moved(|point| point + half);
         assert_eq!(
-            joined(vec![host.clone(), between], Vec::new(), SIZE).len(),
+            joined(vec![host.clone(), between], Vec::new(), SIZE, never).len(),
             2
         );
         let folded = BentBoard::turned(-25.0, [3.0, 0.0, 30.0]).crossings(0..8, 6..10);
-        assert_eq!(joined(vec![host, folded], Vec::new(), SIZE).len(), 2);
+        assert_eq!(joined(vec![host, folded], Vec::new(), SIZE, never).len(), 2);
     }
 
     #[test]
@@ -251,6 +265,22 @@ mod tests {
             .map(|((row, column), point)| ((row / 2, column), point))
             .collect();
         let second = Lattice::of(&second, true);
-        assert_eq!(joined(vec![host.clone(), second], Vec::new(), SIZE), [host]);
+        assert_eq!(
+            joined(vec![host.clone(), second], Vec::new(), SIZE, never),
+            [host]
+        );
+    }
+
+    #[test]
+    fn boards_apart_stay_two_even_where_one_continues_the_other() {
+        let first = board().crossings(0..8, 0..4);
+        let second = board().crossings(0..8, 6..10);
+        let apart = joined(
+            vec![first.clone(), second.clone()],
+            Vec::new(),
+            SIZE,
+            |union, host| union.count() == 64 && host.count() == 32,
+        );
+        assert_eq!(apart, [first, second]);
     }
 }

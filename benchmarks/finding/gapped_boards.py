@@ -1,0 +1,107 @@
+"""Chessboards whose dark cells do not touch, or overlap: found whole, and measured right."""
+
+from __future__ import annotations
+
+import numpy as np
+from harness.rows import Row
+
+from trisquare import TrisquareError, calibrate, simulate
+from trisquare.detection.boards.find import find_lattices
+from trisquare.detection.candidates import Lattice
+from trisquare.simulate.scene import Scene
+from trisquare_scenes.gapped_boards import gapped_scene
+
+SEED = 67
+PICTURES = 200
+GAPS = (-2.0, 3.0)
+"""Pixels between dark cells; negative where they overlap."""
+
+NEAR = 2.0
+"""Pixels to the true place within which a crossing is that crossing."""
+WHOLE = 0.9
+"""Share of a board's crossings that its lattice must have."""
+FOUND_TARGET = 0.97
+
+CAMERAS = 20
+"""Each calibrated from three boards of one kind."""
+LARGE_CELLS = (30.0, 90.0)
+"""Pixels; three boards of smaller ones hardly tell a camera."""
+MOST_SIGMAS = 4.0
+RMS_RANGE = (0.7, 1.3)
+
+
+def is_found(scene: Scene, lattices: list[Lattice]) -> bool:
+    """Whether one lattice has nearly all crossings of a scene's only board, and nothing else."""
+    if len(lattices) != 1:
+        return False
+    truth = scene.image_points(0, scene.targets[0].board_corners())
+    points = lattices[0].crossings[lattices[0].present]
+    gaps = np.linalg.norm(points[:, None] - truth, axis=2)
+    return bool((gaps.min(axis=1) < NEAR).all() and np.mean(gaps.min(axis=0) < NEAR) >= WHOLE)
+
+
+def measure() -> list[Row]:
+    """Print which boards are missed, and how far off cameras are that such boards calibrate."""
+    return [_found(), _calibrated()]
+
+
+def _light(rng: np.random.Generator) -> dict[str, float]:
+    return {"noise": rng.uniform(1.0, 4.0), "blur": rng.uniform(0.5, 1.2)}
+
+
+def _found() -> Row:
+    found = 0
+    for index in range(PICTURES):
+        rng = np.random.default_rng([SEED, index])
+        gap = rng.uniform(*GAPS)
+        scene = gapped_scene(rng, gap)
+        is_right = is_found(scene, find_lattices(simulate.render(scene, rng, **_light(rng))))
+        found += is_right
+        if not is_right:
+            cell = scene.camera.fx / scene.targets[0].translation[2]
+            print(f"    missed: picture {index}, gap {gap:.2f} px, cells of {cell:.0f} px")
+    return Row(
+        f"{PICTURES} boards, cells of 15-90 px, gaps of 0-3 px or overlaps of 0-2 px: found",
+        f"{found}",
+        f">= {FOUND_TARGET:.0%}",
+        found >= FOUND_TARGET * PICTURES,
+    )
+
+
+def _calibrated() -> Row:
+    sigmas, refused = [], 0
+    for index in range(CAMERAS):
+        rng = np.random.default_rng([SEED, 1, index])
+        camera = simulate.random_camera(rng)
+        gap, cell = rng.uniform(*GAPS), rng.uniform(*LARGE_CELLS)
+        scenes = [gapped_scene(rng, gap, cell=cell, camera=camera) for _ in range(3)]
+        pictures = [simulate.render(scene, rng, **_light(rng)) for scene in scenes]
+        try:
+            result = calibrate(pictures, tone="linear")
+        except TrisquareError as refusal:
+            print(f"    camera {index}, gap {gap:.2f} px, cells of {cell:.0f} px: {refusal}")
+            refused += 1
+            continue
+        names = ("fx", "fy", "cx", "cy")
+        off = [
+            (getattr(result.camera, name) - getattr(camera, name)) / result.std[name]
+            for name in names
+        ]
+        sigmas.append(off)
+        if np.abs(off).max() > MOST_SIGMAS:
+            print(
+                f"    camera {index}, gap {gap:.2f} px, cells of {cell:.0f} px: {np.round(off, 1)}"
+            )
+    rms = float(np.sqrt(np.mean(np.square(sigmas))))
+    worst = float(np.abs(sigmas).max())
+    return Row(
+        f"{CAMERAS} cameras from three such boards each: error / std of fx, fy, cx, cy, rms; worst",
+        f"{rms:.2f}; {worst:.1f} ({refused} refused)",
+        f"{RMS_RANGE[0]}-{RMS_RANGE[1]}; < {MOST_SIGMAS:.0f}",
+        RMS_RANGE[0] <= rms <= RMS_RANGE[1] and worst < MOST_SIGMAS,
+    )
+
+
+if __name__ == "__main__":
+    for row in measure():
+        print(row)

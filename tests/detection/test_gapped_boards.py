@@ -1,0 +1,42 @@
+"""Boards whose dark cells do not touch, or overlap, are found; tiles apart from each other not."""
+
+import cv2
+import numpy as np
+import pytest
+
+from trisquare import simulate
+from trisquare.detection.boards.find import find_lattices
+from trisquare_scenes.gapped_boards import gapped_scene
+
+
+@pytest.mark.parametrize("cell", [18.0, 30.0, 50.0, 85.0])
+@pytest.mark.parametrize("gap", [-1.8, 1.5, 2.8])
+def test_boards_with_gaps_or_overlaps_are_found_whole(gap, cell):
+    rng = np.random.default_rng([85, int(cell)])
+    scene = gapped_scene(rng, gap, cell=cell)
+    (lattice,) = find_lattices(simulate.render(scene, rng, blur=0.7, noise=2.0))
+    truth = scene.image_points(0, scene.targets[0].board_corners())
+    assert np.count_nonzero(lattice.present) == len(truth)
+    gaps = np.linalg.norm(truth[:, None] - lattice.crossings.reshape(-1, 2), axis=2)
+    # Amid a gap of 3 pixels the grey levels are nearly flat, and the edges alone tell the place.
+    assert gaps.min(axis=1).max() < 1.5
+
+
+def test_an_overlap_is_dark_only_once():
+    scene = gapped_scene(np.random.default_rng(86), -2.0, cell=40.0)
+    light = {"noise": 0.0, "blur": 0.5, "contrast": 100.0}
+    picture = simulate.render(scene, np.random.default_rng(86), **light)
+    assert picture.min() >= 77
+
+
+@pytest.mark.parametrize("blur", [0.7, 1.4, 2.0])
+@pytest.mark.parametrize("share", [0.4, 0.55, 0.66, 0.8])
+def test_tiles_of_all_sizes_are_no_board(share, blur):
+    ys, xs = np.mgrid[0:480, 0:640]
+    rng = np.random.default_rng(87)
+    for pitch in (12, 20, 40):
+        inside = (xs % pitch < share * pitch) & (ys % pitch < share * pitch)
+        for tiles, gaps in ((40.0, 200.0), (200.0, 40.0)):
+            blurred = cv2.GaussianBlur(np.where(inside, tiles, gaps), (0, 0), blur)
+            noisy = np.clip(np.rint(blurred + 2.0 * rng.standard_normal(blurred.shape)), 0, 255)
+            assert find_lattices(noisy.astype(np.uint8)) == []
