@@ -160,8 +160,9 @@ def gather(
 ) -> Gathered:
     """Find and measure the targets of several photographs, one after another.
 
-    `camera_held` is whether nothing of the camera is estimated; `explain_all` is whether the rejected shapes of every photograph may be asked for; `tone`,
-    `outlines` and `progress` are as in `calibrate`.
+    `camera_held` is whether nothing of the camera is estimated, `explain_all` whether the rejected
+    shapes of every photograph may be asked for; `tone`, `outlines` and `progress` are as in
+    `calibrate`.
 
     Raises
     ------

@@ -118,7 +118,8 @@ fn run<L: Lens>(
     if judging {
         let unlikely = unlikely_camera(&calibration, options.fixed, |fixed| {
             let options = Options { fixed, ..*options };
-            let held = calibrate_unjudged(edges, size, &options, &mut None).ok()?;
+            let held =
+                calibrate_unjudged(edges, size, &options, &mut Comparison::default()).ok()?;
             Some(held.camera.focal().x)
         });
         // What explains other warnings comes before them.
