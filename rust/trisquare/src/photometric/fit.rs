@@ -137,7 +137,6 @@ impl PixelFit<'_> {
             system: ArrowSystem::zeros(self.shared_count(), own),
             spread: Spread::default(),
         };
-        sum.cost += self.free.add_prior(&state.view.lens, &mut sum.system);
         self.add_priors(state, &mut sum);
         for index in 0..self.figures.len() {
             self.add_figure::<L, N>(state, index, &mut sum)?;
@@ -176,19 +175,18 @@ impl PixelFit<'_> {
         fits.collect()
     }
 
-    /// What is known of the pictures' parameters beforehand.
+    /// What is known of the lens's and the pictures' parameters beforehand.
     fn add_priors<L: Lens>(&self, state: &PixelState<L>, sum: &mut PixelSystem) {
+        sum.cost += self.free.add_prior(&state.view.lens, &mut sum.system);
         for (image, picture) in state.pictures.iter().enumerate().take(self.free_pictures) {
             let PicturePrior {
                 information,
                 gradient,
             } = picture.prior();
-            // The prior has no gradient of its own: the first block carries it.
-            let block = &mut sum.system.blocks[0];
             for i in 0..PICTURE_PARAMETERS {
                 let column = self.picture_offset(image) + i;
-                block.shared[(column, column)] += information[i];
-                block.shared_gradient[column] -= gradient[i];
+                sum.system.prior[(column, column)] += information[i];
+                sum.system.prior_gradient[column] -= gradient[i];
                 sum.cost += 0.5 * gradient[i] * gradient[i] / information[i];
             }
         }
@@ -422,7 +420,8 @@ mod tests {
             );
         };
         for i in 0..free.len() + PICTURE_PARAMETERS {
-            let (mut gradient, mut hessian) = (0.0, 0.0);
+            let mut gradient = system.prior_gradient[i];
+            let mut hessian = system.prior[(i, i)];
             for block in &system.blocks {
                 gradient += block.shared_gradient[i];
                 hessian += block.shared[(i, i)];
