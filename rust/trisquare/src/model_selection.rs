@@ -199,7 +199,7 @@ fn log_evidence<L: Lens>(
     }
     let places: Vec<usize> = L::parameter_names()[coefficients.clone()]
         .iter()
-        .map(|name| fit.parameters.iter().position(|p| p == name))
+        .map(|name| fit.position(name))
         .collect::<Option<_>>()?;
     let unit = fit.camera.coefficient_priors(fit.image_size);
     let values = &fit.camera.parameters()[coefficients];
@@ -237,7 +237,7 @@ fn shared_covariance<L: Lens>(
     let places: Vec<usize> = reference
         .parameters
         .iter()
-        .map(|name| richer.parameters.iter().position(|p| p == name))
+        .map(|name| richer.position(name))
         .collect::<Option<_>>()?;
     let size = places.len();
     Some(DMatrix::from_fn(size, size, |i, j| {

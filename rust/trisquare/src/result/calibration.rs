@@ -96,6 +96,11 @@ pub struct Calibration<L: Lens = DefaultLens> {
 }
 
 impl<L: Lens> Calibration<L> {
+    /// Where a parameter is among the free ones, if it is.
+    pub(crate) fn position(&self, name: &str) -> Option<usize> {
+        self.parameters.iter().position(|own| *own == name)
+    }
+
     /// One standard deviation of every free parameter (and of `fy` where it follows `fx`).
     pub fn std(&self) -> Vec<(&'static str, f64)> {
         let mut all = Vec::with_capacity(self.parameters.len() + 1);

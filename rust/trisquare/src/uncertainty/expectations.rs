@@ -51,7 +51,7 @@ pub(crate) fn unlikely_camera<L: Lens>(
 
 /// The ratio `fy / fx` and its standard deviation, if it is free.
 fn aspect<L: Lens>(found: &Calibration<L>) -> Option<(f64, f64)> {
-    let [x, y] = [found.place("fx")?, found.place("fy")?];
+    let [x, y] = [found.position("fx")?, found.position("fy")?];
     let focal = found.camera.focal();
     let by = Vector2::new(-focal.y / focal.x, 1.0) / focal.x;
     Some((focal.y / focal.x, found.deviation([x, y], by)))
@@ -59,17 +59,13 @@ fn aspect<L: Lens>(found: &Calibration<L>) -> Option<(f64, f64)> {
 
 /// The distance of the principal point from the centre and its standard deviation, if it is free.
 fn off_centre<L: Lens>(found: &Calibration<L>) -> Option<(f64, f64)> {
-    let [x, y] = [found.place("cx")?, found.place("cy")?];
+    let [x, y] = [found.position("cx")?, found.position("cy")?];
     let away = found.camera.principal_point() - found.image_size.centre();
     let by = away.try_normalize(f64::MIN_POSITIVE)?;
     Some((away.norm(), found.deviation([x, y], by)))
 }
 
 impl<L: Lens> Calibration<L> {
-    fn place(&self, name: &str) -> Option<usize> {
-        self.parameters.iter().position(|own| *own == name)
-    }
-
     /// The standard deviation of a function of two parameters with these derivatives.
     fn deviation(&self, [i, j]: [usize; 2], by: Vector2<f64>) -> f64 {
         let c = &self.covariance;
