@@ -215,9 +215,9 @@ def calibrate_edges(
 def _ask_core(
     figures: Sequence[PlaneEdges], gathered: Gathered, settings: Settings, choosing: bool
 ) -> _core.Outcome:
-    if gathered.images != list(range(len(gathered.images))):
+    place = {image: count for count, image in enumerate(gathered.images)}
+    if any(image != count for image, count in place.items()):
         # The core numbers the pictures that it has.
-        place = {image: count for count, image in enumerate(gathered.images)}
         figures = [changed_edges(figure, image=place[figure.image]) for figure in figures]
     return _core.calibrate(
         figures,
@@ -234,12 +234,12 @@ def _ask_core(
 
 def _calibration(found: _core.Solution, gathered: Gathered, settings: Settings) -> Calibration:
     """Return what the core found as a result."""
-    figures, tones = gathered.figures, gathered.tones
+    figures, images, tones = gathered.figures, gathered.images, gathered.tones
     # The fit to the pixels knows more of the tone than the edges' profiles alone.
     if found.tones:
         tones = [tone.refined(fit) for tone, fit in zip(tones, found.tones, strict=True)]
     tone, tone_std = pooled(tones)
-    tone_of_image = dict(zip(gathered.images, tones, strict=False))
+    tone_of_image = dict(zip(images, tones, strict=False))
     warnings = []
     if text := contradiction_text(tone_of_image):
         warnings.append(CalibrationWarning(text, "tone_contradicted", "high"))
@@ -261,7 +261,7 @@ def _calibration(found: _core.Solution, gathered: Gathered, settings: Settings) 
         planes=tuple(
             Plane(
                 kind=figures[plane.figure].kind,
-                image=gathered.images[plane.image] if gathered.images else plane.image,
+                image=images[plane.image] if images else plane.image,
                 corners=plane.corners,
                 rotation=plane.rotation,
                 translation=plane.translation,

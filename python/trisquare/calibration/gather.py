@@ -39,8 +39,6 @@ class Gathered:
         Of every photograph.
     sizes : list of (int, int)
         Of every photograph.
-    images : list of int
-        The photographs that are used, by their indices.
     figures : list of PlaneEdges
         Each with the index of its photograph and the number of its plane, counted over all.
     quads : dict of int to ndarray, shape (4, 2)
@@ -59,7 +57,6 @@ class Gathered:
     figures: list[PlaneEdges] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
     sizes: list[tuple[int, int]] = field(default_factory=list)
-    images: list[int] = field(default_factory=list)
     quads: dict[int, FloatArray] = field(default_factory=dict)
     rejected: list[Rejected] = field(default_factory=list)
     warnings: list[CalibrationWarning] = field(default_factory=list)
@@ -85,7 +82,6 @@ class Gathered:
         )
         self.names.append(photograph.name)
         self.sizes.append(picture_size(photograph.pixels))
-        self.images.append(photograph.index)
         self.searches[photograph.index] = search
         self.pictures.append(core)
         self.tones.append(picture_tone)
@@ -99,9 +95,12 @@ class Gathered:
                 for candidate in rejected
             ]
         if not figures and not photograph.repeats:
-            nothing = nothing_found(targets) if annotated is None else "nothing is drawn on it"
-            if annotated:
-                nothing = "none of the outlines is a square"
+            if annotated is None:
+                nothing = nothing_found(targets)
+            else:
+                nothing = (
+                    "none of the outlines is a square" if annotated else "nothing is drawn on it"
+                )
             text = f"{photograph.name}: {nothing}"
             self.warnings.append(CalibrationWarning(text, "nothing_found"))
         for figure in figures:
@@ -126,16 +125,20 @@ class Gathered:
                 f"{self._described(other)}, but {self.names[0]} is {first[0]} x {first[1]}: all "
                 "pictures of one camera must have the same size"
             )
-        for index in [i for i in self.images if self.sizes[i] != self.image_size]:
+        kept = [size == self.image_size for size in self.sizes]
+        for index in [i for i, is_kept in enumerate(kept) if not is_kept]:
             text = f"{self._described(index)}, unlike {count} others: it is left out"
             self.warnings.append(CalibrationWarning(text, "other_size"))
             self.searches.pop(index, None)
-        kept = [size == self.image_size for size in self.sizes]
         self.figures = [figure for figure in self.figures if kept[figure.image]]
         self.rejected = [candidate for candidate in self.rejected if kept[candidate.image]]
-        self.images = list(compress(self.images, kept))
         self.pictures = list(compress(self.pictures, kept))
         self.tones = list(compress(self.tones, kept))
+
+    @property
+    def images(self) -> list[int]:
+        """The photographs that are used, by their indices."""
+        return [i for i, size in enumerate(self.sizes) if size == self.image_size]
 
     def _described(self, index: int) -> str:
         width, height = self.sizes[index]
@@ -188,11 +191,8 @@ def gather(
                 "before it, and their tone curves probably differ: give one tone curve for all "
                 "(srgb, linear, auto or a gamma)"
             )
-        annotated = (
-            None
-            if drawings is None
-            else drawings.on(photograph.index, picture_size(photograph.pixels))
-        )
+        size = picture_size(photograph.pixels)
+        annotated = None if drawings is None else drawings.on(photograph.index, size)
         gathered.add(photograph, targets, curve, annotated)
         if not explain_all:
             gathered.forget_richest_search()
