@@ -17,7 +17,7 @@ from trisquare._support.rotations import tilted
 from trisquare.detection.tags.codes import dictionary
 from trisquare.detection.tags.decode import WIDE_BORDER, WIDE_BORDERED
 from trisquare.simulate import random_camera
-from trisquare.simulate.render import WHITE, Image, ToneCurve, decode_tone, encode_tone, quantised
+from trisquare.simulate.render import WHITE, Image, ToneCurve, encode_tone, light_levels, quantised
 from trisquare.simulate.scene import (
     Array,
     Scene,
@@ -231,8 +231,7 @@ def photograph(
     jpeg_quality: int | None = None,
 ) -> tuple[Image, npt.NDArray[np.float32]]:
     """Photograph grids as `trisquare.simulate.render` does, and return what is ideal of it, too."""
-    levels = np.array([WHITE - contrast, WHITE + contrast]) / (2.0 * WHITE)
-    dark, light = decode_tone(levels, tone).tolist()
+    dark, light = light_levels(contrast, tone)
     coded = encode_tone(light + (dark - light) * ink(scene, blur), tone)
     noisy = coded + noise / WHITE * rng.standard_normal(coded.shape)
     picture = quantised(noisy[..., None], np.dtype(np.uint8), jpeg_quality)

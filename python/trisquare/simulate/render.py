@@ -53,6 +53,13 @@ def encode_tone(light: Array, tone: ToneCurve) -> Array:
     return coded
 
 
+def light_levels(contrast: float, tone: ToneCurve) -> tuple[float, float]:
+    """Return the linear light of ink and paper that differ by a contrast in grey levels."""
+    levels = np.array([WHITE - contrast, WHITE + contrast]) / (2.0 * WHITE)
+    dark, light = decode_tone(levels, tone).tolist()
+    return dark, light
+
+
 def render(
     scene: Scene,
     rng: np.random.Generator,
@@ -112,8 +119,7 @@ def render(
     """
     if blur <= 0.0 or contrast <= 0.0 or contrast > WHITE:
         raise ValueError(f"blur and contrast must be positive, got {blur} and {contrast}")
-    levels = np.array([WHITE - contrast, WHITE + contrast]) / (2.0 * WHITE)
-    dark, light = decode_tone(levels, tone).tolist()
+    dark, light = light_levels(contrast, tone)
     on_sheets = bool(clutter) or background is not None
     canvas = _ground(scene, rng, (dark, light), tone, clutter, background, blur)
     sheets = np.zeros(canvas.shape[:2])
