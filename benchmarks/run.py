@@ -20,6 +20,7 @@ BENCHMARKS = (
     "accuracy.undistort",
     "accuracy.model_choice",
     "accuracy.richer_models",
+    "accuracy.broken_assumptions",
     "accuracy.pixel_bound",
     "accuracy.lattice_bound",
     "accuracy.photo_like",

@@ -1,0 +1,91 @@
+"""Pictures that break an assumption: wrong without a warning of the cause, and false alarms."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import NamedTuple
+
+import numpy as np
+from harness.rows import Row
+
+import trisquare as ts
+from trisquare_scenes.broken_assumptions import KINDS, Kind
+
+SCENES = 30
+SEED = 1206
+EVIDENT = 4.0
+"""An answer is wrong that is off by more standard deviations than that, ..."""
+NEGLIGIBLE = 0.003
+"""... and by more than this part of the focal length."""
+
+MOST_SILENT = 0.01
+MOST_SILENT_OF_A_KIND = 3
+MOST_FALSE_ALARMS = 0.02
+
+
+class Outcome(NamedTuple):
+    """What one case came to."""
+
+    refused: bool
+    wrong: bool
+    codes: tuple[str, ...]
+
+
+def measure(kinds: tuple[str, ...] = tuple(KINDS), seed: int = SEED) -> list[Row]:
+    """Print for each kind how its pictures end, damaged and undamaged."""
+    silent, warned, refused = {}, 0, 0
+    for number, (name, kind) in enumerate(KINDS.items()):
+        if name not in kinds:
+            continue
+        damaged = [_outcome(kind, (seed, number, index), True) for index in range(SCENES)]
+        sound = [_outcome(kind, (seed, number, index), False) for index in range(SCENES)]
+        silent[name] = sum(one.wrong and not set(one.codes) & set(kind.causes) for one in damaged)
+        warned += sum(bool(one.codes) for one in sound)
+        refused += sum(one.refused for one in sound)
+        print(
+            f"  {name}: silent {silent[name]}, wrong {sum(one.wrong for one in damaged)}, refused "
+            f"{sum(one.refused for one in damaged)}; first {_counted(damaged, first=True)}; any "
+            f"{_counted(damaged, first=False)}; undamaged: {_counted(sound, first=False)}, "
+            f"refused {sum(one.refused for one in sound)}, wrong {sum(one.wrong for one in sound)}",
+            flush=True,
+        )
+    count = SCENES * len(silent)
+    share = sum(silent.values()) / count
+    worst = max((name for name in silent if KINDS[name].told), key=lambda name: silent[name])
+    name = f"{len(silent)} kinds of broken assumptions, {SCENES} scenes each"
+    return [
+        Row(
+            f"{name}: wrong without a warning of the cause",
+            f"{100 * share:.1f} %",
+            f"<= {100 * MOST_SILENT:.0f} %",
+            share <= MOST_SILENT,
+        ),
+        Row(
+            f"the same, in the worst kind that can be told ({worst})",
+            f"{silent[worst]} of {SCENES}",
+            f"<= {MOST_SILENT_OF_A_KIND}",
+            silent[worst] <= MOST_SILENT_OF_A_KIND,
+        ),
+        Row(
+            "the same scenes undamaged: warned; refused",
+            f"{100 * warned / count:.1f} %; {refused}",
+            f"<= {100 * MOST_FALSE_ALARMS:.0f} %; 0",
+            warned <= MOST_FALSE_ALARMS * count and refused == 0,
+        ),
+    ]
+
+
+def _outcome(kind: Kind, seed: tuple[int, ...], damaged: bool) -> Outcome:
+    pictures, focal = kind.draw(np.random.default_rng(seed), damaged)
+    try:
+        result = ts.calibrate(pictures)
+    except ts.TrisquareError:
+        return Outcome(True, False, ())
+    error = abs(result.camera.fx - focal)
+    wrong = error > EVIDENT * result.std["fx"] and error > NEGLIGIBLE * focal
+    return Outcome(False, wrong, tuple(warning.code for warning in result.warnings))
+
+
+def _counted(outcomes: list[Outcome], *, first: bool) -> dict[str, int]:
+    every = (code for one in outcomes for code in (one.codes[:1] if first else set(one.codes)))
+    return dict(Counter(every).most_common())

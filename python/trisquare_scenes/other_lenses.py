@@ -1,0 +1,74 @@
+"""Lenses outside the family that `TrueCamera` has: rational, thin prism, fisheye."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from trisquare.simulate.scene import Array, TrueCamera
+
+_STEP = 1e-6
+"""Of the central differences: their error is some 1e-10 of a normalised coordinate."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OtherCamera(TrueCamera):
+    """A camera whose distortion is differentiated numerically."""
+
+    def _distortion_jacobian(self, ideal: Array) -> tuple[Array, Array, Array]:
+        steps = _STEP * np.eye(2)
+        along_x, along_y = (
+            (self.distort(ideal + step) - self.distort(ideal - step)) / (2.0 * _STEP)
+            for step in steps
+        )
+        # Newton's method needs it to a few digits only, and the lenses here are nearly symmetric.
+        mixed = 0.5 * (along_x[..., 1] + along_y[..., 0])
+        return along_x[..., 0], mixed, along_y[..., 1]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RationalCamera(OtherCamera):
+    """Radial factor ``(1 + above r^2) / (1 + below r^2)``: OpenCV's rational model, in part."""
+
+    above: float = 0.0
+    below: float = 0.0
+
+    def distort(self, normalised: Array) -> Array:
+        """Map ideal to observed normalised coordinates, shape (N, 2)."""
+        square = np.sum(normalised**2, axis=-1, keepdims=True)
+        distorted: Array = normalised * (1.0 + self.above * square) / (1.0 + self.below * square)
+        return distorted
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PrismCamera(OtherCamera):
+    """Brown's distortion and OpenCV's thin prism terms ``s1, s2, s3, s4``."""
+
+    prism: Array = field(default_factory=lambda: np.zeros(4))
+
+    def distort(self, normalised: Array) -> Array:
+        """Map ideal to observed normalised coordinates, shape (N, 2)."""
+        square = np.sum(normalised**2, axis=-1, keepdims=True)
+        first, second = self.prism[[0, 2]], self.prism[[1, 3]]
+        return TrueCamera.distort(self, normalised) + square * (first + second * square)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FisheyeCamera(OtherCamera):
+    """An equidistant lens: a ray's angle with the axis is its distance from the centre."""
+
+    def distort(self, normalised: Array) -> Array:
+        """Map ideal to observed normalised coordinates, shape (N, 2)."""
+        radius = np.maximum(np.hypot(normalised[..., 0], normalised[..., 1]), 1e-12)[..., None]
+        distorted: Array = normalised * (np.arctan(radius) / radius)
+        return distorted
+
+    def undistort(self, pixels: Array) -> Array:
+        """Map pixels to ideal normalised coordinates, shape (N, 2), in closed form."""
+        observed = (np.asarray(pixels) - [self.cx, self.cy]) / [self.fx, self.fy]
+        angle = np.maximum(np.hypot(observed[..., 0], observed[..., 1]), 1e-12)[..., None]
+        if np.any(angle >= 0.5 * np.pi):
+            raise ValueError("a pixel's ray is 90 degrees or more from the axis")
+        ideal: Array = observed * (np.tan(angle) / angle)
+        return ideal
