@@ -3,7 +3,7 @@
 
 use super::local::Noise;
 use super::side_basis::ORDERS;
-use super::side_moments::Moments;
+use super::side_moments::{Moments, SideMoments};
 use crate::observations::{FreeParameters, ObservedPlane, View};
 
 /// Sides in the wrong place by so many times the variance of their curvature disagree:
@@ -33,7 +33,11 @@ impl Misfit {
 
     /// Of one side, in units of the noise.
     pub fn of_side(noise: &Noise, plane: usize, side: usize) -> Self {
-        let moments = &noise.sides[plane][side];
+        Self::of_sums(&noise.sides[plane][side], noise)
+    }
+
+    /// Of what the residuals of a side sum to, in units of the noise.
+    pub fn of_sums(moments: &SideMoments, noise: &Noise) -> Self {
         let Moments { gram, gradient } = &moments.plain;
         let power = |orders: usize| {
             let factor = gram.view((0, 0), (orders, orders)).into_owned().cholesky();

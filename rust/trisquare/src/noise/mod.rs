@@ -16,5 +16,5 @@ pub(crate) use local::{Noise, white_variance};
 pub(crate) use misfit::Misfit;
 pub(crate) use relief_fit::account_for_relief;
 pub(crate) use side_errors::{SideErrors, rms_displacement, variance_of};
-pub(crate) use side_moments::Moments;
+pub(crate) use side_moments::{Moments, SideMoments};
 pub(crate) use tone_drift::{account_for_drift, check_drift_count};

@@ -7,5 +7,6 @@ mod search;
 pub(crate) use edge_problem::EdgeProblem;
 pub(crate) use residuals::{
     MIN_SCALE, Residual, Residuals, residuals, robust_scale, root_mean_square,
+    straightness_residuals,
 };
 pub(crate) use search::{Refined, Search, finish, search};

@@ -1,13 +1,16 @@
 //! Distances of the samples to the images of their lines, and their spread.
 
-use nalgebra::Vector2;
+use nalgebra::{Matrix3, SymmetricEigen, Vector2};
 
 use crate::lens::Lens;
 use crate::numeric::median_scale;
-use crate::observations::{ObservedPlane, View};
+use crate::observations::{ObservedPlane, Sample, Side, View};
 
 /// Noise below this (px) is rounding, not measurement.
 pub(crate) const MIN_SCALE: f64 = 1e-9;
+
+/// Sweeps after which an eigendecomposition is given up; it needs a few.
+const MAX_SWEEPS: usize = 100;
 
 /// Distance of a sample to the image of its line.
 #[derive(Debug, Clone, Copy)]
@@ -56,6 +59,31 @@ pub(crate) fn residuals<L: Lens>(planes: &[ObservedPlane], view: &View<L>) -> Op
         all.push(own);
     }
     Some(all)
+}
+
+/// Distances of a side's samples to the image of the line that fits these alone best; `None` where
+/// the lens is not invertible.
+pub(crate) fn straightness_residuals<L: Lens>(lens: &L, side: &Side) -> Option<Vec<Residual>> {
+    let pixel_rays = side
+        .samples
+        .iter()
+        .map(|sample| lens.unproject_with_jacobian(&sample.pixel))
+        .collect::<Option<Vec<_>>>()?;
+    // Of the plane of rays, so that no direction is too far from the axis.
+    let rays = pixel_rays.iter().map(|ray| lens.direction(ray).normalize());
+    let scatter: Matrix3<f64> = rays.map(|ray| ray * ray.transpose()).sum();
+    let axes = SymmetricEigen::try_new(scatter, f64::EPSILON, MAX_SWEEPS)?;
+    let line = axes.eigenvectors.column(axes.eigenvalues.imin()).into();
+    let residual = |(ray, sample): (&L::PixelRay, &Sample)| {
+        let (distance, normal) = lens.line_distance_and_normal(ray, &line);
+        Residual {
+            distance,
+            normal,
+            weight: sample.weight,
+            counts: true,
+        }
+    };
+    Some(pixel_rays.iter().zip(&side.samples).map(residual).collect())
 }
 
 /// The scale of the bulk of the residuals, in units of their given standard deviations.

@@ -4,9 +4,9 @@
 use super::problem::{Failure, JointProblem};
 use super::solve::Solution;
 use crate::lens::Lens;
-use crate::noise::{Misfit, Moments, Noise};
-use crate::observations::ObservedPlane;
-use crate::refine::{Refined, root_mean_square};
+use crate::noise::{Misfit, Moments, Noise, SideMoments};
+use crate::observations::{ObservedPlane, Side};
+use crate::refine::{Refined, root_mean_square, straightness_residuals};
 use crate::result::Warning;
 use crate::uncertainty::check_plane_count;
 
@@ -349,15 +349,24 @@ fn best<L: Lens, T>(
 }
 
 /// Mean square curvature of every side of a plane, in units of the noise.
+///
+/// That of its own line: the image of a straight side in the wrong place is curved differently from
+/// that of its line.
 fn curvatures<L: Lens>(solution: &Solution<L>, plane: usize) -> Vec<f64> {
-    let curvature = |noise: &Noise| {
-        let mean = |side: usize| {
-            let misfit = Misfit::of_side(noise, plane, side);
-            misfit.curved / misfit.curved_freedom.max(1.0)
-        };
-        (0..noise.sides[plane].len()).map(mean).collect()
+    let lens = &solution.refined.view.lens;
+    let curvature = |noise: &Noise, side: &Side| {
+        let residuals = straightness_residuals(lens, side)?;
+        let misfit = Misfit::of_sums(&SideMoments::of(side, &residuals, noise.summed_at), noise);
+        Some(misfit.curved / misfit.curved_freedom.max(1.0))
     };
-    solution.noise.as_ref().map(curvature).unwrap_or_default()
+    let sides = solution.planes[plane].sides();
+    let noise = solution.noise.as_ref();
+    let own = sides.map(|side| {
+        noise
+            .and_then(|noise| curvature(noise, side))
+            .unwrap_or(0.0)
+    });
+    own.collect()
 }
 
 /// Names the outliers.
