@@ -43,13 +43,21 @@ pub(super) struct HiddenPart {
     pub part: f64,
 }
 
+/// Which stretches of a figure are not to be used.
+pub(super) struct Disturbed {
+    pub stretches: Vec<bool>,
+    /// Of these, where the light beside the edge is disturbed, too: something lies there. The edge
+    /// alone may be where no square has it.
+    beside: Vec<bool>,
+}
+
 /// Which stretches of each figure are not to be used; `None` where the lens does not see a pixel.
 pub(super) fn disturbed<L: Lens>(
     fit: &PixelFit<'_>,
     view: &View<L>,
     pictures: &[PictureState],
     exposures: &[Exposure],
-) -> Option<Vec<Vec<bool>>> {
+) -> Option<Vec<Disturbed>> {
     (0..fit.figures.len())
         .map(|index| disturbed_of_figure(fit, (view, pictures), &exposures[index], index))
         .collect()
@@ -60,7 +68,7 @@ fn disturbed_of_figure<L: Lens>(
     (view, pictures): (&View<L>, &[PictureState]),
     exposure: &Exposure,
     index: usize,
-) -> Option<Vec<bool>> {
+) -> Option<Disturbed> {
     let scene = fit.scene(view, exposure, pictures, index)?;
     let figure = scene.figure;
     let mut sums = vec![[(0.0, 0.0); ZONES]; figure.stretch_sides.len()];
@@ -81,14 +89,10 @@ fn disturbed_of_figure<L: Lens>(
         false => 0.0,
     };
     let typical = median_scale(sums.iter().flatten().map(deviation)).max(1.0);
-    let is_disturbed = |zones: &[(f64, f64); ZONES]| {
-        let worst = zones
-            .iter()
-            .map(deviation)
-            .fold(0.0, |a: f64, b| a.max(b.abs()));
-        worst > DISTURBED * typical
-    };
-    let mut marks: Vec<bool> = sums.iter().map(is_disturbed).collect();
+    let is_disturbed = |zone: &(f64, f64)| deviation(zone).abs() > DISTURBED * typical;
+    let mut marks: Vec<bool> = sums.iter().map(|s| s.iter().any(is_disturbed)).collect();
+    let beside = |[outside, _, inside]: &[_; ZONES]| is_disturbed(outside) || is_disturbed(inside);
+    let beside = sums.iter().map(beside).collect();
     for side in 0..4 {
         if part_of_side(figure, &marks, side) > MAX_PART {
             let stretches = marks.iter_mut().zip(&figure.stretch_sides);
@@ -100,20 +104,21 @@ fn disturbed_of_figure<L: Lens>(
     let count = marks.len();
     // What disturbs a stretch reaches into the next ones, and a corner belongs to two sides.
     let near = |i: usize| marks[(i + count - 1) % count] || marks[i] || marks[(i + 1) % count];
-    Some((0..count).map(near).collect())
+    Some(Disturbed {
+        stretches: (0..count).map(near).collect(),
+        beside,
+    })
 }
 
-/// The sides that disturbed stretches belong to.
-pub(super) fn hidden_parts(figure: &PixelFigure, disturbed: &[bool]) -> Vec<HiddenPart> {
-    if !disturbed.contains(&true) {
-        return Vec::new();
-    }
+/// The sides over a part of which something lies.
+pub(super) fn hidden_parts(figure: &PixelFigure, disturbed: &Disturbed) -> Vec<HiddenPart> {
     (0..4)
+        .filter(|side| part_of_side(figure, &disturbed.beside, *side) > 0.0)
         .map(|side| HiddenPart {
             plane: figure.plane,
             figure: figure.figure,
             side,
-            part: part_of_side(figure, disturbed, side),
+            part: part_of_side(figure, &disturbed.stretches, side),
         })
         .filter(|hidden| hidden.part >= MIN_REPORTED)
         .collect()

@@ -161,13 +161,14 @@ fn start<L: Lens>(
     };
     let mut hidden = Vec::new();
     let disturbed = disturbed(&fit, view, &pictures, &exposures)?;
-    for (figure, mut disturbed) in figures.iter_mut().zip(disturbed) {
+    for (figure, disturbed) in figures.iter_mut().zip(disturbed) {
         hidden.extend(hidden_parts(figure, &disturbed));
+        let mut dropped = disturbed.stretches;
         let sides = &solution.planes[figure.plane].figures[figure.figure].sides;
-        for (mark, side) in disturbed.iter_mut().zip(&figure.stretch_sides) {
+        for (mark, side) in dropped.iter_mut().zip(&figure.stretch_sides) {
             *mark |= sides[usize::from(*side)].is_outlier;
         }
-        figure.drop_stretches(&disturbed);
+        figure.drop_stretches(&dropped);
     }
     Some(Start {
         scales: fit.scales,
