@@ -326,6 +326,6 @@ KINDS: Mapping[str, Kind] = {
     "moire": Kind(of_picture(patterned), CODING),
     "shadow": Kind(of_picture(shadowed), (*CODING, "side_partly_hidden", "side_rejected")),
     "JPEG 30": Kind(of_picture(unchanged, jpeg_quality=30), CODING),
-    "two zooms": Kind(two_zooms, NO_SQUARES),
+    "two zooms": Kind(two_zooms, ("pictures_disagree", *NO_SQUARES)),
 }
 """The mirrored picture is that of a possible camera, whose focal length is the true one."""

@@ -51,3 +51,10 @@ def test_a_straight_side_in_the_wrong_place_is_not_called_bent() -> None:
         pictures, _ = KINDS["one sheared"].draw(np.random.default_rng([1212, seed]), True)
         codes = {warning.code for warning in ts.calibrate(pictures).warnings}
         assert not codes & {"side_rejected", "side_partly_hidden"}, (seed, codes)
+
+
+def test_pictures_of_two_zooms_are_named() -> None:
+    pictures, _ = KINDS["two zooms"].draw(np.random.default_rng(1213), True)
+    warning = ts.calibrate(pictures).warnings[0]
+    assert (warning.code, warning.severity) == ("pictures_disagree", "high")
+    assert "picture 0 (" in warning or "picture 1 (" in warning

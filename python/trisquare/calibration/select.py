@@ -14,6 +14,9 @@ from trisquare.results.rejected import Rejected
 
 NO_SQUARE = "not a square to the camera that the other planes determine"
 
+LEAST_REJECTED = 3
+"""One or two planes may be no squares; more that are left out together have a common cause."""
+
 
 class Chosen(NamedTuple):
     """What is left to calibrate from, what is not, and what the user should know of it."""
@@ -44,6 +47,8 @@ def chosen_by(
     smallest = min((float(quad_areas(quads[plane])) for plane in planes), default=0.0)
     larger = sum(quad_areas(one.corners) > smallest for one in rejected)
     warnings = []
+    if text := _pictures_disagree(kept, rejected):
+        warnings.append(CalibrationWarning(text, "pictures_disagree", "high"))
     chosen = f"of {len(verdicts)} planes found, {len(planes)} are squares that one camera explains"
     if doubt is not None:
         text = f"the choice among candidates is uncertain: {chosen}, and {doubt}"
@@ -55,3 +60,17 @@ def chosen_by(
         )
         warnings.append(CalibrationWarning(text, "larger_rejected"))
     return Chosen(kept, rejected, warnings)
+
+
+def _pictures_disagree(kept: Sequence[PlaneEdges], rejected: Sequence[Rejected]) -> str:
+    """Return which pictures show nothing that the camera of the others explains, if any do."""
+    used = {figure.image for figure in kept}
+    unused = sorted({one.image for one in rejected} - used)
+    if not unused or len(rejected) < LEAST_REJECTED:
+        return ""
+    named = ", ".join(str(image) for image in unused)
+    return (
+        f"no camera explains all pictures: {len(rejected)} planes, with all of picture {named} "
+        f"(counted from 0), are left out. Was another zoom, focus or camera used? Calibrate "
+        "those pictures on their own"
+    )
