@@ -8,6 +8,7 @@ from trisquare.measurement.grid_gaps import LineSamples, measured_gap
 TAGS = 5
 HOMOGRAPHY = np.array([[95.0, 20.0, 200.0], [-15.0, 80.0, 300.0], [0.05, -0.03, 1.0]])
 NOISE = 0.03  # pixels
+LENS = 0.25
 
 
 def grid_lines(gap, *, seed, tags=TAGS, hidden=0.0):
@@ -26,7 +27,7 @@ def grid_lines(gap, *, seed, tags=TAGS, hidden=0.0):
             mapped = np.column_stack([plane, np.ones(len(plane))]) @ HOMOGRAPHY.T
             points = mapped[:, :2] / mapped[:, 2:]
             off = (points - 400.0) / 800.0
-            points = 400.0 + 800.0 * off * (1.0 - 0.1 * (off**2).sum(axis=1, keepdims=True))
+            points = 400.0 + 800.0 * off * (1.0 - LENS * (off**2).sum(axis=1, keepdims=True))
             points += NOISE * rng.standard_normal(points.shape)
             seen = rng.uniform(size=len(points)) >= hidden
             lines.append(LineSamples(is_row, int(number), points[seen], cells[seen]))
@@ -34,9 +35,9 @@ def grid_lines(gap, *, seed, tags=TAGS, hidden=0.0):
 
 
 @pytest.mark.parametrize("gap", [0.2, 0.3, 0.35])
-def test_a_usual_gap_is_found_exactly_where_corners_are_two_hundredths_off(gap):
+def test_a_usual_gap_is_found_exactly_where_corners_are_hundredths_off(gap):
     for seed in range(5):
-        assert measured_gap(grid_lines(gap, seed=seed), gap + 0.02) == pytest.approx(gap, abs=1e-12)
+        assert measured_gap(grid_lines(gap, seed=seed), gap + 0.035) == pytest.approx(gap, abs=1e-12)
 
 
 def test_an_unusual_gap_is_not_taken_for_a_usual_one():

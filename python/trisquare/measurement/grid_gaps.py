@@ -21,11 +21,14 @@ LEAST_SAMPLES = 2
 LEAST_EDGES = 6
 """Across a row: four numbers of the camera and the gap, and one to spare."""
 
+MANY_EDGES = 8
+"""With as many, a lens may bend the row by a cubic."""
+
 LEAST_ROWS = 3
 """Rows and columns whose median is the gap."""
 
-FIRST_STEP, STEPS = 0.01, 6
-"""Of the search for the gap, over the tag's side. Steps shrink to a third, or to the last move."""
+FIRST_STEP, STEPS = 0.01, 10
+"""Of the search for the gap, over the tag's side. What holds the optimum shrinks to a third."""
 
 FARTHEST = 0.06
 """From the gap that the corners showed."""
@@ -47,21 +50,16 @@ class LineSamples(NamedTuple):
 def measured_gap(lines: Sequence[LineSamples], gap: float) -> float:
     """Return the gap over the tag's side, or `gap`, which corners show, if few edges are seen."""
     found: list[float] = []
-    weights: list[float] = []
-    for across_rows in (True, False):
-        own = [line for line in lines if line.is_row == across_rows]
+    for is_row in (True, False):
+        own = [line for line in lines if line.is_row == is_row]
         for cell in sorted({cell for line in own for cell in line.cells.tolist()}):
             numbers, places = _edges_across(own, cell)
-            if len(numbers) >= LEAST_EDGES:
-                best, weight = _gap_of(numbers, places, gap)
-                if abs(best - gap) < FARTHEST and weight > 0.0:
-                    found.append(best)
-                    weights.append(weight)
+            best = _gap_of(numbers, places, gap) if len(numbers) >= LEAST_EDGES else None
+            if best is not None and abs(best - gap) < FARTHEST:
+                found.append(best)
     if len(found) < LEAST_ROWS:
         return gap
-    order = np.argsort(found)
-    share = np.cumsum(np.array(weights)[order])
-    seen = float(np.array(found)[order][np.searchsorted(share, 0.5 * share[-1])])
+    seen = float(np.median(found))
     usual = USUAL_GAPS * round(seen / USUAL_GAPS)
     return usual if abs(seen - usual) < USUAL_GAP_ERROR else seen
 
@@ -86,27 +84,28 @@ def _edges_across(lines: Sequence[LineSamples], cell: int) -> tuple[NDArray[np.i
     return np.array(numbers), (middle + steps[:, None] * way - centre) @ along
 
 
-def _gap_of(numbers: NDArray[np.intp], places: FloatArray, gap: float) -> tuple[float, float]:
-    """Return the gap with which edges lie as a camera sees them, and the curvature of the cost."""
+def _gap_of(numbers: NDArray[np.intp], places: FloatArray, gap: float) -> float | None:
+    """Return the gap with which edges lie as a camera sees them; None where they leave it open."""
     step = FIRST_STEP
-    weight = 0.0
     for _ in range(STEPS):
         before, here, after = (_cost(numbers, places, gap + off) for off in (-step, 0.0, step))
         curvature = before - 2.0 * here + after
         if curvature <= 0.0:
-            return gap, 0.0
-        move = float(np.clip(0.5 * (before - after) / curvature, -2.0, 2.0)) * step
-        gap, weight = gap + move, curvature / step**2
-        step = max(min(step / 3.0, abs(move)), 1e-4)
-    return gap, float(np.sqrt(weight))
+            return None
+        move = 0.5 * (before - after) / curvature
+        gap += float(np.clip(move, -2.0, 2.0)) * step
+        if abs(move) < 1.0:
+            step /= 3.0
+    return gap
 
 
 def _cost(numbers: NDArray[np.intp], places: FloatArray, gap: float) -> float:
-    """Sum of squares of what a projective map of a line, bent by a parabola, leaves of places."""
+    """Sum of squares of what a projective map of a line, bent smoothly, leaves of places."""
     model = numbers // 2 * (1.0 + gap) + numbers % 2
     middle = 0.5 * (model.min() + model.max())
     unit = (model - middle) / (model.max() - middle)
-    terms = np.stack([np.ones_like(unit), unit, unit**2, -unit * places], axis=1)
+    bends = [unit**power for power in ((2, 3) if len(unit) >= MANY_EDGES else (2,))]
+    terms = np.stack([-unit * places, np.ones_like(unit), unit, *bends], axis=1)
     solution = np.linalg.lstsq(terms, places, rcond=None)[0]
-    depth = 1.0 + unit * solution[3]
+    depth = 1.0 + unit * solution[0]
     return float(np.sum(((places - terms @ solution) / depth) ** 2))
