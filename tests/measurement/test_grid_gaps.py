@@ -37,7 +37,8 @@ def grid_lines(gap, *, seed, tags=TAGS, hidden=0.0):
 @pytest.mark.parametrize("gap", [0.2, 0.3, 0.35])
 def test_a_usual_gap_is_found_exactly_where_corners_are_hundredths_off(gap):
     for seed in range(5):
-        assert measured_gap(grid_lines(gap, seed=seed), gap + 0.035) == pytest.approx(gap, abs=1e-12)
+        found = measured_gap(grid_lines(gap, seed=seed), gap + 0.035)
+        assert found == pytest.approx(gap, abs=1e-12)
 
 
 def test_an_unusual_gap_is_not_taken_for_a_usual_one():
