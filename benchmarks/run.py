@@ -34,6 +34,8 @@ BENCHMARKS = (
     "finding.inserted_squares",
     "finding.board_finding",
     "finding.gapped_boards",
+    "finding.clutter_boards",
+    "finding.told_boards",
     "finding.tags",
     "finding.aprilgrids",
     "accuracy.printed_target",

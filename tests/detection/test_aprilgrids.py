@@ -102,6 +102,21 @@ def test_grids_calibrate_a_camera_untold(drawn, request):
     assert not result.rejected
 
 
+def test_blur_does_not_change_the_gap_of_a_grid_of_small_slanted_tags():
+    rng = np.random.default_rng([57, 24])
+    scene = aprilgrid_box_scene(rng, (6, 6))
+    picture, _ = photograph(scene, rng, noise=2.0, blur=1.2, tone="srgb", jpeg_quality=85)
+    edges = ts.detect(picture)
+    assert len(edges) == 3
+    for figure in edges:
+        for axis in (0, 1):
+            tenths = 10.0 * figure.lines[figure.lines[:, axis] != 0.0, 2]
+            off = tenths - tenths[0]
+            assert np.allclose(off, np.rint(off))
+    result = ts.calibrate_edges(edges, scene.camera.image_size)
+    assert abs(result.camera.fx - scene.camera.fx) < 4.0 * result.std["fx"] < 8.0
+
+
 def test_a_stated_layout_gives_what_none_does(box):
     _, picture = box
     untold = ts.detect(picture, tone="linear")

@@ -9,7 +9,7 @@ import pytest
 from quick import first_quick
 
 from trisquare import simulate
-from trisquare.detection.boards.find import find_lattices
+from trisquare.detection.boards.find import find_chessboards, find_lattices
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 
@@ -19,6 +19,26 @@ needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="there is no ../shared
 def worst_gap(points, others):
     """Largest distance of a point to the nearest of the others, pixels."""
     return float(np.linalg.norm(points[:, None] - others, axis=2).min(axis=1).max())
+
+
+def test_of_boards_of_a_stated_size_all_are_found_also_in_part():
+    target = simulate.Target(
+        np.eye(3), np.array([-5.5, -1.0, 30.0]), "chessboard", inner_corners=(7, 5)
+    )
+    others = [np.array([5.8, -1.0, 30.0]), np.array([0.0, 9.0, 36.0])]
+    sizes = [(7, 5), (4, 4)]
+    targets = [
+        simulate.Target(np.eye(3), place, "chessboard", inner_corners=size)
+        for place, size in zip(others, sizes, strict=True)
+    ]
+    camera = simulate.TrueCamera(1100.0, 1100.0, 640.0, 480.0)
+    scene = simulate.Scene(camera, (target, *targets))
+    picture = simulate.render(scene, np.random.default_rng(3), noise=2.0)
+    boards = find_chessboards(picture, 7, 5)
+    assert [board.present.shape for board in boards] == [(5, 7)] * 2
+    assert [board.present.shape for board in find_chessboards(picture, 5, 7)] == [(7, 5)] * 2
+    # Of a board of 9 x 9, less than a half is seen.
+    assert [len(find_chessboards(picture, *size)) for size in ((9, 6), (9, 9), (4, 4))] == [2, 0, 1]
 
 
 @pytest.mark.parametrize(

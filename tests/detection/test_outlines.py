@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from quick import first_quick
 
-from trisquare.detection.boards.find import find_chessboard
+from trisquare.detection.boards.find import find_chessboards
 from trisquare.detection.candidates import Outline, SquareOutline
 from trisquare.detection.squares.find import find_squares
 from trisquare.simulate import Scene, chessboard_scene, photo_like, random_camera, random_scene
@@ -268,7 +268,7 @@ def test_corners_run_clockwise_on_the_screen():
 )
 def test_pictures_without_figures(picture):
     assert find_squares(picture) == []
-    assert find_chessboard(picture, 9, 6) is None
+    assert find_chessboards(picture, 9, 6) == []
 
 
 @pytest.mark.slow
@@ -316,7 +316,7 @@ def test_chessboards_of_real_photographs():
     boards = json.loads(records.read_text())
     assert len(boards) == 13
     for record in boards:
-        board = find_chessboard(read(PHOTOGRAPHS / "opencv-chess" / record["image"]), 9, 6)
+        (board,) = find_chessboards(read(PHOTOGRAPHS / "opencv-chess" / record["image"]), 9, 6)
         reference = np.array(record["corners_xy"]).reshape(6, 9, 2)
         gaps = [np.abs(board.crossings - r).max() for r in (reference, reference[::-1, ::-1])]
         assert min(gaps) < 1.0
@@ -328,7 +328,7 @@ def test_rendered_chessboards(cols, rows, seeds):
     for seed in seeds:
         rng = np.random.default_rng(seed)
         scene = chessboard_scene(rng, random_camera(rng), inner_corners=(cols, rows))
-        board = find_chessboard(render_scene(scene, rng), cols, rows)
+        (board,) = find_chessboards(render_scene(scene, rng), cols, rows)
         truth = scene.image_points(0, scene.targets[0].board_corners()).reshape(rows, cols, 2)
         gaps = [np.abs(board.crossings - t).max() for t in (truth, truth[::-1, ::-1])]
         assert min(gaps) < 0.3

@@ -48,7 +48,7 @@ class TargetKinds:
     Attributes
     ----------
     board : tuple of int or None
-        Inner corners across and down of the one chessboard that is looked for.
+        Inner corners across and down of the chessboards that are looked for.
     layout : Layout or None
         The sheets that are looked for.
     tags : TagSearch or None

@@ -17,6 +17,7 @@ from trisquare.detection.candidates import Lattice
 from trisquare.detection.sampling import sample
 from trisquare.detection.sheets.find import SheetMatch
 from trisquare.edges import PlaneEdges, unchecked_edges
+from trisquare.measurement.grid_gaps import LineSamples, measured_gap
 from trisquare.measurement.marker_margins import light_cells, marker_rims, side_margins
 from trisquare.measurement.side_spans import SideSpan
 
@@ -55,6 +56,9 @@ class Board:
     margins: tuple[FloatArray, FloatArray] | None = None
     """Pixels to the left and to the right of each row, and of each column, shape (N, 2), that hold
     nothing else; by default as far as the next line."""
+    gap: float | None = None
+    """Of a grid of tags whose layout is not stated, the gap that its corners show; the measured
+    edges tell it better."""
 
     @classmethod
     def of(cls, lattice: Lattice, grey: npt.NDArray[np.uint8]) -> Board:
@@ -90,14 +94,13 @@ class Board:
             ):
                 crossings[2 * y + below, 2 * x + right] = corner
                 present[2 * y + below, 2 * x + right] = True
-        numbers = np.arange(max(across, down))
-        lines = numbers // 2 * (1.0 + gap) + numbers % 2
         return cls(
             Lattice(crossings, present),
             -1.0,
             kind=grid.sheet.kind,
-            lines=(lines[:down] - 0.5 * lines[down - 1], lines[:across] - 0.5 * lines[across - 1]),
+            lines=(_places_of_sides(down, gap), _places_of_sides(across, gap)),
             margins=_grid_margins(places, grid, present.shape),
+            gap=None if grid.sheet.is_stated else gap,
         )
 
     @property
@@ -140,30 +143,45 @@ class Board:
         self, measured: Sequence[_core.SideSamples | str], plane: int
     ) -> tuple[list[PlaneEdges], float]:
         """Return the figures, and by how much edges were shifted toward the light, pixels."""
-        down, across = self.lines or tuple(
-            np.arange(count) - 0.5 * (count - 1) for count in self.lattice.present.shape
-        )
-        models, lines = [], []
+        seen, lines = [], []
         for line, samples in zip(_grid_lines(self.lattice.present), measured, strict=True):
             if isinstance(samples, str):
                 continue
-            if line.is_row:
-                models.append((0.0, 1.0, -down[line.number]))
-            else:
-                models.append((1.0, 0.0, -across[line.number]))
+            seen.append(line)
             cells = self._cells(line, samples.points)
             lines.append((samples.points, samples.std, cells, self._contrast_sign_of_even(line)))
-        columns = sum(model[0] != 0.0 for model in models)
-        if min(columns, len(models) - columns) < LEAST_LINES:
+        rows = sum(line.is_row for line in seen)
+        if min(rows, len(seen) - rows) < LEAST_LINES:
             return [], 0.0
         # The board's own zigzag tells the shift that a tone curve leaves, far better than profiles
         # do: there is no drift to account for.
         unshifted, shift = _core.remove_edge_shift(lines)
         points, deviations = zip(*unshifted, strict=True)
+        down, across = self._places(
+            [
+                LineSamples(line.is_row, line.number, own, cells)
+                for line, own, (_, _, cells, _) in zip(seen, points, lines, strict=True)
+            ]
+        )
+        models = [
+            (0.0, 1.0, -down[line.number]) if line.is_row else (1.0, 0.0, -across[line.number])
+            for line in seen
+        ]
         board = unchecked_edges(
             lines=np.array(models), points=points, std=deviations, plane=plane, kind=self.kind
         )
         return [board], shift
+
+    def _places(self, lines: Sequence[LineSamples]) -> tuple[FloatArray, FloatArray]:
+        """Where the rows and the columns are, sheet coordinates."""
+        down, across = self.lattice.present.shape
+        if self.gap is not None:
+            gap = measured_gap(lines, self.gap)
+            return _places_of_sides(down, gap), _places_of_sides(across, gap)
+        return self.lines or (
+            np.arange(down) - 0.5 * (down - 1),
+            np.arange(across) - 0.5 * (across - 1),
+        )
 
     def _margins(self, line: GridLine) -> tuple[float, float]:
         """Pixels to the left and to the right of a line that hold nothing else."""
@@ -183,6 +201,13 @@ class Board:
         path = self.lattice.crossings[_indices(line)]
         along = path[-1] - path[0]
         return np.asarray(line.places[np.searchsorted(path[1:-1] @ along, points @ along)])
+
+
+def _places_of_sides(count: int, gap: float) -> FloatArray:
+    """Where the sides of tags in a row are: pairs that are one apart, from their common middle."""
+    numbers = np.arange(count)
+    places = numbers // 2 * (1.0 + gap) + numbers % 2
+    return np.asarray(places - 0.5 * places[-1])
 
 
 def _grid_margins(

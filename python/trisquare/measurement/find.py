@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from trisquare.detection.annotations.outlines import AnnotatedSquare
 from trisquare.detection.annotations.snap import snap_to_edges
-from trisquare.detection.boards.find import find_chessboard, find_lattices
+from trisquare.detection.boards.find import find_chessboards, find_lattices
 from trisquare.detection.boards.membership import belongs_to, whole_cells
 from trisquare.detection.candidates import ENOUGH, Lattice
 from trisquare.detection.grey import grey_bytes
@@ -50,8 +50,7 @@ def _found(grey: NDArray[np.uint8], targets: TargetKinds) -> Sequence[DetectedTa
     if targets.layout is not None:
         return [_of_match(found) for found in find_sheets(grey, targets.layout)]
     if targets.board is not None:
-        lattice = find_chessboard(grey, *targets.board)
-        return [] if lattice is None else [Board.of(lattice, grey)]
+        return [Board.of(lattice, grey) for lattice in find_chessboards(grey, *targets.board)]
     boards = (
         [Board.of(lattice, grey) for lattice in find_lattices(grey)] if targets.lattices else []
     )

@@ -23,6 +23,9 @@ lattice, as the rims of markers fade in it, the whole is searched as well."""
 COARSEST = 100
 """Shortest side in pixels of the coarsest picture: a board in it has cells of five pixels."""
 
+LEAST_SHARE = 0.5
+"""Of the crossings of a board of stated size, that must be seen: fewer may be something else."""
+
 
 def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
     """Find every lattice of 3 x 3 crossings and more in a grey picture.
@@ -41,8 +44,8 @@ def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
     return [_lattice(lattice.crossings) for lattice in found]
 
 
-def find_chessboard(image: NDArray[np.generic], cols: int, rows: int) -> Lattice | None:
-    """Find the chessboard with `cols` x `rows` inner corners.
+def find_chessboards(image: NDArray[np.generic], cols: int, rows: int) -> list[Lattice]:
+    """Find the chessboards with `cols` x `rows` inner corners.
 
     Parameters
     ----------
@@ -53,19 +56,24 @@ def find_chessboard(image: NDArray[np.generic], cols: int, rows: int) -> Lattice
 
     Returns
     -------
-    Lattice or None
-        Of shape (rows, cols), of which single crossings may be hidden; of several boards, the one
-        of which most is seen. None if the picture shows no such board.
+    list of Lattice
+        From the one of which most is seen to the one of which least. Of each at least half of the
+        crossings are seen; its rows run along the board's where it is as large as the board. Empty
+        if the picture shows no such board.
     """
     grey = grey_bytes(image)
     if min(grey.shape) < MIN_PICTURE:
-        return None
+        return []
+    found = []
     for lattice in find_lattices(grey):
-        if lattice.present.shape == (rows, cols):
-            return lattice
-        if lattice.present.shape == (cols, rows):
-            return Lattice(np.rot90(lattice.crossings), np.rot90(lattice.present))
-    return None
+        height, width = lattice.present.shape
+        if np.count_nonzero(lattice.present) < LEAST_SHARE * rows * cols:
+            continue
+        if height <= rows and width <= cols:
+            found.append(lattice)
+        elif height <= cols and width <= rows:
+            found.append(Lattice(np.rot90(lattice.crossings), np.rot90(lattice.present)))
+    return found
 
 
 def _pictures(grey: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:

@@ -35,6 +35,16 @@ of the dictionary correlates to less than 0.4."""
 NEAREST = 6
 """Tags of a grid that tell where the next one is: they are close enough for any lens."""
 
+AROUND = 9
+"""Tags of a grid, with its own, that tell where a tag is."""
+
+LEAST_ROBUST = 3
+"""Tags from which on a median tells the wrong corners among theirs."""
+
+OFF_SURFACE = 0.06
+"""Of a tag's shortest side, by which a corner may be off what the tags around tell. Where a blurred
+tag is slanted, something else than its corner may look more like a saddle."""
+
 GAPS = (0.1, 1.0)
 """Gap over tag that is looked for."""
 
@@ -166,7 +176,21 @@ def _grown(grey: NDArray[np.uint8], seed: GridTag, printed: Print, name: str) ->
         for index, quad, agrees in zip(np.flatnonzero(inside), quads, seen, strict=True):
             if agrees >= LEAST_AGREEMENT:
                 known[places[index]] = GridTag(numbers[index], places[index], quad)
+        _settle(grey, known, printed.gap)
     return list(known.values())
+
+
+def _settle(grey: NDArray[np.uint8], known: dict[tuple[int, int], GridTag], gap: float) -> None:
+    """Put wrong corners where the tags around tell: they would lead farther and farther astray."""
+    if len(known) < LEAST_ROBUST:
+        return
+    expected = np.array([_expected(known, place, gap, AROUND) for place in known])
+    found = on_saddles(grey, expected)
+    off = np.linalg.norm(found - expected, axis=2)
+    limits = [OFF_SURFACE * shortest_side(quad) for quad in expected]
+    near = (off < np.array(limits)[:, None])[..., None]
+    for tag, corners in zip(list(known.values()), np.where(near, found, expected), strict=True):
+        known[tag.place] = tag._replace(corners=corners)
 
 
 def _wanted(
@@ -195,13 +219,18 @@ def _wanted(
 
 
 def _expected(
-    known: Mapping[tuple[int, int], GridTag], place: tuple[int, int], gap: float
+    known: Mapping[tuple[int, int], GridTag],
+    place: tuple[int, int],
+    gap: float,
+    count: int = NEAREST,
 ) -> FloatArray:
-    """Where the corners of the tag at a place are, shape (4, 2), by the tags next to it."""
-    nearest = heapq.nsmallest(NEAREST, known.values(), key=lambda tag: math.dist(tag.place, place))
+    """Where the corners of the tag at a place are, shape (4, 2), by those nearest to it."""
+    nearest = heapq.nsmallest(count, known.values(), key=lambda tag: math.dist(tag.place, place))
     model = _model([place, *(tag.place for tag in nearest)], gap)
     seen = np.array([tag.corners for tag in nearest])
-    homography, _ = cv2.findHomography(model[1:].reshape(-1, 2), seen.reshape(-1, 2))
+    method = cv2.RANSAC if len(nearest) >= LEAST_ROBUST else 0
+    off = OFF_SURFACE * min(shortest_side(quad) for quad in seen)
+    homography, _ = cv2.findHomography(model[1:].reshape(-1, 2), seen.reshape(-1, 2), method, off)
     if homography is None:
         return np.full((4, 2), -1.0)
     corners = cv2.perspectiveTransform(model[:1], homography)[0]

@@ -101,7 +101,12 @@ def find_unknown_grids(grey: NDArray[np.uint8]) -> list[SheetMatch | Rejected]:
     found = []
     for grid in find_aprilgrids(grey):
         sheet = PrintedSheet(
-            "sheet", "sheet", (Arrangement(grid.model),), gap=grid.gap, touching=True
+            "sheet",
+            "sheet",
+            (Arrangement(grid.model),),
+            gap=grid.gap,
+            touching=True,
+            is_stated=False,
         )
         corners = np.array([tag.corners for tag in grid.tags])
         found.append(_fit("an AprilGrid", sheet, np.arange(len(corners)), corners, grid.border))

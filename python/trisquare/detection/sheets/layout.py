@@ -94,6 +94,8 @@ class PrintedSheet:
         White round a marker before the next thing, over the marker's side.
     touching : bool
         Whether the markers' borders are two cells wide, and dark squares touch their corners.
+    is_stated : bool
+        Whether the layout was given, not seen in the picture.
     """
 
     kind: str
@@ -103,6 +105,7 @@ class PrintedSheet:
     rim: float = 0.0
     gap: float = math.inf
     touching: bool = False
+    is_stated: bool = True
 
 
 @dataclass(frozen=True, slots=True, eq=False)

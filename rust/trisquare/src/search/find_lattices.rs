@@ -10,6 +10,7 @@ use super::lattice::Lattice;
 use super::level::Level;
 use super::outline::Outline;
 use super::photograph::Photograph;
+use super::replacing::replaced;
 use super::saddles::refine_corner;
 use super::sectors::{Candidate, crossings_at};
 use crate::image::GreyBytes;
@@ -144,18 +145,10 @@ fn looked_closer(known: Vec<Lattice>, whole: &Level<'_>) -> Vec<Lattice> {
     let finer: Vec<_> = finer.iter().map(Lattice::complete).collect();
     // Of a small board hardly a crossing may be missing.
     let finer = extended(&finer, &whole.picture, &photograph, |it| !it.is_board(1.0));
-    let halved = finer.iter().map(|lattice| {
-        let is_good = lattice.is_board(1.0) && photograph.has_edges(lattice);
-        is_good.then(|| lattice.scaled(0.5))
-    });
-    let mut halved: Vec<_> = halved.collect();
-    let new = halved.split_off(known.len().min(halved.len()));
-    // Noise and blur may hide from the photograph what the halved picture shows.
-    let replaced = known.iter().zip(halved).map(|(old, new)| {
-        let better = new.filter(|new| new.count() >= old.count());
-        better.unwrap_or_else(|| old.clone())
-    });
-    replaced.chain(new.into_iter().flatten()).collect()
+    let good = finer
+        .iter()
+        .filter(|lattice| lattice.is_board(1.0) && photograph.has_edges(lattice));
+    replaced(known, good.map(|lattice| lattice.scaled(0.5)).collect())
 }
 
 #[cfg(test)]

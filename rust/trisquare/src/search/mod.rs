@@ -17,6 +17,7 @@ mod merging;
 mod outline;
 mod photograph;
 mod pieces;
+mod replacing;
 mod saddles;
 mod sectors;
 mod side_cubics;

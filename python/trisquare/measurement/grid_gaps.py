@@ -1,0 +1,111 @@
+"""The gap between the tags of an AprilGrid, from measured edges.
+
+Blur moves the corners of slanted tags by a pixel: by as much as the gap of a small grid differs
+from another one. Edges between corners stay. Across a row of tags they lie at 0, 1, 1 + gap,
+2 + gap and so on, as a camera sees them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trisquare._support.arrays import FloatArray
+
+LEAST_SAMPLES = 2
+"""Of an edge between two crossings, that tell where it runs."""
+
+LEAST_EDGES = 6
+"""Across a row: four numbers of the camera and the gap, and one to spare."""
+
+MANY_EDGES = 8
+"""With as many, a lens may bend the row by a cubic."""
+
+LEAST_ROWS = 3
+"""Rows and columns whose median is the gap."""
+
+FIRST_STEP, STEPS = 0.01, 10
+"""Of the search for the gap, over the tag's side. What holds the optimum shrinks to a third."""
+
+FARTHEST = 0.06
+"""From the gap that the corners showed."""
+
+USUAL_GAPS = 0.05
+USUAL_GAP_ERROR = 0.003
+"""A measured gap that is within the error of a multiple of the former is that."""
+
+
+class LineSamples(NamedTuple):
+    """Edge samples on one grid line."""
+
+    is_row: bool
+    number: int  # of the row or column
+    points: FloatArray  # (N, 2), pixels
+    cells: NDArray[np.intp]  # (N,) number of the crossing before each sample
+
+
+def measured_gap(lines: Sequence[LineSamples], gap: float) -> float:
+    """Return the gap over the tag's side, or `gap`, which corners show, if few edges are seen."""
+    found: list[float] = []
+    for is_row in (True, False):
+        own = [line for line in lines if line.is_row == is_row]
+        for cell in sorted({cell for line in own for cell in line.cells.tolist()}):
+            numbers, places = _edges_across(own, cell)
+            best = _gap_of(numbers, places, gap) if len(numbers) >= LEAST_EDGES else None
+            if best is not None and abs(best - gap) < FARTHEST:
+                found.append(best)
+    if len(found) < LEAST_ROWS:
+        return gap
+    seen = float(np.median(found))
+    usual = USUAL_GAPS * round(seen / USUAL_GAPS)
+    return usual if abs(seen - usual) < USUAL_GAP_ERROR else seen
+
+
+def _edges_across(lines: Sequence[LineSamples], cell: int) -> tuple[NDArray[np.intp], FloatArray]:
+    """Numbers of the lines, and where a straight line across all of them meets each, pixels."""
+    numbers, middles, ways = [], [], []
+    for line in lines:
+        points = line.points[line.cells == cell]
+        if len(points) >= LEAST_SAMPLES:
+            numbers.append(line.number)
+            middles.append(points.mean(axis=0))
+            ways.append(np.linalg.svd(points - middles[-1])[2][0])
+    if len(numbers) < LEAST_EDGES:
+        return np.zeros(0, np.intp), np.zeros(0)
+    middle, way = np.array(middles), np.array(ways)
+    centre = middle.mean(axis=0)
+    along = np.linalg.svd(middle - centre)[2][0]
+    normal = np.array([-along[1], along[0]])
+    # From each middle along its own edge to the line across.
+    steps = -((middle - centre) @ normal) / (way @ normal)
+    return np.array(numbers), (middle + steps[:, None] * way - centre) @ along
+
+
+def _gap_of(numbers: NDArray[np.intp], places: FloatArray, gap: float) -> float | None:
+    """Return the gap with which edges lie as a camera sees them; None where they leave it open."""
+    step = FIRST_STEP
+    for _ in range(STEPS):
+        before, here, after = (_cost(numbers, places, gap + off) for off in (-step, 0.0, step))
+        curvature = before - 2.0 * here + after
+        if curvature <= 0.0:
+            return None
+        move = 0.5 * (before - after) / curvature
+        gap += float(np.clip(move, -2.0, 2.0)) * step
+        if abs(move) < 1.0:
+            step /= 3.0
+    return gap
+
+
+def _cost(numbers: NDArray[np.intp], places: FloatArray, gap: float) -> float:
+    """Sum of squares of what a projective map of a line, bent smoothly, leaves of places."""
+    model = numbers // 2 * (1.0 + gap) + numbers % 2
+    middle = 0.5 * (model.min() + model.max())
+    unit = (model - middle) / (model.max() - middle)
+    bends = [unit**power for power in ((2, 3) if len(unit) >= MANY_EDGES else (2,))]
+    terms = np.stack([-unit * places, np.ones_like(unit), unit, *bends], axis=1)
+    solution = np.linalg.lstsq(terms, places, rcond=None)[0]
+    depth = 1.0 + unit * solution[0]
+    return float(np.sum(((places - terms @ solution) / depth) ** 2))

@@ -1,0 +1,113 @@
+//! Of the lattices of a halved picture and those of the whole one: which to keep.
+//!
+//! They are paired by place, as a search may give them in any order, and joined or in parts.
+
+use super::lattice::Lattice;
+use super::outline::Outline;
+
+/// Of a lattice's crossings, those that the outline of another one of the same board covers. Boards
+/// that meet at a fold share a row.
+const SAME_PLACE: f64 = 0.5;
+
+/// The known lattices, or those of the finer picture that have as many crossings, and what only the
+/// finer picture shows.
+///
+/// Noise and blur may hide from the finer picture what the known ones show. All are in the same
+/// coordinates.
+pub(super) fn replaced(known: Vec<Lattice>, finer: Vec<Lattice>) -> Vec<Lattice> {
+    let outlines: Vec<_> = finer.iter().map(Outline::of).collect();
+    let successors: Vec<_> = known
+        .iter()
+        .map(|lattice| successor(lattice, &outlines))
+        .collect();
+    let has_all = |number: usize| {
+        let replaced = known.iter().zip(&successors);
+        let replaced = replaced.filter(|(_, successor)| **successor == Some(number));
+        finer[number].count() >= replaced.map(|(lattice, _)| lattice.count()).sum()
+    };
+    let is_better: Vec<_> = (0..finer.len()).map(has_all).collect();
+    let kept = known.into_iter().zip(&successors);
+    let kept = kept.filter(|(_, successor)| successor.is_none_or(|number| !is_better[number]));
+    let mut all: Vec<_> = kept.map(|(lattice, _)| lattice).collect();
+    let held: Vec<_> = all.iter().map(Outline::of).collect();
+    let new = finer.into_iter().zip(is_better);
+    // A part of what is kept is not found once more.
+    let new = new.filter(|(lattice, is_better)| {
+        *is_better && held.iter().all(|it| share(lattice, it) < SAME_PLACE)
+    });
+    all.extend(new.map(|(lattice, _)| lattice));
+    all
+}
+
+/// Which outline covers most of a lattice's crossings, if it covers enough of them.
+fn successor(lattice: &Lattice, outlines: &[Outline]) -> Option<usize> {
+    let shares = outlines.iter().map(|outline| share(lattice, outline));
+    let best = shares.enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    (best.1 >= SAME_PLACE).then_some(best.0)
+}
+
+/// Of a lattice's crossings, the share that an outline covers.
+fn share(lattice: &Lattice, outline: &Outline) -> f64 {
+    let covered = lattice.points().filter(|point| outline.covers(*point));
+    covered.count() as f64 / lattice.count().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector2;
+
+    use super::*;
+
+    /// So many crossings in rows of eight, from some place on.
+    fn lattice(left: f64, count: isize) -> Lattice {
+        let found: Vec<_> = (0..count)
+            .map(|number| {
+                let (row, column) = (number / 8, number % 8);
+                let way = Vector2::new(column as f64, row as f64) * 10.0;
+                ((row, column), way + Vector2::new(left, 0.0))
+            })
+            .collect();
+        Lattice::of(&found, true)
+    }
+
+    const A: f64 = 0.0;
+    const B: f64 = 200.0;
+
+    #[test]
+    fn lattices_are_paired_by_place_in_any_order() {
+        let known = vec![lattice(A, 40), lattice(B, 39)];
+        // By their order the better one of B would replace A.
+        let all = replaced(known, vec![lattice(B, 41), lattice(A, 38)]);
+        assert_eq!(all, [lattice(A, 40), lattice(B, 41)]);
+    }
+
+    #[test]
+    fn a_new_one_is_added_and_a_part_of_a_known_one_is_not() {
+        let part = lattice(A, 40).filtered(|(row, _)| row > 2);
+        let all = replaced(vec![lattice(A, 40)], vec![part, lattice(B, 16)]);
+        assert_eq!(all, [lattice(A, 40), lattice(B, 16)]);
+    }
+
+    #[test]
+    fn one_that_joins_two_replaces_both_if_it_has_all_their_crossings() {
+        let whole = lattice(A, 48);
+        let halves = || {
+            let upper = lattice(A, 48).filtered(|(row, _)| row < 3);
+            vec![
+                upper,
+                lattice(A, 48).filtered(|(row, column)| row > 2 && column > 0),
+            ]
+        };
+        assert_eq!(replaced(halves(), vec![whole.clone()]), [whole]);
+        assert_eq!(replaced(halves(), vec![lattice(A, 40)]), halves());
+    }
+
+    #[test]
+    fn nothing_known_and_nothing_finer() {
+        assert!(replaced(Vec::new(), Vec::new()).is_empty());
+        assert_eq!(
+            replaced(vec![lattice(A, 9)], Vec::new()),
+            [lattice(A, 9).clone()]
+        );
+    }
+}
