@@ -66,7 +66,8 @@ class PictureFaults:
         """Judge what the edges of a picture of this size have shown."""
         row_shift = colour_shift = None
         is_green = False
-        if found.rows is not None:
+        # Staircases may differ from row to row.
+        if found.rows is not None and not found.has_two_levels:
             x, y, deviations = found.rows
             if deviations > CERTAIN and np.hypot(x, y) > LEAST_ROW_SHIFT:
                 row_shift = (x, y)
