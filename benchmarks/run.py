@@ -27,6 +27,7 @@ BENCHMARKS = (
     "finding.refusals",
     "accuracy.prediction",
     "accuracy.tone",
+    "accuracy.picture_faults",
     "accuracy.against_zhang",
     "accuracy.measured_lengths",
     "real.chess_triples",

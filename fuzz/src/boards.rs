@@ -217,11 +217,11 @@ pub fn localise_grid_lines(data: &[u8]) -> Outcome {
     }
     let picture = canvas.picture(bytes);
     if bytes.once_in(2) {
-        let (found, estimate) = trisquare::localise_with_unknown_tone(&picture, &lines);
+        let (found, estimate, _) = trisquare::localise_with_unknown_tone(&picture, &lines);
         assert!(estimate.picture_tone().is_valid(), "{estimate:?}");
         return measured_spans(&found);
     }
-    let (found, _) = trisquare::localise(&picture, &lines, bytes.tone());
+    let (found, ..) = trisquare::localise(&picture, &lines, bytes.tone());
     assert_eq!(found.len(), lines.len());
     measured_spans(&found)
 }

@@ -27,7 +27,7 @@ pub fn localise(data: &[u8]) -> Outcome {
     let bytes = &mut Bytes::new(data);
     let tone = bytes.tone();
     let (picture, spans) = searched(tone, bytes);
-    let (found, _) = trisquare::localise(&picture, &spans, tone);
+    let (found, ..) = trisquare::localise(&picture, &spans, tone);
     assert_eq!(found.len(), spans.len());
     measured_spans(&found)
 }
@@ -37,7 +37,7 @@ pub fn localise_with_unknown_tone(data: &[u8]) -> Outcome {
     let bytes = &mut Bytes::new(data);
     let tone = bytes.tone();
     let (picture, spans) = searched(tone, bytes);
-    let (found, estimate) = trisquare::localise_with_unknown_tone(&picture, &spans);
+    let (found, estimate, _) = trisquare::localise_with_unknown_tone(&picture, &spans);
     assert_eq!(found.len(), spans.len());
     assert!(estimate.picture_tone().is_valid(), "{estimate:?}");
     assert!(estimate.effective_gamma_std().is_finite() && estimate.misfit.is_finite());
@@ -153,7 +153,7 @@ fn picture_tone(tone: Tone, bytes: &mut Bytes<'_>) -> PictureTone {
 /// Figures as the package measures them: every side localised from its chord.
 fn measured(view: &View, picture: &Picture, tone: Tone) -> Vec<PlaneEdges> {
     let spans: Vec<EdgeSpan> = sides(view).collect();
-    let (found, _) = trisquare::localise(picture, &spans, tone);
+    let (found, ..) = trisquare::localise(picture, &spans, tone);
     found
         .chunks_exact(4)
         .filter_map(|sides| {

@@ -11,6 +11,7 @@ __all__ = [
     "Lattice",
     "Outcome",
     "Picture",
+    "PictureFaults",
     "Prediction",
     "ResidualCorrelation",
     "SideSamples",
@@ -109,6 +110,8 @@ class Picture:
     """Raw pixels of a photograph, in memory of their own."""
 
     def __new__(cls, pixels: NDArray[Any], /) -> Picture: ...
+    def of_green(self) -> Picture | None: ...
+    def of_even_rows(self) -> Picture: ...
     @property
     def size(self) -> tuple[int, int]: ...
 
@@ -132,6 +135,23 @@ class SideSamples:
     def std(self) -> NDArray[np.float64]: ...
     @property
     def drift(self) -> NDArray[np.float64] | None: ...
+
+@final
+class PictureFaults:
+    """What is wrong with a picture as a whole."""
+
+    @property
+    def clipped(self) -> float: ...
+    @property
+    def has_two_levels(self) -> bool: ...
+    @property
+    def rows(self) -> tuple[float, float, float] | None: ...
+    @property
+    def colours(self) -> tuple[float, float, float, float, float] | None: ...
+    @property
+    def motion(self) -> tuple[float, float] | None: ...
+    @property
+    def side_error(self) -> float: ...
 
 @final
 class ToneEstimate:
@@ -281,6 +301,7 @@ def calibrate(
     initial: Sequence[float] | None,
     pictures: Sequence[Picture] | None,
     tones: Sequence[str | float | tuple[float, float, float | None]],
+    side_errors: Sequence[float] = (),
 ) -> Outcome: ...
 
 @final
@@ -319,7 +340,7 @@ def fit_side_cubics(
 ) -> NDArray[np.float64]: ...
 def localise(
     picture: Picture, spans: Sequence[_Span], tone: str | float | None
-) -> tuple[list[SideSamples | str], ToneEstimate]: ...
+) -> tuple[list[SideSamples | str], ToneEstimate, PictureFaults]: ...
 def remove_edge_shift(
     lines: Sequence[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp], float]],
 ) -> tuple[list[tuple[NDArray[np.float64], NDArray[np.float64]]], float]: ...

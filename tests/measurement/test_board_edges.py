@@ -43,7 +43,7 @@ def measured(picture, lattices, tone="linear"):
     for lattice in found:
         spans += lattice.spans(len(spans))
         ends.append(len(spans))
-    samples, _ = _core.localise(_core.Picture(picture), spans, tone)
+    samples, *_ = _core.localise(_core.Picture(picture), spans, tone)
     return [
         figure
         for plane, lattice in enumerate(found)

@@ -121,7 +121,7 @@ def test_what_a_caller_does_to_his_arrays_afterwards_changes_nothing():
     picture = _core.Picture(photo)
     spans = [SideSpan(np.array(f.points[0][[0, -1]]), -float(f.polarity)) for f in figures]
     kept = [bits(result), [f.to_json() for f in figures], square.to_json()]
-    measured, _ = _core.localise(picture, spans, "srgb")
+    measured, *_ = _core.localise(picture, spans, "srgb")
     photo[:] = 0
     for side in sides:
         side[:] = np.nan

@@ -15,6 +15,7 @@ from trisquare.camera.settings import Settings
 from trisquare.detection.kinds import TargetKinds, nothing_found
 from trisquare.edges import PlaneEdges, changed_edges
 from trisquare.errors import DetectionError, TrisquareError
+from trisquare.images.faults import fault_warnings
 from trisquare.images.photographs import Photographs
 from trisquare.images.pixels import ImageSource, Outlines, Tone, sources_of
 from trisquare.images.tone import contradiction_text, pooled, shift_text
@@ -229,6 +230,7 @@ def _ask_core(
         initial=settings.initial_parameters(gathered.image_size),
         pictures=gathered.pictures or None,
         tones=[tone.curve for tone in gathered.tones],
+        side_errors=[faults.side_error for faults in gathered.faults],
     )
 
 
@@ -243,7 +245,10 @@ def _calibration(found: _core.Solution, gathered: Gathered, settings: Settings) 
     warnings = []
     if text := contradiction_text(tone_of_image):
         warnings.append(CalibrationWarning(text, "tone_contradicted", "high"))
-    if text := shift_text(tone_of_image):
+    faults = dict(zip(gathered.images, gathered.faults, strict=False))
+    warnings += [CalibrationWarning(*own) for own in fault_warnings(faults, tone_of_image)]
+    untold = {i: own for i, own in tone_of_image.items() if not faults[i].is_shifted}
+    if text := shift_text(untold):
         warnings.append(CalibrationWarning(text, "no_tone_curve", "low"))
     warnings += [CalibrationWarning(*warning) for warning in found.warnings]
     correlation = found.correlation

@@ -12,6 +12,7 @@ import trisquare._core as _core
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.kinds import TargetKinds, nothing_found
 from trisquare.edges import PlaneEdges, changed_edges
+from trisquare.images.faults import PictureFaults
 from trisquare.images.photographs import Photograph, Photographs
 from trisquare.images.pixels import Outlines, Tone, checked_tone, picture_size, tone_of
 from trisquare.images.tone import PictureTone
@@ -49,6 +50,8 @@ class Gathered:
         The pixels of every photograph as the core has them.
     tones : list of PictureTone
         Of every photograph.
+    faults : list of PictureFaults
+        Of every photograph.
     searches : dict of int to Search
         What was searched for in the photographs whose rejected shapes may be asked for.
     """
@@ -62,6 +65,7 @@ class Gathered:
     warnings: list[CalibrationWarning] = field(default_factory=list)
     pictures: list[_core.Picture] = field(default_factory=list)
     tones: list[PictureTone] = field(default_factory=list)
+    faults: list[PictureFaults] = field(default_factory=list)
     searches: dict[int, Search] = field(default_factory=dict)
 
     def add(
@@ -74,17 +78,17 @@ class Gathered:
         """Measure what is in a photograph, or what is `annotated` on it, and remark on it."""
         from trisquare.measurement.measure import measure
 
-        core = _core.Picture(photograph.pixels)
         # In one that was given before nothing is looked for either.
         sought = () if photograph.repeats else annotated
-        figures, picture_tone, rejected, quads, search = measure(
-            photograph.pixels, core, targets, tone, sought
+        figures, picture_tone, faults, core, rejected, quads, search = measure(
+            photograph.pixels, _core.Picture(photograph.pixels), targets, tone, sought
         )
         self.names.append(photograph.name)
         self.sizes.append(picture_size(photograph.pixels))
         self.searches[photograph.index] = search
         self.pictures.append(core)
         self.tones.append(picture_tone)
+        self.faults.append(faults)
         self.rejected += [replace(candidate, image=photograph.index) for candidate in rejected]
         self.warnings += [
             CalibrationWarning(text, code, "low") for code, text in photograph.remarks.items()
@@ -134,6 +138,7 @@ class Gathered:
         self.rejected = [candidate for candidate in self.rejected if kept[candidate.image]]
         self.pictures = list(compress(self.pictures, kept))
         self.tones = list(compress(self.tones, kept))
+        self.faults = list(compress(self.faults, kept))
 
     @property
     def images(self) -> list[int]:

@@ -94,9 +94,9 @@ def shift_text(tones: Mapping[int, PictureTone]) -> str | None:
     if not shifts:
         return None
     return (
-        "the edge profiles fit no tone curve (is the picture sharpened, compressed or "
-        "overexposed?); instead one common shift of all edges toward their dark side "
-        f"was estimated: {'; '.join(shifts)}"
+        "the edge profiles fit no tone curve (is the picture sharpened or compressed?); instead "
+        "one common shift of all edges toward their dark side was estimated: "
+        f"{'; '.join(shifts)}"
     )
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import trisquare._core as _core
@@ -10,6 +12,7 @@ from trisquare._support.arrays import FloatArray
 from trisquare.detection.annotations.outlines import AnnotatedSquare
 from trisquare.detection.kinds import TargetKinds
 from trisquare.edges import PlaneEdges
+from trisquare.images.faults import PictureFaults
 from trisquare.images.pixels import Image
 from trisquare.images.tone import PictureTone
 from trisquare.measurement.find import Search, search, search_annotated
@@ -22,11 +25,14 @@ TOO_FEW_LINES = "too few of its lines could be measured"
 class MeasuredTargets(NamedTuple):
     """What was measured in a picture; all lists may be empty.
 
+    `core` is what was measured of the picture: one field or colour where others disagree with it.
     `quads` holds, for each plane by its number, four points (4, 2) that enclose it.
     """
 
     figures: list[PlaneEdges]
     tone: PictureTone
+    faults: PictureFaults
+    core: _core.Picture
     rejected: list[Rejected]
     quads: list[FloatArray]
     search: Search
@@ -55,36 +61,51 @@ def measure(
         for candidate, name in zip(searched.found, names, strict=True)
         if not isinstance(candidate, Rejected)
     ]
-    figures, picture_tone, not_measured = _measured(named, core, tone)
-    quads = [target.quad for target in searched.targets]
-    return MeasuredTargets(figures, picture_tone, rejected + not_measured, quads, searched)
-
-
-def _measured(
-    found: Sequence[tuple[DetectedTarget, str]], core: _core.Picture, tone: str | float
-) -> tuple[list[PlaneEdges], PictureTone, list[Rejected]]:
-    """Measure what was found; each with the name that its rejection begins with."""
     spans: list[SideSpan] = []
     ends = [0]
-    for target, _ in found:
+    for target, _ in named:
         spans += target.spans(len(spans))
         ends.append(len(spans))
-    measured, estimate = _core.localise(core, spans, None if tone == "auto" else tone)
+    measured, picture_tone, faults, core = _localised(spans, core, tone)
+    own = [measured[start:end] for start, end in pairwise(ends)]
+    figures, not_measured = _figures(named, own)
+    # Boards and sheets have taken every shift away, whose drift the others still carry.
+    if figures and all(figure.drift is None for figure in figures):
+        picture_tone = picture_tone.of_board()
+    quads = [target.quad for target in searched.targets]
+    rejected += not_measured
+    return MeasuredTargets(figures, picture_tone, faults, core, rejected, quads, searched)
+
+
+def _localised(
+    spans: list[SideSpan], core: _core.Picture, tone: str | float
+) -> tuple[list[_core.SideSamples | str], PictureTone, PictureFaults, _core.Picture]:
+    """Measure the spans in a picture, or in what of it agrees with itself, which is returned."""
+    told = None if tone == "auto" else tone
+    measured, estimate, found = _core.localise(core, spans, told)
+    faults = PictureFaults.of(found, core.size)
+    if (mended := faults.mended(core)) is not None:
+        core = mended
+        measured, estimate, found = _core.localise(core, spans, told)
+        faults = replace(faults, clipped=found.clipped, motion=found.motion)
+        faults = replace(faults, side_error=found.side_error)
     if tone == "auto":
-        picture_tone = PictureTone.estimated(estimate)
-    else:
-        picture_tone = PictureTone.known(tone, estimate)
+        return measured, PictureTone.estimated(estimate), faults, core
+    return measured, PictureTone.known(tone, estimate), faults, core
+
+
+def _figures(
+    found: Sequence[tuple[DetectedTarget, str]],
+    measured: Sequence[list[_core.SideSamples | str]],
+) -> tuple[list[PlaneEdges], list[Rejected]]:
+    """Sort what was measured of each target; each with the name that its rejection begins with."""
     figures: list[PlaneEdges] = []
     rejected: list[Rejected] = []
-    for plane, (target, name) in enumerate(found):
-        own = measured[ends[plane] : ends[plane + 1]]
+    for plane, ((target, name), own) in enumerate(zip(found, measured, strict=True)):
         edges = target.figures(own, plane)
         figures += edges
         if not edges:
             reasons = {reason for reason in own if isinstance(reason, str)}
             reason = name + ("; ".join(sorted(reasons)) or TOO_FEW_LINES)
             rejected.append(Rejected(target.kind, 0, target.quad, reason))
-    # Boards and sheets have taken every shift away, whose drift the others still carry.
-    if figures and all(figure.drift is None for figure in figures):
-        picture_tone = picture_tone.of_board()
-    return figures, picture_tone, rejected
+    return figures, rejected

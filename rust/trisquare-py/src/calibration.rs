@@ -116,8 +116,11 @@ pub struct ToneFit {
 
 /// Calibrates from figures and, where given, the pictures they were measured in; if `choosing`,
 /// from the largest set of planes that one camera sees as true squares.
+///
+/// `side_errors` are, of each picture, the standard deviation (px) of an error that the samples of
+/// a side share.
 #[pyfunction]
-#[pyo3(signature = (figures, image_size, *, choosing, method, model, fixed, initial, pictures, tones))]
+#[pyo3(signature = (figures, image_size, *, choosing, method, model, fixed, initial, pictures, tones, side_errors=Vec::new()))]
 #[allow(clippy::too_many_arguments)] // the keywords of the Python function
 pub fn calibrate<'py>(
     py: Python<'py>,
@@ -130,8 +133,12 @@ pub fn calibrate<'py>(
     initial: Option<[f64; 9]>,
     pictures: Option<Vec<PyRef<'py, Picture>>>,
     tones: Vec<Bound<'py, PyAny>>,
+    side_errors: Vec<f64>,
 ) -> PyResult<Outcome> {
     let mut edges: Vec<PlaneEdges> = figures.iter().map(plane_edges).collect::<PyResult<_>>()?;
+    for figure in &mut edges {
+        figure.side_error = side_errors.get(figure.image).copied().unwrap_or_default();
+    }
     let size = size(image_size);
     let by_evidence = model == AUTO;
     let options = Options {

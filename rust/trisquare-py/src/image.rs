@@ -38,6 +38,19 @@ impl Picture {
         Ok(Self { picture })
     }
 
+    /// The same in green light alone; None of a grey picture.
+    fn of_green(&self) -> Option<Self> {
+        let picture = self.picture.of_green()?;
+        Some(Self { picture })
+    }
+
+    /// The same without its odd rows.
+    fn of_even_rows(&self) -> Self {
+        Self {
+            picture: self.picture.of_even_rows(),
+        }
+    }
+
     /// `(width, height)` in pixels.
     #[getter]
     fn size(&self) -> (usize, usize) {
@@ -145,8 +158,26 @@ pub struct ToneEstimate {
     contradiction: f64,
 }
 
-/// The samples of every span, and what their profiles tell of the tone curve.
-type Localised = (Vec<Measured>, ToneEstimate);
+/// What is wrong with a picture as a whole.
+#[pyclass(frozen, get_all, module = "trisquare._core")]
+pub struct PictureFaults {
+    /// The share of the sides whose light is clipped.
+    clipped: f64,
+    /// Whether all pixels are black or white.
+    has_two_levels: bool,
+    /// The odd rows against the even ones: shift in x and y, pixels, and in standard deviations.
+    rows: Option<(f64, f64, f64)>,
+    /// By what blue and red are larger than green, one standard deviation of each, and the edges'
+    /// contrast in green in parts of the greatest.
+    colours: Option<(f64, f64, f64, f64, f64)>,
+    /// The length of a motion, pixels, and its direction, degrees.
+    motion: Option<(f64, f64)>,
+    /// One standard deviation of what they leave unknown of each side's place, pixels.
+    side_error: f64,
+}
+
+/// The samples of every span, and what their profiles tell of the tone curve and of faults.
+type Localised = (Vec<Measured>, ToneEstimate, PictureFaults);
 
 /// Sub-pixel samples along coarsely known spans; a reason where there is no edge.
 ///
@@ -163,7 +194,7 @@ pub fn localise<'py>(
     let tone = tone.map(self::tone).transpose()?;
     let spans = edge_spans(spans)?;
     let picture = &picture.picture;
-    let (found, estimate) = detached(py, || match tone {
+    let (found, estimate, faults) = detached(py, || match tone {
         Some(tone) => trisquare::localise(picture, &spans, tone),
         None => trisquare::localise_with_unknown_tone(picture, &spans),
     })?;
@@ -182,7 +213,30 @@ pub fn localise<'py>(
     Ok((
         measured.collect::<PyResult<_>>()?,
         tone_estimate(&estimate, tone),
+        picture_faults(&faults),
     ))
+}
+
+fn picture_faults(found: &trisquare::PictureFaults) -> PictureFaults {
+    PictureFaults {
+        clipped: found.clipped,
+        has_two_levels: found.has_two_levels,
+        motion: found.motion.map(|motion| (motion.length, motion.direction)),
+        side_error: found.side_error,
+        rows: found
+            .rows
+            .map(|rows| (rows.shift.x, rows.shift.y, rows.shift_deviations)),
+        colours: found.colours.map(|colours| {
+            let [blue, red] = [colours.blue, colours.red];
+            (
+                blue.magnification,
+                red.magnification,
+                blue.magnification_std,
+                red.magnification_std,
+                colours.green_contrast,
+            )
+        }),
+    }
 }
 
 fn tone_estimate(found: &trisquare::ToneEstimate, stated: Option<Tone>) -> ToneEstimate {

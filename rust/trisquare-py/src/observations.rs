@@ -95,6 +95,7 @@ pub fn plane_edges(object: &Bound<'_, PyAny>) -> PyResult<PlaneEdges> {
         image: object.getattr("image")?.extract()?,
         tone_drift: drift.transpose()?,
         border: object.getattr("border")?.extract()?,
+        side_error: 0.0,
         freedom: match freedom.as_str() {
             "auto" => Freedom::Auto,
             "fixed" => Freedom::Fixed,

@@ -51,7 +51,8 @@ pub use lens::{
 };
 pub use linear::{Straightening, fit_distortion};
 pub use localise::{
-    EdgeSpan, NoEdge, SpanEdges, ToneEstimate, localise, localise_with_unknown_tone,
+    ColourDisplacements, EdgeSpan, Localised, MotionBlur, NoEdge, PartDisplacement, PictureFaults,
+    SpanEdges, ToneEstimate, localise, localise_with_unknown_tone,
 };
 pub use model_selection::{ModelAlternative, ModelChoice, calibrate_by_evidence};
 pub use observations::{

@@ -280,6 +280,7 @@ fn photographed<L: Lens>(
         image: 0,
         figures,
         board_relief: None,
+        side_error: 0.0,
     })
 }
 

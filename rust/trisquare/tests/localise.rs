@@ -313,7 +313,7 @@ fn a_side_cut_by_the_border_has_samples_inside_only() {
         degrees: 12.0,
     };
     let picture = CAMERA.bytes(&CAMERA.exposure(&shape), 3);
-    let (found, _) = localise(
+    let (found, ..) = localise(
         &picture,
         &spans(&shape, -1.0, |_| [1.0, -1.0]),
         Tone::Linear,
@@ -430,7 +430,7 @@ fn where_there_is_no_edge_the_reason_is_told() {
     ];
     for picture in &pictures {
         for tone in [Tone::Linear, Tone::Srgb, Tone::Gamma(2.2)] {
-            let (found, _) = localise(picture, &spans, tone);
+            let (found, ..) = localise(picture, &spans, tone);
             assert!(found.iter().all(Result::is_err), "{found:?}");
             assert_eq!(found[2].as_ref().unwrap_err(), &NoEdge::OutsidePicture);
             assert_eq!(found[7].as_ref().unwrap_err(), &NoEdge::NoPath);
@@ -442,7 +442,7 @@ fn where_there_is_no_edge_the_reason_is_told() {
 fn the_wrong_polarity_is_no_edge() {
     let shape = square(17.0);
     let picture = CAMERA.bytes(&CAMERA.exposure(&shape), 1);
-    let (found, _) = localise(&picture, &spans(&shape, 1.0, |_| [0.0; 2]), Tone::Linear);
+    let (found, ..) = localise(&picture, &spans(&shape, 1.0, |_| [0.0; 2]), Tone::Linear);
     for found in found {
         assert_eq!(found.unwrap_err(), NoEdge::Inconsistent);
     }

@@ -9,7 +9,8 @@ use trisquare::{Picture, SpanEdges, Tone, ToneEstimate, localise_with_unknown_to
 
 fn measured(picture: &Picture, degrees: f64) -> (Vec<SpanEdges>, ToneEstimate) {
     let shape = square(degrees);
-    let (found, estimate) = localise_with_unknown_tone(picture, &spans(&shape, -1.0, |_| [1.0; 2]));
+    let (found, estimate, _) =
+        localise_with_unknown_tone(picture, &spans(&shape, -1.0, |_| [1.0; 2]));
     (
         found.into_iter().collect::<Result<_, _>>().unwrap(),
         estimate,

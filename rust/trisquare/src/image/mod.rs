@@ -1,6 +1,7 @@
 //! Pictures, and the tone curves by which they are coded.
 
 mod grey_bytes;
+mod grey_reader;
 mod picture;
 mod picture_tone;
 mod pixel_box;
@@ -8,7 +9,9 @@ mod power_curve;
 mod tone;
 
 pub use grey_bytes::GreyBytes;
-pub use picture::{GreyReader, Picture, PictureError};
+pub(crate) use grey_reader::Grey;
+pub use grey_reader::GreyReader;
+pub use picture::{Picture, PictureError};
 pub(crate) use picture_tone::{PICTURE_PARAMETERS, PicturePrior, PictureState};
 pub use picture_tone::{PictureTone, ToneFit};
 pub(crate) use pixel_box::box_kurtosis;

@@ -1,9 +1,10 @@
 //! The photograph as it came: one contiguous copy of its raw pixels, read as coded grey.
 
-use super::tone::{Tone, ToneCurve};
+use super::grey_reader::GreyReader;
+use super::tone::Tone;
 
-/// Weights of blue, green and red in the grey that edges are measured in (ITU-R BT.601).
-const GREY_FROM_BGR: [f64; 3] = [0.114, 0.587, 0.299];
+/// Black and white reach this part of the scale from its ends: JPEG leaves its noise on them.
+const EXTREME_PART: u8 = 12;
 
 /// Why raw pixels are not a picture.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -31,14 +32,16 @@ pub enum PictureError {
 /// A picture: rows from the top, pixels from the left, channels of a pixel (BGR) side by side.
 #[derive(Debug, Clone)]
 pub struct Picture {
-    width: usize,
-    height: usize,
-    channels: usize,
-    pixels: Pixels,
+    pub(super) width: usize,
+    pub(super) height: usize,
+    pub(super) channels: usize,
+    pub(super) pixels: Pixels,
+    pub(super) has_two_levels: bool,
+    pub(super) has_even_rows_only: bool,
 }
 
 #[derive(Debug, Clone)]
-enum Pixels {
+pub(super) enum Pixels {
     U8(Vec<u8>),
     U16(Vec<u16>),
     F32(Vec<f32>),
@@ -57,12 +60,7 @@ impl Picture {
     ) -> Result<Self, PictureError> {
         check(width, height, channels, values.len())?;
         let pixels = Pixels::U8(values);
-        Ok(Self {
-            width,
-            height,
-            channels,
-            pixels,
-        })
+        Ok(Self::of([width, height, channels], pixels))
     }
 
     /// A picture of 16-bit values, 65535 being 1.
@@ -77,12 +75,7 @@ impl Picture {
     ) -> Result<Self, PictureError> {
         check(width, height, channels, values.len())?;
         let pixels = Pixels::U16(values);
-        Ok(Self {
-            width,
-            height,
-            channels,
-            pixels,
-        })
+        Ok(Self::of([width, height, channels], pixels))
     }
 
     /// A picture of floating-point values, used as they are; those not finite count as missing.
@@ -97,12 +90,57 @@ impl Picture {
     ) -> Result<Self, PictureError> {
         check(width, height, channels, values.len())?;
         let pixels = Pixels::F32(values);
-        Ok(Self {
+        Ok(Self::of([width, height, channels], pixels))
+    }
+
+    fn of([width, height, channels]: [usize; 3], pixels: Pixels) -> Self {
+        Self {
             width,
             height,
             channels,
+            has_two_levels: pixels.are_black_or_white(),
+            has_even_rows_only: false,
             pixels,
+        }
+    }
+
+    /// The same in green light alone; `None` of a grey picture.
+    #[must_use]
+    pub fn of_green(&self) -> Option<Self> {
+        if self.channels != 3 {
+            return None;
+        }
+        let pixels = match &self.pixels {
+            Pixels::U8(values) => Pixels::U8(green(values)),
+            Pixels::U16(values) => Pixels::U16(green(values)),
+            Pixels::F32(values) => Pixels::F32(green(values)),
+        };
+        Some(Self {
+            channels: 1,
+            pixels,
+            ..*self
         })
+    }
+
+    /// The same without its odd rows, which only a coarse look still sees.
+    #[must_use]
+    pub fn of_even_rows(&self) -> Self {
+        Self {
+            has_even_rows_only: true,
+            ..self.clone()
+        }
+    }
+
+    /// Whether all pixels are black or white, as a scan in two levels is.
+    #[must_use]
+    pub fn has_two_levels(&self) -> bool {
+        self.has_two_levels
+    }
+
+    /// Values in a pixel: 1 of grey, 3 of colour.
+    #[must_use]
+    pub fn channels(&self) -> usize {
+        self.channels
     }
 
     /// Pixels in a row.
@@ -135,6 +173,29 @@ impl Picture {
     }
 }
 
+impl Pixels {
+    fn are_black_or_white(&self) -> bool {
+        // The first grey pixel answers.
+        match self {
+            Self::U8(values) => all_extreme(values, u8::MAX, u8::MAX / EXTREME_PART),
+            Self::U16(values) => all_extreme(values, u16::MAX, u16::MAX / u16::from(EXTREME_PART)),
+            Self::F32(_) => false,
+        }
+    }
+}
+
+fn all_extreme<T>(values: &[T], most: T, margin: T) -> bool
+where
+    T: PartialOrd + Copy + std::ops::Sub<Output = T>,
+{
+    let mut values = values.iter();
+    values.all(|&value| value <= margin || value >= most - margin)
+}
+
+fn green<T: Copy>(values: &[T]) -> Vec<T> {
+    values.iter().skip(1).step_by(3).copied().collect()
+}
+
 fn check(width: usize, height: usize, channels: usize, count: usize) -> Result<(), PictureError> {
     if channels != 1 && channels != 3 {
         return Err(PictureError::Channels { channels });
@@ -153,154 +214,6 @@ fn check(width: usize, height: usize, channels: usize, count: usize) -> Result<(
     Ok(())
 }
 
-/// A picture's coded grey, normalised so that 1 is the largest value the file can hold.
-///
-/// A coloured pixel is mixed in light and coded again,
-/// `v = g(0.114 g^-1(B) + 0.587 g^-1(G) + 0.299 g^-1(R))`, so that the blurred edge between two
-/// tinted surfaces still is `g` of a blurred step.
-#[derive(Debug)]
-pub struct GreyReader<'a> {
-    picture: &'a Picture,
-    tone: Tone,
-    curve: ToneCurve,
-    /// What an 8-bit level stands for in each channel: its value (grey) or its share of the light
-    /// (BGR).
-    levels: [[f64; 256]; 3],
-}
-
-impl<'a> GreyReader<'a> {
-    fn new(picture: &'a Picture, tone: Tone) -> Self {
-        let levels = GREY_FROM_BGR.map(|weight| {
-            std::array::from_fn(|level| {
-                let value = level as f64 / f64::from(u8::MAX);
-                if picture.channels == 1 {
-                    value
-                } else {
-                    weight * tone.decode(value)
-                }
-            })
-        });
-        Self {
-            picture,
-            tone,
-            curve: tone.curve(),
-            levels,
-        }
-    }
-
-    /// The tone curve, prepared for loops over pixels.
-    #[must_use]
-    pub fn curve(&self) -> &ToneCurve {
-        &self.curve
-    }
-
-    /// The picture that is read.
-    #[must_use]
-    pub fn picture(&self) -> &'a Picture {
-        self.picture
-    }
-
-    /// The coded grey at column `x` and row `y`; `None` outside the picture or where not finite.
-    #[inline]
-    #[must_use]
-    pub fn get(&self, x: usize, y: usize) -> Option<f64> {
-        if x >= self.picture.width || y >= self.picture.height {
-            return None;
-        }
-        let index = y * self.picture.width + x;
-        match &self.picture.pixels {
-            // Small enough to be inlined: by far the most are such.
-            Pixels::U8(values) if self.picture.channels == 1 => {
-                Some(self.levels[0][usize::from(values[index])])
-            }
-            _ => self.get_other(index),
-        }
-    }
-
-    /// The same of a pixel in colour, or of more than 8 bits.
-    fn get_other(&self, index: usize) -> Option<f64> {
-        if self.picture.channels == 3 {
-            return self.mixed(3 * index);
-        }
-        match &self.picture.pixels {
-            Pixels::U8(values) => Some(self.levels[0][usize::from(values[index])]),
-            Pixels::U16(values) => Some(f64::from(values[index]) / f64::from(u16::MAX)),
-            Pixels::F32(values) => Some(f64::from(values[index])).filter(|value| value.is_finite()),
-        }
-    }
-
-    /// Reads `count` pixels from column `x` and row `y` on, to the right or downwards, all of them
-    /// inside the picture; values that are not finite are read as NaN.
-    pub(crate) fn read_line(
-        &self,
-        [x, y]: [usize; 2],
-        downwards: bool,
-        count: usize,
-        greys: &mut Vec<f64>,
-    ) {
-        greys.clear();
-        if let (Pixels::U8(values), 1) = (&self.picture.pixels, self.picture.channels) {
-            let step = if downwards { self.picture.width } else { 1 };
-            let line = values[y * self.picture.width + x..].iter().step_by(step);
-            greys.extend(
-                line.take(count)
-                    .map(|&value| self.levels[0][usize::from(value)]),
-            );
-            return;
-        }
-        greys.extend((0..count).map(|index| {
-            let grey = if downwards {
-                self.get(x, y + index)
-            } else {
-                self.get(x + index, y)
-            };
-            grey.unwrap_or(f64::NAN)
-        }));
-    }
-
-    #[inline]
-    fn mixed(&self, start: usize) -> Option<f64> {
-        let light: f64 = match &self.picture.pixels {
-            Pixels::U8(values) => {
-                let [blue, green, red] = &self.levels;
-                let bgr = &values[start..start + 3];
-                blue[usize::from(bgr[0])] + green[usize::from(bgr[1])] + red[usize::from(bgr[2])]
-            }
-            Pixels::U16(values) => self.mix(start, |index| {
-                f64::from(values[index]) / f64::from(u16::MAX)
-            }),
-            Pixels::F32(values) => self.mix(start, |index| f64::from(values[index])),
-        };
-        Some(self.curve.encode_with_slope(light).0).filter(|value| value.is_finite())
-    }
-
-    fn mix(&self, start: usize, value: impl Fn(usize) -> f64) -> f64 {
-        (0..3)
-            .map(|channel| GREY_FROM_BGR[channel] * self.tone.decode(value(start + channel)))
-            .sum()
-    }
-
-    /// The grey between pixels, bilinear, at continuous pixel coordinates; `None` outside.
-    #[must_use]
-    pub fn bilinear(&self, x: f64, y: f64) -> Option<f64> {
-        let (right, bottom) = (
-            (self.picture.width - 1) as f64,
-            (self.picture.height - 1) as f64,
-        );
-        if !((0.0..=right).contains(&x) && (0.0..=bottom).contains(&y)) {
-            return None;
-        }
-        let (column, row) = (x as usize, y as usize);
-        let (across, down) = (x - column as f64, y - row as f64);
-        let next_column = (column + 1).min(self.picture.width - 1);
-        let next_row = (row + 1).min(self.picture.height - 1);
-        let upper = self.get(column, row)? * (1.0 - across) + self.get(next_column, row)? * across;
-        let lower = self.get(column, next_row)? * (1.0 - across)
-            + self.get(next_column, next_row)? * across;
-        Some(upper * (1.0 - down) + lower * down)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -314,71 +227,5 @@ mod tests {
         assert!(Picture::from_u8(2, 2, 1, vec![0; 5]).is_err());
         assert!(Picture::from_f32(0, 2, 1, vec![]).is_err());
         assert!(Picture::from_u16(usize::MAX, 2, 3, vec![0; 6]).is_err());
-    }
-
-    #[test]
-    fn every_type_is_normalised() {
-        let bytes = Picture::from_u8(2, 1, 1, vec![0, 51]).unwrap();
-        let words = Picture::from_u16(2, 1, 1, vec![0, 13_107]).unwrap();
-        let floats = Picture::from_f32(2, 1, 1, vec![f32::NAN, 0.2]).unwrap();
-        for picture in [&bytes, &words, &floats] {
-            let reader = picture.reader(Tone::Srgb);
-            assert!((reader.get(1, 0).unwrap() - 0.2).abs() < 1e-8);
-            assert_eq!(reader.get(2, 0), None);
-            assert_eq!(reader.get(0, 1), None);
-        }
-        assert_eq!(floats.reader(Tone::Linear).get(0, 0), None);
-        assert_eq!(bytes.reader(Tone::Linear).get(0, 0), Some(0.0));
-    }
-
-    #[test]
-    fn colour_is_mixed_in_light() {
-        let [blue, green, red] = [40_u8, 90, 200];
-        for tone in [Tone::Linear, Tone::Srgb, Tone::Gamma(2.2)] {
-            let light = |level: u8| tone.decode(f64::from(level) / 255.0);
-            let grey = tone.encode(0.114 * light(blue) + 0.587 * light(green) + 0.299 * light(red));
-            let bytes = Picture::from_u8(1, 1, 3, vec![blue, green, red]).unwrap();
-            let wide = [blue, green, red]
-                .map(|level| u16::from(level) * 257)
-                .to_vec();
-            let words = Picture::from_u16(1, 1, 3, wide).unwrap();
-            for picture in [&bytes, &words] {
-                let value = picture.reader(tone).get(0, 0).unwrap();
-                assert!((value - grey).abs() < 1e-7, "{tone:?}: {value} {grey}");
-            }
-        }
-    }
-
-    #[test]
-    fn a_line_of_pixels_reads_as_the_pixels_do() {
-        let bytes: Vec<u8> = (0..60).map(|index| 4 * index).collect();
-        let floats = bytes.iter().map(|&byte| f32::from(byte) / 255.0).collect();
-        let pictures = [
-            Picture::from_u8(10, 6, 1, bytes.clone()).unwrap(),
-            Picture::from_f32(10, 6, 1, floats).unwrap(),
-            Picture::from_u8(5, 4, 3, bytes).unwrap(),
-        ];
-        for picture in &pictures {
-            let reader = picture.reader(Tone::Srgb);
-            let mut greys = Vec::new();
-            for downwards in [true, false] {
-                reader.read_line([2, 1], downwards, 3, &mut greys);
-                let steps = if downwards { [0, 1] } else { [1, 0] };
-                let pixels = (0..3).map(|k| reader.get(2 + k * steps[0], 1 + k * steps[1]));
-                assert_eq!(greys.iter().copied().map(Some).collect::<Vec<_>>(), {
-                    pixels.collect::<Vec<_>>()
-                });
-            }
-        }
-    }
-
-    #[test]
-    fn bilinear_stays_inside() {
-        let picture = Picture::from_f32(2, 2, 1, vec![0.0, 1.0, 2.0, 3.0]).unwrap();
-        let reader = picture.reader(Tone::Linear);
-        assert_eq!(reader.bilinear(0.5, 0.25), Some(1.0));
-        assert_eq!(reader.bilinear(1.0, 1.0), Some(3.0));
-        assert_eq!(reader.bilinear(1.01, 0.0), None);
-        assert_eq!(reader.bilinear(f64::NAN, 0.0), None);
     }
 }

@@ -5,7 +5,7 @@ use nalgebra::Vector2;
 use super::curve::Curve;
 use super::flip::Flip;
 use super::grid_crossings::GridCrossings;
-use crate::image::GreyReader;
+use crate::image::{Grey, GreyReader};
 
 /// Columns whose far pixels are averaged into one.
 const FAR_COLUMNS: usize = 4;
@@ -26,6 +26,8 @@ pub(super) struct Pixel {
     pub count: f64,
     /// What lines that cross the side make of its step.
     pub flip: Flip,
+    /// Whether the value only bounds the light from below.
+    pub is_clipped: bool,
 }
 
 impl Pixel {
@@ -122,7 +124,7 @@ impl Band<'_> {
         &self,
         column: &Column,
         top: usize,
-        greys: &[f64],
+        greys: &[Grey],
         plateaus: &mut [Plateau; 2],
         pixels: &mut Vec<Pixel>,
     ) {
@@ -147,7 +149,7 @@ impl Band<'_> {
         let (s_at_zero, y_at_zero) = curve.local(column.place(0.0));
         let v = 1 - column.u;
         let (s_per_row, y_per_row) = (curve.along[v] / curve.half_length, curve.across[v]);
-        for (row, &value) in (top..).zip(greys) {
+        for (row, &Grey { value, is_clipped }) in (top..).zip(greys) {
             let row = row as f64;
             let (s, y) = (s_at_zero + row * s_per_row, y_at_zero + row * y_per_row);
             if s < ends[0] || s > ends[1] || !value.is_finite() {
@@ -172,10 +174,11 @@ impl Band<'_> {
                     value,
                     count: 1.0,
                     flip: flip_at(row),
+                    is_clipped,
                 });
             } else {
                 let plateau = &mut plateaus[usize::from((below > 0.0) == column.downwards)];
-                plateau.add([s, y, value], flip_at(row));
+                plateau.add([s, y, value], flip_at(row), is_clipped);
             }
         }
     }
@@ -257,10 +260,13 @@ struct Plateau {
     slope: f64,
     shift: f64,
     count: f64,
+    is_clipped: bool,
 }
 
 impl Plateau {
-    fn add(&mut self, [s, y, value]: [f64; 3], flip: Flip) {
+    fn add(&mut self, [s, y, value]: [f64; 3], flip: Flip, is_clipped: bool) {
+        // The mean of values and bounds is a bound.
+        self.is_clipped |= is_clipped;
         self.s += s;
         self.y += y;
         self.value += value;
@@ -278,6 +284,7 @@ impl Plateau {
             slope,
             shift,
             count,
+            is_clipped,
         } = std::mem::take(self);
         (count > 0.0).then(|| Pixel {
             s: s / count,
@@ -290,6 +297,7 @@ impl Plateau {
                 slope: slope / count,
                 shift: shift / count,
             },
+            is_clipped,
         })
     }
 }

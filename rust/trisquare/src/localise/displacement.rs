@@ -5,7 +5,7 @@ use nalgebra::{Matrix2, SVector, Vector2};
 use super::curve::COEFFICIENTS;
 use super::measured::Measured;
 use super::span::{NoEdge, SpanEdges};
-use super::tone_fit::{ToneEstimate, Trust, pool};
+use super::tone_fit::{ToneEstimate, ToneShare, Trust, pool};
 use crate::image::PowerCurve;
 
 /// Moves the samples to where the estimate from all pixels sees them, and tells how far one
@@ -37,7 +37,10 @@ pub(super) fn corrected(
     let direction = deviations * first_axis(&gram);
     let spans = measured.into_iter();
     let displaced = spans
-        .map(|measured| Ok(measured?.displaced(&step, common, &direction, 0.0)))
+        .map(|measured| {
+            let drift = |drift: &Drift| drift.by_tone.dot(&direction).abs();
+            Ok(measured?.displaced(&step, common, drift))
+        })
         .collect();
     (displaced, estimate)
 }
@@ -48,10 +51,9 @@ pub(super) fn shifted(
     measured: Vec<Result<Measured, NoEdge>>,
     shift_std: f64,
 ) -> Vec<Result<SpanEdges, NoEdge>> {
-    let none = Vector2::zeros();
     let spans = measured.into_iter();
     spans
-        .map(|measured| Ok(measured?.displaced(&none, 0.0, &none, shift_std)))
+        .map(|measured| Ok(measured?.displaced(&Vector2::zeros(), 0.0, |_| shift_std)))
         .collect()
 }
 
@@ -96,11 +98,13 @@ impl Measured {
         }
     }
 
+    /// Of a side that does not tell the tone, only the normals.
     fn drifts(&self) -> Vec<Drift> {
-        let Some(share) = &self.share else {
-            return Vec::new();
-        };
-        let by_tone = share.drift();
+        let by_tone = self
+            .share
+            .as_ref()
+            .map(ToneShare::drift)
+            .unwrap_or_default();
         let tone_drift = |point: &Vector2<f64>| {
             let (s, _) = self.side.curve.local(*point);
             let powers = SVector::<f64, COEFFICIENTS>::from_fn(|k, _| s.powi(k as i32));
@@ -115,22 +119,20 @@ impl Measured {
         self.edges.points.iter().map(tone_drift).collect()
     }
 
+    /// The samples, moved by a step of the tone curve and a common shift towards the dark, and how
+    /// far what is left unknown displaces each.
     fn displaced(
         mut self,
         step: &Vector2<f64>,
         common: f64,
-        direction: &Vector2<f64>,
-        shift_std: f64,
+        unknown: impl Fn(&Drift) -> f64,
     ) -> SpanEdges {
         let to_dark = self.to_dark();
         let drifts = self.drifts();
         for (point, tone_drift) in self.edges.points.iter_mut().zip(&drifts) {
             *point += tone_drift.normal * (tone_drift.by_tone.dot(step) + common * to_dark);
         }
-        let displacements = drifts.iter().map(|d| {
-            let by_tone = d.by_tone.dot(direction);
-            d.normal * by_tone.hypot(shift_std) * to_dark
-        });
+        let displacements = drifts.iter().map(|d| d.normal * unknown(d) * to_dark);
         self.edges.tone_drift = displacements.collect();
         self.edges
     }

@@ -13,10 +13,13 @@ mod blur_shape;
 mod coarse;
 mod curve;
 mod displacement;
+mod faults;
 mod flip;
 mod grid_crossings;
 mod grid_line;
 mod measured;
+mod motion;
+mod parts;
 mod patches;
 mod pixel_noise;
 mod plateaus;
@@ -24,49 +27,39 @@ mod preview;
 mod profile;
 mod side;
 mod span;
+mod surroundings;
 mod tone_fit;
 
 use crate::image::{GreyReader, Picture, SRGB, Tone, USUAL};
-use band::{Band, Pixel, SearchLimit};
+use band::{Band, Pixel};
 use blur::BlurShape;
 use coarse::CoarseEdge;
+pub use faults::PictureFaults;
 use grid_crossings::GridCrossings;
 use measured::Measured;
+pub use motion::MotionBlur;
+pub use parts::{ColourDisplacements, PartDisplacement};
 use preview::Preview;
 use side::{BLUR_RANGE, LAST_STEP, Side};
 pub use span::{EdgeSpan, NoEdge, SpanEdges};
+use surroundings::{FAR_RATIO, far_margin, inner_end, limits, margin, near};
 pub use tone_fit::ToneEstimate;
 use tone_fit::ToneShare;
 
-/// How far from the curve pixels hold an edge: so many blurs, and at least so many pixels.
-const NEAR_BLURS: f64 = 3.5;
-const MIN_NEAR: f64 = 3.0;
-/// How far the plateaus beside it are read, at most: so many times further, but only a share of the
-/// length, because small targets stand close together.
-const FAR_RATIO: f64 = 2.5;
-const FAR_SHARE: f64 = 0.25;
-/// Of the distance between neighbouring grid lines a line has this much to either side.
-const SPACING_SHARE: f64 = 0.5;
 /// An edge with a smaller margin, in blurs, is not measured: at twice that distance the next thing
 /// takes or adds 2 % of what the edge rises by where it is steepest.
 const LEAST_MARGIN_BLURS: f64 = 1.5;
-/// Before the neighbours are known, pixels this near to the path's ends are left out, in pixels or
-/// as a share of the length, whichever is less.
-const END_MARGIN: f64 = 6.0;
-const END_MARGIN_SHARE: f64 = 0.2;
-/// Once they are known, the band runs this far beyond the path's ends, to meet them.
-const EXTENSION: f64 = 6.0;
-/// Distance from a neighbour's curve, in its blurs, from which pixels are used. Measured on the
-/// corner of a square: the last patch is then off by 0.05 of its standard deviation at a noise of
-/// 2 in 255; at 2 blurs it is 0.2, and at 3 the side loses half a blur more at each end.
-const BOUND_CLEARANCE: f64 = 2.5;
-/// The first fit, which only finds curve and blur, uses about this many columns of pixels.
+/// The first fit, which only finds curve and blur, uses about this many columns of pixels, one in
+/// an odd number: of a steep side they are rows, even and odd ones.
 const PREVIEW_COLUMNS: f64 = 50.0;
 /// It is made twice: roughly, on the pixels that the coarse edge points to, until a step is below
 /// this many pixels; then on those that the result points to.
 const LAST_ROUGH_STEP: f64 = 0.1;
 const PREVIEW_STEPS: usize = 12;
 const FINAL_STEPS: usize = 6;
+/// How far all edges of a picture in two levels may lie off (px, standard deviation): a threshold
+/// halfway between dark and light as they are coded moves an edge by half of its blur.
+const TWO_LEVEL_SHIFT_STD: f64 = 0.3;
 /// Contrast over noise below which a step of this length, pixels, or less cannot be told from
 /// texture. It is the whole side that shows a step: a longer one may have less, by the root of its
 /// length.
@@ -77,6 +70,9 @@ const MIN_PIXELS: usize = 30;
 /// Fewer samples do not make a line.
 const MIN_SAMPLES: usize = 2;
 
+/// The samples of all spans, what their profiles tell of the tone curve, and of the picture's faults.
+pub type Localised = (Vec<Result<SpanEdges, NoEdge>>, ToneEstimate, PictureFaults);
+
 /// Measures the edges along coarsely known spans.
 ///
 /// Gives, for every span in order, its samples or why there are none; and what their profiles tell
@@ -86,17 +82,14 @@ const MIN_SAMPLES: usize = 2;
 /// # Errors
 /// Each element may be a [`NoEdge`].
 #[must_use]
-pub fn localise(
-    picture: &Picture,
-    spans: &[EdgeSpan],
-    tone: Tone,
-) -> (Vec<Result<SpanEdges, NoEdge>>, ToneEstimate) {
+pub fn localise(picture: &Picture, spans: &[EdgeSpan], tone: Tone) -> Localised {
     let mut localiser = Localiser::new(picture, tone);
     let mut previews = localiser.previews(spans);
     let measured = localiser.measure_all(spans, &previews);
+    let faults = PictureFaults::of(&localiser.reader, &previews);
     let estimate = tone_fit::estimate_tone(tone.power(), &mut previews);
     let edges = measured.into_iter().map(|measured| Ok(measured?.edges));
-    (edges.collect(), estimate)
+    (edges.collect(), estimate, faults)
 }
 
 /// Measures the edges along coarsely known spans of a picture whose tone curve is not known.
@@ -107,35 +100,47 @@ pub fn localise(
 ///
 /// Where the profiles fit no curve (JPEG, sharpening, clipped white) they tell none: the picture is
 /// taken as sRGB, as most are, and one common shift of its edges is left open. Over 20 rendered
-/// scenes each, error over standard deviation was then 0.7 to 1.3 (1.9 where a third of the scale
-/// is clipped), 1.1 to 2.2 about the misled estimate.
+/// scenes each, error over standard deviation was then 0.9 to 1.4, 1.1 to 2.2 about the misled
+/// estimate.
 #[must_use]
-pub fn localise_with_unknown_tone(
-    picture: &Picture,
-    spans: &[EdgeSpan],
-) -> (Vec<Result<SpanEdges, NoEdge>>, ToneEstimate) {
+pub fn localise_with_unknown_tone(picture: &Picture, spans: &[EdgeSpan]) -> Localised {
     let mut localiser = Localiser::new(picture, Tone::Power(USUAL));
     let mut previews = localiser.previews(spans);
-    let first = tone_fit::estimate_tone(USUAL, &mut previews).curve;
-    let measured = Localiser::new(picture, Tone::Power(first)).measure_all(spans, &previews);
-    let (edges, estimate) = displacement::corrected(first, measured);
-    let Some(shift_std) = estimate.shift_std else {
-        return (edges, estimate);
-    };
+    let faults = PictureFaults::of(&localiser.reader, &previews);
+    let mut first = tone_fit::estimate_tone(USUAL, &mut previews);
+    if picture.has_two_levels() {
+        first.shift_std = Some(TWO_LEVEL_SHIFT_STD);
+    } else {
+        first.shift_std = first.shift_std.map(|std| std.max(faults.common_error));
+    }
+    if first.shift_std.is_none() {
+        let mut localiser = Localiser::new(picture, Tone::Power(first.curve));
+        localiser.tells_tone = true;
+        let measured = localiser.measure_all(spans, &previews);
+        let (edges, estimate) = displacement::corrected(first.curve, measured);
+        if estimate.shift_std.is_none() {
+            return (edges, estimate, faults);
+        }
+        // All pixels show a misfit that some did not.
+        first = estimate;
+    }
     let mut localiser = Localiser::new(picture, Tone::Power(SRGB));
     let previews = localiser.previews(spans);
     let measured = localiser.measure_all(spans, &previews);
+    let shift_std = first.shift_std.unwrap_or_default();
     let estimate = ToneEstimate {
         curve: SRGB,
-        ..estimate
+        ..first
     };
-    (displacement::shifted(measured, shift_std), estimate)
+    (displacement::shifted(measured, shift_std), estimate, faults)
 }
 
 /// What all spans share: the picture's reader, and buffers.
 struct Localiser<'a> {
     reader: GreyReader<'a>,
     tone: Tone,
+    /// Whether the sides are asked for the tone curve.
+    tells_tone: bool,
     /// No noise is taken to be below this.
     noise_floor: f64,
     pixels: Vec<Pixel>,
@@ -149,6 +154,7 @@ impl<'a> Localiser<'a> {
         Self {
             reader: picture.reader(tone),
             tone,
+            tells_tone: false,
             noise_floor: picture.rounding_noise(),
             pixels: Vec::new(),
             wide: Vec::new(),
@@ -189,7 +195,7 @@ impl<'a> Localiser<'a> {
             limits: Vec::new(),
             hidden: &coarse.hidden,
             crossings,
-            stride: (length / PREVIEW_COLUMNS) as usize + 1,
+            stride: 2 * (0.5 * length / PREVIEW_COLUMNS) as usize + 1,
         };
         let narrow = near(&side);
         let curve = side.curve.clone();
@@ -315,9 +321,9 @@ impl<'a> Localiser<'a> {
             return Err(NoEdge::Unmeasurable);
         }
         let [before, after] = side.plateaus().map(|light| self.tone.encode(light));
-        let share = match self.tone {
-            Tone::Power(_) => ToneShare::of(&side, self.reader.curve(), &self.pixels, noise),
-            _ => None,
+        let share = match self.tells_tone {
+            true => ToneShare::of(&side, self.reader.curve(), &self.pixels, noise),
+            false => None,
         };
         let edges = SpanEdges {
             points: samples.points,
@@ -379,62 +385,4 @@ impl<'a> Localiser<'a> {
             Err(NoEdge::Unmeasurable)
         }
     }
-}
-
-/// How far from a side's curve its edge is felt, pixels.
-fn near(side: &Side) -> f64 {
-    MIN_NEAR.max(NEAR_BLURS * side.blur)
-}
-
-/// How far to either side of an edge its surroundings are its own, pixels.
-fn margin(spans: &[EdgeSpan], index: usize, side: &Side) -> [f64; 2] {
-    let span = &spans[index];
-    if span.crossings.is_empty() {
-        return span.margin;
-    }
-    let spacing = grid_crossings::spacing(spans, index, side.curve.along);
-    span.margin
-        .map(|margin| margin.min(SPACING_SHARE * spacing))
-}
-
-/// The same for plateaus, where nothing crosses the edge and its length has to tell what is not
-/// known.
-fn far_margin(side: &Side, is_crossed: bool) -> f64 {
-    match is_crossed {
-        true => f64::INFINITY,
-        false => FAR_SHARE * side.curve.length(),
-    }
-}
-
-/// The end, along the chord, of what surely is edge while the corners are not known.
-fn inner_end(side: &Side) -> f64 {
-    side.curve.half_length - END_MARGIN.min(END_MARGIN_SHARE * side.curve.length())
-}
-
-/// How far along its chord a span's pixels are used, and the neighbours they keep clear of.
-fn limits<'a>(
-    span: &EdgeSpan,
-    side: &Side,
-    previews: &'a [Result<Preview, NoEdge>],
-) -> ([f64; 2], Vec<SearchLimit<'a>>) {
-    let middle = side.curve.point(0.0, 0.0);
-    let mut ends = [-inner_end(side), inner_end(side)];
-    let mut limits = Vec::with_capacity(2);
-    for (end, bound) in ends.iter_mut().zip(span.bounds) {
-        if let Some(Ok(neighbour)) = bound.and_then(|bound| previews.get(bound)) {
-            let Side { curve, blur, .. } = &neighbour.side;
-            let (distance, clearance) = (curve.signed_distance(middle), BOUND_CLEARANCE * blur);
-            // A neighbour that runs along this span, or is it, bounds nothing.
-            if distance.abs() > clearance {
-                let side_of_curve = distance.signum();
-                *end = (side.curve.half_length + EXTENSION).copysign(*end);
-                limits.push(SearchLimit {
-                    curve,
-                    side: side_of_curve,
-                    clearance,
-                });
-            }
-        }
-    }
-    (ends, limits)
 }

@@ -128,7 +128,7 @@ impl Patches {
             patch.information += weighted * p.by_offset;
             patch.right += weighted * p.residual;
             patch.moment += weighted * p.by_offset * pixel.foot;
-            if p.blurs.abs() < EDGE_BLURS {
+            if p.blurs.abs() < EDGE_BLURS && !p.is_silent {
                 patch.squares += square.min(CHI_CAP) * noise * noise;
                 patch.edge_pixels += 1.0;
                 tell(p.residual);

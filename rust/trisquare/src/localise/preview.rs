@@ -11,6 +11,6 @@ pub(super) struct Preview {
     pub reach: [f64; 2],
     /// Ranges along the side where something else lies over it.
     pub hidden: Vec<[f64; 2]>,
-    /// The pixels within reach, if the tone curve is to be estimated from them.
+    /// The pixels within reach, which tell the tone curve and the picture's faults.
     pub pixels: Vec<Pixel>,
 }

@@ -65,6 +65,9 @@ pub(super) struct Side {
 pub(super) struct Prediction {
     /// Observed less modelled.
     pub residual: f64,
+    /// Whether the pixel is clipped and the model lies beyond it: it tells nothing, and residual and
+    /// derivatives are zero.
+    pub is_silent: bool,
     /// Distance from the curve in blurs.
     pub blurs: f64,
     /// With respect to the curve's `y`.
@@ -88,6 +91,17 @@ impl Side {
         (pixel.y - self.curve.height(pixel.s)) * pixel.cosine
     }
 
+    /// The part of the step that a pixel sees, and by what it falls as the edge is moved along its
+    /// normal, per pixel.
+    pub fn step_at(&self, pixel: &Pixel) -> (f64, f64) {
+        let inverse_blur = (1.0 - self.blur_slope * pixel.s) / self.blur;
+        let (step, density) = self
+            .shape
+            .step_and_density(self.distance(pixel) * inverse_blur);
+        let density = pixel.flip.slope * density * inverse_blur;
+        (pixel.flipped(step), density)
+    }
+
     /// Predicts one pixel, the curve being moved by `offset` along its normal.
     #[inline(always)]
     pub fn predict(&self, tone: &ToneCurve, pixel: &Pixel, offset: f64) -> Prediction {
@@ -98,11 +112,17 @@ impl Side {
         let (step, density) = (pixel.flipped(step), pixel.flip.slope * density);
         let contrast = self.contrast[0] + self.contrast[1] * pixel.s;
         let light = self.base[0] + self.base[1] * pixel.s + contrast * step;
-        let (value, gain) = tone.encode_with_slope(light);
+        let (value, mut gain) = tone.encode_with_slope(light);
+        let mut residual = pixel.value - value;
+        let is_silent = pixel.is_clipped && residual <= 0.0;
+        if is_silent {
+            (residual, gain) = (0.0, 0.0);
+        }
         let by_blurs = gain * contrast * density;
         let by_distance = by_blurs * inverse_blur_here;
         Prediction {
-            residual: pixel.value - value,
+            residual,
+            is_silent,
             blurs,
             by_height: -by_distance * pixel.cosine,
             by_base: gain,
@@ -210,7 +230,10 @@ impl Side {
         let limit = EDGE_BLURS * self.blur;
         for pixel in pixels {
             if self.distance(pixel).abs() < limit {
-                residuals.push(self.predict(tone, pixel, 0.0).residual);
+                let p = self.predict(tone, pixel, 0.0);
+                if !p.is_silent {
+                    residuals.push(p.residual);
+                }
             }
         }
         pixel_noise::scale(residuals, self.edge_parameters(), floor)
@@ -314,4 +337,63 @@ fn solve(equations: &Equations, degree: usize, damping: f64) -> Option<Gradient>
     }
     let step = normal.cholesky()?.solve(&right);
     step.iter().all(|value| value.is_finite()).then_some(step)
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector2;
+
+    use super::super::flip::Flip;
+    use super::*;
+    use crate::image::Tone;
+
+    /// Pixels across a step from 0.1 to 1.5 whose edge lies at 0.3, clipped at 1.
+    fn clipped_pixels(truth: &Side, tone: &ToneCurve) -> Vec<Pixel> {
+        let places = (0..40).flat_map(|i| (-6..=6).map(move |j| (i, f64::from(j))));
+        let pixels = places.map(|(i, y)| {
+            let s = (f64::from(i) - 19.5) / 20.0;
+            let mut pixel = Pixel {
+                s,
+                y: y + 0.37 * s,
+                foot: s,
+                cosine: 1.0,
+                value: 0.0,
+                count: 1.0,
+                flip: Flip::NONE,
+                is_clipped: false,
+            };
+            let value = -truth.predict(tone, &pixel, 0.0).residual;
+            pixel.value = value.min(1.0);
+            pixel.is_clipped = value > 1.0;
+            pixel
+        });
+        pixels.collect()
+    }
+
+    #[test]
+    fn clipped_pixels_only_bound_the_light() {
+        let tone = Tone::Srgb.curve();
+        let mut curve = Curve::chord(Vector2::zeros(), Vector2::new(40.0, 0.0)).unwrap();
+        curve.coefficients[0] = 0.3;
+        let truth = Side {
+            curve,
+            base: [0.1, 0.0],
+            contrast: [1.4, 0.0],
+            blur: 0.9,
+            shape: BlurShape::NORMAL,
+            blur_slope: 0.0,
+        };
+        let pixels = clipped_pixels(&truth, &tone);
+        assert!(pixels.iter().any(|pixel| pixel.is_clipped));
+        let mut side = truth.clone();
+        side.curve.coefficients[0] = 0.0;
+        (side.contrast[0], side.blur) = (0.9, 0.7);
+        side.fit(&tone, &pixels, 1e-3, (40, 1e-6));
+        assert!((side.curve.coefficients[0] - 0.3).abs() < 1e-4);
+        assert!((side.contrast[0] - 1.4).abs() < 1e-3);
+        // Of a pixel far on the light side nothing more is told.
+        let last = pixels.last().unwrap();
+        let p = side.predict(&tone, last, 0.0);
+        assert!(p.is_silent && p.residual == 0.0 && p.by_offset == 0.0 && p.by_base == 0.0);
+    }
 }

@@ -147,6 +147,9 @@ impl ToneShare {
             }
             current = bin;
             let p = side.predict(tone, pixel, 0.0);
+            if p.is_silent {
+                continue;
+            }
             let [by_gamma, by_toe] = tone.sensitivity(side.light(pixel));
             // Edgeworth: the kurtosis adds to Phi(z) a multiple of (z^3 - 3 z) phi(z).
             let by_kurtosis = p.by_offset * side.blur * p.blurs * (p.blurs * p.blurs - 3.0);

@@ -20,6 +20,8 @@ pub(crate) struct Misfit {
     pub curved: f64,
     pub straight_freedom: f64,
     pub curved_freedom: f64,
+    /// What errors of the sides that were known beforehand add to `straight` by its freedom.
+    pub expected: f64,
 }
 
 impl Misfit {
@@ -29,6 +31,7 @@ impl Misfit {
         curved: 0.0,
         straight_freedom: 1.0,
         curved_freedom: 1.0,
+        expected: 0.0,
     };
 
     /// Of one side, in units of the noise.
@@ -52,6 +55,7 @@ impl Misfit {
             curved: (power(orders) * to_noise - straight).max(0.0),
             straight_freedom: STRAIGHT.min(orders) as f64,
             curved_freedom: orders.saturating_sub(STRAIGHT) as f64,
+            expected: 0.0,
         }
     }
 
@@ -72,6 +76,7 @@ impl Misfit {
         noise: &Noise,
     ) -> Self {
         let mut all = Self::default();
+        let mut observed = 0.0;
         for (p, (plane, state)) in planes.iter().zip(&view.planes).enumerate() {
             if plane.is_outlier() {
                 continue;
@@ -79,10 +84,17 @@ impl Misfit {
             for (s, side) in plane.sides().enumerate() {
                 if !side.is_outlier {
                     all.add(&Self::of_side(noise, p, s));
+                    let information = noise.sides[p][s].plain.gram[(0, 0)];
+                    let to_noise = (noise.summed_at / noise.scale).powi(2);
+                    all.expected += plane.side_error.powi(2) * information * to_noise;
                 }
             }
+            observed +=
+                STRAIGHT as f64 * plane.sides().filter(|side| !side.is_outlier).count() as f64;
             all.straight_freedom -= state.parameter_count() as f64;
         }
+        // The parameters take as large a part of these errors as of any others.
+        all.expected /= observed.max(1.0);
         // Focal lengths and principal point move lines; what is left of the camera curves them.
         let pinhole = ["fx", "fy", "cx", "cy"];
         let moving = pinhole.iter().filter(|name| free.position(name).is_some());
@@ -116,7 +128,7 @@ impl Misfit {
     /// may be chance.
     pub fn between_plane_variance_ratio(&self) -> f64 {
         let bent = (self.curved / self.curved_freedom).max(1.0);
-        let ratio = self.straight / self.straight_freedom / bent;
+        let ratio = self.straight / self.straight_freedom / (bent + self.expected);
         if ratio > CONTRADICTION { ratio } else { 1.0 }
     }
 }

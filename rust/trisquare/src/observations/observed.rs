@@ -59,6 +59,8 @@ pub(crate) struct ObservedPlane {
     pub figures: Vec<Figure>,
     /// Out-of-plane shape of a board that is not flat; it has been removed from the samples.
     pub board_relief: Option<BoardRelief>,
+    /// Standard deviation (px) of an error that the samples of a side share, known beforehand.
+    pub side_error: f64,
 }
 
 impl Figure {
@@ -166,7 +168,11 @@ pub(crate) fn sort_by_plane(edges: &[PlaneEdges]) -> Result<Vec<ObservedPlane>, 
                     "figure {index} shares a plane with a figure of another picture"
                 )));
             }
-            Some(place) => planes[place].figures.push(figure),
+            Some(place) => {
+                let plane = &mut planes[place];
+                plane.figures.push(figure);
+                plane.side_error = plane.side_error.max(figure_edges.side_error);
+            }
             None => {
                 if let Some(key) = figure_edges.plane {
                     known.insert(key, planes.len());
@@ -175,6 +181,7 @@ pub(crate) fn sort_by_plane(edges: &[PlaneEdges]) -> Result<Vec<ObservedPlane>, 
                     image: figure_edges.image,
                     figures: vec![figure],
                     board_relief: None,
+                    side_error: figure_edges.side_error,
                 });
             }
         }

@@ -58,6 +58,10 @@ pub struct PlaneEdges {
     /// Width of the plain border within a square's outline, in the lines' units: further inside is
     /// something else, as the bits of a tag. Absent if nothing is known of it.
     pub border: Option<f64>,
+    /// Standard deviation (px) of an error that all samples of a side share, known beforehand: what
+    /// a fault of the picture leaves. It enters the covariance only.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub side_error: f64,
 }
 
 impl PlaneEdges {
@@ -93,6 +97,7 @@ impl PlaneEdges {
             freedom: Freedom::Auto,
             tone_drift: None,
             border: None,
+            side_error: 0.0,
         }
     }
 
@@ -124,6 +129,11 @@ impl PlaneEdges {
             check_samples(figure, line, points)?;
         }
         self.check_drift(figure)?;
+        if !(self.side_error >= 0.0 && self.side_error.is_finite()) {
+            return Err(Error::InvalidArgument(format!(
+                "the side error of figure {figure} must be finite and not negative"
+            )));
+        }
         let Some(std) = &self.std else { return Ok(()) };
         let fits = std.len() == self.points.len()
             && std

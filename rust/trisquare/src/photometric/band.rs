@@ -66,6 +66,8 @@ pub(crate) struct BandPixel {
     pub place: Vector2<f64>,
     /// Coded grey, 1 being white.
     pub value: f64,
+    /// Whether the value only bounds the light from below.
+    pub is_clipped: bool,
     /// The sides that may blur it, one bit each.
     pub near: u8,
     /// Distance to the outline as first seen, px, positive inside; good to half a pixel.
@@ -290,6 +292,7 @@ impl Outline {
             Some(BandPixel {
                 place,
                 value: reader.get(x, y)?,
+                is_clipped: reader.is_clipped(x, y),
                 near: mark.near,
                 depth,
                 stretch: stretches[nearest],

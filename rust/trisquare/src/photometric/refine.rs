@@ -27,6 +27,10 @@ const EXPOSURE_STRIDE: u32 = 12;
 /// One in so many tells whether something lies over a stretch of a side.
 const JUDGED_STRIDE: u32 = 8;
 
+/// Things that lie over sides hide less than this part of all of them; with more it is the sides
+/// that are elsewhere than the model, and what is left of them would mislead it.
+const MOST_HIDDEN: f64 = 0.1;
+
 /// Gauss-Newton steps allowed to the joint fit.
 const MAX_STEPS: usize = 8;
 
@@ -107,6 +111,12 @@ fn attempt<L: Lens>(
         Some(start) => start,
         None => begin(Width::Wide)?.ok_or(BROKEN)?,
     };
+    let hidden: f64 = start.hidden.iter().map(|part| part.part).sum();
+    if hidden > MOST_HIDDEN * 4.0 * start.figures.len() as f64 {
+        return Err(Refusal::Reason(
+            "many stretches of many sides lie off their lines (is the paper bent?)",
+        ));
+    }
     fit.figures = &start.figures;
     fit.scales = start.scales;
     let (state, found) = converge(&fit, start.state).ok_or(BROKEN)?;

@@ -38,7 +38,11 @@ pub(super) struct Scene<'a, L> {
 
 /// The model at one pixel.
 pub(super) struct Shade {
+    /// Modelled less observed.
     pub residual: f64,
+    /// Whether the pixel is clipped and the model lies beyond it: it tells nothing, and residual and
+    /// derivatives are zero.
+    is_silent: bool,
     /// Derivative of the coded value by light.
     slope: f64,
     /// Light that falls on the pixel, and the part of it that comes back.
@@ -117,7 +121,7 @@ impl<'a, L: Lens> Scene<'a, L> {
     #[inline(always)] // of its result a caller needs but a part, and at once
     pub fn shade(&self, pixel: &BandPixel, distances: Option<&[f64; 4]>) -> Shade {
         let mut z = [0.0; 4];
-        let covered = match distances {
+        let mut covered = match distances {
             None => coverage::plateau(pixel.depth > 0.0),
             Some(distances) => {
                 z = distances.map(|d| d * self.per_blur);
@@ -127,9 +131,15 @@ impl<'a, L: Lens> Scene<'a, L> {
         let place = self.shading_place(pixel);
         let light = self.exposure.light(&place);
         let reflected = self.exposure.ground + self.exposure.contrast * covered.value;
-        let (value, slope) = self.curve.encode_with_slope(light * reflected);
+        let (value, mut slope) = self.curve.encode_with_slope(light * reflected);
+        let mut residual = value - pixel.value;
+        let is_silent = pixel.is_clipped && residual >= 0.0;
+        if is_silent {
+            (residual, slope, covered.cut_count) = (0.0, 0.0, 0);
+        }
         Shade {
-            residual: value - pixel.value,
+            residual,
+            is_silent,
             slope,
             light,
             reflected,
@@ -153,7 +163,7 @@ impl<'a, L: Lens> Scene<'a, L> {
     /// Derivatives by the parameters that the picture's pixels share.
     pub fn wrt_picture(&self, shade: &Shade) -> [f64; PICTURE_PARAMETERS] {
         let mut all = [0.0; PICTURE_PARAMETERS];
-        if self.picture.has_free_curve() {
+        if self.picture.has_free_curve() && !shade.is_silent {
             let at_pixel = self.curve.sensitivity(shade.light * shade.reflected);
             for (i, [ground, contrast]) in self.translation.iter().enumerate() {
                 let reflected = ground + contrast * shade.coverage.value;

@@ -121,8 +121,9 @@ pub(crate) fn correlated_covariance<L: Lens>(
     };
     let total_beyond = |floor: f64| {
         let mut total = generalised.clone().unwrap_or_else(|| independent.clone());
-        for (unit, variance) in units.iter().zip(&strength.mean) {
-            total += unit * (*variance - variance_of(floor)).max(0.0);
+        for ((unit, variance), plane) in units.iter().zip(&strength.mean).zip(planes) {
+            let known = variance_of(plane.side_error);
+            total += unit * (*variance - variance_of(floor)).max(known);
         }
         total * between_plane_variance_ratio
     };

@@ -1,0 +1,169 @@
+"""Faults of pictures that their edges' profiles show: what is done about them, and said."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+import trisquare._core as _core
+from trisquare.images.tone import PictureTone
+
+CERTAIN = 6.0
+"""Standard deviations from which a displacement is not chance."""
+
+LEAST_ROW_SHIFT = 0.1
+"""Pixels by which odd rows are displaced that matter."""
+
+LEAST_COLOUR_SHIFT, TOLD_COLOUR_SHIFT = 0.1, 0.4
+"""Pixels by which a colour is displaced in the picture's corners, from which green alone is
+measured, and from which that is told: most lenses have some of it."""
+
+LEAST_GREEN = 0.5
+"""Contrast in green, in parts of the greatest, below which green is not measured alone."""
+
+TOLD_MOTION = 3.0
+"""Length of a motion in pixels from which it is told."""
+
+CLIPPED = 0.1
+"""Share of the sides whose light is clipped from which that is told."""
+
+
+@dataclass(frozen=True, slots=True)
+class PictureFaults:
+    """The faults of one picture.
+
+    Attributes
+    ----------
+    row_shift : (float, float) or None
+        How far odd rows are displaced against the even ones, which alone are then measured.
+    colour_shift : (float, float) or None
+        How far blue and red are displaced outward in the corners, pixels; then green alone is
+        measured, unless the targets hardly show in it.
+    is_green : bool
+        Whether that was done.
+    clipped : float
+        Share of the sides whose light is clipped.
+    has_two_levels : bool
+        Whether all pixels are black or white.
+    motion : (float, float) or None
+        Length of the camera's motion, pixels, and its direction, degrees.
+    side_error : float
+        One standard deviation of what they leave unknown of each side's place, pixels.
+    """
+
+    row_shift: tuple[float, float] | None = None
+    colour_shift: tuple[float, float] | None = None
+    is_green: bool = False
+    clipped: float = 0.0
+    has_two_levels: bool = False
+    motion: tuple[float, float] | None = None
+    side_error: float = 0.0
+
+    @classmethod
+    def of(cls, found: _core.PictureFaults, size: tuple[int, int]) -> PictureFaults:
+        """Judge what the edges of a picture of this size have shown."""
+        row_shift = colour_shift = None
+        is_green = False
+        # Staircases may differ from row to row.
+        if found.rows is not None and not found.has_two_levels:
+            x, y, deviations = found.rows
+            if deviations > CERTAIN and np.hypot(x, y) > LEAST_ROW_SHIFT:
+                row_shift = (x, y)
+        if found.colours is not None:
+            blue, red, blue_std, red_std, green = found.colours
+            corner = 0.5 * float(np.hypot(size[0], size[1]))
+            surely = max(abs(blue) / blue_std, abs(red) / red_std) > CERTAIN
+            if surely and corner * max(abs(blue), abs(red)) > LEAST_COLOUR_SHIFT:
+                colour_shift = (corner * blue, corner * red)
+                is_green = green > LEAST_GREEN
+        return cls(
+            row_shift,
+            colour_shift,
+            is_green,
+            found.clipped,
+            found.has_two_levels,
+            found.motion,
+            found.side_error,
+        )
+
+    def mended(self, picture: _core.Picture) -> _core.Picture | None:
+        """Return what is to be measured in place of a picture; None for the picture itself."""
+        mended = picture
+        if self.row_shift is not None:
+            mended = mended.of_even_rows()
+        if self.is_green:
+            mended = mended.of_green() or mended
+        return None if mended is picture else mended
+
+    @property
+    def is_shifted(self) -> bool:
+        """Whether they explain that the profiles fit no tone curve."""
+        return self.clipped > CLIPPED or self.has_two_levels
+
+
+def fault_warnings(
+    faults: Mapping[int, PictureFaults], tones: Mapping[int, PictureTone]
+) -> list[tuple[str, str, str]]:
+    """Return text, code and severity of what is wrong with the pictures, by index."""
+    texts: dict[str, list[str]] = {}
+    for image, own in faults.items():
+        for code, text in _texts(own, tones[image]).items():
+            texts.setdefault(code, []).append(f"picture {image}: {text}")
+    mixed = any(own.colour_shift is not None and not own.is_green for own in faults.values())
+    return [
+        (
+            f"{_ADVICE[code]} ({'; '.join(each)})",
+            code,
+            "medium" if mixed and code == "chromatic_aberration" else "low",
+        )
+        for code, each in texts.items()
+    ]
+
+
+_ADVICE = {
+    "interlaced": (
+        "the odd rows show another moment or place than the even ones, which alone are measured: "
+        "the camera is that of the even rows; photograph without interlacing"
+    ),
+    "chromatic_aberration": (
+        "the lens magnifies the colours differently: the camera is that of green light"
+    ),
+    "overexposed": (
+        "the light beside the edges is clipped at white, which moves them: clipped pixels are "
+        "taken as bounds, and standard deviations grew by what they leave unknown; expose less"
+    ),
+    "thresholded": (
+        "the picture is black and white only, which makes the edges staircases and moves all of "
+        "them toward dark or light: one common shift is estimated; scan in grey levels"
+    ),
+    "motion_blurred": (
+        "the camera or the targets moved while the shutter was open, which blurs the edges by "
+        "direction: standard deviations grew by what the shape of the blur leaves unknown; expose "
+        "for a shorter time"
+    ),
+}
+
+
+def _texts(own: PictureFaults, tone: PictureTone) -> dict[str, str]:
+    texts = {}
+    if own.row_shift is not None:
+        x, y = own.row_shift
+        texts["interlaced"] = f"displaced by ({x:+.2f}, {y:+.2f}) px"
+    if own.colour_shift is not None and max(map(abs, own.colour_shift)) > TOLD_COLOUR_SHIFT:
+        blue, red = own.colour_shift
+        hardly = "" if own.is_green else ", but the targets hardly show in green: all are measured"
+        texts["chromatic_aberration"] = (
+            f"in the corners blue lies {blue:+.2f} px and red {red:+.2f} px outward{hardly}"
+        )
+    if own.motion is not None and own.motion[0] > TOLD_MOTION:
+        texts["motion_blurred"] = (
+            f"by {own.motion[0]:.1f} px at {own.motion[1]:.0f} degrees from the x axis"
+        )
+    shift = "" if tone.shift is None else f", shift {tone.shift[0]:+.2f} +- {tone.shift[1]:.2f} px"
+    if own.has_two_levels:
+        texts["thresholded"] = "all pixels" + shift
+    elif own.clipped > CLIPPED:
+        texts["overexposed"] = f"{100.0 * own.clipped:.0f} % of the sides{shift}"
+    return texts

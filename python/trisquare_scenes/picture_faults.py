@@ -1,0 +1,189 @@
+"""Pictures of scenes that the camera or a program spoilt on the way, with known truth.
+
+Light is rendered exactly; a fault then acts where it does in a camera: on the light at each colour
+(the lens), on the light at the sensor (exposure, blooming, motion), or on the coded values
+(sharpening, two levels, interlacing, JPEG).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from trisquare.simulate.motion_blur import Motion
+from trisquare.simulate.render import WHITE, decode_tone, encode_tone, quantised, render
+from trisquare.simulate.scene import Array, Scene, Target, TrueCamera
+
+Image: TypeAlias = npt.NDArray[Any]
+OnLight: TypeAlias = Callable[[Array], Array]
+OnCoded: TypeAlias = Callable[[Image], Image]
+
+PAPER = 215.0
+"""Grey level of the light side of an edge, coded as sRGB: what `render` gives a contrast of 175."""
+
+
+@dataclass(frozen=True, slots=True)
+class PictureFault:
+    """What spoils a picture.
+
+    Attributes
+    ----------
+    on_light : sequence of callable
+        What happens to the light, 1 being white, shape (H, W, channels), in order.
+    on_coded : sequence of callable
+        What happens to the coded picture, uint8, in order.
+    colour_scales : (float, float, float), optional
+        By what factor the lens magnifies blue, green and red about the centre; the picture is in
+        colour.
+    second_field : (float, float), optional
+        By how much odd rows are displaced, pixels.
+    jpeg_quality : int, optional
+    """
+
+    on_light: Sequence[OnLight] = ()
+    on_coded: Sequence[OnCoded] = ()
+    colour_scales: tuple[float, float, float] | None = None
+    second_field: tuple[float, float] | None = None
+    jpeg_quality: int | None = None
+
+
+UNDAMAGED = PictureFault()
+
+
+def photograph(
+    scene: Scene, rng: np.random.Generator, fault: PictureFault, *, noise: float, blur: float
+) -> Image:
+    """Render a scene as sRGB with 8 bits, with a fault; noise is in grey levels.
+
+    The camera is that of green light, and of the even rows.
+    """
+    scales = fault.colour_scales
+    channels = [_light(_magnified(scene, scale), blur) for scale in scales or (1.0,)]
+    light = np.concatenate(channels, axis=2)
+    if fault.second_field is not None:
+        moved = _light(_displaced(scene, fault.second_field), blur)
+        light[1::2] = moved[1::2]
+    for act in fault.on_light:
+        light = act(light)
+    coded = encode_tone(light, "srgb") + noise / WHITE * rng.standard_normal(light.shape)
+    picture = quantised(coded, np.dtype(np.uint8), None)
+    for change in fault.on_coded:
+        picture = change(picture)
+    if fault.jpeg_quality is not None:
+        grey_or_bgr = picture.reshape(*picture.shape[:2], -1) / WHITE
+        return quantised(grey_or_bgr, np.dtype(np.uint8), fault.jpeg_quality)
+    return picture
+
+
+def exposed(factor: float) -> OnLight:
+    """Expose so that the light sides would be coded as `factor` times `PAPER`."""
+    gain = decode_tone(np.array([factor * PAPER, PAPER]) / WHITE, "srgb")
+    return lambda light: light * (gain[0] / gain[1])
+
+
+def bloomed(share: float, spread: float) -> OnLight:
+    """Spread a share of the light above white by so many pixels (standard deviation)."""
+
+    def act(light: Array) -> Array:
+        excess = share * np.maximum(light - 1.0, 0.0)
+        around = cv2.GaussianBlur(excess, (0, 0), spread).reshape(light.shape)
+        return np.asarray(np.minimum(light, 1.0) + around)
+
+    return act
+
+
+def moved(length: float, direction: float) -> OnLight:
+    """Move the camera along a line while the shutter is open: pixels, degrees."""
+    return Motion(length, direction).blurred
+
+
+def sharpened(amount: float, radius: float) -> OnCoded:
+    """Sharpen by unsharp masking, as cameras and editors do."""
+
+    def act(picture: Image) -> Image:
+        values = picture.astype(np.float64)
+        values += amount * (values - cv2.GaussianBlur(values, (0, 0), radius))
+        return np.clip(np.rint(values), 0, WHITE).astype(np.uint8)
+
+    return act
+
+
+def thresholded(level: int | None) -> OnCoded:
+    """Leave black and white only; the level is Otsu's (1979) if None."""
+
+    def act(picture: Image) -> Image:
+        method = cv2.THRESH_BINARY | (cv2.THRESH_OTSU if level is None else 0)
+        return np.asarray(cv2.threshold(picture, level or 0, WHITE, method)[1], dtype=np.uint8)
+
+    return act
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReliefTarget(Target):
+    """A square or a frame on paper that is not flat.
+
+    Parameters
+    ----------
+    relief : (float, float, float)
+        Height above the plane by ``x^2``, ``x y`` and ``y^2``, in plane units.
+    """
+
+    relief: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def to_camera(self, plane_points: npt.ArrayLike) -> Array:
+        """Points of the paper in the camera frame, shape (N, 3)."""
+        points = np.asarray(plane_points, dtype=np.float64)
+        x, y = points[:, 0], points[:, 1]
+        height = self.relief[0] * x * x + self.relief[1] * x * y + self.relief[2] * y * y
+        return Target.to_camera(self, points) + height[:, None] * np.asarray(self.rotation)[:, 2]
+
+
+def with_relief(scene: Scene, rng: np.random.Generator, height: float) -> Scene:
+    """Bend the paper of every target, up to `height` of its side between lowest and highest."""
+    targets = []
+    for target in scene.targets:
+        bend = rng.standard_normal(3)
+        grid = np.linspace(-0.5, 0.5, 11)
+        x, y = np.meshgrid(grid, grid)
+        heights = bend[0] * x * x + bend[1] * x * y + bend[2] * y * y
+        scale = height / float(np.ptp(heights))
+        relief = (scale * bend[0], scale * bend[1], scale * bend[2])
+        names = ("rotation", "translation", "kind", "dark", "inner", "printed", "rim")
+        own = {name: getattr(target, name) for name in names}
+        targets.append(ReliefTarget(**own, relief=relief))
+    return replace(scene, targets=tuple(targets))
+
+
+def _light(scene: Scene, blur: float) -> Array:
+    # Float pictures are neither rounded nor clipped, and without noise nothing is drawn.
+    coded = render(
+        scene, np.random.default_rng(0), tone="srgb", noise=0.0, blur=blur, dtype=np.float32
+    )
+    return decode_tone(coded.astype(np.float64)[..., None], "srgb")
+
+
+def _magnified(scene: Scene, scale: float) -> Scene:
+    camera = scene.camera
+    width, height = camera.image_size
+    centre_x, centre_y = 0.5 * (width - 1), 0.5 * (height - 1)
+    return replace(
+        scene,
+        camera=TrueCamera(
+            scale * camera.fx,
+            scale * camera.fy,
+            centre_x + scale * (camera.cx - centre_x),
+            centre_y + scale * (camera.cy - centre_y),
+            camera.distortion,
+            camera.image_size,
+        ),
+    )
+
+
+def _displaced(scene: Scene, by: tuple[float, float]) -> Scene:
+    camera = replace(scene.camera, cx=scene.camera.cx + by[0], cy=scene.camera.cy + by[1])
+    return replace(scene, camera=camera)

@@ -1,0 +1,228 @@
+//! Whether a part of a picture's pixels sees the edges elsewhere than another: the odd rows of an
+//! interlaced picture, or the colours of a lens with lateral chromatic aberration.
+
+use nalgebra::{SMatrix, SVector, Vector2};
+
+use super::band::Pixel;
+use super::preview::Preview;
+use super::side::Side;
+use crate::image::GreyReader;
+
+/// A side's pixels tell base (constant and linear along the side), contrast and offset.
+const TERMS: usize = 4;
+const CONTRAST: usize = 2;
+const OFFSET: usize = 3;
+/// All sides together tell a shift in x and y, a magnification about the picture's middle, and
+/// what the coding shifts towards the dark.
+const DISPLACEMENTS: usize = 4;
+const MAGNIFICATION: usize = 2;
+/// Sides that tell these, at least.
+const MIN_SIDES: usize = 6;
+
+/// How one part of the pixels is displaced against another.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PartDisplacement {
+    /// Pixels, in x and y.
+    pub shift: Vector2<f64>,
+    /// The shift in standard deviations.
+    pub shift_deviations: f64,
+    /// By what the part is larger, about the middle of the picture.
+    pub magnification: f64,
+    /// One standard deviation of that.
+    pub magnification_std: f64,
+}
+
+/// One side's pixels of one part, as sums for what each tells of the step's parameters.
+#[derive(Default)]
+struct PartSums {
+    normal: SMatrix<f64, TERMS, TERMS>,
+    right: SVector<f64, TERMS>,
+    squares: f64,
+    count: f64,
+}
+
+impl PartSums {
+    fn add(&mut self, terms: &SVector<f64, TERMS>, value: f64) {
+        self.normal += terms * terms.transpose();
+        self.right += terms * value;
+        self.squares += value * value;
+        self.count += 1.0;
+    }
+
+    /// The parameters, and the variance of the last, the offset.
+    fn solve(&self) -> Option<(SVector<f64, TERMS>, f64)> {
+        let factor = self.normal.cholesky()?;
+        let solution = factor.solve(&self.right);
+        let freedom = self.count - TERMS as f64;
+        if freedom < 1.0 {
+            return None;
+        }
+        let noise = ((self.squares - solution.dot(&self.right)) / freedom).max(0.0);
+        Some((solution, noise * factor.inverse()[(OFFSET, OFFSET)]))
+    }
+}
+
+/// Where one part of the pixels sees an edge: along its normal, px, with the variance.
+#[derive(Clone, Copy)]
+struct Offset {
+    value: f64,
+    variance: f64,
+}
+
+/// How a side looks to two parts of its pixels.
+struct Seen {
+    normal: Vector2<f64>,
+    /// From the picture's middle.
+    place: Vector2<f64>,
+    /// The second part's offset along the normal less the first's, px, and its variance.
+    offset: f64,
+    variance: f64,
+    to_dark: f64,
+}
+
+/// The odd rows against the even ones; `None` if too few sides tell it.
+pub(super) fn rows<'a>(
+    reader: &GreyReader<'_>,
+    previews: impl Iterator<Item = &'a Preview>,
+) -> Option<PartDisplacement> {
+    displacement(previews.filter_map(|preview| {
+        let side = &preview.side;
+        let mut parts = [PartSums::default(), PartSums::default()];
+        for pixel in single_pixels(preview) {
+            let [_, y] = pixel_place(side, pixel);
+            // What is left of the side's own model, to first order.
+            let p = side.predict(reader.curve(), pixel, 0.0);
+            let terms = [p.by_base, p.by_base * pixel.s, p.by_contrast, p.by_offset];
+            parts[y % 2].add(&SVector::from(terms), p.residual);
+        }
+        let offset = |part: &PartSums| {
+            let (solution, variance) = part.solve()?;
+            let value = solution[OFFSET];
+            Some(Offset { value, variance })
+        };
+        Seen::of(reader, side, offset(&parts[0])?, offset(&parts[1])?)
+    }))
+}
+
+/// Blue and red against green, and the contrast in green in parts of the greatest; `None` for grey,
+/// or if too few sides tell it.
+pub(super) fn colours<'a>(
+    reader: &GreyReader<'_>,
+    previews: impl Iterator<Item = &'a Preview>,
+) -> Option<ColourDisplacements> {
+    if reader.picture().channels() != 3 {
+        return None;
+    }
+    let mut contrasts = [0.0; 3];
+    let mut sides = [Vec::new(), Vec::new()];
+    for preview in previews {
+        let side = &preview.side;
+        let mut parts = [(); 3].map(|()| PartSums::default());
+        for pixel in single_pixels(preview) {
+            let [x, y] = pixel_place(side, pixel);
+            // The colours' light has a base and a contrast each.
+            let (step, density) = side.step_at(pixel);
+            let terms = SVector::from([1.0, pixel.s, step, -density]);
+            for (part, light) in parts.iter_mut().zip(reader.lights(x, y)) {
+                part.add(&terms, light);
+            }
+        }
+        let offsets = [0, 1, 2].map(|colour| {
+            let (solution, variance) = parts[colour].solve()?;
+            let contrast = solution[CONTRAST];
+            contrasts[colour] += contrast.abs();
+            let value = solution[OFFSET] / contrast;
+            let variance = variance / (contrast * contrast);
+            Some(Offset { value, variance })
+        });
+        let [Some(blue), Some(green), Some(red)] = offsets else {
+            continue;
+        };
+        for (sides, offset) in sides.iter_mut().zip([blue, red]) {
+            sides.extend(Seen::of(reader, side, green, offset));
+        }
+    }
+    let [blue, red] = sides.map(|sides| displacement(sides.into_iter()));
+    let greatest = contrasts.iter().copied().fold(0.0, f64::max);
+    Some(ColourDisplacements {
+        blue: blue?,
+        red: red?,
+        green_contrast: contrasts[1] / greatest,
+    })
+}
+
+/// How blue and red are displaced against green.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ColourDisplacements {
+    /// Blue less green.
+    pub blue: PartDisplacement,
+    /// Red less green.
+    pub red: PartDisplacement,
+    /// The edges' contrast in green, in parts of that in the colour where it is greatest.
+    pub green_contrast: f64,
+}
+
+/// The single pixels of a preview that are not clipped.
+fn single_pixels(preview: &Preview) -> impl Iterator<Item = &Pixel> {
+    let pixels = preview.pixels.iter();
+    pixels.filter(|pixel| pixel.count == 1.0 && !pixel.is_clipped)
+}
+
+/// Column and row of a single pixel.
+fn pixel_place(side: &Side, pixel: &Pixel) -> [usize; 2] {
+    let curve = &side.curve;
+    let place = curve.origin + curve.along * (pixel.s * curve.half_length) + curve.across * pixel.y;
+    [place.x.round() as usize, place.y.round() as usize]
+}
+
+impl Seen {
+    fn of(reader: &GreyReader<'_>, side: &Side, first: Offset, second: Offset) -> Option<Self> {
+        let middle = side.curve.point(0.0, 0.0);
+        let picture = reader.picture();
+        let size = Vector2::new(picture.width() as f64, picture.height() as f64);
+        let offset = second.value - first.value;
+        let variance = first.variance + second.variance;
+        (variance > 0.0 && offset.is_finite()).then(|| Self {
+            normal: side.curve.point(0.0, 1.0) - middle,
+            place: middle - 0.5 * (size - Vector2::repeat(1.0)),
+            offset,
+            variance,
+            to_dark: -side.contrast[0].signum(),
+        })
+    }
+}
+
+/// The displacement that explains the offsets of all sides best.
+fn displacement(sides: impl Iterator<Item = Seen>) -> Option<PartDisplacement> {
+    let mut normal = SMatrix::<f64, DISPLACEMENTS, DISPLACEMENTS>::zeros();
+    let mut right = SVector::<f64, DISPLACEMENTS>::zeros();
+    let (mut squares, mut count) = (0.0, 0_u32);
+    for side in sides {
+        let row = SVector::from([
+            side.normal.x,
+            side.normal.y,
+            side.normal.dot(&side.place),
+            side.to_dark,
+        ]);
+        normal += row * row.transpose() / side.variance;
+        right += row * (side.offset / side.variance);
+        squares += side.offset * side.offset / side.variance;
+        count += 1;
+    }
+    if (count as usize) < MIN_SIDES {
+        return None;
+    }
+    let factor = normal.cholesky()?;
+    let solution = factor.solve(&right);
+    let freedom = f64::from(count) - DISPLACEMENTS as f64;
+    let misfit = ((squares - solution.dot(&right)) / freedom).max(1.0);
+    let covariance = factor.inverse() * misfit;
+    let shift = Vector2::new(solution[0], solution[1]);
+    let of_shift = covariance.fixed_view::<2, 2>(0, 0).into_owned();
+    Some(PartDisplacement {
+        shift,
+        shift_deviations: shift.dot(&of_shift.cholesky()?.solve(&shift)).sqrt(),
+        magnification: solution[MAGNIFICATION],
+        magnification_std: covariance[(MAGNIFICATION, MAGNIFICATION)].sqrt(),
+    })
+}

@@ -1,0 +1,116 @@
+"""Pictures that the camera or a program spoilt."""
+
+import numpy as np
+import pytest
+from quick import first_quick
+from scenes import assert_within, errors_in_std, squares
+
+import trisquare as ts
+from trisquare import _core
+from trisquare.images.faults import PictureFaults
+from trisquare_scenes.picture_faults import (
+    UNDAMAGED,
+    PictureFault,
+    bloomed,
+    exposed,
+    moved,
+    photograph,
+    thresholded,
+    with_relief,
+)
+
+SCENE = squares(131)
+FAULTS = {
+    "overexposed": PictureFault(on_light=[exposed(1.3)]),
+    "thresholded": PictureFault(on_coded=[thresholded(128)]),
+    "chromatic_aberration": PictureFault(colour_scales=(0.999, 1.0, 1.0015)),
+    "interlaced": PictureFault(second_field=(1.7, 0.4)),
+    "motion_blurred": PictureFault(on_light=[moved(5.0, 30.0)]),
+}
+COLOUR = PictureFault(colour_scales=(1.0, 1.0, 1.0))
+
+
+def photo(fault, seed=132, scene=SCENE):
+    return photograph(scene, np.random.default_rng(seed), fault, noise=2.0, blur=0.8)
+
+
+@pytest.mark.parametrize("code", FAULTS)
+def test_a_fault_is_told_and_the_camera_is_within_its_deviations(code):
+    result = ts.calibrate(photo(FAULTS[code]))
+    told = {warning.code: warning for warning in result.warnings}
+    assert code in told
+    assert told[code].severity == "low"
+    assert "no_tone_curve" not in told
+    assert_within(result, SCENE, 4)
+
+
+@pytest.mark.parametrize("fault", [UNDAMAGED, COLOUR], ids=["grey", "colour"])
+def test_an_undamaged_picture_is_not_warned_of(fault):
+    picture = photo(fault, 133)
+    result = ts.calibrate(picture)
+    assert (result.stage, result.warnings) == ("pixels", ())
+    assert_within(result, SCENE, 4)
+
+
+def test_colours_and_rows_that_disagree_cost_no_more_than_what_is_left_out():
+    whole = ts.calibrate(photo(UNDAMAGED))
+    for code in ("chromatic_aberration", "interlaced"):
+        mended = ts.calibrate(photo(FAULTS[code]))
+        assert mended.stage == "pixels"
+        assert mended.std["fx"] < 2.0 * whole.std["fx"]
+
+
+def test_a_small_aberration_is_taken_out_untold():
+    fault = PictureFault(colour_scales=(0.9997, 1.0, 1.0003))
+    result = ts.calibrate(photo(fault, 135))
+    assert result.warnings == ()
+    assert_within(result, SCENE, 4)
+
+
+def test_a_stated_tone_is_kept_where_a_picture_is_mended():
+    picture = photo(FAULTS["interlaced"])
+    result = ts.calibrate(picture, tone="srgb")
+    assert [warning.code for warning in result.warnings] == ["interlaced"]
+    assert result.tone == "srgb"
+    assert_within(result, SCENE, 4)
+
+
+@pytest.mark.parametrize("seed", first_quick(range(136, 142), 1))
+def test_blooming_is_told_as_overexposed_and_carried(seed):
+    scene = squares(seed)
+    fault = PictureFault(on_light=[exposed(1.5), bloomed(0.3, 3.0)])
+    try:
+        result = ts.calibrate(photo(fault, seed, scene))
+    except ts.DegenerateGeometryError:
+        return  # it leaves too little
+    assert "overexposed" in {warning.code for warning in result.warnings}
+    assert abs(errors_in_std(result, scene)["fx"]) < 4
+
+
+def test_pixels_are_not_fitted_where_paper_is_bent_everywhere():
+    scene = with_relief(squares(143), np.random.default_rng(143), 0.01)
+    result = ts.calibrate(photo(UNDAMAGED, 144, scene))
+    codes = {warning.code for warning in result.warnings}
+    assert result.stage == "edges"
+    assert "side_partly_hidden" not in codes
+    assert codes & {"correlated_residuals", "plane_disagrees", "planes_contradict"}
+
+
+def test_a_picture_gives_its_green_and_its_even_rows():
+    colour = np.arange(60, dtype=np.uint8).reshape(4, 5, 3)
+    assert _core.Picture(colour).of_green().size == (5, 4)
+    assert _core.Picture(colour[:, :, 1]).of_green() is None
+    assert _core.Picture(colour).of_even_rows().size == (5, 4)
+
+
+def test_a_target_that_hardly_shows_in_green_is_measured_in_all_colours():
+    class Found:
+        clipped, has_two_levels, motion, side_error, rows = 0.0, False, None, 0.0, None
+        colours = (1e-3, -1e-3, 1e-5, 1e-5, 0.2)
+
+    picture = _core.Picture(np.zeros((4, 5, 3), np.uint8))
+    faults = PictureFaults.of(Found, (1280, 960))
+    assert faults.colour_shift == pytest.approx((0.8, -0.8))
+    assert faults.mended(picture) is None
+    Found.colours = (*Found.colours[:4], 0.9)
+    assert PictureFaults.of(Found, (1280, 960)).mended(picture).size == (5, 4)
