@@ -3,18 +3,22 @@
 //! With `q` the place of a pixel from the principal point, in units of the distance `R` of the
 //! picture's corners, the fields are `R q |q|^(2k)`, `k` from 1 to 4, and the two of a lens out of
 //! centre, `R (2 x y, |q|^2 + 2 y^2)` and `R (|q|^2 + 2 x^2, 2 x y)` (D. C. Brown, Photogrammetric
-//! Engineering 32 (1966) 444-462). Those that the model has are its own: they explain nothing more.
+//! Engineering 32 (1966) 444-462). Those that the model has are left to it.
 
 use nalgebra::Vector2;
 
 use crate::image_size::ImageSize;
 use crate::lens::Lens;
+use crate::observations::FreeParameters;
 
 /// Number of fields.
 pub(crate) const FIELDS: usize = 6;
 
 /// Radial fields: those of `k1` to `k4`.
 const RADIAL: usize = 4;
+
+/// The coefficients of whose terms they are.
+const COEFFICIENTS: [&str; FIELDS] = ["k1", "k2", "k3", "k4", "p1", "p2"];
 
 /// How strong each may be beforehand, as a part of the radius at the picture's corner: three times
 /// what lenses have of a coefficient beyond the usual ones.
@@ -59,10 +63,11 @@ impl PictureFields {
         values
     }
 
-    /// Standard deviations beforehand; where the lens is taken to have none of them, next to none.
-    pub fn deviations(any: bool) -> [f64; FIELDS] {
+    /// Standard deviations beforehand; next to none where the lens is taken to have no fields, and
+    /// of those whose coefficients are free: two columns that are alike leave only rounding.
+    pub fn deviations(free: &FreeParameters, any: bool) -> [f64; FIELDS] {
         std::array::from_fn(|field| match field < RADIAL {
-            _ if !any => NOTHING,
+            _ if !any || free.position(COEFFICIENTS[field]).is_some() => NOTHING,
             true => RADIAL_STD,
             false => TANGENTIAL_STD,
         })

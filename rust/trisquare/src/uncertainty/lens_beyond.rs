@@ -54,7 +54,7 @@ pub(crate) fn beyond_lens<L: Lens>(
     let white = white_variance(noise, refined);
     let view = &refined.view;
     let mut errors = SideErrors::gather_with_fields(planes, (free, fields), view, noise, white)?;
-    errors.hold_fields(&PictureFields::deviations(true));
+    errors.hold_fields(&PictureFields::deviations(free, true));
     if !errors.has_board_relief() {
         let system = errors.marginal(&vec![0.0; planes.len()])?;
         let gain = 2.0 * system.gain_of_last(FIELDS)?;
@@ -70,8 +70,8 @@ pub(crate) fn beyond_lens<L: Lens>(
         }
     }
     let mut errors = SideErrors::gather_with_fields(&planes, (free, fields), view, noise, white)?;
-    let bent = Explanation::likeliest(&mut errors, &PictureFields::deviations(false))?;
-    let beyond = Explanation::likeliest(&mut errors, &PictureFields::deviations(true))?;
+    let bent = Explanation::likeliest(&mut errors, &PictureFields::deviations(free, false))?;
+    let beyond = Explanation::likeliest(&mut errors, &PictureFields::deviations(free, true))?;
     if bent.criterion - beyond.criterion < CLEARLY {
         return Some(match bent.relief > NEARLY_FLAT {
             true => LensVerdict::Unclear { asked: false },
