@@ -2,8 +2,8 @@
 //!
 //! With `q` the place of a pixel from the principal point, in units of the distance `R` of the
 //! picture's corners, the fields are `R q |q|^(2k)`, `k` from 1 to 4, and the two of a lens out of
-//! centre, `R (2 x y, |q|^2 + 2 y^2)` and `R (|q|^2 + 2 x^2, 2 x y)` (D. C. Brown, Photogrammetric
-//! Engineering 32 (1966) 444-462). Those that the model has are left to it.
+//! centre, `R (2 x y, |q|^2 + 2 y^2)` and `R (|q|^2 + 2 x^2, 2 x y)` (A. E. Conrady, Mon. Not. R.
+//! Astron. Soc. 79 (1919) 384-390). Those that the model has are left to it.
 
 use nalgebra::Vector2;
 
