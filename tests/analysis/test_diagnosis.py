@@ -95,6 +95,32 @@ def test_little_tilt_and_small_squares_are_named():
     assert "1.25 times larger" in small.remedy
 
 
+@pytest.mark.parametrize("tilt", [30, 45, 60])
+def test_what_is_tilted_enough_is_not_to_be_tilted(tilt):
+    camera = squares(0).camera
+    guess = ts.Camera(camera.K, camera.distortion, IMAGE_SIZE)
+    places = [((330, 300), 20), ((950, 300), 140), ((640, 680), 260)]
+    planned = [
+        ts.PlannedSquare.at(guess, centre, 300, tilt=tilt, direction=direction)
+        for centre, direction in places
+    ]
+    targets = tuple(simulate.Target(p.rotation, p.translation) for p in planned)
+    found = diagnose(result_of(simulate.Scene(camera, targets)))
+    assert "tilted by only" not in str(found)
+    assert ("tilting every square" in str(found)) <= (tilt < 40)
+
+
+def test_the_cause_that_a_warning_names_comes_first():
+    result = result_of(squares(5))
+    bent = ts.CalibrationWarning("bent", "correlated_residuals", "low")
+    members = {name: getattr(result, name) for name in result.__dataclass_fields__}
+    for diagnosis in diagnose(ts.Calibration(**members | {"warnings": (bent,)})).values():
+        assert diagnosis.limits.startswith("the samples of a side err together")
+        assert "correlated_residuals" in diagnosis.remedy
+        assert "lower noise" not in diagnosis.remedy
+    assert "a warning" not in str(diagnose(result))
+
+
 def test_chessboards_and_planes_that_cannot_be_planned_are_diagnosed():
     result = result_of(squares(4))
     lattice = [

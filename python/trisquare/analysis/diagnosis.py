@@ -21,6 +21,19 @@ from trisquare.results.calibration import Calibration
 STRONG_CORRELATION = 0.8
 WORTHWHILE_GAIN = 0.95
 MOST_REMEDIES = 2
+# Sides are said to err together where that is likelier than not.
+LIKELIER = 0.5
+
+CAUSES = {
+    "lens_beyond_model": "the lens is beyond its model",
+    "planes_contradict": "the planes contradict each other",
+    "pixels_not_square": "the pixels do not come out square",
+    "tone_contradicted": "the tone curve is another than stated",
+    "plane_disagrees": "a plane disagrees with the rest",
+    "planes_vary": "the pictures disagree",
+    "correlated_residuals": "the samples of a side err together",
+}
+"""Warnings of what limits every parameter beyond the noise, by code."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,7 +119,16 @@ def _diagnose(
     correlation = {other: value for other, value in values.items() if other != name}
     gained = [(ratio[name], what_if) for what_if, ratio in ratios if name in ratio]
     helpful = sorted((one for one in gained if one[0] < WORTHWHILE_GAIN), key=itemgetter(0))
-    limits = [what_if.lack for _, what_if in helpful if what_if.lack][:1]
+    cause = next((w.code for w in calibration.warnings if w.code in CAUSES), None)
+    together = calibration.coherence
+    if cause is not None:
+        limits = [CAUSES[cause]]
+    elif together is not None and together.probability > LIKELIER:
+        off = max(together.displacements, default=0.0)
+        limits = [f"{CAUSES['correlated_residuals']}, by {off:.2g} px"]
+    else:
+        limits = []
+    limits += [what_if.lack for _, what_if in helpful if what_if.lack][:1]
     strongest = max(correlation, key=lambda other: abs(correlation[other]), default=name)
     if abs(value := correlation.get(strongest, 0.0)) > STRONG_CORRELATION:
         limits.append(f"it is strongly correlated with {strongest} ({value:+.2f})")
@@ -118,6 +140,9 @@ def _diagnose(
         for ratio, what_if in helpful[:MOST_REMEDIES]
     ]
     nothing = "no single change of the set-up would help much; lower noise would"
+    if cause is not None:
+        # The changes are predicted for noise alone, which is not what limits it.
+        remedies = [f"mend first what a warning names ({cause})", *remedies[:1]]
     return ParameterDiagnosis(
         std, correlation, ", and ".join(limits[:2]), "; ".join(remedies) or nothing
     )

@@ -25,6 +25,9 @@ from trisquare.errors import TrisquareError
 from trisquare.results.calibration import Calibration
 
 MORE_TILT = 10.0  # degrees
+# Squares tilted by these angles (degrees) are tilted enough: less is little, and none is tilted
+# beyond.
+ENOUGH_TILT = (25.0, 50.0)
 LARGER = 1.25
 NEARER = 0.1  # of the picture's size
 # A plane tilted less than this (degrees) shows no direction to tilt it further in.
@@ -88,13 +91,17 @@ def changes_of(calibration: Calibration, planes: tuple[PosedPlane, ...]) -> Iter
     camera, fixed = calibration.camera, calibration.fixed
     cosines = np.abs([plane.rotation[2, 2] for plane in planes])
     tilts = np.degrees(np.arccos(np.clip(cosines, 0.0, 1.0)))
-    low, high = f"{tilts.min():.0f}", f"{tilts.max():.0f}"
-    yield WhatIf(
-        f"tilting every square {MORE_TILT:g} degrees more",
-        f"the squares are tilted by only {low if low == high else f'{low} to {high}'} degrees",
-        tuple(_tilted_more(plane, 360.0 * i / len(planes)) for i, plane in enumerate(planes)),
-        fixed,
-    )
+    if tilts.max() + MORE_TILT <= ENOUGH_TILT[1]:
+        low, high = f"{tilts.min():.0f}", f"{tilts.max():.0f}"
+        only = (
+            f"the squares are tilted by only {low if low == high else f'{low} to {high}'} degrees"
+        )
+        yield WhatIf(
+            f"tilting every square {MORE_TILT:g} degrees more",
+            only if tilts.min() < ENOUGH_TILT[0] else "",
+            tuple(_tilted_more(plane, 360.0 * i / len(planes)) for i, plane in enumerate(planes)),
+            fixed,
+        )
     yield WhatIf(
         f"showing the squares {LARGER:g} times larger",
         "the squares are small",

@@ -124,6 +124,9 @@ fn run<L: Lens>(
         });
         // What explains other warnings comes before them.
         calibration.warnings.splice(0..0, unlikely);
+        if let Some(doubt) = problem.lens_doubt(&planes, &solution) {
+            calibration.allow_for_lens(&doubt.change, doubt.cure);
+        }
     }
     Ok(calibration)
 }

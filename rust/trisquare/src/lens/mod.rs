@@ -93,12 +93,23 @@ pub trait DistortionModel: Copy + Debug + Default + PartialEq + Send + Sync + 's
     /// sees straight lines as straight.
     fn straightening_coefficients(self) -> usize;
 
+    /// What it is called where a model is asked for.
+    fn name(self) -> String {
+        format!("{self:?}").to_lowercase()
+    }
+
     /// The next poorer model of one that is richer than the default, from whose optimum that one is
     /// searched; the others need none.
     fn poorer(self) -> Option<Self> {
         let place = |model: Self| Self::NESTED.iter().position(|other| *other == model);
         let (own, usual) = (place(self)?, place(Self::default())?);
         (own > usual).then(|| Self::NESTED[own - 1])
+    }
+
+    /// The models richer than this one, the poorest first.
+    fn richer(self) -> &'static [Self] {
+        let own = Self::NESTED.iter().position(|other| *other == self);
+        own.map_or(&[], |own| &Self::NESTED[own + 1..])
     }
 
     /// The coefficients that only models richer than the default have: pictures seldom determine

@@ -30,6 +30,15 @@ impl BoardRelief {
         if !large || plane.is_outlier() {
             return None;
         }
+        Self::of_any(plane, view, state)
+    }
+
+    /// A flat one, of whatever figures.
+    pub fn of_any<L: Lens>(
+        plane: &ObservedPlane,
+        view: &View<L>,
+        state: &PlaneState,
+    ) -> Option<Self> {
         let (mut low, mut high) = (Vector2::repeat(f64::MAX), Vector2::repeat(f64::MIN));
         for sample in plane.samples() {
             let point = on_plane(&view.lens, state, &sample.pixel)?.0;

@@ -4,6 +4,7 @@
 mod board_relief;
 mod local;
 mod misfit;
+mod picture_fields;
 mod relief_fit;
 mod reml;
 mod side_basis;
@@ -12,8 +13,10 @@ mod side_families;
 mod side_moments;
 mod tone_drift;
 
+pub(crate) use board_relief::FLAT;
 pub(crate) use local::{Noise, white_variance};
 pub(crate) use misfit::Misfit;
+pub(crate) use picture_fields::{FIELDS, PictureFields};
 pub(crate) use relief_fit::account_for_relief;
 pub(crate) use side_errors::{SideErrors, rms_displacement, variance_of};
 pub(crate) use side_moments::{Moments, SideMoments};

@@ -72,6 +72,18 @@ impl SideErrors {
         combined(&found)
     }
 
+    /// The likeliest variances of the sides, of every plane's own where they clearly differ, and
+    /// minus twice their restricted log likelihood.
+    pub fn likeliest(&self) -> Option<(Vec<f64>, f64)> {
+        let planes = self.system.blocks.len();
+        let mut found = self.hypotheses(&vec![1.0; planes])?;
+        if let Some(apart) = self.relative_variances(&found) {
+            found.extend(self.hypotheses(&apart)?);
+        }
+        let best = likeliest(&found);
+        Some((best.variances.clone(), best.criterion))
+    }
+
     /// The likeliest common variance of the sides and its criterion at a variance of the boards'
     /// relief: no larger than one given, for what the relief explains the sides do not.
     pub fn likeliest_at(&self, board_relief: f64, largest: Option<f64>) -> Option<(f64, f64)> {

@@ -12,8 +12,9 @@
 use nalgebra::DMatrix;
 
 use super::local::Noise;
+use super::picture_fields::PictureFields;
 use super::side_basis::ORDERS;
-use super::side_families::{Family, families_of, spectrum};
+use super::side_families::{Family, SharedColumns, families_of, spectrum};
 use crate::lens::Lens;
 use crate::numeric::{ArrowSystem, Block};
 use crate::observations::{BoardRelief, FreeParameters, ObservedPlane, TERMS, View};
@@ -43,17 +44,48 @@ impl SideErrors {
         noise: &Noise,
         white: f64,
     ) -> Option<Self> {
+        let camera = SharedColumns {
+            lens: &view.lens,
+            free,
+            fields: None,
+        };
+        Self::gather_for(planes, &camera, view, noise, white)
+    }
+
+    /// The same with further fields of the picture, which are shared parameters after the others.
+    pub fn gather_with_fields<L: Lens>(
+        planes: &[ObservedPlane],
+        (free, fields): (&FreeParameters, PictureFields),
+        view: &View<L>,
+        noise: &Noise,
+        white: f64,
+    ) -> Option<Self> {
+        let camera = SharedColumns {
+            lens: &view.lens,
+            free,
+            fields: Some(fields),
+        };
+        Self::gather_for(planes, &camera, view, noise, white)
+    }
+
+    fn gather_for<L: Lens>(
+        planes: &[ObservedPlane],
+        camera: &SharedColumns<'_, L>,
+        view: &View<L>,
+        noise: &Noise,
+        white: f64,
+    ) -> Option<Self> {
         let own = |p: usize| {
             view.planes[p].parameter_count() + planes[p].board_relief.map_or(0, |_| TERMS)
         };
-        let mut system = ArrowSystem::zeros(free.len(), (0..planes.len()).map(own));
-        free.add_prior(&view.lens, &mut system);
+        let mut system = ArrowSystem::zeros(camera.len(), (0..planes.len()).map(own));
+        camera.free.add_prior(&view.lens, &mut system);
         let mut families = Vec::new();
         for (p, plane) in planes.iter().enumerate() {
             let (state, block) = (&view.planes[p], &mut system.blocks[p]);
             let mut moments = noise.sides[p].iter();
             for (f, figure) in plane.figures.iter().enumerate() {
-                let mut own = families_of(figure, p, block.hessian.nrows(), free);
+                let mut own = families_of(figure, p, block.hessian.nrows(), camera.len());
                 for (index, side) in figure.sides.iter().enumerate() {
                     let moments = moments.next()?;
                     let family = own.iter_mut().find(|family| family.sides.contains(&index));
@@ -63,7 +95,7 @@ impl SideErrors {
                             place,
                             plane.board_relief.as_ref(),
                             moments,
-                            (&view.lens, free),
+                            camera,
                             white,
                             block,
                         )?;
@@ -80,6 +112,22 @@ impl SideErrors {
             families,
             board_reliefs: planes.iter().map(|plane| plane.board_relief).collect(),
         })
+    }
+
+    /// States how strong the picture's fields may be, which nothing was known of.
+    pub fn hold_fields(&mut self, deviations: &[f64]) {
+        let prior = &mut self.system.prior;
+        let first = prior.nrows() - deviations.len();
+        for (i, deviation) in deviations.iter().enumerate() {
+            prior[(first + i, first + i)] = 1.0 / (deviation * deviation);
+        }
+    }
+
+    /// States the variance of every board's relief.
+    pub fn set_relief(&mut self, variance: f64) {
+        for own in self.board_reliefs.iter_mut().flatten() {
+            own.variance = variance;
+        }
     }
 
     /// Whether any plane is a board that may not be flat.

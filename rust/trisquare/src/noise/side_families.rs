@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector2, Vector3};
 
+use super::picture_fields::{FIELDS, PictureFields};
 use super::side_basis::{Basis, ORDERS};
 use super::side_moments::{Gram, SideMoments};
 use crate::lens::{Lens, MAX_LENS_COLUMNS};
@@ -22,6 +23,40 @@ const ANY_SHIFT: f64 = 1.0;
 
 /// What keeps orders that too few samples show at zero.
 const UNSEEN: f64 = 1e-9;
+
+/// Room for all that the planes share.
+const MAX_SHARED: usize = MAX_LENS_COLUMNS + FIELDS;
+
+/// What all planes share: the free parameters of a lens, and further fields of its picture.
+pub(crate) struct SharedColumns<'a, L> {
+    pub lens: &'a L,
+    pub free: &'a FreeParameters,
+    pub fields: Option<PictureFields>,
+}
+
+impl<L: Lens> SharedColumns<'_, L> {
+    pub fn len(&self) -> usize {
+        self.free.len() + self.fields.map_or(0, |_| FIELDS)
+    }
+
+    /// The derivatives of a sample's distance, of which the lens gave its own.
+    fn gather(
+        &self,
+        wrt_lens: &[f64; MAX_LENS_COLUMNS],
+        at: (&Vector2<f64>, &L::PixelRay, &Vector3<f64>),
+    ) -> SVector<f64, MAX_SHARED> {
+        let mut columns = [0.0; MAX_SHARED];
+        let first = self.free.len();
+        self.free.gather(wrt_lens, &mut columns[..first]);
+        if let Some(fields) = &self.fields {
+            let (pixel, pixel_ray, line) = at;
+            let normal = self.lens.line_distance_and_normal(pixel_ray, line).1;
+            // A sample that is displaced toward the normal is farther from the line.
+            columns[first..first + FIELDS].copy_from_slice(&fields.along(pixel, &normal));
+        }
+        SVector::from(columns)
+    }
+}
 
 /// What the samples of sides whose displacements are correlated say of them.
 pub(crate) struct Family {
@@ -48,12 +83,7 @@ pub(crate) struct Family {
 
 /// The sides of a figure, those of one direction together if there are many: an error that is
 /// correlated over a third of a side is so across a third of the figure, too.
-pub(crate) fn families_of(
-    figure: &Figure,
-    plane: usize,
-    own: usize,
-    free: &FreeParameters,
-) -> Vec<Family> {
+pub(crate) fn families_of(figure: &Figure, plane: usize, own: usize, shared: usize) -> Vec<Family> {
     let lines: Vec<Vector3<f64>> = figure
         .sides
         .iter()
@@ -71,7 +101,7 @@ pub(crate) fn families_of(
             let offset =
                 |side: usize| lines[side].z * lines[side].xy().dot(&lines[sides[0]].xy()).signum();
             let offsets: Vec<f64> = sides.iter().map(|side| offset(*side)).collect();
-            Family::new(plane, sides, &offsets, (own, free.len()))
+            Family::new(plane, sides, &offsets, (own, shared))
         })
         .collect()
 }
@@ -114,7 +144,7 @@ impl Family {
         (state, figure, index, side): (&PlaneState, usize, usize, &Side),
         board_relief: Option<&BoardRelief>,
         moments: &SideMoments,
-        (lens, free): (&L, &FreeParameters),
+        camera: &SharedColumns<'_, L>,
         white: f64,
         block: &mut Block,
     ) -> Option<()> {
@@ -127,12 +157,11 @@ impl Family {
             .component_mul(&(mirror * mirror.transpose()))
             / white;
         let gradient = moments.robust.gradient.component_mul(&mirror) / white;
-        let jacobian =
-            SideJacobian::of((state, figure, side), board_relief, moments, (lens, free))?;
+        let jacobian = SideJacobian::of((state, figure, side), board_relief, moments, camera)?;
         let own = DMatrix::from_fn(ORDERS, jacobian.own.ncols(), |k, i| {
             mirror[k] * jacobian.own[(k, i)]
         });
-        let shared = DMatrix::from_fn(ORDERS, free.len(), |k, i| {
+        let shared = DMatrix::from_fn(ORDERS, camera.len(), |k, i| {
             mirror[k] * jacobian.shared[(k, i)]
         });
         let (weighed_own, weighed_shared) = (gram * &own, gram * &shared);
@@ -209,7 +238,7 @@ impl Family {
 /// the side.
 struct SideJacobian {
     own: DMatrix<f64>,
-    shared: SMatrix<f64, ORDERS, MAX_LENS_COLUMNS>,
+    shared: SMatrix<f64, ORDERS, MAX_SHARED>,
 }
 
 impl SideJacobian {
@@ -218,23 +247,24 @@ impl SideJacobian {
         (state, figure, side): (&PlaneState, usize, &Side),
         board_relief: Option<&BoardRelief>,
         moments: &SideMoments,
-        (lens, free): (&L, &FreeParameters),
+        camera: &SharedColumns<'_, L>,
     ) -> Option<Self> {
+        let lens = camera.lens;
         let line = state.line(figure, side);
-        let wanted = free.columns();
+        let wanted = camera.free.columns();
         let mut gram = Gram::identity() * UNSEEN;
         let mut wrt_line = SMatrix::<f64, ORDERS, 3>::zeros();
-        let mut shared = SMatrix::<f64, ORDERS, MAX_LENS_COLUMNS>::zeros();
+        let mut shared = SMatrix::<f64, ORDERS, MAX_SHARED>::zeros();
         let mut heights = SMatrix::<f64, ORDERS, TERMS>::zeros();
         for index in nodes(&moments.places) {
             let row = &moments.rows[index];
-            let pixel_ray = lens.unproject_with_jacobian(&side.samples[index].pixel)?;
+            let pixel = &side.samples[index].pixel;
+            let pixel_ray = lens.unproject_with_jacobian(pixel)?;
             let distance = lens.line_distance_jacobian(&pixel_ray, &line, wanted);
-            let mut columns = [0.0; MAX_LENS_COLUMNS];
-            free.gather(&distance.wrt_lens, &mut columns);
+            let columns = camera.gather(&distance.wrt_lens, (pixel, &pixel_ray, &line));
             gram.ger(1.0, row, row, 1.0);
             wrt_line.ger(1.0, row, &distance.wrt_line, 1.0);
-            shared.ger(1.0, row, &SVector::from(columns), 1.0);
+            shared.ger(1.0, row, &columns, 1.0);
             if let Some(board_relief) = board_relief {
                 let sample = &side.samples[index];
                 let of = (lens, state);

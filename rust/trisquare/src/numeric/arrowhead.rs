@@ -206,6 +206,17 @@ impl ArrowSystem {
     }
 }
 
+impl ArrowSystem {
+    /// By how much the linearised cost falls further where the last shared parameters are free as
+    /// well: half of their score statistic (C. R. Rao, Math. Proc. Camb. Philos. Soc. 44 (1948)
+    /// 50-57), in units of the noise.
+    pub fn gain_of_last(&self, count: usize) -> Option<f64> {
+        let all = self.solve(0.0)?.predicted_decrease;
+        let without = self.leading(self.prior.nrows() - count).solve(0.0)?;
+        Some(all - without.predicted_decrease)
+    }
+}
+
 impl ArrowStep {
     /// The step that reaches the minimum of a cost whose curvature is `1 / factor` of the normal
     /// equations'.

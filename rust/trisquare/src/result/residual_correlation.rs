@@ -17,6 +17,9 @@ pub struct ResidualCorrelation {
     /// Variance between the planes over what their sides' curvature lets
     /// expect; 1 where they agree.
     pub between_plane_variance_ratio: f64,
+    /// Variance between groups of planes (the pictures, or the planes of one) over what all that
+    /// lets expect; 1 where they agree, or are too few to tell.
+    pub group_variance_ratio: f64,
     /// What all that adds to the covariance of the free parameters.
     pub added: DMatrix<f64>,
     /// Variance of the samples over what pixels of independent noise would give them, if their
@@ -36,6 +39,7 @@ impl ResidualCorrelation {
             probability: 0.0,
             displacements: vec![0.0; planes],
             between_plane_variance_ratio: 1.0,
+            group_variance_ratio: 1.0,
             added: DMatrix::zeros(parameters, parameters),
             pixels: 1.0,
             floor: 0.0,

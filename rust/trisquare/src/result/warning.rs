@@ -84,6 +84,16 @@ pub enum Warning {
         /// How far the sides are from where one camera would show them, over what is expected.
         factor: f64,
     },
+    /// Groups of planes give answers that differ more than their samples let expect.
+    #[error(
+        "the pictures, or the planes of one, disagree {factor:.1} times more than their edges let \
+         expect, and all standard deviations were raised so many times: did focus or zoom change, \
+         or did something move while a picture was taken?"
+    )]
+    PlanesVary {
+        /// Their scatter over what is expected.
+        factor: f64,
+    },
     /// The samples of a side err together, beyond their noise.
     #[error(
         "the samples of a side err together, by {displacement:.3} px on plane {plane} (paper or \
@@ -99,6 +109,20 @@ pub enum Warning {
         parameter: &'static str,
         /// Its standard deviation over what independent noise alone would give.
         factor: f64,
+    },
+    /// The lens does what its model cannot.
+    #[error(
+        "the lens is beyond its model: all planes miss their lines alike, by their places in the \
+         picture; the standard deviation of {parameter} was raised {factor:.1} times for it.{}",
+        richer_focal(.cure.as_ref())
+    )]
+    LensBeyondModel {
+        /// The parameter that suffers most.
+        parameter: &'static str,
+        /// Its standard deviation over what it would be if the lens were of its model.
+        factor: f64,
+        /// The model that holds the lens, and `fx` with it, pixels; `None` where none does.
+        cure: Option<(String, f64)>,
     },
     /// The pixels did not follow the model closely enough to be used.
     #[error("the fit to the pixels was not taken: {reason}")]
@@ -160,6 +184,17 @@ fn held_focal(fixed: &str, held: Option<f64>) -> String {
     })
 }
 
+/// Standard deviations that were raised more than so many times ask for a look.
+const NOTABLE_FACTOR: f64 = 2.0;
+
+/// What holds a lens beyond its model.
+fn richer_focal(cure: Option<&(String, f64)>) -> String {
+    match cure {
+        Some((model, fx)) => format!(" With model={model:?} fx is {fx:.1}"),
+        None => " No model here fits it either: is it a fisheye?".into(),
+    }
+}
+
 impl Warning {
     /// A name that programs may rely on.
     #[must_use]
@@ -169,7 +204,9 @@ impl Warning {
             Self::SideSetAside { .. } => "side_rejected",
             Self::PlaneSetAside { .. } => "plane_rejected",
             Self::PlanesContradict { .. } => "planes_contradict",
+            Self::PlanesVary { .. } => "planes_vary",
             Self::SidesErrTogether { .. } => "correlated_residuals",
+            Self::LensBeyondModel { .. } => "lens_beyond_model",
             Self::PixelsNotUsed { .. } => "pixels_not_used",
             Self::PixelsNotSquare { .. } => "pixels_not_square",
             Self::PrincipalPointOffCentre { .. } => "principal_point_off_centre",
@@ -181,12 +218,16 @@ impl Warning {
     #[must_use]
     pub fn severity(&self) -> Severity {
         match self {
-            Self::PlanesContradict { .. } | Self::PixelsNotSquare { .. } => Severity::High,
+            Self::LensBeyondModel { .. }
+            | Self::PlanesContradict { .. }
+            | Self::PixelsNotSquare { .. } => Severity::High,
             Self::Disagreement(_)
             | Self::SideSetAside { .. }
             | Self::PlaneSetAside { .. }
             | Self::PrincipalPointOffCentre { .. } => Severity::Medium,
-            Self::SidesErrTogether { .. }
+            Self::PlanesVary { factor } if *factor > NOTABLE_FACTOR => Severity::Medium,
+            Self::PlanesVary { .. }
+            | Self::SidesErrTogether { .. }
             | Self::PixelsNotUsed { .. }
             | Self::PartlyHidden { .. } => Severity::Low,
         }

@@ -5,6 +5,7 @@ mod assemble;
 mod nested_models;
 mod outliers;
 mod problem;
+mod richer_lens;
 mod solve;
 mod starts;
 mod work;

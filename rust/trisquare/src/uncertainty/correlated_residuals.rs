@@ -5,8 +5,10 @@ use nalgebra::DMatrix;
 
 use super::covariance::covariance;
 use super::known_values::disagreement;
+use super::plane_spread::spread_of_planes;
 use crate::lens::Lens;
 use crate::noise::{Misfit, Noise, SideErrors, rms_displacement, variance_of, white_variance};
+use crate::numeric::ArrowSystem;
 use crate::observations::{FreeParameters, ObservedPlane};
 use crate::refine::Refined;
 use crate::result::{Disagreement, ResidualCorrelation, Warning};
@@ -62,6 +64,12 @@ impl ResidualCorrelation {
                 factor: self.between_plane_variance_ratio.sqrt(),
             });
         }
+        // Planes that contradict each other raise all deviations at least as much.
+        if self.group_variance_ratio > self.between_plane_variance_ratio {
+            warnings.push(Warning::PlanesVary {
+                factor: self.group_variance_ratio.sqrt(),
+            });
+        }
         let most = |a: &usize, b: &usize| self.displacements[*a].total_cmp(&self.displacements[*b]);
         let plane = (0..self.displacements.len()).rev().max_by(most);
         if let Some(plane) = plane.filter(|_| self.is_likely() && factors[worst] > NOTABLE_FACTOR) {
@@ -94,6 +102,24 @@ pub(crate) fn weighed_by_noise(
     })
 }
 
+/// The covariance that every plane makes of the whole: that of its noise, at weights that take it
+/// for white, and of its sides' displacements.
+fn parts(
+    (system, noise): (&ArrowSystem, f64),
+    units: &[DMatrix<f64>],
+    variances: &[f64],
+) -> Option<Vec<DMatrix<f64>>> {
+    let inverse = system.reduced_information()?.cholesky()?.inverse();
+    let own = system.contributions()?.into_iter();
+    let mut parts: Vec<DMatrix<f64>> = own
+        .map(|own| &inverse * own.information * &inverse * noise)
+        .collect();
+    for (part, (unit, variance)) in parts.iter_mut().zip(units.iter().zip(variances)) {
+        *part += unit * *variance;
+    }
+    Some(parts)
+}
+
 /// The covariance of an optimum under the correlation that its own residuals show; `None` if it
 /// is singular.
 pub(crate) fn correlated_covariance<L: Lens>(
@@ -119,14 +145,23 @@ pub(crate) fn correlated_covariance<L: Lens>(
         Some(_) => Vec::new(),
         None => errors.unit_covariances()?,
     };
-    let total_beyond = |floor: f64| {
+    let as_stated = |floor: f64| {
         let mut total = generalised.clone().unwrap_or_else(|| independent.clone());
         for ((unit, variance), plane) in units.iter().zip(&strength.mean).zip(planes) {
             let known = variance_of(plane.side_error);
             total += unit * (*variance - variance_of(floor)).max(known);
         }
-        total * between_plane_variance_ratio
+        total
     };
+    let fitted = match generalised {
+        Some(_) => (&system, 1.0),
+        None => (&refined.system.leading(free.len()), white),
+    };
+    let parts = parts(fitted, &units, &strength.mean)?;
+    let spread = spread_of_planes(planes, fitted.0, &parts, &as_stated(0.0));
+    let group_variance_ratio = spread.map_or(1.0, |ratio| ratio.max(1.0));
+    let raised = group_variance_ratio.max(between_plane_variance_ratio);
+    let total_beyond = |floor: f64| as_stated(floor) * raised;
     let drifting = planes.iter().any(ObservedPlane::has_tone_drift);
     let floor = if drifting { CURVE_ERROR } else { 0.0 };
     let total = total_beyond(0.0);
@@ -135,6 +170,7 @@ pub(crate) fn correlated_covariance<L: Lens>(
         floor,
         added_to_pixels: total_beyond(floor) - &independent,
         between_plane_variance_ratio,
+        group_variance_ratio,
         neighbours: noise.correlation,
         pixels: noise.correlation * noise.scale.powi(2),
         probability: strength.probability,

@@ -6,7 +6,9 @@ mod correlated_residuals;
 mod covariance;
 mod expectations;
 mod known_values;
+mod lens_beyond;
 mod plane_points;
+mod plane_spread;
 mod pose;
 mod projection;
 mod remedies;
@@ -17,6 +19,7 @@ pub(crate) use correlated_residuals::{Correlated, correlated_covariance, weighed
 pub(crate) use covariance::{check_plane_count, covariance};
 pub(crate) use expectations::unlikely_camera;
 pub(crate) use known_values::disagreement;
+pub(crate) use lens_beyond::{LensVerdict, beyond_lens};
 pub(crate) use pose::pose_uncertainties;
 pub use projection::ProjectionUncertainty;
 pub(crate) use remedies::add_remedies;

@@ -1,0 +1,75 @@
+//! Smooth displacements of the whole picture: what a lens does beyond any model of it.
+//!
+//! With `q` the place of a pixel from the principal point, in units of the distance `R` of the
+//! picture's corners, the fields are `R q |q|^(2k)`, `k` from 1 to 4, and the two of a lens out of
+//! centre, `R (2 x y, |q|^2 + 2 y^2)` and `R (|q|^2 + 2 x^2, 2 x y)` (A. E. Conrady, Mon. Not. R.
+//! Astron. Soc. 79 (1919) 384-390). Those that the model has are left to it.
+
+use nalgebra::Vector2;
+
+use crate::image_size::ImageSize;
+use crate::lens::Lens;
+use crate::observations::FreeParameters;
+
+/// Number of fields.
+pub(crate) const FIELDS: usize = 6;
+
+/// Radial fields: those of `k1` to `k4`.
+const RADIAL: usize = 4;
+
+/// The coefficients of whose terms they are.
+const COEFFICIENTS: [&str; FIELDS] = ["k1", "k2", "k3", "k4", "p1", "p2"];
+
+/// How strong each may be beforehand, as a part of the radius at the picture's corner: three times
+/// what lenses have of a coefficient beyond the usual ones.
+const RADIAL_STD: f64 = 0.15;
+const TANGENTIAL_STD: f64 = 0.006;
+
+/// What counts as none.
+const NOTHING: f64 = 1e-7;
+
+/// The fields of a picture.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PictureFields {
+    centre: Vector2<f64>,
+    radius: f64,
+}
+
+impl PictureFields {
+    /// About the principal point of a lens.
+    pub fn of<L: Lens>(lens: &L, size: ImageSize) -> Self {
+        Self {
+            centre: lens.principal_point(),
+            radius: size.half_diagonal(),
+        }
+    }
+
+    /// How far (px) each field displaces a pixel along a direction.
+    pub fn along(&self, pixel: &Vector2<f64>, direction: &Vector2<f64>) -> [f64; FIELDS] {
+        let place = (pixel - self.centre) / self.radius;
+        let square = place.norm_squared();
+        let outward = direction.dot(&place) * self.radius;
+        let mut values = [0.0; FIELDS];
+        let mut power = 1.0;
+        for value in &mut values[..RADIAL] {
+            power *= square;
+            *value = outward * power;
+        }
+        let (x, y) = (place.x, place.y);
+        let down = Vector2::new(2.0 * x * y, square + 2.0 * y * y);
+        let right = Vector2::new(square + 2.0 * x * x, 2.0 * x * y);
+        values[RADIAL] = direction.dot(&down) * self.radius;
+        values[RADIAL + 1] = direction.dot(&right) * self.radius;
+        values
+    }
+
+    /// Standard deviations beforehand; next to none where the lens is taken to have no fields, and
+    /// of those whose coefficients are free: two columns that are alike leave only rounding.
+    pub fn deviations(free: &FreeParameters, any: bool) -> [f64; FIELDS] {
+        std::array::from_fn(|field| match field < RADIAL {
+            _ if !any || free.position(COEFFICIENTS[field]).is_some() => NOTHING,
+            true => RADIAL_STD,
+            false => TANGENTIAL_STD,
+        })
+    }
+}

@@ -1,0 +1,87 @@
+//! Whether a lens is beyond its model, and which richer one holds it.
+
+use std::rc::Rc;
+
+use nalgebra::DVector;
+
+use super::problem::JointProblem;
+use super::solve::Solution;
+use super::work::Work;
+use crate::lens::{DistortionModel, Lens};
+use crate::noise::PictureFields;
+use crate::observations::{ObservedPlane, Options};
+use crate::uncertainty::{LensVerdict, beyond_lens};
+
+/// What is known of a lens beyond its model.
+pub(crate) struct LensDoubt {
+    /// How far the free parameters are off.
+    pub change: DVector<f64>,
+    /// The poorest richer model that holds the lens, and `fx` with it; `None` where none does.
+    pub cure: Option<(String, f64)>,
+}
+
+impl<L: Lens> JointProblem<'_, L> {
+    /// What the residuals say of the lens. Where its focal lengths, principal point or coefficients
+    /// are held, they may be what is wrong.
+    fn lens_verdict(&self, solution: &Solution<L>) -> Option<LensVerdict> {
+        let fixed = &self.options.fixed;
+        let noise = solution.noise.as_ref()?;
+        if fixed.focal || fixed.principal_point || fixed.distortion {
+            return None;
+        }
+        let refined = &solution.refined;
+        let fields = PictureFields::of(&refined.view.lens, self.size);
+        beyond_lens(&solution.planes, (&self.free, fields), refined, noise)
+    }
+
+    /// What is known of the lens where it is beyond its model; `None` where it is not, or where
+    /// planes that are bent may be the cause.
+    ///
+    /// The residuals name the lens where fields over the picture explain them alone, or where a
+    /// richer model leaves nothing to explain. Of the planes as they were given, what is an outlier
+    /// of the solution stays one.
+    pub fn lens_doubt(
+        &self,
+        planes: &[ObservedPlane],
+        solution: &Solution<L>,
+    ) -> Option<LensDoubt> {
+        let mut change = match self.lens_verdict(solution)? {
+            LensVerdict::Held | LensVerdict::Unclear { asked: false } => return None,
+            LensVerdict::Unclear { asked: true } => None,
+            LensVerdict::Beyond(change) => Some(change),
+        };
+        let mut planes = planes.to_vec();
+        for (plane, found) in planes.iter_mut().zip(&solution.planes) {
+            for (side, found) in plane.sides_mut().zip(found.sides()) {
+                side.is_outlier = found.is_outlier;
+            }
+        }
+        for &model in self.options.model.richer() {
+            let options = Options {
+                model,
+                ..*self.options
+            };
+            let work = Rc::new(Work::for_planes(&planes));
+            let richer = JointProblem::of_planes(&planes, self.size, &options, &work);
+            let Ok(found) = richer.solve(&planes) else {
+                continue;
+            };
+            if richer.is_ill_conditioned(&found) {
+                continue;
+            }
+            let lens = found.refined.view.lens;
+            let moved = || self.free.difference(&lens, &solution.refined.view.lens);
+            match richer.lens_verdict(&found) {
+                Some(LensVerdict::Held) => {
+                    return Some(LensDoubt {
+                        change: moved(),
+                        cure: Some((model.name(), lens.focal().x)),
+                    });
+                }
+                Some(LensVerdict::Beyond(_)) => change = Some(moved()),
+                _ => {}
+            }
+        }
+        change.map(|change| LensDoubt { change, cure: None })
+    }
+}

@@ -1,0 +1,85 @@
+//! The spread between groups of planes, beside what the covariance lets expect.
+//!
+//! At the optimum, group `g` of the planes has the gradient `g_g` of the shared parameters, its own
+//! eliminated; with `S` the information of all, `u_g = S^-1 g_g` is what the group does to the
+//! answer (a delete-one-group jackknife to first order: J. A. Reeds, Ann. Statist. 6 (1978)
+//! 727-739). With `V_g` the part of the covariance `V` that the group is said to make and
+//! `A_g = S^-1 S_g`, the fit leaves of it
+//! `E_g = V_g - A_g V_g - V_g A_g^T + A_g V A_g^T`.
+//! The sum of `u_g^T V^-1 u_g` over that of `tr(V^-1 E_g)` says how many times the stated covariance
+//! the groups scatter: one number, which ten groups tell well, where they would tell little of a
+//! whole matrix.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::numeric::{ArrowSystem, chi_square_tail};
+use crate::observations::ObservedPlane;
+
+/// Groups that tell of a spread; of fewer, each has half of the say in some parameter.
+const LEAST_GROUPS: usize = 5;
+
+/// How often chance makes the groups scatter so much; a covariance is seldom raised without cause.
+const CHANCE: f64 = 0.01;
+
+/// By how much more, in variance, groups of planes scatter than a covariance lets expect; `None`
+/// where they are too few, or where it may be chance.
+///
+/// `parts` are the covariances that the planes make of the total.
+pub(crate) fn spread_of_planes(
+    planes: &[ObservedPlane],
+    system: &ArrowSystem,
+    parts: &[DMatrix<f64>],
+    total: &DMatrix<f64>,
+) -> Option<f64> {
+    let groups = groups_of(planes);
+    if groups.len() < LEAST_GROUPS || total.is_empty() {
+        return None;
+    }
+    let contributions = system.contributions()?;
+    let inverse = system.reduced_information()?.cholesky()?.inverse();
+    let stated = total.clone().cholesky()?;
+    // The optimum is only reached to the iteration's tolerance.
+    let gradients = contributions.iter().map(|part| &part.gradient);
+    let left = &inverse * (gradients.sum::<DVector<f64>>() + &system.prior_gradient);
+    let (mut found, mut expected, mut square) = (0.0, 0.0, 0.0);
+    for group in &groups {
+        let size = total.nrows();
+        let mut information = DMatrix::zeros(size, size);
+        let (mut gradient, mut part) = (DVector::zeros(size), DMatrix::zeros(size, size));
+        for plane in group {
+            let own = &contributions[*plane];
+            information += &own.information;
+            gradient += &own.gradient - &own.information * &left;
+            part += &parts[*plane];
+        }
+        let influence = &inverse * gradient;
+        found += influence.dot(&stated.solve(&influence));
+        let share = &inverse * information;
+        let taken = &share * &part;
+        let remains = part - &taken - taken.transpose() + &share * total * share.transpose();
+        let relative = stated.solve(&remains);
+        expected += relative.trace();
+        square += (&relative * &relative).trace();
+    }
+    let freedom = expected * expected / square;
+    let ratio = found / expected;
+    let chance = chi_square_tail(ratio * freedom, freedom);
+    (ratio.is_finite() && chance < CHANCE).then_some(ratio)
+}
+
+/// The planes that share their errors: those of one picture, or where there is only one, each.
+fn groups_of(planes: &[ObservedPlane]) -> Vec<Vec<usize>> {
+    let counting = (0..planes.len()).filter(|p| !planes[*p].is_outlier());
+    let mut pictures = std::collections::BTreeMap::<usize, Vec<usize>>::new();
+    for plane in counting {
+        pictures.entry(planes[plane].image).or_default().push(plane);
+    }
+    match pictures.len() {
+        1 => pictures
+            .into_values()
+            .flatten()
+            .map(|plane| vec![plane])
+            .collect(),
+        _ => pictures.into_values().collect(),
+    }
+}

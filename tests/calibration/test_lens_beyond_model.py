@@ -1,0 +1,101 @@
+"""A lens that does what its model cannot is named, and is told from boards that are not flat."""
+
+import numpy as np
+import pytest
+from quick import first_quick
+
+import trisquare as ts
+
+SIZE = (1280, 960)
+CELLS = 6
+NOISE = 0.1
+PLAIN = (-0.2, 0.08, 0.0, 0.0, 0.0)
+PICTURES = 5
+
+
+def boards(seed, distortion=PLAIN, height=0.0, zoom=0.0):
+    """Return grid lines of a board in several pictures.
+
+    It bulges by `height` in half its extent, and every picture is magnified by a part of about
+    `zoom` more or less.
+    """
+    rng = np.random.default_rng(seed)
+    camera = ts.Camera([[640, 0, 645], [0, 640, 470], [0, 0, 1]], distortion, SIZE)
+    half = CELLS / 2
+    along = np.linspace(-half, half, 50)
+    edges = []
+    bulge = rng.normal(0.0, 1.0, 3) * height * half
+    for image in range(PICTURES):
+        angle = rng.uniform(0.0, 2.0 * np.pi)
+        axis = np.array([np.cos(angle), np.sin(angle), 0.0])
+        cross = np.cross(np.eye(3), axis)
+        tilt = rng.uniform(0.3, 0.6)
+        rotation = np.eye(3) - np.sin(tilt) * cross + (1.0 - np.cos(tilt)) * cross @ cross
+        middle = np.append(rng.uniform(-0.8, 0.8, 2), rng.uniform(6.6, 7.4))
+        grown = 1.0 + zoom * rng.standard_normal()
+
+        def seen(x, y, rotation=rotation, middle=middle, grown=grown):
+            a, b = x / half, y / half
+            z = bulge @ np.array([1.5 * a * a - 0.5, a * b, 1.5 * b * b - 0.5])
+            points = camera.project(np.stack([x, y, z], axis=1) @ rotation.T + middle)
+            centre = camera.K[:2, 2]
+            return centre + grown * (points - centre)
+
+        lines, points = [], []
+        for offset in np.arange(-half, half + 1.0):
+            fixed = np.full_like(along, offset)
+            lines += [(0.0, 1.0, -offset), (1.0, 0.0, -offset)]
+            points += [seen(along, fixed), seen(fixed, along)]
+        points = [p + rng.normal(0.0, NOISE, p.shape) for p in points]
+        edges.append(ts.PlaneEdges(np.array(lines), points, image=image))
+    return edges
+
+
+def codes(result):
+    return [warning.code for warning in result.warnings]
+
+
+@pytest.mark.parametrize("seed", first_quick(range(4)))
+def test_a_lens_with_k3_is_named_with_the_model_that_holds_it(seed):
+    edges = boards(seed, (-0.2, 0.08, 0.0, 0.0, -0.012))
+    result = ts.calibrate_edges(edges, SIZE)
+    assert codes(result)[0] == "lens_beyond_model"
+    richer = ts.calibrate_edges(edges, SIZE, model="radial3")
+    assert f'With model="radial3" fx is {richer.camera.fx:.1f}' in result.warnings[0]
+    assert abs(result.camera.fx - 640) < 4.0 * result.std["fx"]
+    assert np.all(np.linalg.eigvalsh(result.covariance) > 0.0)
+    assert "lens_beyond_model" not in codes(richer)
+    assert ts.diagnose(result)["fx"].limits.startswith("the lens is beyond its model")
+
+
+@pytest.mark.parametrize("seed", first_quick(range(4)))
+def test_a_lens_out_of_centre_is_named(seed):
+    edges = boards(seed, (-0.2, 0.08, 0.004, -0.003, 0.0))
+    result = ts.calibrate_edges(edges, SIZE)
+    assert codes(result)[0] == "lens_beyond_model"
+    assert 'model="brown"' in result.warnings[0]
+
+
+@pytest.mark.parametrize("seed", first_quick(range(8)))
+def test_neither_clean_nor_bent_boards_are_blamed_on_the_lens(seed):
+    assert not ts.calibrate_edges(boards(seed), SIZE).warnings
+    bent = ts.calibrate_edges(boards(seed, height=0.01), SIZE)
+    assert "lens_beyond_model" not in codes(bent)
+
+
+def test_what_is_held_is_not_blamed_on_the_lens():
+    true = ts.Camera([[640, 0, 645], [0, 640, 470], [0, 0, 1]], PLAIN, SIZE)
+    for fix in ("focal", "distortion", "principal_point"):
+        result = ts.calibrate_edges(boards(3), SIZE, fix=[fix], initial=true)
+        assert "lens_beyond_model" not in codes(result)
+
+
+@pytest.mark.parametrize("seed", first_quick(range(8)))
+def test_pictures_that_disagree_raise_the_deviations(seed):
+    """A zoom that wanders by a five hundredth is told from edges that are off."""
+    alike = ts.calibrate_edges(boards(seed), SIZE)
+    apart = ts.calibrate_edges(boards(seed, zoom=0.002), SIZE)
+    assert "planes_vary" in codes(apart)
+    assert apart.std["fx"] > 1.5 * alike.std["fx"]
+    assert abs(apart.camera.fx - 640) < 4.0 * apart.std["fx"]
+    assert np.all(np.linalg.eigvalsh(apart.covariance) > 0.0)
