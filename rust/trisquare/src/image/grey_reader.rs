@@ -275,8 +275,9 @@ mod tests {
 
     #[test]
     fn the_largest_value_of_any_channel_is_clipped() {
-        let bytes = Picture::from_u8(2, 1, 3, vec![254, 254, 254, 9, 255, 9]).unwrap();
-        let words = Picture::from_u16(2, 1, 1, vec![65_534, 65_535]).unwrap();
+        // With a grey level, since in a picture of two levels nothing is clipped.
+        let bytes = Picture::from_u8(2, 1, 3, vec![254, 254, 99, 9, 255, 9]).unwrap();
+        let words = Picture::from_u16(3, 1, 1, vec![65_534, 65_535, 30_000]).unwrap();
         let floats = Picture::from_f32(2, 1, 1, vec![0.5, 1.0]).unwrap();
         let mut greys = Vec::new();
         for (picture, clipped) in [(bytes, true), (words, true), (floats, false)] {
