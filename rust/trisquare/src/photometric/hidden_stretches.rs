@@ -30,24 +30,25 @@ const DISTURBED: f64 = 5.0;
 /// If more of a side than this is disturbed, nothing lies over it: the model does not fit it.
 const MAX_PART: f64 = 0.5;
 
-/// A hidden part of a side smaller than this is not worth a warning.
+/// A part of a side smaller than this is not worth a warning.
 const MIN_REPORTED: f64 = 0.05;
 
-/// A side of a figure that is partly hidden.
+/// A side of a figure of which a part is not used.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct HiddenPart {
+pub(super) struct DisturbedSide {
     pub plane: usize,
     pub figure: usize,
     pub side: usize,
     /// Part of the side that is not used.
     pub part: f64,
+    /// Whether something lies over it: the light beside the edge is disturbed as well.
+    pub is_hidden: bool,
 }
 
 /// Which stretches of a figure are not to be used.
 pub(super) struct Disturbed {
     pub stretches: Vec<bool>,
-    /// Of these, where the light beside the edge is disturbed, too: something lies there. The edge
-    /// alone may be where no square has it.
+    /// Where the light beside the edge is disturbed: the edge alone may be where no square has it.
     beside: Vec<bool>,
 }
 
@@ -110,17 +111,17 @@ fn disturbed_of_figure<L: Lens>(
     })
 }
 
-/// The sides over a part of which something lies.
-pub(super) fn hidden_parts(figure: &PixelFigure, disturbed: &Disturbed) -> Vec<HiddenPart> {
+/// The sides of which a part is not used.
+pub(super) fn disturbed_sides(figure: &PixelFigure, disturbed: &Disturbed) -> Vec<DisturbedSide> {
     (0..4)
-        .filter(|side| part_of_side(figure, &disturbed.beside, *side) > 0.0)
-        .map(|side| HiddenPart {
+        .map(|side| DisturbedSide {
             plane: figure.plane,
             figure: figure.figure,
             side,
             part: part_of_side(figure, &disturbed.stretches, side),
+            is_hidden: part_of_side(figure, &disturbed.beside, side) > 0.0,
         })
-        .filter(|hidden| hidden.part >= MIN_REPORTED)
+        .filter(|side| side.part >= MIN_REPORTED)
         .collect()
 }
 

@@ -10,7 +10,7 @@ use super::band::{PixelFigure, Width, collect};
 use super::exposure::Exposure;
 use super::exposure_fit::fit_exposures;
 use super::fit::{PixelFit, PixelState, PixelSystem};
-use super::hidden_stretches::{HiddenPart, disturbed, hidden_parts};
+use super::hidden_stretches::{DisturbedSide, disturbed, disturbed_sides};
 use super::photographs::{Photographs, Refusal};
 use crate::image::{PictureState, PictureTone};
 use crate::lens::Lens;
@@ -75,7 +75,7 @@ struct Start<L> {
     /// Noise of each figure's pixels.
     scales: Vec<f64>,
     state: PixelState<L>,
-    hidden: Vec<HiddenPart>,
+    disturbed: Vec<DisturbedSide>,
 }
 
 impl<L: Lens> Start<L> {
@@ -111,8 +111,8 @@ fn attempt<L: Lens>(
         Some(start) => start,
         None => begin(Width::Wide)?.ok_or(BROKEN)?,
     };
-    let hidden: f64 = start.hidden.iter().map(|part| part.part).sum();
-    if hidden > MOST_HIDDEN * 4.0 * start.figures.len() as f64 {
+    let unused: f64 = start.disturbed.iter().map(|side| side.part).sum();
+    if unused > MOST_HIDDEN * 4.0 * start.figures.len() as f64 {
         return Err(Refusal::Reason(
             "many stretches of many sides lie off their lines (is the paper bent?)",
         ));
@@ -126,13 +126,15 @@ fn attempt<L: Lens>(
     check_improvement(&problem.free, calibration, &better)?;
     let turns_back = |_| Refusal::Reason("with them the distortion turns back inside the picture");
     problem.check_reach(&better.camera).map_err(turns_back)?;
-    let hidden = start.hidden.into_iter().map(|part| Warning::PartlyHidden {
-        plane: part.plane,
-        figure: part.figure,
-        side: part.side,
-        part: part.part,
-    });
-    better.warnings.extend(hidden);
+    let hidden = start.disturbed.into_iter().filter(|side| side.is_hidden);
+    better
+        .warnings
+        .extend(hidden.map(|hidden| Warning::PartlyHidden {
+            plane: hidden.plane,
+            figure: hidden.figure,
+            side: hidden.side,
+            part: hidden.part,
+        }));
     Ok(better)
 }
 
@@ -169,11 +171,11 @@ fn start<L: Lens>(
         scales,
         ..fit
     };
-    let mut hidden = Vec::new();
+    let mut sides_disturbed = Vec::new();
     let disturbed = disturbed(&fit, view, &pictures, &exposures)?;
-    for (figure, disturbed) in figures.iter_mut().zip(disturbed) {
-        hidden.extend(hidden_parts(figure, &disturbed));
-        let mut dropped = disturbed.stretches;
+    for (figure, own) in figures.iter_mut().zip(disturbed) {
+        sides_disturbed.extend(disturbed_sides(figure, &own));
+        let mut dropped = own.stretches;
         let sides = &solution.planes[figure.plane].figures[figure.figure].sides;
         for (mark, side) in dropped.iter_mut().zip(&figure.stretch_sides) {
             *mark |= sides[usize::from(*side)].is_outlier;
@@ -188,7 +190,7 @@ fn start<L: Lens>(
             pictures,
         },
         figures,
-        hidden,
+        disturbed: sides_disturbed,
     })
 }
 
