@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from harness.rows import Row
+from numpy.typing import NDArray
 
 import trisquare as ts
 from trisquare import simulate
@@ -18,6 +19,7 @@ from trisquare.detection.tags.families import DICTIONARIES, TagSearch
 from trisquare.measurement.find import search
 from trisquare.measurement.sheets import Sheet
 from trisquare.measurement.squares import Square
+from trisquare.simulate.scene import rectangle
 from trisquare_scenes.tagged import charuco_box_scene, tag_scene
 
 PICTURES = 56
@@ -37,6 +39,15 @@ BLUR_RANGE = (0.5, 1.2)  # pixels
 CONTRAST = 175.0
 JPEG_QUALITY = 85
 FOUND_TARGET = 0.98
+
+FAR_PICTURES = 40
+FAR_SEED = 43
+FAR_SIDES = (20.0, 60.0)
+"""Pixels, before foreshortening."""
+FAR_TARGET = 0.9
+LEAST_FAR_SIDE = 20.0
+"""Pixels of a tag's shortest side: in smaller ones a cell is two or three."""
+
 BOUND_TARGET = 1.3
 
 BOXES = 8
@@ -56,7 +67,7 @@ POOLED_TARGET = 0.005
 
 def measure() -> list[Row]:
     """Draw tags, boxes and clutter, and look at the photographs of the cube."""
-    rows = [*_single_tags(), _chance(), _boxes()]
+    rows = [*_single_tags(), _far_tags(), _chance(), _boxes()]
     return rows + (_cube() if CUBE.is_dir() else [])
 
 
@@ -70,11 +81,8 @@ def _single_tags() -> list[Row]:
         scene, numbers = tag_scene(rng, name)
         noise, blur = rng.uniform(*NOISE_RANGE), rng.uniform(*BLUR_RANGE)
         picture = simulate.render(scene, rng, noise=noise, blur=blur, contrast=CONTRAST)
-        _, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-        coded = np.asarray(cv2.imdecode(data, cv2.IMREAD_GRAYSCALE), dtype=np.uint8)
-        targets = search(coded, TargetKinds.parse("auto")).found
-        tags = [one.outline.tag for one in targets if isinstance(one, Square)]
-        seen = [tag.number for tag in tags if tag is not None]
+        coded = _coded(picture)
+        seen = _numbers_in(coded)
         whole += sorted(seen) == sorted(numbers)
         found += len(set(seen) & set(numbers))
         false += sum(number not in numbers for number in seen)
@@ -106,6 +114,45 @@ def _single_tags() -> list[Row]:
             ratio <= BOUND_TARGET,
         ),
     ]
+
+
+def _coded(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Write a picture as JPEG and read it."""
+    _, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    return np.asarray(cv2.imdecode(data, cv2.IMREAD_GRAYSCALE), dtype=np.uint8)
+
+
+def _numbers_in(picture: NDArray[np.uint8]) -> list[int]:
+    """Numbers of the single tags that are found."""
+    targets = search(picture, TargetKinds.parse("auto")).found
+    tags = [one.outline.tag for one in targets if isinstance(one, Square)]
+    return [tag.number for tag in tags if tag is not None]
+
+
+def _far_tags() -> Row:
+    """Three tags of 20 to 60 px, tilted by 25 to 60 degrees; no dictionary is named."""
+    found = large = false = 0
+    for index in range(FAR_PICTURES):
+        rng = np.random.default_rng([FAR_SEED, index])
+        scene, numbers = tag_scene(rng, NAMES[index % len(NAMES)], sides=FAR_SIDES)
+        noise, blur = rng.uniform(*NOISE_RANGE), rng.uniform(*BLUR_RANGE)
+        picture = simulate.render(scene, rng, noise=noise, blur=blur, contrast=CONTRAST)
+        seen = _numbers_in(_coded(picture))
+        false += sum(number not in numbers for number in seen)
+        for target, number in enumerate(numbers):
+            corners = scene.image_points(target, rectangle(0.5, 0.5))
+            sides = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1)
+            if sides.min() >= LEAST_FAR_SIDE:
+                large += 1
+                found += number in seen
+    return Row(
+        f"three single tags of {FAR_SIDES[0]:.0f} to {FAR_SIDES[1]:.0f} px, no dictionary given, "
+        f"{FAR_PICTURES} pictures, JPEG {JPEG_QUALITY}: of those whose sides are longer than "
+        f"{LEAST_FAR_SIDE:.0f} px",
+        f"{found} of {large}, {false} false",
+        f">= {FAR_TARGET:.0%}, none false",
+        found >= FAR_TARGET * large and false == 0,
+    )
 
 
 def _chance() -> Row:

@@ -301,7 +301,7 @@ def calibrate(
     initial: Sequence[float] | None,
     pictures: Sequence[Picture] | None,
     tones: Sequence[str | float | tuple[float, float, float | None]],
-    side_errors: Sequence[float] = (),
+    side_errors: Sequence[float] = ...,
 ) -> Outcome: ...
 
 @final

@@ -48,18 +48,36 @@ def test_faint_crossings_are_found_by_their_neighbours():
     assert gaps.min(axis=1).max() < 1.5
 
 
-@pytest.mark.parametrize("space", [0.8, 2.0])
-def test_boards_side_by_side_are_two(space):
-    """Within 0.2 of one cell apart they are still taken for one board."""
-    rotation = cv2.Rodrigues(np.radians(25.0) * np.array([0.6, 0.8, 0.0]))[0]
-    middles = [
-        np.array([0.0, 0.0, 30.0]) + 0.5 * side * (7.0 + space) * rotation[:, 0]
-        for side in (-1.0, 1.0)
-    ]
+def two_boards(turn, corners, offset):
+    """Two boards of `corners` whose middles are `offset` cells apart, on one plane."""
+    rotation = cv2.Rodrigues(np.radians(turn) * np.array([0.6, 0.8, 0.0]))[0]
+    way = rotation[:, :2] @ np.array(offset, dtype=float)
     targets = tuple(
-        simulate.Target(rotation, middle, "chessboard", inner_corners=(6, 7)) for middle in middles
+        simulate.Target(
+            rotation,
+            np.array([0.0, 0.0, 30.0]) + 0.5 * side * way,
+            "chessboard",
+            inner_corners=corners,
+        )
+        for side in (-1.0, 1.0)
     )
-    scene = simulate.Scene(CAMERA, targets)
-    lattices = find_lattices(simulate.render(scene, np.random.default_rng(98), noise=3.0))
+    return simulate.Scene(CAMERA, targets)
+
+
+@pytest.mark.parametrize(
+    ("turn", "corners", "offset"),
+    [
+        (25.0, (6, 7), (7.8, 0.0)),
+        (25.0, (6, 7), (9.0, 0.0)),
+        (25.0, (6, 7), (8.0, 0.0)),  # in one lattice, with cells of the same shade
+        (0.0, (7, 5), (11.0, 0.0)),  # in one lattice, with shades swapped
+        (0.0, (7, 5), (9.0, 1.0)),  # four crossings opposite each other
+    ],
+)
+def test_boards_side_by_side_are_two(turn, corners, offset):
+    picture = simulate.render(
+        two_boards(turn, corners, offset), np.random.default_rng(98), noise=3.0
+    )
+    lattices = find_lattices(picture)
     assert len(lattices) == 2
-    assert all(np.count_nonzero(lattice.present) == 42 for lattice in lattices)
+    assert all(np.count_nonzero(lattice.present) == corners[0] * corners[1] for lattice in lattices)

@@ -57,6 +57,18 @@ def test_tags_are_found_with_their_numbers_and_corners(tagged):
         assert np.abs(found[number].outer.corners - corners).max() < 1.5
 
 
+@pytest.mark.parametrize("name", first_quick(["6X6_250", "4X4_50", "APRILTAG_36H11"]))
+def test_tags_far_away_are_read(name):
+    """Their sides are 8 to 20 pixels of the halved picture: too short to be fitted there."""
+    rng = np.random.default_rng([24, len(name)])
+    scene, numbers = tag_scene(rng, name, sides=(28.0, 45.0))
+    picture = simulate.render(scene, rng, noise=2.5, blur=0.8, jpeg_quality=85)
+    found = tags_in(picture)
+    assert sorted(outline.tag.number for outline in found if outline.tag) == sorted(numbers)
+    # Neither their sheets nor cells of theirs are taken for squares.
+    assert len(found) == len(numbers)
+
+
 def test_three_tags_calibrate_a_camera(tagged):
     scene, _, picture = tagged
     result = ts.calibrate(picture, tone="linear")

@@ -146,7 +146,8 @@ def test_the_whole_photograph_is_there_and_fills_the_view(lens):
     places = places * np.diag(view.K)[:2] + view.K[:2, 2]
     assert is_in(places, margin=1e-6).all()
     if limit is None:
-        assert (np.ptp(places, axis=0) / (np.array(SIZE) - 1)).max() > 1 - 1e-9
+        # Between two pixels of the border it may reach a little farther than at these.
+        assert (np.ptp(places, axis=0) / (np.array(SIZE) - 1)).max() > 1 - 1e-5
 
 
 @settings(max_examples=10)

@@ -16,13 +16,24 @@ from trisquare._support.arrays import FloatArray
 from trisquare._support.convex_quads import quad_areas
 from trisquare.detection.candidates import ENOUGH, Outline, SquareOutline, Tag
 from trisquare.detection.grey import MIN_PICTURE, grey_bytes, working_picture
-from trisquare.detection.squares.framed import MIN_RELATIVE_SIDE, alignment, find_framed_squares
+from trisquare.detection.squares.framed import (
+    MIN_RELATIVE_SIDE,
+    alignment,
+    are_uniform,
+    find_framed_squares,
+)
 from trisquare.detection.squares.quads import find_quads
 from trisquare.detection.squares.rectified import views_of_squares
 from trisquare.detection.squares.side_curves import fit_sides
 from trisquare.detection.tags.decode import decode_tags
 from trisquare.detection.tags.families import TagSearch
 from trisquare.detection.tags.find import detect_markers
+
+SETTLING_REACH = 2
+"""Pixels on either side of a corner: cells of the smallest tags that are read are as large."""
+
+SETTLED = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 10, 0.05)
+"""Iterations and pixels after which a corner is where it is."""
 
 
 def find_squares(
@@ -48,21 +59,31 @@ def find_squares(
     picture, scale = working_picture(grey)
     if min(picture.shape) < MIN_PICTURE:
         return []
-    squares = _squares_of(grey, picture, scale, tag_search)
+    squares, shows_unread = _squares_of(grey, picture, scale, tag_search)
     if len(squares) < enough and min(picture.shape) >= 2 * MIN_PICTURE:
         coarser = np.asarray(cv2.pyrDown(picture), dtype=np.uint8)
-        others = _squares_of(grey, coarser, 2 * scale, tag_search)
+        others, _ = _squares_of(grey, coarser, 2 * scale, tag_search)
         squares += [other for other in others if not _is_known(other.outer.corners, squares)]
-    squares += _further_tags(grey, squares)
+    names = {square.tag.dictionary for square in squares if square.tag is not None}
+    if tag_search is not None and shows_unread:
+        names |= _dictionaries_of_small_tags(grey, tag_search)
+    further = _further_tags(grey, squares, names)
+    # What stands within a tag, or holds one, is a cell or the sheet.
+    squares = [it for it in squares if it.tag or not _is_known(it.outer.corners, further)]
+    squares += further
     return sorted(squares, key=lambda square: -float(quad_areas(square.outer.corners)))
 
 
 def _squares_of(
     grey: NDArray[np.uint8], picture: NDArray[np.uint8], scale: int, tag_search: TagSearch | None
-) -> list[SquareOutline]:
-    """Squares of a smooth picture in pixels of the photograph, `scale` to one of its own."""
+) -> tuple[list[SquareOutline], bool]:
+    """Squares of a smooth picture in pixels of the photograph, `scale` to one of its own.
+
+    And whether there are dark quads, with something in them, that are none of these squares.
+    """
     smooth = picture.astype(np.float32)
-    quads = fit_sides(smooth, find_quads(picture, smooth))
+    coarse = find_quads(picture, smooth)
+    quads = fit_sides(smooth, coarse)
     quads = views_of_squares(quads, image_size=(picture.shape[1], picture.shape[0]))
 
     def read_tags(indices: NDArray[np.intp]) -> list[Tag | None]:
@@ -81,28 +102,61 @@ def _squares_of(
             places = alignment(quads.corners[figure.inner], quads.corners[figure.outer])
             inner = Outline.of(sides[figure.inner], not outer.dark_inside, places)
         squares.append(SquareOutline(outer, inner, figure.tag))
-    return squares
+    others = [
+        number
+        for number in np.flatnonzero(coarse.dark_inside).tolist()
+        if not _is_known(scale * coarse.corners[number], squares)
+    ]
+    shows_unread = bool(others) and not are_uniform(smooth, coarse.subset(np.array(others))).all()
+    return squares, shows_unread
 
 
-def _further_tags(grey: NDArray[np.uint8], found: list[SquareOutline]) -> list[SquareOutline]:
+def _dictionaries_of_small_tags(grey: NDArray[np.uint8], tag_search: TagSearch) -> set[str]:
+    """Name the dictionaries of tags that are read in the photograph itself.
+
+    In the working picture the sides of a tag of less than 40 pixels are too short to be fitted.
+    """
+    # OpenCV's detector gives the quads that it cannot read, too: it may be told of any dictionary.
+    markers, others = detect_markers(grey, tag_search.names[0])
+    corners = _settled(grey, [marker.corners for marker in markers] + others)
+    tags = decode_tags(grey, corners, np.zeros(len(corners)), tag_search)
+    return {tag.dictionary for tag in tags if tag is not None}
+
+
+def _further_tags(
+    grey: NDArray[np.uint8], found: list[SquareOutline], names: set[str]
+) -> list[SquareOutline]:
     """Find tags that are too small for the working picture, of the dictionaries that are there.
 
     OpenCV's detector has to be told of a dictionary, and is, once other tags have named it.
     """
     further: list[SquareOutline] = []
-    for name in sorted({square.tag.dictionary for square in found if square.tag is not None}):
-        corners = np.array([marker.corners for marker in detect_markers(grey, name)[0]])
-        corners = corners.reshape(-1, 4, 2)
+    tagged = [square for square in found if square.tag is not None]
+    for name in sorted(names):
+        corners = _settled(grey, [marker.corners for marker in detect_markers(grey, name)[0]])
         search = TagSearch((name,), stated=True)
         tags = decode_tags(grey, corners, np.zeros(len(corners)), search)
         for quad, tag in zip(corners, tags, strict=True):
-            if tag is not None and not _is_known(quad, (*found, *further)):
+            if tag is not None and not _is_known(quad, (*tagged, *further)):
                 own = np.roll(quad, tag.turns, axis=0)
                 ends = np.stack([own, np.roll(own, -1, axis=0)], axis=1)
                 further.append(SquareOutline(Outline.of(ends, dark_inside=True), None, tag))
     sizes = sorted(_side(square.outer) for square in (*found, *further))
     smallest = MIN_RELATIVE_SIDE * sizes[-3] if len(sizes) > 3 else 0.0
     return [square for square in further if _side(square.outer) >= smallest]
+
+
+def _settled(grey: NDArray[np.uint8], quads: list[FloatArray]) -> FloatArray:
+    """Move quads' corners onto those of the picture, shape (Q, 4, 2).
+
+    OpenCV's are corners of contours: a pixel off is half a cell of a tag of 18 pixels.
+    """
+    if not quads:
+        return np.zeros((0, 4, 2))
+    corners = np.array(quads, dtype=np.float32).reshape(-1, 1, 2)
+    window = (SETTLING_REACH, SETTLING_REACH)
+    moved = cv2.cornerSubPix(grey, corners, window, (-1, -1), SETTLED)
+    return np.asarray(moved, dtype=np.float64).reshape(-1, 4, 2)
 
 
 def one_in_other(quad: FloatArray, other: FloatArray) -> bool:

@@ -99,7 +99,7 @@ def find_framed_squares(
     ground, figure = _levels_beside_sides(picture, quads)
     on_ground = _on_ground(quads, ground, figure)
     standing_alone = _standing_alone(picture, quads, ground, figure, on_ground)
-    uniform = _uniform(picture, quads)
+    uniform = are_uniform(picture, quads)
     solid = standing_alone & uniform
     # What comes over a frame's ring may end at a corner of the hole.
     hole = uniform & (on_ground.mean(axis=(1, 2)) >= MIN_RING_SHARE)
@@ -141,7 +141,7 @@ def reasons_against_quads(picture: NDArray[np.float32], quads: Quads) -> list[st
         ~alone,
         "something else touches its sides or corners",
         np.where(
-            ~_uniform(picture, quads),
+            ~are_uniform(picture, quads),
             "its inside is neither uniform nor that of a frame",
             "it is far smaller than the others",
         ),
@@ -228,7 +228,7 @@ def _interior_grid() -> tuple[FloatArray, FloatArray, FloatArray]:
 _INTERIOR_WEIGHTS, _PLANES, _FIT_OF_PLANE = _interior_grid()
 
 
-def _uniform(picture: NDArray[np.float32], quads: Quads) -> NDArray[np.bool_]:
+def are_uniform(picture: NDArray[np.float32], quads: Quads) -> NDArray[np.bool_]:
     """Whether the inside of each quad is even but for a plane of light."""
     values = sample(picture, np.einsum("nc,qci->qni", _INTERIOR_WEIGHTS, quads.corners))
     values -= (values @ _FIT_OF_PLANE) @ _PLANES

@@ -6,6 +6,8 @@
 //! of a chessboard have one shade up to their edges, even where dark ones are too small to touch, or
 //! so large that they overlap.
 
+use std::collections::BTreeSet;
+
 use nalgebra::Vector2;
 
 use super::lattice::{Lattice, STEPS, Site, beside};
@@ -39,8 +41,11 @@ const LIGHT_RIM: f64 = 0.1;
 const SPACE_SHARE: f64 = 0.9;
 /// How light a space is at least, from 0 (as dark cells) to 1 (as light ones).
 const LIGHT_SPACE: f64 = 0.7;
-/// Cells on either side of a space at least: fewer are light and dark by chance.
-const LEAST_BESIDE: usize = 4;
+/// Cells beside a space at least, on both sides together, and of each shade: fewer are light and dark
+/// by chance. Two boards with four crossings opposite each other have six, of which two are light
+/// or two dark.
+const LEAST_BESIDE: usize = 6;
+const LEAST_OF_SHADE: usize = 2;
 
 /// Places in a cell, in units of its sides.
 type Places = [(f64, f64)];
@@ -119,28 +124,31 @@ impl Photograph<'_> {
         lightest > darkest && step > LEAST_STEP * (lightest - darkest)
     }
 
-    /// Whether two parts of a lattice are boards of their own: light paper lies between the whole
-    /// cells that both go on by.
+    /// The boards that a lattice consists of: light paper lies between the whole cells that two
+    /// boards go on by.
     ///
-    /// One part has the crossings of `host`. What hides a part of one board is seldom as light as
-    /// paper, and leaves no whole cells at its rim.
-    pub fn has_space(&self, lattice: &Lattice, host: &Lattice) -> bool {
-        let own: Vec<_> = host.points().collect();
-        let (host, other): (Vec<_>, Vec<_>) =
-            lattice.found().partition(|(_, point)| own.contains(point));
-        [0, 1].iter().any(|&axis| {
-            let across = |(site, _): &(Site, _)| [site.0, site.1][axis];
-            let range = |part: &[_]| {
-                let all = || part.iter().map(across);
-                Some((all().min()?, all().max()?))
-            };
-            let (Some(host), Some(other)) = (range(&host), range(&other)) else {
-                return false;
-            };
-            let ends = [(host.1, other.0), (other.1, host.0)];
-            let mut ends = ends.iter().filter(|(last, first)| first - last >= 2);
-            ends.next()
-                .is_some_and(|ends| self.is_space(lattice, axis, *ends))
+    /// What hides a part of one board is seldom as light as paper, and leaves no whole cells at its
+    /// rim.
+    pub fn boards(&self, lattice: &Lattice) -> Vec<Lattice> {
+        let Some((axis, last)) = self.space(lattice) else {
+            return vec![lattice.clone()];
+        };
+        let is_before = |site: Site| across(site, axis) <= last;
+        let parts = [
+            lattice.filtered(is_before),
+            lattice.filtered(|site| !is_before(site)),
+        ];
+        parts.iter().flat_map(|part| self.boards(part)).collect()
+    }
+
+    /// The first space in a lattice: the axis across it, and the last row (axis 0) or column before.
+    pub fn space(&self, lattice: &Lattice) -> Option<(usize, isize)> {
+        [0, 1].into_iter().find_map(|axis| {
+            let occupied: BTreeSet<_> = lattice.found().map(|it| across(it.0, axis)).collect();
+            let ends = occupied.iter().zip(occupied.iter().skip(1));
+            let mut gaps = ends.filter(|(last, first)| *first - *last >= 2);
+            gaps.find(|(last, first)| self.is_space(lattice, axis, (**last, **first)))
+                .map(|(last, _)| (axis, *last))
         })
     }
 
@@ -160,17 +168,22 @@ impl Photograph<'_> {
             let [Some(a), Some(b), Some(c), Some(d)] = around else {
                 continue;
             };
-            // Beside the marker that a light cell may hold.
-            let level = |part| self.level(within(&[a, b, c, d], (LIGHT_RIM, part)));
+            let level = |place, part| self.level(within(&[a, b, c, d], (place, part)));
             for (across, part) in [(last, half_cell), (first - 1, 1.0 - half_cell)] {
                 match lattice.is_dark(site(across, along)) {
-                    true => dark.push(level(part)),
-                    false => light.push(level(part)),
+                    true => dark.push(level(0.5, part)),
+                    // Beside the marker that a light cell may hold; in a coarse picture only its
+                    // middle is out of the blur.
+                    false => {
+                        let levels = [LIGHT_RIM, 0.5, 1.0 - LIGHT_RIM].map(|at| level(at, part));
+                        light.push(levels.into_iter().fold(0.0, f64::max));
+                    }
                 }
             }
-            space.push(level(0.5));
+            space.push(level(0.5, 0.5));
         }
-        if dark.len().min(light.len()) < LEAST_BESIDE {
+        let count = dark.len() + light.len();
+        if count < LEAST_BESIDE || dark.len().min(light.len()) < LEAST_OF_SHADE {
             return false;
         }
         let mean = |levels: &[f64]| levels.iter().sum::<f64>() / levels.len() as f64;
@@ -184,6 +197,11 @@ impl Photograph<'_> {
             && share(&light, 0.5) >= SPACE_SHARE
             && share(&space, LIGHT_SPACE) >= SPACE_SHARE
     }
+}
+
+/// The row (axis 0) or column of a site.
+fn across(site: Site, axis: usize) -> isize {
+    [site.0, site.1][axis]
 }
 
 /// The point at some place in a cell, by bilinear interpolation.

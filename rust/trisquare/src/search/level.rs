@@ -59,20 +59,19 @@ impl Level<'_> {
         linked.count() >= LEAST_CROSSINGS
     }
 
-    /// Parts of lattices that are smooth and have whole cells, put together where they continue.
+    /// Parts of lattices that are boards of their own, smooth and of whole cells, put together where
+    /// they continue.
     fn smooth(&self, grown: Grown) -> Vec<Lattice> {
         let size = self.picture.size();
-        let parts = grown.lattices.iter();
-        let parts = parts.flat_map(|lattice| lattice.complete().smooth_parts(size));
+        let own = self.own_photograph();
+        let boards = grown.lattices.iter().flat_map(|it| own.boards(it));
+        let parts = boards.flat_map(|board| board.complete().smooth_parts(size));
         let (whole, rest): (Vec<_>, Vec<_>) = parts
             .map(|part| part.complete())
             .partition(Lattice::is_large);
         let fragments = grown.fragments.iter().map(Lattice::complete).chain(rest);
         let fragments = fragments.filter(|it| it.count() > 0).collect();
-        let own = self.own_photograph();
-        joined(whole, fragments, size, |union, host| {
-            own.has_space(union, host)
-        })
+        joined(whole, fragments, size, |union| own.space(union).is_some())
     }
 
     /// Grows known lattices, each into what no other has, and then those that nothing is known of.

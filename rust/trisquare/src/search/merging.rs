@@ -23,16 +23,26 @@ const LEAST_MISLINKED: usize = 6;
 /// Cells between two crossings that are the same, found twice.
 const SAME: f64 = 0.25;
 
+/// Cells from the crossings of a board to those of another one: each goes on by one cell.
+const LEAST_APART: isize = 2;
+
+/// Crossings at the sites of another lattice.
+struct Placed {
+    crossings: Vec<(Site, Vector2<f64>)>,
+    /// Whether it is dark where the other lattice's cells would be.
+    is_alike: bool,
+}
+
 /// Joins lattices that continue each other, and fragments of lattices to them.
 ///
 /// Each of the `hosts` is large enough to tell of its surface; fragments that continue none are left
-/// out. `size` is the picture's width and height; `are_apart` says of a lattice and of one of its
-/// two parts whether these are boards of their own.
+/// out. `size` is the picture's width and height; `has_space` says of a lattice whether it is several
+/// boards.
 pub(super) fn joined(
     mut hosts: Vec<Lattice>,
     fragments: Vec<Lattice>,
     size: [usize; 2],
-    are_apart: impl Fn(&Lattice, &Lattice) -> bool,
+    has_space: impl Fn(&Lattice) -> bool,
 ) -> Vec<Lattice> {
     hosts.sort_by_key(|host| Reverse(host.count()));
     let hosts = hosts.into_iter().map(|host| (true, host));
@@ -41,7 +51,7 @@ pub(super) fn joined(
     let mut done = Vec::new();
     while let Some(first) = pieces.iter().position(|(is_host, _)| *is_host) {
         let (_, host) = pieces.remove(first);
-        done.push(with_pieces(host, &mut pieces, size, &are_apart));
+        done.push(with_pieces(host, &mut pieces, size, &has_space));
     }
     done
 }
@@ -51,13 +61,13 @@ fn with_pieces(
     mut host: Lattice,
     pieces: &mut Vec<(bool, Lattice)>,
     size: [usize; 2],
-    are_apart: impl Fn(&Lattice, &Lattice) -> bool,
+    has_space: impl Fn(&Lattice) -> bool,
 ) -> Lattice {
     let mut surface = LatticeSurface::of(&host, size);
     let mut number = 0;
     while let Some((_, piece)) = pieces.get(number) {
         let union = host.union(piece, &surface);
-        if union.as_ref().is_some_and(|it| are_apart(it, &host)) {
+        if union.as_ref().is_some_and(&has_space) {
             number += 1;
         } else if let Some(union) = union.filter(|it| it.is_smooth(size)) {
             (host, surface) = (union.clone(), LatticeSurface::of(&union, size));
@@ -75,6 +85,12 @@ fn with_pieces(
 impl Lattice {
     /// Both as one lattice, if the piece's crossings lie where its own must.
     fn union(&self, piece: &Self, surface: &LatticeSurface) -> Option<Self> {
+        let placed = self.placed(piece, surface)?;
+        placed.is_alike.then(|| self.merged(&placed.crossings))?
+    }
+
+    /// The piece's crossings at this lattice's sites, if they lie where some of its own would.
+    fn placed(&self, piece: &Self, surface: &LatticeSurface) -> Option<Placed> {
         let (index, points): (Vec<Site>, Vec<_>) = piece.found().unzip();
         let sites = surface.sites(points.iter().copied());
         if !sites.iter().all(|s| s.x.is_finite() && s.y.is_finite()) || !self.is_near(&sites) {
@@ -120,8 +136,10 @@ impl Lattice {
         }
         let [row, column] = *index.first()?;
         let dark = piece.is_dark((row, column)) == turn.is_multiple_of(2);
-        let placed: Vec<_> = placed.into_iter().zip(points).collect();
-        (dark == self.is_dark(placed.first()?.0)).then(|| self.merged(&placed))?
+        Some(Placed {
+            is_alike: dark == self.is_dark(*placed.first()?),
+            crossings: placed.into_iter().zip(points).collect(),
+        })
     }
 
     /// Whether a piece has put crossings of the host's own lattice into other rows and columns.
@@ -131,7 +149,24 @@ impl Lattice {
             let off = site.map(|cells| (cells - cells.round_ties_even()).abs());
             off.x < NEARLY && off.y < NEARLY
         };
-        sites.len() >= LEAST_MISLINKED && sites.iter().all(is_close) && self.is_near(&sites)
+        sites.len() >= LEAST_MISLINKED
+            && sites.iter().all(is_close)
+            && self.is_near(&sites)
+            && !self.is_beside(piece, surface)
+    }
+
+    /// Whether a piece is another board, which stands a whole number of cells away by chance.
+    ///
+    /// Its cells are as large as this lattice's own, and dark where those would be light. Links of
+    /// this board's own crossings cannot give that: they follow edges from light to dark.
+    fn is_beside(&self, piece: &Self, surface: &LatticeSurface) -> bool {
+        let [rows, columns] = self.size();
+        let is_apart = |&((row, column), _): &(Site, Vector2<f64>)| {
+            let beyond = |at: isize, count: usize| (-at).max(at - count as isize + 1);
+            beyond(row, rows).max(beyond(column, columns)) >= LEAST_APART
+        };
+        self.placed(piece, surface)
+            .is_some_and(|it| !it.is_alike && it.crossings.iter().all(is_apart))
     }
 
     /// Whether columns and rows are no farther from a lattice than that is wide.
@@ -201,7 +236,7 @@ mod tests {
 
     const CENTRE: [f64; 3] = [0.0, 0.0, 30.0];
 
-    fn never(_: &Lattice, _: &Lattice) -> bool {
+    fn never(_: &Lattice) -> bool {
         false
     }
 
@@ -239,11 +274,26 @@ mod tests {
     fn what_contradicts_is_not_joined() {
         let host = board().crossings(0..8, 0..4);
         let piece = board().crossings(0..8, 6..10);
-        let found: Vec<_> = piece.found().collect();
-        // Dark cells where light ones must be: the host's own crossings, linked wrongly.
-        let swapped = Lattice::of(&found, !piece.is_dark((0, 0)));
-        let own = joined(vec![host.clone(), swapped], Vec::new(), SIZE, never);
+        // Dark cells where light ones must be, next to the host: its own crossings, linked wrongly.
+        let next = board().crossings(0..8, 4..10);
+        let swapped =
+            |it: &Lattice| Lattice::of(&it.found().collect::<Vec<_>>(), !it.is_dark((0, 0)));
+        let own = joined(
+            vec![
+                host.clone(),
+                swapped(&next).filtered(|(_, column)| column < 3),
+            ],
+            Vec::new(),
+            SIZE,
+            never,
+        );
         assert!(matches!(&own[..], [only] if *only == host));
+        // So far away it is another board.
+        let other = swapped(&piece);
+        assert_eq!(
+            joined(vec![host.clone(), other.clone()], Vec::new(), SIZE, never),
+            [host.clone(), other]
+        );
         let half = 0.5 * (piece.at((0, 1)).unwrap() - piece.at((0, 0)).unwrap());
         let between = piece.moved(|point| point + half);
         assert_eq!(
