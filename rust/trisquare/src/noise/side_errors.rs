@@ -123,6 +123,14 @@ impl SideErrors {
         }
     }
 
+    /// States the variance (px^2) of where the sides of squares lie, which may be none; returns
+    /// whether there are any.
+    pub fn set_lines(&mut self, variance: f64) -> bool {
+        let is_of_square = |family: &&mut Family| family.sides.len() == 1;
+        let sides = self.families.iter_mut().filter(is_of_square);
+        sides.map(|side| side.line_variance = variance).count() > 0
+    }
+
     /// States the variance of every board's relief.
     pub fn set_relief(&mut self, variance: f64) {
         for own in self.board_reliefs.iter_mut().flatten() {
@@ -194,7 +202,9 @@ impl SideErrors {
         }
         for family in self.families.iter().filter(|family| family.plane == plane) {
             let variance = match variance {
-                0.0 if family.shifted => NO_VARIANCE * self.first_variance(),
+                0.0 if family.shifted || family.line_variance > 0.0 => {
+                    NO_VARIANCE * self.first_variance()
+                }
                 variance => variance,
             };
             if variance > 0.0 {

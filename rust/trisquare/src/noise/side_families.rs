@@ -21,6 +21,9 @@ const NODES: usize = 10;
 /// Variance (px^2) of a shift of which nothing is known.
 const ANY_SHIFT: f64 = 1.0;
 
+/// Orders of a displacement that leave a line straight.
+const LINE_ORDERS: usize = 2;
+
 /// What keeps orders that too few samples show at zero.
 const UNSEEN: f64 = 1e-9;
 
@@ -66,6 +69,8 @@ pub(crate) struct Family {
     /// Whether an error of the tone curve may shift each: such shifts are no displacement of its
     /// own, and the fit to the pixels takes them out.
     pub shifted: bool,
+    /// Variance (px^2) of where the line of each lies, beside what it errs as others do.
+    pub line_variance: f64,
     /// The way the first of them runs; the others run alike.
     along: Option<Vector2<f64>>,
     /// Correlation of their displacements, its inverse, and the logarithm of its determinant.
@@ -126,6 +131,7 @@ impl Family {
             plane,
             sides,
             shifted: false,
+            line_variance: 0.0,
             along: None,
             correlation,
             inverse_correlation: factor.inverse(),
@@ -208,6 +214,7 @@ impl Family {
         for k in 0..ORDERS {
             let own = match k {
                 0 if self.shifted => ANY_SHIFT,
+                k if k < LINE_ORDERS => spectrum(k) * variance + self.line_variance,
                 _ => spectrum(k) * variance,
             };
             log_determinant += count as f64 * own.ln();

@@ -2,11 +2,11 @@
 //! picture, is the lens; what sides and boards miss on their own is theirs.
 //!
 //! Two explanations of the residuals are weighed: that sides err, and boards are bent, each on its
-//! own; and that further fields displace the picture besides ([`crate::noise::PictureFields`]). The
-//! fields are normal beforehand, of the strength that lenses have, so that the restricted
-//! likelihoods compare as marginal ones do: fields that explain by chance what sides do on their
-//! own cost more than they gain. Few planes that are bent look a little like any lens; but with a
-//! lens alone for the cause, no bend is left beside its fields.
+//! own, or squares are none; and that further fields displace the picture besides
+//! ([`crate::noise::PictureFields`]). The fields are normal beforehand, of the strength that lenses
+//! have, so that the restricted likelihoods compare as marginal ones do: fields that explain by
+//! chance what sides do on their own cost more than they gain. Few planes that are bent look a
+//! little like any lens; but with a lens alone for the cause, no bend is left beside its fields.
 
 use nalgebra::DVector;
 
@@ -29,6 +29,9 @@ const RELIEFS: [f64; 5] = [FLAT, NEARLY_FLAT, 1e-5, 1e-4, 1e-2];
 
 /// The least of them: it takes up what little a model leaves.
 const NEARLY_FLAT: f64 = 1e-6;
+
+/// Variances (px^2) tried of where the sides lie of squares that are none.
+const LINES: [f64; 4] = [0.01, 0.1, 1.0, 10.0];
 
 /// What the residuals say of the lens.
 pub(crate) enum LensVerdict {
@@ -70,9 +73,11 @@ pub(crate) fn beyond_lens<L: Lens>(
         }
     }
     let mut errors = SideErrors::gather_with_fields(&planes, (free, fields), view, noise, white)?;
-    let bent = Explanation::likeliest(&mut errors, &PictureFields::deviations(free, false))?;
+    let no_fields = PictureFields::deviations(free, false);
+    let bent = Explanation::likeliest(&mut errors, &no_fields)?;
+    let misshapen = misshapen(&mut errors, &no_fields).unwrap_or(f64::INFINITY);
     let beyond = Explanation::likeliest(&mut errors, &PictureFields::deviations(free, true))?;
-    if bent.criterion - beyond.criterion < CLEARLY {
+    if bent.criterion.min(misshapen) - beyond.criterion < CLEARLY {
         return Some(match bent.relief > NEARLY_FLAT {
             true => LensVerdict::Unclear { asked: false },
             false => LensVerdict::Held,
@@ -107,14 +112,29 @@ impl Explanation {
         let (relief, _) = tried.min_by(|a, b| a.1.total_cmp(&b.1))?;
         errors.set_relief(relief);
         let (variances, criterion) = errors.likeliest()?;
-        // As the relief's and the sides' own priors, that of the fields has its norm.
-        let norm: f64 = fields.iter().map(|std| 2.0 * std.ln()).sum();
         Some(Self {
             relief,
             variances,
-            criterion: criterion + norm,
+            criterion: criterion + norm(fields),
         })
     }
+}
+
+/// Minus twice the logarithm of the likelihood of squares that are none; `None` without squares.
+fn misshapen(errors: &mut SideErrors, fields: &[f64]) -> Option<f64> {
+    errors.set_relief(FLAT);
+    let tried = LINES.iter().filter_map(|variance| {
+        errors.set_lines(*variance).then_some(())?;
+        Some(errors.likeliest_at(FLAT, None)?.1)
+    });
+    let criterion = tried.min_by(f64::total_cmp);
+    errors.set_lines(0.0);
+    Some(criterion? + norm(fields))
+}
+
+/// As the relief's and the sides' own priors, that of the fields has its norm.
+fn norm(fields: &[f64]) -> f64 {
+    fields.iter().map(|std| 2.0 * std.ln()).sum()
 }
 
 impl<L: Lens> Calibration<L> {
