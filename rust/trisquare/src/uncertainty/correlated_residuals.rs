@@ -159,8 +159,12 @@ pub(crate) fn correlated_covariance<L: Lens>(
     };
     let parts = parts(fitted, &units, &strength.mean)?;
     let spread = spread_of_planes(planes, fitted.0, &parts, &as_stated(0.0));
-    let group_variance_ratio = spread.map_or(1.0, |ratio| ratio.max(1.0));
-    let raised = group_variance_ratio.max(between_plane_variance_ratio);
+    let group_variance_ratio = spread.as_ref().map_or(1.0, |it| it.variance_ratio.max(1.0));
+    // Sides in the wrong place may be none of a group's errors in the camera.
+    let raised = match spread {
+        Some(spread) if spread.is_enough => group_variance_ratio,
+        _ => group_variance_ratio.max(between_plane_variance_ratio),
+    };
     let total_beyond = |floor: f64| as_stated(floor) * raised;
     let drifting = planes.iter().any(ObservedPlane::has_tone_drift);
     let floor = if drifting { CURVE_ERROR } else { 0.0 };

@@ -21,8 +21,18 @@ const LEAST_GROUPS: usize = 5;
 /// How often chance makes the groups scatter so much; a covariance is seldom raised without cause.
 const CHANCE: f64 = 0.01;
 
-/// By how much more, in variance, groups of planes scatter than a covariance lets expect; `None`
-/// where they are too few, or where it may be chance.
+/// Groups that tell it better than the residuals do.
+const ENOUGH_GROUPS: usize = 10;
+
+/// How groups of planes scatter.
+pub(crate) struct Spread {
+    /// By how much more, in variance, than the covariance lets expect; 1 where that may be chance.
+    pub variance_ratio: f64,
+    /// Whether so many groups scatter that nothing else need tell how much they do.
+    pub is_enough: bool,
+}
+
+/// How groups of planes scatter beside what a covariance lets expect; `None` where they are too few.
 ///
 /// `parts` are the covariances that the planes make of the total.
 pub(crate) fn spread_of_planes(
@@ -30,7 +40,7 @@ pub(crate) fn spread_of_planes(
     system: &ArrowSystem,
     parts: &[DMatrix<f64>],
     total: &DMatrix<f64>,
-) -> Option<f64> {
+) -> Option<Spread> {
     let groups = groups_of(planes);
     if groups.len() < LEAST_GROUPS || total.is_empty() {
         return None;
@@ -64,7 +74,10 @@ pub(crate) fn spread_of_planes(
     let freedom = expected * expected / square;
     let ratio = found / expected;
     let chance = chi_square_tail(ratio * freedom, freedom);
-    (ratio.is_finite() && chance < CHANCE).then_some(ratio)
+    ratio.is_finite().then(|| Spread {
+        variance_ratio: if chance < CHANCE { ratio } else { 1.0 },
+        is_enough: groups.len() >= ENOUGH_GROUPS,
+    })
 }
 
 /// The planes that share their errors: those of one picture, or where there is only one, each.
