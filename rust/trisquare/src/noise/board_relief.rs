@@ -1,4 +1,5 @@
-//! The relief of a board: which heights it has, and how far each displaces a sample.
+//! The relief of a board, or of the sheet of a square: which heights it has, and how far each
+//! displaces a sample.
 //!
 //! The heights are `R sum a_ij P_i(X / R) P_j(Y / R)` with `R` half the board's extent and
 //! `2 <= i + j <= 4` (lower orders are the pose), `a_ij` normal with variance `tau^2 / (d / 2)^4`,
@@ -8,9 +9,7 @@ use nalgebra::{Vector2, Vector3};
 
 use crate::lens::Lens;
 use crate::numeric::Block;
-use crate::observations::{
-    BoardRelief, Heights, ObservedPlane, PlaneState, Sample, TERMS, View, has_grid,
-};
+use crate::observations::{BoardRelief, Heights, ObservedPlane, PlaneState, Sample, TERMS, View};
 
 /// Lowest and highest order of a term; what is finer than a quarter of a board is left to the
 /// sides' own errors.
@@ -20,21 +19,8 @@ const ORDERS: std::ops::RangeInclusive<usize> = 2..=4;
 pub(crate) const FLAT: f64 = 1e-12;
 
 impl BoardRelief {
-    /// A flat one, of a board that has lines enough to show another; `None` if it has not.
+    /// A flat one; `None` where nothing of the plane is seen.
     pub fn flat<L: Lens>(
-        plane: &ObservedPlane,
-        view: &View<L>,
-        state: &PlaneState,
-    ) -> Option<Self> {
-        let large = plane.figures.iter().any(has_grid);
-        if !large || plane.is_outlier() {
-            return None;
-        }
-        Self::of_any(plane, view, state)
-    }
-
-    /// A flat one, of whatever figures.
-    pub fn of_any<L: Lens>(
         plane: &ObservedPlane,
         view: &View<L>,
         state: &PlaneState,

@@ -1,4 +1,4 @@
-//! The out-of-plane shape of boards: every large board has a smooth relief.
+//! The out-of-plane shape of boards, and of the sheets of squares: a smooth relief.
 //!
 //! A bump of height `z(X, Y)` displaces rows and columns of a board alike, toward the vanishing
 //! point of its normal and the more the flatter the board is looked at: a displacement that whole
@@ -14,7 +14,7 @@ use nalgebra::Vector2;
 
 use super::board_relief::FLAT;
 use super::local::{Noise, white_variance};
-use super::side_errors::SideErrors;
+use super::side_errors::{SideErrors, rms_displacement};
 use crate::lens::Lens;
 use crate::numeric::Problem;
 use crate::observations::{BoardRelief, FreeParameters, Heights, ObservedPlane, PlaneState, TERMS};
@@ -36,6 +36,10 @@ const MAX_STEPS: usize = 20;
 /// Predicted fall of the cost, in units of the noise variance, below which a step is the last.
 const LAST_DECREASE: f64 = 0.03;
 
+/// How much more the sides err than an error of the tone curve shifts them, by its standard
+/// deviation: otherwise both would claim the same.
+const BEYOND_DRIFT: f64 = 3.0;
+
 /// Pixels over which a distance's gradient is taken.
 const GRADIENT_STEP: f64 = 0.01;
 
@@ -47,18 +51,17 @@ pub(crate) fn account_for_relief<L: Lens>(
     judged: &FreeParameters,
     refined: &Refined<L>,
 ) -> Option<(Vec<ObservedPlane>, Refined<L>)> {
-    // Where a tone curve's error is to be told from the samples, both would claim the same.
-    if planes.iter().any(ObservedPlane::has_tone_drift) {
-        return None;
-    }
+    let drifts = planes.iter().map(ObservedPlane::largest_tone_drift);
+    let drift = drifts.fold(0.0, f64::max);
     let mut planes = planes.to_vec();
     for (plane, state) in planes.iter_mut().zip(&refined.view.planes) {
-        plane.board_relief = plane
-            .board_relief
-            .or_else(|| BoardRelief::flat(plane, &refined.view, state));
+        plane.forget_tone_drift();
+        if plane.board_relief.is_none() && !plane.is_outlier() {
+            plane.board_relief = BoardRelief::flat(plane, &refined.view, state);
+        }
     }
     let mut found = refined.clone();
-    let variance = variance(&errors(&planes, free, &found)?)?;
+    let variance = variance(&errors(&planes, free, &found)?, drift)?;
     for board_relief in planes.iter_mut().filter_map(|p| p.board_relief.as_mut()) {
         board_relief.variance = variance;
     }
@@ -102,12 +105,13 @@ fn errors<L: Lens>(
     SideErrors::gather(planes, free, &refined.view, &noise, white)
 }
 
-/// The likeliest variance of the relief, if there clearly is any.
-fn variance(errors: &SideErrors) -> Option<f64> {
-    if !errors.has_board_relief() {
+/// The likeliest variance of the relief, if there clearly is any; `drift` (px) is the standard
+/// deviation of a shift by the tone curve.
+fn variance(errors: &SideErrors, drift: f64) -> Option<f64> {
+    let flat = errors.likeliest_at(FLAT, None)?;
+    if rms_displacement(flat.0) <= BEYOND_DRIFT * drift {
         return None;
     }
-    let flat = errors.likeliest_at(FLAT, None)?;
     let tried = (0..VARIANCES).filter_map(|index| {
         let variance = FIRST_VARIANCE * VARIANCE_RATIO.powi(index);
         Some((variance, errors.likeliest_at(variance, Some(flat.0))?.1))

@@ -95,6 +95,19 @@ impl ObservedPlane {
         self.sides().any(|side| !side.tone_drift.is_empty())
     }
 
+    /// The largest displacement (px) of a sample by one standard deviation of such an error.
+    pub fn largest_tone_drift(&self) -> f64 {
+        let drifts = self.sides().flat_map(|side| &side.tone_drift);
+        drifts.map(|drift| drift.norm()).fold(0.0, f64::max)
+    }
+
+    /// Takes the samples as not displaced by it.
+    pub fn forget_tone_drift(&mut self) {
+        for side in self.sides_mut() {
+            side.tone_drift.clear();
+        }
+    }
+
     /// Marks all sides as outliers.
     pub fn mark_as_outlier(&mut self) {
         for side in self.sides_mut() {

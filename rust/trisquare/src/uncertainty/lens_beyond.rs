@@ -69,7 +69,7 @@ pub(crate) fn beyond_lens<L: Lens>(
     let mut planes = planes.to_vec();
     for (plane, state) in planes.iter_mut().zip(&view.planes) {
         if plane.board_relief.is_none() && !plane.is_outlier() {
-            plane.board_relief = Some(BoardRelief::of_any(plane, view, state)?);
+            plane.board_relief = Some(BoardRelief::flat(plane, view, state)?);
         }
     }
     let mut errors = SideErrors::gather_with_fields(&planes, (free, fields), view, noise, white)?;
