@@ -10,7 +10,7 @@ use crate::observations::{Method, Options, PlaneEdges, sort_by_plane};
 use crate::photometric::{Photographs, improve};
 use crate::result::{Calibration, Stage};
 use crate::solver::{JointProblem, Work, reject_outliers};
-use crate::uncertainty::{check_plane_count, unlikely_camera};
+use crate::uncertainty::{LensVerdict, check_plane_count, unlikely_camera};
 
 /// Calibrates a camera from edge samples of planes with known lines.
 ///
@@ -100,12 +100,21 @@ fn run<L: Lens>(
         ),
         Method::MaximumLikelihood => (Stage::Edges, reject_outliers(&problem, &planes)),
     };
-    let (solution, outliers) = found.map_err(advised)?;
+    let (mut solution, outliers) = found.map_err(advised)?;
     if judging {
         problem.judge(&solution).map_err(advised)?;
     }
     if stage == Stage::Edges {
         problem.check_reach(&solution.refined.view.lens)?;
+    }
+    let verdict = match judging {
+        true => problem.lens_verdict(&solution),
+        false => None,
+    };
+    if let Some(LensVerdict::NotFlat) = verdict
+        && let Some(found) = problem.with_relief(&planes, &solution)
+    {
+        solution = found;
     }
     let mut calibration = Calibration::assemble(&problem, &solution, stage);
     if let (Stage::Edges, Some(photographs)) = (stage, photographs) {
@@ -124,7 +133,9 @@ fn run<L: Lens>(
         });
         // What explains other warnings comes before them.
         calibration.warnings.splice(0..0, unlikely);
-        if let Some(doubt) = problem.lens_doubt(&planes, &solution) {
+        if let Some(verdict) = verdict
+            && let Some(doubt) = problem.lens_doubt(&planes, &solution, verdict)
+        {
             calibration.allow_for_lens(&doubt.change, doubt.cure);
         }
     }

@@ -2,8 +2,8 @@
 //! displaces a sample.
 //!
 //! The heights are `R sum a_ij P_i(X / R) P_j(Y / R)` with `R` half the board's extent and
-//! `2 <= i + j <= 4` (lower orders are the pose), `a_ij` normal with variance `tau^2 / (d / 2)^4`,
-//! `d = i + j`: stiff sheets resist curvature, which grows with the square of the order.
+//! `2 <= i + j <= 4` (lower orders are the pose), `a_ij` normal with variance `tau^2 / (d / 2)^n`,
+//! `d = i + j`. Stiff sheets resist curvature, which grows with the square of the order: `n` is 4.
 
 use nalgebra::{Vector2, Vector3};
 
@@ -14,6 +14,14 @@ use crate::observations::{BoardRelief, Heights, ObservedPlane, PlaneState, Sampl
 /// Lowest and highest order of a term; what is finer than a quarter of a board is left to the
 /// sides' own errors.
 const ORDERS: std::ops::RangeInclusive<usize> = 2..=4;
+
+/// Steps across a relief that show its height.
+const HEIGHT_PLACES: u8 = 10;
+
+/// How steeply variances fall with the order: those of stiff sheets, and of sheets that are rolled or
+/// twisted as wholes.
+pub(super) const STIFF: i32 = 4;
+pub(super) const ROLLED: i32 = 12;
 
 /// `tau^2` that counts as none: heights of a millionth of the extent, far below any pixel.
 pub(crate) const FLAT: f64 = 1e-12;
@@ -36,6 +44,7 @@ impl BoardRelief {
             radius,
             heights: Heights::zeros(),
             variance: FLAT,
+            steepness: STIFF,
         })
     }
 
@@ -63,16 +72,29 @@ impl BoardRelief {
         Some(terms(&self.place(&(point + slid))) * (self.radius * per_height))
     }
 
+    /// From its lowest to its highest place, over its extent.
+    pub fn height(&self) -> f64 {
+        let places =
+            || (0..=HEIGHT_PLACES).map(|i| 2.0 * f64::from(i) / f64::from(HEIGHT_PLACES) - 1.0);
+        let places = places().flat_map(|x| places().map(move |y| Vector2::new(x, y)));
+        let heights = places.map(|place| self.heights.dot(&terms(&place)));
+        let range = heights.fold((f64::MAX, f64::MIN), |(low, high), z| {
+            (low.min(z), high.max(z))
+        });
+        // In units of half the extent.
+        0.5 * (range.1 - range.0)
+    }
+
     /// A point of the plane in units of the relief's extent.
     fn place(&self, point: &Vector2<f64>) -> Vector2<f64> {
         (point - self.centre) / self.radius
     }
 
     /// Precision of every height at a variance.
-    fn precisions(variance: f64) -> Heights {
+    fn precisions(&self, variance: f64) -> Heights {
         let mut precisions = Heights::zeros();
         for (precision, (i, j)) in precisions.iter_mut().zip(orders()) {
-            *precision = (0.5 * (i + j) as f64).powi(4) / variance;
+            *precision = (0.5 * (i + j) as f64).powi(self.steepness) / variance;
         }
         precisions
     }
@@ -80,7 +102,7 @@ impl BoardRelief {
     /// Adds what is known of the heights to their plane's equations; returns its part of minus
     /// twice the log likelihood.
     pub fn hold(&self, variance: f64, block: &mut Block) -> f64 {
-        let precisions = Self::precisions(variance);
+        let precisions = self.precisions(variance);
         let first = block.hessian.nrows() - TERMS;
         let mut criterion = 0.0;
         for (k, (precision, height)) in precisions.iter().zip(&self.heights).enumerate() {

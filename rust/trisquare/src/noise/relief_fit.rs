@@ -4,30 +4,35 @@
 //! point of its normal and the more the flatter the board is looked at: a displacement that whole
 //! sheets share, and that no line alone can tell from distortion. The heights are
 //! `R sum a_ij P_i(X / R) P_j(Y / R)` with `R` half the board's extent and `2 <= i + j <= 4`
-//! (lower orders are the pose), `a_ij` normal with variance `tau^2 / (d / 2)^4`, `d = i + j`: stiff
-//! sheets resist curvature, which grows with the square of the order. `tau` follows from the
-//! residuals together with the strength of what every side errs on its own
+//! (lower orders are the pose), `a_ij` normal with variance `tau^2 / (d / 2)^n`, `d = i + j`. `tau`
+//! and `n` follow from the residuals together with the strength of what every side errs on its own
 //! ([`crate::noise::side_errors`]), and where it is beyond doubt the camera is that of generalised
 //! least squares, the heights eliminated like a pose whose size is known beforehand.
 
 use nalgebra::Vector2;
 
-use super::board_relief::FLAT;
+use super::board_relief::{FLAT, ROLLED, STIFF};
 use super::local::{Noise, white_variance};
 use super::side_errors::{SideErrors, rms_displacement};
 use crate::lens::Lens;
 use crate::numeric::Problem;
-use crate::observations::{BoardRelief, FreeParameters, Heights, ObservedPlane, PlaneState, TERMS};
+use crate::observations::{
+    BoardRelief, FreeParameters, Heights, ObservedPlane, PlaneState, TERMS, has_grid,
+};
 use crate::refine::{EdgeProblem, Refined, residuals, robust_scale};
 
 /// `tau^2` tried: from heights of a ten-thousandth of half the board's extent, which is less than
-/// a tenth of a pixel on the largest boards, to a tenth, which is no board any more.
+/// a tenth of a pixel on the largest boards, to a tenth, which is no board any
+/// more.
 const FIRST_VARIANCE: f64 = 1e-8;
-const VARIANCE_RATIO: f64 = 10.0;
-const VARIANCES: i32 = 7;
+const VARIANCE_RATIO: f64 = 4.0;
+const VARIANCES: i32 = 11;
 
 /// Twice the log likelihood that a relief has to gain: chance does so once in a hundred times.
 const CLEARLY: f64 = 6.6;
+
+/// Twice the log likelihood that is lost where a variance is beyond all doubt too large.
+const HOPELESS: f64 = 20.0;
 
 /// Generalised least-squares steps; two or three are used, and nine where the fit of flat boards
 /// was far off.
@@ -38,10 +43,19 @@ const LAST_DECREASE: f64 = 0.03;
 
 /// How much more the sides err than an error of the tone curve shifts them, by its standard
 /// deviation: otherwise both would claim the same.
-const BEYOND_DRIFT: f64 = 3.0;
+const BEYOND_DRIFT: f64 = 2.0;
 
 /// Pixels over which a distance's gradient is taken.
 const GRADIENT_STEP: f64 = 0.01;
+
+/// Whose relief is asked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Sheets {
+    /// That of boards: their many lines tell it from all else.
+    Boards,
+    /// That of squares as well.
+    All,
+}
 
 /// The samples with the boards' out-of-plane shape taken out, and the optimum of generalised least
 /// squares there; `None` where no board has one.
@@ -50,20 +64,21 @@ pub(crate) fn account_for_relief<L: Lens>(
     free: &FreeParameters,
     judged: &FreeParameters,
     refined: &Refined<L>,
+    sheets: Sheets,
 ) -> Option<(Vec<ObservedPlane>, Refined<L>)> {
     let drifts = planes.iter().map(ObservedPlane::largest_tone_drift);
     let drift = drifts.fold(0.0, f64::max);
     let mut planes = planes.to_vec();
     for (plane, state) in planes.iter_mut().zip(&refined.view.planes) {
-        plane.forget_tone_drift();
-        if plane.board_relief.is_none() && !plane.is_outlier() {
+        let is_asked = sheets == Sheets::All || plane.figures.iter().any(has_grid);
+        if plane.board_relief.is_none() && !plane.is_outlier() && is_asked {
             plane.board_relief = BoardRelief::flat(plane, &refined.view, state);
         }
     }
     let mut found = refined.clone();
-    let variance = variance(&errors(&planes, free, &found)?, drift)?;
+    let (variance, steepness) = spectrum(&mut errors(&planes, free, &found)?, drift)?;
     for board_relief in planes.iter_mut().filter_map(|p| p.board_relief.as_mut()) {
-        board_relief.variance = variance;
+        (board_relief.variance, board_relief.steepness) = (variance, steepness);
     }
     for _ in 0..MAX_STEPS {
         let errors = errors(&planes, free, &found)?;
@@ -105,20 +120,39 @@ fn errors<L: Lens>(
     SideErrors::gather(planes, free, &refined.view, &noise, white)
 }
 
-/// The likeliest variance of the relief, if there clearly is any; `drift` (px) is the standard
-/// deviation of a shift by the tone curve.
-fn variance(errors: &SideErrors, drift: f64) -> Option<f64> {
+/// The mean variance of the relief, weighed by how likely each is, and its steepness, if there
+/// clearly is any; `drift` (px) is the standard deviation of a shift by the tone curve.
+fn spectrum(errors: &mut SideErrors, drift: f64) -> Option<(f64, i32)> {
+    if !errors.has_board_relief() {
+        return None;
+    }
     let flat = errors.likeliest_at(FLAT, None)?;
     if rms_displacement(flat.0) <= BEYOND_DRIFT * drift {
         return None;
     }
-    let tried = (0..VARIANCES).filter_map(|index| {
-        let variance = FIRST_VARIANCE * VARIANCE_RATIO.powi(index);
-        Some((variance, errors.likeliest_at(variance, Some(flat.0))?.1))
-    });
-
-    let (variance, criterion) = tried.min_by(|a, b| a.1.total_cmp(&b.1))?;
-    (flat.1 - criterion > CLEARLY).then_some(variance)
+    let mut best = (flat.1 - CLEARLY, None);
+    for steepness in [STIFF, ROLLED] {
+        errors.set_steepness(steepness);
+        let (mut tried, mut least) = (Vec::new(), f64::INFINITY);
+        for index in 0..VARIANCES {
+            let variance = FIRST_VARIANCE * VARIANCE_RATIO.powi(index);
+            let criterion = errors.likeliest_at(variance, Some(flat.0))?.1;
+            if criterion > least + HOPELESS {
+                break;
+            }
+            least = least.min(criterion);
+            tried.push((variance, criterion));
+        }
+        if least < best.0 {
+            let weighed = tried.iter().map(|(variance, criterion)| {
+                let weight = (0.5 * (least - criterion)).exp();
+                (weight, weight * variance)
+            });
+            let (weights, sum) = weighed.fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+            best = (least, Some((sum / weights, steepness)));
+        }
+    }
+    best.1
 }
 
 /// Takes further heights of a plane's relief out of its samples.

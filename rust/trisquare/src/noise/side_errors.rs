@@ -138,6 +138,13 @@ impl SideErrors {
         }
     }
 
+    /// States how steeply the variances of all reliefs fall with the order.
+    pub fn set_steepness(&mut self, steepness: i32) {
+        for own in self.board_reliefs.iter_mut().flatten() {
+            own.steepness = steepness;
+        }
+    }
+
     /// Whether any plane is a board that may not be flat.
     pub fn has_board_relief(&self) -> bool {
         self.board_reliefs.iter().any(Option::is_some)

@@ -155,7 +155,7 @@ impl Family {
         block: &mut Block,
     ) -> Option<()> {
         let place = self.sides.iter().position(|own| *own == index)?;
-        self.shifted |= !side.tone_drift.is_empty();
+        self.shifted |= !side.tone_drift.is_empty() && board_relief.is_none();
         let mirror = self.mirror(&moments.along);
         let gram = moments
             .robust

@@ -101,13 +101,6 @@ impl ObservedPlane {
         drifts.map(|drift| drift.norm()).fold(0.0, f64::max)
     }
 
-    /// Takes the samples as not displaced by it.
-    pub fn forget_tone_drift(&mut self) {
-        for side in self.sides_mut() {
-            side.tone_drift.clear();
-        }
-    }
-
     /// Marks all sides as outliers.
     pub fn mark_as_outlier(&mut self) {
         for side in self.sides_mut() {

@@ -18,4 +18,6 @@ pub(crate) struct BoardRelief {
     pub heights: Heights,
     /// `tau^2`.
     pub variance: f64,
+    /// `n`: how steeply the variance of a height falls with its order.
+    pub steepness: i32,
 }

@@ -20,6 +20,9 @@ pub struct ResidualCorrelation {
     /// Variance between groups of planes (the pictures, or the planes of one) over what all that
     /// lets expect; 1 where they agree, or are too few to tell.
     pub group_variance_ratio: f64,
+    /// From the lowest to the highest place of every plane's relief, over its extent; 0 where planes
+    /// are taken for flat.
+    pub heights: Vec<f64>,
     /// What all that adds to the covariance of the free parameters.
     pub added: DMatrix<f64>,
     /// Variance of the samples over what pixels of independent noise would give them, if their
@@ -40,6 +43,7 @@ impl ResidualCorrelation {
             displacements: vec![0.0; planes],
             between_plane_variance_ratio: 1.0,
             group_variance_ratio: 1.0,
+            heights: vec![0.0; planes],
             added: DMatrix::zeros(parameters, parameters),
             pixels: 1.0,
             floor: 0.0,

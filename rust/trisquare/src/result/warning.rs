@@ -96,15 +96,17 @@ pub enum Warning {
     },
     /// The samples of a side err together, beyond their noise.
     #[error(
-        "the samples of a side err together, by {displacement:.3} px on plane {plane} (paper or \
-         print not flat, or a lens beyond the model): the standard deviation of {parameter} was \
-         raised {factor:.1} times for it"
+        "the samples of a side err together, by {displacement:.3} px on plane {plane} ({}): the \
+         standard deviation of {parameter} was raised {factor:.1} times for it",
+        cause_of_errors(*.height)
     )]
     SidesErrTogether {
         /// The plane that shows it most.
         plane: usize,
         /// Root mean square error of a side there, px.
         displacement: f64,
+        /// From the lowest to the highest place of its relief, over its extent, if it has one.
+        height: Option<f64>,
         /// The parameter that suffers most.
         parameter: &'static str,
         /// Its standard deviation over what independent noise alone would give.
@@ -186,6 +188,14 @@ fn held_focal(fixed: &str, held: Option<f64>) -> String {
 
 /// Standard deviations that were raised more than so many times ask for a look.
 const NOTABLE_FACTOR: f64 = 2.0;
+
+/// What makes sides err together.
+fn cause_of_errors(height: Option<f64>) -> String {
+    match height {
+        Some(height) => format!("its sheet rises by {:.1} % of its size", 100.0 * height),
+        None => "paper or print not flat, or a lens beyond the model".to_owned(),
+    }
+}
 
 /// What holds a lens beyond its model.
 fn richer_focal(cure: Option<&(String, f64)>) -> String {

@@ -329,7 +329,7 @@ mod tests {
             vec![first.clone(), second.clone()],
             Vec::new(),
             SIZE,
-            |union, host| union.count() == 64 && host.count() == 32,
+            |lattice| lattice.count() == 64,
         );
         assert_eq!(apart, [first, second]);
     }

@@ -23,7 +23,7 @@ pub(crate) struct LensDoubt {
 impl<L: Lens> JointProblem<'_, L> {
     /// What the residuals say of the lens. Where its focal lengths, principal point or coefficients
     /// are held, they may be what is wrong.
-    fn lens_verdict(&self, solution: &Solution<L>) -> Option<LensVerdict> {
+    pub fn lens_verdict(&self, solution: &Solution<L>) -> Option<LensVerdict> {
         let fixed = &self.options.fixed;
         let noise = solution.noise.as_ref()?;
         if fixed.focal || fixed.principal_point || fixed.distortion {
@@ -44,18 +44,16 @@ impl<L: Lens> JointProblem<'_, L> {
         &self,
         planes: &[ObservedPlane],
         solution: &Solution<L>,
+        verdict: LensVerdict,
     ) -> Option<LensDoubt> {
-        let mut change = match self.lens_verdict(solution)? {
-            LensVerdict::Held | LensVerdict::Unclear { asked: false } => return None,
+        let mut change = match verdict {
+            LensVerdict::Held | LensVerdict::NotFlat | LensVerdict::Unclear { asked: false } => {
+                return None;
+            }
             LensVerdict::Unclear { asked: true } => None,
             LensVerdict::Beyond(change) => Some(change),
         };
-        let mut planes = planes.to_vec();
-        for (plane, found) in planes.iter_mut().zip(&solution.planes) {
-            for (side, found) in plane.sides_mut().zip(found.sides()) {
-                side.is_outlier = found.is_outlier;
-            }
-        }
+        let planes = solution.with_its_outliers(planes);
         for &model in self.options.model.richer() {
             let options = Options {
                 model,

@@ -6,7 +6,7 @@ use super::starts::Starts;
 use crate::error::Error;
 use crate::lens::Lens;
 use crate::linear::{Homographies, Undistortion, first_view};
-use crate::noise::{Noise, account_for_drift, account_for_relief};
+use crate::noise::{Noise, Sheets, account_for_drift, account_for_relief};
 use crate::observations::{FreeParameters, Method, ObservedPlane, View};
 use crate::refine::{Refined, Search, finish, search};
 use crate::result::ResidualCorrelation;
@@ -26,6 +26,19 @@ pub(crate) struct Solution<L> {
     pub correlated: Correlated,
     /// What the residuals say of their noise; nothing where they are exact, or not asked.
     pub noise: Option<Noise>,
+}
+
+impl<L> Solution<L> {
+    /// Planes as they were given, with the outliers of this solution.
+    pub fn with_its_outliers(&self, planes: &[ObservedPlane]) -> Vec<ObservedPlane> {
+        let mut planes = planes.to_vec();
+        for (plane, found) in planes.iter_mut().zip(&self.planes) {
+            for (side, found) in plane.sides_mut().zip(found.sides()) {
+                side.is_outlier = found.is_outlier;
+            }
+        }
+        planes
+    }
 }
 
 impl<L: Lens> JointProblem<'_, L> {
@@ -56,7 +69,30 @@ impl<L: Lens> JointProblem<'_, L> {
     pub fn converge(
         &self,
         planes: &[ObservedPlane],
+        refined: Refined<L>,
+    ) -> Result<Solution<L>, Failure<L>> {
+        self.converge_with(planes, refined, Sheets::Boards)
+    }
+
+    /// A solution of the same planes whose squares are not on flat sheets either, `planes` as they
+    /// were given.
+    pub fn with_relief(&self, planes: &[ObservedPlane], flat: &Solution<L>) -> Option<Solution<L>> {
+        let planes = flat.with_its_outliers(planes);
+        let refined = self.again(&planes, &flat.refined)?;
+        let mut found = self.converge_with(&planes, refined, Sheets::All).ok()?;
+        let flat = &flat.correlated.residual_correlation;
+        let own = &mut found.correlated.residual_correlation;
+        // A relief that the fit takes out is an error of the sides all the same.
+        own.displacements.clone_from(&flat.displacements);
+        own.probability = flat.probability;
+        Some(found)
+    }
+
+    fn converge_with(
+        &self,
+        planes: &[ObservedPlane],
         mut refined: Refined<L>,
+        sheets: Sheets,
     ) -> Result<Solution<L>, Failure<L>> {
         if refined.is_exact() {
             return self.independent_solution(planes, refined);
@@ -69,11 +105,10 @@ impl<L: Lens> JointProblem<'_, L> {
             noise = Noise::of_optimum(&weighed, &again);
             (planes, refined) = (weighed, again);
         }
-        if let Some(found) = account_for_drift(&planes, &self.free, &self.judged, &refined) {
-            (planes, refined) = found;
-            noise = Noise::of_optimum(&planes, &refined);
-        }
-        if let Some(found) = account_for_relief(&planes, &self.free, &self.judged, &refined) {
+        // Sheets that are not flat would pass for an error of the tone curve.
+        let found = account_for_relief(&planes, &self.free, &self.judged, &refined, sheets)
+            .or_else(|| account_for_drift(&planes, &self.free, &self.judged, &refined));
+        if let Some(found) = found {
             (planes, refined) = found;
             noise = Noise::of_optimum(&planes, &refined);
         }

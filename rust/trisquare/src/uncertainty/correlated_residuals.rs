@@ -1,16 +1,20 @@
 //! What the residuals say of their own noise, and what that makes of the answer: planes that are
 //! measured less well than others, neighbours and whole sides that err together.
 
-use nalgebra::DMatrix;
+use std::collections::BTreeMap;
+
+use nalgebra::{DMatrix, DVector};
 
 use super::covariance::covariance;
 use super::known_values::disagreement;
 use super::plane_spread::spread_of_planes;
 use crate::lens::Lens;
-use crate::noise::{Misfit, Noise, SideErrors, rms_displacement, variance_of, white_variance};
+use crate::noise::{
+    Misfit, Noise, SideErrors, Strength, rms_displacement, variance_of, white_variance,
+};
 use crate::numeric::ArrowSystem;
 use crate::observations::{FreeParameters, ObservedPlane};
-use crate::refine::Refined;
+use crate::refine::{Refined, residuals};
 use crate::result::{Disagreement, ResidualCorrelation, Warning};
 
 /// A plane's noise differs from that of all if it does so by so many of its own standard
@@ -23,6 +27,9 @@ const LOG_SCALE_STD: f64 = 0.71;
 /// How far (px) samples measured with an estimated tone curve may be displaced together: a few
 /// thousandths on rendered pictures.
 const CURVE_ERROR: f64 = 0.01;
+
+/// Standard deviations of a tone curve's error that leave the robust weights as they are.
+const SMALL_DRIFT: f64 = 0.01;
 
 /// What is known once correlation is allowed for.
 #[derive(Clone)]
@@ -70,18 +77,29 @@ impl ResidualCorrelation {
                 factor: self.group_variance_ratio.sqrt(),
             });
         }
-        let most = |a: &usize, b: &usize| self.displacements[*a].total_cmp(&self.displacements[*b]);
-        let plane = (0..self.displacements.len()).rev().max_by(most);
-        if let Some(plane) = plane.filter(|_| self.is_likely() && factors[worst] > NOTABLE_FACTOR) {
+        let (parameter, factor) = (free.names()[worst], factors[worst]);
+        if factor <= NOTABLE_FACTOR {
+            return warnings;
+        }
+        let risen = largest(&self.heights).filter(|it| it.1 > 0.0);
+        let displaced = largest(&self.displacements).filter(|_| self.is_likely());
+        if let Some((plane, _)) = risen.or(displaced) {
             warnings.push(Warning::SidesErrTogether {
                 plane,
                 displacement: self.displacements[plane],
-                parameter: free.names()[worst],
-                factor: factors[worst],
+                height: risen.map(|it| it.1),
+                parameter,
+                factor,
             });
         }
         warnings
     }
+}
+
+/// The first of the largest values.
+fn largest(values: &[f64]) -> Option<(usize, f64)> {
+    let values = values.iter().copied().enumerate().rev();
+    values.max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
 /// The planes with their samples weighed by the noise of each; `None` if all have the same.
@@ -120,6 +138,43 @@ fn parts(
     Some(parts)
 }
 
+/// What the errors of the pictures' tone curves add to a covariance, of planes whose optimum takes
+/// them for none.
+fn drifted<L: Lens>(
+    (planes, free): (&[ObservedPlane], &FreeParameters),
+    refined: &Refined<L>,
+    (noise, white): (&Noise, f64),
+    strength: &Strength,
+    system: &ArrowSystem,
+) -> Option<DMatrix<f64>> {
+    let size = free.len();
+    let mut total = DMatrix::zeros(size, size);
+    if !planes.iter().any(ObservedPlane::has_tone_drift) {
+        return Some(total);
+    }
+    let mut displaced = planes.to_vec();
+    for plane in &mut displaced {
+        plane.remove_tone_drift(SMALL_DRIFT);
+    }
+    let errors = residuals(&displaced, &refined.view)?;
+    let moved = Noise::of(&displaced, &errors, noise.summed_at);
+    let errors = SideErrors::gather(&displaced, free, &refined.view, &moved, white)?;
+    let moved = errors.marginal(&strength.mean)?.contributions()?;
+    let inverse = system.reduced_information()?.cholesky()?.inverse();
+    let mut pictures = BTreeMap::<usize, DVector<f64>>::new();
+    for ((plane, moved), own) in planes.iter().zip(moved).zip(system.contributions()?) {
+        let sum = pictures
+            .entry(plane.image)
+            .or_insert_with(|| DVector::zeros(size));
+        *sum += (moved.gradient - own.gradient) / SMALL_DRIFT;
+    }
+    for gradient in pictures.values() {
+        let influence = &inverse * gradient;
+        total += &influence * influence.transpose();
+    }
+    Some(total)
+}
+
 /// The covariance of an optimum under the correlation that its own residuals show; `None` if it
 /// is singular.
 pub(crate) fn correlated_covariance<L: Lens>(
@@ -140,6 +195,12 @@ pub(crate) fn correlated_covariance<L: Lens>(
     let generalised = match planes.iter().any(|plane| plane.board_relief.is_some()) {
         true => Some(covariance(&system, 1.0)?),
         false => None,
+    };
+    let generalised = match generalised {
+        Some(own) => {
+            Some(own + drifted((planes, free), refined, (noise, white), &strength, &system)?)
+        }
+        None => None,
     };
     let units = match generalised {
         Some(_) => Vec::new(),
@@ -175,6 +236,10 @@ pub(crate) fn correlated_covariance<L: Lens>(
         added_to_pixels: total_beyond(floor) - &independent,
         between_plane_variance_ratio,
         group_variance_ratio,
+        heights: planes
+            .iter()
+            .map(|plane| plane.board_relief.map_or(0.0, |relief| relief.height()))
+            .collect(),
         neighbours: noise.correlation,
         pixels: noise.correlation * noise.scale.powi(2),
         probability: strength.probability,

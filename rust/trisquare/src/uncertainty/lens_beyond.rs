@@ -37,10 +37,12 @@ const LINES: [f64; 4] = [0.01, 0.1, 1.0, 10.0];
 pub(crate) enum LensVerdict {
     /// They do not ask for another, and no plane is bent.
     Held,
+    /// Sheets that are not flat explain them best.
+    NotFlat,
     /// Fields alone explain them: by how much the free parameters would change with a lens that has
     /// them, to first order.
     Beyond(DVector<f64>),
-    /// Fields explain a part of them, or planes are bent.
+    /// Fields explain a part of them, or squares are none.
     Unclear {
         /// Whether fields explain a part clearly.
         asked: bool,
@@ -79,6 +81,7 @@ pub(crate) fn beyond_lens<L: Lens>(
     let beyond = Explanation::likeliest(&mut errors, &PictureFields::deviations(free, true))?;
     if bent.criterion.min(misshapen) - beyond.criterion < CLEARLY {
         return Some(match bent.relief > NEARLY_FLAT {
+            true if bent.criterion + CLEARLY < beyond.flat.min(misshapen) => LensVerdict::NotFlat,
             true => LensVerdict::Unclear { asked: false },
             false => LensVerdict::Held,
         });
@@ -97,25 +100,30 @@ pub(crate) fn beyond_lens<L: Lens>(
 struct Explanation {
     relief: f64,
     variances: Vec<f64>,
-    /// Minus twice the logarithm of its likelihood.
+    /// Minus twice the logarithm of its likelihood, ...
     criterion: f64,
+    /// ... and of that without a relief.
+    flat: f64,
 }
 
 impl Explanation {
     /// With fields of these standard deviations.
     fn likeliest(errors: &mut SideErrors, fields: &[f64]) -> Option<Self> {
         errors.hold_fields(fields);
-        let tried = RELIEFS.iter().filter_map(|relief| {
+        let tried = RELIEFS.iter().map(|relief| {
             let criterion = errors.likeliest_at(*relief, None)?.1;
             Some((*relief, criterion))
         });
-        let (relief, _) = tried.min_by(|a, b| a.1.total_cmp(&b.1))?;
+        let tried: Vec<(f64, f64)> = tried.collect::<Option<_>>()?;
+        let (_, flat) = *tried.first()?;
+        let (relief, _) = tried.into_iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
         errors.set_relief(relief);
         let (variances, criterion) = errors.likeliest()?;
         Some(Self {
             relief,
             variances,
             criterion: criterion + norm(fields),
+            flat: flat + norm(fields),
         })
     }
 }

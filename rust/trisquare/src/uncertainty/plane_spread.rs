@@ -74,7 +74,7 @@ pub(crate) fn spread_of_planes(
     let freedom = expected * expected / square;
     let ratio = found / expected;
     let chance = chi_square_tail(ratio * freedom, freedom);
-    ratio.is_finite().then(|| Spread {
+    ratio.is_finite().then_some(Spread {
         variance_ratio: if chance < CHANCE { ratio } else { 1.0 },
         is_enough: groups.len() >= ENOUGH_GROUPS,
     })
