@@ -22,8 +22,7 @@ use crate::observations::{
 use crate::refine::{EdgeProblem, Refined, residuals, robust_scale};
 
 /// `tau^2` tried: from heights of a ten-thousandth of half the board's extent, which is less than
-/// a tenth of a pixel on the largest boards, to a tenth, which is no board any
-/// more.
+/// a tenth of a pixel on the largest boards, to a tenth, which is no board any more.
 const FIRST_VARIANCE: f64 = 1e-8;
 const VARIANCE_RATIO: f64 = 4.0;
 const VARIANCES: i32 = 11;

@@ -78,7 +78,8 @@ impl ResidualCorrelation {
             });
         }
         let (parameter, factor) = (free.names()[worst], factors[worst]);
-        if factor <= NOTABLE_FACTOR {
+        // Not a number where the fit to the pixels is so much better that it has no such part.
+        if !(factor > NOTABLE_FACTOR) {
             return warnings;
         }
         let risen = largest(&self.heights).filter(|it| it.1 > 0.0);
