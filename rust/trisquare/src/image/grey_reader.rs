@@ -29,6 +29,14 @@ pub struct GreyReader<'a> {
     levels: [[f64; 256]; 3],
 }
 
+impl Picture {
+    /// The picture seen as coded grey under a tone curve.
+    #[must_use]
+    pub fn reader(&self, tone: Tone) -> GreyReader<'_> {
+        GreyReader::new(self, tone)
+    }
+}
+
 impl<'a> GreyReader<'a> {
     pub(super) fn new(picture: &'a Picture, tone: Tone) -> Self {
         let levels = GREY_FROM_BGR.map(|weight| {

@@ -1,8 +1,5 @@
 //! The photograph as it came: one contiguous copy of its raw pixels, read as coded grey.
 
-use super::grey_reader::GreyReader;
-use super::tone::Tone;
-
 /// Black and white reach this part of the scale from its ends: JPEG leaves its noise on them.
 const EXTREME_PART: u8 = 12;
 
@@ -164,12 +161,6 @@ impl Picture {
             Pixels::F32(_) => f64::from(f32::EPSILON),
         };
         level / 12.0_f64.sqrt()
-    }
-
-    /// The picture seen as coded grey under a tone curve.
-    #[must_use]
-    pub fn reader(&self, tone: Tone) -> GreyReader<'_> {
-        GreyReader::new(self, tone)
     }
 }
 
