@@ -75,7 +75,7 @@ pub(crate) fn account_for_relief<L: Lens>(
         }
     }
     let mut found = refined.clone();
-    let (variance, steepness) = spectrum(&mut errors(&planes, free, &found)?, drift)?;
+    let (variance, steepness) = spectrum(&mut errors(&planes, free, &found)?, drift, sheets)?;
     for board_relief in planes.iter_mut().filter_map(|p| p.board_relief.as_mut()) {
         (board_relief.variance, board_relief.steepness) = (variance, steepness);
     }
@@ -121,16 +121,20 @@ fn errors<L: Lens>(
 
 /// The mean variance of the relief, weighed by how likely each is, and its steepness, if there
 /// clearly is any; `drift` (px) is the standard deviation of a shift by the tone curve.
-fn spectrum(errors: &mut SideErrors, drift: f64) -> Option<(f64, i32)> {
+fn spectrum(errors: &mut SideErrors, drift: f64, sheets: Sheets) -> Option<(f64, i32)> {
     if !errors.has_board_relief() {
         return None;
     }
     let flat = errors.likeliest_at(FLAT, None)?;
-    if rms_displacement(flat.0) <= BEYOND_DRIFT * drift {
+    if rms_displacement(flat.0) < BEYOND_DRIFT * drift {
         return None;
     }
     let mut best = (flat.1 - CLEARLY, None);
-    for steepness in [STIFF, ROLLED] {
+    let steepnesses: &[i32] = match sheets {
+        Sheets::Boards => &[STIFF],
+        Sheets::All => &[STIFF, ROLLED],
+    };
+    for &steepness in steepnesses {
         errors.set_steepness(steepness);
         let (mut tried, mut least) = (Vec::new(), f64::INFINITY);
         for index in 0..VARIANCES {

@@ -110,11 +110,11 @@ impl Explanation {
     /// With fields of these standard deviations.
     fn likeliest(errors: &mut SideErrors, fields: &[f64]) -> Option<Self> {
         errors.hold_fields(fields);
-        let tried = RELIEFS.iter().map(|relief| {
+        let tried = RELIEFS.iter().filter_map(|relief| {
             let criterion = errors.likeliest_at(*relief, None)?.1;
             Some((*relief, criterion))
         });
-        let tried: Vec<(f64, f64)> = tried.collect::<Option<_>>()?;
+        let tried: Vec<(f64, f64)> = tried.collect();
         let (_, flat) = *tried.first()?;
         let (relief, _) = tried.into_iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
         errors.set_relief(relief);
