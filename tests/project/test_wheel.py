@@ -8,6 +8,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 
 from trisquare.results.calibration import Calibration
 
@@ -35,11 +36,17 @@ def only(folder, pattern):
     return path
 
 
+def building():
+    """Let one of pytest's processes at a time build in the checkout's target folder."""
+    return FileLock(CHECKOUT / "target" / "wheel.lock")
+
+
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory):
     folder = tmp_path_factory.mktemp("wheel")
     maturin = (sys.executable, "-m", "maturin")
-    run(*maturin, "build", "--release", "--out", folder, folder=CHECKOUT)
+    with building():
+        run(*maturin, "build", "--release", "--out", folder, folder=CHECKOUT)
     return only(folder, "*.whl")
 
 
@@ -48,13 +55,14 @@ def wheel_from_sdist(tmp_path_factory):
     folder = tmp_path_factory.mktemp("sdist")
     run(sys.executable, "-m", "maturin", "sdist", "--out", folder, folder=CHECKOUT)
     # The dependencies are compiled already; the checkout's target folder spares doing it again.
-    run(
-        *(sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation"),
-        *("--wheel-dir", folder, only(folder, "*.tar.gz")),
-        folder=folder,
-        CARGO_TARGET_DIR=str(CHECKOUT / "target"),
-        PATH=os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
-    )
+    with building():
+        run(
+            *(sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation"),
+            *("--wheel-dir", folder, only(folder, "*.tar.gz")),
+            folder=folder,
+            CARGO_TARGET_DIR=str(CHECKOUT / "target"),
+            PATH=os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
+        )
     return only(folder, "*.whl")
 
 

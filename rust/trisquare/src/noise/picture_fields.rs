@@ -67,9 +67,21 @@ impl PictureFields {
     /// of those whose coefficients are free: two columns that are alike leave only rounding.
     pub fn deviations(free: &FreeParameters, any: bool) -> [f64; FIELDS] {
         std::array::from_fn(|field| match field < RADIAL {
-            _ if !any || free.position(COEFFICIENTS[field]).is_some() => NOTHING,
+            _ if !any || is_modelled(free, field) => NOTHING,
             true => RADIAL_STD,
             false => TANGENTIAL_STD,
         })
     }
+
+    /// How many fields are not the model's own.
+    pub fn count(free: &FreeParameters) -> f64 {
+        (0..FIELDS)
+            .filter(|field| !is_modelled(free, *field))
+            .count() as f64
+    }
+}
+
+/// Whether the coefficient of a field is free in the model.
+fn is_modelled(free: &FreeParameters, field: usize) -> bool {
+    free.position(COEFFICIENTS[field]).is_some()
 }

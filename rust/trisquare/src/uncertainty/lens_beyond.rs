@@ -63,7 +63,7 @@ pub(crate) fn beyond_lens<L: Lens>(
     if !errors.has_board_relief() {
         let system = errors.marginal(&vec![0.0; planes.len()])?;
         let gain = 2.0 * system.gain_of_last(FIELDS)?;
-        if chi_square_tail(gain, FIELDS as f64) > CHANCE {
+        if chi_square_tail(gain, PictureFields::count(free)) > CHANCE {
             return Some(LensVerdict::Held);
         }
     }
