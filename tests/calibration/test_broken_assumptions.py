@@ -19,6 +19,8 @@ TOLD = [
     "one sheared",
     "all on cylinders",
     "one twisted",
+    "tangential lens",
+    "thin prism lens",
     "stretched",
     "two zooms",
 ]

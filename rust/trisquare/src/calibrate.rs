@@ -133,10 +133,8 @@ fn run<L: Lens>(
         });
         // What explains other warnings comes before them.
         calibration.warnings.splice(0..0, unlikely);
-        if let Some(verdict) = verdict
-            && let Some(doubt) = problem.lens_doubt(&planes, &solution, verdict)
-        {
-            calibration.allow_for_lens(&doubt.change, doubt.cure);
+        if let Some(verdict) = verdict {
+            problem.heed(&verdict, (&planes, &solution), &mut calibration);
         }
     }
     Ok(calibration)

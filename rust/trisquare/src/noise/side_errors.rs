@@ -131,6 +131,11 @@ impl SideErrors {
         sides.map(|side| side.line_variance = variance).count() > 0
     }
 
+    /// How many planes there are.
+    pub fn plane_count(&self) -> usize {
+        self.system.blocks.len()
+    }
+
     /// States the variance of every board's relief.
     pub fn set_relief(&mut self, variance: f64) {
         for own in self.board_reliefs.iter_mut().flatten() {

@@ -84,6 +84,21 @@ pub enum Warning {
         /// How far the sides are from where one camera would show them, over what is expected.
         factor: f64,
     },
+    /// The squares are none, or the lens does what its model cannot: sides do not lie where one
+    /// camera would show those of true squares.
+    #[error(
+        "the targets are no true, flat squares, or the lens is beyond its model: their sides lie \
+         {displacement:.1} px off; the standard deviation of {parameter} was raised {factor:.1} \
+         times for it"
+    )]
+    NoSquares {
+        /// How far, px.
+        displacement: f64,
+        /// The parameter that suffers most.
+        parameter: &'static str,
+        /// Its standard deviation over what it would be if the squares were true.
+        factor: f64,
+    },
     /// Groups of planes give answers that differ more than their samples let expect.
     #[error(
         "the pictures, or the planes of one, disagree {factor:.1} times more than their edges let \
@@ -114,11 +129,14 @@ pub enum Warning {
     },
     /// The lens does what its model cannot.
     #[error(
-        "the lens is beyond its model: all planes miss their lines alike, by their places in the \
+        "the lens {} beyond its model: all planes miss their lines alike, by their places in the \
          picture; the standard deviation of {parameter} was raised {factor:.1} times for it.{}",
+        if *.certain { "is" } else { "may be" },
         richer_focal(.cure.as_ref())
     )]
     LensBeyondModel {
+        /// Whether nothing else explains that as well.
+        certain: bool,
         /// The parameter that suffers most.
         parameter: &'static str,
         /// Its standard deviation over what it would be if the lens were of its model.
@@ -213,7 +231,7 @@ impl Warning {
             Self::Disagreement(_) => "plane_disagrees",
             Self::SideSetAside { .. } => "side_rejected",
             Self::PlaneSetAside { .. } => "plane_rejected",
-            Self::PlanesContradict { .. } => "planes_contradict",
+            Self::PlanesContradict { .. } | Self::NoSquares { .. } => "planes_contradict",
             Self::PlanesVary { .. } => "planes_vary",
             Self::SidesErrTogether { .. } => "correlated_residuals",
             Self::LensBeyondModel { .. } => "lens_beyond_model",
@@ -230,6 +248,7 @@ impl Warning {
         match self {
             Self::LensBeyondModel { .. }
             | Self::PlanesContradict { .. }
+            | Self::NoSquares { .. }
             | Self::PixelsNotSquare { .. } => Severity::High,
             Self::Disagreement(_)
             | Self::SideSetAside { .. }

@@ -1,4 +1,4 @@
-//! Whether a lens is beyond its model, and which richer one holds it.
+//! Whether a lens is beyond its model, which richer one holds it, and what that leaves in doubt.
 
 use std::rc::Rc;
 
@@ -10,14 +10,15 @@ use super::work::Work;
 use crate::lens::{DistortionModel, Lens};
 use crate::noise::PictureFields;
 use crate::observations::{ObservedPlane, Options};
+use crate::result::{Calibration, Warning};
 use crate::uncertainty::{LensVerdict, beyond_lens};
 
 /// What is known of a lens beyond its model.
-pub(crate) struct LensDoubt {
+struct LensDoubt {
     /// How far the free parameters are off.
-    pub change: DVector<f64>,
+    change: DVector<f64>,
     /// The poorest richer model that holds the lens, and `fx` with it; `None` where none does.
-    pub cure: Option<(String, f64)>,
+    cure: Option<(String, f64)>,
 }
 
 impl<L: Lens> JointProblem<'_, L> {
@@ -34,24 +35,51 @@ impl<L: Lens> JointProblem<'_, L> {
         beyond_lens(&solution.planes, (&self.free, fields), refined, noise)
     }
 
+    /// Adds what a verdict leaves in doubt to the covariance of an answer, and warns of it first.
+    pub fn heed(
+        &self,
+        verdict: &LensVerdict,
+        (planes, solution): (&[ObservedPlane], &Solution<L>),
+        calibration: &mut Calibration<L>,
+    ) {
+        let doubt = self.lens_doubt(planes, solution, verdict);
+        let mut first = Vec::new();
+        let is_cured = doubt.as_ref().is_some_and(|doubt| doubt.cure.is_some());
+        let no_squares = match verdict {
+            LensVerdict::NoSquares(found) if !is_cured => Some(found),
+            _ => None,
+        };
+        if let Some(found) = no_squares {
+            let contradicts = |it: &Warning| matches!(it, Warning::PlanesContradict { .. });
+            calibration.warnings.retain(|it| !contradicts(it));
+            first.extend(calibration.allow_for_no_squares(found));
+        }
+        if let Some(doubt) = doubt {
+            let certain = no_squares.is_none();
+            first.extend(calibration.allow_for_lens(&doubt.change, doubt.cure, certain));
+        }
+        calibration.warnings.splice(0..0, first);
+    }
+
     /// What is known of the lens where it is beyond its model; `None` where it is not, or where
     /// planes that are bent may be the cause.
     ///
-    /// The residuals name the lens where fields over the picture explain them alone, or where a
-    /// richer model leaves nothing to explain. Of the planes as they were given, what is an outlier
+    /// The residuals name the lens where fields over the picture explain them, or where a richer
+    /// model leaves nothing to explain. Of the planes as they were given, what is an outlier
     /// of the solution stays one.
-    pub fn lens_doubt(
+    fn lens_doubt(
         &self,
         planes: &[ObservedPlane],
         solution: &Solution<L>,
-        verdict: LensVerdict,
+        verdict: &LensVerdict,
     ) -> Option<LensDoubt> {
         let mut change = match verdict {
             LensVerdict::Held | LensVerdict::NotFlat | LensVerdict::Unclear { asked: false } => {
                 return None;
             }
             LensVerdict::Unclear { asked: true } => None,
-            LensVerdict::Beyond(change) => Some(change),
+            LensVerdict::NoSquares(found) => Some(found.lens.clone()?),
+            LensVerdict::Beyond(change) => Some(change.clone()),
         };
         let planes = solution.with_its_outliers(planes);
         for &model in self.options.model.richer() {

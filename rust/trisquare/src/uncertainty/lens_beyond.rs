@@ -8,11 +8,12 @@
 //! chance what sides do on their own cost more than they gain. Few planes that are bent look a
 //! little like any lens; but with a lens alone for the cause, no bend is left beside its fields.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
+use super::covariance::covariance;
 use crate::lens::Lens;
 use crate::noise::{FIELDS, FLAT, Noise, PictureFields, SideErrors, white_variance};
-use crate::numeric::chi_square_tail;
+use crate::numeric::{ArrowSystem, chi_square_tail};
 use crate::observations::{BoardRelief, FreeParameters, ObservedPlane};
 use crate::refine::Refined;
 use crate::result::{Calibration, Warning};
@@ -42,11 +43,25 @@ pub(crate) enum LensVerdict {
     /// Fields alone explain them: by how much the free parameters would change with a lens that has
     /// them, to first order.
     Beyond(DVector<f64>),
-    /// Fields explain a part of them, or squares are none.
+    /// Squares that are none explain them, and fields perhaps as well.
+    NoSquares(NoSquares),
+    /// Fields explain a part of them.
     Unclear {
-        /// Whether fields explain a part clearly.
+        /// Whether they do clearly.
         asked: bool,
     },
+}
+
+/// What squares that are none make of the answer.
+pub(crate) struct NoSquares {
+    /// By how much the free parameters would change if it were known, to first order, ...
+    change: DVector<f64>,
+    /// ... and their covariance then.
+    covariance: DMatrix<f64>,
+    /// How far sides lie from where true squares would have them, px.
+    displacement: f64,
+    /// Where fields explain the residuals about as well: the change with a lens that has them.
+    pub lens: Option<DVector<f64>>,
 }
 
 /// Whether the residuals ask for a lens that has the fields; `None` where that cannot be told.
@@ -76,29 +91,46 @@ pub(crate) fn beyond_lens<L: Lens>(
     }
     let mut errors = SideErrors::gather_with_fields(&planes, (free, fields), view, noise, white)?;
     let no_fields = PictureFields::deviations(free, false);
-    let bent = Explanation::likeliest(&mut errors, &no_fields)?;
-    let misshapen = misshapen(&mut errors, &no_fields).unwrap_or(f64::INFINITY);
-    let beyond = Explanation::likeliest(&mut errors, &PictureFields::deviations(free, true))?;
-    if bent.criterion.min(misshapen) - beyond.criterion < CLEARLY {
-        return Some(match bent.relief > NEARLY_FLAT {
-            true if bent.criterion + CLEARLY < beyond.flat.min(misshapen) => LensVerdict::NotFlat,
-            true => LensVerdict::Unclear { asked: false },
-            false => LensVerdict::Held,
+    let bent = Explanation::bent(&mut errors, no_fields)?;
+    let misshapen = Explanation::misshapen(&mut errors, no_fields);
+    let beyond = Explanation::bent(&mut errors, PictureFields::deviations(free, true))?;
+    let shapes = misshapen.as_ref().map_or(f64::INFINITY, |it| it.criterion);
+    if bent.relief > NEARLY_FLAT && bent.criterion + CLEARLY < beyond.flat.min(shapes) {
+        return Some(LensVerdict::NotFlat);
+    }
+    if beyond.criterion + CLEARLY < bent.criterion.min(shapes) {
+        return Some(match beyond.relief > FLAT {
+            true => LensVerdict::Unclear { asked: true },
+            false => LensVerdict::Beyond(beyond.change(&mut errors, free)?),
         });
     }
-    if beyond.relief > FLAT {
-        return Some(LensVerdict::Unclear { asked: true });
+    if let Some(misshapen) = misshapen.filter(|it| it.criterion + CLEARLY < bent.flat) {
+        let as_well = beyond.relief == FLAT && beyond.criterion < shapes + CLEARLY;
+        return Some(LensVerdict::NoSquares(NoSquares {
+            change: misshapen.change(&mut errors, free)?,
+            covariance: misshapen.covariance(&mut errors, free)?,
+            displacement: misshapen.line_variance.sqrt(),
+            lens: match as_well {
+                true => Some(beyond.change(&mut errors, free)?),
+                false => None,
+            },
+        }));
     }
-    errors.set_relief(beyond.relief);
-    let step = errors.marginal(&beyond.variances)?.solve(0.0)?;
-    Some(LensVerdict::Beyond(
-        step.shared.rows(0, free.len()).into_owned(),
-    ))
+    Some(match bent.relief > NEARLY_FLAT {
+        true => LensVerdict::Unclear { asked: false },
+        false => LensVerdict::Held,
+    })
 }
 
-/// The likeliest strength of what sides err on their own, beside a relief and fields or none.
+/// What explains the residuals beside noise, its strengths the likeliest.
 struct Explanation {
+    /// Standard deviations of the picture's fields.
+    fields: [f64; FIELDS],
+    /// Variance of the planes' relief, ...
     relief: f64,
+    /// ... of where the sides of squares lie (px^2), ...
+    line_variance: f64,
+    /// ... and of what the sides of each plane err on their own.
     variances: Vec<f64>,
     /// Minus twice the logarithm of its likelihood, ...
     criterion: f64,
@@ -107,9 +139,9 @@ struct Explanation {
 }
 
 impl Explanation {
-    /// With fields of these standard deviations.
-    fn likeliest(errors: &mut SideErrors, fields: &[f64]) -> Option<Self> {
-        errors.hold_fields(fields);
+    /// Planes that are bent, or flat, beside fields.
+    fn bent(errors: &mut SideErrors, fields: [f64; FIELDS]) -> Option<Self> {
+        errors.hold_fields(&fields);
         let tried = RELIEFS.iter().filter_map(|relief| {
             let criterion = errors.likeliest_at(*relief, None)?.1;
             Some((*relief, criterion))
@@ -120,24 +152,56 @@ impl Explanation {
         errors.set_relief(relief);
         let (variances, criterion) = errors.likeliest()?;
         Some(Self {
+            fields,
             relief,
+            line_variance: 0.0,
             variances,
-            criterion: criterion + norm(fields),
-            flat: flat + norm(fields),
+            criterion: criterion + norm(&fields),
+            flat: flat + norm(&fields),
         })
     }
-}
 
-/// Minus twice the logarithm of the likelihood of squares that are none; `None` without squares.
-fn misshapen(errors: &mut SideErrors, fields: &[f64]) -> Option<f64> {
-    errors.set_relief(FLAT);
-    let tried = LINES.iter().filter_map(|variance| {
-        errors.set_lines(*variance).then_some(())?;
-        Some(errors.likeliest_at(FLAT, None)?.1)
-    });
-    let criterion = tried.min_by(f64::total_cmp);
-    errors.set_lines(0.0);
-    Some(criterion? + norm(fields))
+    /// Squares that are none, beside fields; `None` without squares.
+    fn misshapen(errors: &mut SideErrors, fields: [f64; FIELDS]) -> Option<Self> {
+        errors.hold_fields(&fields);
+        let tried = LINES.iter().filter_map(|line_variance| {
+            errors.set_lines(*line_variance).then_some(())?;
+            let (variance, criterion) = errors.likeliest_at(FLAT, None)?;
+            Some((*line_variance, variance, criterion + norm(&fields)))
+        });
+        let likeliest = tried.min_by(|a, b| a.2.total_cmp(&b.2));
+        errors.set_lines(0.0);
+        let (line_variance, variance, criterion) = likeliest?;
+        Some(Self {
+            fields,
+            relief: FLAT,
+            line_variance,
+            variances: vec![variance; errors.plane_count()],
+            criterion,
+            flat: criterion,
+        })
+    }
+
+    /// By how much the free parameters would change, to first order, ...
+    fn change(&self, errors: &mut SideErrors, free: &FreeParameters) -> Option<DVector<f64>> {
+        let step = self.system(errors)?.solve(0.0)?;
+        Some(step.shared.rows(0, free.len()).into_owned())
+    }
+
+    /// ... and their covariance then.
+    fn covariance(&self, errors: &mut SideErrors, free: &FreeParameters) -> Option<DMatrix<f64>> {
+        let all = covariance(&self.system(errors)?, 1.0)?;
+        let size = free.len();
+        Some(all.view((0, 0), (size, size)).into_owned())
+    }
+
+    /// The normal equations that allow for it.
+    fn system(&self, errors: &mut SideErrors) -> Option<ArrowSystem> {
+        errors.hold_fields(&self.fields);
+        errors.set_relief(self.relief);
+        errors.set_lines(self.line_variance);
+        errors.marginal(&self.variances)
+    }
 }
 
 /// As the relief's and the sides' own priors, that of the fields has its norm.
@@ -146,27 +210,46 @@ fn norm(fields: &[f64]) -> f64 {
 }
 
 impl<L: Lens> Calibration<L> {
-    /// Adds to the covariance how far a lens beyond the model moves the free parameters, and warns
-    /// of it first, with the model that holds it and `fx` there.
-    pub(crate) fn allow_for_lens(&mut self, change: &DVector<f64>, cure: Option<(String, f64)>) {
-        let variances = self.covariance.diagonal();
-        let factors = change.iter().zip(&variances);
-        let factors = factors.map(|(change, own)| (1.0 + change * change / own).sqrt());
-        let names = self.parameters.iter().copied();
-        let by_factor = |a: &(f64, &str), b: &(f64, &str)| a.0.total_cmp(&b.0);
-        let Some((factor, parameter)) = factors.zip(names).max_by(by_factor) else {
-            return;
-        };
-        let doubt = change * change.transpose();
-        let correlation = &mut self.residual_correlation;
-        self.covariance += &doubt;
-        correlation.added += &doubt;
-        correlation.added_to_pixels += &doubt;
-        let warning = Warning::LensBeyondModel {
+    /// Adds to the covariance how far a lens beyond the model moves the free parameters; the warning
+    /// names the model that holds it, with `fx` there.
+    pub(crate) fn allow_for_lens(
+        &mut self,
+        change: &DVector<f64>,
+        cure: Option<(String, f64)>,
+        certain: bool,
+    ) -> Option<Warning> {
+        let (parameter, factor) = self.raise(&(change * change.transpose()))?;
+        Some(Warning::LensBeyondModel {
+            certain,
             parameter,
             factor,
             cure,
-        };
-        self.warnings.insert(0, warning);
+        })
+    }
+
+    /// The same for squares that are none.
+    pub(crate) fn allow_for_no_squares(&mut self, found: &NoSquares) -> Option<Warning> {
+        let doubt = &found.covariance + &found.change * found.change.transpose();
+        let (parameter, factor) = self.raise(&doubt)?;
+        Some(Warning::NoSquares {
+            displacement: found.displacement,
+            parameter,
+            factor,
+        })
+    }
+
+    /// Adds a doubt to the covariance; returns the parameter whose standard deviation grows most,
+    /// and how many times.
+    fn raise(&mut self, doubt: &DMatrix<f64>) -> Option<(&'static str, f64)> {
+        let (added, own) = (doubt.diagonal(), self.covariance.diagonal());
+        let factors = added.iter().zip(&own);
+        let factors = factors.map(|(added, own)| (1.0 + added / own).sqrt());
+        let names = self.parameters.iter().copied();
+        let most = names.zip(factors).max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let correlation = &mut self.residual_correlation;
+        self.covariance += doubt;
+        correlation.added += doubt;
+        correlation.added_to_pixels += doubt;
+        Some(most)
     }
 }
