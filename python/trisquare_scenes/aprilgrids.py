@@ -15,7 +15,8 @@ import numpy.typing as npt
 
 from trisquare._support.rotations import tilted
 from trisquare.detection.tags.codes import dictionary
-from trisquare.detection.tags.decode import WIDE_BORDER, WIDE_BORDERED
+from trisquare.detection.tags.decode import WIDE_BORDER
+from trisquare.detection.tags.families import WIDE_BORDERED
 from trisquare.simulate import random_camera
 from trisquare.simulate.render import WHITE, Image, ToneCurve, encode_tone, light_levels, quantised
 from trisquare.simulate.scene import (
@@ -141,7 +142,7 @@ def aprilgrid_poses_scene(
     camera = camera or random_camera(rng)
     half = max(AprilGridTarget(np.eye(3), np.array([0.0, 0.0, 1.0]), shape=shape, gap=gap).extent)
     first, upright = rng.uniform(0.0, 360.0, 2)
-    targets = []
+    targets: list[Target] = []
     for i, place in enumerate(PLACES):
         for _ in range(MOST_DRAWS):
             rotation = tilted(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 
 from trisquare.simulate.scene import Array, TrueCamera
 
@@ -51,7 +52,8 @@ class PrismCamera(OtherCamera):
         """Map ideal to observed normalised coordinates, shape (N, 2)."""
         square = np.sum(normalised**2, axis=-1, keepdims=True)
         first, second = self.prism[[0, 2]], self.prism[[1, 3]]
-        return TrueCamera.distort(self, normalised) + square * (first + second * square)
+        distorted: Array = TrueCamera.distort(self, normalised) + square * (first + second * square)
+        return distorted
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,7 +66,7 @@ class FisheyeCamera(OtherCamera):
         distorted: Array = normalised * (np.arctan(radius) / radius)
         return distorted
 
-    def undistort(self, pixels: Array) -> Array:
+    def undistort(self, pixels: npt.ArrayLike) -> Array:
         """Map pixels to ideal normalised coordinates, shape (N, 2), in closed form."""
         observed = (np.asarray(pixels) - [self.cx, self.cy]) / [self.fx, self.fy]
         angle = np.maximum(np.hypot(observed[..., 0], observed[..., 1]), 1e-12)[..., None]

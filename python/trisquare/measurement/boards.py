@@ -148,19 +148,19 @@ class Board:
             if isinstance(samples, str):
                 continue
             seen.append(line)
-            cells = self._cells(line, samples.points)
-            lines.append((samples.points, samples.std, cells, self._contrast_sign_of_even(line)))
+            beside = self._cells(line, samples.points)
+            lines.append((samples.points, samples.std, beside, self._contrast_sign_of_even(line)))
         rows = sum(line.is_row for line in seen)
         if min(rows, len(seen) - rows) < LEAST_LINES:
             return [], 0.0
         # The board's own zigzag tells the shift that a tone curve leaves, far better than profiles
         # do: there is no drift to account for.
         unshifted, shift = _core.remove_edge_shift(lines)
-        points, deviations = zip(*unshifted, strict=True)
+        points, deviations, cells = zip(*unshifted, strict=True)
         down, across = self._places(
             [
-                LineSamples(line.is_row, line.number, own, cells)
-                for line, own, (_, _, cells, _) in zip(seen, points, lines, strict=True)
+                LineSamples(line.is_row, line.number, *own)
+                for line, *own in zip(seen, points, cells, strict=True)
             ]
         )
         models = [

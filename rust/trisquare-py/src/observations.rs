@@ -29,10 +29,15 @@ type GridLine<'py> = (
     f64,
 );
 
-/// Points (N, 2) and their deviations (N,).
-type Samples<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
+/// Points (N, 2), their deviations and cells, (N,).
+type Samples<'py> = (
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<i64>>,
+);
 
-/// The samples of a chessboard's grid lines without their shift toward the light, and the shift.
+/// The samples of a chessboard's grid lines without their shift toward the light, and the shift;
+/// samples may be left out.
 #[pyfunction]
 #[pyo3(signature = (lines))]
 pub fn remove_edge_shift<'py>(
@@ -44,9 +49,11 @@ pub fn remove_edge_shift<'py>(
     let samples = lines.iter().map(|line| {
         let points: Vec<_> = line.samples.iter().map(|it| it.point).collect();
         let std: Vec<_> = line.samples.iter().map(|it| it.std).collect();
+        let cells = line.samples.iter().map(|it| it.cell as i64);
         (
             arrays::from_points(py, &points),
             arrays::from_slice(py, &std),
+            PyArray1::from_iter(py, cells),
         )
     });
     Ok((samples.collect(), shift))
