@@ -18,9 +18,20 @@ def line_of(shift, count=48):
 def test_the_shift_of_a_zigzag_is_taken_out():
     lines, shift = _core.remove_edge_shift([line_of(0.03), line_of(0.03)])
     assert abs(shift - 0.03) < 1e-3
-    for points, std in lines:
+    for points, std, cells in lines:
         assert np.abs(points - line_of(0.0)[0]).max() < 1e-3
         assert std.shape == (48,)
+        assert np.array_equal(cells, line_of(0.0)[2])
+
+
+def test_samples_that_are_left_out_take_their_cells_with_them():
+    points, std, cells, sign = line_of(0.3)
+    std[::6] *= 1.5  # next to a crossing
+    lines, shift = _core.remove_edge_shift([(points, std, cells, sign)] * 2)
+    assert abs(shift - 0.3) < 0.01
+    for points, std, kept in lines:
+        assert len(points) == len(std) == len(kept) == 40
+        assert np.array_equal(kept, np.delete(cells, np.s_[::6]))
 
 
 @pytest.mark.parametrize("wrong", range(3))
