@@ -13,6 +13,7 @@ use nalgebra::Vector2;
 
 use super::board_relief::{FLAT, ROLLED, STIFF};
 use super::local::{Noise, white_variance};
+use super::reml::HOPELESS;
 use super::side_errors::{SideErrors, rms_displacement};
 use crate::lens::Lens;
 use crate::numeric::Problem;
@@ -29,9 +30,6 @@ const VARIANCES: i32 = 11;
 
 /// Twice the log likelihood that a relief has to gain: chance does so once in a hundred times.
 const CLEARLY: f64 = 6.6;
-
-/// Twice the log likelihood that is lost where a variance is beyond all doubt too large.
-const HOPELESS: f64 = 20.0;
 
 /// Generalised least-squares steps; two or three are used, and nine where the fit of flat boards
 /// was far off.
@@ -116,7 +114,7 @@ fn errors<L: Lens>(
 ) -> Option<SideErrors> {
     let noise = Noise::of_optimum(planes, refined);
     let white = white_variance(&noise, refined);
-    SideErrors::gather(planes, free, &refined.view, &noise, white)
+    SideErrors::gather(planes, (free, None), &refined.view, &noise, white)
 }
 
 /// The mean variance of the relief, weighed by how likely each is, and its steepness, if there

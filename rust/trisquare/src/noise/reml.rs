@@ -15,7 +15,7 @@ const VARIANCES: usize = 19;
 const PRIOR_OF_WHITE: f64 = 0.5;
 
 /// Twice the log likelihood that is lost where a variance is beyond all doubt too large.
-const HOPELESS: f64 = 20.0;
+pub(super) const HOPELESS: f64 = 20.0;
 
 /// How often variances of each plane's own are taken where all planes share one.
 const CHANCE: f64 = 0.01;

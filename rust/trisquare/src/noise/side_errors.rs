@@ -36,45 +36,20 @@ pub(crate) struct SideErrors {
 
 impl SideErrors {
     /// From what the residuals of a view sum to, `white` being the variance of their noise in units
-    /// of the scale at which they are summed.
+    /// of the scale at which they are summed. Fields of the picture, if any, are shared parameters
+    /// after the free ones.
     pub fn gather<L: Lens>(
         planes: &[ObservedPlane],
-        free: &FreeParameters,
+        (free, fields): (&FreeParameters, Option<PictureFields>),
         view: &View<L>,
         noise: &Noise,
         white: f64,
     ) -> Option<Self> {
-        let camera = SharedColumns {
+        let camera = &SharedColumns {
             lens: &view.lens,
             free,
-            fields: None,
+            fields,
         };
-        Self::gather_for(planes, &camera, view, noise, white)
-    }
-
-    /// The same with further fields of the picture, which are shared parameters after the others.
-    pub fn gather_with_fields<L: Lens>(
-        planes: &[ObservedPlane],
-        (free, fields): (&FreeParameters, PictureFields),
-        view: &View<L>,
-        noise: &Noise,
-        white: f64,
-    ) -> Option<Self> {
-        let camera = SharedColumns {
-            lens: &view.lens,
-            free,
-            fields: Some(fields),
-        };
-        Self::gather_for(planes, &camera, view, noise, white)
-    }
-
-    fn gather_for<L: Lens>(
-        planes: &[ObservedPlane],
-        camera: &SharedColumns<'_, L>,
-        view: &View<L>,
-        noise: &Noise,
-        white: f64,
-    ) -> Option<Self> {
         let own = |p: usize| {
             view.planes[p].parameter_count() + planes[p].board_relief.map_or(0, |_| TERMS)
         };
@@ -326,7 +301,7 @@ mod tests {
         let (jacobian, residual, weight, displacement) = dense(&planes, &view, &free);
         let all = residuals(&planes, &view).unwrap();
         let noise = Noise::of(&planes, &all, NOISE);
-        let errors = SideErrors::gather(&planes, &free, &view, &noise, 1.0).unwrap();
+        let errors = SideErrors::gather(&planes, (&free, None), &view, &noise, 1.0).unwrap();
         let criterion = |variance: f64| {
             let spread = DMatrix::from_diagonal(&DVector::from_fn(displacement.ncols(), |i, _| {
                 variance * spectrum(i % ORDERS)

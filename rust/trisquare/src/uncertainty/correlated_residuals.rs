@@ -159,7 +159,7 @@ fn drifted<L: Lens>(
     }
     let errors = residuals(&displaced, &refined.view)?;
     let moved = Noise::of(&displaced, &errors, noise.summed_at);
-    let errors = SideErrors::gather(&displaced, free, &refined.view, &moved, white)?;
+    let errors = SideErrors::gather(&displaced, (free, None), &refined.view, &moved, white)?;
     let moved = errors.marginal(&strength.mean)?.contributions()?;
     let inverse = system.reduced_information()?.cholesky()?.inverse();
     let mut pictures = BTreeMap::<usize, DVector<f64>>::new();
@@ -186,7 +186,7 @@ pub(crate) fn correlated_covariance<L: Lens>(
 ) -> Option<Correlated> {
     let white = white_variance(noise, refined);
     let independent = covariance(&refined.system.leading(free.len()), white)?;
-    let errors = SideErrors::gather(planes, free, &refined.view, noise, white)?;
+    let errors = SideErrors::gather(planes, (free, None), &refined.view, noise, white)?;
     let strength = errors.strength()?;
     let between_plane_variance_ratio =
         Misfit::of(planes, &refined.view, free, noise).between_plane_variance_ratio();

@@ -73,7 +73,7 @@ pub(crate) fn beyond_lens<L: Lens>(
 ) -> Option<LensVerdict> {
     let white = white_variance(noise, refined);
     let view = &refined.view;
-    let mut errors = SideErrors::gather_with_fields(planes, (free, fields), view, noise, white)?;
+    let mut errors = SideErrors::gather(planes, (free, Some(fields)), view, noise, white)?;
     errors.hold_fields(&PictureFields::deviations(free, true));
     if !errors.has_board_relief() {
         let system = errors.marginal(&vec![0.0; planes.len()])?;
@@ -89,7 +89,7 @@ pub(crate) fn beyond_lens<L: Lens>(
             plane.board_relief = Some(BoardRelief::flat(plane, view, state)?);
         }
     }
-    let mut errors = SideErrors::gather_with_fields(&planes, (free, fields), view, noise, white)?;
+    let mut errors = SideErrors::gather(&planes, (free, Some(fields)), view, noise, white)?;
     let no_fields = PictureFields::deviations(free, false);
     let bent = Explanation::bent(&mut errors, no_fields)?;
     let misshapen = Explanation::misshapen(&mut errors, no_fields);
