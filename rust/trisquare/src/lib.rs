@@ -46,8 +46,8 @@ pub use image::{
 };
 pub use image_size::ImageSize;
 pub use lens::{
-    Brown, BrownModel, Distortion, DistortionModel, DistortionTerm, Lens, LensFamily, NearestLens,
-    SeenAgain, TurnedLenses, UndistortionMap,
+    Brown, BrownModel, Distortion, DistortionModel, DistortionTerm, Fisheye, FisheyeModel, Lens,
+    LensFamily, NearestLens, SeenAgain, TurnedLenses, UndistortionMap,
 };
 pub use linear::{Straightening, fit_distortion};
 pub use localise::{

@@ -1,0 +1,523 @@
+//! The fisheye lens of Kannala and Brandt with four coefficients (`cv2.fisheye`).
+
+use std::f64::consts::PI;
+use std::ops::Range;
+
+use nalgebra::{Matrix3, Matrix3x2, Vector2, Vector3};
+
+use super::{
+    Columns, DistortionModel, INTRINSICS, Lens, LineDistance, MAX_LENS_COLUMNS, ProjectionJacobian,
+    forward_coefficients, sign_changes,
+};
+use crate::image_size::ImageSize;
+
+/// Number of coefficients.
+const COEFFICIENTS: usize = 4;
+
+/// Names of the parameters in the order of the Jacobian's columns.
+const NAMES: [&str; INTRINSICS + COEFFICIENTS] = ["fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4"];
+
+/// Prior standard deviations of what each coefficient does where the field angle is one radian, as
+/// a part of it: the laws that lenses follow, from `sin` to `2 tan(theta / 2)`, have -1/6 to 1/12,
+/// and each further term does about half as much.
+const PRIOR_EFFECTS: [f64; COEFFICIENTS] = [0.2, 0.1, 0.05, 0.025];
+
+/// Newton steps when a pixel is followed back, or bisections where one leads astray.
+const MAX_STEPS: usize = 100;
+
+/// Below this squared observed radius the power series is exact to rounding.
+const NEAR_AXIS: f64 = 1e-6;
+
+/// The coefficients of a [`Fisheye`] lens that are estimated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum FisheyeModel {
+    /// None: the angle with the axis is the distance from the centre.
+    Equidistant,
+    /// `k1, k2, k3, k4`.
+    #[default]
+    Fisheye,
+}
+
+impl DistortionModel for FisheyeModel {
+    const NESTED: &'static [Self] = &[FisheyeModel::Equidistant, FisheyeModel::Fisheye];
+
+    fn columns(self) -> Range<usize> {
+        match self {
+            Self::Equidistant => INTRINSICS..INTRINSICS,
+            Self::Fisheye => INTRINSICS..NAMES.len(),
+        }
+    }
+
+    fn straightening_coefficients(self) -> usize {
+        2
+    }
+}
+
+/// A lens that maps the angle `theta` of a ray with the axis to the distance
+/// `theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8)` from the principal point, in
+/// units of the focal lengths.
+///
+/// J. Kannala & S. S. Brandt, IEEE Trans. Pattern Anal. Mach. Intell. 28 (2006) 1335-1340, without
+/// their asymmetric terms. Angles up to 180 degrees have their pixel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Fisheye {
+    /// `fx, fy, cx, cy` (pixels), `k1, k2, k3, k4`.
+    parameters: [f64; INTRINSICS + COEFFICIENTS],
+    /// The angle up to which the distance from the centre grows, radians.
+    valid_angle: f64,
+}
+
+/// A pixel followed back, with what its derivatives need.
+///
+/// With `w` the pixel in units of the focal lengths about the principal point and `s = |w|^2`, its
+/// unit ray is `(A w, C)`, `A = sin(theta) / |w|`, `C = cos(theta)`.
+#[derive(Debug, Clone, Copy)]
+pub struct FisheyePixelRay {
+    w: Vector2<f64>,
+    square: f64,
+    theta: f64,
+    /// `sin(theta)` and `cos(theta)`.
+    sine: f64,
+    cosine: f64,
+    /// `|w| / theta` and `d|w| / d theta`, ...
+    factor: f64,
+    slope: f64,
+    /// ... and `d slope / d theta / theta`.
+    bend: f64,
+    /// `A` and its first and second derivative by `s`.
+    a: [f64; 3],
+    /// The first and second derivative of `C` by `s`.
+    c: [f64; 2],
+}
+
+impl Fisheye {
+    /// From `fx, fy, cx, cy, k1, k2, k3, k4`.
+    pub fn new(parameters: [f64; INTRINSICS + COEFFICIENTS]) -> Self {
+        let [.., k1, k2, k3, k4] = parameters;
+        let slope = [
+            1.0,
+            0.0,
+            3.0 * k1,
+            0.0,
+            5.0 * k2,
+            0.0,
+            7.0 * k3,
+            0.0,
+            9.0 * k4,
+        ];
+        Self {
+            parameters,
+            valid_angle: sign_changes(&slope, PI).first().copied().unwrap_or(PI),
+        }
+    }
+
+    /// The distortion `(k1, k2, k3, k4)`, in OpenCV's order.
+    pub fn distortion(&self) -> [f64; COEFFICIENTS] {
+        let [.., k1, k2, k3, k4] = self.parameters;
+        [k1, k2, k3, k4]
+    }
+
+    /// Of an angle: the observed radius over it, the derivative of that radius, and the derivative
+    /// of that over the angle.
+    fn factor_slope_bend(&self, theta: f64) -> [f64; 3] {
+        let [k1, k2, k3, k4] = self.distortion();
+        let t = theta * theta;
+        [
+            1.0 + t * (k1 + t * (k2 + t * (k3 + t * k4))),
+            1.0 + t * (3.0 * k1 + t * (5.0 * k2 + t * (7.0 * k3 + t * 9.0 * k4))),
+            6.0 * k1 + t * (20.0 * k2 + t * (42.0 * k3 + t * 72.0 * k4)),
+        ]
+    }
+
+    /// The angle that is seen at an observed radius; `None` beyond the valid one.
+    fn angle(&self, observed: f64) -> Option<f64> {
+        let (mut low, mut high) = (0.0, self.valid_angle);
+        let [rim, ..] = self.factor_slope_bend(high);
+        if !(observed <= high * rim) {
+            return None;
+        }
+        let mut theta = observed.min(high);
+        for _ in 0..MAX_STEPS {
+            let [factor, slope, _] = self.factor_slope_bend(theta);
+            let excess = theta * factor - observed;
+            match excess > 0.0 {
+                true => high = theta,
+                false => low = theta,
+            }
+            let newton = theta - excess / slope;
+            let next = match low < newton && newton < high {
+                true => newton,
+                false => 0.5 * (low + high),
+            };
+            if (next - theta).abs() <= f64::EPSILON * theta {
+                return Some(next);
+            }
+            theta = next;
+        }
+        Some(theta)
+    }
+
+    /// `A`, its derivatives by `s`, and those of `C`, near the axis by their power series.
+    fn with_series(&self, mut ray: FisheyePixelRay) -> FisheyePixelRay {
+        let s = ray.square;
+        let (p, f) = (ray.slope, ray.factor);
+        ray.a = if s < NEAR_AXIS {
+            let [k1, k2, ..] = self.distortion();
+            let (first, second) = (-k1 - 1.0 / 6.0, 3.0 * k1 * k1 - k2 + 0.5 * k1 + 1.0 / 120.0);
+            [
+                1.0 + s * (first + s * second),
+                first + 2.0 * s * second,
+                2.0 * second,
+            ]
+        } else {
+            let a = ray.sine / s.sqrt();
+            let first = (ray.cosine / p - a) / (2.0 * s);
+            // d(C / slope) / ds
+            let change = -a / (2.0 * p * p) - ray.cosine * ray.bend / (2.0 * f * p.powi(3));
+            [a, first, (change - 3.0 * first) / (2.0 * s)]
+        };
+        let [a, first, _] = ray.a;
+        ray.c = [
+            -a / (2.0 * p),
+            -first / (2.0 * p) + a * ray.bend / (4.0 * f * p.powi(3)),
+        ];
+        ray
+    }
+
+    /// The derivative of `n = l . ray` by `w`, and how it changes with a step of `w`.
+    fn gradient(
+        ray: &FisheyePixelRay,
+        line: &Vector3<f64>,
+    ) -> (Vector2<f64>, impl Fn(Vector2<f64>) -> Vector2<f64>) {
+        let (w, [a, a1, a2], [c1, c2], along) = (ray.w, ray.a, ray.c, line.xy());
+        let across = along.dot(&w);
+        let radial = 2.0 * (a1 * across + c1 * line.z);
+        let z = line.z;
+        let change = move |step: Vector2<f64>| {
+            let out = 2.0 * w.dot(&step);
+            along * (a1 * out)
+                + w * (2.0 * a1 * along.dot(&step) + 2.0 * out * (a2 * across + c2 * z))
+                + step * radial
+        };
+        (along * a + w * radial, change)
+    }
+
+    /// How `n` and its gradient by `w` change with a coefficient, the pixel at rest.
+    fn by_coefficient(
+        &self,
+        ray: &FisheyePixelRay,
+        line: &Vector3<f64>,
+        index: usize,
+    ) -> (f64, Vector2<f64>) {
+        let order = index as i32 + 1;
+        let (t, s) = (ray.theta * ray.theta, ray.square);
+        let (p, f, a) = (ray.slope, ray.factor, ray.a[0]);
+        let power = t.powi(order);
+        // The angle changes by -theta power / slope.
+        let da = -ray.cosine * power / (f * p);
+        let dc = ray.sine * ray.theta * power / p;
+        let dp = f64::from(2 * order + 1) * power - ray.bend * t * power / p;
+        let da1 = if s < NEAR_AXIS {
+            let [k1, ..] = self.distortion();
+            match index {
+                0 => -1.0 + 2.0 * s * (6.0 * k1 + 0.5),
+                1 => -2.0 * s,
+                _ => 0.0,
+            }
+        } else {
+            let change = ray.sine * ray.theta * power / (p * p) - ray.cosine * dp / (p * p);
+            (change - da) / (2.0 * s)
+        };
+        let dc1 = -da / (2.0 * p) + a * dp / (2.0 * p * p);
+        let (w, along) = (ray.w, line.xy());
+        let across = along.dot(&w);
+        (
+            across * da + line.z * dc,
+            along * da + w * (2.0 * (da1 * across + dc1 * line.z)),
+        )
+    }
+}
+
+impl Lens for Fisheye {
+    type PixelRay = FisheyePixelRay;
+    type Model = FisheyeModel;
+
+    fn parameter_names() -> &'static [&'static str] {
+        &NAMES
+    }
+
+    /// None: a wide lens bends directions about the principal point and nowhere else.
+    fn centre_columns() -> Range<usize> {
+        NAMES.len()..NAMES.len()
+    }
+
+    fn from_camera_matrix(k: &Matrix3<f64>) -> Self {
+        Self::new([k.m11, k.m22, k.m13, k.m23, 0.0, 0.0, 0.0, 0.0])
+    }
+
+    /// With the coefficients that fit best over the radii which the image covers.
+    fn from_straightening(
+        camera_matrix: &Matrix3<f64>,
+        ideal_radius: impl Fn(f64) -> f64,
+        size: ImageSize,
+        model: FisheyeModel,
+    ) -> Self {
+        let plain = Self::from_camera_matrix(camera_matrix);
+        if model == FisheyeModel::Equidistant {
+            return plain;
+        }
+        let [fx, fy, cx, cy] = plain.intrinsics();
+        let focal = (fx * fy).sqrt();
+        let corners = size.corners();
+        let radii = corners.map(|corner| (corner - plain.principal_point()).norm() / focal);
+        let largest = radii.iter().copied().fold(0.0, f64::max);
+        let angle = |radius: f64| (ideal_radius(radius * focal) / focal).atan();
+        let [k1, k2, k3, k4] = forward_coefficients(angle, largest, COEFFICIENTS)
+            .or_else(|| forward_coefficients(angle, 0.5 * largest, COEFFICIENTS))
+            .and_then(|found| found.try_into().ok())
+            .unwrap_or_default();
+        Self::new([fx, fy, cx, cy, k1, k2, k3, k4])
+    }
+
+    fn intrinsics(&self) -> [f64; INTRINSICS] {
+        let [fx, fy, cx, cy, ..] = self.parameters;
+        [fx, fy, cx, cy]
+    }
+
+    fn parameters(&self) -> Vec<f64> {
+        self.parameters.to_vec()
+    }
+
+    fn with_parameters(&self, parameters: &[f64]) -> Self {
+        let mut values = self.parameters;
+        values.copy_from_slice(parameters);
+        Self::new(values)
+    }
+
+    fn coefficient_priors(&self, _size: ImageSize) -> Vec<f64> {
+        PRIOR_EFFECTS.to_vec()
+    }
+
+    fn project(&self, point: &Vector3<f64>) -> Option<Vector2<f64>> {
+        let radius = point.xy().norm();
+        let theta = radius.atan2(point.z);
+        let is_seen = theta <= self.valid_angle && (radius > 0.0 || point.z > 0.0);
+        let pixel = self.project_extended(point);
+        (is_seen && pixel.norm().is_finite()).then_some(pixel)
+    }
+
+    /// Beyond the valid angle at its rim.
+    fn project_extended(&self, point: &Vector3<f64>) -> Vector2<f64> {
+        let radius = point.xy().norm();
+        if radius == 0.0 {
+            return self.principal_point();
+        }
+        let theta = radius.atan2(point.z).min(self.valid_angle);
+        let [factor, ..] = self.factor_slope_bend(theta);
+        let w = point.xy() * (theta * factor / radius);
+        w.component_mul(&self.focal()) + self.principal_point()
+    }
+
+    fn projection_jacobian(&self, ray: &FisheyePixelRay) -> ProjectionJacobian {
+        let mut jacobian = ProjectionJacobian::zeros();
+        for axis in 0..2 {
+            jacobian[(axis, axis)] = ray.w[axis];
+            jacobian[(axis, 2 + axis)] = 1.0;
+            // The angle is that of the ray: the radius changes with it by theta^(2 i + 1).
+            let mut change = self.focal()[axis] * ray.w[axis] / ray.factor;
+            for column in INTRINSICS..NAMES.len() {
+                change *= ray.theta * ray.theta;
+                jacobian[(axis, column)] = change;
+            }
+        }
+        jacobian
+    }
+
+    fn unproject_with_jacobian(&self, pixel: &Vector2<f64>) -> Option<FisheyePixelRay> {
+        let w = (pixel - self.principal_point()).component_div(&self.focal());
+        let theta = self.angle(w.norm())?;
+        let (sine, cosine) = theta.sin_cos();
+        let [factor, slope, bend] = self.factor_slope_bend(theta);
+        Some(self.with_series(FisheyePixelRay {
+            w,
+            square: w.norm_squared(),
+            theta,
+            sine,
+            cosine,
+            factor,
+            slope,
+            bend,
+            a: [0.0; 3],
+            c: [0.0; 2],
+        }))
+    }
+
+    fn direction(&self, ray: &FisheyePixelRay) -> Vector3<f64> {
+        (ray.w * ray.a[0]).push(ray.cosine)
+    }
+
+    /// The field angle, radians.
+    fn valid_radius(&self) -> f64 {
+        self.valid_angle
+    }
+
+    fn line_distance_and_normal(
+        &self,
+        ray: &FisheyePixelRay,
+        line: &Vector3<f64>,
+    ) -> (f64, Vector2<f64>) {
+        let (gradient, _) = Self::gradient(ray, line);
+        let gradient = gradient.component_div(&self.focal());
+        let norm = gradient.norm();
+        (line.dot(&self.direction(ray)) / norm, gradient / norm)
+    }
+
+    /// With `g` the gradient of `n = l . ray` by `w`, the distance is `n / |g / f|`. The focal
+    /// lengths and the principal point move `w`, and the former divide `g` as well; a coefficient
+    /// changes `n` and `g` where they are.
+    fn line_distance_jacobian(
+        &self,
+        ray: &FisheyePixelRay,
+        line: &Vector3<f64>,
+        wanted: Columns,
+    ) -> LineDistance {
+        let focal = self.focal();
+        let (gradient, change) = Self::gradient(ray, line);
+        let norm = gradient.component_div(&focal).norm();
+        let unit = self.direction(ray);
+        let value = line.dot(&unit) / norm;
+        // d|g / f| = pull . dg
+        let pull = gradient.component_div(&focal).component_div(&focal) / norm;
+        let moved = |dn: f64, dg: Vector2<f64>| (dn - value * pull.dot(&dg)) / norm;
+        let mut wrt_lens = [0.0; MAX_LENS_COLUMNS];
+        for axis in 0..2 {
+            let mut step = Vector2::zeros();
+            step[axis] = -1.0 / focal[axis];
+            wrt_lens[2 + axis] = moved(gradient.dot(&step), change(step));
+            step *= ray.w[axis];
+            let divided = value * pull[axis] * gradient[axis] / (focal[axis] * norm);
+            wrt_lens[axis] = moved(gradient.dot(&step), change(step)) + divided;
+        }
+        for index in (0..COEFFICIENTS).filter(|index| wanted.contains(INTRINSICS + index)) {
+            let (dn, dg) = self.by_coefficient(ray, line, index);
+            wrt_lens[INTRINSICS + index] = moved(dn, dg);
+        }
+        // g = M^T l
+        let mut by_line = Matrix3x2::zeros();
+        for i in 0..2 {
+            by_line.set_row(i, &(ray.w * (2.0 * ray.a[1] * ray.w[i])).transpose());
+            by_line[(i, i)] += ray.a[0];
+        }
+        by_line.set_row(2, &(ray.w * (2.0 * ray.c[0])).transpose());
+        LineDistance {
+            value,
+            wrt_line: (unit - by_line * pull * value) / norm,
+            wrt_lens,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lens() -> Fisheye {
+        Fisheye::new([420.0, 424.0, 652.0, 471.0, 0.03, -0.012, 0.004, -0.0004])
+    }
+
+    /// Pixels from the axis to far beyond 90 degrees.
+    fn pixels() -> impl Iterator<Item = Vector2<f64>> {
+        [
+            (0.0, 0.0),
+            (0.2, -0.1),
+            (3.0, -2.0),
+            (300.0, 200.0),
+            (-600.0, 300.0),
+            (700.0, 500.0),
+        ]
+        .into_iter()
+        .map(|(x, y)| lens().principal_point() + Vector2::new(x, y))
+    }
+
+    #[test]
+    fn a_pixel_comes_back_and_the_distance_vanishes_on_its_line() {
+        let lens = lens();
+        for pixel in pixels() {
+            let ray = lens.unproject(&pixel).unwrap();
+            assert!((lens.project(&ray).unwrap() - pixel).norm() < 1e-9);
+            let line = ray.cross(&Vector3::new(0.3, -0.5, 0.4));
+            let at = |pixel: Vector2<f64>| {
+                let ray = lens.unproject_with_jacobian(&pixel).unwrap();
+                lens.line_distance_and_normal(&ray, &line)
+            };
+            let (distance, normal) = at(pixel);
+            assert!(distance.abs() < 1e-9);
+            // Beside its line a pixel is as far from it as it was moved along the normal.
+            let (beside, _) = at(pixel + normal * 1e-3);
+            assert!((beside - 1e-3).abs() < 1e-7, "{pixel} {beside}");
+        }
+        assert!(lens.unproject(&Vector2::new(1e5, 0.0)).is_none());
+        assert!(lens.unproject(&Vector2::new(f64::NAN, 0.0)).is_none());
+        assert!(lens.project(&Vector3::new(0.0, 0.0, -1.0)).is_none());
+    }
+
+    #[test]
+    fn jacobians_agree_with_central_differences() {
+        let lens = lens();
+        let line = Vector3::new(0.4, -0.8, 0.1);
+        for pixel in pixels() {
+            let distance = |lens: &Fisheye, line: &Vector3<f64>| {
+                lens.line_distance(&lens.unproject_with_jacobian(&pixel).unwrap(), line)
+            };
+            let ray = lens.unproject_with_jacobian(&pixel).unwrap();
+            let found = lens.line_distance_jacobian(&ray, &line, Columns::ALL);
+            let projection = lens.projection_jacobian(&ray);
+            for i in 0..3 {
+                let step = Vector3::ith(i, 1e-6);
+                let expected =
+                    (distance(&lens, &(line + step)) - distance(&lens, &(line - step))) / 2e-6;
+                let error = (found.wrt_line[i] - expected).abs();
+                assert!(error < 1e-6 * found.wrt_line.norm(), "{pixel} line {i}");
+            }
+            for i in 0..NAMES.len() {
+                let step = if i < INTRINSICS { 1e-3 } else { 1e-7 };
+                let moved = |by: f64| {
+                    let mut parameters = lens.parameters();
+                    parameters[i] += by;
+                    lens.with_parameters(&parameters)
+                };
+                let expected =
+                    (distance(&moved(step), &line) - distance(&moved(-step), &line)) / (2.0 * step);
+                let error = (found.wrt_lens[i] - expected).abs();
+                let scale = expected.abs().max(1.0);
+                assert!(
+                    error < 1e-6 * scale,
+                    "{pixel} parameter {i}: {error} of {expected}"
+                );
+                let ray = lens.unproject(&pixel).unwrap();
+                let seen = |by: f64| moved(by).project(&ray).unwrap();
+                let expected = (seen(step) - seen(-step)) / (2.0 * step);
+                let error = (projection.column(i) - expected).norm();
+                assert!(
+                    error < 1e-6 * expected.norm().max(1.0),
+                    "{pixel} {i}: {error}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn it_ends_where_the_radius_no_longer_grows() {
+        let lens = Fisheye::new([400.0, 400.0, 0.0, 0.0, -0.1, 0.0, 0.0, 0.0]);
+        let rim = (1.0f64 / 0.3).sqrt();
+        assert!((lens.valid_radius() - rim).abs() < 1e-12);
+        let largest = 400.0 * rim * (1.0 - 0.1 * rim * rim);
+        assert!(lens.unproject(&Vector2::new(largest - 1e-6, 0.0)).is_some());
+        assert!(lens.unproject(&Vector2::new(largest + 1e-6, 0.0)).is_none());
+        let ray = |theta: f64| Vector3::new(theta.sin(), 0.0, theta.cos());
+        assert!(lens.project(&ray(rim - 1e-6)).is_some());
+        assert!(lens.project(&ray(rim + 1e-6)).is_none());
+    }
+}
