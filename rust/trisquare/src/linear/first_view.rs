@@ -30,7 +30,7 @@ pub(crate) fn conic_camera_matrix<L: Lens>(
             .initial
             .map_or_else(Vector2::zeros, |camera| camera.focal());
         let centre = known.principal_point.unwrap_or_else(|| size.centre());
-        return Ok(matrix_of(focal, centre));
+        return Ok(camera_matrix_of(focal, centre));
     }
     camera_matrix(&homographies.of_planes(), &known)
 }
@@ -62,12 +62,13 @@ pub(crate) fn fallback_camera_matrices<L: Lens>(
     let aspect = known.aspect.unwrap_or(1.0);
     starts.extend(FOCAL_GUESSES.map(|widths| {
         let focal = widths * f64::from(size.width);
-        matrix_of(Vector2::new(focal, focal * aspect), centre)
+        camera_matrix_of(Vector2::new(focal, focal * aspect), centre)
     }));
     starts
 }
 
-fn matrix_of(focal: Vector2<f64>, centre: Vector2<f64>) -> Matrix3<f64> {
+/// A camera matrix without skew.
+pub(crate) fn camera_matrix_of(focal: Vector2<f64>, centre: Vector2<f64>) -> Matrix3<f64> {
     Matrix3::new(
         focal.x, 0.0, centre.x, 0.0, focal.y, centre.y, 0.0, 0.0, 1.0,
     )

@@ -1,18 +1,24 @@
 //! The first two of the paper's linear steps: straighten, and homographies.
 
-use nalgebra::{Matrix3, Vector2};
+use nalgebra::{Matrix3, SymmetricEigen, Vector2, Vector3};
 
 use super::straighten::{Straightening, fit_distortion};
 use crate::error::Error;
 use crate::geometry::{Line, Normalisation, normalised_homography};
 use crate::image_size::ImageSize;
 use crate::lens::{DistortionModel, Lens};
-use crate::observations::{Figure, Freedom, Method, ObservedPlane, Options};
+use crate::observations::{Figure, Freedom, Method, ObservedPlane, Options, Sample};
+
+/// Cosine of the angle with the axis up to which a pinhole sees a ray at no great distance.
+const AHEAD: f64 = 0.1;
+
+/// Sweeps of the symmetric eigenvalue iteration; a few suffice.
+const MAX_SWEEPS: usize = 100;
 
 /// The pictures' samples freed from distortion, before any camera matrix is known.
 ///
-/// Homographies and conic ask for what a pinhole would see: of all stages, the linear steps alone
-/// need every sample in front of the camera.
+/// Homographies and conic ask for what a pinhole would see: of a lens that is known, the lines of
+/// samples beside or behind the camera as well, for those are planes through its centre.
 #[derive(Debug, Clone)]
 pub(crate) enum Undistortion<L> {
     /// Estimated from straightness.
@@ -54,10 +60,34 @@ impl<L: Lens> Undistortion<L> {
     pub fn undistort(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
         match self {
             Self::Straightened(straightening) => straightening.undistort(pixel),
+            Self::Known(camera) => seen_ahead(camera, &camera.unproject(pixel)?),
+        }
+    }
+
+    /// The line on which a pinhole would see samples, and where it would see those ahead of it.
+    fn line(&self, samples: &[Sample]) -> Result<(Line, Vec<Vector2<f64>>), &'static str> {
+        const NO_RAY: &str = "samples lie where the distortion is not invertible";
+        const ONE_PLACE: &str = "all samples of a line coincide";
+        let weights = samples.iter().map(|sample| sample.weight * sample.weight);
+        match self {
+            Self::Straightened(found) => {
+                let ideal = samples.iter().map(|sample| found.undistort(&sample.pixel));
+                let ideal: Vec<_> = ideal.collect::<Option<_>>().ok_or(NO_RAY)?;
+                let line = Line::fit(ideal.iter().copied().zip(weights));
+                Ok((line.ok_or(ONE_PLACE)?, ideal))
+            }
             Self::Known(camera) => {
-                let ray = camera.direction(&camera.unproject_with_jacobian(pixel)?);
-                let ideal = (ray.z > 0.0).then(|| ray.xy() / ray.z)?;
-                Some(ideal.component_mul(&camera.focal()) + camera.principal_point())
+                let rays = samples.iter().map(|sample| camera.unproject(&sample.pixel));
+                let rays: Vec<_> = rays.collect::<Option<_>>().ok_or(NO_RAY)?;
+                let squares = rays.iter().zip(weights);
+                let scatter = squares.map(|(ray, weight)| ray * ray.transpose() * weight);
+                let matrix = camera.camera_matrix();
+                let plane = least_eigenvector(scatter.sum()).ok_or(ONE_PLACE)?;
+                let line = matrix.try_inverse().ok_or(NO_RAY)?.tr_mul(&plane);
+                let ideal = rays.iter().filter_map(|ray| seen_ahead(camera, ray));
+                let ideal = ideal.collect();
+                let line = Line::new(line.x, line.y, line.z).map_err(|_| ONE_PLACE)?;
+                Ok((line, ideal))
             }
         }
     }
@@ -150,22 +180,30 @@ pub(crate) fn homography_of_figure<L: Lens>(
     let mut image_lines: Vec<Line> = Vec::with_capacity(figure.sides.len());
     let mut ideal = Vec::new();
     for side in &figure.sides {
-        let first = ideal.len();
-        for sample in &side.samples {
-            let pixel = undistortion
-                .undistort(&sample.pixel)
-                .ok_or_else(|| degenerate("samples lie where the distortion is not invertible"))?;
-            ideal.push((pixel, sample.weight * sample.weight));
-        }
-        let line = Line::fit(ideal[first..].iter().copied())
-            .ok_or_else(|| degenerate("all samples of a line coincide"))?;
+        let (line, seen) = undistortion.line(&side.samples).map_err(degenerate)?;
         plane_lines.push(side.line);
         image_lines.push(line);
+        ideal.extend(seen);
     }
-    let normalisation = Normalisation::of_points(ideal.iter().map(|(p, _)| p));
+    let witness = *ideal
+        .first()
+        .ok_or_else(|| degenerate("none of it is ahead of the camera"))?;
+    let normalisation = Normalisation::of_points(ideal.iter());
     let homography = normalised_homography(&plane_lines, &image_lines, normalisation)
         .map_err(|error| error.of_figure(figure.index))?;
-    Ok((homography, ideal[0].0))
+    Ok((homography, witness))
+}
+
+/// Where a pinhole with the same camera matrix would see a unit ray, if at no great distance.
+fn seen_ahead<L: Lens>(camera: &L, ray: &Vector3<f64>) -> Option<Vector2<f64>> {
+    (ray.z > AHEAD).then(|| (camera.camera_matrix() * ray).xy() / ray.z)
+}
+
+/// The eigenvector of the least eigenvalue of a symmetric matrix.
+fn least_eigenvector(matrix: Matrix3<f64>) -> Option<Vector3<f64>> {
+    let eigen = SymmetricEigen::try_new(matrix, f64::EPSILON, MAX_SWEEPS)?;
+    let least = eigen.eigenvalues.imin();
+    Some(eigen.eigenvectors.column(least).into_owned())
 }
 
 fn back_project(homography: &Matrix3<f64>, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {

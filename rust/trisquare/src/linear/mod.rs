@@ -4,6 +4,8 @@ mod first_view;
 mod homographies;
 mod straighten;
 
-pub(crate) use first_view::{conic_camera_matrix, fallback_camera_matrices, first_view};
+pub(crate) use first_view::{
+    camera_matrix_of, conic_camera_matrix, fallback_camera_matrices, first_view,
+};
 pub(crate) use homographies::{Homographies, Undistortion, homography_of_figure};
 pub use straighten::{Straightening, fit_distortion};

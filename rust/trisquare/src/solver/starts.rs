@@ -1,12 +1,13 @@
 //! From the planes of a scene to the best camera: linear steps, starts, and the joint optimum.
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector2};
 
 use super::problem::{Failure, JointProblem, Poorer};
 use crate::error::Error;
 use crate::lens::Lens;
 use crate::linear::{
-    Homographies, Undistortion, conic_camera_matrix, fallback_camera_matrices, first_view,
+    Homographies, Undistortion, camera_matrix_of, conic_camera_matrix, fallback_camera_matrices,
+    first_view,
 };
 use crate::noise::{Misfit, Noise};
 use crate::numeric::Termination;
@@ -34,6 +35,30 @@ fn keep_better<L>(best: &mut Option<Refined<L>>, found: Refined<L>) {
 /// Mean square misfit from which an optimum may be a wrong one; that of noise alone is 1.
 const STRAINED: f64 = 2.0;
 
+/// Focal lengths, in image widths, of wide lenses: half a picture's width shows 80, 50 and 115
+/// degrees.
+const WIDE_FOCALS: [f64; 3] = [0.36, 0.57, 0.25];
+
+/// Lenses to start from by the law of those that bend directions: a pinhole of no focal length
+/// sees what they see, and no polynomial straightens it.
+fn lenses_of_the_law<L: Lens>(problem: &JointProblem<'_, L>) -> impl Iterator<Item = L> {
+    let options = problem.options;
+    let is_asked = L::centre_columns().is_empty() && !options.fixed.distortion;
+    let known = options.known_intrinsics(&problem.size);
+    let centre = known
+        .principal_point
+        .unwrap_or_else(|| problem.size.centre());
+    let (width, aspect) = (f64::from(problem.size.width), known.aspect.unwrap_or(1.0));
+    let focals = WIDE_FOCALS.into_iter().filter(move |_| is_asked);
+    focals.map(move |widths| {
+        let focal = widths * width;
+        L::from_camera_matrix(&camera_matrix_of(
+            Vector2::new(focal, focal * aspect),
+            centre,
+        ))
+    })
+}
+
 /// What every start shares: the paper's steps 1 and 2.
 pub(crate) struct Starts<'a, L: Lens> {
     problem: &'a JointProblem<'a, L>,
@@ -54,8 +79,19 @@ impl<'a, L: Lens> Starts<'a, L> {
             Method::MaximumLikelihood => START_SAMPLES_PER_SIDE,
         };
         let some: Vec<_> = planes.iter().map(|p| p.subsampled(sample_limit)).collect();
-        let undistortion = Undistortion::estimate(&some, problem.size, problem.options)?;
-        let homographies = Homographies::estimate(&some, &undistortion)?;
+        let straightened = || -> Result<_, Error> {
+            let undistortion = Undistortion::estimate(&some, problem.size, problem.options)?;
+            Ok((Homographies::estimate(&some, &undistortion)?, undistortion))
+        };
+        let (homographies, undistortion) = straightened().or_else(|error| {
+            let mut by_law = lenses_of_the_law(problem);
+            let found = by_law.find_map(|lens| {
+                let undistortion = Undistortion::Known(lens);
+                let homographies = Homographies::estimate(&some, &undistortion).ok()?;
+                Some((homographies, undistortion))
+            });
+            found.ok_or(error)
+        })?;
         Ok(Self {
             problem,
             planes,
@@ -82,6 +118,21 @@ impl<'a, L: Lens> Starts<'a, L> {
         Ok(view)
     }
 
+    /// The view that a lens implies.
+    fn view_by(&self, lens: L) -> Option<View<L>> {
+        let undistortion = Undistortion::Known(lens);
+        let homographies = Homographies::estimate(&self.some, &undistortion).ok()?;
+        let view = first_view(
+            &lens.camera_matrix(),
+            &homographies,
+            self.planes,
+            &undistortion,
+            self.problem.size,
+            self.problem.options,
+        );
+        view.ok()
+    }
+
     fn samples(&self) -> impl Iterator<Item = &Sample> {
         self.planes.iter().flat_map(ObservedPlane::samples)
     }
@@ -104,17 +155,7 @@ impl<'a, L: Lens> Starts<'a, L> {
     fn beyond_poorer(&self) -> Option<Refined<L>> {
         let problem = self.problem;
         let Poorer { lens, free } = problem.poorer.clone()?;
-        let undistortion = Undistortion::Known(lens);
-        let homographies = Homographies::estimate(&self.some, &undistortion).ok()?;
-        let start = first_view(
-            &lens.camera_matrix(),
-            &homographies,
-            self.planes,
-            &undistortion,
-            problem.size,
-            problem.options,
-        );
-        let found = problem.searched(&self.some, &free, start.ok()?)?;
+        let found = problem.searched(&self.some, &free, self.view_by(lens)?)?;
         self.finish(problem.searched(&self.some, &problem.free, found.view)?)
     }
 
@@ -179,19 +220,30 @@ impl<'a, L: Lens> Starts<'a, L> {
     /// A doubtful answer may be a wrong optimum, with the principal point far off and the planes
     /// turned to match: then all starts are tried and the one that fits best is taken. One that
     /// leaves much more than noise may be wrong, too, where the robust loss gave up a part of the
-    /// samples for the rest: it has to stand against that of another start.
+    /// samples for the rest: it has to stand against that of another start, or of all that the lens's
+    /// law gives.
     fn refine(&self) -> Result<Refined<L>, Failure<L>> {
         let fallbacks = self.fallback_camera_matrices(self.problem.options);
-        let starts = self.conic_camera_matrix().into_iter().chain(fallbacks);
+        let by_law = lenses_of_the_law(self.problem).filter_map(|lens| self.view_by(lens));
+        let conic = self.conic_camera_matrix().into_iter();
+        let starts = conic.map(|camera_matrix| self.view(&camera_matrix));
+        let starts = starts.chain(by_law.map(Ok));
+        let starts = starts.chain(
+            fallbacks
+                .iter()
+                .map(|camera_matrix| self.view(camera_matrix)),
+        );
+        let rivals = lenses_of_the_law(self.problem).count().max(1);
+        let mut found_before = 0;
         let mut unsettled: Option<Search<L>> = None;
         let mut best: Option<Refined<L>> = None;
-        for camera_matrix in starts {
+        for start in starts {
             // One is tried in any case.
             let tried = best.is_some() || unsettled.is_some();
             if tried && self.problem.work.is_spent() {
                 break;
             }
-            let start = match self.view(&camera_matrix) {
+            let start = match start {
                 Err(error @ Error::TooFewDegreesOfFreedom { .. }) => return Err(error.into()),
                 Err(_) => continue,
                 Ok(start) => start,
@@ -201,8 +253,9 @@ impl<'a, L: Lens> Starts<'a, L> {
             };
             match self.finish(found.clone()) {
                 Some(refined) => {
-                    // A doubtful geometry asks for all starts, large residuals for one more.
-                    let enough = best.is_some() || !self.is_strained(&refined);
+                    // A doubtful geometry asks for all starts, large residuals for rivals.
+                    let enough = found_before >= rivals || !self.is_strained(&refined);
+                    found_before += 1;
                     keep_better(&mut best, refined);
                     if enough && let Some(sound) = best.take_if(|b| !self.is_doubtful(b)) {
                         return Ok(sound);
