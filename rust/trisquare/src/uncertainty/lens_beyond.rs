@@ -99,7 +99,8 @@ pub(crate) fn beyond_lens<L: Lens>(
         return Some(LensVerdict::NotFlat);
     }
     if beyond.criterion + CLEARLY < bent.criterion.min(shapes) {
-        return Some(match beyond.relief > FLAT {
+        let needs_relief = beyond.flat + CLEARLY >= bent.criterion.min(shapes);
+        return Some(match beyond.relief > FLAT && needs_relief {
             true => LensVerdict::Unclear { asked: true },
             false => LensVerdict::Beyond(beyond.change(&mut errors, free)?),
         });
