@@ -1,8 +1,11 @@
 //! A straight line in a plane, and the straight line that fits points best.
 
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{Matrix3, SymmetricEigen, Vector2, Vector3};
 
 use crate::error::Error;
+
+/// Sweeps after which an eigendecomposition is given up; it needs a few.
+const MAX_SWEEPS: usize = 100;
 
 /// A line `a x + b y + c = 0` with `a^2 + b^2 = 1`, so that the left side is a signed distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -95,6 +98,20 @@ impl Line {
         let normal = Vector2::new(-angle.sin(), angle.cos());
         Some(Self::with_unit_normal(normal, mean))
     }
+}
+
+/// The normal of the plane through the camera's centre in which weighted unit rays lie best, which
+/// is the line of their image: no direction is too far from the axis.
+///
+/// `None` if the iteration does not end.
+pub(crate) fn line_of_rays(
+    rays: impl Iterator<Item = (Vector3<f64>, f64)>,
+) -> Option<Vector3<f64>> {
+    let scatter: Matrix3<f64> = rays
+        .map(|(ray, weight)| ray * ray.transpose() * weight)
+        .sum();
+    let axes = SymmetricEigen::try_new(scatter, f64::EPSILON, MAX_SWEEPS)?;
+    Some(axes.eigenvectors.column(axes.eigenvalues.imin()).into())
 }
 
 #[cfg(test)]

@@ -13,5 +13,6 @@ pub use conic::{
 pub use homography::homography_from_lines;
 pub(crate) use homography::{MIN_LINES, normalised_homography};
 pub use line::Line;
+pub(crate) use line::line_of_rays;
 pub use normalisation::Normalisation;
 pub use pose::Pose;

@@ -7,7 +7,7 @@ use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use super::brown_model::BrownModel;
 use super::{
     Columns, INTRINSICS, Lens, LineDistance, MAX_LENS_COLUMNS, ProjectionJacobian,
-    forward_coefficients, radial,
+    covering_coefficients, radial,
 };
 use crate::image_size::ImageSize;
 
@@ -176,16 +176,10 @@ impl Lens for Brown {
         }
         let [fx, fy, cx, cy] = pinhole.intrinsics();
         let focal = (fx * fy).sqrt();
-        let covered = size
-            .corners()
-            .map(|c| (c - pinhole.principal_point()).norm() / focal);
-        let largest = covered.iter().fold(0.0f64, |a, b| a.max(*b));
         let ideal = |r: f64| ideal_radius(r * focal) / focal;
-        // An estimate that folds over before the corners is believed as far as half the radius.
-        let found = forward_coefficients(ideal, largest, count)
-            .or_else(|| forward_coefficients(ideal, 0.5 * largest, count));
+        let found = covering_coefficients(ideal, (size, pinhole.principal_point(), focal), count);
         let mut k = [0.0; 3];
-        for (k, value) in k.iter_mut().zip(found.unwrap_or_default()) {
+        for (k, value) in k.iter_mut().zip(found) {
             *k = value;
         }
         Self::new([fx, fy, cx, cy, k[0], k[1], k[2], 0.0, 0.0])

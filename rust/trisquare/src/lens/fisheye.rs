@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Matrix3x2, Vector2, Vector3};
 
 use super::{
     Columns, DistortionModel, INTRINSICS, Lens, LineDistance, MAX_LENS_COLUMNS, ProjectionJacobian,
-    forward_coefficients, sign_changes,
+    covering_coefficients, sign_changes,
 };
 use crate::image_size::ImageSize;
 
@@ -270,14 +270,10 @@ impl Lens for Fisheye {
         }
         let [fx, fy, cx, cy] = plain.intrinsics();
         let focal = (fx * fy).sqrt();
-        let corners = size.corners();
-        let radii = corners.map(|corner| (corner - plain.principal_point()).norm() / focal);
-        let largest = radii.iter().copied().fold(0.0, f64::max);
         let angle = |radius: f64| (ideal_radius(radius * focal) / focal).atan();
-        let [k1, k2, k3, k4] = forward_coefficients(angle, largest, COEFFICIENTS)
-            .or_else(|| forward_coefficients(angle, 0.5 * largest, COEFFICIENTS))
-            .and_then(|found| found.try_into().ok())
-            .unwrap_or_default();
+        let picture = (size, plain.principal_point(), focal);
+        let found = covering_coefficients(angle, picture, COEFFICIENTS);
+        let [k1, k2, k3, k4] = found.try_into().unwrap_or_default();
         Self::new([fx, fy, cx, cy, k1, k2, k3, k4])
     }
 

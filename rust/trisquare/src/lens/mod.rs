@@ -23,7 +23,7 @@ pub use distortion::{Distortion, DistortionTerm};
 pub use families::{LensFamily, NearestLens};
 pub use fisheye::{Fisheye, FisheyeModel, FisheyePixelRay};
 pub(crate) use point_maps::of_all;
-pub(crate) use radial::{forward_coefficients, sign_changes};
+pub(crate) use radial::{covering_coefficients, sign_changes};
 pub use radial::{invertible_radius, monotonic_radius};
 pub use turned_lenses::{SeenAgain, TurnedLenses};
 pub use undistortion_map::{UndistortionMap, largest_rectangle};

@@ -1,6 +1,8 @@
 //! Distortion polynomials: where they are monotonic, and how one is turned into its inverse.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Vector2};
+
+use crate::image_size::ImageSize;
 
 /// Bisections that narrow a bracket to rounding.
 const MAX_BISECTIONS: usize = 200;
@@ -123,12 +125,30 @@ fn bisect(f: impl Fn(f64) -> f64, mut left: f64, mut right: f64) -> f64 {
     left
 }
 
+/// Coefficients of the forward model that a map observed -> ideal implies over all radii which a
+/// picture covers, in units of the focal length; none where it is not increasing.
+///
+/// An estimate that folds over before the corners is believed as far as half the radius.
+pub(crate) fn covering_coefficients(
+    ideal: impl Fn(f64) -> f64,
+    (size, centre, focal): (ImageSize, Vector2<f64>, f64),
+    count: usize,
+) -> Vec<f64> {
+    let covered = size
+        .corners()
+        .map(|corner| (corner - centre).norm() / focal);
+    let largest = covered.iter().fold(0.0f64, |a, b| a.max(*b));
+    forward_coefficients(&ideal, largest, count)
+        .or_else(|| forward_coefficients(&ideal, 0.5 * largest, count))
+        .unwrap_or_default()
+}
+
 /// Coefficients `k` of the forward model that a map observed -> ideal implies.
 ///
 /// Least squares over observed radii up to `largest` (any unit in which the ideal radius is
 /// `ideal(r)` ): `r_d ~ r_u (1 + k1 r_u^2 + ...)`, with as many coefficients as asked for.
 /// `None` if the map is not increasing up to `largest`.
-pub(crate) fn forward_coefficients(
+fn forward_coefficients(
     ideal: impl Fn(f64) -> f64,
     largest: f64,
     coefficients: usize,

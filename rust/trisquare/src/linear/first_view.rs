@@ -30,7 +30,7 @@ pub(crate) fn conic_camera_matrix<L: Lens>(
             .initial
             .map_or_else(Vector2::zeros, |camera| camera.focal());
         let centre = known.principal_point.unwrap_or_else(|| size.centre());
-        return Ok(camera_matrix_of(focal, centre));
+        return Ok(matrix_of(focal, centre));
     }
     camera_matrix(&homographies.of_planes(), &known)
 }
@@ -59,16 +59,28 @@ pub(crate) fn fallback_camera_matrices<L: Lens>(
         };
         starts.extend(camera_matrix(&planes, &centred));
     }
-    let aspect = known.aspect.unwrap_or(1.0);
-    starts.extend(FOCAL_GUESSES.map(|widths| {
-        let focal = widths * f64::from(size.width);
-        camera_matrix_of(Vector2::new(focal, focal * aspect), centre)
-    }));
+    starts.extend(guessed_camera_matrices(FOCAL_GUESSES, size, options));
     starts
 }
 
-/// A camera matrix without skew.
-pub(crate) fn camera_matrix_of(focal: Vector2<f64>, centre: Vector2<f64>) -> Matrix3<f64> {
+/// Camera matrices of focal lengths in image widths, all else as it is known; none where the focal
+/// length is held.
+pub(crate) fn guessed_camera_matrices<L: Lens>(
+    focals: [f64; 3],
+    size: ImageSize,
+    options: &Options<L>,
+) -> impl Iterator<Item = Matrix3<f64>> + use<L> {
+    let known = options.known_intrinsics(&size);
+    let centre = known.principal_point.unwrap_or_else(|| size.centre());
+    let (is_free, aspect) = (!options.fixed.focal, known.aspect.unwrap_or(1.0));
+    let focals = focals.into_iter().filter(move |_| is_free);
+    focals.map(move |widths| {
+        let focal = widths * f64::from(size.width);
+        matrix_of(Vector2::new(focal, focal * aspect), centre)
+    })
+}
+
+fn matrix_of(focal: Vector2<f64>, centre: Vector2<f64>) -> Matrix3<f64> {
     Matrix3::new(
         focal.x, 0.0, centre.x, 0.0, focal.y, centre.y, 0.0, 0.0, 1.0,
     )

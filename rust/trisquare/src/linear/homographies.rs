@@ -1,19 +1,16 @@
 //! The first two of the paper's linear steps: straighten, and homographies.
 
-use nalgebra::{Matrix3, SymmetricEigen, Vector2, Vector3};
+use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::straighten::{Straightening, fit_distortion};
 use crate::error::Error;
-use crate::geometry::{Line, Normalisation, normalised_homography};
+use crate::geometry::{Line, Normalisation, line_of_rays, normalised_homography};
 use crate::image_size::ImageSize;
 use crate::lens::{DistortionModel, Lens};
 use crate::observations::{Figure, Freedom, Method, ObservedPlane, Options, Sample};
 
 /// Cosine of the angle with the axis up to which a pinhole sees a ray at no great distance.
 const AHEAD: f64 = 0.1;
-
-/// Sweeps of the symmetric eigenvalue iteration; a few suffice.
-const MAX_SWEEPS: usize = 100;
 
 /// The pictures' samples freed from distortion, before any camera matrix is known.
 ///
@@ -79,11 +76,9 @@ impl<L: Lens> Undistortion<L> {
             Self::Known(camera) => {
                 let rays = samples.iter().map(|sample| camera.unproject(&sample.pixel));
                 let rays: Vec<_> = rays.collect::<Option<_>>().ok_or(NO_RAY)?;
-                let squares = rays.iter().zip(weights);
-                let scatter = squares.map(|(ray, weight)| ray * ray.transpose() * weight);
-                let matrix = camera.camera_matrix();
-                let plane = least_eigenvector(scatter.sum()).ok_or(ONE_PLACE)?;
-                let line = matrix.try_inverse().ok_or(NO_RAY)?.tr_mul(&plane);
+                let line = line_of_rays(rays.iter().copied().zip(weights)).ok_or(ONE_PLACE)?;
+                let inverse = camera.camera_matrix().try_inverse().ok_or(NO_RAY)?;
+                let line = inverse.tr_mul(&line);
                 let ideal = rays.iter().filter_map(|ray| seen_ahead(camera, ray));
                 let ideal = ideal.collect();
                 let line = Line::new(line.x, line.y, line.z).map_err(|_| ONE_PLACE)?;
@@ -197,13 +192,6 @@ pub(crate) fn homography_of_figure<L: Lens>(
 /// Where a pinhole with the same camera matrix would see a unit ray, if at no great distance.
 fn seen_ahead<L: Lens>(camera: &L, ray: &Vector3<f64>) -> Option<Vector2<f64>> {
     (ray.z > AHEAD).then(|| (camera.camera_matrix() * ray).xy() / ray.z)
-}
-
-/// The eigenvector of the least eigenvalue of a symmetric matrix.
-fn least_eigenvector(matrix: Matrix3<f64>) -> Option<Vector3<f64>> {
-    let eigen = SymmetricEigen::try_new(matrix, f64::EPSILON, MAX_SWEEPS)?;
-    let least = eigen.eigenvalues.imin();
-    Some(eigen.eigenvectors.column(least).into_owned())
 }
 
 fn back_project(homography: &Matrix3<f64>, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {

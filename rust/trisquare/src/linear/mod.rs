@@ -5,7 +5,7 @@ mod homographies;
 mod straighten;
 
 pub(crate) use first_view::{
-    camera_matrix_of, conic_camera_matrix, fallback_camera_matrices, first_view,
+    conic_camera_matrix, fallback_camera_matrices, first_view, guessed_camera_matrices,
 };
 pub(crate) use homographies::{Homographies, Undistortion, homography_of_figure};
 pub use straighten::{Straightening, fit_distortion};

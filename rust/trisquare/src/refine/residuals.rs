@@ -1,16 +1,14 @@
 //! Distances of the samples to the images of their lines, and their spread.
 
-use nalgebra::{Matrix3, SymmetricEigen, Vector2};
+use nalgebra::Vector2;
 
+use crate::geometry::line_of_rays;
 use crate::lens::Lens;
 use crate::numeric::median_scale;
 use crate::observations::{ObservedPlane, Sample, Side, View};
 
 /// Noise below this (px) is rounding, not measurement.
 pub(crate) const MIN_SCALE: f64 = 1e-9;
-
-/// Sweeps after which an eigendecomposition is given up; it needs a few.
-const MAX_SWEEPS: usize = 100;
 
 /// Distance of a sample to the image of its line.
 #[derive(Debug, Clone, Copy)]
@@ -69,11 +67,8 @@ pub(crate) fn straightness_residuals<L: Lens>(lens: &L, side: &Side) -> Option<V
         .iter()
         .map(|sample| lens.unproject_with_jacobian(&sample.pixel))
         .collect::<Option<Vec<_>>>()?;
-    // Of the plane of rays, so that no direction is too far from the axis.
     let rays = pixel_rays.iter().map(|ray| lens.direction(ray).normalize());
-    let scatter: Matrix3<f64> = rays.map(|ray| ray * ray.transpose()).sum();
-    let axes = SymmetricEigen::try_new(scatter, f64::EPSILON, MAX_SWEEPS)?;
-    let line = axes.eigenvectors.column(axes.eigenvalues.imin()).into();
+    let line = line_of_rays(rays.map(|ray| (ray, 1.0)))?;
     let residual = |(ray, sample): (&L::PixelRay, &Sample)| {
         let (distance, normal) = lens.line_distance_and_normal(ray, &line);
         Residual {

@@ -1,13 +1,13 @@
 //! From the planes of a scene to the best camera: linear steps, starts, and the joint optimum.
 
-use nalgebra::{Matrix3, Vector2};
+use nalgebra::Matrix3;
 
 use super::problem::{Failure, JointProblem, Poorer};
 use crate::error::Error;
 use crate::lens::Lens;
 use crate::linear::{
-    Homographies, Undistortion, camera_matrix_of, conic_camera_matrix, fallback_camera_matrices,
-    first_view,
+    Homographies, Undistortion, conic_camera_matrix, fallback_camera_matrices, first_view,
+    guessed_camera_matrices,
 };
 use crate::noise::{Misfit, Noise};
 use crate::numeric::Termination;
@@ -44,19 +44,9 @@ const WIDE_FOCALS: [f64; 3] = [0.36, 0.57, 0.25];
 fn lenses_of_the_law<L: Lens>(problem: &JointProblem<'_, L>) -> impl Iterator<Item = L> {
     let options = problem.options;
     let is_asked = L::centre_columns().is_empty() && !options.fixed.distortion;
-    let known = options.known_intrinsics(&problem.size);
-    let centre = known
-        .principal_point
-        .unwrap_or_else(|| problem.size.centre());
-    let (width, aspect) = (f64::from(problem.size.width), known.aspect.unwrap_or(1.0));
-    let focals = WIDE_FOCALS.into_iter().filter(move |_| is_asked);
-    focals.map(move |widths| {
-        let focal = widths * width;
-        L::from_camera_matrix(&camera_matrix_of(
-            Vector2::new(focal, focal * aspect),
-            centre,
-        ))
-    })
+    let guessed = guessed_camera_matrices(WIDE_FOCALS, problem.size, options);
+    let guessed = guessed.filter(move |_| is_asked);
+    guessed.map(|camera_matrix| L::from_camera_matrix(&camera_matrix))
 }
 
 /// What every start shares: the paper's steps 1 and 2.
