@@ -9,7 +9,8 @@ from harness.rows import Row
 
 import trisquare as ts
 from trisquare import simulate
-from trisquare.camera.camera import MODELS, camera_parameters
+from trisquare.camera.camera import camera_parameters
+from trisquare.camera.lens_models import MODELS
 from trisquare.simulate.scene import TrueCamera
 
 SCENES = 40

@@ -12,7 +12,7 @@ from harness.truth import Array
 
 import trisquare as ts
 from trisquare import simulate
-from trisquare.camera.camera import MODELS
+from trisquare.camera.lens_models import MODELS
 from trisquare.simulate.scene import Scene, TrueCamera
 
 SCENES = 100

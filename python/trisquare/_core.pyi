@@ -23,6 +23,7 @@ __all__ = [
     "__version__",
     "calibrate",
     "camera_matrix_from_homographies",
+    "can_project",
     "can_unproject",
     "compare_projections",
     "distort_pixels",
@@ -31,7 +32,6 @@ __all__ = [
     "fit_distortion",
     "fit_side_cubics",
     "homography_from_lines",
-    "invertible_radius",
     "largest_rectangle",
     "localise",
     "nearest_lens",
@@ -49,12 +49,13 @@ __all__ = [
     "undistorted_view",
     "unproject_pixels",
     "valid_pixel_radius",
+    "valid_radius",
 ]
 
 __version__: Final[str]
 
-_Camera: TypeAlias = tuple[Sequence[float], float]
-"""fx, fy, cx, cy, k1, k2, k3, p1, p2, and the ideal radius up to which they are trusted."""
+_Camera: TypeAlias = tuple[str, Sequence[float], float]
+"""A model, the parameters of its lens in the order of reports, and their valid radius."""
 
 _AnyLens: TypeAlias = _Camera | tuple[Sequence[float], str, Sequence[float]]
 """A camera, or fx, fy, cx, cy, the name of a distortion's model, and its coefficients."""
@@ -298,7 +299,7 @@ def calibrate(
     method: str,
     model: str,
     fixed: Sequence[str],
-    initial: Sequence[float] | None,
+    initial: _Camera | None,
     pictures: Sequence[Picture] | None,
     tones: Sequence[str | float | tuple[float, float, float | None]],
     side_errors: Sequence[float] = ...,
@@ -316,7 +317,7 @@ class Prediction:
     def std(self) -> dict[str, float]: ...
 
 def predict(
-    camera: Sequence[float],
+    camera: _Camera,
     image_size: tuple[int, int],
     planes: Sequence[tuple[NDArray[np.float64], Sequence[float], Sequence[NDArray[np.float64]]]],
     *,
@@ -367,7 +368,7 @@ def pose_from_homography(
     camera_matrix: NDArray[np.float64], homography: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 def provoke_panic() -> None: ...
-def invertible_radius(k1: float, k2: float, p1: float, p2: float, k3: float) -> float: ...
+def valid_radius(camera: _Camera) -> float: ...
 def valid_pixel_radius(camera: _Camera) -> float: ...
 def project_points(camera: _Camera, points: NDArray[np.float64]) -> NDArray[np.float64]: ...
 def unproject_pixels(camera: _Camera, pixels: NDArray[np.float64]) -> NDArray[np.float64]: ...
@@ -379,19 +380,16 @@ def undistorted_view(
 def fill_undistortion_map(
     camera: _Camera,
     image_size: tuple[int, int],
-    view: _Camera,
+    view: tuple[float, float, float, float],
     whole: NDArray[np.int16],
     parts: NDArray[np.uint16],
     valid: NDArray[np.bool_],
 ) -> None: ...
 def largest_rectangle(mask: NDArray[np.bool_]) -> tuple[int, int, int, int]: ...
+def can_project(camera: _Camera, points: NDArray[np.float64]) -> list[bool]: ...
 def can_unproject(camera: _Camera, pixels: NDArray[np.float64]) -> list[bool]: ...
 def projection_covariance(
-    camera: _Camera,
-    parameters: Sequence[str],
-    aspect_fixed: bool,
-    covariance: NDArray[np.float64],
-    pixels: NDArray[np.float64],
+    camera: _UncertainCamera, pixels: NDArray[np.float64]
 ) -> NDArray[np.float64]: ...
 def nearest_lens(
     lens: _AnyLens, image_size: tuple[int, int], name: str, square_pixels: bool, terms: str

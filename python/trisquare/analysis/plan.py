@@ -11,7 +11,7 @@ import numpy as np
 import trisquare._core as _core
 from trisquare._support.arrays import FloatArray, RebuiltByConstructor, real_array, real_number
 from trisquare._support.rotations import rotation_matrix, tilt_degrees, tilted
-from trisquare.camera.camera import Camera, camera_for_core, camera_parameters
+from trisquare.camera.camera import Camera, camera_for_core
 
 UNIT_SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
 
@@ -166,7 +166,7 @@ def predicted(
         If nothing is determined.
     """
     return _core.predict(
-        list(camera_parameters(camera).values()),
+        camera_for_core(camera),
         camera.image_size,
         [(rotation, place.tolist(), outlines) for rotation, place, outlines in planes],
         sigma=sigma,

@@ -16,7 +16,8 @@ from trisquare._support.arrays import (
 )
 from trisquare._support.suggestions import unknown
 from trisquare.analysis.plan import PlannedSquare, StandingPlane, posed, predicted
-from trisquare.camera.camera import MODELS, Camera, camera_parameters
+from trisquare.camera.camera import Camera, camera_parameters
+from trisquare.camera.lens_models import MODELS
 from trisquare.camera.settings import checked_fix
 
 __all__ = ["PlannedSquare", "Prediction", "predict"]

@@ -57,8 +57,9 @@ def calibrate(
         Joint maximum likelihood, or the three linear steps of Zhou et al. (2013) alone, whose
         stated standard deviations are those that maximum likelihood would have with residuals of
         that size: they leave out what the steps themselves lose.
-    model : {"none", "radial1", "radial2", "radial3", "brown", "auto"}
-        The distortion coefficients that are estimated. ``"auto"`` takes the model with the largest
+    model : {"none", "radial1", "radial2", "radial3", "brown", "equidistant", "fisheye", "auto"}
+        The distortion coefficients that are estimated: see `Camera`. The fisheye models are for
+        lenses that see more than about 90 degrees. ``"auto"`` takes the model with the largest
         evidence, by the density ratio of Dickey (1971) from the richest fit; the rejected ones are
         in ``alternatives``, and what they would say stays, by their probabilities, in the
         covariance. It needs ``method="ml"`` and a free distortion.
@@ -227,7 +228,7 @@ def _ask_core(
         method=settings.method,
         model=settings.model,
         fixed=settings.fixed,
-        initial=settings.initial_parameters(gathered.image_size),
+        initial=settings.initial_camera(gathered.image_size),
         pictures=gathered.pictures or None,
         tones=[tone.curve for tone in gathered.tones],
         side_errors=[faults.side_error for faults in gathered.faults],

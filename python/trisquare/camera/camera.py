@@ -21,33 +21,35 @@ from trisquare._support.arrays import (
 )
 from trisquare.camera.approximation import Approximation
 from trisquare.camera.file_formats import registered_files
+from trisquare.camera.lens_models import COEFFICIENTS, MODELS
 
-# A camera for the compiled core: fx, fy, cx, cy, k1, k2, k3, p1, p2, and the ideal radius up to
-# which they are trusted.
-CoreCamera: TypeAlias = "tuple[Sequence[float], float]"
-
-MODELS = ("none", "radial1", "radial2", "radial3", "brown")
+# A camera for the compiled core: its model, its parameters in the order of reports, and the radius
+# up to which they are trusted.
+CoreCamera: TypeAlias = "tuple[str, Sequence[float], float]"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Camera(RebuiltByConstructor):
-    """A pinhole camera with lens distortion.
+    """A camera: a pinhole with lens distortion, or a fisheye.
 
     Parameters
     ----------
     K : array_like, shape (3, 3)
         ``[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`` in pixels; ``(0, 0)`` is the centre of the
         top-left pixel.
-    distortion : array_like, shape (5,)
-        ``(k1, k2, p1, p2, k3)`` in OpenCV's order, from ideal to observed normalised points.
+    distortion : array_like, shape (5,) or (4,)
+        In OpenCV's order: ``(k1, k2, p1, p2, k3)``, from ideal to observed normalised points, as
+        `cv2.projectPoints` takes it; for a fisheye ``(k1, k2, k3, k4)``, as `cv2.fisheye` takes it
+        (Kannala & Brandt, IEEE PAMI 28 (2006) 1335-1340).
     image_size : (int, int)
         Width and height in pixels.
-    model : {"none", "radial1", "radial2", "radial3", "brown"}
-        Which of the coefficients may differ from zero.
+    model : {"none", "radial1", "radial2", "radial3", "brown", "equidistant", "fisheye"}
+        Which of the coefficients may differ from zero. "equidistant" is a fisheye without any.
     valid_radius : float, optional
-        The ideal normalised radius (tangent of the angle from the axis) up to which the
-        distortion is monotonic, hence invertible; None if it is so everywhere. Computed unless
-        given. Beyond it, or beyond a smaller one that was given, every map raises ValueError.
+        Up to which the distortion is monotonic, hence invertible: the ideal normalised radius
+        (tangent of the angle from the axis), of a fisheye the angle itself, in radians; None if
+        there is no limit. Computed unless given. Beyond it, or beyond a smaller one that was
+        given, every map raises ValueError.
 
     Raises
     ------
@@ -66,24 +68,24 @@ class Camera(RebuiltByConstructor):
         fixed_entries = (K[0, 1], K[1, 0], K[2, 0], K[2, 1], K[2, 2])
         if fixed_entries != (0, 0, 0, 0, 1) or K[0, 0] <= 0 or K[1, 1] <= 0:
             raise ValueError("K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with positive fx, fy")
-        distortion = real_array(self.distortion, "distortion", (5,))
         if self.model not in MODELS:
             raise ValueError(f"model must be one of {MODELS}, not {self.model!r}")
-        if self.valid_radius is None:
-            radius = _core.invertible_radius(*distortion.tolist())
-        elif self.valid_radius == math.inf:
-            radius = math.inf
-        else:
-            radius = real_number(self.valid_radius, "valid_radius")
+        count = len(COEFFICIENTS[self.model])
+        object.__setattr__(self, "K", K)
+        object.__setattr__(self, "distortion", real_array(self.distortion, "distortion", (count,)))
+        object.__setattr__(self, "image_size", size_of_image(self.image_size))
+        radius = self.valid_radius
+        if radius is None:
+            radius = _core.valid_radius(camera_for_core(self))
+        elif radius != math.inf:
+            radius = real_number(radius, "valid_radius")
             if radius <= 0:
                 raise ValueError(f"valid_radius must be positive, not {radius}")
-        object.__setattr__(self, "K", K)
-        object.__setattr__(self, "distortion", distortion)
-        object.__setattr__(self, "image_size", size_of_image(self.image_size))
         object.__setattr__(self, "valid_radius", None if radius == math.inf else radius)
         if not _core.valid_pixel_radius(camera_for_core(self)) > 0:
             raise ValueError(
-                f"distortion {distortion.tolist()} is nowhere invertible: its valid radius is 0 px"
+                f"distortion {self.distortion.tolist()} is nowhere invertible: its valid radius is "
+                "0 px"
             )
 
     @property
@@ -121,7 +123,8 @@ class Camera(RebuiltByConstructor):
         Parameters
         ----------
         points : array_like, shape (N, 3)
-            ``(X, Y, Z)``, Z ahead of the camera, in any unit.
+            ``(X, Y, Z)``, Z ahead of the camera, in any unit. A fisheye may see points beside and
+            behind the camera as well.
 
         Returns
         -------
@@ -147,17 +150,11 @@ class Camera(RebuiltByConstructor):
         Returns
         -------
         ndarray of bool, shape (N,)
-            Whether a point is ahead of the camera and within the valid radius.
+            Whether a point is within the valid radius and, unless the lens is a fisheye, ahead of
+            the camera.
         """
         given = real_array(points, "points", (None, 3))
-        # A given radius narrows the distortion's own, and never widens it.
-        limit = _core.invertible_radius(*self.distortion.tolist())
-        if self.valid_radius is not None:
-            limit = min(limit, self.valid_radius)
-        # What is not finite is told from the rest below.
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            radius = np.hypot(given[:, 0], given[:, 1]) / given[:, 2]
-        return np.asarray((given[:, 2] > 0) & (radius <= limit) & np.isfinite(radius))
+        return np.array(_core.can_project(camera_for_core(self), given), dtype=bool)
 
     def unproject(self, pixels: npt.ArrayLike) -> FloatArray:
         """Return the unit rays, in the camera's frame, along which pixels look.
@@ -237,8 +234,9 @@ class Camera(RebuiltByConstructor):
         ----------
         balance : float
             0: every pixel of the new picture lies in the photograph, and the view is the widest
-            for which that is so. 1: every pixel of the photograph within the valid radius lies in
-            the new picture. In between, the camera matrix changes linearly.
+            for which that is so. 1: every pixel of the photograph within the valid radius and
+            80 degrees from the axis lies in the new picture. In between, the camera matrix changes
+            linearly.
 
         Returns
         -------
@@ -367,32 +365,24 @@ class Camera(RebuiltByConstructor):
         )
 
     def __repr__(self) -> str:
-        k1, k2, p1, p2, k3 = self.distortion.tolist()
         width, height = self.image_size
+        numbers = zip(COEFFICIENTS[self.model], self.distortion.tolist(), strict=True)
         return (
             f"<Camera {width} x {height}, {self.model}: fx {self.fx:.6g}, fy {self.fy:.6g}, "
             f"cx {self.cx:.6g}, cy {self.cy:.6g}, "
-            f"k1 {k1:.5g}, k2 {k2:.5g}, p1 {p1:.5g}, p2 {p2:.5g}, k3 {k3:.5g}>"
+            f"{', '.join(f'{name} {value:.5g}' for name, value in numbers)}>"
         )
 
 
 def camera_parameters(camera: Camera) -> dict[str, float]:
     """Return all the camera's numbers by their parameter names, in the order of reports."""
-    k1, k2, p1, p2, k3 = camera.distortion.tolist()
-    return {
-        "fx": camera.fx,
-        "fy": camera.fy,
-        "cx": camera.cx,
-        "cy": camera.cy,
-        "k1": k1,
-        "k2": k2,
-        "k3": k3,
-        "p1": p1,
-        "p2": p2,
-    }
+    names = COEFFICIENTS[camera.model]
+    numbers = dict(zip(names, camera.distortion.tolist(), strict=True))
+    intrinsics = {"fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy}
+    return intrinsics | {name: numbers[name] for name in sorted(names)}
 
 
 def camera_for_core(camera: Camera) -> CoreCamera:
     """Return what the compiled core takes for a camera."""
     radius = math.inf if camera.valid_radius is None else camera.valid_radius
-    return list(camera_parameters(camera).values()), radius
+    return camera.model, list(camera_parameters(camera).values()), radius

@@ -10,6 +10,7 @@ import numpy as np
 from trisquare._support.arrays import size_of_image
 from trisquare._support.json_members import JsonFields
 from trisquare.camera.camera import Camera
+from trisquare.camera.lens_models import COEFFICIENTS, MODELS
 
 
 def camera_members(camera: Camera) -> dict[str, Any]:
@@ -29,10 +30,13 @@ def camera_from_members(members: JsonFields, image_size: tuple[int, ...]) -> Cam
     """Read the ``camera`` object of the JSON format."""
     fx, fy, cx, cy = (members.number(name) for name in ("fx", "fy", "cx", "cy"))
     unlimited = members.value("valid_radius") is None
+    model = members.text("model")
+    if model not in COEFFICIENTS:
+        raise ValueError(f"model must be one of {MODELS}, not {model!r}")
     return Camera(
         K=np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]),
-        distortion=members.array("distortion", (5,)),
+        distortion=members.array("distortion", (len(COEFFICIENTS[model]),)),
         image_size=size_of_image(image_size),
-        model=members.text("model"),
+        model=model,
         valid_radius=math.inf if unlimited else members.number("valid_radius"),
     )

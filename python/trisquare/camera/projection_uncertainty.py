@@ -95,7 +95,7 @@ def projection_covariance(
     """
     pixels = real_array(points, "points", (None, 2))
     return _core.projection_covariance(
-        camera_for_core(camera), list(parameters), aspect_fixed, covariance, pixels
+        (camera_for_core(camera), list(parameters), aspect_fixed, covariance), pixels
     )
 
 

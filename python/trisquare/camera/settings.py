@@ -6,7 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from trisquare._support.suggestions import nearest_name, unknown
-from trisquare.camera.camera import MODELS, Camera, camera_parameters
+from trisquare.camera.camera import Camera, CoreCamera, camera_for_core
+from trisquare.camera.lens_models import COEFFICIENTS, MODELS
 
 # The model that stands for the choice among all of them by evidence.
 AUTO = "auto"
@@ -51,9 +52,14 @@ class Settings:
             raise ValueError(
                 'model="auto" needs method="ml" and a free distortion: otherwise name a model'
             )
+        if initial is not None and "distortion" in names and model not in _alike(initial):
+            raise ValueError(
+                f"the distortion of a {initial.model} lens cannot be held in a {model} lens: "
+                f"choose model={initial.model!r}"
+            )
         return cls(method, model, names, initial)
 
-    def initial_parameters(self, image_size: tuple[int, int]) -> list[float] | None:
+    def initial_camera(self, image_size: tuple[int, int]) -> CoreCamera | None:
         """Return the initial camera as the core takes it; it must be of the pictures' size."""
         if self.initial is None:
             return None
@@ -62,7 +68,13 @@ class Settings:
                 f"the initial camera is for pictures of {self.initial.image_size}, these have "
                 f"{image_size}"
             )
-        return list(camera_parameters(self.initial).values())
+        return camera_for_core(self.initial)
+
+
+def _alike(camera: Camera) -> list[str]:
+    """Return the models of lenses with a camera's coefficients."""
+    own = COEFFICIENTS[camera.model]
+    return [model for model, coefficients in COEFFICIENTS.items() if coefficients == own]
 
 
 def checked_fix(fix: str | Iterable[str]) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ import typer
 from trisquare._support.writing import write_atomically
 from trisquare.analysis.diagnosis import diagnose
 from trisquare.calibration.calibrate import calibrate_photographs
-from trisquare.camera.camera import MODELS
+from trisquare.camera.lens_models import MODELS
 from trisquare.camera.settings import AUTO, METHODS
 from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.framework import command_line, reading

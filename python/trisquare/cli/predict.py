@@ -13,7 +13,8 @@ from trisquare._support.paths import naming, read_text
 from trisquare._support.rotations import tilt_degrees
 from trisquare.analysis.plan import PlannedSquare
 from trisquare.analysis.predict import Prediction, predict
-from trisquare.camera.camera import MODELS, Camera, camera_parameters
+from trisquare.camera.camera import Camera, camera_parameters
+from trisquare.camera.lens_models import MODELS
 from trisquare.cli.console import answer, new_table
 from trisquare.cli.framework import reading
 from trisquare.cli.input_files import camera_alone

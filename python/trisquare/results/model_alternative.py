@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from trisquare._support.records import NUMBER, REAL, TEXT, Record, check_members, member
-from trisquare.camera.camera import MODELS
+from trisquare.camera.lens_models import MODELS
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,7 +14,8 @@ class ModelAlternative(Record):
 
     Parameters
     ----------
-    model : {"none", "radial1", "radial2", "radial3", "brown"}
+    model : str
+        As in `Camera`.
         Its name.
     log_evidence : float
         Natural logarithm of its odds against the chosen model, never positive: -3 is one to

@@ -21,13 +21,13 @@ class PoseUncertainty(Record):
     ----------
     given_camera : array_like, shape (6, 6)
         Covariance of the pose where the camera is given.
-    by_camera : array_like, shape (6, 9)
+    by_camera : array_like, shape (6, n)
         Derivative of the pose by all of the camera's parameters, free or held, in the order
-        ``fx fy cx cy k1 k2 k3 p1 p2``.
+        ``fx fy cx cy k1 k2 k3 p1 p2``; of a fisheye ``fx fy cx cy k1 k2 k3 k4``.
     """
 
     given_camera: FloatArray = field(metadata=member(array(6, 6)))
-    by_camera: FloatArray = field(metadata=member(array(6, 9)))
+    by_camera: FloatArray = field(metadata=member(array(6, None)))
 
     def __repr__(self) -> str:
         turn, shift = np.sqrt(np.diag(self.given_camera)).reshape(2, 3).max(axis=1).tolist()

@@ -11,6 +11,7 @@ import numpy.typing as npt
 import trisquare._core as _core
 from trisquare._support.suggestions import unknown
 from trisquare.camera.camera import Camera, camera_for_core
+from trisquare.camera.lens_models import is_fisheye
 from trisquare.images.pixels import Image, ImageSource, picture_size
 from trisquare.images.reading import load_picture
 
@@ -63,7 +64,7 @@ class Undistorter:
         if new_camera is None:
             new_camera = camera.undistorted(balance)
         _check_camera(new_camera, "new_camera")
-        if new_camera.distortion.any():
+        if is_fisheye(new_camera.model) or new_camera.distortion.any():
             raise ValueError("new_camera must be a pinhole, but it has a distortion")
         self._camera, self._new_camera = camera, new_camera
         width, height = new_camera.image_size
@@ -73,7 +74,7 @@ class Undistorter:
         _core.fill_undistortion_map(
             camera_for_core(camera),
             camera.image_size,
-            camera_for_core(new_camera),
+            (new_camera.fx, new_camera.fy, new_camera.cx, new_camera.cy),
             self._whole,
             self._parts,
             self._valid,

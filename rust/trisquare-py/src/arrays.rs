@@ -1,6 +1,6 @@
 //! Between numpy arrays and nalgebra, always by copy.
 
-use nalgebra::{DMatrix, Dim, Matrix, RawStorage, SMatrix, SVector};
+use nalgebra::{Const, DMatrix, Dim, Dyn, Matrix, OMatrix, RawStorage, SMatrix, SVector};
 use numpy::ndarray::{Array2, Array3};
 use numpy::{PyArray1, PyArray2, PyArray3, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
@@ -40,6 +40,20 @@ pub fn sized_matrix<const R: usize, const C: usize>(
     }
     let view = array.as_array();
     Ok(SMatrix::from_fn(|i, j| view[[i, j]]))
+}
+
+/// An array of a known number of rows.
+pub fn columns<const R: usize>(
+    array: &PyReadonlyArray2<'_, f64>,
+) -> PyResult<OMatrix<f64, Const<R>, Dyn>> {
+    if array.shape()[0] != R {
+        return Err(shape_error(&format!("({R}, n)"), array.shape()));
+    }
+    let view = array.as_array();
+    let columns = view.ncols();
+    Ok(OMatrix::<f64, Const<R>, Dyn>::from_fn(columns, |i, j| {
+        view[[i, j]]
+    }))
 }
 
 fn shape_error(expected: &str, found: &[usize]) -> PyErr {

@@ -6,12 +6,13 @@ use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict};
 use pyo3::{PyClass, PyClassInitializer};
 use trisquare::{
-    Brown, BrownModel, Fixed, Lens, Method, ModelChoice, Options, Photographs, PictureTone, Plane,
-    PlaneEdges, Severity, Stage, Warning,
+    BrownModel, DistortionModel, Fixed, ImageSize, Lens, Method, ModelChoice, Options, Photographs,
+    PictureTone, Plane, PlaneEdges, Severity, Stage, Warning,
 };
 
+use crate::any_lens::{CameraMembers, family_of, in_family_of, model_of, with_lens};
 use crate::arrays;
-use crate::errors::{computed, detached, exception};
+use crate::errors::{computed, exception};
 use crate::image::{Picture, picture_tone};
 use crate::lens::size;
 use crate::observations::plane_edges;
@@ -53,7 +54,7 @@ pub struct Solution {
     camera_matrix: Py<PyArray2<f64>>,
     distortion: Py<PyArray1<f64>>,
     valid_radius: f64,
-    model: &'static str,
+    model: String,
     parameters: Vec<&'static str>,
     covariance: Py<PyArray2<f64>>,
     std: Py<PyDict>,
@@ -66,14 +67,15 @@ pub struct Solution {
     warnings: Vec<WarningMembers>,
     stage: &'static str,
     /// Model, logarithm of its evidence, and rms of those that were not chosen.
-    alternatives: Vec<(&'static str, f64, f64)>,
+    alternatives: Vec<(String, f64, f64)>,
     correlation: Py<ResidualCorrelation>,
     tones: Vec<Py<ToneFit>>,
 }
 
 type WarningMembers = (String, &'static str, &'static str, Option<usize>);
 
-/// Covariance of a pose for a given camera, (6, 6), and its change by the camera, (6, 9).
+/// Covariance of a pose for a given camera, (6, 6), and its change by the camera's parameters,
+/// (6, n).
 type PoseMembers = (Py<PyArray2<f64>>, Py<PyArray2<f64>>);
 
 /// One plane of a calibration.
@@ -130,7 +132,7 @@ pub fn calibrate<'py>(
     method: &str,
     model: &str,
     fixed: Vec<String>,
-    initial: Option<[f64; 9]>,
+    initial: Option<CameraMembers>,
     pictures: Option<Vec<PyRef<'py, Picture>>>,
     tones: Vec<Bound<'py, PyAny>>,
     side_errors: Vec<f64>,
@@ -140,85 +142,94 @@ pub fn calibrate<'py>(
         figure.side_error = side_errors.get(figure.image).copied().unwrap_or_default();
     }
     let size = size(image_size);
-    let by_evidence = model == AUTO;
-    let options = Options {
-        method: named(method, "method", &METHODS)?,
-        model: model_named(model)?,
-        fixed: fixed_parameters(&fixed)?,
-        initial: detached(py, || initial.map(Brown::new))?,
-    };
     let tones: Vec<PictureTone> = tones.iter().map(picture_tone).collect::<PyResult<_>>()?;
     let pictures: Option<Vec<&trisquare::Picture>> = pictures
         .as_ref()
         .map(|all| all.iter().map(|p| &p.picture).collect());
-    if pictures
-        .as_ref()
-        .is_some_and(|all| all.len() != tones.len())
-    {
+    let pictures = pictures.as_deref();
+    if pictures.is_some_and(|all| all.len() != tones.len()) {
         return Err(PyValueError::new_err("every picture needs its tone curve"));
     }
-    let (choice, found) = computed(py, || {
-        let choice = match choosing {
-            true => Some(trisquare::choose(&edges, size, &options)?),
-            false => None,
+    let photographs = pictures.map(|pictures| Photographs {
+        pictures,
+        tones: &tones,
+    });
+    let initial = initial.map(|camera| camera.lens(py)).transpose()?;
+    let by_evidence = model == AUTO;
+    let usual = BrownModel::default().name();
+    let model = if by_evidence { &usual } else { model };
+    let task = Task {
+        edges,
+        size,
+        choosing,
+        by_evidence,
+        photographs,
+    };
+    let (method, fixed) = (
+        named(method, "method", &METHODS)?,
+        fixed_parameters(&fixed)?,
+    );
+    with_lens!(family_of(model)?, |lens| {
+        let options = Options {
+            method,
+            model: model_of(&lens, model)?,
+            fixed,
+            initial: initial.map(|initial| in_family_of(&lens, &initial)),
         };
-        if let Some(choice) = &choice {
-            choice.keep(&mut edges);
-        }
-        let photographs = pictures.as_ref().map(|pictures| Photographs {
-            pictures,
-            tones: &tones,
-        });
-        let photographs = photographs.as_ref();
-        let found = match by_evidence {
-            true => trisquare::calibrate_by_evidence(&edges, size, &options, photographs),
-            false => trisquare::calibrate_photographs(&edges, size, &options, photographs).map(
-                |calibration| ModelChoice {
-                    model: options.model,
-                    calibration,
-                    alternatives: Vec::new(),
-                },
-            ),
-        };
-        Ok((choice, found))
-    })?;
-    let (verdicts, doubt) = choice.map_or((Vec::new(), None), |c| (c.verdicts, c.doubt));
-    Ok(Outcome {
-        verdicts: each(py, &verdicts, verdict)?,
-        doubt: doubt.map(|doubt| doubt.to_string()),
-        solution: found
-            .map_err(exception)
-            .and_then(|found| Py::new(py, solution(py, &found)?)),
+        task.outcome(py, &options)
     })
 }
 
 /// The model that stands for the choice among all of them.
 const AUTO: &str = "auto";
 
-/// The model of a name; for the choice among all, the one it begins with.
-fn model_named(name: &str) -> PyResult<BrownModel> {
-    match name {
-        AUTO => Ok(BrownModel::default()),
-        _ => named(name, "model", &MODELS),
-    }
+/// What is asked for, whatever the lens.
+struct Task<'a> {
+    edges: Vec<PlaneEdges>,
+    size: ImageSize,
+    choosing: bool,
+    by_evidence: bool,
+    photographs: Option<Photographs<'a>>,
 }
 
-fn model_name(model: BrownModel) -> &'static str {
-    let found = MODELS.iter().find(|(_, known)| *known == model);
-    found.map_or("", |(name, _)| name)
+impl Task<'_> {
+    fn outcome<L: Lens>(mut self, py: Python<'_>, options: &Options<L>) -> PyResult<Outcome> {
+        let (size, photographs) = (self.size, self.photographs.as_ref());
+        let (choice, found) = computed(py, || {
+            let choice = match self.choosing {
+                true => Some(trisquare::choose(&self.edges, size, options)?),
+                false => None,
+            };
+            if let Some(choice) = &choice {
+                choice.keep(&mut self.edges);
+            }
+            let edges = &self.edges;
+            let found = match self.by_evidence {
+                true => trisquare::calibrate_by_evidence(edges, size, options, photographs),
+                false => trisquare::calibrate_photographs(edges, size, options, photographs).map(
+                    |calibration| ModelChoice {
+                        model: options.model,
+                        calibration,
+                        alternatives: Vec::new(),
+                    },
+                ),
+            };
+            Ok((choice, found))
+        })?;
+        let (verdicts, doubt) = choice.map_or((Vec::new(), None), |c| (c.verdicts, c.doubt));
+        Ok(Outcome {
+            verdicts: each(py, &verdicts, verdict)?,
+            doubt: doubt.map(|doubt| doubt.to_string()),
+            solution: found
+                .map_err(exception)
+                .and_then(|found| Py::new(py, solution(py, &found)?)),
+        })
+    }
 }
 
 const METHODS: [(&str, Method); 2] = [
     ("ml", Method::MaximumLikelihood),
     ("linear", Method::Linear),
-];
-
-pub(crate) const MODELS: [(&str, BrownModel); 5] = [
-    ("none", BrownModel::None),
-    ("radial1", BrownModel::Radial1),
-    ("radial2", BrownModel::Radial2),
-    ("radial3", BrownModel::Radial3),
-    ("brown", BrownModel::Brown),
 ];
 
 pub(crate) fn named<T: Copy>(name: &str, what: &str, known: &[(&str, T)]) -> PyResult<T> {
@@ -258,7 +269,7 @@ fn verdict(_: Python<'_>, found: &trisquare::Verdict) -> Verdict {
     }
 }
 
-fn solution(py: Python<'_>, choice: &ModelChoice) -> PyResult<Solution> {
+fn solution<L: Lens>(py: Python<'_>, choice: &ModelChoice<L>) -> PyResult<Solution> {
     let found = &choice.calibration;
     let correlation = &found.residual_correlation;
     let alternatives = choice.alternatives.iter();
@@ -266,7 +277,7 @@ fn solution(py: Python<'_>, choice: &ModelChoice) -> PyResult<Solution> {
         camera_matrix: arrays::from_matrix(py, &found.camera.camera_matrix()).unbind(),
         distortion: arrays::from_slice(py, &found.camera.distortion()).unbind(),
         valid_radius: found.camera.valid_radius(),
-        model: model_name(choice.model),
+        model: choice.model.name(),
         parameters: found.parameters.clone(),
         covariance: arrays::from_matrix(py, &found.covariance).unbind(),
         std: found.std().into_py_dict(py)?.unbind(),
@@ -282,7 +293,7 @@ fn solution(py: Python<'_>, choice: &ModelChoice) -> PyResult<Solution> {
             Stage::Pixels => "pixels",
         },
         alternatives: alternatives
-            .map(|other| (model_name(other.model), other.log_evidence, other.rms))
+            .map(|other| (other.model.name(), other.log_evidence, other.rms))
             .collect(),
         correlation: Py::new(
             py,

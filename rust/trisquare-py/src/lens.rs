@@ -1,6 +1,6 @@
 //! A camera's maps, for arrays of points.
 
-use nalgebra::{SVector, Vector2, Vector3};
+use nalgebra::{Vector2, Vector3};
 use numpy::{
     PyArray1, PyArray2, PyArray3, PyReadonlyArray2, PyReadwriteArray2, PyReadwriteArray3,
     PyUntypedArrayMethods,
@@ -8,61 +8,42 @@ use numpy::{
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use trisquare::{
-    Brown, Distortion, DistortionTerm, Error, ImageSize, Lens, LensFamily, Pose, PoseUncertainty,
-    ProjectionUncertainty, UndistortionMap,
+    Brown, Distortion, DistortionTerm, ImageSize, Lens, LensFamily, PointMaps, Pose,
+    PoseUncertainty, ProjectionUncertainty, UndistortedView, UndistortionMap,
 };
 
+use crate::any_lens::{CameraMembers, with_lens};
 use crate::arrays;
 use crate::errors::{computed, detached};
 
-/// The largest ideal radius up to which a distortion is monotonic and invertible.
-#[pyfunction]
-#[pyo3(signature = (k1, k2, p1, p2, k3))]
-pub fn invertible_radius(
-    py: Python<'_>,
-    k1: f64,
-    k2: f64,
-    p1: f64,
-    p2: f64,
-    k3: f64,
-) -> PyResult<f64> {
-    detached(py, || {
-        trisquare::internals::invertible_radius([k1, k2, k3], [p1, p2])
-    })
-}
-
-/// A camera as Python hands it over: its nine parameters, and the radius it is trusted up to.
-#[derive(FromPyObject)]
-pub struct CameraMembers([f64; 9], f64);
-
-impl CameraMembers {
-    fn camera(&self, py: Python<'_>) -> PyResult<Brown> {
-        detached(py, || Brown::new(self.0).within(self.1))
-    }
-
-    /// Copies points, and maps them without the GIL.
-    fn map<'py, const D: usize, const E: usize>(
-        &self,
-        points: &PyReadonlyArray2<'py, f64>,
-        map: impl FnOnce(&Brown, &[SVector<f64, D>]) -> Result<Vec<SVector<f64, E>>, Error> + Send,
-    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let (py, points) = (points.py(), arrays::points(points)?);
-        let camera = self.camera(py)?;
-        let found = computed(py, || map(&camera, &points))?;
+/// Copies points, and maps them with a lens of any family, without the GIL.
+macro_rules! mapped {
+    ($camera:expr, $points:expr, |$lens:ident, $copied:ident| $map:expr) => {{
+        let py = $points.py();
+        let (lens, $copied) = ($camera.lens(py)?, arrays::points(&$points)?);
+        let found = with_lens!(lens, |$lens| computed(py, || $map)?);
         Ok(arrays::from_points(py, &found))
-    }
+    }};
 }
 
 pub(crate) fn size((width, height): (u32, u32)) -> ImageSize {
     ImageSize { width, height }
 }
 
+/// The radius up to which a camera is trusted: its lens's own, or the one given if that is smaller.
+#[pyfunction]
+#[pyo3(signature = (camera))]
+pub fn valid_radius(py: Python<'_>, camera: CameraMembers) -> PyResult<f64> {
+    with_lens!(camera.lens(py)?, |lens| Ok(lens.valid_radius()))
+}
+
 /// The distance from the principal point within which every pixel can be undistorted.
 #[pyfunction]
 #[pyo3(signature = (camera))]
 pub fn valid_pixel_radius(py: Python<'_>, camera: CameraMembers) -> PyResult<f64> {
-    let camera = camera.camera(py)?;
-    detached(py, || camera.valid_pixel_radius())
+    with_lens!(camera.lens(py)?, |lens| {
+        detached(py, || lens.valid_pixel_radius())
+    })
 }
 
 /// The pixels at which points of camera coordinates are seen.
@@ -72,7 +53,7 @@ pub fn project_points<'py>(
     camera: CameraMembers,
     points: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    camera.map(&points, Brown::project_points)
+    mapped!(camera, points, |lens, points| lens.project_points(&points))
 }
 
 /// The unit rays along which pixels look.
@@ -82,7 +63,8 @@ pub fn unproject_pixels<'py>(
     camera: CameraMembers,
     pixels: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    camera.map(&pixels, Brown::unproject_pixels)
+    mapped!(camera, pixels, |lens, pixels| lens
+        .unproject_pixels(&pixels))
 }
 
 /// Where the lens moves the pixels of a pinhole.
@@ -92,7 +74,7 @@ pub fn distort_pixels<'py>(
     camera: CameraMembers,
     ideal: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    camera.map(&ideal, Brown::distort_pixels)
+    mapped!(camera, ideal, |lens, ideal| lens.distort_pixels(&ideal))
 }
 
 /// Where a pinhole would have seen what pixels show.
@@ -102,7 +84,8 @@ pub fn undistort_pixels<'py>(
     camera: CameraMembers,
     observed: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    camera.map(&observed, Brown::undistort_pixels)
+    mapped!(camera, observed, |lens, observed| lens
+        .undistort_pixels(&observed))
 }
 
 /// `fx, fy, cx, cy` of the pinhole that sees a camera's pictures undistorted.
@@ -114,8 +97,8 @@ pub fn undistorted_view(
     image_size: (u32, u32),
     balance: f64,
 ) -> PyResult<(f64, f64, f64, f64)> {
-    let camera = camera.camera(py)?;
-    let view = computed(py, || camera.undistorted(size(image_size), balance))?;
+    let view = with_lens!(camera.lens(py)?, |lens| computed(py, || lens
+        .undistorted(size(image_size), balance)))?;
     Ok(view.intrinsics().into())
 }
 
@@ -126,19 +109,26 @@ pub fn fill_undistortion_map(
     py: Python<'_>,
     camera: CameraMembers,
     image_size: (u32, u32),
-    view: CameraMembers,
+    view: [f64; 4],
     mut whole: PyReadwriteArray3<'_, i16>,
     mut parts: PyReadwriteArray2<'_, u16>,
     mut valid: PyReadwriteArray2<'_, bool>,
 ) -> PyResult<()> {
-    let (camera, view) = (camera.camera(py)?, view.camera(py)?);
+    let [fx, fy, cx, cy] = view;
+    let view = Brown::new([fx, fy, cx, cy, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let camera = camera.lens(py)?;
     let view_size = size((valid.shape()[1] as u32, valid.shape()[0] as u32));
     let mut map = UndistortionMap {
         whole: whole.as_slice_mut()?,
         parts: parts.as_slice_mut()?,
         valid: valid.as_slice_mut()?,
     };
-    computed(py, || map.fill(&camera, size(image_size), &view, view_size))
+    with_lens!(camera, |lens| computed(py, || map.fill(
+        &lens,
+        size(image_size),
+        &view,
+        view_size
+    )))
 }
 
 /// `(x, y, width, height)` of the largest rectangle in which a mask is set everywhere.
@@ -156,6 +146,20 @@ pub fn largest_rectangle(
     Ok(found.into())
 }
 
+/// Which points of camera coordinates a camera sees, in the picture or beside it.
+#[pyfunction]
+#[pyo3(signature = (camera, points))]
+pub fn can_project(
+    py: Python<'_>,
+    camera: CameraMembers,
+    points: PyReadonlyArray2<'_, f64>,
+) -> PyResult<Vec<bool>> {
+    let (camera, points) = (camera.lens(py)?, arrays::points(&points)?);
+    with_lens!(camera, |lens| detached(py, || {
+        points.iter().map(|p| lens.project(p).is_some()).collect()
+    }))
+}
+
 /// Which of the pixels the lens model can follow back.
 #[pyfunction]
 #[pyo3(signature = (camera, pixels))]
@@ -164,43 +168,41 @@ pub fn can_unproject(
     camera: CameraMembers,
     pixels: PyReadonlyArray2<'_, f64>,
 ) -> PyResult<Vec<bool>> {
-    let (camera, pixels) = (camera.camera(py)?, arrays::points(&pixels)?);
-    detached(py, || {
-        let can = |p| camera.unproject_with_jacobian(p).is_some();
+    let (camera, pixels) = (camera.lens(py)?, arrays::points(&pixels)?);
+    with_lens!(camera, |lens| detached(py, || {
+        let can = |p| lens.unproject_with_jacobian(p).is_some();
         pixels.iter().map(can).collect()
-    })
+    }))
 }
 
 /// A camera, its free parameters, whether `fy` follows `fx`, and the parameters' covariance.
 type UncertainMembers<'py> = (CameraMembers, Vec<String>, bool, PyReadonlyArray2<'py, f64>);
 
-fn uncertain<'a>(
+fn uncertain<'a, L: Lens>(
     py: Python<'_>,
-    camera: &'a Brown,
+    lens: &'a L,
     (_, parameters, aspect_fixed, covariance): &UncertainMembers<'_>,
-) -> PyResult<ProjectionUncertainty<'a>> {
+) -> PyResult<ProjectionUncertainty<'a, L>> {
     let names: Vec<&str> = parameters.iter().map(String::as_str).collect();
     let covariance = arrays::matrix(covariance);
     computed(py, || {
-        ProjectionUncertainty::new(camera, &names, *aspect_fixed, covariance)
+        ProjectionUncertainty::new(lens, &names, *aspect_fixed, covariance)
     })
 }
 
 /// Covariance, in pixels, of the projections of the directions seen at pixels.
 #[pyfunction]
-#[pyo3(signature = (camera, parameters, aspect_fixed, covariance, pixels))]
+#[pyo3(signature = (camera, pixels))]
 pub fn projection_covariance<'py>(
     py: Python<'py>,
-    camera: CameraMembers,
-    parameters: Vec<String>,
-    aspect_fixed: bool,
-    covariance: PyReadonlyArray2<'py, f64>,
+    camera: UncertainMembers<'py>,
     pixels: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray3<f64>>> {
-    let lens = camera.camera(py)?;
-    let camera = uncertain(py, &lens, &(camera, parameters, aspect_fixed, covariance))?;
     let pixels = arrays::points(&pixels)?;
-    let found = computed(py, || camera.at_pixels(&pixels))?;
+    let found = with_lens!(camera.0.lens(py)?, |lens| {
+        let camera = uncertain(py, &lens, &camera)?;
+        computed(py, || camera.at_pixels(&pixels))?
+    });
     Ok(arrays::from_matrices(py, &found))
 }
 
@@ -222,13 +224,16 @@ pub fn compare_projections<'py>(
     second: UncertainMembers<'py>,
     pixels: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<DifferenceMembers<'py>> {
-    let (first_camera, second_camera) = (first.0.camera(py)?, second.0.camera(py)?);
-    let first = uncertain(py, &first_camera, &first)?;
-    let second = uncertain(py, &second_camera, &second)?;
     let pixels = arrays::points(&pixels)?;
-    let found = computed(py, || {
-        trisquare::compare_projections(&first, &second, &pixels)
-    })?;
+    let found = with_lens!(first.0.lens(py)?, |first_lens| {
+        with_lens!(second.0.lens(py)?, |second_lens| {
+            let first = uncertain(py, &first_lens, &first)?;
+            let second = uncertain(py, &second_lens, &second)?;
+            computed(py, || {
+                trisquare::compare_projections(&first, &second, &pixels)
+            })?
+        })
+    });
     let nowhere = Vector2::repeat(f64::INFINITY);
     let differences = found.differences.iter().map(|d| d.unwrap_or(nowhere));
     let test = found.test.map(|test| {
@@ -267,8 +272,8 @@ pub fn points_on_plane<'py>(
     pixels: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let pose = self::pose(&pose)?;
-    camera.map(&pixels, |camera, pixels| {
-        camera.points_on_plane(&pose, pixels)
+    mapped!(camera, pixels, |lens, pixels| {
+        trisquare::points_on_plane(&lens, &pose, &pixels)
     })
 }
 
@@ -286,18 +291,18 @@ pub fn points_on_plane_with_covariance<'py>(
     pixels: PyReadonlyArray2<'py, f64>,
     pixel_std: f64,
 ) -> PyResult<CertainPoints<'py>> {
-    let lens = camera.0.camera(py)?;
-    let (camera, pose) = (uncertain(py, &lens, &camera)?, self::pose(&pose)?);
+    let pose = self::pose(&pose)?;
     let uncertainty = PoseUncertainty {
         given_camera: arrays::sized_matrix(&uncertainty.0)?,
-        by_camera: arrays::sized_matrix::<6, 9>(&uncertainty.1)?
-            .columns(0, 9)
-            .into_owned(),
+        by_camera: arrays::columns(&uncertainty.1)?,
     };
     let pixels = arrays::points(&pixels)?;
-    let (points, covariance) = computed(py, || {
-        camera.points_on_plane(&pose, &uncertainty, &pixels, pixel_std)
-    })?;
+    let (points, covariance) = with_lens!(camera.0.lens(py)?, |lens| {
+        let camera = uncertain(py, &lens, &camera)?;
+        computed(py, || {
+            camera.points_on_plane(&pose, &uncertainty, &pixels, pixel_std)
+        })?
+    });
     Ok((
         arrays::from_points(py, &points),
         arrays::from_matrix(py, &covariance),
@@ -338,11 +343,12 @@ pub fn nearest_lens(
     };
     let found = match lens {
         LensMembers::Camera(camera) => {
-            let camera = camera.camera(py)?;
-            let (focal, centre) = (camera.focal(), camera.principal_point());
-            computed(py, || {
-                family.nearest(size, focal, centre, |pixel| camera.ideal_point(pixel))
-            })?
+            with_lens!(camera.lens(py)?, |lens| {
+                let (focal, centre) = (lens.focal(), lens.principal_point());
+                computed(py, || {
+                    family.nearest(size, focal, centre, |pixel| lens.ideal_point(pixel))
+                })?
+            })
         }
         LensMembers::Other(OtherMembers([fx, fy, cx, cy], model, coefficients)) => {
             let (focal, centre) = (Vector2::new(fx, fy), Vector2::new(cx, cy));

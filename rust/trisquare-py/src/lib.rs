@@ -1,5 +1,6 @@
 //! Python bindings of trisquare: check, copy, detach from the GIL, call, convert.
 
+mod any_lens;
 mod arrays;
 mod calibration;
 mod errors;
@@ -28,10 +29,10 @@ mod _core {
     use crate::image::{Picture, PictureFaults, SideSamples, ToneEstimate, localise};
     #[pymodule_export]
     use crate::lens::{
-        can_unproject, compare_projections, distort_pixels, fill_undistortion_map,
-        invertible_radius, largest_rectangle, nearest_lens, points_on_plane,
-        points_on_plane_with_covariance, project_points, projection_covariance, undistort_pixels,
-        undistorted_view, unproject_pixels, valid_pixel_radius,
+        can_project, can_unproject, compare_projections, distort_pixels, fill_undistortion_map,
+        largest_rectangle, nearest_lens, points_on_plane, points_on_plane_with_covariance,
+        project_points, projection_covariance, undistort_pixels, undistorted_view,
+        unproject_pixels, valid_pixel_radius, valid_radius,
     };
     #[pymodule_export]
     use crate::linear::{

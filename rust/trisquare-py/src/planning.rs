@@ -5,10 +5,11 @@ use numpy::{PyArray2, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict};
-use trisquare::{Brown, EdgeNoise, Method, Options, PlannedPlane, Pose};
+use trisquare::{EdgeNoise, Method, Options, PlannedPlane, Pose};
 
+use crate::any_lens::{CameraMembers, model_of, with_lens};
 use crate::arrays;
-use crate::calibration::{MODELS, fixed_parameters, named};
+use crate::calibration::fixed_parameters;
 use crate::errors::computed;
 use crate::lens::size;
 
@@ -33,7 +34,7 @@ pub struct Prediction {
 #[allow(clippy::too_many_arguments)] // the keywords of the Python function
 pub fn predict<'py>(
     py: Python<'py>,
-    camera: [f64; 9],
+    camera: CameraMembers,
     image_size: (u32, u32),
     planes: Vec<Planned<'py>>,
     sigma: f64,
@@ -45,20 +46,20 @@ pub fn predict<'py>(
     let size = size(image_size);
     let planes: Vec<PlannedPlane> = planes.iter().map(planned).collect::<PyResult<_>>()?;
     let noise = EdgeNoise { sigma, spacing };
-    let options = Options {
-        method: Method::MaximumLikelihood,
-        model: named(model, "model", &MODELS)?,
-        fixed: fixed_parameters(&fixed)?,
-        initial: None,
-    };
-    let found = computed(py, || {
-        let camera = Brown::new(camera);
-        match judged {
+    let fixed = fixed_parameters(&fixed)?;
+    let found = with_lens!(camera.lens(py)?, |camera| {
+        let options = Options {
+            method: Method::MaximumLikelihood,
+            model: model_of(&camera, model)?,
+            fixed,
+            initial: None,
+        };
+        computed(py, || match judged {
             true => trisquare::predict(&camera, size, &planes, noise, &options),
             false => {
                 trisquare::internals::predict_unjudged(&camera, size, &planes, noise, &options)
             }
-        }
+        })
     })?;
     Ok(Prediction {
         covariance: arrays::from_matrix(py, &found.covariance).unbind(),

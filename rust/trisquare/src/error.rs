@@ -19,17 +19,19 @@ pub enum Error {
 
     /// Points that the lens model says nothing about.
     #[error(
-        "{count} point(s), the first of index {first}, lie beyond the valid radius: the distortion \
-         is monotonic and invertible only up to an ideal radius of {radius:.6} (tangent of the \
-         angle from the axis)"
+        "{count} point(s), the first of index {first}, lie beyond the valid radius: the \
+         distortion is monotonic and invertible only up to a radius of {radius:.6}, {degrees:.2} \
+         degrees from the axis"
     )]
     BeyondValidRadius {
         /// How many there are.
         count: usize,
         /// Index of the first one.
         first: usize,
-        /// The ideal radius up to which the distortion is invertible.
+        /// The valid radius of the lens, in its own measure.
         radius: f64,
+        /// The angle from the axis up to which the lens is trusted, degrees.
+        degrees: f64,
     },
 
     /// Points that no camera sees.

@@ -47,7 +47,7 @@ pub use image::{
 pub use image_size::ImageSize;
 pub use lens::{
     Brown, BrownModel, Distortion, DistortionModel, DistortionTerm, Fisheye, FisheyeModel, Lens,
-    LensFamily, NearestLens, SeenAgain, TurnedLenses, UndistortionMap,
+    LensFamily, NearestLens, PointMaps, SeenAgain, TurnedLenses, UndistortedView, UndistortionMap,
 };
 pub use linear::{Straightening, fit_distortion};
 pub use localise::{
@@ -68,6 +68,7 @@ pub use result::{
 pub use selection::{Choice, Doubt, Verdict, choose};
 pub use uncertainty::{
     DifferenceTest, ProjectionDifference, ProjectionUncertainty, compare_projections,
+    points_on_plane,
 };
 
 /// What the Python package builds its detectors from, and the tests look into. Not stable: it may

@@ -2,11 +2,11 @@
 
 use std::ops::Range;
 
-use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, Matrix3x2, Vector2, Vector3};
 
 use super::brown_model::BrownModel;
 use super::{
-    Columns, INTRINSICS, Lens, LineDistance, MAX_LENS_COLUMNS, ProjectionJacobian,
+    Columns, INTRINSICS, Lens, LineDistance, MAX_LENS_COLUMNS, PointMaps, ProjectionJacobian,
     covering_coefficients, radial,
 };
 use crate::image_size::ImageSize;
@@ -67,21 +67,6 @@ impl Brown {
         }
     }
 
-    /// The same camera, trusted up to a smaller ideal radius; a larger one changes nothing.
-    #[must_use]
-    pub fn within(self, radius: f64) -> Self {
-        Self {
-            valid_radius: self.valid_radius.min(radius),
-            ..self
-        }
-    }
-
-    /// The distortion `(k1, k2, p1, p2, k3)`, in OpenCV's order.
-    pub fn distortion(&self) -> [f64; 5] {
-        let [.., k1, k2, k3, p1, p2] = self.parameters;
-        [k1, k2, p1, p2, k3]
-    }
-
     /// Maps an ideal normalised point to the observed one.
     pub fn distort(&self, ideal: &Vector2<f64>) -> Vector2<f64> {
         let [.., p1, p2] = self.parameters;
@@ -92,16 +77,6 @@ impl Brown {
                 2.0 * p1 * x * y + p2 * (square + 2.0 * x * x),
                 p1 * (square + 2.0 * y * y) + 2.0 * p2 * x * y,
             )
-    }
-
-    /// The normalised point of a pixel.
-    pub(super) fn normalised(&self, pixel: &Vector2<f64>) -> Vector2<f64> {
-        (pixel - self.principal_point()).component_div(&self.focal())
-    }
-
-    /// The pixel of a normalised point.
-    pub(super) fn pixel_of(&self, point: &Vector2<f64>) -> Vector2<f64> {
-        point.component_mul(&self.focal()) + self.principal_point()
     }
 
     /// `1 + k1 s + k2 s^2 + k3 s^3`.
@@ -200,6 +175,12 @@ impl Lens for Brown {
         Self::new(values)
     }
 
+    /// `k1, k2, p1, p2, k3`.
+    fn distortion(&self) -> Vec<f64> {
+        let [.., k1, k2, k3, p1, p2] = self.parameters;
+        vec![k1, k2, p1, p2, k3]
+    }
+
     fn coefficient_priors(&self, size: ImageSize) -> Vec<f64> {
         let [fx, fy, ..] = self.parameters;
         let corner = (size.half_diagonal() / (fx * fy).sqrt()).min(1.0);
@@ -223,10 +204,7 @@ impl Lens for Brown {
     }
 
     fn projection_jacobian(&self, pixel_ray: &BrownPixelRay) -> ProjectionJacobian {
-        let mut jacobian = ProjectionJacobian::zeros();
-        let own = self.jacobian_of_projection(&pixel_ray.ideal);
-        jacobian.fixed_columns_mut::<9>(0).copy_from(&own);
-        jacobian
+        self.jacobian_of_projection(&pixel_ray.ideal)
     }
 
     fn unproject_with_jacobian(&self, pixel: &Vector2<f64>) -> Option<BrownPixelRay> {
@@ -246,8 +224,39 @@ impl Lens for Brown {
         pixel_ray.ideal.push(1.0)
     }
 
+    fn direction_jacobian(&self, pixel_ray: &BrownPixelRay) -> Matrix3x2<f64> {
+        // The inverse is symmetric, as the Jacobian of the distortion is.
+        let by_pixel = pixel_ray.inverse_transpose * Matrix2::from_diagonal(&self.inverse_focal);
+        by_pixel.insert_row(2, 0.0)
+    }
+
     fn valid_radius(&self) -> f64 {
         self.valid_radius
+    }
+
+    fn within(self, radius: f64) -> Self {
+        Self {
+            valid_radius: self.valid_radius.min(radius),
+            ..self
+        }
+    }
+
+    fn valid_angle(&self) -> f64 {
+        self.valid_radius.atan()
+    }
+
+    /// The image of the disc of valid radius `R` reaches at least
+    /// `R (1 + k1 R^2 + ...) - 3 |q| R^2`, `q = (p2, p1)`, in every direction; the smaller focal
+    /// length makes it pixels.
+    fn valid_pixel_radius(&self) -> f64 {
+        let radius = self.valid_radius;
+        if radius.is_infinite() {
+            return radius;
+        }
+        let [.., p1, p2] = self.parameters;
+        let square = radius * radius;
+        let reach = radius * self.radial_factor(square) - 3.0 * p1.hypot(p2) * square;
+        reach.max(0.0) * self.focal().min()
     }
 
     fn line_distance_and_normal(

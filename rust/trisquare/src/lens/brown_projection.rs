@@ -1,10 +1,10 @@
 //! How the projection of a direction follows Brown's parameters.
 
-use nalgebra::{SMatrix, Vector2};
+use nalgebra::Vector2;
 
-use super::Lens;
 use super::brown::Brown;
 use super::distortion::DistortionTerm;
+use super::{INTRINSICS, Lens, ProjectionJacobian};
 
 /// What the coefficients `k1, k2, k3, p1, p2` multiply.
 const TERMS: [DistortionTerm; 5] = [
@@ -19,16 +19,16 @@ impl Brown {
     /// The derivative of the pixel by `fx, fy, cx, cy, k1, k2, k3, p1, p2`, at an ideal point.
     ///
     /// The pixel is `f u_d + c`, with `u_d = u + sum c_i s_i(u)` the observed point.
-    pub(crate) fn jacobian_of_projection(&self, ideal: &Vector2<f64>) -> SMatrix<f64, 2, 9> {
+    pub(super) fn jacobian_of_projection(&self, ideal: &Vector2<f64>) -> ProjectionJacobian {
         let distorted = self.distort(ideal);
         let focal = self.focal();
-        let mut jacobian = SMatrix::<f64, 2, 9>::zeros();
+        let mut jacobian = ProjectionJacobian::zeros();
         jacobian[(0, 0)] = distorted.x;
         jacobian[(1, 1)] = distorted.y;
         jacobian[(0, 2)] = 1.0;
         jacobian[(1, 3)] = 1.0;
         for (i, term) in TERMS.iter().enumerate() {
-            jacobian.set_column(4 + i, &term.shift(ideal).component_mul(&focal));
+            jacobian.set_column(INTRINSICS + i, &term.shift(ideal).component_mul(&focal));
         }
         jacobian
     }

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 use std::ops::Range;
 
-use nalgebra::{Matrix3, Matrix3x2, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, Matrix3x2, Vector2, Vector3};
 
 use super::{
     Columns, DistortionModel, INTRINSICS, Lens, LineDistance, MAX_LENS_COLUMNS, ProjectionJacobian,
@@ -113,16 +113,26 @@ impl Fisheye {
         }
     }
 
-    /// The distortion `(k1, k2, k3, k4)`, in OpenCV's order.
-    pub fn distortion(&self) -> [f64; COEFFICIENTS] {
+    fn coefficients(&self) -> [f64; COEFFICIENTS] {
         let [.., k1, k2, k3, k4] = self.parameters;
         [k1, k2, k3, k4]
+    }
+
+    /// `M`, the derivative of a unit ray by `w`.
+    fn ray_jacobian(ray: &FisheyePixelRay) -> Matrix3x2<f64> {
+        let mut jacobian = Matrix3x2::zeros();
+        for i in 0..2 {
+            jacobian.set_row(i, &(ray.w * (2.0 * ray.a[1] * ray.w[i])).transpose());
+            jacobian[(i, i)] += ray.a[0];
+        }
+        jacobian.set_row(2, &(ray.w * (2.0 * ray.c[0])).transpose());
+        jacobian
     }
 
     /// Of an angle: the observed radius over it, the derivative of that radius, and the derivative
     /// of that over the angle.
     fn factor_slope_bend(&self, theta: f64) -> [f64; 3] {
-        let [k1, k2, k3, k4] = self.distortion();
+        let [k1, k2, k3, k4] = self.coefficients();
         let t = theta * theta;
         [
             1.0 + t * (k1 + t * (k2 + t * (k3 + t * k4))),
@@ -164,7 +174,7 @@ impl Fisheye {
         let s = ray.square;
         let (p, f) = (ray.slope, ray.factor);
         ray.a = if s < NEAR_AXIS {
-            let [k1, k2, ..] = self.distortion();
+            let [k1, k2, ..] = self.coefficients();
             let (first, second) = (-k1 - 1.0 / 6.0, 3.0 * k1 * k1 - k2 + 0.5 * k1 + 1.0 / 120.0);
             [
                 1.0 + s * (first + s * second),
@@ -220,7 +230,7 @@ impl Fisheye {
         let dc = ray.sine * ray.theta * power / p;
         let dp = f64::from(2 * order + 1) * power - ray.bend * t * power / p;
         let da1 = if s < NEAR_AXIS {
-            let [k1, ..] = self.distortion();
+            let [k1, ..] = self.coefficients();
             match index {
                 0 => -1.0 + 2.0 * s * (6.0 * k1 + 0.5),
                 1 => -2.0 * s,
@@ -292,6 +302,11 @@ impl Lens for Fisheye {
         Self::new(values)
     }
 
+    /// `k1, k2, k3, k4`.
+    fn distortion(&self) -> Vec<f64> {
+        self.coefficients().to_vec()
+    }
+
     fn coefficient_priors(&self, _size: ImageSize) -> Vec<f64> {
         PRIOR_EFFECTS.to_vec()
     }
@@ -354,9 +369,30 @@ impl Lens for Fisheye {
         (ray.w * ray.a[0]).push(ray.cosine)
     }
 
+    fn direction_jacobian(&self, ray: &FisheyePixelRay) -> Matrix3x2<f64> {
+        let by_pixel = Matrix2::from_diagonal(&self.focal().map(|f| 1.0 / f));
+        Self::ray_jacobian(ray) * by_pixel
+    }
+
     /// The field angle, radians.
     fn valid_radius(&self) -> f64 {
         self.valid_angle
+    }
+
+    fn within(self, angle: f64) -> Self {
+        Self {
+            valid_angle: self.valid_angle.min(angle),
+            ..self
+        }
+    }
+
+    fn valid_angle(&self) -> f64 {
+        self.valid_angle
+    }
+
+    fn valid_pixel_radius(&self) -> f64 {
+        let [factor, ..] = self.factor_slope_bend(self.valid_angle);
+        self.valid_angle * factor * self.focal().min()
     }
 
     fn line_distance_and_normal(
@@ -401,12 +437,7 @@ impl Lens for Fisheye {
             wrt_lens[INTRINSICS + index] = moved(dn, dg);
         }
         // g = M^T l
-        let mut by_line = Matrix3x2::zeros();
-        for i in 0..2 {
-            by_line.set_row(i, &(ray.w * (2.0 * ray.a[1] * ray.w[i])).transpose());
-            by_line[(i, i)] += ray.a[0];
-        }
-        by_line.set_row(2, &(ray.w * (2.0 * ray.c[0])).transpose());
+        let by_line = Self::ray_jacobian(ray);
         LineDistance {
             value,
             wrt_line: (unit - by_line * pull * value) / norm,

@@ -22,16 +22,18 @@ pub use brown_model::BrownModel;
 pub use distortion::{Distortion, DistortionTerm};
 pub use families::{LensFamily, NearestLens};
 pub use fisheye::{Fisheye, FisheyeModel, FisheyePixelRay};
+pub use point_maps::PointMaps;
 pub(crate) use point_maps::of_all;
 pub(crate) use radial::{covering_coefficients, sign_changes};
 pub use radial::{invertible_radius, monotonic_radius};
 pub use turned_lenses::{SeenAgain, TurnedLenses};
+pub use undistorted_view::UndistortedView;
 pub use undistortion_map::{UndistortionMap, largest_rectangle};
 
 use std::fmt::Debug;
 use std::ops::Range;
 
-use nalgebra::{Matrix3, SMatrix, Vector2, Vector3};
+use nalgebra::{Matrix2x3, Matrix3, Matrix3x2, SMatrix, Vector2, Vector3};
 
 use crate::image_size::ImageSize;
 
@@ -167,6 +169,9 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
     #[must_use]
     fn with_parameters(&self, parameters: &[f64]) -> Self;
 
+    /// The distortion coefficients in OpenCV's order, those that are not estimated included.
+    fn distortion(&self) -> Vec<f64>;
+
     /// Standard deviations of the distortion coefficients beforehand, by what lenses are like.
     fn coefficient_priors(&self, size: ImageSize) -> Vec<f64>;
 
@@ -186,9 +191,23 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
     /// The direction along which a pixel looks, of any length.
     fn direction(&self, pixel_ray: &Self::PixelRay) -> Vector3<f64>;
 
+    /// The derivative of [`Self::direction`] by the pixel.
+    fn direction_jacobian(&self, pixel_ray: &Self::PixelRay) -> Matrix3x2<f64>;
+
     /// The largest radius at which the lens is trusted, in its own measure: the tangent of the
-    /// field angle for a distorted pinhole.
+    /// field angle for a distorted pinhole, the angle itself (radians) for a fisheye.
     fn valid_radius(&self) -> f64;
+
+    /// The same lens, trusted up to a smaller radius; a larger one changes nothing.
+    #[must_use]
+    fn within(self, radius: f64) -> Self;
+
+    /// The field angle, radians, up to which the lens is trusted.
+    fn valid_angle(&self) -> f64;
+
+    /// The distance from the principal point, in pixels, within which every pixel has its
+    /// direction.
+    fn valid_pixel_radius(&self) -> f64;
 
     /// Signed distance in pixels of a pixel to the image of the line `l`, and the unit normal of the
     /// image towards which it is positive.
@@ -224,6 +243,19 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
     fn unproject(&self, pixel: &Vector2<f64>) -> Option<Vector3<f64>> {
         let pixel_ray = self.unproject_with_jacobian(pixel)?;
         Some(self.direction(&pixel_ray).normalize())
+    }
+
+    /// The derivative of the projection by the direction, at the direction of a pixel; `None` at
+    /// the rim of the lens.
+    ///
+    /// A longer direction is seen at the same pixel, and a change of the pixel comes back: with
+    /// `d` the direction and `D` its derivative by the pixel, `J d = 0` and `J D = 1`.
+    fn projection_by_direction(&self, pixel_ray: &Self::PixelRay) -> Option<Matrix2x3<f64>> {
+        let by_pixel = self.direction_jacobian(pixel_ray);
+        let (x, y) = (by_pixel.column(0), by_pixel.column(1));
+        let direction = self.direction(pixel_ray);
+        let all = Matrix3::from_columns(&[x.into(), y.into(), direction]);
+        Some(all.try_inverse()?.fixed_rows::<2>(0).into_owned())
     }
 
     /// Focal lengths in pixels.

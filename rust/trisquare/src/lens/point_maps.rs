@@ -1,20 +1,23 @@
 //! A camera's maps for many points at once, refusing what the lens cannot tell.
 
+use std::f64::consts::FRAC_PI_2;
+
 use nalgebra::{Vector2, Vector3};
 
 use super::Lens;
-use super::brown::Brown;
 use crate::error::Error;
 
-impl Brown {
+/// The maps of many points, of every lens.
+pub trait PointMaps: Lens {
     /// Where points of camera coordinates are seen, in pixels.
     ///
     /// # Errors
     /// [`Error::BehindCamera`], or [`Error::BeyondValidRadius`] for points seen farther from the
-    /// axis than the distortion is monotonic.
-    pub fn project_points(&self, points: &[Vector3<f64>]) -> Result<Vec<Vector2<f64>>, Error> {
+    /// axis than the lens is trusted.
+    fn project_points(&self, points: &[Vector3<f64>]) -> Result<Vec<Vector2<f64>>, Error> {
+        let sees_behind = self.valid_angle() > FRAC_PI_2;
         // Written so that NaN counts as behind.
-        let behind = |point: &&Vector3<f64>| !(point.z > 0.0);
+        let behind = |point: &&Vector3<f64>| !(sees_behind || point.z > 0.0);
         if let Some(first) = points.iter().position(|point| behind(&point)) {
             let count = points.iter().filter(behind).count();
             return Err(Error::BehindCamera { count, first });
@@ -26,7 +29,7 @@ impl Brown {
     ///
     /// # Errors
     /// [`Error::BeyondValidRadius`] where the distortion is not invertible.
-    pub fn unproject_pixels(&self, pixels: &[Vector2<f64>]) -> Result<Vec<Vector3<f64>>, Error> {
+    fn unproject_pixels(&self, pixels: &[Vector2<f64>]) -> Result<Vec<Vector3<f64>>, Error> {
         of_all(self, pixels, |pixel| self.unproject(pixel))
     }
 
@@ -34,7 +37,7 @@ impl Brown {
     ///
     /// # Errors
     /// [`Error::BeyondValidRadius`] where the distortion is not monotonic.
-    pub fn distort_pixels(&self, ideal: &[Vector2<f64>]) -> Result<Vec<Vector2<f64>>, Error> {
+    fn distort_pixels(&self, ideal: &[Vector2<f64>]) -> Result<Vec<Vector2<f64>>, Error> {
         of_all(self, ideal, |pixel| {
             self.project(&self.normalised(pixel).push(1.0))
         })
@@ -43,36 +46,34 @@ impl Brown {
     /// Where a pinhole with the same camera matrix would have seen what pixels show.
     ///
     /// # Errors
-    /// [`Error::BeyondValidRadius`] where the distortion is not invertible.
-    pub fn undistort_pixels(&self, observed: &[Vector2<f64>]) -> Result<Vec<Vector2<f64>>, Error> {
+    /// [`Error::BeyondValidRadius`] where the distortion is not invertible, or a pixel looks
+    /// beside or behind the camera: no pinhole does.
+    fn undistort_pixels(&self, observed: &[Vector2<f64>]) -> Result<Vec<Vector2<f64>>, Error> {
         of_all(self, observed, |pixel| {
-            let ideal = self.undistort(&self.normalised(pixel))?;
-            Some(self.pixel_of(&ideal)).filter(|p| p.norm().is_finite())
+            let ideal = self.pixel_of(&self.ideal_point(pixel)?);
+            Some(ideal).filter(|p| p.norm().is_finite())
         })
     }
 
-    /// The distance from the principal point, in pixels, within which every pixel can be
-    /// undistorted.
-    ///
-    /// The image of the disc of valid radius `R` reaches at least `R (1 + k1 R^2 + ...) - 3 |q|
-    /// R^2`,
-    /// `q = (p2, p1)`, in every direction; the smaller focal length makes it pixels.
-    pub fn valid_pixel_radius(&self) -> f64 {
-        let radius = self.valid_radius();
-        if radius.is_infinite() {
-            return radius;
-        }
-        let [.., p1, p2] = self.parameters;
-        let square = radius * radius;
-        let reach = radius * self.radial_factor(square) - 3.0 * p1.hypot(p2) * square;
-        reach.max(0.0) * self.focal().min()
+    /// The normalised point `(x, y)` at which a pinhole sees what a pixel shows; `None` where the
+    /// distortion is not invertible, or the pixel looks beside or behind the camera.
+    fn ideal_point(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
+        let direction = self.direction(&self.unproject_with_jacobian(pixel)?);
+        (direction.z > 0.0).then(|| direction.xy() / direction.z)
     }
 
-    /// The ideal normalised point seen at a pixel; `None` where the distortion is not invertible.
-    pub fn ideal_point(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
-        self.unproject_with_jacobian(pixel).map(|ray| ray.ideal())
+    /// The normalised point of a pinhole's pixel.
+    fn normalised(&self, pixel: &Vector2<f64>) -> Vector2<f64> {
+        (pixel - self.principal_point()).component_div(&self.focal())
+    }
+
+    /// A pinhole's pixel of a normalised point.
+    fn pixel_of(&self, point: &Vector2<f64>) -> Vector2<f64> {
+        point.component_mul(&self.focal()) + self.principal_point()
     }
 }
+
+impl<L: Lens> PointMaps for L {}
 
 /// A map of many points.
 ///
@@ -94,11 +95,13 @@ pub(crate) fn of_all<L: Lens, P, Q>(
         count: 1 + others.iter().filter(|point| map(point).is_none()).count(),
         first,
         radius: lens.valid_radius(),
+        degrees: lens.valid_angle().to_degrees(),
     })
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::Brown;
     use super::*;
 
     fn lens() -> Brown {
@@ -133,12 +136,14 @@ mod tests {
             Err(Error::BehindCamera { count: 2, first: 1 })
         );
         let radius = lens.valid_radius();
+        let degrees = lens.valid_angle().to_degrees();
         assert_eq!(
             lens.project_points(&[ahead, ahead, aside]),
             Err(Error::BeyondValidRadius {
                 count: 1,
                 first: 2,
-                radius
+                radius,
+                degrees
             })
         );
         let nowhere = Vector2::new(f64::NAN, 0.0);

@@ -6,8 +6,7 @@
 
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Rotation3, Vector2, Vector3};
 
-use super::Lens;
-use super::brown::Brown;
+use super::{Lens, ProjectionJacobian};
 use crate::error::Error;
 
 /// Gauss-Newton steps for the rotation; from the start that is used, 3 or 4 do.
@@ -19,20 +18,20 @@ const CONVERGED: f64 = 1e-12;
 /// Part of the pixels that both lenses must be able to follow for a comparison to mean much.
 const LEAST_IN_COMMON: f64 = 0.1;
 
-/// Determinant of the distortion's derivative below which a pixel is too near the rim of a lens to
-/// be told anything of: some thousandth of a pixel away.
-const NEAR_RIM: f64 = 1e-3;
+/// Solid angle of a pixel, in units of that at a pinhole's axis, above which it is too near the rim
+/// of a lens to be told anything of: some thousandth of a pixel away.
+const NEAR_RIM: f64 = 1e3;
 
 /// Relative rise of a diagonal: turns that the pixels do not determine are not made.
 const RIDGE: f64 = 1e-12;
 
 /// A lens, and another one that is turned against it.
 #[derive(Debug, Clone)]
-pub struct TurnedLenses<'a> {
+pub struct TurnedLenses<'a, A: Lens, B: Lens> {
     /// The lens whose pixels are followed.
-    pub first: &'a Brown,
+    pub first: &'a A,
     /// The lens that sees their directions elsewhere.
-    pub second: &'a Brown,
+    pub second: &'a B,
     /// `second_from_first`: turns the first lens' directions into the second's.
     pub rotation: Matrix3<f64>,
 }
@@ -42,27 +41,23 @@ pub struct TurnedLenses<'a> {
 pub struct SeenAgain {
     /// The second lens' pixel.
     pub pixel: Vector2<f64>,
-    /// The ideal normalised point of the first lens.
-    pub first_ideal: Vector2<f64>,
-    /// The ideal normalised point of the second lens.
-    pub second_ideal: Vector2<f64>,
+    /// How the first lens's pixel of the direction follows the first lens's parameters.
+    pub by_first: ProjectionJacobian,
+    /// How the second lens's pixel of the direction follows the second lens's parameters.
+    pub by_second: ProjectionJacobian,
     /// The pixel's derivative by the first lens' pixel.
     pub by_pixel: Matrix2<f64>,
     /// Its derivative by a further turn, a rotation vector in radians applied after the rotation.
     pub by_turn: Matrix2x3<f64>,
 }
 
-impl<'a> TurnedLenses<'a> {
+impl<'a, A: Lens, B: Lens> TurnedLenses<'a, A, B> {
     /// Finds the rotation that brings the second lens' projections of the directions seen at pixels
     /// closest to these, by least squares of pixels.
     ///
     /// # Errors
     /// [`Error::InvalidArgument`] if the two can follow less than a tenth of the pixels together.
-    pub fn closest(
-        first: &'a Brown,
-        second: &'a Brown,
-        pixels: &[Vector2<f64>],
-    ) -> Result<Self, Error> {
+    pub fn closest(first: &'a A, second: &'a B, pixels: &[Vector2<f64>]) -> Result<Self, Error> {
         let mut turned = Self {
             first,
             second,
@@ -103,38 +98,40 @@ impl<'a> TurnedLenses<'a> {
 
     /// Where the second lens sees what the first sees at a pixel; `None` where one cannot follow.
     ///
-    /// With `u` the ideal point, `q = R (u, 1)` and `v` that of the second lens: the derivatives
-    /// are those of the distortions, of `v = (q_x, q_y) / q_z`, and `dq = turn x q`.
+    /// The derivatives are those of the second projection by the direction `d`, which a change of
+    /// the pixel moves by `R` times that of the first lens's direction, and a turn by `turn x d`.
     pub fn see_again(&self, pixel: &Vector2<f64>) -> Option<SeenAgain> {
-        let ideal = self.first.unproject_with_jacobian(pixel)?.ideal();
-        let direction = self.rotation * ideal.push(1.0);
+        let first_ray = self.first.unproject_with_jacobian(pixel)?;
+        let direction = self.rotation * self.first.direction(&first_ray);
         let seen = self.second.project(&direction)?;
-        let (focal, first_focal) = (self.second.focal(), self.first.focal());
-        let first_bend = self.first.distortion_jacobian(&ideal);
-        let point = direction.xy() / direction.z;
-        let second_bend = self.second.distortion_jacobian(&point);
-        if !(first_bend.determinant() > NEAR_RIM && second_bend.determinant() > NEAR_RIM) {
+        let second_ray = self.second.unproject_with_jacobian(&seen)?;
+        if is_near_rim(self.first, &first_ray) || is_near_rim(self.second, &second_ray) {
             return None;
         }
-        let inverse = first_bend.try_inverse()?;
-        let by_direction = Matrix2::from_diagonal(&focal)
-            * second_bend
-            * Matrix2x3::new(1.0, 0.0, -point.x, 0.0, 1.0, -point.y)
-            / direction.z;
-        let by_ideal = by_direction * self.rotation.fixed_view::<3, 2>(0, 0);
-        let by_pixel = by_ideal * inverse * Matrix2::from_diagonal(&first_focal.map(|f| 1.0 / f));
+        // Of a direction of another length, the same but for that length.
+        let length = self.second.direction(&second_ray).norm() / direction.norm();
+        let by_direction = self.second.projection_by_direction(&second_ray)? * length;
         Some(SeenAgain {
             pixel: seen,
-            first_ideal: ideal,
-            second_ideal: point,
-            by_pixel,
+            by_first: self.first.projection_jacobian(&first_ray),
+            by_second: self.second.projection_jacobian(&second_ray),
+            by_pixel: by_direction * self.rotation * self.first.direction_jacobian(&first_ray),
             by_turn: -by_direction * direction.cross_matrix(),
         })
     }
 }
 
+fn is_near_rim<L: Lens>(lens: &L, pixel_ray: &L::PixelRay) -> bool {
+    let by_pixel = lens.direction_jacobian(pixel_ray);
+    let area = by_pixel.column(0).cross(&by_pixel.column(1));
+    let [fx, fy, ..] = lens.intrinsics();
+    // Written so that NaN is near it.
+    !(area.dot(&lens.direction(pixel_ray)).abs() * fx * fy < NEAR_RIM)
+}
+
 #[cfg(test)]
 mod tests {
+    use super::super::{Brown, Fisheye};
     use super::*;
 
     fn lenses() -> [Brown; 2] {
@@ -154,10 +151,18 @@ mod tests {
     #[test]
     fn derivatives_agree_with_central_differences() {
         let [first, second] = lenses();
+        let wide = Fisheye::new([400.0, 404.0, 318.0, 242.0, 0.03, -0.01, 2e-3, 1e-4]);
+        check_derivatives(&first, &second);
+        check_derivatives(&first, &wide);
+        check_derivatives(&wide, &second);
+        check_derivatives(&wide, &wide);
+    }
+
+    fn check_derivatives<A: Lens, B: Lens>(first: &A, second: &B) {
         let rotation = *Rotation3::new(Vector3::new(0.01, -0.02, 0.03)).matrix();
         let turned = TurnedLenses {
-            first: &first,
-            second: &second,
+            first,
+            second,
             rotation,
         };
         let pixel = Vector2::new(100.0, 400.0);

@@ -7,10 +7,9 @@
 //! two extremes are rectangles of the picture's shape: the smallest round the outline of what the
 //! photograph shows, and the largest inside it.
 
-use nalgebra::Vector2;
+use nalgebra::{Matrix3, Vector2};
 
-use super::Lens;
-use super::brown::Brown;
+use super::{DefaultLens, Lens, PointMaps};
 use crate::error::Error;
 use crate::image_size::ImageSize;
 
@@ -36,137 +35,155 @@ const MAX_PLACES: usize = 50_000;
 /// Bisections of the zoom at the place found: a millionth of a pixel.
 const MAX_BISECTIONS: usize = 36;
 
-impl Brown {
+/// The field angle beyond which no view reaches: a pinhole shows what lies there over thirty times
+/// as large as what lies ahead, and hardly anything else.
+const WIDEST_DEGREES: f64 = 80.0;
+
+/// Relative error of a rim that is computed from its angle.
+const ROUNDING: f64 = 1e-12;
+
+/// The views of a camera's pictures without distortion.
+pub trait UndistortedView: Lens {
     /// The pinhole that sees this camera's pictures undistorted.
     ///
     /// With `balance` 0 every pixel of the new picture lies in the photograph, and to within a
     /// pixel no larger part of the scene would do; with 1 every pixel of the photograph lies in
     /// the new picture. In between the camera matrix changes linearly. Where the distortion cannot
-    /// be inverted, there is nothing to see.
+    /// be inverted, there is nothing to see, nor farther than 80 degrees from the axis.
     ///
     /// # Errors
     /// [`Error::InvalidArgument`] if `balance` is not from 0 to 1, the picture is empty or a single
     /// line of pixels, or (nearly) none of it can be undistorted.
-    pub fn undistorted(&self, size: ImageSize, balance: f64) -> Result<Self, Error> {
+    fn undistorted(&self, size: ImageSize, balance: f64) -> Result<DefaultLens, Error> {
         size.check()?;
         if !(0.0..=1.0).contains(&balance) {
             return Err(Error::InvalidArgument(format!(
                 "balance must be from 0 to 1, not {balance}"
             )));
         }
-        let bends = self.distortion().iter().any(|c| *c != 0.0);
+        let pinhole = DefaultLens::from_camera_matrix(&self.camera_matrix());
         let is_one_pixel = size.width == 1 && size.height == 1;
-        if is_one_pixel || (!bends && self.valid_radius().is_infinite()) {
-            return Ok(self.without_distortion());
+        if is_one_pixel || self.valid_pixel_radius().is_infinite() && !bends(self) {
+            return Ok(pinhole);
         }
-        let outline = self.outline(size);
+        let outline = outline(self, size);
         let outer = smallest_round(&outline, size)?;
-        let inner = self.largest_inside(&outline, &outer, size)?;
+        let inner = largest_inside(self, &outline, &outer, size)?;
         let (inner, outer) = (inner.pinhole(self, size), outer.pinhole(self, size));
-        Ok(Self::new(std::array::from_fn(|i| {
-            inner[i] + balance * (outer[i] - inner[i])
-        })))
+        Ok(pinhole.with_camera_matrix(&(inner + (outer - inner) * balance)))
     }
+}
 
-    /// The border of what the photograph shows, in ideal pixels: its own border, and the rim of
-    /// the lens where that is in the picture.
-    fn outline(&self, size: ImageSize) -> Vec<Vector2<f64>> {
-        let whole = Rectangle {
-            centre: size.centre(),
-            zoom: 1.0,
-        };
-        let pixels: Vec<_> = whole.border(size, MIN_POINTS_PER_SIDE).collect();
-        let border = pixels
-            .iter()
-            .filter_map(|p| self.undistort(&self.normalised(p)));
-        let rim = (0..pixels.len())
-            .filter(|_| self.valid_radius().is_finite())
-            .map(|i| std::f64::consts::TAU * i as f64 / pixels.len() as f64)
-            .map(|angle| Vector2::new(angle.cos(), angle.sin()) * self.valid_radius())
-            .filter(|ideal| size.contains(&self.pixel_of(&self.distort(ideal)), 0.0));
-        border
-            .chain(rim)
-            .map(|ideal| self.pixel_of(&ideal))
-            .collect()
-    }
+impl<L: Lens> UndistortedView for L {}
 
-    /// The largest rectangle inside an outline, to a part of [`TOLERANCE`], near the centre of the
-    /// photograph where there are several.
-    ///
-    /// Its half size is the distance to the outline, in the norm whose unit ball is a rectangle of
-    /// the picture's shape, from the place where that is largest: halving cells of places leaves
-    /// those that may hold a better one (V. Agafonkin's `polylabel`). Its zoom is then settled at
-    /// the pixels themselves: the distortion maps the border of the rectangle to a closed curve,
-    /// and what it encloses to the inside of that curve.
-    fn largest_inside(
-        &self,
-        outline: &[Vector2<f64>],
-        outer: &Rectangle,
-        size: ImageSize,
-    ) -> Result<Rectangle, Error> {
-        let unit = size.centre() * (2.0 * outer.zoom);
-        let every = outline.len().div_ceil(SEARCHED_POINTS);
-        let searched = outline.iter().step_by(every);
-        let outline: Vec<_> = searched
-            .map(|p| (p - outer.centre).component_div(&unit))
+fn bends(lens: &impl Lens) -> bool {
+    lens.distortion().iter().any(|c| *c != 0.0)
+}
+
+/// The ideal radius up to which a view shows anything.
+fn rim<L: Lens>(lens: &L) -> f64 {
+    let angle = lens.valid_angle().min(WIDEST_DEGREES.to_radians());
+    angle.tan() * (1.0 - ROUNDING)
+}
+
+/// The border of what the photograph shows, in ideal pixels: its own border, and the rim of the
+/// view where that is in the picture.
+fn outline<L: Lens>(lens: &L, size: ImageSize) -> Vec<Vector2<f64>> {
+    let whole = Rectangle {
+        centre: size.centre(),
+        zoom: 1.0,
+    };
+    let pixels: Vec<_> = whole.border(size, MIN_POINTS_PER_SIDE).collect();
+    let farthest = rim(lens);
+    let border = pixels.iter().filter_map(|p| lens.ideal_point(p));
+    let border = border.filter(|ideal| ideal.norm() <= farthest);
+    let rim = (0..pixels.len())
+        .map(|i| std::f64::consts::TAU * i as f64 / pixels.len() as f64)
+        .map(|angle| Vector2::new(angle.cos(), angle.sin()) * farthest)
+        .filter(|ideal| {
+            let seen = lens.project(&ideal.push(1.0));
+            seen.is_some_and(|pixel| size.contains(&pixel, 0.0))
+        });
+    let ideal = border.chain(rim);
+    ideal.map(|ideal| lens.pixel_of(&ideal)).collect()
+}
+
+/// The largest rectangle inside an outline, to a part of [`TOLERANCE`], near the centre of the
+/// photograph where there are several.
+///
+/// Its half size is the distance to the outline, in the norm whose unit ball is a rectangle of
+/// the picture's shape, from the place where that is largest: halving cells of places leaves
+/// those that may hold a better one (V. Agafonkin's `polylabel`). Its zoom is then settled at
+/// the pixels themselves: the distortion maps the border of the rectangle to a closed curve,
+/// and what it encloses to the inside of that curve.
+fn largest_inside<L: Lens>(
+    lens: &L,
+    outline: &[Vector2<f64>],
+    outer: &Rectangle,
+    size: ImageSize,
+) -> Result<Rectangle, Error> {
+    let unit = size.centre() * (2.0 * outer.zoom);
+    let every = outline.len().div_ceil(SEARCHED_POINTS);
+    let searched = outline.iter().step_by(every);
+    let outline: Vec<_> = searched
+        .map(|p| (p - outer.centre).component_div(&unit))
+        .collect();
+    let pixel_at = |place: &Vector2<f64>| outer.centre + place.component_mul(&unit);
+    let room = |place: &Vector2<f64>| {
+        let distances = outline.iter().map(|p| (p - place).amax());
+        let nearest = distances.fold(f64::INFINITY, f64::min);
+        if shows(lens, &pixel_at(place), size) {
+            nearest
+        } else {
+            -nearest
+        }
+    };
+    let mut best = (size.centre() - outer.centre).component_div(&unit);
+    let mut most = room(&best);
+    let (mut cells, mut half, mut tried) = (vec![Vector2::zeros()], 0.5, 0);
+    while !cells.is_empty() && tried < MAX_PLACES {
+        tried += cells.len();
+        let rooms: Vec<f64> = cells.iter().map(room).collect();
+        let better = |most: f64| most + TOLERANCE * most.max(0.0);
+        for (place, room) in cells.iter().zip(&rooms) {
+            if *room > better(most) {
+                (best, most) = (*place, *room);
+            }
+        }
+        half *= 0.5;
+        let promising = cells.iter().zip(&rooms);
+        let promising = promising.filter(|(_, room)| **room + 2.0 * half > better(most));
+        let quarters = [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)];
+        cells = promising
+            .flat_map(|(place, _)| quarters.map(|(x, y)| place + Vector2::new(x, y) * half))
             .collect();
-        let pixel_at = |place: &Vector2<f64>| outer.centre + place.component_mul(&unit);
-        let room = |place: &Vector2<f64>| {
-            let distances = outline.iter().map(|p| (p - place).amax());
-            let nearest = distances.fold(f64::INFINITY, f64::min);
-            if self.shows(&pixel_at(place), size) {
-                nearest
-            } else {
-                -nearest
-            }
-        };
-        let mut best = (size.centre() - outer.centre).component_div(&unit);
-        let mut most = room(&best);
-        let (mut cells, mut half, mut tried) = (vec![Vector2::zeros()], 0.5, 0);
-        while !cells.is_empty() && tried < MAX_PLACES {
-            tried += cells.len();
-            let rooms: Vec<f64> = cells.iter().map(room).collect();
-            let better = |most: f64| most + TOLERANCE * most.max(0.0);
-            for (place, room) in cells.iter().zip(&rooms) {
-                if *room > better(most) {
-                    (best, most) = (*place, *room);
-                }
-            }
-            half *= 0.5;
-            let promising = cells.iter().zip(&rooms);
-            let promising = promising.filter(|(_, room)| **room + 2.0 * half > better(most));
-            let quarters = [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)];
-            cells = promising
-                .flat_map(|(place, _)| quarters.map(|(x, y)| place + Vector2::new(x, y) * half))
-                .collect();
-        }
-        let centre = pixel_at(&best);
-        let is_filled = |zoom: f64| {
-            let mut border = Rectangle { centre, zoom }.border(size, 1);
-            border.all(|pixel| self.shows(&pixel, size))
-        };
-        let (mut low, mut high) = (0.0, 2.0 * most * (1.0 + TOLERANCE) * outer.zoom);
-        for _ in 0..MAX_BISECTIONS {
-            let zoom = 0.5 * (low + high);
-            *(if is_filled(zoom) { &mut low } else { &mut high }) = zoom;
-        }
-        let found = Rectangle { centre, zoom: low };
-        Some(found).filter(|r| r.zoom > 0.0).ok_or_else(|| {
-            Error::InvalidArgument(
-                "no undistorted view is filled by the picture: too little of it lies within the \
-                 valid radius, or it is a single line of pixels"
-                    .into(),
-            )
-        })
     }
+    let centre = pixel_at(&best);
+    let is_filled = |zoom: f64| {
+        let mut border = Rectangle { centre, zoom }.border(size, 1);
+        border.all(|pixel| shows(lens, &pixel, size))
+    };
+    let (mut low, mut high) = (0.0, 2.0 * most * (1.0 + TOLERANCE) * outer.zoom);
+    for _ in 0..MAX_BISECTIONS {
+        let zoom = 0.5 * (low + high);
+        *(if is_filled(zoom) { &mut low } else { &mut high }) = zoom;
+    }
+    let found = Rectangle { centre, zoom: low };
+    Some(found).filter(|r| r.zoom > 0.0).ok_or_else(|| {
+        Error::InvalidArgument(
+            "no undistorted view is filled by the picture: too little of it lies within the \
+             valid radius, or it is a single line of pixels"
+                .into(),
+        )
+    })
+}
 
-    /// Whether an ideal pixel is within the valid radius, and seen in the photograph.
-    fn shows(&self, ideal_pixel: &Vector2<f64>, size: ImageSize) -> bool {
-        let ideal = self.normalised(ideal_pixel);
-        let to_rim = (self.valid_radius() - ideal.norm()) * self.focal().min();
-        to_rim >= ON_THE_BORDER
-            && size.contains(&self.pixel_of(&self.distort(&ideal)), 0.5 * ON_THE_BORDER)
-    }
+/// Whether an ideal pixel is within the rim, and seen in the photograph.
+fn shows<L: Lens>(lens: &L, ideal_pixel: &Vector2<f64>, size: ImageSize) -> bool {
+    let ideal = lens.normalised(ideal_pixel);
+    let to_rim = (rim(lens) - ideal.norm()) * lens.focal().min();
+    let seen = lens.project(&ideal.push(1.0));
+    to_rim >= ON_THE_BORDER && seen.is_some_and(|pixel| size.contains(&pixel, 0.5 * ON_THE_BORDER))
 }
 
 /// The smallest rectangle of the picture's shape that holds an outline.
@@ -220,18 +237,19 @@ impl Rectangle {
         })
     }
 
-    /// The parameters of the pinhole.
-    fn pinhole(self, camera: &Brown, size: ImageSize) -> [f64; 9] {
+    /// The camera matrix of the pinhole.
+    fn pinhole<L: Lens>(self, camera: &L, size: ImageSize) -> Matrix3<f64> {
         let focal = camera.focal() / self.zoom;
         let centre = (camera.principal_point() - self.centre) / self.zoom + size.centre();
-        [
-            focal.x, focal.y, centre.x, centre.y, 0.0, 0.0, 0.0, 0.0, 0.0,
-        ]
+        Matrix3::new(
+            focal.x, 0.0, centre.x, 0.0, focal.y, centre.y, 0.0, 0.0, 1.0,
+        )
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::{Brown, Fisheye};
     use super::*;
 
     const SIZE: ImageSize = ImageSize {
@@ -295,6 +313,22 @@ mod tests {
     }
 
     #[test]
+    fn a_wide_lens_has_views_of_what_lies_ahead() {
+        // It sees 110 degrees from its axis at the corners.
+        let lens = Fisheye::new([105.0, 105.0, 158.0, 122.0, 0.01, -0.002, 0.0, 0.0]);
+        let inner = lens.undistorted(SIZE, 0.0).unwrap();
+        for pixel in pixels() {
+            let ray = inner.unproject(&pixel).unwrap();
+            let seen = lens.project(&ray).unwrap();
+            assert!(is_in(seen, ON_THE_BORDER), "{pixel}");
+        }
+        let outer = lens.undistorted(SIZE, 1.0).unwrap();
+        let reach = 319.0 / (2.0 * outer.focal().x);
+        let widest = WIDEST_DEGREES.to_radians().tan();
+        assert!(reach > 0.9 * widest && reach < 1.5 * widest, "{reach}");
+    }
+
+    #[test]
     fn views_are_alike_at_all_sizes() {
         let zoom = |scale: f64| {
             let size = ImageSize {
@@ -342,7 +376,7 @@ mod tests {
             }
             for view in views {
                 assert!((view.focal().y / view.focal().x - 1.05).abs() < 1e-12);
-                assert_eq!(view.distortion(), [0.0; 5]);
+                assert_eq!(view.distortion(), vec![0.0; 5]);
             }
             assert!(views[0].focal().x > views[2].focal().x);
         }

@@ -2,8 +2,8 @@
 
 use nalgebra::Vector2;
 
+use super::DefaultLens;
 use super::Lens;
-use super::brown::Brown;
 use super::undistorted_view::ON_THE_BORDER;
 use crate::error::Error;
 use crate::image_size::ImageSize;
@@ -39,9 +39,9 @@ impl UndistortionMap<'_> {
     /// [`Error::InvalidArgument`] if the map's size is not `view_size`.
     pub fn fill(
         &mut self,
-        camera: &Brown,
+        camera: &impl Lens,
         size: ImageSize,
-        view: &Brown,
+        view: &DefaultLens,
         view_size: ImageSize,
     ) -> Result<(), Error> {
         let width = view_size.width as usize;
@@ -119,6 +119,7 @@ pub fn largest_rectangle(mask: &[bool], width: usize) -> [usize; 4] {
 
 #[cfg(test)]
 mod tests {
+    use super::super::{Brown, UndistortedView};
     use super::*;
 
     const SIZE: ImageSize = ImageSize {

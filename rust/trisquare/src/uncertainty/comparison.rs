@@ -50,9 +50,9 @@ pub struct DifferenceTest {
 /// # Errors
 /// [`Error::InvalidArgument`] if the two can follow less than a tenth of the pixels together, or a
 /// covariance has no eigenvalues.
-pub fn compare_projections(
-    first: &ProjectionUncertainty<'_>,
-    second: &ProjectionUncertainty<'_>,
+pub fn compare_projections<A: Lens, B: Lens>(
+    first: &ProjectionUncertainty<'_, A>,
+    second: &ProjectionUncertainty<'_, B>,
     pixels: &[Vector2<f64>],
 ) -> Result<ProjectionDifference, Error> {
     let turned = TurnedLenses::closest(first.camera(), second.camera(), pixels)?;
@@ -71,11 +71,11 @@ pub fn compare_projections(
         let mut turns = DMatrix::zeros(2 * seen.len(), 3);
         for (i, again) in seen.iter().enumerate() {
             // What moves the first camera's projection moves the direction seen at a pixel back.
-            let moved = first.free_jacobian(&again.first_ideal) * &first_root;
+            let moved = first.free_columns(&again.by_first) * &first_root;
             let mut rows = spread.rows_mut(2 * i, 2);
             rows.columns_mut(0, first.len())
                 .copy_from(&(-again.by_pixel * moved));
-            let moved = second.free_jacobian(&again.second_ideal) * &second_root;
+            let moved = second.free_columns(&again.by_second) * &second_root;
             rows.columns_mut(first.len(), second.len())
                 .copy_from(&moved);
             turns.rows_mut(2 * i, 2).copy_from(&again.by_turn);

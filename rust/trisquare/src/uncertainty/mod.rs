@@ -20,6 +20,7 @@ pub(crate) use covariance::{check_plane_count, covariance};
 pub(crate) use expectations::unlikely_camera;
 pub(crate) use known_values::disagreement;
 pub(crate) use lens_beyond::{LensVerdict, beyond_lens};
+pub use plane_points::points_on_plane;
 pub(crate) use pose::pose_uncertainties;
 pub use projection::ProjectionUncertainty;
 pub(crate) use remedies::add_remedies;

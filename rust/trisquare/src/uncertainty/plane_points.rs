@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, Matrix2, Matrix3, SMatrix, Vector2};
 use super::projection::ProjectionUncertainty;
 use crate::error::Error;
 use crate::geometry::Pose;
-use crate::lens::{DefaultLens, Lens, of_all};
+use crate::lens::{Lens, ProjectionJacobian, of_all};
 use crate::result::PoseUncertainty;
 
 /// Cosine of the angle between ray and normal below which a point's place means nothing.
@@ -13,81 +13,69 @@ const GRAZING: f64 = 1e-3;
 
 /// Where a pixel's ray meets a plane.
 struct PlanePoint {
-    ideal: Vector2<f64>,
     /// In the plane's coordinates and unit.
     point: Vector2<f64>,
     by_pixel: Matrix2<f64>,
     by_pose: SMatrix<f64, 2, 6>,
+    /// How the pixel of the point's direction follows the lens's parameters.
+    by_lens: ProjectionJacobian,
 }
 
-impl DefaultLens {
-    /// The points of a plane that are seen at pixels, in the plane's own coordinates and unit.
-    ///
-    /// # Errors
-    /// [`Error::BeyondValidRadius`], or [`Error::InvalidArgument`] for a pixel at or beyond the
-    /// plane's horizon.
-    pub fn points_on_plane(
-        &self,
-        pose: &Pose,
-        pixels: &[Vector2<f64>],
-    ) -> Result<Vec<Vector2<f64>>, Error> {
-        let met = self.meet(pose, pixels)?;
-        Ok(met.iter().map(|met| met.point).collect())
-    }
-
-    /// The ray `(u, 1)` of a pixel meets the plane at `lambda (u, 1) = R (p, 0) + t`. A change of
-    /// the point of the plane by `d` in camera coordinates, or of the ray's point by `-d`, moves
-    /// `p` so that `[r1 r2 -(u, 1)] (dp, dlambda) = -d`; a rotation vector `w` makes
-    /// `d = w x R (p, 0)`.
-    fn meet(&self, pose: &Pose, pixels: &[Vector2<f64>]) -> Result<Vec<PlanePoint>, Error> {
-        let ideal = of_all(self, pixels, |pixel| self.ideal_point(pixel))?;
-        let normal = pose.normal();
-        let distance = normal.dot(&pose.translation);
-        let met = ideal
-            .iter()
-            .zip(pixels)
-            .enumerate()
-            .map(|(index, (ideal, pixel))| {
-                let ray = ideal.push(1.0);
-                let towards = normal.dot(&ray);
-                // A ray meets the plane ahead of the camera if it leaves to the plane's side.
-                if !(distance.signum() * towards > GRAZING * ray.norm()) {
-                    return Err(Error::InvalidArgument(format!(
-                        "point {index}, ({}, {}), is at or beyond the plane's horizon",
-                        pixel.x, pixel.y
-                    )));
-                }
-                let depth = distance / towards;
-                let arm = ray * depth - pose.translation;
-                let system = Matrix3::from_columns(&[
-                    pose.rotation.column(0).into_owned(),
-                    pose.rotation.column(1).into_owned(),
-                    -ray,
-                ]);
-                let bend = self.distortion_jacobian(ideal);
-                let solved = system.try_inverse().zip(bend.try_inverse());
-                let (inverse, unbend) = solved.ok_or(Error::NotFinite {
-                    what: "the derivative of a point of a plane",
-                })?;
-                let inverse = inverse.fixed_rows::<2>(0).into_owned();
-                let mut by_pose = SMatrix::<f64, 2, 6>::zeros();
-                by_pose
-                    .fixed_columns_mut::<3>(0)
-                    .copy_from(&(inverse * arm.cross_matrix()));
-                by_pose.fixed_columns_mut::<3>(3).copy_from(&-inverse);
-                let to_ideal = unbend * Matrix2::from_diagonal(&self.focal().map(|f| depth / f));
-                Ok(PlanePoint {
-                    ideal: *ideal,
-                    point: (pose.rotation.transpose() * arm).xy(),
-                    by_pixel: inverse.fixed_columns::<2>(0) * to_ideal,
-                    by_pose,
-                })
-            });
-        met.collect()
-    }
+/// The points of a plane that are seen at pixels, in the plane's own coordinates and unit.
+///
+/// # Errors
+/// [`Error::BeyondValidRadius`], or [`Error::InvalidArgument`] for a pixel at or beyond the plane's
+/// horizon.
+pub fn points_on_plane<L: Lens>(
+    lens: &L,
+    pose: &Pose,
+    pixels: &[Vector2<f64>],
+) -> Result<Vec<Vector2<f64>>, Error> {
+    let met = meet(lens, pose, pixels)?;
+    Ok(met.iter().map(|met| met.point).collect())
 }
 
-impl ProjectionUncertainty<'_> {
+/// The direction `d` of a pixel meets the plane at `lambda d = R (p, 0) + t`. A change of the point
+/// of the plane by `s` in camera coordinates, or of the direction by `-s / lambda`, moves `p` so
+/// that `[r1 r2 -d] (dp, dlambda) = -s`; a rotation vector `w` makes `s = w x R (p, 0)`.
+fn meet<L: Lens>(lens: &L, pose: &Pose, pixels: &[Vector2<f64>]) -> Result<Vec<PlanePoint>, Error> {
+    let rays = of_all(lens, pixels, |pixel| lens.unproject_with_jacobian(pixel))?;
+    let normal = pose.normal();
+    let distance = normal.dot(&pose.translation);
+    let meet = |(index, (ray, pixel)): (usize, (&L::PixelRay, &Vector2<f64>))| {
+        let direction = lens.direction(ray);
+        let towards = normal.dot(&direction);
+        // A ray meets the plane ahead of the camera if it leaves to the plane's side.
+        if !(distance.signum() * towards > GRAZING * direction.norm()) {
+            return Err(Error::InvalidArgument(format!(
+                "point {index}, ({}, {}), is at or beyond the plane's horizon",
+                pixel.x, pixel.y
+            )));
+        }
+        let depth = distance / towards;
+        let arm = direction * depth - pose.translation;
+        let (x, y) = (pose.rotation.column(0), pose.rotation.column(1));
+        let system = Matrix3::from_columns(&[x.into(), y.into(), -direction]);
+        let inverse = system.try_inverse().ok_or(Error::NotFinite {
+            what: "the derivative of a point of a plane",
+        })?;
+        let inverse = inverse.fixed_rows::<2>(0).into_owned();
+        let mut by_pose = SMatrix::<f64, 2, 6>::zeros();
+        by_pose
+            .fixed_columns_mut::<3>(0)
+            .copy_from(&(inverse * arm.cross_matrix()));
+        by_pose.fixed_columns_mut::<3>(3).copy_from(&-inverse);
+        Ok(PlanePoint {
+            point: (pose.rotation.transpose() * arm).xy(),
+            by_pixel: inverse * lens.direction_jacobian(ray) * depth,
+            by_pose,
+            by_lens: lens.projection_jacobian(ray),
+        })
+    };
+    rays.iter().zip(pixels).enumerate().map(meet).collect()
+}
+
+impl<L: Lens> ProjectionUncertainty<'_, L> {
     /// The points of a plane that are seen at pixels, and their covariance, `(2 N, 2 N)` of
     /// `x0, y0, x1, ...`.
     ///
@@ -95,7 +83,7 @@ impl ProjectionUncertainty<'_> {
     /// and the camera contribute, jointly: the pose follows the camera.
     ///
     /// # Errors
-    /// As [`DefaultLens::points_on_plane`].
+    /// As [`points_on_plane`].
     pub fn points_on_plane(
         &self,
         pose: &Pose,
@@ -103,7 +91,7 @@ impl ProjectionUncertainty<'_> {
         pixels: &[Vector2<f64>],
         pixel_std: f64,
     ) -> Result<(Vec<Vector2<f64>>, DMatrix<f64>), Error> {
-        let met = self.camera().meet(pose, pixels)?;
+        let met = meet(self.camera(), pose, pixels)?;
         let (rows, variance) = (2 * met.len(), pixel_std * pixel_std);
         let mut covariance = DMatrix::zeros(rows, rows);
         let mut by_pose = DMatrix::zeros(rows, 6);
@@ -116,7 +104,7 @@ impl ProjectionUncertainty<'_> {
                 .copy_from(&own);
             by_pose.fixed_rows_mut::<2>(2 * i).copy_from(&met.by_pose);
             // Where the camera projects a ray further along, a pixel's ray is the one before.
-            let moved = met.by_pixel * self.free_jacobian(&met.ideal);
+            let moved = met.by_pixel * self.free_columns(&met.by_lens);
             let followed = met.by_pose * &pose_by_free;
             by_camera.rows_mut(2 * i, 2).copy_from(&(followed - moved));
         }
@@ -149,9 +137,9 @@ mod tests {
         let (camera, pose) = (camera(), pose());
         let point = Vector2::new(0.4, -0.7);
         let pixel = camera.project(&pose.transform(&point)).unwrap();
-        let met = &camera.meet(&pose, &[pixel]).unwrap()[0];
+        let met = &meet(&camera, &pose, &[pixel]).unwrap()[0];
         assert!((met.point - point).norm() < 1e-12);
-        let at = |pose: &Pose, pixel| camera.points_on_plane(pose, &[pixel]).unwrap()[0];
+        let at = |pose: &Pose, pixel| points_on_plane(&camera, pose, &[pixel]).unwrap()[0];
         for axis in 0..2 {
             let step = Vector2::ith(axis, 1e-3);
             let numeric = (at(&pose, pixel + step) - at(&pose, pixel - step)) / 2e-3;
@@ -183,7 +171,7 @@ mod tests {
             .points_on_plane(&pose(), &uncertainty, &pixels, 0.0)
             .unwrap();
         let moved = Brown::new([500.0, 505.0, 321.0, 240.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-        let others = moved.points_on_plane(&pose(), &pixels).unwrap();
+        let others = points_on_plane(&moved, &pose(), &pixels).unwrap();
         for i in 0..2 {
             let change = (others[i] - points[i]).norm();
             let std = covariance.view((2 * i, 2 * i), (2, 2)).trace().sqrt();
@@ -201,7 +189,7 @@ mod tests {
         let (camera, mut pose) = (camera().without_distortion(), pose());
         pose.rotation = *Rotation3::from_euler_angles(1.5, 0.0, 0.0).matrix();
         pose.translation = Vector3::new(0.0, 1.0, 3.0);
-        let found = camera.points_on_plane(&pose, &[Vector2::new(320.0, 0.0)]);
+        let found = points_on_plane(&camera, &pose, &[Vector2::new(320.0, 0.0)]);
         assert!(found.is_err(), "{found:?}");
     }
 }

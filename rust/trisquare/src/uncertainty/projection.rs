@@ -6,7 +6,7 @@
 //! the projection by the free parameters and `C` their covariance.
 
 use nalgebra::{
-    Const, DMatrix, Dim, Dyn, Matrix, Matrix2, Matrix2xX, OMatrix, Storage, SymmetricEigen, Vector2,
+    Const, DMatrix, Dim, Dyn, Matrix, Matrix2, OMatrix, Storage, SymmetricEigen, Vector2,
 };
 
 use crate::error::Error;
@@ -152,13 +152,6 @@ impl<L: Lens> Calibration<L> {
         let found = uncertainty.at_pixels(pixels)?;
         // Rounding may leave a trace that vanishes a little below zero.
         Ok(found.iter().map(|c| c.trace().max(0.0).sqrt()).collect())
-    }
-}
-
-impl ProjectionUncertainty<'_, DefaultLens> {
-    /// The projection's derivative by the free parameters, at an ideal point.
-    pub(super) fn free_jacobian(&self, ideal: &Vector2<f64>) -> Matrix2xX<f64> {
-        self.free_columns(&self.camera.jacobian_of_projection(ideal))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use nalgebra::{Matrix3, Matrix3x2, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, Matrix3x2, Vector2, Vector3};
 use trisquare::lens::{Columns, INTRINSICS, LineDistance, MAX_LENS_COLUMNS, ProjectionJacobian};
 use trisquare::{DistortionModel, ImageSize, Lens};
 
@@ -55,6 +55,18 @@ fn series(s: f64) -> [f64; 3] {
         inverse_factorial /= -(order + 2.0) * (order + 3.0);
     }
     sum
+}
+
+/// `M`, the derivative of a unit ray by `q`.
+fn ray_jacobian(ray: &Ray) -> Matrix3x2<f64> {
+    let [s, a, _] = ray.series;
+    let mut jacobian = Matrix3x2::zeros();
+    for i in 0..2 {
+        jacobian.set_row(i, &(ray.q * (ray.q[i] * a)).transpose());
+        jacobian[(i, i)] += s;
+    }
+    jacobian.set_row(2, &(-ray.q * s).transpose());
+    jacobian
 }
 
 impl Equidistant {
@@ -123,6 +135,10 @@ impl Lens for Equidistant {
         Vec::new()
     }
 
+    fn distortion(&self) -> Vec<f64> {
+        Vec::new()
+    }
+
     fn project(&self, point: &Vector3<f64>) -> Option<Vector2<f64>> {
         let radius = point.xy().norm();
         let per_radius = match radius > 0.0 {
@@ -164,9 +180,26 @@ impl Lens for Equidistant {
         ray.unit
     }
 
+    fn direction_jacobian(&self, ray: &Ray) -> Matrix3x2<f64> {
+        ray_jacobian(ray) * Matrix2::from_diagonal(&self.focal().map(|f| 1.0 / f))
+    }
+
     /// The field angle.
     fn valid_radius(&self) -> f64 {
         std::f64::consts::PI
+    }
+
+    /// It is trusted everywhere.
+    fn within(self, _radius: f64) -> Self {
+        self
+    }
+
+    fn valid_angle(&self) -> f64 {
+        self.valid_radius()
+    }
+
+    fn valid_pixel_radius(&self) -> f64 {
+        self.valid_radius() * self.focal().min()
     }
 
     fn line_distance_and_normal(&self, ray: &Ray, line: &Vector3<f64>) -> (f64, Vector2<f64>) {
@@ -201,13 +234,7 @@ impl Lens for Equidistant {
             wrt_lens[axis] = moved(step * ray.q[axis]) + divided;
         }
         // g = M^T l
-        let [s, a, _] = ray.series;
-        let mut by_line = Matrix3x2::zeros();
-        for i in 0..2 {
-            by_line.set_row(i, &(ray.q * (ray.q[i] * a)).transpose());
-            by_line[(i, i)] += s;
-        }
-        by_line.set_row(2, &(-ray.q * s).transpose());
+        let by_line = ray_jacobian(ray);
         LineDistance {
             value,
             wrt_line: (ray.unit - by_line * pull * value) / norm,

@@ -1,0 +1,92 @@
+//! A camera as Python hands it over: a lens of any family.
+
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use trisquare::{Brown, DistortionModel, Fisheye, Lens};
+
+use crate::errors::detached;
+
+/// The name of a model, all parameters of its lens, and the radius that lens is trusted up to.
+#[derive(FromPyObject)]
+pub struct CameraMembers(String, Vec<f64>, f64);
+
+/// A lens of one of the families.
+#[derive(Clone, Copy)]
+pub enum AnyLens {
+    Brown(Brown),
+    Fisheye(Fisheye),
+}
+
+/// Evaluates an expression with the lens that an [`AnyLens`] holds.
+macro_rules! with_lens {
+    ($any:expr, |$lens:ident| $value:expr) => {
+        match $any {
+            $crate::any_lens::AnyLens::Brown($lens) => $value,
+            $crate::any_lens::AnyLens::Fisheye($lens) => $value,
+        }
+    };
+}
+pub(crate) use with_lens;
+
+impl CameraMembers {
+    /// The lens itself.
+    pub fn lens(&self, py: Python<'_>) -> PyResult<AnyLens> {
+        let Self(name, parameters, radius) = self;
+        match family_of(name)? {
+            AnyLens::Brown(lens) => Ok(AnyLens::Brown(filled(py, lens, parameters, *radius)?)),
+            AnyLens::Fisheye(lens) => Ok(AnyLens::Fisheye(filled(py, lens, parameters, *radius)?)),
+        }
+    }
+}
+
+fn filled<L: Lens>(py: Python<'_>, lens: L, parameters: &[f64], radius: f64) -> PyResult<L> {
+    let (expected, given) = (L::parameter_names().len(), parameters.len());
+    if given != expected {
+        return Err(PyValueError::new_err(format!(
+            "the lens has {expected} parameters, not {given}"
+        )));
+    }
+    detached(py, || lens.with_parameters(parameters).within(radius))
+}
+
+/// A lens of the family that a model belongs to; its parameters mean nothing.
+pub fn family_of(model: &str) -> PyResult<AnyLens> {
+    let (brown, fisheye) = (Brown::new([1.0; 9]), Fisheye::new([1.0; 8]));
+    for lens in [AnyLens::Brown(brown), AnyLens::Fisheye(fisheye)] {
+        if with_lens!(lens, |lens| names(&lens).iter().any(|name| name == model)) {
+            return Ok(lens);
+        }
+    }
+    let all = [names(&brown), names(&fisheye)].concat();
+    Err(unknown_model(model, &all))
+}
+
+fn unknown_model(name: &str, known: &[String]) -> PyErr {
+    PyValueError::new_err(format!(
+        "unknown model {name:?}: choose one of {}",
+        known.join(", ")
+    ))
+}
+
+fn names<L: Lens>(_: &L) -> Vec<String> {
+    L::Model::NESTED.iter().map(|model| model.name()).collect()
+}
+
+/// The model of a name in a lens's family.
+pub fn model_of<L: Lens>(lens: &L, name: &str) -> PyResult<L::Model> {
+    let mut models = L::Model::NESTED.iter().copied();
+    models
+        .find(|model| model.name() == name)
+        .ok_or_else(|| unknown_model(name, &names(lens)))
+}
+
+/// A lens as one of another's family: itself, or its camera matrix alone where it is of another.
+pub fn in_family_of<L: Lens>(_: &L, given: &AnyLens) -> L {
+    with_lens!(given, |given| {
+        let lens = L::from_camera_matrix(&given.camera_matrix());
+        match names(given) == names(&lens) {
+            true => lens.with_parameters(&given.parameters()),
+            false => lens,
+        }
+    })
+}
