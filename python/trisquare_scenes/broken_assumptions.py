@@ -14,10 +14,11 @@ import cv2
 import numpy as np
 
 from trisquare._support.rotations import tilted
+from trisquare.simulate.fisheye import TrueFisheye
 from trisquare.simulate.render import Image, render
 from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, rectangle
 from trisquare.simulate.scenes import random_camera, random_scene
-from trisquare_scenes.other_lenses import FisheyeCamera, PrismCamera, RationalCamera
+from trisquare_scenes.other_lenses import PrismCamera, RationalCamera
 
 NOISE = (1.0, 4.0)
 """Grey levels."""
@@ -184,8 +185,8 @@ def rational(rng: np.random.Generator, usual: TrueCamera) -> TrueCamera:
 def fisheye(rng: np.random.Generator, usual: TrueCamera) -> TrueCamera:
     """Return an equidistant lens that sees 90 to 140 degrees from corner to corner."""
     focal = 800.0 / np.radians(rng.uniform(45.0, 70.0))
-    members = _members(usual) | {"fx": focal, "fy": focal, "distortion": np.zeros(5)}
-    return FisheyeCamera(**members)
+    members = _members(usual) | {"fx": focal, "fy": focal, "distortion": np.zeros(4)}
+    return TrueFisheye(**members)
 
 
 def _members(camera: TrueCamera) -> dict[str, Any]:

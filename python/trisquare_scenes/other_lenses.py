@@ -1,11 +1,10 @@
-"""Lenses outside the family that `TrueCamera` has: rational, thin prism, fisheye."""
+"""Lenses outside the families that `simulate` has: rational, thin prism."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from trisquare.simulate.scene import Array, TrueCamera
 
@@ -54,23 +53,3 @@ class PrismCamera(OtherCamera):
         first, second = self.prism[[0, 2]], self.prism[[1, 3]]
         distorted: Array = TrueCamera.distort(self, normalised) + square * (first + second * square)
         return distorted
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FisheyeCamera(OtherCamera):
-    """An equidistant lens: a ray's angle with the axis is its distance from the centre."""
-
-    def distort(self, normalised: Array) -> Array:
-        """Map ideal to observed normalised coordinates, shape (N, 2)."""
-        radius = np.maximum(np.hypot(normalised[..., 0], normalised[..., 1]), 1e-12)[..., None]
-        distorted: Array = normalised * (np.arctan(radius) / radius)
-        return distorted
-
-    def undistort(self, pixels: npt.ArrayLike) -> Array:
-        """Map pixels to ideal normalised coordinates, shape (N, 2), in closed form."""
-        observed = (np.asarray(pixels) - [self.cx, self.cy]) / [self.fx, self.fy]
-        angle = np.maximum(np.hypot(observed[..., 0], observed[..., 1]), 1e-12)[..., None]
-        if np.any(angle >= 0.5 * np.pi):
-            raise ValueError("a pixel's ray is 90 degrees or more from the axis")
-        ideal: Array = observed * (np.tan(angle) / angle)
-        return ideal

@@ -6,6 +6,7 @@ quoted for the package can be drawn again from a seed.
 
 from trisquare._support.rotations import tilted
 from trisquare.simulate.cramer_rao import cramer_rao_bound, pixel_sigma
+from trisquare.simulate.fisheye import TrueFisheye, fisheye, wide_scene
 from trisquare.simulate.folded_corner import corner_scene
 from trisquare.simulate.motion_blur import Motion
 from trisquare.simulate.render import render, render_into
@@ -23,10 +24,12 @@ __all__ = [
     "Scene",
     "Target",
     "TrueCamera",
+    "TrueFisheye",
     "chessboard_scene",
     "corner_scene",
     "cramer_rao_bound",
     "edge_points",
+    "fisheye",
     "photo_like",
     "pixel_sigma",
     "random_camera",
@@ -34,4 +37,5 @@ __all__ = [
     "render",
     "render_into",
     "tilted",
+    "wide_scene",
 ]

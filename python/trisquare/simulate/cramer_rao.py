@@ -16,7 +16,6 @@ from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, sample_si
 Parameter: TypeAlias = str | int
 InSight = Callable[[Array], npt.NDArray[np.bool_]]
 
-DISTORTION_NAMES = ("k1", "k2", "p1", "p2", "k3")
 # Central differences: relative to parameters near 1 this balances rounding and curvature at
 # about 1e-9 of the derivative.
 DIFFERENCE_STEP = 1e-5
@@ -70,7 +69,8 @@ def cramer_rao_bound(
     spacing : float
         Pixels of edge per offset.
     free : sequence of str
-        Of ``fx fy cx cy k1 k2 p1 p2 k3``, and ``f`` for one scale common to fx and fy.
+        Of ``fx fy cx cy``, the lens's coefficients (``k1 k2 p1 p2 k3``, of a fisheye
+        ``k1 k2 k3 k4``), and ``f`` for one scale common to fx and fy.
     in_sight : callable, optional
         Tells of pixels, shape (N, 2), which of them the picture shows; edges elsewhere, outside
         the picture or hidden, do not count.
@@ -156,8 +156,9 @@ def changed(
     if parameter == "f":
         fy = camera.fy + step * camera.fy / camera.fx
         return replace(camera, fx=camera.fx + step, fy=fy), target
-    if parameter in DISTORTION_NAMES:
-        direction = np.eye(5)[DISTORTION_NAMES.index(parameter)]
+    names = camera.COEFFICIENTS
+    if parameter in names:
+        direction = np.eye(len(names))[names.index(str(parameter))]
         return replace(camera, distortion=camera.distortion + step * direction), target
     if isinstance(parameter, str):
         return replace(camera, **{parameter: getattr(camera, parameter) + step}), target

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple, TypeAlias
+from typing import ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -39,6 +39,9 @@ class TrueCamera:
         Width and height, pixels.
     """
 
+    COEFFICIENTS: ClassVar[tuple[str, ...]] = ("k1", "k2", "p1", "p2", "k3")
+    """Names of the distortion coefficients."""
+
     fx: float
     fy: float
     cx: float
@@ -47,7 +50,8 @@ class TrueCamera:
     image_size: tuple[int, int] = (1280, 960)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "distortion", real_array(self.distortion, "distortion", (5,)))
+        shape = (len(self.COEFFICIENTS),)
+        object.__setattr__(self, "distortion", real_array(self.distortion, "distortion", shape))
 
     @property
     def K(self) -> Array:  # noqa: N802 (the field's name)
@@ -96,6 +100,29 @@ class TrueCamera:
             if np.all(np.abs(step) < UNDISTORT_TOLERANCE) and np.all(determinant > 0.0):
                 return ideal
         raise ValueError("a pixel lies beyond the radius where the distortion can be inverted")
+
+    def rays(self, pixels: npt.ArrayLike) -> Array:
+        """Directions ``(x, y, 1)`` in which pixels, shape (N, 2), look, shape (N, 3).
+
+        Raises
+        ------
+        ValueError
+            If a pixel lies where the distortion cannot be inverted.
+        """
+        ideal = self.undistort(pixels)
+        return np.concatenate([ideal, np.ones((*ideal.shape[:-1], 1))], axis=-1)
+
+    def sees(self, points: Array) -> npt.NDArray[np.bool_]:
+        """Tell which points of the camera frame, shape (N, 3), are ahead, shape (N,).
+
+        And seen where the radial distortion still grows all the way from the axis.
+        """
+        k1, k2, _, _, k3 = self.distortion
+        ahead = points[:, 2] > 0.0
+        ideal = points[:, :2] / np.where(ahead, points[:, 2], 1.0)[:, None]
+        r2 = np.linspace(0.0, 1.0, 50)[:, None] * np.sum(ideal**2, axis=1)
+        slope = 1.0 + r2 * (3.0 * k1 + r2 * (5.0 * k2 + r2 * 7.0 * k3))
+        return np.asarray(ahead & np.all(slope > 0.0, axis=0))
 
     def _distortion_jacobian(self, ideal: Array) -> tuple[Array, Array, Array]:
         """Entries xx, xy (= yx) and yy of the derivative of `distort`."""

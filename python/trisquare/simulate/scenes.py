@@ -218,12 +218,8 @@ def inside(camera: TrueCamera, target: Target) -> bool:
     fraction = np.linspace(0.0, 1.0, 9)[:, None, None]
     outline = corners + fraction * (np.roll(corners, -1, axis=0) - corners)
     points = target.to_camera(outline.reshape(-1, 2))
-    if np.any(points[:, 2] <= 0.0):
-        return False
     # The distortion must still grow there, lest it fold the points back into the picture.
-    k1, k2, _, _, k3 = camera.distortion
-    r2 = np.linspace(0.0, 1.0, 50)[:, None] * np.sum((points[:, :2] / points[:, 2:]) ** 2, axis=1)
-    if np.any(1.0 + r2 * (3.0 * k1 + r2 * (5.0 * k2 + r2 * 7.0 * k3)) <= 0.0):
+    if not np.all(camera.sees(points)):
         return False
     pixels = camera.project(points)
     low, high = PICTURE_MARGIN, np.array(camera.image_size) - 1.0 - PICTURE_MARGIN
