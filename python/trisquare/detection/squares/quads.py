@@ -62,8 +62,8 @@ APPROXIMATION_STEPS = (0.02, 0.035, 0.05)
 """Tolerances of the polygon, over the contour's length: a sagitta of 4 % of a side is 1 % of
 the length, and the last step still keeps a rhombus of 25 degrees apart from a line."""
 
-AREA_SLACK = 0.2
-"""Relative difference between contour and polygon; bulging sides (sagitta 4 %) make 11 %."""
+AREA_SLACK = 0.3
+"""Relative difference between contour and polygon; sides that all bulge by 10 % make 27 %."""
 
 CLEARANCE = 3.5
 """Pixels from a contour to where the edge's blur has ended; contours are up to 1.5 px off."""

@@ -46,8 +46,8 @@ MIN_INLIERS_HIDDEN = 0.65
 """... and of the one side, if any, that a finger, glare or a tear may hide a quarter of, with the
 blur at both ends."""
 
-MAX_SAGITTA = 0.07
-"""Over the chord; the strongest lens bends a long side by 4 %, a quarter circle has 0.21."""
+MAX_SAGITTA = 0.16
+"""Over the chord: a fisheye bends a long side by 15 %, a quarter circle has 0.21."""
 
 MAX_CORNER_COSINE = np.cos(np.deg2rad(25.0))
 """Corners between 25 and 155 degrees: beyond, the square is seen too flat to measure."""
