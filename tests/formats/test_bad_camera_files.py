@@ -16,6 +16,7 @@ import trisquare as ts
 from trisquare import Camera
 from trisquare.formats import FORMAT_NAMES
 
+FISHEYE = "equidistant"
 K = np.array([[1000.5, 0.0, 640.25], [0.0, 1001.5, 480.75], [0.0, 0.0, 1.0]])
 CAMERA = Camera(K, [-0.1, 0.02, 0.001, -0.002, 0.0], (1280, 960), "brown")
 SIMPLE = Camera(
@@ -246,16 +247,17 @@ def test_what_cannot_be_opened_is_an_os_error(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_lens_that_sees_too_little_has_no_nearest(tmp_path):
-    text = (
-        "cam0:\n  camera_model: pinhole\n  intrinsics: [200, 200, 320, 240]\n"
-        "  distortion_model: equidistant\n  distortion_coeffs: [0, 0, 0, 0]\n"
-        "  resolution: [640, 480]\n"
-    )
-    said = load_text(tmp_path, "fisheye.yaml", text, approximate=True)
-    assert "Kalibr's equidistant model: no lens of the model brown" in said
-    said = load_text(tmp_path, "fisheye.yaml", text.replace("200, 200", "20, 20"))
-    assert "has a direction ahead of the camera for only" in said
+def test_a_lens_that_sees_too_much_has_no_nearest(tmp_path):
+    path = tmp_path / "fisheye.cameramodel"
+    for focal, said in ((200, "no lens of the model LENSMODEL_OPENCV5"), (20, "for only")):
+        wide = Camera(
+            [[focal, 0, 320], [0, focal, 240], [0, 0, 1]], np.zeros(4), (640, 480), FISHEYE
+        )
+        with pytest.raises(
+            ValueError, match=rf"cannot hold this camera \(model {FISHEYE}\).*{said}"
+        ):
+            wide.save(path, approximate=True)
+    assert not path.exists()
 
 
 def test_a_lens_model_error_says_its_numbers_and_survives_pickling():

@@ -376,17 +376,49 @@ def test_a_chain_of_kalibrs_has_several_cameras(tmp_path):
     np.testing.assert_array_equal(
         left.distortion, [-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05, 0]
     )
-    # A fisheye's nearest, measured with OpenCV's own fisheye.
-    with pytest.raises(ts.LensModelError, match="Kalibr's equidistant model") as info:
-        Camera.load(tmp_path / "rig.yaml", name="cam1")
-    right = info.value.nearest
-    K = np.array([[457.587, 0, 379.999], [0, 456.134, 255.238], [0, 0, 1]])
+    right = Camera.load(tmp_path / "rig.yaml", name="cam1")
+    assert (right.image_size, right.model) == ((752, 480), "fisheye")
+    np.testing.assert_array_equal(right.distortion, [0.003, -0.002, 0.0005, -0.0001])
+    # What stands in for a fisheye, measured with OpenCV's own.
+    with pytest.raises(ts.LensModelError, match="cannot hold this camera") as info:
+        right.save(tmp_path / "right.cameramodel")
     pixels = np.stack(np.meshgrid(np.linspace(0, 751, 15), np.linspace(0, 479, 11)), axis=-1)
     pixels = pixels.reshape(-1, 1, 2)
-    ideal = cv2.fisheye.undistortPoints(pixels, K, np.array([0.003, -0.002, 0.0005, -0.0001]))
-    seen = right.project(np.c_[ideal[:, 0], np.ones(len(ideal))])
+    ideal = cv2.fisheye.undistortPoints(pixels, right.K, right.distortion)
+    seen = info.value.nearest.project(np.c_[ideal[:, 0], np.ones(len(ideal))])
     off = np.linalg.norm(seen - pixels[:, 0], axis=1)
     assert 0.7 * info.value.worst < off.max() < 1.02 * info.value.worst
+
+
+@pytest.mark.parametrize("model", ["equidistant", "fisheye"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("camera.json", "camera.yaml", "camera.xml", "camera_info.yaml", "camchain.yaml"),
+        *("cameras.txt", "transforms.json"),
+    ],
+)
+def test_a_fisheye_comes_back_exactly(tmp_path, name, model):
+    distortion = [0.02, -0.01, 0.003, -0.0004] if model == "fisheye" else np.zeros(4)
+    camera = Camera([[400.5, 0, 641.25], [0, 401, 480], [0, 0, 1]], distortion, SIZE, model)
+    loaded = Camera.load(saved(camera, tmp_path / name))
+    assert loaded.model == model
+    np.testing.assert_array_equal(loaded.distortion, camera.distortion)
+    np.testing.assert_allclose(loaded.K, camera.K, rtol=1e-15)
+
+
+@pytest.mark.parametrize("distortion", [[0.02, 0, 0, 0], [0.02, -0.01, 0, 0], [0.1, 0.2, 0.3, 0.4]])
+def test_colmap_itself_sees_a_fisheye_as_it_is(tmp_path, distortion):
+    pycolmap = pytest.importorskip("pycolmap", reason="pycolmap is not installed")
+    camera = Camera([[400, 0, 641], [0, 400, 480], [0, 0, 1]], distortion, SIZE, "fisheye")
+    saved(camera, tmp_path / "cameras.txt")
+    for name in ("images.txt", "points3D.txt"):
+        (tmp_path / name).write_text("")
+    reconstruction = pycolmap.Reconstruction()
+    reconstruction.read_text(str(tmp_path))
+    rays = np.array([[0.1, 0.2], [-0.8, 0.3], [0.5, -0.6]])
+    theirs = reconstruction.cameras[1].img_from_cam(np.c_[rays, np.ones(3)])
+    np.testing.assert_allclose(camera.project(np.c_[rays, np.ones(3)]) + 0.5, theirs, atol=1e-9)
 
 
 def test_kalibr_files_have_its_schema(tmp_path):

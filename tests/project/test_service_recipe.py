@@ -76,7 +76,7 @@ def test_arguments_reach_the_calibration(client):
         ("", DEMO[: len(DEMO) // 2], 415, "ImageError", "truncated"),
         ("", encoded(np.full((480, 640), 128, np.uint8)), 422, "DetectionError", "no square"),
         ("", encoded(np.zeros((1, 1), np.uint8)), 422, "DetectionError", "no square"),
-        ("?model=fisheye", DEMO, 400, "ValueError", "fisheye"),
+        ("?model=fishbowl", DEMO, 400, "ValueError", "fishbowl"),
         ("?tone=bright", DEMO, 400, "ValueError", "bright"),
         ("?targets=/etc/secret.JSON", DEMO, 400, "ValueError", "name a board"),
     ],

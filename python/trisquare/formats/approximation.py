@@ -9,9 +9,8 @@ from typing import Any, TypeAlias
 import trisquare._core as _core
 from trisquare.camera.approximation import Approximation
 from trisquare.camera.camera import Camera, CoreCamera, camera_for_core, camera_parameters
+from trisquare.camera.lens_models import BROWN, COEFFICIENTS, FISHEYE
 from trisquare.formats.other_lenses import ForeignLens, camera_matrix, camera_of
-
-COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")
 
 Lens: TypeAlias = "Camera | ForeignLens"
 
@@ -20,26 +19,35 @@ Lens: TypeAlias = "Camera | ForeignLens"
 class Family:
     """The lenses that one model of a file format can say.
 
-    Those of this class are cameras of `Camera`'s own model with some of its numbers tied.
+    Those of this class are cameras of one of `Camera`'s models with some of its numbers tied.
 
     Parameters
     ----------
     title : str
         The model's name in the format, and its coefficients.
     free : tuple of str
-        The coefficients it has, by the core's names; here of ``k1 k2 p1 p2 k3``.
+        The coefficients it has, by the core's names; here some of `all_coefficients`.
     square : bool
         Whether it has one focal length only.
+    all_coefficients : tuple of str
+        Those of the camera's model, in OpenCV's order.
     """
 
     title: str
     free: tuple[str, ...]
     square: bool = False
+    all_coefficients: tuple[str, ...] = BROWN
+
+    def is_of(self, camera: Camera) -> bool:
+        """Return whether the camera has the coefficients of these lenses, or more."""
+        return COEFFICIENTS[camera.model] == self.all_coefficients
 
     def exactly(self, camera: Camera) -> Any:
         """Return the camera as the family has it, None if it has not: here, itself."""
+        if not self.is_of(camera):
+            return None
         values = camera_parameters(camera)
-        missing = any(values[name] for name in COEFFICIENTS if name not in self.free)
+        missing = any(values[name] for name in self.all_coefficients if name not in self.free)
         return None if missing or (self.square and camera.fx != camera.fy) else camera
 
     def lens(
@@ -54,7 +62,9 @@ class Family:
         return camera_of(camera_matrix(*focal, *centre), named, image_size)
 
 
-ANY_CAMERA = Family("brown (k1, k2, p1, p2, k3)", COEFFICIENTS)
+ANY_BROWN = Family("brown (k1, k2, p1, p2, k3)", BROWN)
+ANY_FISHEYE = Family("fisheye (k1, k2, k3, k4)", FISHEYE, all_coefficients=FISHEYE)
+ANY_CAMERA = (ANY_FISHEYE, ANY_BROWN)
 """All that a `Camera` can be."""
 
 

@@ -5,9 +5,9 @@ pixel larger than trisquare's in each coordinate. Schema: COLMAP's documentation
 lines of ``CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]``, the parameters in the order of
 src/colmap/sensor/models.h.
 
-Written: the simplest of SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and FULL_OPENCV that
-holds the camera; the last one holds every camera. Read: these, and the fisheyes (OPENCV_FISHEYE,
-SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE) and a rational FULL_OPENCV as the nearest.
+Written and read: the simplest of SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and
+FULL_OPENCV that holds the camera, or of the fisheyes SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE and
+OPENCV_FISHEYE; the last ones hold every camera. A rational FULL_OPENCV is read as the nearest.
 """
 
 from __future__ import annotations
@@ -18,10 +18,11 @@ from functools import partial
 
 from trisquare._support.arrays import real_number
 from trisquare.camera.camera import Camera
+from trisquare.camera.lens_models import FISHEYE
 from trisquare.formats.approximation import Family, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize
 from trisquare.formats.document import Document
-from trisquare.formats.other_lenses import camera_matrix, camera_of, fisheye_lens, opencv_lens
+from trisquare.formats.other_lenses import camera_matrix, camera_of, fisheye_of, opencv_lens
 
 HALF_PIXEL = 0.5
 """From trisquare's origin to COLMAP's."""
@@ -40,6 +41,9 @@ FOCALS_AND_COEFFICIENTS = {
 """How many focal lengths, one or two, and coefficients a model has."""
 
 FAMILIES = (
+    Family("SIMPLE_RADIAL_FISHEYE", ("k1",), square=True, all_coefficients=FISHEYE),
+    Family("RADIAL_FISHEYE", ("k1", "k2"), square=True, all_coefficients=FISHEYE),
+    Family("OPENCV_FISHEYE", FISHEYE, all_coefficients=FISHEYE),
     Family("SIMPLE_PINHOLE", (), square=True),
     Family("PINHOLE", ()),
     Family("SIMPLE_RADIAL", ("k1",), square=True),
@@ -93,7 +97,7 @@ def _camera(words: Sequence[str]) -> Lens:
     K = camera_matrix(numbers[0], numbers[focals - 1], cx, cy)
     distortion = numbers[focals + 2 :]
     if model.endswith("FISHEYE"):
-        return fisheye_lens(f"COLMAP's {model}", K, distortion, size)
+        return fisheye_of(K, distortion, size)
     if model in ("SIMPLE_RADIAL", "RADIAL"):
         named = dict(zip(("k1", "k2"), distortion, strict=False))
         return camera_of(K, named, size)
@@ -116,8 +120,7 @@ def _real(word: str, name: str) -> float:
 def write(camera: Camera, suffix: str) -> str:
     """Write a model of one camera, whose id is 1."""
     family = next(family for family in FAMILIES if family.exactly(camera) is not None)
-    k1, k2, p1, p2, k3 = camera.distortion.tolist()
-    in_order = (k1, k2, p1, p2, k3, 0.0, 0.0, 0.0)
+    in_order = (*camera.distortion.tolist(), 0.0, 0.0, 0.0)
     coefficients = in_order[: FOCALS_AND_COEFFICIENTS[family.title][1]]
     numbers = [camera.fx] if family.square else [camera.fx, camera.fy]
     numbers += [camera.cx + HALF_PIXEL, camera.cy + HALF_PIXEL, *coefficients]

@@ -5,8 +5,8 @@ wiki, page "Yaml formats": for ``cam0``, ``cam1``, ... a ``camera_model`` with i
 [fu, fv, pu, pv], a ``distortion_model`` with its ``distortion_coeffs``, the ``resolution`` [width,
 height] and the ``rostopic``.
 
-Written: ``pinhole`` with ``radtan`` (k1, k2, p1, p2): a camera with k3 is not held. Read:
-``pinhole`` with ``radtan`` or ``none``; with ``equidistant``, the nearest.
+Written: ``pinhole`` with ``radtan`` (k1, k2, p1, p2), so that a camera with k3 is not held, or with
+``equidistant`` (k1, k2, k3, k4). Read: these, and ``none``.
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ from functools import partial
 
 from trisquare._support.json_members import JsonFields
 from trisquare.camera.camera import Camera
+from trisquare.camera.lens_models import FISHEYE, is_fisheye
 from trisquare.formats.approximation import Family, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize, size_member
 from trisquare.formats.document import Document
-from trisquare.formats.other_lenses import camera_matrix, fisheye_lens, opencv_lens
+from trisquare.formats.other_lenses import camera_matrix, fisheye_of, opencv_lens
 from trisquare.formats.ros import yaml_real
 
 CAMERA_NAME = re.compile(r"cam\d{1,4}")
@@ -55,7 +56,7 @@ def _camera(members: JsonFields) -> Lens:
         return opencv_lens(K, (), size)
     distortion = members.array("distortion_coeffs", (4,)).tolist()
     if model == "equidistant":
-        return fisheye_lens("Kalibr's equidistant model", K, distortion, size)
+        return fisheye_of(K, distortion, size)
     if model == "radtan":
         return opencv_lens(K, distortion, size)
     raise ValueError(f'"distortion_model" is {model!r}: only radtan, equidistant and none are read')
@@ -69,7 +70,7 @@ def write(camera: Camera, suffix: str) -> str:
         "  cam_overlaps: []",
         "  camera_model: pinhole",
         f"  distortion_coeffs: {_numbers(camera.distortion.tolist()[:4])}",
-        "  distortion_model: radtan",
+        f"  distortion_model: {'equidistant' if is_fisheye(camera.model) else 'radtan'}",
         f"  intrinsics: {_numbers(intrinsics)}",
         f"  resolution: [{camera.image_size[0]}, {camera.image_size[1]}]",
         "  rostopic: /cam0/image_raw",
@@ -87,6 +88,9 @@ FORMAT = Format(
     recognises=recognises,
     read=read,
     write=write,
-    families=(Family("radtan (k1, k2, p1, p2)", ("k1", "k2", "p1", "p2")),),
+    families=(
+        Family("equidistant (k1, k2, k3, k4)", FISHEYE, all_coefficients=FISHEYE),
+        Family("radtan (k1, k2, p1, p2)", ("k1", "k2", "p1", "p2")),
+    ),
     file_names=("camchain.yaml", "camchain.yml"),
 )

@@ -12,7 +12,7 @@ from trisquare._support.writing import PathLike, write_atomically
 from trisquare.camera.approximation import Approximation
 from trisquare.camera.camera import Camera
 from trisquare.errors import LensModelError
-from trisquare.formats.approximation import ANY_CAMERA, Lens, nearest
+from trisquare.formats.approximation import ANY_BROWN, Lens, nearest
 from trisquare.formats.base import Cameras, Format
 from trisquare.formats.document import Document
 from trisquare.formats.registry import format_called, format_of_document, format_of_name
@@ -62,7 +62,7 @@ def load_camera(
         if isinstance(lens, Camera):
             return Loaded(lens, found.name, chosen)
         try:
-            stand_in = nearest(lens, ANY_CAMERA)
+            stand_in = nearest(lens, ANY_BROWN)
         except ValueError as error:
             raise ValueError(f"{lens.title}: {error}") from error
     camera = stand_in.lens
@@ -127,8 +127,14 @@ def written(
         lens = family.exactly(camera)
         if lens is not None:
             return known.write(lens, suffix), None
-    most_general = known.families[-1]
-    stand_in = nearest(camera, most_general)
+    own = [family for family in known.families if family.is_of(camera)]
+    most_general = (own or known.families)[-1]
+    try:
+        stand_in = nearest(camera, most_general)
+    except ValueError as error:
+        raise ValueError(
+            f"{known.title} cannot hold this camera (model {camera.model}): {error}"
+        ) from error
     if not approximate:
         raise LensModelError(
             f"{known.title} cannot hold this camera (model {camera.model}); the nearest that it "

@@ -7,8 +7,9 @@ conventions": ``camera_model``, ``fl_x``, ``fl_y``, ``cx``, ``cy``, ``w``, ``h``
 ``p1``, ``p2`` for all frames, or for each of ``frames``; its k3 and k4 are the coefficients of r^6
 and r^8.
 
-Written: OPENCV, with no frames. Read: OPENCV and its simpler relatives without k4; OPENCV_FISHEYE
-and k4 as the nearest. Frames with intrinsics of their own are named by their ``file_path``.
+Written: OPENCV or OPENCV_FISHEYE, with no frames. Read: these and the simpler relatives of the
+first; OPENCV with k4 as the nearest. Frames with intrinsics of their own are named by their
+``file_path``.
 """
 
 from __future__ import annotations
@@ -20,12 +21,13 @@ from functools import partial
 import numpy as np
 
 from trisquare._support.json_members import JsonFields, dump_members
-from trisquare.camera.camera import Camera
+from trisquare.camera.camera import Camera, camera_parameters
+from trisquare.camera.lens_models import is_fisheye
 from trisquare.formats.approximation import ANY_CAMERA, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize, only
 from trisquare.formats.colmap import HALF_PIXEL
 from trisquare.formats.document import Document
-from trisquare.formats.other_lenses import ForeignLens, camera_matrix, camera_of, fisheye_lens
+from trisquare.formats.other_lenses import ForeignLens, camera_matrix, camera_of, fisheye_of
 
 COEFFICIENTS = ("k1", "k2", "k3", "k4", "p1", "p2")
 PINHOLE_MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL")
@@ -74,7 +76,7 @@ def _camera(members: JsonFields, shared: JsonFields) -> Lens:
     model = holder.text("camera_model") if holder.has("camera_model") else "OPENCV"
     if model == "OPENCV_FISHEYE":
         coefficients = [named[key] for key in ("k1", "k2", "k3", "k4")]
-        return fisheye_lens("nerfstudio's OPENCV_FISHEYE", K, coefficients, size)
+        return fisheye_of(K, coefficients, size)
     if model not in PINHOLE_MODELS:
         raise ValueError(
             f'"camera_model" is {model!r}; of nerfstudio\'s these can be read: '
@@ -102,17 +104,17 @@ def _focal(members: JsonFields, width: float) -> float:
 
 def write(camera: Camera, suffix: str) -> str:
     """Write a file that lacks nothing but its frames."""
-    k1, k2, p1, p2, k3 = camera.distortion.tolist()
+    named = dict.fromkeys(COEFFICIENTS, 0.0) | camera_parameters(camera)
     return dump_members(
         {
-            "camera_model": "OPENCV",
+            "camera_model": "OPENCV_FISHEYE" if is_fisheye(camera.model) else "OPENCV",
             "w": camera.image_size[0],
             "h": camera.image_size[1],
             "fl_x": camera.fx,
             "fl_y": camera.fy,
             "cx": camera.cx + HALF_PIXEL,
             "cy": camera.cy + HALF_PIXEL,
-            **{"k1": k1, "k2": k2, "k3": k3, "k4": 0.0, "p1": p1, "p2": p2},
+            **{name: named[name] for name in COEFFICIENTS},
             "frames": [],
         }
     )
@@ -124,6 +126,6 @@ FORMAT = Format(
     recognises=recognises,
     read=read,
     write=write,
-    families=(ANY_CAMERA,),
+    families=ANY_CAMERA,
     file_names=("transforms.json",),
 )

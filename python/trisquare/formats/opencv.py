@@ -7,8 +7,10 @@ tx, ty]]]]), ``image_width`` and ``image_height``, as OpenCV's calibration sampl
 need it from the caller. The syntax of a file that is written follows its extension: ``.xml``,
 ``.json``, else YAML.
 
-Read: every model whose higher coefficients vanish; the others as the nearest. OpenCV's ``fisheye``
-cannot be told from the pinhole's four coefficients in these files: do not read it so.
+A fisheye has four coefficients, as a pinhole may: ``fisheye_model: 1``, which that sample writes
+too, tells them apart.
+
+Read: fisheyes, and every model whose higher coefficients vanish; the others as the nearest.
 """
 
 from __future__ import annotations
@@ -23,10 +25,11 @@ import numpy as np
 from trisquare._support.arrays import FloatArray
 from trisquare._support.json_members import JsonFields
 from trisquare.camera.camera import Camera
+from trisquare.camera.lens_models import FISHEYE, is_fisheye
 from trisquare.formats.approximation import ANY_CAMERA, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize, only
 from trisquare.formats.document import Document
-from trisquare.formats.other_lenses import opencv_lens
+from trisquare.formats.other_lenses import fisheye_of, opencv_lens
 from trisquare.formats.xml_text import parse_xml
 
 MATRIX_NAMES = ("camera_matrix", "Camera_Matrix", "cameraMatrix", "K", "mtx")
@@ -36,6 +39,7 @@ DISTORTION_NAMES = (
 )
 WIDTH_NAMES = ("image_width", "image_Width", "imageWidth", "width")
 HEIGHT_NAMES = ("image_height", "image_Height", "imageHeight", "height")
+FISHEYE_NAME = "fisheye_model"
 LENGTHS = (0, 4, 5, 8, 12, 14)
 
 
@@ -70,6 +74,10 @@ def _camera(members: JsonFields, image_size: ImageSize | None) -> Lens:
             "4, 5, 8, 12 or 14"
         )
     Camera(K, np.zeros(5), (1, 1))  # says what is wrong with K
+    if members.number_or(FISHEYE_NAME, 0.0):
+        if len(distortion) != len(FISHEYE):
+            raise ValueError(f"a fisheye has {len(FISHEYE)} coefficients, not {len(distortion)}")
+        return fisheye_of(K, distortion.tolist(), _size(members, image_size))
     return opencv_lens(K, distortion.tolist(), _size(members, image_size))
 
 
@@ -128,40 +136,43 @@ def write(camera: Camera, suffix: str) -> str:
     """Write a camera in the syntax that the extension stands for."""
     writers = {".xml": _xml, ".json": _json}
     width, height = camera.image_size
-    sizes = {"image_width": width, "image_height": height}
+    numbers = {"image_width": width, "image_height": height}
+    if is_fisheye(camera.model):
+        numbers[FISHEYE_NAME] = 1
+    coefficients = camera.distortion.tolist()
     matrices = {
         "camera_matrix": (3, 3, camera.K.ravel().tolist()),
-        "distortion_coefficients": (1, 5, camera.distortion.tolist()),
+        "distortion_coefficients": (1, len(coefficients), coefficients),
     }
-    return writers.get(suffix, _yaml)(sizes, matrices)
+    return writers.get(suffix, _yaml)(numbers, matrices)
 
 
 Matrices = dict[str, tuple[int, int, list[float]]]
 
 
-def _yaml(sizes: dict[str, int], matrices: Matrices) -> str:
+def _yaml(numbers: dict[str, int], matrices: Matrices) -> str:
     lines = ["%YAML:1.0", "---"]
-    lines += [f"{name}: {value}" for name, value in sizes.items()]
+    lines += [f"{name}: {value}" for name, value in numbers.items()]
     for name, (rows, columns, data) in matrices.items():
-        numbers = ", ".join(_real(value) for value in data)
+        row = ", ".join(_real(value) for value in data)
         lines += [f"{name}: !!opencv-matrix", f"   rows: {rows}", f"   cols: {columns}"]
-        lines += ["   dt: d", f"   data: [ {numbers} ]"]
+        lines += ["   dt: d", f"   data: [ {row} ]"]
     return "\n".join(lines) + "\n"
 
 
-def _xml(sizes: dict[str, int], matrices: Matrices) -> str:
+def _xml(numbers: dict[str, int], matrices: Matrices) -> str:
     lines = ['<?xml version="1.0"?>', "<opencv_storage>"]
-    lines += [f"<{name}>{value}</{name}>" for name, value in sizes.items()]
+    lines += [f"<{name}>{value}</{name}>" for name, value in numbers.items()]
     for name, (rows, columns, data) in matrices.items():
-        numbers = " ".join(_real(value) for value in data)
+        row = " ".join(_real(value) for value in data)
         lines += [f'<{name} type_id="opencv-matrix">', f"  <rows>{rows}</rows>"]
         lines += [f"  <cols>{columns}</cols>", "  <dt>d</dt>"]
-        lines += [f"  <data>{numbers}</data></{name}>"]
+        lines += [f"  <data>{row}</data></{name}>"]
     return "\n".join([*lines, "</opencv_storage>"]) + "\n"
 
 
-def _json(sizes: dict[str, int], matrices: Matrices) -> str:
-    members: dict[str, Any] = dict(sizes)
+def _json(numbers: dict[str, int], matrices: Matrices) -> str:
+    members: dict[str, Any] = dict(numbers)
     for name, (rows, columns, data) in matrices.items():
         members[name] = {
             **{"type_id": "opencv-matrix", "rows": rows, "cols": columns},
@@ -181,6 +192,6 @@ FORMAT = Format(
     recognises=recognises,
     read=read,
     write=write,
-    families=(ANY_CAMERA,),
+    families=ANY_CAMERA,
     file_names=(".yaml", ".yml", ".xml"),
 )

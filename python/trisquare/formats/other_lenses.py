@@ -9,6 +9,7 @@ import numpy as np
 
 from trisquare._support.arrays import FloatArray
 from trisquare.camera.camera import Camera
+from trisquare.camera.lens_models import FISHEYE
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,8 +25,8 @@ class ForeignLens:
     image_size : (int, int)
         Width and height in pixels.
     model : str
-        The core's name of the distortion: ``"opencv"``, ``"kannala_brandt"``, or the names of
-        coefficients, separated by blanks, such as ``"k1 k2 k3 k4 p1 p2"`` or ``"c b a"``.
+        The core's name of the distortion: ``"opencv"``, or the names of coefficients, separated by
+        blanks, such as ``"k1 k2 k3 k4 p1 p2"`` or ``"c b a"``.
     coefficients : sequence of float
         Of the model, for ideal normalised points.
     """
@@ -95,15 +96,13 @@ def opencv_lens(
     return camera_of(K, named, image_size)
 
 
-def fisheye_lens(
-    title: str,
-    K: FloatArray,
-    coefficients: Sequence[float],
-    image_size: tuple[int, int],
-) -> ForeignLens:
-    """Make a lens whose observed radius is a polynomial of the angle (Kannala & Brandt).
+def fisheye_of(K: FloatArray, coefficients: Sequence[float], image_size: tuple[int, int]) -> Camera:
+    """Make a camera whose observed radius is a polynomial of the angle (Kannala & Brandt).
 
-    ``r = theta (1 + k1 theta^2 + k2 theta^4 + ...)``, what OpenCV's ``fisheye``, Kalibr's
-    ``equidistant`` and COLMAP's ``OPENCV_FISHEYE`` share.
+    ``r = theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8)``, what OpenCV's
+    ``fisheye``, Kalibr's ``equidistant`` and COLMAP's ``OPENCV_FISHEYE`` share; coefficients that
+    are missing are zero.
     """
-    return ForeignLens(title, K, image_size, "kannala_brandt", [float(c) for c in coefficients])
+    values = np.zeros(len(FISHEYE))
+    values[: len(coefficients)] = coefficients
+    return Camera(K, values, image_size, "fisheye" if values.any() else "equidistant")

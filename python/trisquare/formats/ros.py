@@ -6,9 +6,9 @@ inherits). Schema: sensor_msgs/CameraInfo as camera_calibration_parsers spells i
 ``distortion_coefficients``, ``rectification_matrix`` and ``projection_matrix``, matrices as rows,
 cols and row-major data.
 
-Written: ``plumb_bob`` (k1, k2, p1, p2, k3), no rectification, a projection by K itself. Read:
-``plumb_bob``, ``rational_polynomial`` where its further terms vanish; otherwise, as
-``equidistant`` and ``fisheye``, the nearest.
+Written: ``plumb_bob`` (k1, k2, p1, p2, k3) or ``equidistant`` (k1, k2, k3, k4), no rectification, a
+projection by K itself. Read: these, ``fisheye``, which some call the latter, and
+``rational_polynomial`` where its further terms vanish; otherwise the nearest.
 """
 
 from __future__ import annotations
@@ -19,10 +19,11 @@ import numpy as np
 
 from trisquare._support.json_members import JsonFields
 from trisquare.camera.camera import Camera
+from trisquare.camera.lens_models import is_fisheye
 from trisquare.formats.approximation import ANY_CAMERA, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize
 from trisquare.formats.document import Document
-from trisquare.formats.other_lenses import fisheye_lens, opencv_lens
+from trisquare.formats.other_lenses import fisheye_of, opencv_lens
 
 LENGTHS = {
     "plumb_bob": (0, 4, 5),
@@ -61,21 +62,22 @@ def _camera(members: JsonFields) -> Lens:
         )
     Camera(K, np.zeros(5), size)  # says what is wrong with K or the size
     if model in ("equidistant", "fisheye"):
-        return fisheye_lens(f"ROS's {model} model", K, distortion, size)
+        return fisheye_of(K, distortion, size)
     return opencv_lens(K, distortion, size)
 
 
 def write(camera: Camera, suffix: str) -> str:
     """Write a camera."""
     width, height = camera.image_size
+    coefficients = camera.distortion.tolist()
     projection = np.column_stack([camera.K, np.zeros(3)])
     lines = [
         f"image_width: {width}",
         f"image_height: {height}",
         "camera_name: camera",
         *_matrix("camera_matrix", 3, 3, camera.K.ravel().tolist()),
-        "distortion_model: plumb_bob",
-        *_matrix("distortion_coefficients", 1, 5, camera.distortion.tolist()),
+        f"distortion_model: {'equidistant' if is_fisheye(camera.model) else 'plumb_bob'}",
+        *_matrix("distortion_coefficients", 1, len(coefficients), coefficients),
         *_matrix("rectification_matrix", 3, 3, np.eye(3).ravel().tolist()),
         *_matrix("projection_matrix", 3, 4, projection.ravel().tolist()),
     ]
@@ -99,6 +101,6 @@ FORMAT = Format(
     recognises=recognises,
     read=read,
     write=write,
-    families=(ANY_CAMERA,),
+    families=ANY_CAMERA,
     file_names=("camera_info.yaml", "camera_info.yml"),
 )
