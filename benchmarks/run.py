@@ -19,6 +19,8 @@ BENCHMARKS = (
     "accuracy.projection",
     "accuracy.undistort",
     "accuracy.model_choice",
+    "accuracy.fisheye_edges",
+    "accuracy.fisheye_pictures",
     "accuracy.richer_models",
     "accuracy.broken_assumptions",
     "accuracy.lens_beyond_model",

@@ -61,6 +61,27 @@ def test_a_picture_is_found_and_answered_within_its_standard_deviations(degrees)
     assert (np.abs(values(result.camera) - values(camera_of(scene.camera))) < 4.5 * std).all()
 
 
+def test_evidence_takes_a_fisheye_for_what_it_is(wide):
+    _, result = wide
+    found = ts.calibrate_edges(result.edges, image_size=SIZE, model="auto")
+    assert found.camera.model == "fisheye"
+    others = {other.model: other.log_evidence for other in found.alternatives}
+    assert "equidistant" in others
+    assert max(others.values()) <= 0.0
+    plain = wide_scene(np.random.default_rng(135), fisheye(130.0, np.zeros(4)))
+    edges = edges_of(plain, np.random.default_rng(136))
+    assert ts.calibrate_edges(edges, image_size=SIZE, model="auto").camera.model == "equidistant"
+
+
+@pytest.mark.parametrize("model", ["radial1", "radial2", "brown"])
+def test_under_another_model_a_warning_names_it(wide, model):
+    _, result = wide
+    found = ts.calibrate_edges(result.edges, image_size=SIZE, model=model)
+    first = found.warnings[0]
+    assert (first.code, first.severity) == ("lens_beyond_model", "high")
+    assert 'model="fisheye"' in first
+
+
 def test_its_maps_are_those_of_opencv():
     camera = camera_of(fisheye(170.0))
     points = np.array([[0.3, 0.2, 1.0], [-2.0, 1.0, 1.0], [0.0, 0.0, 2.0]])

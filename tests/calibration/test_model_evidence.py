@@ -31,7 +31,8 @@ def test_the_lens_is_recognised(model):
     result = ts.calibrate_edges(edges_of(scene, noise=0.03, seed=2), IMAGE_SIZE, model="auto")
     assert result.camera.model == model
     assert set(result.alternatives)
-    assert {a.model for a in result.alternatives} < set(LENSES)
+    # The best of the fisheye models speaks for their family.
+    assert {a.model for a in result.alternatives} < {*LENSES, "fisheye", "equidistant"}
     assert model not in {a.model for a in result.alternatives}
     assert all(a.log_evidence <= 0 < a.rms for a in result.alternatives)
     assert_within(result, scene, 4)

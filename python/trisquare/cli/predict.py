@@ -57,7 +57,7 @@ def predict_command(
     model: str | None = option(
         None,
         "MODEL",
-        "Distortion model: none, radial1, radial2, radial3 or brown.",
+        "Lens model: none, radial1, radial2, radial3 or brown.",
         offer=MODELS,
     ),
     fix: list[str] | None = FIX,

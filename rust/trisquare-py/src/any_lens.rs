@@ -80,8 +80,8 @@ pub fn model_of<L: Lens>(lens: &L, name: &str) -> PyResult<L::Model> {
         .ok_or_else(|| unknown_model(name, &names(lens)))
 }
 
-/// A lens as one of another's family: itself, or its camera matrix alone where it is of another.
-pub fn in_family_of<L: Lens>(_: &L, given: &AnyLens) -> L {
+/// A lens as one of a family: itself, or its camera matrix alone where it is of another.
+pub fn in_family<L: Lens>(given: &AnyLens) -> L {
     with_lens!(given, |given| {
         let lens = L::from_camera_matrix(&given.camera_matrix());
         match names(given) == names(&lens) {

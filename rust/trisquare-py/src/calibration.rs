@@ -6,11 +6,12 @@ use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict};
 use pyo3::{PyClass, PyClassInitializer};
 use trisquare::{
-    BrownModel, DistortionModel, Fixed, ImageSize, Lens, Method, ModelChoice, Options, Photographs,
-    PictureTone, Plane, PlaneEdges, Severity, Stage, Warning,
+    Brown, Choice, DistortionModel, Error, FamilyChoice, Fisheye, Fixed, ImageSize, Lens, Method,
+    ModelChoice, Options, Photographs, PictureTone, Plane, PlaneEdges, RejectedFamily, Severity,
+    Stage, Warning,
 };
 
-use crate::any_lens::{CameraMembers, family_of, in_family_of, model_of, with_lens};
+use crate::any_lens::{AnyLens, CameraMembers, family_of, in_family, model_of, with_lens};
 use crate::arrays;
 use crate::errors::{computed, exception};
 use crate::image::{Picture, picture_tone};
@@ -155,76 +156,139 @@ pub fn calibrate<'py>(
         tones: &tones,
     });
     let initial = initial.map(|camera| camera.lens(py)).transpose()?;
-    let by_evidence = model == AUTO;
-    let usual = BrownModel::default().name();
-    let model = if by_evidence { &usual } else { model };
     let task = Task {
         edges,
         size,
         choosing,
-        by_evidence,
         photographs,
     };
     let (method, fixed) = (
         named(method, "method", &METHODS)?,
         fixed_parameters(&fixed)?,
     );
+    if model == AUTO {
+        return task.outcome_by_family(py, &options_with(method, fixed, initial.as_ref()));
+    }
     with_lens!(family_of(model)?, |lens| {
-        let options = Options {
-            method,
-            model: model_of(&lens, model)?,
-            fixed,
-            initial: initial.map(|initial| in_family_of(&lens, &initial)),
-        };
-        task.outcome(py, &options)
+        let model = model_of(&lens, model)?;
+        task.outcome_with(
+            py,
+            &lens,
+            model,
+            options_with(method, fixed, initial.as_ref()),
+        )
     })
 }
 
 /// The model that stands for the choice among all of them.
 const AUTO: &str = "auto";
 
+/// Options with the usual model of a lens.
+fn options_with<L: Lens>(method: Method, fixed: Fixed, initial: Option<&AnyLens>) -> Options<L> {
+    Options {
+        method,
+        fixed,
+        initial: initial.map(in_family),
+        model: L::Model::default(),
+    }
+}
+
 /// What is asked for, whatever the lens.
 struct Task<'a> {
     edges: Vec<PlaneEdges>,
     size: ImageSize,
     choosing: bool,
-    by_evidence: bool,
     photographs: Option<Photographs<'a>>,
 }
 
 impl Task<'_> {
-    fn outcome<L: Lens>(mut self, py: Python<'_>, options: &Options<L>) -> PyResult<Outcome> {
-        let (size, photographs) = (self.size, self.photographs.as_ref());
+    /// With the lens and the model that are asked for.
+    fn outcome_with<L: Lens>(
+        mut self,
+        py: Python<'_>,
+        _family: &L,
+        model: L::Model,
+        options: Options<L>,
+    ) -> PyResult<Outcome> {
+        let options = &Options { model, ..options };
         let (choice, found) = computed(py, || {
-            let choice = match self.choosing {
-                true => Some(trisquare::choose(&self.edges, size, options)?),
-                false => None,
+            let choice = self.chosen(options)?;
+            self.keep(choice.as_ref());
+            let (edges, size) = (&self.edges, self.size);
+            let photographs = self.photographs.as_ref();
+            let found = trisquare::calibrate_photographs(edges, size, options, photographs);
+            Ok((
+                choice,
+                found.map(|mut calibration| {
+                    trisquare::heed_fisheye(edges, size, options, &mut calibration);
+                    ModelChoice::without_alternatives(options.model, calibration)
+                }),
+            ))
+        })?;
+        outcome(py, choice, found, |found| solution(py, &found, None))
+    }
+
+    /// With the lens that the data ask for.
+    fn outcome_by_family(mut self, py: Python<'_>, options: &Options<Brown>) -> PyResult<Outcome> {
+        let (choice, found) = computed(py, || {
+            let choice = self.chosen(options);
+            let wide: Options<Fisheye> = Options {
+                method: options.method,
+                fixed: options.fixed,
+                initial: options.initial.map(|lens| in_family(&AnyLens::Brown(lens))),
+                ..Options::new()
             };
-            if let Some(choice) = &choice {
-                choice.keep(&mut self.edges);
-            }
-            let edges = &self.edges;
-            let found = match self.by_evidence {
-                true => trisquare::calibrate_by_evidence(edges, size, options, photographs),
-                false => trisquare::calibrate_photographs(edges, size, options, photographs).map(
-                    |calibration| ModelChoice {
-                        model: options.model,
-                        calibration,
-                        alternatives: Vec::new(),
-                    },
-                ),
+            // The lens that more planes agree with; of equals the usual one.
+            let choice = match (choice, self.chosen(&wide)) {
+                (Ok(plain), Ok(wide)) if kept(&wide) > kept(&plain) => wide,
+                (Err(_), Ok(wide)) => wide,
+                (plain, _) => plain?,
             };
+            self.keep(choice.as_ref());
+            let photographs = self.photographs.as_ref();
+            let found =
+                trisquare::calibrate_by_family(&self.edges, self.size, options, photographs);
             Ok((choice, found))
         })?;
-        let (verdicts, doubt) = choice.map_or((Vec::new(), None), |c| (c.verdicts, c.doubt));
-        Ok(Outcome {
-            verdicts: each(py, &verdicts, verdict)?,
-            doubt: doubt.map(|doubt| doubt.to_string()),
-            solution: found
-                .map_err(exception)
-                .and_then(|found| Py::new(py, solution(py, &found)?)),
+        outcome(py, choice, found, |(found, rejected)| match found {
+            FamilyChoice::Brown(found) => solution(py, &found, rejected),
+            FamilyChoice::Fisheye(found) => solution(py, &found, rejected),
         })
     }
+
+    fn chosen<L: Lens>(&self, options: &Options<L>) -> Result<Option<Choice>, Error> {
+        match self.choosing {
+            true => trisquare::choose(&self.edges, self.size, options).map(Some),
+            false => Ok(None),
+        }
+    }
+
+    fn keep(&mut self, choice: Option<&Choice>) {
+        if let Some(choice) = choice {
+            choice.keep(&mut self.edges);
+        }
+    }
+}
+
+/// How many planes a choice keeps.
+fn kept(choice: &Option<Choice>) -> usize {
+    let verdicts = choice.iter().flat_map(|choice| &choice.verdicts);
+    verdicts.filter(|verdict| verdict.kept).count()
+}
+
+fn outcome<T>(
+    py: Python<'_>,
+    choice: Option<Choice>,
+    found: Result<T, Error>,
+    solved: impl FnOnce(T) -> PyResult<Solution>,
+) -> PyResult<Outcome> {
+    let (verdicts, doubt) = choice.map_or((Vec::new(), None), |c| (c.verdicts, c.doubt));
+    let solution = found.map_err(exception).and_then(solved);
+    Ok(Outcome {
+        verdicts: each(py, &verdicts, verdict)?,
+        doubt: doubt.map(|doubt| doubt.to_string()),
+        solution: solution.and_then(|solution| Py::new(py, solution)),
+    })
 }
 
 const METHODS: [(&str, Method); 2] = [
@@ -269,7 +333,11 @@ fn verdict(_: Python<'_>, found: &trisquare::Verdict) -> Verdict {
     }
 }
 
-fn solution<L: Lens>(py: Python<'_>, choice: &ModelChoice<L>) -> PyResult<Solution> {
+fn solution<L: Lens>(
+    py: Python<'_>,
+    choice: &ModelChoice<L>,
+    rejected: Option<RejectedFamily>,
+) -> PyResult<Solution> {
     let found = &choice.calibration;
     let correlation = &found.residual_correlation;
     let alternatives = choice.alternatives.iter();
@@ -294,6 +362,7 @@ fn solution<L: Lens>(py: Python<'_>, choice: &ModelChoice<L>) -> PyResult<Soluti
         },
         alternatives: alternatives
             .map(|other| (other.model.name(), other.log_evidence, other.rms))
+            .chain(rejected.map(|other| (other.model, other.log_evidence, other.rms)))
             .collect(),
         correlation: Py::new(
             py,

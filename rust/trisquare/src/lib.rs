@@ -14,6 +14,7 @@
 
 mod calibrate;
 mod error;
+mod family_selection;
 mod geometry;
 mod ill_conditioning;
 mod image;
@@ -38,6 +39,7 @@ mod uncertainty;
 
 pub use calibrate::{calibrate, calibrate_photographs};
 pub use error::{Error, ErrorKind};
+pub use family_selection::{FamilyChoice, RejectedFamily, calibrate_by_family, heed_fisheye};
 pub use geometry::{Line, Pose, camera_matrix_from_homographies, homography_from_lines};
 pub use ill_conditioning::{Cause, IllConditioning, Remedy};
 pub use image::{

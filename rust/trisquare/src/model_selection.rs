@@ -64,6 +64,23 @@ pub fn calibrate_by_evidence<L: Lens>(
     options: &Options<L>,
     photographs: Option<&Photographs<'_>>,
 ) -> Result<ModelChoice<L>, Error> {
+    check_comparable(options)?;
+    match Weighed::of(edges, size, options) {
+        Some(weighed) => weighed.answer(edges, size, options, photographs),
+        // No model converges: the error of the one that was asked for tells why.
+        None => {
+            let calibration = calibrate_photographs(edges, size, options, photographs)?;
+            Ok(ModelChoice::without_alternatives(
+                options.model,
+                calibration,
+            ))
+        }
+    }
+}
+
+/// # Errors
+/// [`Error::InvalidArgument`] for the linear method or a fixed distortion.
+pub(crate) fn check_comparable<L: Lens>(options: &Options<L>) -> Result<(), Error> {
     if options.fixed.distortion || options.method == Method::Linear {
         return Err(Error::InvalidArgument(
             "choosing the model by evidence compares maximum-likelihood fits with the distortion \
@@ -71,36 +88,75 @@ pub fn calibrate_by_evidence<L: Lens>(
                 .into(),
         ));
     }
-    let candidates = candidates(edges, size, options);
-    let Some(chosen) = best(&candidates) else {
-        // No model converges: the error of the one that was asked for tells why.
-        return Ok(ModelChoice {
-            model: options.model,
-            calibration: calibrate_photographs(edges, size, options, photographs)?,
+    Ok(())
+}
+
+impl<L: Lens> ModelChoice<L> {
+    /// A calibration with the one model that was asked for.
+    pub fn without_alternatives(model: L::Model, calibration: Calibration<L>) -> Self {
+        Self {
+            model,
+            calibration,
             alternatives: Vec::new(),
-        });
-    };
-    let Candidate {
-        model,
-        log_evidence: reference,
-        ..
-    } = candidates[chosen];
-    let options = Options { model, ..*options };
-    let mut calibration = calibrate_photographs(edges, size, &options, photographs)?;
-    if let Some(doubt) = doubt(&candidates, chosen, &options.free_parameters()) {
-        calibration.covariance += doubt;
+        }
     }
-    let rejected = candidates.iter().filter(|other| other.model != model);
-    let alternatives = rejected.map(|other| ModelAlternative {
-        model: other.model,
-        log_evidence: other.log_evidence - reference,
-        rms: other.fit.rms,
-    });
-    Ok(ModelChoice {
-        model,
-        calibration,
-        alternatives: alternatives.collect(),
-    })
+}
+
+/// The models of a lens, fitted to the edge samples and weighed.
+pub(crate) struct Weighed<L: Lens> {
+    candidates: Vec<Candidate<L>>,
+    chosen: usize,
+}
+
+impl<L: Lens> Weighed<L> {
+    /// `None` where no model converges.
+    pub(crate) fn of(edges: &[PlaneEdges], size: ImageSize, options: &Options<L>) -> Option<Self> {
+        let candidates = candidates(edges, size, options);
+        let chosen = best(&candidates)?;
+        Some(Self { candidates, chosen })
+    }
+
+    /// The model with the largest evidence.
+    pub(crate) fn model(&self) -> L::Model {
+        self.candidates[self.chosen].model
+    }
+
+    /// Its fit to the edge samples.
+    pub(crate) fn fit(&self) -> &Calibration<L> {
+        &self.candidates[self.chosen].fit
+    }
+
+    /// The calibration with that model, with the doubt about it.
+    pub(crate) fn answer(
+        &self,
+        edges: &[PlaneEdges],
+        size: ImageSize,
+        options: &Options<L>,
+        photographs: Option<&Photographs<'_>>,
+    ) -> Result<ModelChoice<L>, Error> {
+        let (candidates, chosen) = (&self.candidates, self.chosen);
+        let Candidate {
+            model,
+            log_evidence: reference,
+            ..
+        } = candidates[chosen];
+        let options = Options { model, ..*options };
+        let mut calibration = calibrate_photographs(edges, size, &options, photographs)?;
+        if let Some(doubt) = doubt(candidates, chosen, &options.free_parameters()) {
+            calibration.covariance += doubt;
+        }
+        let rejected = candidates.iter().filter(|other| other.model != model);
+        let alternatives = rejected.map(|other| ModelAlternative {
+            model: other.model,
+            log_evidence: other.log_evidence - reference,
+            rms: other.fit.rms,
+        });
+        Ok(ModelChoice {
+            model,
+            calibration,
+            alternatives: alternatives.collect(),
+        })
+    }
 }
 
 /// A model, its fit to the edge samples, and the logarithm of its evidence but for a constant.

@@ -144,6 +144,21 @@ pub enum Warning {
         /// The model that holds the lens, and `fx` with it, pixels; `None` where none does.
         cure: Option<(String, f64)>,
     },
+    /// A lens of another family does what the asked one cannot.
+    #[error(
+        "the lens is a fisheye: one explains the edges to {rms:.2} px, the lens asked for to \
+         {own:.2} px. With model={model:?} fx is {focal:.1}"
+    )]
+    LensOfAnotherFamily {
+        /// The model that holds the lens.
+        model: String,
+        /// Root mean square distance of the edge samples with it, px.
+        rms: f64,
+        /// The same with the model that was asked for.
+        own: f64,
+        /// `fx` with it, pixels.
+        focal: f64,
+    },
     /// The pixels did not follow the model closely enough to be used.
     #[error("the fit to the pixels was not taken: {reason}")]
     PixelsNotUsed {
@@ -234,7 +249,7 @@ impl Warning {
             Self::PlanesContradict { .. } | Self::NoSquares { .. } => "planes_contradict",
             Self::PlanesVary { .. } => "planes_vary",
             Self::SidesErrTogether { .. } => "correlated_residuals",
-            Self::LensBeyondModel { .. } => "lens_beyond_model",
+            Self::LensBeyondModel { .. } | Self::LensOfAnotherFamily { .. } => "lens_beyond_model",
             Self::PixelsNotUsed { .. } => "pixels_not_used",
             Self::PixelsNotSquare { .. } => "pixels_not_square",
             Self::PrincipalPointOffCentre { .. } => "principal_point_off_centre",
@@ -247,6 +262,7 @@ impl Warning {
     pub fn severity(&self) -> Severity {
         match self {
             Self::LensBeyondModel { .. }
+            | Self::LensOfAnotherFamily { .. }
             | Self::PlanesContradict { .. }
             | Self::NoSquares { .. }
             | Self::PixelsNotSquare { .. } => Severity::High,

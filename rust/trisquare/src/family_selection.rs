@@ -1,0 +1,175 @@
+//! Which family of lenses the data ask for.
+//!
+//! A distorted pinhole and a fisheye are not nested in each other. Each family's best model speaks
+//! for it, and the two are weighed by the criterion of G. Schwarz (Ann. Statist. 6 (1978) 461-464)
+//! on the edge samples, which count as so many independent ones as their correlation leaves.
+
+use nalgebra::DVector;
+
+use crate::calibrate::calibrate_photographs;
+use crate::error::Error;
+use crate::image_size::ImageSize;
+use crate::lens::{Brown, DistortionModel, Fisheye, INTRINSICS, Lens};
+use crate::model_selection::{ModelChoice, Weighed, check_comparable};
+use crate::observations::{Options, PlaneEdges};
+use crate::photometric::Photographs;
+use crate::result::{Calibration, Warning};
+
+/// Logarithm of the odds by which a fisheye must explain the samples better: one camera in twenty,
+/// or fewer, has such a lens.
+const PREFERENCE: f64 = 3.0;
+
+/// Warnings that a lens of another family may be the cause of.
+const SYMPTOMS: [&str; 7] = [
+    "lens_beyond_model",
+    "planes_contradict",
+    "plane_disagrees",
+    "side_rejected",
+    "plane_rejected",
+    "pixels_not_square",
+    "principal_point_off_centre",
+];
+
+/// A calibration with a lens of the family that the data ask for.
+#[derive(Debug, Clone, PartialEq)]
+pub enum FamilyChoice {
+    /// A distorted pinhole.
+    Brown(ModelChoice<Brown>),
+    /// A fisheye.
+    Fisheye(ModelChoice<Fisheye>),
+}
+
+/// The best model of a family that was not chosen.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RejectedFamily {
+    /// Its name.
+    pub model: String,
+    /// Natural logarithm of its odds against what was chosen; not positive.
+    pub log_evidence: f64,
+    /// Root mean square distance of the edge samples with it, in pixels.
+    pub rms: f64,
+}
+
+/// Calibrates with the lens, of any family, that has the largest evidence.
+///
+/// As [`calibrate_by_evidence`](crate::calibrate_by_evidence) within each family. What the other
+/// family says of focal length and principal point stays, by its probability, in the covariance.
+///
+/// # Errors
+/// As [`calibrate_by_evidence`](crate::calibrate_by_evidence) of a distorted pinhole.
+pub fn calibrate_by_family(
+    edges: &[PlaneEdges],
+    size: ImageSize,
+    options: &Options<Brown>,
+    photographs: Option<&Photographs<'_>>,
+) -> Result<(FamilyChoice, Option<RejectedFamily>), Error> {
+    check_comparable(options)?;
+    let wide_options = of_family::<_, Fisheye>(options);
+    let plain = Weighed::of(edges, size, options);
+    let wide = Weighed::of(edges, size, &wide_options);
+    let (plain, wide) = match (plain, wide) {
+        (Some(plain), Some(wide)) => (plain, wide),
+        (None, Some(wide)) => {
+            let choice = wide.answer(edges, size, &wide_options, photographs)?;
+            return Ok((FamilyChoice::Fisheye(choice), None));
+        }
+        (Some(plain), None) => {
+            let choice = plain.answer(edges, size, options, photographs)?;
+            return Ok((FamilyChoice::Brown(choice), None));
+        }
+        (None, None) => {
+            // No model converges: the error of the one that was asked for tells why.
+            let calibration = calibrate_photographs(edges, size, options, photographs)?;
+            let choice = ModelChoice::without_alternatives(options.model, calibration);
+            return Ok((FamilyChoice::Brown(choice), None));
+        }
+    };
+    let odds = log_odds(&wide, &plain) - PREFERENCE;
+    if odds > 0.0 {
+        let mut choice = wide.answer(edges, size, &wide_options, photographs)?;
+        add_doubt(&mut choice.calibration, plain.fit(), -odds);
+        let rejected = rejected(&plain, -odds);
+        return Ok((FamilyChoice::Fisheye(choice), Some(rejected)));
+    }
+    let mut choice = plain.answer(edges, size, options, photographs)?;
+    add_doubt(&mut choice.calibration, wide.fit(), odds);
+    Ok((FamilyChoice::Brown(choice), Some(rejected(&wide, odds))))
+}
+
+/// Warns first of all where a calibration with a distorted pinhole has what a fisheye explains
+/// better than any of its models.
+pub fn heed_fisheye<L: Lens>(
+    edges: &[PlaneEdges],
+    size: ImageSize,
+    options: &Options<L>,
+    calibration: &mut Calibration<L>,
+) {
+    let is_fisheye = L::centre_columns().is_empty();
+    let mut warnings = calibration.warnings.iter();
+    let is_suspect = warnings.any(|warning| SYMPTOMS.contains(&warning.code()));
+    if is_fisheye || !is_suspect || check_comparable(options).is_err() {
+        return;
+    }
+    let wide = Weighed::of(edges, size, &of_family::<_, Fisheye>(options));
+    let own = Weighed::of(edges, size, options);
+    if let (Some(wide), Some(own)) = (wide, own)
+        && log_odds(&wide, &own) > PREFERENCE
+    {
+        let warning = Warning::LensOfAnotherFamily {
+            model: wide.model().name(),
+            rms: wide.fit().rms,
+            own: calibration.rms,
+            focal: wide.fit().camera.focal().x,
+        };
+        let code = warning.code();
+        calibration.warnings.retain(|other| other.code() != code);
+        calibration.warnings.insert(0, warning);
+    }
+}
+
+/// The same wishes for a lens of another family.
+fn of_family<A: Lens, B: Lens>(options: &Options<A>) -> Options<B> {
+    Options {
+        method: options.method,
+        fixed: options.fixed,
+        initial: options
+            .initial
+            .map(|lens| B::from_camera_matrix(&lens.camera_matrix())),
+        model: B::Model::default(),
+    }
+}
+
+/// Logarithm of the odds of one family's best model against another's.
+fn log_odds<A: Lens, B: Lens>(one: &Weighed<A>, other: &Weighed<B>) -> f64 {
+    let (a, b) = (one.fit(), other.fit());
+    let correlation = match a.rms < b.rms {
+        true => &a.residual_correlation,
+        false => &b.residual_correlation,
+    };
+    let neighbours = correlation.neighbours.clamp(0.0, 1.0);
+    let samples: usize = a.planes.iter().map(|plane| plane.samples).sum();
+    let independent = (samples as f64 * (1.0 - neighbours) / (1.0 + neighbours)).max(1.0);
+    let coefficients = one.model().columns().len() as f64 - other.model().columns().len() as f64;
+    independent * (b.rms / a.rms).ln() - 0.5 * coefficients * independent.ln()
+}
+
+/// Adds to a covariance what another family's answer is off by, times that one's probability.
+fn add_doubt<A: Lens, B: Lens>(found: &mut Calibration<A>, other: &Calibration<B>, odds: f64) {
+    let probability = 1.0 / (1.0 + (-odds).exp());
+    let (own, others) = (found.camera.intrinsics(), other.camera.intrinsics());
+    let mut difference = DVector::zeros(found.parameters.len());
+    for (i, name) in A::parameter_names()[..INTRINSICS].iter().enumerate() {
+        if let Some(place) = found.position(name) {
+            difference[place] = others[i] - own[i];
+        }
+    }
+    found.covariance += &difference * difference.transpose() * probability;
+}
+
+fn rejected<L: Lens>(weighed: &Weighed<L>, log_evidence: f64) -> RejectedFamily {
+    RejectedFamily {
+        model: weighed.model().name(),
+        log_evidence,
+        rms: weighed.fit().rms,
+    }
+}
