@@ -20,7 +20,7 @@ use crate::result::{Calibration, Warning};
 const PREFERENCE: f64 = 3.0;
 
 /// Warnings that a lens of another family may be the cause of.
-const SYMPTOMS: [&str; 7] = [
+const SYMPTOMS: [&str; 9] = [
     "lens_beyond_model",
     "planes_contradict",
     "plane_disagrees",
@@ -28,6 +28,8 @@ const SYMPTOMS: [&str; 7] = [
     "plane_rejected",
     "pixels_not_square",
     "principal_point_off_centre",
+    "correlated_residuals",
+    "pixels_not_used",
 ];
 
 /// A calibration with a lens of the family that the data ask for.
@@ -146,9 +148,8 @@ fn log_odds<A: Lens, B: Lens>(one: &Weighed<A>, other: &Weighed<B>) -> f64 {
         true => &a.residual_correlation,
         false => &b.residual_correlation,
     };
-    let neighbours = correlation.neighbours.clamp(0.0, 1.0);
     let samples: usize = a.planes.iter().map(|plane| plane.samples).sum();
-    let independent = (samples as f64 * (1.0 - neighbours) / (1.0 + neighbours)).max(1.0);
+    let independent = (samples as f64 / correlation.neighbours.max(1.0)).max(1.0);
     let coefficients = one.model().columns().len() as f64 - other.model().columns().len() as f64;
     independent * (b.rms / a.rms).ln() - 0.5 * coefficients * independent.ln()
 }
