@@ -61,7 +61,8 @@ def calibrate_command(
     model: str = option(
         "radial2",
         "MODEL",
-        "Distortion model: none, radial1, radial2, radial3, brown, or auto (chosen by evidence).",
+        "Distortion model: none, radial1, radial2, radial3, brown, equidistant, fisheye, rational, "
+        "brown_prism, thin_prism, or auto (chosen by evidence).",
         offer=(*MODELS, AUTO),
     ),
     method: str = option(

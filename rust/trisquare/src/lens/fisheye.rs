@@ -42,10 +42,10 @@ pub enum FisheyeModel {
 impl DistortionModel for FisheyeModel {
     const NESTED: &'static [Self] = &[FisheyeModel::Equidistant, FisheyeModel::Fisheye];
 
-    fn columns(self) -> Range<usize> {
+    fn columns(self) -> Columns {
         match self {
-            Self::Equidistant => INTRINSICS..INTRINSICS,
-            Self::Fisheye => INTRINSICS..NAMES.len(),
+            Self::Equidistant => Columns::NONE,
+            Self::Fisheye => Columns::of(INTRINSICS..NAMES.len()),
         }
     }
 
