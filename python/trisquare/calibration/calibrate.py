@@ -62,8 +62,9 @@ def calibrate(
         The distortion coefficients that are estimated: see `Camera`. The fisheye models are for
         lenses that see more than about 90 degrees. Three squares seldom determine all of the
         rational and the prism models' coefficients: what they leave open is held to what lenses
-        are like. ``"auto"`` takes the model of "none" to "brown" with the largest
-        evidence, by the density ratio of Dickey (1971) from the richest fit; the rejected ones are
+        are like. Prism and tangential terms together do what another axis of the camera does: with
+        the prism models the principal point may have to be fixed. ``"auto"`` takes the model of
+        "none" to "brown" with the largest evidence, by the density ratio of Dickey (1971) from the richest fit; the rejected ones are
         in ``alternatives``, and what they would say stays, by their probabilities, in the
         covariance. It needs ``method="ml"`` and a free distortion.
     fix : names among "aspect", "principal_point", "focal", "distortion"

@@ -36,15 +36,17 @@ const TANGENTIAL: usize = INTRINSICS + 6;
 const PRISM: usize = INTRINSICS + 8;
 
 /// Prior standard deviations of what the coefficients do at the picture's corner, as a part of its
-/// radius. Those of the denominator do what those of the numerator do, and prisms displace the
-/// corner by half as much as decentred elements.
+/// radius. The denominator's first one does what the numerator's does. Each further one does about
+/// a sixth of that before it, as those of the quotients that approach `atan`: beyond the samples
+/// larger ones put poles into the picture. Prisms displace the corner by half as much as decentred
+/// elements.
 const PRIOR_EFFECTS: [Effect; COEFFICIENTS] = [
     (0.2, 2),
     (0.1, 4),
     (0.05, 6),
     (0.2, 2),
-    (0.1, 4),
-    (0.05, 6),
+    (0.03, 4),
+    (0.005, 6),
     (0.002, 1),
     (0.002, 1),
     (0.001, 1),
