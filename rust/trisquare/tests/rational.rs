@@ -69,7 +69,8 @@ fn evidence_takes_no_denominator_for_a_lens_without() {
         poses: scene.poses,
     };
     let edges = scene.edges(3, NOISE, SPACING);
-    let chosen = calibrate_by_evidence(&edges, scene.size, &Options::new(), None).unwrap();
+    let options = Options::<Rational>::new();
+    let chosen = calibrate_by_evidence(&edges, scene.size, &options, None).unwrap();
     assert_ne!(chosen.model, RationalModel::Rational);
     assert!(
         chosen
