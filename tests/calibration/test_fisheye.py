@@ -64,7 +64,7 @@ def test_a_picture_is_found_and_answered_within_its_standard_deviations(degrees)
 def test_evidence_takes_a_fisheye_for_what_it_is(wide):
     _, result = wide
     found = ts.calibrate_edges(result.edges, image_size=SIZE, model="auto")
-    assert found.camera.model == "fisheye"
+    assert found.camera.model in ("fisheye1", "fisheye2", "fisheye")
     others = {other.model: other.log_evidence for other in found.alternatives}
     assert "equidistant" in others
     assert max(others.values()) <= 0.0
@@ -79,7 +79,7 @@ def test_under_another_model_a_warning_names_it(wide, model):
     found = ts.calibrate_edges(result.edges, image_size=SIZE, model=model)
     first = found.warnings[0]
     assert (first.code, first.severity) == ("lens_beyond_model", "high")
-    assert 'model="fisheye"' in first
+    assert 'model="fisheye' in first
 
 
 def test_its_maps_are_those_of_opencv():

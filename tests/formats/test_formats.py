@@ -177,14 +177,16 @@ def test_higher_coefficients_of_opencv_that_vanish_are_no_loss(tmp_path, length)
 
 def test_a_lens_that_a_camera_cannot_be_is_refused_with_the_nearest(tmp_path):
     camera = random_camera(7)
-    dist = np.array([0.2, 0.1, 0.001, -0.001, 0.02, 0.35, 0.12, 0.01])
+    dist = np.zeros(14)
+    dist[:8] = 0.2, 0.1, 0.001, -0.001, 0.02, 0.35, 0.12, 0.01
+    dist[12:] = 0.01, -0.02
     opencv_storage(
         tmp_path / "c.yml",
         **{"image_width": SIZE[0], "image_height": SIZE[1]},
         camera_matrix=np.array(camera.K),
         distortion_coefficients=dist,
     )
-    with pytest.raises(ts.LensModelError, match=r"c\.yml: OpenCV's rational.*px at worst") as info:
+    with pytest.raises(ts.LensModelError, match=r"c\.yml: OpenCV's tilted.*px at worst") as info:
         Camera.load(tmp_path / "c.yml")
     loaded = load_camera(tmp_path / "c.yml", approximate=True)
     error = info.value
@@ -405,6 +407,37 @@ def test_a_fisheye_comes_back_exactly(tmp_path, name, model):
     assert loaded.model == model
     np.testing.assert_array_equal(loaded.distortion, camera.distortion)
     np.testing.assert_allclose(loaded.K, camera.K, rtol=1e-15)
+
+
+RICH = [0.2, 0.1, 0.001, -0.001, 0.02, 0.35, 0.12, 0.01]
+PRISM = [1e-3, -2e-3, 3e-3, 1e-3]
+
+
+@pytest.mark.parametrize(
+    ("model", "distortion", "names"),
+    [
+        (
+            "rational",
+            RICH,
+            "camera.json camera.yaml camera_info.yaml camera.cameramodel cameras.txt",
+        ),
+        ("thin_prism", RICH + PRISM, "camera.json camera.xml camera_info.yaml camera.cameramodel"),
+        ("brown_prism", [*RICH[:5], 0, 0, 0, *PRISM], "camera.json camera.yaml camera.cameramodel"),
+    ],
+)
+def test_lenses_beyond_brown_s_come_back_exactly(tmp_path, model, distortion, names):
+    camera = Camera([[900.5, 0, 641.25], [0, 901, 480], [0, 0, 1]], distortion, SIZE, model)
+    points = np.array([[0.3, 0.2, 1.0], [-0.5, 0.1, 1.0]])
+    seen, _ = cv2.projectPoints(
+        points, np.zeros(3), np.zeros(3), np.array(camera.K), np.array(distortion)
+    )
+    np.testing.assert_allclose(camera.project(points), seen[:, 0], atol=1e-9)
+    for name in names.split():
+        loaded = Camera.load(saved(camera, tmp_path / name))
+        assert loaded.model == model
+        np.testing.assert_array_equal(loaded.distortion, camera.distortion)
+    with pytest.raises(ts.LensModelError, match="cannot hold this camera"):
+        camera.save(tmp_path / "camchain.yaml")
 
 
 @pytest.mark.parametrize("distortion", [[0.02, 0, 0, 0], [0.02, -0.01, 0, 0], [0.1, 0.2, 0.3, 0.4]])

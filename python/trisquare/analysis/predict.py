@@ -37,7 +37,8 @@ class Prediction(RebuiltByConstructor):
     covariance : array_like, shape (n, n)
         Of the free parameters, in the order of `parameters`.
     parameters : sequence of str
-        Names of the free parameters: of ``fx fy cx cy k1 k2 k3 p1 p2``.
+        Names of the free parameters: of ``fx fy cx cy`` and the model's coefficients, these
+        sorted by name: ``k1 k2 k3 p1 p2``.
     sigma, spacing : float
         Standard deviation of one edge sample and the edge length it stands for, pixels.
     """
@@ -98,8 +99,9 @@ def predict(
         pictures, `simulate.pixel_sigma` for known noise, contrast and blur.
     spacing : float
         Pixels of edge per sample.
-    model : {"none", "radial1", "radial2", "radial3", "brown"}, optional
-        The distortion coefficients that will be estimated; by default the camera's own.
+    model : str, optional
+        The distortion coefficients that will be estimated, by one of the models of the camera's
+        family (see `Camera`); by default the camera's own.
     fix : names among "aspect", "principal_point", "focal", "distortion"
         What will be held, at the camera's values.
 

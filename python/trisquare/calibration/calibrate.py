@@ -57,12 +57,16 @@ def calibrate(
         Joint maximum likelihood, or the three linear steps of Zhou et al. (2013) alone, whose
         stated standard deviations are those that maximum likelihood would have with residuals of
         that size: they leave out what the steps themselves lose.
-    model : {"none", "radial1", "radial2", "radial3", "brown", "equidistant", "fisheye", "auto"}
+    model : {"none", "radial1", "radial2", "radial3", "brown", "equidistant", "fisheye1", \
+"fisheye2", "fisheye", "rational", "brown_prism", "thin_prism", "auto"}
         The distortion coefficients that are estimated: see `Camera`. The fisheye models are for
-        lenses that see more than about 90 degrees. ``"auto"`` takes the model with the largest
-        evidence, by the density ratio of Dickey (1971) from the richest fit; the rejected ones are
-        in ``alternatives``, and what they would say stays, by their probabilities, in the
-        covariance. It needs ``method="ml"`` and a free distortion.
+        lenses that see more than about 90 degrees. Three squares seldom determine all of the
+        rational and the prism models' coefficients: what they leave open is held to what lenses
+        are like. Prism and tangential terms together do what another axis of the camera does: with
+        the prism models the principal point may have to be fixed. ``"auto"`` takes the model of
+        "none" to "brown" with the largest evidence, by the density ratio of Dickey (1971) from the
+        richest fit; the rejected ones are in ``alternatives``, and what they would say stays, by
+        their probabilities, in the covariance. It needs ``method="ml"`` and a free distortion.
     fix : names among "aspect", "principal_point", "focal", "distortion"
         Held at the values of `initial`, or else at aspect 1, the image centre, and zero.
     initial : Camera, optional

@@ -37,14 +37,18 @@ class Camera(RebuiltByConstructor):
     K : array_like, shape (3, 3)
         ``[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`` in pixels; ``(0, 0)`` is the centre of the
         top-left pixel.
-    distortion : array_like, shape (5,) or (4,)
+    distortion : array_like, shape (5,), (4,), (8,) or (12,)
         In OpenCV's order: ``(k1, k2, p1, p2, k3)``, from ideal to observed normalised points, as
         `cv2.projectPoints` takes it; for a fisheye ``(k1, k2, k3, k4)``, as `cv2.fisheye` takes it
-        (Kannala & Brandt, IEEE PAMI 28 (2006) 1335-1340).
+        (Kannala & Brandt, IEEE PAMI 28 (2006) 1335-1340). For "rational" ``(k1, k2, p1, p2, k3,
+        k4, k5, k6)``, for "brown_prism" and "thin_prism" the same with ``(s1, s2, s3, s4)``, as
+        `cv2.projectPoints` takes them (OpenCV's documentation of calib3d).
     image_size : (int, int)
         Width and height in pixels.
-    model : {"none", "radial1", "radial2", "radial3", "brown", "equidistant", "fisheye"}
-        Which of the coefficients may differ from zero. "equidistant" is a fisheye without any.
+    model : {"none", "radial1", "radial2", "radial3", "brown", "equidistant", "fisheye1", \
+"fisheye2", "fisheye", "rational", "brown_prism", "thin_prism"}
+        Which of the coefficients may differ from zero. "equidistant" is a fisheye without any,
+        "fisheye1" and "fisheye2" have ``k1``, and ``k1, k2``; "brown_prism" has no ``k4, k5, k6``.
     valid_radius : float, optional
         Up to which the distortion is monotonic, hence invertible: the ideal normalised radius
         (tangent of the angle from the axis), of a fisheye the angle itself, in radians; None if

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 BROWN = ("k1", "k2", "p1", "p2", "k3")
 FISHEYE = ("k1", "k2", "k3", "k4")
+RATIONAL = (*BROWN, "k4", "k5", "k6")
+THIN_PRISM = (*RATIONAL, "s1", "s2", "s3", "s4")
 
 COEFFICIENTS = {
     "none": BROWN,
@@ -12,7 +14,12 @@ COEFFICIENTS = {
     "radial3": BROWN,
     "brown": BROWN,
     "equidistant": FISHEYE,
+    "fisheye1": FISHEYE,
+    "fisheye2": FISHEYE,
     "fisheye": FISHEYE,
+    "rational": RATIONAL,
+    "brown_prism": THIN_PRISM,
+    "thin_prism": THIN_PRISM,
 }
 """The coefficients of each model's distortion in OpenCV's order; some models hold some at zero."""
 

@@ -61,8 +61,8 @@ def calibrate_command(
     model: str = option(
         "radial2",
         "MODEL",
-        "Lens model: none, radial1, radial2, radial3, brown, equidistant, fisheye, or auto (chosen "
-        "by evidence).",
+        "Lens model: none, radial1, radial2, radial3, brown, equidistant, fisheye1, fisheye2, "
+        "fisheye, rational, brown_prism, thin_prism, or auto (chosen by evidence).",
         offer=(*MODELS, AUTO),
     ),
     method: str = option(

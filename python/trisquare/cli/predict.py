@@ -57,7 +57,8 @@ def predict_command(
     model: str | None = option(
         None,
         "MODEL",
-        "Lens model: none, radial1, radial2, radial3 or brown.",
+        "Lens model: one of the camera's own family, such as none, radial1, radial2, radial3 or "
+        "brown.",
         offer=MODELS,
     ),
     fix: list[str] | None = FIX,

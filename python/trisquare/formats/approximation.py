@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import trisquare._core as _core
 from trisquare.camera.approximation import Approximation
 from trisquare.camera.camera import Camera, CoreCamera, camera_for_core, camera_parameters
-from trisquare.camera.lens_models import BROWN, COEFFICIENTS, FISHEYE
+from trisquare.camera.lens_models import BROWN, COEFFICIENTS, FISHEYE, RATIONAL, THIN_PRISM
 from trisquare.formats.other_lenses import ForeignLens, camera_matrix, camera_of
 
 Lens: TypeAlias = "Camera | ForeignLens"
@@ -64,7 +64,9 @@ class Family:
 
 ANY_BROWN = Family("brown (k1, k2, p1, p2, k3)", BROWN)
 ANY_FISHEYE = Family("fisheye (k1, k2, k3, k4)", FISHEYE, all_coefficients=FISHEYE)
-ANY_CAMERA = (ANY_FISHEYE, ANY_BROWN)
+ANY_RATIONAL = Family("rational (k1 to k6, p1, p2)", RATIONAL, all_coefficients=RATIONAL)
+ANY_PRISM = Family("thin prism", THIN_PRISM, all_coefficients=THIN_PRISM)
+ANY_CAMERA = (ANY_FISHEYE, ANY_RATIONAL, ANY_PRISM, ANY_BROWN)
 """All that a `Camera` can be."""
 
 

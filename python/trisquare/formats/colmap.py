@@ -7,7 +7,8 @@ src/colmap/sensor/models.h.
 
 Written and read: the simplest of SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and
 FULL_OPENCV that holds the camera, or of the fisheyes SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE and
-OPENCV_FISHEYE; the last ones hold every camera. A rational FULL_OPENCV is read as the nearest.
+OPENCV_FISHEYE. The last of each hold every such camera, FULL_OPENCV rational lenses as well; thin
+prisms are not held.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from functools import partial
 
 from trisquare._support.arrays import real_number
 from trisquare.camera.camera import Camera
-from trisquare.camera.lens_models import FISHEYE
+from trisquare.camera.lens_models import FISHEYE, RATIONAL
 from trisquare.formats.approximation import Family, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize
 from trisquare.formats.document import Document
@@ -41,6 +42,7 @@ FOCALS_AND_COEFFICIENTS = {
 """How many focal lengths, one or two, and coefficients a model has."""
 
 FAMILIES = (
+    Family("FULL_OPENCV", RATIONAL, all_coefficients=RATIONAL),
     Family("SIMPLE_RADIAL_FISHEYE", ("k1",), square=True, all_coefficients=FISHEYE),
     Family("RADIAL_FISHEYE", ("k1", "k2"), square=True, all_coefficients=FISHEYE),
     Family("OPENCV_FISHEYE", FISHEYE, all_coefficients=FISHEYE),
@@ -120,7 +122,7 @@ def _real(word: str, name: str) -> float:
 def write(camera: Camera, suffix: str) -> str:
     """Write a model of one camera, whose id is 1."""
     family = next(family for family in FAMILIES if family.exactly(camera) is not None)
-    in_order = (*camera.distortion.tolist(), 0.0, 0.0, 0.0)
+    in_order = (*camera.distortion.tolist(), *(0.0, 0.0, 0.0))
     coefficients = in_order[: FOCALS_AND_COEFFICIENTS[family.title][1]]
     numbers = [camera.fx] if family.square else [camera.fx, camera.fy]
     numbers += [camera.cx + HALF_PIXEL, camera.cy + HALF_PIXEL, *coefficients]

@@ -5,9 +5,9 @@ Pixels, ``(0, 0)`` the centre of the top-left one. Schema: mrcal's documentation
 distortion ...], ``imagersize`` [width, height] and ``extrinsics``, a Rodrigues rotation and a
 translation from the reference, of which only zeros are written and nothing is read.
 
-Written: the simplest of LENSMODEL_PINHOLE, LENSMODEL_OPENCV4 (k1, k2, p1, p2) and
-LENSMODEL_OPENCV5 (and k3), which holds every camera. Read: these; LENSMODEL_OPENCV8 and 12 where
-their further terms vanish, else the nearest.
+Written and read: the simplest of LENSMODEL_PINHOLE, LENSMODEL_OPENCV4 (k1, k2, p1, p2),
+LENSMODEL_OPENCV5 (and k3), LENSMODEL_OPENCV8 (and k4, k5, k6) and LENSMODEL_OPENCV12 (and s1 to s4)
+that holds the camera; fisheyes are not held.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import re
 
 from trisquare._support.json_members import JsonFields, parse_json
 from trisquare.camera.camera import Camera
+from trisquare.camera.lens_models import RATIONAL, THIN_PRISM
 from trisquare.formats.approximation import Family, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize, only, size_member
 from trisquare.formats.document import Document
@@ -30,6 +31,8 @@ COEFFICIENTS = {
 }
 
 FAMILIES = (
+    Family("LENSMODEL_OPENCV8", RATIONAL, all_coefficients=RATIONAL),
+    Family("LENSMODEL_OPENCV12", THIN_PRISM, all_coefficients=THIN_PRISM),
     Family("LENSMODEL_PINHOLE", ()),
     Family("LENSMODEL_OPENCV4", ("k1", "k2", "p1", "p2")),
     Family("LENSMODEL_OPENCV5", ("k1", "k2", "p1", "p2", "k3")),

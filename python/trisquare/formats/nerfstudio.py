@@ -23,7 +23,7 @@ import numpy as np
 from trisquare._support.json_members import JsonFields, dump_members
 from trisquare.camera.camera import Camera, camera_parameters
 from trisquare.camera.lens_models import is_fisheye
-from trisquare.formats.approximation import ANY_CAMERA, Lens
+from trisquare.formats.approximation import ANY_BROWN, ANY_FISHEYE, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize, only
 from trisquare.formats.colmap import HALF_PIXEL
 from trisquare.formats.document import Document
@@ -126,6 +126,6 @@ FORMAT = Format(
     recognises=recognises,
     read=read,
     write=write,
-    families=ANY_CAMERA,
+    families=(ANY_FISHEYE, ANY_BROWN),
     file_names=("transforms.json",),
 )

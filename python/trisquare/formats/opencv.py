@@ -10,7 +10,7 @@ need it from the caller. The syntax of a file that is written follows its extens
 A fisheye has four coefficients, as a pinhole may: ``fisheye_model: 1``, which that sample writes
 too, tells them apart.
 
-Read: fisheyes, and every model whose higher coefficients vanish; the others as the nearest.
+Read: all of these; a tilted sensor (tx, ty) as the nearest.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ import numpy as np
 
 from trisquare._support.arrays import FloatArray
 from trisquare.camera.camera import Camera
-from trisquare.camera.lens_models import FISHEYE
+from trisquare.camera.lens_models import BROWN, FISHEYE, RATIONAL, THIN_PRISM
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,7 +75,7 @@ def opencv_lens(
     coefficients: Sequence[float],
     image_size: tuple[int, int],
 ) -> Camera | ForeignLens:
-    """Make a camera of OpenCV's coefficients, in its order; the higher ones may vanish.
+    """Make a camera of OpenCV's coefficients, in its order, of the simplest model that has them.
 
     Parameters
     ----------
@@ -88,12 +88,14 @@ def opencv_lens(
         Width and height.
     """
     values = [float(value) for value in coefficients]
-    if any(values[5:]):
-        parts = {8: "rational", 12: "thin-prism", 14: "tilted-sensor"}
-        title = f"OpenCV's {parts[len(values)]} model"
-        return ForeignLens(title, K, image_size, "opencv", values)
-    named = dict(zip(("k1", "k2", "p1", "p2", "k3"), values, strict=False))
-    return camera_of(K, named, image_size)
+    if any(values[len(THIN_PRISM) :]):
+        return ForeignLens("OpenCV's tilted-sensor model", K, image_size, "opencv", values)
+    if any(values[len(RATIONAL) :]):
+        model = "thin_prism" if any(values[len(BROWN) : len(RATIONAL)]) else "brown_prism"
+        return Camera(K, np.array(values[: len(THIN_PRISM)]), image_size, model)
+    if any(values[len(BROWN) :]):
+        return Camera(K, np.array(values[: len(RATIONAL)]), image_size, "rational")
+    return camera_of(K, dict(zip(BROWN, values, strict=False)), image_size)
 
 
 def fisheye_of(K: FloatArray, coefficients: Sequence[float], image_size: tuple[int, int]) -> Camera:
@@ -105,4 +107,5 @@ def fisheye_of(K: FloatArray, coefficients: Sequence[float], image_size: tuple[i
     """
     values = np.zeros(len(FISHEYE))
     values[: len(coefficients)] = coefficients
-    return Camera(K, values, image_size, "fisheye" if values.any() else "equidistant")
+    models = ("equidistant", "fisheye1", "fisheye2", "fisheye", "fisheye")
+    return Camera(K, values, image_size, models[len(np.trim_zeros(values, "b"))])

@@ -6,9 +6,9 @@ inherits). Schema: sensor_msgs/CameraInfo as camera_calibration_parsers spells i
 ``distortion_coefficients``, ``rectification_matrix`` and ``projection_matrix``, matrices as rows,
 cols and row-major data.
 
-Written: ``plumb_bob`` (k1, k2, p1, p2, k3) or ``equidistant`` (k1, k2, k3, k4), no rectification, a
-projection by K itself. Read: these, ``fisheye``, which some call the latter, and
-``rational_polynomial`` where its further terms vanish; otherwise the nearest.
+Written: ``plumb_bob`` (k1, k2, p1, p2, k3), ``rational_polynomial`` (and k4, k5, k6, s1 to s4) or
+``equidistant`` (k1, k2, k3, k4), no rectification, a projection by K itself. Read: these, and
+``fisheye``, which some call the last; a tilted sensor as the nearest.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 
 from trisquare._support.json_members import JsonFields
 from trisquare.camera.camera import Camera
-from trisquare.camera.lens_models import is_fisheye
+from trisquare.camera.lens_models import BROWN, COEFFICIENTS, FISHEYE, RATIONAL, THIN_PRISM
 from trisquare.formats.approximation import ANY_CAMERA, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize
 from trisquare.formats.document import Document
@@ -30,6 +30,13 @@ LENGTHS = {
     "rational_polynomial": (5, 8, 12, 14),
     "equidistant": (4,),
     "fisheye": (4,),
+}
+
+WRITTEN = {
+    BROWN: "plumb_bob",
+    RATIONAL: "rational_polynomial",
+    THIN_PRISM: "rational_polynomial",
+    FISHEYE: "equidistant",
 }
 
 
@@ -76,7 +83,7 @@ def write(camera: Camera, suffix: str) -> str:
         f"image_height: {height}",
         "camera_name: camera",
         *_matrix("camera_matrix", 3, 3, camera.K.ravel().tolist()),
-        f"distortion_model: {'equidistant' if is_fisheye(camera.model) else 'plumb_bob'}",
+        f"distortion_model: {WRITTEN[COEFFICIENTS[camera.model]]}",
         *_matrix("distortion_coefficients", 1, len(coefficients), coefficients),
         *_matrix("rectification_matrix", 3, 3, np.eye(3).ravel().tolist()),
         *_matrix("projection_matrix", 3, 4, projection.ravel().tolist()),

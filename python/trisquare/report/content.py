@@ -13,21 +13,45 @@ from trisquare._support.number_text import with_its_std
 from trisquare._support.rotations import tilt_degrees
 from trisquare.analysis.comparison import two_digits
 from trisquare.camera.camera import Camera, camera_parameters
+from trisquare.camera.lens_models import is_fisheye
 from trisquare.camera.projection_uncertainty import ProjectionMap
 from trisquare.results.calibration import Calibration
 from trisquare.results.plane import Plane
 
-MEANINGS = {
+_INTRINSICS = {
     "fx": "focal length along x, px",
     "fy": "focal length along y, px",
     "cx": "principal point, x, px",
     "cy": "principal point, y, px",
-    "k1": "radial distortion, of r\N{SUPERSCRIPT TWO}",
-    "k2": "radial distortion, of r\N{SUPERSCRIPT FOUR}",
-    "k3": "radial distortion, of r\N{SUPERSCRIPT SIX}",
+}
+_OF_POWERS = ("of r\N{SUPERSCRIPT TWO}", "of r\N{SUPERSCRIPT FOUR}", "of r\N{SUPERSCRIPT SIX}")
+_OF_FISHEYE = {
+    f"k{i}": f"radial distortion, of \N{GREEK SMALL LETTER THETA}{power}"
+    for i, power in enumerate(
+        (
+            "\N{SUPERSCRIPT TWO}",
+            "\N{SUPERSCRIPT FOUR}",
+            "\N{SUPERSCRIPT SIX}",
+            "\N{SUPERSCRIPT EIGHT}",
+        ),
+        1,
+    )
+}
+_OF_PINHOLE = {
+    **{f"k{i}": f"radial distortion, {of}" for i, of in enumerate(_OF_POWERS, 1)},
+    **{f"k{i}": f"radial distortion's denominator, {of}" for i, of in enumerate(_OF_POWERS, 4)},
     "p1": "tangential distortion, first",
     "p2": "tangential distortion, second",
+    "s1": f"thin prism along x, {_OF_POWERS[0]}",
+    "s2": f"thin prism along x, {_OF_POWERS[1]}",
+    "s3": f"thin prism along y, {_OF_POWERS[0]}",
+    "s4": f"thin prism along y, {_OF_POWERS[1]}",
 }
+
+
+def meanings(camera: Camera) -> dict[str, str]:
+    """Return what the parameters of a camera mean, by name."""
+    return _INTRINSICS | (_OF_FISHEYE if is_fisheye(camera.model) else _OF_PINHOLE)
 
 
 def parameter_texts(calibration: Calibration) -> Iterator[tuple[str, str, str]]:

@@ -60,7 +60,7 @@ def page_of(
         calibration=calibration,
         summary=list(content.summary(calibration, known)),
         parameters=list(content.parameter_texts(calibration)),
-        meanings=content.MEANINGS,
+        meanings=content.meanings(calibration.camera),
         diagnosis=diagnose(calibration),
         settings=content.settings(calibration),
         plane_texts=content.plane_texts,

@@ -93,7 +93,8 @@ class Calibration(Record):
     covariance : array_like, shape (n, n)
         Of the free parameters, in the order of `parameters`.
     parameters : sequence of str
-        Names of the free parameters: of ``fx fy cx cy k1 k2 k3 p1 p2``.
+        Names of the free parameters: of ``fx fy cx cy`` and the model's coefficients, these
+        sorted by name: ``k1 k2 k3 p1 p2``.
     planes : sequence of Plane
         The physical planes.
     rms : float

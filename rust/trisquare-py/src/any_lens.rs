@@ -1,8 +1,9 @@
 //! A camera as Python hands it over: a lens of any family.
 
+use nalgebra::Matrix3;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use trisquare::{Brown, DistortionModel, Fisheye, Lens};
+use trisquare::{Brown, DistortionModel, Fisheye, Lens, Rational, ThinPrism};
 
 use crate::errors::detached;
 
@@ -15,6 +16,8 @@ pub struct CameraMembers(String, Vec<f64>, f64);
 pub enum AnyLens {
     Brown(Brown),
     Fisheye(Fisheye),
+    Rational(Rational),
+    ThinPrism(ThinPrism),
 }
 
 /// Evaluates an expression with the lens that an [`AnyLens`] holds.
@@ -23,6 +26,8 @@ macro_rules! with_lens {
         match $any {
             $crate::any_lens::AnyLens::Brown($lens) => $value,
             $crate::any_lens::AnyLens::Fisheye($lens) => $value,
+            $crate::any_lens::AnyLens::Rational($lens) => $value,
+            $crate::any_lens::AnyLens::ThinPrism($lens) => $value,
         }
     };
 }
@@ -32,12 +37,24 @@ impl CameraMembers {
     /// The lens itself.
     pub fn lens(&self, py: Python<'_>) -> PyResult<AnyLens> {
         let Self(name, parameters, radius) = self;
-        match family_of(name)? {
-            AnyLens::Brown(lens) => Ok(AnyLens::Brown(filled(py, lens, parameters, *radius)?)),
-            AnyLens::Fisheye(lens) => Ok(AnyLens::Fisheye(filled(py, lens, parameters, *radius)?)),
-        }
+        let family = family_of(name)?;
+        with_lens!(family, |lens| Ok(
+            filled(py, lens, parameters, *radius)?.into()
+        ))
     }
 }
+
+/// Makes the lenses of a family ones of any.
+macro_rules! of_family {
+    ($($family:ident),*) => {$(
+        impl From<$family> for AnyLens {
+            fn from(lens: $family) -> Self {
+                Self::$family(lens)
+            }
+        }
+    )*};
+}
+of_family!(Brown, Fisheye, Rational, ThinPrism);
 
 fn filled<L: Lens>(py: Python<'_>, lens: L, parameters: &[f64], radius: f64) -> PyResult<L> {
     let (expected, given) = (L::parameter_names().len(), parameters.len());
@@ -49,16 +66,28 @@ fn filled<L: Lens>(py: Python<'_>, lens: L, parameters: &[f64], radius: f64) -> 
     detached(py, || lens.with_parameters(parameters).within(radius))
 }
 
-/// A lens of the family that a model belongs to; its parameters mean nothing.
+/// A lens of the first family that has a model; its parameters mean nothing.
 pub fn family_of(model: &str) -> PyResult<AnyLens> {
-    let (brown, fisheye) = (Brown::new([1.0; 9]), Fisheye::new([1.0; 8]));
-    for lens in [AnyLens::Brown(brown), AnyLens::Fisheye(fisheye)] {
-        if with_lens!(lens, |lens| names(&lens).iter().any(|name| name == model)) {
+    let any = Matrix3::identity();
+    let families: [AnyLens; 4] = [
+        Brown::from_camera_matrix(&any).into(),
+        Fisheye::from_camera_matrix(&any).into(),
+        Rational::from_camera_matrix(&any).into(),
+        ThinPrism::from_camera_matrix(&any).into(),
+    ];
+    let mut known = Vec::new();
+    for lens in families {
+        let own = with_lens!(lens, |lens| names(&lens));
+        if own.iter().any(|name| name == model) {
             return Ok(lens);
         }
+        known.extend(
+            own.into_iter()
+                .filter(|name| !known.contains(name))
+                .collect::<Vec<_>>(),
+        );
     }
-    let all = [names(&brown), names(&fisheye)].concat();
-    Err(unknown_model(model, &all))
+    Err(unknown_model(model, &known))
 }
 
 fn unknown_model(name: &str, known: &[String]) -> PyErr {

@@ -150,8 +150,13 @@ fn log_odds<A: Lens, B: Lens>(one: &Weighed<A>, other: &Weighed<B>) -> f64 {
     };
     let samples: usize = a.planes.iter().map(|plane| plane.samples).sum();
     let independent = (samples as f64 / correlation.neighbours.max(1.0)).max(1.0);
-    let coefficients = one.model().columns().len() as f64 - other.model().columns().len() as f64;
-    independent * (b.rms / a.rms).ln() - 0.5 * coefficients * independent.ln()
+    let further = count(one) - count(other);
+    independent * (b.rms / a.rms).ln() - 0.5 * further * independent.ln()
+}
+
+/// How many coefficients the best model of a family has.
+fn count<L: Lens>(weighed: &Weighed<L>) -> f64 {
+    weighed.model().columns().iter().count() as f64
 }
 
 /// Adds to a covariance what another family's answer is off by, times that one's probability.

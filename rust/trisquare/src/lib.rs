@@ -49,7 +49,8 @@ pub use image::{
 pub use image_size::ImageSize;
 pub use lens::{
     Brown, BrownModel, Distortion, DistortionModel, DistortionTerm, Fisheye, FisheyeModel, Lens,
-    LensFamily, NearestLens, PointMaps, SeenAgain, TurnedLenses, UndistortedView, UndistortionMap,
+    LensFamily, NearestLens, OpenCvLens, OpenCvModel, PointMaps, Rational, RationalModel,
+    SeenAgain, ThinPrism, ThinPrismModel, TurnedLenses, UndistortedView, UndistortionMap,
 };
 pub use linear::{Straightening, fit_distortion};
 pub use localise::{

@@ -183,10 +183,16 @@ fn candidates<L: Lens>(
     // The richest whose covariance can be weighed speaks for all models nested in it.
     while let Some((richest, fit, priors)) = fits.last() {
         if let Some(evidence) = log_evidence(*richest, fit, priors) {
-            let weighed = fits.into_iter().map(|(model, fit, _)| Candidate {
-                model,
-                fit,
-                log_evidence: evidence[model.columns().len()],
+            let of = |model: L::Model| {
+                let place = L::Model::NESTED.iter().position(|other| *other == model)?;
+                evidence.get(place).copied()
+            };
+            let weighed = fits.into_iter().filter_map(|(model, fit, _)| {
+                Some(Candidate {
+                    model,
+                    fit,
+                    log_evidence: of(model)?,
+                })
             });
             return weighed.collect();
         }
@@ -237,8 +243,8 @@ fn doubt<L: Lens>(
     doubt.iter().all(|v| v.is_finite()).then_some(doubt)
 }
 
-/// Logarithm of the evidence for the first `n` coefficients alone, `n` from none to all of those
-/// of the fitted model, against the fitted model.
+/// Logarithm of the evidence for every model up to the fitted one, in the order of
+/// [`DistortionModel::NESTED`], against the fitted one.
 ///
 /// In units of the prior's standard deviations, with estimate `d` and covariance `C`, the posterior
 /// has the mean `(I + C E)^-1 d` and the covariance `(I + C E)^-1 C`, `E` being the prior's
@@ -248,23 +254,27 @@ fn log_evidence<L: Lens>(
     fit: &Calibration<L>,
     held: &[(usize, f64)],
 ) -> Option<Vec<f64>> {
-    let coefficients = model.columns();
+    let coefficients: Vec<usize> = model.columns().iter().collect();
     let count = coefficients.len();
     if count == 0 {
         return Some(vec![0.0]); // nothing to leave out, and the LU factors of nothing overflow
     }
-    let places: Vec<usize> = L::parameter_names()[coefficients.clone()]
+    let places: Vec<usize> = coefficients
         .iter()
-        .map(|name| fit.position(name))
+        .map(|column| fit.position(L::parameter_names()[*column]))
         .collect::<Option<_>>()?;
-    let unit = fit.camera.coefficient_priors(fit.image_size);
-    let values = &fit.camera.parameters()[coefficients];
-    let estimate = DVector::from_fn(count, |i, _| values[i] / unit[i]);
+    let priors = fit.camera.coefficient_priors(fit.image_size);
+    let unit: Vec<f64> = coefficients
+        .iter()
+        .map(|column| priors[column - INTRINSICS])
+        .collect();
+    let values = fit.camera.parameters();
+    let estimate = DVector::from_fn(count, |i, _| values[coefficients[i]] / unit[i]);
     let covariance = DMatrix::from_fn(count, count, |i, j| {
         fit.covariance[(places[i], places[j])] / (unit[i] * unit[j])
     });
     let unknown = DVector::from_fn(count, |i, _| {
-        let own = held.iter().find(|(column, _)| *column == INTRINSICS + i);
+        let own = held.iter().find(|(column, _)| *column == coefficients[i]);
         1.0 - own.map_or(0.0, |(_, std)| (unit[i] / std).powi(2))
     });
     let total = &covariance * DMatrix::from_diagonal(&unknown) + DMatrix::identity(count, count);
@@ -272,16 +282,22 @@ fn log_evidence<L: Lens>(
     let mean = total.solve(&estimate)?;
     let posterior = total.solve(&covariance)?;
     let posterior = (&posterior + posterior.transpose()) * 0.5;
-    (0..=count)
-        .map(|kept| {
-            let left_out = count - kept;
-            let own = posterior.view((kept, kept), (left_out, left_out));
-            let factor = Cholesky::new(own.into_owned())?;
-            let at = mean.rows(kept, left_out).into_owned();
-            let square = at.dot(&factor.solve(&at));
-            let evidence = -0.5 * (square + factor.ln_determinant());
-            evidence.is_finite().then_some(evidence)
-        })
+    let richest = L::Model::NESTED.iter().position(|other| *other == model)?;
+    let evidence_of = |simpler: &L::Model| {
+        let kept = simpler.columns();
+        let left_out: Vec<usize> = (0..count)
+            .filter(|i| !kept.contains(coefficients[*i]))
+            .collect();
+        let own = posterior.select_rows(&left_out).select_columns(&left_out);
+        let factor = Cholesky::new(own)?;
+        let at = mean.select_rows(&left_out);
+        let square = at.dot(&factor.solve(&at));
+        let evidence = -0.5 * (square + factor.ln_determinant());
+        evidence.is_finite().then_some(evidence)
+    };
+    L::Model::NESTED[..=richest]
+        .iter()
+        .map(evidence_of)
         .collect()
 }
 

@@ -1,8 +1,6 @@
 //! Which of Brown's coefficients are estimated.
 
-use std::ops::Range;
-
-use super::{DistortionModel, INTRINSICS};
+use super::{Columns, DistortionModel, INTRINSICS};
 
 /// The coefficients of a [`Brown`](super::Brown) lens that are estimated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -42,9 +40,9 @@ impl DistortionModel for BrownModel {
         BrownModel::Brown,
     ];
 
-    fn columns(self) -> Range<usize> {
+    fn columns(self) -> Columns {
         let tangential = if self == BrownModel::Brown { 2 } else { 0 };
-        INTRINSICS..INTRINSICS + self.radial_coefficients() + tangential
+        Columns::of(INTRINSICS..INTRINSICS + self.radial_coefficients() + tangential)
     }
 
     fn straightening_coefficients(self) -> usize {

@@ -197,17 +197,46 @@ fn radial_jacobian(ideal: &Vector2<f64>, factor: f64, slope: f64) -> Matrix2<f64
     Matrix2::identity() * factor + along * along.transpose() * (slope - factor)
 }
 
-fn opencv(coefficients: &[f64; 14], ideal: &Vector2<f64>) -> (Vector2<f64>, Matrix2<f64>) {
+/// OpenCV's radial factor `(1 + k1 s + k2 s^2 + k3 s^3) / (1 + k4 s + k5 s^2 + k6 s^3)`.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct RadialQuotient {
+    /// `k1, k2, k3`.
+    pub above: [f64; 3],
+    /// `k4, k5, k6`.
+    pub below: [f64; 3],
+}
+
+impl RadialQuotient {
+    /// The denominator, the factor, and the factor's first and second derivative by `s`.
+    pub fn at(&self, square: f64) -> [f64; 4] {
+        let polynomial = |[a, b, c]: [f64; 3]| {
+            (
+                1.0 + square * (a + square * (b + square * c)),
+                a + square * (2.0 * b + square * 3.0 * c),
+                2.0 * b + square * 6.0 * c,
+            )
+        };
+        let (above, above_slope, above_bend) = polynomial(self.above);
+        let (below, below_slope, below_bend) = polynomial(self.below);
+        let factor = above / below;
+        let slope = (above_slope - factor * below_slope) / below;
+        let curvature = (above_bend - factor * below_bend - 2.0 * slope * below_slope) / below;
+        [below, factor, slope, curvature]
+    }
+}
+
+/// The observed point of OpenCV's model, and its derivative by the ideal one.
+pub(super) fn opencv(
+    coefficients: &[f64; 14],
+    ideal: &Vector2<f64>,
+) -> (Vector2<f64>, Matrix2<f64>) {
     let [k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tau_x, tau_y] = *coefficients;
     let square = ideal.norm_squared();
-    let polynomial = |a: f64, b: f64, c: f64| {
-        let value = 1.0 + square * (a + square * (b + square * c));
-        (value, a + square * (2.0 * b + square * 3.0 * c))
+    let radial = RadialQuotient {
+        above: [k1, k2, k3],
+        below: [k4, k5, k6],
     };
-    let (above, above_slope) = polynomial(k1, k2, k3);
-    let (below, below_slope) = polynomial(k4, k5, k6);
-    let factor = above / below;
-    let slope = (above_slope - factor * below_slope) / below;
+    let [_, factor, slope, _] = radial.at(square);
     let prism = Vector2::new(s1 + s2 * square, s3 + s4 * square);
     let prism_slope = Vector2::new(s1 + 2.0 * s2 * square, s3 + 2.0 * s4 * square);
     let mut seen = ideal * factor + prism * square;

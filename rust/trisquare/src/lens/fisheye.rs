@@ -34,19 +34,37 @@ const NEAR_AXIS: f64 = 1e-6;
 pub enum FisheyeModel {
     /// None: the angle with the axis is the distance from the centre.
     Equidistant,
+    /// `k1`.
+    Fisheye1,
+    /// `k1, k2`.
+    Fisheye2,
     /// `k1, k2, k3, k4`.
     #[default]
     Fisheye,
 }
 
-impl DistortionModel for FisheyeModel {
-    const NESTED: &'static [Self] = &[FisheyeModel::Equidistant, FisheyeModel::Fisheye];
-
-    fn columns(self) -> Range<usize> {
+impl FisheyeModel {
+    /// Number of coefficients.
+    pub fn coefficients(self) -> usize {
         match self {
-            Self::Equidistant => INTRINSICS..INTRINSICS,
-            Self::Fisheye => INTRINSICS..NAMES.len(),
+            Self::Equidistant => 0,
+            Self::Fisheye1 => 1,
+            Self::Fisheye2 => 2,
+            Self::Fisheye => COEFFICIENTS,
         }
+    }
+}
+
+impl DistortionModel for FisheyeModel {
+    const NESTED: &'static [Self] = &[
+        FisheyeModel::Equidistant,
+        FisheyeModel::Fisheye1,
+        FisheyeModel::Fisheye2,
+        FisheyeModel::Fisheye,
+    ];
+
+    fn columns(self) -> Columns {
+        Columns::of(INTRINSICS..INTRINSICS + self.coefficients())
     }
 
     fn straightening_coefficients(self) -> usize {
@@ -278,13 +296,18 @@ impl Lens for Fisheye {
         if model == FisheyeModel::Equidistant {
             return plain;
         }
-        let [fx, fy, cx, cy] = plain.intrinsics();
+        let count = model.coefficients();
+        let [fx, fy, ..] = plain.intrinsics();
         let focal = (fx * fy).sqrt();
         let angle = |radius: f64| (ideal_radius(radius * focal) / focal).atan();
         let picture = (size, plain.principal_point(), focal);
-        let found = covering_coefficients(angle, picture, COEFFICIENTS);
-        let [k1, k2, k3, k4] = found.try_into().unwrap_or_default();
-        Self::new([fx, fy, cx, cy, k1, k2, k3, k4])
+        let mut parameters = plain.parameters;
+        let found = covering_coefficients(angle, picture, count);
+        parameters[INTRINSICS..]
+            .iter_mut()
+            .zip(found)
+            .for_each(|(k, value)| *k = value);
+        Self::new(parameters)
     }
 
     fn intrinsics(&self) -> [f64; INTRINSICS] {

@@ -5,27 +5,36 @@
 //! looks along, and how that distance changes with its parameters.
 
 mod brown;
-mod brown_inverse;
 mod brown_model;
-mod brown_projection;
+mod columns;
 mod distortion;
 mod families;
 mod fisheye;
+mod line_derivatives;
+mod plane_distortion;
+mod plane_inverse;
 mod point_maps;
 mod radial;
+mod rational;
+mod rational_model;
+mod rational_radius;
 mod turned_lenses;
 mod undistorted_view;
 mod undistortion_map;
 
-pub use brown::{Brown, BrownPixelRay};
+pub use brown::Brown;
 pub use brown_model::BrownModel;
+pub use columns::Columns;
 pub use distortion::{Distortion, DistortionTerm};
 pub use families::{LensFamily, NearestLens};
 pub use fisheye::{Fisheye, FisheyeModel, FisheyePixelRay};
+pub use plane_distortion::PlanePixelRay;
 pub use point_maps::PointMaps;
 pub(crate) use point_maps::of_all;
 pub(crate) use radial::{covering_coefficients, sign_changes};
 pub use radial::{invertible_radius, monotonic_radius};
+pub use rational::{OpenCvLens, Rational, ThinPrism};
+pub use rational_model::{OpenCvModel, RationalModel, ThinPrismModel};
 pub use turned_lenses::{SeenAgain, TurnedLenses};
 pub use undistorted_view::UndistortedView;
 pub use undistortion_map::{UndistortionMap, largest_rectangle};
@@ -45,7 +54,7 @@ pub type DefaultLens = Brown;
 pub const INTRINSICS: usize = 4;
 
 /// Room for the parameters of any lens and the two offsets of its centre of distortion.
-pub const MAX_LENS_COLUMNS: usize = 11;
+pub const MAX_LENS_COLUMNS: usize = 18;
 
 /// Derivatives of a pixel by the lens parameters; columns that a lens has no parameter for are
 /// zero.
@@ -64,34 +73,14 @@ pub struct LineDistance {
     pub wrt_lens: [f64; MAX_LENS_COLUMNS],
 }
 
-/// A set of columns of a lens Jacobian.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Columns(u16);
-
-impl Columns {
-    /// Every column.
-    pub const ALL: Self = Self(u16::MAX);
-
-    /// The columns listed.
-    pub fn of(columns: impl Iterator<Item = usize>) -> Self {
-        Self(columns.fold(0, |set, column| set | 1 << column))
-    }
-
-    /// Whether a column is in the set.
-    #[inline]
-    pub fn contains(self, column: usize) -> bool {
-        self.0 & (1 << column) != 0
-    }
-}
-
 /// Which distortion coefficients of a lens are estimated.
 pub trait DistortionModel: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// All models of the lens, each nested in the next: it is the next one with coefficients at
     /// zero.
     const NESTED: &'static [Self];
 
-    /// The parameters that are its coefficients: from [`INTRINSICS`] on.
-    fn columns(self) -> Range<usize>;
+    /// The parameters that are its coefficients, all of them from [`INTRINSICS`] on.
+    fn columns(self) -> Columns;
 
     /// Radial coefficients (0 to 2) by which the linear steps straighten the picture: 0 for what
     /// sees straight lines as straight.
@@ -118,8 +107,8 @@ pub trait DistortionModel: Copy + Debug + Default + PartialEq + Send + Sync + 's
 
     /// The coefficients that only models richer than the default have: pictures seldom determine
     /// them, and what lenses are like has to hold them.
-    fn further_columns(self) -> Range<usize> {
-        Self::default().columns().end..self.columns().end
+    fn further_columns(self) -> Columns {
+        self.columns().without(Self::default().columns())
     }
 }
 
@@ -302,56 +291,74 @@ mod tests {
         (perturb(step) - perturb(-step)) / (2.0 * step)
     }
 
-    #[test]
-    fn jacobian_agrees_with_central_differences() {
-        let lens = Brown::new([
-            1000.0, 1010.0, 640.0, 470.0, -0.25, 0.12, -0.03, 0.002, -0.001,
-        ]);
+    fn check_jacobians<L: Lens>(lens: &L) {
         let line = Vector3::new(0.4, -0.8, 0.1);
         for pixel in [
             Vector2::new(100.0, 80.0),
             Vector2::new(700.0, 650.0),
             Vector2::new(1200.0, 900.0),
         ] {
-            let distance = |lens: &Brown, line: &Vector3<f64>| {
+            let distance = |lens: &L, line: &Vector3<f64>| {
                 lens.line_distance(&lens.unproject_with_jacobian(&pixel).unwrap(), line)
             };
-            let jacobian = lens.line_distance_jacobian(
-                &lens.unproject_with_jacobian(&pixel).unwrap(),
-                &line,
-                Columns::ALL,
-            );
-            let alone = distance(&lens, &line);
+            let ray = lens.unproject_with_jacobian(&pixel).unwrap();
+            let jacobian = lens.line_distance_jacobian(&ray, &line, Columns::ALL);
+            let projection = lens.projection_jacobian(&ray);
+            let alone = distance(lens, &line);
             assert!((jacobian.value - alone).abs() < 1e-13 * alone.abs());
             for i in 0..3 {
                 let expected = numeric(
                     |h| {
                         let mut moved = line;
                         moved[i] += h;
-                        distance(&lens, &moved)
+                        distance(lens, &moved)
                     },
                     1e-6,
                 );
                 let scale = jacobian.wrt_line.norm();
                 assert!((jacobian.wrt_line[i] - expected).abs() < 1e-7 * scale);
             }
-            for i in 0..Brown::parameter_names().len() {
+            for i in 0..L::parameter_names().len() {
                 let scale = if i < 4 { 1.0 } else { 1000.0 };
-                let expected = numeric(
-                    |h| {
-                        let mut parameters = lens.parameters();
-                        parameters[i] += h / scale;
-                        distance(&lens.with_parameters(&parameters), &line)
-                    },
-                    1e-4,
-                );
+                let moved = |h: f64| {
+                    let mut parameters = lens.parameters();
+                    parameters[i] += h / scale;
+                    lens.with_parameters(&parameters)
+                };
+                let expected = numeric(|h| distance(&moved(h), &line), 1e-4);
                 let found = jacobian.wrt_lens[i] / scale;
                 assert!(
                     (found - expected).abs() < 1e-7 * expected.abs().max(1.0),
                     "column {i}: {found} against {expected}"
                 );
+                for axis in 0..2 {
+                    let seen = |h: f64| moved(h).project(&lens.direction(&ray)).unwrap()[axis];
+                    let expected = numeric(seen, 1e-3);
+                    let found = projection[(axis, i)] / scale;
+                    assert!((found - expected).abs() < 1e-7 * expected.abs().max(1.0));
+                }
+            }
+            for axis in 0..2 {
+                let step = Vector2::ith(axis, 1e-4);
+                let ray_at = |pixel| lens.direction(&lens.unproject_with_jacobian(&pixel).unwrap());
+                let expected = (ray_at(pixel + step) - ray_at(pixel - step)) / 2e-4;
+                let found = lens.direction_jacobian(&ray).column(axis).into_owned();
+                assert!((found - expected).norm() < 1e-6 * expected.norm());
             }
         }
+    }
+
+    #[test]
+    fn jacobians_agree_with_central_differences() {
+        check_jacobians(&Brown::new([
+            1000.0, 1010.0, 640.0, 470.0, -0.25, 0.12, -0.03, 0.002, -0.001,
+        ]));
+        let intrinsics = [1000.0, 1010.0, 640.0, 470.0];
+        let coefficients = [
+            -0.1, 0.05, 0.01, 0.15, -0.03, 0.02, 0.02, -0.01, 3e-2, -2e-2, 1e-2, 4e-2,
+        ];
+        check_jacobians(&Rational::new(intrinsics, &coefficients[..8]));
+        check_jacobians(&ThinPrism::new(intrinsics, &coefficients));
     }
 
     #[test]

@@ -12,7 +12,7 @@ const CONVERSION_SAMPLES: usize = 200;
 
 /// Squared radii beyond this (a millionth of a radian from 90 degrees) are not seen by any lens;
 /// a root that lies there counts as none.
-const LARGEST_SQUARED_RADIUS: f64 = 1e12;
+pub(super) const LARGEST_SQUARED_RADIUS: f64 = 1e12;
 
 /// The largest radius up to which `r (1 + k1 r^2 + k2 r^4 + k3 r^6)` increases; may be infinite.
 pub fn monotonic_radius([k1, k2, k3]: [f64; 3]) -> f64 {

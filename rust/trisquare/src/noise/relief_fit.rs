@@ -170,11 +170,8 @@ fn raise<L: Lens>(
             let line = state.line(f, side);
             for sample in &mut side.samples {
                 let pixel_ray = lens.unproject_with_jacobian(&sample.pixel)?;
-                let distance = lens.line_distance_jacobian(
-                    &pixel_ray,
-                    &line,
-                    crate::lens::Columns::of([].into_iter()),
-                );
+                let distance =
+                    lens.line_distance_jacobian(&pixel_ray, &line, crate::lens::Columns::NONE);
                 let rows =
                     board_relief.displacements((lens, state), &line, &distance.wrt_line, sample)?;
                 let at = |x: f64, y: f64| {

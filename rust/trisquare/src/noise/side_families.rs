@@ -1,6 +1,6 @@
 //! Sides whose smooth displacements are correlated, and what their samples say of them.
 
-use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{Const, DMatrix, DVector, Dyn, OMatrix, SMatrix, SVector, Vector2, Vector3};
 
 use super::picture_fields::{FIELDS, PictureFields};
 use super::side_basis::{Basis, ORDERS};
@@ -245,7 +245,7 @@ impl Family {
 /// the side.
 struct SideJacobian {
     own: DMatrix<f64>,
-    shared: SMatrix<f64, ORDERS, MAX_SHARED>,
+    shared: OMatrix<f64, Const<ORDERS>, Dyn>,
 }
 
 impl SideJacobian {
@@ -258,7 +258,7 @@ impl SideJacobian {
     ) -> Option<Self> {
         let lens = camera.lens;
         let line = state.line(figure, side);
-        let wanted = camera.free.columns();
+        let (wanted, count) = (camera.free.columns(), camera.len());
         let mut gram = Gram::identity() * UNSEEN;
         let mut wrt_line = SMatrix::<f64, ORDERS, 3>::zeros();
         let mut shared = SMatrix::<f64, ORDERS, MAX_SHARED>::zeros();
@@ -271,7 +271,8 @@ impl SideJacobian {
             let columns = camera.gather(&distance.wrt_lens, (pixel, &pixel_ray, &line));
             gram.ger(1.0, row, row, 1.0);
             wrt_line.ger(1.0, row, &distance.wrt_line, 1.0);
-            shared.ger(1.0, row, &columns, 1.0);
+            let mut used = shared.columns_mut(0, count);
+            used.ger(1.0, row, &columns.rows(0, count), 1.0);
             if let Some(board_relief) = board_relief {
                 let sample = &side.samples[index];
                 let of = (lens, state);
@@ -289,7 +290,7 @@ impl SideJacobian {
                 None => own[(k, i)],
                 Some(term) => heights[(k, term)],
             }),
-            shared: factor.solve(&shared),
+            shared: factor.solve(&shared.columns(0, count)),
         })
     }
 }

@@ -40,7 +40,7 @@ impl FreeParameters {
             columns.extend([2, 3]);
         }
         if !fixed.distortion {
-            columns.extend(model.columns());
+            columns.extend(model.columns().iter());
         }
         Self {
             columns,
@@ -63,7 +63,9 @@ impl FreeParameters {
     ) -> Self {
         let usual = lens.coefficient_priors(size);
         let further = model.further_columns();
-        let free = further.filter(|column| self.columns.contains(column));
+        let free = further
+            .iter()
+            .filter(|column| self.columns.contains(column));
         let prior = |column: usize| {
             let known = poorer.priors.iter().find(|(other, _)| *other == column);
             let std = known.map_or(PRIOR_SLACK * usual[column - INTRINSICS], |(_, std)| *std);

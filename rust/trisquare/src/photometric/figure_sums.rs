@@ -91,8 +91,8 @@ impl<'a, const N: usize> FigureSums<'a, N> {
         let (camera, picture) = shared.split_at_mut(self.free.len());
         self.free.gather(&distance.wrt_lens, camera);
         camera.iter_mut().for_each(|value| *value *= gain);
-        if !picture.is_empty() {
-            picture.copy_from_slice(&scene.wrt_picture(shade));
+        if self.has_picture() {
+            picture[..PICTURE_PARAMETERS].copy_from_slice(&scene.wrt_picture(shade));
         }
         exposure.copy_from_slice(&scene.wrt_exposure(shade));
         add_rank_one(&mut self.sides[side], &row, weight);

@@ -194,7 +194,8 @@ impl PixelFit<'_> {
 
     /// Cost and normal equations at a state; `None` where they are not defined.
     pub fn evaluate<L: Lens>(&self, state: &PixelState<L>) -> Option<PixelSystem> {
-        // One instance per number of shared parameters, so that the innermost loops are unrolled.
+        // One instance per number of shared parameters, so that the innermost loops are unrolled;
+        // of the large numbers, which few lenses have, several share one with room to spare.
         let tone = if self.free_pictures > 0 {
             PICTURE_PARAMETERS
         } else {
@@ -213,7 +214,9 @@ impl PixelFit<'_> {
             9 => self.assemble::<L, 18>(state),
             10 => self.assemble::<L, 19>(state),
             11 => self.assemble::<L, 20>(state),
-            _ => self.assemble::<L, 21>(state),
+            12 => self.assemble::<L, 21>(state),
+            13..=15 => self.assemble::<L, 24>(state),
+            _ => self.assemble::<L, 28>(state),
         }
     }
 

@@ -86,7 +86,7 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
         let wrt_own = state.line_jacobian(figure, side);
         let at = |i: usize, j: usize| symmetric(&sums.products, i, j);
 
-        let shared = N - SHARED_OFFSET;
+        let shared = self.free.len();
         let line_square = Matrix3::from_fn(at);
         let line_residual = Vector3::from_fn(|i, _| at(i, 3));
         let line_shared = SMatrix::<f64, 3, MAX_LENS_COLUMNS>::from_fn(|i, j| match j < shared {
@@ -112,7 +112,7 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
 
     fn assemble<const N: usize>(&self, view: &View<L>) -> Option<(f64, ArrowSystem)> {
         let own = view.planes.iter().map(PlaneState::parameter_count);
-        let mut system = ArrowSystem::zeros(N - SHARED_OFFSET, own);
+        let mut system = ArrowSystem::zeros(self.free.len(), own);
         let mut cost = self.free.add_prior(&view.lens, &mut system);
         for (p, plane) in self.planes.iter().enumerate() {
             for (f, side) in plane.sides_by_figure() {
@@ -127,7 +127,8 @@ impl<L: Lens> Problem for EdgeProblem<'_, L> {
     type State = View<L>;
 
     fn evaluate(&self, view: &View<L>) -> Option<(f64, ArrowSystem)> {
-        // One instance per number of shared parameters, so that the innermost loops are unrolled.
+        // One instance per number of shared parameters, so that the innermost loops are unrolled;
+        // of the large numbers, which few lenses have, several share one with room to spare.
         match self.free.len() {
             0 => self.assemble::<4>(view),
             1 => self.assemble::<5>(view),
@@ -140,7 +141,9 @@ impl<L: Lens> Problem for EdgeProblem<'_, L> {
             8 => self.assemble::<12>(view),
             9 => self.assemble::<13>(view),
             10 => self.assemble::<14>(view),
-            _ => self.assemble::<15>(view),
+            11 => self.assemble::<15>(view),
+            12..=14 => self.assemble::<18>(view),
+            _ => self.assemble::<22>(view),
         }
     }
 

@@ -23,8 +23,8 @@ pub struct NoCoefficients;
 impl DistortionModel for NoCoefficients {
     const NESTED: &'static [Self] = &[NoCoefficients];
 
-    fn columns(self) -> Range<usize> {
-        INTRINSICS..INTRINSICS
+    fn columns(self) -> Columns {
+        Columns::NONE
     }
 
     fn straightening_coefficients(self) -> usize {

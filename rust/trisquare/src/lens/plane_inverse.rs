@@ -1,8 +1,8 @@
-//! From observed to ideal points: Brown's distortion inverted, wherever it can be.
+//! From observed to ideal points: a distortion inverted, wherever it can be.
 
 use nalgebra::Vector2;
 
-use super::brown::{Brown, adjugate, is_finite};
+use super::plane_distortion::{PlaneDistortion, adjugate, is_finite};
 
 /// Newton steps when a pixel is followed back; monotonic from the observed radius, seldom above 6.
 const MAX_NEWTON_STEPS: usize = 30;
@@ -34,11 +34,11 @@ const MAX_HALVINGS: usize = 10;
 /// steps stop short of it, and where the distortion grows steeply, small steps leave more.
 const ARRIVED: f64 = 1e-13;
 
-impl Brown {
-    /// Inverts the distortion; `None` beyond the valid radius.
-    pub(crate) fn undistort(&self, distorted: &Vector2<f64>) -> Option<Vector2<f64>> {
-        let [.., p1, p2] = self.parameters;
-        let ideal = if p1 == 0.0 && p2 == 0.0 {
+/// The inverse of every such distortion.
+pub(super) trait Inverse: PlaneDistortion {
+    /// Inverts the distortion; `None` beyond the trusted radius.
+    fn undistort(&self, distorted: &Vector2<f64>) -> Option<Vector2<f64>> {
+        let ideal = if self.is_radial() {
             self.undistort_radially(distorted)
         } else {
             self.undistort_in_plane(distorted)
@@ -50,9 +50,9 @@ impl Brown {
     ///
     /// The inverse's power series starts it close. Where that leads astray, the ratio is bracketed.
     fn undistort_radially(&self, distorted: &Vector2<f64>) -> Option<Vector2<f64>> {
-        let [_, _, _, _, k1, k2, ..] = self.parameters;
+        let (first, second) = self.radial_slopes(0.0);
         let square = distorted.norm_squared();
-        let series = 1.0 - square * (k1 - square * (3.0 * k1 * k1 - k2));
+        let series = 1.0 - square * (first - square * (3.0 * first * first - 0.5 * second));
         let ratio = self
             .ideal_ratio(square, series)
             .or_else(|| self.bracketed_ratio(square))?;
@@ -60,7 +60,7 @@ impl Brown {
     }
 
     fn ideal_ratio(&self, observed_square: f64, start: f64) -> Option<f64> {
-        let limit = self.valid_radius * self.valid_radius;
+        let limit = self.trusted_radius() * self.trusted_radius();
         let mut ratio = start;
         for _ in 0..MAX_NEWTON_STEPS {
             let square = ratio * ratio * observed_square;
@@ -80,9 +80,13 @@ impl Brown {
         None
     }
 
-    /// Whether a ratio leads back to the observed radius.
+    /// Whether a ratio leads back to the observed radius, as near as its own rounding allows: before
+    /// a pole that grows.
     fn has_arrived(&self, ratio: f64, square: f64) -> bool {
-        (1.0 - ratio * self.radial_factor(square)).abs() <= ARRIVED
+        let factor = self.radial_factor(square);
+        let missing = (1.0 - ratio * factor).abs();
+        let slope = || factor + 2.0 * square * self.radial_slopes(square).0;
+        missing <= ARRIVED || missing <= ARRIVED * ratio * slope()
     }
 
     /// Newton's step of the ratio, the slope there, and what is missing from the observed radius.
@@ -93,11 +97,11 @@ impl Brown {
         (slope > 0.0).then_some((missing / slope, slope, missing))
     }
 
-    /// Newton's method between bounds: up to the valid radius the observed radius only grows.
+    /// Newton's method between bounds: up to the trusted radius the observed radius only grows.
     fn bracketed_ratio(&self, observed_square: f64) -> Option<f64> {
         let observed = observed_square.sqrt();
         let mut low = 0.0;
-        let mut high = self.valid_radius / observed;
+        let mut high = self.trusted_radius() / observed;
         if high.is_infinite() {
             high = 1.0;
             for _ in 0..MAX_DOUBLINGS {
@@ -135,12 +139,12 @@ impl Brown {
 
     /// Newton's method on both coordinates, from the inverse of the radial part.
     ///
-    /// The ideal point minimises the convex function whose gradient is the distortion less the
-    /// observed point, so that shortened steps always lead there.
+    /// Within the disc the Jacobian's symmetric part is positive definite: no other point is seen
+    /// there, and each step, shortened, lessens the error.
     fn undistort_in_plane(&self, distorted: &Vector2<f64>) -> Option<Vector2<f64>> {
         let mut ideal = self.undistort_radially(distorted).unwrap_or(*distorted);
         // From the rim inward where the radial part alone leads out of the disc.
-        let rim = RIM * self.valid_radius;
+        let rim = RIM * self.trusted_radius();
         // Written so that NaN ends here, too.
         if !(ideal.norm() <= rim) {
             ideal = distorted.try_normalize(0.0)? * rim;
@@ -156,7 +160,7 @@ impl Brown {
             let mut next = ideal + step;
             let mut next_error = distorted - self.distort(&next);
             for _ in 0..MAX_HALVINGS {
-                if next.norm() <= self.valid_radius && next_error.norm() <= error.norm() {
+                if next.norm() <= self.trusted_radius() && next_error.norm() <= error.norm() {
                     break;
                 }
                 step *= 0.5;
@@ -169,7 +173,7 @@ impl Brown {
                     (ideal, error) = self.polished(distorted, ideal, error);
                 }
                 if error.norm() <= ARRIVED * distorted.norm() {
-                    return (ideal.norm() <= self.valid_radius).then_some(ideal);
+                    return (ideal.norm() <= self.trusted_radius()).then_some(ideal);
                 }
             }
         }
@@ -196,9 +200,11 @@ impl Brown {
     }
 }
 
+impl<D: PlaneDistortion> Inverse for D {}
+
 #[cfg(test)]
 mod tests {
-    use super::super::Lens;
+    use super::super::{Brown, Lens, ThinPrism};
     use super::*;
 
     /// Lenses of every kind, their bends stronger than any real one's.
@@ -214,46 +220,70 @@ mod tests {
         [0.0, 0.0, 0.17, 0.0, 0.0],
     ];
 
-    fn lens(k: [f64; 5]) -> Brown {
-        let [k1, k2, k3, p1, p2] = k;
+    /// Of `k1` to `k6`, `p1, p2`, `s1` to `s4`.
+    const QUOTIENTS: [[f64; 12]; 5] = [
+        [-0.1, 0.0, 0.0, 0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        [
+            0.5, -2.6, 1.5, 0.38, -2.4, 1.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+        ],
+        [0.0, 0.0, 0.0, -0.25, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        [
+            0.1, 0.1, 0.0, 0.5, 0.2, 0.1, 0.01, -0.02, 0.0, 0.0, 0.0, 0.0,
+        ],
+        [
+            -0.3, 0.1, 0.0, 0.1, 0.0, 0.0, 0.003, 0.002, 0.02, -0.03, 0.01, 0.04,
+        ],
+    ];
+
+    fn lens([k1, k2, k3, p1, p2]: [f64; 5]) -> Brown {
         Brown::new([1000.0, 1000.0, 0.0, 0.0, k1, k2, k3, p1, p2])
+    }
+
+    fn quotient(coefficients: [f64; 12]) -> ThinPrism {
+        ThinPrism::new([1000.0, 1000.0, 0.0, 0.0], &coefficients)
+    }
+
+    fn check_inside<L: Lens + PlaneDistortion>(lens: &L) {
+        // As far as any picture, where the lens has no rim.
+        let radius = lens.valid_radius().min(5.0);
+        for part in [0.0, 1e-9, 0.2, 0.5, 0.8, 0.95, 0.99, 0.999] {
+            for degrees in (0..360).step_by(10) {
+                let (sin, cos) = f64::from(degrees).to_radians().sin_cos();
+                let ideal = Vector2::new(cos, sin) * (part * radius);
+                let found = lens.undistort(&lens.distort(&ideal));
+                let error = found.map(|found| (found - ideal).norm());
+                // A billionth of a pixel.
+                assert!(
+                    error.is_some_and(|e| e < 1e-12),
+                    "{lens:?} {ideal}: {error:?}"
+                );
+            }
+        }
+    }
+
+    fn check_outside<L: Lens + PlaneDistortion>(lens: &L) {
+        let rim = |t: f64| lens.distort(&(Vector2::new(t.cos(), t.sin()) * lens.valid_radius()));
+        for degrees in (0..360).step_by(10) {
+            let seen = rim(f64::from(degrees).to_radians());
+            assert!(lens.undistort(&(seen * 1.001)).is_none(), "{lens:?}");
+            assert!(lens.undistort(&(seen * 3.0)).is_none(), "{lens:?}");
+        }
     }
 
     #[test]
     fn everything_within_the_valid_radius_comes_back() {
-        for lens in LENSES.map(lens) {
-            // As far as any picture, where the lens has no rim.
-            let radius = lens.valid_radius().min(5.0);
-            for part in [0.0, 1e-9, 0.2, 0.5, 0.8, 0.95, 0.99, 0.999] {
-                for degrees in (0..360).step_by(10) {
-                    let (sin, cos) = f64::from(degrees).to_radians().sin_cos();
-                    let ideal = Vector2::new(cos, sin) * (part * radius);
-                    let found = lens.undistort(&lens.distort(&ideal));
-                    let error = found.map(|found| (found - ideal).norm());
-                    // A billionth of a pixel.
-                    assert!(
-                        error.is_some_and(|e| e < 1e-12),
-                        "{lens:?} {ideal}: {error:?}"
-                    );
-                }
-            }
-        }
+        LENSES.map(lens).iter().for_each(check_inside);
+        QUOTIENTS.map(quotient).iter().for_each(check_inside);
     }
 
     #[test]
     fn nothing_comes_back_from_beyond_the_image_of_the_rim() {
-        for lens in LENSES
-            .map(lens)
-            .into_iter()
-            .filter(|l| l.valid_radius() < 5.0)
-        {
-            let rim =
-                |t: f64| lens.distort(&(Vector2::new(t.cos(), t.sin()) * lens.valid_radius()));
-            for degrees in (0..360).step_by(10) {
-                let seen = rim(f64::from(degrees).to_radians());
-                assert!(lens.undistort(&(seen * 1.001)).is_none(), "{lens:?}");
-                assert!(lens.undistort(&(seen * 3.0)).is_none(), "{lens:?}");
-            }
-        }
+        let has_rim = |radius: f64| radius < 5.0;
+        let brown = LENSES.map(lens);
+        let brown = brown.iter().filter(|lens| has_rim(lens.valid_radius()));
+        brown.for_each(check_outside);
+        let others = QUOTIENTS.map(quotient);
+        let others = others.iter().filter(|lens| has_rim(lens.valid_radius()));
+        others.for_each(check_outside);
     }
 }

@@ -1,0 +1,163 @@
+//! How the distance of a pixel to the image of a line follows the parameters of a lens that bends
+//! the normalised plane.
+
+use nalgebra::{Vector2, Vector3};
+
+use super::plane_distortion::PlanePixelRay;
+
+/// The distance of a pixel to the image of a line `l`, ready to be differentiated.
+///
+/// With `u` the ideal point, `J = du_d/du`, `q = J^-T (l1, l2)` and `G = q / f`, the distance is
+/// `n / |G|`, `n = l . (u, 1)`. A parameter moves `u` (the pixel stays) by `-J^-1 du_d`, hence
+/// `dn = -q . du_d`; and `J^T q = (l1, l2)` gives `dq = -J^-T (d(J^T) q)`, where the change of
+/// `J^T q` at constant `q` is the gradient of `q . u_d`, differentiated by the parameter, plus its
+/// Hessian times `du`.
+pub(super) struct LineDerivatives {
+    /// The distance, in pixels.
+    pub value: f64,
+    u: Vector2<f64>,
+    distorted: Vector2<f64>,
+    square: f64,
+    inverse_focal: Vector2<f64>,
+    line: Vector2<f64>,
+    q: Vector2<f64>,
+    /// `q . u`.
+    qu: f64,
+    gradient: Vector2<f64>,
+    inverse_norm: f64,
+    /// `d|G| = pull . d(J^T q)`: its change, contracted.
+    pull: Vector2<f64>,
+    /// How `|G|` answers to a change of `u_d`, by way of `u`.
+    bend: Vector2<f64>,
+}
+
+impl LineDerivatives {
+    /// `hessian` gives, of `q` and a vector `v`, the Hessian of `q . u_d` by `u`, times `v`.
+    #[inline]
+    pub fn new(
+        ray: &PlanePixelRay,
+        line: &Vector3<f64>,
+        inverse_focal: &Vector2<f64>,
+        hessian: impl Fn(Vector2<f64>, Vector2<f64>) -> Vector2<f64>,
+    ) -> Self {
+        let u = ray.ideal;
+        let q = ray.inverse.tr_mul(&line.xy());
+        let gradient = q.component_mul(inverse_focal);
+        let inverse_norm = 1.0 / gradient.norm();
+        let numerator = line.xy().dot(&u) + line.z;
+        // d|G| = G . dG / |G| = (G / f) . dq / |G| + ...
+        let pull = ray.inverse * (gradient * inverse_norm).component_mul(inverse_focal);
+        Self {
+            value: numerator * inverse_norm,
+            u,
+            distorted: ray.distorted,
+            square: ray.square,
+            inverse_focal: *inverse_focal,
+            line: line.xy(),
+            q,
+            qu: q.dot(&u),
+            gradient,
+            inverse_norm,
+            pull,
+            // -(H pull) . du with H symmetric and du = -J^-1 d(u_d).
+            bend: ray.inverse.tr_mul(&hessian(q, pull)),
+        }
+    }
+
+    /// The derivative by what changes `u_d` by `shift` at a fixed pixel, and `J^T q` by `twist` at a
+    /// fixed `u`.
+    #[inline]
+    fn column(&self, shift: Vector2<f64>, twist: Vector2<f64>) -> f64 {
+        let dn = -self.q.dot(&shift);
+        let dg = -self.pull.dot(&twist) + self.bend.dot(&shift);
+        (dn - self.value * dg) * self.inverse_norm
+    }
+
+    /// By the coefficient of `u g(s)`, with the derivative of `g` by `s`.
+    #[inline]
+    pub fn radial(&self, factor: f64, slope: f64) -> f64 {
+        let (u, q) = (self.u, self.q);
+        self.column(u * factor, q * factor + u * (2.0 * slope * self.qu))
+    }
+
+    /// By the tangential coefficient of the axis `along`: `p2` for 0, `p1` for 1.
+    #[inline]
+    pub fn tangential(&self, along: usize) -> f64 {
+        let (u, q, across) = (self.u, self.q, 1 - along);
+        let (mut shift, mut twist) = (Vector2::zeros(), Vector2::zeros());
+        shift[along] = self.square + 2.0 * u[along] * u[along];
+        shift[across] = 2.0 * u.x * u.y;
+        twist[along] = 6.0 * q[along] * u[along] + 2.0 * q[across] * u[across];
+        twist[across] = 2.0 * (q.x * u.y + q.y * u.x);
+        self.column(shift, twist)
+    }
+
+    /// By the coefficient of `h(s)` along an axis, with the derivative of `h` by `s`.
+    #[inline]
+    pub fn prism(&self, axis: usize, shift: f64, slope: f64) -> f64 {
+        self.column(
+            Vector2::ith(axis, shift),
+            self.u * (2.0 * slope * self.q[axis]),
+        )
+    }
+
+    /// By `fx, fy, cx, cy`, which move the observed point: the pixel is fixed, `u_d = (p - c) / f`
+    /// changes.
+    #[inline]
+    pub fn intrinsics(&self) -> [f64; 4] {
+        let moved = |axis: usize, amount: f64| {
+            let mut shift = Vector2::zeros();
+            shift[axis] = -amount;
+            self.column(shift, Vector2::zeros())
+        };
+        // G = q / f also holds f itself.
+        let focal = |axis: usize| {
+            let (inverse_focal, gradient) = (self.inverse_focal[axis], self.gradient[axis]);
+            let unit = gradient * self.inverse_norm;
+            moved(axis, -self.distorted[axis] * inverse_focal)
+                + self.value * self.inverse_norm * unit * gradient * inverse_focal
+        };
+        [
+            focal(0),
+            focal(1),
+            moved(0, -self.inverse_focal.x),
+            moved(1, -self.inverse_focal.y),
+        ]
+    }
+
+    /// By a centre of distortion at `e`, of a pixel near the line: `u_d = e + d(u - e)`, so
+    /// `du_d = (I - J) de`.
+    #[inline]
+    pub fn centre(&self) -> [f64; 2] {
+        let centre = (self.line - self.q) * self.inverse_norm;
+        [centre.x, centre.y]
+    }
+
+    /// By the line.
+    #[inline]
+    pub fn wrt_line(&self) -> Vector3<f64> {
+        let along = self.u.push(1.0) * self.inverse_norm;
+        let bent = self.pull * (self.value * self.inverse_norm);
+        along - Vector3::new(bent.x, bent.y, 0.0)
+    }
+}
+
+/// The Hessian of `q . u_d` by `u`, times `v`, of a radial factor with its first and second
+/// derivative by `s` and of the tangential coefficients `p1, p2`.
+#[inline]
+pub(super) fn hessian(
+    u: Vector2<f64>,
+    (q, v): (Vector2<f64>, Vector2<f64>),
+    (slope, curvature): (f64, f64),
+    [p1, p2]: [f64; 2],
+) -> Vector2<f64> {
+    let (uv, qv, qu) = (u.dot(&v), q.dot(&v), q.dot(&u));
+    let tangential = Vector2::new(
+        (6.0 * p2 * q.x + 2.0 * p1 * q.y) * v.x + 2.0 * (p1 * q.x + p2 * q.y) * v.y,
+        2.0 * (p1 * q.x + p2 * q.y) * v.x + (2.0 * p2 * q.x + 6.0 * p1 * q.y) * v.y,
+    );
+    q * (2.0 * slope * uv)
+        + u * (2.0 * slope * qv + 4.0 * curvature * qu * uv)
+        + v * (2.0 * slope * qu)
+        + tangential
+}

@@ -1,0 +1,117 @@
+//! Lenses that bend the normalised plane of a pinhole: what they share.
+
+use nalgebra::{Matrix2, Matrix3x2, Vector2, Vector3};
+
+use super::ProjectionJacobian;
+
+/// A map `u_d = d(u)` from ideal to observed normalised points.
+///
+/// Up to the trusted radius it is invertible, and its radial part, `u F(s)` with `s = u . u`, grows.
+pub(super) trait PlaneDistortion {
+    /// The ideal radius up to which it is trusted.
+    fn trusted_radius(&self) -> f64;
+
+    /// Whether it has no other part than the radial one.
+    fn is_radial(&self) -> bool;
+
+    /// `F(s)`.
+    fn radial_factor(&self, square: f64) -> f64;
+
+    /// The first and second derivative of `F` by `s`.
+    fn radial_slopes(&self, square: f64) -> (f64, f64);
+
+    /// Maps an ideal normalised point to the observed one.
+    fn distort(&self, ideal: &Vector2<f64>) -> Vector2<f64>;
+
+    /// `J = d(observed)/d(ideal)`.
+    fn distortion_jacobian(&self, ideal: &Vector2<f64>) -> Matrix2<f64>;
+
+    /// Where a point of camera coordinates is seen, normalised; `None` behind the camera and beyond
+    /// the trusted radius.
+    fn seen(&self, point: &Vector3<f64>) -> Option<Vector2<f64>> {
+        let ideal = point.xy() / point.z;
+        let is_seen = point.z > 0.0 && ideal.norm() <= self.trusted_radius();
+        is_seen.then(|| self.distort(&ideal))
+    }
+}
+
+/// Whether nothing has overflowed.
+pub(super) fn is_finite(point: &Vector2<f64>) -> bool {
+    point.norm_squared().is_finite()
+}
+
+pub(super) fn adjugate(m: &Matrix2<f64>) -> Matrix2<f64> {
+    Matrix2::new(m.m22, -m.m12, -m.m21, m.m11)
+}
+
+/// A pixel followed back to its ideal point, with what its derivatives need.
+#[derive(Debug, Clone, Copy)]
+pub struct PlanePixelRay {
+    pub(super) ideal: Vector2<f64>,
+    pub(super) distorted: Vector2<f64>,
+    pub(super) square: f64,
+    /// `J^-1`.
+    pub(super) inverse: Matrix2<f64>,
+}
+
+impl PlanePixelRay {
+    /// That of an ideal point, seen at an observed one.
+    pub(super) fn of(
+        lens: &impl PlaneDistortion,
+        ideal: Vector2<f64>,
+        distorted: Vector2<f64>,
+    ) -> Self {
+        let jacobian = lens.distortion_jacobian(&ideal);
+        Self {
+            ideal,
+            distorted,
+            square: ideal.norm_squared(),
+            inverse: adjugate(&jacobian) * (1.0 / jacobian.determinant()),
+        }
+    }
+
+    /// The ideal normalised image point `(x, y)`.
+    pub fn ideal(&self) -> Vector2<f64> {
+        self.ideal
+    }
+
+    pub(super) fn direction(&self) -> Vector3<f64> {
+        self.ideal.push(1.0)
+    }
+
+    /// The derivative of the direction by the pixel; `inverse_focal` is `1 / fx, 1 / fy`.
+    pub(super) fn direction_jacobian(&self, inverse_focal: &Vector2<f64>) -> Matrix3x2<f64> {
+        (self.inverse * Matrix2::from_diagonal(inverse_focal)).insert_row(2, 0.0)
+    }
+
+    /// Signed distance in pixels to the image of a line, and the unit normal of the image.
+    pub(super) fn line_distance_and_normal(
+        &self,
+        line: &Vector3<f64>,
+        inverse_focal: &Vector2<f64>,
+    ) -> (f64, Vector2<f64>) {
+        let gradient = self.inverse.tr_mul(&line.xy());
+        let gradient = gradient.component_mul(inverse_focal);
+        let norm = gradient.norm();
+        let distance = (line.xy().dot(&self.ideal) + line.z) / norm;
+        (distance, gradient / norm)
+    }
+
+    /// The derivative of the pixel `f u_d + c` by `fx, fy, cx, cy` and by coefficients, each of
+    /// which moves the observed point by its shift.
+    pub(super) fn projection_jacobian(
+        &self,
+        focal: &Vector2<f64>,
+        shifts: impl Iterator<Item = Vector2<f64>>,
+    ) -> ProjectionJacobian {
+        let mut jacobian = ProjectionJacobian::zeros();
+        for axis in 0..2 {
+            jacobian[(axis, axis)] = self.distorted[axis];
+            jacobian[(axis, 2 + axis)] = 1.0;
+        }
+        for (i, shift) in shifts.enumerate() {
+            jacobian.set_column(super::INTRINSICS + i, &shift.component_mul(focal));
+        }
+        jacobian
+    }
+}
