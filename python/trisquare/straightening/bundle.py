@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from trisquare._support.arrays import FloatArray
 from trisquare.straightening.radial import RadialLens
+
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 REWEIGHTINGS = 3
 """Fits of a line, each with the gradients that the one before gives."""
@@ -68,10 +71,10 @@ class Bundle:
         """Sum over the points of each curve."""
         return np.asarray(np.add.reduceat(values, self.starts, axis=0))
 
-    def spread(self, values: FloatArray) -> FloatArray:
+    def spread(self, values: npt.NDArray[Scalar]) -> npt.NDArray[Scalar]:
         """Repeat a curve's value for each of its points."""
         counts = np.diff(np.append(self.starts, len(self.points)))
-        return np.repeat(values, counts, axis=0)
+        return np.asarray(np.repeat(values, counts, axis=0))
 
     def measure(self, lens: CentredLens) -> Straightness:
         """Fit each curve's line under a lens."""
@@ -123,7 +126,7 @@ class Straightness:
     rms: FloatArray
 
     def jacobian(self) -> FloatArray:
-        """Derivatives of the residuals by ``a1, a2, cx, cy``, the lines following; shape (P, 4).
+        """Return derivatives of the residuals by ``a1, a2, cx, cy``; the lines follow.
 
         The lines are eliminated by projecting on what they cannot follow (variable projection, L.
         Kaufman, BIT 15 (1975) 49-57). Change of the norms is left out: the residuals are small.
@@ -144,7 +147,7 @@ class Straightness:
         return np.asarray(columns - np.einsum("pi,pij->pj", own, followed))
 
     def moments(self) -> FloatArray:
-        """Sums of ``row row^T / |gradient|^2``, shape (L, 3, 3): those of joined curves add up."""
+        """Return ``row row^T / |gradient|^2`` summed, shape (L, 3, 3): joined curves' add up."""
         weights = self.bundle.weights / self.norms**2
         return self.bundle.sums(weights[:, None, None] * _outer(self.rows))
 

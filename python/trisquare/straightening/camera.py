@@ -172,7 +172,7 @@ class UnscaledCamera(RebuiltByConstructor):
         return np.asarray(self.centre + self.radius * q * ratio[:, None])
 
     def largest_ideal_radius(self) -> float:
-        """What the valid radius shows, half diagonals from the centre; infinite if no limit."""
+        """Return the ideal valid radius, half diagonals; infinite if there is no limit."""
         largest = self.radial.largest_radius()
         if largest == np.inf:
             return largest
@@ -203,7 +203,7 @@ class UnscaledCamera(RebuiltByConstructor):
         return DisplacementMap(points, displacement, np.sqrt(np.maximum(variances, 0.0)))
 
     def _jacobian(self, points: FloatArray) -> FloatArray:
-        """Derivatives of ideal places by ``a1, a2, cx, cy``; shape (N, 2, 4)."""
+        """Return derivatives of ideal places by ``a1, a2, cx, cy``; shape (N, 2, 4)."""
         q = (points - self.centre) / self.radius
         divisor, slope, by_coefficients = self.radial.divisor(np.einsum("ij,ij->i", q, q))
         along = q[:, :, None] * q[:, None, :]
@@ -275,12 +275,12 @@ class UnscaledCamera(RebuiltByConstructor):
 
 
 def _radii_of_models(ideal: FloatArray) -> dict[str, FloatArray]:
-    """The radius of which each model's distortion is a polynomial."""
+    """Return the radius of which each model's distortion is a polynomial."""
     return {"radial3": ideal, "fisheye": np.arctan(ideal)}
 
 
 def _fitted(model: str, radii: FloatArray, seen: FloatArray) -> tuple[str, FloatArray, FloatArray]:
-    """A model's coefficients by linear least squares, and the residuals."""
+    """Fit a model's coefficients by linear least squares; return them and the residuals."""
     powers = (3, 5, 7, 9) if model == "fisheye" else (3, 5, 7)
     design = np.column_stack([radii**power for power in powers])
     size = design.max(axis=0)

@@ -26,7 +26,7 @@ WEAKEST, STRONGEST = 1.0, 3.0
 """Weakest gradient of an edge at all, and of its strongest point, grey levels a pixel."""
 
 TOLERANCE = 0.6
-"""Deviation from an arc, working pixels: of the mean of a few edge points, each good to .1 to .3."""
+"""Deviation from an arc, working pixels, of the mean of a few edge points."""
 
 SHORTEST = 16
 """Points of an arc at least, and"""
@@ -36,6 +36,10 @@ SHORTEST_PART = 0.025
 SMALLEST_RADIUS = 0.55
 """Radius of an arc in half diagonals: a line's image has ``1 / sqrt(-lambda)`` at least, .73 for
 the strongest lens that is searched."""
+
+BORDER = 0.012
+"""Part of the longest side: an edge within it along the picture's border is a frame's or a scan's,
+and was straight before the lens."""
 
 MOST_ARCS = 1200
 """The longest are taken: time goes with the square of their number."""
@@ -83,10 +87,17 @@ def find_arcs(picture: Image) -> Arcs:
         max(SHORTEST, round(SHORTEST_PART * half_diagonal)),
         SMALLEST_RADIUS * half_diagonal,
     )
-    longest = sorted(arcs, key=len, reverse=True)[:MOST_ARCS]
+    inner = [arc for arc in arcs if not _is_along_border(arc, size)]
+    longest = sorted(inner, key=len, reverse=True)[:MOST_ARCS]
     ratio = np.array([width / size[0], height / size[1]])
     curves = tuple((binned(arc) + 0.5) * ratio - 0.5 for arc in longest)
     return Arcs(curves, float(np.sqrt(ratio.prod())))
+
+
+def _is_along_border(arc: FloatArray, size: tuple[int, int]) -> bool:
+    margin = BORDER * max(size)
+    near = (arc <= margin).all(axis=0) | (arc >= np.array(size) - 1 - margin).all(axis=0)
+    return bool(near.any())
 
 
 def binned(arc: FloatArray) -> FloatArray:
@@ -98,7 +109,7 @@ def binned(arc: FloatArray) -> FloatArray:
 
 
 def _gradient_noise(grey: npt.NDArray[np.uint8]) -> float:
-    """Standard deviation that noise gives the smoothed picture's gradient, in levels a pixel.
+    """Return the standard deviation of the smoothed gradient's noise, in levels a pixel.
 
     From the median of second differences, which few edges move (J. Immerkaer, Computer Vision and
     Image Understanding 64 (1996) 300-302).
@@ -109,4 +120,4 @@ def _gradient_noise(grey: npt.NDArray[np.uint8]) -> float:
     differences = cv2.filter2D(grey.astype(np.float32), -1, kernel)[1:-1, 1:-1]
     pixel_noise = float(np.median(np.abs(differences))) / 0.6745 / 6.0
     # Of a Gaussian's derivative on white noise.
-    return pixel_noise / (np.sqrt(8 * np.pi) * SMOOTHING**2)
+    return pixel_noise / (float(np.sqrt(8 * np.pi)) * SMOOTHING**2)

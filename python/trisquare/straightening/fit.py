@@ -116,13 +116,13 @@ class Problem:
         return np.diag((PRIOR_SPREAD * self.pixel / self.prior_std()) ** 2)
 
     def prior_std(self) -> FloatArray:
-        """Standard deviations of the weak priors of ``a1, a2, cx, cy``."""
+        """Return standard deviations of the weak priors of ``a1, a2, cx, cy``."""
         centre = self.centre_std * self.radius
         return np.array([*COEFFICIENT_PRIORS, centre, centre])
 
     def deviation(self, lens: CentredLens) -> FloatArray:
         """Parameters less what the priors expect."""
-        return lens.parameters - np.array([0.0, 0.0, *self.middle])
+        return np.asarray(lens.parameters - np.array([0.0, 0.0, *self.middle]))
 
     def cost(self, lens: CentredLens, straightness: Straightness, tolerance: float) -> float:
         """Geman and McClure's cost of the lines' rms, and the priors'."""
@@ -151,7 +151,7 @@ def as_polynomial(lens: CentredLens) -> CentredLens:
     ideal = lens.radial.ideal_radius(radii)
     design = np.column_stack([ideal**3, ideal**5])
     found, *_ = np.linalg.lstsq(design / radii[:, None], (radii - ideal) / radii, rcond=None)
-    return CentredLens(RadialLens("polynomial", found), lens.centre)
+    return CentredLens(RadialLens("polynomial", np.asarray(found, dtype=np.float64)), lens.centre)
 
 
 def search(problem: Problem) -> CentredLens:
@@ -187,7 +187,8 @@ def refine(problem: Problem, bundle: Bundle, lens: CentredLens, tolerance: float
         gradient = gradient + prior @ problem.deviation(lens)
         while damping < MOST_DAMPING:
             damped = information + damping * np.diag(np.diag(information))
-            moved = lens.moved(-np.linalg.solve(damped, gradient))
+            step = np.asarray(-np.linalg.solve(damped, gradient), dtype=np.float64)
+            moved = lens.moved(step)
             trial = bundle.measure(moved)
             trial_cost = problem.cost(moved, trial, tolerance)
             if trial_cost <= cost:

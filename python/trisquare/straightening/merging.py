@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from trisquare._support.arrays import FloatArray
 from trisquare.straightening.bundle import CentredLens, Straightness, fit_lines
@@ -57,7 +58,7 @@ def _ideal_ends(curves: Sequence[FloatArray], lens: CentredLens, radius: float) 
 
 def _near_pairs(
     straightness: Straightness, ends: FloatArray, lens: CentredLens, pixel: float
-) -> FloatArray:
+) -> npt.NDArray[np.intp]:
     """Pairs of curves that might be of one line, the narrowest gaps first; shape (N, 2)."""
     lines = straightness.lines
     tangents = np.column_stack([-lines[:, 1], lines[:, 0]])
@@ -81,7 +82,7 @@ def _near_pairs(
     np.fill_diagonal(near, False)
     first, second = np.nonzero(near)
     order = np.argsort(gap[first, second] / shorter[first, second], kind="stable")
-    return np.column_stack([first, second])[order]
+    return np.asarray(np.column_stack([first, second])[order])
 
 
 def _seen_scale(ideal_radius: FloatArray, lens: CentredLens) -> FloatArray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from trisquare._support.arrays import FloatArray, RebuiltByConstructor, not_negative, real_array
 from trisquare.errors import DegenerateGeometryError, NotEnoughDataError
@@ -28,12 +29,18 @@ LONG = 0.15
 LEAST_LINES = 5
 """Long lines at least: two tell the coefficients, two the centre, one whether they agree."""
 
-LEAST_STRAIGHT = 0.5
-"""Part of the long arcs, by length squared, that must be images of straight lines."""
+LEAST_STRAIGHT = 0.6
+"""Part of the long edges' length that must be images of straight lines: a lens can be found under
+which half of a picture's circles are."""
+CLEARLY_STRAIGHT = 0.8
+"""Part from which that is not chance. Below, as many must be straight, or nearly,"""
+LEAST_STRAIGHT_HELD = 0.65
+"""with the centre held: a true lens's centre is near the picture's, that of a chance one anywhere.
+"""
 
 JUDGED_RADIUS = 0.85
 """Where the displacement must be known, half diagonals: near the corners,"""
-MOST_STD = 0.008
+MOST_STD = 0.01
 """and to which standard deviation, half diagonals."""
 
 
@@ -147,6 +154,7 @@ def straighten(image: ImageSource) -> Straightened:
     problem = Problem(arcs.curves, middle, radius, arcs.pixel, CENTRE_PRIOR)
     _check_count(_spans(arcs.curves) / radius, "edges")
     fit = fit_lens(problem)
+    _check_curves(problem, fit)
     known = uncertainty(problem, fit)
     centre_held = bool((known.centre_std > CENTRE_STD_LIMIT * radius).any())
     if centre_held:
@@ -161,7 +169,6 @@ def straighten(image: ImageSource) -> Straightened:
     used = tuple(line for line, use in zip(lines, is_used, strict=True) if use)
     rejected = tuple(line for line, use in zip(lines, is_used, strict=True) if not use)
     _check_count(_spans(used) / radius, "straight lines")
-    _check_curves(fit, _spans(lines) / radius, is_used)
     _check_known(camera)
     squares = fit.straightness.residuals[fit.straightness.bundle.spread(is_used)] ** 2
     return Straightened(camera, used, rejected, float(np.sqrt(squares.mean())), centre_held)
@@ -176,19 +183,30 @@ def _check_count(lengths: FloatArray, what: str) -> None:
     long = int((lengths >= LONG).sum())
     if long < LEAST_LINES:
         raise NotEnoughDataError(
-            f"{long} long {what} in the picture, but {LEAST_LINES} are needed of {LONG:.0%} of half "
-            "the diagonal: take a picture with long straight edges, near its border too"
+            f"{long} long {what} in the picture, but {LEAST_LINES} are needed, of {LONG:.0%} of "
+            "half the diagonal or more: take a picture with long straight edges, near its border "
+            "too"
         )
 
 
-def _check_curves(fit: Fit, lengths: FloatArray, is_used: FloatArray) -> None:
-    squares = np.where(lengths >= LONG, lengths, 0.0) ** 2
-    straight = float(squares[is_used].sum() / squares.sum())
-    if straight < LEAST_STRAIGHT:
+def _check_curves(problem: Problem, fit: Fit) -> None:
+    """Refuse a picture most of whose edges are curved, whatever lens makes some of them straight."""
+    straight, least = _straight_part(problem, fit), LEAST_STRAIGHT
+    if least <= straight < CLEARLY_STRAIGHT:
+        least = LEAST_STRAIGHT_HELD
+        straight = _straight_part(problem, with_centre_held(problem, fit))
+    if straight < least:
         raise DegenerateGeometryError(
-            f"only {straight:.0%} of the long edges can be images of straight lines at once: most "
-            "are curved, or not sharp; take a picture whose edges are straight"
+            f"only {straight:.0%} of the long edges can be images of straight lines at once: too "
+            "many are curved, or not sharp; take a picture whose edges are straight"
         )
+
+
+def _straight_part(problem: Problem, fit: Fit) -> float:
+    """Return the part of the long edges' length that is straight."""
+    lengths = _spans(fit.lines()) / problem.radius
+    lengths = np.where(lengths >= LONG, lengths, 0.0)
+    return float(lengths[fit.weights >= STRAIGHT_WEIGHT].sum() / max(lengths.sum(), 1e-12))
 
 
 def _check_known(camera: UnscaledCamera) -> None:

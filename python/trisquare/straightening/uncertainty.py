@@ -9,7 +9,7 @@ import numpy as np
 from trisquare._support.arrays import FloatArray
 from trisquare.straightening.fit import ROUND_TOLERANCES, Fit, Problem, line_weights
 
-LEAST_LINE_ERROR = 0.15
+LEAST_LINE_ERROR = 0.05
 """Standard deviation, working pixels, that a line's points err by at least, a few together: lest
 lines that are straight by chance seem to tell more."""
 CORRELATED_POINTS = 4.0

@@ -77,12 +77,8 @@ def view_zoom(camera: UnscaledCamera, balance: float) -> float:
     x, y = np.linspace(0, width - 1, 201), np.linspace(0, height - 1, 201)
     left = np.column_stack([np.zeros_like(y), y])
     top = np.column_stack([x, np.zeros_like(x)])
-    sides = [
-        (left, 0),
-        (left + [width - 1, 0], 0),
-        (top, 1),
-        (top + [0, height - 1], 1),
-    ]
+    right, bottom = left + np.array([width - 1, 0]), top + np.array([0, height - 1])
+    sides = [(left, 0), (right, 0), (top, 1), (bottom, 1)]
     reaches = [np.abs(_clipped(camera, side) - middle)[:, axis] for side, axis in sides]
     halves = [max(middle[axis], 0.5) for _, axis in sides]
     inner = max(half / max(r.min(), 1e-9) for half, r in zip(halves, reaches, strict=True))
