@@ -18,6 +18,7 @@ BENCHMARKS = (
     "accuracy.coverage",
     "accuracy.projection",
     "accuracy.undistort",
+    "accuracy.plumb_line",
     "accuracy.model_choice",
     "accuracy.richer_models",
     "accuracy.broken_assumptions",

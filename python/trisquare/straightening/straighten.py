@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from trisquare._support.arrays import FloatArray, RebuiltByConstructor, not_negative, real_array
 from trisquare.errors import DegenerateGeometryError, NotEnoughDataError
@@ -190,7 +189,7 @@ def _check_count(lengths: FloatArray, what: str) -> None:
 
 
 def _check_curves(problem: Problem, fit: Fit) -> None:
-    """Refuse a picture most of whose edges are curved, whatever lens makes some of them straight."""
+    """Refuse a picture of curved edges, whatever lens makes some of them straight."""
     straight, least = _straight_part(problem, fit), LEAST_STRAIGHT
     if least <= straight < CLEARLY_STRAIGHT:
         least = LEAST_STRAIGHT_HELD
