@@ -15,13 +15,13 @@ from trisquare.images.pixels import Image, picture_size
 from trisquare.straightening.bundle import Bundle, CentredLens
 from trisquare.straightening.edges import find_arcs
 from trisquare.straightening.fit import (
-    CENTRE_PRIOR,
     MOST_POINTS,
     ROUND_TOLERANCES,
     Fit,
     Problem,
     fit_lens,
     refine,
+    with_shared_errors,
 )
 from trisquare.straightening.radial import RadialLens
 from trisquare.straightening.straighten import LONG, STRAIGHT_WEIGHT
@@ -44,7 +44,7 @@ GOOD_PART = 0.8
 
 MAP_STEP = 20.0
 SEARCHED = (-1.9, 0.4)
-SECTIONS = 60
+SECTIONS = 30
 
 
 def measure() -> list[Row]:
@@ -160,8 +160,9 @@ def _fitted(path: Path) -> tuple[Problem, Fit]:
     size = np.array(picture_size(picture))
     arcs = find_arcs(picture)
     radius = 0.5 * float(np.hypot(*size))
-    problem = Problem(arcs.curves, (size - 1) / 2, radius, arcs.pixel, CENTRE_PRIOR)
-    return problem, fit_lens(problem)
+    problem = Problem(arcs.curves, (size - 1) / 2, radius, arcs.pixel)
+    fit = fit_lens(problem)
+    return with_shared_errors(problem, fit), fit
 
 
 def _long_lines(fitted: tuple[Problem, Fit]) -> list[Array]:
@@ -182,7 +183,7 @@ def _one_parameter(problem: Problem, bundle: Bundle) -> CentredLens:
     def cost(first: float) -> float:
         return problem.cost(lens(first), bundle.measure(lens(first)), tolerance)
 
-    grid = np.linspace(*SEARCHED, 400)
+    grid = np.linspace(*SEARCHED, 120)
     best = int(np.argmin([cost(first) for first in grid]))
     low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
     for _ in range(SECTIONS):

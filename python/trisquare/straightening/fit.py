@@ -25,11 +25,15 @@ MOST_POINTS = 40
 
 CENTRE_PRIOR = 0.08
 """Weak prior: standard deviation of the centre about the picture's, half diagonals."""
-COEFFICIENT_PRIORS = (5.0, 0.5)
+COEFFICIENT_PRIORS = (5.0, 0.1)
 """And of the coefficients."""
-PRIOR_SPREAD = 1.0
-"""Residual, working pixels, that weighs as much as a prior's standard deviation: as if each of a
-line's points erred by .15 px, all together."""
+FIRST_SPREAD = 1.0
+"""Residual, working pixels, that weighs as much as a prior's standard deviation, at first, and"""
+SHARED_ERRORS = 40.0
+"""over the rms of the lines, afterwards: the 40 points of a line err together, and so do the lines
+of a plane that is not flat, as if some 40 of them were one."""
+LEAST_RMS = 0.02
+"""Working pixels: lines may be straighter by chance."""
 
 HELD_CENTRE_STD = 1e-6
 """The same where the centre is held."""
@@ -60,6 +64,13 @@ class Fit:
     straightness: Straightness
     weights: FloatArray
 
+    def rms(self) -> float:
+        """Return the rms of the lines' points, pixels, each line by its weight."""
+        straightness, bundle = self.straightness, self.straightness.bundle
+        weights = self.weights * bundle.sums(bundle.weights)
+        squares = weights @ straightness.rms**2 / max(float(weights.sum()), 1e-12)
+        return float(np.sqrt(squares))
+
     def lines(self) -> list[FloatArray]:
         """Points of each line in their order along it, pixels."""
         bundle, rows = self.straightness.bundle, self.straightness.rows
@@ -73,7 +84,9 @@ class Fit:
 
 def fit_lens(problem: Problem) -> Fit:
     """Search, then alternate robust least squares and merging, for both families of lenses."""
-    division = alternate(problem, search(problem), ROUND_TOLERANCES)
+    first = alternate(problem, search(problem), ROUND_TOLERANCES)
+    problem = with_shared_errors(problem, first)
+    division = alternate(problem, first.lens, ROUND_TOLERANCES[-2:])
     polynomial = alternate(problem, as_polynomial(division.lens), ROUND_TOLERANCES[-3:])
     # Both families on the lines of both, else the one that merges less would have less to explain.
     bundles = [fit.straightness.bundle for fit in (division, polynomial)]
@@ -87,9 +100,14 @@ def fit_lens(problem: Problem) -> Fit:
     return min((division, polynomial), key=cost)
 
 
+def with_shared_errors(problem: Problem, fit: Fit) -> Problem:
+    """Weigh the priors by how straight a fit's lines are."""
+    return replace(problem, prior_spread=SHARED_ERRORS * max(fit.rms() / problem.pixel, LEAST_RMS))
+
+
 def with_centre_held(problem: Problem, fit: Fit) -> Fit:
     """Fit the same family again with the centre in the picture's middle."""
-    held = replace(problem, centre_std=HELD_CENTRE_STD)
+    held = replace(with_shared_errors(problem, fit), centre_std=HELD_CENTRE_STD)
     lens = CentredLens(fit.lens.radial, problem.middle)
     return alternate(held, lens, ROUND_TOLERANCES[-3:])
 
@@ -98,14 +116,16 @@ def with_centre_held(problem: Problem, fit: Fit) -> Fit:
 class Problem:
     """What is given: arcs, the picture's middle and half diagonal, the size of a working pixel.
 
-    `centre_std`, in half diagonals, is that of the centre's prior.
+    `centre_std`, in half diagonals, is that of the centre's prior; a residual of `prior_spread`
+    working pixels weighs as much as the priors' standard deviations.
     """
 
     curves: tuple[FloatArray, ...]
     middle: FloatArray
     radius: float
     pixel: float
-    centre_std: float
+    centre_std: float = CENTRE_PRIOR
+    prior_spread: float = FIRST_SPREAD
 
     def bundle(self, groups: Sequence[Sequence[int]]) -> Bundle:
         """Put together the lines that groups of curves make."""
@@ -113,7 +133,7 @@ class Problem:
 
     def prior(self) -> FloatArray:
         """Information of the weak priors, in the unit of the squared residuals."""
-        return np.diag((PRIOR_SPREAD * self.pixel / self.prior_std()) ** 2)
+        return np.diag((self.prior_spread * self.pixel / self.prior_std()) ** 2)
 
     def prior_std(self) -> FloatArray:
         """Return standard deviations of the weak priors of ``a1, a2, cx, cy``."""

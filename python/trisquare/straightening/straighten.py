@@ -12,7 +12,7 @@ from trisquare.images.pixels import Image, ImageSource, picture_size
 from trisquare.images.reading import load_picture
 from trisquare.straightening.camera import UnscaledCamera
 from trisquare.straightening.edges import find_arcs
-from trisquare.straightening.fit import CENTRE_PRIOR, Fit, Problem, fit_lens, with_centre_held
+from trisquare.straightening.fit import Fit, Problem, fit_lens, with_centre_held
 from trisquare.straightening.uncertainty import uncertainty
 from trisquare.straightening.view import undistort_picture
 
@@ -150,7 +150,7 @@ def straighten(image: ImageSource) -> Straightened:
     arcs = find_arcs(picture)
     radius = 0.5 * float(np.hypot(*size))
     middle = 0.5 * (np.array(size, dtype=np.float64) - 1)
-    problem = Problem(arcs.curves, middle, radius, arcs.pixel, CENTRE_PRIOR)
+    problem = Problem(arcs.curves, middle, radius, arcs.pixel)
     _check_count(_spans(arcs.curves) / radius, "edges")
     fit = fit_lens(problem)
     _check_curves(problem, fit)

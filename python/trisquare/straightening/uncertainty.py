@@ -7,13 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from trisquare._support.arrays import FloatArray
-from trisquare.straightening.fit import ROUND_TOLERANCES, Fit, Problem, line_weights
+from trisquare.straightening.fit import LEAST_RMS, ROUND_TOLERANCES, Fit, Problem, line_weights
 
-LEAST_LINE_ERROR = 0.05
-"""Standard deviation, working pixels, that a line's points err by at least, a few together: lest
-lines that are straight by chance seem to tell more."""
-CORRELATED_POINTS = 4.0
-"""How many."""
+SHARED_POINTS = 100.0
+"""Points that err together at least, by the rms of all: lines of one plane bend alike, which the
+scatter between lines does not show."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +54,7 @@ def uncertainty(problem: Problem, fit: Fit) -> Uncertainty:
     spread = float(np.einsum("li,ij,lj->", scaled, inverse, scaled)) / 4
     effective = leverages.sum() ** 2 / max(float((leverages**2).sum()), 1e-300)
     spread *= effective / max(effective - 4, 1.0)
-    spread = max(spread, CORRELATED_POINTS * (LEAST_LINE_ERROR * problem.pixel) ** 2)
+    spread = max(spread, SHARED_POINTS * max(fit.rms(), LEAST_RMS * problem.pixel) ** 2)
     covariance = np.linalg.inv(information / spread + np.eye(4)) * unit[:, None] * unit
     alone = np.diag(inverse)[2:] * spread
     return Uncertainty(0.5 * (covariance + covariance.T), unit[2:] * np.sqrt(alone))
