@@ -16,8 +16,11 @@ from trisquare.straightening.fit import Fit, Problem, fit_lens, with_centre_held
 from trisquare.straightening.uncertainty import uncertainty
 from trisquare.straightening.view import undistort_picture
 
-CENTRE_STD_LIMIT = 0.03
-"""The centre is held at the picture's where its standard deviation is larger, half diagonals."""
+KNOWN_CENTRE_STD, UNKNOWN_CENTRE_STD = 0.01, 0.05
+"""Standard deviation of the centre up to which it is free, and from which it is held at the
+picture's, half diagonals. In between it is free if"""
+CLEARLY_OFF = 3.0
+"""so many standard deviations, or more, off the picture's."""
 
 STRAIGHT_WEIGHT = 0.25
 """Weight of a line from which it is used: its rms is then the tolerance of half a pixel."""
@@ -155,7 +158,9 @@ def straighten(image: ImageSource) -> Straightened:
     fit = fit_lens(problem)
     _check_curves(problem, fit)
     known = uncertainty(problem, fit)
-    centre_held = bool((known.centre_std > CENTRE_STD_LIMIT * radius).any())
+    off = np.abs(fit.lens.centre - middle) / known.centre_std
+    std = float(known.centre_std.max()) / radius
+    centre_held = std > (UNKNOWN_CENTRE_STD if off.max() > CLEARLY_OFF else KNOWN_CENTRE_STD)
     if centre_held:
         fit = with_centre_held(problem, fit)
         known = uncertainty(problem, fit)

@@ -9,7 +9,7 @@ import numpy as np
 from trisquare._support.arrays import FloatArray
 from trisquare.straightening.fit import LEAST_RMS, ROUND_TOLERANCES, Fit, Problem, line_weights
 
-SHARED_POINTS = 100.0
+SHARED_POINTS = 12.0
 """Points that err together at least, by the rms of all: lines of one plane bend alike, which the
 scatter between lines does not show."""
 
