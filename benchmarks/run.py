@@ -18,6 +18,7 @@ BENCHMARKS = (
     "accuracy.coverage",
     "accuracy.projection",
     "accuracy.undistort",
+    "accuracy.plumb_line",
     "accuracy.model_choice",
     "accuracy.fisheye_edges",
     "accuracy.fisheye_pictures",

@@ -48,6 +48,8 @@ from trisquare.results.plane import Plane
 from trisquare.results.pose_uncertainty import PoseUncertainty
 from trisquare.results.rejected import Rejected
 from trisquare.results.residual_correlation import ResidualCorrelation
+from trisquare.straightening.camera import DisplacementMap, UnscaledCamera
+from trisquare.straightening.straighten import Straightened, straighten
 from trisquare.undistortion.undistort import Undistorter, undistort
 
 __all__ = [
@@ -60,6 +62,7 @@ __all__ = [
     "DegenerateGeometryError",
     "DetectionError",
     "Diagnosis",
+    "DisplacementMap",
     "ImageError",
     "InternalError",
     "LensModelError",
@@ -77,10 +80,12 @@ __all__ = [
     "ProjectionMap",
     "Rejected",
     "ResidualCorrelation",
+    "Straightened",
     "Straightening",
     "TopView",
     "TrisquareError",
     "Undistorter",
+    "UnscaledCamera",
     "__version__",
     "calibrate",
     "calibrate_edges",
@@ -96,6 +101,7 @@ __all__ = [
     "predict",
     "printed_target",
     "rectify",
+    "straighten",
     "undistort",
     "write_report",
 ]

@@ -28,6 +28,7 @@ __all__ = [
     "compare_projections",
     "distort_pixels",
     "fill_undistortion_map",
+    "find_arcs",
     "find_lattices",
     "fit_distortion",
     "fit_side_cubics",
@@ -327,6 +328,14 @@ def predict(
     fixed: Sequence[str],
     judged: bool,
 ) -> Prediction: ...
+def find_arcs(
+    picture: NDArray[np.float32],
+    weak: float,
+    strong: float,
+    tolerance: float,
+    shortest: int,
+    smallest_radius: float,
+) -> list[NDArray[np.float64]]: ...
 def find_lattices(
     photograph: NDArray[np.uint8],
     pictures: Sequence[tuple[NDArray[np.uint8], _Candidates]],

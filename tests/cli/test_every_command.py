@@ -16,6 +16,7 @@ import sys
 import cv2
 import numpy as np
 import pytest
+from plumb_scenes import plumb_scene
 from scenes import edges_of, squares
 
 import trisquare as ts
@@ -31,6 +32,7 @@ FIRST, SECOND = (
     "{:.0f},{:.0f}".format(*corner)
     for corner in SCENE.image_points(0, np.array([[-0.5, -0.5], [0.5, -0.5]]))
 )
+LINES = plumb_scene(np.random.default_rng(3), IMAGE_SIZE, -0.15).picture
 COMMAND = (sys.executable, "-m", "trisquare")
 TAKEN = ("photo.png", "--camera", "camera.json")
 
@@ -41,6 +43,7 @@ WORKING = {
     "compare": ("camera.json", "camera.json"),
     "target": ("-o", "target.pdf"),
     "undistort": (*TAKEN, "-o", "out.png"),
+    "straighten": ("lines.png", "-o", "out.png"),
     "convert": ("camera.json", "out.yaml"),
     "demo": ("-o", "results"),
 }
@@ -51,6 +54,7 @@ PICTURES_READ = (
     ("calibrate", "photo.png", "GIVEN"),
     ("measure", "GIVEN", "--camera", "camera.json", FIRST, SECOND),
     ("undistort", "GIVEN", "--camera", "camera.json", "-o", "out.png"),
+    ("straighten", "GIVEN", "-o", "out.png"),
 )
 FILES_READ = (
     ("calibrate", "photo.png", "--outline", "GIVEN"),
@@ -74,6 +78,8 @@ WRITTEN = (
     ("compare", "camera.json", "camera.json", "--map", "OUT.png"),
     ("target", "-o", "OUT.pdf"),
     ("undistort", *TAKEN, "-o", "OUT.png"),
+    ("straighten", "lines.png", "-o", "OUT.png"),
+    ("straighten", "lines.png", "-o", "new.png", "--overlay", "OUT.png"),
     ("convert", "camera.json", "OUT.yaml"),
 )
 OVERWRITING = (
@@ -91,6 +97,8 @@ OVERWRITING = (
     ("undistort", *TAKEN, "-o", "photo.png"),
     ("undistort", *TAKEN, "-o", "."),
     ("undistort", "photo.png", "--camera", "link.png", "-o", "photo.png"),
+    ("straighten", "photo.png", "-o", "photo.png"),
+    ("straighten", "photo.png", "-o", "new.png", "--overlay", "new.png"),
     ("convert", "camera.json", "camera.json"),
     ("convert", "camera.json", "./camera.json", "--to", "ros"),
     ("demo", "-o", "photo.png"),
@@ -105,6 +113,7 @@ def encoded():
 @pytest.fixture
 def folder(tmp_path, monkeypatch, encoded):
     (tmp_path / "photo.png").write_bytes(encoded)
+    cv2.imwrite(str(tmp_path / "lines.png"), LINES)
     (tmp_path / "link.png").symlink_to("photo.png")
     (tmp_path / "camera.json").write_text(CALIBRATION.to_json())
     monkeypatch.chdir(tmp_path)

@@ -419,10 +419,10 @@ PRISM = [1e-3, -2e-3, 3e-3, 1e-3]
         (
             "rational",
             RICH,
-            "camera.json camera.yaml camera_info.yaml camera.cameramodel cameras.txt",
+            "camera.json camera.yaml camera_info.yaml left.cameramodel cameras.txt",
         ),
-        ("thin_prism", RICH + PRISM, "camera.json camera.xml camera_info.yaml camera.cameramodel"),
-        ("brown_prism", [*RICH[:5], 0, 0, 0, *PRISM], "camera.json camera.yaml camera.cameramodel"),
+        ("thin_prism", RICH + PRISM, "camera.json camera.xml camera_info.yaml left.cameramodel"),
+        ("brown_prism", [*RICH[:5], 0, 0, 0, *PRISM], "camera.json camera.yaml left.cameramodel"),
     ],
 )
 def test_lenses_beyond_brown_s_come_back_exactly(tmp_path, model, distortion, names):

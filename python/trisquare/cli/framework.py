@@ -28,6 +28,9 @@ SUMMARIES: Mapping[str, str] = MappingProxyType(
         "undistort": (
             "Remove the lens distortion from photographs; none is written unless all can be."
         ),
+        "straighten": (
+            "Remove the lens distortion from a photograph by its straight lines, without a target."
+        ),
         "convert": "Convert a camera from one program's file format to another's.",
         "demo": (
             "Calibrate the bundled photograph and compare with the camera that it was made with."

@@ -15,6 +15,12 @@ from trisquare.images.encoding import check_picture_name, encode_image
 from trisquare.images.photographs import Photographs
 from trisquare.images.pixels import Image
 
+DEEP_FORMATS = {
+    "uint16": (".png", ".tif", ".tiff", ".jp2", ".pgm", ".ppm", ".pnm", ".pxm"),
+    "float32": (".tif", ".tiff"),
+}
+"""Formats that keep such pixels; OpenCV would cut them down to 8 bits in any other."""
+
 
 def numbered_paths(path: Path | None, photos: int) -> list[Path]:
     """One path for each photograph: FILE.png itself, or FILE-1.png, FILE-2.png, ..."""
@@ -40,6 +46,16 @@ def check_outputs(
         taken.add(os.path.realpath(path))
     for path in drawings:
         check_picture_name(path)
+
+
+def check_depth(picture: Image, path: Path) -> None:
+    """Refuse a format that would lose what the photograph's pixels hold."""
+    formats = DEEP_FORMATS.get(str(picture.dtype))
+    if formats is not None and path.suffix.lower() not in formats:
+        raise ValueError(
+            f"{path}: this format does not hold {picture.dtype} pixels; choose among "
+            f"{', '.join(formats)}"
+        )
 
 
 def drawn(

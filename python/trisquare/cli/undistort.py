@@ -13,9 +13,9 @@ from trisquare.camera.members import camera_members
 from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.input_files import camera_alone
 from trisquare.cli.options import JSON, PHOTOS, QUIET, flag, option
-from trisquare.cli.pictures_drawn import check_outputs, numbered_paths
+from trisquare.cli.pictures_drawn import check_depth, check_outputs, numbered_paths
 from trisquare.images.encoding import encode_image
-from trisquare.images.pixels import Image, picture_size
+from trisquare.images.pixels import picture_size
 from trisquare.images.reading import read_image
 from trisquare.undistortion.undistort import INTERPOLATIONS, Undistorter
 
@@ -26,12 +26,6 @@ EXAMPLES = (
     "trisquare undistort frame-*.png --camera camera.json -o straight/ --balance 0.5",
     "trisquare undistort small.png --camera camera.json -o straight.png --rescale",
 )
-
-DEEP_FORMATS = {
-    "uint16": (".png", ".tif", ".tiff", ".jp2", ".pgm", ".ppm", ".pnm", ".pxm"),
-    "float32": (".tif", ".tiff"),
-}
-"""Formats that keep such pixels; OpenCV would cut them down to 8 bits in any other."""
 
 
 def undistort_command(
@@ -75,7 +69,7 @@ def undistort_command(
             if progress is not None:
                 progress(len(pictures), len(photos))
             picture = read_image(photo)
-            _check_depth(picture, path)
+            check_depth(picture, path)
             size = picture_size(picture)
             with naming(photo):
                 if rescale and size != undistorter.camera.image_size:
@@ -113,13 +107,3 @@ def _lines(pictures: Sequence[dict[str, Any]]) -> Iterator[str]:
             )
         before = camera
         yield f"wrote {picture['output']}"
-
-
-def _check_depth(picture: Image, path: Path) -> None:
-    """Refuse a format that would lose what the photograph's pixels hold."""
-    formats = DEEP_FORMATS.get(str(picture.dtype))
-    if formats is not None and path.suffix.lower() not in formats:
-        raise ValueError(
-            f"{path}: this format does not hold {picture.dtype} pixels; choose among "
-            f"{', '.join(formats)}"
-        )

@@ -44,5 +44,5 @@ mod _core {
     #[pymodule_export]
     use crate::planning::{Prediction, predict};
     #[pymodule_export]
-    use crate::search::{Lattice, find_lattices, fit_side_cubics};
+    use crate::search::{Lattice, find_arcs, find_lattices, fit_side_cubics};
 }

@@ -1,4 +1,4 @@
-//! The search for boards, and cubics along the sides of squares.
+//! The search for boards, cubics along the sides of squares, and the edges of a picture as arcs.
 
 use nalgebra::Vector4;
 use numpy::{
@@ -7,7 +7,10 @@ use numpy::{
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use trisquare::internals::{Candidate, GreyBytes, ReducedPicture, SidePoints, trimmed_cubics};
+use trisquare::internals::{
+    ArcLimits, Candidate, GreyBytes, GreyFloats, ReducedPicture, SidePoints, circular_arcs,
+    edge_chains, trimmed_cubics,
+};
 
 use crate::arrays;
 use crate::errors::detached;
@@ -146,4 +149,39 @@ pub fn fit_side_cubics<'py>(
         false => all.iter().map(SidePoints::cubic).collect(),
     })?;
     Ok(arrays::from_points(py, &cubics))
+}
+
+/// Arcs of circles among the edges of a grey picture, each of shape (N, 2), in pixels.
+///
+/// An edge's gradient is at least `weak`, and `strong` somewhere; the means of a few points are
+/// within `tolerance` of the arc, which has `shortest` points and `smallest_radius` at least.
+#[pyfunction]
+#[pyo3(signature = (picture, weak, strong, tolerance, shortest, smallest_radius))]
+pub fn find_arcs<'py>(
+    py: Python<'py>,
+    picture: PyReadonlyArray2<'py, f32>,
+    weak: f32,
+    strong: f32,
+    tolerance: f64,
+    shortest: usize,
+    smallest_radius: f64,
+) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
+    let (height, width) = (picture.shape()[0], picture.shape()[1]);
+    let values: Vec<f32> = picture.as_array().iter().copied().collect();
+    let limits = ArcLimits {
+        tolerance,
+        shortest,
+        smallest_radius,
+    };
+    let picture = GreyFloats::new(width, height, &values)
+        .ok_or_else(|| PyValueError::new_err("a picture has a value for each pixel"))?;
+    let arcs: Vec<Vec<_>> = detached(py, || {
+        let chains = edge_chains(&picture, weak, strong);
+        let arcs = chains.iter().flat_map(|c| circular_arcs(c, &limits));
+        arcs.map(<[_]>::to_vec).collect()
+    })?;
+    Ok(arcs
+        .iter()
+        .map(|arc| arrays::from_points(py, arc))
+        .collect())
 }

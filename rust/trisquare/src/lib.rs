@@ -86,6 +86,7 @@ pub mod internals {
     pub use crate::numeric::{cdf, chi_square_tail};
     pub use crate::planning::predict_unjudged;
     pub use crate::search::{
-        Candidate, Lattice, ReducedPicture, SidePoints, find_lattices, trimmed_cubics,
+        ArcLimits, Candidate, GreyFloats, Lattice, ReducedPicture, SidePoints, circular_arcs,
+        edge_chains, find_lattices, trimmed_cubics,
     };
 }

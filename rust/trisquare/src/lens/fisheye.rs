@@ -20,7 +20,7 @@ const NAMES: [&str; INTRINSICS + COEFFICIENTS] = ["fx", "fy", "cx", "cy", "k1", 
 /// Prior standard deviations of what each coefficient does where the field angle is one radian, as
 /// a part of it: the laws that lenses follow, from `sin` to `2 tan(theta / 2)`, have -1/6 to 1/12,
 /// and each further term does about half as much.
-const PRIOR_EFFECTS: [f64; COEFFICIENTS] = [0.2, 0.1, 0.05, 0.025];
+const PRIOR_EFFECTS: [f64; COEFFICIENTS] = [0.1, 0.05, 0.025, 0.0125];
 
 /// Newton steps when a pixel is followed back, or bisections where one leads astray.
 const MAX_STEPS: usize = 100;

@@ -1,0 +1,211 @@
+"""Distortion from a picture's own straight lines: known lenses undone, and lines held out."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+from harness.rows import Row
+from harness.truth import Array
+
+import trisquare as ts
+from trisquare.images.pixels import Image, picture_size
+from trisquare.straightening.bundle import Bundle, CentredLens
+from trisquare.straightening.edges import find_arcs
+from trisquare.straightening.fit import (
+    MOST_POINTS,
+    ROUND_TOLERANCES,
+    Fit,
+    Problem,
+    fit_lens,
+    refine,
+    with_shared_errors,
+)
+from trisquare.straightening.radial import RadialLens
+from trisquare.straightening.straighten import LONG, STRAIGHT_WEIGHT
+
+DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
+REFERENCE = "k1k2_notan_fixk3"
+SETS = (
+    ("opencv-chess", "*.jpg", "reference_left_cornerSubPix.json"),
+    ("charuco-cube", "cam0/*.jpg", "reference_cam0.json"),
+)
+CORNERS = ("left_calib.jpg", "right_calib.jpg")
+
+COEFFICIENTS = (-0.28, -0.2, -0.12, -0.05, 0.03, 0.08)
+FOCAL = 0.9
+"""Focal length over the width, which the coefficients are for."""
+MEAN, WORST = 0.5, 2.5
+"""Displacement left, pixels, and"""
+AIM_MEAN, AIM_WORST = 0.1, 0.5
+GOOD_PART = 0.8
+
+MAP_STEP = 20.0
+SEARCHED = (-1.9, 0.4)
+SECTIONS = 30
+
+
+def measure() -> list[Row]:
+    """Print what is left of known lenses, and the residuals of lines that were held out."""
+    if not DATA.exists():
+        return [Row("plumb line", "no ../shared/data", "<= 0.5 / 2.5 px in 4 of 5", None)]
+    return [*_known_lenses(), *_held_out()]
+
+
+def _known_lenses() -> list[Row]:
+    """Straighten photographs that were undistorted and distorted again."""
+    rows = []
+    for folder, pattern, reference in SETS:
+        left, refused = [], 0
+        for number, path in enumerate(sorted((DATA / folder).glob(pattern))):
+            k1 = COEFFICIENTS[number % len(COEFFICIENTS)]
+            picture = ts.undistort(path, _reference_camera(DATA / folder / reference))
+            lens = _lens(k1, picture_size(picture))
+            try:
+                found = ts.straighten(_distorted(picture, lens))
+            except ts.TrisquareError as error:
+                print(f"  {path.name}, k1 {k1:+.2f}: {error}")
+                refused += 1
+                continue
+            off = _left(found.camera, lens)
+            left.append((off.mean(), off.max()))
+            print(
+                f"  {path.name}, k1 {k1:+.2f}: {off.mean():.2f} / {off.max():.2f} px left, "
+                f"{len(found.used)} lines, centre {'held' if found.centre_held else 'free'}"
+            )
+        rows += _left_rows(f"{folder}, undistorted and distorted again", np.array(left), refused)
+    return rows
+
+
+def _left_rows(name: str, left: Array, refused: int) -> list[Row]:
+    good = int(((left[:, 0] <= MEAN) & (left[:, 1] <= WORST)).sum())
+    best = int(((left[:, 0] <= AIM_MEAN) & (left[:, 1] <= AIM_WORST)).sum())
+    mean, worst = np.median(left, axis=0)
+    count = len(left) + refused
+    return [
+        Row(
+            f"{name}: displacement left, mean / max",
+            f"{good} of {count} within {MEAN} / {WORST} px ({best} within {AIM_MEAN} / "
+            f"{AIM_WORST}), median {mean:.2f} / {worst:.2f} px, {refused} refused",
+            f"<= {MEAN} / {WORST} px in 4 of 5",
+            good >= GOOD_PART * count,
+        )
+    ]
+
+
+def _reference_camera(path: Path) -> ts.Camera:
+    members = json.loads(path.read_text("utf-8"))
+    size = members["image_size"]
+    reference = members[REFERENCE]
+    k1, k2 = reference["dist_k1k2p1p2k3"][:2]
+    return ts.Camera(reference["K"], [k1, k2, 0, 0, 0], tuple(size))
+
+
+def _lens(k1: float, size: tuple[int, int]) -> ts.Camera:
+    """Return a lens with its centre in the picture's middle."""
+    focal = FOCAL * size[0]
+    cx, cy = (np.array(size) - 1) / 2
+    K = np.array([[focal, 0, cx], [0, focal, cy], [0, 0, 1]])
+    return ts.Camera(K, np.array([k1, 0, 0, 0, 0]), size, "radial1")
+
+
+def _distorted(picture: Image, lens: ts.Camera) -> Image:
+    """See a picture through a lens, enlarged so that it fills the frame."""
+    width, height = lens.image_size
+    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
+    ideal = lens.undistort_points(pixels.reshape(-1, 2).astype(np.float64))
+    middle = np.array([lens.cx, lens.cy])
+    zoom = min(1.0, float((middle / np.abs(ideal - middle).max(axis=0)).min()))
+    source = (middle + zoom * (ideal - middle)).astype(np.float32).reshape(height, width, 2)
+    return np.asarray(cv2.remap(picture, source, None, cv2.INTER_CUBIC))  # type: ignore[call-overload]
+
+
+def _left(camera: ts.UnscaledCamera, lens: ts.Camera) -> Array:
+    """Differences of the displacement that was found from the true one, pixels."""
+    found = camera.displacement_map(MAP_STEP)
+    true = found.points - lens.undistort_points(found.points)
+    return np.asarray(np.linalg.norm(found.displacement - true, axis=1))
+
+
+def _held_out() -> list[Row]:
+    """Compare with one parameter on lines that neither fit has seen."""
+    rows = []
+    for folder, pattern, _ in SETS:
+        fits = [_fitted(path) for path in sorted((DATA / folder).glob(pattern))]
+        rms = []
+        for number, (problem, fit) in enumerate(fits):
+            lenses = fit.lens, _one_parameter(problem, fit.straightness.bundle)
+            others = [
+                line for other in fits[:number] + fits[number + 1 :] for line in _long_lines(other)
+            ]
+            rms.append([_rms(others, lens, problem) for lens in lenses])
+        rows.append(_held_out_row(f"lines of {folder}'s other pictures", np.array(rms)))
+    rms = []
+    for name in CORNERS:
+        problem, fit = _fitted(DATA / "ortho-corner" / name)
+        lines = _long_lines((problem, fit))
+        for part in (0, 1):
+            bundle = Bundle.of(lines[part::2], problem.radius, MOST_POINTS)
+            lens = refine(problem, bundle, fit.lens, ROUND_TOLERANCES[-1] * problem.pixel)
+            lenses = lens, _one_parameter(problem, bundle)
+            rms.append([_rms(lines[1 - part :: 2], lens, problem) for lens in lenses])
+    return [*rows, _held_out_row("the other half of ortho-corner's lines", np.array(rms))]
+
+
+def _fitted(path: Path) -> tuple[Problem, Fit]:
+    picture = cv2.imread(str(path))
+    assert picture is not None
+    size = np.array(picture_size(picture))
+    arcs = find_arcs(picture)
+    radius = 0.5 * float(np.hypot(*size))
+    problem = Problem(arcs.curves, (size - 1) / 2, radius, arcs.pixel)
+    fit = fit_lens(problem)
+    return with_shared_errors(problem, fit), fit
+
+
+def _long_lines(fitted: tuple[Problem, Fit]) -> list[Array]:
+    """Return the long lines that a picture's own fit has used."""
+    problem, fit = fitted
+    pairs = zip(fit.lines(), fit.weights, strict=True)
+    lines = [line for line, weight in pairs if weight >= STRAIGHT_WEIGHT]
+    return [line for line in lines if np.linalg.norm(line[-1] - line[0]) > LONG * problem.radius]
+
+
+def _one_parameter(problem: Problem, bundle: Bundle) -> CentredLens:
+    """Fit one division coefficient about the picture's middle, by the same robust cost."""
+    tolerance = ROUND_TOLERANCES[-1] * problem.pixel
+
+    def lens(first: float) -> CentredLens:
+        return CentredLens(RadialLens("division", np.array([first, 0.0])), problem.middle)
+
+    def cost(first: float) -> float:
+        return problem.cost(lens(first), bundle.measure(lens(first)), tolerance)
+
+    grid = np.linspace(*SEARCHED, 120)
+    best = int(np.argmin([cost(first) for first in grid]))
+    low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
+    for _ in range(SECTIONS):
+        third = (high - low) / 3
+        if cost(low + third) < cost(high - third):
+            high -= third
+        else:
+            low += third
+    return lens(0.5 * (low + high))
+
+
+def _rms(lines: list[Array], lens: CentredLens, problem: Problem) -> float:
+    bundle = Bundle.of(lines, problem.radius, MOST_POINTS)
+    return float(np.sqrt(np.mean(bundle.measure(lens).rms ** 2)))
+
+
+def _held_out_row(name: str, rms: Array) -> Row:
+    ours, one = np.sqrt(np.mean(rms**2, axis=0))
+    smaller = int((rms[:, 0] < rms[:, 1]).sum())
+    return Row(
+        f"{name}: rms held out / with one division parameter",
+        f"{ours:.3f} / {one:.3f} px, smaller on {smaller} of {len(rms)}",
+        "below",
+        bool(ours < one),
+    )

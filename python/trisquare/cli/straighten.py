@@ -1,0 +1,102 @@
+"""`trisquare straighten`: a photograph without distortion, by its own straight lines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from trisquare._support.number_text import with_its_std
+from trisquare._support.paths import naming
+from trisquare._support.suggestions import unknown
+from trisquare._support.writing import PathLike, write_atomically
+from trisquare.cli.console import answer
+from trisquare.cli.options import JSON, QUIET, argument, option
+from trisquare.cli.pictures_drawn import check_depth, check_outputs
+from trisquare.drawing.straight_lines import draw_straight_lines
+from trisquare.images.encoding import encode_image
+from trisquare.images.reading import read_image
+from trisquare.straightening.straighten import Straightened, straighten
+from trisquare.undistortion.undistort import INTERPOLATIONS
+
+STRAIGHTENING_FORMAT = "trisquare-straightening/1"
+
+EXAMPLES = (
+    "trisquare straighten photo.jpg -o straight.jpg",
+    "trisquare straighten photo.jpg -o straight.png --overlay lines.png --balance 1",
+)
+
+
+def straighten_command(
+    photo: Path = argument(..., "PHOTO", "A photograph with long straight edges."),
+    output: Path = option(..., "FILE", "Write the picture to this file.", "--output", "-o"),
+    overlay: Path | None = option(
+        None, "FILE", "Draw the lines used (green) and the edges rejected (red) to this file."
+    ),
+    balance: float = option(0.0, "0..1", "From 0 (no black border) to 1 (all of the photograph)."),
+    interpolation: str = option(
+        "linear", "HOW", "linear, nearest, cubic or lanczos.", offer=INTERPOLATIONS
+    ),
+    json: bool = JSON,
+    quiet: bool = QUIET,
+) -> None:
+    """Remove the lens distortion from a photograph by its straight lines, without a target."""
+    check_outputs([photo], [output, overlay])
+    if interpolation not in INTERPOLATIONS:
+        raise unknown("interpolation", interpolation, INTERPOLATIONS)
+    picture = read_image(photo)
+    check_depth(picture, output)
+    with naming(photo):
+        found = straighten(picture)
+        straight = found.undistort(picture, balance, interpolation=interpolation)
+    files: dict[PathLike, bytes] = {output: encode_image(straight, output)}
+    if overlay is not None:
+        drawn = draw_straight_lines(picture, found.used, found.rejected, f"rms {found.rms:.2f} px")
+        files[overlay] = encode_image(drawn, overlay)
+    write_atomically(files)
+    members = {"format": STRAIGHTENING_FORMAT, "photo": str(photo), "output": str(output)}
+    answer(json, quiet, members | _members(found), _lines(found, files))
+
+
+def _members(found: Straightened) -> dict[str, Any]:
+    camera = found.camera
+    return {
+        "image_size": list(camera.image_size),
+        "family": camera.family,
+        "coefficients": camera.coefficients.tolist(),
+        "centre": camera.centre.tolist(),
+        "radius": camera.radius,
+        "covariance": camera.covariance.tolist(),
+        "focal_length": None,
+        "centre_held": found.centre_held,
+        "used": len(found.used),
+        "rejected": len(found.rejected),
+        "rms": found.rms,
+    }
+
+
+def _lines(found: Straightened, files: Mapping[PathLike, bytes]) -> Iterator[str]:
+    """Say what the lines tell, and what they do not."""
+    camera = found.camera
+    yield (
+        f"{len(found.used)} straight lines, rms {found.rms:.2g} px; "
+        f"{len(found.rejected)} edges rejected"
+    )
+    std = camera.std
+    values = (*camera.coefficients.tolist(), *camera.centre.tolist())
+    texts = [with_its_std(value, std[name]) for name, value in zip(std, values, strict=True)]
+    numbers = [
+        f"{name} {text} +- {its_std}" for name, (text, its_std) in zip(std, texts, strict=True)
+    ]
+    yield f"{camera.family} model, in half diagonals: {', '.join(numbers[:2])}"
+    held = ", held: the lines do not determine it" if found.centre_held else ""
+    yield f"centre of distortion, px: {', '.join(numbers[2:])}{held}"
+    map_ = camera.displacement_map()
+    largest = (map_.displacement**2).sum(axis=1).argmax()
+    yield (
+        f"largest displacement {float((map_.displacement[largest] ** 2).sum()) ** 0.5:.1f} px, "
+        f"std {float((map_.std[largest] ** 2).sum()) ** 0.5:.1g} px"
+    )
+    yield "focal length: unknown, straight lines do not tell it"
+    for path in files:
+        yield f"wrote {path}"

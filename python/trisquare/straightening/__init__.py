@@ -1,0 +1,1 @@
+"""Distortion from the straight lines of a picture, whatever it shows (the plumb-line method)."""

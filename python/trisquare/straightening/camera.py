@@ -1,0 +1,297 @@
+"""A camera of which the distortion is known, and the focal length is not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from trisquare._support.arrays import (
+    FloatArray,
+    RebuiltByConstructor,
+    is_covariance,
+    real_array,
+    real_number,
+    size_of_image,
+)
+from trisquare.camera.camera import Camera
+from trisquare.errors import LensModelError
+from trisquare.straightening.radial import FAMILIES, RadialLens
+
+PARAMETERS = ("a1", "a2", "cx", "cy")
+
+MOST_MODEL_ERROR = 0.5
+"""Pixels by which a `Camera` may differ from the lens that it stands for."""
+
+COMPARED_RADII = 200
+
+MAP_STEP = 40.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DisplacementMap(RebuiltByConstructor):
+    """By how much a lens has displaced what pixels show.
+
+    Parameters
+    ----------
+    points : ndarray, shape (N, 2)
+        Pixels of the photograph.
+    displacement : ndarray, shape (N, 2)
+        From the ideal place to the observed one, pixels.
+    std : ndarray, shape (N, 2)
+        Of the displacement, pixels.
+    """
+
+    points: FloatArray
+    displacement: FloatArray
+    std: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in ("points", "displacement", "std"):
+            object.__setattr__(self, name, real_array(getattr(self, name), name, (None, 2)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UnscaledCamera(RebuiltByConstructor):
+    """A camera of which the distortion is known, and the focal length is not.
+
+    Straight lines tell where a lens has displaced pixels, but not the angle at which a pixel looks.
+    There is no `K`: `camera` makes one of a focal length that is known otherwise. Points and
+    pictures need none. With ``q = (pixel - centre) / S`` and `S` half the image diagonal,
+    ``q_ideal = q / D``, ``D = 1 + a1 s + a2 s^2``.
+
+    Parameters
+    ----------
+    image_size : (int, int)
+        Width and height in pixels.
+    family : {"division", "polynomial"}
+        Division: ``s = |q|^2`` (A. Fitzgibbon, CVPR 2001). Polynomial: ``s = |q_ideal|^2``, which
+        is OpenCV's model but for the unit (F. Devernay & O. Faugeras, Machine Vision and
+        Applications 13 (2001) 14-24).
+    coefficients : array_like, shape (2,)
+        ``a1, a2``.
+    centre : array_like, shape (2,)
+        Of the distortion, pixels.
+    covariance : array_like, shape (4, 4)
+        Of ``a1, a2, cx, cy``.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a value has the wrong type or shape, or is not finite.
+    """
+
+    image_size: tuple[int, int]
+    family: str
+    coefficients: FloatArray
+    centre: FloatArray
+    covariance: FloatArray
+
+    def __post_init__(self) -> None:
+        if self.family not in FAMILIES:
+            raise ValueError(f"family must be one of {FAMILIES}, not {self.family!r}")
+        object.__setattr__(self, "image_size", size_of_image(self.image_size))
+        for name, shape in (("coefficients", (2,)), ("centre", (2,)), ("covariance", (4, 4))):
+            object.__setattr__(self, name, real_array(getattr(self, name), name, shape))
+        if not is_covariance(self.covariance):
+            raise ValueError("covariance must be symmetric and positive semidefinite")
+
+    @property
+    def radius(self) -> float:
+        """``S``, half the image diagonal, pixels."""
+        return 0.5 * float(np.hypot(*self.image_size))
+
+    @property
+    def std(self) -> dict[str, float]:
+        """Standard deviations of ``a1, a2, cx, cy``; of the centre in pixels."""
+        values = np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).tolist()
+        return dict(zip(PARAMETERS, values, strict=True))
+
+    @property
+    def radial(self) -> RadialLens:
+        """The distortion in half diagonals about the centre."""
+        return RadialLens(self.family, self.coefficients)
+
+    @property
+    def valid_radius_px(self) -> float | None:
+        """Distance from the centre within which pixels can be undistorted; None: no limit."""
+        largest = self.radial.largest_radius()
+        return None if largest == np.inf else largest * self.radius
+
+    def undistort_points(self, observed: npt.ArrayLike) -> FloatArray:
+        """Return where a pinhole would have seen what pixels show.
+
+        Parameters
+        ----------
+        observed : array_like, shape (N, 2)
+            Pixels of the photograph.
+
+        Returns
+        -------
+        ndarray, shape (N, 2)
+            Pixels; the scale at the centre stays.
+
+        Raises
+        ------
+        ValueError
+            If a pixel lies beyond the valid radius.
+        """
+        q = (real_array(observed, "observed", (None, 2)) - self.centre) / self.radius
+        square = np.einsum("ij,ij->i", q, q)
+        _check_within(np.sqrt(square), self.radial.largest_radius())
+        divisor, _, _ = self.radial.divisor(square)
+        return np.asarray(self.centre + self.radius * q / divisor[:, None])
+
+    def distort_points(self, ideal: npt.ArrayLike) -> FloatArray:
+        """Return where the lens shows what a pinhole would have seen at pixels.
+
+        The inverse of `undistort_points`.
+
+        Parameters
+        ----------
+        ideal : array_like, shape (N, 2)
+            Pixels.
+
+        Returns
+        -------
+        ndarray, shape (N, 2)
+            Pixels of the photograph.
+
+        Raises
+        ------
+        ValueError
+            If a point lies beyond what the valid radius shows.
+        """
+        q = (real_array(ideal, "ideal", (None, 2)) - self.centre) / self.radius
+        radii = np.hypot(q[:, 0], q[:, 1])
+        _check_within(radii, self.largest_ideal_radius())
+        ratio = np.ones_like(radii)
+        inside = radii > 0
+        ratio[inside] = self.radial.observed_radius(radii[inside]) / radii[inside]
+        return np.asarray(self.centre + self.radius * q * ratio[:, None])
+
+    def largest_ideal_radius(self) -> float:
+        """Return the ideal valid radius, half diagonals; infinite if there is no limit."""
+        largest = self.radial.largest_radius()
+        if largest == np.inf:
+            return largest
+        return float(self.radial.ideal_radius(np.array([largest]))[0])
+
+    def displacement_map(self, step: float = MAP_STEP) -> DisplacementMap:
+        """Return by how much the lens displaces pixels, with standard deviations.
+
+        Parameters
+        ----------
+        step : float
+            Distance of neighbouring points at most, pixels.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If `step` is not positive.
+        """
+        if not real_number(step, "step") > 0:
+            raise ValueError(f"step must be positive, not {step}")
+        axes = [np.linspace(0, side - 1, 2 + int((side - 1) / step)) for side in self.image_size]
+        points = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+        off = np.linalg.norm(points - self.centre, axis=1)
+        points = points[off < self.radial.largest_radius() * self.radius]
+        displacement = points - self.undistort_points(points)
+        jacobian = self._jacobian(points)
+        variances = np.einsum("pij,jk,pik->pi", jacobian, self.covariance, jacobian)
+        return DisplacementMap(points, displacement, np.sqrt(np.maximum(variances, 0.0)))
+
+    def _jacobian(self, points: FloatArray) -> FloatArray:
+        """Return derivatives of ideal places by ``a1, a2, cx, cy``; shape (N, 2, 4)."""
+        q = (points - self.centre) / self.radius
+        divisor, slope, by_coefficients = self.radial.divisor(np.einsum("ij,ij->i", q, q))
+        along = q[:, :, None] * q[:, None, :]
+        by_q = np.eye(2) / divisor[:, None, None]
+        by_q = by_q - (2 * slope / divisor**2)[:, None, None] * along
+        scaled = -self.radius * q / divisor[:, None] ** 2
+        by_a = scaled[:, :, None] * by_coefficients[:, None, :]
+        return np.concatenate([by_a, np.eye(2) - by_q], axis=2)
+
+    def camera(self, focal_length: float) -> Camera:
+        """Return the camera that has this distortion and a focal length.
+
+        Parameters
+        ----------
+        focal_length : float
+            Pixels, of square pixels.
+
+        Returns
+        -------
+        Camera
+            "radial2" for a polynomial, which is exact. For the division model the nearest of
+            "radial3" and "fisheye" over the picture.
+
+        Raises
+        ------
+        LensModelError
+            A ValueError, if that differs by more than half a pixel anywhere.
+        TypeError, ValueError
+            If `focal_length` is not positive.
+        """
+        focal = real_number(focal_length, "focal_length")
+        if focal <= 0:
+            raise ValueError(f"focal_length must be positive, not {focal}")
+        K = np.array([[focal, 0, self.centre[0]], [0, focal, self.centre[1]], [0, 0, 1]])
+        unit = focal / self.radius
+        if self.family == "polynomial":
+            k1, k2 = self.coefficients * unit ** np.array([2, 4])
+            return Camera(K, np.array([k1, k2, 0, 0, 0]), self.image_size, "radial2")
+        corners = np.array(self.image_size) * [[0, 0], [0, 1], [1, 0], [1, 1]] - self.centre
+        farthest = np.linalg.norm(corners, axis=1).max() / self.radius
+        end = min(float(farthest), self.radial.largest_radius())
+        observed = np.linspace(0, end, COMPARED_RADII + 1)[1:]
+        ideal = self.radial.ideal_radius(observed) / unit
+        seen = observed / unit
+        candidates = [
+            _fitted(model, radii, seen) for model, radii in _radii_of_models(ideal).items()
+        ]
+        errors = [np.abs(off) * focal for _, _, off in candidates]
+        best = int(np.argmin([error.max() for error in errors]))
+        model, k, _ = candidates[best]
+        distortion = k if model == "fisheye" else np.array([k[0], k[1], 0, 0, k[2]])
+        nearest = Camera(K, distortion, self.image_size, model)
+        worst = float(errors[best].max())
+        if worst > MOST_MODEL_ERROR:
+            raise LensModelError(
+                f"no lens model has this distortion at a focal length of {focal:.6g} px: the "
+                f"nearest, {model}, is {worst:.2g} px off",
+                nearest,
+                float(np.sqrt(np.mean(errors[best] ** 2))),
+                worst,
+            )
+        return nearest
+
+    def __repr__(self) -> str:
+        width, height = self.image_size
+        values = zip(PARAMETERS, (*self.coefficients, *self.centre), strict=True)
+        numbers = ", ".join(f"{name} {value:.5g}" for name, value in values)
+        return f"<UnscaledCamera {width} x {height}, {self.family}: {numbers}>"
+
+
+def _radii_of_models(ideal: FloatArray) -> dict[str, FloatArray]:
+    """Return the radius of which each model's distortion is a polynomial."""
+    return {"radial3": ideal, "fisheye": np.arctan(ideal)}
+
+
+def _fitted(model: str, radii: FloatArray, seen: FloatArray) -> tuple[str, FloatArray, FloatArray]:
+    """Fit a model's coefficients by linear least squares; return them and the residuals."""
+    powers = (3, 5, 7, 9) if model == "fisheye" else (3, 5, 7)
+    design = np.column_stack([radii**power for power in powers])
+    size = design.max(axis=0)
+    k = np.linalg.lstsq(design / size, seen - radii, rcond=None)[0] / size
+    return model, k, design @ k - (seen - radii)
+
+
+def _check_within(radii: FloatArray, largest: float) -> None:
+    beyond = np.nonzero(radii > largest * (1 + 1e-12))[0]
+    if len(beyond):
+        raise ValueError(
+            f"{len(beyond)} of {len(radii)} points lie beyond the valid radius, the first at "
+            f"index {beyond[0]}"
+        )

@@ -1,0 +1,123 @@
+"""The edges of a picture that may be images of straight lines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+import trisquare._core as _core
+from trisquare._support.arrays import FloatArray
+from trisquare.detection.grey import grey_bytes
+from trisquare.images.pixels import Image, picture_size
+
+WORKING_SIDE = 2000
+"""Longest side of the picture that is searched, pixels: sharp edges of larger ones are no better
+known, and the search takes longer."""
+
+SMOOTHING = 1.0
+"""Standard deviation of the smoothing, working pixels."""
+
+NOISE_FACTOR = 6.0
+"""Weakest gradient of an edge, over the gradient's own noise."""
+WEAKEST, STRONGEST = 1.0, 3.0
+"""Weakest gradient of an edge at all, and of its strongest point, grey levels a pixel."""
+
+TOLERANCE = 0.6
+"""Deviation from an arc, working pixels, of the mean of a few edge points."""
+
+SHORTEST = 16
+"""Points of an arc at least, and"""
+SHORTEST_PART = 0.025
+"""part of the half diagonal."""
+
+SMALLEST_RADIUS = 0.55
+"""Radius of an arc in half diagonals: a line's image has ``1 / sqrt(-lambda)`` at least, .73 for
+the strongest lens that is searched."""
+
+BORDER = 0.012
+"""Part of the longest side: an edge within it along the picture's border is a frame's or a scan's,
+and was straight before the lens."""
+
+MOST_ARCS = 1200
+"""The longest are taken: time goes with the square of their number."""
+
+MOST_POINTS = 40
+"""Points that a line is reduced to; neighbouring edge points err together."""
+LEAST_MEAN = 3
+"""Edge points that one of them is the mean of, at least."""
+
+
+@dataclass(frozen=True, slots=True)
+class Arcs:
+    """The arcs of a picture.
+
+    Parameters
+    ----------
+    curves : tuple of ndarray, shape (N_i, 2)
+        Points in pixels of the photograph, each the mean of a few edge points.
+    pixel : float
+        Pixels of the photograph that make one of the searched picture: what the points' precision
+        goes with.
+    """
+
+    curves: tuple[FloatArray, ...]
+    pixel: float
+
+
+def find_arcs(picture: Image) -> Arcs:
+    """Return the edges of a picture that are arcs of circles, the longest first."""
+    width, height = picture_size(picture)
+    # No upscaling; a whole number of pixels on both sides.
+    scale = min(1.0, WORKING_SIDE / max(width, height))
+    size = max(1, round(width * scale)), max(1, round(height * scale))
+    grey = grey_bytes(picture)
+    if size != (width, height):
+        grey = np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    smooth = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), SMOOTHING)
+    weak = max(WEAKEST, NOISE_FACTOR * _gradient_noise(grey))
+    half_diagonal = 0.5 * float(np.hypot(*size))
+    arcs = _core.find_arcs(
+        np.ascontiguousarray(smooth),
+        weak,
+        max(STRONGEST, 1.5 * weak),
+        TOLERANCE,
+        max(SHORTEST, round(SHORTEST_PART * half_diagonal)),
+        SMALLEST_RADIUS * half_diagonal,
+    )
+    inner = [arc for arc in arcs if not _is_along_border(arc, size)]
+    longest = sorted(inner, key=len, reverse=True)[:MOST_ARCS]
+    ratio = np.array([width / size[0], height / size[1]])
+    curves = tuple((binned(arc) + 0.5) * ratio - 0.5 for arc in longest)
+    return Arcs(curves, float(np.sqrt(ratio.prod())))
+
+
+def _is_along_border(arc: FloatArray, size: tuple[int, int]) -> bool:
+    margin = BORDER * max(size)
+    near = (arc <= margin).all(axis=0) | (arc >= np.array(size) - 1 - margin).all(axis=0)
+    return bool(near.any())
+
+
+def binned(arc: FloatArray) -> FloatArray:
+    """Return at most `MOST_POINTS` means of neighbouring points of an arc, in its order."""
+    count = max(2, min(MOST_POINTS, len(arc) // LEAST_MEAN))
+    starts = np.arange(count) * len(arc) // count
+    numbers = np.diff(np.append(starts, len(arc)))
+    return np.asarray(np.add.reduceat(arc, starts, axis=0) / numbers[:, None])
+
+
+def _gradient_noise(grey: npt.NDArray[np.uint8]) -> float:
+    """Return the standard deviation of the smoothed gradient's noise, in levels a pixel.
+
+    From the median of second differences, which few edges move (J. Immerkaer, Computer Vision and
+    Image Understanding 64 (1996) 300-302).
+    """
+    if min(grey.shape) < LEAST_MEAN:
+        return 0.0
+    kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32)
+    differences = cv2.filter2D(grey.astype(np.float32), -1, kernel)[1:-1, 1:-1]
+    pixel_noise = float(np.median(np.abs(differences))) / 0.6745 / 6.0
+    # Of a Gaussian's derivative on white noise.
+    return pixel_noise / (float(np.sqrt(8 * np.pi)) * SMOOTHING**2)

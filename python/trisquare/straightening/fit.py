@@ -1,0 +1,233 @@
+"""The lens that makes most of a picture's long arcs straight."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from trisquare._support.arrays import FloatArray
+from trisquare.straightening.bundle import Bundle, CentredLens, Straightness
+from trisquare.straightening.merging import joined, merged
+from trisquare.straightening.radial import RadialLens
+
+SEARCHED = np.linspace(0.4, -1.9, 70)
+"""First coefficients that are tried: from a pincushion lens to a circular fisheye."""
+
+SEARCH_TOLERANCE = 0.8
+ROUND_TOLERANCES = (0.8, 0.8, 0.7, 0.6, 0.5, 0.5)
+"""RMS at which a line's weight is a quarter, working pixels: in the search, and in each round of
+merging and fitting."""
+
+MOST_POINTS = 40
+"""A longer line counts as one of so many points."""
+
+CENTRE_PRIOR = 0.08
+"""Weak prior: standard deviation of the centre about the picture's, half diagonals."""
+COEFFICIENT_PRIORS = (5.0, 0.1)
+"""And of the coefficients."""
+FIRST_SPREAD = 1.0
+"""Residual, working pixels, that weighs as much as a prior's standard deviation, at first, and"""
+SHARED_ERRORS = 40.0
+"""over the rms of the lines, afterwards: the 40 points of a line err together, and so do the lines
+of a plane that is not flat, as if some 40 of them were one."""
+LEAST_RMS = 0.02
+"""Working pixels: lines may be straighter by chance."""
+
+HELD_CENTRE_STD = 1e-6
+"""The same where the centre is held."""
+
+MOST_STEPS = 30
+LAST_DECREASE = 1e-7
+"""Relative decrease of the cost with which a fit ends."""
+MOST_DAMPING = 1e8
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """A lens and the lines that it makes straight.
+
+    Parameters
+    ----------
+    lens : CentredLens
+    groups : list of list of int
+        Which curves make up each line.
+    straightness : Straightness
+        Of the lines.
+    weights : ndarray, shape (L,)
+        From 1, straight, to 0, no line.
+    """
+
+    lens: CentredLens
+    groups: list[list[int]]
+    straightness: Straightness
+    weights: FloatArray
+
+    def rms(self) -> float:
+        """Return the rms of the lines' points, pixels, each line by its weight."""
+        straightness, bundle = self.straightness, self.straightness.bundle
+        weights = self.weights * bundle.sums(bundle.weights)
+        squares = weights @ straightness.rms**2 / max(float(weights.sum()), 1e-12)
+        return float(np.sqrt(squares))
+
+    def lines(self) -> list[FloatArray]:
+        """Points of each line in their order along it, pixels."""
+        bundle, rows = self.straightness.bundle, self.straightness.rows
+        normals = bundle.spread(self.straightness.lines[:, :2])
+        divisor = np.maximum(rows[:, 2], 1e-3)
+        along = (normals[:, 0] * rows[:, 1] - normals[:, 1] * rows[:, 0]) / divisor
+        line = bundle.spread(np.arange(len(bundle.starts)))
+        ordered = bundle.points[np.lexsort((along, line))]
+        return np.split(ordered, bundle.starts[1:])
+
+
+def fit_lens(problem: Problem) -> Fit:
+    """Search, then alternate robust least squares and merging, for both families of lenses."""
+    first = alternate(problem, search(problem), ROUND_TOLERANCES)
+    problem = with_shared_errors(problem, first)
+    division = alternate(problem, first.lens, ROUND_TOLERANCES[-2:])
+    polynomial = alternate(problem, as_polynomial(division.lens), ROUND_TOLERANCES[-3:])
+    # Both families on the lines of both, else the one that merges less would have less to explain.
+    bundles = [fit.straightness.bundle for fit in (division, polynomial)]
+    tolerance = ROUND_TOLERANCES[-1] * problem.pixel
+
+    def cost(fit: Fit) -> float:
+        lenses = [refine(problem, bundle, fit.lens, tolerance) for bundle in bundles]
+        pairs = zip(lenses, bundles, strict=True)
+        return sum(problem.cost(lens, bundle.measure(lens), tolerance) for lens, bundle in pairs)
+
+    return min((division, polynomial), key=cost)
+
+
+def with_shared_errors(problem: Problem, fit: Fit) -> Problem:
+    """Weigh the priors by how straight a fit's lines are."""
+    return replace(problem, prior_spread=SHARED_ERRORS * max(fit.rms() / problem.pixel, LEAST_RMS))
+
+
+def with_centre_held(problem: Problem, fit: Fit) -> Fit:
+    """Fit the same family again with the centre in the picture's middle."""
+    held = replace(with_shared_errors(problem, fit), centre_std=HELD_CENTRE_STD)
+    lens = CentredLens(fit.lens.radial, problem.middle)
+    return alternate(held, lens, ROUND_TOLERANCES[-3:])
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """What is given: arcs, the picture's middle and half diagonal, the size of a working pixel.
+
+    `centre_std`, in half diagonals, is that of the centre's prior; a residual of `prior_spread`
+    working pixels weighs as much as the priors' standard deviations.
+    """
+
+    curves: tuple[FloatArray, ...]
+    middle: FloatArray
+    radius: float
+    pixel: float
+    centre_std: float = CENTRE_PRIOR
+    prior_spread: float = FIRST_SPREAD
+
+    def bundle(self, groups: Sequence[Sequence[int]]) -> Bundle:
+        """Put together the lines that groups of curves make."""
+        return Bundle.of(joined(self.curves, groups), self.radius, MOST_POINTS)
+
+    def prior(self) -> FloatArray:
+        """Information of the weak priors, in the unit of the squared residuals."""
+        return np.diag((self.prior_spread * self.pixel / self.prior_std()) ** 2)
+
+    def prior_std(self) -> FloatArray:
+        """Return standard deviations of the weak priors of ``a1, a2, cx, cy``."""
+        centre = self.centre_std * self.radius
+        return np.array([*COEFFICIENT_PRIORS, centre, centre])
+
+    def deviation(self, lens: CentredLens) -> FloatArray:
+        """Parameters less what the priors expect."""
+        return np.asarray(lens.parameters - np.array([0.0, 0.0, *self.middle]))
+
+    def cost(self, lens: CentredLens, straightness: Straightness, tolerance: float) -> float:
+        """Geman and McClure's cost of the lines' rms, and the priors'."""
+        off = (straightness.rms / tolerance) ** 2
+        counts = straightness.bundle.sums(straightness.bundle.weights)
+        deviation = self.deviation(lens)
+        data = tolerance**2 * (counts @ (off / (1 + off)))
+        return float(data + deviation @ self.prior() @ deviation)
+
+
+def alternate(problem: Problem, lens: CentredLens, tolerances: Sequence[float]) -> Fit:
+    """Merge what the lens makes one line, and fit the lens to these lines, in turns."""
+    single = problem.bundle([[i] for i in range(len(problem.curves))])
+    for tolerance in tolerances:
+        groups = merged(problem.curves, single.measure(lens), lens, problem.pixel)
+        bundle = problem.bundle(groups)
+        lens = refine(problem, bundle, lens, tolerance * problem.pixel)
+    straightness = bundle.measure(lens)
+    weights = line_weights(straightness, tolerances[-1] * problem.pixel)
+    return Fit(lens, groups, straightness, weights)
+
+
+def as_polynomial(lens: CentredLens) -> CentredLens:
+    """Return the polynomial that is nearest to a division lens over the picture."""
+    radii = np.linspace(0.0, min(1.0, 0.9 * lens.radial.largest_radius()), 50)[1:]
+    ideal = lens.radial.ideal_radius(radii)
+    design = np.column_stack([ideal**3, ideal**5])
+    found, *_ = np.linalg.lstsq(design / radii[:, None], (radii - ideal) / radii, rcond=None)
+    return CentredLens(RadialLens("polynomial", np.asarray(found, dtype=np.float64)), lens.centre)
+
+
+def search(problem: Problem) -> CentredLens:
+    """Return the best of `SEARCHED` by what straight curves there are, counted by length squared.
+
+    The deviation of a curve from straight goes with its length squared, so does what it tells.
+    """
+    bundle = problem.bundle([[i] for i in range(len(problem.curves))])
+    lengths = np.array([np.linalg.norm(curve[-1] - curve[0]) for curve in problem.curves])
+    tolerance = SEARCH_TOLERANCE * problem.pixel
+
+    def score(lens: CentredLens) -> float:
+        return float(lengths**2 @ line_weights(bundle.measure(lens), tolerance))
+
+    coefficients = [np.array([first, 0.0]) for first in SEARCHED]
+    lenses = [CentredLens(RadialLens("division", pair), problem.middle) for pair in coefficients]
+    return max(lenses, key=score)
+
+
+def line_weights(straightness: Straightness, tolerance: float) -> FloatArray:
+    """``1 / (1 + (rms / tolerance)^2)^2``: what Geman and McClure's cost gives each line."""
+    return np.asarray((1 + (straightness.rms / tolerance) ** 2) ** -2)
+
+
+def refine(problem: Problem, bundle: Bundle, lens: CentredLens, tolerance: float) -> CentredLens:
+    """Minimise the cost by damped Gauss-Newton steps; it never rises."""
+    prior = problem.prior()
+    straightness = bundle.measure(lens)
+    cost, damping = problem.cost(lens, straightness, tolerance), 1e-3
+    for _ in range(MOST_STEPS):
+        information, gradient = normal_equations(straightness, tolerance)
+        information = information + prior
+        gradient = gradient + prior @ problem.deviation(lens)
+        while damping < MOST_DAMPING:
+            damped = information + damping * np.diag(np.diag(information))
+            step = np.asarray(-np.linalg.solve(damped, gradient), dtype=np.float64)
+            moved = lens.moved(step)
+            trial = bundle.measure(moved)
+            trial_cost = problem.cost(moved, trial, tolerance)
+            if trial_cost <= cost:
+                break
+            damping *= 10
+        else:
+            return lens
+        decrease = cost - trial_cost
+        lens, straightness, cost = moved, trial, trial_cost
+        damping = max(damping / 10, 1e-9)
+        if decrease <= LAST_DECREASE * cost:
+            break
+    return lens
+
+
+def normal_equations(straightness: Straightness, tolerance: float) -> tuple[FloatArray, FloatArray]:
+    """Information and gradient of the weighted squares, by ``a1, a2, cx, cy``."""
+    bundle = straightness.bundle
+    weights = bundle.weights * bundle.spread(line_weights(straightness, tolerance))
+    jacobian = straightness.jacobian()
+    weighted = weights[:, None] * jacobian
+    return weighted.T @ jacobian, weighted.T @ straightness.residuals

@@ -1,0 +1,128 @@
+"""Arcs that one straight line explains, across gaps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from trisquare._support.arrays import FloatArray
+from trisquare.straightening.bundle import CentredLens, Straightness, fit_lines
+
+LARGEST_GAP = 3.0
+"""Gap between two arcs of a line, over the shorter one's length."""
+
+STRAY = 0.6
+"""RMS distance at most of each arc from the joint line, working pixels: an arc that crosses the
+line or lies beside it is farther away."""
+
+NEAR = 3.0
+"""Distance at most of an arc's ends from the other one's line, working pixels; as much again for
+every length of it that the gap is wide."""
+
+NARROWEST_DIVISOR = 0.05
+"""Of the division model: points that are seen farther out have no ideal place to speak of."""
+
+
+def merged(
+    curves: Sequence[FloatArray], straightness: Straightness, lens: CentredLens, pixel: float
+) -> list[list[int]]:
+    """Return which curves make a line together, as lists of their numbers, under a lens.
+
+    Parameters
+    ----------
+    curves : sequence of ndarray, shape (N_i, 2)
+        Pixels, each in its order.
+    straightness : Straightness
+        Of these curves under the lens.
+    pixel : float
+        Size of a working pixel.
+    """
+    bundle = straightness.bundle
+    groups = _Groups(straightness, STRAY * pixel)
+    ends = _ideal_ends(curves, lens, bundle.radius)
+    for first, second in _near_pairs(straightness, ends, lens, pixel):
+        groups.join(int(first), int(second))
+    return groups.lists()
+
+
+def _ideal_ends(curves: Sequence[FloatArray], lens: CentredLens, radius: float) -> FloatArray:
+    """Ideal places of the first and last points, shape (L, 2, 2); NaN where there are none."""
+    ends = np.array([[curve[0], curve[-1]] for curve in curves])
+    q = (ends - lens.centre) / radius
+    divisor = lens.radial.divisor(np.einsum("lij,lij->li", q, q).ravel())[0].reshape(-1, 2)
+    divisor = np.where(divisor > NARROWEST_DIVISOR, divisor, np.nan)
+    return np.asarray(q / divisor[:, :, None])
+
+
+def _near_pairs(
+    straightness: Straightness, ends: FloatArray, lens: CentredLens, pixel: float
+) -> npt.NDArray[np.intp]:
+    """Pairs of curves that might be of one line, the narrowest gaps first; shape (N, 2)."""
+    lines = straightness.lines
+    tangents = np.column_stack([-lines[:, 1], lines[:, 0]])
+    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    # The ends of every second curve seen from every first: along its line, and across.
+    along = np.einsum("ik,jek->ije", tangents, ends)
+    own = np.einsum("ik,iek->ie", tangents, ends)
+    low, high = own.min(axis=1), own.max(axis=1)
+    gap = np.maximum(along.min(axis=2) - high[:, None], low[:, None] - along.max(axis=2))
+    across = np.einsum("ik,jek->ije", lines[:, :2], ends) + lines[:, 2][:, None, None]
+    # Back in the picture a distance is shorter by the divisor, or so.
+    q = np.linalg.norm(ends, axis=2)
+    scale = straightness.bundle.radius * _seen_scale(q, lens)
+    distance = (np.abs(across) * scale[None]).max(axis=2)
+    shorter = np.minimum(lengths[:, None], lengths[None])
+    reach = NEAR * pixel * (1 + np.maximum(gap, 0) / lengths[:, None])
+    # A line beside the first one's own stretch overlaps it: an echo of the same edge, no part.
+    with np.errstate(invalid="ignore"):
+        near = (gap <= LARGEST_GAP * shorter) & (gap > -0.2 * shorter) & (distance <= reach)
+    near &= lengths[:, None] >= lengths[None]
+    np.fill_diagonal(near, False)
+    first, second = np.nonzero(near)
+    order = np.argsort(gap[first, second] / shorter[first, second], kind="stable")
+    return np.asarray(np.column_stack([first, second])[order])
+
+
+def _seen_scale(ideal_radius: FloatArray, lens: CentredLens) -> FloatArray:
+    """Length in the picture of a tangential unit length at an ideal radius, roughly."""
+    first = lens.radial.coefficients[0]
+    with np.errstate(invalid="ignore"):
+        root = np.sqrt(np.maximum(1 - 4 * first * ideal_radius**2, 0.01))
+    return np.asarray(2.0 / (1.0 + root))
+
+
+class _Groups:
+    """Curves joined so far; the moments of a group are the sums of its curves'."""
+
+    def __init__(self, straightness: Straightness, stray: float) -> None:
+        self._moments = straightness.moments()
+        self._counts = straightness.bundle.sums(straightness.bundle.weights)
+        self._limit = (stray / straightness.bundle.radius) ** 2
+        self._members = [[i] for i in range(len(self._counts))]
+        self._group = list(range(len(self._counts)))
+
+    def join(self, first: int, second: int) -> None:
+        """Join the groups of two curves if one line explains them."""
+        a, b = self._group[first], self._group[second]
+        if a == b:
+            return
+        members = self._members[a] + self._members[b]
+        moments = self._moments[members]
+        line, _ = fit_lines(moments.sum(axis=0)[None])
+        off = np.einsum("i,lij,j->l", line[0], moments, line[0]) / self._counts[members]
+        if off.max() > self._limit:
+            return
+        self._members[a], self._members[b] = members, []
+        for member in members:
+            self._group[member] = a
+
+    def lists(self) -> list[list[int]]:
+        """All groups, of one curve or more."""
+        return [sorted(members) for members in self._members if members]
+
+
+def joined(curves: Sequence[FloatArray], groups: Sequence[Sequence[int]]) -> list[FloatArray]:
+    """Return the points of each group's curves."""
+    return [np.concatenate([curves[i] for i in group]) for group in groups]

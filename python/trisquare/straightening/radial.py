@@ -1,0 +1,144 @@
+"""Radial distortion of two coefficients, in units of half the picture's diagonal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from trisquare._support.arrays import FloatArray
+
+FAMILIES = ("division", "polynomial")
+
+NEWTON_STEPS = 60
+NEWTON_TOLERANCE = 1e-14
+"""Of a squared radius, on which Newton's method ends."""
+
+SHORT_OF_FOLD = 0.995
+"""Part of the largest radius up to which a lens is used: at the fold itself nothing is known."""
+
+FARTHEST = 6.0
+"""Ideal radius beyond which nothing is undistorted: 80 degrees from the axis of a lens whose focal
+length is half the diagonal."""
+
+TINY = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class RadialLens:
+    """A radial distortion about the origin: ``q_ideal = q / D(|q|^2)``.
+
+    The line ``n . q_ideal + d = 0`` is seen as ``n . q + d D = 0``.
+
+    Parameters
+    ----------
+    family : {"division", "polynomial"}
+        ``D = 1 + a1 s + a2 s^2`` with ``s = |q|^2`` (A. Fitzgibbon, CVPR 2001), or the same of
+        ``s = |q_ideal|^2``, which is OpenCV's ``k1, k2`` but for the unit (F. Devernay & O.
+        Faugeras, Machine Vision and Applications 13 (2001) 14-24).
+    coefficients : ndarray, shape (2,)
+        ``a1, a2``.
+    """
+
+    family: str
+    coefficients: FloatArray
+
+    def divisor(self, square: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """``D`` at squared observed radii, its derivative by them, and by ``a1, a2``.
+
+        Beyond the fold of a polynomial the ideal radius stays at its largest.
+
+        Returns
+        -------
+        divisor, slope : ndarray, shape (P,)
+        by_coefficients : ndarray, shape (P, 2)
+        """
+        first, second = self.coefficients
+        if self.family == "division":
+            divisor = 1 + square * (first + square * second)
+            by_coefficients = np.column_stack([square, square**2])
+            return divisor, first + 2 * second * square, by_coefficients
+        ideal, folded = self._ideal_square(square)
+        divisor = 1 + ideal * (first + ideal * second)
+        inner = first + 2 * second * ideal
+        growth = np.maximum(divisor * (divisor + 2 * ideal * inner), TINY)
+        slope = inner / growth
+        # The ideal radius follows a coefficient so that the observed one stays.
+        by_first = ideal - inner * 2 * ideal**2 * divisor / growth
+        by_coefficients = np.column_stack([by_first, ideal * by_first])
+        if folded.any():
+            divisor[folded] = np.sqrt(square[folded] / ideal[folded])
+            slope[folded] = 0.5 / np.sqrt(square[folded] * ideal[folded])
+            by_coefficients[folded] = 0.0
+        return divisor, slope, by_coefficients
+
+    def _ideal_square(self, square: FloatArray) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+        """Squared ideal radii of a polynomial, and which points lie beyond its fold."""
+        largest = SHORT_OF_FOLD**2 * self._fold()
+        first, second = self.coefficients
+
+        def observed(ideal: FloatArray) -> tuple[FloatArray, FloatArray]:
+            factor = 1 + ideal * (first + ideal * second)
+            return ideal * factor**2, factor * (factor + 2 * ideal * (first + 2 * second * ideal))
+
+        folded = np.zeros(len(square), dtype=bool)
+        if np.isfinite(largest):
+            folded = square >= observed(np.array([largest]))[0][0]
+        ideal = np.where(folded, largest, np.minimum(square, largest))
+        low, high = np.zeros_like(ideal), np.full_like(ideal, largest)
+        for _ in range(NEWTON_STEPS):
+            value, growth = observed(ideal)
+            off = np.where(folded, 0.0, value - square)
+            low, high = np.where(off < 0, ideal, low), np.where(off > 0, ideal, high)
+            moved = ideal - off / np.maximum(growth, TINY)
+            middle = np.where(np.isfinite(high), 0.5 * (low + high), 2 * low + 1)
+            moved = np.where((moved >= low) & (moved <= high), moved, middle)
+            done = np.abs(moved - ideal) <= NEWTON_TOLERANCE * (1 + ideal)
+            ideal = moved
+            if done.all():
+                break
+        return ideal, folded
+
+    def _fold(self) -> float:
+        """Squared radius of a polynomial's fold: ideal of the polynomial, observed of the division.
+
+        Where ``1 + 3 a1 s + 5 a2 s^2``, or ``1 - a1 s - 3 a2 s^2``, first vanishes.
+        """
+        first, second = self.coefficients
+        if self.family == "division":
+            slope, curvature = -first, -3 * second
+        else:
+            slope, curvature = 3 * first, 5 * second
+        roots = np.roots([curvature, slope, 1.0])
+        positive = roots.real[(np.abs(roots.imag) < TINY) & (roots.real > 0)]
+        return float(positive.min(initial=np.inf))
+
+    def largest_radius(self) -> float:
+        """Observed radius up to which points are undistorted; infinite if there is no limit."""
+        fold = np.sqrt(self._fold()) * SHORT_OF_FOLD
+        if self.family == "polynomial":
+            return float(self.observed_radius(np.array([min(fold, FARTHEST)]))[0])
+        # The ideal radius increases up to where the divisor vanishes.
+        limit = fold if np.isfinite(fold) else 1e3
+        radii = np.linspace(0.0, min(limit, 10.0), 20001)
+        divisor = self.divisor(radii**2)[0]
+        beyond = np.nonzero(radii > FARTHEST * divisor)[0]
+        return float(radii[beyond[0] - 1]) if len(beyond) else float(limit)
+
+    def ideal_radius(self, observed: FloatArray) -> FloatArray:
+        """Ideal radii of observed ones that are not beyond the largest."""
+        return np.asarray(observed / self.divisor(observed**2)[0])
+
+    def observed_radius(self, ideal: FloatArray) -> FloatArray:
+        """Observed radii of ideal ones that are not beyond the largest."""
+        if self.family == "polynomial":
+            first, second = self.coefficients
+            return np.asarray(ideal * (1 + ideal**2 * (first + ideal**2 * second)))
+        low = np.zeros_like(ideal)
+        high = np.full_like(ideal, self.largest_radius())
+        for _ in range(NEWTON_STEPS):
+            middle = 0.5 * (low + high)
+            below = middle < ideal * self.divisor(middle**2)[0]
+            low, high = np.where(below, middle, low), np.where(below, high, middle)
+        return np.asarray(0.5 * (low + high))

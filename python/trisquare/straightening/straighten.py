@@ -1,0 +1,227 @@
+"""The distortion of a picture from whatever straight lines it shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trisquare._support.arrays import FloatArray, RebuiltByConstructor, not_negative, real_array
+from trisquare.errors import DegenerateGeometryError, NotEnoughDataError
+from trisquare.images.pixels import Image, ImageSource, picture_size
+from trisquare.images.reading import load_picture
+from trisquare.straightening.camera import UnscaledCamera
+from trisquare.straightening.edges import find_arcs
+from trisquare.straightening.fit import Fit, Problem, fit_lens, with_centre_held
+from trisquare.straightening.uncertainty import uncertainty
+from trisquare.straightening.view import undistort_picture
+
+KNOWN_CENTRE_STD, UNKNOWN_CENTRE_STD = 0.01, 0.05
+"""Standard deviation of the centre up to which it is free, and from which it is held at the
+picture's, half diagonals. In between it is free if"""
+CLEARLY_OFF = 3.0
+"""so many standard deviations, or more, off the picture's."""
+
+STRAIGHT_WEIGHT = 0.25
+"""Weight of a line from which it is used: its rms is then the tolerance of half a pixel."""
+
+LONG = 0.15
+"""Length of a long line, half diagonals; shorter ones hardly bend."""
+
+LEAST_LINES = 5
+"""Long lines at least: two tell the coefficients, two the centre, one whether they agree."""
+
+LEAST_STRAIGHT = 0.6
+"""Part of the long edges' length that must be images of straight lines: a lens can be found under
+which half of a picture's circles are."""
+CLEARLY_STRAIGHT = 0.8
+"""Part from which that is not chance. Below, as many must be straight, or nearly,"""
+LEAST_STRAIGHT_HELD = 0.65
+"""with the centre held: a true lens's centre is near the picture's, that of a chance one anywhere.
+"""
+
+JUDGED_RADIUS = 0.85
+"""Where the displacement must be known, half diagonals: near the corners,"""
+MOST_STD = 0.01
+"""and to which standard deviation, half diagonals."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Straightened(RebuiltByConstructor):
+    """The distortion of a picture, from its straight lines.
+
+    Parameters
+    ----------
+    camera : UnscaledCamera
+        The distortion with its covariance; straight lines do not tell the focal length.
+    used : tuple of ndarray, shape (N_i, 2)
+        Points on the images of straight lines, one array a line, pixels.
+    rejected : tuple of ndarray, shape (N_i, 2)
+        Points on arcs that are none.
+    rms : float
+        Root mean square distance of the used points to their lines, pixels.
+    centre_held : bool
+        Whether the centre of distortion is held in the picture's middle, because the lines do not
+        determine it. Its standard deviation then is a lens's own: a weak prior's.
+    """
+
+    camera: UnscaledCamera
+    used: tuple[FloatArray, ...]
+    rejected: tuple[FloatArray, ...]
+    rms: float
+    centre_held: bool
+
+    def __post_init__(self) -> None:
+        for name in ("used", "rejected"):
+            lines = getattr(self, name)
+            checked = tuple(real_array(line, f"each of {name}", (None, 2)) for line in lines)
+            object.__setattr__(self, name, checked)
+        object.__setattr__(self, "rms", not_negative(self.rms, "rms"))
+
+    def undistort(
+        self, image: ImageSource, balance: float = 0.0, *, interpolation: str = "linear"
+    ) -> Image:
+        """Return a picture of the same camera with its straight lines straight.
+
+        Parameters
+        ----------
+        image : path or ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
+            A picture of the camera's size.
+        balance : float
+            From 0, no black border, to 1, all of the photograph.
+        interpolation : {"linear", "nearest", "cubic", "lanczos"}
+            See `Undistorter.undistort`.
+
+        Returns
+        -------
+        ndarray, shape (H, W) or (H, W, 3)
+            Of the same type and size; black where there is nothing of the photograph.
+
+        Raises
+        ------
+        ImageError
+            If a file is no whole picture.
+        TypeError, ValueError
+            If an argument is wrong, or the picture of another size.
+        """
+        return undistort_picture(image, self.camera, balance, interpolation)
+
+    def __repr__(self) -> str:
+        return (
+            f"<Straightened by {len(self.used)} lines ({len(self.rejected)} rejected): rms "
+            f"{self.rms:.3g} px, {self.camera!r}>"
+        )
+
+
+def straighten(image: ImageSource) -> Straightened:
+    """Find the lens distortion from the straight lines of a picture, without any target.
+
+    Edges are followed to a fraction of a pixel and cut into arcs. The distortion is the one under
+    which most long arcs are straight; arcs that one line explains are joined. Residuals are
+    measured back in the picture, and lines count by how straight they are: curved edges are
+    rejected. Most straight edges of the world must be longer and straighter than curved ones.
+
+    Parameters
+    ----------
+    image : path or ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
+        Grey or BGR, as the lens has made it: not cropped off the middle.
+
+    Returns
+    -------
+    Straightened
+        The distortion as a camera without focal length, the lines used and rejected.
+
+    Raises
+    ------
+    ImageError
+        If a file is no whole picture.
+    NotEnoughDataError
+        If there are too few long edges.
+    DegenerateGeometryError
+        If the lines do not determine the distortion (they are too central or run through the
+        centre), or most long edges are curved.
+    TypeError, ValueError
+        If an array is no picture.
+
+    Notes
+    -----
+    F. Devernay & O. Faugeras, "Straight lines have to be straight", Machine Vision and
+    Applications 13 (2001) 14-24; A. Fitzgibbon, CVPR 2001.
+    """
+    picture = load_picture(image)
+    size = picture_size(picture)
+    arcs = find_arcs(picture)
+    radius = 0.5 * float(np.hypot(*size))
+    middle = 0.5 * (np.array(size, dtype=np.float64) - 1)
+    problem = Problem(arcs.curves, middle, radius, arcs.pixel)
+    _check_count(_spans(arcs.curves) / radius, "edges")
+    fit = fit_lens(problem)
+    _check_curves(problem, fit)
+    known = uncertainty(problem, fit)
+    off = np.abs(fit.lens.centre - middle) / known.centre_std
+    std = float(known.centre_std.max()) / radius
+    centre_held = std > (UNKNOWN_CENTRE_STD if off.max() > CLEARLY_OFF else KNOWN_CENTRE_STD)
+    if centre_held:
+        fit = with_centre_held(problem, fit)
+        known = uncertainty(problem, fit)
+    lens = fit.lens
+    camera = UnscaledCamera(
+        size, lens.radial.family, lens.radial.coefficients, lens.centre, known.covariance
+    )
+    lines = fit.lines()
+    is_used = fit.weights >= STRAIGHT_WEIGHT
+    used = tuple(line for line, use in zip(lines, is_used, strict=True) if use)
+    rejected = tuple(line for line, use in zip(lines, is_used, strict=True) if not use)
+    _check_count(_spans(used) / radius, "straight lines")
+    _check_known(camera)
+    squares = fit.straightness.residuals[fit.straightness.bundle.spread(is_used)] ** 2
+    return Straightened(camera, used, rejected, float(np.sqrt(squares.mean())), centre_held)
+
+
+def _spans(lines: tuple[FloatArray, ...] | list[FloatArray]) -> FloatArray:
+    """Distances of the lines' ends."""
+    return np.array([np.linalg.norm(line[-1] - line[0]) for line in lines])
+
+
+def _check_count(lengths: FloatArray, what: str) -> None:
+    long = int((lengths >= LONG).sum())
+    if long < LEAST_LINES:
+        raise NotEnoughDataError(
+            f"{long} long {what} in the picture, but {LEAST_LINES} are needed, of {LONG:.0%} of "
+            "half the diagonal or more: take a picture with long straight edges, near its border "
+            "too"
+        )
+
+
+def _check_curves(problem: Problem, fit: Fit) -> None:
+    """Refuse a picture of curved edges, whatever lens makes some of them straight."""
+    straight, least = _straight_part(problem, fit), LEAST_STRAIGHT
+    if least <= straight < CLEARLY_STRAIGHT:
+        least = LEAST_STRAIGHT_HELD
+        straight = _straight_part(problem, with_centre_held(problem, fit))
+    if straight < least:
+        raise DegenerateGeometryError(
+            f"only {straight:.0%} of the long edges can be images of straight lines at once: too "
+            "many are curved, or not sharp; take a picture whose edges are straight"
+        )
+
+
+def _straight_part(problem: Problem, fit: Fit) -> float:
+    """Return the part of the long edges' length that is straight."""
+    lengths = _spans(fit.lines()) / problem.radius
+    lengths = np.where(lengths >= LONG, lengths, 0.0)
+    return float(lengths[fit.weights >= STRAIGHT_WEIGHT].sum() / max(lengths.sum(), 1e-12))
+
+
+def _check_known(camera: UnscaledCamera) -> None:
+    """Refuse a distortion that is not known near the corners."""
+    square = np.array([JUDGED_RADIUS**2])
+    divisor, _, by_coefficients = camera.radial.divisor(square)
+    slope = by_coefficients[0] * JUDGED_RADIUS / divisor[0]
+    std = float(np.sqrt(slope @ camera.covariance[:2, :2] @ slope))
+    if std > MOST_STD:
+        raise DegenerateGeometryError(
+            f"the lines tell the distortion near the corners only to {std * camera.radius:.1f} px: "
+            "they are too central, too short, or run through the centre; take a picture with "
+            "straight edges along its border"
+        )

@@ -1,0 +1,60 @@
+"""How well the lines determine the lens."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trisquare._support.arrays import FloatArray
+from trisquare.straightening.fit import LEAST_RMS, ROUND_TOLERANCES, Fit, Problem, line_weights
+
+SHARED_POINTS = 12.0
+"""Points that err together at least, by the rms of all: lines of one plane bend alike, which the
+scatter between lines does not show."""
+
+
+@dataclass(frozen=True, slots=True)
+class Uncertainty:
+    """Covariances of ``a1, a2, cx, cy``.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (4, 4)
+        From the lines and the weak priors.
+    centre_std : ndarray, shape (2,)
+        Standard deviations of the centre that the lines alone give, pixels; infinite where they
+        tell nothing.
+    """
+
+    covariance: FloatArray
+    centre_std: FloatArray
+
+
+def uncertainty(problem: Problem, fit: Fit) -> Uncertainty:
+    """Scale the inverse information by the spread of the residuals.
+
+    The points of a line err together (blur, shadow, a bent edge): the spread is that of the
+    gradients of whole lines, one factor for all, corrected for what the parameters absorb.
+    """
+    straightness, bundle = fit.straightness, fit.straightness.bundle
+    weights = line_weights(straightness, ROUND_TOLERANCES[-1] * problem.pixel)
+    jacobian = straightness.jacobian()
+    weighted = (bundle.weights * bundle.spread(weights))[:, None] * jacobian
+    of_lines = bundle.sums(weighted[:, :, None] * jacobian[:, None, :])
+    information = of_lines.sum(axis=0)
+    gradients = bundle.sums(weighted * straightness.residuals[:, None])
+    # In units of the priors' standard deviations, which make the parameters comparable.
+    unit = problem.prior_std()
+    information = information * unit[:, None] * unit
+    ridge = 1e-12 * np.trace(information) / 4 * np.eye(4) + np.eye(4) * np.finfo(float).tiny
+    inverse = np.linalg.pinv(information + ridge, hermitian=True)
+    scaled = gradients * unit
+    leverages = np.einsum("ij,lji->l", inverse, of_lines * unit[:, None] * unit)
+    spread = float(np.einsum("li,ij,lj->", scaled, inverse, scaled)) / 4
+    effective = leverages.sum() ** 2 / max(float((leverages**2).sum()), 1e-300)
+    spread *= effective / max(effective - 4, 1.0)
+    spread = max(spread, SHARED_POINTS * max(fit.rms(), LEAST_RMS * problem.pixel) ** 2)
+    covariance = np.linalg.inv(information / spread + np.eye(4)) * unit[:, None] * unit
+    alone = np.diag(inverse)[2:] * spread
+    return Uncertainty(0.5 * (covariance + covariance.T), unit[2:] * np.sqrt(alone))

@@ -1,0 +1,238 @@
+//! Chains of edge points cut where they stop being arcs of a circle.
+//!
+//! The image of a straight line under the division model is such an arc (A. Fitzgibbon,
+//! "Simultaneous linear estimation of multiple view geometry and lens distortion", CVPR 2001).
+
+use nalgebra::{Matrix3, Vector2, Vector3};
+
+/// Points on both sides of a corner from which the two directions are taken.
+const CORNER_REACH: usize = 7;
+/// Turn between them at a corner, radians: an arc of the picture's size turns less than a tenth.
+const CORNER_TURN: f64 = 0.25;
+/// Points about a corner, and at a chain's ends, whose place the other edge has moved.
+const CORNER_ROOM: usize = 3;
+
+/// Points whose mean deviation is judged: single ones scatter.
+const MEAN_OF: usize = 5;
+
+/// Chord of an arc over its length at least.
+const LEAST_CHORD: f64 = 0.5;
+
+/// What counts as an arc; lengths in pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ArcLimits {
+    /// Deviation from the circle at most, of the mean of a few points.
+    pub tolerance: f64,
+    /// Points at least.
+    pub shortest: usize,
+    /// Radius at least.
+    pub smallest_radius: f64,
+}
+
+/// The arcs of a chain, in its order, as parts that do not overlap.
+#[must_use]
+pub fn circular_arcs<'a>(chain: &'a [Vector2<f64>], limits: &ArcLimits) -> Vec<&'a [Vector2<f64>]> {
+    let mut arcs = Vec::new();
+    let shortest = limits.shortest.max(MEAN_OF + 1);
+    for (start, end) in between_corners(chain) {
+        let mut parts: Vec<(usize, usize)> = Vec::new();
+        let mut waiting = vec![(start, end)];
+        while let Some((start, end)) = waiting.pop() {
+            if end - start < shortest {
+                continue;
+            }
+            let place = match deviation(&chain[start..end]) {
+                Some((worst, _)) if worst <= limits.tolerance => {
+                    append(&mut parts, (start, end), chain, limits);
+                    continue;
+                }
+                // Near an end, a cut would leave nothing of the shorter part.
+                Some((_, place)) if (shortest..=end - start - shortest).contains(&place) => place,
+                _ => (end - start) / 2,
+            };
+            waiting.push((start + place, end));
+            waiting.push((start, start + place));
+        }
+        arcs.extend(
+            parts
+                .into_iter()
+                .map(|(start, end)| &chain[start..end])
+                .filter(|arc| is_wide(arc, limits)),
+        );
+    }
+    arcs
+}
+
+/// Adds a part, as the end of the last one where both are of one arc.
+fn append(
+    parts: &mut Vec<(usize, usize)>,
+    part: (usize, usize),
+    chain: &[Vector2<f64>],
+    limits: &ArcLimits,
+) {
+    if let Some(last) = parts.last_mut()
+        && last.1 == part.0
+        && deviation(&chain[last.0..part.1]).is_some_and(|(worst, _)| worst <= limits.tolerance)
+    {
+        last.1 = part.1;
+        return;
+    }
+    parts.push(part);
+}
+
+/// The stretches between the corners of a chain, without the points next to them.
+fn between_corners(chain: &[Vector2<f64>]) -> Vec<(usize, usize)> {
+    let mut turns = vec![0.0; chain.len()];
+    for i in CORNER_REACH..chain.len().saturating_sub(CORNER_REACH) {
+        let before = chain[i - 1] - chain[i - CORNER_REACH];
+        let after = chain[i + CORNER_REACH] - chain[i + 1];
+        turns[i] = before.perp(&after).atan2(before.dot(&after)).abs();
+    }
+    let is_corner = |i: usize| {
+        let around = i.saturating_sub(CORNER_REACH)..(i + CORNER_REACH + 1).min(chain.len());
+        turns[i] > CORNER_TURN && turns[around].iter().all(|turn| *turn <= turns[i])
+    };
+    let corners = (0..chain.len()).filter(|&i| is_corner(i));
+    let mut stretches = Vec::new();
+    let mut start = 0;
+    for corner in corners.chain(std::iter::once(chain.len())) {
+        let (first, last) = (start + CORNER_ROOM, corner.saturating_sub(CORNER_ROOM));
+        if first < last {
+            stretches.push((first, last));
+        }
+        start = corner;
+    }
+    stretches
+}
+
+/// The circle `v = a + b u + c (u^2 + v^2)` of points, `u` along their chord.
+struct Circle {
+    middle: Vector2<f64>,
+    along: Vector2<f64>,
+    coefficients: Vector3<f64>,
+    half_chord: f64,
+}
+
+impl Circle {
+    /// By linear least squares; `None` for points that turn too far to be an arc.
+    fn through(points: &[Vector2<f64>]) -> Option<Self> {
+        let (first, last) = (points.first()?, points.last()?);
+        let half_chord = 0.5 * (last - first).norm();
+        let length: f64 = points.windows(2).map(|p| (p[1] - p[0]).norm()).sum();
+        if 2.0 * half_chord < LEAST_CHORD * length || half_chord <= 0.0 {
+            return None;
+        }
+        let mut circle = Self {
+            middle: first.lerp(last, 0.5),
+            along: (last - first) / (2.0 * half_chord),
+            coefficients: Vector3::zeros(),
+            half_chord,
+        };
+        let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
+        for point in points {
+            let (row, v) = circle.row(point);
+            normal += row * row.transpose();
+            right += row * v;
+        }
+        circle.coefficients = normal.cholesky()?.solve(&right);
+        Some(circle)
+    }
+
+    /// `(1, u, u^2 + v^2)` and `v` of a point, in half chords.
+    fn row(&self, point: &Vector2<f64>) -> (Vector3<f64>, f64) {
+        let off = (point - self.middle) / self.half_chord;
+        let (u, v) = (off.dot(&self.along), self.along.perp(&off));
+        (Vector3::new(1.0, u, off.norm_squared()), v)
+    }
+
+    /// Signed distance of a point, to first order, pixels.
+    fn distance(&self, point: &Vector2<f64>) -> f64 {
+        let (row, v) = self.row(point);
+        let [b, c] = [self.coefficients.y, self.coefficients.z];
+        let slope = Vector2::new(2.0 * c * row.y + b, 2.0 * c * v - 1.0);
+        self.half_chord * (self.coefficients.dot(&row) - v) / slope.norm()
+    }
+
+    /// Height of the arc over its chord, pixels.
+    fn height(&self) -> f64 {
+        self.coefficients.z.abs() * self.half_chord
+    }
+}
+
+/// The largest deviation of a few points' mean from the circle of all, and where it is.
+fn deviation(points: &[Vector2<f64>]) -> Option<(f64, usize)> {
+    let circle = Circle::through(points)?;
+    let distances: Vec<f64> = points.iter().map(|p| circle.distance(p)).collect();
+    let means = distances
+        .windows(MEAN_OF)
+        .map(|few| few.iter().sum::<f64>().abs() / MEAN_OF as f64);
+    means.zip(MEAN_OF / 2..).max_by(|a, b| a.0.total_cmp(&b.0))
+}
+
+/// Whether an arc's radius is large enough, but for what the tolerance explains.
+fn is_wide(points: &[Vector2<f64>], limits: &ArcLimits) -> bool {
+    Circle::through(points).is_some_and(|circle| {
+        let most = 0.5 * circle.half_chord.powi(2) / limits.smallest_radius;
+        circle.height() <= most + limits.tolerance
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMITS: ArcLimits = ArcLimits {
+        tolerance: 0.5,
+        shortest: 20,
+        smallest_radius: 150.0,
+    };
+
+    fn segment(from: [f64; 2], to: [f64; 2]) -> Vec<Vector2<f64>> {
+        let (from, to) = (Vector2::from(from), Vector2::from(to));
+        let count = (to - from).norm() as usize;
+        (0..count)
+            .map(|i| from.lerp(&to, i as f64 / count as f64))
+            .collect()
+    }
+
+    fn arc(radius: f64, length: f64) -> Vec<Vector2<f64>> {
+        (0..length as usize)
+            .map(|i| {
+                let angle = i as f64 / radius;
+                Vector2::new(radius * angle.cos(), radius * angle.sin())
+            })
+            .collect()
+    }
+
+    #[test]
+    fn an_arc_stays_whole_but_for_its_ends() {
+        for chain in [arc(400.0, 300.0), segment([5.0, 9.0], [200.0, 70.0])] {
+            let arcs = circular_arcs(&chain, &LIMITS);
+            assert_eq!(arcs.len(), 1);
+            assert_eq!(arcs[0].len(), chain.len() - 2 * CORNER_ROOM);
+        }
+    }
+
+    #[test]
+    fn a_chain_is_cut_at_its_corners_and_where_its_curvature_changes() {
+        let mut corner = segment([0.0, 0.0], [100.0, 0.0]);
+        corner.extend(segment([100.0, 0.0], [100.0, 80.0]));
+        let arcs = circular_arcs(&corner, &LIMITS);
+        assert_eq!(arcs.len(), 2);
+        assert!(arcs[0].iter().all(|p| p.y == 0.0) && arcs[1].iter().all(|p| p.x == 100.0));
+
+        // A tangent goes on where an arc ends.
+        let mut bent = segment([200.0, -300.0], [200.0, 0.0]);
+        bent.extend(arc(200.0, 250.0));
+        let arcs = circular_arcs(&bent, &LIMITS);
+        let longest = arcs.iter().map(|arc| arc.len()).max().unwrap();
+        assert!(arcs.len() > 1 && longest < 420, "{longest}");
+    }
+
+    #[test]
+    fn small_circles_and_short_chains_are_left_out() {
+        assert!(circular_arcs(&arc(60.0, 360.0), &LIMITS).is_empty());
+        assert!(circular_arcs(&arc(400.0, 20.0), &LIMITS).is_empty());
+        assert!(circular_arcs(&[], &LIMITS).is_empty());
+    }
+}

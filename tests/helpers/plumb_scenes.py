@@ -1,0 +1,124 @@
+"""Pictures of straight and of curved edges, seen through a lens that is known."""
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+SUPERSAMPLING = 2
+MARGIN = 1.6
+SHIFT = 4
+BLUR = 1.2
+FOCAL = 0.9
+"""Focal length over the width."""
+
+
+class PlumbScene(NamedTuple):
+    """A picture, and the lens by which it was distorted."""
+
+    picture: np.ndarray
+    K: np.ndarray
+    distortion: np.ndarray
+
+    def ideal(self, points):
+        """Where a pinhole would have seen what the picture shows at pixels."""
+        return undistorted(np.asarray(points), self.K, self.distortion)
+
+
+def undistorted(points, K, distortion):
+    """Undistort pixels, shape (N, 2), by a table of radii up to the fold."""
+    k1 = distortion[0]
+    ideal = np.linspace(0, 0.999 / np.sqrt(-3 * k1) if k1 < 0 else 1.5, 200_000)
+    off = (points - K[:2, 2]) / K[0, 0]
+    observed = np.linalg.norm(off, axis=-1)
+    radius = np.interp(observed, ideal * (1 + k1 * ideal**2), ideal)
+    return K[:2, 2] + K[0, 0] * off * (radius / np.maximum(observed, 1e-12))[..., None]
+
+
+def quads(rng, canvas, count=24):
+    """Fill quadrangles of any size and direction."""
+    height, width = canvas.shape[:2]
+    for _ in range(count):
+        angle, sides = rng.uniform(0, np.pi), rng.uniform(0.08, 0.45, 2) * width
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        quad = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * sides / 2 @ turn.T
+        quad = quad * rng.uniform(0.85, 1.15, (4, 1)) + rng.uniform(0, [width, height])
+        fill(canvas, quad, rng)
+
+
+def windows(rng, canvas):
+    """Fill the windows of a house front in perspective, and circles before it."""
+    height, width = canvas.shape[:2]
+    unit = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    front = ((unit - 0.5) * rng.uniform(0.95, 1.5, (4, 1)) * 1.1 + 0.5) * [width, height]
+    seen = cv2.getPerspectiveTransform(unit.astype(np.float32), front.astype(np.float32))
+    columns, rows = rng.integers(5, 10, 2)
+    for column in range(columns):
+        for row in range(rows):
+            low = np.array([(column + 0.2) / columns, (row + 0.25) / rows])
+            high = np.array([(column + 0.75) / columns, (row + 0.8) / rows])
+            window = (low + unit * (high - low))[None]
+            fill(canvas, cv2.perspectiveTransform(window, seen)[0], rng)
+    for _ in range(6):
+        circle(canvas, rng.uniform(0, [width, height]), rng.uniform(0.02, 0.2) * width, rng)
+
+
+def arches(rng, canvas):
+    """Draw arcs about a point below the picture, and nothing else."""
+    height, width = canvas.shape[:2]
+    for radius in np.arange(0.1, 2.5, 0.05) * width:
+        circle(canvas, np.array([0.5 * width, 1.3 * height]), radius, rng)
+
+
+def circles(rng, canvas):
+    """Draw circles of all sizes, anywhere."""
+    height, width = canvas.shape[:2]
+    for _ in range(40):
+        centre = rng.uniform([-width, -height], [2 * width, 2 * height])
+        circle(canvas, centre, rng.uniform(0.05, 1.5) * width, rng)
+
+
+def spokes(rng, canvas):
+    """Draw lines through the picture's middle."""
+    middle = 0.5 * (np.array(canvas.shape[1::-1]) - 1)
+    for angle in np.arange(0, 2 * np.pi, 0.21):
+        across = np.array([-np.sin(angle), np.cos(angle)])
+        far = middle + 2 * middle[0] * np.array([np.cos(angle), np.sin(angle)])
+        fill(canvas, np.array([middle, far, far + 0.02 * middle[0] * across]), rng)
+
+
+def fill(canvas, polygon, rng):
+    colour = tuple(int(value) for value in rng.integers(20, 110, 3))
+    fixed = np.rint(np.asarray(polygon) * 2**SHIFT).astype(np.int32)
+    cv2.fillPoly(canvas, [fixed], colour, cv2.LINE_AA, SHIFT)
+
+
+def circle(canvas, centre, radius, rng):
+    """Draw a ring; OpenCV's own circles are coarse polygons."""
+    angles = np.linspace(0, 2 * np.pi, 5000)
+    points = centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
+    fixed = np.rint(points * 2**SHIFT).astype(np.int32)
+    colour = tuple(int(value) for value in rng.integers(20, 235, 3))
+    cv2.polylines(canvas, [fixed], True, colour, 10, cv2.LINE_AA, SHIFT)
+
+
+def plumb_scene(rng, size, k1, draw=windows, centre=None, noise=2.0):
+    """Draw a plane scene, and see it through a lens with one coefficient."""
+    middle = (np.array(size) - 1) / 2
+    focal = FOCAL * size[0]
+    cx, cy = middle if centre is None else centre
+    K = np.array([[focal, 0, cx], [0, focal, cy], [0, 0, 1.0]])
+    distortion = np.array([k1, 0, 0, 0, 0.0])
+    scale = SUPERSAMPLING
+    canvas_size = np.rint(np.array(size) * scale * MARGIN).astype(int)
+    canvas = np.full((canvas_size[1], canvas_size[0], 3), 150, np.uint8)
+    draw(rng, canvas)
+    x, y = ((np.arange(side * scale) + 0.5) / scale - 0.5 for side in size)
+    pixels = np.stack(np.meshgrid(x, y), axis=-1)
+    ideal = undistorted(pixels, K, distortion)
+    source = ((ideal - middle) * scale + (canvas_size - 1) / 2).astype(np.float32)
+    seen = cv2.remap(canvas, source[..., 0], source[..., 1], cv2.INTER_LINEAR)
+    blurred = cv2.GaussianBlur(seen, (0, 0), BLUR)
+    small = cv2.resize(blurred, size, interpolation=cv2.INTER_AREA)
+    picture = np.clip(small + rng.normal(0, noise, small.shape), 0, 255).astype(np.uint8)
+    return PlumbScene(picture, K, distortion)

@@ -1,0 +1,134 @@
+"""`straighten`: how well it undoes a known lens, and what it refuses."""
+
+import pickle
+
+import cv2
+import numpy as np
+import pytest
+from plumb_scenes import arches, circles, plumb_scene, quads, spokes, windows
+
+import trisquare as ts
+
+SIZE = (960, 720)
+COEFFICIENTS = (-0.28, -0.15, -0.05, 0.0, 0.08)
+MEAN, WORST = 0.5, 2.5  # pixels
+NOISE = np.random.default_rng(1).integers(0, 256, SIZE[::-1], np.uint8)
+
+
+def errors(found, scene):
+    """Distances of the stated displacements from the true ones, and differences in std."""
+    displaced = found.camera.displacement_map(30)
+    off = displaced.displacement - (displaced.points - scene.ideal(displaced.points))
+    return np.linalg.norm(off, axis=1), off / np.maximum(displaced.std, 1e-12)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return plumb_scene(np.random.default_rng(3), SIZE, -0.15)
+
+
+@pytest.fixture(scope="module")
+def found(scene):
+    return ts.straighten(scene.picture)
+
+
+@pytest.mark.parametrize("draw", [quads, windows])
+def test_known_lenses_are_undone(draw):
+    good = 0
+    for number, k1 in enumerate(COEFFICIENTS):
+        scene = plumb_scene(np.random.default_rng(70 + number), SIZE, k1, draw)
+        off, in_std = errors(ts.straighten(scene.picture), scene)
+        good += off.mean() <= MEAN and off.max() <= WORST
+        assert np.quantile(np.abs(in_std), 0.95) < 4
+    assert good >= len(COEFFICIENTS) - 1
+
+
+def test_the_centre_is_found_where_the_lens_is_strong():
+    centre = np.array([505.0, 340.0])
+    scene = plumb_scene(np.random.default_rng(4), SIZE, -0.25, centre=centre)
+    camera = ts.straighten(scene.picture).camera
+    std = np.array([camera.std["cx"], camera.std["cy"]])
+    assert (np.abs(camera.centre - centre) < np.minimum(4 * std, 10)).all()
+
+
+def test_the_centre_is_held_where_nothing_tells_it():
+    scene = plumb_scene(np.random.default_rng(5), SIZE, 0.0)
+    found = ts.straighten(scene.picture)
+    assert found.centre_held
+    np.testing.assert_allclose(found.camera.centre, (np.array(SIZE) - 1) / 2, atol=0.01)
+    assert min(found.camera.std["cx"], found.camera.std["cy"]) > 10
+
+
+def test_used_lines_are_straight_and_rejected_ones_are_not(scene, found):
+    def deviation(line):
+        ideal = scene.ideal(line)
+        return np.linalg.svd(ideal - ideal.mean(axis=0))[1][1] / np.sqrt(len(ideal))
+
+    assert max(map(deviation, found.used)) < 0.8
+    assert found.rms < 0.3
+    assert all(deviation(line) > 0.3 for line in found.rejected)
+
+
+def test_a_straightened_picture_has_straight_lines(scene, found):
+    straight = found.undistort(scene.picture)
+    assert straight.shape == scene.picture.shape
+    again = ts.straighten(straight)
+    largest = np.abs(again.camera.displacement_map().displacement).max()
+    assert largest < 0.05 * np.abs(found.camera.displacement_map().displacement).max()
+    assert (straight.max(axis=2) > 0).all()
+    assert (found.undistort(scene.picture, 1.0)[0, SIZE[0] // 2] == 0).all()
+
+
+def test_grey_deep_and_large_pictures_give_the_same(scene, found):
+    grey = cv2.cvtColor(scene.picture, cv2.COLOR_BGR2GRAY)
+    twice = cv2.resize(grey, None, fx=4, fy=4, interpolation=cv2.INTER_CUBIC)
+    for picture, scale in ((grey, 1), (grey.astype(np.uint16) * 256, 1), (twice, 4)):
+        camera = ts.straighten(picture).camera
+        assert camera.image_size == (SIZE[0] * scale, SIZE[1] * scale)
+        ratio = camera.undistort_points([[50 * scale, 40 * scale]]) / scale
+        np.testing.assert_allclose(ratio, found.camera.undistort_points([[50, 40]]), atol=1.5)
+
+
+def test_results_are_the_same_each_time_and_survive_pickling(scene, found):
+    again = pickle.loads(pickle.dumps(ts.straighten(scene.picture)))
+    np.testing.assert_array_equal(again.camera.covariance, found.camera.covariance)
+    assert repr(again) == repr(found)
+    assert not found.used[0].flags.writeable
+
+
+@pytest.mark.parametrize(
+    "picture",
+    [
+        np.zeros((480, 640), np.uint8),
+        np.zeros((1, 1), np.uint8),
+        np.ones((2, 400), np.uint8),
+        NOISE,
+    ],
+    ids=["black", "one pixel", "a strip", "noise"],
+)
+def test_pictures_without_lines_are_refused(picture):
+    with pytest.raises(ts.NotEnoughDataError, match="long edges"):
+        ts.straighten(picture)
+
+
+@pytest.mark.parametrize("draw", [circles, arches, spokes])
+@pytest.mark.parametrize("k1", [-0.15, 0.0])
+def test_curves_and_lines_through_the_centre_are_refused(draw, k1):
+    scene = plumb_scene(np.random.default_rng(6), SIZE, k1, draw)
+    with pytest.raises((ts.NotEnoughDataError, ts.DegenerateGeometryError)):
+        ts.straighten(scene.picture)
+
+
+def test_central_lines_are_refused():
+    small = plumb_scene(np.random.default_rng(7), (320, 240), 0.0).picture
+    picture = np.full((1200, 1600, 3), small[0, 0], np.uint8)
+    picture[480:720, 640:960] = small
+    with pytest.raises((ts.NotEnoughDataError, ts.DegenerateGeometryError)):
+        ts.straighten(picture)
+
+
+def test_a_picture_of_another_size_is_refused(found):
+    with pytest.raises(ValueError, match="the camera's are 960 x 720"):
+        found.undistort(NOISE[:-1])
+    with pytest.raises(ValueError, match="balance"):
+        found.undistort(NOISE, 1.5)
