@@ -238,9 +238,9 @@ class Camera(RebuiltByConstructor):
         ----------
         balance : float
             0: every pixel of the new picture lies in the photograph, and the view is the widest
-            for which that is so. 1: every pixel of the photograph within the valid radius and
-            80 degrees from the axis lies in the new picture. In between, the camera matrix changes
-            linearly.
+            for which that is so (of a fisheye, along its axis). 1: every pixel of the photograph
+            within the valid radius and 80 degrees from the axis lies in the new picture. In
+            between, the camera matrix changes linearly.
 
         Returns
         -------

@@ -47,9 +47,10 @@ pub trait UndistortedView: Lens {
     /// The pinhole that sees this camera's pictures undistorted.
     ///
     /// With `balance` 0 every pixel of the new picture lies in the photograph, and to within a
-    /// pixel no larger part of the scene would do; with 1 every pixel of the photograph lies in
-    /// the new picture. In between the camera matrix changes linearly. Where the distortion cannot
-    /// be inverted, there is nothing to see, nor farther than 80 degrees from the axis.
+    /// pixel no larger part of the scene would do (of a fisheye, none about its axis); with 1 every
+    /// pixel of the photograph lies in the new picture. In between the camera matrix changes
+    /// linearly. Where the distortion cannot be inverted, there is nothing to see, nor farther than
+    /// 80 degrees from the axis.
     ///
     /// # Errors
     /// [`Error::InvalidArgument`] if `balance` is not from 0 to 1, the picture is empty or a single
@@ -109,7 +110,7 @@ fn outline<L: Lens>(lens: &L, size: ImageSize) -> Vec<Vector2<f64>> {
 }
 
 /// The largest rectangle inside an outline, to a part of [`TOLERANCE`], near the centre of the
-/// photograph where there are several.
+/// photograph where there are several; of a fisheye the one about its axis.
 ///
 /// Its half size is the distance to the outline, in the norm whose unit ball is a rectangle of
 /// the picture's shape, from the place where that is largest: halving cells of places leaves
@@ -138,9 +139,15 @@ fn largest_inside<L: Lens>(
             -nearest
         }
     };
-    let mut best = (size.centre() - outer.centre).component_div(&unit);
+    // The plane of a fisheye is stretched towards its rim, where the largest rectangle would lie.
+    let is_ahead = L::centre_columns().is_empty();
+    let (first, mut cells) = match is_ahead {
+        true => (lens.principal_point(), Vec::new()),
+        false => (size.centre(), vec![Vector2::zeros()]),
+    };
+    let mut best = (first - outer.centre).component_div(&unit);
     let mut most = room(&best);
-    let (mut cells, mut half, mut tried) = (vec![Vector2::zeros()], 0.5, 0);
+    let (mut half, mut tried) = (0.5, 0);
     while !cells.is_empty() && tried < MAX_PLACES {
         tried += cells.len();
         let rooms: Vec<f64> = cells.iter().map(room).collect();
@@ -322,6 +329,7 @@ mod tests {
             let seen = lens.project(&ray).unwrap();
             assert!(is_in(seen, ON_THE_BORDER), "{pixel}");
         }
+        assert!((inner.principal_point() - SIZE.centre()).norm() < 1e-9);
         let outer = lens.undistorted(SIZE, 1.0).unwrap();
         let reach = 319.0 / (2.0 * outer.focal().x);
         let widest = WIDEST_DEGREES.to_radians().tan();
