@@ -11,10 +11,8 @@ from trisquare.errors import DegenerateGeometryError, NotEnoughDataError
 from trisquare.images.pixels import Image, ImageSource, picture_size
 from trisquare.images.reading import load_picture
 from trisquare.straightening.camera import UnscaledCamera
-from trisquare.straightening.edges import find_arcs
 from trisquare.straightening.fit import Fit, Problem, fit_lens, with_centre_held
 from trisquare.straightening.uncertainty import uncertainty
-from trisquare.straightening.view import undistort_picture
 
 KNOWN_CENTRE_STD, UNKNOWN_CENTRE_STD = 0.01, 0.05
 """Standard deviation of the centre up to which it is free, and from which it is held at the
@@ -104,6 +102,8 @@ class Straightened(RebuiltByConstructor):
         TypeError, ValueError
             If an argument is wrong, or the picture of another size.
         """
+        from trisquare.straightening.view import undistort_picture  # which loads OpenCV
+
         return undistort_picture(image, self.camera, balance, interpolation)
 
     def __repr__(self) -> str:
@@ -148,6 +148,8 @@ def straighten(image: ImageSource) -> Straightened:
     F. Devernay & O. Faugeras, "Straight lines have to be straight", Machine Vision and
     Applications 13 (2001) 14-24; A. Fitzgibbon, CVPR 2001.
     """
+    from trisquare.straightening.edges import find_arcs  # which loads OpenCV
+
     picture = load_picture(image)
     size = picture_size(picture)
     arcs = find_arcs(picture)
