@@ -251,7 +251,7 @@ impl Task<'_> {
             Ok((choice, found))
         })?;
         outcome(py, choice, found, |(found, rejected)| match found {
-            FamilyChoice::Brown(found) => solution(py, &found, rejected),
+            FamilyChoice::Pinhole(found) => solution(py, &found, rejected),
             FamilyChoice::Fisheye(found) => solution(py, &found, rejected),
         })
     }

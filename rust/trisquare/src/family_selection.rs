@@ -9,7 +9,7 @@ use nalgebra::DVector;
 use crate::calibrate::calibrate_photographs;
 use crate::error::Error;
 use crate::image_size::ImageSize;
-use crate::lens::{Brown, DistortionModel, Fisheye, INTRINSICS, Lens};
+use crate::lens::{DefaultLens, DistortionModel, Fisheye, INTRINSICS, Lens};
 use crate::model_selection::{ModelChoice, Weighed, check_comparable};
 use crate::observations::{Options, PlaneEdges};
 use crate::photometric::Photographs;
@@ -36,7 +36,7 @@ const SYMPTOMS: [&str; 9] = [
 #[derive(Debug, Clone, PartialEq)]
 pub enum FamilyChoice {
     /// A distorted pinhole.
-    Brown(ModelChoice<Brown>),
+    Pinhole(ModelChoice<DefaultLens>),
     /// A fisheye.
     Fisheye(ModelChoice<Fisheye>),
 }
@@ -62,7 +62,7 @@ pub struct RejectedFamily {
 pub fn calibrate_by_family(
     edges: &[PlaneEdges],
     size: ImageSize,
-    options: &Options<Brown>,
+    options: &Options<DefaultLens>,
     photographs: Option<&Photographs<'_>>,
 ) -> Result<(FamilyChoice, Option<RejectedFamily>), Error> {
     check_comparable(options)?;
@@ -77,13 +77,13 @@ pub fn calibrate_by_family(
         }
         (Some(plain), None) => {
             let choice = plain.answer(edges, size, options, photographs)?;
-            return Ok((FamilyChoice::Brown(choice), None));
+            return Ok((FamilyChoice::Pinhole(choice), None));
         }
         (None, None) => {
             // No model converges: the error of the one that was asked for tells why.
             let calibration = calibrate_photographs(edges, size, options, photographs)?;
             let choice = ModelChoice::without_alternatives(options.model, calibration);
-            return Ok((FamilyChoice::Brown(choice), None));
+            return Ok((FamilyChoice::Pinhole(choice), None));
         }
     };
     let odds = log_odds(&wide, &plain) - PREFERENCE;
@@ -95,7 +95,7 @@ pub fn calibrate_by_family(
     }
     let mut choice = plain.answer(edges, size, options, photographs)?;
     add_doubt(&mut choice.calibration, wide.fit(), odds);
-    Ok((FamilyChoice::Brown(choice), Some(rejected(&wide, odds))))
+    Ok((FamilyChoice::Pinhole(choice), Some(rejected(&wide, odds))))
 }
 
 /// Warns first of all where a calibration with a distorted pinhole has what a fisheye explains
