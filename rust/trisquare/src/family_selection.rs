@@ -86,7 +86,7 @@ pub fn calibrate_by_family(
             return Ok((FamilyChoice::Pinhole(choice), None));
         }
     };
-    let odds = log_odds(&wide, &plain) - PREFERENCE;
+    let odds = preferred_odds(&wide, &plain);
     if odds > 0.0 {
         let mut choice = wide.answer(edges, size, &wide_options, photographs)?;
         add_doubt(&mut choice.calibration, plain.fit(), -odds);
@@ -115,7 +115,7 @@ pub fn heed_fisheye<L: Lens>(
     let wide = Weighed::of(edges, size, &of_family::<_, Fisheye>(options));
     let own = Weighed::of(edges, size, options);
     if let (Some(wide), Some(own)) = (wide, own)
-        && log_odds(&wide, &own) > PREFERENCE
+        && preferred_odds(&wide, &own) > 0.0
     {
         let warning = Warning::LensOfAnotherFamily {
             model: wide.model().name(),
@@ -126,6 +126,18 @@ pub fn heed_fisheye<L: Lens>(
         let code = warning.code();
         calibration.warnings.retain(|other| other.code() != code);
         calibration.warnings.insert(0, warning);
+    }
+}
+
+/// Logarithm of the odds for a fisheye, less the preference. Where sides err together under it as
+/// well (targets that are not flat), it has to halve the residuals: its coefficients follow these.
+fn preferred_odds<A: Lens, B: Lens>(wide: &Weighed<A>, plain: &Weighed<B>) -> f64 {
+    let odds = log_odds(wide, plain) - PREFERENCE;
+    let fit = wide.fit();
+    let is_clean = fit.residual_correlation.probability < 0.5;
+    match is_clean || fit.rms < 0.5 * plain.fit().rms {
+        true => odds,
+        false => odds.min(0.0),
     }
 }
 
