@@ -109,7 +109,18 @@ pub fn heed_fisheye<L: Lens>(
     let is_fisheye = L::centre_columns().is_empty();
     let mut warnings = calibration.warnings.iter();
     let is_suspect = warnings.any(|warning| SYMPTOMS.contains(&warning.code()));
-    if is_fisheye || !is_suspect || check_comparable(options).is_err() {
+    // Sheets that rise explain the residuals already, and a fisheye would follow them.
+    let rises = |w: &Warning| {
+        matches!(
+            w,
+            Warning::SidesErrTogether {
+                height: Some(_),
+                ..
+            }
+        )
+    };
+    let is_relief = calibration.warnings.iter().any(rises);
+    if is_fisheye || !is_suspect || is_relief || check_comparable(options).is_err() {
         return;
     }
     let wide = Weighed::of(edges, size, &of_family::<_, Fisheye>(options));
