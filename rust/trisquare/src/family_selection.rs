@@ -140,11 +140,14 @@ pub fn heed_fisheye<L: Lens>(
     }
 }
 
-/// Logarithm of the odds for a fisheye, less the preference. Where sides err together under it as
-/// well (targets that are not flat), it has to halve the residuals: its coefficients follow these.
+/// Logarithm of the odds for a fisheye against every distorted pinhole, less the preference. Where
+/// sides err together under it as well (targets that are not flat), it has to halve the residuals:
+/// its coefficients follow these.
 fn preferred_odds<A: Lens, B: Lens>(wide: &Weighed<A>, plain: &Weighed<B>) -> f64 {
-    let odds = log_odds(wide, plain) - PREFERENCE;
     let fit = wide.fit();
+    let mine = (wide.model().columns().iter().count(), fit);
+    let against = plain.fits().map(|other| log_odds(mine, other));
+    let odds = against.fold(f64::INFINITY, f64::min) - PREFERENCE;
     let is_clean = fit.residual_correlation.probability < 0.5;
     match is_clean || fit.rms < 0.5 * plain.fit().rms {
         true => odds,
@@ -164,22 +167,20 @@ fn of_family<A: Lens, B: Lens>(options: &Options<A>) -> Options<B> {
     }
 }
 
-/// Logarithm of the odds of one family's best model against another's.
-fn log_odds<A: Lens, B: Lens>(one: &Weighed<A>, other: &Weighed<B>) -> f64 {
-    let (a, b) = (one.fit(), other.fit());
-    let correlation = match a.rms < b.rms {
-        true => &a.residual_correlation,
-        false => &b.residual_correlation,
+/// Logarithm of the odds of one model's fit against another's, each with its number of
+/// coefficients.
+fn log_odds<A: Lens, B: Lens>(
+    (count, one): (usize, &Calibration<A>),
+    (others, other): (usize, &Calibration<B>),
+) -> f64 {
+    let correlation = match one.rms < other.rms {
+        true => &one.residual_correlation,
+        false => &other.residual_correlation,
     };
-    let samples: usize = a.planes.iter().map(|plane| plane.samples).sum();
+    let samples: usize = one.planes.iter().map(|plane| plane.samples).sum();
     let independent = (samples as f64 / correlation.neighbours.max(1.0)).max(1.0);
-    let further = count(one) - count(other);
-    independent * (b.rms / a.rms).ln() - 0.5 * further * independent.ln()
-}
-
-/// How many coefficients the best model of a family has.
-fn count<L: Lens>(weighed: &Weighed<L>) -> f64 {
-    weighed.model().columns().iter().count() as f64
+    let further = count as f64 - others as f64;
+    independent * (other.rms / one.rms).ln() - 0.5 * further * independent.ln()
 }
 
 /// Adds to a covariance what another family's answer is off by, times that one's probability.

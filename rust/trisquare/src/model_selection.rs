@@ -126,6 +126,12 @@ impl<L: Lens> Weighed<L> {
         &self.candidates[self.chosen].fit
     }
 
+    /// Every model's number of coefficients and fit to the edge samples.
+    pub(crate) fn fits(&self) -> impl Iterator<Item = (usize, &Calibration<L>)> {
+        let candidates = self.candidates.iter();
+        candidates.map(|one| (one.model.columns().iter().count(), &one.fit))
+    }
+
     /// The calibration with that model, with the doubt about it.
     pub(crate) fn answer(
         &self,
