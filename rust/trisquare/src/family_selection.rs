@@ -109,10 +109,15 @@ pub fn heed_fisheye<L: Lens>(
     let is_fisheye = L::centre_columns().is_empty();
     let mut warnings = calibration.warnings.iter();
     let is_suspect = warnings.any(|warning| SYMPTOMS.contains(&warning.code()));
-    // Sheets that rise explain the residuals already, and a fisheye would follow them.
-    let rises = |w: &Warning| {
+    if is_fisheye || !is_suspect || check_comparable(options).is_err() {
+        return;
+    }
+    let wide = Weighed::of(edges, size, &of_family::<_, Fisheye>(options));
+    let own = Weighed::of(edges, size, options);
+    // Sheets that rise explain such residuals as well, and a fisheye would follow them.
+    let rises = |warning: &Warning| {
         matches!(
-            w,
+            warning,
             Warning::SidesErrTogether {
                 height: Some(_),
                 ..
@@ -120,13 +125,9 @@ pub fn heed_fisheye<L: Lens>(
         )
     };
     let is_relief = calibration.warnings.iter().any(rises);
-    if is_fisheye || !is_suspect || is_relief || check_comparable(options).is_err() {
-        return;
-    }
-    let wide = Weighed::of(edges, size, &of_family::<_, Fisheye>(options));
-    let own = Weighed::of(edges, size, options);
     if let (Some(wide), Some(own)) = (wide, own)
         && preferred_odds(&wide, &own) > 0.0
+        && (is_clean(wide.fit()) || !is_relief)
     {
         let warning = Warning::LensOfAnotherFamily {
             model: wide.model().name(),
@@ -148,11 +149,15 @@ fn preferred_odds<A: Lens, B: Lens>(wide: &Weighed<A>, plain: &Weighed<B>) -> f6
     let mine = (wide.model().columns().iter().count(), fit);
     let against = plain.fits().map(|other| log_odds(mine, other));
     let odds = against.fold(f64::INFINITY, f64::min) - PREFERENCE;
-    let is_clean = fit.residual_correlation.probability < 0.5;
-    match is_clean || fit.rms < 0.5 * plain.fit().rms {
+    match is_clean(fit) || fit.rms < 0.5 * plain.fit().rms {
         true => odds,
         false => odds.min(0.0),
     }
+}
+
+/// Whether the residuals of the samples show no sides that err together.
+fn is_clean<L: Lens>(fit: &Calibration<L>) -> bool {
+    fit.residual_correlation.probability < 0.5
 }
 
 /// The same wishes for a lens of another family.
