@@ -22,6 +22,7 @@ BENCHMARKS = (
     "accuracy.model_choice",
     "accuracy.fisheye_edges",
     "accuracy.fisheye_pictures",
+    "accuracy.rectangles",
     "accuracy.richer_models",
     "accuracy.broken_assumptions",
     "accuracy.lens_beyond_model",

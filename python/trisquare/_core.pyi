@@ -43,8 +43,8 @@ __all__ = [
     "project_points",
     "projection_covariance",
     "provoke_panic",
+    "rectangle_lines",
     "remove_edge_shift",
-    "square_lines",
     "straighten",
     "undistort_pixels",
     "undistorted_view",
@@ -207,6 +207,8 @@ class SolvedPlane:
     def samples(self) -> int: ...
     @property
     def uncertainty(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None: ...
+    @property
+    def aspect(self) -> tuple[float, float] | None: ...
 
 @final
 class FigureResiduals:
@@ -354,7 +356,7 @@ def localise(
 def remove_edge_shift(
     lines: Sequence[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp], float]],
 ) -> tuple[list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]], float]: ...
-def square_lines(sides: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]: ...
+def rectangle_lines(sides: Sequence[NDArray[np.float64]], aspect: float) -> NDArray[np.float64]: ...
 def fit_distortion(
     curves: Sequence[NDArray[np.float64]],
     image_size: tuple[int, int],

@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from trisquare._core import square_lines
+from trisquare._core import rectangle_lines
 from trisquare._support.arrays import (
     FloatArray,
     index_number,
@@ -21,7 +21,7 @@ from trisquare._support.arrays import (
 from trisquare._support.json_members import JsonFields, dump_members
 from trisquare.errors import NotEnoughDataError
 
-Freedom: TypeAlias = Literal["auto", "fixed", "size", "similarity"]
+Freedom: TypeAlias = Literal["auto", "fixed", "size", "similarity", "aspect"]
 
 EDGES_FORMAT = "trisquare-edges/1"
 
@@ -59,15 +59,17 @@ class PlaneEdges:
         Index of the picture the figure was measured in.
     kind : str
         What the figure is called in results.
-    freedom : {"auto", "fixed", "size", "similarity"}
+    freedom : {"auto", "fixed", "size", "similarity", "aspect"}
         What is unknown of a *further* figure on a shared plane; the plane's first figure defines
-        the plane's coordinates, and there this has no meaning.
+        the plane's coordinates, and there only "aspect" has a meaning.
 
         - ``"fixed"``: nothing, its lines are given in the plane's coordinates (0 unknowns);
         - ``"size"``: its size about the common centre (1 unknown), as a frame's second outline;
         - ``"similarity"``: size, rotation and place (4 unknowns);
         - ``"auto"``: ``"size"`` if it lies concentric with the plane's first figure, else
-          ``"similarity"``.
+          ``"similarity"``;
+        - ``"aspect"``, of the only figure on its plane: how far it extends along X, as of a
+          rectangle of unknown aspect (1 unknown, in the result's `Plane.aspect`).
     drift : sequence of L array_like, shape (N_i, 2), optional
         How far, in pixels, one standard deviation of an error that all samples of a picture share
         displaces each: that of an estimated tone curve.
@@ -154,12 +156,58 @@ class PlaneEdges:
         ValueError
             Also if the sides are not in order round one convex quadrilateral.
         """
+        return cls.rectangle(
+            sides,
+            1.0,
+            std,
+            polarity=polarity,
+            plane=plane,
+            image=image,
+            kind=kind,
+            freedom=freedom,
+        )
+
+    @classmethod
+    def rectangle(
+        cls,
+        sides: Sequence[Any],
+        aspect: float | None,
+        std: Sequence[Any] | None = None,
+        *,
+        polarity: int | None = None,
+        plane: int | None = None,
+        image: int = 0,
+        kind: str = "rectangle",
+        freedom: Freedom = "auto",
+    ) -> PlaneEdges:
+        """Make the edges of a rectangle from the samples of its four sides.
+
+        As `square`, but the shorter side is the unit; where the aspect is unknown, side 1.
+
+        Parameters
+        ----------
+        sides, std, polarity, plane, image, kind, freedom
+            As for `square`.
+        aspect : float or None
+            Length of side 0 over that of side 1; None if it is to be estimated, which leaves one
+            equation for the camera where a known aspect gives two.
+
+        Raises
+        ------
+        ValueError
+            Also if the aspect is not positive.
+        """
+        if aspect is None:
+            aspect, freedom = 1.0, "aspect"
+        aspect = real_number(aspect, "aspect")
+        if aspect <= 0.0:
+            raise ValueError(f"aspect must be positive, not {aspect:g}")
         sides = list(sides)
         if len(sides) < 4:
-            raise NotEnoughDataError(f"a square needs its 4 sides, not {len(sides)}")
+            raise NotEnoughDataError(f"a {kind} needs its 4 sides, not {len(sides)}")
         points = _samples_of_lines(sides, 4)
         return cls(
-            square_lines(points),
+            rectangle_lines(points, aspect),
             points,
             None if std is None else tuple(std),
             polarity=polarity,

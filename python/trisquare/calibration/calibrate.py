@@ -278,6 +278,8 @@ def _calibration(found: _core.Solution, gathered: Gathered, settings: Settings) 
                 rms=plane.rms,
                 samples=plane.samples,
                 uncertainty=plane.uncertainty and PoseUncertainty(*plane.uncertainty),
+                aspect=plane.aspect and plane.aspect[0],
+                aspect_std=plane.aspect and plane.aspect[1],
             )
             for plane in found.planes
         ),

@@ -32,7 +32,8 @@ def calibration_report(calibration: Calibration, *, verbose: bool = False) -> li
         planes.add_row(str(number), Text(plane.kind), str(plane.image), *plane_texts(plane))
     most = None if verbose else MOST_WARNINGS
     rejected, warnings = _rejected(calibration), _warnings(calibration, most)
-    return [parameters, planes, _summary(calibration), *rejected, *warnings]
+    told = [*_aspects(calibration), *rejected, *warnings]
+    return [parameters, planes, _summary(calibration), *told]
 
 
 def comparison_report(calibration: Calibration, truth: Camera) -> list[RenderableType]:
@@ -62,6 +63,16 @@ def _summary(calibration: Calibration) -> Text:
         f"method {calibration.method} ({calibration.stage}): rms {calibration.rms:.4f} px, "
         f"noise scale {calibration.noise_scale:.2f}"
     )
+
+
+def _aspects(calibration: Calibration) -> list[Text]:
+    """Lay out a line for each rectangle whose aspect was estimated."""
+    lines = []
+    for number, plane in enumerate(calibration.planes):
+        if plane.aspect is not None and plane.aspect_std is not None:
+            value, std = with_its_std(plane.aspect, plane.aspect_std)
+            lines.append(Text(f"plane {number}: aspect {value}, std {std}"))
+    return lines
 
 
 def _rejected(calibration: Calibration) -> list[Text]:

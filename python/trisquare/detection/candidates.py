@@ -57,12 +57,14 @@ class Outline:
 class SquareOutline:
     """A solid square, a frame with a second, inner outline numbered like the outer one, or a tag.
 
-    The corners of a tag begin at the top left of its code.
+    Or a rectangle, whose side 0 is `aspect` times as long as its side 1, or None if that is
+    unknown. The corners of a tag begin at the top left of its code.
     """
 
     outer: Outline
     inner: Outline | None
     tag: Tag | None = None
+    aspect: float | None = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

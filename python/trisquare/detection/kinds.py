@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from trisquare._support.suggestions import unknown
+from trisquare.detection.squares.rectangle_shape import NAMED, RectangleShape
 from trisquare.detection.tags.families import (
     APRILTAG,
     ARUCO,
@@ -24,9 +25,9 @@ SMALLEST_BOARD = 3
 """Inner corners per direction that a chessboard must have."""
 
 CHOICES = (
-    "auto, squares, tags, aruco, apriltag, tags:6X6_250, chessboard:9x6, or a board of known "
-    "layout, such as charuco:10x10:0.75, aruco:5x7:0.2, apriltag:6x6:0.3, aprilgrid:6x6:0.3 or "
-    "layout.json"
+    "auto, squares, tags, aruco, apriltag, tags:6X6_250, chessboard:9x6, rectangles (a4, letter, "
+    "card, 16:9, rectangle:1.5), or a board of known layout, such as charuco:10x10:0.75, "
+    "aruco:5x7:0.2, apriltag:6x6:0.3, aprilgrid:6x6:0.3 or layout.json"
 )
 
 SHEETS = ("charuco:", "aruco:", "apriltag:", "aprilgrid:")
@@ -43,7 +44,7 @@ TAG_SEARCHES = {
 
 @dataclass(frozen=True, slots=True)
 class TargetKinds:
-    """What to look for: squares, tags, chessboards, or sheets of markers.
+    """What to look for: squares, tags, chessboards, sheets of markers, or rectangles.
 
     Attributes
     ----------
@@ -59,6 +60,8 @@ class TargetKinds:
         Whether chessboards of any size are looked for.
     grids : bool
         Whether AprilGrids of any size are looked for.
+    rectangles : RectangleShape or None
+        Rectangles that are looked for.
     """
 
     board: tuple[int, int] | None = None
@@ -67,6 +70,7 @@ class TargetKinds:
     squares: bool = False
     lattices: bool = False
     grids: bool = False
+    rectangles: RectangleShape | None = None
 
     @classmethod
     def parse(cls, text: str) -> TargetKinds:
@@ -86,6 +90,8 @@ class TargetKinds:
                 lattices=text == "auto",
                 grids=text in ("auto", "tags", "apriltag"),
             )
+        if shape := RectangleShape.parse(text):
+            return cls(rectangles=shape)
         if text.startswith("tags:"):
             name = dictionary_name(text.removeprefix("tags:"))
             return cls(tags=TagSearch((name,), stated=True))
@@ -95,7 +101,7 @@ class TargetKinds:
             return cls(layout=parse_layout(text))
         match = re.fullmatch(r"chessboard:(\d{1,3})x(\d{1,3})", text)
         if match is None:
-            raise unknown("targets", text, TAG_SEARCHES, CHOICES)
+            raise unknown("targets", text, (*TAG_SEARCHES, *NAMED, "rectangle"), CHOICES)
         cols, rows = int(match[1]), int(match[2])
         if min(cols, rows) < SMALLEST_BOARD:
             raise ValueError(f"a chessboard needs 3 x 3 inner corners or more, not {cols} x {rows}")
@@ -114,6 +120,11 @@ def _missing(targets: TargetKinds) -> str:
         return f"no chessboard of {cols} x {rows} inner corners found"
     if targets.layout is not None:
         return f"no sheet of {targets.layout.text} found"
+    if targets.rectangles is not None:
+        return (
+            "no rectangle of that shape found: it must be wholly visible, stand out from its "
+            "ground along all its sides, and be at least 30 pixels wide"
+        )
     if targets.lattices:
         return (
             "no square, chessboard or tag found: squares must be dark on a light ground "

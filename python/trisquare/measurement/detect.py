@@ -30,6 +30,9 @@ def detect(
         - ``"tags"``, ``"aruco"``, ``"apriltag"``: the black borders of tags of any dictionary, each
           a square of its own; ``"tags:6X6_250"``: of that dictionary, without a doubt;
         - ``"auto"``: these, and chessboards and Kalibr's AprilGrids of any size, each one plane;
+        - ``"a4"``, ``"letter"``, ``"card"``, ``"16:9"``, ``"rectangle:1.5"``: rectangles of that
+          aspect, either way up, on any ground and with anything inside; ``"rectangle"``: of any
+          aspect, which is estimated, and for which part of the camera has to be held;
         - ``"chessboard:9x6"``: one board of 9 x 6 inner corners;
         - ``"charuco:10x10:0.75"``: ChArUco boards of 10 x 10 squares (across and down) with markers
           of 0.75 of a square, each one plane; board f carries the numbers from f M to f M + M - 1,
@@ -55,8 +58,9 @@ def detect(
     -------
     list of PlaneEdges
         Samples in pixels with a standard deviation each; `kind` is ``"square"``, ``"frame"``,
-        ``"tag"``, ``"chessboard"``, ``"charuco"`` or ``"sheet"``. What lies on one sheet shares
-        its `plane`: the two outlines of a frame, a ChArUco board's chessboard and its markers.
+        ``"tag"``, ``"rectangle"``, ``"chessboard"``, ``"charuco"`` or ``"sheet"``. What lies on
+        one sheet shares its `plane`: the two outlines of a frame, a ChArUco board's chessboard and
+        its markers.
 
     Raises
     ------

@@ -17,7 +17,7 @@ from trisquare.detection.candidates import ENOUGH, Lattice
 from trisquare.detection.grey import grey_bytes
 from trisquare.detection.kinds import TargetKinds
 from trisquare.detection.sheets.find import SheetMatch, find_sheets, find_unknown_grids
-from trisquare.detection.squares.find import find_squares
+from trisquare.detection.squares.find import find_plain_rectangles, find_squares
 from trisquare.images.pixels import Image
 from trisquare.measurement.boards import Board
 from trisquare.measurement.sheets import Sheet
@@ -51,6 +51,8 @@ def _found(grey: NDArray[np.uint8], targets: TargetKinds) -> Sequence[DetectedTa
         return [_of_match(found) for found in find_sheets(grey, targets.layout)]
     if targets.board is not None:
         return [Board.of(lattice, grey) for lattice in find_chessboards(grey, *targets.board)]
+    if targets.rectangles is not None:
+        return [Square(found) for found in find_plain_rectangles(grey, targets.rectangles)]
     boards = (
         [Board.of(lattice, grey) for lattice in find_lattices(grey)] if targets.lattices else []
     )

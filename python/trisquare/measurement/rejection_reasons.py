@@ -16,7 +16,6 @@ from trisquare._support.arrays import FloatArray
 from trisquare._support.convex_quads import quad_areas
 from trisquare.detection.candidates import MIN_CONTRAST
 from trisquare.detection.grey import MIN_PICTURE, RANGE_PERCENTILES, working_picture
-from trisquare.detection.squares.find import one_in_other
 from trisquare.detection.squares.framed import find_framed_squares, reasons_against_quads
 from trisquare.detection.squares.quads import (
     BORDER,
@@ -24,8 +23,9 @@ from trisquare.detection.squares.quads import (
     SAME_QUAD_PIXELS,
     Quads,
     find_quads,
+    one_in_other,
 )
-from trisquare.detection.squares.rectified import views_of_squares
+from trisquare.detection.squares.rectified import views_of_rectangles
 from trisquare.detection.squares.side_curves import MAX_CORNER_COSINE, fit_sides
 from trisquare.measurement.boards import Board
 from trisquare.measurement.find import Search
@@ -96,7 +96,7 @@ def _dropped_by_stages(picture: NDArray[np.uint8]) -> Iterator[tuple[FloatArray,
     smooth = picture.astype(np.float32)
     rough = find_quads(picture, smooth)
     fitted = fit_sides(smooth, rough)
-    views = views_of_squares(fitted, image_size=(picture.shape[1], picture.shape[0]))
+    views = views_of_rectangles(fitted, image_size=(picture.shape[1], picture.shape[0]))
     squares = find_framed_squares(smooth, views)
     used = {index for square in squares for index in (square.outer, square.inner)}
     unused = views.subset(np.array([i not in used for i in range(len(views))], bool))

@@ -1,4 +1,4 @@
-"""The edges of a square or a frame, from its outlines."""
+"""The edges of a square, a frame, a tag or a rectangle, from its outlines."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trisquare._core import SideSamples, square_lines
+from trisquare._core import SideSamples, rectangle_lines
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.candidates import Outline, SquareOutline
 from trisquare.detection.tags.codes import dictionary
@@ -20,13 +20,15 @@ from trisquare.measurement.side_spans import SideSpan
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Square:
-    """A square or a frame that was found: see `DetectedTarget`."""
+    """A square, a frame, a tag or a rectangle that was found: see `DetectedTarget`."""
 
     outline: SquareOutline
 
     @property
     def kind(self) -> str:
-        """Return ``"square"``, ``"frame"`` or ``"tag"``."""
+        """Return ``"square"``, ``"frame"``, ``"tag"`` or ``"rectangle"``."""
+        if self.outline.aspect != 1.0:
+            return "rectangle"
         if self.outline.tag is not None:
             return "tag"
         return "square" if self.outline.inner is None else "frame"
@@ -53,8 +55,27 @@ class Square:
             # An outline with a side that is no edge is no square; without its outer outline, a
             # frame's inner one is a square of its own.
             if len(samples) == 4:
-                figures.append(_square_edges(outline, samples, plane, self.kind, self._border))
+                figures.append(self._edges(outline, samples, plane))
         return figures
+
+    def _edges(self, outline: Outline, sides: list[SideSamples], plane: int) -> PlaneEdges:
+        points = tuple(side.points for side in sides)
+        drift = tuple(side.drift for side in sides if side.drift is not None)
+        freedom = "size" if self.kind == "frame" else "auto"
+        aspect = self.outline.aspect
+        if aspect is None:
+            aspect, freedom = 1.0, "aspect"
+        return unchecked_edges(
+            lines=rectangle_lines(points, aspect),
+            points=points,
+            std=tuple(side.std for side in sides),
+            polarity=1 if outline.dark_inside else -1,
+            plane=plane,
+            kind=self.kind,
+            freedom=freedom,
+            drift=drift or None,
+            border=self._border,
+        )
 
     @property
     def _border(self) -> float | None:
@@ -79,21 +100,3 @@ def _outline_spans(outline: Outline, first: int, border: float | None) -> list[S
         )
         for i, side in enumerate(outline.sides)
     ]
-
-
-def _square_edges(
-    outline: Outline, sides: list[SideSamples], plane: int, kind: str, border: float | None
-) -> PlaneEdges:
-    points = tuple(side.points for side in sides)
-    drift = tuple(side.drift for side in sides if side.drift is not None)
-    return unchecked_edges(
-        lines=square_lines(points),
-        points=points,
-        std=tuple(side.std for side in sides),
-        polarity=1 if outline.dark_inside else -1,
-        plane=plane,
-        kind=kind,
-        freedom="size" if kind == "frame" else "auto",
-        drift=drift or None,
-        border=border,
-    )

@@ -21,19 +21,22 @@ class Plane(Record):
     Parameters
     ----------
     kind : str
-        What was found on it: ``"square"``, ``"frame"``, ``"chessboard"``, ...
+        What was found on it: ``"square"``, ``"frame"``, ``"rectangle"``, ``"chessboard"``, ...
     image : int
         Index of the picture it was seen in.
     corners : array_like, shape (4, 2)
         Corners of its (first) figure in the photograph, distorted, in pixels.
     rotation, translation : array_like, shape (3, 3) and (3,)
-        ``X_cam = rotation @ X_plane + translation``, in units of the square's side.
+        ``X_cam = rotation @ X_plane + translation``, in units of the square's side; of a
+        rectangle's shorter side, or where its aspect was unknown of its side 1.
     rms : float
         Root mean square residual of its samples, in pixels.
     samples : int
         How many samples it rests on.
     uncertainty : PoseUncertainty, optional
         How well its pose is known; None in results of versions that did not say.
+    aspect, aspect_std : float, optional
+        Of a rectangle whose aspect was unknown: side 0 over side 1, and its standard deviation.
     """
 
     kind: str = field(metadata=member(TEXT))
@@ -46,6 +49,8 @@ class Plane(Record):
     uncertainty: PoseUncertainty | None = field(
         default=None, metadata=member(record(PoseUncertainty), "pose_uncertainty")
     )
+    aspect: float | None = field(default=None, metadata=member(NUMBER))
+    aspect_std: float | None = field(default=None, metadata=member(NUMBER))
 
     def __repr__(self) -> str:
         x, y, z = self.translation.tolist()

@@ -15,6 +15,7 @@ from trisquare.simulate.scenes import (
     chessboard_scene,
     edge_points,
     photo_like,
+    photo_of_sheets,
     random_camera,
     random_scene,
 )
@@ -31,6 +32,7 @@ __all__ = [
     "edge_points",
     "fisheye",
     "photo_like",
+    "photo_of_sheets",
     "pixel_sigma",
     "random_camera",
     "random_scene",

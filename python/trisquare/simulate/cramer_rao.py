@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, sample_sides
 
-# Of the camera, by name; of a plane, a small turn (0 to 2), a shift (3 to 5) or the size of its
-# hole (6).
+# Of the camera, by name; of a plane, a small turn (0 to 2), a shift (3 to 5), the size of its
+# hole (6) or its extent along X (7).
 Parameter: TypeAlias = str | int
 InSight = Callable[[Array], npt.NDArray[np.bool_]]
 
@@ -53,6 +53,7 @@ def cramer_rao_bound(
     spacing: float = 1.0,
     free: Sequence[str] = ("fx", "fy", "cx", "cy", "k1", "k2"),
     in_sight: InSight | None = None,
+    any_aspect: bool = False,
 ) -> dict[str, float]:
     """Smallest standard deviations that an unbiased calibration of this scene can have.
 
@@ -74,6 +75,8 @@ def cramer_rao_bound(
     in_sight : callable, optional
         Tells of pixels, shape (N, 2), which of them the picture shows; edges elsewhere, outside
         the picture or hidden, do not count.
+    any_aspect : bool
+        Whether the aspect of every figure is unknown as well.
 
     Returns
     -------
@@ -85,25 +88,27 @@ def cramer_rao_bound(
     ValueError
         If the scene does not determine them.
     """
-    counts = [6 + (target.kind == "frame") for target in scene.targets]
-    size = len(free) + sum(counts)
+    of_planes = [
+        (*range(6), *[6] * (target.kind == "frame"), *[7] * any_aspect) for target in scene.targets
+    ]
+    size = len(free) + sum(map(len, of_planes))
     information = np.zeros((size, size))
     first = len(free)
-    for target, count in zip(scene.targets, counts, strict=True):
-        columns = np.r_[: len(free), first : first + count]
+    for target, of_plane in zip(scene.targets, of_planes, strict=True):
+        columns = np.r_[: len(free), first : first + len(of_plane)]
         sides = sample_sides(scene.camera, target, spacing)
         lengths = [len(side.plane) for side in sides]
         # A frame's hole comes after its outline.
         of_hole = np.repeat(np.arange(len(sides)) >= 4, lengths) & (target.kind == "frame")
         plane = np.concatenate([side.plane for side in sides])
         normal = np.concatenate([side.normal for side in sides])
-        slopes = image_slopes(scene.camera, target, (*free, *range(count)), plane, of_hole)
+        slopes = image_slopes(scene.camera, target, (*free, *of_plane), plane, of_hole)
         rows = np.sum(slopes * normal[:, None], axis=2)
         weights = np.repeat([side.length / spacing / len(side.plane) for side in sides], lengths)
         if in_sight is not None:
             weights = weights * in_sight(np.concatenate([side.image for side in sides]))
         information[np.ix_(columns, columns)] += (rows * weights[:, None]).T @ rows / sigma**2
-        first += count
+        first += len(of_plane)
     return standard_deviations(information, free)
 
 
@@ -142,7 +147,8 @@ def image_slopes(
     def seen(parameter: Parameter, step: float) -> Array:
         moved, figure = changed(camera, target, parameter, step)
         scale = np.where(of_hole, figure.inner / target.inner, 1.0)
-        return moved.project(figure.to_camera(plane * scale[:, None]))
+        stretch = np.array([1.0 + (step if parameter == 7 else 0.0), 1.0])
+        return moved.project(figure.to_camera(plane * stretch * scale[:, None]))
 
     step = DIFFERENCE_STEP
     slopes = [(seen(name, step) - seen(name, -step)) / (2.0 * step) for name in parameters]
@@ -164,6 +170,8 @@ def changed(
         return replace(camera, **{parameter: getattr(camera, parameter) + step}), target
     if parameter == 6:
         return camera, replace(target, inner=target.inner + step)
+    if parameter == 7:
+        return camera, target  # its outline is no part of the target
     axis = np.eye(3)[parameter % 3]
     if parameter >= 3:
         return camera, replace(target, translation=target.translation + step * axis)

@@ -61,6 +61,8 @@ def random_scene(
     camera: TrueCamera | None = None,
     dark: bool = True,
     inner: float = 0.6,
+    aspect: float = 1.0,
+    rim: float | None = None,
 ) -> Scene:
     """Draw a scene of tilted squares, all inside the picture and clear of one another.
 
@@ -80,11 +82,16 @@ def random_scene(
         Dark figures on light ground, or the reverse.
     inner : float
         Side of a frame's hole, in units of its outer side.
+    aspect : float
+        Side 0 of every figure over its side 1, 1 or more: rectangles of the area of squares.
+    rim : float, optional
+        As for `Target`.
 
     Returns
     -------
     Scene
     """
+    printed = None if aspect == 1.0 else rectangle(0.5 * aspect, 0.5)
     camera = camera or random_camera(rng, image_size)
     image_size = camera.image_size
     places = _places(count)
@@ -102,8 +109,18 @@ def random_scene(
                 rng.uniform(0.0, 360.0),
             )
             # Its side is that large before foreshortening.
-            centre = np.append(camera.undistort(pixel[None])[0], 1.0) * camera.fx / side
-            target = placed(camera, rotation, centre, kind=kind, dark=dark, inner=inner)
+            depth = camera.fx / side * np.sqrt(aspect)
+            centre = np.append(camera.undistort(pixel[None])[0], 1.0) * depth
+            target = placed(
+                camera,
+                rotation,
+                centre,
+                kind=kind,
+                dark=dark,
+                inner=inner,
+                printed=printed,
+                rim=rim,
+            )
             if target is None:
                 break
             targets.append(target)
@@ -144,7 +161,37 @@ def photo_like(
         The keyword arguments that `render` was given.
     """
     kind: Literal["square", "frame"] = "frame" if rng.random() < 0.5 else "square"
-    scene = random_scene(rng, image_size=image_size, kind=kind)
+    return _photographed(rng, random_scene(rng, image_size=image_size, kind=kind))
+
+
+def photo_of_sheets(
+    rng: np.random.Generator,
+    aspect: float = 2.0**0.5,
+    *,
+    dark: bool = False,
+    rim: float | None = 0.0,
+    camera: TrueCamera | None = None,
+) -> tuple[Image, Scene, dict[str, Any]]:
+    """Draw three sheets of paper that lie right on the clutter, rendered as by `photo_like`.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of everything.
+    aspect, dark, rim, camera
+        As for `random_scene`; with a rim, or None for one that is drawn, they are
+        rectangles on larger sheets.
+
+    Returns
+    -------
+    picture, scene, settings
+        As from `photo_like`.
+    """
+    scene = random_scene(rng, dark=dark, aspect=aspect, rim=rim, camera=camera)
+    return _photographed(rng, scene)
+
+
+def _photographed(rng: np.random.Generator, scene: Scene) -> tuple[Image, Scene, dict[str, Any]]:
     settings: dict[str, Any] = {
         "noise": rng.uniform(1.0, 4.0),
         "blur": rng.uniform(0.5, 1.2),
@@ -231,8 +278,10 @@ def _any_overlap(targets: list[Target]) -> bool:
 
     Distortion is one to one, so the ideal picture answers for the real one.
     """
-    sheet = rectangle(0.5 + SHEET_RIM[1], 0.5 + SHEET_RIM[1])
-    spaces = [target.to_camera(sheet) for target in targets]
+    spaces = []
+    for target in targets:
+        rim = SHEET_RIM[1] if target.rim is None else target.rim
+        spaces.append(target.to_camera(rectangle(*(extent + rim for extent in target.extent))))
     if any(np.any(points[:, 2] <= 0.0) for points in spaces):
         return True
     return any_meet([points[:, :2] / points[:, 2:] for points in spaces])

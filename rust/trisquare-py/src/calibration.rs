@@ -90,6 +90,8 @@ pub struct SolvedPlane {
     rms: f64,
     samples: usize,
     uncertainty: Option<PoseMembers>,
+    /// Of a rectangle of unknown aspect, its aspect and the standard deviation of that.
+    aspect: Option<(f64, f64)>,
 }
 
 /// How far the samples of a figure are from the images of its lines, line by line.
@@ -419,6 +421,7 @@ fn solved_plane(py: Python<'_>, plane: &Plane) -> SolvedPlane {
                 arrays::from_matrix(py, &known.by_camera).unbind(),
             )
         }),
+        aspect: plane.aspect.map(|aspect| (aspect.value, aspect.std)),
     }
 }
 

@@ -9,16 +9,18 @@ use trisquare::{CellSample, Freedom, GridLineSamples, PlaneEdges, Polarity};
 use crate::arrays;
 use crate::errors::{computed, detached};
 
-/// The lines of a unit square whose sides were sampled in order round it, either way round.
+/// The lines of a rectangle whose sides were sampled in order round it, either way round; side 0 is
+/// `aspect` times as long as side 1.
 #[pyfunction]
-#[pyo3(signature = (sides))]
-pub fn square_lines<'py>(
+#[pyo3(signature = (sides, aspect))]
+pub fn rectangle_lines<'py>(
     py: Python<'py>,
     sides: Vec<PyReadonlyArray2<'py, f64>>,
+    aspect: f64,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let sides: Vec<_> = sides.iter().map(arrays::points).collect::<PyResult<_>>()?;
-    let square = computed(py, || PlaneEdges::square(sides))?;
-    Ok(arrays::from_lines(py, &square.lines))
+    let rectangle = computed(py, || PlaneEdges::rectangle(sides, aspect))?;
+    Ok(arrays::from_lines(py, &rectangle.lines))
 }
 
 /// Points (N, 2) of a grid line, their deviations and cells, (N,), and the sign of its even cells.
@@ -108,6 +110,7 @@ pub fn plane_edges(object: &Bound<'_, PyAny>) -> PyResult<PlaneEdges> {
             "fixed" => Freedom::Fixed,
             "size" => Freedom::Size,
             "similarity" => Freedom::Similarity,
+            "aspect" => Freedom::Aspect,
             other => return Err(PyValueError::new_err(format!("unknown freedom {other:?}"))),
         },
     })

@@ -65,8 +65,8 @@ pub use observations::{
 pub use photometric::Photographs;
 pub use planning::{EdgeNoise, PlannedPlane, Prediction, predict};
 pub use result::{
-    Calibration, Disagreement, FigureResiduals, Plane, PoseUncertainty, ResidualCorrelation,
-    Severity, SideResiduals, Stage, Warning,
+    Aspect, Calibration, Disagreement, FigureResiduals, Plane, PoseUncertainty,
+    ResidualCorrelation, Severity, SideResiduals, Stage, Warning,
 };
 pub use selection::{Choice, Doubt, Verdict, choose};
 pub use uncertainty::{

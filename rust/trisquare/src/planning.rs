@@ -233,7 +233,7 @@ impl<L: Lens> Plan<L> {
 /// Where a plane stands, its further figures' sizes free.
 fn state(plane: &PlannedPlane) -> PlaneState {
     let further = Placement {
-        free: 1,
+        free: Placement::SIZE,
         ..Placement::IDENTITY
     };
     let mut figures = vec![further; plane.outlines.len()];

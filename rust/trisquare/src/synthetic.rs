@@ -11,7 +11,7 @@ use rand_distr::StandardNormal;
 use crate::geometry::Pose;
 use crate::image_size::ImageSize;
 use crate::lens::{DefaultLens, INTRINSICS, Lens};
-use crate::observations::{PlaneEdges, square_lines};
+use crate::observations::{PlaneEdges, rectangle_lines};
 
 /// Where the squares stand, in parts of the picture.
 const PLACES: [(f64, f64); 3] = [(0.23, 0.3), (0.77, 0.3), (0.5, 0.72)];
@@ -123,7 +123,7 @@ impl<L: Lens> Scene<L> {
                         .map(|p| p + Vector2::new(normal(), normal()))
                         .collect()
                 });
-                PlaneEdges::new(square_lines().to_vec(), sides.collect())
+                PlaneEdges::new(rectangle_lines(1.0, 1.0).to_vec(), sides.collect())
             })
             .collect()
     }

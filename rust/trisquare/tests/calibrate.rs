@@ -3,8 +3,8 @@
 use nalgebra::Vector2;
 use trisquare::synthetic::{Scene, SceneOptions};
 use trisquare::{
-    BrownModel, Calibration, Error, ErrorKind, Fixed, Lens, Method, Options, PlaneEdges, Stage,
-    calibrate,
+    BrownModel, Calibration, Error, ErrorKind, Fixed, Freedom, Lens, Method, Options, PlaneEdges,
+    Stage, calibrate,
 };
 
 const NO_NOISE: f64 = 0.0;
@@ -200,6 +200,47 @@ fn the_plane_that_is_no_square_is_named() {
     }
     // Where the robust loss sets the false sides aside altogether, no plane is left to disagree.
     assert!(named >= 8, "named in {named} of 10");
+}
+
+#[test]
+fn an_unknown_aspect_is_estimated_with_the_camera() {
+    let mut answered = 0;
+    for seed in 0..10 {
+        // Lines 1.4 times too far apart along X: the aspect is one over that.
+        let scene = Scene::random(seed, SceneOptions::default());
+        let mut edges = scene.edges(1, 0.1, SPACING);
+        edges.extend(scene.another(100 + seed).edges(2, 0.1, SPACING));
+        for figure in &mut edges {
+            figure.freedom = Freedom::Aspect;
+            for line in &mut figure.lines {
+                let [a, b, c] = [line.normal().x, line.normal().y, line.coefficients().z];
+                *line = trisquare::Line::new(a, b, if a.abs() > b.abs() { 1.4 * c } else { c })
+                    .unwrap();
+            }
+        }
+        let Ok(found) = calibrate(&edges, scene.size, &Options::default()) else {
+            continue; // refused, where six equations do not determine the camera well enough
+        };
+        answered += 1;
+        let error = found.camera.focal().x - scene.camera.focal().x;
+        assert!(error.abs() < 5.0 * found.std()[0].1, "seed {seed}");
+        for plane in &found.planes {
+            let aspect = plane.aspect.unwrap();
+            let error = aspect.value - 1.0 / 1.4;
+            assert!(error.abs() < 5.0 * aspect.std, "seed {seed}");
+        }
+    }
+    assert!(answered >= 8, "answered {answered} of 10");
+    let shared = |plane| {
+        let mut edges = Scene::random(1, SceneOptions::default()).edges(1, 0.1, SPACING);
+        for figure in &mut edges {
+            (figure.freedom, figure.plane) = (Freedom::Aspect, plane);
+        }
+        edges
+    };
+    let size = Scene::random(1, SceneOptions::default()).size;
+    let refused = calibrate(&shared(Some(3)), size, &Options::default());
+    assert_eq!(refused.unwrap_err().kind(), ErrorKind::InvalidArgument);
 }
 
 #[test]

@@ -1,4 +1,4 @@
-"""Coarse outlines of squares and chessboards in a photograph.
+"""Coarse outlines of squares, tags and rectangles in a photograph.
 
 The outlines are good to a pixel or two and exist to tell the measurement of the edges where to
 look; no figure of a calibration depends on their accuracy.
@@ -22,8 +22,13 @@ from trisquare.detection.squares.framed import (
     are_uniform,
     find_framed_squares,
 )
-from trisquare.detection.squares.quads import find_quads
-from trisquare.detection.squares.rectified import views_of_squares
+from trisquare.detection.squares.plain_rectangles import (
+    find_rectangles,
+    turns_to_longer_side,
+)
+from trisquare.detection.squares.quads import find_quads, one_in_other
+from trisquare.detection.squares.rectangle_shape import RectangleShape
+from trisquare.detection.squares.rectified import views_of_rectangles
 from trisquare.detection.squares.side_curves import fit_sides
 from trisquare.detection.tags.decode import decode_tags
 from trisquare.detection.tags.families import TagSearch
@@ -74,6 +79,28 @@ def find_squares(
     return sorted(squares, key=lambda square: -float(quad_areas(square.outer.corners)))
 
 
+def find_plain_rectangles(image: NDArray[np.generic], shape: RectangleShape) -> list[SquareOutline]:
+    """Find rectangles of a shape, on any ground and with anything inside.
+
+    Their side 0 is one of the longer two. Otherwise as `find_squares`.
+    """
+    grey = grey_bytes(image)
+    picture, scale = working_picture(grey)
+    if min(picture.shape) < MIN_PICTURE:
+        return []
+    smooth = picture.astype(np.float32)
+    size = (picture.shape[1], picture.shape[0])
+    quads = fit_sides(smooth, find_quads(picture, smooth))
+    quads = views_of_rectangles(quads, size, shape.aspect)
+    quads = quads.subset(find_rectangles(smooth, quads))
+    if not len(quads):
+        return []
+    turns = turns_to_longer_side(quads, size, shape)
+    found = zip(scale * quads.sides, quads.dark_inside.tolist(), turns.tolist(), strict=True)
+    outlines = [SquareOutline(Outline.of(*quad), None, aspect=shape.aspect) for quad in found]
+    return sorted(outlines, key=lambda outline: -float(quad_areas(outline.outer.corners)))
+
+
 def _squares_of(
     grey: NDArray[np.uint8], picture: NDArray[np.uint8], scale: int, tag_search: TagSearch | None
 ) -> tuple[list[SquareOutline], bool]:
@@ -84,7 +111,7 @@ def _squares_of(
     smooth = picture.astype(np.float32)
     coarse = find_quads(picture, smooth)
     quads = fit_sides(smooth, coarse)
-    quads = views_of_squares(quads, image_size=(picture.shape[1], picture.shape[0]))
+    quads = views_of_rectangles(quads, image_size=(picture.shape[1], picture.shape[0]))
 
     def read_tags(indices: NDArray[np.intp]) -> list[Tag | None]:
         assert tag_search is not None
@@ -157,14 +184,6 @@ def _settled(grey: NDArray[np.uint8], quads: list[FloatArray]) -> FloatArray:
     window = (SETTLING_REACH, SETTLING_REACH)
     moved = cv2.cornerSubPix(grey, corners, window, (-1, -1), SETTLED)
     return np.asarray(moved, dtype=np.float64).reshape(-1, 4, 2)
-
-
-def one_in_other(quad: FloatArray, other: FloatArray) -> bool:
-    """Whether the middle of one of two quads, shape (4, 2), lies within the other."""
-    return any(
-        cv2.pointPolygonTest(one.astype(np.float32), tuple(two.mean(axis=0)), False) >= 0.0
-        for one, two in ((quad, other), (other, quad))
-    )
 
 
 def _is_known(quad: FloatArray, squares: Iterable[SquareOutline]) -> bool:

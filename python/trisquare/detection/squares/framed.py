@@ -121,7 +121,9 @@ def find_framed_squares(
         tags = [FramedSquare(i, None, tag) for i, tag in read if tag is not None]
     # Cells of a tag are no squares of their own.
     others = [f for f in solids + frames if not _within(quads, f, tags)]
-    return _of_comparable_size(quads, _innermost(quads, areas, tags, others))
+    figures = _innermost(quads, areas, tags, others)
+    kept = of_comparable_size(quads, [figure.outer for figure in figures])
+    return [figure for figure in figures if figure.outer in kept]
 
 
 def reasons_against_quads(picture: NDArray[np.float32], quads: Quads) -> list[str]:
@@ -285,12 +287,12 @@ def _within(quads: Quads, figure: FramedSquare, others: Sequence[FramedSquare]) 
     return any(cv2.pointPolygonTest(outline, centre, False) >= 0 for outline in outlines)
 
 
-def _of_comparable_size(quads: Quads, figures: list[FramedSquare]) -> list[FramedSquare]:
-    """Drop figures far smaller than the three largest."""
-    if len(figures) <= 3:
-        return figures
+def of_comparable_size(quads: Quads, indices: Sequence[int]) -> list[int]:
+    """Drop quads far smaller than the three largest of those with some indices."""
+    if len(indices) <= 3:
+        return list(indices)
     # Sides rather than areas: a square seen from the side keeps its length.
     chords = quads.sides[:, :, -1] - quads.sides[:, :, 0]
     sides = np.linalg.norm(chords, axis=-1).mean(axis=1)
-    third_largest = np.sort([sides[figure.outer] for figure in figures])[-3]
-    return [f for f in figures if sides[f.outer] >= MIN_RELATIVE_SIDE * third_largest]
+    third_largest = np.sort(sides[list(indices)])[-3]
+    return [i for i in indices if sides[i] >= MIN_RELATIVE_SIDE * third_largest]

@@ -173,6 +173,14 @@ def without_repeats(quads: Quads) -> Quads:
     return quads.subset(np.array(kept, dtype=np.intp))
 
 
+def one_in_other(quad: FloatArray, other: FloatArray) -> bool:
+    """Whether the middle of one of two quads, shape (4, 2), lies within the other."""
+    return any(
+        cv2.pointPolygonTest(one.astype(np.float32), tuple(two.mean(axis=0)), False) >= 0.0
+        for one, two in ((quad, other), (other, quad))
+    )
+
+
 def _levels(picture: NDArray[np.uint8]) -> list[int]:
     """Thresholds over the picture's range that may cut different figures out."""
     shares = 100.0 * _histogram(picture[::4]).cumsum() / picture[::4].size

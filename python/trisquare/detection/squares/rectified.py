@@ -1,10 +1,11 @@
-"""Whether an outline can be one camera's view of a square.
+"""Whether an outline can be one camera's view of a square, or of a rectangle of known shape.
 
-A homography from the unit square to rays has columns h1, h2 that are perpendicular and of equal
-length (Hartley & Zisserman, 2nd ed., section 8.5). With the principal point near the picture's
-centre one focal length must do that for all the squares of a picture; other four-sided things
-seldom fit. Sides that are bent further than a pinhole's distortion bends them must be straight
-under a fisheye lens of that focal length.
+A homography from the unit square to rays has columns h1, h2 that are perpendicular, and of equal
+length if it is a square that is seen (Hartley & Zisserman, 2nd ed., section 8.5); of a rectangle,
+their lengths are as its sides. With the principal point near the picture's centre one focal length
+must do that for all the squares of a picture; other four-sided things seldom fit. Sides that are
+bent further than a pinhole's distortion bends them must be straight under a fisheye lens of that
+focal length.
 """
 
 from __future__ import annotations
@@ -34,17 +35,47 @@ MAX_BEND_LEFT = 0.025
 """Of a side under a fisheye lens of another law than that which is assumed, over its chord."""
 
 
-def views_of_squares(quads: Quads, image_size: tuple[int, int]) -> Quads:
-    """Keep the quads that some camera sees as squares; `image_size` is (width, height)."""
-    sides = (quads.sides - 0.5 * (np.array(image_size) - 1.0)) / max(image_size)
+def views_of_rectangles(
+    quads: Quads, image_size: tuple[int, int], aspect: float | None = 1.0
+) -> Quads:
+    """Keep the quads that some camera sees as rectangles.
+
+    Parameters
+    ----------
+    quads : Quads
+    image_size : tuple of int
+        Width and height.
+    aspect : float, optional
+        The longer side over the shorter; with None any will do.
+    """
+    sides = _centred(quads.sides, image_size)
     views = _bends(quads.sides) <= MAX_BEND
-    views[views] = _are_square(_pinhole_rays(sides[views][:, :, 0])).any(axis=0)
+    views[views] = _are_seen(_pinhole_rays(sides[views][:, :, 0]), aspect).any(axis=0)
     if not views.all():
         others = np.flatnonzero(~views)
         rays = _fisheye_rays(sides[others])
-        seen = _are_square(rays[..., 0, :]) & (_bends_left(rays, sides[others]) <= MAX_BEND_LEFT)
-        views[others] = seen.any(axis=0)
+        straight = _bends_left(rays, sides[others]) <= MAX_BEND_LEFT
+        views[others] = (_are_seen(rays[..., 0, :], aspect) & straight).any(axis=0)
     return quads.subset(views)
+
+
+def longer_along_first_side(
+    quads: Quads, image_size: tuple[int, int], aspect: float | None
+) -> NDArray[np.bool_]:
+    """Tell which way up rectangles are: whether side 0 is the longer, shape (Q,).
+
+    By the one focal length under which all of them come nearest to the aspect.
+    """
+    corners = _centred(quads.corners, image_size)
+    rays = np.concatenate([_pinhole_rays(corners), _fisheye_rays(corners[:, :, None])[..., 0, :]])
+    cosines, stretches = _shapes(rays)
+    costs = np.minimum(_deviations(cosines, stretches, aspect), 1.0) ** 2
+    return np.asarray(stretches[costs.sum(axis=1).argmin()] > 0.0)
+
+
+def _centred(points: FloatArray, image_size: tuple[int, int]) -> FloatArray:
+    """Points about the middle of a picture, over its longer side."""
+    return (points - 0.5 * (np.array(image_size) - 1.0)) / max(image_size)
 
 
 def _pinhole_rays(points: FloatArray) -> FloatArray:
@@ -63,12 +94,27 @@ def _fisheye_rays(points: FloatArray) -> FloatArray:
     return np.concatenate([points * across[..., None], np.cos(angles)[..., None]], axis=-1)
 
 
-def _are_square(rays: FloatArray) -> NDArray[np.bool_]:
-    """Whether rays through four corners, shape (F, Q, 4, 3), are those of a square, shape (F, Q).
+def _are_seen(rays: FloatArray, aspect: float | None) -> NDArray[np.bool_]:
+    """Whether rays through four corners, shape (F, Q, 4, 3), are a rectangle's, shape (F, Q)."""
+    return np.asarray(_deviations(*_shapes(rays), aspect) < MAX_DEVIATION)
+
+
+def _deviations(cosines: FloatArray, stretches: FloatArray, aspect: float | None) -> FloatArray:
+    """How far quads are from rectangles: the larger of cosine and error of the log of the aspect.
+
+    Either way up; with the aspect None it is the cosine alone.
+    """
+    if aspect is None:
+        return cosines
+    return np.asarray(np.maximum(cosines, np.abs(np.abs(stretches) - np.log(aspect))))
+
+
+def _shapes(rays: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Cosine between sides 0 and 3 in space, and logarithm of their ratio; both (F, Q).
 
     With `h3` the first corner, the others are `h1 + h3`, `h1 + h2 + h3` and `h2 + h3`, each along
-    its ray: `a r1 + b r3 - c r2 = r0`. The deviation is the larger of the cosine between `h1` and
-    `h2` and the logarithm of their ratio.
+    its ray, shape (F, Q, 4, 3): `a r1 + b r3 - c r2 = r0`. The cosine is infinite where corners
+    are not ahead.
     """
     first, second, third, fourth = np.moveaxis(rays, -2, 0)
     system = np.stack([second, fourth, -third], axis=-1)
@@ -78,10 +124,10 @@ def _are_square(rays: FloatArray) -> NDArray[np.bool_]:
     h1 = scales[..., 0, :] * second - first
     h2 = scales[..., 1, :] * fourth - first
     lengths = np.linalg.norm(h1, axis=-1), np.linalg.norm(h2, axis=-1)
-    cosine = np.abs((h1 * h2).sum(axis=-1)) / (lengths[0] * lengths[1])
-    stretch = np.abs(np.log(lengths[0] / lengths[1]))
+    cosines = np.abs((h1 * h2).sum(axis=-1)) / (lengths[0] * lengths[1])
     ahead = (scales[..., 0] > 0.0).all(axis=-1) & ~singular
-    return np.asarray(ahead & (np.maximum(cosine, stretch) < MAX_DEVIATION))
+    cosines[~ahead] = np.inf
+    return cosines, np.log(lengths[0] / lengths[1])
 
 
 def _bends(sides: FloatArray) -> FloatArray:

@@ -100,15 +100,58 @@ pub fn camera_matrix(
     homographies: &[Matrix3<f64>],
     known: &KnownIntrinsics,
 ) -> Result<Matrix3<f64>, Error> {
+    let planes = homographies.iter().map(|homography| PlaneHomography {
+        homography: *homography,
+        has_any_aspect: false,
+    });
+    camera_matrix_from_planes(&planes.collect::<Vec<_>>(), known)
+}
+
+/// A plane's homography, and whether it is that of a rectangle of unknown aspect.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct PlaneHomography {
+    pub homography: Matrix3<f64>,
+    pub has_any_aspect: bool,
+}
+
+impl PlaneHomography {
+    fn constraints(
+        &self,
+        normalising: &Matrix3<f64>,
+    ) -> impl Iterator<Item = ConicConstraint> + use<> {
+        let homography = normalising * self.homography;
+        let [right_angle, lengths] = ConicConstraint::of_plane(&homography);
+        let lengths = (!self.has_any_aspect).then_some(lengths);
+        std::iter::once(right_angle).chain(lengths)
+    }
+}
+
+/// How much longer, on its plane, X is than Y for a camera, of the unit square that a homography
+/// maps; `None` where it is no number.
+pub(crate) fn aspect_of_homography(
+    camera_matrix: &Matrix3<f64>,
+    homography: &Matrix3<f64>,
+) -> Option<f64> {
+    let rays = camera_matrix.try_inverse()? * homography;
+    let aspect = rays.column(0).norm() / rays.column(1).norm();
+    (aspect.is_finite() && aspect > 0.0).then_some(aspect)
+}
+
+/// As [`camera_matrix`], of planes some of which show a rectangle of unknown aspect.
+pub(crate) fn camera_matrix_from_planes(
+    planes: &[PlaneHomography],
+    known: &KnownIntrinsics,
+) -> Result<Matrix3<f64>, Error> {
     let unknowns = known.unknowns();
     let needed = unknowns.div_ceil(2);
-    if homographies.len() < needed {
+    if planes.len() < needed {
         return Err(Error::NotEnoughPlanes {
-            found: homographies.len(),
+            found: planes.len(),
             needed,
             free: format!("{unknowns} of fx, fy, cx, cy"),
         });
     }
+    let homographies: Vec<Matrix3<f64>> = planes.iter().map(|plane| plane.homography).collect();
     if homographies
         .iter()
         .any(|h| h.iter().any(|v| !v.is_finite()))
@@ -117,10 +160,10 @@ pub fn camera_matrix(
             what: "a homography",
         });
     }
-    let frame = Frame::around(homographies, known);
-    let constraints: Vec<ConicConstraint> = homographies
+    let frame = Frame::around(&homographies, known);
+    let constraints: Vec<ConicConstraint> = planes
         .iter()
-        .flat_map(|h| ConicConstraint::of_plane(&(frame.normalising * h)))
+        .flat_map(|plane| plane.constraints(&frame.normalising))
         .collect();
     let conic = solve_conic(&constraints, known)?;
     Ok(frame.denormalise(&intrinsics_of(&conic)?))

@@ -10,6 +10,7 @@ pub use conic::{
     ConicConstraint, KnownIntrinsics, camera_matrix, camera_matrix_from_homographies,
     intrinsics_of, solve_conic,
 };
+pub(crate) use conic::{PlaneHomography, aspect_of_homography, camera_matrix_from_planes};
 pub use homography::homography_from_lines;
 pub(crate) use homography::{MIN_LINES, normalised_homography};
 pub use line::Line;

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector2};
 
 use super::homographies::{Homographies, Undistortion};
 use crate::error::Error;
-use crate::geometry::{KnownIntrinsics, Pose, camera_matrix};
+use crate::geometry::{KnownIntrinsics, Pose, aspect_of_homography, camera_matrix_from_planes};
 use crate::image_size::ImageSize;
 use crate::lens::Lens;
 use crate::observations::{Figure, Freedom, ObservedPlane, Options, Placement, PlaneState, View};
@@ -32,7 +32,7 @@ pub(crate) fn conic_camera_matrix<L: Lens>(
         let centre = known.principal_point.unwrap_or_else(|| size.centre());
         return Ok(matrix_of(focal, centre));
     }
-    camera_matrix(&homographies.of_planes(), &known)
+    camera_matrix_from_planes(&homographies.of_planes(), &known)
 }
 
 /// Camera matrices to start from where the conic gives none, or a useless one: the principal
@@ -57,7 +57,7 @@ pub(crate) fn fallback_camera_matrices<L: Lens>(
             aspect,
             principal_point: Some(centre),
         };
-        starts.extend(camera_matrix(&planes, &centred));
+        starts.extend(camera_matrix_from_planes(&planes, &centred));
     }
     starts.extend(guessed_camera_matrices(FOCAL_GUESSES, size, options));
     starts
@@ -103,9 +103,23 @@ pub(crate) fn first_view<L: Lens>(
     let mut states = Vec::with_capacity(planes.len());
     for (i, plane) in planes.iter().enumerate() {
         let own = &homographies.figures[i];
-        let pose = Pose::from_homography(camera_matrix, &own[0], &homographies.witnesses[i])
+        let mut first = Placement::IDENTITY;
+        let mut homography = own[0];
+        let mut witness = homographies.witnesses[i];
+        if plane.has_any_aspect() {
+            first.free = Placement::ASPECT;
+            first.stretch = aspect_of_homography(camera_matrix, &homography).ok_or(
+                Error::DegenerateHomography {
+                    figure: plane.figures[0].index,
+                    reason: "its aspect is not determined",
+                },
+            )?;
+            homography.column_mut(0).unscale_mut(first.stretch);
+            witness.x *= first.stretch;
+        }
+        let pose = Pose::from_homography(camera_matrix, &homography, &witness)
             .map_err(|error| error.of_figure(plane.figures[0].index))?;
-        let mut figures = vec![Placement::IDENTITY];
+        let mut figures = vec![first];
         for (figure, homography) in plane.figures.iter().zip(own).skip(1) {
             figures.push(placement(figure, &own[0], homography)?);
         }
@@ -154,14 +168,16 @@ fn placement(
             scale,
             angle: quarter,
             shift: Vector2::zeros(),
-            free: 1,
+            free: Placement::SIZE,
+            ..Placement::IDENTITY
         }
     } else {
         Placement {
             scale,
             angle,
             shift,
-            free: 4,
+            free: Placement::SIMILARITY,
+            ..Placement::IDENTITY
         }
     })
 }

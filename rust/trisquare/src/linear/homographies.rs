@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::straighten::{Straightening, fit_distortion};
 use crate::error::Error;
-use crate::geometry::{Line, Normalisation, line_of_rays, normalised_homography};
+use crate::geometry::{Line, Normalisation, PlaneHomography, line_of_rays, normalised_homography};
 use crate::image_size::ImageSize;
 use crate::lens::{DistortionModel, Lens};
 use crate::observations::{Figure, Freedom, Method, ObservedPlane, Options, Sample};
@@ -105,6 +105,8 @@ pub(crate) struct Homographies {
     pub figures: Vec<Vec<Matrix3<f64>>>,
     /// A sample of each plane's first figure, in that figure's coordinates.
     pub witnesses: Vec<Vector2<f64>>,
+    /// Whether each plane shows a rectangle of unknown aspect.
+    pub any_aspect: Vec<bool>,
 }
 
 impl Homographies {
@@ -132,22 +134,37 @@ impl Homographies {
             }
             figures.push(own);
         }
-        Ok(Self { figures, witnesses })
+        Ok(Self {
+            figures,
+            witnesses,
+            any_aspect: planes.iter().map(ObservedPlane::has_any_aspect).collect(),
+        })
     }
 
     /// Those of several sets of planes, one after the other.
     pub fn joined<'a>(sets: impl Iterator<Item = &'a Self>) -> Self {
-        let (mut figures, mut witnesses) = (Vec::new(), Vec::new());
+        let mut all = Self {
+            figures: Vec::new(),
+            witnesses: Vec::new(),
+            any_aspect: Vec::new(),
+        };
         for set in sets {
-            figures.extend(set.figures.iter().cloned());
-            witnesses.extend(&set.witnesses);
+            all.figures.extend(set.figures.iter().cloned());
+            all.witnesses.extend(&set.witnesses);
+            all.any_aspect.extend(&set.any_aspect);
         }
-        Self { figures, witnesses }
+        all
     }
 
-    /// The first figure's homography of every plane.
-    pub fn of_planes(&self) -> Vec<Matrix3<f64>> {
-        self.figures.iter().map(|figures| figures[0]).collect()
+    /// The first figure's homography of every plane, and what is known of the figure.
+    pub fn of_planes(&self) -> Vec<PlaneHomography> {
+        let first = self.figures.iter().map(|figures| figures[0]);
+        let planes = first.zip(&self.any_aspect);
+        let planes = planes.map(|(homography, any_aspect)| PlaneHomography {
+            homography,
+            has_any_aspect: *any_aspect,
+        });
+        planes.collect()
     }
 }
 

@@ -17,7 +17,7 @@ pub(crate) use observed::{
 pub use options::{Fixed, Method, Options};
 pub(crate) use placement::Placement;
 #[cfg(feature = "synthetic")]
-pub(crate) use plane_edges::square_lines;
+pub(crate) use plane_edges::rectangle_lines;
 pub use plane_edges::{Freedom, PlaneEdges, Polarity};
 pub(crate) use relief::{BoardRelief, Heights, TERMS};
 pub(crate) use view::{POSE_PARAMETERS, PlaneState, View};

@@ -113,6 +113,11 @@ impl ObservedPlane {
         self.figures.iter_mut().flat_map(|figure| &mut figure.sides)
     }
 
+    /// Whether it shows a rectangle of unknown aspect.
+    pub fn has_any_aspect(&self) -> bool {
+        self.figures[0].freedom == Freedom::Aspect
+    }
+
     /// Whether all sides are outliers.
     pub fn is_outlier(&self) -> bool {
         self.sides().all(|side| side.is_outlier)
@@ -176,6 +181,12 @@ pub(crate) fn sort_by_plane(edges: &[PlaneEdges]) -> Result<Vec<ObservedPlane>, 
             }
             Some(place) => {
                 let plane = &mut planes[place];
+                if plane.has_any_aspect() || figure.freedom == Freedom::Aspect {
+                    return Err(Error::InvalidArgument(format!(
+                        "figure {index} shares a plane with another, and one of them is of unknown \
+                         aspect: give it a plane of its own"
+                    )));
+                }
                 plane.figures.push(figure);
                 plane.side_error = plane.side_error.max(figure_edges.side_error);
             }

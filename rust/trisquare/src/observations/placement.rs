@@ -4,61 +4,106 @@ use nalgebra::{Vector2, Vector3};
 
 use crate::geometry::Line;
 
-/// A figure's place on its plane: `P_plane = scale R(angle) P_figure + shift`.
+/// A parameter of a placement.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum PlacementParameter {
+    Stretch,
+    Scale,
+    Angle,
+    ShiftX,
+    ShiftY,
+}
+
+use PlacementParameter::{Angle, Scale, ShiftX, ShiftY, Stretch};
+
+/// A figure's place on its plane: `P_plane = scale R(angle) diag(stretch, 1) P_figure + shift`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Placement {
+    pub stretch: f64,
     pub scale: f64,
     pub angle: f64,
     pub shift: Vector2<f64>,
-    /// How many of scale, angle, shift x, shift y are estimated: 0, 1 or 4.
-    pub free: usize,
+    /// What is estimated of it.
+    pub free: &'static [PlacementParameter],
 }
 
 impl Placement {
     /// The plane's own coordinates.
     pub const IDENTITY: Self = Self {
+        stretch: 1.0,
         scale: 1.0,
         angle: 0.0,
         shift: Vector2::new(0.0, 0.0),
-        free: 0,
+        free: &[],
     };
 
-    /// The line `(a, b, c)` in the plane's coordinates: normal `R n`, offset
-    /// `scale c - (R n) . shift`.
+    /// What is free of a figure of unknown size.
+    pub const SIZE: &'static [PlacementParameter] = &[Scale];
+
+    /// What is free of a figure of which nothing is known but its shape.
+    pub const SIMILARITY: &'static [PlacementParameter] = &[Scale, Angle, ShiftX, ShiftY];
+
+    /// What is free of a rectangle of unknown aspect.
+    pub const ASPECT: &'static [PlacementParameter] = &[Stretch];
+
+    /// The line `(a, b, c)` in the plane's coordinates: with `(n, d)` the unit line
+    /// `(a, stretch b, stretch c)`, normal `R n`, offset `scale d - (R n) . shift`.
     pub fn line(&self, line: &Line) -> Vector3<f64> {
-        let normal = self.rotate(line.normal());
-        let offset = self.scale * line.coefficients().z - normal.dot(&self.shift);
-        Vector3::new(normal.x, normal.y, offset)
+        self.placed(&self.stretched(line).0)
     }
 
-    /// Derivatives of [`Self::line`] with respect to scale, angle, shift x, shift y.
-    pub fn line_derivatives(&self, line: &Line) -> [Vector3<f64>; 4] {
-        let normal = self.rotate(line.normal());
+    /// Derivatives of [`Self::line`] by the free parameters, in their order.
+    pub fn line_derivatives(&self, line: &Line) -> impl Iterator<Item = Vector3<f64>> + use<> {
+        let placement = *self;
+        let (stretched, wrt_stretch) = self.stretched(line);
+        let normal = self.rotate(stretched.xy());
         let turned = Vector2::new(-normal.y, normal.x);
-        [
-            Vector3::new(0.0, 0.0, line.coefficients().z),
-            Vector3::new(turned.x, turned.y, -turned.dot(&self.shift)),
-            Vector3::new(0.0, 0.0, -normal.x),
-            Vector3::new(0.0, 0.0, -normal.y),
-        ]
+        placement.free.iter().map(move |parameter| match parameter {
+            Stretch => placement.placed(&wrt_stretch),
+            Scale => Vector3::new(0.0, 0.0, stretched.z),
+            Angle => turned.push(-turned.dot(&placement.shift)),
+            ShiftX => Vector3::new(0.0, 0.0, -normal.x),
+            ShiftY => Vector3::new(0.0, 0.0, -normal.y),
+        })
     }
 
     /// A point of the figure on the plane.
     pub fn point(&self, point: Vector2<f64>) -> Vector2<f64> {
-        self.rotate(point) * self.scale + self.shift
+        let stretched = Vector2::new(self.stretch * point.x, point.y);
+        self.rotate(stretched) * self.scale + self.shift
     }
 
     /// The placement after a step of its free parameters.
     pub fn moved(&self, step: &[f64]) -> Self {
         let mut next = *self;
-        if let [scale, rest @ ..] = step {
-            next.scale += scale;
-            if let [angle, x, y] = rest {
-                next.angle += angle;
-                next.shift += Vector2::new(*x, *y);
-            }
+        for (parameter, change) in self.free.iter().zip(step) {
+            let value = match parameter {
+                Stretch => &mut next.stretch,
+                Scale => &mut next.scale,
+                Angle => &mut next.angle,
+                ShiftX => &mut next.shift.x,
+                ShiftY => &mut next.shift.y,
+            };
+            *value += change;
         }
         next
+    }
+
+    /// A line of the stretched figure, its normal of unit length, and its derivative.
+    fn stretched(&self, line: &Line) -> (Vector3<f64>, Vector3<f64>) {
+        let line = line.coefficients();
+        let image = Vector3::new(line.x, self.stretch * line.y, self.stretch * line.z);
+        let derivative = Vector3::new(0.0, line.y, line.z);
+        let norm = image.xy().norm();
+        let unit = image / norm;
+        let along = unit.xy().dot(&derivative.xy());
+        (unit, (derivative - unit * along) / norm)
+    }
+
+    /// A line, or a change of one, turned, scaled and shifted.
+    fn placed(&self, line: &Vector3<f64>) -> Vector3<f64> {
+        let normal = self.rotate(line.xy());
+        normal.push(self.scale * line.z - normal.dot(&self.shift))
     }
 
     fn rotate(&self, v: Vector2<f64>) -> Vector2<f64> {
@@ -74,10 +119,11 @@ mod tests {
     #[test]
     fn placement_moves_lines_with_their_points() {
         let placement = Placement {
+            stretch: 1.3,
             scale: 0.6,
             angle: 0.7,
             shift: Vector2::new(0.1, -0.3),
-            free: 4,
+            free: &[Stretch, Scale, Angle, ShiftX, ShiftY],
         };
         let line = Line::new(0.6, -0.8, 0.2).unwrap();
         let on_line = Vector2::new(0.4, 0.55);
@@ -85,8 +131,8 @@ mod tests {
         let moved = placement.line(&line);
         assert!(moved.dot(&placement.point(on_line).push(1.0)).abs() < 1e-15);
 
-        for (i, derivative) in placement.line_derivatives(&line).iter().enumerate() {
-            let mut step = [0.0; 4];
+        for (i, derivative) in placement.line_derivatives(&line).enumerate() {
+            let mut step = [0.0; 5];
             step[i] = 1e-6;
             let forward = placement.moved(&step).line(&line);
             step[i] = -1e-6;

@@ -19,7 +19,8 @@ pub enum Polarity {
     LightInside,
 }
 
-/// What is unknown of a further figure on a plane that another figure already fixes.
+/// What is unknown of a figure: of a further one on a plane that another already fixes, or of the
+/// first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Freedom {
@@ -32,6 +33,9 @@ pub enum Freedom {
     Size,
     /// Its size, rotation and place on the plane.
     Similarity,
+    /// Of the only figure on its plane: by what its extent along X is larger than that of its lines,
+    /// as of a rectangle of unknown aspect.
+    Aspect,
 }
 
 /// One flat figure: lines of a plane and samples on their images.
@@ -50,7 +54,7 @@ pub struct PlaneEdges {
     pub plane: Option<u64>,
     /// Index of the picture that shows it.
     pub image: usize,
-    /// What is unknown of it if it is not the first figure of its plane.
+    /// What is unknown of it.
     pub freedom: Freedom,
     /// How far one standard deviation of an error that all samples of a picture share, as that of
     /// its estimated tone curve, displaces each sample, in pixels; no such error where absent.
@@ -74,15 +78,39 @@ impl PlaneEdges {
     /// [`Error::TooFewLines`], [`Error::TooFewSamples`], [`Error::NotFinite`], and
     /// [`Error::CrossedSides`] if the sides do not follow each other round the square.
     pub fn square(sides: Vec<Vec<Vector2<f64>>>) -> Result<Self, Error> {
+        Self::rectangle(sides, 1.0)
+    }
+
+    /// A rectangle whose side 0 is `aspect` times as long as its side 1: as [`Self::square`], with
+    /// the shorter side as the unit.
+    ///
+    /// # Errors
+    /// As [`Self::square`]; [`Error::InvalidArgument`] if the aspect is not positive and finite.
+    pub fn rectangle(sides: Vec<Vec<Vector2<f64>>>, aspect: f64) -> Result<Self, Error> {
+        if !(aspect > 0.0 && aspect.is_finite()) {
+            return Err(Error::InvalidArgument(format!(
+                "the aspect of a rectangle must be positive and finite, not {aspect}"
+            )));
+        }
         let clockwise = SideOrder::of(&sides)? == SideOrder::Clockwise;
-        let lines = if clockwise {
-            square_lines()
-        } else {
+        let [bottom, right, top, left] = rectangle_lines(aspect.max(1.0), aspect.recip().max(1.0));
+        let lines = match clockwise {
+            true => [bottom, right, top, left],
             // The way round that keeps X along side 0 and Z away from the camera.
-            let [bottom, right, top, left] = square_lines();
-            [top, right, bottom, left]
+            false => [top, right, bottom, left],
         };
         Ok(Self::new(lines.to_vec(), sides))
+    }
+
+    /// A rectangle of unknown aspect: as [`Self::rectangle`], with side 1 as the unit.
+    ///
+    /// # Errors
+    /// As [`Self::square`].
+    pub fn rectangle_of_any_aspect(sides: Vec<Vec<Vector2<f64>>>) -> Result<Self, Error> {
+        Ok(Self {
+            freedom: Freedom::Aspect,
+            ..Self::square(sides)?
+        })
     }
 
     /// Samples on the images of the given lines, a plane of their own.
@@ -189,12 +217,18 @@ fn check_samples(figure: usize, line: usize, points: &[Vector2<f64>]) -> Result<
     Ok(())
 }
 
-/// The sides of the unit square at the origin, normals inward; side `i` runs from corner `i` to
-/// corner `i + 1`, corner 0 at `(-1/2, -1/2)`, corner 1 at `(1/2, -1/2)`.
-pub(crate) fn square_lines() -> [Line; 4] {
-    [(0.0, 1.0), (-1.0, 0.0), (0.0, -1.0), (1.0, 0.0)].map(|(a, b)| {
+/// The sides of a rectangle at the origin, normals inward; side `i` runs from corner `i` to corner
+/// `i + 1`, corner 0 at `(-width / 2, -height / 2)`, corner 1 at `(width / 2, -height / 2)`.
+pub(crate) fn rectangle_lines(width: f64, height: f64) -> [Line; 4] {
+    [
+        (0.0, 1.0, height),
+        (-1.0, 0.0, width),
+        (0.0, -1.0, height),
+        (1.0, 0.0, width),
+    ]
+    .map(|(a, b, extent)| {
         let normal = Vector2::new(a, b);
-        Line::with_unit_normal(normal, normal * -0.5)
+        Line::with_unit_normal(normal, normal * (-0.5 * extent))
     })
 }
 
@@ -286,6 +320,18 @@ mod tests {
             [0.0, -1.0, 0.5]
         );
         assert_eq!(backward.lines[1], forward.lines[1]);
+    }
+
+    #[test]
+    fn the_shorter_side_of_a_rectangle_is_the_unit() {
+        let offsets = |aspect| {
+            let edges = PlaneEdges::rectangle(sides(), aspect).unwrap();
+            [0, 1].map(|i: usize| edges.lines[i].coefficients().z)
+        };
+        assert_eq!(offsets(1.6), [0.5, 0.8]);
+        assert_eq!(offsets(0.625), [0.8, 0.5]);
+        assert!(PlaneEdges::rectangle(sides(), 0.0).is_err());
+        assert!(PlaneEdges::rectangle(sides(), f64::INFINITY).is_err());
     }
 
     #[test]

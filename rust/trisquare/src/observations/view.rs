@@ -28,12 +28,16 @@ pub(crate) struct PlaneState {
 
 impl PlaneState {
     pub fn parameter_count(&self) -> usize {
-        POSE_PARAMETERS + self.figures.iter().map(|f| f.free).sum::<usize>()
+        POSE_PARAMETERS + self.figures.iter().map(|f| f.free.len()).sum::<usize>()
     }
 
     /// Where the parameters of a figure begin among the plane's own.
     pub fn figure_offset(&self, figure: usize) -> usize {
-        POSE_PARAMETERS + self.figures[..figure].iter().map(|f| f.free).sum::<usize>()
+        POSE_PARAMETERS
+            + self.figures[..figure]
+                .iter()
+                .map(|f| f.free.len())
+                .sum::<usize>()
     }
 
     /// The plane through the camera centre and a line of a figure.
@@ -61,7 +65,7 @@ impl PlaneState {
         jacobian.fixed_view_mut::<3, 3>(0, 3).copy_from(&turn);
         let offset = self.figure_offset(figure);
         let derivatives = placement.line_derivatives(&side.line);
-        for (i, derivative) in derivatives.iter().take(placement.free).enumerate() {
+        for (i, derivative) in derivatives.enumerate() {
             jacobian.set_column(offset + i, &(map * derivative));
         }
         jacobian
@@ -75,8 +79,8 @@ impl PlaneState {
         );
         let mut offset = POSE_PARAMETERS;
         let figures = self.figures.iter().map(|figure| {
-            let own = &step[offset..offset + figure.free];
-            offset += figure.free;
+            let own = &step[offset..offset + figure.free.len()];
+            offset += figure.free.len();
             figure.moved(own)
         });
         Self {

@@ -59,6 +59,17 @@ pub struct Plane {
     pub samples: usize,
     /// How well its pose is known; `None` where its own samples do not determine it.
     pub uncertainty: Option<PoseUncertainty>,
+    /// Of a rectangle of unknown aspect, its extent along X over that along Y.
+    pub aspect: Option<Aspect>,
+}
+
+/// The aspect of a rectangle, estimated with the camera.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Aspect {
+    /// Side 0 over side 1.
+    pub value: f64,
+    /// Its standard deviation.
+    pub std: f64,
 }
 
 /// A calibrated camera, how well it is known, and where the planes stand.

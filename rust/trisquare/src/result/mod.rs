@@ -4,6 +4,8 @@ mod calibration;
 mod residual_correlation;
 mod warning;
 
-pub use calibration::{Calibration, FigureResiduals, Plane, PoseUncertainty, SideResiduals};
+pub use calibration::{
+    Aspect, Calibration, FigureResiduals, Plane, PoseUncertainty, SideResiduals,
+};
 pub use residual_correlation::ResidualCorrelation;
 pub use warning::{Disagreement, Severity, Stage, Warning};

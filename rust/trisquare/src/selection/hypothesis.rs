@@ -195,6 +195,13 @@ fn best_gain(deviation: &Deviation, further: &nalgebra::Matrix2<f64>) -> (Shape,
     if rectangle > best.1 {
         best = (Shape::Rectangle, rectangle);
     }
+    if deviation.has_any_aspect {
+        // All that it is to be; "square" is the name of what is looked for.
+        return match best.0 {
+            Shape::Rectangle => (Shape::Square, best.1),
+            _ => best,
+        };
+    }
     if let Some(inverse) = covariance.try_inverse() {
         let square = -0.5 * value.dot(&(inverse * value))
             - (tau * covariance.determinant().sqrt()).ln()

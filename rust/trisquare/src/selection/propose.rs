@@ -6,7 +6,7 @@ use nalgebra::Matrix3;
 use super::candidates::Pool;
 use super::hypothesis::{Hypothesis, Prior};
 use super::squareness::{Candidate, Pinhole};
-use crate::geometry::camera_matrix;
+use crate::geometry::camera_matrix_from_planes;
 use crate::image_size::ImageSize;
 use crate::lens::Lens;
 use crate::linear::Homographies;
@@ -127,8 +127,8 @@ fn candidate_cameras<L: Lens>(
     let homographies: Vec<_> = planes.flat_map(Homographies::of_planes).collect();
     let known = problem.options.known_intrinsics(&problem.size);
     for subset in subsets(homographies.len()) {
-        let own: Vec<Matrix3<f64>> = subset.iter().map(|i| homographies[*i]).collect();
-        if let Ok(matrix) = camera_matrix(&own, &known) {
+        let own: Vec<_> = subset.iter().map(|i| homographies[*i]).collect();
+        if let Ok(matrix) = camera_matrix_from_planes(&own, &known) {
             let camera = pinhole(&matrix, problem.size);
             if camera.iter().all(|v| v.is_finite()) && camera[0] < FOCAL_LENGTHS.1.ln() {
                 cameras.push(camera);

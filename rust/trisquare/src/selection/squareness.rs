@@ -42,6 +42,8 @@ pub(crate) struct Candidate {
     covariance: SMatrix<f64, 6, 6>,
     /// Standard deviation of the deviation that no edge of its own tells.
     floor: f64,
+    /// Whether it is to be a rectangle of any aspect: then only the cosine is a deviation.
+    has_any_aspect: bool,
 }
 
 /// What a camera makes of a candidate.
@@ -50,6 +52,8 @@ pub(crate) struct Deviation {
     pub value: Vector2<f64>,
     pub covariance: Matrix2<f64>,
     pub wrt_camera: Matrix2x4<f64>,
+    /// Whether the ratio of the sides says nothing.
+    pub has_any_aspect: bool,
     /// Directions of the sides in the camera's frame, not quite perpendicular.
     pub directions: [Vector3<f64>; 2],
 }
@@ -119,6 +123,7 @@ impl Candidate {
             columns: [0, 1].map(|i| normalised.column(i).into_owned()),
             covariance: covariance.fixed_view::<6, 6>(0, 0).into_owned(),
             floor: LEAST_DEVIATION + CENTRE_ERROR * slope.abs(),
+            has_any_aspect: plane.has_any_aspect(),
         })
     }
 
@@ -132,7 +137,7 @@ impl Candidate {
         let [first, second] = [ray(&self.columns[0]), ray(&self.columns[1])];
         let (one, two) = (first.norm(), second.norm());
         let cosine = first.dot(&second) / (one * two);
-        let value = Vector2::new(cosine, (one / two).ln());
+        let mut value = Vector2::new(cosine, (one / two).ln());
         let wrt_rays = [
             [
                 second / (one * two) - first * (cosine / (one * one)),
@@ -160,11 +165,17 @@ impl Candidate {
         let mut covariance = wrt_columns * self.covariance * wrt_columns.transpose();
         covariance[(0, 0)] += self.floor * self.floor;
         covariance[(1, 1)] += self.floor * self.floor;
+        if self.has_any_aspect {
+            value.y = 0.0;
+            wrt_camera.row_mut(1).fill(0.0);
+            covariance = Matrix2::from_diagonal(&Vector2::new(covariance.m11, 1.0));
+        }
         let finite = value.iter().chain(covariance.iter()).all(|v| v.is_finite());
         (finite && wrt_camera.iter().all(|v| v.is_finite())).then(|| Deviation {
             value,
             covariance,
             wrt_camera,
+            has_any_aspect: self.has_any_aspect,
             directions: [first / one, second / two],
         })
     }

@@ -5,9 +5,9 @@ use nalgebra::Vector2;
 use super::problem::JointProblem;
 use super::solve::Solution;
 use crate::lens::Lens;
-use crate::observations::{ObservedPlane, Placement, View};
+use crate::observations::{ObservedPlane, View};
 use crate::refine::{Residuals, root_mean_square};
-use crate::result::{Calibration, FigureResiduals, Plane, SideResiduals, Stage, Warning};
+use crate::result::{Aspect, Calibration, FigureResiduals, Plane, SideResiduals, Stage, Warning};
 use crate::uncertainty::{Correlated, pose_uncertainties};
 
 impl<L: Lens> Calibration<L> {
@@ -21,8 +21,14 @@ impl<L: Lens> Calibration<L> {
         let displacements = &self.residual_correlation.displacements;
         let (planes, refined) = (&solution.planes, &solution.refined);
         let poses = pose_uncertainties(planes, refined, &independent, displacements);
-        for (plane, uncertainty) in self.planes.iter_mut().zip(poses) {
-            plane.uncertainty = uncertainty;
+        for (i, found) in poses.into_iter().enumerate() {
+            let Some(found) = found else { continue };
+            let aspect = found.aspect.map(|aspect| Aspect {
+                value: refined.view.planes[i].figures[0].stretch,
+                std: aspect.std(self),
+            });
+            self.planes[i].uncertainty = Some(found.pose);
+            self.planes[i].aspect = aspect;
         }
     }
 
@@ -65,6 +71,7 @@ impl<L: Lens> Calibration<L> {
                     rms: root_mean_square(own.iter()),
                     samples: own.len(),
                     uncertainty: None,
+                    aspect: None,
                 })
                 .collect(),
             residuals: by_figure(planes, residuals),
@@ -144,7 +151,7 @@ fn observed_corners<L: Lens>(
     });
     let state = &view.planes[index];
     corners.map(|corner| {
-        let point = Placement::IDENTITY.point(corner);
+        let point = state.figures[0].point(corner);
         view.lens.project_extended(&state.pose.transform(&point))
     })
 }

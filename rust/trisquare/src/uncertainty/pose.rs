@@ -6,6 +6,8 @@
 //! these and from the camera's own, whether it was found from the same planes or from others.
 //! Where the sides of a plane err together (paper that is not flat), each side's error moves the
 //! pose as the sum of its samples' gradients.
+//!
+//! The aspect of a rectangle, where it is unknown, is one more parameter of its plane.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -13,11 +15,42 @@ use crate::lens::{Columns, Lens};
 use crate::numeric::{ArrowSystem, Block, Loss, Problem};
 use crate::observations::{FreeParameters, ObservedPlane, POSE_PARAMETERS};
 use crate::refine::{EdgeProblem, Refined};
-use crate::result::PoseUncertainty;
+use crate::result::{Calibration, PoseUncertainty};
 
 /// Samples of each side from which it is told how a pose follows the camera: that depends on where
 /// the sides are, and little on how densely they are sampled.
 const SAMPLES_PER_SIDE: usize = 16;
+
+/// How well what is estimated of a plane is known.
+pub(crate) struct PlaneUncertainty {
+    pub pose: PoseUncertainty,
+    pub aspect: Option<AspectUncertainty>,
+}
+
+/// How well the aspect of a rectangle is known where the camera is given, and how it follows that.
+pub(crate) struct AspectUncertainty {
+    variance: f64,
+    by_camera: DVector<f64>,
+}
+
+impl AspectUncertainty {
+    /// Standard deviation, with what is unknown of the camera.
+    pub fn std<L: Lens>(&self, calibration: &Calibration<L>) -> f64 {
+        let names = L::parameter_names();
+        let mut by_free = DVector::zeros(calibration.parameters.len());
+        for (place, name) in names.iter().enumerate() {
+            if let Some(free) = calibration.position(name) {
+                by_free[free] += self.by_camera[place];
+            }
+        }
+        if let (true, Some(fx)) = (calibration.aspect_fixed, calibration.position("fx")) {
+            let focal = calibration.camera.focal();
+            by_free[fx] += self.by_camera[1] * focal.y / focal.x; // fy follows
+        }
+        let by_camera = by_free.dot(&(&calibration.covariance * &by_free));
+        (self.variance + by_camera).sqrt()
+    }
+}
 
 /// Of every plane of an optimum, `None` where its own samples do not determine its pose.
 ///
@@ -28,7 +61,7 @@ pub(crate) fn pose_uncertainties<L: Lens>(
     refined: &Refined<L>,
     independent: &DMatrix<f64>,
     displacements: &[f64],
-) -> Vec<Option<PoseUncertainty>> {
+) -> Vec<Option<PlaneUncertainty>> {
     let free = independent.nrows();
     let system = refined.system.leading(free);
     let variance = match (free, system.reduced_information()) {
@@ -42,20 +75,26 @@ pub(crate) fn pose_uncertainties<L: Lens>(
         let follows = &following.as_ref()?.blocks[i];
         let factor = follows.hessian.clone().cholesky()?;
         let inverse = block.hessian.clone().cholesky()?.inverse();
-        let mut given_camera =
-            inverse.fixed_view::<POSE_PARAMETERS, POSE_PARAMETERS>(0, 0) * variance;
+        let own = factor.l_dirty().nrows(); // the pixels' blocks hold exposures as well
+        let mut given_camera = inverse.view((0, 0), (own, own)) * variance;
         for gradient in gradients_of_sides(&some[i], i, refined)? {
             let moved = factor.solve(&gradient) * displacements[i];
-            let moved = moved.fixed_rows::<POSE_PARAMETERS>(0);
-            given_camera += moved * moved.transpose();
+            given_camera += &moved * moved.transpose();
         }
         let by_camera = -factor.solve(&follows.cross);
-        let found = PoseUncertainty {
-            given_camera,
-            by_camera: by_camera.fixed_rows::<POSE_PARAMETERS>(0).into_owned(),
-        };
-        let finite = found.given_camera.iter().chain(found.by_camera.iter());
-        finite.copied().all(f64::is_finite).then_some(found)
+        let mut numbers = given_camera.iter().chain(by_camera.iter());
+        let finite = numbers.all(|number| number.is_finite());
+        let has_aspect = some[i].has_any_aspect();
+        finite.then(|| PlaneUncertainty {
+            aspect: has_aspect.then(|| AspectUncertainty {
+                variance: given_camera[(POSE_PARAMETERS, POSE_PARAMETERS)],
+                by_camera: by_camera.row(POSE_PARAMETERS).transpose(),
+            }),
+            pose: PoseUncertainty {
+                given_camera: given_camera.fixed_view::<6, 6>(0, 0).into_owned(),
+                by_camera: by_camera.fixed_rows::<POSE_PARAMETERS>(0).into_owned(),
+            },
+        })
     };
     system.blocks.iter().enumerate().map(of_plane).collect()
 }

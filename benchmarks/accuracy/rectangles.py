@@ -1,0 +1,128 @@
+"""Rectangles: sheets of A4 in cluttered pictures, and edges of rectangles of unknown aspect."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, TypeAlias
+
+import numpy as np
+from harness.rows import Row
+from harness.truth import rms
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare.simulate.render import Image
+
+SCENES = 60
+EDGE_SCENES = 200
+SEED = 73
+ASPECT_RANGE = (1.0, 2.0)
+NOISE = 0.1  # pixels
+SPACING = 4.0  # pixels of edge per sample
+LEAST_FOUND = 55
+MOST_ERROR = 0.0002
+MOST_OVER_BOUND = 1.10
+# What is wrong without a warning: an error beyond both.
+WRONG_STDS = 4.0
+WRONG_PART = 0.003
+# A 95 % interval of a normal distribution.
+HALF_WIDTH = 1.959964
+
+Photograph: TypeAlias = tuple[Image, simulate.Scene, dict[str, Any]]
+
+
+def measure() -> list[Row]:
+    """Print what is found of sheets of paper, and the errors beside the edges' bound."""
+    found, error, silent = _sheets(_on_paper)
+    bare_found, bare_error, bare_silent = _sheets(simulate.photo_of_sheets)
+    ratio, share = _of_any_aspect()
+    name = f"three A4 rectangles on paper, photo-like with clutter, {SCENES} scenes"
+    bare = f"three bare sheets of A4 right on the clutter, {SCENES} scenes"
+    edges = (
+        f"three rectangles of unknown aspect from edges, {SCENES} scenes, centre and aspect held"
+    )
+    return [
+        Row(f"{name}: found", f"{found}", f">= {LEAST_FOUND}", found >= LEAST_FOUND),
+        Row(
+            "the same: fx, median error",
+            f"{100 * error:.4f} %",
+            f"<= {100 * MOST_ERROR:.2f} %",
+            error <= MOST_ERROR,
+        ),
+        Row("the same: silently wrong", f"{silent}", "0", silent == 0),
+        Row(f"{bare}: found", f"{bare_found}", f">= {LEAST_FOUND}", bare_found >= LEAST_FOUND),
+        Row(
+            "the same: fx, median error",
+            f"{100 * bare_error:.4f} %",
+            f"<= {100 * MOST_ERROR:.2f} %",
+            bare_error <= MOST_ERROR,
+        ),
+        Row("the same: silently wrong", f"{bare_silent}", "0", bare_silent == 0),
+        Row(
+            f"{edges}: error / bound",
+            f"{ratio:.3f}",
+            f"<= {MOST_OVER_BOUND:.2f}",
+            ratio <= MOST_OVER_BOUND,
+        ),
+        Row(
+            "the same, aspects included: coverage of the 95 % intervals",
+            f"{100 * share:.1f} %",
+            "",
+            None,
+        ),
+    ]
+
+
+def _on_paper(rng: np.random.Generator) -> Photograph:
+    """Photograph A4 rectangles on larger sheets of paper."""
+    return simulate.photo_of_sheets(rng, rim=None, dark=bool(rng.random() < 0.5))
+
+
+def _sheets(photograph: Callable[[np.random.Generator], Photograph]) -> tuple[int, float, int]:
+    """Count the scenes with all sheets found, the median error of fx, and the silently wrong."""
+    found, wrong, errors = 0, 0, []
+    for number in range(SCENES):
+        picture, scene, _ = photograph(np.random.default_rng([SEED, number]))
+        try:
+            result = ts.calibrate(picture, targets="a4")
+        except ts.TrisquareError as error:
+            print(f"  scene {number}: {type(error).__name__}")
+            continue
+        found += len(result.planes) == len(scene.targets)
+        off = abs(result.camera.fx - scene.camera.fx)
+        errors.append(off / scene.camera.fx)
+        is_wrong = off > WRONG_STDS * result.std["fx"] and errors[-1] > WRONG_PART
+        wrong += is_wrong and all(warning.severity == "low" for warning in result.warnings)
+    return found, float(np.median(errors)), wrong
+
+
+def _of_any_aspect() -> tuple[float, float]:
+    """Return error / bound of f, k1 and k2, and the coverage of those and of the aspects."""
+    names = ("f", "k1", "k2")
+    ratios, held = [], []
+    for number in range(EDGE_SCENES):
+        rng = np.random.default_rng([SEED, 1, number])
+        camera = simulate.random_camera(rng)
+        cx, cy = (0.5 * (extent - 1.0) for extent in camera.image_size)
+        camera = replace(camera, fy=camera.fx, cx=cx, cy=cy)
+        aspect = rng.uniform(*ASPECT_RANGE)
+        scene = simulate.random_scene(rng, camera=camera, aspect=aspect)
+        points = simulate.edge_points(scene, rng, noise=NOISE, spacing=SPACING)
+        edges = [ts.PlaneEdges.rectangle(sides, None) for sides in points]
+        fix = ("principal_point", "aspect")
+        result = ts.calibrate_edges(edges, camera.image_size, fix=fix)
+        k1, k2 = result.camera.distortion[:2] - camera.distortion[:2]
+        errors = np.array([result.camera.fx - camera.fx, k1, k2])
+        bound = simulate.cramer_rao_bound(
+            scene, NOISE, spacing=SPACING, free=names, any_aspect=True
+        )
+        ratios.append(errors / [bound[name] for name in names])
+        std = [result.std[name] for name in ("fx", "k1", "k2")]
+        held += (np.abs(errors) <= HALF_WIDTH * np.array(std)).tolist()
+        held += [
+            abs(plane.aspect - aspect) <= HALF_WIDTH * plane.aspect_std
+            for plane in result.planes
+            if plane.aspect is not None and plane.aspect_std is not None
+        ]
+    return rms(np.array(ratios)), float(np.mean(held))

@@ -1,0 +1,44 @@
+"""Rectangles of a known or an unknown shape: sheets of paper, cards, screens.
+
+They lie on whatever there is and may bear anything, so that neither the ground nor the inside needs
+to be even. What tells them from other four-sided things is their shape.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trisquare.detection.squares.framed import find_framed_squares, of_comparable_size
+from trisquare.detection.squares.quads import Quads, one_in_other
+from trisquare.detection.squares.rectangle_shape import RectangleShape
+from trisquare.detection.squares.rectified import longer_along_first_side
+
+
+def find_rectangles(picture: NDArray[np.float32], quads: Quads) -> NDArray[np.intp]:
+    """Return the indices of the quads that are figures of their own, none within another.
+
+    What is even and stands alone, as a drawing on a sheet, comes before what it lies on; of all
+    others the outermost counts, whatever it bears.
+
+    Parameters
+    ----------
+    picture : ndarray of float32, shape (H, W)
+    quads : Quads
+        Each outline once.
+    """
+    solid = [figure.outer for figure in find_framed_squares(picture, quads)]
+    outermost = np.argsort(-quads.areas, kind="stable").tolist()
+    kept: list[int] = []
+    for i in [*solid, *outermost]:
+        if not any(one_in_other(quads.corners[i], quads.corners[k]) for k in kept):
+            kept.append(i)
+    return np.array(of_comparable_size(quads, kept), dtype=np.intp)
+
+
+def turns_to_longer_side(
+    quads: Quads, image_size: tuple[int, int], shape: RectangleShape
+) -> NDArray[np.intp]:
+    """How far to roll the sides of each quad so that the longer one comes first."""
+    longer = longer_along_first_side(quads, image_size, shape.aspect)
+    return np.where(longer, 0, -1)

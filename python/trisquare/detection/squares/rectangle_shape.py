@@ -1,0 +1,59 @@
+"""The rectangles that are looked for: their names and aspects."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+NAMED = {
+    "a4": 2.0**0.5,
+    "letter": 11.0 / 8.5,
+    "card": 85.60 / 53.98,
+    "16:9": 16.0 / 9.0,
+}
+"""Aspects by name: ISO 216, ANSI/ASME Y14.1, ISO/IEC 7810 ID-1, ITU-R BT.709."""
+
+LEAST_TOLD = 1.2
+"""An aspect below this is too near that of a square to tell which way up a rectangle is."""
+
+MOST = 10.0
+"""Aspect of the longest rectangle: a strip says next to nothing across."""
+
+
+@dataclass(frozen=True, slots=True)
+class RectangleShape:
+    """The rectangles that are looked for: their longer side over the shorter, or None for any."""
+
+    aspect: float | None
+
+    @classmethod
+    def parse(cls, text: str) -> RectangleShape | None:
+        """Read ``a4``, ``letter``, ``card``, ``16:9``, ``rectangle`` or ``rectangle:1.5``.
+
+        Returns None for the name of anything else.
+
+        Raises
+        ------
+        ValueError
+            For an aspect that is none.
+        """
+        if text in NAMED:
+            return cls(NAMED[text])
+        if text == "rectangle":
+            return cls(None)
+        if not text.startswith("rectangle:"):
+            return None
+        given = text.removeprefix("rectangle:")
+        match = re.fullmatch(r"(\d+(?:\.\d*)?)(?:[:/](\d+(?:\.\d*)?))?", given)
+        width, height = (float(match[1]), float(match[2] or 1.0)) if match else (0.0, 0.0)
+        if min(width, height) <= 0.0:
+            raise ValueError(f"{text!r}: the aspect must be a number such as 1.4142, or 16:9")
+        aspect = max(width, height) / min(width, height)
+        if 1.0 < aspect < LEAST_TOLD:
+            raise ValueError(
+                f"{text!r}: which way up a rectangle is cannot be seen below an aspect of "
+                f"{LEAST_TOLD:g}: give PlaneEdges.rectangle with its sides"
+            )
+        if aspect > MOST:
+            raise ValueError(f"{text!r}: the aspect may be {MOST:g} at most")
+        return cls(aspect)
