@@ -1,5 +1,6 @@
 """Under a service: threads, repetition, arrays that callers go on using, and memory."""
 
+import contextlib
 import gc
 import os
 import sys
@@ -193,3 +194,17 @@ def test_memory_stays_flat():
     before = resident()
     calibrate(CALIBRATIONS)
     assert resident() - before < LARGEST_GROWTH
+
+
+def test_a_refusal_leaves_nothing_in_memory():
+    def refused():
+        with contextlib.suppress(ts.NotEnoughPlanesError):
+            ts.calibrate_edges(edges_of(squares(79), 0.1, spacing=12.0)[:1], IMAGE_SIZE)
+
+    def kept():
+        gc.collect()
+        return sum(isinstance(each, ts.NotEnoughPlanesError) for each in gc.get_objects())
+
+    before = kept()
+    refused()
+    assert kept() == before

@@ -35,7 +35,8 @@ pub struct Outcome {
     verdicts: Vec<Py<Verdict>>,
     #[pyo3(get)]
     doubt: Option<String>,
-    solution: PyResult<Py<Solution>>,
+    /// Of an error, no exception is kept: its traceback would hold this in turn, for ever.
+    solution: Result<Py<Solution>, Error>,
 }
 
 #[pymethods]
@@ -44,7 +45,7 @@ impl Outcome {
     fn solution(&self, py: Python<'_>) -> PyResult<Py<Solution>> {
         match &self.solution {
             Ok(solution) => Ok(solution.clone_ref(py)),
-            Err(error) => Err(error.clone_ref(py)),
+            Err(error) => Err(exception(error.clone())),
         }
     }
 }
@@ -285,11 +286,14 @@ fn outcome<T>(
     solved: impl FnOnce(T) -> PyResult<Solution>,
 ) -> PyResult<Outcome> {
     let (verdicts, doubt) = choice.map_or((Vec::new(), None), |c| (c.verdicts, c.doubt));
-    let solution = found.map_err(exception).and_then(solved);
+    let solution = match found {
+        Ok(found) => Ok(Py::new(py, solved(found)?)?),
+        Err(error) => Err(error),
+    };
     Ok(Outcome {
         verdicts: each(py, &verdicts, verdict)?,
         doubt: doubt.map(|doubt| doubt.to_string()),
-        solution: solution.and_then(|solution| Py::new(py, solution)),
+        solution,
     })
 }
 
