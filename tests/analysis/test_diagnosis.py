@@ -1,5 +1,7 @@
 """What limits a calibration, and whether the advice comes true."""
 
+import re
+
 import numpy as np
 import pytest
 from scenes import IMAGE_SIZE, edges_of, squares
@@ -40,6 +42,22 @@ def test_a_result_from_json_has_the_same_diagnosis():
     read = ts.Calibration.from_json(result.to_json())
     assert str(diagnose(read)) == str(diagnose(result))
     assert "fy" not in diagnose(read)
+
+
+@pytest.mark.parametrize("seed", [3, 8])
+def test_what_square_pixels_would_bring_is_told_wherever_they_help(seed):
+    scene = squares(seed)
+    truth = ts.Camera(scene.camera.K, scene.camera.distortion, IMAGE_SIZE)
+    free, held = result_of(scene), result_of(scene, fix="aspect", initial=truth)
+    promised = {
+        name: float(match[1])
+        for name, found in diagnose(free).items()
+        if (match := re.search(r"fixing the aspect.* to ([\d.]+)", found.remedy))
+    }
+    assert "fx" in promised
+    for name, std in promised.items():
+        assert held.std[name] == pytest.approx(std, rel=0.15)
+    assert "aspect" not in str(diagnose(held))
 
 
 @pytest.mark.parametrize("seed", [3, 8])

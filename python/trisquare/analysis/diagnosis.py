@@ -135,9 +135,12 @@ def _diagnose(
     samples = sum(plane.samples for plane in calibration.planes)
     limits.append(f"noise of {calibration.rms:.2g} px in {samples} edge samples")
     unit = " px" if name in ("fx", "fy", "cx", "cy") else ""
+    shown = helpful[:MOST_REMEDIES]
+    if "aspect" not in calibration.fixed:
+        shown += [one for one in helpful[MOST_REMEDIES:] if "aspect" in one[1].fixed]
     remedies = [
         f"{what_if.change} would reduce it from {std:.2g} to {std * ratio:.2g}{unit}"
-        for ratio, what_if in helpful[:MOST_REMEDIES]
+        for ratio, what_if in shown
     ]
     nothing = "no single change of the set-up would help much; lower noise would"
     if cause is not None:

@@ -40,7 +40,10 @@ ADDED_PLACES = {
     "lower left": (0.25, 0.75),
     "lower right": (0.75, 0.75),
 }
-HELD = {"aspect": "the aspect", "principal_point": "the principal point"}
+HELD = {
+    "aspect": "the aspect, since nearly every camera's pixels are square,",
+    "principal_point": "the principal point, if it is known,",
+}
 
 
 class WhatIf(NamedTuple):
@@ -134,7 +137,7 @@ def changes_of(calibration: Calibration, planes: tuple[PosedPlane, ...]) -> Iter
         yield WhatIf("frames instead of solid squares", "", frames, fixed)
     for name, words in HELD.items():
         if name not in fixed and "focal" not in fixed:
-            yield WhatIf(f"fixing {words}, if it is known,", "", planes, (*fixed, name))
+            yield WhatIf(f"fixing {words}", "", planes, (*fixed, name))
 
 
 def _collide(planes: tuple[PosedPlane, ...]) -> bool:
