@@ -23,6 +23,7 @@ from trisquare.calibration.linear_steps import (
 )
 from trisquare.calibration.locate import locate
 from trisquare.camera.camera import Camera
+from trisquare.camera.panorama import Panorama
 from trisquare.camera.projection_uncertainty import ProjectionMap
 from trisquare.edges import PlaneEdges
 from trisquare.errors import (
@@ -70,6 +71,7 @@ __all__ = [
     "ModelAlternative",
     "NotEnoughDataError",
     "NotEnoughPlanesError",
+    "Panorama",
     "PartialDetection",
     "Plane",
     "PlaneEdges",

@@ -51,12 +51,17 @@ __all__ = [
     "unproject_pixels",
     "valid_pixel_radius",
     "valid_radius",
+    "view_directions",
+    "view_pixels",
 ]
 
 __version__: Final[str]
 
 _Camera: TypeAlias = tuple[str, Sequence[float], float]
 """A model, the parameters of its lens in the order of reports, and their valid radius."""
+
+_View: TypeAlias = tuple[str, float, float, float, float]
+"""A view of an undistorted picture: its projection, fx, fy, cx and cy."""
 
 _AnyLens: TypeAlias = _Camera | tuple[Sequence[float], str, Sequence[float]]
 """A camera, or fx, fy, cx, cy, the name of a distortion's model, and its coefficients."""
@@ -391,11 +396,13 @@ def undistorted_view(
 def fill_undistortion_map(
     camera: _Camera,
     image_size: tuple[int, int],
-    view: tuple[float, float, float, float],
+    view: _View,
     whole: NDArray[np.int16],
     parts: NDArray[np.uint16],
     valid: NDArray[np.bool_],
 ) -> None: ...
+def view_directions(view: _View, pixels: NDArray[np.float64]) -> NDArray[np.float64]: ...
+def view_pixels(view: _View, directions: NDArray[np.float64]) -> NDArray[np.float64]: ...
 def largest_rectangle(mask: NDArray[np.bool_]) -> tuple[int, int, int, int]: ...
 def can_project(camera: _Camera, points: NDArray[np.float64]) -> list[bool]: ...
 def can_unproject(camera: _Camera, pixels: NDArray[np.float64]) -> list[bool]: ...

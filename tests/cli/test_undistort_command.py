@@ -61,6 +61,49 @@ def test_json_and_quiet(undistort, folder):
     np.testing.assert_array_equal(read(folder / "o.png"), read(folder / "out.png"))
 
 
+@pytest.mark.parametrize("view", ["cylinder", "equirectangular"])
+def test_a_panorama(undistort, folder, view):
+    arguments = ("photo.png", "--camera", "camera.json", "-o", "out.png", "--view", view)
+    code, out, err = undistort(*arguments, "--field", 30, "--json")
+    assert (code, err) == (0, "")
+    panorama = ts.Panorama.of(CAMERA, view, 30)
+    expected = ts.undistort(PHOTO, CAMERA, new_camera=panorama)
+    np.testing.assert_array_equal(read(folder / "out.png"), expected)
+    answer = json.loads(out)
+    assert (answer["view"], answer["field"]) == (view, 30)
+    (picture,) = answer["pictures"]
+    assert picture["panorama"]["projection"] == view
+    assert picture["panorama"]["focal"] == panorama.focal
+    assert picture["image_size"] == list(panorama.image_size)
+    assert "camera" not in picture
+    code, out, _ = undistort(*arguments)
+    assert code == 0
+    assert f"{view}, without distortion: " in out
+
+
+def test_a_chosen_field(undistort, folder):
+    code, *_ = undistort("photo.png", "--camera", "camera.json", "-o", "out.png", "--field", 30)
+    assert code == 0
+    expected = ts.undistort(PHOTO, CAMERA, new_camera=CAMERA.undistorted(field=30))
+    np.testing.assert_array_equal(read(folder / "out.png"), expected)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--view", "sphere"), "unknown view"),
+        (("--field", "200"), "at most 160 degrees"),
+        (("--field", "30", "--balance", "1"), "balance or field"),
+        (("--view", "cylinder", "--balance", "1"), "--field"),
+    ],
+)
+def test_bad_views_are_refused(undistort, folder, options, message):
+    code, _, err = undistort("photo.png", "--camera", "camera.json", "-o", "out.png", *options)
+    assert code == 2
+    assert message in err
+    assert not (folder / "out.png").exists()
+
+
 def test_several_photographs_of_several_sizes(undistort, folder):
     small = cv2.resize(cv2.merge([PHOTO, PHOTO, 255 - PHOTO]), (320, 240)).astype(np.uint16) * 257
     cv2.imwrite(str(folder / "small.png"), small)

@@ -228,11 +228,12 @@ class Camera(RebuiltByConstructor):
             camera_for_core(self), real_array(observed, "observed", (None, 2))
         )
 
-    def undistorted(self, balance: float = 0.0) -> Camera:
+    def undistorted(self, balance: float = 0.0, *, field: float | None = None) -> Camera:
         """Return the pinhole that sees this camera's pictures without distortion.
 
         Its pictures have the same size, and its pixels the same shape (``fy / fx``); its zoom and
-        its principal point are chosen.
+        its principal point are chosen. A lens of more than 120 degrees is better seen by a
+        `Panorama`.
 
         Parameters
         ----------
@@ -241,6 +242,9 @@ class Camera(RebuiltByConstructor):
             for which that is so (of a fisheye, along its axis). 1: every pixel of the photograph
             within the valid radius and 80 degrees from the axis lies in the new picture. In
             between, the camera matrix changes linearly.
+        field : float, optional
+            Degrees that the view is wide, in place of `balance`; the camera's axis is then in its
+            centre.
 
         Returns
         -------
@@ -250,14 +254,20 @@ class Camera(RebuiltByConstructor):
         Raises
         ------
         TypeError, ValueError
-            If `balance` is not from 0 to 1, or no part of the picture lies within the valid
-            radius.
+            If `balance` is not from 0 to 1, `field` is not above 0 and at most 160, both are given,
+            or no part of the picture lies within the valid radius.
         """
+        if field is not None:
+            if balance:
+                raise ValueError("give balance or field, not both")
+            width, height = self.image_size
+            fx = 0.5 * width / math.tan(0.5 * math.radians(field_of_view(field, 160.0)))
+            fy, cx, cy = fx * self.fy / self.fx, 0.5 * (width - 1), 0.5 * (height - 1)
+            return _pinhole(fx, fy, cx, cy, self.image_size)
         fx, fy, cx, cy = _core.undistorted_view(
             camera_for_core(self), self.image_size, real_number(balance, "balance")
         )
-        K = [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
-        return Camera(K, np.zeros(5), self.image_size, "none")  # type: ignore[arg-type]
+        return _pinhole(fx, fy, cx, cy, self.image_size)
 
     def rescaled(self, image_size: tuple[int, int]) -> Camera:
         """Return the camera of this camera's pictures scaled to another size.
@@ -384,6 +394,19 @@ def camera_parameters(camera: Camera) -> dict[str, float]:
     numbers = dict(zip(names, camera.distortion.tolist(), strict=True))
     intrinsics = {"fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy}
     return intrinsics | {name: numbers[name] for name in sorted(names)}
+
+
+def field_of_view(field: float, most: float) -> float:
+    """Return a field of view as it is, or raise TypeError or ValueError."""
+    field = real_number(field, "field")
+    if not 0.0 < field <= most:
+        raise ValueError(f"field must be above 0 and at most {most:g} degrees, not {field:g}")
+    return field
+
+
+def _pinhole(fx: float, fy: float, cx: float, cy: float, image_size: tuple[int, int]) -> Camera:
+    K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+    return Camera(K, np.zeros(5), image_size, "none")
 
 
 def camera_for_core(camera: Camera) -> CoreCamera:

@@ -9,7 +9,9 @@ from typing import Any
 from trisquare._support.paths import naming
 from trisquare._support.suggestions import unknown
 from trisquare._support.writing import write_in_turn
+from trisquare.camera.camera import Camera
 from trisquare.camera.members import camera_members
+from trisquare.camera.panorama import Panorama
 from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.input_files import camera_alone
 from trisquare.cli.options import JSON, PHOTOS, QUIET, flag, option
@@ -19,11 +21,14 @@ from trisquare.images.pixels import picture_size
 from trisquare.images.reading import read_image
 from trisquare.undistortion.undistort import INTERPOLATIONS, Undistorter
 
+VIEWS = ("pinhole", "cylinder", "equirectangular")
+
 UNDISTORTION_FORMAT = "trisquare-undistortion/1"
 
 EXAMPLES = (
     "trisquare undistort photo.jpg --camera camera.json -o straight.jpg",
     "trisquare undistort frame-*.png --camera camera.json -o straight/ --balance 0.5",
+    "trisquare undistort wide.png --camera camera.json -o wide-view.png --view equirectangular",
     "trisquare undistort small.png --camera camera.json -o straight.png --rescale",
 )
 
@@ -40,6 +45,18 @@ def undistort_command(
         "-o",
     ),
     balance: float = option(0.0, "0..1", "From 0 (no black border) to 1 (all of the photograph)."),
+    view: str = option(
+        "pinhole",
+        "VIEW",
+        "pinhole, or for wide lenses cylinder or equirectangular (a sphere).",
+        offer=VIEWS,
+    ),
+    field: float | None = option(
+        None,
+        "DEGREES",
+        "How wide the view is, in place of --balance; by default a cylinder or a sphere shows all "
+        "of the photograph's row through the principal point.",
+    ),
     rescale: bool = flag(
         "Scale the camera to photographs of another resolution but the same aspect ratio: "
         "fx' = s fx, cx' = s (cx + 1/2) - 1/2.",
@@ -59,12 +76,21 @@ def undistort_command(
     check_outputs([*photos, camera], paths)
     if interpolation not in INTERPOLATIONS:  # not to be said of the first photograph
         raise unknown("interpolation", interpolation, INTERPOLATIONS)
+    if view not in VIEWS:
+        raise unknown("view", view, VIEWS)
+    if balance and view != "pinhole":
+        raise ValueError(f"--balance is for a pinhole: give --field for a {view} view")
     lens = camera_alone(camera)
     pictures: list[dict[str, Any]] = []
 
+    def undistorter_of(lens: Camera) -> Undistorter:
+        if view == "pinhole":
+            return Undistorter(lens, new_camera=lens.undistorted(balance, field=field))
+        return Undistorter(lens, new_camera=Panorama.of(lens, view, field))
+
     def undistorted() -> Iterator[tuple[Path, bytes]]:
         """Undistort one photograph when the one before has been taken care of."""
-        undistorter = Undistorter(lens, balance)
+        undistorter = undistorter_of(lens)
         for photo, path in zip(photos, paths, strict=True):
             if progress is not None:
                 progress(len(pictures), len(photos))
@@ -73,14 +99,14 @@ def undistort_command(
             size = picture_size(picture)
             with naming(photo):
                 if rescale and size != undistorter.camera.image_size:
-                    undistorter = Undistorter(lens.rescaled(size), balance)
+                    undistorter = undistorter_of(lens.rescaled(size))
                 straight = undistorter.undistort(picture, interpolation=interpolation)
             pictures.append(
                 {
                     "photo": str(photo),
                     "output": str(path),
                     "image_size": list(undistorter.new_camera.image_size),
-                    "camera": camera_members(undistorter.new_camera),
+                    **_view_members(undistorter.new_camera),
                     "valid_rectangle": list(undistorter.valid_rectangle),
                 }
             )
@@ -88,20 +114,36 @@ def undistort_command(
 
     with progress_bar("undistorting", quiet) as progress:
         write_in_turn(undistorted())
-    members = {"format": UNDISTORTION_FORMAT, "balance": balance, "pictures": pictures}
+    members = {
+        "format": UNDISTORTION_FORMAT,
+        "view": view,
+        "balance": balance,
+        "field": field,
+        "pictures": pictures,
+    }
     answer(json, quiet, members, _lines(pictures))
+
+
+def _view_members(view: Camera | Panorama) -> dict[str, Any]:
+    """Return the ``camera`` or the ``panorama`` member of a picture."""
+    if isinstance(view, Camera):
+        return {"camera": camera_members(view)}
+    names = ("projection", "focal", "cx", "cy")
+    return {"panorama": {name: getattr(view, name) for name in names}}
 
 
 def _lines(pictures: Sequence[dict[str, Any]]) -> Iterator[str]:
     """Say what was written, and of which camera, once for those that have the same."""
     before = None
     for picture in pictures:
-        camera = picture["camera"]
+        camera = picture.get("camera") or picture["panorama"]
         if camera != before:
             width, height = picture["image_size"]
             x, y, valid_width, valid_height = picture["valid_rectangle"]
-            numbers = ", ".join(f"{name} {camera[name]:.6g}" for name in ("fx", "fy", "cx", "cy"))
-            yield f"new camera, without distortion: {width} x {height}, {numbers}"
+            names = ("fx", "fy", "focal", "cx", "cy")
+            numbers = ", ".join(f"{it} {camera[it]:.6g}" for it in names if it in camera)
+            what = camera.get("projection", "new camera")
+            yield f"{what}, without distortion: {width} x {height}, {numbers}"
             yield (
                 f"no black pixel in the rectangle from ({x}, {y}) of {valid_width} x {valid_height}"
             )

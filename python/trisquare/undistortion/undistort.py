@@ -12,6 +12,7 @@ import trisquare._core as _core
 from trisquare._support.suggestions import unknown
 from trisquare.camera.camera import Camera, camera_for_core
 from trisquare.camera.lens_models import is_fisheye
+from trisquare.camera.panorama import Panorama, view_for_core
 from trisquare.images.pixels import Image, ImageSource, picture_size
 from trisquare.images.reading import load_picture
 
@@ -47,8 +48,9 @@ class Undistorter:
     balance : float
         From 0, where the new picture holds nothing but the photograph (no black border), to 1,
         where it holds all of the photograph; see `Camera.undistorted`.
-    new_camera : Camera, optional
-        The pinhole to look through, of any size, instead of the one that `balance` gives.
+    new_camera : Camera or Panorama, optional
+        The pinhole to look through, or the panorama to lay the picture on, of any size, instead of
+        the pinhole that `balance` gives.
 
     Raises
     ------
@@ -58,13 +60,19 @@ class Undistorter:
     """
 
     def __init__(
-        self, camera: Camera, balance: float = 0.0, *, new_camera: Camera | None = None
+        self,
+        camera: Camera,
+        balance: float = 0.0,
+        *,
+        new_camera: Camera | Panorama | None = None,
     ) -> None:
-        _check_camera(camera, "camera")
+        _check_view(camera, "camera", Camera)
         if new_camera is None:
             new_camera = camera.undistorted(balance)
-        _check_camera(new_camera, "new_camera")
-        if is_fisheye(new_camera.model) or new_camera.distortion.any():
+        _check_view(new_camera, "new_camera", Camera, Panorama)
+        if isinstance(new_camera, Camera) and (
+            is_fisheye(new_camera.model) or new_camera.distortion.any()
+        ):
             raise ValueError("new_camera must be a pinhole, but it has a distortion")
         self._camera, self._new_camera = camera, new_camera
         width, height = new_camera.image_size
@@ -74,7 +82,7 @@ class Undistorter:
         _core.fill_undistortion_map(
             camera_for_core(camera),
             camera.image_size,
-            (new_camera.fx, new_camera.fy, new_camera.cx, new_camera.cy),
+            view_for_core(new_camera),
             self._whole,
             self._parts,
             self._valid,
@@ -87,8 +95,8 @@ class Undistorter:
         return self._camera
 
     @property
-    def new_camera(self) -> Camera:
-        """The pinhole that has taken what `undistort` returns."""
+    def new_camera(self) -> Camera | Panorama:
+        """The pinhole that has taken what `undistort` returns, or the panorama that it is."""
         return self._new_camera
 
     @property
@@ -106,7 +114,7 @@ class Undistorter:
         return _core.largest_rectangle(self._valid)
 
     def undistort(self, image: ImageSource, *, interpolation: str = "linear") -> Image:
-        """Return a picture as the pinhole `new_camera` would have taken it.
+        """Return a picture as `new_camera` shows it.
 
         Parameters
         ----------
@@ -164,10 +172,11 @@ class Undistorter:
         return f"<Undistorter from {self._camera!r} to {self._new_camera!r}>"
 
 
-def _check_camera(camera: Any, name: str) -> None:
-    if not isinstance(camera, Camera):
-        raise TypeError(f"{name} must be a Camera, not {type(camera).__name__}")
-    if max(camera.image_size) > LARGEST_RESAMPLED:
+def _check_view(view: Any, name: str, *types: type[Camera | Panorama]) -> None:
+    if not isinstance(view, types):
+        wanted = " or ".join(f"a {it.__name__}" for it in types)
+        raise TypeError(f"{name} must be {wanted}, not {type(view).__name__}")
+    if max(view.image_size) > LARGEST_RESAMPLED:
         raise ValueError(
             f"{name}: pictures of more than {LARGEST_RESAMPLED} pixels a side cannot be resampled"
         )
@@ -190,7 +199,7 @@ def undistort(
     camera: Camera,
     balance: float = 0.0,
     *,
-    new_camera: Camera | None = None,
+    new_camera: Camera | Panorama | None = None,
     rescale: bool = False,
     interpolation: str = "linear",
 ) -> Image:
@@ -207,8 +216,8 @@ def undistort(
         The camera that took it.
     balance : float
         From 0, no black border, to 1, all of the photograph.
-    new_camera : Camera, optional
-        The pinhole to look through, instead of ``camera.undistorted(balance)``.
+    new_camera : Camera or Panorama, optional
+        The pinhole or the panorama to show it by, instead of ``camera.undistorted(balance)``.
     rescale : bool
         Take a picture of another size as scaled, by the rule of `Camera.rescaled`, before or after
         it was taken. Otherwise such a picture is an error.

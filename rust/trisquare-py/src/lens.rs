@@ -8,12 +8,13 @@ use numpy::{
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use trisquare::{
-    Brown, Distortion, DistortionTerm, ImageSize, Lens, LensFamily, PointMaps, Pose,
-    PoseUncertainty, ProjectionUncertainty, UndistortedView, UndistortionMap,
+    Distortion, DistortionTerm, ImageSize, Lens, LensFamily, PictureView, PointMaps, Pose,
+    PoseUncertainty, ProjectionUncertainty, Surface, UndistortedView, UndistortionMap,
 };
 
 use crate::any_lens::{CameraMembers, with_lens};
 use crate::arrays;
+use crate::calibration::named;
 use crate::errors::{computed, detached};
 
 /// Copies points, and maps them with a lens of any family, without the GIL.
@@ -102,20 +103,65 @@ pub fn undistorted_view(
     Ok(view.intrinsics().into())
 }
 
-/// Fills the map of where a pinhole's pixels lie in a camera's picture.
+/// A view of an undistorted picture: its surface, focal lengths and centre.
+type ViewMembers<'a> = (&'a str, f64, f64, f64, f64);
+
+const SURFACES: [(&str, Surface); 3] = [
+    ("pinhole", Surface::Plane),
+    ("cylinder", Surface::Cylinder),
+    ("equirectangular", Surface::Sphere),
+];
+
+fn picture_view((surface, fx, fy, cx, cy): ViewMembers<'_>) -> PyResult<PictureView> {
+    Ok(PictureView {
+        surface: named(surface, "projection", &SURFACES)?,
+        focal: Vector2::new(fx, fy),
+        centre: Vector2::new(cx, cy),
+    })
+}
+
+/// The directions (N, 3) that pixels of a view show, of any length.
+#[pyfunction]
+#[pyo3(signature = (view, pixels))]
+pub fn view_directions<'py>(
+    py: Python<'py>,
+    view: ViewMembers<'_>,
+    pixels: PyReadonlyArray2<'py, f64>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let (view, pixels) = (picture_view(view)?, arrays::points::<2>(&pixels)?);
+    let found: Vec<_> = pixels.iter().map(|pixel| view.direction(pixel)).collect();
+    Ok(arrays::from_points(py, &found))
+}
+
+/// The pixels (N, 2) of a view that show directions; NaN where none does.
+#[pyfunction]
+#[pyo3(signature = (view, directions))]
+pub fn view_pixels<'py>(
+    py: Python<'py>,
+    view: ViewMembers<'_>,
+    directions: PyReadonlyArray2<'py, f64>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let (view, directions) = (picture_view(view)?, arrays::points::<3>(&directions)?);
+    let nowhere = Vector2::repeat(f64::NAN);
+    let found = directions
+        .iter()
+        .map(|it| view.pixel(it).unwrap_or(nowhere));
+    Ok(arrays::from_points(py, &found.collect::<Vec<_>>()))
+}
+
+/// Fills the map of where a view's pixels lie in a camera's picture.
 #[pyfunction]
 #[pyo3(signature = (camera, image_size, view, whole, parts, valid))]
 pub fn fill_undistortion_map(
     py: Python<'_>,
     camera: CameraMembers,
     image_size: (u32, u32),
-    view: [f64; 4],
+    view: ViewMembers<'_>,
     mut whole: PyReadwriteArray3<'_, i16>,
     mut parts: PyReadwriteArray2<'_, u16>,
     mut valid: PyReadwriteArray2<'_, bool>,
 ) -> PyResult<()> {
-    let [fx, fy, cx, cy] = view;
-    let view = Brown::new([fx, fy, cx, cy, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let view = picture_view(view)?;
     let camera = camera.lens(py)?;
     let view_size = size((valid.shape()[1] as u32, valid.shape()[0] as u32));
     let mut map = UndistortionMap {
@@ -123,7 +169,7 @@ pub fn fill_undistortion_map(
         parts: parts.as_slice_mut()?,
         valid: valid.as_slice_mut()?,
     };
-    with_lens!(camera, |lens| computed(py, || map.fill(
+    with_lens!(camera, |lens| computed(py, || map.fill_view(
         &lens,
         size(image_size),
         &view,

@@ -32,7 +32,7 @@ mod _core {
         can_project, can_unproject, compare_projections, distort_pixels, fill_undistortion_map,
         largest_rectangle, nearest_lens, points_on_plane, points_on_plane_with_covariance,
         project_points, projection_covariance, undistort_pixels, undistorted_view,
-        unproject_pixels, valid_pixel_radius, valid_radius,
+        unproject_pixels, valid_pixel_radius, valid_radius, view_directions, view_pixels,
     };
     #[pymodule_export]
     use crate::linear::{

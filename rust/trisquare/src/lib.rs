@@ -49,8 +49,9 @@ pub use image::{
 pub use image_size::ImageSize;
 pub use lens::{
     Brown, BrownModel, Distortion, DistortionModel, DistortionTerm, Fisheye, FisheyeModel, Lens,
-    LensFamily, NearestLens, OpenCvLens, OpenCvModel, PointMaps, Rational, RationalModel,
-    SeenAgain, ThinPrism, ThinPrismModel, TurnedLenses, UndistortedView, UndistortionMap,
+    LensFamily, NearestLens, OpenCvLens, OpenCvModel, PictureView, PointMaps, Rational,
+    RationalModel, SeenAgain, Surface, ThinPrism, ThinPrismModel, TurnedLenses, UndistortedView,
+    UndistortionMap,
 };
 pub use linear::{Straightening, fit_distortion};
 pub use localise::{

@@ -2,9 +2,9 @@
 
 use nalgebra::Vector2;
 
-use super::DefaultLens;
-use super::Lens;
+use super::picture_view::PictureView;
 use super::undistorted_view::ON_THE_BORDER;
+use super::{DefaultLens, Lens};
 use crate::error::Error;
 use crate::image_size::ImageSize;
 
@@ -44,6 +44,20 @@ impl UndistortionMap<'_> {
         view: &DefaultLens,
         view_size: ImageSize,
     ) -> Result<(), Error> {
+        self.fill_view(camera, size, &PictureView::pinhole(view), view_size)
+    }
+
+    /// As [`Self::fill`], of what is laid on a plane, a cylinder or a sphere.
+    ///
+    /// # Errors
+    /// As [`Self::fill`].
+    pub fn fill_view(
+        &mut self,
+        camera: &impl Lens,
+        size: ImageSize,
+        view: &PictureView,
+        view_size: ImageSize,
+    ) -> Result<(), Error> {
         let width = view_size.width as usize;
         let pixels = width * view_size.height as usize;
         let lengths = [self.whole.len() / 2, self.parts.len(), self.valid.len()];
@@ -57,13 +71,10 @@ impl UndistortionMap<'_> {
             .chunks_exact_mut(2 * width)
             .zip(self.parts.chunks_exact_mut(width))
             .zip(self.valid.chunks_exact_mut(width));
-        let (focal, centre) = (view.focal(), view.principal_point());
         for (y, ((whole, parts), valid)) in rows.enumerate() {
-            let ideal_y = (y as f64 - centre.y) / focal.y;
             let pixels = whole.chunks_exact_mut(2).zip(parts).zip(valid);
             for (x, ((whole, part), valid)) in pixels.enumerate() {
-                let ideal = Vector2::new((x as f64 - centre.x) / focal.x, ideal_y);
-                let seen = camera.project(&ideal.push(1.0));
+                let seen = camera.project(&view.direction(&Vector2::new(x as f64, y as f64)));
                 let (place, parts) = seen.map_or(([NOWHERE; 2], 0), |seen| rounded(&seen));
                 whole.copy_from_slice(&place);
                 *part = parts;

@@ -1,0 +1,171 @@
+"""Views of what lies too far from the axis for a pinhole: on a cylinder, or on a sphere."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+import trisquare._core as _core
+from trisquare._support.arrays import (
+    FloatArray,
+    RebuiltByConstructor,
+    real_array,
+    real_number,
+    size_of_image,
+)
+from trisquare._support.suggestions import unknown
+from trisquare.camera.camera import Camera, camera_for_core, field_of_view
+
+# How far from the horizon each projection shows: a cylinder shows latitudes by their tangent.
+HIGHEST_LATITUDES = {"equirectangular": math.pi / 2, "cylinder": math.radians(60.0)}
+
+# Steps along the row and the column through the axis, between which the view's ends are looked for.
+STEPS = 4096
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Panorama(RebuiltByConstructor):
+    """A picture laid on a cylinder or a sphere about the camera's centre, without distortion.
+
+    The pixel ``(cx, cy)`` shows the camera's axis. With the longitude ``atan2(X, Z)`` and the
+    latitude ``atan2(Y, hypot(X, Z))`` of a direction, its pixel is ``cx + focal * longitude``, and
+    ``cy + focal * latitude`` ("equirectangular") or ``cy + focal * tan(latitude)`` ("cylinder").
+
+    Parameters
+    ----------
+    projection : {"equirectangular", "cylinder"}
+        On a cylinder, lines of the scene along the picture's Y axis stay straight.
+    focal : float
+        Pixels per radian at ``(cx, cy)``.
+    cx, cy : float
+        The pixel of the camera's axis.
+    image_size : (int, int)
+        Width and height in pixels.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a value has the wrong type, is not finite, or there is no such projection.
+    """
+
+    projection: str
+    focal: float
+    cx: float
+    cy: float
+    image_size: tuple[int, int]
+
+    def __post_init__(self) -> None:
+        _check_projection(self.projection)
+        for name in ("focal", "cx", "cy"):
+            object.__setattr__(self, name, real_number(getattr(self, name), name))
+        if self.focal <= 0:
+            raise ValueError(f"focal must be positive, not {self.focal:g}")
+        object.__setattr__(self, "image_size", size_of_image(self.image_size))
+
+    @classmethod
+    def of(
+        cls, camera: Camera, projection: str = "equirectangular", field: float | None = None
+    ) -> Panorama:
+        """Return a panorama of a camera's pictures, with their scale at the axis.
+
+        Parameters
+        ----------
+        camera : Camera
+            The camera of the pictures.
+        projection : {"equirectangular", "cylinder"}
+            As for `Panorama`.
+        field : float, optional
+            Degrees that the panorama is wide, half of them on each side of the axis; by default as
+            wide as the photograph's row through the principal point. It is as high as the
+            photograph's column through the principal point; a cylinder, at most 60 degrees on each
+            side.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If `camera` is none, `field` is not above 0 and at most 360, there is no such
+            projection, or the camera cannot undistort the pixels about its principal point.
+        """
+        if not isinstance(camera, Camera):
+            raise TypeError(f"camera must be a Camera, not {type(camera).__name__}")
+        _check_projection(projection)
+        longitudes, latitudes = _ends_seen(camera, axis=0), _ends_seen(camera, axis=1)
+        if field is not None:
+            half = math.radians(field_of_view(field, 360.0)) / 2
+            longitudes = np.array([-half, half])
+        highest = HIGHEST_LATITUDES[projection]
+        latitudes = latitudes.clip(-highest, highest)
+        if projection == "cylinder":
+            latitudes = np.tan(latitudes)
+        (left, right), (top, bottom) = camera.fx * longitudes, camera.fx * latitudes
+        size = (math.floor(right - left) + 1, math.floor(bottom - top) + 1)
+        return cls(projection, camera.fx, -left, -top, size)
+
+    def project(self, points: npt.ArrayLike) -> FloatArray:
+        """Return the pixels that show points of the camera's frame.
+
+        Parameters
+        ----------
+        points : array_like, shape (N, 3)
+            ``(X, Y, Z)`` in any unit.
+
+        Returns
+        -------
+        ndarray, shape (N, 2)
+            Pixels; they may lie outside the picture. NaN for a point that a cylinder cannot show:
+            one on its axis.
+        """
+        return _core.view_pixels(view_for_core(self), real_array(points, "points", (None, 3)))
+
+    def unproject(self, pixels: npt.ArrayLike) -> FloatArray:
+        """Return the unit rays, in the camera's frame, along which pixels look.
+
+        Parameters
+        ----------
+        pixels : array_like, shape (N, 2)
+            Of this picture.
+
+        Returns
+        -------
+        ndarray, shape (N, 3)
+        """
+        directions = _core.view_directions(
+            view_for_core(self), real_array(pixels, "pixels", (None, 2))
+        )
+        rays: FloatArray = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+        return rays
+
+    def __repr__(self) -> str:
+        width, height = self.image_size
+        return (
+            f"<Panorama {width} x {height}, {self.projection}: focal {self.focal:.6g}, "
+            f"cx {self.cx:.6g}, cy {self.cy:.6g}>"
+        )
+
+
+def view_for_core(view: Camera | Panorama) -> tuple[str, float, float, float, float]:
+    """Return what the compiled core takes for an undistorted picture's view."""
+    if isinstance(view, Panorama):
+        return view.projection, view.focal, view.focal, view.cx, view.cy
+    return "pinhole", view.fx, view.fy, view.cx, view.cy
+
+
+def _check_projection(projection: Any) -> None:
+    if projection not in HIGHEST_LATITUDES:
+        raise unknown("projection", str(projection), HIGHEST_LATITUDES)
+
+
+def _ends_seen(camera: Camera, axis: int) -> FloatArray:
+    """Return the angles (2,) from the axis between which a row or a column sees, in radians."""
+    pixels = np.tile(camera.K[:2, 2], (STEPS, 1))
+    pixels[:, axis] = np.linspace(0.0, camera.image_size[axis] - 1.0, STEPS)
+    seen = np.array(_core.can_unproject(camera_for_core(camera), pixels), dtype=bool)
+    if seen.sum() < 2:
+        raise ValueError("the camera cannot undistort the pixels about its principal point")
+    rays = camera.unproject(pixels[seen])
+    angles = np.arctan2(rays[:, axis], rays[:, 2])
+    return np.array([angles.min(), angles.max()])
