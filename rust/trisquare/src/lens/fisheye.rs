@@ -25,6 +25,9 @@ const PRIOR_EFFECTS: [f64; COEFFICIENTS] = [0.1, 0.05, 0.025, 0.0125];
 /// Newton steps when a pixel is followed back, or bisections where one leads astray.
 const MAX_STEPS: usize = 100;
 
+/// After a Newton step of this part of the angle the next one would be rounding: each squares it.
+const LAST_STEP: f64 = 1e-10;
+
 /// Below this squared observed radius the power series is exact to rounding.
 const NEAR_AXIS: f64 = 1e-6;
 
@@ -99,11 +102,13 @@ pub struct FisheyePixelRay {
     /// `sin(theta)` and `cos(theta)`.
     sine: f64,
     cosine: f64,
-    /// `|w| / theta` and `d|w| / d theta`, ...
-    factor: f64,
-    slope: f64,
-    /// ... and `d slope / d theta / theta`.
+    /// `theta / |w|` and `d theta / d|w|`, ...
+    inverse_factor: f64,
+    inverse_slope: f64,
+    /// ... and `d (d|w| / d theta) / d theta / theta`.
     bend: f64,
+    /// `1 / (2 s)`.
+    inverse_square: f64,
     /// `A` and its first and second derivative by `s`.
     a: [f64; 3],
     /// The first and second derivative of `C` by `s`.
@@ -175,22 +180,21 @@ impl Fisheye {
                 false => low = theta,
             }
             let newton = theta - excess / slope;
-            let next = match low < newton && newton < high {
+            if (newton - theta).abs() <= LAST_STEP * theta {
+                return Some(newton.clamp(low, high));
+            }
+            theta = match low < newton && newton < high {
                 true => newton,
                 false => 0.5 * (low + high),
             };
-            if (next - theta).abs() <= f64::EPSILON * theta {
-                return Some(next);
-            }
-            theta = next;
         }
         Some(theta)
     }
 
     /// `A`, its derivatives by `s`, and those of `C`, near the axis by their power series.
     fn with_series(&self, mut ray: FisheyePixelRay) -> FisheyePixelRay {
-        let s = ray.square;
-        let (p, f) = (ray.slope, ray.factor);
+        let (s, inverse) = (ray.square, ray.inverse_square);
+        let (p, f) = (ray.inverse_slope, ray.inverse_factor);
         ray.a = if s < NEAR_AXIS {
             let [k1, k2, ..] = self.coefficients();
             let (first, second) = (-k1 - 1.0 / 6.0, 3.0 * k1 * k1 - k2 + 0.5 * k1 + 1.0 / 120.0);
@@ -200,16 +204,16 @@ impl Fisheye {
                 2.0 * second,
             ]
         } else {
-            let a = ray.sine / s.sqrt();
-            let first = (ray.cosine / p - a) / (2.0 * s);
+            let a = ray.sine * f / ray.theta;
+            let first = (ray.cosine * p - a) * inverse;
             // d(C / slope) / ds
-            let change = -a / (2.0 * p * p) - ray.cosine * ray.bend / (2.0 * f * p.powi(3));
-            [a, first, (change - 3.0 * first) / (2.0 * s)]
+            let change = -0.5 * p * p * (a + ray.cosine * ray.bend * f * p);
+            [a, first, (change - 3.0 * first) * inverse]
         };
         let [a, first, _] = ray.a;
         ray.c = [
-            -a / (2.0 * p),
-            -first / (2.0 * p) + a * ray.bend / (4.0 * f * p.powi(3)),
+            -0.5 * a * p,
+            0.5 * p * (0.5 * a * ray.bend * f * p * p - first),
         ];
         ray
     }
@@ -232,21 +236,22 @@ impl Fisheye {
         (along * a + w * radial, change)
     }
 
-    /// How `n` and its gradient by `w` change with a coefficient, the pixel at rest.
+    /// How `n` and its gradient by `w` change with a coefficient, the pixel at rest; `power` is
+    /// `theta^(2 index + 2)`.
+    #[inline]
     fn by_coefficient(
         &self,
         ray: &FisheyePixelRay,
         line: &Vector3<f64>,
-        index: usize,
+        (index, power): (usize, f64),
     ) -> (f64, Vector2<f64>) {
-        let order = index as i32 + 1;
-        let (t, s) = (ray.theta * ray.theta, ray.square);
-        let (p, f, a) = (ray.slope, ray.factor, ray.a[0]);
-        let power = t.powi(order);
+        let (s, p, a) = (ray.square, ray.inverse_slope, ray.a[0]);
         // The angle changes by -theta power / slope.
-        let da = -ray.cosine * power / (f * p);
-        let dc = ray.sine * ray.theta * power / p;
-        let dp = f64::from(2 * order + 1) * power - ray.bend * t * power / p;
+        let turned = power * p;
+        let da = -ray.cosine * ray.inverse_factor * turned;
+        let dc = ray.sine * ray.theta * turned;
+        let order = (2 * index + 3) as f64;
+        let dp = order * power - ray.bend * ray.theta * ray.theta * turned;
         let da1 = if s < NEAR_AXIS {
             let [k1, ..] = self.coefficients();
             match index {
@@ -255,10 +260,9 @@ impl Fisheye {
                 _ => 0.0,
             }
         } else {
-            let change = ray.sine * ray.theta * power / (p * p) - ray.cosine * dp / (p * p);
-            (change - da) / (2.0 * s)
+            ((dc - ray.cosine * dp * p) * p - da) * ray.inverse_square
         };
-        let dc1 = -da / (2.0 * p) + a * dp / (2.0 * p * p);
+        let dc1 = 0.5 * p * (a * dp * p - da);
         let (w, along) = (ray.w, line.xy());
         let across = along.dot(&w);
         (
@@ -360,7 +364,7 @@ impl Lens for Fisheye {
             jacobian[(axis, axis)] = ray.w[axis];
             jacobian[(axis, 2 + axis)] = 1.0;
             // The angle is that of the ray: the radius changes with it by theta^(2 i + 1).
-            let mut change = self.focal()[axis] * ray.w[axis] / ray.factor;
+            let mut change = self.focal()[axis] * ray.w[axis] * ray.inverse_factor;
             for column in INTRINSICS..NAMES.len() {
                 change *= ray.theta * ray.theta;
                 jacobian[(axis, column)] = change;
@@ -380,9 +384,10 @@ impl Lens for Fisheye {
             theta,
             sine,
             cosine,
-            factor,
-            slope,
+            inverse_factor: factor.recip(),
+            inverse_slope: slope.recip(),
             bend,
+            inverse_square: 0.5 / w.norm_squared(),
             a: [0.0; 3],
             c: [0.0; 2],
         }))
@@ -438,32 +443,37 @@ impl Lens for Fisheye {
         line: &Vector3<f64>,
         wanted: Columns,
     ) -> LineDistance {
-        let focal = self.focal();
+        let inverse_focal = self.focal().map(f64::recip);
         let (gradient, change) = Self::gradient(ray, line);
-        let norm = gradient.component_div(&focal).norm();
+        let by_pixel = gradient.component_mul(&inverse_focal);
+        let inverse_norm = by_pixel.norm().recip();
         let unit = self.direction(ray);
-        let value = line.dot(&unit) / norm;
+        let value = line.dot(&unit) * inverse_norm;
         // d|g / f| = pull . dg
-        let pull = gradient.component_div(&focal).component_div(&focal) / norm;
-        let moved = |dn: f64, dg: Vector2<f64>| (dn - value * pull.dot(&dg)) / norm;
+        let pull = by_pixel.component_mul(&inverse_focal) * inverse_norm;
+        let moved = |dn: f64, dg: Vector2<f64>| (dn - value * pull.dot(&dg)) * inverse_norm;
         let mut wrt_lens = [0.0; MAX_LENS_COLUMNS];
         for axis in 0..2 {
-            let mut step = Vector2::zeros();
-            step[axis] = -1.0 / focal[axis];
-            wrt_lens[2 + axis] = moved(gradient.dot(&step), change(step));
-            step *= ray.w[axis];
-            let divided = value * pull[axis] * gradient[axis] / (focal[axis] * norm);
-            wrt_lens[axis] = moved(gradient.dot(&step), change(step)) + divided;
+            // The derivatives by w are linear in its step, which both make along this axis.
+            let step = Vector2::ith(axis, -inverse_focal[axis]);
+            let shifted = moved(gradient.dot(&step), change(step));
+            wrt_lens[2 + axis] = shifted;
+            let divided = value * pull[axis] * by_pixel[axis] * inverse_norm;
+            wrt_lens[axis] = ray.w[axis] * shifted + divided;
         }
-        for index in (0..COEFFICIENTS).filter(|index| wanted.contains(INTRINSICS + index)) {
-            let (dn, dg) = self.by_coefficient(ray, line, index);
-            wrt_lens[INTRINSICS + index] = moved(dn, dg);
+        let mut power = 1.0;
+        for index in 0..COEFFICIENTS {
+            power *= ray.theta * ray.theta;
+            if wanted.contains(INTRINSICS + index) {
+                let (dn, dg) = self.by_coefficient(ray, line, (index, power));
+                wrt_lens[INTRINSICS + index] = moved(dn, dg);
+            }
         }
         // g = M^T l
         let by_line = Self::ray_jacobian(ray);
         LineDistance {
             value,
-            wrt_line: (unit - by_line * pull * value) / norm,
+            wrt_line: (unit - by_line * pull * value) * inverse_norm,
             wrt_lens,
         }
     }
