@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 import trisquare as ts
-from trisquare.simulate import cramer_rao_bound, edge_points, fisheye, render, wide_scene
+from trisquare.simulate import (
+    cramer_rao_bound,
+    edge_points,
+    fisheye,
+    image_circle,
+    render,
+    wide_scene,
+)
 
 SIZE = (1280, 960)
 FREE = ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")
@@ -59,6 +66,17 @@ def test_a_picture_is_found_and_answered_within_its_standard_deviations(degrees)
     assert result.stage == "pixels"
     std = np.array([result.std[name] for name in FREE])
     assert (np.abs(values(result.camera) - values(camera_of(scene.camera))) < 4.5 * std).all()
+
+
+def test_squares_are_found_in_a_circle_of_light_among_clutter():
+    rng = np.random.default_rng(137)
+    scene = wide_scene(rng, fisheye(170.0))
+    overlays = (image_circle(scene),)
+    picture = render(scene, rng, tone="srgb", clutter=20, overlays=overlays)
+    assert (picture[:5, :5] < 20).all()  # the corners are black
+    result = ts.calibrate(picture, model="fisheye")
+    assert len(result.planes) == 3
+    assert abs(result.camera.fx - scene.camera.fx) < 4.5 * result.std["fx"]
 
 
 def test_evidence_takes_a_fisheye_for_what_it_is(wide):

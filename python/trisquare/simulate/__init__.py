@@ -6,7 +6,7 @@ quoted for the package can be drawn again from a seed.
 
 from trisquare._support.rotations import tilted
 from trisquare.simulate.cramer_rao import cramer_rao_bound, pixel_sigma
-from trisquare.simulate.fisheye import TrueFisheye, fisheye, wide_scene
+from trisquare.simulate.fisheye import TrueFisheye, fisheye, image_circle, wide_scene
 from trisquare.simulate.folded_corner import corner_scene
 from trisquare.simulate.motion_blur import Motion
 from trisquare.simulate.render import render, render_into
@@ -31,6 +31,7 @@ __all__ = [
     "cramer_rao_bound",
     "edge_points",
     "fisheye",
+    "image_circle",
     "photo_like",
     "photo_of_sheets",
     "pixel_sigma",

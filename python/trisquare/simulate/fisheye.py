@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -53,6 +54,10 @@ class TrueFisheye(TrueCamera):
         factor = 1.0 + powers @ self.distortion
         slope = 1.0 + powers @ (self.distortion * [3.0, 5.0, 7.0, 9.0])
         return angle * factor, slope
+
+    def observed_radius(self, angle: float) -> float:
+        """Distance from the principal point, in focal lengths, at which an angle is seen."""
+        return float(self._radius(np.array(angle))[0])
 
     @property
     def valid_angle(self) -> float:
@@ -138,6 +143,23 @@ def fisheye(
     focal = 0.5 * width / (half * (1.0 + half ** (2.0 * np.arange(1, 5)) @ coefficients))
     centre = 0.51 * width, 0.49 * height
     return TrueFisheye(focal, 1.002 * focal, *centre, coefficients, image_size)
+
+
+def image_circle(scene: Scene, margin: float = 2.0) -> Callable[[Array], Array]:
+    """Return an overlay for `render`: the black about the image of a lens that does not fill it.
+
+    The image ends `margin` degrees beyond the farthest corner of the scene's targets.
+    """
+    camera = scene.camera
+    if not isinstance(camera, TrueFisheye):
+        raise TypeError(f"the camera must be a TrueFisheye, not {type(camera).__name__}")
+    corners = np.vstack([target.to_camera(target.outlines()[0]) for target in scene.targets])
+    angles = np.arctan2(np.hypot(corners[:, 0], corners[:, 1]), corners[:, 2])
+    rim = camera.observed_radius(angles.max() + np.radians(margin))
+    width, height = camera.image_size
+    x, y = (np.arange(width) - camera.cx) / camera.fx, (np.arange(height) - camera.cy) / camera.fy
+    inside = np.clip(0.5 + camera.fx * (rim - np.hypot(x, y[:, None])), 0.0, 1.0)[..., None]
+    return lambda light: light * inside
 
 
 def wide_scene(
