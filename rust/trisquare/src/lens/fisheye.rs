@@ -119,20 +119,12 @@ impl Fisheye {
     /// From `fx, fy, cx, cy, k1, k2, k3, k4`.
     pub fn new(parameters: [f64; INTRINSICS + COEFFICIENTS]) -> Self {
         let [.., k1, k2, k3, k4] = parameters;
-        let slope = [
-            1.0,
-            0.0,
-            3.0 * k1,
-            0.0,
-            5.0 * k2,
-            0.0,
-            7.0 * k3,
-            0.0,
-            9.0 * k4,
-        ];
+        // Of the squared angle.
+        let slope = [1.0, 3.0 * k1, 5.0 * k2, 7.0 * k3, 9.0 * k4];
+        let falls = sign_changes(&slope, PI * PI).first().map(|t| t.sqrt());
         Self {
             parameters,
-            valid_angle: sign_changes(&slope, PI).first().copied().unwrap_or(PI),
+            valid_angle: falls.unwrap_or(PI),
         }
     }
 
