@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, sample_sides
 
-# Of the camera, by name; of a plane, a small turn (0 to 2), a shift (3 to 5), the size of its
-# hole (6) or its extent along X (7).
+# Of the camera, by name; of a plane, a small turn (0 to 2), a shift (3 to 5) or the size of its
+# hole (6).
 Parameter: TypeAlias = str | int
 InSight = Callable[[Array], npt.NDArray[np.bool_]]
 
@@ -54,6 +54,7 @@ def cramer_rao_bound(
     free: Sequence[str] = ("fx", "fy", "cx", "cy", "k1", "k2"),
     in_sight: InSight | None = None,
     any_aspect: bool = False,
+    any_offsets: bool = False,
 ) -> dict[str, float]:
     """Smallest standard deviations that an unbiased calibration of this scene can have.
 
@@ -77,6 +78,9 @@ def cramer_rao_bound(
         the picture or hidden, do not count.
     any_aspect : bool
         Whether the aspect of every figure is unknown as well.
+    any_offsets : bool
+        Whether the places of a chessboard's grid lines are unknown as well, as those of the lines
+        of a facade.
 
     Returns
     -------
@@ -88,28 +92,48 @@ def cramer_rao_bound(
     ValueError
         If the scene does not determine them.
     """
-    of_planes = [
-        (*range(6), *[6] * (target.kind == "frame"), *[7] * any_aspect) for target in scene.targets
-    ]
-    size = len(free) + sum(map(len, of_planes))
-    information = np.zeros((size, size))
-    first = len(free)
-    for target, of_plane in zip(scene.targets, of_planes, strict=True):
-        columns = np.r_[: len(free), first : first + len(of_plane)]
+    jacobians = []
+    for target in scene.targets:
+        parameters = (*free, *range(6), *[6] * (target.kind == "frame"))
         sides = sample_sides(scene.camera, target, spacing)
         lengths = [len(side.plane) for side in sides]
         # A frame's hole comes after its outline.
         of_hole = np.repeat(np.arange(len(sides)) >= 4, lengths) & (target.kind == "frame")
         plane = np.concatenate([side.plane for side in sides])
         normal = np.concatenate([side.normal for side in sides])
-        slopes = image_slopes(scene.camera, target, (*free, *of_plane), plane, of_hole)
+        slopes = image_slopes(scene.camera, target, parameters, plane, of_hole)
         rows = np.sum(slopes * normal[:, None], axis=2)
+        along_plane = rows[:, len(free) + 3 : len(free) + 6] @ target.rotation[:, :2]
+        if any_aspect or any_offsets:
+            rows = np.hstack([rows, along_plane[:, :1] * plane[:, :1]])
+        if any_offsets:
+            rows = np.hstack([rows, _offset_slopes(target, lengths, along_plane)])
         weights = np.repeat([side.length / spacing / len(side.plane) for side in sides], lengths)
         if in_sight is not None:
             weights = weights * in_sight(np.concatenate([side.image for side in sides]))
-        information[np.ix_(columns, columns)] += (rows * weights[:, None]).T @ rows / sigma**2
-        first += len(of_plane)
+        jacobians.append(rows * np.sqrt(weights)[:, None] / sigma)
+    size = len(free) + sum(rows.shape[1] - len(free) for rows in jacobians)
+    information = np.zeros((size, size))
+    first = len(free)
+    for rows in jacobians:
+        after = first + rows.shape[1] - len(free)
+        columns = np.r_[: len(free), first:after]
+        information[np.ix_(columns, columns)] += rows.T @ rows
+        first = after
     return standard_deviations(information, free)
+
+
+def _offset_slopes(target: Target, lengths: Sequence[int], along_plane: Array) -> Array:
+    """How points on a board's grid lines, `lengths` of each, move with the offset of every line.
+
+    The outermost lines have none: they are the plane's coordinates. `along_plane`, shape (N, 2), is
+    how the points move with the plane's own X and Y.
+    """
+    columns, rows = target.inner_corners
+    number = np.repeat(np.arange(rows + columns), lengths)
+    further = [*range(1, rows - 1), *range(rows + 1, rows + columns - 1)]
+    slopes = [along_plane[:, int(line < rows)] * (number == line) for line in further]
+    return np.reshape(slopes, (len(further), len(number))).T
 
 
 def standard_deviations(
@@ -147,8 +171,7 @@ def image_slopes(
     def seen(parameter: Parameter, step: float) -> Array:
         moved, figure = changed(camera, target, parameter, step)
         scale = np.where(of_hole, figure.inner / target.inner, 1.0)
-        stretch = np.array([1.0 + (step if parameter == 7 else 0.0), 1.0])
-        return moved.project(figure.to_camera(plane * stretch * scale[:, None]))
+        return moved.project(figure.to_camera(plane * scale[:, None]))
 
     step = DIFFERENCE_STEP
     slopes = [(seen(name, step) - seen(name, -step)) / (2.0 * step) for name in parameters]
@@ -170,8 +193,6 @@ def changed(
         return replace(camera, **{parameter: getattr(camera, parameter) + step}), target
     if parameter == 6:
         return camera, replace(target, inner=target.inner + step)
-    if parameter == 7:
-        return camera, target  # its outline is no part of the target
     axis = np.eye(3)[parameter % 3]
     if parameter >= 3:
         return camera, replace(target, translation=target.translation + step * axis)
