@@ -27,6 +27,7 @@ __all__ = [
     "can_unproject",
     "compare_projections",
     "distort_pixels",
+    "family_lines",
     "fill_undistortion_map",
     "find_arcs",
     "find_lattices",
@@ -362,6 +363,9 @@ def remove_edge_shift(
     lines: Sequence[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp], float]],
 ) -> tuple[list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]], float]: ...
 def rectangle_lines(sides: Sequence[NDArray[np.float64]], aspect: float) -> NDArray[np.float64]: ...
+def family_lines(
+    along_x: Sequence[NDArray[np.float64]], along_y: Sequence[NDArray[np.float64]]
+) -> NDArray[np.float64]: ...
 def fit_distortion(
     curves: Sequence[NDArray[np.float64]],
     image_size: tuple[int, int],

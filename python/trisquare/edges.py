@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from trisquare._core import rectangle_lines
+from trisquare._core import family_lines, rectangle_lines
 from trisquare._support.arrays import (
     FloatArray,
     index_number,
@@ -21,7 +21,7 @@ from trisquare._support.arrays import (
 from trisquare._support.json_members import JsonFields, dump_members
 from trisquare.errors import NotEnoughDataError
 
-Freedom: TypeAlias = Literal["auto", "fixed", "size", "similarity", "aspect"]
+Freedom: TypeAlias = Literal["auto", "fixed", "size", "similarity", "aspect", "offsets"]
 
 EDGES_FORMAT = "trisquare-edges/1"
 
@@ -59,9 +59,9 @@ class PlaneEdges:
         Index of the picture the figure was measured in.
     kind : str
         What the figure is called in results.
-    freedom : {"auto", "fixed", "size", "similarity", "aspect"}
+    freedom : {"auto", "fixed", "size", "similarity", "aspect", "offsets"}
         What is unknown of a *further* figure on a shared plane; the plane's first figure defines
-        the plane's coordinates, and there only "aspect" has a meaning.
+        the plane's coordinates, and there only "aspect" and "offsets" have a meaning.
 
         - ``"fixed"``: nothing, its lines are given in the plane's coordinates (0 unknowns);
         - ``"size"``: its size about the common centre (1 unknown), as a frame's second outline;
@@ -69,7 +69,9 @@ class PlaneEdges:
         - ``"auto"``: ``"size"`` if it lies concentric with the plane's first figure, else
           ``"similarity"``;
         - ``"aspect"``, of the only figure on its plane: how far it extends along X, as of a
-          rectangle of unknown aspect (1 unknown, in the result's `Plane.aspect`).
+          rectangle of unknown aspect (1 unknown, in the result's `Plane.aspect`);
+        - ``"offsets"``, of the only figure on its plane: the places of all lines, which run along X
+          or along Y, as from `families`.
     drift : sequence of L array_like, shape (N_i, 2), optional
         How far, in pixels, one standard deviation of an error that all samples of a picture share
         displaces each: that of an estimated tone curve.
@@ -215,6 +217,55 @@ class PlaneEdges:
             image=image,
             kind=kind,
             freedom=freedom,
+        )
+
+    @classmethod
+    def families(
+        cls,
+        along_x: Sequence[Any],
+        along_y: Sequence[Any],
+        std: Sequence[Any] | None = None,
+        *,
+        polarity: int | None = None,
+        plane: int | None = None,
+        image: int = 0,
+        kind: str = "facade",
+    ) -> PlaneEdges:
+        """Make the edges of two families of parallel lines, at right angles on one plane.
+
+        As on a facade, where nothing is known of the lines' places: they are estimated, and leave
+        one equation for the camera, as `rectangle` does where the aspect is unknown. The outermost
+        two lines of each family make a rectangle: the plane's origin is its centre, its extent
+        along Y is the unit, and `Plane.aspect` its extent along X. X runs from the one of `along_y`
+        that is given first to the other, and Z points away from the camera.
+
+        Parameters
+        ----------
+        along_x, along_y : sequence of 2 or more array_like, shape (N_i, 2)
+            Samples of the lines of each family.
+        std : sequence of array_like, shape (N_i,), optional
+            As for `PlaneEdges`, of the lines of `along_x`, then of those of `along_y`.
+        polarity, plane, image, kind
+            As for `PlaneEdges`.
+
+        Raises
+        ------
+        ValueError
+            Also if two lines of a family cross between their samples' ends.
+        NotEnoughDataError
+            Also if a family has fewer than two lines.
+        """
+        along_x, along_y = list(along_x), list(along_y)
+        points = _samples_of_lines([*along_x, *along_y], len(along_x) + len(along_y))
+        return cls(
+            family_lines(points[: len(along_x)], points[len(along_x) :]),
+            points,
+            None if std is None else tuple(std),
+            polarity=polarity,
+            plane=plane,
+            image=image,
+            kind=kind,
+            freedom="offsets",
         )
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -21,14 +21,16 @@ class Plane(Record):
     Parameters
     ----------
     kind : str
-        What was found on it: ``"square"``, ``"frame"``, ``"rectangle"``, ``"chessboard"``, ...
+        What was found on it: ``"square"``, ``"frame"``, ``"rectangle"``, ``"facade"``,
+        ``"chessboard"``, ...
     image : int
         Index of the picture it was seen in.
     corners : array_like, shape (4, 2)
         Corners of its (first) figure in the photograph, distorted, in pixels.
     rotation, translation : array_like, shape (3, 3) and (3,)
         ``X_cam = rotation @ X_plane + translation``, in units of the square's side; of a
-        rectangle's shorter side, or where its aspect was unknown of its side 1.
+        rectangle's shorter side, or where its aspect was unknown of its side 1; of a facade's
+        extent along Y, between its outermost lines.
     rms : float
         Root mean square residual of its samples, in pixels.
     samples : int
@@ -36,7 +38,8 @@ class Plane(Record):
     uncertainty : PoseUncertainty, optional
         How well its pose is known; None in results of versions that did not say.
     aspect, aspect_std : float, optional
-        Of a rectangle whose aspect was unknown: side 0 over side 1, and its standard deviation.
+        Of a rectangle whose aspect was unknown: side 0 over side 1, and its standard deviation;
+        of a facade its extent along X.
     """
 
     kind: str = field(metadata=member(TEXT))

@@ -40,7 +40,7 @@ mod _core {
         pose_from_homography, straighten,
     };
     #[pymodule_export]
-    use crate::observations::{rectangle_lines, remove_edge_shift};
+    use crate::observations::{family_lines, rectangle_lines, remove_edge_shift};
     #[pymodule_export]
     use crate::planning::{Prediction, predict};
     #[pymodule_export]

@@ -23,6 +23,23 @@ pub fn rectangle_lines<'py>(
     Ok(arrays::from_lines(py, &rectangle.lines))
 }
 
+/// The lines of two orthogonal families of parallel lines that were sampled: their directions.
+#[pyfunction]
+#[pyo3(signature = (along_x, along_y))]
+pub fn family_lines<'py>(
+    py: Python<'py>,
+    along_x: Vec<PyReadonlyArray2<'py, f64>>,
+    along_y: Vec<PyReadonlyArray2<'py, f64>>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let points = |lines: &[PyReadonlyArray2<'py, f64>]| {
+        let lines = lines.iter().map(arrays::points);
+        lines.collect::<PyResult<Vec<_>>>()
+    };
+    let (along_x, along_y) = (points(&along_x)?, points(&along_y)?);
+    let families = computed(py, || PlaneEdges::families(along_x, along_y))?;
+    Ok(arrays::from_lines(py, &families.lines))
+}
+
 /// Points (N, 2) of a grid line, their deviations and cells, (N,), and the sign of its even cells.
 type GridLine<'py> = (
     PyReadonlyArray2<'py, f64>,
@@ -111,6 +128,7 @@ pub fn plane_edges(object: &Bound<'_, PyAny>) -> PyResult<PlaneEdges> {
             "size" => Freedom::Size,
             "similarity" => Freedom::Similarity,
             "aspect" => Freedom::Aspect,
+            "offsets" => Freedom::Offsets,
             other => return Err(PyValueError::new_err(format!("unknown freedom {other:?}"))),
         },
     })

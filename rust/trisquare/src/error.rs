@@ -53,6 +53,19 @@ pub enum Error {
         side: usize,
     },
 
+    /// Lines that are said to be parallel meet in the picture.
+    #[error(
+        "lines {} and {} of figure {figure} cross in the picture, so they are not parallel on one \
+         plane: give each line to its own family",
+        lines[0], lines[1]
+    )]
+    CrossedParallels {
+        /// Index of the figure.
+        figure: usize,
+        /// Indices of the lines in the figure.
+        lines: [usize; 2],
+    },
+
     /// Fewer planes than the free parameters need.
     #[error(
         "{found} plane(s) given, but the free parameters of the camera ({free}) need {needed}: \
@@ -75,6 +88,19 @@ pub enum Error {
         /// Lines given.
         found: usize,
         /// Lines needed.
+        needed: usize,
+    },
+
+    /// A family of parallel lines has too few.
+    #[error(
+        "a family of parallel lines of figure {figure} has {found} line(s), but needs {needed}"
+    )]
+    TooFewParallels {
+        /// Index of the figure.
+        figure: usize,
+        /// Lines of the smaller family.
+        found: usize,
+        /// Lines needed of each.
         needed: usize,
     },
 
@@ -193,9 +219,11 @@ impl Error {
             | Error::NotFinite { .. }
             | Error::BeyondValidRadius { .. }
             | Error::BehindCamera { .. }
-            | Error::CrossedSides { .. } => ErrorKind::InvalidArgument,
+            | Error::CrossedSides { .. }
+            | Error::CrossedParallels { .. } => ErrorKind::InvalidArgument,
             Error::NotEnoughPlanes { .. } => ErrorKind::NotEnoughPlanes,
             Error::TooFewLines { .. }
+            | Error::TooFewParallels { .. }
             | Error::TooFewSamples { .. }
             | Error::TooFewDegreesOfFreedom { .. } => ErrorKind::NotEnoughData,
             Error::DegenerateHomography { .. }

@@ -268,7 +268,8 @@ fn photographed<L: Lens>(
         let mut sides = Vec::with_capacity(outline.len());
         for i in 0..outline.len() {
             let ends = (outline[i], outline[(i + 1) % outline.len()]);
-            sides.push(side(camera, size, plane, index, ends, noise)?);
+            let side = side(camera, size, plane, index, ends, noise)?;
+            sides.push(Side { index: i, ..side });
         }
         figures.push(Figure {
             index: f,
@@ -321,6 +322,7 @@ fn side<L: Lens>(
         from = to;
     }
     Ok(Side {
+        index: 0,
         line,
         samples,
         tone_drift: Vec::new(),

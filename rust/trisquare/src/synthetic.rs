@@ -8,6 +8,7 @@ use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 
+use crate::error::Error;
 use crate::geometry::Pose;
 use crate::image_size::ImageSize;
 use crate::lens::{DefaultLens, INTRINSICS, Lens};
@@ -112,19 +113,57 @@ impl<L: Lens> Scene<L> {
 
     /// Samples of every side, `spacing` pixels apart, with isotropic noise of `noise` pixels.
     pub fn edges(&self, seed: u64, noise: f64, spacing: f64) -> Vec<PlaneEdges> {
+        let ends: Vec<_> = (0..4).map(|i| (corner(i), corner(i + 1))).collect();
+        let squares = self.measured(&ends, seed, noise, spacing).into_iter();
+        squares
+            .map(|sides| PlaneEdges::new(rectangle_lines(1.0, 1.0).to_vec(), sides))
+            .collect()
+    }
+
+    /// Samples of lines across every square, as on facades: along X where Y has the first values,
+    /// along Y where X has the second; otherwise as [`Scene::edges`].
+    ///
+    /// # Errors
+    /// As [`PlaneEdges::families`].
+    pub fn facades(
+        &self,
+        places: [&[f64]; 2],
+        seed: u64,
+        noise: f64,
+        spacing: f64,
+    ) -> Result<Vec<PlaneEdges>, Error> {
+        let [along_x, along_y] = places;
+        let across = |y: f64| (Vector2::new(-0.5, y), Vector2::new(0.5, y));
+        let ends = along_x.iter().map(|y| across(*y));
+        let down = along_y.iter().map(|x| across(*x));
+        let down = down.map(|(start, end)| (start.yx(), end.yx()));
+        let facades = self.measured(&ends.chain(down).collect::<Vec<_>>(), seed, noise, spacing);
+        let families = facades.into_iter().map(|mut lines| {
+            let along_y = lines.split_off(along_x.len());
+            PlaneEdges::families(lines, along_y)
+        });
+        families.collect()
+    }
+
+    /// Samples between ends on every plane.
+    fn measured(
+        &self,
+        ends: &[(Vector2<f64>, Vector2<f64>)],
+        seed: u64,
+        noise: f64,
+        spacing: f64,
+    ) -> Vec<Vec<Vec<Vector2<f64>>>> {
         let mut rng = StdRng::seed_from_u64(seed);
         let mut normal = || noise * rng.sample::<f64, _>(StandardNormal);
-        self.poses
-            .iter()
-            .map(|pose| {
-                let sides = (0..4).map(|side| {
-                    side_points(&self.camera, pose, side, spacing)
-                        .into_iter()
-                        .map(|p| p + Vector2::new(normal(), normal()))
-                        .collect()
-                });
-                PlaneEdges::new(rectangle_lines(1.0, 1.0).to_vec(), sides.collect())
-            })
+        let mut line = |pose, ends| {
+            let points = points_between(&self.camera, pose, ends, spacing).into_iter();
+            points
+                .map(|p| p + Vector2::new(normal(), normal()))
+                .collect()
+        };
+        let poses = self.poses.iter();
+        poses
+            .map(|pose| ends.iter().map(|ends| line(pose, *ends)).collect())
             .collect()
     }
 }
@@ -135,8 +174,12 @@ fn corner(i: usize) -> Vector2<f64> {
     Vector2::new(x, y)
 }
 
-fn side_points<L: Lens>(camera: &L, pose: &Pose, side: usize, spacing: f64) -> Vec<Vector2<f64>> {
-    let (a, b) = (corner(side), corner(side + 1));
+fn points_between<L: Lens>(
+    camera: &L,
+    pose: &Pose,
+    (a, b): (Vector2<f64>, Vector2<f64>),
+    spacing: f64,
+) -> Vec<Vector2<f64>> {
     let see = |t: f64| camera.project(&pose.transform(&a.lerp(&b, t)));
     let (Some(start), Some(end)) = (see(0.0), see(1.0)) else {
         return Vec::new();

@@ -244,6 +244,30 @@ fn an_unknown_aspect_is_estimated_with_the_camera() {
 }
 
 #[test]
+fn lines_of_a_facade_may_be_anywhere() {
+    let places: [&[f64]; 2] = [&[0.1, -0.5, 0.3], &[-0.4, 0.5, 0.2, 0.15]];
+    let mut answered = 0;
+    for seed in 0..10 {
+        let scene = Scene::random(seed, SceneOptions::default());
+        let mut edges = scene.facades(places, 1, 0.1, SPACING).unwrap();
+        let another = scene.another(100 + seed);
+        edges.extend(another.facades(places, 2, 0.1, SPACING).unwrap());
+        let Ok(found) = calibrate(&edges, scene.size, &Options::default()) else {
+            continue; // refused, where six equations do not determine the camera well enough
+        };
+        answered += 1;
+        let error = found.camera.focal().x - scene.camera.focal().x;
+        assert!(error.abs() < 5.0 * found.std()[0].1, "seed {seed}");
+        for plane in &found.planes {
+            let aspect = plane.aspect.unwrap();
+            let error = aspect.value - 0.9 / 0.8;
+            assert!(error.abs() < 5.0 * aspect.std, "seed {seed}");
+        }
+    }
+    assert!(answered >= 8, "answered {answered} of 10");
+}
+
+#[test]
 fn too_little_data_is_refused() {
     let scene = Scene::random(5, SceneOptions::default());
     let thin = |count: usize| -> Vec<PlaneEdges> {

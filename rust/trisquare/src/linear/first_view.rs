@@ -120,8 +120,8 @@ pub(crate) fn first_view<L: Lens>(
         let pose = Pose::from_homography(camera_matrix, &homography, &witness)
             .map_err(|error| error.of_figure(plane.figures[0].index))?;
         let mut figures = vec![first];
-        for (figure, homography) in plane.figures.iter().zip(own).skip(1) {
-            figures.push(placement(figure, &own[0], homography)?);
+        for (figure, own) in plane.figures.iter().zip(own).skip(1) {
+            figures.push(placement(figure, &homography, own)?);
         }
         states.push(PlaneState { pose, figures });
     }
@@ -150,6 +150,13 @@ fn placement(
     let map = inverse * own;
     // The map is a similarity but for noise: its Jacobian at the figure's origin.
     let shift = Vector2::new(map.m13, map.m23) / map.m33;
+    if figure.freedom == Freedom::Offsets {
+        return Ok(Placement {
+            shift,
+            free: Placement::offset(&figure.sides[0].line),
+            ..Placement::IDENTITY
+        });
+    }
     let jacobian = (map.fixed_view::<2, 2>(0, 0) - shift * map.fixed_view::<1, 2>(2, 0)) / map.m33;
     let determinant = jacobian.determinant();
     if !(determinant > 0.0) {

@@ -123,6 +123,10 @@ impl Homographies {
                     own.push(own[0]);
                     continue;
                 }
+                if number > 0 && figure.freedom == Freedom::Offsets {
+                    own.push(homography_of_offset(figure, &own[0], undistortion)?);
+                    continue;
+                }
                 let (homography, seen) = match number {
                     0 => homography_of_figure(&with_fixed(plane), undistortion)?,
                     _ => homography_of_figure(figure, undistortion)?,
@@ -204,6 +208,26 @@ pub(crate) fn homography_of_figure<L: Lens>(
     let homography = normalised_homography(&plane_lines, &image_lines, normalisation)
         .map_err(|error| error.of_figure(figure.index))?;
     Ok((homography, witness))
+}
+
+/// A plane's homography moved to where it shows a line through the origin of known direction.
+fn homography_of_offset<L: Lens>(
+    figure: &Figure,
+    plane: &Matrix3<f64>,
+    undistortion: &Undistortion<L>,
+) -> Result<Matrix3<f64>, Error> {
+    let side = &figure.sides[0];
+    let (image_line, _) =
+        undistortion
+            .line(&side.samples)
+            .map_err(|reason| Error::DegenerateHomography {
+                figure: figure.index,
+                reason,
+            })?;
+    let line = plane.tr_mul(&image_line.coefficients());
+    let normal = side.line.normal();
+    let offset = -line.z / normal.dot(&line.xy());
+    Ok(plane * Matrix3::new_translation(&(normal * offset)))
 }
 
 /// Where a pinhole with the same camera matrix would see a unit ray, if at no great distance.

@@ -4,7 +4,8 @@ use std::collections::HashMap;
 
 use nalgebra::Vector2;
 
-use super::plane_edges::{Freedom, PlaneEdges};
+use super::families::outermost_lines;
+use super::plane_edges::{Freedom, PlaneEdges, rectangle_lines};
 use super::relief::BoardRelief;
 use crate::error::Error;
 use crate::geometry::Line;
@@ -20,6 +21,8 @@ pub(crate) struct Sample {
 /// A line of a figure and the samples on its image.
 #[derive(Debug, Clone)]
 pub(crate) struct Side {
+    /// Index of its line among those given of its figure.
+    pub index: usize,
     pub line: Line,
     pub samples: Vec<Sample>,
     /// How far an error that the picture's samples share displaces each, per standard deviation
@@ -171,7 +174,7 @@ pub(crate) fn sort_by_plane(edges: &[PlaneEdges]) -> Result<Vec<ObservedPlane>, 
     let mut known: HashMap<u64, usize> = HashMap::new();
     for (index, figure_edges) in edges.iter().enumerate() {
         figure_edges.check(index)?;
-        let figure = figure(index, figure_edges);
+        let figures = figures(index, figure_edges)?;
         let place = figure_edges.plane.and_then(|key| known.get(&key).copied());
         match place {
             Some(place) if planes[place].image != figure_edges.image => {
@@ -181,13 +184,13 @@ pub(crate) fn sort_by_plane(edges: &[PlaneEdges]) -> Result<Vec<ObservedPlane>, 
             }
             Some(place) => {
                 let plane = &mut planes[place];
-                if plane.has_any_aspect() || figure.freedom == Freedom::Aspect {
+                if plane.has_any_aspect() || figures[0].freedom == Freedom::Aspect {
                     return Err(Error::InvalidArgument(format!(
                         "figure {index} shares a plane with another, and one of them is of unknown \
                          aspect: give it a plane of its own"
                     )));
                 }
-                plane.figures.push(figure);
+                plane.figures.extend(figures);
                 plane.side_error = plane.side_error.max(figure_edges.side_error);
             }
             None => {
@@ -196,7 +199,7 @@ pub(crate) fn sort_by_plane(edges: &[PlaneEdges]) -> Result<Vec<ObservedPlane>, 
                 }
                 planes.push(ObservedPlane {
                     image: figure_edges.image,
-                    figures: vec![figure],
+                    figures,
                     board_relief: None,
                     side_error: figure_edges.side_error,
                 });
@@ -206,13 +209,46 @@ pub(crate) fn sort_by_plane(edges: &[PlaneEdges]) -> Result<Vec<ObservedPlane>, 
     Ok(planes)
 }
 
-fn figure(index: usize, edges: &PlaneEdges) -> Figure {
-    let sides = edges
+/// The figure that is given; of families of lines, the rectangle of the outermost ones, and each
+/// further line as a figure whose offset is free.
+fn figures(index: usize, edges: &PlaneEdges) -> Result<Vec<Figure>, Error> {
+    let sides = sides(edges);
+    let figure = |freedom, sides| Figure {
+        index,
+        freedom,
+        sides,
+    };
+    if edges.freedom != Freedom::Offsets {
+        return Ok(vec![figure(edges.freedom, sides)]);
+    }
+    let outermost = outermost_lines(index, &edges.lines, &edges.points)?;
+    let rectangle = outermost.into_iter().zip(rectangle_lines(1.0, 1.0));
+    let rectangle = rectangle.map(|(side, line)| Side {
+        line,
+        ..sides[side].clone()
+    });
+    let mut figures = vec![figure(Freedom::Aspect, rectangle.collect())];
+    for side in &sides {
+        if !outermost.contains(&side.index) {
+            let line = Line::with_unit_normal(side.line.normal(), Vector2::zeros());
+            let side = Side {
+                line,
+                ..side.clone()
+            };
+            figures.push(figure(Freedom::Offsets, vec![side]));
+        }
+    }
+    Ok(figures)
+}
+
+fn sides(edges: &PlaneEdges) -> Vec<Side> {
+    edges
         .lines
         .iter()
         .zip(&edges.points)
         .enumerate()
         .map(|(side, (line, points))| Side {
+            index: side,
             line: *line,
             is_outlier: false,
             samples: points
@@ -228,10 +264,5 @@ fn figure(index: usize, edges: &PlaneEdges) -> Figure {
                 .as_ref()
                 .map_or_else(Vec::new, |tone_drift| tone_drift[side].clone()),
         })
-        .collect();
-    Figure {
-        index,
-        freedom: edges.freedom,
-        sides,
-    }
+        .collect()
 }

@@ -46,6 +46,14 @@ impl Placement {
     /// What is free of a rectangle of unknown aspect.
     pub const ASPECT: &'static [PlacementParameter] = &[Stretch];
 
+    /// What is free of a line along X or along Y whose offset is unknown.
+    pub fn offset(line: &Line) -> &'static [PlacementParameter] {
+        match line.normal().y == 0.0 {
+            true => &[ShiftX],
+            false => &[ShiftY],
+        }
+    }
+
     /// The line `(a, b, c)` in the plane's coordinates: with `(n, d)` the unit line
     /// `(a, stretch b, stretch c)`, normal `R n`, offset `scale d - (R n) . shift`.
     pub fn line(&self, line: &Line) -> Vector3<f64> {

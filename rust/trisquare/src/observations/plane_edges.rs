@@ -2,6 +2,7 @@
 
 use nalgebra::Vector2;
 
+use super::families::outermost_lines;
 use crate::error::Error;
 use crate::geometry::{Line, MIN_LINES};
 
@@ -36,6 +37,10 @@ pub enum Freedom {
     /// Of the only figure on its plane: by what its extent along X is larger than that of its lines,
     /// as of a rectangle of unknown aspect.
     Aspect,
+    /// Of the only figure on its plane: the offsets of all lines, which run along X or along Y. The
+    /// outermost two of each direction make a rectangle as under [`Self::Aspect`], and the plane's
+    /// coordinates are that one's.
+    Offsets,
 }
 
 /// One flat figure: lines of a plane and samples on their images.
@@ -113,6 +118,32 @@ impl PlaneEdges {
         })
     }
 
+    /// Two orthogonal families of parallel lines on a plane, as of a facade: their places are
+    /// unknown.
+    ///
+    /// The origin is the centre of the rectangle that the outermost two lines of each family make,
+    /// and its extent along Y is the unit. X runs from the line of `along_y` that is given first to
+    /// the other one, Z away from the camera. A plane of them gives one equation for the camera.
+    ///
+    /// # Errors
+    /// [`Error::TooFewParallels`] for fewer than two lines of a family, [`Error::CrossedParallels`],
+    /// [`Error::TooFewSamples`], and [`Error::NotFinite`].
+    pub fn families(
+        along_x: Vec<Vec<Vector2<f64>>>,
+        along_y: Vec<Vec<Vector2<f64>>>,
+    ) -> Result<Self, Error> {
+        let through_origin = |normal| Line::with_unit_normal(normal, Vector2::zeros());
+        let mut lines = vec![through_origin(Vector2::y()); along_x.len()];
+        lines.resize(lines.len() + along_y.len(), through_origin(Vector2::x()));
+        let points = along_x.into_iter().chain(along_y).collect();
+        let edges = Self {
+            freedom: Freedom::Offsets,
+            ..Self::new(lines, points)
+        };
+        edges.check(0)?;
+        Ok(edges)
+    }
+
     /// Samples on the images of the given lines, a plane of their own.
     pub fn new(lines: Vec<Line>, points: Vec<Vec<Vector2<f64>>>) -> Self {
         Self {
@@ -139,7 +170,7 @@ impl PlaneEdges {
     /// # Errors
     /// The first thing found wrong.
     pub fn check(&self, figure: usize) -> Result<(), Error> {
-        if self.lines.len() < MIN_LINES {
+        if self.lines.len() < MIN_LINES && self.freedom != Freedom::Offsets {
             return Err(Error::TooFewLines {
                 figure,
                 found: self.lines.len(),
@@ -155,6 +186,9 @@ impl PlaneEdges {
         }
         for (line, points) in self.points.iter().enumerate() {
             check_samples(figure, line, points)?;
+        }
+        if self.freedom == Freedom::Offsets {
+            outermost_lines(figure, &self.lines, &self.points)?;
         }
         self.check_drift(figure)?;
         if !(self.side_error >= 0.0 && self.side_error.is_finite()) {

@@ -159,7 +159,7 @@ mod tests {
     use crate::lens::DefaultLens;
     use crate::observations::{Placement, sort_by_plane};
     use crate::synthetic::{Scene, SceneOptions};
-    use nalgebra::DVector;
+    use nalgebra::{DVector, Vector2};
 
     const NOISE: f64 = 0.2;
 
@@ -174,6 +174,27 @@ mod tests {
             lens: truth.camera,
             planes: truth.poses.iter().map(state).collect(),
         };
+        (planes, view)
+    }
+
+    /// The same planes with lines of unknown offsets.
+    fn facades(noise: f64) -> (Vec<ObservedPlane>, View<DefaultLens>) {
+        let truth = Scene::random(4, SceneOptions::default());
+        let places: [&[f64]; 2] = [&[-0.5, 0.1, 0.5], &[0.3, -0.5, -0.1, 0.5]];
+        let edges = truth.facades(places, 1, noise, 15.0).unwrap();
+        let planes = sort_by_plane(&edges).unwrap();
+        let (_, mut view) = scene(noise);
+        for (plane, state) in planes.iter().zip(&mut view.planes) {
+            state.figures[0].free = Placement::ASPECT;
+            let shifts = [(0.0, 0.1), (0.3, 0.0), (-0.1, 0.0)];
+            for (figure, (x, y)) in plane.figures[1..].iter().zip(shifts) {
+                state.figures.push(Placement {
+                    shift: Vector2::new(x, y),
+                    free: Placement::offset(&figure.sides[0].line),
+                    ..Placement::IDENTITY
+                });
+            }
+        }
         (planes, view)
     }
 
@@ -195,20 +216,25 @@ mod tests {
 
     #[test]
     fn residual_and_gradient_vanish_at_the_truth() {
-        let (planes, view) = scene(0.0);
-        let (cost, system) = EdgeProblem::new(&planes, &free(), NOISE)
-            .evaluate(&view)
-            .unwrap();
-        assert!(cost < 1e-18);
-        for block in &system.blocks {
-            let spread = block.hessian.diagonal().map(f64::sqrt);
-            assert!(block.gradient.component_div(&spread).amax() < 1e-9);
+        for (planes, view) in [scene(0.0), facades(0.0)] {
+            let (cost, system) = EdgeProblem::new(&planes, &free(), NOISE)
+                .evaluate(&view)
+                .unwrap();
+            assert!(cost < 1e-18);
+            for block in &system.blocks {
+                let spread = block.hessian.diagonal().map(f64::sqrt);
+                assert!(block.gradient.component_div(&spread).amax() < 1e-9);
+            }
         }
     }
 
     #[test]
     fn gradient_agrees_with_central_differences() {
-        let (planes, view) = scene(NOISE);
+        check_gradient(scene(NOISE));
+        check_gradient(facades(NOISE));
+    }
+
+    fn check_gradient((planes, view): (Vec<ObservedPlane>, View<DefaultLens>)) {
         let free = free();
         let problem = EdgeProblem::new(&planes, &free, NOISE);
         let (_, system) = problem.evaluate(&view).unwrap();

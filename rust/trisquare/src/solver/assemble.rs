@@ -1,5 +1,7 @@
 //! The calibration that an optimum makes.
 
+use std::collections::BTreeMap;
+
 use nalgebra::Vector2;
 
 use super::problem::JointProblem;
@@ -88,27 +90,23 @@ impl<L: Lens> Calibration<L> {
 
 /// The residuals of every figure and line, in the order in which they were given.
 fn by_figure(planes: &[ObservedPlane], residuals: &Residuals) -> Vec<FigureResiduals> {
-    let mut sorted = Vec::new();
+    let mut sorted = BTreeMap::new();
     for (number, (plane, own)) in planes.iter().zip(residuals).enumerate() {
         let mut own = own.iter();
-        for figure in &plane.figures {
-            let sides = figure.sides.iter().map(|side| {
-                let of_side = own.by_ref().take(side.samples.len());
-                let (distances, normals) = of_side.map(|r| (r.distance, r.normal)).unzip();
-                SideResiduals { distances, normals }
-            });
-            let sides = sides.collect();
-            sorted.push((
-                figure.index,
-                FigureResiduals {
-                    plane: number,
-                    sides,
-                },
-            ));
+        for (figure, side) in plane.sides_by_figure() {
+            let of_side = own.by_ref().take(side.samples.len());
+            let (distances, normals) = of_side.map(|r| (r.distance, r.normal)).unzip();
+            let (_, sides) = sorted
+                .entry(plane.figures[figure].index)
+                .or_insert_with(|| (number, BTreeMap::new()));
+            sides.insert(side.index, SideResiduals { distances, normals });
         }
     }
-    sorted.sort_by_key(|(index, _)| *index);
-    sorted.into_iter().map(|(_, figure)| figure).collect()
+    let figures = sorted.into_values().map(|(plane, sides)| FigureResiduals {
+        plane,
+        sides: sides.into_values().collect(),
+    });
+    figures.collect()
 }
 
 /// The images of a plane's corners: of a square where sides `i - 1` and `i` meet, of a lattice

@@ -381,14 +381,14 @@ fn warnings<L: Lens>(solution: &Solution<L>) -> Vec<Warning> {
         }
         let mut rest = &residuals[..];
         for (f, figure) in plane.figures.iter().enumerate() {
-            for (s, side) in figure.sides.iter().enumerate() {
+            for side in &figure.sides {
                 let (own, others) = rest.split_at(side.samples.len());
                 rest = others;
                 if side.is_outlier {
                     warnings.push(Warning::SideSetAside {
                         plane: p,
                         figure: f,
-                        side: s,
+                        side: side.index,
                         distance: root_mean_square(own.iter()),
                     });
                 }
