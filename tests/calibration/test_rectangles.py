@@ -137,6 +137,15 @@ def test_sheets_of_a4_are_found_whichever_way_up(dark):
         assert long > 0.6 * short
 
 
+@pytest.mark.parametrize("seed", [0, 2, 10])
+def test_bare_sheets_right_on_the_clutter_are_found_and_measured(seed):
+    picture, scene, _ = photo_of_sheets(np.random.default_rng([73, seed]))
+    result = ts.calibrate(picture, targets="a4")
+    assert len(result.planes) == 3
+    assert abs(result.camera.fx - scene.camera.fx) < SURE * result.std["fx"]
+    assert result.std["fx"] < 5e-4 * scene.camera.fx
+
+
 def test_sheets_of_any_aspect_are_found_with_their_aspects():
     rng = np.random.default_rng(146)
     camera = replace(random_camera(rng), fx=1100.0, fy=1100.0, cx=639.5, cy=479.5)

@@ -33,6 +33,8 @@ class SideSpan:
     rims : sequence of float
         Of a grid line with markers beside it, for the stretch after each crossing the distance of
         the marker from the edges of its cell, over the cell's side; 0 without a marker.
+    is_beside_others : bool
+        Whether other things lie beside the edge, so that the light there changes along it.
     """
 
     path: FloatArray
@@ -41,6 +43,7 @@ class SideSpan:
     margins: tuple[float, float] = (math.inf, math.inf)
     crossings: Sequence[tuple[int | None, int]] = ()
     rims: Sequence[float] = ()
+    is_beside_others: bool = False
 
 
 class DetectedTarget(Protocol):

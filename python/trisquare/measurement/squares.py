@@ -42,7 +42,7 @@ class Square:
         """Four spans for each outline, in order."""
         spans: list[SideSpan] = []
         for outline in self._outlines():
-            spans += _outline_spans(outline, first + len(spans), self._border)
+            spans += self._outline_spans(outline, first + len(spans))
         return spans
 
     def figures(self, measured: Sequence[SideSamples | str], plane: int) -> list[PlaneEdges]:
@@ -77,6 +77,21 @@ class Square:
             border=self._border,
         )
 
+    def _outline_spans(self, outline: Outline, first: int) -> list[SideSpan]:
+        border = self._border
+        polarity = -1.0 if outline.dark_inside else 1.0
+        margins = side_margins(outline.corners, math.inf if border is None else border, math.inf)
+        return [
+            SideSpan(
+                np.ascontiguousarray(side),
+                polarity,
+                (first + (i + 3) % 4, first + (i + 1) % 4),
+                margins[i],
+                is_beside_others=not self.outline.on_even_ground,
+            )
+            for i, side in enumerate(outline.sides)
+        ]
+
     @property
     def _border(self) -> float | None:
         """Width of a tag's black border over its side."""
@@ -86,17 +101,3 @@ class Square:
     def _outlines(self) -> list[Outline]:
         outer, inner = self.outline.outer, self.outline.inner
         return [outer] if inner is None else [outer, inner]
-
-
-def _outline_spans(outline: Outline, first: int, border: float | None) -> list[SideSpan]:
-    polarity = -1.0 if outline.dark_inside else 1.0
-    margins = side_margins(outline.corners, math.inf if border is None else border, math.inf)
-    return [
-        SideSpan(
-            np.ascontiguousarray(side),
-            polarity,
-            (first + (i + 3) % 4, first + (i + 1) % 4),
-            margins[i],
-        )
-        for i, side in enumerate(outline.sides)
-    ]

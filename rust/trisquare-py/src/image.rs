@@ -124,6 +124,7 @@ pub struct SideSpan<'py> {
     margins: (f64, f64),
     crossings: Vec<(Option<usize>, usize)>,
     rims: Vec<f64>,
+    is_beside_others: bool,
 }
 
 /// The samples of one side.
@@ -264,6 +265,7 @@ fn edge_spans(spans: Vec<SideSpan<'_>>) -> PyResult<Vec<EdgeSpan>> {
                 crossings: span.crossings,
                 rims: span.rims,
                 margin: [span.margins.0, span.margins.1],
+                is_beside_others: span.is_beside_others,
             })
         })
         .collect::<PyResult<_>>()?;

@@ -16,6 +16,7 @@ from trisquare._support.arrays import FloatArray
 from trisquare._support.convex_quads import quad_areas
 from trisquare.detection.candidates import ENOUGH, Outline, SquareOutline, Tag
 from trisquare.detection.grey import MIN_PICTURE, grey_bytes, working_picture
+from trisquare.detection.squares.arc_quads import find_arc_quads
 from trisquare.detection.squares.framed import (
     MIN_RELATIVE_SIDE,
     alignment,
@@ -23,6 +24,8 @@ from trisquare.detection.squares.framed import (
     find_framed_squares,
 )
 from trisquare.detection.squares.plain_rectangles import (
+    LEAST_INLIERS,
+    best_at_corners,
     find_rectangles,
     turns_to_longer_side,
 )
@@ -90,14 +93,18 @@ def find_plain_rectangles(image: NDArray[np.generic], shape: RectangleShape) -> 
         return []
     smooth = picture.astype(np.float32)
     size = (picture.shape[1], picture.shape[0])
-    quads = fit_sides(smooth, find_quads(picture, smooth))
-    quads = views_of_rectangles(quads, size, shape.aspect)
+    rough = find_arc_quads(smooth).followed_by(find_quads(picture, smooth))
+    quads = views_of_rectangles(fit_sides(smooth, rough, LEAST_INLIERS), size, shape.aspect)
+    quads = best_at_corners(smooth, quads)
     quads = quads.subset(find_rectangles(smooth, quads))
     if not len(quads):
         return []
     turns = turns_to_longer_side(quads, size, shape)
     found = zip(scale * quads.sides, quads.dark_inside.tolist(), turns.tolist(), strict=True)
-    outlines = [SquareOutline(Outline.of(*quad), None, aspect=shape.aspect) for quad in found]
+    outlines = [
+        SquareOutline(Outline.of(*quad), None, aspect=shape.aspect, on_even_ground=False)
+        for quad in found
+    ]
     return sorted(outlines, key=lambda outline: -float(quad_areas(outline.outer.corners)))
 
 

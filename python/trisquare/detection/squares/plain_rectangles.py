@@ -9,10 +9,34 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from trisquare.detection.squares.arc_quads import edge_shares
 from trisquare.detection.squares.framed import find_framed_squares, of_comparable_size
-from trisquare.detection.squares.quads import Quads, one_in_other
+from trisquare.detection.squares.quads import (
+    SAME_QUAD_FRACTION,
+    SAME_QUAD_PIXELS,
+    Quads,
+    one_in_other,
+)
 from trisquare.detection.squares.rectangle_shape import RectangleShape
 from trisquare.detection.squares.rectified import longer_along_first_side
+
+LEAST_INLIERS = (0.55, 0.4)
+"""Share of a side's points that must lie on its curve, and of the weakest side's: what lies beside
+a sheet may be as light as the sheet."""
+
+
+def best_at_corners(picture: NDArray[np.float32], quads: Quads) -> Quads:
+    """Keep of quads that share a corner that with the most edge: one corner is one rectangle's.
+
+    With a piece of something else for a side, three sides of a sheet make a quad, too.
+    """
+    corners, sizes = quads.corners, np.sqrt(quads.areas)
+    kept: list[int] = []
+    for i in np.argsort(-edge_shares(picture, quads).mean(axis=1), kind="stable").tolist():
+        gaps = np.abs(corners[kept][:, :, None] - corners[i]).max(axis=-1)
+        if not (gaps < SAME_QUAD_PIXELS + SAME_QUAD_FRACTION * sizes[i]).any():
+            kept.append(i)
+    return quads.subset(np.array(kept, dtype=np.intp))
 
 
 def find_rectangles(picture: NDArray[np.float32], quads: Quads) -> NDArray[np.intp]:

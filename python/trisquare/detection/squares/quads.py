@@ -116,6 +116,14 @@ class Quads:
         chords /= np.linalg.norm(chords, axis=-1, keepdims=True)
         return np.stack([chords[..., 1], -chords[..., 0]], axis=-1)
 
+    @classmethod
+    def rough(cls, sides: FloatArray, dark_inside: NDArray[np.bool_]) -> Quads:
+        """Take sides whose contrasts are not known, all in sight."""
+        sides = sides.reshape(-1, 4, POINTS_PER_SIDE, 2)
+        return cls(
+            sides, dark_inside, np.zeros((len(sides), 4)), np.ones(sides.shape[:3], dtype=bool)
+        )
+
     @property
     def areas(self) -> FloatArray:
         """Areas of the quadrilaterals of the corners, shape (Q,)."""
@@ -125,6 +133,15 @@ class Quads:
         """Return the quads that a mask or index array selects."""
         return Quads(
             self.sides[keep], self.dark_inside[keep], self.contrasts[keep], self.seen[keep]
+        )
+
+    def followed_by(self, others: Quads) -> Quads:
+        """Return these quads and then others."""
+        return Quads(
+            np.concatenate([self.sides, others.sides]),
+            np.concatenate([self.dark_inside, others.dark_inside]),
+            np.concatenate([self.contrasts, others.contrasts]),
+            np.concatenate([self.seen, others.seen]),
         )
 
 
@@ -149,10 +166,7 @@ def find_quads(picture: NDArray[np.uint8], smooth: NDArray[np.float32]) -> Quads
         for sides, dark_inside in _quads_at_level(picture, level)
     ]
     sides = np.array([quad[0] for quad in found], dtype=np.float64)
-    sides = sides.reshape(-1, 4, POINTS_PER_SIDE, 2)
-    dark_inside = np.array([quad[2] for quad in found], bool)
-    seen = np.ones(sides.shape[:3], bool)
-    quads = Quads(sides, dark_inside, np.zeros((len(sides), 4)), seen)
+    quads = Quads.rough(sides, np.array([quad[2] for quad in found], dtype=bool))
     return _with_edges(smooth, quads, np.array([quad[1] for quad in found], np.float64))
 
 

@@ -62,7 +62,11 @@ NEWTON_STEPS = 3
 """Two almost straight curves meet in two."""
 
 
-def fit_sides(picture: NDArray[np.float32], quads: Quads) -> Quads:
+def fit_sides(
+    picture: NDArray[np.float32],
+    quads: Quads,
+    least_inliers: tuple[float, float] = (MIN_INLIERS, MIN_INLIERS_HIDDEN),
+) -> Quads:
     """Measure the quads' sides and keep the quads whose four sides are smooth edges.
 
     Parameters
@@ -70,6 +74,8 @@ def fit_sides(picture: NDArray[np.float32], quads: Quads) -> Quads:
     picture : ndarray of float32, shape (H, W)
     quads : Quads
         Rough, within about a pixel and a half of the edge; in order of preference.
+    least_inliers : (float, float)
+        Share of a side's points that must lie on its curve, and of the weakest side's.
 
     Returns
     -------
@@ -107,7 +113,7 @@ def fit_sides(picture: NDArray[np.float32], quads: Quads) -> Quads:
     inliers = on_curve.mean(axis=2)
     weakest = np.arange(4) == inliers.argmin(axis=1)[:, None]
     good = (
-        (inliers >= np.where(weakest, MIN_INLIERS_HIDDEN, MIN_INLIERS))
+        (inliers >= np.where(weakest, least_inliers[1], least_inliers[0]))
         & (typical[..., 0] >= MIN_CONTRAST)
         & (sagitta <= MAX_SAGITTA * chords.lengths)
         & (np.abs(cosines) <= MAX_CORNER_COSINE)

@@ -56,6 +56,8 @@ const ROBUST_WIDTHS: [f64; 5] = [3.0, 2.5, 2.0, 1.5, 1.5];
 const SUPPORT_WIDTH: f64 = 1.0;
 /// ... and of all profiles this share must: chance alone gives about a third.
 const MIN_SUPPORT: f64 = 0.6;
+/// Things beside an edge that are as light as what it bounds, or lighter, take more of it.
+const MIN_SUPPORT_BESIDE_OTHERS: f64 = 0.4;
 const MIN_PROFILES: usize = 3;
 /// Light beside the edge that departs from the side's median by this part of the step is another
 /// thing's: shading changes a side by less, and noise seldom twice in a row.
@@ -131,7 +133,11 @@ fn seen(
     }
     let curve = consensus(path, &rises).ok_or(NoEdge::Inconsistent)?;
     rises.retain(|rise| (rise.y - curve.height_and_slope(rise.s).0).abs() < SUPPORT_WIDTH);
-    if rises.len() < MIN_PROFILES || (rises.len() as f64) < MIN_SUPPORT * inside as f64 {
+    let least = match span.is_beside_others {
+        true => MIN_SUPPORT_BESIDE_OTHERS,
+        false => MIN_SUPPORT,
+    };
+    if rises.len() < MIN_PROFILES || (rises.len() as f64) < least * inside as f64 {
         return Err(NoEdge::Inconsistent);
     }
     let plateaus = [0, 1].map(|side| median(&mut rises, |rise| rise.plateaus[side]));

@@ -225,7 +225,10 @@ impl<'a> Localiser<'a> {
             true => self.noise_about(&side),
             false => noise,
         };
-        self.judge(&side, span.polarity, noise)?;
+        // What lies beside the edge is no noise: the patches, which have their own light, tell.
+        if !span.is_beside_others {
+            self.judge(&side, span.polarity, noise)?;
+        }
         if span.margin[0].min(span.margin[1]) < LEAST_MARGIN_BLURS * side.blur {
             return Err(NoEdge::Cramped);
         }
@@ -312,8 +315,8 @@ impl<'a> Localiser<'a> {
             &side,
             self.reader.curve(),
             &self.pixels,
-            *noise,
-            self.noise_floor,
+            (*noise, self.noise_floor),
+            span.is_beside_others,
             &mut self.residuals,
         );
         self.judge(&side, span.polarity, noise)?;

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use nalgebra::Vector2;
+use nalgebra::{Matrix2, Vector2};
 
 use super::band::Pixel;
 use super::pixel_noise;
@@ -27,6 +27,11 @@ const MAX_OFFSET: f64 = 1.5;
 const MAX_CHI_DEVIATIONS: f64 = 6.0;
 /// A single outlier counts at most this many variances, so that it costs weight, not the patch.
 const CHI_CAP: f64 = 16.0;
+/// Parameters of a patch with its own light that the pixels at the edge carry: its offset, and about
+/// half of base and contrast.
+const PARAMETERS_IN_LIGHT: f64 = 2.0;
+/// Noise, coded, beside which no residual is an outlier.
+const NO_OUTLIERS: f64 = 1e6;
 /// A patch that moved further than this, pixels, is measured again from where it went; of a shorter
 /// step, Gauss-Newton leaves a cubically small rest, a fiftieth of the best samples' noise.
 const LAST_STEP: f64 = 0.05;
@@ -42,25 +47,52 @@ struct Patch {
     right: f64,
     /// `information` times the foot's place along the chord.
     moment: f64,
+    light: PatchLight,
     /// Squared residuals at the edge, and the number of them.
     squares: f64,
     edge_pixels: f64,
 }
 
+/// How base and contrast of a patch differ from its side's, and the sums that tell it.
+#[derive(Debug, Clone, Copy, Default)]
+struct PatchLight {
+    shift: Vector2<f64>,
+    information: Matrix2<f64>,
+    right: Vector2<f64>,
+    /// Products with the derivative with respect to the offset.
+    cross: Vector2<f64>,
+    /// How the best shift changes with the offset.
+    per_offset: Vector2<f64>,
+}
+
 /// Measures a side's samples, and the standard deviation of the residuals about it, given its
 /// expected scale; it is not below `floor`.
+///
+/// With `own_light`, every patch has a base and a contrast of its own: where other things lie beside
+/// the edge, the side's would move its samples.
 pub(super) fn measure(
     side: &Side,
     tone: &ToneCurve,
     pixels: &[Pixel],
-    expected_noise: f64,
-    floor: f64,
+    (expected_noise, floor): (f64, f64),
+    own_light: bool,
     residuals: &mut Vec<f64>,
 ) -> (Samples, f64) {
     let mut patches = Patches::over(side, tone, pixels, expected_noise);
+    let mut parameters = side.edge_parameters();
+    if own_light {
+        patches.have_own_light = true;
+        // Far from the side's light no pixel is an outlier yet.
+        patches.update(side, tone, pixels, NO_OUTLIERS, |_| {});
+        patches
+            .patches
+            .iter_mut()
+            .for_each(|patch| patch.step = None);
+        parameters = PARAMETERS_IN_LIGHT * patches.patches.len() as f64;
+    }
     residuals.clear();
     patches.update(side, tone, pixels, expected_noise, |r| residuals.push(r));
-    let noise = pixel_noise::scale(residuals, side.edge_parameters(), floor);
+    let noise = pixel_noise::scale(residuals, parameters, floor);
     if patches.patches.iter().any(Patch::is_unsettled) {
         patches.update(side, tone, pixels, noise, |_| {});
     }
@@ -78,6 +110,7 @@ struct Patches {
     patches: Vec<Patch>,
     first: f64,
     per_s: f64,
+    have_own_light: bool,
 }
 
 impl Patches {
@@ -95,6 +128,7 @@ impl Patches {
             patches: vec![Patch::default(); count as usize],
             first,
             per_s: count * side.curve.half_length / length.max(PATCH_LENGTH),
+            have_own_light: false,
         }
     }
 
@@ -111,6 +145,10 @@ impl Patches {
             *patch = Patch {
                 offset: patch.offset,
                 step: patch.step,
+                light: PatchLight {
+                    shift: patch.light.shift,
+                    ..PatchLight::default()
+                },
                 ..Patch::default()
             };
         }
@@ -122,9 +160,17 @@ impl Patches {
             if !patch.is_unsettled() {
                 continue;
             }
-            let p = side.predict(tone, pixel, patch.offset);
+            let p = side.predict_in_light(tone, pixel, patch.offset, patch.light.shift.into());
             let square = p.residual * p.residual * inverse_variance;
-            let weighted = robust_weight(square) * p.by_offset;
+            let weight = robust_weight(square);
+            let weighted = weight * p.by_offset;
+            if self.have_own_light {
+                let by_light = Vector2::new(p.by_base, p.by_contrast);
+                let counted = by_light * (weight * pixel.count);
+                patch.light.information += counted * by_light.transpose();
+                patch.light.right += counted * p.residual;
+                patch.light.cross += by_light * weighted;
+            }
             patch.information += weighted * p.by_offset;
             patch.right += weighted * p.residual;
             patch.moment += weighted * p.by_offset * pixel.foot;
@@ -135,7 +181,7 @@ impl Patches {
             }
         }
         for patch in self.patches.iter_mut().filter(|p| p.is_unsettled()) {
-            patch.advance();
+            patch.advance(self.have_own_light);
         }
     }
 
@@ -177,14 +223,36 @@ impl Patch {
     }
 
     /// Takes the step that the sums ask for; it lowers the squares by as much as the model says.
-    fn advance(&mut self) {
+    fn advance(&mut self, has_own_light: bool) {
+        if has_own_light {
+            self.eliminate_light();
+        }
         let mut step = 0.0;
         if self.information > 0.0 {
             step = (self.right / self.information).clamp(-MAX_OFFSET, MAX_OFFSET);
             self.squares -= step * (2.0 * self.right - step * self.information);
         }
+        self.light.shift += self.light.per_offset * step;
         self.offset += step;
         self.step = Some(step);
+    }
+
+    /// Takes the step of the light for an offset that stays, and leaves in the sums what they know
+    /// of the offset while the light is free.
+    fn eliminate_light(&mut self) {
+        let light = &mut self.light;
+        let Some(factor) = light.information.cholesky() else {
+            self.information = 0.0;
+            return;
+        };
+        let step = factor.solve(&light.right);
+        light.per_offset = -factor.solve(&light.cross);
+        light.shift += step;
+        let left = self.information + light.cross.dot(&light.per_offset);
+        self.squares -= light.right.dot(&step);
+        self.right -= light.cross.dot(&step);
+        self.moment *= left / self.information;
+        self.information = left;
     }
 
     fn is_sound(&self, least_information: f64, noise: f64) -> bool {

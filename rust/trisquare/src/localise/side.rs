@@ -105,13 +105,25 @@ impl Side {
     /// Predicts one pixel, the curve being moved by `offset` along its normal.
     #[inline(always)]
     pub fn predict(&self, tone: &ToneCurve, pixel: &Pixel, offset: f64) -> Prediction {
+        self.predict_in_light(tone, pixel, offset, [0.0; 2])
+    }
+
+    /// The same where base and contrast are larger than the side's by so much.
+    #[inline(always)]
+    pub fn predict_in_light(
+        &self,
+        tone: &ToneCurve,
+        pixel: &Pixel,
+        offset: f64,
+        [base, contrast]: [f64; 2],
+    ) -> Prediction {
         let inverse_blur = 1.0 / self.blur;
         let inverse_blur_here = inverse_blur * (1.0 - self.blur_slope * pixel.s);
         let blurs = (self.distance(pixel) - offset) * inverse_blur_here;
         let (step, density) = self.shape.step_and_density(blurs);
         let (step, density) = (pixel.flipped(step), pixel.flip.slope * density);
-        let contrast = self.contrast[0] + self.contrast[1] * pixel.s;
-        let light = self.base[0] + self.base[1] * pixel.s + contrast * step;
+        let contrast = self.contrast[0] + self.contrast[1] * pixel.s + contrast;
+        let light = self.base[0] + self.base[1] * pixel.s + base + contrast * step;
         let (value, mut gain) = tone.encode_with_slope(light);
         let mut residual = pixel.value - value;
         let is_silent = pixel.is_clipped && residual <= 0.0;

@@ -26,6 +26,8 @@ pub struct EdgeSpan {
     /// How far from the path, pixels, the picture is the edge's own, on the negative side and on
     /// the other: beyond it something else begins. Infinite where nothing is known of it.
     pub margin: [f64; 2],
+    /// Whether other things lie beside the edge, so that the light there changes along it.
+    pub is_beside_others: bool,
 }
 
 impl EdgeSpan {
@@ -39,6 +41,7 @@ impl EdgeSpan {
             crossings: Vec::new(),
             rims: Vec::new(),
             margin: [f64::INFINITY; 2],
+            is_beside_others: false,
         }
     }
 }

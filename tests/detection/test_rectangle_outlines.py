@@ -1,0 +1,53 @@
+"""Rectangles are found although other things touch them."""
+
+import cv2
+import numpy as np
+import pytest
+
+from trisquare.detection.squares.find import find_plain_rectangles
+from trisquare.detection.squares.rectangle_shape import RectangleShape
+
+A4 = RectangleShape(2.0**0.5)
+SHEET = np.array([[60, 80], [330, 60], [350, 260], [50, 250]], np.float64)
+TOLERANCE = 2.0
+"""Pixels."""
+
+
+def sheet(*things):
+    """A sheet on a darker ground, right on some things: `(centre, radius, level)` or a line."""
+    picture = np.full((320, 420), 90, np.uint8)
+    for where, size, level in things:
+        if np.ndim(size) == 0:
+            cv2.circle(picture, where, size, level, -1, cv2.LINE_AA)
+        else:
+            cv2.line(picture, where, size, level, 6, cv2.LINE_AA)
+    cv2.fillPoly(picture, [np.rint(16 * SHEET).astype(np.int32)], 210, cv2.LINE_AA, 4)
+    return cv2.GaussianBlur(picture, (0, 0), 0.8)
+
+
+@pytest.mark.parametrize(
+    "things",
+    [
+        [],
+        [((200, 55), 30, 210)],
+        [((200, 55), 30, 250)],
+        [((30, 130), (100, 40), 215)],
+        [((190, 260), (190, 319), 210), ((345, 190), 30, 205)],
+        [((60, 80), 25, 210), ((330, 60), (400, 20), 220)],
+        [((345, 250), 40, 208), ((52, 180), 30, 20)],
+    ],
+)
+def test_a_sheet_is_found_whatever_touches_it(things):
+    found = find_plain_rectangles(sheet(*things), A4)
+    assert len(found) == 1
+    corners = found[0].outer.corners
+    gaps = [np.abs(np.roll(corners, k, axis=0) - SHEET).max() for k in range(4)]
+    assert min(gaps) < TOLERANCE
+
+
+def test_two_sides_and_a_crossing_line_are_no_rectangle():
+    picture = np.full((320, 420), 90, np.uint8)
+    cv2.line(picture, (60, 80), (330, 60), 210, 6, cv2.LINE_AA)
+    cv2.line(picture, (60, 80), (50, 250), 210, 6, cv2.LINE_AA)
+    cv2.line(picture, (10, 300), (400, 200), 210, 6, cv2.LINE_AA)
+    assert not find_plain_rectangles(picture, A4)
