@@ -31,6 +31,9 @@ MAX_COORDINATE = 1e9
 # Blurs are some pixels at most, and no tone curve displaces an edge by more than its blur.
 MAX_DRIFT = 10.0
 
+# The image of a circle has five numbers.
+MIN_CIRCLE_SAMPLES = 5
+
 # A line given with a unit normal keeps its digits: dividing by a norm that differs from 1 by
 # rounding alone would change them again on every trip through JSON or pickle.
 UNIT_NORM_SLACK = 4 * np.finfo(np.float64).eps
@@ -38,15 +41,16 @@ UNIT_NORM_SLACK = 4 * np.finfo(np.float64).eps
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlaneEdges:
-    """The edges of one plane figure: model lines, and the samples measured along each.
+    """The edges of one plane figure: model lines or circles, and the samples along each.
 
     Parameters
     ----------
     lines : array_like, shape (L, 3), L >= 4
         The figure's lines ``(a, b, c)`` in its own coordinates, ``a x + b y + c = 0``; kept with
-        ``a^2 + b^2 = 1``.
+        ``a^2 + b^2 = 1``. Circles have none, shape (0, 3).
     points : sequence of L array_like, shape (N_i, 2), N_i >= 2
-        Samples ``(x, y)`` on the image of each line, in pixels of the photograph.
+        Samples ``(x, y)`` on the image of each line, or circle (N_i >= 5), in pixels of the
+        photograph.
     std : sequence of L array_like, shape (N_i,), optional
         One standard deviation of each sample across its line, in pixels. Only their ratios
         matter for the estimate; without them all samples weigh the same.
@@ -78,6 +82,9 @@ class PlaneEdges:
     border : float, optional
         Width of the plain border within a square's outline, in units of its coordinates: further
         inside is something else, as the bits of a tag. None if nothing is known of it.
+    radii : sequence of (float or None), optional
+        Radii of circles about the origin, which a figure has instead of lines, see `circles`. One
+        that is None is estimated; the first is not.
 
     Raises
     ------
@@ -86,7 +93,8 @@ class PlaneEdges:
     ValueError
         For wrong shapes or lengths, NaN or infinity, a line without direction, ``std <= 0``.
     NotEnoughDataError
-        For fewer than four lines, or a line with fewer than two distinct points.
+        For fewer than four lines, a line with fewer than two distinct points, or a circle with
+        fewer than five points.
     """
 
     lines: FloatArray
@@ -100,10 +108,16 @@ class PlaneEdges:
     freedom: Freedom = "auto"
     drift: tuple[FloatArray, ...] | None = None
     border: float | None = None
+    radii: tuple[float | None, ...] | None = None
 
     def __post_init__(self) -> None:
-        lines = _unit_normal_lines(self.lines)
-        points = _samples_of_lines(self.points, len(lines))
+        if self.radii is None:
+            lines = _unit_normal_lines(self.lines)
+            points = _samples_of_lines(self.points, len(lines))
+        else:
+            lines = real_array(self.lines, "lines", (0, 3))
+            object.__setattr__(self, "radii", _checked_radii(self.radii))
+            points = _samples_of_circles(self.points, len(self.radii))
         std = None if self.std is None else _deviations_of_lines(self.std, points)
         object.__setattr__(self, "lines", lines)
         object.__setattr__(self, "points", points)
@@ -126,6 +140,8 @@ class PlaneEdges:
         string(self.kind, "kind")
         if string(self.freedom, "freedom") not in get_args(Freedom):
             raise ValueError(f"freedom must be one of {get_args(Freedom)}, not {self.freedom!r}")
+        if self.radii is not None and self.freedom == "aspect":
+            raise ValueError('freedom must not be "aspect" for circles')
 
     @classmethod
     def square(
@@ -268,6 +284,64 @@ class PlaneEdges:
             freedom="offsets",
         )
 
+    @classmethod
+    def circles(
+        cls,
+        points: Sequence[Any],
+        radii: Sequence[float | None] | None = None,
+        std: Sequence[Any] | None = None,
+        *,
+        polarity: int | None = None,
+        plane: int | None = None,
+        image: int = 0,
+        kind: str = "circles",
+        freedom: Freedom = "auto",
+    ) -> PlaneEdges:
+        """Make the edges of concentric circles from the samples of each.
+
+        The origin is their centre and Z points away from the camera; how X is turned about it is
+        arbitrary. The image of a circle has five numbers, and the pose of a circle, its radius the
+        unit, five as well: one circle alone says nothing of the camera, and is refused. A second
+        one about the same centre adds five numbers, and one unknown if its radius is unknown; two
+        of what remains are equations for the camera, as of a square, and the others (three, or
+        two) must hold for any camera.
+
+        On the plane of a figure that stands before it in the list (of equal `plane`) one circle is
+        enough: its size and place are three unknowns, which leave two of its numbers. Two single
+        circles of one plane are enough as well, side by side or about one centre: ten numbers, of
+        which the pose has five, the second circle's size and place three, and the camera two.
+
+        Parameters
+        ----------
+        points : sequence of array_like, shape (N_i, 2), N_i >= 5
+            Samples of each circle, in any order.
+        radii : sequence of (float or None), optional
+            Their radii, in any unit, which is that of the plane then. Where it is absent the first
+            circle's radius is the unit and the others are estimated, as is any that is None but
+            the first; the result has them as `Plane.radii`.
+        std, polarity, plane, image, kind, freedom
+            As for `PlaneEdges`.
+
+        Raises
+        ------
+        ValueError
+            Also if radii are not positive, or equal, or the first is None.
+        """
+        circles = list(points)
+        if radii is None:
+            radii = (1.0, *[None] * (len(circles) - 1))
+        return cls(
+            np.empty((0, 3)),
+            tuple(circles),
+            None if std is None else tuple(std),
+            polarity=polarity,
+            plane=plane,
+            image=image,
+            kind=kind,
+            freedom=freedom,
+            radii=tuple(radii),
+        )
+
     def __reduce__(self) -> tuple[Any, ...]:
         rebuild = partial(
             type(self),
@@ -278,6 +352,7 @@ class PlaneEdges:
             freedom=self.freedom,
             drift=self.drift,
             border=self.border,
+            radii=self.radii,
         )
         return rebuild, (self.lines, self.points, self.std)
 
@@ -285,8 +360,9 @@ class PlaneEdges:
         counts = ", ".join(str(len(points)) for points in self.points)
         inside = {1: "dark inside, ", -1: "light inside, "}.get(self.polarity or 0, "")
         plane = "" if self.plane is None else f"plane {self.plane}, "
+        curves = "lines" if self.radii is None else "circles"
         return (
-            f"<PlaneEdges {self.kind}: {len(self.lines)} lines with {counts} samples, "
+            f"<PlaneEdges {self.kind}: {len(self.points)} {curves} with {counts} samples, "
             f"{inside}{plane}image {self.image}>"
         )
 
@@ -321,6 +397,7 @@ def edges_members(edges: PlaneEdges) -> dict[str, Any]:
         "std": None if edges.std is None else [std.tolist() for std in edges.std],
         **({} if edges.drift is None else {"drift": [drift.tolist() for drift in edges.drift]}),
         **({} if edges.border is None else {"border": edges.border}),
+        **({} if edges.radii is None else {"radii": list(edges.radii)}),
     }
 
 
@@ -338,6 +415,7 @@ def edges_from_members(members: JsonFields) -> PlaneEdges:
         freedom=freedom,
         drift=members.arrays("drift", (None, 2)) if members.has("drift") else None,
         border=members.number("border") if members.has("border") else None,
+        radii=members.numbers_or_null("radii") if members.has("radii") else None,
     )
 
 
@@ -402,6 +480,29 @@ def _samples_of_lines(points: Any, count: int) -> tuple[FloatArray, ...]:
             raise NotEnoughDataError(f"{name} holds one distinct point: a line needs at least 2")
         samples.append(array)
     return tuple(samples)
+
+
+def _checked_radii(radii: Any) -> tuple[float | None, ...]:
+    given = [None if radius is None else real_number(radius, "radii") for radius in radii]
+    if not given:
+        raise NotEnoughDataError("circles need one radius or more")
+    known = [radius for radius in given if radius is not None]
+    if given[0] is None:
+        raise ValueError("radii[0] must be known: it is the unit, 1 will do")
+    if min(known) <= 0.0 or len(set(known)) < len(known):
+        raise ValueError(f"radii must be positive and different, not {known}")
+    return tuple(given)
+
+
+def _samples_of_circles(points: Any, count: int) -> tuple[FloatArray, ...]:
+    samples = _samples_of_lines(points, count)
+    for index, array in enumerate(samples):
+        if len(array) < MIN_CIRCLE_SAMPLES:
+            raise NotEnoughDataError(
+                f"points[{index}] holds {len(array)} points: a circle needs at least "
+                f"{MIN_CIRCLE_SAMPLES}"
+            )
+    return samples
 
 
 def _deviations_of_lines(std: Any, points: tuple[FloatArray, ...]) -> tuple[FloatArray, ...]:

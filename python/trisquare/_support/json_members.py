@@ -101,6 +101,13 @@ class JsonFields:
             self._fail(key, "a list of whole numbers")
         return tuple(values)
 
+    def numbers_or_null(self, key: str) -> tuple[float | None, ...]:
+        """Return a list of finite numbers, each of which may be null."""
+        return tuple(
+            None if value is None else float(self._array(value, f"{key}[{index}]", ()))
+            for index, value in enumerate(self._list(key))
+        )
+
     def numbers_by_name(self, key: str) -> dict[str, float]:
         """Return an object whose members are all finite numbers."""
         members = self.object(key)

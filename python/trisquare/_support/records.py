@@ -123,7 +123,8 @@ def record_members(record: Record) -> dict[str, Any]:
     members = {}
     for own, kind, key in _members_of(type(record)):
         value = getattr(record, own.name)
-        if not (_is_optional(own) and value in (None, ())):
+        is_absent = value is None or (isinstance(value, tuple) and not value)
+        if not (_is_optional(own) and is_absent):
             members[key] = (kind.write or _plain)(value)
     return members
 

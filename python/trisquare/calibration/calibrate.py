@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 import trisquare._core as _core
 from trisquare._support.arrays import size_of_image
 from trisquare.calibration.explain_failure import add_reasons, rejected_shapes
@@ -280,6 +282,8 @@ def _calibration(found: _core.Solution, gathered: Gathered, settings: Settings) 
                 uncertainty=plane.uncertainty and PoseUncertainty(*plane.uncertainty),
                 aspect=plane.aspect and plane.aspect[0],
                 aspect_std=plane.aspect and plane.aspect[1],
+                radii=np.array(plane.radii)[:, 0] if plane.radii else None,
+                radii_std=np.array(plane.radii)[:, 1] if plane.radii else None,
             )
             for plane in found.planes
         ),

@@ -30,7 +30,7 @@ class Plane(Record):
     rotation, translation : array_like, shape (3, 3) and (3,)
         ``X_cam = rotation @ X_plane + translation``, in units of the square's side; of a
         rectangle's shorter side, or where its aspect was unknown of its side 1; of a facade's
-        extent along Y, between its outermost lines.
+        extent along Y, between its outermost lines; of circles in the unit of their radii.
     rms : float
         Root mean square residual of its samples, in pixels.
     samples : int
@@ -40,6 +40,9 @@ class Plane(Record):
     aspect, aspect_std : float, optional
         Of a rectangle whose aspect was unknown: side 0 over side 1, and its standard deviation;
         of a facade its extent along X.
+    radii, radii_std : array_like, shape (C,), optional
+        Of circles of which some radii were unknown: those of all, and their standard deviations,
+        zero of one that was known.
     """
 
     kind: str = field(metadata=member(TEXT))
@@ -54,6 +57,8 @@ class Plane(Record):
     )
     aspect: float | None = field(default=None, metadata=member(NUMBER))
     aspect_std: float | None = field(default=None, metadata=member(NUMBER))
+    radii: FloatArray | None = field(default=None, metadata=member(array(None)))
+    radii_std: FloatArray | None = field(default=None, metadata=member(array(None)))
 
     def __repr__(self) -> str:
         x, y, z = self.translation.tolist()

@@ -93,6 +93,8 @@ pub struct SolvedPlane {
     uncertainty: Option<PoseMembers>,
     /// Of a rectangle of unknown aspect, its aspect and the standard deviation of that.
     aspect: Option<(f64, f64)>,
+    /// Of circles of which some radii were unknown, all radii and their standard deviations.
+    radii: Vec<(f64, f64)>,
 }
 
 /// How far the samples of a figure are from the images of its lines, line by line.
@@ -426,6 +428,7 @@ fn solved_plane(py: Python<'_>, plane: &Plane) -> SolvedPlane {
             )
         }),
         aspect: plane.aspect.map(|aspect| (aspect.value, aspect.std)),
+        radii: plane.radii.iter().map(|own| (own.value, own.std)).collect(),
     }
 }
 

@@ -109,8 +109,10 @@ pub fn plane_edges(object: &Bound<'_, PyAny>) -> PyResult<PlaneEdges> {
     let drift = drift.map(|all| all.iter().map(arrays::points).collect::<PyResult<_>>());
     let polarity: Option<i64> = object.getattr("polarity")?.extract()?;
     let freedom: String = object.getattr("freedom")?.extract()?;
+    let radii: Option<Vec<Option<f64>>> = object.getattr("radii")?.extract()?;
     Ok(PlaneEdges {
         lines: arrays::lines(&lines)?,
+        radii: radii.unwrap_or_default(),
         points: points.iter().map(arrays::points).collect::<PyResult<_>>()?,
         std: std.map(|all| all.iter().map(|s| s.as_array().to_vec()).collect()),
         polarity: polarity.map(|p| match p {

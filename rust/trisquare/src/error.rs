@@ -105,7 +105,7 @@ pub enum Error {
     },
 
     /// A line is described by too few samples.
-    #[error("line {line} of figure {figure} has {found} sample(s), but needs at least 2")]
+    #[error("line {line} of figure {figure} has {found} sample(s), but needs at least {needed}")]
     TooFewSamples {
         /// Index of the figure.
         figure: usize,
@@ -113,6 +113,19 @@ pub enum Error {
         line: usize,
         /// Samples given.
         found: usize,
+        /// Samples needed.
+        needed: usize,
+    },
+
+    /// One circle, on whose plane nothing else stands that would tell its direction.
+    #[error(
+        "figure {figure} is one circle on a plane of its own: its image has five numbers, as many as \
+         its pose, which leaves none for the camera: measure a circle concentric with it as well, or \
+         give it the plane of a figure that stands before it in the list"
+    )]
+    LoneCircle {
+        /// Index of the figure.
+        figure: usize,
     },
 
     /// All samples together do not exceed the unknowns.
@@ -225,6 +238,7 @@ impl Error {
             Error::TooFewLines { .. }
             | Error::TooFewParallels { .. }
             | Error::TooFewSamples { .. }
+            | Error::LoneCircle { .. }
             | Error::TooFewDegreesOfFreedom { .. } => ErrorKind::NotEnoughData,
             Error::DegenerateHomography { .. }
             | Error::UndeterminedConic { .. }

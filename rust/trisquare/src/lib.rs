@@ -66,7 +66,7 @@ pub use observations::{
 pub use photometric::Photographs;
 pub use planning::{EdgeNoise, PlannedPlane, Prediction, predict};
 pub use result::{
-    Aspect, Calibration, Disagreement, FigureResiduals, Plane, PoseUncertainty,
+    Aspect, Calibration, CircleRadius, Disagreement, FigureResiduals, Plane, PoseUncertainty,
     ResidualCorrelation, Severity, SideResiduals, Stage, Warning,
 };
 pub use selection::{Choice, Doubt, Verdict, choose};

@@ -12,8 +12,8 @@ use crate::image_size::ImageSize;
 use crate::lens::Lens;
 use crate::numeric::{ArrowSystem, Problem};
 use crate::observations::{
-    Figure, Fixed, FreeParameters, Freedom, ObservedPlane, Options, Placement, PlaneState, Sample,
-    Side, View,
+    Curve, Figure, Fixed, FreeParameters, Freedom, ObservedPlane, Options, Placement, PlaneState,
+    Sample, Side, View,
 };
 use crate::refine::EdgeProblem;
 use crate::uncertainty::{
@@ -268,8 +268,7 @@ fn photographed<L: Lens>(
         let mut sides = Vec::with_capacity(outline.len());
         for i in 0..outline.len() {
             let ends = (outline[i], outline[(i + 1) % outline.len()]);
-            let side = side(camera, size, plane, index, ends, noise)?;
-            sides.push(Side { index: i, ..side });
+            sides.push(side(camera, size, (plane, index), (i, ends), noise)?);
         }
         figures.push(Figure {
             index: f,
@@ -289,9 +288,8 @@ fn photographed<L: Lens>(
 fn side<L: Lens>(
     camera: &L,
     size: ImageSize,
-    plane: &PlannedPlane,
-    index: usize,
-    (start, end): (Vector2<f64>, Vector2<f64>),
+    (plane, index): (&PlannedPlane, usize),
+    (number, (start, end)): (usize, (Vector2<f64>, Vector2<f64>)),
     noise: EdgeNoise,
 ) -> Result<Side, Error> {
     let far = size.centre() * 2.0;
@@ -318,12 +316,13 @@ fn side<L: Lens>(
         samples.push(Sample {
             pixel: see((i as f64 + 0.5) / parts)?,
             weight: count.sqrt() / noise.sigma,
+            index: i,
         });
         from = to;
     }
     Ok(Side {
-        index: 0,
-        line,
+        curve: Curve::Line(line),
+        number,
         samples,
         tone_drift: Vec::new(),
         is_outlier: false,

@@ -1,11 +1,15 @@
 //! Lines, poses, homographies and the image of the absolute conic.
 
+mod circles;
 mod conic;
 mod homography;
 mod line;
 mod normalisation;
 mod pose;
 
+pub(crate) use circles::{
+    area, concentric_homography, fit_circle, fit_ellipse, separate_homography,
+};
 pub use conic::{
     ConicConstraint, KnownIntrinsics, camera_matrix, camera_matrix_from_homographies,
     intrinsics_of, solve_conic,

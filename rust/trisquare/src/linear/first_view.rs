@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, Vector2};
 
+use super::circles::free_radii;
 use super::homographies::{Homographies, Undistortion};
 use crate::error::Error;
 use crate::geometry::{KnownIntrinsics, Pose, aspect_of_homography, camera_matrix_from_planes};
@@ -123,6 +124,13 @@ pub(crate) fn first_view<L: Lens>(
         for (figure, own) in plane.figures.iter().zip(own).skip(1) {
             figures.push(placement(figure, &homography, own)?);
         }
+        let round = plane.figures.iter().zip(own).zip(&mut figures);
+        for ((figure, homography), placement) in round.filter(|((f, _), _)| f.is_round()) {
+            placement.is_round = true;
+            placement.radii = free_radii(figure, homography, &|pixel: &_| {
+                undistortion.undistort(pixel)
+            })?;
+        }
         states.push(PlaneState { pose, figures });
     }
     Ok(View {
@@ -150,10 +158,10 @@ fn placement(
     let map = inverse * own;
     // The map is a similarity but for noise: its Jacobian at the figure's origin.
     let shift = Vector2::new(map.m13, map.m23) / map.m33;
-    if figure.freedom == Freedom::Offsets {
+    if let (Freedom::Offsets, Some(line)) = (figure.freedom, figure.sides[0].line()) {
         return Ok(Placement {
             shift,
-            free: Placement::offset(&figure.sides[0].line),
+            free: Placement::offset(&line),
             ..Placement::IDENTITY
         });
     }
@@ -183,7 +191,10 @@ fn placement(
             scale,
             angle,
             shift,
-            free: Placement::SIMILARITY,
+            free: match figure.is_round() {
+                true => Placement::SIZE_AND_CENTRE,
+                false => Placement::SIMILARITY,
+            },
             ..Placement::IDENTITY
         }
     })

@@ -2,12 +2,13 @@
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
+use super::circles::{homography_of_circles, homography_of_further_circles};
 use super::straighten::{Straightening, fit_distortion};
 use crate::error::Error;
 use crate::geometry::{Line, Normalisation, PlaneHomography, line_of_rays, normalised_homography};
 use crate::image_size::ImageSize;
 use crate::lens::{DistortionModel, Lens};
-use crate::observations::{Figure, Freedom, Method, ObservedPlane, Options, Sample};
+use crate::observations::{Figure, Freedom, Method, ObservedPlane, Options, Sample, Side};
 
 /// Cosine of the angle with the axis up to which a pinhole sees a ray at no great distance.
 const AHEAD: f64 = 0.1;
@@ -42,9 +43,13 @@ impl<L: Lens> Undistortion<L> {
         let curves: Vec<Vec<Vector2<f64>>> = planes
             .iter()
             .flat_map(ObservedPlane::sides)
-            .filter(|side| !side.is_outlier)
+            .filter(|side| !side.is_outlier && side.line().is_some())
             .map(|side| side.samples.iter().map(|s| s.pixel).collect())
             .collect();
+        if curves.is_empty() {
+            // Circles alone: the refinement finds the distortion.
+            return Ok(Self::Straightened(Straightening::identity(size)));
+        }
         // Where the refinement follows, it finds the centre itself.
         let held = options.fixed.principal_point || options.method == Method::MaximumLikelihood;
         let centre = held.then(|| {
@@ -123,12 +128,26 @@ impl Homographies {
                     own.push(own[0]);
                     continue;
                 }
-                if number > 0 && figure.freedom == Freedom::Offsets {
-                    own.push(homography_of_offset(figure, &own[0], undistortion)?);
+                let line = figure.sides[0].line();
+                if number > 0
+                    && figure.freedom == Freedom::Offsets
+                    && let Some(line) = line
+                {
+                    let normal = line.normal();
+                    own.push(homography_of_offset(
+                        (figure, normal),
+                        &own[0],
+                        undistortion,
+                    )?);
+                    continue;
+                }
+                if number > 0 && figure.is_round() {
+                    let undistort = |pixel: &_| undistortion.undistort(pixel);
+                    own.push(homography_of_further_circles(figure, &own[0], &undistort)?);
                     continue;
                 }
                 let (homography, seen) = match number {
-                    0 => homography_of_figure(&with_fixed(plane), undistortion)?,
+                    0 => homography_of_first(plane, undistortion)?,
                     _ => homography_of_figure(figure, undistortion)?,
                 };
                 if own.is_empty() {
@@ -172,13 +191,31 @@ impl Homographies {
     }
 }
 
+/// That of a plane's first figure, which of a single circle asks for another on the plane.
+fn homography_of_first<L: Lens>(
+    plane: &ObservedPlane,
+    undistortion: &Undistortion<L>,
+) -> Result<(Matrix3<f64>, Vector2<f64>), Error> {
+    let first = with_fixed(plane);
+    let beside = plane.figures[1..].iter().find(|figure| figure.is_round());
+    let undistort = |pixel: &_| undistortion.undistort(pixel);
+    match first.sides.iter().all(|side| side.line().is_none()) {
+        true => homography_of_circles(&first, beside, &undistort),
+        false => homography_of_figure(&first, undistortion),
+    }
+}
+
 /// A plane's first figure with the sides of those that are given in its coordinates: the first one
 /// alone may be a small part of the whole.
 fn with_fixed(plane: &ObservedPlane) -> Figure {
     let mut first = plane.figures[0].clone();
     for figure in &plane.figures[1..] {
         if figure.freedom == Freedom::Fixed {
-            first.sides.extend(figure.sides.iter().cloned());
+            let offset = first.sides[first.sides.len() - 1].number + 1;
+            first.sides.extend(figure.sides.iter().map(|side| Side {
+                number: offset + side.number,
+                ..side.clone()
+            }));
         }
     }
     first
@@ -196,10 +233,17 @@ pub(crate) fn homography_of_figure<L: Lens>(
     let mut image_lines: Vec<Line> = Vec::with_capacity(figure.sides.len());
     let mut ideal = Vec::new();
     for side in &figure.sides {
+        let Some(plane_line) = side.line() else {
+            continue;
+        };
         let (line, seen) = undistortion.line(&side.samples).map_err(degenerate)?;
-        plane_lines.push(side.line);
+        plane_lines.push(plane_line);
         image_lines.push(line);
         ideal.extend(seen);
+    }
+    if plane_lines.is_empty() {
+        let undistort = |pixel: &_| undistortion.undistort(pixel);
+        return homography_of_circles(figure, None, &undistort);
     }
     let witness = *ideal
         .first()
@@ -210,22 +254,20 @@ pub(crate) fn homography_of_figure<L: Lens>(
     Ok((homography, witness))
 }
 
-/// A plane's homography moved to where it shows a line through the origin of known direction.
+/// A plane's homography moved to where it shows the line of a figure, through the origin with a known
+/// normal.
 fn homography_of_offset<L: Lens>(
-    figure: &Figure,
+    (figure, normal): (&Figure, Vector2<f64>),
     plane: &Matrix3<f64>,
     undistortion: &Undistortion<L>,
 ) -> Result<Matrix3<f64>, Error> {
-    let side = &figure.sides[0];
-    let (image_line, _) =
-        undistortion
-            .line(&side.samples)
-            .map_err(|reason| Error::DegenerateHomography {
-                figure: figure.index,
-                reason,
-            })?;
+    let (image_line, _) = undistortion
+        .line(&figure.sides[0].samples)
+        .map_err(|reason| Error::DegenerateHomography {
+            figure: figure.index,
+            reason,
+        })?;
     let line = plane.tr_mul(&image_line.coefficients());
-    let normal = side.line.normal();
     let offset = -line.z / normal.dot(&line.xy());
     Ok(plane * Matrix3::new_translation(&(normal * offset)))
 }

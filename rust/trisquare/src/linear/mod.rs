@@ -1,5 +1,6 @@
 //! The paper's three linear steps: straighten, homographies, conic.
 
+mod circles;
 mod first_view;
 mod homographies;
 mod straighten;

@@ -188,6 +188,7 @@ fn check(
                 figure: 0,
                 line,
                 found: curve.len(),
+                needed: 2,
             });
         }
     }

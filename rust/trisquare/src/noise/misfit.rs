@@ -91,7 +91,7 @@ impl Misfit {
             }
             observed +=
                 STRAIGHT as f64 * plane.sides().filter(|side| !side.is_outlier).count() as f64;
-            all.straight_freedom -= state.parameter_count() as f64;
+            all.straight_freedom -= state.unknowns() as f64;
         }
         // The parameters take as large a part of these errors as of any others.
         all.expected /= observed.max(1.0);

@@ -18,7 +18,7 @@ use super::side_errors::{SideErrors, rms_displacement};
 use crate::lens::Lens;
 use crate::numeric::Problem;
 use crate::observations::{
-    BoardRelief, FreeParameters, Heights, ObservedPlane, PlaneState, TERMS, has_grid,
+    BoardRelief, Figure, FreeParameters, Heights, ObservedPlane, PlaneState, TERMS, has_grid,
 };
 use crate::refine::{EdgeProblem, Refined, residuals, robust_scale};
 
@@ -68,7 +68,8 @@ pub(crate) fn account_for_relief<L: Lens>(
     let mut planes = planes.to_vec();
     for (plane, state) in planes.iter_mut().zip(&refined.view.planes) {
         let is_asked = sheets == Sheets::All || plane.figures.iter().any(has_grid);
-        if plane.board_relief.is_none() && !plane.is_outlier() && is_asked {
+        let is_straight = !plane.figures.iter().any(Figure::is_round);
+        if plane.board_relief.is_none() && !plane.is_outlier() && is_asked && is_straight {
             plane.board_relief = BoardRelief::flat(plane, &refined.view, state);
         }
     }
@@ -167,7 +168,7 @@ fn raise<L: Lens>(
     let board_relief = *board_relief;
     for (f, figure) in plane.figures.iter_mut().enumerate() {
         for side in &mut figure.sides {
-            let line = state.line(f, side);
+            let line = state.line(f, &side.line()?);
             for sample in &mut side.samples {
                 let pixel_ray = lens.unproject_with_jacobian(&sample.pixel)?;
                 let distance =

@@ -45,6 +45,18 @@ pub(crate) fn places(samples: &[Sample], along: &Vector2<f64>) -> Vec<f64> {
     places
 }
 
+/// Where each sample of an arc lies along it, from -1 to 1, in their order.
+pub(crate) fn places_on_arc(samples: &[Sample]) -> Vec<f64> {
+    let mut length = 0.0;
+    let mut places = vec![0.0];
+    for pair in samples.windows(2) {
+        length += (pair[1].pixel - pair[0].pixel).norm();
+        places.push(length);
+    }
+    let half = (0.5 * length).max(f64::MIN_POSITIVE);
+    places.iter().map(|place| place / half - 1.0).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -66,6 +78,7 @@ mod tests {
         let sample = |x: f64| Sample {
             pixel: Vector2::new(3.0 + x, 5.0 - 2.0 * x),
             weight: 1.0,
+            index: 0,
         };
         let samples = [sample(2.0), sample(0.0), sample(1.0), sample(8.0)];
         let found = places(&samples, &direction(&samples).unwrap());

@@ -81,6 +81,7 @@ impl SideErrors {
             if plane.is_outlier() {
                 block.hessian.fill_diagonal(1.0);
             }
+            state.hold_turn(&mut block.hessian);
         }
         Some(Self {
             system,
@@ -262,7 +263,8 @@ mod tests {
             let mut own = all[p].iter();
             for side in plane.sides() {
                 let state = &view.planes[p];
-                let line = state.line(0, side);
+                let model = side.line().unwrap().into();
+                let line = state.line(0, &side.line().unwrap());
                 for (s, sample) in places(&side.samples, &direction(&side.samples).unwrap())
                     .iter()
                     .zip(&side.samples)
@@ -276,7 +278,7 @@ mod tests {
                     for (i, value) in shared.into_iter().enumerate() {
                         jacobian[(row, i)] = value;
                     }
-                    let pose = distance.wrt_line.transpose() * state.line_jacobian(0, side);
+                    let pose = distance.wrt_line.transpose() * state.line_jacobian(0, &model);
                     for i in 0..6 {
                         jacobian[(row, free.len() + 6 * p + i)] = pose[i];
                     }

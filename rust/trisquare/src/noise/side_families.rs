@@ -86,14 +86,14 @@ pub(crate) struct Family {
     pub shared: DMatrix<f64>,
 }
 
-/// The sides of a figure, those of one direction together if there are many: an error that is
+/// The sides and arcs of a figure, those of one direction together if there are many: an error that is
 /// correlated over a third of a side is so across a third of the figure, too.
 pub(crate) fn families_of(figure: &Figure, plane: usize, own: usize, shared: usize) -> Vec<Family> {
-    let lines: Vec<Vector3<f64>> = figure
-        .sides
-        .iter()
-        .map(|side| side.line.coefficients())
-        .collect();
+    let line = |side: &Side| {
+        side.line()
+            .map_or_else(Vector3::zeros, |l| l.coefficients())
+    };
+    let lines: Vec<Vector3<f64>> = figure.sides.iter().map(line).collect();
     // Opposite sides of a square are too far apart.
     let split = directions(figure)
         .into_iter()
@@ -257,32 +257,42 @@ impl SideJacobian {
         camera: &SharedColumns<'_, L>,
     ) -> Option<Self> {
         let lens = camera.lens;
-        let line = state.line(figure, side);
         let (wanted, count) = (camera.free.columns(), camera.len());
         let mut gram = Gram::identity() * UNSEEN;
-        let mut wrt_line = SMatrix::<f64, ORDERS, 3>::zeros();
+        let mut by_line = Vec::new();
         let mut shared = SMatrix::<f64, ORDERS, MAX_SHARED>::zeros();
         let mut heights = SMatrix::<f64, ORDERS, TERMS>::zeros();
-        for index in nodes(&moments.places) {
-            let row = &moments.rows[index];
-            let pixel = &side.samples[index].pixel;
-            let pixel_ray = lens.unproject_with_jacobian(pixel)?;
-            let distance = lens.line_distance_jacobian(&pixel_ray, &line, wanted);
-            let columns = camera.gather(&distance.wrt_lens, (pixel, &pixel_ray, &line));
-            gram.ger(1.0, row, row, 1.0);
-            wrt_line.ger(1.0, row, &distance.wrt_line, 1.0);
-            let mut used = shared.columns_mut(0, count);
-            used.ger(1.0, row, &columns.rows(0, count), 1.0);
-            if let Some(board_relief) = board_relief {
-                let sample = &side.samples[index];
-                let of = (lens, state);
-                // What rises displaces the sample: the residual is less by that.
-                let risen = board_relief.displacements(of, &line, &distance.wrt_line, sample)?;
-                heights.ger(-1.0, row, &risen, 1.0);
+        let nodes = nodes(&moments.places);
+        for found in state.model_lines(lens, figure, side) {
+            let (model, range) = found?;
+            let line = state.line(figure, &model.line);
+            let mut wrt_line = SMatrix::<f64, ORDERS, 3>::zeros();
+            for &index in nodes.iter().filter(|index| range.contains(index)) {
+                let row = &moments.rows[index];
+                let pixel = &side.samples[index].pixel;
+                let pixel_ray = lens.unproject_with_jacobian(pixel)?;
+                let distance = lens.line_distance_jacobian(&pixel_ray, &line, wanted);
+                let columns = camera.gather(&distance.wrt_lens, (pixel, &pixel_ray, &line));
+                gram.ger(1.0, row, row, 1.0);
+                wrt_line.ger(1.0, row, &distance.wrt_line, 1.0);
+                let mut used = shared.columns_mut(0, count);
+                used.ger(1.0, row, &columns.rows(0, count), 1.0);
+                if let Some(board_relief) = board_relief {
+                    let sample = &side.samples[index];
+                    let of = (lens, state);
+                    // What rises displaces the sample: the residual is less by that.
+                    let risen =
+                        board_relief.displacements(of, &line, &distance.wrt_line, sample)?;
+                    heights.ger(-1.0, row, &risen, 1.0);
+                }
             }
+            by_line.push((model, wrt_line));
         }
         let factor = gram.cholesky()?;
-        let own = factor.solve(&wrt_line) * state.line_jacobian(figure, side);
+        let own = by_line
+            .iter()
+            .map(|(model, wrt_line)| factor.solve(wrt_line) * state.line_jacobian(figure, model));
+        let own = own.reduce(|a, b| a + b)?;
         let heights = factor.solve(&heights);
         let columns = own.ncols() + board_relief.map_or(0, |_| TERMS);
         Some(Self {

@@ -2,9 +2,9 @@
 
 use nalgebra::{SMatrix, Vector2};
 
-use super::side_basis::{Basis, ORDERS, basis, direction, places};
+use super::side_basis::{Basis, ORDERS, basis, direction, places, places_on_arc};
 use crate::numeric::Loss;
-use crate::observations::Side;
+use crate::observations::{Curve, Side};
 use crate::refine::Residual;
 
 /// A sample tells no more of a misfit than one so many times the noise away.
@@ -53,7 +53,10 @@ impl SideMoments {
     /// At a scale of the noise.
     pub fn of(side: &Side, residuals: &[Residual], scale: f64) -> Self {
         let along = direction(&side.samples).unwrap_or_default();
-        let places = places(&side.samples, &along);
+        let places = match side.curve {
+            Curve::Line(_) => places(&side.samples, &along),
+            Curve::Circle(_) => places_on_arc(&side.samples),
+        };
         let rows: Vec<Basis> = places.iter().map(|s| basis(*s)).collect();
         let (mut robust, mut plain) = (Moments::ZERO, Moments::ZERO);
         let mut strongest = f64::MIN_POSITIVE;

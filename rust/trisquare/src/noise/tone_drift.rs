@@ -101,35 +101,39 @@ fn freed<L: Lens>(
         let state = &refined.view.planes[p];
         let lens = &refined.view.lens;
         for (f, side) in plane.sides_by_figure() {
-            let line = state.line(f, side);
-            let line_jacobian = state.line_jacobian(f, side);
-            for (i, sample) in side.samples.iter().enumerate() {
-                let pixel_ray = lens.unproject_with_jacobian(&sample.pixel)?;
-                let distance = lens.line_distance_jacobian(&pixel_ray, &line, judged.columns());
-                let displacement = match side.tone_drift.get(i) {
-                    Some(tone_drift) => {
-                        let displaced =
-                            lens.unproject_with_jacobian(&(sample.pixel + tone_drift))?;
-                        lens.line_distance(&displaced, &line) - distance.value
+            for found in state.model_lines(lens, f, side) {
+                let (model, range) = found?;
+                let line = state.line(f, &model.line);
+                let line_jacobian = state.line_jacobian(f, &model);
+                for i in range {
+                    let sample = &side.samples[i];
+                    let pixel_ray = lens.unproject_with_jacobian(&sample.pixel)?;
+                    let distance = lens.line_distance_jacobian(&pixel_ray, &line, judged.columns());
+                    let displacement = match side.tone_drift.get(i) {
+                        Some(tone_drift) => {
+                            let displaced =
+                                lens.unproject_with_jacobian(&(sample.pixel + tone_drift))?;
+                            lens.line_distance(&displaced, &line) - distance.value
+                        }
+                        None => 0.0,
+                    };
+                    let to_noise = side.trust() * sample.weight / scale;
+                    let (_, weight) = loss.cost_and_weight(distance.value * to_noise);
+                    let mut shared = DVector::zeros(judged.len());
+                    judged.gather(&distance.wrt_lens, shared.as_mut_slice());
+                    let own = line_jacobian.tr_mul(&distance.wrt_line);
+                    // Products with the displacement, which belongs to one shared column.
+                    let weighted = weight * to_noise * to_noise * displacement;
+                    let column = known + place(&pictures, plane);
+                    let block = &mut system.blocks[p];
+                    for (i, shared) in shared.iter().enumerate() {
+                        block.shared[(i, column)] += weighted * shared;
+                        block.shared[(column, i)] += weighted * shared;
                     }
-                    None => 0.0,
-                };
-                let to_noise = side.trust() * sample.weight / scale;
-                let (_, weight) = loss.cost_and_weight(distance.value * to_noise);
-                let mut shared = DVector::zeros(judged.len());
-                judged.gather(&distance.wrt_lens, shared.as_mut_slice());
-                let own = line_jacobian.tr_mul(&distance.wrt_line);
-                // Products with the displacement, which belongs to one shared column.
-                let weighted = weight * to_noise * to_noise * displacement;
-                let column = known + place(&pictures, plane);
-                let block = &mut system.blocks[p];
-                for (i, shared) in shared.iter().enumerate() {
-                    block.shared[(i, column)] += weighted * shared;
-                    block.shared[(column, i)] += weighted * shared;
+                    block.shared[(column, column)] += weighted * displacement;
+                    block.shared_gradient[column] += weighted * distance.value;
+                    block.cross.column_mut(column).axpy(weighted, &own, 1.0);
                 }
-                block.shared[(column, column)] += weighted * displacement;
-                block.shared_gradient[column] += weighted * distance.value;
-                block.cross.column_mut(column).axpy(weighted, &own, 1.0);
             }
         }
     }

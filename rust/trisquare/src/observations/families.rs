@@ -88,6 +88,7 @@ pub(super) fn outermost_lines(
             figure,
             line,
             found: 1,
+            needed: 2,
         })
     };
     let chords = points.iter().enumerate().map(chord);

@@ -1,5 +1,6 @@
 //! What was measured and what is asked: edge samples by plane, options, free parameters, the view.
 
+mod curve;
 mod edge_shift;
 mod families;
 mod free_parameters;
@@ -10,6 +11,7 @@ mod plane_edges;
 mod relief;
 mod view;
 
+pub(crate) use curve::{Curve, ModelLine, Radius};
 pub use edge_shift::{CellSample, GridLineSamples, remove_edge_shift};
 pub(crate) use free_parameters::FreeParameters;
 pub(crate) use observed::{

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use nalgebra::Vector2;
 
+use super::curve::{Curve, Radius};
 use super::families::outermost_lines;
 use super::plane_edges::{Freedom, PlaneEdges, rectangle_lines};
 use super::relief::BoardRelief;
@@ -16,14 +17,16 @@ pub(crate) struct Sample {
     pub pixel: Vector2<f64>,
     /// One over its standard deviation across the line.
     pub weight: f64,
+    /// Its index among the samples of its curve.
+    pub index: usize,
 }
 
-/// A line of a figure and the samples on its image.
+/// A line of a figure, or an arc of a circle, and the samples on its image.
 #[derive(Debug, Clone)]
 pub(crate) struct Side {
-    /// Index of its line among those given of its figure.
-    pub index: usize,
-    pub line: Line,
+    pub curve: Curve,
+    /// Index of the curve among those of its figure.
+    pub number: usize,
     pub samples: Vec<Sample>,
     /// How far an error that the picture's samples share displaces each, per standard deviation
     /// (px); empty if there is none.
@@ -36,6 +39,12 @@ pub(crate) struct Side {
 /// Sine of the angle below which two lines of a plane have one direction.
 const PARALLEL: f64 = 0.1;
 
+/// Arcs of a circle: as a square has sides.
+const ARCS: usize = 4;
+
+/// Samples that an arc has at least.
+const LEAST_OF_ARC: usize = 2;
+
 /// Weight of an outlier side over that of others: it still places its own plane where
 /// nothing else does, and moves no camera.
 const ASIDE: f64 = 1e-5;
@@ -44,6 +53,14 @@ impl Side {
     /// By how much its samples' weights are lowered.
     pub fn trust(&self) -> f64 {
         if self.is_outlier { ASIDE } else { 1.0 }
+    }
+
+    /// The line that it is, if it is straight.
+    pub fn line(&self) -> Option<Line> {
+        match self.curve {
+            Curve::Line(line) => Some(line),
+            Curve::Circle(_) => None,
+        }
     }
 }
 
@@ -69,6 +86,16 @@ pub(crate) struct ObservedPlane {
 impl Figure {
     pub fn samples(&self) -> impl Iterator<Item = &Sample> + Clone {
         self.sides.iter().flat_map(|side| &side.samples)
+    }
+
+    /// Whether it is circles.
+    pub fn is_round(&self) -> bool {
+        self.sides[0].line().is_none()
+    }
+
+    /// Whether it has the four sides of a square.
+    pub fn has_four_sides(&self) -> bool {
+        self.sides.len() == 4 && !self.is_round()
     }
 }
 
@@ -148,10 +175,13 @@ impl ObservedPlane {
     }
 }
 
-/// Families of a figure's sides that count: those that run in one direction.
+/// Families of a figure's sides that count: those that run in one direction, and every arc.
 pub(crate) fn directions(figure: &Figure) -> Vec<Vec<usize>> {
-    let normal = |side: usize| figure.sides[side].line.normal();
-    let parallel = |a: usize, b: usize| normal(a).perp(&normal(b)).abs() < PARALLEL;
+    let line = |side: usize| figure.sides[side].line();
+    let parallel = |a: usize, b: usize| match (line(a), line(b)) {
+        (Some(a), Some(b)) => a.normal().perp(&b.normal()).abs() < PARALLEL,
+        _ => false,
+    };
     let mut families: Vec<Vec<usize>> = Vec::new();
     for side in (0..figure.sides.len()).filter(|side| !figure.sides[*side].is_outlier) {
         match families.iter_mut().find(|family| parallel(family[0], side)) {
@@ -212,57 +242,100 @@ pub(crate) fn sort_by_plane(edges: &[PlaneEdges]) -> Result<Vec<ObservedPlane>, 
 /// The figure that is given; of families of lines, the rectangle of the outermost ones, and each
 /// further line as a figure whose offset is free.
 fn figures(index: usize, edges: &PlaneEdges) -> Result<Vec<Figure>, Error> {
-    let sides = sides(edges);
+    let given = figure(index, edges);
+    if edges.freedom != Freedom::Offsets {
+        return Ok(vec![given]);
+    }
     let figure = |freedom, sides| Figure {
         index,
         freedom,
         sides,
     };
-    if edges.freedom != Freedom::Offsets {
-        return Ok(vec![figure(edges.freedom, sides)]);
-    }
+    let moved = |side: &Side, line| Side {
+        curve: Curve::Line(line),
+        ..side.clone()
+    };
     let outermost = outermost_lines(index, &edges.lines, &edges.points)?;
     let rectangle = outermost.into_iter().zip(rectangle_lines(1.0, 1.0));
-    let rectangle = rectangle.map(|(side, line)| Side {
-        line,
-        ..sides[side].clone()
-    });
+    let rectangle = rectangle.map(|(side, line)| moved(&given.sides[side], line));
     let mut figures = vec![figure(Freedom::Aspect, rectangle.collect())];
-    for side in &sides {
-        if !outermost.contains(&side.index) {
-            let line = Line::with_unit_normal(side.line.normal(), Vector2::zeros());
-            let side = Side {
-                line,
-                ..side.clone()
-            };
-            figures.push(figure(Freedom::Offsets, vec![side]));
-        }
+    let further = given.sides.iter();
+    for side in further.filter(|side| !outermost.contains(&side.number)) {
+        let normal = edges.lines[side.number].normal();
+        let line = Line::with_unit_normal(normal, Vector2::zeros());
+        figures.push(figure(Freedom::Offsets, vec![moved(side, line)]));
     }
     Ok(figures)
 }
 
-fn sides(edges: &PlaneEdges) -> Vec<Side> {
-    edges
-        .lines
-        .iter()
-        .zip(&edges.points)
-        .enumerate()
-        .map(|(side, (line, points))| Side {
-            index: side,
-            line: *line,
-            is_outlier: false,
-            samples: points
-                .iter()
-                .enumerate()
-                .map(|(i, pixel)| Sample {
-                    pixel: *pixel,
-                    weight: edges.std.as_ref().map_or(1.0, |std| 1.0 / std[side][i]),
-                })
-                .collect(),
-            tone_drift: edges
-                .tone_drift
-                .as_ref()
-                .map_or_else(Vec::new, |tone_drift| tone_drift[side].clone()),
-        })
-        .collect()
+fn figure(index: usize, edges: &PlaneEdges) -> Figure {
+    let mut free = 0;
+    let mut circle = |radius: &Option<f64>| {
+        Curve::Circle(radius.map_or_else(
+            || {
+                free += 1;
+                Radius::Free(free - 1)
+            },
+            Radius::Known,
+        ))
+    };
+    let lines = edges.lines.iter().map(|line| Curve::Line(*line));
+    let curves: Vec<Curve> = lines.chain(edges.radii.iter().map(&mut circle)).collect();
+    let sides =
+        curves
+            .into_iter()
+            .zip(&edges.points)
+            .enumerate()
+            .flat_map(|(number, (curve, points))| {
+                let stretches = match curve {
+                    Curve::Line(_) => vec![(0..points.len()).collect()],
+                    Curve::Circle(_) => arcs(points),
+                };
+                stretches
+                    .into_iter()
+                    .map(move |stretch| side(edges, (number, curve), &stretch))
+            });
+    Figure {
+        index,
+        freedom: edges.freedom,
+        sides: sides.collect(),
+    }
+}
+
+fn side(edges: &PlaneEdges, (number, curve): (usize, Curve), stretch: &[usize]) -> Side {
+    let std = edges.std.as_ref().map(|std| &std[number]);
+    let sample = |&index: &usize| Sample {
+        pixel: edges.points[number][index],
+        weight: std.map_or(1.0, |std| 1.0 / std[index]),
+        index,
+    };
+    let drift = edges.tone_drift.iter().map(|drift| &drift[number]);
+    Side {
+        curve,
+        number,
+        is_outlier: false,
+        samples: stretch.iter().map(sample).collect(),
+        tone_drift: drift
+            .flat_map(|drift| stretch.iter().map(|&i| drift[i]))
+            .collect(),
+    }
+}
+
+/// The samples of a circle, in order round it from its widest gap on, as arcs of as many each:
+/// errors are correlated over parts of a circle as over parts of a line.
+fn arcs(points: &[Vector2<f64>]) -> Vec<Vec<usize>> {
+    let count = points.len();
+    let middle = points.iter().sum::<Vector2<f64>>() / count as f64;
+    let angle = |i: usize| (points[i].y - middle.y).atan2(points[i].x - middle.x);
+    let mut order: Vec<usize> = (0..count).collect();
+    order.sort_by(|a, b| angle(*a).total_cmp(&angle(*b)));
+    let gap = |i: &usize| {
+        let before = order[(i + count - 1) % count];
+        (angle(order[*i]) - angle(before)).rem_euclid(std::f64::consts::TAU)
+    };
+    let first = (0..count).max_by(|a, b| gap(a).total_cmp(&gap(b)));
+    order.rotate_left(first.unwrap_or(0));
+    let parts = (count / LEAST_OF_ARC).clamp(1, ARCS);
+    let part = |i: usize| order[i * count / parts..(i + 1) * count / parts].to_vec();
+    (0..parts).map(part).collect()
 }

@@ -1,7 +1,8 @@
 //! Where a figure lies on its plane.
 
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{Matrix3, Vector2, Vector3};
 
+use super::curve::{ModelLine, Radius};
 use crate::geometry::Line;
 
 /// A parameter of a placement.
@@ -17,13 +18,19 @@ pub(crate) enum PlacementParameter {
 use PlacementParameter::{Angle, Scale, ShiftX, ShiftY, Stretch};
 
 /// A figure's place on its plane: `P_plane = scale R(angle) diag(stretch, 1) P_figure + shift`.
-#[derive(Debug, Clone, Copy, PartialEq)]
+///
+/// Circles about the figure's origin may have radii of their own.
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Placement {
     pub stretch: f64,
     pub scale: f64,
     pub angle: f64,
     pub shift: Vector2<f64>,
-    /// What is estimated of it.
+    /// Whether it is circles about its origin, which no turn about that changes.
+    pub is_round: bool,
+    /// The radii that are estimated.
+    pub radii: Vec<f64>,
+    /// What else is estimated of it.
     pub free: &'static [PlacementParameter],
 }
 
@@ -34,6 +41,8 @@ impl Placement {
         scale: 1.0,
         angle: 0.0,
         shift: Vector2::new(0.0, 0.0),
+        is_round: false,
+        radii: Vec::new(),
         free: &[],
     };
 
@@ -42,6 +51,9 @@ impl Placement {
 
     /// What is free of a figure of which nothing is known but its shape.
     pub const SIMILARITY: &'static [PlacementParameter] = &[Scale, Angle, ShiftX, ShiftY];
+
+    /// What is free of circles of which nothing is known but their ratios.
+    pub const SIZE_AND_CENTRE: &'static [PlacementParameter] = &[Scale, ShiftX, ShiftY];
 
     /// What is free of a rectangle of unknown aspect.
     pub const ASPECT: &'static [PlacementParameter] = &[Stretch];
@@ -60,19 +72,45 @@ impl Placement {
         self.placed(&self.stretched(line).0)
     }
 
-    /// Derivatives of [`Self::line`] by the free parameters, in their order.
-    pub fn line_derivatives(&self, line: &Line) -> impl Iterator<Item = Vector3<f64>> + use<> {
-        let placement = *self;
-        let (stretched, wrt_stretch) = self.stretched(line);
+    /// Derivatives of [`Self::line`] by the free parameters, in their order, and by the radii.
+    pub fn line_derivatives(&self, model: &ModelLine) -> impl Iterator<Item = Vector3<f64>> {
+        let placement = self;
+        let own = model.radius;
+        let (stretched, wrt_stretch) = self.stretched(&model.line);
         let normal = self.rotate(stretched.xy());
         let turned = Vector2::new(-normal.y, normal.x);
-        placement.free.iter().map(move |parameter| match parameter {
+        let of_radius = move |k: usize| match own == Some(k) {
+            true => Vector3::new(0.0, 0.0, -placement.scale),
+            false => Vector3::zeros(),
+        };
+        let of_parameter = move |parameter: &PlacementParameter| match parameter {
             Stretch => placement.placed(&wrt_stretch),
             Scale => Vector3::new(0.0, 0.0, stretched.z),
             Angle => turned.push(-turned.dot(&placement.shift)),
             ShiftX => Vector3::new(0.0, 0.0, -normal.x),
             ShiftY => Vector3::new(0.0, 0.0, -normal.y),
-        })
+        };
+        let radii = (0..self.radii.len()).map(of_radius);
+        self.free.iter().map(of_parameter).chain(radii)
+    }
+
+    /// Number of its parameters.
+    pub fn parameter_count(&self) -> usize {
+        self.free.len() + self.radii.len()
+    }
+
+    /// A radius, and its index if it is estimated.
+    pub fn radius(&self, radius: Radius) -> (f64, Option<usize>) {
+        match radius {
+            Radius::Known(value) => (value, None),
+            Radius::Free(index) => (self.radii[index], Some(index)),
+        }
+    }
+
+    /// The map of lines that are not stretched.
+    pub fn line_map(&self) -> Matrix3<f64> {
+        let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+        Matrix3::from_columns(&axes.map(|axis| self.placed(&axis)))
     }
 
     /// A point of the figure on the plane.
@@ -83,8 +121,9 @@ impl Placement {
 
     /// The placement after a step of its free parameters.
     pub fn moved(&self, step: &[f64]) -> Self {
-        let mut next = *self;
-        for (parameter, change) in self.free.iter().zip(step) {
+        let mut next = self.clone();
+        let (own, radii) = step.split_at(self.free.len());
+        for (parameter, change) in self.free.iter().zip(own) {
             let value = match parameter {
                 Stretch => &mut next.stretch,
                 Scale => &mut next.scale,
@@ -93,6 +132,9 @@ impl Placement {
                 ShiftY => &mut next.shift.y,
             };
             *value += change;
+        }
+        for (radius, change) in next.radii.iter_mut().zip(radii) {
+            *radius += change;
         }
         next
     }
@@ -132,6 +174,7 @@ mod tests {
             angle: 0.7,
             shift: Vector2::new(0.1, -0.3),
             free: &[Stretch, Scale, Angle, ShiftX, ShiftY],
+            ..Placement::IDENTITY
         };
         let line = Line::new(0.6, -0.8, 0.2).unwrap();
         let on_line = Vector2::new(0.4, 0.55);
@@ -139,7 +182,7 @@ mod tests {
         let moved = placement.line(&line);
         assert!(moved.dot(&placement.point(on_line).push(1.0)).abs() < 1e-15);
 
-        for (i, derivative) in placement.line_derivatives(&line).enumerate() {
+        for (i, derivative) in placement.line_derivatives(&line.into()).enumerate() {
             let mut step = [0.0; 5];
             step[i] = 1e-6;
             let forward = placement.moved(&step).line(&line);
@@ -147,5 +190,34 @@ mod tests {
             let backward = placement.moved(&step).line(&line);
             assert!(((forward - backward) / 2e-6 - derivative).norm() < 1e-9);
         }
+    }
+
+    #[test]
+    fn a_tangent_follows_its_own_radius_alone() {
+        let placement = Placement {
+            scale: 0.6,
+            radii: vec![0.8, 1.7],
+            free: Placement::SIZE_AND_CENTRE,
+            ..Placement::IDENTITY
+        };
+        let tangent = |placement: &Placement| {
+            let (radius, index) = placement.radius(Radius::Free(1));
+            ModelLine::tangent(Vector2::new(0.6, -0.8), radius, index)
+        };
+        let derivatives: Vec<_> = placement.line_derivatives(&tangent(&placement)).collect();
+        assert_eq!(derivatives.len(), placement.parameter_count());
+        for (i, derivative) in derivatives.iter().enumerate() {
+            let mut step = [0.0; 5];
+            step[i] = 1e-6;
+            let ahead = placement.moved(&step);
+            step[i] = -1e-6;
+            let behind = placement.moved(&step);
+            let difference =
+                ahead.line(&tangent(&ahead).line) - behind.line(&tangent(&behind).line);
+            assert!((difference / 2e-6 - derivative).norm() < 1e-9);
+        }
+        let map = placement.line_map();
+        let line = tangent(&placement).line;
+        assert!((map * line.coefficients() - placement.line(&line)).norm() < 1e-15);
     }
 }

@@ -10,6 +10,9 @@ use crate::geometry::{Line, MIN_LINES};
 /// a side that bulges under distortion moves its own fitted corners by a few per cent.
 const CORNER_SLACK: f64 = 0.25;
 
+/// Samples that the image of a circle needs: it has five numbers.
+const MIN_CIRCLE_SAMPLES: usize = 5;
+
 /// Which side of a figure's outline is dark.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -43,13 +46,17 @@ pub enum Freedom {
     Offsets,
 }
 
-/// One flat figure: lines of a plane and samples on their images.
+/// One flat figure: lines of a plane, or concentric circles, and samples on their images.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PlaneEdges {
     /// The figure's lines, in its own plane coordinates.
     pub lines: Vec<Line>,
-    /// Samples (pixels) on the image of each line.
+    /// Radii of circles about the origin, which a figure has instead of lines; one that is `None` is
+    /// estimated, the first is not.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub radii: Vec<Option<f64>>,
+    /// Samples (pixels) on the image of each line or circle.
     pub points: Vec<Vec<Vector2<f64>>>,
     /// Standard deviation of each sample across its line, in pixels; 1 where absent.
     pub std: Option<Vec<Vec<f64>>>,
@@ -144,10 +151,36 @@ impl PlaneEdges {
         Ok(edges)
     }
 
+    /// Concentric circles from samples of each, with their radii in any unit; without them the first
+    /// circle's is the unit, and those of the others are estimated.
+    ///
+    /// The plane's origin is their centre, its Z axis points away from the camera, and how it is
+    /// turned about that is arbitrary. A circle's image has five numbers, and so has its pose: one
+    /// alone tells nothing of the camera. Of the ten numbers of two, five are the pose, two are
+    /// equations for the camera, and three hold for any camera (two, if a radius is unknown).
+    ///
+    /// # Errors
+    /// As [`Self::check`].
+    pub fn circles(points: Vec<Vec<Vector2<f64>>>, radii: Option<&[f64]>) -> Result<Self, Error> {
+        let radii = match radii {
+            Some(radii) => radii.iter().map(|radius| Some(*radius)).collect(),
+            None => (0..points.len())
+                .map(|circle| (circle == 0).then_some(1.0))
+                .collect(),
+        };
+        let found = Self {
+            radii,
+            ..Self::new(Vec::new(), points)
+        };
+        found.check(0)?;
+        Ok(found)
+    }
+
     /// Samples on the images of the given lines, a plane of their own.
     pub fn new(lines: Vec<Line>, points: Vec<Vec<Vector2<f64>>>) -> Self {
         Self {
             lines,
+            radii: Vec::new(),
             points,
             std: None,
             polarity: None,
@@ -170,17 +203,19 @@ impl PlaneEdges {
     /// # Errors
     /// The first thing found wrong.
     pub fn check(&self, figure: usize) -> Result<(), Error> {
-        if self.lines.len() < MIN_LINES && self.freedom != Freedom::Offsets {
+        if !self.radii.is_empty() {
+            self.check_circles(figure)?;
+        } else if self.lines.len() < MIN_LINES && self.freedom != Freedom::Offsets {
             return Err(Error::TooFewLines {
                 figure,
                 found: self.lines.len(),
                 needed: MIN_LINES,
             });
         }
-        if self.points.len() != self.lines.len() {
+        let curves = self.lines.len() + self.radii.len();
+        if self.points.len() != curves {
             return Err(Error::InvalidArgument(format!(
-                "figure {figure} has {} lines but samples for {}",
-                self.lines.len(),
+                "figure {figure} has {curves} lines or circles but samples for {}",
                 self.points.len()
             )));
         }
@@ -217,6 +252,33 @@ impl PlaneEdges {
 }
 
 impl PlaneEdges {
+    fn check_circles(&self, figure: usize) -> Result<(), Error> {
+        let invalid = |what| Err(Error::InvalidArgument(format!("figure {figure} {what}")));
+        if !self.lines.is_empty() || self.freedom == Freedom::Aspect {
+            return invalid("has circles: it can have neither lines nor an unknown aspect");
+        }
+        let known: Vec<f64> = self.radii.iter().flatten().copied().collect();
+        let differ = |i: usize| known[..i].iter().all(|radius| *radius != known[i]);
+        let valid = known.iter().all(|r| *r > 0.0 && r.is_finite());
+        if self.radii[0].is_none() || !valid || !(0..known.len()).all(differ) {
+            return invalid(
+                "has circles: their radii must be positive, finite and different, and the first \
+                 one known",
+            );
+        }
+        for (circle, points) in self.points.iter().enumerate() {
+            if points.len() < MIN_CIRCLE_SAMPLES {
+                return Err(Error::TooFewSamples {
+                    figure,
+                    line: circle,
+                    found: points.len(),
+                    needed: MIN_CIRCLE_SAMPLES,
+                });
+            }
+        }
+        Ok(())
+    }
+
     fn check_drift(&self, figure: usize) -> Result<(), Error> {
         let Some(tone_drift) = &self.tone_drift else {
             return Ok(());
@@ -241,6 +303,7 @@ fn check_samples(figure: usize, line: usize, points: &[Vector2<f64>]) -> Result<
             figure,
             line,
             found: points.len(),
+            needed: 2,
         });
     }
     if !points.iter().all(|p| p.x.is_finite() && p.y.is_finite()) {
@@ -290,6 +353,7 @@ impl SideOrder {
                 figure: 0,
                 line: side,
                 found: 1,
+                needed: 2,
             })?;
             lines.push(line);
         }

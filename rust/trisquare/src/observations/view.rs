@@ -1,12 +1,15 @@
 //! A camera and the planes it sees: what every fit moves.
 
-use nalgebra::{DMatrix, Vector3};
+use std::ops::Range;
 
+use nalgebra::{DMatrix, Vector2, Vector3};
+
+use super::curve::{Curve, ModelLine, Radius};
 use super::free_parameters::FreeParameters;
 use super::observed::Side;
-use super::placement::Placement;
-use crate::geometry::Pose;
-use crate::lens::Lens;
+use super::placement::{Placement, PlacementParameter::Angle};
+use crate::geometry::{Line, Pose};
+use crate::lens::{Columns, Lens};
 use crate::numeric::ArrowStep;
 
 /// Parameters of a pose: rotation vector, translation.
@@ -28,7 +31,30 @@ pub(crate) struct PlaneState {
 
 impl PlaneState {
     pub fn parameter_count(&self) -> usize {
-        POSE_PARAMETERS + self.figures.iter().map(|f| f.free.len()).sum::<usize>()
+        let figures = self.figures.iter();
+        POSE_PARAMETERS + figures.map(Placement::parameter_count).sum::<usize>()
+    }
+
+    /// Parameters that its samples may determine.
+    pub fn unknowns(&self) -> usize {
+        self.parameter_count() - usize::from(self.turns_freely())
+    }
+
+    /// Whether a turn about its normal changes nothing: that of circles, and of figures beside them
+    /// that turn with it.
+    fn turns_freely(&self) -> bool {
+        let turns = |figure: &Placement| figure.is_round || figure.free.contains(&Angle);
+        self.figures.iter().all(turns)
+    }
+
+    /// Holds the turn about the normal of a plane that turns freely, in its own information: what the
+    /// samples determine stays as it is.
+    pub fn hold_turn(&self, information: &mut DMatrix<f64>) {
+        if self.turns_freely() {
+            let normal = self.pose.normal();
+            let mut rotation = information.fixed_view_mut::<3, 3>(0, 0);
+            rotation.ger(rotation.trace(), &normal, &normal, 1.0);
+        }
     }
 
     /// Where the parameters of a figure begin among the plane's own.
@@ -36,13 +62,66 @@ impl PlaneState {
         POSE_PARAMETERS
             + self.figures[..figure]
                 .iter()
-                .map(|f| f.free.len())
+                .map(Placement::parameter_count)
                 .sum::<usize>()
     }
 
+    /// The straight lines that the samples of a side are measured against, and which samples of it
+    /// each: its line with all, or of a circle a tangent with each; `None` where that has none.
+    pub fn model_lines<L: Lens>(
+        &self,
+        lens: &L,
+        figure: usize,
+        side: &Side,
+    ) -> impl Iterator<Item = Option<(ModelLine, Range<usize>)>> {
+        let all = side.samples.len();
+        let lines = match side.curve {
+            Curve::Line(_) => 1,
+            Curve::Circle(_) => all,
+        };
+        (0..lines).map(move |i| {
+            Some(match side.curve {
+                Curve::Line(line) => (line.into(), 0..all),
+                Curve::Circle(radius) => {
+                    let pixel = &side.samples[i].pixel;
+                    (self.tangent(lens, figure, radius, pixel)?, i..i + 1)
+                }
+            })
+        })
+    }
+
+    /// The tangent of a circle whose image is nearest to a pixel.
+    ///
+    /// The distance to a tangent's image does not change there as the tangent rolls on: value and
+    /// derivatives are those of the distance to the circle's image, but for what is of second order
+    /// in the distance over the radius. From the tangent where the pixel's ray points, the foot of
+    /// the pixel on its image leads there.
+    fn tangent<L: Lens>(
+        &self,
+        lens: &L,
+        figure: usize,
+        radius: Radius,
+        pixel: &Vector2<f64>,
+    ) -> Option<ModelLine> {
+        let placement = &self.figures[figure];
+        let (radius, index) = placement.radius(radius);
+        let map = self.pose.line_map() * placement.line_map();
+        // What lines of the figure take to planes, their transpose takes from rays to its points.
+        let towards = |ray: &Vector3<f64>| {
+            let point = map.tr_mul(ray);
+            let outward = (point.xy() / point.z).normalize();
+            let finite = outward.x.is_finite() && outward.y.is_finite();
+            finite.then(|| ModelLine::tangent(outward, radius, index))
+        };
+        let pixel_ray = lens.unproject_with_jacobian(pixel)?;
+        let first = map * towards(&lens.direction(&pixel_ray))?.line.coefficients();
+        let distance = lens.line_distance_jacobian(&pixel_ray, &first, Columns::NONE);
+        towards(&distance.wrt_line)
+    }
+
     /// The plane through the camera centre and a line of a figure.
-    pub fn line(&self, figure: usize, side: &Side) -> Vector3<f64> {
-        self.pose.line_map() * self.figures[figure].line(&side.line)
+    pub fn line(&self, figure: usize, line: &Line) -> Vector3<f64> {
+        self.pose.line_map() * self.figures[figure].line(line)
     }
 
     /// Its derivative by the plane's own parameters.
@@ -50,10 +129,10 @@ impl PlaneState {
     /// With `l = L (a, b, c)`, `d` the line's direction and `m = R d`:
     /// `l = c r3 + m x t`, so a rotation `w` gives `(-c [r3]x + [t]x [m]x) w`, a translation
     /// `m x dt`.
-    pub fn line_jacobian(&self, figure: usize, side: &Side) -> DMatrix<f64> {
+    pub fn line_jacobian(&self, figure: usize, model: &ModelLine) -> DMatrix<f64> {
         let placement = &self.figures[figure];
         let map = self.pose.line_map();
-        let line = placement.line(&side.line);
+        let line = placement.line(&model.line);
         let direction = self.pose.rotation * Vector3::new(-line.y, line.x, 0.0);
         let turn = direction.cross_matrix();
         let wrt_rotation = self.pose.translation.cross_matrix() * turn
@@ -64,7 +143,7 @@ impl PlaneState {
             .copy_from(&wrt_rotation);
         jacobian.fixed_view_mut::<3, 3>(0, 3).copy_from(&turn);
         let offset = self.figure_offset(figure);
-        let derivatives = placement.line_derivatives(&side.line);
+        let derivatives = placement.line_derivatives(model);
         for (i, derivative) in derivatives.enumerate() {
             jacobian.set_column(offset + i, &(map * derivative));
         }
@@ -79,8 +158,8 @@ impl PlaneState {
         );
         let mut offset = POSE_PARAMETERS;
         let figures = self.figures.iter().map(|figure| {
-            let own = &step[offset..offset + figure.free.len()];
-            offset += figure.free.len();
+            let own = &step[offset..offset + figure.parameter_count()];
+            offset += figure.parameter_count();
             figure.moved(own)
         });
         Self {
@@ -91,14 +170,9 @@ impl PlaneState {
 }
 
 impl<L: Lens> View<L> {
-    /// Parameters of the camera that are free, and of all planes.
+    /// Unknowns of the camera and of all planes.
     pub fn unknowns(&self, free: &FreeParameters) -> usize {
-        free.len()
-            + self
-                .planes
-                .iter()
-                .map(PlaneState::parameter_count)
-                .sum::<usize>()
+        free.len() + self.planes.iter().map(PlaneState::unknowns).sum::<usize>()
     }
 
     /// The view after a step of the free parameters.

@@ -4,6 +4,7 @@ use nalgebra::Vector2;
 
 use super::coverage::PLATEAU;
 use super::photographs::{Photographs, Refusal};
+use crate::geometry::Line;
 use crate::image::{GreyReader, Picture};
 use crate::lens::Lens;
 use crate::observations::{ObservedPlane, PlaneEdges, PlaneState, Polarity, Side, View};
@@ -84,7 +85,7 @@ pub(crate) struct PixelFigure {
     pub plane: usize,
     pub figure: usize,
     /// The four sides with their normals turned inward, in cyclic order.
-    pub sides: [Side; 4],
+    pub sides: [Line; 4],
     /// The corners in the figure's coordinates; corner `i` is where sides `i - 1` and `i` meet.
     pub corners: [Vector2<f64>; 4],
     pub dark_inside: bool,
@@ -106,7 +107,6 @@ impl PixelFigure {
             |p: &&BandPixel| (p.place.x as u32 * 3 + p.place.y as u32 * 5).is_multiple_of(stride);
         Self {
             pixels: self.pixels.iter().filter(keep).copied().collect(),
-            sides: self.sides.clone(),
             stretch_sides: self.stretch_sides.clone(),
             ..*self
         }
@@ -168,7 +168,7 @@ pub(super) fn collect<L: Lens>(
 
 /// A figure's sides and the points of their images.
 struct Outline {
-    sides: [Side; 4],
+    sides: [Line; 4],
     corners: [Vector2<f64>; 4],
     trace: Vec<TracePoint>,
 }
@@ -189,23 +189,23 @@ impl Outline {
         figure: usize,
         (lens, border): (&L, Option<f64>),
     ) -> Option<Self> {
-        let mut sides: [Side; 4] = plane.figures[figure].sides.clone().try_into().ok()?;
+        let sides = plane.figures[figure].sides.iter();
+        let sides: Option<Vec<Line>> = sides.map(Side::line).collect();
+        let mut sides: [Line; 4] = sides?.try_into().ok()?;
         let mut corners = [Vector2::zeros(); 4];
         for i in 0..4 {
-            corners[i] = sides[(i + 3) % 4].line.intersection(&sides[i].line)?;
+            corners[i] = sides[(i + 3) % 4].intersection(&sides[i])?;
         }
         let middle = corners.iter().sum::<Vector2<f64>>() / 4.0;
         for side in &mut sides {
-            if side.line.distance(&middle) < 0.0 {
-                side.line = side.line.reversed();
+            if side.distance(&middle) < 0.0 {
+                *side = side.reversed();
             }
-            side.samples = Vec::new(); // the pixels replace them
-            side.tone_drift = Vec::new();
         }
         let mut trace = Vec::new();
         for i in 0..4 {
             let (a, b) = (corners[i], corners[(i + 1) % 4]);
-            let inside = sides[i].line.normal();
+            let inside = sides[i].normal();
             let see_beside = |t: f64, depth: f64| {
                 let point = a.lerp(&b, t) + inside * depth;
                 let point = state.figures[figure].point(point);
@@ -304,7 +304,7 @@ impl Outline {
             image: 0,
             plane,
             figure,
-            sides: self.sides.clone(),
+            sides: self.sides,
             corners: self.corners,
             dark_inside,
             centre: (low + high) / 2.0,

@@ -81,7 +81,8 @@ impl PixelFit<'_> {
         let scene = self.scene(&state.view, &state.exposures[index], &state.pictures, index)?;
         let figure = scene.figure;
         let plane = &state.view.planes[figure.plane];
-        let jacobians = [0, 1, 2, 3].map(|i| plane.line_jacobian(figure.figure, &figure.sides[i]));
+        let jacobians =
+            [0, 1, 2, 3].map(|i| plane.line_jacobian(figure.figure, &figure.sides[i].into()));
         let exposure_offset = self.exposure_offset(state, index);
         let block = &mut sum.system.blocks[figure.plane];
         let shared = self.shared_columns(figure);

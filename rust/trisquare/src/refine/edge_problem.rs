@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use crate::lens::{Lens, MAX_LENS_COLUMNS};
 use crate::numeric::{ArrowStep, ArrowSystem, Loss, Problem, add_rank_one, symmetric};
-use crate::observations::{FreeParameters, ObservedPlane, PlaneState, Side, View};
+use crate::observations::{FreeParameters, ModelLine, ObservedPlane, PlaneState, Sample, View};
 
 /// The samples as a least-squares problem at one scale of the noise.
 pub(crate) struct EdgeProblem<'a, L> {
@@ -23,8 +23,8 @@ pub(crate) struct EdgeProblem<'a, L> {
     lens: PhantomData<L>,
 }
 
-/// Summed outer products of `(l, residual, shared parameters)` of one side's samples.
-struct SideSums<const N: usize> {
+/// Summed outer products of `(l, residual, shared parameters)` of the samples on one line.
+struct LineSums<const N: usize> {
     cost: f64,
     products: [[f64; N]; N],
 }
@@ -43,20 +43,20 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
         }
     }
 
-    fn sum_side<const N: usize>(
+    fn sum_samples<const N: usize>(
         &self,
         lens: &L,
         line: &Vector3<f64>,
-        side: &Side,
-    ) -> Option<SideSums<N>> {
-        let mut sums = SideSums {
+        (samples, trust): (&[Sample], f64),
+    ) -> Option<LineSums<N>> {
+        let mut sums = LineSums {
             cost: 0.0,
             products: [[0.0; N]; N],
         };
         let wanted = self.free.columns();
         let mut row = [0.0; N];
-        let to_scale = side.trust() / self.scale;
-        for sample in &side.samples {
+        let to_scale = trust / self.scale;
+        for sample in samples {
             let pixel_ray = lens.unproject_with_jacobian(&sample.pixel)?;
             let distance = lens.line_distance_jacobian(&pixel_ray, line, wanted);
             let to_noise = sample.weight * to_scale;
@@ -72,18 +72,18 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
         Some(sums)
     }
 
-    /// Adds one side's samples to the system; returns their cost.
-    fn add_side<const N: usize>(
+    /// Adds the samples of a side on one of its model lines to the system; returns their cost.
+    fn add_samples<const N: usize>(
         &self,
         view: &View<L>,
-        (plane, figure): (usize, usize),
-        side: &Side,
+        (plane, figure, model): (usize, usize, &ModelLine),
+        samples: (&[Sample], f64),
         system: &mut ArrowSystem,
     ) -> Option<f64> {
         let state = &view.planes[plane];
-        let line = state.line(figure, side);
-        let sums = self.sum_side::<N>(&view.lens, &line, side)?;
-        let wrt_own = state.line_jacobian(figure, side);
+        let line = state.line(figure, &model.line);
+        let sums = self.sum_samples::<N>(&view.lens, &line, samples)?;
+        let wrt_own = state.line_jacobian(figure, model);
         let at = |i: usize, j: usize| symmetric(&sums.products, i, j);
 
         let shared = self.free.len();
@@ -116,8 +116,13 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
         let mut cost = self.free.add_prior(&view.lens, &mut system);
         for (p, plane) in self.planes.iter().enumerate() {
             for (f, side) in plane.sides_by_figure() {
-                cost += self.add_side::<N>(view, (p, f), side, &mut system)?;
+                for found in view.planes[p].model_lines(&view.lens, f, side) {
+                    let (model, range) = found?;
+                    let samples = (&side.samples[range], side.trust());
+                    cost += self.add_samples::<N>(view, (p, f, &model), samples, &mut system)?;
+                }
             }
+            view.planes[p].hold_turn(&mut system.blocks[p].hessian);
         }
         Some((cost, system))
     }
@@ -157,7 +162,7 @@ mod tests {
     use super::super::residuals::residuals;
     use super::*;
     use crate::lens::DefaultLens;
-    use crate::observations::{Placement, sort_by_plane};
+    use crate::observations::{Placement, PlaneEdges, sort_by_plane};
     use crate::synthetic::{Scene, SceneOptions};
     use nalgebra::{DVector, Vector2};
 
@@ -190,11 +195,66 @@ mod tests {
             for (figure, (x, y)) in plane.figures[1..].iter().zip(shifts) {
                 state.figures.push(Placement {
                     shift: Vector2::new(x, y),
-                    free: Placement::offset(&figure.sides[0].line),
+                    free: Placement::offset(&figure.sides[0].line().unwrap()),
                     ..Placement::IDENTITY
                 });
             }
         }
+        (planes, view)
+    }
+
+    /// Circles instead of the squares: one of known and one of unknown radius about the origin, and
+    /// one beside them.
+    fn circles(noise: f64) -> (Vec<ObservedPlane>, View<DefaultLens>) {
+        const BESIDE: (f64, f64) = (0.1, -0.05);
+        let mut count = 0.0;
+        let mut scattered = || {
+            count += 1.0;
+            1.4 * f64::sin(78.2 * count * count)
+        };
+        let truth = Scene::random(4, SceneOptions::default());
+        let mut edges = Vec::new();
+        for (p, pose) in truth.poses.iter().enumerate() {
+            let mut circle = |radius: f64, (x, y): (f64, f64)| -> Vec<Vector2<f64>> {
+                let seen = (0..40).map(|i| {
+                    let angle = 0.157 * f64::from(i);
+                    let point = Vector2::new(x + radius * angle.cos(), y + radius * angle.sin());
+                    let pixel = truth.camera.project(&pose.transform(&point)).unwrap();
+                    pixel + Vector2::new(scattered(), scattered()) * noise
+                });
+                seen.collect()
+            };
+            let both = vec![circle(0.4, (0.0, 0.0)), circle(0.25, (0.0, 0.0))];
+            let mut both = PlaneEdges::circles(both, None).unwrap();
+            both.radii[0] = Some(0.4);
+            let mut beside = PlaneEdges::circles(vec![circle(0.3, BESIDE)], None).unwrap();
+            both.plane = Some(p as u64);
+            beside.plane = both.plane;
+            edges.extend([both, beside]);
+        }
+        let planes = sort_by_plane(&edges).unwrap();
+        let round = Placement {
+            is_round: true,
+            ..Placement::IDENTITY
+        };
+        let first = Placement {
+            radii: vec![0.25],
+            ..round.clone()
+        };
+        let beside = Placement {
+            scale: 0.3,
+            shift: Vector2::new(BESIDE.0, BESIDE.1),
+            free: Placement::SIZE_AND_CENTRE,
+            ..round
+        };
+        let state = |pose: &crate::geometry::Pose| PlaneState {
+            pose: *pose,
+            figures: vec![first.clone(), beside.clone()],
+        };
+        let view = View {
+            lens: truth.camera,
+            planes: truth.poses.iter().map(state).collect(),
+        };
         (planes, view)
     }
 
@@ -216,30 +276,36 @@ mod tests {
 
     #[test]
     fn residual_and_gradient_vanish_at_the_truth() {
-        for (planes, view) in [scene(0.0), facades(0.0)] {
-            let (cost, system) = EdgeProblem::new(&planes, &free(), NOISE)
-                .evaluate(&view)
-                .unwrap();
-            assert!(cost < 1e-18);
-            for block in &system.blocks {
-                let spread = block.hessian.diagonal().map(f64::sqrt);
-                assert!(block.gradient.component_div(&spread).amax() < 1e-9);
-            }
+        for (planes, view) in [scene(0.0), facades(0.0), circles(0.0)] {
+            vanish(&planes, &view);
+        }
+    }
+
+    fn vanish(planes: &[ObservedPlane], view: &View<DefaultLens>) {
+        let (cost, system) = EdgeProblem::new(planes, &free(), NOISE)
+            .evaluate(view)
+            .unwrap();
+        assert!(cost < 1e-18);
+        for block in &system.blocks {
+            let spread = block.hessian.diagonal().map(f64::sqrt);
+            assert!(block.gradient.component_div(&spread).amax() < 1e-9);
         }
     }
 
     #[test]
     fn gradient_agrees_with_central_differences() {
-        check_gradient(scene(NOISE));
-        check_gradient(facades(NOISE));
+        // What a circle's derivatives leave out grows with the square of the distance.
+        for (planes, view) in [scene(NOISE), facades(NOISE), circles(0.1 * NOISE)] {
+            agree(&planes, &view);
+        }
     }
 
-    fn check_gradient((planes, view): (Vec<ObservedPlane>, View<DefaultLens>)) {
+    fn agree(planes: &[ObservedPlane], view: &View<DefaultLens>) {
         let free = free();
-        let problem = EdgeProblem::new(&planes, &free, NOISE);
-        let (_, system) = problem.evaluate(&view).unwrap();
+        let problem = EdgeProblem::new(planes, &free, NOISE);
+        let (_, system) = problem.evaluate(view).unwrap();
         let cost = |step: &ArrowStep| {
-            let moved = problem.advance(&view, step);
+            let moved = problem.advance(view, step);
             problem.evaluate(&moved).unwrap().0
         };
         let check = |set: &dyn Fn(&mut ArrowStep, f64), gradient: f64, hessian: f64| {
@@ -271,16 +337,40 @@ mod tests {
 
     #[test]
     fn residuals_alone_give_the_same_cost() {
-        let (planes, view) = scene(NOISE);
-        let (cost, _) = EdgeProblem::new(&planes, &free(), NOISE)
-            .evaluate(&view)
-            .unwrap();
-        let alone: f64 = residuals(&planes, &view)
-            .unwrap()
-            .iter()
-            .flatten()
-            .map(|r| Loss::Tukey.cost_and_weight(r.distance * r.weight / NOISE).0)
-            .sum();
-        assert!((cost - alone).abs() < 1e-9 * cost);
+        for (planes, view) in [scene(NOISE), circles(NOISE)] {
+            let (cost, _) = EdgeProblem::new(&planes, &free(), NOISE)
+                .evaluate(&view)
+                .unwrap();
+            let alone: f64 = residuals(&planes, &view)
+                .unwrap()
+                .iter()
+                .flatten()
+                .map(|r| Loss::Tukey.cost_and_weight(r.distance * r.weight / NOISE).0)
+                .sum();
+            assert!((cost - alone).abs() < 1e-9 * cost);
+        }
+    }
+
+    #[test]
+    fn a_turn_of_circles_changes_nothing_and_is_held() {
+        let (planes, view) = circles(NOISE);
+        let free = free();
+        let problem = EdgeProblem::new(&planes, &free, NOISE);
+        let (cost, system) = problem.evaluate(&view).unwrap();
+        assert_eq!(view.unknowns(&free), free.len() + 3 * (5 + 1 + 3));
+        let mut turned = view.clone();
+        for state in &mut turned.planes {
+            let turn = state.pose.normal() * 0.3;
+            state.pose = state.pose.moved(&turn, &Vector3::zeros());
+            let turn = nalgebra::Rotation2::new(-0.3);
+            state.figures[1].shift = turn * state.figures[1].shift;
+        }
+        let (again, _) = problem.evaluate(&turned).unwrap();
+        assert!((again - cost).abs() < 1e-9 * cost);
+        let step = system.solve(0.0).unwrap();
+        for (state, block) in view.planes.iter().zip(&step.blocks) {
+            let turn = state.pose.normal().dot(&block.fixed_rows::<3>(0));
+            assert!(turn.abs() < 1e-6 * block.norm(), "{turn}");
+        }
     }
 }

@@ -42,16 +42,19 @@ pub(crate) fn residuals<L: Lens>(planes: &[ObservedPlane], view: &View<L>) -> Op
     for (plane, state) in planes.iter().zip(&view.planes) {
         let mut own = Vec::new();
         for (f, side) in plane.sides_by_figure() {
-            let line = state.line(f, side);
-            for sample in &side.samples {
-                let pixel_ray = view.lens.unproject_with_jacobian(&sample.pixel)?;
-                let (distance, normal) = view.lens.line_distance_and_normal(&pixel_ray, &line);
-                own.push(Residual {
-                    distance,
-                    normal,
-                    weight: sample.weight,
-                    counts: !side.is_outlier,
-                });
+            for found in state.model_lines(&view.lens, f, side) {
+                let (model, range) = found?;
+                let line = state.line(f, &model.line);
+                for sample in &side.samples[range] {
+                    let pixel_ray = view.lens.unproject_with_jacobian(&sample.pixel)?;
+                    let (distance, normal) = view.lens.line_distance_and_normal(&pixel_ray, &line);
+                    own.push(Residual {
+                        distance,
+                        normal,
+                        weight: sample.weight,
+                        counts: !side.is_outlier,
+                    });
+                }
             }
         }
         all.push(own);

@@ -61,6 +61,19 @@ pub struct Plane {
     pub uncertainty: Option<PoseUncertainty>,
     /// Of a rectangle of unknown aspect, its extent along X over that along Y.
     pub aspect: Option<Aspect>,
+    /// Of circles of which some radii were unknown, all radii of the first figure; else empty.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub radii: Vec<CircleRadius>,
+}
+
+/// The radius of a circle, in units of its plane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct CircleRadius {
+    /// The radius.
+    pub value: f64,
+    /// Its standard deviation, zero where it was known.
+    pub std: f64,
 }
 
 /// The aspect of a rectangle, estimated with the camera.

@@ -5,7 +5,7 @@ mod residual_correlation;
 mod warning;
 
 pub use calibration::{
-    Aspect, Calibration, FigureResiduals, Plane, PoseUncertainty, SideResiduals,
+    Aspect, Calibration, CircleRadius, FigureResiduals, Plane, PoseUncertainty, SideResiduals,
 };
 pub use residual_correlation::ResidualCorrelation;
 pub use warning::{Disagreement, Severity, Stage, Warning};

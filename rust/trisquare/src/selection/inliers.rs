@@ -120,7 +120,7 @@ impl<L: Lens> Inliers<'_, L> {
             let states = refined.view.planes.iter().enumerate();
             let of_plane = |(p, state): (usize, &PlaneState)| {
                 let own = Misfit::of_plane(noise, p);
-                let freedom = own.straight_freedom - state.parameter_count() as f64;
+                let freedom = own.straight_freedom - state.unknowns() as f64;
                 own.straight / freedom.max(1.0)
             };
             states.map(of_plane).collect()

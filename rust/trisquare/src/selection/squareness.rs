@@ -87,7 +87,10 @@ impl Candidate {
         let mut information = SMatrix::<f64, 9, 9>::zeros();
         let mut middle = Vector2::zeros();
         for side in &figure.sides {
-            let image = inverse.transpose() * side.line.coefficients();
+            let line = side
+                .line()
+                .ok_or_else(|| degenerate("it has no straight sides"))?;
+            let image = inverse.transpose() * line.coefficients();
             let image = image / image.xy().norm();
             let mut ideal = Vec::with_capacity(side.samples.len());
             for sample in &side.samples {

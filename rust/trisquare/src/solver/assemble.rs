@@ -7,9 +7,11 @@ use nalgebra::Vector2;
 use super::problem::JointProblem;
 use super::solve::Solution;
 use crate::lens::Lens;
-use crate::observations::{ObservedPlane, View};
-use crate::refine::{Residuals, root_mean_square};
-use crate::result::{Aspect, Calibration, FigureResiduals, Plane, SideResiduals, Stage, Warning};
+use crate::observations::{Curve, Figure, ObservedPlane, Placement, View};
+use crate::refine::{Residual, Residuals, root_mean_square};
+use crate::result::{
+    Aspect, Calibration, CircleRadius, FigureResiduals, Plane, SideResiduals, Stage, Warning,
+};
 use crate::uncertainty::{Correlated, pose_uncertainties};
 
 impl<L: Lens> Calibration<L> {
@@ -25,12 +27,15 @@ impl<L: Lens> Calibration<L> {
         let poses = pose_uncertainties(planes, refined, &independent, displacements);
         for (i, found) in poses.into_iter().enumerate() {
             let Some(found) = found else { continue };
-            let aspect = found.aspect.map(|aspect| Aspect {
-                value: refined.view.planes[i].figures[0].stretch,
-                std: aspect.std(self),
-            });
+            let stds: Vec<f64> = found.shape.iter().map(|own| own.std(self)).collect();
+            let first = &refined.view.planes[i].figures[0];
+            let has_aspect = planes[i].has_any_aspect();
             self.planes[i].uncertainty = Some(found.pose);
-            self.planes[i].aspect = aspect;
+            self.planes[i].aspect = has_aspect.then(|| Aspect {
+                value: first.stretch,
+                std: stds[0],
+            });
+            self.planes[i].radii = circle_radii(&planes[i].figures[0], first, &stds);
         }
     }
 
@@ -74,6 +79,7 @@ impl<L: Lens> Calibration<L> {
                     samples: own.len(),
                     uncertainty: None,
                     aspect: None,
+                    radii: Vec::new(),
                 })
                 .collect(),
             residuals: by_figure(planes, residuals),
@@ -94,30 +100,54 @@ fn by_figure(planes: &[ObservedPlane], residuals: &Residuals) -> Vec<FigureResid
     for (number, (plane, own)) in planes.iter().zip(residuals).enumerate() {
         let mut own = own.iter();
         for (figure, side) in plane.sides_by_figure() {
-            let of_side = own.by_ref().take(side.samples.len());
-            let (distances, normals) = of_side.map(|r| (r.distance, r.normal)).unzip();
-            let (_, sides) = sorted
+            let (_, curves) = sorted
                 .entry(plane.figures[figure].index)
-                .or_insert_with(|| (number, BTreeMap::new()));
-            sides.insert(side.index, SideResiduals { distances, normals });
+                .or_insert_with(|| (number, BTreeMap::<usize, Vec<(usize, &Residual)>>::new()));
+            let indices = side.samples.iter().map(|sample| sample.index);
+            let of_side = indices.zip(own.by_ref().take(side.samples.len()));
+            // The arcs of a circle are one curve.
+            curves.entry(side.number).or_default().extend(of_side);
         }
     }
-    let figures = sorted.into_values().map(|(plane, sides)| FigureResiduals {
+    let side = |mut curve: Vec<(usize, &Residual)>| {
+        curve.sort_by_key(|(index, _)| *index);
+        let (distances, normals) = curve.iter().map(|(_, r)| (r.distance, r.normal)).unzip();
+        SideResiduals { distances, normals }
+    };
+    let figures = sorted.into_values().map(|(plane, curves)| FigureResiduals {
         plane,
-        sides: sides.into_values().collect(),
+        sides: curves.into_values().map(side).collect(),
     });
     figures.collect()
 }
 
+/// The radii of circles of which some are estimated, with their standard deviations.
+fn circle_radii(figure: &Figure, placement: &Placement, stds: &[f64]) -> Vec<CircleRadius> {
+    let mut radii = Vec::new();
+    for side in &figure.sides {
+        if let Curve::Circle(radius) = side.curve
+            && side.number == radii.len()
+            && !stds.is_empty()
+        {
+            let (value, index) = placement.radius(radius);
+            let std = index.map_or(0.0, |index| stds[index]);
+            radii.push(CircleRadius { value, std });
+        }
+    }
+    radii
+}
+
 /// The images of a plane's corners: of a square where sides `i - 1` and `i` meet, of a lattice
-/// the corners of the rectangle that its lines' crossings span.
+/// the corners of the rectangle that its lines' crossings span, of circles those of a square about
+/// the first.
 fn observed_corners<L: Lens>(
     plane: &ObservedPlane,
     view: &View<L>,
     index: usize,
 ) -> [Vector2<f64>; 4] {
     let sides = &plane.figures[0].sides;
-    let crossing = |i: usize, j: usize| sides[i].line.intersection(&sides[j].line);
+    let state = &view.planes[index];
+    let crossing = |i: usize, j: usize| sides[i].line()?.intersection(&sides[j].line()?);
     let square = || -> Option<[Vector2<f64>; 4]> {
         (sides.len() == 4).then_some(())?;
         Some([
@@ -129,10 +159,15 @@ fn observed_corners<L: Lens>(
     };
     let corners = square().unwrap_or_else(|| {
         let (mut low, mut high) = (Vector2::repeat(f64::MAX), Vector2::repeat(f64::MIN));
+        if let Curve::Circle(radius) = sides[0].curve {
+            high = Vector2::repeat(state.figures[0].radius(radius).0);
+            low = -high;
+        }
         for i in 0..sides.len() {
             for j in 0..i {
                 // Crossings of nearly parallel lines lie far outside and are none.
-                let turn = sides[i].line.normal().perp(&sides[j].line.normal()).abs();
+                let normal = |i: usize| sides[i].line().map_or_else(Vector2::zeros, |l| l.normal());
+                let turn = normal(i).perp(&normal(j)).abs();
                 if let Some(point) = crossing(i, j).filter(|_| turn > 0.1) {
                     low = low.inf(&point);
                     high = high.sup(&point);
@@ -147,7 +182,6 @@ fn observed_corners<L: Lens>(
         ]
         .map(|(x, y)| Vector2::new(x, y))
     });
-    let state = &view.planes[index];
     corners.map(|corner| {
         let point = state.figures[0].point(corner);
         view.lens.project_extended(&state.pose.transform(&point))

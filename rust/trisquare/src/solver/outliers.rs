@@ -5,7 +5,7 @@ use super::problem::{Failure, JointProblem};
 use super::solve::Solution;
 use crate::lens::Lens;
 use crate::noise::{Misfit, Moments, Noise, SideMoments};
-use crate::observations::{ObservedPlane, Side};
+use crate::observations::{Figure, ObservedPlane, Side};
 use crate::refine::{Refined, root_mean_square, straightness_residuals};
 use crate::result::Warning;
 use crate::uncertainty::check_plane_count;
@@ -234,7 +234,7 @@ fn suspected_sides<L: Lens>(solution: &Solution<L>) -> Vec<(usize, usize)> {
 /// Plane, and index over all figures of the plane, of every side of a square that counts.
 fn sides_of_squares(planes: &[ObservedPlane]) -> impl Iterator<Item = (usize, usize)> {
     planes.iter().enumerate().flat_map(|(p, plane)| {
-        let squares = plane.figures.iter().all(|figure| figure.sides.len() == 4);
+        let squares = plane.figures.iter().all(Figure::has_four_sides);
         let sides = plane.sides().enumerate().filter(move |_| squares);
         sides.filter_map(move |(s, side)| (!side.is_outlier).then_some((p, s)))
     })
@@ -388,7 +388,7 @@ fn warnings<L: Lens>(solution: &Solution<L>) -> Vec<Warning> {
                     warnings.push(Warning::SideSetAside {
                         plane: p,
                         figure: f,
-                        side: side.index,
+                        side: side.number,
                         distance: root_mean_square(own.iter()),
                     });
                 }

@@ -7,7 +7,8 @@
 //! Where the sides of a plane err together (paper that is not flat), each side's error moves the
 //! pose as the sum of its samples' gradients.
 //!
-//! The aspect of a rectangle, where it is unknown, is one more parameter of its plane.
+//! The aspect of a rectangle, where it is unknown, is one more parameter of its plane, as is every
+//! unknown radius of a circle.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -24,16 +25,17 @@ const SAMPLES_PER_SIDE: usize = 16;
 /// How well what is estimated of a plane is known.
 pub(crate) struct PlaneUncertainty {
     pub pose: PoseUncertainty,
-    pub aspect: Option<AspectUncertainty>,
+    /// Of the aspect or the radii of its first figure, where they are unknown.
+    pub shape: Vec<ShapeUncertainty>,
 }
 
-/// How well the aspect of a rectangle is known where the camera is given, and how it follows that.
-pub(crate) struct AspectUncertainty {
+/// How well an aspect or a radius is known where the camera is given, and how it follows that.
+pub(crate) struct ShapeUncertainty {
     variance: f64,
     by_camera: DVector<f64>,
 }
 
-impl AspectUncertainty {
+impl ShapeUncertainty {
     /// Standard deviation, with what is unknown of the camera.
     pub fn std<L: Lens>(&self, calibration: &Calibration<L>) -> f64 {
         let names = L::parameter_names();
@@ -84,12 +86,15 @@ pub(crate) fn pose_uncertainties<L: Lens>(
         let by_camera = -factor.solve(&follows.cross);
         let mut numbers = given_camera.iter().chain(by_camera.iter());
         let finite = numbers.all(|number| number.is_finite());
-        let has_aspect = some[i].has_any_aspect();
+        let of_shape = refined.view.planes[i].figures[0].parameter_count();
+        let shape = POSE_PARAMETERS..POSE_PARAMETERS + of_shape;
         finite.then(|| PlaneUncertainty {
-            aspect: has_aspect.then(|| AspectUncertainty {
-                variance: given_camera[(POSE_PARAMETERS, POSE_PARAMETERS)],
-                by_camera: by_camera.row(POSE_PARAMETERS).transpose(),
-            }),
+            shape: shape
+                .map(|own| ShapeUncertainty {
+                    variance: given_camera[(own, own)],
+                    by_camera: by_camera.row(own).transpose(),
+                })
+                .collect(),
             pose: PoseUncertainty {
                 given_camera: given_camera.fixed_view::<6, 6>(0, 0).into_owned(),
                 by_camera: by_camera.fixed_rows::<POSE_PARAMETERS>(0).into_owned(),
@@ -109,17 +114,22 @@ fn gradients_of_sides<L: Lens>(
     let none = Columns::of(std::iter::empty());
     let mut gradients = Vec::new();
     for (f, side) in plane.sides_by_figure() {
-        let line = state.line(f, side);
         let to_scale = side.trust() / refined.scale;
-        let mut wrt_line = Vector3::zeros();
-        for sample in &side.samples {
-            let pixel_ray = lens.unproject_with_jacobian(&sample.pixel)?;
-            let distance = lens.line_distance_jacobian(&pixel_ray, &line, none);
-            let to_noise = sample.weight * to_scale;
-            let (_, weight) = Loss::Tukey.cost_and_weight(distance.value * to_noise);
-            wrt_line += distance.wrt_line * (weight * to_noise * to_noise);
+        let mut gradient = DVector::zeros(state.parameter_count());
+        for found in state.model_lines(lens, f, side) {
+            let (model, range) = found?;
+            let line = state.line(f, &model.line);
+            let mut wrt_line = Vector3::zeros();
+            for sample in &side.samples[range] {
+                let pixel_ray = lens.unproject_with_jacobian(&sample.pixel)?;
+                let distance = lens.line_distance_jacobian(&pixel_ray, &line, none);
+                let to_noise = sample.weight * to_scale;
+                let (_, weight) = Loss::Tukey.cost_and_weight(distance.value * to_noise);
+                wrt_line += distance.wrt_line * (weight * to_noise * to_noise);
+            }
+            gradient += state.line_jacobian(f, &model).tr_mul(&wrt_line);
         }
-        gradients.push(state.line_jacobian(f, side).tr_mul(&wrt_line));
+        gradients.push(gradient);
     }
     Some(gradients)
 }

@@ -239,12 +239,16 @@ impl<'a, 'b, L: Lens> Imagined<'a, 'b, L> {
         let mut seen = plane.clone();
         for (f, figure) in seen.figures.iter_mut().enumerate() {
             for side in &mut figure.sides {
-                let line = view.planes[index].figures[f].line(&side.line);
-                for sample in &mut side.samples {
-                    let point = on_plane(&sample.pixel)?;
-                    let on_line = point - line.xy() * line.dot(&point.push(1.0));
-                    sample.pixel = self.lens.project(&pose.transform(&on_line))?;
-                    self.is_inside(&sample.pixel).then_some(())?;
+                let state = &view.planes[index];
+                let lines = state.model_lines(&view.lens, f, side);
+                for (model, range) in lines.collect::<Option<Vec<_>>>()? {
+                    let line = state.figures[f].line(&model.line);
+                    for sample in &mut side.samples[range] {
+                        let point = on_plane(&sample.pixel)?;
+                        let on_line = point - line.xy() * line.dot(&point.push(1.0));
+                        sample.pixel = self.lens.project(&pose.transform(&on_line))?;
+                        self.is_inside(&sample.pixel).then_some(())?;
+                    }
                 }
             }
         }
