@@ -23,6 +23,7 @@ BENCHMARKS = (
     "accuracy.fisheye_edges",
     "accuracy.fisheye_pictures",
     "accuracy.rectangles",
+    "accuracy.circles",
     "accuracy.richer_models",
     "accuracy.broken_assumptions",
     "accuracy.lens_beyond_model",

@@ -1,0 +1,60 @@
+"""Circles: three planes of two concentric circles each, of known and of unknown radii."""
+
+from __future__ import annotations
+
+import numpy as np
+from harness.rows import Row
+from harness.truth import by_name, errors, rms
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare_scenes.circles import circle_bound, circle_edges
+
+SCENES = 200
+SEED = 79
+RADII = (0.5, 0.3)
+NOISE = 0.1  # pixels
+MOST_OVER_BOUND = 1.10
+COVERAGE = (0.93, 0.97)
+# A 95 % interval of a normal distribution.
+HALF_WIDTH = 1.959964
+
+
+def measure() -> list[Row]:
+    """Print the errors beside the edges' bound, and how often the intervals hold the truth."""
+    rows = []
+    for radii, name in ((RADII, "known"), (None, "unknown")):
+        ratio, share = _of_scenes(radii)
+        low, high = COVERAGE
+        rows += [
+            Row(
+                f"three planes of two concentric circles of {name} radii, {SCENES} scenes: "
+                "error / bound",
+                f"{ratio:.3f}",
+                f"<= {MOST_OVER_BOUND:.2f}",
+                ratio <= MOST_OVER_BOUND,
+            ),
+            Row(
+                "the same: coverage of the 95 % intervals",
+                f"{100 * share:.1f} %",
+                f"{100 * low:.0f} to {100 * high:.0f} %",
+                low <= share <= high,
+            ),
+        ]
+    return rows
+
+
+def _of_scenes(radii: tuple[float, ...] | None) -> tuple[float, float]:
+    """Return error / bound of the camera's six parameters, and the coverage of their intervals."""
+    ratios, held = [], []
+    for number in range(SCENES):
+        rng = np.random.default_rng([SEED, number])
+        scene = simulate.random_scene(rng)
+        points = circle_edges(scene, rng, RADII, noise=NOISE)
+        edges = [ts.PlaneEdges.circles(circles, radii) for circles in points]
+        result = ts.calibrate_edges(edges, scene.camera.image_size)
+        error = errors(result, scene.camera)
+        bound = circle_bound(scene, RADII, noise=NOISE, any_radii=radii is None)
+        ratios.append(error / by_name(bound))
+        held.append(np.abs(error) <= HALF_WIDTH * by_name(result.std))
+    return rms(np.array(ratios)), float(np.mean(held))
