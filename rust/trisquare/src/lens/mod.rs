@@ -33,7 +33,7 @@ pub use picture_view::{PictureView, Surface};
 pub use plane_distortion::PlanePixelRay;
 pub use point_maps::PointMaps;
 pub(crate) use point_maps::of_all;
-pub(crate) use radial::{covering_coefficients, sign_changes};
+pub(crate) use radial::{covering_coefficients, increases_up_to, sign_changes};
 pub use radial::{invertible_radius, monotonic_radius};
 pub use rational::{OpenCvLens, Rational, ThinPrism};
 pub use rational_model::{OpenCvModel, RationalModel, ThinPrismModel};

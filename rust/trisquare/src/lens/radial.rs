@@ -39,6 +39,14 @@ pub fn monotonic_radius([k1, k2, k3]: [f64; 3]) -> f64 {
     f64::INFINITY
 }
 
+/// Whether `r (1 + k1 r^2 + k2 r^4 + k3 r^6)` increases all the way to a squared radius.
+pub(crate) fn increases_up_to([k1, k2, k3]: [f64; 3], square: f64) -> bool {
+    let slope = |s: f64| 1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * 7.0 * k3));
+    let extrema = positive_roots(3.0 * k1, 10.0 * k2, 21.0 * k3);
+    let mut within = extrema.into_iter().filter(|s| *s < square);
+    slope(square) > 0.0 && within.all(|s| slope(s) > 0.0)
+}
+
 /// The largest radius up to which Brown's distortion is monotonic in the plane; may be infinite.
 ///
 /// The distortion is the gradient of a function of the ideal point, and its Jacobian symmetric.

@@ -11,7 +11,7 @@ use nalgebra::{DVector, Matrix2, Vector2};
 use crate::error::Error;
 use crate::geometry::Line;
 use crate::image_size::ImageSize;
-use crate::lens::sign_changes;
+use crate::lens::increases_up_to;
 use crate::numeric::{ArrowStep, ArrowSystem, Limits, Minimum, Problem, minimise};
 
 /// Coefficients a straightening may have.
@@ -78,28 +78,15 @@ impl Straightening {
         (1.0 + square * factor, factor + square * slope)
     }
 
-    /// Whether a map that increases at a squared radius does so all the way there.
-    fn increases_up_to(&self, square: f64) -> bool {
-        let higher = self.coefficients.iter().skip(1);
-        // Then the slope, `1 + 3 a1 s + 5 a2 s^2 + ...`, is concave, and positive at both ends.
-        let concave = higher.clone().all(|a| *a <= 0.0);
-        if concave || self.coefficients.iter().all(|a| *a >= 0.0) {
-            return true;
-        }
-        let powers = self.coefficients.iter().zip(1..);
-        let slope: Vec<f64> = std::iter::once(1.0)
-            .chain(powers.map(|(a, power)| f64::from(2 * power + 1) * a))
-            .collect();
-        sign_changes(&slope, square).is_empty()
-    }
-
     /// The map around one pixel; `None` beyond the radius up to which it increases.
     fn bend(&self, pixel: &Vector2<f64>) -> Option<Bend> {
         let q = (pixel - self.centre) / self.radius;
         let square = q.norm_squared();
         let (factor, slope) = self.factor(square);
-        let increasing = factor > 0.0 && factor + 2.0 * slope * square > 0.0;
-        (increasing && self.increases_up_to(square)).then(|| Bend {
+        let mut coefficients = [0.0; MAX_COEFFICIENTS];
+        let given = coefficients.iter_mut().zip(&self.coefficients);
+        given.for_each(|(own, given)| *own = *given);
+        (factor > 0.0 && increases_up_to(coefficients, square)).then(|| Bend {
             q,
             square,
             factor,
