@@ -90,10 +90,7 @@ class _Edges:
             & (turns <= JOINED_TURN)
             & (np.abs(_cross(self.arriving[:, None], gaps)) <= most)
             & (np.abs(_cross(self.leaving[None], gaps)) <= most)
-            & (
-                distances
-                <= (1.0 / MIN_COVERED - 1.0) * (self.covered[:, None] + self.covered[None])
-            )
+            & (distances <= MOST_GAP * (self.covered[:, None] + self.covered[None]))
         )
         np.fill_diagonal(continues, False)
         distances[~continues] = np.inf
@@ -172,6 +169,8 @@ def edge_shares(smooth: NDArray[np.float32], quads: Quads) -> FloatArray:
 
 def _four_sided(arcs: list[FloatArray], shape: tuple[int, ...]) -> FloatArray:
     """Sides of all quads, clockwise on the screen, that edges make, (Q, 4, POINTS_PER_SIDE, 2)."""
+    if len(arcs) < 4:
+        return np.empty((0, 4, POINTS_PER_SIDE, 2))
     edges = _Edges.of(arcs).joined()
     places, meet = edges.corners()
     size = np.array(shape[::-1])
