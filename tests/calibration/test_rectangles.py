@@ -8,6 +8,7 @@ import pytest
 import trisquare as ts
 from trisquare.detection.kinds import TargetKinds
 from trisquare.simulate import (
+    corner_scene,
     cramer_rao_bound,
     edge_points,
     photo_of_sheets,
@@ -144,6 +145,22 @@ def test_bare_sheets_right_on_the_clutter_are_found_and_measured(seed):
     assert len(result.planes) == 3
     assert abs(result.camera.fx - scene.camera.fx) < SURE * result.std["fx"]
     assert result.std["fx"] < 1e-3 * scene.camera.fx
+
+
+def test_three_faces_at_the_corner_of_a_box_calibrate_without_their_aspects():
+    rng = np.random.default_rng(149)
+    camera = random_camera(rng)
+    camera = replace(camera, fy=camera.fx)
+    scene = corner_scene(rng, camera=camera)
+    targets = tuple(replace(target, kind="square") for target in scene.targets)
+    points = edge_points(replace(scene, targets=targets), rng, noise=0.1, spacing=4.0)
+    edges = [ts.PlaneEdges.rectangle(sides, None) for sides in points]
+    result = ts.calibrate_edges(edges, camera.image_size, fix="aspect")
+    for name in ("fx", "cx", "cy"):
+        assert abs(getattr(result.camera, name) - getattr(camera, name)) < SURE * result.std[name]
+    assert result.std["fx"] < 2e-3 * camera.fx
+    for plane in result.planes:
+        assert abs(plane.aspect - 1.0) < SURE * plane.aspect_std
 
 
 def test_sheets_of_any_aspect_are_found_with_their_aspects():
