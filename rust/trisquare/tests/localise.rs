@@ -81,28 +81,6 @@ fn shading_along_the_side_is_modelled() {
 }
 
 #[test]
-fn things_beside_an_edge_do_not_move_samples_that_have_their_own_light() {
-    let exposures: Vec<Vec<f64>> = [WHITE, 0.45]
-        .map(|outside| Camera { outside, ..CAMERA }.exposure(&square(17.0)))
-        .into();
-    let stripes = |index: usize| exposures[(index % SIZE + index / SIZE) / 24 % 2][index];
-    let exposure: Vec<f64> = (0..SIZE * SIZE).map(stripes).collect();
-    let of_samples = |is_beside_others: bool| {
-        let mut spans = spans(&square(17.0), -1.0, |_| [1.0, 0.0]);
-        let all = spans.iter_mut();
-        all.for_each(|span| span.is_beside_others = is_beside_others);
-        let pictures = (0..4).map(|seed| CAMERA.bytes(&exposure, seed));
-        let edges = pictures.map(|picture| measured(&picture, &spans, Tone::Linear));
-        let sides: Vec<_> = edges.flat_map(|e| offsets(&square(17.0), &e)).collect();
-        Statistics::of(&sides)
-    };
-    let (own, common) = (of_samples(true), of_samples(false));
-    assert!(own.bias.abs() < 0.003, "{own:?}");
-    assert!(own.normalised < 1.3, "{own:?}");
-    assert!(own.rms < 0.5 * common.rms, "{own:?} {common:?}");
-}
-
-#[test]
 fn a_coarse_path_three_pixels_off_gives_the_same_samples() {
     for error in [[3.0, 3.0], [-3.0, -3.0], [3.0, -3.0]] {
         assert_sound(&statistics(CAMERA, Tone::Linear, error));
