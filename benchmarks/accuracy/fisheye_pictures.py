@@ -34,13 +34,8 @@ def measure() -> list[Row]:
     for number in range(SCENES):
         rng = np.random.default_rng([SEED, number])
         scene, picture, sigma = _photograph(rng)
-        try:
-            result = ts.calibrate(picture, model="fisheye", tone="linear")
-        except ts.TrisquareError as error:
-            print(f"  scene {number}: {error}")
-            continue
-        if len(result.planes) < len(scene.targets):
-            print(f"  scene {number}: {len(result.planes)} squares")
+        result = _of_all_squares(f"scene {number}", scene, picture, tone="linear")
+        if result is None:
             continue
         error = values(result.camera) - values(camera_of(scene))
         bound = simulate.cramer_rao_bound(scene, sigma, free=NAMES)
@@ -95,6 +90,21 @@ def _photograph(rng: np.random.Generator) -> tuple[simulate.Scene, Image, float]
     return scene, picture, simulate.pixel_sigma(noise, CONTRAST, blur)
 
 
+def _of_all_squares(
+    name: str, scene: simulate.Scene, picture: Image, tone: str | None = None
+) -> ts.Calibration | None:
+    """Calibrate a fisheye; None, and a line that says why, unless all squares are used."""
+    try:
+        result = ts.calibrate(picture, model="fisheye", tone=tone)
+    except ts.TrisquareError as error:
+        print(f"  {name}: {error}")
+        return None
+    if len(result.planes) < len(scene.targets):
+        print(f"  {name}: {len(result.planes)} squares")
+        return None
+    return result
+
+
 def _in_circles() -> tuple[int, float]:
     """Count the scenes with all squares found, and return the rms of fx's error / std."""
     errors = []
@@ -103,15 +113,9 @@ def _in_circles() -> tuple[int, float]:
         scene = simulate.wide_scene(rng, simulate.fisheye(rng.uniform(*FIELD_RANGE)))
         overlays = (simulate.image_circle(scene),)
         picture = simulate.render(scene, rng, tone="srgb", clutter=CLUTTER, overlays=overlays)
-        try:
-            result = ts.calibrate(picture, model="fisheye")
-        except ts.TrisquareError as error:
-            print(f"  circle {number}: {error}")
-            continue
-        if len(result.planes) < len(scene.targets):
-            print(f"  circle {number}: {len(result.planes)} squares")
-            continue
-        errors.append((result.camera.fx - scene.camera.fx) / result.std["fx"])
+        result = _of_all_squares(f"circle {number}", scene, picture)
+        if result is not None:
+            errors.append((result.camera.fx - scene.camera.fx) / result.std["fx"])
     return len(errors), rms(np.array(errors))
 
 

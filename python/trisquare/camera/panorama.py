@@ -21,7 +21,7 @@ from trisquare._support.suggestions import unknown
 from trisquare.camera.camera import Camera, camera_for_core, field_of_view
 
 # How far from the horizon each projection shows: a cylinder shows latitudes by their tangent.
-HIGHEST_LATITUDES = {"equirectangular": math.pi / 2, "cylinder": math.radians(60.0)}
+HIGHEST_LATITUDES = {"cylinder": math.radians(60.0), "equirectangular": math.pi / 2}
 
 # Steps along the row and the column through the axis, between which the view's ends are looked for.
 STEPS = 4096

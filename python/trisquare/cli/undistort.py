@@ -11,7 +11,7 @@ from trisquare._support.suggestions import unknown
 from trisquare._support.writing import write_in_turn
 from trisquare.camera.camera import Camera
 from trisquare.camera.members import camera_members
-from trisquare.camera.panorama import Panorama
+from trisquare.camera.panorama import HIGHEST_LATITUDES, Panorama
 from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.input_files import camera_alone
 from trisquare.cli.options import JSON, PHOTOS, QUIET, flag, option
@@ -21,7 +21,7 @@ from trisquare.images.pixels import picture_size
 from trisquare.images.reading import read_image
 from trisquare.undistortion.undistort import INTERPOLATIONS, Undistorter
 
-VIEWS = ("pinhole", "cylinder", "equirectangular")
+VIEWS = ("pinhole", *HIGHEST_LATITUDES)
 
 UNDISTORTION_FORMAT = "trisquare-undistortion/1"
 

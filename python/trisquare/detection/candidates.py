@@ -59,14 +59,14 @@ class SquareOutline:
 
     Or a rectangle, whose side 0 is `aspect` times as long as its side 1, or None if that is
     unknown. The corners of a tag begin at the top left of its code. Other things may lie right
-    beside the sides of one that is not `on_even_ground`.
+    beside the sides of one that `is_beside_others`.
     """
 
     outer: Outline
     inner: Outline | None
     tag: Tag | None = None
     aspect: float | None = 1.0
-    on_even_ground: bool = True
+    is_beside_others: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -87,7 +87,7 @@ class Square:
                 polarity,
                 (first + (i + 3) % 4, first + (i + 1) % 4),
                 margins[i],
-                is_beside_others=not self.outline.on_even_ground,
+                is_beside_others=self.outline.is_beside_others,
             )
             for i, side in enumerate(outline.sides)
         ]

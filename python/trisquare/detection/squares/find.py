@@ -102,7 +102,7 @@ def find_plain_rectangles(image: NDArray[np.generic], shape: RectangleShape) -> 
     turns = turns_to_longer_side(quads, size, shape)
     found = zip(scale * quads.sides, quads.dark_inside.tolist(), turns.tolist(), strict=True)
     outlines = [
-        SquareOutline(Outline.of(*quad), None, aspect=shape.aspect, on_even_ground=False)
+        SquareOutline(Outline.of(*quad), None, aspect=shape.aspect, is_beside_others=True)
         for quad in found
     ]
     return sorted(outlines, key=lambda outline: -float(quad_areas(outline.outer.corners)))
