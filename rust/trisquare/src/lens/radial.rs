@@ -18,7 +18,7 @@ pub(super) const LARGEST_SQUARED_RADIUS: f64 = 1e12;
 pub fn monotonic_radius([k1, k2, k3]: [f64; 3]) -> f64 {
     // In s = r^2 the slope is 1 + 3 k1 s + 5 k2 s^2 + 7 k3 s^3; its own extrema bound the
     // stretches in which it has at most one root.
-    let slope = |s: f64| 1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * 7.0 * k3));
+    let slope = |s: f64| slope([k1, k2, k3], s);
     let mut stretches = positive_roots(3.0 * k1, 10.0 * k2, 21.0 * k3);
     // All roots lie within Cauchy's bound, beyond which the highest power rules.
     let powers = [1.0, 3.0 * k1, 5.0 * k2, 7.0 * k3];
@@ -39,9 +39,14 @@ pub fn monotonic_radius([k1, k2, k3]: [f64; 3]) -> f64 {
     f64::INFINITY
 }
 
+/// The derivative of `r (1 + k1 r^2 + k2 r^4 + k3 r^6)` by `r`, at `s = r^2`.
+fn slope([k1, k2, k3]: [f64; 3], s: f64) -> f64 {
+    1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * 7.0 * k3))
+}
+
 /// Whether `r (1 + k1 r^2 + k2 r^4 + k3 r^6)` increases all the way to a squared radius.
 pub(crate) fn increases_up_to([k1, k2, k3]: [f64; 3], square: f64) -> bool {
-    let slope = |s: f64| 1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * 7.0 * k3));
+    let slope = |s: f64| slope([k1, k2, k3], s);
     let extrema = positive_roots(3.0 * k1, 10.0 * k2, 21.0 * k3);
     let mut within = extrema.into_iter().filter(|s| *s < square);
     slope(square) > 0.0 && within.all(|s| slope(s) > 0.0)

@@ -147,8 +147,11 @@ impl Homographies {
                     continue;
                 }
                 let (homography, seen) = match number {
-                    0 => homography_of_first(plane, undistortion)?,
-                    _ => homography_of_figure(figure, undistortion)?,
+                    0 => {
+                        let beside = plane.figures[1..].iter().find(|other| other.is_round());
+                        homography_of_figure(&with_fixed(plane), beside, undistortion)?
+                    }
+                    _ => homography_of_figure(figure, None, undistortion)?,
                 };
                 if own.is_empty() {
                     witnesses.push(back_project(&homography, &seen).unwrap_or_default());
@@ -191,20 +194,6 @@ impl Homographies {
     }
 }
 
-/// That of a plane's first figure, which of a single circle asks for another on the plane.
-fn homography_of_first<L: Lens>(
-    plane: &ObservedPlane,
-    undistortion: &Undistortion<L>,
-) -> Result<(Matrix3<f64>, Vector2<f64>), Error> {
-    let first = with_fixed(plane);
-    let beside = plane.figures[1..].iter().find(|figure| figure.is_round());
-    let undistort = |pixel: &_| undistortion.undistort(pixel);
-    match first.sides.iter().all(|side| side.line().is_none()) {
-        true => homography_of_circles(&first, beside, &undistort),
-        false => homography_of_figure(&first, undistortion),
-    }
-}
-
 /// A plane's first figure with the sides of those that are given in its coordinates: the first one
 /// alone may be a small part of the whole.
 fn with_fixed(plane: &ObservedPlane) -> Figure {
@@ -221,8 +210,10 @@ fn with_fixed(plane: &ObservedPlane) -> Figure {
     first
 }
 
+/// A figure's homography, which of a single circle asks for another one on its plane.
 pub(crate) fn homography_of_figure<L: Lens>(
     figure: &Figure,
+    beside: Option<&Figure>,
     undistortion: &Undistortion<L>,
 ) -> Result<(Matrix3<f64>, Vector2<f64>), Error> {
     let degenerate = |reason| Error::DegenerateHomography {
@@ -243,7 +234,7 @@ pub(crate) fn homography_of_figure<L: Lens>(
     }
     if plane_lines.is_empty() {
         let undistort = |pixel: &_| undistortion.undistort(pixel);
-        return homography_of_circles(figure, None, &undistort);
+        return homography_of_circles(figure, beside, &undistort);
     }
     let witness = *ideal
         .first()

@@ -71,7 +71,7 @@ impl Candidate {
             figure: figure.index,
             reason,
         };
-        let (homography, _) = homography_of_figure(figure, undistortion)?;
+        let (homography, _) = homography_of_figure(figure, None, undistortion)?;
         let (centre, unit) = (size.centre(), size.half_diagonal());
         let mut normalised = homography;
         for column in 0..3 {
