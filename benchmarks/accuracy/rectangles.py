@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, TypeAlias
 
@@ -44,6 +44,9 @@ def measure() -> list[Row]:
     ratio, share = _over_bound(_rectangles, any_aspect=True)
     facade_ratio, facade_share = _over_bound(_facades, any_offsets=True)
     box_ratio, box_share = _over_bound(_box_corners, ("aspect",), any_aspect=True)
+    held_ratio, held_share = _over_bound(
+        _box_corners, ("aspect",), orthogonal=((0, 1), (1, 2), (0, 2)), any_aspect=True
+    )
     name = f"three A4 rectangles on paper, photo-like with clutter, {SCENES} scenes"
     bare = f"three bare sheets of A4 right on the clutter, {SCENES} scenes"
     held = f"from edges, {EDGE_SCENES} scenes, centre and aspect held"
@@ -73,6 +76,7 @@ def measure() -> list[Row]:
         *_bound_rows(edges, ratio, share),
         *_bound_rows(facades, facade_ratio, facade_share),
         *_bound_rows(boxes, box_ratio, box_share),
+        *_bound_rows("the same, known to be at right angles", held_ratio, held_share),
     ]
 
 
@@ -157,6 +161,7 @@ def _facades(rng: np.random.Generator, camera: simulate.TrueCamera) -> Measured:
 def _over_bound(
     measured: Callable[[np.random.Generator, simulate.TrueCamera], Measured],
     fix: tuple[str, ...] = ("principal_point", "aspect"),
+    orthogonal: Sequence[tuple[int, int]] = (),
     **unknown: bool,
 ) -> tuple[float, float]:
     """Return error / bound of what is free, and the coverage of that and of the aspects."""
@@ -169,13 +174,15 @@ def _over_bound(
         cx, cy = (0.5 * (extent - 1.0) for extent in camera.image_size)
         camera = replace(camera, fy=camera.fx, cx=cx, cy=cy)
         scene, edges, aspect = measured(rng, camera)
-        result = ts.calibrate_edges(edges, camera.image_size, fix=fix)
+        result = ts.calibrate_edges(edges, camera.image_size, fix=fix, orthogonal=orthogonal)
         found = [getattr(result.camera, name) for name in ("fx", *centre)]
         true = [getattr(camera, name) for name in ("fx", *centre)]
         errors = np.append(
             np.subtract(found, true), result.camera.distortion[:2] - camera.distortion[:2]
         )
-        bound = simulate.cramer_rao_bound(scene, NOISE, spacing=SPACING, free=names, **unknown)
+        bound = simulate.cramer_rao_bound(
+            scene, NOISE, spacing=SPACING, free=names, orthogonal=orthogonal, **unknown
+        )
         ratios.append(errors / [bound[name] for name in names])
         std = [result.std[name] for name in ("fx", *centre, "k1", "k2")]
         held += (np.abs(errors) <= HALF_WIDTH * np.array(std)).tolist()

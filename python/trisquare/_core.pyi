@@ -316,6 +316,8 @@ def calibrate(
     pictures: Sequence[Picture] | None,
     tones: Sequence[str | float | tuple[float, float, float | None]],
     side_errors: Sequence[float] = ...,
+    orthogonal: Sequence[tuple[int, int]] = ...,
+    parallel: Sequence[tuple[int, int]] = ...,
 ) -> Outcome: ...
 
 @final

@@ -26,6 +26,7 @@ LIKELIER = 0.5
 
 CAUSES = {
     "lens_beyond_model": "the lens is beyond its model",
+    "relation_contradicted": "planes stand otherwise than they are said to",
     "planes_contradict": "the planes contradict each other",
     "pixels_not_square": "the pixels do not come out square",
     "tone_contradicted": "the tone curve is another than stated",

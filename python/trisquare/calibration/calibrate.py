@@ -13,7 +13,7 @@ from trisquare.calibration.explain_failure import add_reasons, rejected_shapes
 from trisquare.calibration.gather import Gathered, gather
 from trisquare.calibration.select import chosen_by
 from trisquare.camera.camera import Camera
-from trisquare.camera.settings import Settings
+from trisquare.camera.settings import PlanePair, Settings
 from trisquare.detection.kinds import TargetKinds, nothing_found
 from trisquare.edges import PlaneEdges, changed_edges
 from trisquare.errors import DetectionError, TrisquareError
@@ -38,6 +38,8 @@ def calibrate(
     model: str = "radial2",
     fix: str | Iterable[str] = (),
     initial: Camera | None = None,
+    orthogonal: Iterable[PlanePair] = (),
+    parallel: Iterable[PlanePair] = (),
     tone: Tone = None,
     targets: str = "auto",
     outlines: Outlines | None = None,
@@ -73,6 +75,11 @@ def calibrate(
         Held at the values of `initial`, or else at aspect 1, the image centre, and zero.
     initial : Camera, optional
         Values for what is fixed; "focal" needs them.
+    orthogonal, parallel : sequence of (int, int)
+        Pairs of planes of one picture that are known to be at right angles to each other, or
+        parallel, as walls and the faces of a box are: indices of ``planes`` of the result, which
+        are in the same order without. Their rotations are held so exactly. A warning tells where
+        the edges contradict it.
     tone : {"auto", "srgb", "linear"} or float, optional
         How light was coded; a number is a gamma, and "auto" estimates the curve of each picture
         along with the camera. By default "auto" for 8 and 16 bits, linear for floats.
@@ -107,6 +114,8 @@ def calibrate(
         model=model,
         fix=fix,
         initial=initial,
+        orthogonal=orthogonal,
+        parallel=parallel,
         tone=tone,
         targets=targets,
         outlines=outlines,
@@ -128,6 +137,8 @@ def calibrate_photographs(
     model: str,
     fix: str | Iterable[str],
     initial: Camera | None,
+    orthogonal: Iterable[PlanePair],
+    parallel: Iterable[PlanePair],
     tone: Tone,
     targets: str,
     outlines: Outlines | None,
@@ -139,7 +150,7 @@ def calibrate_photographs(
     With `explain`, the shapes that are no targets are reported for every photograph: in the
     answer, or in the error.
     """
-    settings = Settings.check(method, model, fix, initial)
+    settings = Settings.check(method, model, fix, initial, orthogonal, parallel)
     kinds = TargetKinds.parse(targets)
     gathered = gather(
         photographs,
@@ -180,6 +191,8 @@ def calibrate_edges(
     model: str = "radial2",
     fix: str | Iterable[str] = (),
     initial: Camera | None = None,
+    orthogonal: Iterable[PlanePair] = (),
+    parallel: Iterable[PlanePair] = (),
 ) -> Calibration:
     """Calibrate a camera from measured edges alone, without a picture.
 
@@ -189,7 +202,7 @@ def calibrate_edges(
         Figures on three or more planes; fewer planes if enough parameters are fixed.
     image_size : (int, int)
         Width and height in pixels.
-    method, model, fix, initial
+    method, model, fix, initial, orthogonal, parallel
         As in `calibrate`.
 
     Returns
@@ -203,7 +216,7 @@ def calibrate_edges(
     TypeError, ValueError
         For bad arguments.
     """
-    settings = Settings.check(method, model, fix, initial)
+    settings = Settings.check(method, model, fix, initial, orthogonal, parallel)
     figures = list(edges)
     for figure in figures:
         if not isinstance(figure, PlaneEdges):
@@ -238,6 +251,8 @@ def _ask_core(
         pictures=gathered.pictures or None,
         tones=[tone.curve for tone in gathered.tones],
         side_errors=[faults.side_error for faults in gathered.faults],
+        orthogonal=settings.orthogonal,
+        parallel=settings.parallel,
     )
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from numbers import Integral
 
 from trisquare._support.suggestions import nearest_name, unknown
 from trisquare.camera.camera import Camera, CoreCamera, camera_for_core
@@ -12,6 +13,8 @@ from trisquare.camera.lens_models import COEFFICIENTS, MODELS
 # The model that stands for the choice among all of them by evidence.
 AUTO = "auto"
 METHODS = ("ml", "linear")
+# Indices of two planes.
+PlanePair = tuple[int, int]
 FIXABLE = ("aspect", "principal_point", "focal", "distortion")
 
 
@@ -23,10 +26,18 @@ class Settings:
     model: str
     fixed: tuple[str, ...]
     initial: Camera | None
+    orthogonal: tuple[PlanePair, ...]
+    parallel: tuple[PlanePair, ...]
 
     @classmethod
     def check(
-        cls, method: str, model: str, fix: str | Iterable[str], initial: Camera | None
+        cls,
+        method: str,
+        model: str,
+        fix: str | Iterable[str],
+        initial: Camera | None,
+        orthogonal: Iterable[PlanePair],
+        parallel: Iterable[PlanePair],
     ) -> Settings:
         """Check the arguments of `calibrate` that bear these names.
 
@@ -57,7 +68,8 @@ class Settings:
                 f"the distortion of a {initial.model} lens cannot be held in a {model} lens: "
                 f"choose model={initial.model!r}"
             )
-        return cls(method, model, names, initial)
+        pairs = checked_pairs("orthogonal", orthogonal), checked_pairs("parallel", parallel)
+        return cls(method, model, names, initial, *pairs)
 
     def initial_camera(self, image_size: tuple[int, int]) -> CoreCamera | None:
         """Return the initial camera as the core takes it; it must be of the pictures' size."""
@@ -92,3 +104,23 @@ def checked_fix(fix: str | Iterable[str]) -> tuple[str, ...]:
             hint = "" if meant is None else f"did you mean {meant!r}? "
             raise ValueError(f"cannot fix {name!r}: {hint}choose among {', '.join(FIXABLE)}")
     return tuple(name for name in FIXABLE if name in names)
+
+
+def checked_pairs(name: str, pairs: Iterable[PlanePair]) -> tuple[PlanePair, ...]:
+    """Return pairs of two different planes' indices.
+
+    Raises
+    ------
+    ValueError
+        If one of them is none.
+    """
+    checked = []
+    for pair in pairs:
+        planes = tuple(pair) if isinstance(pair, Sequence) and not isinstance(pair, str) else ()
+        are_indices = all(isinstance(plane, Integral) and plane >= 0 for plane in planes)
+        if not (are_indices and len(set(planes)) == len(planes) == 2):
+            raise ValueError(
+                f"{name} takes pairs of the indices of two planes, as [(0, 1)], not {pair!r}"
+            )
+        checked.append((int(planes[0]), int(planes[1])))
+    return tuple(checked)

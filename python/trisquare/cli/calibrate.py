@@ -13,7 +13,18 @@ from trisquare.camera.lens_models import MODELS
 from trisquare.camera.settings import AUTO, METHODS
 from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.framework import command_line, reading
-from trisquare.cli.options import FIX, JSON, PHOTOS, QUIET, fixed_names, flag, option
+from trisquare.cli.options import (
+    FIX,
+    JSON,
+    ORTHOGONAL,
+    PARALLEL,
+    PHOTOS,
+    QUIET,
+    fixed_names,
+    flag,
+    option,
+    parse_pairs,
+)
 from trisquare.cli.pictures_drawn import check_outputs, drawn, drawn_on_failure, numbered_paths
 from trisquare.cli.tables import calibration_report
 from trisquare.detection.kinds import TAG_SEARCHES
@@ -72,6 +83,8 @@ def calibrate_command(
         offer=METHODS,
     ),
     fix: list[str] | None = FIX,
+    orthogonal: list[str] | None = ORTHOGONAL,
+    parallel: list[str] | None = PARALLEL,
     tone: str | None = option(
         None,
         "TONE",
@@ -132,6 +145,8 @@ def calibrate_command(
             model=model,
             fix=fixed_names(fix),
             initial=None,
+            orthogonal=parse_pairs(orthogonal),
+            parallel=parse_pairs(parallel),
             tone=_tone(tone),
             targets=targets,
             outlines=outline,

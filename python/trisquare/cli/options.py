@@ -42,6 +42,32 @@ FIX = option(
 )
 
 
+ORTHOGONAL = option(
+    None,
+    "PLANES",
+    "Two planes that are at right angles, as 0,1: their numbers in the result; repeatable.",
+)
+PARALLEL = option(None, "PLANES", "Two planes that are parallel, likewise.")
+
+
+def parse_pairs(texts: Iterable[str] | None) -> list[tuple[int, int]]:
+    """Return the pairs of planes that texts such as ``0,1`` name.
+
+    Raises
+    ------
+    ValueError
+        If one is written otherwise.
+    """
+    pairs = []
+    for text in texts or ():
+        try:
+            first, second = (int(part) for part in text.split(","))
+        except ValueError as error:
+            raise ValueError(f"two planes are written 0,1, not {text!r}") from error
+        pairs.append((first, second))
+    return pairs
+
+
 def parse_size(text: str) -> tuple[int, int]:
     """Return the width and the height that a text such as ``1280x960`` says.
 

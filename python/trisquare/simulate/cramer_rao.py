@@ -55,6 +55,7 @@ def cramer_rao_bound(
     in_sight: InSight | None = None,
     any_aspect: bool = False,
     any_offsets: bool = False,
+    orthogonal: Sequence[tuple[int, int]] = (),
 ) -> dict[str, float]:
     """Smallest standard deviations that an unbiased calibration of this scene can have.
 
@@ -81,6 +82,8 @@ def cramer_rao_bound(
     any_offsets : bool
         Whether the places of a chessboard's grid lines are unknown as well, as those of the lines
         of a facade.
+    orthogonal : sequence of (int, int)
+        Pairs of targets whose planes are known to be at right angles.
 
     Returns
     -------
@@ -115,11 +118,27 @@ def cramer_rao_bound(
     size = len(free) + sum(rows.shape[1] - len(free) for rows in jacobians)
     information = np.zeros((size, size))
     first = len(free)
+    turns = []
     for rows in jacobians:
+        turns.append(slice(first, first + 3))
         after = first + rows.shape[1] - len(free)
         columns = np.r_[: len(free), first:after]
         information[np.ix_(columns, columns)] += rows.T @ rows
         first = after
+    if orthogonal:
+        ties = np.zeros((len(orthogonal), size))
+        for tie, (one, other) in zip(ties, orthogonal, strict=True):
+            first_normal, second_normal = (
+                scene.targets[plane].rotation[:, 2] for plane in (one, other)
+            )
+            tie[turns[one]] = np.cross(first_normal, second_normal)
+            tie[turns[other]] = -tie[turns[one]]
+        # The directions that they leave; they hold nothing of the camera.
+        left = np.linalg.svd(ties[:, len(free) :])[2][len(ties) :]
+        basis = np.zeros((size, size - len(ties)))
+        basis[: len(free), : len(free)] = np.eye(len(free))
+        basis[len(free) :, len(free) :] = left.T
+        information = basis.T @ information @ basis
     return standard_deviations(information, free)
 
 

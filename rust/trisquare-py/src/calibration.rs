@@ -7,8 +7,8 @@ use pyo3::types::{IntoPyDict, PyDict};
 use pyo3::{PyClass, PyClassInitializer};
 use trisquare::{
     Brown, Choice, DistortionModel, Error, FamilyChoice, Fisheye, Fixed, ImageSize, Lens, Method,
-    ModelChoice, Options, Photographs, PictureTone, Plane, PlaneEdges, RejectedFamily, Severity,
-    Stage, Warning,
+    ModelChoice, Options, Photographs, PictureTone, Plane, PlaneEdges, RejectedFamily, Relation,
+    Severity, Stage, Warning, relate_planes,
 };
 
 use crate::any_lens::{AnyLens, CameraMembers, family_of, in_family, model_of, with_lens};
@@ -126,9 +126,9 @@ pub struct ToneFit {
 /// from the largest set of planes that one camera sees as true squares.
 ///
 /// `side_errors` are, of each picture, the standard deviation (px) of an error that the samples of
-/// a side share.
+/// a side share; `orthogonal` and `parallel` are pairs of the planes that are used.
 #[pyfunction]
-#[pyo3(signature = (figures, image_size, *, choosing, method, model, fixed, initial, pictures, tones, side_errors=Vec::new()))]
+#[pyo3(signature = (figures, image_size, *, choosing, method, model, fixed, initial, pictures, tones, side_errors=Vec::new(), orthogonal=Vec::new(), parallel=Vec::new()))]
 #[allow(clippy::too_many_arguments)] // the keywords of the Python function
 pub fn calibrate<'py>(
     py: Python<'py>,
@@ -142,6 +142,8 @@ pub fn calibrate<'py>(
     pictures: Option<Vec<PyRef<'py, Picture>>>,
     tones: Vec<Bound<'py, PyAny>>,
     side_errors: Vec<f64>,
+    orthogonal: Vec<[usize; 2]>,
+    parallel: Vec<[usize; 2]>,
 ) -> PyResult<Outcome> {
     let mut edges: Vec<PlaneEdges> = figures.iter().map(plane_edges).collect::<PyResult<_>>()?;
     for figure in &mut edges {
@@ -161,10 +163,15 @@ pub fn calibrate<'py>(
         tones: &tones,
     });
     let initial = initial.map(|camera| camera.lens(py)).transpose()?;
+    let related =
+        |planes: Vec<[usize; 2]>, relation| planes.into_iter().map(move |it| (it, relation));
+    let orthogonal = related(orthogonal, Relation::Orthogonal);
+    let relations = orthogonal.chain(related(parallel, Relation::Parallel));
     let task = Task {
         edges,
         size,
         choosing,
+        relations: relations.collect(),
         photographs,
     };
     let (method, fixed) = (
@@ -203,6 +210,7 @@ struct Task<'a> {
     edges: Vec<PlaneEdges>,
     size: ImageSize,
     choosing: bool,
+    relations: Vec<([usize; 2], Relation)>,
     photographs: Option<Photographs<'a>>,
 }
 
@@ -218,7 +226,7 @@ impl Task<'_> {
         let options = &Options { model, ..options };
         let (choice, found) = computed(py, || {
             let choice = self.chosen(options)?;
-            self.keep(choice.as_ref());
+            self.keep(choice.as_ref())?;
             let (edges, size) = (&self.edges, self.size);
             let photographs = self.photographs.as_ref();
             let found = trisquare::calibrate_photographs(edges, size, options, photographs);
@@ -249,7 +257,7 @@ impl Task<'_> {
                 (Err(_), Ok(wide)) => wide,
                 (plain, _) => plain?,
             };
-            self.keep(choice.as_ref());
+            self.keep(choice.as_ref())?;
             let photographs = self.photographs.as_ref();
             let found =
                 trisquare::calibrate_by_family(&self.edges, self.size, options, photographs);
@@ -268,10 +276,14 @@ impl Task<'_> {
         }
     }
 
-    fn keep(&mut self, choice: Option<&Choice>) {
+    /// Keeps the planes that are chosen, and relates those that are left.
+    fn keep(&mut self, choice: Option<&Choice>) -> Result<(), Error> {
         if let Some(choice) = choice {
             choice.keep(&mut self.edges);
         }
+        let mut relations = std::mem::take(&mut self.relations).into_iter();
+        relations
+            .try_for_each(|(planes, relation)| relate_planes(&mut self.edges, planes, relation))
     }
 }
 

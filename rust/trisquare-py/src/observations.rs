@@ -124,6 +124,7 @@ pub fn plane_edges(object: &Bound<'_, PyAny>) -> PyResult<PlaneEdges> {
         tone_drift: drift.transpose()?,
         border: object.getattr("border")?.extract()?,
         side_error: 0.0,
+        relations: Vec::new(),
         freedom: match freedom.as_str() {
             "auto" => Freedom::Auto,
             "fixed" => Freedom::Fixed,

@@ -6,11 +6,13 @@ use crate::error::Error;
 use crate::image_size::ImageSize;
 use crate::lens::Lens;
 use crate::noise::check_drift_count;
-use crate::observations::{Method, Options, PlaneEdges, sort_by_plane};
+use crate::observations::{
+    Method, ObservedPlane, Options, PlaneEdges, check_relations, relations_of, sort_by_plane,
+};
 use crate::photometric::{Photographs, improve};
-use crate::result::{Calibration, Stage};
+use crate::result::{Calibration, Stage, Warning};
 use crate::solver::{JointProblem, Work, reject_outliers};
-use crate::uncertainty::{LensVerdict, check_plane_count, unlikely_camera};
+use crate::uncertainty::{LensVerdict, check_plane_count, contradicted_relations, unlikely_camera};
 
 /// Calibrates a camera from edge samples of planes with known lines.
 ///
@@ -38,7 +40,14 @@ pub fn calibrate_photographs<L: Lens>(
     options: &Options<L>,
     photographs: Option<&Photographs<'_>>,
 ) -> Result<Calibration<L>, Error> {
-    run(edges, size, options, photographs, Purpose::Answer)
+    let found = run(edges, size, options, photographs, Purpose::Answer);
+    found.map_err(|error| match sort_by_plane(edges) {
+        Ok(planes) => match contradicted(edges, &planes, size, options).first() {
+            Some(warning) => Error::ContradictedRelation(warning.to_string()),
+            None => error,
+        },
+        Err(_) => error,
+    })
 }
 
 /// As [`calibrate`], without a judgement of the geometry: to compare models, of which the chosen
@@ -78,6 +87,7 @@ fn run<L: Lens>(
     options.check()?;
     let planes = sort_by_plane(edges)?;
     check_drift_count(&planes)?;
+    check_relations::<L>(&planes)?;
     let own = || Rc::new(Work::for_planes(&planes));
     let (work, comparison) = match purpose {
         Purpose::Answer => (own(), None),
@@ -136,6 +146,31 @@ fn run<L: Lens>(
         if let Some(verdict) = verdict {
             problem.heed(&verdict, (&planes, &solution), &mut calibration);
         }
+        let contradicted = contradicted(edges, &planes, size, options);
+        calibration.warnings.splice(0..0, contradicted);
     }
     Ok(calibration)
+}
+
+/// Relations between the planes that a calibration without them contradicts.
+fn contradicted<L: Lens>(
+    edges: &[PlaneEdges],
+    planes: &[ObservedPlane],
+    size: ImageSize,
+    options: &Options<L>,
+) -> Vec<Warning> {
+    let relations = relations_of(planes);
+    if relations.is_empty() {
+        return Vec::new();
+    }
+    let untold = edges.iter().map(|edges| PlaneEdges {
+        relations: Vec::new(),
+        ..edges.clone()
+    });
+    let untold: Vec<PlaneEdges> = untold.collect();
+    let untold = calibrate_unjudged(&untold, size, options, &mut Comparison::default());
+    untold.map_or_else(
+        |_| Vec::new(),
+        |untold| contradicted_relations(&untold, &relations),
+    )
 }

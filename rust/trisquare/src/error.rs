@@ -128,6 +128,10 @@ pub enum Error {
         figure: usize,
     },
 
+    /// Planes stand otherwise than they are said to, and leave no camera.
+    #[error("{0}")]
+    ContradictedRelation(String),
+
     /// All samples together do not exceed the unknowns.
     #[error("{samples} samples cannot determine {unknowns} unknowns: measure more points per side")]
     TooFewDegreesOfFreedom {
@@ -244,6 +248,7 @@ impl Error {
             | Error::UndeterminedConic { .. }
             | Error::IndefiniteConic
             | Error::TurnsBack { .. }
+            | Error::ContradictedRelation(_)
             | Error::IllConditioned(_) => ErrorKind::DegenerateGeometry,
             Error::NotConverged { .. } => ErrorKind::Convergence,
         }

@@ -60,8 +60,8 @@ pub use localise::{
 };
 pub use model_selection::{ModelAlternative, ModelChoice, calibrate_by_evidence};
 pub use observations::{
-    CellSample, Fixed, Freedom, GridLineSamples, Method, Options, PlaneEdges, Polarity,
-    remove_edge_shift,
+    CellSample, Fixed, Freedom, GridLineSamples, Method, Options, PlaneEdges, Polarity, Relation,
+    relate_planes, remove_edge_shift,
 };
 pub use photometric::Photographs;
 pub use planning::{EdgeNoise, PlannedPlane, Prediction, predict};

@@ -176,6 +176,7 @@ impl<L: Lens> Plan<L> {
             view: View {
                 lens: *camera,
                 planes: planes.iter().map(state).collect(),
+                relations: Vec::new(),
             },
             size,
             options,
@@ -281,6 +282,7 @@ fn photographed<L: Lens>(
         figures,
         board_relief: None,
         side_error: 0.0,
+        relations: Vec::new(),
     })
 }
 

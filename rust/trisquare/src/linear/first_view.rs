@@ -8,7 +8,9 @@ use crate::error::Error;
 use crate::geometry::{KnownIntrinsics, Pose, aspect_of_homography, camera_matrix_from_planes};
 use crate::image_size::ImageSize;
 use crate::lens::Lens;
-use crate::observations::{Figure, Freedom, ObservedPlane, Options, Placement, PlaneState, View};
+use crate::observations::{
+    Figure, Freedom, ObservedPlane, Options, Placement, PlaneState, View, relations_of,
+};
 
 /// Focal lengths tried, in image widths, where the conic gives none.
 const FOCAL_GUESSES: [f64; 3] = [1.0, 0.6, 2.0];
@@ -133,10 +135,13 @@ pub(crate) fn first_view<L: Lens>(
         }
         states.push(PlaneState { pose, figures });
     }
-    Ok(View {
+    let mut view = View {
         lens,
         planes: states,
-    })
+        relations: relations_of(planes),
+    };
+    view.hold_relations();
+    Ok(view)
 }
 
 /// Where a further figure lies on the plane that the first one fixes.

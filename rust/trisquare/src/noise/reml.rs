@@ -4,7 +4,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::side_errors::SideErrors;
-use crate::numeric::chi_square_tail;
+use crate::numeric::{Reduced, chi_square_tail};
 
 /// Variances tried: each so many times the last, to what moves a side by pixels.
 const VARIANCE_RATIO: f64 = 3.0;
@@ -37,7 +37,8 @@ impl Strength {
     }
 }
 
-/// What one plane, or several, say of the shared parameters, their own eliminated.
+/// What one plane, or several, say of the shared parameters, and last of the multipliers that tie
+/// planes, their own eliminated.
 struct Part {
     information: DMatrix<f64>,
     gradient: DVector<f64>,
@@ -182,13 +183,15 @@ impl SideErrors {
     /// What one plane says of the shared parameters, and of its variances.
     fn part(&self, plane: usize, board_relief: f64, variance: f64) -> Option<Part> {
         let (block, criterion) = self.marginalise(plane, board_relief, variance)?;
-        let factor = block.hessian.cholesky()?;
+        let factor = block.hessian.clone().cholesky()?;
         let log_determinant = 2.0 * factor.l_dirty().diagonal().map(f64::ln).sum();
         let solved = factor.solve(&block.gradient);
-        let own = factor.solve(&block.cross);
+        let all = self.system.prior.nrows() + self.system.tie_count();
+        let cross = block.cross_and_ties();
+        let own = factor.solve(&cross);
         Some(Part {
-            information: block.shared - block.cross.tr_mul(&own),
-            gradient: block.shared_gradient - block.cross.tr_mul(&solved),
+            information: block.shared.resize(all, all, 0.0) - cross.tr_mul(&own),
+            gradient: block.shared_gradient.resize_vertically(all, 0.0) - cross.tr_mul(&solved),
             criterion: criterion + log_determinant - block.gradient.dot(&solved),
         })
     }
@@ -200,8 +203,14 @@ impl SideErrors {
             gradient,
             mut criterion,
         } = self.joined(parts);
-        let information = information + &self.system.prior;
-        let gradient = gradient + &self.system.prior_gradient;
+        let reduced = Reduced {
+            information,
+            gradient,
+        };
+        let (reduced, of_ties) = reduced.without_multipliers(self.system.tie_count());
+        criterion += of_ties;
+        let information = reduced.information + &self.system.prior;
+        let gradient = reduced.gradient + &self.system.prior_gradient;
         let factor = information.cholesky()?;
         criterion += 2.0 * factor.l_dirty().diagonal().map(f64::ln).sum();
         criterion -= gradient.dot(&factor.solve(&gradient));
@@ -210,10 +219,10 @@ impl SideErrors {
 
     /// What several planes say together.
     fn joined<'a>(&self, parts: impl Iterator<Item = &'a Part>) -> Part {
-        let shared = self.system.prior.nrows();
+        let size = self.system.prior.nrows() + self.system.tie_count();
         let mut all = Part {
-            information: DMatrix::zeros(shared, shared),
-            gradient: DVector::zeros(shared),
+            information: DMatrix::zeros(size, size),
+            gradient: DVector::zeros(size),
             criterion: 0.0,
         };
         parts.for_each(|part| all.add(part));

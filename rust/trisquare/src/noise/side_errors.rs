@@ -83,6 +83,7 @@ impl SideErrors {
             }
             state.hold_turn(&mut block.hessian);
         }
+        view.tie(&mut system);
         Some(Self {
             system,
             families,
@@ -137,9 +138,14 @@ impl SideErrors {
         let information = self.system.reduced_information()?.cholesky()?;
         let shared = self.system.prior.nrows();
         let mut found = vec![DMatrix::zeros(shared, shared); self.system.blocks.len()];
+        let crosses = self.system.tied_crosses()?;
         for family in &self.families {
             let block = &self.system.blocks[family.plane];
-            let own = block.hessian.clone().cholesky()?.solve(&block.cross);
+            let own = block
+                .hessian
+                .clone()
+                .cholesky()?
+                .solve(&crosses[family.plane]);
             let cross = family.shared.transpose() - own.tr_mul(&family.own.transpose());
             let influence = information.solve(&cross);
             found[family.plane] += &influence * family.covariance() * influence.transpose();
@@ -242,6 +248,7 @@ mod tests {
         let view = View {
             lens: truth.camera,
             planes: truth.poses.iter().map(state).collect(),
+            relations: Vec::new(),
         };
         (planes, view)
     }

@@ -21,6 +21,8 @@ pub(crate) struct Block {
     pub cross: DMatrix<f64>,
     /// `J_p^T W r`.
     pub gradient: DVector<f64>,
+    /// One column for each equation that ties the planes' own parameters to each other.
+    pub ties: DMatrix<f64>,
 }
 
 impl Block {
@@ -31,6 +33,7 @@ impl Block {
             hessian: DMatrix::zeros(own, own),
             cross: DMatrix::zeros(own, shared),
             gradient: DVector::zeros(own),
+            ties: DMatrix::zeros(own, 0),
         }
     }
 }
@@ -87,11 +90,21 @@ impl ArrowSystem {
             gradient -= shift;
             factors.push(factor);
         }
+        let ties = self.ties(|p, columns| factors[p].solve(columns));
+        if let Some(ties) = &ties {
+            reduced += ties.information();
+            gradient += ties.shift(self);
+        }
         let shared = -Cholesky::new(reduced)?.solve(&gradient);
+        let multipliers = ties.map(|ties| ties.multipliers(self, &shared));
         let mut decrease = -shared_gradient.dot(&shared);
         let mut blocks = Vec::with_capacity(self.blocks.len());
         for (block, factor) in self.blocks.iter().zip(&factors) {
-            let own = -factor.solve(&(&block.gradient + &block.cross * &shared));
+            let mut pull = &block.gradient + &block.cross * &shared;
+            if let Some(multipliers) = &multipliers {
+                pull += &block.ties * multipliers;
+            }
+            let own = -factor.solve(&pull);
             decrease -= block.gradient.dot(&own);
             blocks.push(own);
         }
@@ -117,22 +130,50 @@ impl ArrowSystem {
                     hessian: block.hessian.clone(),
                     cross: block.cross.columns(0, shared).into_owned(),
                     gradient: block.gradient.clone(),
+                    ties: block.ties.clone(),
                 })
                 .collect(),
         }
     }
 
-    /// What every plane alone tells of the shared parameters, its own eliminated.
+    /// What every plane tells of the shared parameters, its own eliminated: the information is the
+    /// covariance that unit noise of its samples gives the gradient.
     pub fn contributions(&self) -> Option<Vec<Reduced>> {
-        let contribution = |block: &Block| {
-            let factor = Cholesky::new(block.hessian.clone())?;
-            let (information, shift) = eliminated(block, &factor);
-            Some(Reduced {
+        let factors = self.factors()?;
+        let ties = self.ties(|p, columns| factors[p].solve(columns));
+        let blocks = self.blocks.iter().zip(&factors).enumerate();
+        let contributions = blocks.map(|(p, (block, factor))| {
+            let (information, shift) = eliminated(block, factor);
+            let mut reduced = Reduced {
                 information: &block.shared - information,
                 gradient: &block.shared_gradient - shift,
-            })
-        };
-        self.blocks.iter().map(contribution).collect()
+            };
+            if let Some(ties) = &ties {
+                ties.add_to(&mut reduced, p, block);
+            }
+            reduced
+        });
+        Some(contributions.collect())
+    }
+
+    /// The factors of the blocks' own equations; `None` if one is singular.
+    pub fn factors(&self) -> Option<Vec<Cholesky<f64, Dyn>>> {
+        let blocks = self.blocks.iter();
+        blocks
+            .map(|block| Cholesky::new(block.hessian.clone()))
+            .collect()
+    }
+
+    /// The cross terms as the gradient of the shared parameters follows the blocks' own gradients:
+    /// by `-C^T H^-1`.
+    pub fn tied_crosses(&self) -> Option<Vec<DMatrix<f64>>> {
+        let blocks = self.blocks.iter();
+        if self.tie_count() == 0 {
+            return Some(blocks.map(|block| block.cross.clone()).collect());
+        }
+        let ties = self.own_ties()?;
+        let tied = |block: &Block| &block.cross - &block.ties * &ties.by_shared;
+        Some(blocks.map(tied).collect())
     }
 
     /// The information on the shared parameters alone.
@@ -168,6 +209,7 @@ impl ArrowSystem {
                     hessian: block.hessian.clone(),
                     cross: grown(&block.cross, 0),
                     gradient: block.gradient.clone(),
+                    ties: block.ties.clone(),
                 })
                 .collect(),
         }
@@ -187,6 +229,7 @@ impl ArrowSystem {
                     hessian: block.hessian.clone(),
                     cross: block.cross.select_columns(shared),
                     gradient: block.gradient.clone(),
+                    ties: block.ties.clone(),
                 })
                 .collect(),
         }

@@ -7,8 +7,9 @@ mod levenberg;
 mod normal;
 mod rank_one;
 mod robust;
+mod ties;
 
-pub(crate) use arrowhead::{ArrowStep, ArrowSystem, Block};
+pub(crate) use arrowhead::{ArrowStep, ArrowSystem, Block, Reduced};
 pub use chi_square::chi_square_tail;
 pub(crate) use chi_square::normal_deviate;
 pub(crate) use levenberg::{Limits, Minimum, Problem, Termination, minimise};
@@ -16,3 +17,4 @@ pub use normal::cdf;
 pub(crate) use normal::{BivariateNormal, cdf_and_pdf, pdf};
 pub(crate) use rank_one::{add_rank_one, symmetric};
 pub(crate) use robust::{Loss, Spread, median, median_scale};
+pub(crate) use ties::pseudo_inverse;

@@ -8,6 +8,8 @@ mod observed;
 mod options;
 mod placement;
 mod plane_edges;
+mod relation;
+mod relations;
 mod relief;
 mod view;
 
@@ -22,5 +24,9 @@ pub(crate) use placement::Placement;
 #[cfg(feature = "synthetic")]
 pub(crate) use plane_edges::rectangle_lines;
 pub use plane_edges::{Freedom, PlaneEdges, Polarity};
+pub(crate) use relation::Related;
+pub use relation::Relation;
+pub use relations::relate_planes;
+pub(crate) use relations::{check_relations, relations_of};
 pub(crate) use relief::{BoardRelief, Heights, TERMS};
 pub(crate) use view::{POSE_PARAMETERS, PlaneState, View};

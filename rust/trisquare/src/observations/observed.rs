@@ -7,6 +7,7 @@ use nalgebra::Vector2;
 use super::curve::{Curve, Radius};
 use super::families::outermost_lines;
 use super::plane_edges::{Freedom, PlaneEdges, rectangle_lines};
+use super::relation::Relation;
 use super::relief::BoardRelief;
 use crate::error::Error;
 use crate::geometry::Line;
@@ -81,6 +82,8 @@ pub(crate) struct ObservedPlane {
     pub board_relief: Option<BoardRelief>,
     /// Standard deviation (px) of an error that the samples of a side share, known beforehand.
     pub side_error: f64,
+    /// How it is known to stand to the planes of other figures, by their indices.
+    pub relations: Vec<(usize, Relation)>,
 }
 
 impl Figure {
@@ -222,6 +225,7 @@ pub(crate) fn sort_by_plane(edges: &[PlaneEdges]) -> Result<Vec<ObservedPlane>, 
                 }
                 plane.figures.extend(figures);
                 plane.side_error = plane.side_error.max(figure_edges.side_error);
+                plane.relations.extend(&figure_edges.relations);
             }
             None => {
                 if let Some(key) = figure_edges.plane {
@@ -232,11 +236,33 @@ pub(crate) fn sort_by_plane(edges: &[PlaneEdges]) -> Result<Vec<ObservedPlane>, 
                     figures,
                     board_relief: None,
                     side_error: figure_edges.side_error,
+                    relations: figure_edges.relations.clone(),
                 });
             }
         }
     }
+    planes
+        .iter()
+        .try_for_each(|plane| check_partners(plane, &planes))?;
     Ok(planes)
+}
+
+/// Refuses relations with figures that there are not, or that another plane of the picture has not.
+fn check_partners(plane: &ObservedPlane, planes: &[ObservedPlane]) -> Result<(), Error> {
+    let own = plane.figures[0].index;
+    for (index, _) in &plane.relations {
+        let shows = |other: &&ObservedPlane| other.figures.iter().any(|f| f.index == *index);
+        let problem = match planes.iter().find(shows) {
+            None => "which there is not",
+            Some(other) if other.image != plane.image => "which is in another picture",
+            Some(other) if std::ptr::eq(other, plane) => "which is on its own plane",
+            Some(_) => continue,
+        };
+        return Err(Error::InvalidArgument(format!(
+            "figure {own} is related to figure {index}, {problem}"
+        )));
+    }
+    Ok(())
 }
 
 /// The figure that is given; of families of lines, the rectangle of the outermost ones, and each

@@ -3,6 +3,7 @@
 use nalgebra::Vector2;
 
 use super::families::outermost_lines;
+use super::relation::Relation;
 use crate::error::Error;
 use crate::geometry::{Line, MIN_LINES};
 
@@ -78,6 +79,9 @@ pub struct PlaneEdges {
     /// a fault of the picture leaves. It enters the covariance only.
     #[cfg_attr(feature = "serde", serde(default))]
     pub side_error: f64,
+    /// How its plane is known to stand to those of other figures of the picture, by their indices.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub relations: Vec<(usize, Relation)>,
 }
 
 impl PlaneEdges {
@@ -190,6 +194,7 @@ impl PlaneEdges {
             tone_drift: None,
             border: None,
             side_error: 0.0,
+            relations: Vec::new(),
         }
     }
 

@@ -8,6 +8,7 @@ use super::curve::{Curve, ModelLine, Radius};
 use super::free_parameters::FreeParameters;
 use super::observed::Side;
 use super::placement::{Placement, PlacementParameter::Angle};
+use super::relation::Related;
 use crate::geometry::{Line, Pose};
 use crate::lens::{Columns, Lens};
 use crate::numeric::ArrowStep;
@@ -20,6 +21,8 @@ pub(crate) const POSE_PARAMETERS: usize = 6;
 pub(crate) struct View<L> {
     pub lens: L,
     pub planes: Vec<PlaneState>,
+    /// How planes are known to stand to each other; the states hold it.
+    pub relations: Vec<Related>,
 }
 
 /// Where a plane stands, and where its figures lie on it.
@@ -172,17 +175,22 @@ impl PlaneState {
 impl<L: Lens> View<L> {
     /// Unknowns of the camera and of all planes.
     pub fn unknowns(&self, free: &FreeParameters) -> usize {
-        free.len() + self.planes.iter().map(PlaneState::unknowns).sum::<usize>()
+        let own: usize = self.planes.iter().map(PlaneState::unknowns).sum();
+        let held: usize = self.relations.iter().map(Related::count).sum();
+        free.len() + own - held.min(own)
     }
 
     /// The view after a step of the free parameters.
     pub fn advanced(&self, free: &FreeParameters, step: &ArrowStep) -> Self {
         let planes = self.planes.iter().zip(&step.blocks);
-        Self {
+        let mut next = Self {
             lens: free.advance(&self.lens, &step.shared),
             planes: planes
                 .map(|(plane, own)| plane.moved(own.as_slice()))
                 .collect(),
-        }
+            relations: self.relations.clone(),
+        };
+        next.hold_relations(); // which the step does to first order
+        next
     }
 }

@@ -148,6 +148,7 @@ impl PixelFit<'_> {
                 block.hessian.fill_diagonal(1.0);
             }
         }
+        state.view.tie(&mut sum.system);
         Some(sum)
     }
 
@@ -306,6 +307,7 @@ mod tests {
                     figures: vec![crate::observations::Placement::IDENTITY],
                 })
                 .collect(),
+            relations: Vec::new(),
         };
         let Ok(mut figures) = collect(&edges, &planes, &view, &photographs, Width::Usual) else {
             panic!("squares of known polarity");

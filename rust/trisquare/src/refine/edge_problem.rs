@@ -124,6 +124,7 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
             }
             view.planes[p].hold_turn(&mut system.blocks[p].hessian);
         }
+        view.tie(&mut system);
         Some((cost, system))
     }
 }
@@ -178,6 +179,7 @@ mod tests {
         let view = View {
             lens: truth.camera,
             planes: truth.poses.iter().map(state).collect(),
+            relations: Vec::new(),
         };
         (planes, view)
     }
@@ -254,6 +256,7 @@ mod tests {
         let view = View {
             lens: truth.camera,
             planes: truth.poses.iter().map(state).collect(),
+            relations: Vec::new(),
         };
         (planes, view)
     }

@@ -194,6 +194,22 @@ pub enum Warning {
         /// `fx` with the principal point held, pixels; `None` where that has no answer.
         held: Option<f64>,
     },
+    /// Planes stand otherwise than they are said to.
+    #[error(
+        "planes {} and {} are {degrees:.2} +- {std:.2} degrees from {stand} where nothing is asked \
+         of them: leave the relation out",
+        .planes[0], .planes[1]
+    )]
+    RelationContradicted {
+        /// Indices of the planes.
+        planes: [usize; 2],
+        /// How they are said to stand.
+        stand: &'static str,
+        /// How far they are from that, degrees.
+        degrees: f64,
+        /// One standard deviation of it.
+        std: f64,
+    },
     /// Something lies over a part of one side, which is not used there.
     #[error(
         "plane {plane}: {:.0} % of side {side}{} is left out: something lies over it (a finger, \
@@ -253,6 +269,7 @@ impl Warning {
             Self::PixelsNotUsed { .. } => "pixels_not_used",
             Self::PixelsNotSquare { .. } => "pixels_not_square",
             Self::PrincipalPointOffCentre { .. } => "principal_point_off_centre",
+            Self::RelationContradicted { .. } => "relation_contradicted",
             Self::PartlyHidden { .. } => "side_partly_hidden",
         }
     }
@@ -265,6 +282,7 @@ impl Warning {
             | Self::LensOfAnotherFamily { .. }
             | Self::PlanesContradict { .. }
             | Self::NoSquares { .. }
+            | Self::RelationContradicted { .. }
             | Self::PixelsNotSquare { .. } => Severity::High,
             Self::Disagreement(_)
             | Self::SideSetAside { .. }

@@ -2,6 +2,7 @@
 
 mod comparison;
 mod conditioning;
+mod contradicted_relations;
 mod correlated_residuals;
 mod covariance;
 mod expectations;
@@ -15,6 +16,7 @@ mod remedies;
 
 pub use comparison::{DifferenceTest, ProjectionDifference, compare_projections};
 pub(crate) use conditioning::{Conditioning, judged_parameters};
+pub(crate) use contradicted_relations::contradicted_relations;
 pub(crate) use correlated_residuals::{Correlated, correlated_covariance, weighed_by_noise};
 pub(crate) use covariance::{check_plane_count, covariance};
 pub(crate) use expectations::unlikely_camera;

@@ -73,17 +73,45 @@ pub(crate) fn pose_uncertainties<L: Lens>(
     let subsampled = planes.iter().map(|p| p.subsampled(SAMPLES_PER_SIDE));
     let some: Vec<ObservedPlane> = subsampled.collect();
     let following = following(&some, refined);
+    let ties = system.own_ties();
+    let following_ties = following.as_ref().and_then(ArrowSystem::own_ties);
+    let gradients = some.iter().enumerate();
+    let gradients = gradients.map(|(i, plane)| gradients_of_sides(plane, i, refined));
+    let gradients: Vec<_> = gradients.collect();
     let of_plane = |(i, block): (usize, &Block)| {
         let follows = &following.as_ref()?.blocks[i];
         let factor = follows.hessian.clone().cholesky()?;
-        let inverse = block.hessian.clone().cholesky()?.inverse();
+        let mut inverse = block.hessian.clone().cholesky()?.inverse();
+        if let Some(ties) = &ties {
+            inverse -= ties.between(i, i);
+        }
         let own = factor.l_dirty().nrows(); // the pixels' blocks hold exposures as well
         let mut given_camera = inverse.view((0, 0), (own, own)) * variance;
-        for gradient in gradients_of_sides(&some[i], i, refined)? {
-            let moved = factor.solve(&gradient) * displacements[i];
-            given_camera += &moved * moved.transpose();
+        let mut add = |moved: DVector<f64>| given_camera += &moved * moved.transpose();
+        match &following_ties {
+            None => {
+                for gradient in gradients[i].as_ref()? {
+                    add(factor.solve(gradient) * displacements[i]);
+                }
+            }
+            Some(ties) => {
+                for (other, gradients) in gradients.iter().enumerate() {
+                    let between = ties.between(i, other);
+                    for gradient in gradients.as_ref()? {
+                        let mut moved = -(&between * gradient);
+                        if other == i {
+                            moved += factor.solve(gradient);
+                        }
+                        add(moved * displacements[other]);
+                    }
+                }
+            }
         }
-        let by_camera = -factor.solve(&follows.cross);
+        let mut cross = follows.cross.clone();
+        if let Some(ties) = &following_ties {
+            cross -= &follows.ties * &ties.by_shared;
+        }
+        let by_camera = -factor.solve(&cross);
         let mut numbers = given_camera.iter().chain(by_camera.iter());
         let finite = numbers.all(|number| number.is_finite());
         let of_shape = refined.view.planes[i].figures[0].parameter_count();

@@ -1,0 +1,276 @@
+//! Linear equations that tie the blocks of an arrow to each other, held exactly.
+//!
+//! With multipliers `m`, the equations of block `p` are `H y + C s + T m = -g`, and those of the
+//! ties `sum T^T y = 0`. Eliminating the blocks leaves `D s + M m = -sum T^T H^-1 g`, with
+//! `D = sum T^T H^-1 C` and `M = sum T^T H^-1 T`: the multipliers follow the shared parameters, and
+//! these keep the shape that they have without ties.
+
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+
+use super::arrowhead::{ArrowSystem, Block, Reduced};
+
+/// Eigenvalues below this part of the largest belong to ties that follow from others.
+const RANK_TOLERANCE: f64 = 1e-10;
+
+/// What is left of the ties once every block is eliminated.
+pub(crate) struct Ties {
+    /// `H^-1 T` of every block.
+    pub responses: Vec<DMatrix<f64>>,
+    /// `M^+`, which allows for ties that follow from others.
+    pub inverse: DMatrix<f64>,
+    /// `D`.
+    cross: DMatrix<f64>,
+    /// `M^+ D`.
+    pub by_shared: DMatrix<f64>,
+}
+
+impl ArrowSystem {
+    /// How many equations tie the blocks.
+    pub fn tie_count(&self) -> usize {
+        self.blocks.first().map_or(0, |block| block.ties.ncols())
+    }
+
+    /// What the ties do; `None` where there are none, or a block is singular.
+    pub fn own_ties(&self) -> Option<Ties> {
+        if self.tie_count() == 0 {
+            return None;
+        }
+        let factors = self.factors()?;
+        self.ties(|p, columns| factors[p].solve(columns))
+    }
+
+    /// What the ties do; `None` where there are none.
+    ///
+    /// `solve` gives the solution of every block's own equations.
+    pub fn ties(&self, solve: impl Fn(usize, &DMatrix<f64>) -> DMatrix<f64>) -> Option<Ties> {
+        let count = self.tie_count();
+        if count == 0 {
+            return None;
+        }
+        let blocks = self.blocks.iter().enumerate();
+        let responses: Vec<_> = blocks.map(|(p, block)| solve(p, &block.ties)).collect();
+        let mut square = DMatrix::zeros(count, count);
+        let mut cross = DMatrix::zeros(count, self.prior.nrows());
+        for (block, response) in self.blocks.iter().zip(&responses) {
+            square.gemm_tr(1.0, &block.ties, response, 1.0);
+            cross.gemm_tr(1.0, response, &block.cross, 1.0);
+        }
+        let (inverse, _) = pseudo_inverse(square);
+        Some(Ties {
+            by_shared: &inverse * &cross,
+            cross,
+            inverse,
+            responses,
+        })
+    }
+}
+
+impl Ties {
+    /// The multipliers at a step of the shared parameters, for the blocks' own gradients.
+    pub fn multipliers(&self, system: &ArrowSystem, shared: &DVector<f64>) -> DVector<f64> {
+        -(&self.inverse * self.gradient(system) + &self.by_shared * shared)
+    }
+
+    /// What the blocks' own gradients add to that of the shared parameters.
+    pub fn shift(&self, system: &ArrowSystem) -> DVector<f64> {
+        self.by_shared.tr_mul(&self.gradient(system))
+    }
+
+    /// What the ties take off the inverse of the blocks' own equations, between two of them.
+    pub fn between(&self, one: usize, other: usize) -> DMatrix<f64> {
+        &self.responses[one] * &self.inverse * self.responses[other].transpose()
+    }
+
+    /// What the ties tell of the shared parameters, `D^T M^+ D`.
+    pub fn information(&self) -> DMatrix<f64> {
+        self.by_shared.tr_mul(&self.cross)
+    }
+
+    /// Adds what one block tells of the shared parameters through the ties.
+    pub fn add_to(&self, reduced: &mut Reduced, index: usize, block: &Block) {
+        let response = &self.responses[index];
+        let own = block.ties.tr_mul(response);
+        reduced.information += self.by_shared.tr_mul(&(own * &self.by_shared));
+        reduced.gradient += self.by_shared.tr_mul(&response.tr_mul(&block.gradient));
+    }
+
+    /// `sum T^T H^-1 g`.
+    fn gradient(&self, system: &ArrowSystem) -> DVector<f64> {
+        let blocks = system.blocks.iter().zip(&self.responses);
+        blocks
+            .map(|(block, response)| response.tr_mul(&block.gradient))
+            .sum()
+    }
+}
+
+impl Block {
+    /// The cross terms with the shared parameters, then with the multipliers.
+    pub fn cross_and_ties(&self) -> DMatrix<f64> {
+        let (own, shared) = self.cross.shape();
+        let mut all = self
+            .cross
+            .clone()
+            .resize_horizontally(shared + self.ties.ncols(), 0.0);
+        all.view_mut((0, shared), (own, self.ties.ncols()))
+            .copy_from(&self.ties);
+        all
+    }
+}
+
+impl Reduced {
+    /// The same with the last parameters, which are multipliers, eliminated; and what these add to
+    /// minus twice the restricted log likelihood.
+    pub fn without_multipliers(self, count: usize) -> (Self, f64) {
+        if count == 0 {
+            return (self, 0.0);
+        }
+        let kept = self.gradient.len() - count;
+        let square = -self.information.view((kept, kept), (count, count));
+        let cross = -self.information.view((kept, 0), (count, kept));
+        let gradient = -self.gradient.rows(kept, count);
+        let (inverse, log_determinant) = pseudo_inverse(square);
+        let criterion = log_determinant + gradient.dot(&(&inverse * &gradient));
+        let by_shared = inverse * &cross;
+        let reduced = Self {
+            information: self.information.view((0, 0), (kept, kept)) + cross.tr_mul(&by_shared),
+            gradient: self.gradient.rows(0, kept) + by_shared.tr_mul(&gradient),
+        };
+        (reduced, criterion)
+    }
+}
+
+/// Of a symmetric matrix that is positive semidefinite; and the logarithm of the determinant of the
+/// part that is inverted.
+pub(crate) fn pseudo_inverse(square: DMatrix<f64>) -> (DMatrix<f64>, f64) {
+    let eigen = SymmetricEigen::new(square);
+    let limit = RANK_TOLERANCE * eigen.eigenvalues.amax();
+    let counts = |value: &f64| *value > limit;
+    let inverse = eigen
+        .eigenvalues
+        .map(|value| if counts(&value) { 1.0 / value } else { 0.0 });
+    let vectors = &eigen.eigenvectors;
+    let counting = eigen.eigenvalues.iter().filter(|value| counts(value));
+    (
+        vectors * DMatrix::from_diagonal(&inverse) * vectors.transpose(),
+        counting.map(|value| value.ln()).sum(),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SHARED: usize = 2;
+    const OWN: usize = 3;
+    const BLOCKS: usize = 2;
+
+    /// An arrow with ties, the second of which follows from the first; its dense Hessian and
+    /// gradient; and the directions that the ties leave, as columns.
+    fn example() -> (ArrowSystem, DMatrix<f64>, DVector<f64>, DMatrix<f64>) {
+        let size = SHARED + OWN * BLOCKS;
+        let mut system = ArrowSystem::zeros(SHARED, [OWN; BLOCKS].into_iter());
+        let mut hessian = DMatrix::zeros(size, size);
+        let mut gradient = DVector::zeros(size);
+        let mut ties = DMatrix::zeros(size, 2);
+        for (p, block) in system.blocks.iter_mut().enumerate() {
+            let jacobian = DMatrix::from_fn(20, SHARED + OWN, |i, j| {
+                ((i * 13 + 5 * p + 7) as f64 * (j as f64 + 1.3)).sin()
+            });
+            let residual = DVector::from_fn(20, |i, _| ((i * 7 + p) % 11) as f64 - 5.0);
+            let (square, product) = (jacobian.tr_mul(&jacobian), jacobian.tr_mul(&residual));
+            block.shared = square.view((0, 0), (SHARED, SHARED)).into_owned();
+            block.hessian = square.view((SHARED, SHARED), (OWN, OWN)).into_owned();
+            block.cross = square.view((SHARED, 0), (OWN, SHARED)).into_owned();
+            block.shared_gradient = product.rows(0, SHARED).into_owned();
+            block.gradient = product.rows(SHARED, OWN).into_owned();
+            let tie = DVector::from_fn(OWN, |i, _| (i as f64 + 2.0 * p as f64).cos());
+            block.ties = DMatrix::from_columns(&[tie.clone(), tie.clone() * 2.0]);
+            let own: Vec<usize> = (0..OWN).map(|i| SHARED + OWN * p + i).collect();
+            let places: Vec<usize> = (0..SHARED).chain(own.iter().copied()).collect();
+            for (i, row) in places.iter().enumerate() {
+                gradient[*row] += product[i];
+                for (j, column) in places.iter().enumerate() {
+                    hessian[(*row, *column)] += square[(i, j)];
+                }
+            }
+            for (i, row) in own.iter().enumerate() {
+                ties.set_row(*row, &block.ties.row(i));
+            }
+        }
+        let held = &ties * ties.transpose();
+        let eigen = SymmetricEigen::new(held);
+        let left = (0..size).filter(|i| eigen.eigenvalues[*i] < 1e-9);
+        let left: Vec<_> = left
+            .map(|i| eigen.eigenvectors.column(i).into_owned())
+            .collect();
+        (system, hessian, gradient, DMatrix::from_columns(&left))
+    }
+
+    /// The dense covariance of all parameters under the ties.
+    fn covariance(hessian: &DMatrix<f64>, left: &DMatrix<f64>) -> DMatrix<f64> {
+        let inverse = (left.transpose() * hessian * left).try_inverse().unwrap();
+        left * inverse * left.transpose()
+    }
+
+    #[test]
+    fn the_step_is_the_dense_one_in_the_directions_that_ties_leave() {
+        let (system, hessian, gradient, left) = example();
+        let expected = -covariance(&hessian, &left) * &gradient;
+        let step = system.solve(0.0).unwrap();
+        assert!((step.shared - expected.rows(0, SHARED)).norm() < 1e-11);
+        assert!((&step.blocks[1] - expected.rows(SHARED + OWN, OWN)).norm() < 1e-11);
+        assert!((step.predicted_decrease + 0.5 * gradient.dot(&expected)).abs() < 1e-11);
+    }
+
+    #[test]
+    fn information_and_responses_are_those_of_the_dense_covariance() {
+        let (system, hessian, _, left) = example();
+        let expected = covariance(&hessian, &left);
+        let shared = system.reduced_information().unwrap().try_inverse().unwrap();
+        assert!((&shared - expected.view((0, 0), (SHARED, SHARED))).norm() < 1e-12);
+        // A block's own parameters, where the shared ones are given and as they follow these.
+        let ties = system.own_ties().unwrap();
+        let inverse = system.blocks[1].hessian.clone().try_inverse().unwrap();
+        let given = &inverse - ties.between(1, 1);
+        let follow = -inverse * &system.tied_crosses().unwrap()[1];
+        let all = given + &follow * shared * follow.transpose();
+        let first = SHARED + OWN;
+        assert!((all - expected.view((first, first), (OWN, OWN))).norm() < 1e-12);
+    }
+
+    #[test]
+    fn multipliers_among_the_shared_parameters_tell_the_same() {
+        let (system, hessian, gradient, left) = example();
+        let all = SHARED + system.tie_count();
+        let mut sum = Reduced {
+            information: DMatrix::zeros(all, all),
+            gradient: DVector::zeros(all),
+        };
+        let mut own = 0.0;
+        for block in &system.blocks {
+            let inverse = block.hessian.clone().try_inverse().unwrap();
+            let cross = block.cross_and_ties();
+            sum.information += block.shared.clone().resize(all, all, 0.0);
+            sum.information -= cross.transpose() * &inverse * &cross;
+            sum.gradient += block.shared_gradient.clone().resize_vertically(all, 0.0);
+            sum.gradient -= cross.transpose() * &inverse * &block.gradient;
+            own += block.gradient.dot(&(&inverse * &block.gradient));
+            own += inverse.determinant().ln();
+        }
+        let (reduced, of_ties) = sum.without_multipliers(system.tie_count());
+        let expected = system.reduced_information().unwrap();
+        assert!((&reduced.information - &expected).norm() < 1e-10 * expected.norm());
+        // Minus twice the log likelihood, but for what ties scale: the same of two gradients.
+        let inverse = expected.clone().try_inverse().unwrap();
+        let found = of_ties - own + expected.determinant().ln()
+            - reduced.gradient.dot(&(inverse * &reduced.gradient));
+        let dense = covariance(&hessian, &left);
+        let kept = (left.transpose() * &hessian * &left).determinant().ln();
+        let square: f64 = system.blocks.iter().map(|b| b.ties.norm_squared()).sum();
+        let asked = kept + square.ln() - gradient.dot(&(dense * &gradient));
+        assert!(
+            (found - asked).abs() < 1e-9 * asked.abs(),
+            "{found} {asked}"
+        );
+    }
+}

@@ -1,0 +1,236 @@
+//! Planes of one picture that are known to be at right angles to each other, or parallel.
+//!
+//! Either says that axes of one plane are at right angles to the normal of another: its normal, or
+//! both axes that lie in it. The planes' rotations are held to these equations exactly.
+
+use std::collections::HashSet;
+
+use nalgebra::{DMatrix, DVector, Vector3};
+
+use super::observed::ObservedPlane;
+use super::plane_edges::PlaneEdges;
+use super::relation::{Equation, Related, Relation};
+use super::view::{PlaneState, View};
+use crate::error::Error;
+use crate::geometry::Pose;
+use crate::lens::Lens;
+use crate::numeric::{ArrowSystem, pseudo_inverse};
+
+/// States how two planes stand to each other, which count in the order of their first figures.
+///
+/// # Errors
+/// [`Error::InvalidArgument`] if there are no such two planes.
+pub fn relate_planes(
+    edges: &mut [PlaneEdges],
+    planes: [usize; 2],
+    relation: Relation,
+) -> Result<(), Error> {
+    let mut first_figures = Vec::new();
+    let mut known = HashSet::new();
+    for (index, figure) in edges.iter().enumerate() {
+        if figure.plane.is_none_or(|key| known.insert(key)) {
+            first_figures.push(index);
+        }
+    }
+    let count = first_figures.len();
+    let figure = |plane: usize| {
+        let found = first_figures.get(plane).copied();
+        let problem = || format!("there is no plane {plane} to be related: there are {count}");
+        found.ok_or_else(|| Error::InvalidArgument(problem()))
+    };
+    let [first, second] = [figure(planes[0])?, figure(planes[1])?];
+    if first == second {
+        return Err(Error::InvalidArgument(format!(
+            "plane {} cannot be related to itself",
+            planes[0]
+        )));
+    }
+    edges[first].relations.push((second, relation));
+    Ok(())
+}
+
+/// Steps that turn planes into their relations; each squares what is left.
+const MAX_TURNS: usize = 50;
+
+/// A cosine that is left of a relation by rounding.
+const HELD: f64 = 1e-12;
+
+/// Directions from which planes are turned to see whether relations can hold at all: some start may
+/// lie halfway between two ways of holding them.
+const STARTS: [f64; 4] = [1.0, 2.3, 3.9, 5.2];
+
+/// The relations between some planes, those with planes that are not among them left out.
+pub(crate) fn relations_of(planes: &[ObservedPlane]) -> Vec<Related> {
+    let mut found = Vec::new();
+    for (first, plane) in planes.iter().enumerate() {
+        for (figure, relation) in &plane.relations {
+            let shows = |plane: &ObservedPlane| plane.figures.iter().any(|f| f.index == *figure);
+            if let Some(second) = planes.iter().position(shows) {
+                let planes = [first, second];
+                let relation = *relation;
+                found.push(Related { planes, relation });
+            }
+        }
+    }
+    found
+}
+
+impl<L: Lens> View<L> {
+    /// Ties the blocks of planes that stand in a relation, whose first parameters are rotations.
+    pub fn tie(&self, system: &mut ArrowSystem) {
+        let equations: Vec<Equation> = self.equations().collect();
+        if equations.is_empty() {
+            return;
+        }
+        for block in &mut system.blocks {
+            block.ties = DMatrix::zeros(block.hessian.nrows(), equations.len());
+        }
+        for (i, equation) in equations.iter().enumerate() {
+            for (plane, sign) in equation.planes.into_iter().zip([1.0, -1.0]) {
+                let mut tie = system.blocks[plane].ties.fixed_view_mut::<3, 1>(0, i);
+                tie += equation.by_turn * sign;
+            }
+        }
+    }
+
+    /// Turns the planes by as little as brings them into their relations; returns whether it does.
+    pub fn hold_relations(&mut self) -> bool {
+        if self.relations.is_empty() {
+            return true;
+        }
+        for _ in 0..MAX_TURNS {
+            let equations: Vec<Equation> = self.equations().collect();
+            let gaps = DVector::from_iterator(equations.len(), equations.iter().map(|e| e.gap));
+            if gaps.amax() < HELD {
+                return true;
+            }
+            let mut by_turn = DMatrix::zeros(equations.len(), 3 * self.planes.len());
+            for (i, equation) in equations.iter().enumerate() {
+                let [first, second] = equation.planes.map(|plane| 3 * plane);
+                let row = equation.by_turn.transpose();
+                by_turn.fixed_view_mut::<1, 3>(i, first).copy_from(&row);
+                by_turn.fixed_view_mut::<1, 3>(i, second).copy_from(&-row);
+            }
+            let square = &by_turn * by_turn.transpose();
+            let turns = -by_turn.tr_mul(&(pseudo_inverse(square).0 * gaps));
+            for (plane, turn) in self.planes.iter_mut().zip(turns.as_slice().chunks(3)) {
+                let turn = Vector3::from_column_slice(turn);
+                plane.pose = plane.pose.moved(&turn, &Vector3::zeros());
+            }
+        }
+        false
+    }
+
+    fn equations(&self) -> impl Iterator<Item = Equation> + '_ {
+        let related = self.relations.iter();
+        let poses = |planes: [usize; 2]| planes.map(|plane| &self.planes[plane].pose);
+        related.flat_map(move |related| related.equations(poses(related.planes)))
+    }
+}
+
+/// Refuses relations that no planes can have.
+///
+/// # Errors
+/// [`Error::InvalidArgument`].
+pub(crate) fn check_relations<L: Lens>(planes: &[ObservedPlane]) -> Result<(), Error> {
+    let relations = relations_of(planes);
+    let turned = |start: f64, plane: usize| {
+        let angle = start * (plane + 1) as f64;
+        let axis = Vector3::new(angle.sin(), (1.7 * angle).cos(), (2.6 * angle).sin());
+        let pose = Pose {
+            rotation: nalgebra::Matrix3::identity(),
+            translation: Vector3::z(),
+        };
+        PlaneState {
+            pose: pose.moved(&axis, &Vector3::zeros()),
+            figures: Vec::new(),
+        }
+    };
+    let can_hold = |start: &f64| {
+        let mut view = View {
+            lens: L::from_camera_matrix(&nalgebra::Matrix3::identity()),
+            planes: (0..planes.len()).map(|p| turned(*start, p)).collect(),
+            relations: relations.clone(),
+        };
+        view.hold_relations()
+    };
+    match relations.is_empty() || STARTS.iter().any(can_hold) {
+        true => Ok(()),
+        false => Err(Error::InvalidArgument(
+            "no planes can stand as orthogonal and parallel ask for: the relations contradict each \
+             other"
+                .into(),
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lens::DefaultLens;
+    use crate::observations::sort_by_plane;
+    use crate::synthetic::{Scene, SceneOptions};
+
+    const ORTHOGONAL: Relation = Relation::Orthogonal;
+    const PARALLEL: Relation = Relation::Parallel;
+
+    /// Four planes that stand as is asked, or the refusal.
+    fn related(asked: &[([usize; 2], Relation)]) -> Result<Vec<ObservedPlane>, Error> {
+        let scene = Scene::random(1, SceneOptions::default());
+        let mut edges = scene.edges(1, 0.1, 20.0);
+        edges.push(edges[0].clone());
+        for (planes, relation) in asked {
+            relate_planes(&mut edges, *planes, *relation)?;
+        }
+        let planes = sort_by_plane(&edges)?;
+        check_relations::<DefaultLens>(&planes)?;
+        Ok(planes)
+    }
+
+    #[test]
+    fn planes_that_can_stand_so_are_turned_by_as_little_as_needed() {
+        let corner = [
+            ([0, 1], ORTHOGONAL),
+            ([1, 2], ORTHOGONAL),
+            ([2, 0], ORTHOGONAL),
+        ];
+        let planes = related(&[&corner[..], &[([0, 3], PARALLEL)]].concat()).unwrap();
+        let scene = Scene::random(1, SceneOptions::default());
+        let poses = scene.poses.iter().chain(&scene.poses[..1]);
+        let mut view = View {
+            lens: scene.camera,
+            planes: poses
+                .map(|pose| PlaneState {
+                    pose: *pose,
+                    figures: Vec::new(),
+                })
+                .collect(),
+            relations: relations_of(&planes),
+        };
+        assert!(view.hold_relations());
+        let normal = |plane: usize| view.planes[plane].pose.normal();
+        for (a, b) in [(0, 1), (1, 2), (2, 0)] {
+            assert!(normal(a).dot(&normal(b)).abs() < 1e-11);
+        }
+        assert!(normal(0).cross(&normal(3)).norm() < 1e-11);
+        let before = view.planes[1].pose;
+        assert!(view.hold_relations());
+        assert_eq!(view.planes[1].pose, before);
+    }
+
+    #[test]
+    fn relations_that_no_planes_can_have_are_refused() {
+        let all = [[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]];
+        let refused = [
+            all.map(|pair| (pair, ORTHOGONAL)).to_vec(),
+            vec![([0, 1], PARALLEL), ([1, 0], ORTHOGONAL)],
+            vec![([0, 1], PARALLEL), ([1, 2], ORTHOGONAL), ([0, 2], PARALLEL)],
+            vec![([0, 4], PARALLEL)],
+            vec![([2, 2], ORTHOGONAL)],
+        ];
+        for asked in refused {
+            let found = related(&asked);
+            assert!(matches!(found, Err(Error::InvalidArgument(_))), "{asked:?}");
+        }
+    }
+}
