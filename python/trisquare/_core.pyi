@@ -316,6 +316,7 @@ def calibrate(
     pictures: Sequence[Picture] | None,
     tones: Sequence[str | float | tuple[float, float, float | None]],
     side_errors: Sequence[float] = ...,
+    free: Sequence[str] = ...,
 ) -> Outcome: ...
 
 @final
@@ -339,6 +340,7 @@ def predict(
     model: str,
     fixed: Sequence[str],
     judged: bool,
+    free: Sequence[str] = ...,
 ) -> Prediction: ...
 def find_arcs(
     picture: NDArray[np.float32],

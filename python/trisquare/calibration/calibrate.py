@@ -37,6 +37,7 @@ def calibrate(
     method: str = "ml",
     model: str = "radial2",
     fix: str | Iterable[str] = (),
+    free: str | Iterable[str] = (),
     initial: Camera | None = None,
     tone: Tone = None,
     targets: str = "auto",
@@ -71,6 +72,9 @@ def calibrate(
         their probabilities, in the covariance. It needs ``method="ml"`` and a free distortion.
     fix : names among "aspect", "principal_point", "focal", "distortion"
         Held at the values of `initial`, or else at aspect 1, the image centre, and zero.
+    free : "skew", optional
+        What is estimated although it is held otherwise, at the value of `initial` or zero: the
+        skew, ``K[0, 1]``. It needs ``method="ml"`` and, with nothing else held, three planes.
     initial : Camera, optional
         Values for what is fixed; "focal" needs them.
     tone : {"auto", "srgb", "linear"} or float, optional
@@ -106,6 +110,7 @@ def calibrate(
         method=method,
         model=model,
         fix=fix,
+        free=free,
         initial=initial,
         tone=tone,
         targets=targets,
@@ -127,6 +132,7 @@ def calibrate_photographs(
     method: str,
     model: str,
     fix: str | Iterable[str],
+    free: str | Iterable[str],
     initial: Camera | None,
     tone: Tone,
     targets: str,
@@ -139,7 +145,7 @@ def calibrate_photographs(
     With `explain`, the shapes that are no targets are reported for every photograph: in the
     answer, or in the error.
     """
-    settings = Settings.check(method, model, fix, initial)
+    settings = Settings.check(method, model, fix, initial, free)
     kinds = TargetKinds.parse(targets)
     gathered = gather(
         photographs,
@@ -179,6 +185,7 @@ def calibrate_edges(
     method: str = "ml",
     model: str = "radial2",
     fix: str | Iterable[str] = (),
+    free: str | Iterable[str] = (),
     initial: Camera | None = None,
 ) -> Calibration:
     """Calibrate a camera from measured edges alone, without a picture.
@@ -189,7 +196,7 @@ def calibrate_edges(
         Figures on three or more planes; fewer planes if enough parameters are fixed.
     image_size : (int, int)
         Width and height in pixels.
-    method, model, fix, initial
+    method, model, fix, free, initial
         As in `calibrate`.
 
     Returns
@@ -203,7 +210,7 @@ def calibrate_edges(
     TypeError, ValueError
         For bad arguments.
     """
-    settings = Settings.check(method, model, fix, initial)
+    settings = Settings.check(method, model, fix, initial, free)
     figures = list(edges)
     for figure in figures:
         if not isinstance(figure, PlaneEdges):
@@ -238,6 +245,7 @@ def _ask_core(
         pictures=gathered.pictures or None,
         tones=[tone.curve for tone in gathered.tones],
         side_errors=[faults.side_error for faults in gathered.faults],
+        free=settings.free,
     )
 
 

@@ -13,7 +13,7 @@ from trisquare.camera.lens_models import MODELS
 from trisquare.camera.settings import AUTO, METHODS
 from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.framework import command_line, reading
-from trisquare.cli.options import FIX, JSON, PHOTOS, QUIET, fixed_names, flag, option
+from trisquare.cli.options import FIX, FREE, JSON, PHOTOS, QUIET, flag, listed_names, option
 from trisquare.cli.pictures_drawn import check_outputs, drawn, drawn_on_failure, numbered_paths
 from trisquare.cli.tables import calibration_report
 from trisquare.detection.kinds import TAG_SEARCHES
@@ -72,6 +72,7 @@ def calibrate_command(
         offer=METHODS,
     ),
     fix: list[str] | None = FIX,
+    free: list[str] | None = FREE,
     tone: str | None = option(
         None,
         "TONE",
@@ -130,7 +131,8 @@ def calibrate_command(
             photographs,
             method=method,
             model=model,
-            fix=fixed_names(fix),
+            fix=listed_names(fix),
+            free=listed_names(free),
             initial=None,
             tone=_tone(tone),
             targets=targets,
