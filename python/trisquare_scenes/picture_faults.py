@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from trisquare.simulate.motion_blur import Motion
 from trisquare.simulate.render import WHITE, decode_tone, encode_tone, quantised, render
-from trisquare.simulate.scene import Array, Scene, Target, TrueCamera
+from trisquare.simulate.scene import Array, Scene, Target
 
 Image: TypeAlias = npt.NDArray[Any]
 OnLight: TypeAlias = Callable[[Array], Array]

@@ -38,7 +38,7 @@ class Prediction(RebuiltByConstructor):
         Of the free parameters, in the order of `parameters`.
     parameters : sequence of str
         Names of the free parameters: of ``fx fy cx cy`` and the model's coefficients, these
-        sorted by name: ``k1 k2 k3 p1 p2``.
+        sorted by name: ``k1 k2 k3 p1 p2``; then ``skew`` if it will be freed.
     sigma, spacing : float
         Standard deviation of one edge sample and the edge length it stands for, pixels.
     """

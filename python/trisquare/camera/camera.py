@@ -239,8 +239,8 @@ class Camera(RebuiltByConstructor):
         """Return the pinhole that sees this camera's pictures without distortion.
 
         Its pictures have the same size, and its pixels the same shape (``fy / fx``) without skew;
-        its zoom and its principal point are chosen. A lens of more than 120 degrees is better seen by a
-        `Panorama`.
+        its zoom and its principal point are chosen. A lens of more than 120 degrees is better seen
+        by a `Panorama`.
 
         Parameters
         ----------
@@ -281,8 +281,8 @@ class Camera(RebuiltByConstructor):
 
         With ``(0, 0)`` at the centre of the top-left pixel, the picture's own corner is at
         ``(-1/2, -1/2)`` and stays there: ``fx' = s fx``, ``skew' = s skew``,
-        ``cx' = s (cx + 1/2) - 1/2``, likewise for y, with ``s`` the ratio of the widths in x and that of the heights in y. The
-        distortion and the valid radius stay.
+        ``cx' = s (cx + 1/2) - 1/2``, likewise for y, with ``s`` the ratio of the widths in x and
+        that of the heights in y. The distortion and the valid radius stay.
 
         Parameters
         ----------

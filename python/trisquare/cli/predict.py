@@ -18,7 +18,7 @@ from trisquare.camera.lens_models import MODELS
 from trisquare.cli.console import answer, new_table
 from trisquare.cli.framework import reading
 from trisquare.cli.input_files import camera_alone
-from trisquare.cli.options import FIX, JSON, QUIET, argument, listed_names, option, parse_size
+from trisquare.cli.options import FIX, FREE, JSON, QUIET, argument, listed_names, option, parse_size
 
 PLAN_FORMAT = "trisquare-plan/1"
 PREDICTION_FORMAT = "trisquare-prediction/1"
