@@ -465,12 +465,16 @@ impl Lens for Fisheye {
         let pull = inverse_focal * by_pixel * inverse_norm;
         let moved = |dn: f64, dg: Vector2<f64>| (dn - value * pull.dot(&dg)) * inverse_norm;
         let mut wrt_lens = [0.0; MAX_LENS_COLUMNS];
-        let by_centre = [0, 1].map(|axis| {
-            let step = -inverse_focal.column(axis);
-            moved(gradient.dot(&step), change(step))
-        });
-        let by_matrix =
-            ByIntrinsics::new(by_centre, ray.w, by_pixel * (value * inverse_norm), pull);
+        let by_step = |step: Vector2<f64>| moved(gradient.dot(&step), change(step));
+        let by_matrix = ByIntrinsics::new(
+            [
+                by_step(-inverse_focal.column(0)),
+                by_step(-inverse_focal.column(1)),
+            ],
+            ray.w,
+            by_pixel * (value * inverse_norm),
+            pull,
+        );
         wrt_lens[..INTRINSICS].copy_from_slice(&by_matrix.intrinsics);
         wrt_lens[SKEW_COLUMN] = by_matrix.skew;
         let mut power = 1.0;

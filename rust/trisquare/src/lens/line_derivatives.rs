@@ -111,12 +111,12 @@ impl LineDerivatives {
     /// A^-1 (p - c)` changes.
     #[inline]
     pub fn intrinsics(&self) -> ByIntrinsics {
-        let moved = [0, 1].map(|axis| {
-            let shift = self.inverse_focal.column(axis).into_owned();
-            self.column(shift, Vector2::zeros())
-        });
+        let a = &self.inverse_focal;
         ByIntrinsics::new(
-            moved,
+            [
+                self.column(Vector2::new(a.m11, a.m21), Vector2::zeros()),
+                self.column(Vector2::new(a.m12, a.m22), Vector2::zeros()),
+            ],
             self.distorted,
             self.gradient * (self.value * self.inverse_norm),
             self.along,
