@@ -133,6 +133,7 @@ impl<'a> Bytes<'a> {
                 principal_point: self.once_in(2),
                 focal: self.once_in(4),
                 distortion: self.once_in(4),
+                skew: !self.once_in(4),
             };
         }
         if options.fixed.focal || self.once_in(4) {

@@ -318,6 +318,7 @@ def calibrate(
     side_errors: Sequence[float] = ...,
     orthogonal: Sequence[tuple[int, int]] = ...,
     parallel: Sequence[tuple[int, int]] = ...,
+    free: Sequence[str] = ...,
 ) -> Outcome: ...
 
 @final
@@ -341,6 +342,7 @@ def predict(
     model: str,
     fixed: Sequence[str],
     judged: bool,
+    free: Sequence[str] = ...,
 ) -> Prediction: ...
 def find_arcs(
     picture: NDArray[np.float32],

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from trisquare.simulate.motion_blur import Motion
 from trisquare.simulate.render import WHITE, decode_tone, encode_tone, quantised, render
-from trisquare.simulate.scene import Array, Scene, Target, TrueCamera
+from trisquare.simulate.scene import Array, Scene, Target
 
 Image: TypeAlias = npt.NDArray[Any]
 OnLight: TypeAlias = Callable[[Array], Array]
@@ -173,13 +173,13 @@ def _magnified(scene: Scene, scale: float) -> Scene:
     centre_x, centre_y = 0.5 * (width - 1), 0.5 * (height - 1)
     return replace(
         scene,
-        camera=TrueCamera(
-            scale * camera.fx,
-            scale * camera.fy,
-            centre_x + scale * (camera.cx - centre_x),
-            centre_y + scale * (camera.cy - centre_y),
-            camera.distortion,
-            camera.image_size,
+        camera=replace(
+            camera,
+            fx=scale * camera.fx,
+            fy=scale * camera.fy,
+            cx=centre_x + scale * (camera.cx - centre_x),
+            cy=centre_y + scale * (camera.cy - centre_y),
+            skew=scale * camera.skew,
         ),
     )
 

@@ -105,13 +105,13 @@ def test_the_options_reach_the_library(run, photo, asked):
     assert options == {
         **{"model": "brown", "method": "linear", "tone": 2.2, "targets": "squares"},
         **{"fix": ("aspect", "focal", "distortion"), "progress": None, "outlines": None},
-        **{"initial": None, "explain": False},
+        **{"initial": None, "explain": False, "free": ()},
     }
-    run("calibrate", photo)
+    run("calibrate", photo, "--free", "skew")
     assert asked[1][1] == {
         **{"model": "radial2", "method": "ml", "tone": None, "targets": "auto"},
         **{"fix": (), "progress": None, "outlines": None},
-        **{"initial": None, "explain": False},
+        **{"initial": None, "explain": False, "free": ("skew",)},
     }
 
 

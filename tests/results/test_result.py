@@ -107,7 +107,7 @@ def test_a_given_valid_radius_is_kept():
     ("change", "error", "message"),
     [
         ({"K": np.eye(2)}, ValueError, "K must have shape"),
-        ({"K": [[1, 0.1, 0], [0, 1, 0], [0, 0, 1]]}, ValueError, "K must be"),
+        ({"K": [[1, 0, 0], [0.1, 1, 0], [0, 0, 1]]}, ValueError, "K must be"),
         ({"K": np.diag([-1, 1, 1])}, ValueError, "positive"),
         ({"K": np.full((3, 3), np.nan)}, ValueError, "K holds NaN"),
         ({"K": np.full((3, 3), "1")}, TypeError, "K must hold real"),

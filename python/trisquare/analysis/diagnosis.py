@@ -135,7 +135,7 @@ def _diagnose(
         limits.append(f"it is strongly correlated with {strongest} ({value:+.2f})")
     samples = sum(plane.samples for plane in calibration.planes)
     limits.append(f"noise of {calibration.rms:.2g} px in {samples} edge samples")
-    unit = " px" if name in ("fx", "fy", "cx", "cy") else ""
+    unit = " px" if name in ("fx", "fy", "cx", "cy", "skew") else ""
     shown = helpful[:MOST_REMEDIES]
     if "aspect" not in calibration.fixed:
         shown += [one for one in helpful[MOST_REMEDIES:] if "aspect" in one[1].fixed]

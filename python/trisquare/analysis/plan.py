@@ -153,6 +153,7 @@ def predicted(
     spacing: float = 1.0,
     model: str | None = None,
     judged: bool = False,
+    free: Sequence[str] = (),
 ) -> _core.Prediction:
     """Predict a calibration from planes, as `predict` does; refuse a bad one only if `judged`.
 
@@ -174,6 +175,7 @@ def predicted(
         model=model or camera.model,
         fixed=fixed,
         judged=judged,
+        free=free,
     )
 
 

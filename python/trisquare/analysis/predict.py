@@ -18,7 +18,7 @@ from trisquare._support.suggestions import unknown
 from trisquare.analysis.plan import PlannedSquare, StandingPlane, posed, predicted
 from trisquare.camera.camera import Camera, camera_parameters
 from trisquare.camera.lens_models import MODELS
-from trisquare.camera.settings import checked_fix
+from trisquare.camera.settings import checked_fix, checked_free
 
 __all__ = ["PlannedSquare", "Prediction", "predict"]
 
@@ -38,7 +38,7 @@ class Prediction(RebuiltByConstructor):
         Of the free parameters, in the order of `parameters`.
     parameters : sequence of str
         Names of the free parameters: of ``fx fy cx cy`` and the model's coefficients, these
-        sorted by name: ``k1 k2 k3 p1 p2``.
+        sorted by name: ``k1 k2 k3 p1 p2``; then ``skew`` if it will be freed.
     sigma, spacing : float
         Standard deviation of one edge sample and the edge length it stands for, pixels.
     """
@@ -81,6 +81,7 @@ def predict(
     spacing: float = 1.0,
     model: str | None = None,
     fix: str | Iterable[str] = (),
+    free: str | Iterable[str] = (),
 ) -> Prediction:
     """Predict how well a camera will be known from squares that are to be photographed.
 
@@ -104,6 +105,8 @@ def predict(
         family (see `Camera`); by default the camera's own.
     fix : names among "aspect", "principal_point", "focal", "distortion"
         What will be held, at the camera's values.
+    free : "skew", optional
+        What will be estimated although it is held otherwise.
 
     Returns
     -------
@@ -131,6 +134,7 @@ def predict(
         spacing=distance,
         model=model,
         judged=True,
+        free=checked_free(free),
     )
     return Prediction(
         camera=camera,

@@ -21,6 +21,7 @@ from trisquare.analysis.plan import (
     predicted,
     ray_at,
 )
+from trisquare.camera.settings import FREEABLE
 from trisquare.errors import TrisquareError
 from trisquare.results.calibration import Calibration
 
@@ -58,9 +59,10 @@ class WhatIf(NamedTuple):
 def gains(calibration: Calibration) -> list[tuple[WhatIf, Mapping[str, float]]]:
     """Ratio of the predicted standard deviations after and before each change, by parameter."""
     camera = calibration.camera
+    free = [name for name in FREEABLE if name in calibration.parameters]
     try:
         planes = planes_of(calibration)
-        before = predicted(camera, planes, calibration.fixed).std
+        before = predicted(camera, planes, calibration.fixed, free=free).std
     except (TrisquareError, ValueError):
         return []  # what was photographed is no plan that could be compared with
     found: list[tuple[WhatIf, Mapping[str, float]]] = []
@@ -70,7 +72,7 @@ def gains(calibration: Calibration) -> list[tuple[WhatIf, Mapping[str, float]]]:
             continue
         # One that would leave the picture is no plan either.
         with suppress(TrisquareError, ValueError):
-            after = predicted(camera, what_if.planes, what_if.fixed).std
+            after = predicted(camera, what_if.planes, what_if.fixed, free=free).std
             found.append((what_if, {name: after[name] / before[name] for name in after}))
     return found
 

@@ -37,6 +37,7 @@ def calibrate(
     method: str = "ml",
     model: str = "radial2",
     fix: str | Iterable[str] = (),
+    free: str | Iterable[str] = (),
     initial: Camera | None = None,
     orthogonal: Iterable[PlanePair] = (),
     parallel: Iterable[PlanePair] = (),
@@ -73,6 +74,9 @@ def calibrate(
         their probabilities, in the covariance. It needs ``method="ml"`` and a free distortion.
     fix : names among "aspect", "principal_point", "focal", "distortion"
         Held at the values of `initial`, or else at aspect 1, the image centre, and zero.
+    free : "skew", optional
+        What is estimated although it is held otherwise, at the value of `initial` or zero: the
+        skew, ``K[0, 1]``. It needs ``method="ml"`` and, with nothing else held, three planes.
     initial : Camera, optional
         Values for what is fixed; "focal" needs them.
     orthogonal, parallel : sequence of (int, int)
@@ -113,6 +117,7 @@ def calibrate(
         method=method,
         model=model,
         fix=fix,
+        free=free,
         initial=initial,
         orthogonal=orthogonal,
         parallel=parallel,
@@ -136,6 +141,7 @@ def calibrate_photographs(
     method: str,
     model: str,
     fix: str | Iterable[str],
+    free: str | Iterable[str],
     initial: Camera | None,
     orthogonal: Iterable[PlanePair],
     parallel: Iterable[PlanePair],
@@ -150,7 +156,7 @@ def calibrate_photographs(
     With `explain`, the shapes that are no targets are reported for every photograph: in the
     answer, or in the error.
     """
-    settings = Settings.check(method, model, fix, initial, orthogonal, parallel)
+    settings = Settings.check(method, model, fix, initial, free, orthogonal, parallel)
     kinds = TargetKinds.parse(targets)
     gathered = gather(
         photographs,
@@ -190,6 +196,7 @@ def calibrate_edges(
     method: str = "ml",
     model: str = "radial2",
     fix: str | Iterable[str] = (),
+    free: str | Iterable[str] = (),
     initial: Camera | None = None,
     orthogonal: Iterable[PlanePair] = (),
     parallel: Iterable[PlanePair] = (),
@@ -202,7 +209,7 @@ def calibrate_edges(
         Figures on three or more planes; fewer planes if enough parameters are fixed.
     image_size : (int, int)
         Width and height in pixels.
-    method, model, fix, initial, orthogonal, parallel
+    method, model, fix, free, initial, orthogonal, parallel
         As in `calibrate`.
 
     Returns
@@ -216,7 +223,7 @@ def calibrate_edges(
     TypeError, ValueError
         For bad arguments.
     """
-    settings = Settings.check(method, model, fix, initial, orthogonal, parallel)
+    settings = Settings.check(method, model, fix, initial, free, orthogonal, parallel)
     figures = list(edges)
     for figure in figures:
         if not isinstance(figure, PlaneEdges):
@@ -253,6 +260,7 @@ def _ask_core(
         side_errors=[faults.side_error for faults in gathered.faults],
         orthogonal=settings.orthogonal,
         parallel=settings.parallel,
+        free=settings.free,
     )
 
 

@@ -35,8 +35,8 @@ class Camera(RebuiltByConstructor):
     Parameters
     ----------
     K : array_like, shape (3, 3)
-        ``[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`` in pixels; ``(0, 0)`` is the centre of the
-        top-left pixel.
+        ``[[fx, skew, cx], [0, fy, cy], [0, 0, 1]]`` in pixels; ``(0, 0)`` is the centre of the
+        top-left pixel. Nearly every camera's skew is 0; OpenCV takes any as 0.
     distortion : array_like, shape (5,), (4,), (8,) or (12,)
         In OpenCV's order: ``(k1, k2, p1, p2, k3)``, from ideal to observed normalised points, as
         `cv2.projectPoints` takes it; for a fisheye ``(k1, k2, k3, k4)``, as `cv2.fisheye` takes it
@@ -69,9 +69,11 @@ class Camera(RebuiltByConstructor):
 
     def __post_init__(self) -> None:
         K = real_array(self.K, "K", (3, 3))
-        fixed_entries = (K[0, 1], K[1, 0], K[2, 0], K[2, 1], K[2, 2])
-        if fixed_entries != (0, 0, 0, 0, 1) or K[0, 0] <= 0 or K[1, 1] <= 0:
-            raise ValueError("K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with positive fx, fy")
+        fixed_entries = (K[1, 0], K[2, 0], K[2, 1], K[2, 2])
+        if fixed_entries != (0, 0, 0, 1) or K[0, 0] <= 0 or K[1, 1] <= 0:
+            raise ValueError(
+                "K must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with positive fx, fy"
+            )
         if self.model not in MODELS:
             raise ValueError(f"model must be one of {MODELS}, not {self.model!r}")
         count = len(COEFFICIENTS[self.model])
@@ -111,6 +113,11 @@ class Camera(RebuiltByConstructor):
     def cy(self) -> float:
         """Principal point's y, in pixels."""
         return float(self.K[1, 2])
+
+    @property
+    def skew(self) -> float:
+        """How much farther right a pixel is per unit of the observed point's y, in pixels."""
+        return float(self.K[0, 1])
 
     @property
     def valid_radius_px(self) -> float | None:
@@ -231,9 +238,9 @@ class Camera(RebuiltByConstructor):
     def undistorted(self, balance: float = 0.0, *, field: float | None = None) -> Camera:
         """Return the pinhole that sees this camera's pictures without distortion.
 
-        Its pictures have the same size, and its pixels the same shape (``fy / fx``); its zoom and
-        its principal point are chosen. A lens of more than 120 degrees is better seen by a
-        `Panorama`.
+        Its pictures have the same size, and its pixels the same shape (``fy / fx``) without skew;
+        its zoom and its principal point are chosen. A lens of more than 120 degrees is better seen
+        by a `Panorama`.
 
         Parameters
         ----------
@@ -249,7 +256,7 @@ class Camera(RebuiltByConstructor):
         Returns
         -------
         Camera
-            Without distortion.
+            Without distortion or skew.
 
         Raises
         ------
@@ -273,9 +280,9 @@ class Camera(RebuiltByConstructor):
         """Return the camera of this camera's pictures scaled to another size.
 
         With ``(0, 0)`` at the centre of the top-left pixel, the picture's own corner is at
-        ``(-1/2, -1/2)`` and stays there: ``fx' = s fx``, ``cx' = s (cx + 1/2) - 1/2``, likewise
-        for y, with ``s`` the ratio of the widths in x and that of the heights in y. The
-        distortion and the valid radius stay.
+        ``(-1/2, -1/2)`` and stays there: ``fx' = s fx``, ``skew' = s skew``,
+        ``cx' = s (cx + 1/2) - 1/2``, likewise for y, with ``s`` the ratio of the widths in x and
+        that of the heights in y. The distortion and the valid radius stay.
 
         Parameters
         ----------
@@ -297,7 +304,7 @@ class Camera(RebuiltByConstructor):
             )
         K = np.array(self.K)
         for axis, (old, new) in enumerate(sides):
-            K[axis, axis] *= new / old
+            K[axis, :2] *= new / old
             K[axis, 2] = (K[axis, 2] + 0.5) * (new / old) - 0.5
         valid_radius = math.inf if self.valid_radius is None else self.valid_radius
         return Camera(K, self.distortion, size, self.model, valid_radius)
@@ -384,6 +391,7 @@ class Camera(RebuiltByConstructor):
         return (
             f"<Camera {width} x {height}, {self.model}: fx {self.fx:.6g}, fy {self.fy:.6g}, "
             f"cx {self.cx:.6g}, cy {self.cy:.6g}, "
+            f"{f'skew {self.skew:.6g}, ' if self.skew else ''}"
             f"{', '.join(f'{name} {value:.5g}' for name, value in numbers)}>"
         )
 
@@ -393,7 +401,13 @@ def camera_parameters(camera: Camera) -> dict[str, float]:
     names = COEFFICIENTS[camera.model]
     numbers = dict(zip(names, camera.distortion.tolist(), strict=True))
     intrinsics = {"fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy}
-    return intrinsics | {name: numbers[name] for name in sorted(names)}
+    return intrinsics | {name: numbers[name] for name in sorted(names)} | {"skew": camera.skew}
+
+
+def named_numbers(camera: Camera) -> dict[str, float]:
+    """Return the same without a skew of zero, as files say it."""
+    numbers = camera_parameters(camera)
+    return numbers if camera.skew else {n: v for n, v in numbers.items() if n != "skew"}
 
 
 def field_of_view(field: float, most: float) -> float:

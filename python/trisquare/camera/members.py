@@ -21,6 +21,7 @@ def camera_members(camera: Camera) -> dict[str, Any]:
         "fy": camera.fy,
         "cx": camera.cx,
         "cy": camera.cy,
+        **({"skew": camera.skew} if camera.skew else {}),
         "distortion": camera.distortion.tolist(),
         "valid_radius": camera.valid_radius,
     }
@@ -29,12 +30,13 @@ def camera_members(camera: Camera) -> dict[str, Any]:
 def camera_from_members(members: JsonFields, image_size: tuple[int, ...]) -> Camera:
     """Read the ``camera`` object of the JSON format."""
     fx, fy, cx, cy = (members.number(name) for name in ("fx", "fy", "cx", "cy"))
+    skew = members.number_or("skew", 0.0)
     unlimited = members.value("valid_radius") is None
     model = members.text("model")
     if model not in COEFFICIENTS:
         raise ValueError(f"model must be one of {MODELS}, not {model!r}")
     return Camera(
-        K=np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]),
+        K=np.array([[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]),
         distortion=members.array("distortion", (len(COEFFICIENTS[model]),)),
         image_size=size_of_image(image_size),
         model=model,

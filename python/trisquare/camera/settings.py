@@ -16,6 +16,7 @@ METHODS = ("ml", "linear")
 # Indices of two planes.
 PlanePair = tuple[int, int]
 FIXABLE = ("aspect", "principal_point", "focal", "distortion")
+FREEABLE = ("skew",)  # held unless it is freed
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +27,7 @@ class Settings:
     model: str
     fixed: tuple[str, ...]
     initial: Camera | None
+    free: tuple[str, ...]
     orthogonal: tuple[PlanePair, ...]
     parallel: tuple[PlanePair, ...]
 
@@ -36,6 +38,7 @@ class Settings:
         model: str,
         fix: str | Iterable[str],
         initial: Camera | None,
+        free: str | Iterable[str],
         orthogonal: Iterable[PlanePair],
         parallel: Iterable[PlanePair],
     ) -> Settings:
@@ -54,7 +57,7 @@ class Settings:
                 raise TypeError(f"{name} must be a string, not {type(value).__name__}")
             if value not in known:
                 raise unknown(name, value, known)
-        names = checked_fix(fix)
+        names, freed = checked_fix(fix), checked_free(free)
         if initial is not None and not isinstance(initial, Camera):
             raise TypeError(f"initial must be a Camera, not {type(initial).__name__}")
         if "focal" in names and initial is None:
@@ -68,8 +71,10 @@ class Settings:
                 f"the distortion of a {initial.model} lens cannot be held in a {model} lens: "
                 f"choose model={initial.model!r}"
             )
+        if freed and method == "linear":
+            raise ValueError('free="skew" needs method="ml": the linear steps take it as zero')
         pairs = checked_pairs("orthogonal", orthogonal), checked_pairs("parallel", parallel)
-        return cls(method, model, names, initial, *pairs)
+        return cls(method, model, names, initial, freed, *pairs)
 
     def initial_camera(self, image_size: tuple[int, int]) -> CoreCamera | None:
         """Return the initial camera as the core takes it; it must be of the pictures' size."""
@@ -97,13 +102,33 @@ def checked_fix(fix: str | Iterable[str]) -> tuple[str, ...]:
     ValueError
         If one of them cannot be held.
     """
-    names = [fix] if isinstance(fix, str) else list(fix)
+    return _checked_names("fix", fix, FIXABLE, FREEABLE, "it is held unless free= names it")
+
+
+def checked_free(free: str | Iterable[str]) -> tuple[str, ...]:
+    """Return the names of what is freed, each once and in the order of `FREEABLE`.
+
+    Raises
+    ------
+    ValueError
+        If one of them cannot be freed.
+    """
+    return _checked_names("free", free, FREEABLE, FIXABLE, "it is free unless fix= names it")
+
+
+def _checked_names(
+    verb: str, given: str | Iterable[str], known: Sequence[str], others: Sequence[str], why: str
+) -> tuple[str, ...]:
+    names = [given] if isinstance(given, str) else list(given)
     for name in names:
-        if name not in FIXABLE:
-            meant = nearest_name(name, FIXABLE) if isinstance(name, str) else None
+        if name in others:
+            raise ValueError(f"cannot {verb} {name!r}: {why}")
+        if name not in known:
+            meant = nearest_name(name, known) if isinstance(name, str) else None
             hint = "" if meant is None else f"did you mean {meant!r}? "
-            raise ValueError(f"cannot fix {name!r}: {hint}choose among {', '.join(FIXABLE)}")
-    return tuple(name for name in FIXABLE if name in names)
+            choices = f"choose {'among ' * (len(known) > 1)}{', '.join(known)}"
+            raise ValueError(f"cannot {verb} {name!r}: {hint}{choices}")
+    return tuple(name for name in known if name in names)
 
 
 def checked_pairs(name: str, pairs: Iterable[PlanePair]) -> tuple[PlanePair, ...]:

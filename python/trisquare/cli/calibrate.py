@@ -15,13 +15,14 @@ from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.framework import command_line, reading
 from trisquare.cli.options import (
     FIX,
+    FREE,
     JSON,
     ORTHOGONAL,
     PARALLEL,
     PHOTOS,
     QUIET,
-    fixed_names,
     flag,
+    listed_names,
     option,
     parse_pairs,
 )
@@ -83,6 +84,7 @@ def calibrate_command(
         offer=METHODS,
     ),
     fix: list[str] | None = FIX,
+    free: list[str] | None = FREE,
     orthogonal: list[str] | None = ORTHOGONAL,
     parallel: list[str] | None = PARALLEL,
     tone: str | None = option(
@@ -143,7 +145,8 @@ def calibrate_command(
             photographs,
             method=method,
             model=model,
-            fix=fixed_names(fix),
+            fix=listed_names(fix),
+            free=listed_names(free),
             initial=None,
             orthogonal=parse_pairs(orthogonal),
             parallel=parse_pairs(parallel),

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from trisquare._support.writing import check_writable
 from trisquare.camera.approximation import Approximation
-from trisquare.camera.camera import camera_parameters
+from trisquare.camera.camera import named_numbers
 from trisquare.cli.console import answer
 from trisquare.cli.framework import reading
 from trisquare.cli.options import JSON, QUIET, argument, flag, option, parse_size
@@ -77,7 +77,7 @@ def convert_command(
         "to": known.name,
         "name": loaded.name,
         "image_size": list(loaded.camera.image_size),
-        "camera": {"model": loaded.camera.model, **camera_parameters(loaded.camera)},
+        "camera": {"model": loaded.camera.model, **named_numbers(loaded.camera)},
         "read_approximation": _lost(loaded.approximation),
         "write_approximation": _lost(approximation),
     }

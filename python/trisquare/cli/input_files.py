@@ -59,7 +59,7 @@ def of_size(
 
 
 # The name of each parameter that is in pixels, and its axis.
-IN_PIXELS = {"fx": 0, "fy": 1, "cx": 0, "cy": 1}
+IN_PIXELS = {"fx": 0, "fy": 1, "cx": 0, "cy": 1, "skew": 0}
 
 
 def rescaled(camera: Calibration | Camera, image_size: tuple[int, int]) -> Calibration | Camera:

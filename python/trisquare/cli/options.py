@@ -8,7 +8,7 @@ from typing import Any
 import typer
 
 from trisquare._support.arrays import size_of_image
-from trisquare.camera.settings import FIXABLE
+from trisquare.camera.settings import FIXABLE, FREEABLE
 
 
 def argument(default: Any, metavar: str, text: str) -> Any:
@@ -39,6 +39,9 @@ FIX = option(
     "WHAT",
     "Hold aspect, principal_point, focal or distortion; repeatable, or with commas.",
     offer=FIXABLE,
+)
+FREE = option(
+    None, "WHAT", "Estimate the skew, which is held at zero otherwise: skew.", offer=FREEABLE
 )
 
 
@@ -83,6 +86,6 @@ def parse_size(text: str) -> tuple[int, int]:
     return size_of_image((width, height))
 
 
-def fixed_names(fix: Iterable[str] | None) -> tuple[str, ...]:
+def listed_names(fix: Iterable[str] | None) -> tuple[str, ...]:
     """Return the names that the option was given, as `calibrate` takes them."""
     return tuple(name.strip() for names in fix or () for name in names.split(","))

@@ -13,12 +13,12 @@ from trisquare._support.paths import naming, read_text
 from trisquare._support.rotations import tilt_degrees
 from trisquare.analysis.plan import PlannedSquare
 from trisquare.analysis.predict import Prediction, predict
-from trisquare.camera.camera import Camera, camera_parameters
+from trisquare.camera.camera import Camera, camera_parameters, named_numbers
 from trisquare.camera.lens_models import MODELS
 from trisquare.cli.console import answer, new_table
 from trisquare.cli.framework import reading
 from trisquare.cli.input_files import camera_alone
-from trisquare.cli.options import FIX, JSON, QUIET, argument, fixed_names, option, parse_size
+from trisquare.cli.options import FIX, FREE, JSON, QUIET, argument, listed_names, option, parse_size
 
 PLAN_FORMAT = "trisquare-plan/1"
 PREDICTION_FORMAT = "trisquare-prediction/1"
@@ -62,6 +62,7 @@ def predict_command(
         offer=MODELS,
     ),
     fix: list[str] | None = FIX,
+    free: list[str] | None = FREE,
     json: bool = JSON,
     quiet: bool = QUIET,
 ) -> None:
@@ -72,7 +73,15 @@ def predict_command(
         planned = [_square(text, guess, frame) for text in square or DEFAULT_SQUARES]
     else:
         planned = [_planned(members, guess, frame) for members in written.objects("squares")]
-    prediction = predict(guess, planned, sigma, spacing=spacing, model=model, fix=fixed_names(fix))
+    prediction = predict(
+        guess,
+        planned,
+        sigma,
+        spacing=spacing,
+        model=model,
+        fix=listed_names(fix),
+        free=listed_names(free),
+    )
     answer(json, quiet, _members(prediction, planned), _report(prediction, planned))
 
 
@@ -148,7 +157,7 @@ def _members(prediction: Prediction, planned: list[PlannedSquare]) -> dict[str, 
         "image_size": list(prediction.camera.image_size),
         "sigma": prediction.sigma,
         "spacing": prediction.spacing,
-        "camera": camera_parameters(prediction.camera),
+        "camera": named_numbers(prediction.camera),
         "std": dict(prediction.std),
         "parameters": list(prediction.parameters),
         "covariance": prediction.covariance.tolist(),

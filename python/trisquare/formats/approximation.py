@@ -31,12 +31,15 @@ class Family:
         Whether it has one focal length only.
     all_coefficients : tuple of str
         Those of the camera's model, in OpenCV's order.
+    skewed : bool
+        Whether it may have a skew.
     """
 
     title: str
     free: tuple[str, ...]
     square: bool = False
     all_coefficients: tuple[str, ...] = BROWN
+    skewed: bool = False
 
     def is_of(self, camera: Camera) -> bool:
         """Return whether the camera has the coefficients of these lenses, or more."""
@@ -48,7 +51,12 @@ class Family:
             return None
         values = camera_parameters(camera)
         missing = any(values[name] for name in self.all_coefficients if name not in self.free)
-        return None if missing or (self.square and camera.fx != camera.fy) else camera
+        missing |= self.is_unlike(camera)
+        return None if missing else camera
+
+    def is_unlike(self, camera: Camera) -> bool:
+        """Return whether the camera's K is none of these lenses'."""
+        return (self.square and camera.fx != camera.fy) or (not self.skewed and camera.skew != 0)
 
     def lens(
         self,
@@ -67,7 +75,7 @@ ANY_FISHEYE = Family("fisheye (k1, k2, k3, k4)", FISHEYE, all_coefficients=FISHE
 ANY_RATIONAL = Family("rational (k1 to k6, p1, p2)", RATIONAL, all_coefficients=RATIONAL)
 ANY_PRISM = Family("thin prism", THIN_PRISM, all_coefficients=THIN_PRISM)
 ANY_CAMERA = (ANY_FISHEYE, ANY_RATIONAL, ANY_PRISM, ANY_BROWN)
-"""All that a `Camera` can be."""
+"""All that a `Camera` without skew can be."""
 
 
 def nearest(lens: Lens, family: Family) -> Approximation:

@@ -129,16 +129,16 @@ def written(
             return known.write(lens, suffix), None
     own = [family for family in known.families if family.is_of(camera)]
     most_general = (own or known.families)[-1]
+    skew = f", skew {camera.skew:.3g} px" if camera.skew else ""
+    cannot = f"{known.title} cannot hold this camera (model {camera.model}{skew})"
     try:
         stand_in = nearest(camera, most_general)
     except ValueError as error:
-        raise ValueError(
-            f"{known.title} cannot hold this camera (model {camera.model}): {error}"
-        ) from error
+        raise ValueError(f"{cannot}: {error}") from error
     if not approximate:
         raise LensModelError(
-            f"{known.title} cannot hold this camera (model {camera.model}); the nearest that it "
-            f"can is {stand_in}: write that with approximate=True (--approximate)",
+            f"{cannot}; the nearest that it can is {stand_in}: write that with approximate=True "
+            "(--approximate)",
             stand_in.lens,
             stand_in.rms,
             stand_in.worst,

@@ -2,13 +2,15 @@
 
 Pixels, ``(0, 0)`` the centre of the top-left one; the model, its coefficients and the valid radius
 as `Camera` has them, so that it reads back exactly. Schema: ``{"format": "trisquare-camera/1",
-"software", "image_size": [w, h], "camera": {"model", "fx", "fy", "cx", "cy", "distortion": [k1,
-k2, p1, p2, k3] or, of a fisheye, [k1, k2, k3, k4], "valid_radius"}}``; unknown keys are ignored.
+"software", "image_size": [w, h], "camera": {"model", "fx", "fy", "cx", "cy", "skew" unless it is 0,
+"distortion": [k1, k2, p1, p2, k3] or, of a fisheye, [k1, k2, k3, k4], "valid_radius"}}``; unknown
+keys are ignored.
 """
 
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 from trisquare._core import __version__
 from trisquare._support.json_members import JsonFields, dump_members
@@ -65,6 +67,6 @@ FORMAT = Format(
     recognises=recognises,
     read=read,
     write=write,
-    families=ANY_CAMERA,
+    families=tuple(replace(family, skewed=True) for family in ANY_CAMERA),
     file_names=(".json",),
 )

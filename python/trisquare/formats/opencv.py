@@ -10,7 +10,7 @@ need it from the caller. The syntax of a file that is written follows its extens
 A fisheye has four coefficients, as a pinhole may: ``fisheye_model: 1``, which that sample writes
 too, tells them apart.
 
-Read: all of these; a tilted sensor (tx, ty) as the nearest.
+Read: all of these; a tilted sensor (tx, ty) as the nearest. A skew is neither written nor read.
 """
 
 from __future__ import annotations
@@ -20,8 +20,6 @@ import re
 import xml.etree.ElementTree as ElementTree
 from typing import Any
 
-import numpy as np
-
 from trisquare._support.arrays import FloatArray
 from trisquare._support.json_members import JsonFields
 from trisquare.camera.camera import Camera
@@ -29,7 +27,7 @@ from trisquare.camera.lens_models import FISHEYE, is_fisheye
 from trisquare.formats.approximation import ANY_CAMERA, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize, only
 from trisquare.formats.document import Document
-from trisquare.formats.other_lenses import fisheye_of, opencv_lens
+from trisquare.formats.other_lenses import check_opencv_matrix, fisheye_of, opencv_lens
 from trisquare.formats.xml_text import parse_xml
 
 MATRIX_NAMES = ("camera_matrix", "Camera_Matrix", "cameraMatrix", "K", "mtx")
@@ -73,7 +71,7 @@ def _camera(members: JsonFields, image_size: ImageSize | None) -> Lens:
             f'"{_name(members, DISTORTION_NAMES)}" has {len(distortion)} coefficients; OpenCV has '
             "4, 5, 8, 12 or 14"
         )
-    Camera(K, np.zeros(5), (1, 1))  # says what is wrong with K
+    check_opencv_matrix(K)
     if members.number_or(FISHEYE_NAME, 0.0):
         if len(distortion) != len(FISHEYE):
             raise ValueError(f"a fisheye has {len(FISHEYE)} coefficients, not {len(distortion)}")

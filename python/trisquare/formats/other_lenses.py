@@ -70,6 +70,19 @@ def camera_matrix(fx: float, fy: float, cx: float, cy: float) -> FloatArray:
     return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
 
+def check_opencv_matrix(K: FloatArray) -> None:
+    """Say what is wrong with a camera matrix of OpenCV's, which has no skew.
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
+    Camera(K, np.zeros(5), (1, 1))
+    if K[0, 1]:
+        raise ValueError(f"K has a skew of {K[0, 1]:g} px, which OpenCV ignores: set K[0, 1] to 0")
+
+
 def opencv_lens(
     K: FloatArray,
     coefficients: Sequence[float],

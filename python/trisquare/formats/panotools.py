@@ -90,7 +90,7 @@ class PanoFamily(Family):
     def exactly(self, camera: Camera) -> PanoLens | None:
         """Return the lens that has the same k1, where that is all."""
         k1, *others = camera.distortion.tolist()
-        if not self.is_of(camera) or any(others) or camera.fx != camera.fy:
+        if not self.is_of(camera) or any(others) or self.is_unlike(camera):
             return None
         try:
             return self.lens(

@@ -8,7 +8,8 @@ cols and row-major data.
 
 Written: ``plumb_bob`` (k1, k2, p1, p2, k3), ``rational_polynomial`` (and k4, k5, k6, s1 to s4) or
 ``equidistant`` (k1, k2, k3, k4), no rectification, a projection by K itself. Read: these, and
-``fisheye``, which some call the last; a tilted sensor as the nearest.
+``fisheye``, which some call the last; a tilted sensor as the nearest. A skew is neither written nor
+read.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from trisquare.camera.lens_models import BROWN, COEFFICIENTS, FISHEYE, RATIONAL,
 from trisquare.formats.approximation import ANY_CAMERA, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize
 from trisquare.formats.document import Document
-from trisquare.formats.other_lenses import fisheye_of, opencv_lens
+from trisquare.formats.other_lenses import check_opencv_matrix, fisheye_of, opencv_lens
 
 LENGTHS = {
     "plumb_bob": (0, 4, 5),
@@ -67,7 +68,7 @@ def _camera(members: JsonFields) -> Lens:
             f'"distortion_coefficients.data" has {len(distortion)} numbers; {model} has '
             f"{' or '.join(str(length) for length in LENGTHS[model])}"
         )
-    Camera(K, np.zeros(5), size)  # says what is wrong with K or the size
+    check_opencv_matrix(K)
     if model in ("equidistant", "fisheye"):
         return fisheye_of(K, distortion, size)
     return opencv_lens(K, distortion, size)

@@ -23,6 +23,7 @@ _INTRINSICS = {
     "fy": "focal length along y, px",
     "cx": "principal point, x, px",
     "cy": "principal point, y, px",
+    "skew": "skew, px",
 }
 _OF_POWERS = ("of r\N{SUPERSCRIPT TWO}", "of r\N{SUPERSCRIPT FOUR}", "of r\N{SUPERSCRIPT SIX}")
 _OF_FISHEYE = {

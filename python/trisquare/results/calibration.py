@@ -94,7 +94,7 @@ class Calibration(Record):
         Of the free parameters, in the order of `parameters`.
     parameters : sequence of str
         Names of the free parameters: of ``fx fy cx cy`` and the model's coefficients, these
-        sorted by name: ``k1 k2 k3 p1 p2``.
+        sorted by name: ``k1 k2 k3 p1 p2``; then ``skew`` if it was freed.
     planes : sequence of Plane
         The physical planes.
     rms : float

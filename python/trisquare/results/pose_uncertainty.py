@@ -25,7 +25,7 @@ class PoseUncertainty(Record):
         Derivative of the pose by all of the camera's parameters, free or held, in the order
         ``fx fy cx cy k1 k2 k3 p1 p2``; of a fisheye ``fx fy cx cy k1 k2 k3 k4``; of a rational
         lens ``fx fy cx cy k1 k2 k3 k4 k5 k6 p1 p2``, of one with prism terms also
-        ``s1 s2 s3 s4``.
+        ``s1 s2 s3 s4``; ``skew`` comes last where the camera has one or it was freed.
     """
 
     given_camera: FloatArray = field(metadata=member(array(6, 6)))

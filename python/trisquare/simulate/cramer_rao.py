@@ -72,7 +72,7 @@ def cramer_rao_bound(
     spacing : float
         Pixels of edge per offset.
     free : sequence of str
-        Of ``fx fy cx cy``, the lens's coefficients (``k1 k2 p1 p2 k3``, of a fisheye
+        Of ``fx fy cx cy skew``, the lens's coefficients (``k1 k2 p1 p2 k3``, of a fisheye
         ``k1 k2 k3 k4``), and ``f`` for one scale common to fx and fy.
     in_sight : callable, optional
         Tells of pixels, shape (N, 2), which of them the picture shows; edges elsewhere, outside

@@ -76,14 +76,12 @@ class TrueFisheye(TrueCamera):
         radius = np.hypot(points[..., 0], points[..., 1])
         observed, _ = self._radius(np.arctan2(radius, points[..., 2]))
         scale = observed / np.where(radius > 0.0, radius, 1.0)
-        return points[..., :2] * scale[..., None] * [self.fx, self.fy] + [self.cx, self.cy]
+        return self.pixels(points[..., :2] * scale[..., None])
 
     def distort(self, normalised: Array) -> Array:
         """Map ideal to observed normalised coordinates, shape (N, 2)."""
         ones = np.ones((*normalised.shape[:-1], 1))
-        pixels = self.project(np.concatenate([normalised, ones], axis=-1))
-        observed: Array = (pixels - [self.cx, self.cy]) / [self.fx, self.fy]
-        return observed
+        return self.observed(self.project(np.concatenate([normalised, ones], axis=-1)))
 
     def rays(self, pixels: npt.ArrayLike) -> Array:
         """Return the unit rays along which pixels, shape (N, 2), look, shape (N, 3).
@@ -93,7 +91,7 @@ class TrueFisheye(TrueCamera):
         ValueError
             If a pixel lies beyond the rim of the lens.
         """
-        observed = (np.asarray(pixels, dtype=np.float64) - [self.cx, self.cy]) / [self.fx, self.fy]
+        observed = self.observed(pixels)
         radius = np.hypot(observed[..., 0], observed[..., 1])
         angle = radius.copy()
         for _ in range(_ANGLE_STEPS):
@@ -157,8 +155,9 @@ def image_circle(scene: Scene, margin: float = 2.0) -> Callable[[Array], Array]:
     angles = np.arctan2(np.hypot(corners[:, 0], corners[:, 1]), corners[:, 2])
     rim = camera.observed_radius(angles.max() + np.radians(margin))
     width, height = camera.image_size
-    x, y = (np.arange(width) - camera.cx) / camera.fx, (np.arange(height) - camera.cy) / camera.fy
-    inside = np.clip(0.5 + camera.fx * (rim - np.hypot(x, y[:, None])), 0.0, 1.0)[..., None]
+    y = ((np.arange(height) - camera.cy) / camera.fy)[:, None]
+    x = (np.arange(width) - camera.cx - camera.skew * y) / camera.fx
+    inside = np.clip(0.5 + camera.fx * (rim - np.hypot(x, y)), 0.0, 1.0)[..., None]
     return lambda light: light * inside
 
 

@@ -37,6 +37,8 @@ class TrueCamera:
         ``k1, k2, p1, p2, k3``, from ideal to observed normalised coordinates.
     image_size : tuple of int
         Width and height, pixels.
+    skew : float
+        ``K[0, 1]``, pixels.
     """
 
     COEFFICIENTS: ClassVar[tuple[str, ...]] = ("k1", "k2", "p1", "p2", "k3")
@@ -48,6 +50,7 @@ class TrueCamera:
     cy: float
     distortion: Array = field(default_factory=lambda: np.zeros(5))
     image_size: tuple[int, int] = (1280, 960)
+    skew: float = 0.0
 
     def __post_init__(self) -> None:
         shape = (len(self.COEFFICIENTS),)
@@ -56,7 +59,19 @@ class TrueCamera:
     @property
     def K(self) -> Array:  # noqa: N802 (the field's name)
         """Camera matrix, shape (3, 3)."""
-        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+        return np.array([[self.fx, self.skew, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+    def pixels(self, observed: Array) -> Array:
+        """Map observed normalised coordinates to pixels, shape (N, 2)."""
+        pixels = observed * [self.fx, self.fy] + [self.cx, self.cy]
+        pixels[..., 0] += self.skew * observed[..., 1]
+        return pixels
+
+    def observed(self, pixels: npt.ArrayLike) -> Array:
+        """Map pixels to observed normalised coordinates, shape (N, 2)."""
+        observed = (np.asarray(pixels, dtype=np.float64) - [self.cx, self.cy]) / [self.fx, self.fy]
+        observed[..., 0] -= self.skew / self.fx * observed[..., 1]
+        return observed
 
     def distort(self, normalised: Array) -> Array:
         """Map ideal to observed normalised coordinates, shape (N, 2)."""
@@ -74,8 +89,7 @@ class TrueCamera:
 
     def project(self, points: Array) -> Array:
         """Project points of the camera frame, shape (N, 3), to pixels, shape (N, 2)."""
-        observed = self.distort(points[..., :2] / points[..., 2:])
-        return observed * [self.fx, self.fy] + [self.cx, self.cy]
+        return self.pixels(self.distort(points[..., :2] / points[..., 2:]))
 
     def undistort(self, pixels: npt.ArrayLike) -> Array:
         """Map pixels to ideal normalised coordinates, shape (N, 2), by Newton's method.
@@ -85,7 +99,7 @@ class TrueCamera:
         ValueError
             If a pixel lies where the distortion cannot be inverted.
         """
-        observed = (np.asarray(pixels, dtype=np.float64) - [self.cx, self.cy]) / [self.fx, self.fy]
+        observed = self.observed(pixels)
         ideal = observed.copy()
         for _ in range(UNDISTORT_STEPS):
             error = observed - self.distort(ideal)

@@ -55,8 +55,8 @@ class Undistorter:
     Raises
     ------
     TypeError, ValueError
-        If an argument is no camera or no number from 0 to 1, `new_camera` has a distortion, a
-        picture is larger than 32766 pixels, or none of it can be undistorted.
+        If an argument is no camera or no number from 0 to 1, `new_camera` has a distortion
+        or a skew, a picture is larger than 32766 pixels, or none of it can be undistorted.
     """
 
     def __init__(
@@ -71,9 +71,10 @@ class Undistorter:
             new_camera = camera.undistorted(balance)
         _check_view(new_camera, "new_camera", Camera, Panorama)
         if isinstance(new_camera, Camera) and (
-            is_fisheye(new_camera.model) or new_camera.distortion.any()
+            is_fisheye(new_camera.model) or new_camera.distortion.any() or new_camera.skew
         ):
-            raise ValueError("new_camera must be a pinhole, but it has a distortion")
+            flaw = "skew" if new_camera.skew else "distortion"
+            raise ValueError(f"new_camera must be a pinhole, but it has a {flaw}")
         self._camera, self._new_camera = camera, new_camera
         width, height = new_camera.image_size
         self._whole = np.empty((height, width, 2), np.int16)

@@ -5,6 +5,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict};
 use pyo3::{PyClass, PyClassInitializer};
+use trisquare::lens::SKEW;
 use trisquare::{
     Brown, Choice, DistortionModel, Error, FamilyChoice, Fisheye, Fixed, ImageSize, Lens, Method,
     ModelChoice, Options, Photographs, PictureTone, Plane, PlaneEdges, RejectedFamily, Relation,
@@ -128,7 +129,7 @@ pub struct ToneFit {
 /// `side_errors` are, of each picture, the standard deviation (px) of an error that the samples of
 /// a side share; `orthogonal` and `parallel` are pairs of the planes that are used.
 #[pyfunction]
-#[pyo3(signature = (figures, image_size, *, choosing, method, model, fixed, initial, pictures, tones, side_errors=Vec::new(), orthogonal=Vec::new(), parallel=Vec::new()))]
+#[pyo3(signature = (figures, image_size, *, choosing, method, model, fixed, initial, pictures, tones, side_errors=Vec::new(), orthogonal=Vec::new(), parallel=Vec::new(), free=Vec::new()))]
 #[allow(clippy::too_many_arguments)] // the keywords of the Python function
 pub fn calibrate<'py>(
     py: Python<'py>,
@@ -144,6 +145,7 @@ pub fn calibrate<'py>(
     side_errors: Vec<f64>,
     orthogonal: Vec<[usize; 2]>,
     parallel: Vec<[usize; 2]>,
+    free: Vec<String>,
 ) -> PyResult<Outcome> {
     let mut edges: Vec<PlaneEdges> = figures.iter().map(plane_edges).collect::<PyResult<_>>()?;
     for figure in &mut edges {
@@ -176,7 +178,7 @@ pub fn calibrate<'py>(
     };
     let (method, fixed) = (
         named(method, "method", &METHODS)?,
-        fixed_parameters(&fixed)?,
+        fixed_parameters(&fixed, &free)?,
     );
     if model == AUTO {
         return task.outcome_by_family(py, &options_with(method, fixed, initial.as_ref()));
@@ -327,8 +329,16 @@ pub(crate) fn named<T: Copy>(name: &str, what: &str, known: &[(&str, T)]) -> PyR
     })
 }
 
-pub(crate) fn fixed_parameters(names: &[String]) -> PyResult<Fixed> {
-    let mut fixed = Fixed::default();
+/// What is held: what is named, and the skew unless it is freed.
+pub(crate) fn fixed_parameters(names: &[String], free: &[String]) -> PyResult<Fixed> {
+    if let Some(other) = free.iter().find(|name| *name != SKEW) {
+        let text = format!("cannot free {other:?}: choose {SKEW}");
+        return Err(PyValueError::new_err(text));
+    }
+    let mut fixed = Fixed {
+        skew: free.is_empty(),
+        ..Fixed::default()
+    };
     for name in names {
         match name.as_str() {
             "aspect" => fixed.aspect = true,
@@ -361,6 +371,9 @@ fn solution<L: Lens>(
     let found = &choice.calibration;
     let correlation = &found.residual_correlation;
     let alternatives = choice.alternatives.iter();
+    // How poses follow a skew matters where there is one: others' results stay as they were.
+    let is_skewed = found.camera.skew() != 0.0 || found.parameters.contains(&SKEW);
+    let columns = L::parameter_names().len() - usize::from(!is_skewed);
     Ok(Solution {
         camera_matrix: arrays::from_matrix(py, &found.camera.camera_matrix()).unbind(),
         distortion: arrays::from_slice(py, &found.camera.distortion()).unbind(),
@@ -369,7 +382,9 @@ fn solution<L: Lens>(
         parameters: found.parameters.clone(),
         covariance: arrays::from_matrix(py, &found.covariance).unbind(),
         std: found.std().into_py_dict(py)?.unbind(),
-        planes: each(py, &found.planes, solved_plane)?,
+        planes: each(py, &found.planes, |py, plane| {
+            solved_plane(py, plane, columns)
+        })?,
         residuals: each(py, &found.residuals, figure_residuals)?,
         rms: found.rms,
         noise_scale: found.noise_scale,
@@ -424,7 +439,7 @@ where
     converted.collect()
 }
 
-fn solved_plane(py: Python<'_>, plane: &Plane) -> SolvedPlane {
+fn solved_plane(py: Python<'_>, plane: &Plane, columns: usize) -> SolvedPlane {
     SolvedPlane {
         figure: plane.figure,
         image: plane.image,
@@ -436,7 +451,7 @@ fn solved_plane(py: Python<'_>, plane: &Plane) -> SolvedPlane {
         uncertainty: plane.uncertainty.as_ref().map(|known| {
             (
                 arrays::from_matrix(py, &known.given_camera).unbind(),
-                arrays::from_matrix(py, &known.by_camera).unbind(),
+                arrays::from_matrix(py, &known.by_camera.columns(0, columns)).unbind(),
             )
         }),
         aspect: plane.aspect.map(|aspect| (aspect.value, aspect.std)),

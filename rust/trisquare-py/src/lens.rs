@@ -224,6 +224,10 @@ pub fn can_unproject(
 /// A camera, its free parameters, whether `fy` follows `fx`, and the parameters' covariance.
 type UncertainMembers<'py> = (CameraMembers, Vec<String>, bool, PyReadonlyArray2<'py, f64>);
 
+fn parameter_count<L: Lens>(_: &L) -> usize {
+    L::parameter_names().len()
+}
+
 fn uncertain<'a, L: Lens>(
     py: Python<'_>,
     lens: &'a L,
@@ -338,12 +342,17 @@ pub fn points_on_plane_with_covariance<'py>(
     pixel_std: f64,
 ) -> PyResult<CertainPoints<'py>> {
     let pose = self::pose(&pose)?;
-    let uncertainty = PoseUncertainty {
+    let mut uncertainty = PoseUncertainty {
         given_camera: arrays::sized_matrix(&uncertainty.0)?,
         by_camera: arrays::columns(&uncertainty.1)?,
     };
     let pixels = arrays::points(&pixels)?;
     let (points, covariance) = with_lens!(camera.0.lens(py)?, |lens| {
+        // The skew comes last; results without one leave out how poses follow it.
+        let columns = uncertainty.by_camera.ncols();
+        if columns + 1 == parameter_count(&lens) {
+            uncertainty.by_camera = uncertainty.by_camera.insert_column(columns, 0.0);
+        }
         let camera = uncertain(py, &lens, &camera)?;
         computed(py, || {
             camera.points_on_plane(&pose, &uncertainty, &pixels, pixel_std)

@@ -30,7 +30,7 @@ pub struct Prediction {
 
 /// Predicts the covariance of a calibration from planes that are to be photographed.
 #[pyfunction]
-#[pyo3(signature = (camera, image_size, planes, *, sigma, spacing, model, fixed, judged))]
+#[pyo3(signature = (camera, image_size, planes, *, sigma, spacing, model, fixed, judged, free=Vec::new()))]
 #[allow(clippy::too_many_arguments)] // the keywords of the Python function
 pub fn predict<'py>(
     py: Python<'py>,
@@ -42,11 +42,12 @@ pub fn predict<'py>(
     model: &str,
     fixed: Vec<String>,
     judged: bool,
+    free: Vec<String>,
 ) -> PyResult<Prediction> {
     let size = size(image_size);
     let planes: Vec<PlannedPlane> = planes.iter().map(planned).collect::<PyResult<_>>()?;
     let noise = EdgeNoise { sigma, spacing };
-    let fixed = fixed_parameters(&fixed)?;
+    let fixed = fixed_parameters(&fixed, &free)?;
     let found = with_lens!(camera.lens(py)?, |camera| {
         let options = Options {
             method: Method::MaximumLikelihood,

@@ -9,7 +9,7 @@ use nalgebra::DVector;
 use crate::calibrate::calibrate_photographs;
 use crate::error::Error;
 use crate::image_size::ImageSize;
-use crate::lens::{DefaultLens, DistortionModel, Fisheye, INTRINSICS, Lens};
+use crate::lens::{DefaultLens, DistortionModel, Fisheye, Lens, SKEW};
 use crate::model_selection::{ModelChoice, Weighed, check_comparable};
 use crate::observations::{Options, PlaneEdges};
 use crate::photometric::Photographs;
@@ -191,11 +191,17 @@ fn log_odds<A: Lens, B: Lens>(
 /// Adds to a covariance what another family's answer is off by, times that one's probability.
 fn add_doubt<A: Lens, B: Lens>(found: &mut Calibration<A>, other: &Calibration<B>, odds: f64) {
     let probability = 1.0 / (1.0 + (-odds).exp());
-    let (own, others) = (found.camera.intrinsics(), other.camera.intrinsics());
+    let apart = other.camera.camera_matrix() - found.camera.camera_matrix();
     let mut difference = DVector::zeros(found.parameters.len());
-    for (i, name) in A::parameter_names()[..INTRINSICS].iter().enumerate() {
+    for (name, entry) in [
+        ("fx", apart.m11),
+        ("fy", apart.m22),
+        ("cx", apart.m13),
+        ("cy", apart.m23),
+        (SKEW, apart.m12),
+    ] {
         if let Some(place) = found.position(name) {
-            difference[place] = others[i] - own[i];
+            difference[place] = entry;
         }
     }
     found.covariance += &difference * difference.transpose() * probability;

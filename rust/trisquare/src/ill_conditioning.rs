@@ -65,6 +65,8 @@ pub enum Cause {
 /// What would make a calibration succeed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Remedy {
+    /// Hold the skew.
+    HoldSkew,
     /// Hold the ratio of the focal lengths.
     FixAspect,
     /// Hold the principal point.
@@ -165,6 +167,7 @@ impl fmt::Display for Cause {
 impl fmt::Display for Remedy {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::HoldSkew => write!(f, "hold the skew"),
             Self::FixAspect => write!(f, "fix the aspect"),
             Self::FixPrincipalPoint => write!(f, "fix the principal point"),
             Self::FixAspectAndPrincipalPoint => write!(f, "fix the aspect and the principal point"),

@@ -4,7 +4,8 @@
 //!
 //! - Pixels are `(x, y)`, x right, y down, `(0, 0)` the centre of the top-left pixel; the image
 //!   centre is `((W - 1) / 2, (H - 1) / 2)`.
-//! - The camera matrix is `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`; distortion maps ideal to observed
+//! - The camera matrix is `[[fx, skew, cx], [0, fy, cy], [0, 0, 1]]`, the skew zero unless it is
+//!   freed; distortion maps ideal to observed
 //!   normalised points.
 //! - A pose is `cam_from_plane`: `X_cam = R X_plane + t`, the plane at Z = 0 with its Z axis away
 //!   from the camera. The unit is the first square's side.

@@ -362,7 +362,7 @@ mod tests {
     /// The scene seen by a camera with other distortion.
     fn bent(scene: &Scene, k: [f64; 5]) -> Scene {
         let mut parameters = scene.camera.parameters();
-        parameters[4..].copy_from_slice(&k);
+        parameters[4..9].copy_from_slice(&k);
         Scene {
             camera: scene.camera.with_parameters(&parameters),
             ..scene.clone()

@@ -1,10 +1,11 @@
 //! Calibrations of scenes with known truth, through the public interface.
 
 use nalgebra::Vector2;
+use trisquare::lens::SKEW;
 use trisquare::synthetic::{Scene, SceneOptions};
 use trisquare::{
     BrownModel, Calibration, Error, ErrorKind, Fixed, Freedom, Lens, Method, Options, PlaneEdges,
-    Stage, calibrate,
+    Remedy, Stage, calibrate,
 };
 
 const NO_NOISE: f64 = 0.0;
@@ -65,6 +66,73 @@ fn maximum_likelihood_is_exact_without_noise() {
     }
 }
 
+fn skew_freed() -> Options {
+    Options {
+        fixed: Fixed {
+            skew: false,
+            ..Fixed::default()
+        },
+        ..Options::default()
+    }
+}
+
+#[test]
+fn a_freed_skew_is_exact_without_noise() {
+    for seed in 0..20 {
+        let mut scene = Scene::random(seed, SceneOptions::default());
+        scene.camera = scene.camera.with_skew(10.0 - seed as f64);
+        let edges = scene.edges(0, NO_NOISE, SPACING);
+        let freed = calibrate(&edges, scene.size, &skew_freed()).unwrap();
+        let known = Options {
+            initial: Some(scene.camera),
+            ..Options::default()
+        };
+        let held = calibrate(&edges, scene.size, &known).unwrap();
+        assert_eq!(held.camera.skew(), scene.camera.skew());
+        assert_eq!(freed.parameters.last(), Some(&SKEW));
+        for found in [freed, held] {
+            let error = found.camera.camera_matrix() - scene.camera.camera_matrix();
+            assert!(error.amax() < 1e-8 * scene.camera.focal().x, "seed {seed}");
+        }
+    }
+    let scene = Scene::random(0, SceneOptions::default());
+    let linear = Options {
+        method: Method::Linear,
+        ..skew_freed()
+    };
+    let found = calibrate(&scene.edges(0, NO_NOISE, SPACING), scene.size, &linear);
+    assert!(matches!(found, Err(Error::InvalidArgument(_))));
+}
+
+/// A pinhole's: the shape of a radial distortion would tell the skew as well.
+#[test]
+fn two_directions_are_too_few_for_a_freed_skew() {
+    let mut refused = 0;
+    for seed in 0..10 {
+        let mut scene = Scene::random(seed, pinhole());
+        scene.poses[1].rotation = scene.poses[0].rotation;
+        let edges = scene.edges(seed, 0.1, SPACING);
+        let with = |options| Options {
+            model: BrownModel::None,
+            ..options
+        };
+        if calibrate(&edges, scene.size, &with(Options::default())).is_err() {
+            continue;
+        }
+        match calibrate(&edges, scene.size, &with(skew_freed())) {
+            Err(Error::IllConditioned(why)) => {
+                assert!(
+                    why.remedies.contains(&Remedy::HoldSkew),
+                    "seed {seed}: {why}"
+                );
+                refused += 1;
+            }
+            other => panic!("seed {seed}: {:?}", other.map(|found| found.std())),
+        }
+    }
+    assert!(refused >= 5, "{refused}");
+}
+
 #[test]
 fn errors_lie_within_the_stated_standard_deviations() {
     let (mut squares, mut count) = (0.0, 0.0);
@@ -120,6 +188,7 @@ fn fixed_parameters_need_fewer_planes() {
             principal_point,
             focal,
             distortion,
+            ..Fixed::default()
         },
         ..Options::default()
     };

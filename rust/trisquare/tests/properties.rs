@@ -72,12 +72,14 @@ fn options() -> impl Strategy<Value = Options> {
         Just(BrownModel::Radial3),
         Just(BrownModel::Brown),
     ];
-    let fixed = any::<[bool; 4]>().prop_map(|[aspect, principal_point, focal, distortion]| Fixed {
-        aspect,
-        principal_point,
-        focal,
-        distortion,
-    });
+    let fixed =
+        any::<[bool; 5]>().prop_map(|[aspect, principal_point, focal, distortion, skew]| Fixed {
+            aspect,
+            principal_point,
+            focal,
+            distortion,
+            skew,
+        });
     let initial = proptest::option::of(lens());
     (method, model, fixed, initial).prop_map(|(method, model, fixed, initial)| Options {
         method,

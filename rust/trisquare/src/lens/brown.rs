@@ -10,13 +10,16 @@ use super::line_derivatives::{LineDerivatives, hessian};
 use super::plane_distortion::{PlaneDistortion, PlanePixelRay, is_finite};
 use super::plane_inverse::Inverse;
 use super::{
-    Columns, INTRINSICS, Lens, LineDistance, MAX_LENS_COLUMNS, PointMaps, ProjectionJacobian,
+    Columns, INTRINSICS, Lens, LineDistance, MAX_LENS_COLUMNS, PointMaps, ProjectionJacobian, SKEW,
     covering_coefficients, radial,
 };
 use crate::image_size::ImageSize;
 
 /// Names of the parameters in the order of the Jacobian's columns.
-const NAMES: [&str; 9] = ["fx", "fy", "cx", "cy", "k1", "k2", "k3", "p1", "p2"];
+const NAMES: [&str; 10] = ["fx", "fy", "cx", "cy", "k1", "k2", "k3", "p1", "p2", SKEW];
+
+/// The column of the skew.
+const SKEW_COLUMN: usize = NAMES.len() - 1;
 
 /// What the coefficients `k1, k2, k3, p1, p2` multiply.
 const TERMS: [DistortionTerm; 5] = [
@@ -52,27 +55,40 @@ pub(super) fn coefficients_of(effects: &[Effect], lens: &impl Lens, size: ImageS
 /// Pinhole camera with Brown-Conrady distortion.
 ///
 /// `x_d = x (1 + k1 s + k2 s^2 + k3 s^3) + 2 p1 x y + p2 (s + 2 x^2)`, likewise `y_d`, with
-/// `s = x^2 + y^2` of the ideal point; the pixel is `(fx x_d + cx, fy y_d + cy)`
+/// `s = x^2 + y^2` of the ideal point; the pixel is `(fx x_d + skew y_d + cx, fy y_d + cy)`
 /// (D. C. Brown, Photogrammetric Engineering 32 (1966) 444-462; OpenCV's convention).
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Brown {
     /// `fx, fy, cx, cy` (pixels), `k1, k2, k3, p1, p2`.
     parameters: [f64; 9],
+    /// Pixels.
+    skew: f64,
     /// Ideal radius up to which the distortion is trusted, and at most monotonic.
     valid_radius: f64,
-    /// `1 / fx, 1 / fy`: every pixel asks for them.
-    inverse_focal: Vector2<f64>,
+    /// `A^-1`: every pixel asks for it.
+    inverse_focal: Matrix2<f64>,
 }
 
 impl Brown {
-    /// From `fx, fy, cx, cy, k1, k2, k3, p1, p2`.
+    /// From `fx, fy, cx, cy, k1, k2, k3, p1, p2`, without skew.
     pub fn new(parameters: [f64; 9]) -> Self {
         let [fx, fy, _, _, k1, k2, k3, p1, p2] = parameters;
         Self {
             parameters,
+            skew: 0.0,
             valid_radius: radial::invertible_radius([k1, k2, k3], [p1, p2]),
-            inverse_focal: Vector2::new(1.0 / fx, 1.0 / fy),
+            inverse_focal: Matrix2::new(1.0 / fx, 0.0, 0.0, 1.0 / fy),
+        }
+    }
+
+    /// The same with a skew, in pixels.
+    #[must_use]
+    pub fn with_skew(self, skew: f64) -> Self {
+        let skewed = Self { skew, ..self };
+        Self {
+            inverse_focal: skewed.inverse_focal_matrix(),
+            ..skewed
         }
     }
 }
@@ -142,7 +158,7 @@ impl Lens for Brown {
 
     fn from_camera_matrix(camera_matrix: &Matrix3<f64>) -> Self {
         let k = camera_matrix;
-        Self::new([k.m11, k.m22, k.m13, k.m23, 0.0, 0.0, 0.0, 0.0, 0.0])
+        Self::new([k.m11, k.m22, k.m13, k.m23, 0.0, 0.0, 0.0, 0.0, 0.0]).with_skew(k.m12)
     }
 
     /// With the forward coefficients `(k1, k2, k3)` that fit best over the radii which the image
@@ -166,7 +182,7 @@ impl Lens for Brown {
         for (k, value) in k.iter_mut().zip(found) {
             *k = value;
         }
-        Self::new([fx, fy, cx, cy, k[0], k[1], k[2], 0.0, 0.0])
+        Self::new([fx, fy, cx, cy, k[0], k[1], k[2], 0.0, 0.0]).with_skew(camera_matrix.m12)
     }
 
     fn intrinsics(&self) -> [f64; INTRINSICS] {
@@ -174,14 +190,18 @@ impl Lens for Brown {
         [fx, fy, cx, cy]
     }
 
+    fn skew(&self) -> f64 {
+        self.skew
+    }
+
     fn parameters(&self) -> Vec<f64> {
-        self.parameters.to_vec()
+        [&self.parameters[..], &[self.skew]].concat()
     }
 
     fn with_parameters(&self, parameters: &[f64]) -> Self {
         let mut values = self.parameters;
-        values.copy_from_slice(parameters);
-        Self::new(values)
+        values.copy_from_slice(&parameters[..SKEW_COLUMN]);
+        Self::new(values).with_skew(parameters[SKEW_COLUMN])
     }
 
     /// `k1, k2, p1, p2, k3`.
@@ -207,11 +227,11 @@ impl Lens for Brown {
 
     fn projection_jacobian(&self, pixel_ray: &PlanePixelRay) -> ProjectionJacobian {
         let shifts = TERMS.iter().map(|term| term.shift(&pixel_ray.ideal));
-        pixel_ray.projection_jacobian(&self.focal(), shifts)
+        pixel_ray.projection_jacobian(&self.focal_matrix(), shifts)
     }
 
     fn unproject_with_jacobian(&self, pixel: &Vector2<f64>) -> Option<PlanePixelRay> {
-        let distorted = (pixel - self.principal_point()).component_mul(&self.inverse_focal);
+        let distorted = self.inverse_focal * (pixel - self.principal_point());
         let ideal = self.undistort(&distorted)?;
         Some(PlanePixelRay::of(self, ideal, distorted))
     }
@@ -240,7 +260,7 @@ impl Lens for Brown {
     }
 
     /// The image of the disc of valid radius `R` reaches at least
-    /// `R (1 + k1 R^2 + ...) - 3 |q| R^2`, `q = (p2, p1)`, in every direction; the smaller focal
+    /// `R (1 + k1 R^2 + ...) - 3 |q| R^2`, `q = (p2, p1)`, in every direction; the least focal
     /// length makes it pixels.
     fn valid_pixel_radius(&self) -> f64 {
         let radius = self.valid_radius;
@@ -250,7 +270,7 @@ impl Lens for Brown {
         let [.., p1, p2] = self.parameters;
         let square = radius * radius;
         let reach = radius * self.radial_factor(square) - 3.0 * p1.hypot(p2) * square;
-        reach.max(0.0) * self.focal().min()
+        reach.max(0.0) * self.least_focal()
     }
 
     fn line_distance_and_normal(
@@ -274,7 +294,9 @@ impl Lens for Brown {
             hessian(u, (q, v), slopes, [p1, p2])
         });
         let mut wrt_lens = [0.0; MAX_LENS_COLUMNS];
-        wrt_lens[..INTRINSICS].copy_from_slice(&derivatives.intrinsics());
+        let by_matrix = derivatives.intrinsics();
+        wrt_lens[..INTRINSICS].copy_from_slice(&by_matrix.intrinsics);
+        wrt_lens[SKEW_COLUMN] = by_matrix.skew;
         wrt_lens[4] = derivatives.radial(s, 1.0);
         wrt_lens[5] = derivatives.radial(s * s, 2.0 * s);
         if wanted.contains(6) {

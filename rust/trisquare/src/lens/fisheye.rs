@@ -3,11 +3,12 @@
 use std::f64::consts::PI;
 use std::ops::Range;
 
-use nalgebra::{Matrix2, Matrix3, Matrix3x2, Vector2, Vector3};
+use nalgebra::{Matrix3, Matrix3x2, Vector2, Vector3};
 
+use super::line_derivatives::ByIntrinsics;
 use super::{
-    Columns, DistortionModel, INTRINSICS, Lens, LineDistance, MAX_LENS_COLUMNS, ProjectionJacobian,
-    covering_coefficients, sign_changes,
+    Columns, DistortionModel, INTRINSICS, Lens, LineDistance, MAX_LENS_COLUMNS, PointMaps,
+    ProjectionJacobian, SKEW, covering_coefficients, sign_changes,
 };
 use crate::image_size::ImageSize;
 
@@ -15,7 +16,11 @@ use crate::image_size::ImageSize;
 const COEFFICIENTS: usize = 4;
 
 /// Names of the parameters in the order of the Jacobian's columns.
-const NAMES: [&str; INTRINSICS + COEFFICIENTS] = ["fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4"];
+const NAMES: [&str; INTRINSICS + COEFFICIENTS + 1] =
+    ["fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4", SKEW];
+
+/// The column of the skew.
+const SKEW_COLUMN: usize = NAMES.len() - 1;
 
 /// Prior standard deviations of what each coefficient does where the field angle is one radian, as
 /// a part of it: the laws that lenses follow, from `sin` to `2 tan(theta / 2)`, have -1/6 to 1/12,
@@ -77,7 +82,8 @@ impl DistortionModel for FisheyeModel {
 
 /// A lens that maps the angle `theta` of a ray with the axis to the distance
 /// `theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8)` from the principal point, in
-/// units of the focal lengths.
+/// units of the focal lengths; the pixel of the observed point is `(fx x_d + skew y_d + cx, fy y_d +
+/// cy)`.
 ///
 /// J. Kannala & S. S. Brandt, IEEE Trans. Pattern Anal. Mach. Intell. 28 (2006) 1335-1340, without
 /// their asymmetric terms. Angles up to 180 degrees have their pixel.
@@ -86,13 +92,15 @@ impl DistortionModel for FisheyeModel {
 pub struct Fisheye {
     /// `fx, fy, cx, cy` (pixels), `k1, k2, k3, k4`.
     parameters: [f64; INTRINSICS + COEFFICIENTS],
+    /// Pixels.
+    skew: f64,
     /// The angle up to which the distance from the centre grows, radians.
     valid_angle: f64,
 }
 
 /// A pixel followed back, with what its derivatives need.
 ///
-/// With `w` the pixel in units of the focal lengths about the principal point and `s = |w|^2`, its
+/// With `w = A^-1 (p - c)` the observed point of the pixel and `s = |w|^2`, its
 /// unit ray is `(A w, C)`, `A = sin(theta) / |w|`, `C = cos(theta)`.
 #[derive(Debug, Clone, Copy)]
 pub struct FisheyePixelRay {
@@ -116,7 +124,7 @@ pub struct FisheyePixelRay {
 }
 
 impl Fisheye {
-    /// From `fx, fy, cx, cy, k1, k2, k3, k4`.
+    /// From `fx, fy, cx, cy, k1, k2, k3, k4`, without skew.
     pub fn new(parameters: [f64; INTRINSICS + COEFFICIENTS]) -> Self {
         let [.., k1, k2, k3, k4] = parameters;
         // Of the squared angle.
@@ -124,8 +132,15 @@ impl Fisheye {
         let falls = sign_changes(&slope, PI * PI).first().map(|t| t.sqrt());
         Self {
             parameters,
+            skew: 0.0,
             valid_angle: falls.unwrap_or(PI),
         }
+    }
+
+    /// The same with a skew, in pixels.
+    #[must_use]
+    pub fn with_skew(self, skew: f64) -> Self {
+        Self { skew, ..self }
     }
 
     fn coefficients(&self) -> [f64; COEFFICIENTS] {
@@ -278,7 +293,7 @@ impl Lens for Fisheye {
     }
 
     fn from_camera_matrix(k: &Matrix3<f64>) -> Self {
-        Self::new([k.m11, k.m22, k.m13, k.m23, 0.0, 0.0, 0.0, 0.0])
+        Self::new([k.m11, k.m22, k.m13, k.m23, 0.0, 0.0, 0.0, 0.0]).with_skew(k.m12)
     }
 
     /// With the coefficients that fit best over the radii which the image covers.
@@ -303,7 +318,7 @@ impl Lens for Fisheye {
             .iter_mut()
             .zip(found)
             .for_each(|(k, value)| *k = value);
-        Self::new(parameters)
+        Self::new(parameters).with_skew(plain.skew)
     }
 
     fn intrinsics(&self) -> [f64; INTRINSICS] {
@@ -311,14 +326,18 @@ impl Lens for Fisheye {
         [fx, fy, cx, cy]
     }
 
+    fn skew(&self) -> f64 {
+        self.skew
+    }
+
     fn parameters(&self) -> Vec<f64> {
-        self.parameters.to_vec()
+        [&self.parameters[..], &[self.skew]].concat()
     }
 
     fn with_parameters(&self, parameters: &[f64]) -> Self {
         let mut values = self.parameters;
-        values.copy_from_slice(parameters);
-        Self::new(values)
+        values.copy_from_slice(&parameters[..SKEW_COLUMN]);
+        Self::new(values).with_skew(parameters[SKEW_COLUMN])
     }
 
     /// `k1, k2, k3, k4`.
@@ -347,17 +366,19 @@ impl Lens for Fisheye {
         let theta = radius.atan2(point.z).min(self.valid_angle);
         let [factor, ..] = self.factor_slope_bend(theta);
         let w = point.xy() * (theta * factor / radius);
-        w.component_mul(&self.focal()) + self.principal_point()
+        self.focal_matrix() * w + self.principal_point()
     }
 
     fn projection_jacobian(&self, ray: &FisheyePixelRay) -> ProjectionJacobian {
         let mut jacobian = ProjectionJacobian::zeros();
+        jacobian[(0, SKEW_COLUMN)] = ray.w.y;
+        let offset = self.focal_matrix() * ray.w;
         for axis in 0..2 {
             jacobian[(axis, axis)] = ray.w[axis];
             jacobian[(axis, 2 + axis)] = 1.0;
             // The angle is that of the ray: the radius changes with it by theta^(2 i + 1).
-            let mut change = self.focal()[axis] * ray.w[axis] * ray.inverse_factor;
-            for column in INTRINSICS..NAMES.len() {
+            let mut change = offset[axis] * ray.inverse_factor;
+            for column in INTRINSICS..SKEW_COLUMN {
                 change *= ray.theta * ray.theta;
                 jacobian[(axis, column)] = change;
             }
@@ -366,7 +387,7 @@ impl Lens for Fisheye {
     }
 
     fn unproject_with_jacobian(&self, pixel: &Vector2<f64>) -> Option<FisheyePixelRay> {
-        let w = (pixel - self.principal_point()).component_div(&self.focal());
+        let w = self.normalised(pixel);
         let theta = self.angle(w.norm())?;
         let (sine, cosine) = theta.sin_cos();
         let [factor, slope, bend] = self.factor_slope_bend(theta);
@@ -390,8 +411,7 @@ impl Lens for Fisheye {
     }
 
     fn direction_jacobian(&self, ray: &FisheyePixelRay) -> Matrix3x2<f64> {
-        let by_pixel = Matrix2::from_diagonal(&self.focal().map(|f| 1.0 / f));
-        Self::ray_jacobian(ray) * by_pixel
+        Self::ray_jacobian(ray) * self.inverse_focal_matrix()
     }
 
     /// The field angle, radians.
@@ -412,7 +432,7 @@ impl Lens for Fisheye {
 
     fn valid_pixel_radius(&self) -> f64 {
         let [factor, ..] = self.factor_slope_bend(self.valid_angle);
-        self.valid_angle * factor * self.focal().min()
+        self.valid_angle * factor * self.least_focal()
     }
 
     fn line_distance_and_normal(
@@ -421,38 +441,42 @@ impl Lens for Fisheye {
         line: &Vector3<f64>,
     ) -> (f64, Vector2<f64>) {
         let (gradient, _) = Self::gradient(ray, line);
-        let gradient = gradient.component_div(&self.focal());
+        let gradient = self.inverse_focal_matrix().tr_mul(&gradient);
         let norm = gradient.norm();
         (line.dot(&self.direction(ray)) / norm, gradient / norm)
     }
 
-    /// With `g` the gradient of `n = l . ray` by `w`, the distance is `n / |g / f|`. The focal
-    /// lengths and the principal point move `w`, and the former divide `g` as well; a coefficient
-    /// changes `n` and `g` where they are.
+    /// With `g` the gradient of `n = l . ray` by `w`, the distance is `n / |A^-T g|`. The focal
+    /// lengths, the skew and the principal point move `w`, and all but the last divide `g` as well;
+    /// a coefficient changes `n` and `g` where they are.
     fn line_distance_jacobian(
         &self,
         ray: &FisheyePixelRay,
         line: &Vector3<f64>,
         wanted: Columns,
     ) -> LineDistance {
-        let inverse_focal = self.focal().map(f64::recip);
+        let inverse_focal = self.inverse_focal_matrix();
         let (gradient, change) = Self::gradient(ray, line);
-        let by_pixel = gradient.component_mul(&inverse_focal);
+        let by_pixel = inverse_focal.tr_mul(&gradient);
         let inverse_norm = by_pixel.norm().recip();
         let unit = self.direction(ray);
         let value = line.dot(&unit) * inverse_norm;
-        // d|g / f| = pull . dg
-        let pull = by_pixel.component_mul(&inverse_focal) * inverse_norm;
+        // d|A^-T g| = pull . dg
+        let pull = inverse_focal * by_pixel * inverse_norm;
         let moved = |dn: f64, dg: Vector2<f64>| (dn - value * pull.dot(&dg)) * inverse_norm;
         let mut wrt_lens = [0.0; MAX_LENS_COLUMNS];
-        for axis in 0..2 {
-            // The derivatives by w are linear in its step, which both make along this axis.
-            let step = Vector2::ith(axis, -inverse_focal[axis]);
-            let shifted = moved(gradient.dot(&step), change(step));
-            wrt_lens[2 + axis] = shifted;
-            let divided = value * pull[axis] * by_pixel[axis] * inverse_norm;
-            wrt_lens[axis] = ray.w[axis] * shifted + divided;
-        }
+        let by_step = |step: Vector2<f64>| moved(gradient.dot(&step), change(step));
+        let by_matrix = ByIntrinsics::new(
+            [
+                by_step(-inverse_focal.column(0)),
+                by_step(-inverse_focal.column(1)),
+            ],
+            ray.w,
+            by_pixel * (value * inverse_norm),
+            pull,
+        );
+        wrt_lens[..INTRINSICS].copy_from_slice(&by_matrix.intrinsics);
+        wrt_lens[SKEW_COLUMN] = by_matrix.skew;
         let mut power = 1.0;
         for index in 0..COEFFICIENTS {
             power *= ray.theta * ray.theta;
@@ -476,7 +500,7 @@ mod tests {
     use super::*;
 
     fn lens() -> Fisheye {
-        Fisheye::new([420.0, 424.0, 652.0, 471.0, 0.03, -0.012, 0.004, -0.0004])
+        Fisheye::new([420.0, 424.0, 652.0, 471.0, 0.03, -0.012, 0.004, -0.0004]).with_skew(15.0)
     }
 
     /// Pixels from the axis to far beyond 90 degrees.
@@ -534,7 +558,8 @@ mod tests {
                 assert!(error < 1e-6 * found.wrt_line.norm(), "{pixel} line {i}");
             }
             for i in 0..NAMES.len() {
-                let step = if i < INTRINSICS { 1e-3 } else { 1e-7 };
+                let in_pixels = i < INTRINSICS || i == SKEW_COLUMN;
+                let step = if in_pixels { 1e-3 } else { 1e-7 };
                 let moved = |by: f64| {
                     let mut parameters = lens.parameters();
                     parameters[i] += by;

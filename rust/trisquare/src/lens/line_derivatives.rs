@@ -1,13 +1,14 @@
 //! How the distance of a pixel to the image of a line follows the parameters of a lens that bends
 //! the normalised plane.
 
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{Matrix2, Vector2, Vector3};
 
+use super::INTRINSICS;
 use super::plane_distortion::PlanePixelRay;
 
 /// The distance of a pixel to the image of a line `l`, ready to be differentiated.
 ///
-/// With `u` the ideal point, `J = du_d/du`, `q = J^-T (l1, l2)` and `G = q / f`, the distance is
+/// With `u` the ideal point, `J = du_d/du`, `q = J^-T (l1, l2)` and `G = A^-T q`, the distance is
 /// `n / |G|`, `n = l . (u, 1)`. A parameter moves `u` (the pixel stays) by `-J^-1 du_d`, hence
 /// `dn = -q . du_d`; and `J^T q = (l1, l2)` gives `dq = -J^-T (d(J^T) q)`, where the change of
 /// `J^T q` at constant `q` is the gradient of `q . u_d`, differentiated by the parameter, plus its
@@ -18,12 +19,15 @@ pub(super) struct LineDerivatives {
     u: Vector2<f64>,
     distorted: Vector2<f64>,
     square: f64,
-    inverse_focal: Vector2<f64>,
+    /// `A^-1`.
+    inverse_focal: Matrix2<f64>,
     line: Vector2<f64>,
     q: Vector2<f64>,
     /// `q . u`.
     qu: f64,
     gradient: Vector2<f64>,
+    /// `A^-1 G / |G|`.
+    along: Vector2<f64>,
     inverse_norm: f64,
     /// `d|G| = pull . d(J^T q)`: its change, contracted.
     pull: Vector2<f64>,
@@ -37,16 +41,17 @@ impl LineDerivatives {
     pub fn new(
         ray: &PlanePixelRay,
         line: &Vector3<f64>,
-        inverse_focal: &Vector2<f64>,
+        inverse_focal: &Matrix2<f64>,
         hessian: impl Fn(Vector2<f64>, Vector2<f64>) -> Vector2<f64>,
     ) -> Self {
         let u = ray.ideal;
         let q = ray.inverse.tr_mul(&line.xy());
-        let gradient = q.component_mul(inverse_focal);
+        let gradient = inverse_focal.tr_mul(&q);
         let inverse_norm = 1.0 / gradient.norm();
         let numerator = line.xy().dot(&u) + line.z;
-        // d|G| = G . dG / |G| = (G / f) . dq / |G| + ...
-        let pull = ray.inverse * (gradient * inverse_norm).component_mul(inverse_focal);
+        // d|G| = G . dG / |G| = (A^-1 G) . dq / |G| + ...
+        let along = inverse_focal * (gradient * inverse_norm);
+        let pull = ray.inverse * along;
         Self {
             value: numerator * inverse_norm,
             u,
@@ -57,6 +62,7 @@ impl LineDerivatives {
             q,
             qu: q.dot(&u),
             gradient,
+            along,
             inverse_norm,
             pull,
             // -(H pull) . du with H symmetric and du = -J^-1 d(u_d).
@@ -101,28 +107,20 @@ impl LineDerivatives {
         )
     }
 
-    /// By `fx, fy, cx, cy`, which move the observed point: the pixel is fixed, `u_d = (p - c) / f`
-    /// changes.
+    /// By `fx, fy, cx, cy` and the skew, which move the observed point: the pixel is fixed, `u_d =
+    /// A^-1 (p - c)` changes.
     #[inline]
-    pub fn intrinsics(&self) -> [f64; 4] {
-        let moved = |axis: usize, amount: f64| {
-            let mut shift = Vector2::zeros();
-            shift[axis] = -amount;
-            self.column(shift, Vector2::zeros())
-        };
-        // G = q / f also holds f itself.
-        let focal = |axis: usize| {
-            let (inverse_focal, gradient) = (self.inverse_focal[axis], self.gradient[axis]);
-            let unit = gradient * self.inverse_norm;
-            moved(axis, -self.distorted[axis] * inverse_focal)
-                + self.value * self.inverse_norm * unit * gradient * inverse_focal
-        };
-        [
-            focal(0),
-            focal(1),
-            moved(0, -self.inverse_focal.x),
-            moved(1, -self.inverse_focal.y),
-        ]
+    pub fn intrinsics(&self) -> ByIntrinsics {
+        let a = &self.inverse_focal;
+        ByIntrinsics::new(
+            [
+                self.column(Vector2::new(a.m11, a.m21), Vector2::zeros()),
+                self.column(Vector2::new(a.m12, a.m22), Vector2::zeros()),
+            ],
+            self.distorted,
+            self.gradient * (self.value * self.inverse_norm),
+            self.along,
+        )
     }
 
     /// By a centre of distortion at `e`, of a pixel near the line: `u_d = e + d(u - e)`, so
@@ -139,6 +137,36 @@ impl LineDerivatives {
         let along = self.u.push(1.0) * self.inverse_norm;
         let bent = self.pull * (self.value * self.inverse_norm);
         along - Vector3::new(bent.x, bent.y, 0.0)
+    }
+}
+
+/// The derivatives of a distance `n / |G|` by the camera matrix.
+pub(super) struct ByIntrinsics {
+    /// By `fx, fy, cx, cy`.
+    pub intrinsics: [f64; INTRINSICS],
+    /// By the skew.
+    pub skew: f64,
+}
+
+impl ByIntrinsics {
+    /// From the derivatives by the principal point, the observed point, `G n / |G|^2` and
+    /// `A^-1 G / |G|`.
+    ///
+    /// An entry `(i, j)` of `A` moves the pixel of `u_d` as `c_i` does, `u_d_j` times as far, and
+    /// `G = A^-T q` by `-A^-T e_j G_i`.
+    #[inline]
+    pub fn new(
+        by_centre: [f64; 2],
+        observed: Vector2<f64>,
+        gradient: Vector2<f64>,
+        along: Vector2<f64>,
+    ) -> Self {
+        let entry = |i: usize, j: usize| observed[j] * by_centre[i] + gradient[i] * along[j];
+        let [x, y] = by_centre;
+        Self {
+            intrinsics: [entry(0, 0), entry(1, 1), x, y],
+            skew: entry(0, 1),
+        }
     }
 }
 

@@ -44,7 +44,7 @@ pub use undistortion_map::{UndistortionMap, largest_rectangle};
 use std::fmt::Debug;
 use std::ops::Range;
 
-use nalgebra::{Matrix2x3, Matrix3, Matrix3x2, SMatrix, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix2x3, Matrix3, Matrix3x2, SMatrix, Vector2, Vector3};
 
 use crate::image_size::ImageSize;
 
@@ -52,11 +52,14 @@ use crate::image_size::ImageSize;
 pub type DefaultLens = Brown;
 
 /// Parameters of every lens that come first: `fx, fy, cx, cy`. Those that follow are its
-/// distortion coefficients.
+/// distortion coefficients, and [`SKEW`] where it has that.
 pub const INTRINSICS: usize = 4;
 
 /// Room for the parameters of any lens and the two offsets of its centre of distortion.
-pub const MAX_LENS_COLUMNS: usize = 18;
+pub const MAX_LENS_COLUMNS: usize = 19;
+
+/// Name of the parameter that turns the columns of the sensor against its rows, pixels: the last.
+pub const SKEW: &str = "skew";
 
 /// Derivatives of a pixel by the lens parameters; columns that a lens has no parameter for are
 /// zero.
@@ -126,7 +129,8 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
     type Model: DistortionModel;
 
     /// Names of the parameters, in the order of the Jacobian's columns: `fx, fy, cx, cy`, then the
-    /// distortion coefficients. At most [`MAX_LENS_COLUMNS`], the centre's columns included.
+    /// distortion coefficients, then [`SKEW`] if it has one. At most [`MAX_LENS_COLUMNS`], the
+    /// centre's columns included.
     fn parameter_names() -> &'static [&'static str];
 
     /// The two columns after the parameters' that move the centre of distortion away from the
@@ -152,6 +156,18 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
 
     /// `fx, fy, cx, cy`, in pixels.
     fn intrinsics(&self) -> [f64; INTRINSICS];
+
+    /// The skew, in pixels; zero of a lens without that parameter.
+    fn skew(&self) -> f64 {
+        0.0
+    }
+
+    /// The column of the skew, if the lens has that parameter.
+    fn skew_column() -> Option<usize> {
+        Self::parameter_names()
+            .iter()
+            .position(|name| *name == SKEW)
+    }
 
     /// The parameters' values, in the order of their names.
     fn parameters(&self) -> Vec<f64>;
@@ -261,10 +277,29 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
         Vector2::new(cx, cy)
     }
 
-    /// The camera matrix `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`.
+    /// `A = [[fx, skew], [0, fy]]`: the pixel is `A u_d + c` of the observed point `u_d`.
+    fn focal_matrix(&self) -> Matrix2<f64> {
+        let [fx, fy, ..] = self.intrinsics();
+        Matrix2::new(fx, self.skew(), 0.0, fy)
+    }
+
+    /// `A^-1`.
+    fn inverse_focal_matrix(&self) -> Matrix2<f64> {
+        let [fx, fy, ..] = self.intrinsics();
+        Matrix2::new(1.0 / fx, -self.skew() / (fx * fy), 0.0, 1.0 / fy)
+    }
+
+    /// The smallest number of pixels that a unit of observed points becomes in any direction: the
+    /// smaller singular value of `A`.
+    fn least_focal(&self) -> f64 {
+        let ([fx, fy, ..], skew) = (self.intrinsics(), self.skew());
+        fx * fy / (0.5 * ((fx + fy).hypot(skew) + (fx - fy).hypot(skew)))
+    }
+
+    /// The camera matrix `[[fx, skew, cx], [0, fy, cy], [0, 0, 1]]`.
     fn camera_matrix(&self) -> Matrix3<f64> {
         let [fx, fy, cx, cy] = self.intrinsics();
-        Matrix3::new(fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0)
+        Matrix3::new(fx, self.skew(), cx, 0.0, fy, cy, 0.0, 0.0, 1.0)
     }
 
     /// The same distortion with another camera matrix.
@@ -273,6 +308,9 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
         let k = camera_matrix;
         let mut parameters = self.parameters();
         parameters[..INTRINSICS].copy_from_slice(&[k.m11, k.m22, k.m13, k.m23]);
+        if let Some(column) = Self::skew_column() {
+            parameters[column] = k.m12;
+        }
         self.with_parameters(&parameters)
     }
 
@@ -321,7 +359,8 @@ mod tests {
                 assert!((jacobian.wrt_line[i] - expected).abs() < 1e-7 * scale);
             }
             for i in 0..L::parameter_names().len() {
-                let scale = if i < 4 { 1.0 } else { 1000.0 };
+                let in_pixels = i < INTRINSICS || L::skew_column() == Some(i);
+                let scale = if in_pixels { 1.0 } else { 1000.0 };
                 let moved = |h: f64| {
                     let mut parameters = lens.parameters();
                     parameters[i] += h / scale;
@@ -352,15 +391,48 @@ mod tests {
 
     #[test]
     fn jacobians_agree_with_central_differences() {
-        check_jacobians(&Brown::new([
+        let brown = Brown::new([
             1000.0, 1010.0, 640.0, 470.0, -0.25, 0.12, -0.03, 0.002, -0.001,
-        ]));
+        ]);
         let intrinsics = [1000.0, 1010.0, 640.0, 470.0];
         let coefficients = [
             -0.1, 0.05, 0.01, 0.15, -0.03, 0.02, 0.02, -0.01, 3e-2, -2e-2, 1e-2, 4e-2,
         ];
-        check_jacobians(&Rational::new(intrinsics, &coefficients[..8]));
-        check_jacobians(&ThinPrism::new(intrinsics, &coefficients));
+        for skew in [0.0, 40.0] {
+            check_jacobians(&brown.with_skew(skew));
+            check_jacobians(&Rational::new(intrinsics, &coefficients[..8]).with_skew(skew));
+            check_jacobians(&ThinPrism::new(intrinsics, &coefficients).with_skew(skew));
+        }
+    }
+
+    fn check_skew<L: Lens>(lens: &L) {
+        let camera_matrix = Matrix3::new(900.0, 40.0, 630.0, 0.0, 905.0, 480.0, 0.0, 0.0, 1.0);
+        let skewed = lens.with_camera_matrix(&camera_matrix);
+        assert_eq!(skewed.camera_matrix(), camera_matrix);
+        assert_eq!(
+            L::from_camera_matrix(&camera_matrix).camera_matrix(),
+            camera_matrix
+        );
+        assert_eq!(skewed.with_parameters(&skewed.parameters()), skewed);
+        let unskewed = lens.with_camera_matrix(&Matrix3::identity());
+        let point = Vector3::new(0.3, -0.4, 1.0);
+        let seen = camera_matrix * unskewed.project(&point).unwrap().push(1.0);
+        assert!((skewed.project(&point).unwrap() - seen.xy()).norm() < 1e-9);
+        let back = skewed.unproject(&seen.xy()).unwrap();
+        assert!((back - point.normalize()).norm() < 1e-12);
+    }
+
+    #[test]
+    fn the_pixel_is_the_camera_matrix_times_the_observed_point() {
+        let intrinsics = [1000.0, 1010.0, 640.0, 470.0];
+        check_skew(&Brown::new([
+            1000.0, 1010.0, 640.0, 470.0, -0.25, 0.12, -0.03, 0.002, -0.001,
+        ]));
+        check_skew(&Rational::new(intrinsics, &[-0.1, 0.05, 0.0, 0.1]));
+        check_skew(&ThinPrism::new(intrinsics, &[-0.1, 0.05]));
+        check_skew(&Fisheye::new([
+            1000.0, 1010.0, 640.0, 470.0, 0.03, -0.01, 0.0, 0.0,
+        ]));
     }
 
     #[test]

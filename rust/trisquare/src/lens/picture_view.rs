@@ -2,7 +2,7 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use super::{DefaultLens, Lens};
+use super::Lens;
 
 /// Which surface about the camera's centre a picture is laid on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,8 +28,8 @@ pub struct PictureView {
 }
 
 impl PictureView {
-    /// What a pinhole sees.
-    pub fn pinhole(lens: &DefaultLens) -> Self {
+    /// What a pinhole of a lens's focal lengths and principal point sees, without skew.
+    pub fn pinhole(lens: &impl Lens) -> Self {
         Self {
             surface: Surface::Plane,
             focal: lens.focal(),
@@ -37,9 +37,19 @@ impl PictureView {
         }
     }
 
+    /// The surface's coordinates of a pixel.
+    pub(super) fn normalised(&self, pixel: &Vector2<f64>) -> Vector2<f64> {
+        (pixel - self.centre).component_div(&self.focal)
+    }
+
+    /// The pixel of a place on the surface.
+    pub(super) fn pixel_of(&self, place: &Vector2<f64>) -> Vector2<f64> {
+        place.component_mul(&self.focal) + self.centre
+    }
+
     /// The direction that a pixel shows, of any length.
     pub fn direction(&self, pixel: &Vector2<f64>) -> Vector3<f64> {
-        let place = (pixel - self.centre).component_div(&self.focal);
+        let place = self.normalised(pixel);
         match self.surface {
             Surface::Plane => place.push(1.0),
             Surface::Cylinder => Vector3::new(place.x.sin(), place.y, place.x.cos()),
@@ -64,7 +74,7 @@ impl PictureView {
             Surface::Cylinder => Vector2::new(longitude, direction.y / across),
             Surface::Sphere => Vector2::new(longitude, direction.y.atan2(across)),
         };
-        let pixel = place.component_mul(&self.focal) + self.centre;
+        let pixel = self.pixel_of(&place);
         (pixel.x.is_finite() && pixel.y.is_finite()).then_some(pixel)
     }
 }

@@ -79,29 +79,29 @@ impl PlanePixelRay {
         self.ideal.push(1.0)
     }
 
-    /// The derivative of the direction by the pixel; `inverse_focal` is `1 / fx, 1 / fy`.
-    pub(super) fn direction_jacobian(&self, inverse_focal: &Vector2<f64>) -> Matrix3x2<f64> {
-        (self.inverse * Matrix2::from_diagonal(inverse_focal)).insert_row(2, 0.0)
+    /// The derivative of the direction by the pixel; `inverse_focal` is `A^-1`.
+    pub(super) fn direction_jacobian(&self, inverse_focal: &Matrix2<f64>) -> Matrix3x2<f64> {
+        (self.inverse * inverse_focal).insert_row(2, 0.0)
     }
 
     /// Signed distance in pixels to the image of a line, and the unit normal of the image.
     pub(super) fn line_distance_and_normal(
         &self,
         line: &Vector3<f64>,
-        inverse_focal: &Vector2<f64>,
+        inverse_focal: &Matrix2<f64>,
     ) -> (f64, Vector2<f64>) {
         let gradient = self.inverse.tr_mul(&line.xy());
-        let gradient = gradient.component_mul(inverse_focal);
+        let gradient = inverse_focal.tr_mul(&gradient);
         let norm = gradient.norm();
         let distance = (line.xy().dot(&self.ideal) + line.z) / norm;
         (distance, gradient / norm)
     }
 
-    /// The derivative of the pixel `f u_d + c` by `fx, fy, cx, cy` and by coefficients, each of
-    /// which moves the observed point by its shift.
+    /// The derivative of the pixel `A u_d + c` by `fx, fy, cx, cy`, by coefficients, each of which
+    /// moves the observed point by its shift, and by the skew.
     pub(super) fn projection_jacobian(
         &self,
-        focal: &Vector2<f64>,
+        focal: &Matrix2<f64>,
         shifts: impl Iterator<Item = Vector2<f64>>,
     ) -> ProjectionJacobian {
         let mut jacobian = ProjectionJacobian::zeros();
@@ -109,9 +109,12 @@ impl PlanePixelRay {
             jacobian[(axis, axis)] = self.distorted[axis];
             jacobian[(axis, 2 + axis)] = 1.0;
         }
-        for (i, shift) in shifts.enumerate() {
-            jacobian.set_column(super::INTRINSICS + i, &shift.component_mul(focal));
+        let mut column = super::INTRINSICS;
+        for shift in shifts {
+            jacobian.set_column(column, &(focal * shift));
+            column += 1;
         }
+        jacobian[(0, column)] = self.distorted.y;
         jacobian
     }
 }

@@ -64,12 +64,12 @@ pub trait PointMaps: Lens {
 
     /// The normalised point of a pinhole's pixel.
     fn normalised(&self, pixel: &Vector2<f64>) -> Vector2<f64> {
-        (pixel - self.principal_point()).component_div(&self.focal())
+        self.inverse_focal_matrix() * (pixel - self.principal_point())
     }
 
     /// A pinhole's pixel of a normalised point.
     fn pixel_of(&self, point: &Vector2<f64>) -> Vector2<f64> {
-        point.component_mul(&self.focal()) + self.principal_point()
+        self.focal_matrix() * point + self.principal_point()
     }
 }
 

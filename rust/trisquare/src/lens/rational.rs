@@ -13,7 +13,8 @@ use super::plane_inverse::Inverse;
 use super::rational_model::{OpenCvModel, RationalModel, ThinPrismModel};
 use super::rational_radius::rational_radius;
 use super::{
-    Brown, Columns, INTRINSICS, Lens, LineDistance, MAX_LENS_COLUMNS, PointMaps, ProjectionJacobian,
+    Brown, Columns, INTRINSICS, Lens, LineDistance, MAX_LENS_COLUMNS, PointMaps,
+    ProjectionJacobian, SKEW,
 };
 use crate::image_size::ImageSize;
 
@@ -21,8 +22,12 @@ use crate::image_size::ImageSize;
 const COEFFICIENTS: usize = 12;
 
 /// Names of the parameters in the order of the Jacobian's columns.
-const NAMES: [&str; INTRINSICS + COEFFICIENTS] = [
+const RATIONAL_NAMES: [&str; 13] = [
+    "fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", SKEW,
+];
+const NAMES: [&str; INTRINSICS + COEFFICIENTS + 1] = [
     "fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "s1", "s2", "s3", "s4",
+    SKEW,
 ];
 
 /// Where OpenCV has the coefficients, in the order of the parameters.
@@ -65,13 +70,16 @@ pub type ThinPrism = OpenCvLens<ThinPrismModel>;
 ///
 /// `x_d = x (1 + k1 s + k2 s^2 + k3 s^3) / (1 + k4 s + k5 s^2 + k6 s^3) + 2 p1 x y +
 /// p2 (s + 2 x^2) + s1 s + s2 s^2`, likewise `y_d` with `s3, s4`, and `s = x^2 + y^2` of the ideal
-/// point; the pixel is `(fx x_d + cx, fy y_d + cy)` (OpenCV's documentation of `calib3d`; the prism
-/// terms by J. Weng, P. Cohen & M. Herniou, IEEE PAMI 14 (1992) 965-980).
+/// point; the pixel is `(fx x_d + skew y_d + cx, fy y_d + cy)` (OpenCV's documentation of `calib3d`,
+/// which has no skew; the prism terms by J. Weng, P. Cohen & M. Herniou, IEEE PAMI 14 (1992)
+/// 965-980).
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct OpenCvLens<M> {
     /// `fx, fy, cx, cy`, pixels.
     intrinsics: [f64; INTRINSICS],
+    /// Pixels.
+    skew: f64,
     /// In OpenCV's order, with a sensor that is not tilted; those that the lens has not are zero.
     coefficients: [f64; 14],
     /// Ideal radius up to which the distortion is trusted, and at most monotonic.
@@ -81,7 +89,7 @@ pub struct OpenCvLens<M> {
 
 impl<M: OpenCvModel> OpenCvLens<M> {
     /// From `fx, fy, cx, cy` and the coefficients that the lens has, of `k1` to `k6`, `p1, p2`,
-    /// `s1` to `s4`; what is missing is zero.
+    /// `s1` to `s4`; what is missing is zero, as the skew.
     pub fn new(intrinsics: [f64; INTRINSICS], given: &[f64]) -> Self {
         let mut coefficients = [0.0; 14];
         for (place, value) in PLACES[..M::COEFFICIENTS].iter().zip(given) {
@@ -91,6 +99,7 @@ impl<M: OpenCvModel> OpenCvLens<M> {
         untilted.copy_from_slice(&coefficients[..COEFFICIENTS]);
         Self {
             intrinsics,
+            skew: 0.0,
             coefficients,
             valid_radius: rational_radius(&untilted),
             model: PhantomData,
@@ -105,9 +114,10 @@ impl<M: OpenCvModel> OpenCvLens<M> {
         }
     }
 
-    fn inverse_focal(&self) -> Vector2<f64> {
-        let [fx, fy, ..] = self.intrinsics;
-        Vector2::new(1.0 / fx, 1.0 / fy)
+    /// The same with a skew, in pixels.
+    #[must_use]
+    pub fn with_skew(self, skew: f64) -> Self {
+        Self { skew, ..self }
     }
 }
 
@@ -145,16 +155,19 @@ impl<M: OpenCvModel> Lens for OpenCvLens<M> {
     type Model = M;
 
     fn parameter_names() -> &'static [&'static str] {
-        &NAMES[..INTRINSICS + M::COEFFICIENTS]
+        match M::COEFFICIENTS {
+            COEFFICIENTS => &NAMES,
+            _ => &RATIONAL_NAMES,
+        }
     }
 
     fn centre_columns() -> Range<usize> {
-        let count = INTRINSICS + M::COEFFICIENTS;
+        let count = Self::parameter_names().len();
         count..count + 2
     }
 
     fn from_camera_matrix(k: &Matrix3<f64>) -> Self {
-        Self::new([k.m11, k.m22, k.m13, k.m23], &[])
+        Self::new([k.m11, k.m22, k.m13, k.m23], &[]).with_skew(k.m12)
     }
 
     /// Brown's lens of the same straightening.
@@ -170,23 +183,29 @@ impl<M: OpenCvModel> Lens for OpenCvLens<M> {
             brown.intrinsics(),
             &[distortion[0], distortion[1], distortion[4]],
         )
+        .with_skew(brown.skew())
     }
 
     fn intrinsics(&self) -> [f64; INTRINSICS] {
         self.intrinsics
     }
 
+    fn skew(&self) -> f64 {
+        self.skew
+    }
+
     fn parameters(&self) -> Vec<f64> {
         let places = PLACES[..M::COEFFICIENTS].iter();
         let coefficients = places.map(|place| self.coefficients[*place]);
-        self.intrinsics.into_iter().chain(coefficients).collect()
+        let first = self.intrinsics.into_iter().chain(coefficients);
+        first.chain([self.skew]).collect()
     }
 
     fn with_parameters(&self, parameters: &[f64]) -> Self {
-        let (first, coefficients) = parameters.split_at(INTRINSICS);
+        let (first, others) = parameters.split_at(INTRINSICS);
         let mut intrinsics = self.intrinsics;
         intrinsics.copy_from_slice(first);
-        Self::new(intrinsics, coefficients)
+        Self::new(intrinsics, &others[..M::COEFFICIENTS]).with_skew(others[M::COEFFICIENTS])
     }
 
     /// `k1, k2, p1, p2, k3, k4, k5, k6`, and `s1, s2, s3, s4` of a lens that has them.
@@ -222,7 +241,7 @@ impl<M: OpenCvModel> Lens for OpenCvLens<M> {
             .chain(under)
             .chain(tangential.map(|term| term.shift(&u)))
             .chain(prism.map(|(axis, shift)| Vector2::ith(axis, shift)));
-        ray.projection_jacobian(&self.focal(), shifts.take(M::COEFFICIENTS))
+        ray.projection_jacobian(&self.focal_matrix(), shifts.take(M::COEFFICIENTS))
     }
 
     fn unproject_with_jacobian(&self, pixel: &Vector2<f64>) -> Option<PlanePixelRay> {
@@ -236,7 +255,7 @@ impl<M: OpenCvModel> Lens for OpenCvLens<M> {
     }
 
     fn direction_jacobian(&self, ray: &PlanePixelRay) -> Matrix3x2<f64> {
-        ray.direction_jacobian(&self.inverse_focal())
+        ray.direction_jacobian(&self.inverse_focal_matrix())
     }
 
     fn valid_radius(&self) -> f64 {
@@ -256,7 +275,7 @@ impl<M: OpenCvModel> Lens for OpenCvLens<M> {
 
     /// The image of the disc of valid radius `R` reaches at least
     /// `R F(R^2) - 3 |p| R^2 - |(s1, s3)| R^2 - |(s2, s4)| R^4` in every direction, `F` being the
-    /// radial factor; the smaller focal length makes it pixels.
+    /// radial factor; the least focal length makes it pixels.
     fn valid_pixel_radius(&self) -> f64 {
         let radius = self.valid_radius;
         if radius.is_infinite() {
@@ -266,7 +285,7 @@ impl<M: OpenCvModel> Lens for OpenCvLens<M> {
         let square = radius * radius;
         let displaced = 3.0 * p1.hypot(p2) + s1.hypot(s3) + s2.hypot(s4) * square;
         let reach = radius * self.radial_factor(square) - displaced * square;
-        reach.max(0.0) * self.focal().min()
+        reach.max(0.0) * self.least_focal()
     }
 
     fn line_distance_and_normal(
@@ -274,7 +293,7 @@ impl<M: OpenCvModel> Lens for OpenCvLens<M> {
         ray: &PlanePixelRay,
         line: &Vector3<f64>,
     ) -> (f64, Vector2<f64>) {
-        ray.line_distance_and_normal(line, &self.inverse_focal())
+        ray.line_distance_and_normal(line, &self.inverse_focal_matrix())
     }
 
     fn line_distance_jacobian(
@@ -288,13 +307,15 @@ impl<M: OpenCvModel> Lens for OpenCvLens<M> {
         let [below, factor, slope, curvature] = self.radial().at(s);
         let prism_slope = Vector2::new(s1 + 2.0 * s2 * s, s3 + 2.0 * s4 * s);
         let prism_bend = Vector2::new(s2, s4) * 2.0;
-        let derivatives = LineDerivatives::new(ray, line, &self.inverse_focal(), |q, v| {
+        let derivatives = LineDerivatives::new(ray, line, &self.inverse_focal_matrix(), |q, v| {
             hessian(u, (q, v), (slope, curvature), [p1, p2])
                 + v * (2.0 * q.dot(&prism_slope))
                 + u * (4.0 * q.dot(&prism_bend) * u.dot(&v))
         });
         let mut wrt_lens = [0.0; MAX_LENS_COLUMNS];
-        wrt_lens[..INTRINSICS].copy_from_slice(&derivatives.intrinsics());
+        let by_matrix = derivatives.intrinsics();
+        wrt_lens[..INTRINSICS].copy_from_slice(&by_matrix.intrinsics);
+        wrt_lens[INTRINSICS + M::COEFFICIENTS] = by_matrix.skew;
         let below_slope = k4 + s * (2.0 * k5 + s * 3.0 * k6);
         // `s^n / B` and `-F s^n / B`, with their derivatives by `s`.
         let mut power = 1.0;
@@ -345,8 +366,9 @@ mod tests {
         assert_eq!(lens::<ThinPrismModel>().distortion(), all);
         assert_eq!(lens::<RationalModel>().distortion(), all[..8]);
         let parameters = lens::<ThinPrismModel>().parameters();
-        assert_eq!(parameters[INTRINSICS..], SOME);
-        let again = lens::<RationalModel>().with_parameters(&parameters[..12]);
+        assert_eq!(parameters[INTRINSICS..16], SOME);
+        let first = [&parameters[..12], &[0.0]].concat();
+        let again = lens::<RationalModel>().with_parameters(&first);
         assert_eq!(again, lens());
     }
 

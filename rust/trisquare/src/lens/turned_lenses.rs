@@ -156,6 +156,7 @@ mod tests {
         check_derivatives(&first, &wide);
         check_derivatives(&wide, &second);
         check_derivatives(&wide, &wide);
+        check_derivatives(&first.with_skew(10.0), &wide.with_skew(-8.0));
     }
 
     fn check_derivatives<A: Lens, B: Lens>(first: &A, second: &B) {

@@ -3,13 +3,13 @@
 //! A pinhole with the photograph's own camera matrix would show a part of the scene that leaves
 //! black corners, or cuts off what the lens has bent outward. The view chosen here keeps the size
 //! of the picture and the shape of its pixels (`fy / fx`); what is chosen is its zoom and its
-//! principal point. In ideal pixels (those of a pinhole with the photograph's camera matrix) the
-//! two extremes are rectangles of the picture's shape: the smallest round the outline of what the
+//! principal point; it has no skew. In ideal pixels (those of a pinhole with the photograph's focal
+//! lengths and principal point) the two extremes are rectangles of the picture's shape: the smallest round the outline of what the
 //! photograph shows, and the largest inside it.
 
 use nalgebra::{Matrix3, Vector2};
 
-use super::{DefaultLens, Lens, PointMaps};
+use super::{DefaultLens, Lens, PictureView, PointMaps};
 use crate::error::Error;
 use crate::image_size::ImageSize;
 
@@ -62,7 +62,7 @@ pub trait UndistortedView: Lens {
                 "balance must be from 0 to 1, not {balance}"
             )));
         }
-        let pinhole = DefaultLens::from_camera_matrix(&self.camera_matrix());
+        let pinhole = DefaultLens::from_camera_matrix(&self.camera_matrix()).with_skew(0.0);
         let is_one_pixel = size.width == 1 && size.height == 1;
         if is_one_pixel || self.valid_pixel_radius().is_infinite() && !bends(self) {
             return Ok(pinhole);
@@ -77,8 +77,9 @@ pub trait UndistortedView: Lens {
 
 impl<L: Lens> UndistortedView for L {}
 
+/// Whether a pinhole without skew sees otherwise.
 fn bends(lens: &impl Lens) -> bool {
-    lens.distortion().iter().any(|c| *c != 0.0)
+    lens.skew() != 0.0 || lens.distortion().iter().any(|c| *c != 0.0)
 }
 
 /// The ideal radius up to which a view shows anything.
@@ -106,7 +107,8 @@ fn outline<L: Lens>(lens: &L, size: ImageSize) -> Vec<Vector2<f64>> {
             seen.is_some_and(|pixel| size.contains(&pixel, 0.0))
         });
     let ideal = border.chain(rim);
-    ideal.map(|ideal| lens.pixel_of(&ideal)).collect()
+    let view = PictureView::pinhole(lens);
+    ideal.map(|ideal| view.pixel_of(&ideal)).collect()
 }
 
 /// The largest rectangle inside an outline, to a part of [`TOLERANCE`], near the centre of the
@@ -187,7 +189,7 @@ fn largest_inside<L: Lens>(
 
 /// Whether an ideal pixel is within the rim, and seen in the photograph.
 fn shows<L: Lens>(lens: &L, ideal_pixel: &Vector2<f64>, size: ImageSize) -> bool {
-    let ideal = lens.normalised(ideal_pixel);
+    let ideal = PictureView::pinhole(lens).normalised(ideal_pixel);
     let to_rim = (rim(lens) - ideal.norm()) * lens.focal().min();
     let seen = lens.project(&ideal.push(1.0));
     to_rim >= ON_THE_BORDER && seen.is_some_and(|pixel| size.contains(&pixel, 0.5 * ON_THE_BORDER))

@@ -21,7 +21,7 @@ const CONCENTRIC_SHIFT: f64 = 0.05;
 /// A concentric figure is turned by at most this (radians) from a quarter turn.
 const CONCENTRIC_ANGLE: f64 = 0.09;
 
-/// Step 3: the camera matrix from the image of the absolute conic.
+/// Step 3: the camera matrix from the image of the absolute conic, which takes the skew as zero.
 pub(crate) fn conic_camera_matrix<L: Lens>(
     homographies: &Homographies,
     size: ImageSize,
@@ -33,9 +33,10 @@ pub(crate) fn conic_camera_matrix<L: Lens>(
             .initial
             .map_or_else(Vector2::zeros, |camera| camera.focal());
         let centre = known.principal_point.unwrap_or_else(|| size.centre());
-        return Ok(matrix_of(focal, centre));
+        return Ok(options.with_known_skew(matrix_of(focal, centre)));
     }
-    camera_matrix_from_planes(&homographies.of_planes(), &known)
+    let found = camera_matrix_from_planes(&homographies.of_planes(), &known)?;
+    Ok(options.with_known_skew(found))
 }
 
 /// Camera matrices to start from where the conic gives none, or a useless one: the principal
@@ -60,7 +61,8 @@ pub(crate) fn fallback_camera_matrices<L: Lens>(
             aspect,
             principal_point: Some(centre),
         };
-        starts.extend(camera_matrix_from_planes(&planes, &centred));
+        let found = camera_matrix_from_planes(&planes, &centred);
+        starts.extend(found.map(|found| options.with_known_skew(found)));
     }
     starts.extend(guessed_camera_matrices(FOCAL_GUESSES, size, options));
     starts
@@ -77,9 +79,10 @@ pub(crate) fn guessed_camera_matrices<L: Lens>(
     let centre = known.principal_point.unwrap_or_else(|| size.centre());
     let (is_free, aspect) = (!options.fixed.focal, known.aspect.unwrap_or(1.0));
     let focals = focals.into_iter().filter(move |_| is_free);
+    let options = *options;
     focals.map(move |widths| {
         let focal = widths * f64::from(size.width);
-        matrix_of(Vector2::new(focal, focal * aspect), centre)
+        options.with_known_skew(matrix_of(Vector2::new(focal, focal * aspect), centre))
     })
 }
 

@@ -42,6 +42,9 @@ impl FreeParameters {
         if !fixed.distortion {
             columns.extend(model.columns().iter());
         }
+        if !fixed.skew {
+            columns.extend(L::skew_column());
+        }
         Self {
             columns,
             names: L::parameter_names(),

@@ -1,5 +1,7 @@
 //! Which parameters of the camera are free, and which are held.
 
+use nalgebra::Matrix3;
+
 use crate::error::Error;
 use crate::geometry::KnownIntrinsics;
 use crate::lens::{DefaultLens, Lens};
@@ -10,8 +12,9 @@ const SMALLEST_FOCAL: f64 = 1e-3;
 /// No camera's parameter is this large; beyond it, squares of pixels overflow.
 const LARGEST_PARAMETER: f64 = 1e9;
 
-/// What is held at the initial camera's values, or else at aspect 1, the image centre and zero.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+/// What is held at the initial camera's values, or else at aspect 1, the image centre and zero: by
+/// default the skew alone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Fixed {
     /// The ratio `fy / fx`.
@@ -22,6 +25,20 @@ pub struct Fixed {
     pub focal: bool,
     /// All distortion coefficients.
     pub distortion: bool,
+    /// The skew.
+    pub skew: bool,
+}
+
+impl Default for Fixed {
+    fn default() -> Self {
+        Self {
+            aspect: false,
+            principal_point: false,
+            focal: false,
+            distortion: false,
+            skew: true,
+        }
+    }
 }
 
 /// Everything a caller may decide about a calibration, and with which lens.
@@ -57,7 +74,7 @@ impl Default for Options {
 }
 
 impl<L: Lens> Options<L> {
-    /// Maximum likelihood, the lens's default model, and nothing held.
+    /// Maximum likelihood, the lens's default model, and nothing but the skew held.
     pub fn new() -> Self {
         Self {
             method: Method::default(),
@@ -73,6 +90,12 @@ impl<L: Lens> Options<L> {
             .map_or(1.0, |camera| camera.focal().y / camera.focal().x)
     }
 
+    /// A camera matrix without skew, with the skew of the initial camera.
+    pub(crate) fn with_known_skew(&self, mut camera_matrix: Matrix3<f64>) -> Matrix3<f64> {
+        camera_matrix.m12 = self.initial.map_or(0.0, |camera| camera.skew());
+        camera_matrix
+    }
+
     /// What is known of `K` beforehand, the focal length apart.
     pub(crate) fn known_intrinsics(&self, size: &crate::image_size::ImageSize) -> KnownIntrinsics {
         KnownIntrinsics {
@@ -85,8 +108,16 @@ impl<L: Lens> Options<L> {
     }
 
     /// # Errors
-    /// [`Error::InvalidArgument`] for a focal length held at no value, or a camera of no use.
+    /// [`Error::InvalidArgument`] for a focal length held at no value, a skew that cannot be freed,
+    /// or a camera of no use.
     pub(crate) fn check(&self) -> Result<(), Error> {
+        if !self.fixed.skew && (self.method == Method::Linear || L::skew_column().is_none()) {
+            return Err(Error::InvalidArgument(
+                "the skew can be freed in the maximum-likelihood fit of a lens that has one: the \
+                 linear steps take it as zero"
+                    .into(),
+            ));
+        }
         if let Some(camera) = &self.initial {
             let parameters = camera.parameters();
             if !parameters.iter().all(|v| v.is_finite()) {

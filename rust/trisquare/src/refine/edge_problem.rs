@@ -149,7 +149,7 @@ impl<L: Lens> Problem for EdgeProblem<'_, L> {
             10 => self.assemble::<14>(view),
             11 => self.assemble::<15>(view),
             12..=14 => self.assemble::<18>(view),
-            _ => self.assemble::<22>(view),
+            _ => self.assemble::<{ SHARED_OFFSET + MAX_LENS_COLUMNS }>(view),
         }
     }
 

@@ -171,6 +171,7 @@ impl<L: Lens> Chooser<'_, L> {
                 principal_point: true,
                 focal: true,
                 distortion: true,
+                skew: true,
             },
             initial: Some(*lens),
             ..*self.0.problem.options

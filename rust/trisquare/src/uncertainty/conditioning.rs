@@ -21,6 +21,9 @@
 //! deviations. And exact samples do not make a degenerate geometry sound: less noise than
 //! [`LEAST_NOISE`] is judged as if it were that, because boards are not flat and lenses are not
 //! polynomials.
+//!
+//! A freed skew has no limit of its own: where the planes leave it open, it is the focal lengths and
+//! the principal point that suffer.
 
 use nalgebra::{DMatrix, Vector2};
 
@@ -238,7 +241,10 @@ impl<L: Lens> Conditioning<'_, L> {
             };
         }
         // One direction gives two equations.
-        let two_suffice = fixed.focal || fixed.aspect && fixed.principal_point;
+        let two_suffice = match fixed.principal_point {
+            true => fixed.focal || fixed.aspect,
+            false => fixed.focal && fixed.skew,
+        };
         if planes > 1 && !two_suffice {
             if degrees < PARALLEL_DEGREES {
                 return Cause::Parallel { planes, degrees };

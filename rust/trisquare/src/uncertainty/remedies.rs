@@ -56,6 +56,10 @@ pub(crate) fn add_remedies<L: Lens>(
 
 /// What to hold so that a calibration succeeds.
 fn remedies_by_holding(fixed: &Fixed, succeeds: impl Fn(Fixed) -> bool) -> Vec<Remedy> {
+    let skew = Fixed {
+        skew: true,
+        ..*fixed
+    };
     let aspect = Fixed {
         aspect: true,
         ..*fixed
@@ -69,8 +73,9 @@ fn remedies_by_holding(fixed: &Fixed, succeeds: impl Fn(Fixed) -> bool) -> Vec<R
         ..aspect
     };
     let tried = |remedy, held: Fixed| (held != *fixed && succeeds(held)).then_some(remedy);
-    let alone: Vec<Remedy> = tried(Remedy::FixAspect, aspect)
+    let alone: Vec<Remedy> = tried(Remedy::HoldSkew, skew)
         .into_iter()
+        .chain(tried(Remedy::FixAspect, aspect))
         .chain(tried(Remedy::FixPrincipalPoint, principal_point))
         .collect();
     if !alone.is_empty() || fixed.aspect || fixed.principal_point {
