@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::image_size::ImageSize;
 use crate::lens::Lens;
 use crate::noise::check_drift_count;
@@ -41,12 +41,17 @@ pub fn calibrate_photographs<L: Lens>(
     photographs: Option<&Photographs<'_>>,
 ) -> Result<Calibration<L>, Error> {
     let found = run(edges, size, options, photographs, Purpose::Answer);
-    found.map_err(|error| match sort_by_plane(edges) {
-        Ok(planes) => match contradicted(edges, &planes, size, options).first() {
+    found.map_err(|error| {
+        let contradicted = match sort_by_plane(edges) {
+            Ok(planes) if error.kind() == ErrorKind::DegenerateGeometry => {
+                contradicted(edges, &planes, size, options)
+            }
+            _ => Vec::new(),
+        };
+        match contradicted.first() {
             Some(warning) => Error::ContradictedRelation(warning.to_string()),
             None => error,
-        },
-        Err(_) => error,
+        }
     })
 }
 
