@@ -28,10 +28,11 @@ FISHEYE_FIELD_RANGE = (80.0, 200.0)  # degrees across the picture's width
 MOST_WRONG_FAMILY = 0.03
 # A coefficient this many standard deviations from zero is there to be found.
 DETECTABLE = 4.0
-MOST_WRONGLY_RICHER = 0.05
-LEAST_FOUND = 0.90
+MOST_WRONGLY_RICHER = 0.03
+LEAST_FOUND = 0.97
 # A 95 % interval of a normal distribution.
 HALF_WIDTH = 1.959964
+COVERAGE = (0.93, 0.97)
 
 
 @dataclass
@@ -90,8 +91,8 @@ def measure() -> list[Row]:
         Row(
             "95 % intervals of fx, chosen model (always radial2)",
             f"{held[0]:.1f} % ({held[1]:.1f} %)",
-            "",
-            None,
+            f"{100 * COVERAGE[0]:.0f}-{100 * COVERAGE[1]:.0f} %",
+            bool(COVERAGE[0] <= held[0] / 100 <= COVERAGE[1]),
         ),
         Row(
             f"{SCENES} fisheyes of {FISHEYE_FIELD_RANGE[0]:.0f}-{FISHEYE_FIELD_RANGE[1]:.0f} "
