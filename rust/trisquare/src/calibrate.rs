@@ -5,8 +5,9 @@ use std::rc::Rc;
 use crate::error::Error;
 use crate::image_size::ImageSize;
 use crate::lens::Lens;
+use crate::lines::add_lines;
 use crate::noise::check_drift_count;
-use crate::observations::{Method, Options, PlaneEdges, sort_by_plane};
+use crate::observations::{Method, Options, PlaneEdges, lines_of_scene, sort_by_plane};
 use crate::photometric::{Photographs, improve};
 use crate::result::{Calibration, Stage};
 use crate::solver::{JointProblem, Work, reject_outliers};
@@ -77,6 +78,8 @@ fn run<L: Lens>(
     size.check()?;
     options.check()?;
     let planes = sort_by_plane(edges)?;
+    let lines = lines_of_scene(edges)?;
+    check_lines((planes.len(), lines.len()), options.method)?;
     check_drift_count(&planes)?;
     let own = || Rc::new(Work::for_planes(&planes));
     let (work, comparison) = match purpose {
@@ -117,9 +120,12 @@ fn run<L: Lens>(
         solution = found;
     }
     let mut calibration = Calibration::assemble(&problem, &solution, stage);
-    if let (Stage::Edges, Some(photographs)) = (stage, photographs) {
-        improve(edges, &problem, &solution, photographs, &mut calibration);
-    }
+    let fitted = match (stage, photographs) {
+        (Stage::Edges, Some(photographs)) => {
+            improve(edges, &problem, &solution, photographs, &mut calibration)
+        }
+        _ => None,
+    };
     if calibration.stage == stage {
         calibration.state_poses(&solution);
     }
@@ -137,5 +143,27 @@ fn run<L: Lens>(
             problem.heed(&verdict, (&planes, &solution), &mut calibration);
         }
     }
+    if !lines.is_empty() {
+        let optimum = (&solution, fitted.as_ref());
+        add_lines(&problem, optimum, &lines, &mut calibration);
+        problem.check_reach(&calibration.camera)?;
+    }
     Ok(calibration)
+}
+
+/// Lines tell of the lens beside planes, which the linear steps do not know how to join.
+fn check_lines((planes, lines): (usize, usize), method: Method) -> Result<(), Error> {
+    if lines == 0 {
+        return Ok(());
+    }
+    if planes == 0 {
+        return Err(Error::LinesAlone { lines });
+    }
+    match method {
+        Method::MaximumLikelihood => Ok(()),
+        Method::Linear => Err(Error::InvalidArgument(
+            "lines of the scene need maximum likelihood: the linear steps have no place for them"
+                .into(),
+        )),
+    }
 }
