@@ -29,6 +29,7 @@ from trisquare.results.pose_uncertainty import PoseUncertainty
 from trisquare.results.rejected import Rejected, is_reported
 from trisquare.results.residual_correlation import ResidualCorrelation
 from trisquare.results.residuals import FigureResiduals
+from trisquare.results.scene_line import SceneLine
 
 
 def calibrate(
@@ -186,7 +187,8 @@ def calibrate_edges(
     Parameters
     ----------
     edges : sequence of PlaneEdges
-        Figures on three or more planes; fewer planes if enough parameters are fixed.
+        Figures on three or more planes; fewer planes if enough parameters are fixed. Lines of the
+        scene (`PlaneEdges.line`) beside them are used where they are consistent with the planes.
     image_size : (int, int)
         Width and height in pixels.
     method, model, fix, initial
@@ -244,6 +246,7 @@ def _ask_core(
 def _calibration(found: _core.Solution, gathered: Gathered, settings: Settings) -> Calibration:
     """Return what the core found as a result."""
     figures, images, tones = gathered.figures, gathered.images, gathered.tones
+    of_planes = tuple(figure for figure in figures if figure.freedom != "line")
     # The fit to the pixels knows more of the tone than the edges' profiles alone.
     if found.tones:
         tones = [tone.refined(fit) for tone, fit in zip(tones, found.tones, strict=True)]
@@ -303,9 +306,25 @@ def _calibration(found: _core.Solution, gathered: Gathered, settings: Settings) 
         ),
         tone_std=tone_std,
         rejected=tuple(gathered.rejected),
-        edges=tuple(figures),
+        edges=of_planes,
         residuals=tuple(
             FigureResiduals(own.plane, tuple(own.distances), tuple(own.normals))
             for own in found.residuals
         ),
+        lines=_scene_lines(found, figures),
     )
+
+
+def _scene_lines(found: _core.Solution, figures: Sequence[PlaneEdges]) -> tuple[SceneLine, ...]:
+    """Return the lines of the scene with the reasons why some are not used."""
+    agree = any(is_used for _, _, is_used in found.lines)
+    curved = "it is not straight under the camera that the others ask for"
+    unusable = "no line agrees with the planes"
+    lines = []
+    for index, rms, is_used in found.lines:
+        reason = curved if agree else unusable
+        if rms is None:
+            reason = "the lens does not see all of it"
+        points, image = figures[index].points[0], figures[index].image
+        lines.append(SceneLine(image, points, rms, None if is_used else reason))
+    return tuple(lines)

@@ -55,6 +55,7 @@ def cramer_rao_bound(
     in_sight: InSight | None = None,
     any_aspect: bool = False,
     any_offsets: bool = False,
+    further: Array | None = None,
 ) -> dict[str, float]:
     """Smallest standard deviations that an unbiased calibration of this scene can have.
 
@@ -81,6 +82,8 @@ def cramer_rao_bound(
     any_offsets : bool
         Whether the places of a chessboard's grid lines are unknown as well, as those of the lines
         of a facade.
+    further : ndarray, shape (len(free), len(free)), optional
+        Information on the free parameters from elsewhere.
 
     Returns
     -------
@@ -120,6 +123,8 @@ def cramer_rao_bound(
         columns = np.r_[: len(free), first:after]
         information[np.ix_(columns, columns)] += rows.T @ rows
         first = after
+    if further is not None:
+        information[: len(free), : len(free)] += further
     return standard_deviations(information, free)
 
 

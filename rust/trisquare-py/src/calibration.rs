@@ -61,6 +61,9 @@ pub struct Solution {
     covariance: Py<PyArray2<f64>>,
     std: Py<PyDict>,
     planes: Vec<Py<SolvedPlane>>,
+    /// Index among the figures, root mean square distance, and whether it is used, of the lines of
+    /// the scene.
+    lines: Vec<(usize, Option<f64>, bool)>,
     residuals: Vec<Py<FigureResiduals>>,
     rms: f64,
     noise_scale: f64,
@@ -358,6 +361,11 @@ fn solution<L: Lens>(
         covariance: arrays::from_matrix(py, &found.covariance).unbind(),
         std: found.std().into_py_dict(py)?.unbind(),
         planes: each(py, &found.planes, solved_plane)?,
+        lines: found
+            .lines
+            .iter()
+            .map(|line| (line.figure, line.rms, line.is_used))
+            .collect(),
         residuals: each(py, &found.residuals, figure_residuals)?,
         rms: found.rms,
         noise_scale: found.noise_scale,
