@@ -1,7 +1,7 @@
 //! The planes follow the lens that lines have moved.
 
 use crate::lens::Lens;
-use crate::numeric::{Limits, minimise};
+use crate::numeric::{Limits, Loss, minimise};
 use crate::observations::{Fixed, FreeParameters, ObservedPlane, Placement, PlaneState, View};
 use crate::refine::{EdgeProblem, Refined};
 
@@ -9,32 +9,65 @@ use crate::refine::{EdgeProblem, Refined};
 const MAX_ITERATIONS: usize = 50;
 
 /// Fall of the cost, in units of the noise variance, below which a step is the last.
-const LAST_DECREASE: f64 = 1e-3;
+const LAST_DECREASE: f64 = 1e-4;
+
+/// So many times its scale, no residual is an outlier.
+const QUADRATIC: f64 = 1e4;
+
+/// The samples of an optimum, each with the weight that the robust loss gives it there: under
+/// another lens all are off together.
+pub(super) fn with_weights_held<L: Lens>(
+    planes: &[ObservedPlane],
+    optimum: &Refined<L>,
+) -> Vec<ObservedPlane> {
+    let mut held = planes.to_vec();
+    for (plane, residuals) in held.iter_mut().zip(&optimum.residuals) {
+        let samples = plane.sides_mut().flat_map(|side| {
+            let trust = side.trust();
+            side.samples.iter_mut().map(move |sample| (sample, trust))
+        });
+        for ((sample, trust), residual) in samples.zip(residuals) {
+            let to_noise = sample.weight * trust / optimum.scale;
+            let (_, weight) = Loss::Tukey.cost_and_weight(residual.distance * to_noise);
+            sample.weight *= weight.sqrt();
+        }
+    }
+    held
+}
+
+/// The least squares of samples whose weights are held.
+pub(super) fn least_squares<'a, L: Lens>(
+    held: &'a [ObservedPlane],
+    free: &'a FreeParameters,
+    optimum: &Refined<L>,
+) -> EdgeProblem<'a, L> {
+    EdgeProblem::new(held, free, QUADRATIC * optimum.scale)
+}
 
 /// The planes of an optimum under another lens, each where its samples are nearest; `None` where it
 /// does not see all of them.
 pub(super) fn planes_under<L: Lens>(
     lens: L,
-    planes: &[ObservedPlane],
+    held: &[ObservedPlane],
     optimum: &Refined<L>,
     model: L::Model,
 ) -> Option<Vec<PlaneState>> {
-    let held = Fixed {
+    let all = Fixed {
         focal: true,
         aspect: true,
         principal_point: true,
         distortion: true,
     };
-    let none = FreeParameters::new::<L>(model, &held, 1.0);
+    let none = FreeParameters::new::<L>(model, &all, 1.0);
     let start = View {
         lens,
         planes: optimum.view.planes.clone(),
     };
     let limits = Limits {
         iterations: MAX_ITERATIONS,
-        decrease: LAST_DECREASE,
+        decrease: LAST_DECREASE / (QUADRATIC * QUADRATIC),
     };
-    let problem = EdgeProblem::new(planes, &none, optimum.scale);
+    let problem = least_squares(held, &none, optimum);
     Some(minimise(&problem, start, limits)?.state.planes)
 }
 

@@ -2,13 +2,14 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::follow::{moved_like, planes_under};
+use super::follow::moved_like;
 use super::mixture::{Mixture, sorted};
 use super::observed_line::{ObservedLine, SmoothLine};
-use crate::lens::{INTRINSICS, Lens};
+use super::planes::Planes;
+use crate::lens::Lens;
 use crate::noise::{LocalNoise, Noise};
 use crate::numeric::chi_square_tail;
-use crate::observations::{ObservedPlane, View};
+use crate::observations::{ObservedPlane, PlaneState, View};
 use crate::refine::{Refined, residuals, robust_scale};
 use crate::result::{Calibration, Plane, SceneLine, Warning};
 use crate::solver::{JointProblem, Solution};
@@ -33,13 +34,6 @@ struct Joined<L> {
     is_used: Vec<bool>,
 }
 
-/// What the planes say of the free parameters, each in units of its standard deviation.
-struct Known<L> {
-    lens: L,
-    units: DVector<f64>,
-    information: DMatrix<f64>,
-}
-
 /// Adds the lines of the scene to a calibration from planes alone, `solution` being the edges'
 /// optimum and `fitted` that of the pixels, where the calibration is from these.
 pub(crate) fn add_lines<L: Lens>(
@@ -48,14 +42,18 @@ pub(crate) fn add_lines<L: Lens>(
     lines: &[ObservedPlane],
     calibration: &mut Calibration<L>,
 ) {
-    let found = Known::of(calibration).and_then(|known| join(problem, &known, lines));
+    let planes = Planes::of(problem, solution, calibration);
+    let found = planes
+        .as_ref()
+        .and_then(|planes| join(problem, planes, lines));
     let accepted = match found {
         None => Err(Warning::LinesNotUsed { sigmas: None }),
         Some((found, None)) => Ok(found),
         Some((_, sigmas)) => Err(Warning::LinesNotUsed { sigmas }),
     };
     let moved = accepted.and_then(|found| {
-        let view = moved_view(problem, (solution, fitted), calibration, found.lens);
+        let own = &fitted.unwrap_or(solution).refined.view.planes;
+        let view = planes.and_then(|planes| moved_view(&planes, own, found.lens));
         view.map(|view| (found, view))
             .ok_or(Warning::LinesNotUsed { sigmas: None })
     });
@@ -84,87 +82,36 @@ pub(crate) fn add_lines<L: Lens>(
     calibration.lines = lines.iter().zip(is_used).map(line).collect();
 }
 
-impl<L: Lens> Known<L> {
-    /// `None` where nothing is free.
-    fn of(calibration: &Calibration<L>) -> Option<Self> {
-        let covariance = &calibration.covariance;
-        let units = covariance.diagonal().map(f64::sqrt);
-        let size = units.len();
-        let scaled = DMatrix::from_fn(size, size, |i, j| {
-            covariance[(i, j)] / (units[i] * units[j])
-        });
-        let information = scaled.cholesky()?.inverse();
-        (size > 0).then_some(Self {
-            lens: calibration.camera,
-            units,
-            information,
-        })
-    }
-
-    fn moved(&self, problem: &JointProblem<'_, L>, step: &DVector<f64>, from: &L) -> L {
-        problem.free.advance(from, &step.component_mul(&self.units))
-    }
-
-    /// The lens with its distortion held to what lenses are like: of small squares alone it may see
-    /// no corner of the picture.
-    fn usual(&self, problem: &JointProblem<'_, L>) -> Option<L> {
-        let (values, usual) = (
-            self.lens.parameters(),
-            self.lens.coefficient_priors(problem.size),
-        );
-        let (mut information, size) = (self.information.clone(), self.units.len());
-        let mut gradient = DVector::zeros(size);
-        for (i, name) in problem.free.names().into_iter().enumerate() {
-            let column = L::parameter_names().iter().position(|own| *own == name)?;
-            if column >= INTRINSICS {
-                let by_std = self.units[i] / usual[column - INTRINSICS];
-                information[(i, i)] += by_std * by_std;
-                gradient[i] = by_std * values[column] / usual[column - INTRINSICS];
-            }
-        }
-        let step = -information.cholesky()?.solve(&gradient);
-        Some(self.moved(problem, &step, &self.lens))
-    }
-
-    /// How far a lens is from what the planes say.
-    fn deviation(&self, problem: &JointProblem<'_, L>, lens: &L) -> DVector<f64> {
-        problem
-            .free
-            .difference(lens, &self.lens)
-            .component_div(&self.units)
-    }
-}
-
 /// Where lines and planes agree, and by how many standard deviations they do not, if beyond chance;
 /// `None` where no line is of use.
 fn join<L: Lens>(
     problem: &JointProblem<'_, L>,
-    known: &Known<L>,
+    planes: &Planes<'_, L>,
     lines: &[ObservedPlane],
 ) -> Option<(Joined<L>, Option<f64>)> {
     let seen = |lens: &L| measured(problem, lens, lines).len();
     let starts = [
-        Some(known.lens),
-        known.usual(problem),
-        Some(known.lens.without_distortion()),
+        Some(planes.lens),
+        planes.usual(),
+        Some(planes.lens.without_distortion()),
     ];
     let starts = starts.into_iter().flatten().rev();
     let mut lens = starts.max_by_key(|lens| seen(lens))?;
     for _ in 0..MAX_ROUNDS {
         let (numbers, smooth): (Vec<usize>, Vec<SmoothLine>) =
-            smoothed(measured(problem, &lens, lines), lines, &known.units)
+            smoothed(measured(problem, &lens, lines), lines, &planes.units)
                 .into_iter()
                 .unzip();
-        let deviation = known.deviation(problem, &lens);
-        let gradient = &known.information * &deviation;
+        let said = planes.at(lens)?;
+        let gradient = &said.information * &said.deviation;
         let Mixture {
             is_straight,
             information,
             gradient,
-        } = sorted(&smooth, (&known.information, &gradient))?;
+        } = sorted(&smooth, (&said.information, &gradient))?;
         let factor = information.clone().cholesky()?;
         let step = -factor.solve(&gradient);
-        lens = known.moved(problem, &step, &lens);
+        lens = planes.moved(&step, &lens);
         if step.dot(&(&information * &step)) > LAST_STEP {
             continue;
         }
@@ -173,11 +120,10 @@ fn join<L: Lens>(
             is_used[number] = *is_straight;
         }
         let inverse = factor.inverse();
-        let deviation = known.deviation(problem, &lens);
-        let square = deviation.dot(&(&known.information * &deviation));
-        let told = known.units.len() as f64 - (&known.information * &inverse).trace();
+        let square = said.deviation.dot(&(&said.information * &said.deviation));
+        let told = step.len() as f64 - (&said.information * &inverse).trace();
         let contradicts = chi_square_tail(square, told.max(1.0)) < CHANCE;
-        let units = DMatrix::from_diagonal(&known.units);
+        let units = DMatrix::from_diagonal(&planes.units);
         let joined = Joined {
             lens,
             covariance: &units * inverse * &units,
@@ -233,21 +179,12 @@ fn smoothed(
 }
 
 /// The view of a calibration with its planes moved to where they stand under another lens.
-fn moved_view<L: Lens>(
-    problem: &JointProblem<'_, L>,
-    (solution, fitted): (&Solution<L>, Option<&Solution<L>>),
-    calibration: &Calibration<L>,
-    lens: L,
-) -> Option<View<L>> {
-    let model = problem.options.model;
-    let under = |lens: L| planes_under(lens, &solution.planes, &solution.refined, model);
-    let (before, after) = (under(calibration.camera)?, under(lens)?);
-    let own = &fitted.unwrap_or(solution).refined.view.planes;
-    let moves = before.iter().zip(&after);
-    let planes = own.iter().zip(moves);
+fn moved_view<L: Lens>(planes: &Planes<'_, L>, own: &[PlaneState], lens: L) -> Option<View<L>> {
+    let (before, after) = (planes.under(planes.lens)?, planes.under(lens)?);
+    let moves = own.iter().zip(before.iter().zip(&after));
     Some(View {
         lens,
-        planes: planes
+        planes: moves
             .map(|(own, (before, after))| moved_like(own, before, after))
             .collect(),
     })

@@ -1,7 +1,7 @@
 //! Which lines are straight, and how straight these are.
 //!
 //! Real edges bend a little, and some of what looks like a line is a cable or an arch. A straight
-//! line's smooth displacement has the variance `tau^2`, a curved one's that of pixels, and says
+//! line's smooth displacement has the variance `tau^2`, a curved one's a larger one, and says
 //! nothing of the lens. Which are which, and `tau`, follow from the restricted likelihood (H. D.
 //! Patterson & R. Thompson, Biometrika 58 (1971) 545-554) of all lines together with what the planes
 //! say of the lens.
@@ -12,13 +12,13 @@ use super::observed_line::{LinePart, SmoothLine};
 use crate::noise::variance_of;
 
 /// Root mean square bends (px) that are tried of straight lines: from the largest to none.
-const BENDS: [f64; 10] = [0.5, 0.3, 0.17, 0.1, 0.06, 0.03, 0.017, 0.01, 0.006, 0.0];
+const BENDS: [f64; 10] = [0.3, 0.17, 0.1, 0.06, 0.03, 0.017, 0.01, 0.006, 0.003, 0.0];
 
 /// Probability beforehand that straight lines do not bend at all.
 const UNBENT: f64 = 0.5;
 
-/// That of curved ones.
-const CURVED: f64 = 2.0;
+/// That from which they count as curved; how much more these bend says nothing.
+const CURVED: f64 = 0.3;
 
 /// Minus twice the logarithm of the odds beforehand that a line is curved: one in ten.
 const CURVED_PENALTY: f64 = 4.4;
