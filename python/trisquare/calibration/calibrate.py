@@ -42,6 +42,7 @@ def calibrate(
     tone: Tone = None,
     targets: str = "auto",
     outlines: Outlines | None = None,
+    lines: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> Calibration:
     """Calibrate a camera from one photograph of three squares, or from several photographs.
@@ -82,6 +83,10 @@ def calibrate(
     outlines : path, mapping or sequence, optional
         Coarse outlines of the squares, drawn by hand, in place of a search: see `detect`. A file
         or its content may be for several photographs, by name or index.
+    lines : bool
+        Whether the scene's own straight edges join the fit where they are consistent with the
+        squares: that they are straight tells of the distortion and its centre, out to where no
+        square is. They are in the result's ``lines``, used or rejected. Needs ``method="ml"``.
     progress : callable, optional
         Called with (pictures done, pictures in all).
 
@@ -111,6 +116,7 @@ def calibrate(
         tone=tone,
         targets=targets,
         outlines=outlines,
+        lines=lines,
         progress=progress,
     ).calibration
 
@@ -132,6 +138,7 @@ def calibrate_photographs(
     tone: Tone,
     targets: str,
     outlines: Outlines | None,
+    lines: bool,
     progress: Callable[[int, int], None] | None,
     explain: bool = False,
 ) -> Calibrated:
@@ -142,12 +149,17 @@ def calibrate_photographs(
     """
     settings = Settings.check(method, model, fix, initial)
     kinds = TargetKinds.parse(targets)
+    if not isinstance(lines, bool):
+        raise TypeError(f"lines must be True or False, not {type(lines).__name__}")
+    if lines and settings.method == "linear":
+        raise ValueError('lines=True needs method="ml": the linear steps have no place for lines')
     gathered = gather(
         photographs,
         kinds,
         tone,
         outlines,
         progress,
+        lines=lines,
         explain_all=explain,
         camera_held={"focal", "principal_point", "distortion"} <= set(settings.fixed),
     )
@@ -161,7 +173,8 @@ def calibrate_photographs(
             raise DetectionError("; ".join(untold) if by_hand else nothing_found(kinds))
         # What was asked for by its layout or drawn by hand is vouched for.
         choosing = kinds.squares and not by_hand
-        outcome = _ask_core(gathered.figures, gathered, settings, choosing)
+        edges = [*gathered.figures, *gathered.lines]
+        outcome = _ask_core(edges, gathered, settings, choosing)
         if outcome.verdicts:
             gathered.figures, others, remarks = chosen_by(outcome, gathered.figures, gathered.quads)
             gathered.rejected += others
@@ -245,7 +258,8 @@ def _ask_core(
 
 def _calibration(found: _core.Solution, gathered: Gathered, settings: Settings) -> Calibration:
     """Return what the core found as a result."""
-    figures, images, tones = gathered.figures, gathered.images, gathered.tones
+    figures = [*gathered.figures, *gathered.lines]
+    images, tones = gathered.images, gathered.tones
     of_planes = tuple(figure for figure in figures if figure.freedom != "line")
     # The fit to the pixels knows more of the tone than the edges' profiles alone.
     if found.tones:

@@ -15,7 +15,10 @@ use crate::result::{Calibration, Plane, SceneLine, Warning};
 use crate::solver::{JointProblem, Solution};
 
 /// Rounds of measuring, sorting and moving allowed; about four are used.
-const MAX_ROUNDS: usize = 15;
+const MAX_ROUNDS: usize = 30;
+
+/// Part of a step that is taken where it is no shorter than the last.
+const SHORTENED: f64 = 0.5;
 
 /// Square of the last step, in standard deviations.
 const LAST_STEP: f64 = 1e-3;
@@ -97,6 +100,7 @@ fn join<L: Lens>(
     ];
     let starts = starts.into_iter().flatten().rev();
     let mut lens = starts.max_by_key(|lens| seen(lens))?;
+    let mut last = f64::INFINITY;
     for _ in 0..MAX_ROUNDS {
         let (numbers, smooth): (Vec<usize>, Vec<SmoothLine>) =
             smoothed(measured(problem, &lens, lines), lines, &planes.units)
@@ -111,8 +115,11 @@ fn join<L: Lens>(
         } = sorted(&smooth, (&said.information, &gradient))?;
         let factor = information.clone().cholesky()?;
         let step = -factor.solve(&gradient);
-        lens = planes.moved(&step, &lens);
-        if step.dot(&(&information * &step)) > LAST_STEP {
+        let length = step.dot(&(&information * &step));
+        let part = if length < last { 1.0 } else { SHORTENED };
+        lens = planes.moved(&(&step * part), &lens);
+        last = length;
+        if length > LAST_STEP {
             continue;
         }
         let mut is_used = vec![false; lines.len()];
@@ -121,6 +128,7 @@ fn join<L: Lens>(
         }
         let inverse = factor.inverse();
         let square = said.deviation.dot(&(&said.information * &said.deviation));
+        let square = square.max(said.square);
         let told = step.len() as f64 - (&said.information * &inverse).trace();
         let contradicts = chi_square_tail(square, told.max(1.0)) < CHANCE;
         let units = DMatrix::from_diagonal(&planes.units);

@@ -20,6 +20,9 @@ pub(super) struct Said {
     pub information: DMatrix<f64>,
     /// How far the lens is from where the planes would have it.
     pub deviation: DVector<f64>,
+    /// Square of that in standard deviations: what the planes' samples are farther off than at their
+    /// own lens, which no linear step tells where they see a second optimum.
+    pub square: f64,
 }
 
 /// The planes of a calibration.
@@ -33,8 +36,9 @@ pub(super) struct Planes<'a, L: Lens> {
     pub units: DVector<f64>,
     /// `M^-1`.
     worth: DMatrix<f64>,
-    /// What the edge samples alone would still move the lens.
+    /// What the edge samples alone would still move the lens, and their cost.
     left: DVector<f64>,
+    cost: f64,
 }
 
 impl<'a, L: Lens> Planes<'a, L> {
@@ -56,23 +60,26 @@ impl<'a, L: Lens> Planes<'a, L> {
             units,
             worth: own,
             left: DVector::zeros(size),
+            cost: 0.0,
         };
-        let (factor, left) = planes.normal_equations(planes.lens)?;
+        let (factor, left, cost) = planes.normal_equations(planes.lens)?;
         let scaled = DMatrix::from_fn(size, size, |i, j| {
             covariance[(i, j)] / (planes.units[i] * planes.units[j])
         });
         let inflation = factor.l().tr_mul(&(scaled * factor.l()));
         planes.worth = inflation.cholesky()?.inverse();
-        planes.left = left;
+        (planes.left, planes.cost) = (left, cost);
         (size > 0).then_some(planes)
     }
 
     /// What they say at a lens; `None` where it does not see all samples.
     pub fn at(&self, lens: L) -> Option<Said> {
-        let (factor, deviation) = self.normal_equations(lens)?;
+        let (factor, deviation, cost) = self.normal_equations(lens)?;
+        let worth = self.worth.trace() / self.worth.nrows() as f64;
         Some(Said {
             information: factor.l() * &self.worth * factor.l().transpose(),
             deviation: deviation - &self.left,
+            square: 2.0 * (cost - self.cost) * worth,
         })
     }
 
@@ -109,14 +116,14 @@ impl<'a, L: Lens> Planes<'a, L> {
     }
 
     /// The factor of the edge samples' information, poses eliminated, and how far they would move
-    /// the lens back.
-    fn normal_equations(&self, lens: L) -> Option<(Cholesky<f64, Dyn>, DVector<f64>)> {
+    /// the lens back; and their cost.
+    fn normal_equations(&self, lens: L) -> Option<(Cholesky<f64, Dyn>, DVector<f64>, f64)> {
         let view = View {
             lens,
             planes: self.under(lens)?,
         };
         let free = &self.problem.free;
-        let (_, system) = least_squares(&self.held, free, self.optimum).evaluate(&view)?;
+        let (cost, system) = least_squares(&self.held, free, self.optimum).evaluate(&view)?;
         let (mut information, mut gradient) = (system.prior.clone(), system.prior_gradient.clone());
         for part in system.contributions()? {
             information += part.information;
@@ -125,6 +132,6 @@ impl<'a, L: Lens> Planes<'a, L> {
         let units = DMatrix::from_diagonal(&self.units);
         let factor = (&units * information * &units).cholesky()?;
         let back = factor.solve(&gradient.component_mul(&self.units));
-        Some((factor, back))
+        Some((factor, back, cost))
     }
 }
