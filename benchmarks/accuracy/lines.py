@@ -102,9 +102,7 @@ def _of_scene(number: int) -> dict[str, Found]:
     squares = [ts.PlaneEdges.square(own) for own in sides]
     lines = imaged_lines(scene.camera, rng, LINES)
     told = line_information(scene.camera, lines, NOISE, NAMES)
-    bends = [
-        rng.choice([-1, 1]) * rng.uniform(*SAGITTA_RANGE) * (i in BENT) for i in range(LINES)
-    ]
+    bends = [rng.choice([-1, 1]) * rng.uniform(*SAGITTA_RANGE) * (i in BENT) for i in range(LINES)]
     straight = [ts.PlaneEdges.line(line_samples(line, rng, NOISE)) for line in lines]
     bent = [
         ts.PlaneEdges.line(line_samples(line, rng, NOISE, bend))

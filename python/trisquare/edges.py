@@ -21,9 +21,7 @@ from trisquare._support.arrays import (
 from trisquare._support.json_members import JsonFields, dump_members
 from trisquare.errors import NotEnoughDataError
 
-Freedom: TypeAlias = Literal[
-    "auto", "fixed", "size", "similarity", "aspect", "offsets", "line"
-]
+Freedom: TypeAlias = Literal["auto", "fixed", "size", "similarity", "aspect", "offsets", "line"]
 
 EDGES_FORMAT = "trisquare-edges/1"
 

@@ -29,9 +29,9 @@ class ImagedLine(NamedTuple):
     normal: Array  # unit normals in the image, shape (N, 2)
 
 
-def central_scene(rng: np.random.Generator) -> Scene:
-    """Draw three small squares in the middle of the picture."""
-    scene = simulate.random_scene(rng)
+def central_scene(rng: np.random.Generator, camera: TrueCamera | None = None) -> Scene:
+    """Draw three small squares in the middle of the picture, and a camera if none is given."""
+    scene = simulate.random_scene(rng, camera=camera)
     camera = scene.camera
     middle = 0.5 * (np.array(camera.image_size) - 1)
     targets = []

@@ -180,9 +180,9 @@ def gather(
 ) -> Gathered:
     """Find and measure the targets of several photographs, one after another.
 
-    `lines` is whether the lines of the scene are found as well, `camera_held` whether nothing of the camera is estimated, `explain_all` whether the rejected
-    shapes of every photograph may be asked for; `tone`, `outlines` and `progress` are as in
-    `calibrate`.
+    `camera_held` is whether nothing of the camera is estimated, `lines` whether the lines of the
+    scene are found as well, `explain_all` whether the rejected shapes of every photograph may be
+    asked for; `tone`, `outlines` and `progress` are as in `calibrate`.
 
     Raises
     ------

@@ -17,9 +17,13 @@ from trisquare.straightening.straighten import LEAST_LINES, LONG
 MOST_LINES = 60
 """The longest are taken: the core's time goes with the square of their number."""
 
+ECHO = 0.015
+"""Distance, half diagonals, at which most of a line runs beside a longer one: the two sides of one
+thing's edge bend together, and would count twice."""
+
 MARGIN, BOARD_MARGIN = 1.1, 1.5
-"""Extent of what belongs to a figure over that of its samples: of a board, whose outermost cells lie
-beyond its grid lines' crossings, more."""
+"""Extent of what belongs to a figure over that of its samples: of a board more, whose outermost
+cells lie beyond its grid lines' crossings."""
 
 MOST_INSIDE = 0.1
 """Part of an arc that may lie there."""
@@ -46,11 +50,25 @@ def lines_beside(picture: Image, figures: Sequence[PlaneEdges]) -> list[PlaneEdg
         middle = 0.5 * (np.array(size, dtype=np.float64) - 1)
         lines = fit_lens(Problem(curves, middle, radius, arcs.pixel)).lines()
     long = [line for line in lines if _length(line) >= LONG * radius]
-    return [PlaneEdges.line(line) for line in sorted(long, key=_length, reverse=True)[:MOST_LINES]]
+    kept: list[FloatArray] = []
+    for line in sorted(long, key=_length, reverse=True):
+        if not any(_is_echo(line, longer, ECHO * radius) for longer in kept):
+            kept.append(line)
+    return [PlaneEdges.line(line) for line in kept[:MOST_LINES]]
 
 
 def _length(line: FloatArray) -> float:
     return float(np.linalg.norm(line[-1] - line[0]))
+
+
+def _is_echo(line: FloatArray, longer: FloatArray, distance: float) -> bool:
+    """Whether at least half of a line's points lie near a longer one."""
+    start, along = longer[:-1], np.diff(longer, axis=0)
+    offsets = line[:, None] - start
+    lengths = np.maximum(np.einsum("ij,ij->i", along, along), 1e-12)
+    places = np.clip(np.einsum("pij,ij->pi", offsets, along) / lengths, 0.0, 1.0)
+    apart = np.linalg.norm(offsets - places[..., None] * along, axis=2).min(axis=1)
+    return bool(np.median(apart) <= distance)
 
 
 def _hull(figure: PlaneEdges) -> FloatArray:

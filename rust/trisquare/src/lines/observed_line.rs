@@ -15,6 +15,9 @@ const LINE_STEPS: usize = 2;
 /// Rounds of robust weights about the smooth displacement.
 const ROUNDS: usize = 3;
 
+/// No sample is known better (px): less is rounding, and the planes' computed samples tell as much.
+const LEAST_NOISE: f64 = 1e-5;
+
 /// Samples that an order of the smooth displacement needs, and orders that any line has: a straight
 /// line's, and a bend.
 const SAMPLES_PER_ORDER: usize = 4;
@@ -110,7 +113,7 @@ impl ObservedLine {
 
     fn robust_weights(&self, rough: &DVector<f64>, scale: f64) -> DVector<f64> {
         let weight = |i: usize| {
-            let to_noise = self.weights[i] / scale;
+            let to_noise = (self.weights[i] / scale).min(1.0 / LEAST_NOISE);
             Loss::Tukey.cost_and_weight(rough[i] * to_noise).1 * to_noise * to_noise
         };
         DVector::from_fn(rough.len(), |i, _| weight(i))
