@@ -24,6 +24,7 @@ BENCHMARKS = (
     "accuracy.fisheye_pictures",
     "accuracy.rectangles",
     "accuracy.circles",
+    "accuracy.lines",
     "accuracy.richer_models",
     "accuracy.broken_assumptions",
     "accuracy.lens_beyond_model",

@@ -49,6 +49,7 @@ from trisquare.results.plane import Plane
 from trisquare.results.pose_uncertainty import PoseUncertainty
 from trisquare.results.rejected import Rejected
 from trisquare.results.residual_correlation import ResidualCorrelation
+from trisquare.results.scene_line import SceneLine
 from trisquare.straightening.camera import DisplacementMap, UnscaledCamera
 from trisquare.straightening.straighten import Straightened, straighten
 from trisquare.undistortion.undistort import Undistorter, undistort
@@ -82,6 +83,7 @@ __all__ = [
     "ProjectionMap",
     "Rejected",
     "ResidualCorrelation",
+    "SceneLine",
     "Straightened",
     "Straightening",
     "TopView",

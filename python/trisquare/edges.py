@@ -21,7 +21,7 @@ from trisquare._support.arrays import (
 from trisquare._support.json_members import JsonFields, dump_members
 from trisquare.errors import NotEnoughDataError
 
-Freedom: TypeAlias = Literal["auto", "fixed", "size", "similarity", "aspect", "offsets"]
+Freedom: TypeAlias = Literal["auto", "fixed", "size", "similarity", "aspect", "offsets", "line"]
 
 EDGES_FORMAT = "trisquare-edges/1"
 
@@ -33,6 +33,9 @@ MAX_DRIFT = 10.0
 
 # The image of a circle has five numbers.
 MIN_CIRCLE_SAMPLES = 5
+
+# Two samples are always straight.
+MIN_SCENE_LINE_SAMPLES = 3
 
 # A line given with a unit normal keeps its digits: dividing by a norm that differs from 1 by
 # rounding alone would change them again on every trip through JSON or pickle.
@@ -63,9 +66,9 @@ class PlaneEdges:
         Index of the picture the figure was measured in.
     kind : str
         What the figure is called in results.
-    freedom : {"auto", "fixed", "size", "similarity", "aspect", "offsets"}
+    freedom : {"auto", "fixed", "size", "similarity", "aspect", "offsets", "line"}
         What is unknown of a *further* figure on a shared plane; the plane's first figure defines
-        the plane's coordinates, and there only "aspect" and "offsets" have a meaning.
+        the plane's coordinates, and there only "aspect", "offsets" and "line" have a meaning.
 
         - ``"fixed"``: nothing, its lines are given in the plane's coordinates (0 unknowns);
         - ``"size"``: its size about the common centre (1 unknown), as a frame's second outline;
@@ -75,7 +78,8 @@ class PlaneEdges:
         - ``"aspect"``, of the only figure on its plane: how far it extends along X, as of a
           rectangle of unknown aspect (1 unknown, in the result's `Plane.aspect`);
         - ``"offsets"``, of the only figure on its plane: the places of all lines, which run along X
-          or along Y, as from `families`.
+          or along Y, as from `families`;
+        - ``"line"``: all, the one line is somewhere in space and on no plane, as from `line`.
     drift : sequence of L array_like, shape (N_i, 2), optional
         How far, in pixels, one standard deviation of an error that all samples of a picture share
         displaces each: that of an estimated tone curve.
@@ -93,8 +97,8 @@ class PlaneEdges:
     ValueError
         For wrong shapes or lengths, NaN or infinity, a line without direction, ``std <= 0``.
     NotEnoughDataError
-        For fewer than four lines, a line with fewer than two distinct points, or a circle with
-        fewer than five points.
+        For fewer than four lines, a line with fewer than two distinct points, a line of the scene
+        with fewer than three, or a circle with fewer than five points.
     """
 
     lines: FloatArray
@@ -112,7 +116,7 @@ class PlaneEdges:
 
     def __post_init__(self) -> None:
         if self.radii is None:
-            lines = _unit_normal_lines(self.lines)
+            lines = _unit_normal_lines(self.lines, 1 if self.freedom == "line" else 4)
             points = _samples_of_lines(self.points, len(lines))
         else:
             lines = real_array(self.lines, "lines", (0, 3))
@@ -140,8 +144,10 @@ class PlaneEdges:
         string(self.kind, "kind")
         if string(self.freedom, "freedom") not in get_args(Freedom):
             raise ValueError(f"freedom must be one of {get_args(Freedom)}, not {self.freedom!r}")
-        if self.radii is not None and self.freedom == "aspect":
-            raise ValueError('freedom must not be "aspect" for circles')
+        if self.radii is not None and self.freedom in ("aspect", "line"):
+            raise ValueError(f'freedom must not be "{self.freedom}" for circles')
+        if self.freedom == "line":
+            _check_line(self.points, self.plane)
 
     @classmethod
     def square(
@@ -342,6 +348,39 @@ class PlaneEdges:
             radii=tuple(radii),
         )
 
+    @classmethod
+    def line(cls, points: Any, std: Any = None, *, image: int = 0) -> PlaneEdges:
+        """Make the edge of a straight line at an unknown place in space.
+
+        Its image says nothing of the camera matrix: that it is straight tells of the lens's
+        distortion and of its centre. `calibrate_edges` uses it beside squares, if it is consistent
+        with them; the result has it in `Calibration.lines`.
+
+        Parameters
+        ----------
+        points : array_like, shape (N, 2), N >= 3
+            Samples of its image, in any order, pixels.
+        std : array_like, shape (N,), optional
+            As for `PlaneEdges`.
+        image : int
+            As for `PlaneEdges`.
+
+        Raises
+        ------
+        NotEnoughDataError
+            If there are fewer than three points.
+        TypeError, ValueError
+            As for `PlaneEdges`.
+        """
+        return cls(
+            np.array([[0.0, 1.0, 0.0]]),
+            (points,),
+            None if std is None else (std,),
+            image=image,
+            kind="line",
+            freedom="line",
+        )
+
     def __reduce__(self) -> tuple[Any, ...]:
         rebuild = partial(
             type(self),
@@ -443,10 +482,21 @@ def changed_edges(edges: PlaneEdges, **changes: Any) -> PlaneEdges:
     return unchecked_edges(**{**members, **changes})
 
 
-def _unit_normal_lines(lines: Any) -> FloatArray:
+def _check_line(points: tuple[FloatArray, ...], plane: int | None) -> None:
+    """Check that a figure may be a line of the scene."""
+    if len(points) != 1 or plane is not None:
+        raise ValueError('freedom "line" is of one line, on no plane that it shares')
+    if len(points[0]) < MIN_SCENE_LINE_SAMPLES:
+        raise NotEnoughDataError(
+            f"points[0] holds {len(points[0])} points: a line of the scene needs at least "
+            f"{MIN_SCENE_LINE_SAMPLES}, for two are always straight"
+        )
+
+
+def _unit_normal_lines(lines: Any, least: int) -> FloatArray:
     given = real_array(lines, "lines", (None, 3))
-    if len(given) < 4:
-        raise NotEnoughDataError(f"a plane needs at least 4 lines, not {len(given)}")
+    if len(given) < least:
+        raise NotEnoughDataError(f"a plane needs at least {least} lines, not {len(given)}")
     norms = np.hypot(given[:, 0], given[:, 1])
     if not (norms > 0).all():
         raise ValueError(f"line {int(np.argmin(norms))} has no direction: a and b are both zero")

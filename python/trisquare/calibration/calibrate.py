@@ -29,6 +29,7 @@ from trisquare.results.pose_uncertainty import PoseUncertainty
 from trisquare.results.rejected import Rejected, is_reported
 from trisquare.results.residual_correlation import ResidualCorrelation
 from trisquare.results.residuals import FigureResiduals
+from trisquare.results.scene_line import SceneLine
 
 
 def calibrate(
@@ -44,6 +45,7 @@ def calibrate(
     tone: Tone = None,
     targets: str = "auto",
     outlines: Outlines | None = None,
+    lines: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> Calibration:
     """Calibrate a camera from one photograph of three squares, or from several photographs.
@@ -92,6 +94,10 @@ def calibrate(
     outlines : path, mapping or sequence, optional
         Coarse outlines of the squares, drawn by hand, in place of a search: see `detect`. A file
         or its content may be for several photographs, by name or index.
+    lines : bool
+        Whether the scene's own straight edges join the fit where they are consistent with the
+        squares: that they are straight tells of the distortion and its centre, out to where no
+        square is. They are in the result's ``lines``, used or rejected. Needs ``method="ml"``.
     progress : callable, optional
         Called with (pictures done, pictures in all).
 
@@ -124,6 +130,7 @@ def calibrate(
         tone=tone,
         targets=targets,
         outlines=outlines,
+        lines=lines,
         progress=progress,
     ).calibration
 
@@ -148,6 +155,7 @@ def calibrate_photographs(
     tone: Tone,
     targets: str,
     outlines: Outlines | None,
+    lines: bool,
     progress: Callable[[int, int], None] | None,
     explain: bool = False,
 ) -> Calibrated:
@@ -158,12 +166,17 @@ def calibrate_photographs(
     """
     settings = Settings.check(method, model, fix, initial, free, orthogonal, parallel)
     kinds = TargetKinds.parse(targets)
+    if not isinstance(lines, bool):
+        raise TypeError(f"lines must be True or False, not {type(lines).__name__}")
+    if lines and settings.method == "linear":
+        raise ValueError('lines=True needs method="ml": the linear steps have no place for lines')
     gathered = gather(
         photographs,
         kinds,
         tone,
         outlines,
         progress,
+        lines=lines,
         explain_all=explain,
         camera_held={"focal", "principal_point", "distortion"} <= set(settings.fixed),
     )
@@ -177,7 +190,8 @@ def calibrate_photographs(
             raise DetectionError("; ".join(untold) if by_hand else nothing_found(kinds))
         # What was asked for by its layout or drawn by hand is vouched for.
         choosing = kinds.squares and not by_hand
-        outcome = _ask_core(gathered.figures, gathered, settings, choosing)
+        edges = [*gathered.figures, *gathered.lines]
+        outcome = _ask_core(edges, gathered, settings, choosing)
         if outcome.verdicts:
             gathered.figures, others, remarks = chosen_by(outcome, gathered.figures, gathered.quads)
             gathered.rejected += others
@@ -206,7 +220,8 @@ def calibrate_edges(
     Parameters
     ----------
     edges : sequence of PlaneEdges
-        Figures on three or more planes; fewer planes if enough parameters are fixed.
+        Figures on three or more planes; fewer planes if enough parameters are fixed. Lines of the
+        scene (`PlaneEdges.line`) beside them are used where they are consistent with the planes.
     image_size : (int, int)
         Width and height in pixels.
     method, model, fix, free, initial, orthogonal, parallel
@@ -266,7 +281,9 @@ def _ask_core(
 
 def _calibration(found: _core.Solution, gathered: Gathered, settings: Settings) -> Calibration:
     """Return what the core found as a result."""
-    figures, images, tones = gathered.figures, gathered.images, gathered.tones
+    figures = [*gathered.figures, *gathered.lines]
+    images, tones = gathered.images, gathered.tones
+    of_planes = tuple(figure for figure in figures if figure.freedom != "line")
     # The fit to the pixels knows more of the tone than the edges' profiles alone.
     if found.tones:
         tones = [tone.refined(fit) for tone, fit in zip(tones, found.tones, strict=True)]
@@ -326,9 +343,25 @@ def _calibration(found: _core.Solution, gathered: Gathered, settings: Settings) 
         ),
         tone_std=tone_std,
         rejected=tuple(gathered.rejected),
-        edges=tuple(figures),
+        edges=of_planes,
         residuals=tuple(
             FigureResiduals(own.plane, tuple(own.distances), tuple(own.normals))
             for own in found.residuals
         ),
+        lines=_scene_lines(found, figures),
     )
+
+
+def _scene_lines(found: _core.Solution, figures: Sequence[PlaneEdges]) -> tuple[SceneLine, ...]:
+    """Return the lines of the scene with the reasons why some are not used."""
+    agree = any(is_used for _, _, is_used in found.lines)
+    curved = "it is not straight under the camera that the others ask for"
+    unusable = "no line agrees with the planes"
+    lines = []
+    for index, rms, is_used in found.lines:
+        reason = curved if agree else unusable
+        if rms is None:
+            reason = "the lens does not see all of it"
+        points, image = figures[index].points[0], figures[index].image
+        lines.append(SceneLine(image, points, rms, None if is_used else reason))
+    return tuple(lines)

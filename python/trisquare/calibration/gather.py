@@ -42,6 +42,8 @@ class Gathered:
         Of every photograph.
     figures : list of PlaneEdges
         Each with the index of its photograph and the number of its plane, counted over all.
+    lines : list of PlaneEdges
+        Lines of the scene beside the figures, each with the index of its photograph.
     quads : dict of int to ndarray, shape (4, 2)
         Four points that enclose each plane, by its number.
     rejected : list of Rejected
@@ -58,6 +60,7 @@ class Gathered:
 
     image_size: tuple[int, int] = (0, 0)
     figures: list[PlaneEdges] = field(default_factory=list)
+    lines: list[PlaneEdges] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
     sizes: list[tuple[int, int]] = field(default_factory=list)
     quads: dict[int, FloatArray] = field(default_factory=dict)
@@ -74,6 +77,8 @@ class Gathered:
         targets: TargetKinds,
         tone: str | float,
         annotated: Sequence[AnnotatedSquare] | None,
+        *,
+        lines: bool,
     ) -> None:
         """Measure what is in a photograph, or what is `annotated` on it, and remark on it."""
         from trisquare.measurement.measure import measure
@@ -110,6 +115,11 @@ class Gathered:
         for figure in figures:
             plane = None if figure.plane is None else figure.plane + len(self.quads)
             self.figures.append(changed_edges(figure, image=photograph.index, plane=plane))
+        if lines and not photograph.repeats:
+            from trisquare.straightening.scene_lines import lines_beside
+
+            found = lines_beside(photograph.pixels, figures)
+            self.lines += [changed_edges(line, image=photograph.index) for line in found]
         self.quads.update(enumerate(quads, len(self.quads)))
 
     def leave_out_other_sizes(self) -> None:
@@ -135,6 +145,7 @@ class Gathered:
             self.warnings.append(CalibrationWarning(text, "other_size"))
             self.searches.pop(index, None)
         self.figures = [figure for figure in self.figures if kept[figure.image]]
+        self.lines = [line for line in self.lines if kept[line.image]]
         self.rejected = [candidate for candidate in self.rejected if kept[candidate.image]]
         self.pictures = list(compress(self.pictures, kept))
         self.tones = list(compress(self.tones, kept))
@@ -163,14 +174,15 @@ def gather(
     outlines: Outlines | None,
     progress: Callable[[int, int], None] | None,
     *,
+    lines: bool,
     explain_all: bool,
     camera_held: bool,
 ) -> Gathered:
     """Find and measure the targets of several photographs, one after another.
 
-    `camera_held` is whether nothing of the camera is estimated, `explain_all` whether the rejected
-    shapes of every photograph may be asked for; `tone`, `outlines` and `progress` are as in
-    `calibrate`.
+    `camera_held` is whether nothing of the camera is estimated, `lines` whether the lines of the
+    scene are found as well, `explain_all` whether the rejected shapes of every photograph may be
+    asked for; `tone`, `outlines` and `progress` are as in `calibrate`.
 
     Raises
     ------
@@ -198,10 +210,13 @@ def gather(
             )
         size = picture_size(photograph.pixels)
         annotated = None if drawings is None else drawings.on(photograph.index, size)
-        gathered.add(photograph, targets, curve, annotated)
+        gathered.add(photograph, targets, curve, annotated, lines=lines)
         if not explain_all:
             gathered.forget_richest_search()
         if progress is not None:
             progress(photograph.index + 1, len(photographs))
     gathered.leave_out_other_sizes()
+    if lines and not gathered.lines:
+        text = "no long edges beside the targets: no lines of the scene are used"
+        gathered.warnings.append(CalibrationWarning(text, "no_lines", "low"))
     return gathered

@@ -114,6 +114,10 @@ def calibrate_command(
         "Measure the squares outlined in this file, and search for no others: trisquare's JSON or "
         "labelme's, in pixels of the picture as stored, accurate to 5 px.",
     ),
+    lines: bool = flag(
+        "Use the scene's own straight edges as well, where they are consistent with the squares.",
+        "--lines",
+    ),
     with_diagnosis: bool = flag(
         "Show what limits each parameter, and what would improve it.", "--diagnose"
     ),
@@ -153,6 +157,7 @@ def calibrate_command(
             tone=_tone(tone),
             targets=targets,
             outlines=outline,
+            lines=lines,
             progress=progress,
             explain=debug_image is not None,
         )

@@ -32,7 +32,7 @@ def calibration_report(calibration: Calibration, *, verbose: bool = False) -> li
         planes.add_row(str(number), Text(plane.kind), str(plane.image), *plane_texts(plane))
     most = None if verbose else MOST_WARNINGS
     rejected, warnings = _rejected(calibration), _warnings(calibration, most)
-    told = [*_aspects(calibration), *rejected, *warnings]
+    told = [*_aspects(calibration), *_lines(calibration), *rejected, *warnings]
     return [parameters, planes, _summary(calibration), *told]
 
 
@@ -73,6 +73,14 @@ def _aspects(calibration: Calibration) -> list[Text]:
             value, std = with_its_std(plane.aspect, plane.aspect_std)
             lines.append(Text(f"plane {number}: aspect {value}, std {std}"))
     return lines
+
+
+def _lines(calibration: Calibration) -> list[Text]:
+    """Lay out how many lines of the scene are used, if there are any."""
+    if not calibration.lines:
+        return []
+    used = sum(line.is_used for line in calibration.lines)
+    return [Text(f"{used} of {len(calibration.lines)} lines of the scene used")]
 
 
 def _rejected(calibration: Calibration) -> list[Text]:

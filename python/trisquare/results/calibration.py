@@ -48,6 +48,7 @@ from trisquare.results.plane import Plane
 from trisquare.results.rejected import Rejected
 from trisquare.results.residual_correlation import ResidualCorrelation
 from trisquare.results.residuals import FigureResiduals
+from trisquare.results.scene_line import SceneLine
 
 __all__ = ["Calibration", "Camera", "Plane"]
 
@@ -56,7 +57,7 @@ RESULT_FORMAT = "trisquare/1"
 JSON_ORDER = (
     *("software", "method", "stage", "tone", "tone_std", "fixed", "image_size", "camera"),
     *("std", "parameters", "covariance", "rms_px", "noise_scale", "planes", "warnings"),
-    *("alternatives", "coherence", "rejected"),
+    *("lines", "alternatives", "coherence", "rejected"),
 )
 """Members of a result; the measured edges and their residuals follow if they are asked for."""
 
@@ -129,6 +130,8 @@ class Calibration(Record):
         What it was calibrated from; empty in results that were read from JSON without them.
     residuals : sequence of FigureResiduals
         How far the samples of each of the edges are from the calibrated model.
+    lines : sequence of SceneLine
+        The lines of the scene that were given or found, used or rejected; they are no `edges`.
     """
 
     camera: Camera
@@ -158,6 +161,7 @@ class Calibration(Record):
     residuals: tuple[FigureResiduals, ...] = field(
         default=(), metadata=member(records(FigureResiduals))
     )
+    lines: tuple[SceneLine, ...] = field(default=(), metadata=member(records(SceneLine)))
 
     def __post_init__(self) -> None:
         if not isinstance(self.camera, Camera):
@@ -191,6 +195,9 @@ class Calibration(Record):
             f"  rms {self.rms:.3g} px over {len(self.planes)} planes, "
             f"noise scale {self.noise_scale:.3g}"
         )
+        if self.lines:
+            used = sum(line.is_used for line in self.lines)
+            lines.append(f"  {used} of {len(self.lines)} lines of the scene used")
         lines.extend(f"  warning: {warning}" for warning in self.warnings)
         return "\n".join(lines)
 

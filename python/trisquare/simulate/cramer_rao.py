@@ -56,6 +56,7 @@ def cramer_rao_bound(
     any_aspect: bool = False,
     any_offsets: bool = False,
     orthogonal: Sequence[tuple[int, int]] = (),
+    further: Array | None = None,
 ) -> dict[str, float]:
     """Smallest standard deviations that an unbiased calibration of this scene can have.
 
@@ -84,6 +85,8 @@ def cramer_rao_bound(
         of a facade.
     orthogonal : sequence of (int, int)
         Pairs of targets whose planes are known to be at right angles.
+    further : ndarray, shape (len(free), len(free)), optional
+        Information on the free parameters from elsewhere.
 
     Returns
     -------
@@ -125,6 +128,8 @@ def cramer_rao_bound(
         columns = np.r_[: len(free), first:after]
         information[np.ix_(columns, columns)] += rows.T @ rows
         first = after
+    if further is not None:
+        information[: len(free), : len(free)] += further
     if orthogonal:
         ties = np.zeros((len(orthogonal), size))
         for tie, (one, other) in zip(ties, orthogonal, strict=True):

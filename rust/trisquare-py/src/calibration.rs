@@ -62,6 +62,9 @@ pub struct Solution {
     covariance: Py<PyArray2<f64>>,
     std: Py<PyDict>,
     planes: Vec<Py<SolvedPlane>>,
+    /// Index among the figures, root mean square distance, and whether it is used, of the lines of
+    /// the scene.
+    lines: Vec<(usize, Option<f64>, bool)>,
     residuals: Vec<Py<FigureResiduals>>,
     rms: f64,
     noise_scale: f64,
@@ -385,6 +388,11 @@ fn solution<L: Lens>(
         planes: each(py, &found.planes, |py, plane| {
             solved_plane(py, plane, columns)
         })?,
+        lines: found
+            .lines
+            .iter()
+            .map(|line| (line.figure, line.rms, line.is_used))
+            .collect(),
         residuals: each(py, &found.residuals, figure_residuals)?,
         rms: found.rms,
         noise_scale: found.noise_scale,

@@ -132,6 +132,7 @@ pub fn plane_edges(object: &Bound<'_, PyAny>) -> PyResult<PlaneEdges> {
             "similarity" => Freedom::Similarity,
             "aspect" => Freedom::Aspect,
             "offsets" => Freedom::Offsets,
+            "line" => Freedom::Line,
             other => return Err(PyValueError::new_err(format!("unknown freedom {other:?}"))),
         },
     })

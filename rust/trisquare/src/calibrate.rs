@@ -5,9 +5,11 @@ use std::rc::Rc;
 use crate::error::{Error, ErrorKind};
 use crate::image_size::ImageSize;
 use crate::lens::Lens;
+use crate::lines::add_lines;
 use crate::noise::check_drift_count;
 use crate::observations::{
-    Method, ObservedPlane, Options, PlaneEdges, check_relations, relations_of, sort_by_plane,
+    Method, ObservedPlane, Options, PlaneEdges, check_relations, lines_of_scene, relations_of,
+    sort_by_plane,
 };
 use crate::photometric::{Photographs, improve};
 use crate::result::{Calibration, Stage, Warning};
@@ -91,6 +93,8 @@ fn run<L: Lens>(
     size.check()?;
     options.check()?;
     let planes = sort_by_plane(edges)?;
+    let lines = lines_of_scene(edges)?;
+    check_lines((planes.len(), lines.len()), options.method)?;
     check_drift_count(&planes)?;
     check_relations::<L>(&planes)?;
     let own = || Rc::new(Work::for_planes(&planes));
@@ -132,9 +136,12 @@ fn run<L: Lens>(
         solution = found;
     }
     let mut calibration = Calibration::assemble(&problem, &solution, stage);
-    if let (Stage::Edges, Some(photographs)) = (stage, photographs) {
-        improve(edges, &problem, &solution, photographs, &mut calibration);
-    }
+    let fitted = match (stage, photographs) {
+        (Stage::Edges, Some(photographs)) => {
+            improve(edges, &problem, &solution, photographs, &mut calibration)
+        }
+        _ => None,
+    };
     if calibration.stage == stage {
         calibration.state_poses(&solution);
     }
@@ -153,6 +160,11 @@ fn run<L: Lens>(
         }
         let contradicted = contradicted(edges, &planes, size, options);
         calibration.warnings.splice(0..0, contradicted);
+    }
+    if !lines.is_empty() {
+        let optimum = (&solution, fitted.as_ref());
+        add_lines(&problem, optimum, &lines, &mut calibration);
+        problem.check_reach(&calibration.camera)?;
     }
     Ok(calibration)
 }
@@ -178,4 +190,21 @@ fn contradicted<L: Lens>(
         |_| Vec::new(),
         |untold| contradicted_relations(&untold, &relations),
     )
+}
+
+/// Lines tell of the lens beside planes, which the linear steps do not know how to join.
+fn check_lines((planes, lines): (usize, usize), method: Method) -> Result<(), Error> {
+    if lines == 0 {
+        return Ok(());
+    }
+    if planes == 0 {
+        return Err(Error::LinesAlone { lines });
+    }
+    match method {
+        Method::MaximumLikelihood => Ok(()),
+        Method::Linear => Err(Error::InvalidArgument(
+            "lines of the scene need maximum likelihood: the linear steps have no place for them"
+                .into(),
+        )),
+    }
 }

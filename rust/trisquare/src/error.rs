@@ -80,6 +80,16 @@ pub enum Error {
         free: String,
     },
 
+    /// Lines of the scene, and no plane.
+    #[error(
+        "{lines} line(s) of the scene and no plane: lines tell of the lens's distortion alone, the \
+         rest of the camera needs squares; without any use trisquare.straighten on the picture"
+    )]
+    LinesAlone {
+        /// Lines given.
+        lines: usize,
+    },
+
     /// A plane is described by too few lines.
     #[error("plane figure {figure} has {found} line(s), but a homography needs {needed}")]
     TooFewLines {
@@ -238,7 +248,7 @@ impl Error {
             | Error::BehindCamera { .. }
             | Error::CrossedSides { .. }
             | Error::CrossedParallels { .. } => ErrorKind::InvalidArgument,
-            Error::NotEnoughPlanes { .. } => ErrorKind::NotEnoughPlanes,
+            Error::NotEnoughPlanes { .. } | Error::LinesAlone { .. } => ErrorKind::NotEnoughPlanes,
             Error::TooFewLines { .. }
             | Error::TooFewParallels { .. }
             | Error::TooFewSamples { .. }

@@ -22,6 +22,7 @@ mod image;
 mod image_size;
 pub mod lens;
 mod linear;
+mod lines;
 mod localise;
 mod model_selection;
 mod noise;
@@ -68,7 +69,7 @@ pub use photometric::Photographs;
 pub use planning::{EdgeNoise, PlannedPlane, Prediction, predict};
 pub use result::{
     Aspect, Calibration, CircleRadius, Disagreement, FigureResiduals, Plane, PoseUncertainty,
-    ResidualCorrelation, Severity, SideResiduals, Stage, Warning,
+    ResidualCorrelation, SceneLine, Severity, SideResiduals, Stage, Warning,
 };
 pub use selection::{Choice, Doubt, Verdict, choose};
 pub use uncertainty::{

@@ -10,7 +10,7 @@ const ROWS: [&[&str]; 13] = [
     &["family_selection"],
     &["model_selection"],
     &["calibrate"],
-    &["selection", "photometric"],
+    &["selection", "photometric", "lines"],
     &["solver", "planning"],
     &["uncertainty"],
     &["noise"],

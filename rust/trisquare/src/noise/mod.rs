@@ -14,11 +14,13 @@ mod side_moments;
 mod tone_drift;
 
 pub(crate) use board_relief::FLAT;
-pub(crate) use local::{Noise, white_variance};
+pub(crate) use local::{LocalNoise, Noise, white_variance};
 pub(crate) use misfit::Misfit;
 pub(crate) use picture_fields::{FIELDS, PictureFields};
 pub(crate) use relief_fit::{Sheets, account_for_relief};
 pub(crate) use reml::Strength;
+pub(crate) use side_basis::{ORDERS, basis, direction, places};
 pub(crate) use side_errors::{SideErrors, rms_displacement, variance_of};
+pub(crate) use side_families::spectrum;
 pub(crate) use side_moments::{Moments, SideMoments};
 pub(crate) use tone_drift::{account_for_drift, check_drift_count};

@@ -17,7 +17,7 @@ pub(crate) use curve::{Curve, ModelLine, Radius};
 pub use edge_shift::{CellSample, GridLineSamples, remove_edge_shift};
 pub(crate) use free_parameters::FreeParameters;
 pub(crate) use observed::{
-    Figure, ObservedPlane, Sample, Side, directions, has_grid, sort_by_plane,
+    Figure, ObservedPlane, Sample, Side, directions, has_grid, lines_of_scene, sort_by_plane,
 };
 pub use options::{Fixed, Method, Options};
 pub(crate) use placement::Placement;

@@ -201,11 +201,33 @@ pub(crate) fn has_grid(figure: &Figure) -> bool {
     figure.sides.len() > 4 && directions(figure).into_iter().filter(many).count() >= 2
 }
 
-/// Checks all figures and sorts them by plane, in the order in which planes first appear.
+/// Checks the lines of the scene among the figures and makes of each a plane with one side.
+pub(crate) fn lines_of_scene(edges: &[PlaneEdges]) -> Result<Vec<ObservedPlane>, Error> {
+    let lines = edges.iter().enumerate().filter(|(_, own)| is_line(own));
+    let observed = |(index, own): (usize, &PlaneEdges)| {
+        own.check(index)?;
+        Ok(ObservedPlane {
+            image: own.image,
+            figures: vec![figure(index, own)],
+            board_relief: None,
+            side_error: own.side_error,
+            relations: Vec::new(),
+        })
+    };
+    lines.map(observed).collect()
+}
+
+fn is_line(edges: &PlaneEdges) -> bool {
+    edges.freedom == Freedom::Line
+}
+
+/// Checks all figures and sorts them by plane, in the order in which planes first appear; lines of
+/// the scene are on none.
 pub(crate) fn sort_by_plane(edges: &[PlaneEdges]) -> Result<Vec<ObservedPlane>, Error> {
     let mut planes: Vec<ObservedPlane> = Vec::new();
     let mut known: HashMap<u64, usize> = HashMap::new();
-    for (index, figure_edges) in edges.iter().enumerate() {
+    let figures_of_planes = edges.iter().enumerate().filter(|(_, own)| !is_line(own));
+    for (index, figure_edges) in figures_of_planes {
         figure_edges.check(index)?;
         let figures = figures(index, figure_edges)?;
         let place = figure_edges.plane.and_then(|key| known.get(&key).copied());

@@ -14,6 +14,9 @@ const CORNER_SLACK: f64 = 0.25;
 /// Samples that the image of a circle needs: it has five numbers.
 const MIN_CIRCLE_SAMPLES: usize = 5;
 
+/// Samples of a line of the scene: two tell no bend.
+const MIN_SCENE_LINE_SAMPLES: usize = 3;
+
 /// Which side of a figure's outline is dark.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -45,6 +48,8 @@ pub enum Freedom {
     /// outermost two of each direction make a rectangle as under [`Self::Aspect`], and the plane's
     /// coordinates are that one's.
     Offsets,
+    /// All: the only line of a figure lies at an unknown place in space, on no plane.
+    Line,
 }
 
 /// One flat figure: lines of a plane, or concentric circles, and samples on their images.
@@ -180,6 +185,23 @@ impl PlaneEdges {
         Ok(found)
     }
 
+    /// A straight line of the scene from its samples, at an unknown place in space.
+    ///
+    /// Its image has two numbers, so that it says nothing of the camera matrix. That it is straight
+    /// tells of the lens's distortion, and of its centre.
+    ///
+    /// # Errors
+    /// As [`Self::check`].
+    pub fn line(points: Vec<Vector2<f64>>) -> Result<Self, Error> {
+        let line = Line::with_unit_normal(Vector2::y(), Vector2::zeros());
+        let found = Self {
+            freedom: Freedom::Line,
+            ..Self::new(vec![line], vec![points])
+        };
+        found.check(0)?;
+        Ok(found)
+    }
+
     /// Samples on the images of the given lines, a plane of their own.
     pub fn new(lines: Vec<Line>, points: Vec<Vec<Vector2<f64>>>) -> Self {
         Self {
@@ -208,7 +230,9 @@ impl PlaneEdges {
     /// # Errors
     /// The first thing found wrong.
     pub fn check(&self, figure: usize) -> Result<(), Error> {
-        if !self.radii.is_empty() {
+        if self.freedom == Freedom::Line {
+            self.check_scene_line(figure)?;
+        } else if !self.radii.is_empty() {
             self.check_circles(figure)?;
         } else if self.lines.len() < MIN_LINES && self.freedom != Freedom::Offsets {
             return Err(Error::TooFewLines {
@@ -257,6 +281,25 @@ impl PlaneEdges {
 }
 
 impl PlaneEdges {
+    fn check_scene_line(&self, figure: usize) -> Result<(), Error> {
+        if self.lines.len() != 1 || !self.radii.is_empty() || self.plane.is_some() {
+            return Err(Error::InvalidArgument(format!(
+                "figure {figure} is a line of the scene: it has one line, no circles, and no plane \
+                 that it shares"
+            )));
+        }
+        let found = self.points.first().map_or(0, Vec::len);
+        if found < MIN_SCENE_LINE_SAMPLES {
+            return Err(Error::TooFewSamples {
+                figure,
+                line: 0,
+                found,
+                needed: MIN_SCENE_LINE_SAMPLES,
+            });
+        }
+        Ok(())
+    }
+
     fn check_circles(&self, figure: usize) -> Result<(), Error> {
         let invalid = |what| Err(Error::InvalidArgument(format!("figure {figure} {what}")));
         if !self.lines.is_empty() || self.freedom == Freedom::Aspect {
@@ -435,6 +478,24 @@ mod tests {
         assert_eq!(offsets(0.625), [0.8, 0.5]);
         assert!(PlaneEdges::rectangle(sides(), 0.0).is_err());
         assert!(PlaneEdges::rectangle(sides(), f64::INFINITY).is_err());
+    }
+
+    #[test]
+    fn a_line_of_the_scene_has_three_samples_and_no_plane() {
+        let points = |count| side((100.0, 100.0), (300.0, 120.0))[..count].to_vec();
+        assert!(matches!(
+            PlaneEdges::line(points(2)),
+            Err(Error::TooFewSamples { needed: 3, .. })
+        ));
+        let line = PlaneEdges::line(points(3)).unwrap();
+        let shared = PlaneEdges {
+            plane: Some(0),
+            ..line.clone()
+        };
+        assert!(matches!(shared.check(0), Err(Error::InvalidArgument(_))));
+        let mut nan = line;
+        nan.points[0][1].y = f64::NAN;
+        assert!(matches!(nan.check(0), Err(Error::NotFinite { .. })));
     }
 
     #[test]

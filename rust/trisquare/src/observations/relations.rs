@@ -8,7 +8,7 @@ use std::collections::HashSet;
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::observed::ObservedPlane;
-use super::plane_edges::PlaneEdges;
+use super::plane_edges::{Freedom, PlaneEdges};
 use super::relation::{Equation, Related, Relation};
 use super::view::{PlaneState, View};
 use crate::error::Error;
@@ -28,7 +28,8 @@ pub fn relate_planes(
     let mut first_figures = Vec::new();
     let mut known = HashSet::new();
     for (index, figure) in edges.iter().enumerate() {
-        if figure.plane.is_none_or(|key| known.insert(key)) {
+        let is_on_plane = figure.freedom != Freedom::Line;
+        if is_on_plane && figure.plane.is_none_or(|key| known.insert(key)) {
             first_figures.push(index);
         }
     }

@@ -52,21 +52,26 @@ const MAX_LOG_RATIO: f64 = 0.2;
 /// the pixels are taken to break the model.
 const MAX_MEAN_SQUARE_SHIFT: f64 = 9.0;
 
-/// Fits the photographs and replaces the calibration's numbers where that improves them.
+/// Fits the photographs and replaces the calibration's numbers where that improves them; returns
+/// the optimum that they then are from.
 pub(crate) fn improve<L: Lens>(
     edges: &[PlaneEdges],
     problem: &JointProblem<'_, L>,
     solution: &Solution<L>,
     photographs: &Photographs<'_>,
     calibration: &mut Calibration<L>,
-) {
+) -> Option<Solution<L>> {
     match attempt(edges, problem, solution, photographs, calibration) {
-        Ok(better) => *calibration = better,
+        Ok((better, fitted)) => {
+            *calibration = better;
+            return Some(fitted);
+        }
         Err(Refusal::NotApplicable) => {}
         Err(Refusal::Reason(reason)) => {
             calibration.warnings.push(Warning::PixelsNotUsed { reason });
         }
     }
+    None
 }
 
 /// What the joint fit starts from.
@@ -92,7 +97,7 @@ fn attempt<L: Lens>(
     solution: &Solution<L>,
     photographs: &Photographs<'_>,
     calibration: &Calibration<L>,
-) -> Result<Calibration<L>, Refusal> {
+) -> Result<(Calibration<L>, Solution<L>), Refusal> {
     let tones = photographs.tones;
     let known = tones.iter().all(|t| matches!(t, PictureTone::Known(_)));
     let mut fit = PixelFit {
@@ -121,8 +126,12 @@ fn attempt<L: Lens>(
     fit.scales = start.scales;
     let (state, found) = converge(&fit, start.state).ok_or(BROKEN)?;
     // The samples' stated deviations tell of the pixels' only if they were made from them.
-    let measured = edges.iter().all(|figure| figure.std.is_some());
-    let mut better = answer(&fit, state, found, (problem, solution), measured).ok_or(BROKEN)?;
+    let of_planes = solution.planes.iter().flat_map(|plane| &plane.figures);
+    let measured = of_planes
+        .into_iter()
+        .all(|figure| edges[figure.index].std.is_some());
+    let (mut better, fitted) =
+        answer(&fit, state, found, (problem, solution), measured).ok_or(BROKEN)?;
     check_improvement(&problem.free, calibration, &better)?;
     let turns_back = |_| Refusal::Reason("with them the distortion turns back inside the picture");
     problem.check_reach(&better.camera).map_err(turns_back)?;
@@ -135,7 +144,7 @@ fn attempt<L: Lens>(
             side: hidden.side,
             part: hidden.part,
         }));
-    Ok(better)
+    Ok((better, fitted))
 }
 
 const BROKEN: Refusal = Refusal::Reason("the pixels near an outline do not show a blurred step");
@@ -217,14 +226,14 @@ fn converge<L: Lens>(
     None
 }
 
-/// The calibration of an optimum.
+/// The calibration of an optimum, and the optimum.
 fn answer<L: Lens>(
     fit: &PixelFit<'_>,
     state: PixelState<L>,
     PixelSystem { system, spread, .. }: PixelSystem,
     (problem, solution): (&JointProblem<'_, L>, &Solution<L>),
     measured: bool,
-) -> Option<Calibration<L>> {
+) -> Option<(Calibration<L>, Solution<L>)> {
     let Solution {
         planes,
         refined,
@@ -262,7 +271,7 @@ fn answer<L: Lens>(
     let mut better = Calibration::assemble(problem, &fitted, Stage::Pixels);
     better.state_poses(&fitted);
     better.tones = tones;
-    Some(better)
+    Some((better, fitted))
 }
 
 /// Refuses an answer that is less certain than the edges', or far from it.

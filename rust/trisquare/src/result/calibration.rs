@@ -66,6 +66,23 @@ pub struct Plane {
     pub radii: Vec<CircleRadius>,
 }
 
+/// A line of the scene.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct SceneLine {
+    /// Its index among the edges given.
+    pub figure: usize,
+    /// Index of the picture that shows it.
+    pub image: usize,
+    /// Root mean square distance of its samples from the image of the line that fits them best, in
+    /// pixels; `None` where the lens does not see all of them.
+    pub rms: Option<f64>,
+    /// Number of its samples.
+    pub samples: usize,
+    /// Whether the camera follows it: not where it is curved, or all lines contradict the planes.
+    pub is_used: bool,
+}
+
 /// The radius of a circle, in units of its plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -100,8 +117,10 @@ pub struct Calibration<L: Lens = DefaultLens> {
     pub aspect_fixed: bool,
     /// The planes, in the order in which their first figures were given.
     pub planes: Vec<Plane>,
+    /// The lines of the scene, in the order in which they were given.
+    pub lines: Vec<SceneLine>,
     /// How far the samples of every figure are from the images of its lines, in the order in which
-    /// the figures were given.
+    /// the figures of planes were given.
     pub residuals: Vec<FigureResiduals>,
     /// Root mean square distance of all samples to the images of their lines, in pixels.
     pub rms: f64,

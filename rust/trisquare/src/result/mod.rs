@@ -5,7 +5,8 @@ mod residual_correlation;
 mod warning;
 
 pub use calibration::{
-    Aspect, Calibration, CircleRadius, FigureResiduals, Plane, PoseUncertainty, SideResiduals,
+    Aspect, Calibration, CircleRadius, FigureResiduals, Plane, PoseUncertainty, SceneLine,
+    SideResiduals,
 };
 pub use residual_correlation::ResidualCorrelation;
 pub use warning::{Disagreement, Severity, Stage, Warning};

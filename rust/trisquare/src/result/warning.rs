@@ -165,6 +165,16 @@ pub enum Warning {
         /// What spoke against it.
         reason: &'static str,
     },
+    /// The lines of the scene tell nothing, or another lens than the planes.
+    #[error(
+        "the lines of the scene were not used: {}",
+        lines_not_used(*.sigmas)
+    )]
+    LinesNotUsed {
+        /// By how many standard deviations the lens would move; `None` where none of them is the
+        /// image of a straight line, or nothing is free.
+        sigmas: Option<f64>,
+    },
     /// The pixels of the camera do not come out as squares.
     #[error(
         "fy / fx is {ratio:.4} +- {std:.4}, but nearly every camera's pixels are square: are the \
@@ -238,6 +248,21 @@ fn held_focal(fixed: &str, held: Option<f64>) -> String {
 /// Standard deviations that were raised more than so many times ask for a look.
 const NOTABLE_FACTOR: f64 = 2.0;
 
+/// What speaks against lines.
+fn lines_not_used(sigmas: Option<f64>) -> String {
+    match sigmas {
+        Some(sigmas) => format!(
+            "they would move the lens by {sigmas:.1} standard deviations of what the planes say (are \
+             most of them curved, or is the lens beyond its model?)"
+        ),
+        None => {
+            "none of them is straight under a lens that the planes allow, or nothing is free that \
+             they tell of"
+        }
+        .to_owned(),
+    }
+}
+
 /// What makes sides err together.
 fn cause_of_errors(height: Option<f64>) -> String {
     match height {
@@ -267,6 +292,7 @@ impl Warning {
             Self::SidesErrTogether { .. } => "correlated_residuals",
             Self::LensBeyondModel { .. } | Self::LensOfAnotherFamily { .. } => "lens_beyond_model",
             Self::PixelsNotUsed { .. } => "pixels_not_used",
+            Self::LinesNotUsed { .. } => "lines_not_used",
             Self::PixelsNotSquare { .. } => "pixels_not_square",
             Self::PrincipalPointOffCentre { .. } => "principal_point_off_centre",
             Self::RelationContradicted { .. } => "relation_contradicted",
@@ -287,11 +313,13 @@ impl Warning {
             Self::Disagreement(_)
             | Self::SideSetAside { .. }
             | Self::PlaneSetAside { .. }
-            | Self::PrincipalPointOffCentre { .. } => Severity::Medium,
+            | Self::PrincipalPointOffCentre { .. }
+            | Self::LinesNotUsed { sigmas: Some(_) } => Severity::Medium,
             Self::PlanesVary { factor } if *factor > NOTABLE_FACTOR => Severity::Medium,
             Self::PlanesVary { .. }
             | Self::SidesErrTogether { .. }
             | Self::PixelsNotUsed { .. }
+            | Self::LinesNotUsed { sigmas: None }
             | Self::PartlyHidden { .. } => Severity::Low,
         }
     }

@@ -82,6 +82,7 @@ impl<L: Lens> Calibration<L> {
                     radii: Vec::new(),
                 })
                 .collect(),
+            lines: Vec::new(),
             residuals: by_figure(planes, residuals),
             rms: root_mean_square(residuals.iter().flatten().filter(|r| r.counts)),
             noise_scale: refined.noise_scale,

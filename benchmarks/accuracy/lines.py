@@ -1,0 +1,131 @@
+"""Straight lines of the scene beside small squares in the middle of the picture."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from harness.rows import Row
+from harness.truth import NAMES, Array, by_name, errors, rms
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare_scenes.scene_lines import (
+    central_scene,
+    imaged_lines,
+    line_information,
+    line_samples,
+)
+
+SCENES = 200
+SEED = 131
+NOISE = 0.1  # pixels
+SPACING = 4.0
+LINES = 12
+BENT = (2, 5, 9)
+SAGITTA_RANGE = (1.0, 5.0)  # pixels
+MOST_OVER_BOUND = 1.10
+COVERAGE = (0.93, 0.97)
+# A 95 % interval of a normal distribution.
+HALF_WIDTH = 1.959964
+CONFIDENT_WRONG = 4.0
+"""Standard deviations of an error that no sound calibration has."""
+
+
+class Found(NamedTuple):
+    """Errors and standard deviations of a calibration, over the bound, shape (6,)."""
+
+    error: Array
+    std: Array
+    bound: Array
+    rejected: set[int]
+
+
+def measure() -> list[Row]:
+    """Print what lines add to squares, and what becomes of cables among them."""
+    runs: dict[str, list[Found]] = {"without": [], "with": [], "bent": []}
+    for number in range(SCENES):
+        for name, found in _of_scene(number).items():
+            runs[name].append(found)
+    for name, found in runs.items():
+        medians = np.median([one.std for one in found], axis=0)
+        stds = ", ".join(f"{key} {std:.2g}" for key, std in zip(NAMES, medians, strict=True))
+        print(f"  {name}: median std {stds}; coverage {100 * _coverage(found):.1f} %")
+    low, high = COVERAGE
+    ratio, share = _ratio(runs["with"]), _coverage(runs["with"])
+    straight = sum(len(one.rejected) for one in runs["with"])
+    hits = sum(len(one.rejected & set(BENT)) for one in runs["bent"])
+    losses = sum(len(one.rejected - set(BENT)) for one in runs["bent"])
+    wrong = sum(bool(np.any(np.abs(one.error) > CONFIDENT_WRONG * one.std)) for one in runs["bent"])
+    gains = np.median(
+        [
+            other.std[4:] / one.std[4:]
+            for one, other in zip(runs["with"], runs["without"], strict=True)
+        ],
+        axis=0,
+    )
+    scenes = f"three small squares and {LINES} lines, {SCENES} scenes"
+    bends = f"{SAGITTA_RANGE[0]:.0f} to {SAGITTA_RANGE[1]:.0f} px"
+    return [
+        Row(
+            f"{scenes}: error / bound",
+            f"{ratio:.3f} (squares alone {_ratio(runs['without']):.3f})",
+            f"<= {MOST_OVER_BOUND:.2f}",
+            ratio <= MOST_OVER_BOUND,
+        ),
+        Row(
+            "the same: coverage of the 95 % intervals",
+            f"{100 * share:.1f} %",
+            f"{100 * low:.0f} to {100 * high:.0f} %",
+            low <= share <= high,
+        ),
+        Row(
+            "the same: standard deviations of k1 and k2 shrink by, median",
+            f"{gains[0]:.0f} and {gains[1]:.0f} times; {straight} straight lines rejected",
+            "-",
+            None,
+        ),
+        Row(
+            f"the same with {len(BENT)} lines bent by {bends}",
+            f"{hits} of {len(BENT) * SCENES} rejected, with {losses} straight ones; {wrong} "
+            f"confident wrong; coverage {100 * _coverage(runs['bent']):.1f} %",
+            "all rejected, 0 wrong",
+            hits == len(BENT) * SCENES and wrong == 0,
+        ),
+    ]
+
+
+def _of_scene(number: int) -> dict[str, Found]:
+    rng = np.random.default_rng([SEED, number])
+    scene = central_scene(rng)
+    sides = simulate.edge_points(scene, rng, noise=NOISE, spacing=SPACING)
+    squares = [ts.PlaneEdges.square(own) for own in sides]
+    lines = imaged_lines(scene.camera, rng, LINES)
+    told = line_information(scene.camera, lines, NOISE, NAMES)
+    bends = [rng.choice([-1, 1]) * rng.uniform(*SAGITTA_RANGE) * (i in BENT) for i in range(LINES)]
+    straight = [ts.PlaneEdges.line(line_samples(line, rng, NOISE)) for line in lines]
+    bent = [
+        ts.PlaneEdges.line(line_samples(line, rng, NOISE, bend))
+        for line, bend in zip(lines, bends, strict=True)
+    ]
+
+    def found(edges: list[ts.PlaneEdges], further: Array | None) -> Found:
+        result = ts.calibrate_edges([*squares, *edges], scene.camera.image_size)
+        bound = simulate.cramer_rao_bound(scene, NOISE, spacing=SPACING, further=further)
+        rejected = {i for i, line in enumerate(result.lines) if not line.is_used}
+        error = errors(result, scene.camera)
+        return Found(error, by_name(result.std), by_name(bound), rejected)
+
+    return {
+        "without": found([], None),
+        "with": found(straight, told),
+        "bent": found(bent, told),
+    }
+
+
+def _ratio(found: list[Found]) -> float:
+    return rms(np.array([one.error / one.bound for one in found]))
+
+
+def _coverage(found: list[Found]) -> float:
+    return float(np.mean([np.abs(one.error) <= HALF_WIDTH * one.std for one in found]))

@@ -1,0 +1,243 @@
+//! The lines joined with what the planes say.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::follow::moved_like;
+use super::mixture::{Mixture, sorted};
+use super::observed_line::{ObservedLine, SmoothLine};
+use super::planes::Planes;
+use crate::lens::Lens;
+use crate::noise::{LocalNoise, Noise};
+use crate::numeric::chi_square_tail;
+use crate::observations::{ObservedPlane, View};
+use crate::refine::{Refined, residuals, robust_scale};
+use crate::result::{Calibration, Plane, SceneLine, Warning};
+use crate::solver::{JointProblem, Solution};
+
+/// Rounds of measuring, sorting and moving allowed; about four are used.
+const MAX_ROUNDS: usize = 30;
+
+/// Part of a step that is taken where it is no shorter than the last.
+const SHORTENED: f64 = 0.5;
+
+/// Square of the last step, in standard deviations.
+const LAST_STEP: f64 = 1e-3;
+
+/// A line's own scale of the noise counts beside that of all as if this rested on so many degrees of
+/// freedom.
+const SHARED_FREEDOM: f64 = 8.0;
+
+/// How often chance alone makes lines and planes differ so much.
+const CHANCE: f64 = 1e-4;
+
+/// Where lines and planes agree.
+struct Joined<L> {
+    lens: L,
+    covariance: DMatrix<f64>,
+    is_used: Vec<bool>,
+}
+
+/// Adds the lines of the scene to a calibration from planes alone, `solution` being the edges'
+/// optimum and `fitted` that of the pixels, where the calibration is from these.
+pub(crate) fn add_lines<L: Lens>(
+    problem: &JointProblem<'_, L>,
+    (solution, fitted): (&Solution<L>, Option<&Solution<L>>),
+    lines: &[ObservedPlane],
+    calibration: &mut Calibration<L>,
+) {
+    let planes = Planes::of(problem, solution, calibration);
+    let found = planes
+        .as_ref()
+        .and_then(|planes| join(problem, planes, lines));
+    let accepted = match found {
+        None => Err(Warning::LinesNotUsed { sigmas: None }),
+        Some((found, None)) => Ok(found),
+        Some((_, sigmas)) => Err(Warning::LinesNotUsed { sigmas }),
+    };
+    let moved = accepted.and_then(|found| {
+        let own = &fitted.unwrap_or(solution).refined.view;
+        let view = planes.and_then(|planes| moved_view(&planes, own, found.lens));
+        view.map(|view| (found, view))
+            .ok_or(Warning::LinesNotUsed { sigmas: None })
+    });
+    let is_used = match moved {
+        Ok((found, view)) => {
+            take(problem, fitted.unwrap_or(solution), view, calibration);
+            calibration.covariance = found.covariance;
+            found.is_used
+        }
+        Err(warning) => {
+            calibration.warnings.push(warning);
+            vec![false; lines.len()]
+        }
+    };
+    let lens = calibration.camera;
+    let line = |(line, is_used): (&ObservedPlane, bool)| {
+        let samples = &line.figures[0].sides[0].samples;
+        SceneLine {
+            figure: line.figures[0].index,
+            image: line.image,
+            rms: ObservedLine::of(&lens, &problem.free, samples).map(|own| own.rms()),
+            samples: samples.len(),
+            is_used,
+        }
+    };
+    calibration.lines = lines.iter().zip(is_used).map(line).collect();
+}
+
+/// Where lines and planes agree, and by how many standard deviations they do not, if beyond chance;
+/// `None` where no line is of use.
+fn join<L: Lens>(
+    problem: &JointProblem<'_, L>,
+    planes: &Planes<'_, L>,
+    lines: &[ObservedPlane],
+) -> Option<(Joined<L>, Option<f64>)> {
+    let seen = |lens: &L| measured(problem, lens, lines).len();
+    let starts = [
+        Some(planes.lens),
+        planes.usual(),
+        Some(planes.lens.without_distortion()),
+    ];
+    let starts = starts.into_iter().flatten().rev();
+    let mut lens = starts.max_by_key(|lens| seen(lens))?;
+    let mut last = f64::INFINITY;
+    for _ in 0..MAX_ROUNDS {
+        let (numbers, smooth): (Vec<usize>, Vec<SmoothLine>) =
+            smoothed(measured(problem, &lens, lines), lines, &planes.units)
+                .into_iter()
+                .unzip();
+        let said = planes.at(lens)?;
+        let gradient = &said.information * &said.deviation;
+        let Mixture {
+            is_straight,
+            information,
+            gradient,
+        } = sorted(&smooth, (&said.information, &gradient))?;
+        let factor = information.clone().cholesky()?;
+        let step = -factor.solve(&gradient);
+        let length = step.dot(&(&information * &step));
+        let part = if length < last { 1.0 } else { SHORTENED };
+        lens = planes.moved(&(&step * part), &lens);
+        last = length;
+        if length > LAST_STEP {
+            continue;
+        }
+        let mut is_used = vec![false; lines.len()];
+        for (number, is_straight) in numbers.into_iter().zip(&is_straight) {
+            is_used[number] = *is_straight;
+        }
+        let inverse = factor.inverse();
+        let square = said.deviation.dot(&(&said.information * &said.deviation));
+        let square = square.max(said.square);
+        let told = step.len() as f64 - (&said.information * &inverse).trace();
+        let contradicts = chi_square_tail(square, told.max(1.0)) < CHANCE;
+        let units = DMatrix::from_diagonal(&planes.units);
+        let joined = Joined {
+            lens,
+            covariance: &units * inverse * &units,
+            is_used,
+        };
+        let any = joined.is_used.contains(&true);
+        return any.then_some((joined, contradicts.then(|| (square / told.max(1.0)).sqrt())));
+    }
+    None
+}
+
+/// The lines whose samples a lens sees, with their numbers.
+fn measured<L: Lens>(
+    problem: &JointProblem<'_, L>,
+    lens: &L,
+    lines: &[ObservedPlane],
+) -> Vec<(usize, ObservedLine)> {
+    let measured = |(number, line): (usize, &ObservedPlane)| {
+        let samples = &line.figures[0].sides[0].samples;
+        Some((number, ObservedLine::of(lens, &problem.free, samples)?))
+    };
+    lines.iter().enumerate().filter_map(measured).collect()
+}
+
+/// What measured lines say, each by its own noise.
+fn smoothed(
+    measured: Vec<(usize, ObservedLine)>,
+    lines: &[ObservedPlane],
+    units: &DVector<f64>,
+) -> Vec<(usize, SmoothLine)> {
+    let planes: Vec<_> = measured
+        .iter()
+        .map(|(number, _)| lines[*number].clone())
+        .collect();
+    let rough = measured
+        .iter()
+        .map(|(_, line)| line.rough.clone())
+        .collect();
+    let noise = Noise::of(&planes, &rough, robust_scale(&rough));
+    let of_line = |((number, line), own): ((usize, ObservedLine), &LocalNoise)| {
+        let variance = own.freedom * own.scale.powi(2) + SHARED_FREEDOM * noise.scale.powi(2);
+        let scale = (variance / (own.freedom + SHARED_FREEDOM)).sqrt();
+        Some((
+            number,
+            line.smooth(scale, noise.correlation)?.in_units(units),
+        ))
+    };
+    measured
+        .into_iter()
+        .zip(&noise.planes)
+        .filter_map(of_line)
+        .collect()
+}
+
+/// The view of a calibration with its planes moved to where they stand under another lens.
+fn moved_view<L: Lens>(planes: &Planes<'_, L>, own: &View<L>, lens: L) -> Option<View<L>> {
+    let (before, after) = (planes.under(planes.lens)?, planes.under(lens)?);
+    let moves = own.planes.iter().zip(before.iter().zip(&after));
+    let mut view = View {
+        lens,
+        planes: moves
+            .map(|(own, (before, after))| moved_like(own, before, after))
+            .collect(),
+        relations: own.relations.clone(),
+    };
+    view.hold_relations();
+    Some(view)
+}
+
+/// Puts a moved view in a calibration; how well the poses are known beside the camera stays.
+fn take<L: Lens>(
+    problem: &JointProblem<'_, L>,
+    optimum: &Solution<L>,
+    view: View<L>,
+    calibration: &mut Calibration<L>,
+) {
+    let Some(residuals) = residuals(&optimum.planes, &view) else {
+        return;
+    };
+    let moved = Solution {
+        refined: Refined {
+            view,
+            residuals,
+            ..optimum.refined.clone()
+        },
+        ..optimum.clone()
+    };
+    let found = Calibration::assemble(problem, &moved, calibration.stage);
+    let states = &moved.refined.view.planes;
+    for ((plane, found), state) in calibration.planes.iter_mut().zip(found.planes).zip(states) {
+        let first = &state.figures[0];
+        if let Some(aspect) = &mut plane.aspect {
+            aspect.value = first.stretch;
+        }
+        let estimated = plane.radii.iter_mut().filter(|radius| radius.std > 0.0);
+        for (radius, value) in estimated.zip(&first.radii) {
+            radius.value = *value;
+        }
+        *plane = Plane {
+            pose: found.pose,
+            corners: found.corners,
+            rms: found.rms,
+            ..plane.clone()
+        };
+    }
+    calibration.camera = found.camera;
+    calibration.residuals = found.residuals;
+    calibration.rms = found.rms;
+}

@@ -1,0 +1,153 @@
+//! Which lines are straight, and how straight these are.
+//!
+//! Real edges bend a little, and some of what looks like a line is a cable or an arch. A straight
+//! line's smooth displacement has the variance `tau^2`, a curved one's a larger one, and says
+//! nothing of the lens. Which are which, and `tau`, follow from the restricted likelihood (H. D.
+//! Patterson & R. Thompson, Biometrika 58 (1971) 545-554) of all lines together with what the planes
+//! say of the lens.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::observed_line::{LinePart, SmoothLine};
+use crate::noise::variance_of;
+
+/// Root mean square bends (px) that are tried of straight lines: from the largest to none.
+const BENDS: [f64; 10] = [0.3, 0.17, 0.1, 0.06, 0.03, 0.017, 0.01, 0.006, 0.003, 0.0];
+
+/// Probability beforehand that straight lines do not bend at all.
+const UNBENT: f64 = 0.5;
+
+/// That from which they count as curved; how much more these bend says nothing.
+const CURVED: f64 = 0.3;
+
+/// Minus twice the logarithm of the odds beforehand that a line is curved: one in ten.
+const CURVED_PENALTY: f64 = 4.4;
+
+/// What lines and planes say together of the free parameters.
+pub(super) struct Mixture {
+    pub is_straight: Vec<bool>,
+    pub information: DMatrix<f64>,
+    pub gradient: DVector<f64>,
+}
+
+/// Sums over the straight lines and what is known beforehand.
+#[derive(Clone)]
+struct Sums {
+    information: DMatrix<f64>,
+    gradient: DVector<f64>,
+    rest: f64,
+}
+
+impl Sums {
+    fn with(&self, part: &LinePart, sign: f64) -> Self {
+        Self {
+            information: &self.information + &part.information * sign,
+            gradient: &self.gradient + &part.gradient * sign,
+            rest: self.rest + (part.square + part.log_determinant) * sign,
+        }
+    }
+
+    /// Minus twice the logarithm of the restricted likelihood, but for a constant.
+    fn criterion(&self) -> f64 {
+        let Some(factor) = self.information.clone().cholesky() else {
+            return f64::INFINITY;
+        };
+        let log_determinant: f64 = factor.l_dirty().diagonal().map(f64::ln).sum();
+        self.rest + 2.0 * log_determinant - self.gradient.dot(&factor.solve(&self.gradient))
+    }
+}
+
+/// Sorts the lines beside what is known of the parameters: its information and gradient.
+pub(super) fn sorted(
+    lines: &[SmoothLine],
+    known: (&DMatrix<f64>, &DVector<f64>),
+) -> Option<Mixture> {
+    let curved = variance_of(CURVED);
+    let of_curved = |line: &SmoothLine| {
+        let log_determinant = line.part(curved)?.log_determinant;
+        Some(log_determinant + line.freedom() + CURVED_PENALTY)
+    };
+    let curved: Vec<f64> = lines.iter().map(of_curved).collect::<Option<_>>()?;
+    let parts = |bend: f64| -> Option<Vec<LinePart>> {
+        lines
+            .iter()
+            .map(|line| line.part(variance_of(bend)))
+            .collect()
+    };
+    let all: Vec<Vec<LinePart>> = BENDS
+        .iter()
+        .map(|bend| parts(*bend))
+        .collect::<Option<_>>()?;
+    let sums = |parts: &[LinePart], is_straight: &[bool]| {
+        let mut sums = Sums {
+            information: known.0.clone(),
+            gradient: known.1.clone(),
+            rest: 0.0,
+        };
+        for (i, part) in parts.iter().enumerate() {
+            match is_straight[i] {
+                true => sums = sums.with(part, 1.0),
+                false => sums.rest += curved[i],
+            }
+        }
+        sums
+    };
+    // The less lines may bend, the more are curved.
+    let mut is_straight = vec![true; lines.len()];
+    let mut best: Option<(f64, Vec<bool>)> = None;
+    for parts in &all {
+        let mut now = sums(parts, &is_straight);
+        let mut criterion = now.criterion();
+        for _ in 0..2 * lines.len() {
+            let switched = |i: usize| match is_straight[i] {
+                true => Sums {
+                    rest: now.rest - parts[i].square - parts[i].log_determinant + curved[i],
+                    ..now.with(&parts[i], -1.0)
+                },
+                false => Sums {
+                    rest: now.rest + parts[i].square + parts[i].log_determinant - curved[i],
+                    ..now.with(&parts[i], 1.0)
+                },
+            };
+            let trials = (0..lines.len()).map(|i| (i, switched(i).criterion()));
+            let least = trials.min_by(|(_, a), (_, b)| a.total_cmp(b));
+            let Some((line, found)) = least.filter(|(_, found)| *found < criterion) else {
+                break;
+            };
+            (now, criterion) = (switched(line), found);
+            is_straight[line] = !is_straight[line];
+        }
+        if best.as_ref().is_none_or(|(least, _)| criterion < *least) {
+            best = Some((criterion, is_straight.clone()));
+        }
+    }
+    let (_, is_straight) = best?;
+    let criteria = all
+        .iter()
+        .map(|parts| sums(parts, &is_straight).criterion());
+    let mean = sums(
+        &parts(mean_bend(&criteria.collect::<Vec<_>>()))?,
+        &is_straight,
+    );
+    Some(Mixture {
+        is_straight,
+        information: mean.information,
+        gradient: mean.gradient,
+    })
+}
+
+/// The root mean square bend over all that were tried, by their probabilities.
+fn mean_bend(criteria: &[f64]) -> f64 {
+    let least = criteria.iter().copied().fold(f64::INFINITY, f64::min);
+    let (mut total, mut squares) = (0.0, 0.0);
+    for (bend, criterion) in BENDS.iter().zip(criteria) {
+        let prior = match *bend == 0.0 {
+            true => UNBENT,
+            false => (1.0 - UNBENT) / (BENDS.len() - 1) as f64,
+        };
+        let weight = prior * (0.5 * (least - criterion)).exp();
+        total += weight;
+        squares += weight * bend * bend;
+    }
+    (squares / total).sqrt()
+}
