@@ -97,7 +97,7 @@ def assert_refused(outcome, exit_code, folder, left=("photo.png",)):
 def test_the_options_reach_the_library(run, photo, asked):
     code, _, err = run(
         *("calibrate", photo, "--model", "brown", "--method", "linear", "--tone", "2.2"),
-        *("--fix", "aspect,focal", "--fix", "distortion", "--targets", "squares"),
+        *("--fix", "aspect,focal", "--fix", "distortion", "--targets", "squares", "--lines"),
     )
     assert (code, err) == (0, "")
     photos, options = asked[0]
@@ -105,13 +105,13 @@ def test_the_options_reach_the_library(run, photo, asked):
     assert options == {
         **{"model": "brown", "method": "linear", "tone": 2.2, "targets": "squares"},
         **{"fix": ("aspect", "focal", "distortion"), "progress": None, "outlines": None},
-        **{"initial": None, "explain": False},
+        **{"initial": None, "explain": False, "lines": True},
     }
     run("calibrate", photo)
     assert asked[1][1] == {
         **{"model": "radial2", "method": "ml", "tone": None, "targets": "auto"},
         **{"fix": (), "progress": None, "outlines": None},
-        **{"initial": None, "explain": False},
+        **{"initial": None, "explain": False, "lines": True},
     }
 
 
