@@ -111,7 +111,7 @@ def test_the_options_reach_the_library(run, photo, asked):
     assert asked[1][1] == {
         **{"model": "radial2", "method": "ml", "tone": None, "targets": "auto"},
         **{"fix": (), "progress": None, "outlines": None},
-        **{"initial": None, "explain": False, "lines": True},
+        **{"initial": None, "explain": False, "lines": False},
     }
 
 
