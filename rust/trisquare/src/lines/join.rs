@@ -241,3 +241,70 @@ fn take<L: Lens>(
     calibration.residuals = found.residuals;
     calibration.rms = found.rms;
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector2;
+
+    use crate::calibrate;
+    use crate::error::Error;
+    use crate::lens::Lens;
+    use crate::observations::{Options, PlaneEdges};
+    use crate::synthetic::{Scene, SceneOptions};
+
+    const BENT: usize = 2;
+
+    /// Lines all over the picture of a scene, one of them bent by some pixels.
+    fn lines(scene: &Scene) -> Vec<PlaneEdges> {
+        let size = Vector2::new(f64::from(scene.size.width), f64::from(scene.size.height));
+        let ends = [
+            (0.05, 0.1, 0.95, 0.15),
+            (0.1, 0.05, 0.15, 0.9),
+            (0.05, 0.9, 0.9, 0.8),
+            (0.9, 0.1, 0.95, 0.95),
+            (0.1, 0.2, 0.8, 0.95),
+            (0.9, 0.3, 0.2, 0.95),
+        ];
+        let line = |(number, (x0, y0, x1, y1)): (usize, &(f64, f64, f64, f64))| {
+            let ray = |x: f64, y: f64| {
+                let pixel = Vector2::new(x, y).component_mul(&size);
+                scene.camera.unproject(&pixel).unwrap()
+            };
+            let (start, end) = (ray(*x0, *y0), ray(*x1, *y1));
+            let samples = (0..50).map(|i| {
+                let place = f64::from(i) / 49.0;
+                let pixel = scene.camera.project(&start.lerp(&end, place)).unwrap();
+                let noise = 0.1 * (f64::from(i * i) * 78.2 + number as f64).sin();
+                let bend = if number == BENT { 3.0 } else { 0.0 };
+                pixel + Vector2::new(noise, noise + bend * 4.0 * place * (1.0 - place))
+            });
+            PlaneEdges::line(samples.collect()).unwrap()
+        };
+        ends.iter().enumerate().map(line).collect()
+    }
+
+    #[test]
+    fn straight_lines_tell_the_distortion_and_a_bent_one_is_left_out() {
+        let scene = Scene::random(4, SceneOptions::default());
+        let squares = scene.edges(1, 0.1, 15.0);
+        let alone = calibrate(&squares, scene.size, &Options::default()).unwrap();
+        let edges: Vec<_> = lines(&scene).into_iter().chain(squares).collect();
+        let found = calibrate(&edges, scene.size, &Options::default()).unwrap();
+        let used: Vec<bool> = found.lines.iter().map(|line| line.is_used).collect();
+        assert_eq!(used, (0..6).map(|line| line != BENT).collect::<Vec<_>>());
+        for ((name, std), (_, before)) in found.std().into_iter().zip(alone.std()) {
+            let place = found.position(name).unwrap();
+            let off = found.camera.parameters()[place] - scene.camera.parameters()[place];
+            assert!(std < before && off.abs() < 4.0 * std, "{name} {off} {std}");
+        }
+        assert_eq!(found.planes.len(), alone.planes.len());
+        assert!(found.rms < 1.1 * alone.rms);
+    }
+
+    #[test]
+    fn lines_without_a_plane_are_refused() {
+        let scene = Scene::random(4, SceneOptions::default());
+        let found = calibrate(&lines(&scene), scene.size, &Options::default());
+        assert_eq!(found, Err(Error::LinesAlone { lines: 6 }));
+    }
+}
