@@ -78,6 +78,11 @@ def test_three_boards_in_a_corner(side):
     np.testing.assert_allclose(angles, 90.0, rtol=0, atol=5.0)
     one_focal_length = ts.calibrate(photograph, fix="aspect")
     assert 0.97 * 1624 < one_focal_length.camera.fx < 1.03 * 1650
+    cornered = ts.calibrate(photograph, orthogonal=[(0, 1), (1, 2), (0, 2)])
+    for name in ("fx", "fy"):
+        assert abs(getattr(cornered.camera, name) - 1637) < 3.0 * cornered.std[name] + 13.0
+        assert cornered.std[name] < 0.8 * result.std[name]
+    assert cornered.camera.fy / cornered.camera.fx == pytest.approx(1.0, abs=0.01)
 
 
 def test_three_boards_of_which_a_third_is_left_out_lead_to_no_wrong_optimum():

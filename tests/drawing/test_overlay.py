@@ -9,6 +9,7 @@ import trisquare as ts
 from trisquare import simulate
 from trisquare.analysis.residuals import measured_sides
 from trisquare.drawing.overlay import RESIDUAL_COLOUR, draw_overlay
+from trisquare.drawing.straight_lines import REJECTED, USED
 from trisquare.edges import PlaneEdges
 
 SQUARES = simulate.random_scene(np.random.default_rng(21))
@@ -119,3 +120,17 @@ def test_squares_behind_the_camera_or_far_outside_do_no_harm():
     odd = (replace(plane, translation=[0, 0, -3]), replace(plane, translation=[1e6, 0, 0.6]))
     drawn = draw_overlay(np.zeros((96, 128), np.uint8), replace(calibration, planes=odd))
     assert drawn.shape == (96, 128, 3)
+
+
+def test_used_and_rejected_lines_of_the_scene_are_drawn_apart():
+    result = calibrated(SQUARES)
+    across = np.linspace([100.0, 900.0], [1100.0, 900.0], 50)
+    lines = (
+        ts.SceneLine(0, across),
+        ts.SceneLine(0, across + [0.0, 40.0], rejection="it is curved"),
+        ts.SceneLine(1, across - [0.0, 800.0]),
+    )
+    drawn = draw_overlay(np.zeros((960, 1280), np.uint8), replace(result, lines=lines)).astype(int)
+    for row, colour in ((900, USED), (940, REJECTED)):
+        assert np.abs(drawn[row, 600] - colour).max() < 60
+    assert np.abs(drawn[100, 600] - USED).max() > 60

@@ -19,6 +19,7 @@ from trisquare.drawing.canvas import (
     draw_lines,
     text_scale,
 )
+from trisquare.drawing.straight_lines import draw_used_and_rejected
 from trisquare.images.pixels import Image, picture_size
 from trisquare.results.calibration import Calibration
 from trisquare.results.plane import Plane
@@ -49,7 +50,7 @@ def draw_overlay(
 ) -> Canvas:
     """Draw a calibration over its photograph.
 
-    The photograph, grey and dimmed; each side as the calibration sees it, and as a thin line what
+    The photograph, grey and dimmed; the scene's straight lines, those rejected in red; each side as the calibration sees it, and as a thin line what
     it would be if the lens left it straight; the residuals of its samples as exaggerated normals;
     each plane's number and axes (X red, Y green, Z blue, half a side long) through the full lens
     model; the principal point as a cross; a legend.
@@ -76,6 +77,10 @@ def draw_overlay(
     sides = list(measured_sides(calibration, index))
     rms, readable = drawn_residuals(sides, picture_size(canvas))
     exaggeration = readable if exaggeration is None else exaggeration
+    lines = [line for line in calibration.lines if line.image == index]
+    used = [line.points for line in lines if line.is_used]
+    rejected = [line.points for line in lines if not line.is_used]
+    of_lines = draw_used_and_rejected(canvas, used, rejected, " of the scene") if lines else []
     for side in sides:
         draw_lines(canvas, list(needles(side, exaggeration)), RESIDUAL_COLOUR, thickness)
     for number, side in enumerate(sides):
@@ -93,9 +98,8 @@ def draw_overlay(
         entries.append(("chords of the sides", CHORD_COLOUR))
         entries.append((f"residuals drawn x {exaggeration:g} (rms {rms:.2g} px)", RESIDUAL_COLOUR))
     corners = [plane.corners for plane in calibration.planes if plane.image == index]
-    draw_legend(
-        canvas, entries, np.vstack([np.empty((0, 2)), *corners, *(side.points for side in sides)])
-    )
+    drawn = [*corners, *(side.points for side in sides), *used, *rejected]
+    draw_legend(canvas, entries + of_lines, np.vstack([np.empty((0, 2)), *drawn]))
     return canvas
 
 

@@ -19,13 +19,20 @@ def draw_straight_lines(
 ) -> Canvas:
     """Draw used lines in green and rejected ones in red, each of shape (N, 2), in pixels."""
     canvas = dimmed_grey(image)
-    thickness = max(1, round(max(canvas.shape) / 1000))
-    draw_lines(canvas, rejected, REJECTED, thickness)
-    draw_lines(canvas, used, USED, thickness)
-    entries = [
-        (f"{len(used)} straight lines: {caption}", USED),
-        (f"{len(rejected)} edges rejected", REJECTED),
-    ]
+    entries = draw_used_and_rejected(canvas, used, rejected, f": {caption}")
     points = np.concatenate([*used, *rejected]) if used or rejected else np.zeros((0, 2))
     draw_legend(canvas, entries, points)
     return canvas
+
+
+def draw_used_and_rejected(
+    canvas: Canvas, used: Sequence[FloatArray], rejected: Sequence[FloatArray], caption: str
+) -> list[tuple[str, Colour]]:
+    """Draw lines into a picture as `draw_straight_lines` does, and return the legend's entries."""
+    thickness = max(1, round(max(canvas.shape) / 1000))
+    draw_lines(canvas, rejected, REJECTED, thickness)
+    draw_lines(canvas, used, USED, thickness)
+    return [
+        (f"{len(used)} straight lines{caption}", USED),
+        (f"{len(rejected)} edges rejected", REJECTED),
+    ]
