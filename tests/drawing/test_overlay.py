@@ -127,8 +127,8 @@ def test_used_and_rejected_lines_of_the_scene_are_drawn_apart():
     across = np.linspace([100.0, 900.0], [1100.0, 900.0], 50)
     lines = (
         ts.SceneLine(0, across),
-        ts.SceneLine(0, across + [0.0, 40.0], rejection="it is curved"),
-        ts.SceneLine(1, across - [0.0, 800.0]),
+        ts.SceneLine(0, across + np.array([0.0, 40.0]), rejection="it is curved"),
+        ts.SceneLine(1, across - np.array([0.0, 800.0])),
     )
     drawn = draw_overlay(np.zeros((960, 1280), np.uint8), replace(result, lines=lines)).astype(int)
     for row, colour in ((900, USED), (940, REJECTED)):

@@ -50,10 +50,11 @@ def draw_overlay(
 ) -> Canvas:
     """Draw a calibration over its photograph.
 
-    The photograph, grey and dimmed; the scene's straight lines, those rejected in red; each side as the calibration sees it, and as a thin line what
-    it would be if the lens left it straight; the residuals of its samples as exaggerated normals;
-    each plane's number and axes (X red, Y green, Z blue, half a side long) through the full lens
-    model; the principal point as a cross; a legend.
+    The photograph, grey and dimmed; the scene's straight lines, those rejected in red; each
+    side as the calibration sees it, and as a thin line what it would be if the lens left it
+    straight; the residuals of its samples as exaggerated normals; each plane's number and axes
+    (X red, Y green, Z blue, half a side long) through the full lens model; the principal point
+    as a cross; a legend.
 
     Parameters
     ----------
