@@ -38,7 +38,7 @@ demo: $(READY)
 	$(VENV_PYTHON) -m trisquare demo
 
 # One process per processor; one that is done takes over tests of another.
-PYTEST = $(VENV_PYTHON) -m pytest -n auto --dist worksteal
+PYTEST = $(VENV_PYTHON) -m pytest -n auto --dist worksteal --durations=10
 
 # `make test ROOM=lens`: the tests of one room, which is a folder of tests/, or a module of the
 # crate, or both.
