@@ -45,6 +45,7 @@ BENCHMARKS = (
     "finding.gapped_boards",
     "finding.clutter_boards",
     "finding.told_boards",
+    "finding.wide_lenses",
     "finding.tags",
     "finding.aprilgrids",
     "accuracy.printed_target",

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 import trisquare as ts
 from trisquare import simulate
 from trisquare.detection.kinds import TargetKinds
+from trisquare.detection.sampling import straight_sides
 from trisquare.detection.tags.codes import opencv_dictionary
 from trisquare.detection.tags.decode import decode_tags
 from trisquare.detection.tags.families import DICTIONARIES, TagSearch
@@ -170,7 +171,7 @@ def _chance() -> Row:
         corners = square + np.array([[[90 * quad, 0]] for quad in range(QUADS_PER_PICTURE)])
         steps = np.full(QUADS_PER_PICTURE, 200.0)
         blurred = np.asarray(cv2.GaussianBlur(grey, (0, 0), 0.8), dtype=np.uint8)
-        found = decode_tags(blurred, corners, steps, TagSearch(DICTIONARIES))
+        found = decode_tags(blurred, straight_sides(corners), steps, TagSearch(DICTIONARIES))
         believed += any(tag is not None for tag in found)
     share = believed / CHANCE_PICTURES
     return Row(

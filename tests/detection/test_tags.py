@@ -14,6 +14,7 @@ import trisquare as ts
 from trisquare import simulate
 from trisquare.detection.candidates import Lattice
 from trisquare.detection.kinds import TargetKinds
+from trisquare.detection.sampling import straight_sides
 from trisquare.detection.sheets.layout import parse_layout
 from trisquare.detection.tags.codes import dictionary, opencv_dictionary
 from trisquare.detection.tags.decode import decode_tags
@@ -111,7 +112,10 @@ def test_codes_are_opencv_s(name):
         far = 10.0 * cells + 9.5
         corners = np.array([[[9.5, 9.5], [far, 9.5], [far, far], [9.5, far]]])
         (tag,) = decode_tags(
-            np.ascontiguousarray(grey), corners, np.array([255.0]), TagSearch((name,), True)
+            np.ascontiguousarray(grey),
+            straight_sides(corners),
+            np.array([255.0]),
+            TagSearch((name,), True),
         )
         assert tag == (name, number, turns)
 
@@ -123,7 +127,9 @@ def test_texture_in_dark_squares_is_no_tag():
         blotches = cv2.GaussianBlur(rng.standard_normal((100, 100)), (0, 0), rng.uniform(1.0, 9.0))
         grey = np.where(blotches > 0.0, 200, 20).astype(np.uint8)
         grey[8:20] = grey[80:95] = grey[:, 8:20] = grey[:, 80:95] = 20
-        assert decode_tags(grey, corners, np.array([180.0]), TagSearch(DICTIONARIES)) == [None]
+        assert decode_tags(
+            grey, straight_sides(corners), np.array([180.0]), TagSearch(DICTIONARIES)
+        ) == [None]
 
 
 @pytest.mark.parametrize(("cols", "rows"), [(5, 7), (6, 4), (9, 8)])

@@ -25,3 +25,8 @@ def homographies_from_unit_square(quads: FloatArray) -> FloatArray:
     unit = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float32)
     matrices = [cv2.getPerspectiveTransform(unit, quad.astype(np.float32)) for quad in quads]
     return np.array(matrices, dtype=np.float64).reshape(-1, 3, 3)
+
+
+def straight_sides(corners: FloatArray) -> FloatArray:
+    """Return the ends of the sides of quadrilaterals (Q, 4, 2), shape (Q, 4, 2, 2)."""
+    return np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.grey import MIN_PICTURE
+from trisquare.detection.sampling import straight_sides
 from trisquare.detection.sheets.aprilgrids import AprilGrid, find_aprilgrids
 from trisquare.detection.sheets.layout import Arrangement, Layout, PrintedSheet
 from trisquare.detection.tags.decode import BORDER, WIDE_BORDER, decode_tags
@@ -119,7 +120,7 @@ def _markers(grey: NDArray[np.uint8], layout: Layout) -> list[Marker]:
     first, others = detect_markers(grey, names[0], BORDER)
     if len(names) > 1:
         quads = np.array([marker.corners for marker in first] + others).reshape(-1, 4, 2)
-        tags = decode_tags(grey, quads, np.zeros(len(quads)), TagSearch(names))
+        tags = decode_tags(grey, straight_sides(quads), np.zeros(len(quads)), TagSearch(names))
         votes = [tag.dictionary for tag in tags if tag is not None]
         if not votes:
             return []

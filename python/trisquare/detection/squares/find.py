@@ -16,6 +16,7 @@ from trisquare._support.arrays import FloatArray
 from trisquare._support.convex_quads import quad_areas
 from trisquare.detection.candidates import ENOUGH, Outline, SquareOutline, Tag
 from trisquare.detection.grey import MIN_PICTURE, grey_bytes, working_picture
+from trisquare.detection.sampling import straight_sides
 from trisquare.detection.squares.arc_quads import find_arc_quads
 from trisquare.detection.squares.framed import (
     MIN_RELATIVE_SIDE,
@@ -123,7 +124,7 @@ def _squares_of(
     def read_tags(indices: NDArray[np.intp]) -> list[Tag | None]:
         assert tag_search is not None
         steps = quads.contrasts[indices].mean(axis=1)
-        return decode_tags(grey, scale * quads.corners[indices], steps, tag_search)
+        return decode_tags(grey, scale * quads.sides[indices], steps, tag_search)
 
     # pyrDown keeps every second pixel's centre, so that coordinates only need the factor.
     sides = scale * quads.sides
@@ -153,7 +154,7 @@ def _dictionaries_of_small_tags(grey: NDArray[np.uint8], tag_search: TagSearch) 
     # OpenCV's detector gives the quads that it cannot read, too: it may be told of any dictionary.
     markers, others = detect_markers(grey, tag_search.names[0])
     corners = _settled(grey, [marker.corners for marker in markers] + others)
-    tags = decode_tags(grey, corners, np.zeros(len(corners)), tag_search)
+    tags = decode_tags(grey, straight_sides(corners), np.zeros(len(corners)), tag_search)
     return {tag.dictionary for tag in tags if tag is not None}
 
 
@@ -169,11 +170,11 @@ def _further_tags(
     for name in sorted(names):
         corners = _settled(grey, [marker.corners for marker in detect_markers(grey, name)[0]])
         search = TagSearch((name,), stated=True)
-        tags = decode_tags(grey, corners, np.zeros(len(corners)), search)
+        tags = decode_tags(grey, straight_sides(corners), np.zeros(len(corners)), search)
         for quad, tag in zip(corners, tags, strict=True):
             if tag is not None and not _is_known(quad, (*tagged, *further)):
                 own = np.roll(quad, tag.turns, axis=0)
-                ends = np.stack([own, np.roll(own, -1, axis=0)], axis=1)
+                (ends,) = straight_sides(own[None])
                 further.append(SquareOutline(Outline.of(ends, dark_inside=True), None, tag))
     sizes = sorted(_side(square.outer) for square in (*found, *further))
     smallest = MIN_RELATIVE_SIDE * sizes[-3] if len(sizes) > 3 else 0.0

@@ -14,14 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trisquare._support.arrays import FloatArray
+from trisquare.detection.square_views import (
+    FISHEYE_FOCAL_LENGTHS,
+    bends,
+    bends_left,
+    centred,
+    fisheye_rays,
+    square_columns,
+)
 from trisquare.detection.squares.quads import Quads
 
 FOCAL_LENGTHS = np.geomspace(0.35, 12.0, 24)
 """Over the picture's longer side: from a wide angle of 110 degrees to a long telephoto lens."""
-
-FISHEYE_FOCAL_LENGTHS = np.geomspace(0.16, 0.8, 12)
-"""Of lenses that show a ray's angle with the axis as its distance from the centre: such a picture,
-240 degrees across, is as high as a third of its width, or 70 degrees as wide as it."""
 
 MAX_DEVIATION = 0.3
 """Over 1,200 squares of simulated scenes the lens distorts this up to 0.17; of random convex
@@ -48,13 +52,13 @@ def views_of_rectangles(
     aspect : float, optional
         The longer side over the shorter; with None any will do.
     """
-    sides = _centred(quads.sides, image_size)
-    views = _bends(quads.sides) <= MAX_BEND
+    sides = centred(quads.sides, image_size)
+    views = bends(quads.sides) <= MAX_BEND
     views[views] = _are_seen(_pinhole_rays(sides[views][:, :, 0]), aspect).any(axis=0)
     if not views.all():
         others = np.flatnonzero(~views)
-        rays = _fisheye_rays(sides[others])
-        straight = _bends_left(rays, sides[others]) <= MAX_BEND_LEFT
+        rays = fisheye_rays(sides[others], FISHEYE_FOCAL_LENGTHS)
+        straight = bends_left(rays, sides[others], FISHEYE_FOCAL_LENGTHS) <= MAX_BEND_LEFT
         views[others] = (_are_seen(rays[..., 0, :], aspect) & straight).any(axis=0)
     return quads.subset(views)
 
@@ -66,16 +70,12 @@ def longer_along_first_side(
 
     By the one focal length under which all of them come nearest to the aspect.
     """
-    corners = _centred(quads.corners, image_size)
-    rays = np.concatenate([_pinhole_rays(corners), _fisheye_rays(corners[:, :, None])[..., 0, :]])
+    corners = centred(quads.corners, image_size)
+    fisheye = fisheye_rays(corners[:, :, None], FISHEYE_FOCAL_LENGTHS)[..., 0, :]
+    rays = np.concatenate([_pinhole_rays(corners), fisheye])
     cosines, stretches = _shapes(rays)
     costs = np.minimum(_deviations(cosines, stretches, aspect), 1.0) ** 2
     return np.asarray(stretches[costs.sum(axis=1).argmin()] > 0.0)
-
-
-def _centred(points: FloatArray, image_size: tuple[int, int]) -> FloatArray:
-    """Points about the middle of a picture, over its longer side."""
-    return (points - 0.5 * (np.array(image_size) - 1.0)) / max(image_size)
 
 
 def _pinhole_rays(points: FloatArray) -> FloatArray:
@@ -84,14 +84,6 @@ def _pinhole_rays(points: FloatArray) -> FloatArray:
     rays[..., :2] = points
     rays[..., 2] = FOCAL_LENGTHS[:, None, None]
     return rays
-
-
-def _fisheye_rays(points: FloatArray) -> FloatArray:
-    """Return unit rays of centred points (Q, 4, N, 2), shape (F, Q, 4, N, 3)."""
-    angles = np.linalg.norm(points, axis=-1) / FISHEYE_FOCAL_LENGTHS[:, None, None, None]
-    # sin(angle) / radius, which is finite at the centre.
-    across = np.sinc(angles / np.pi) / FISHEYE_FOCAL_LENGTHS[:, None, None, None]
-    return np.concatenate([points * across[..., None], np.cos(angles)[..., None]], axis=-1)
 
 
 def _are_seen(rays: FloatArray, aspect: float | None) -> NDArray[np.bool_]:
@@ -112,38 +104,11 @@ def _deviations(cosines: FloatArray, stretches: FloatArray, aspect: float | None
 def _shapes(rays: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Cosine between sides 0 and 3 in space, and logarithm of their ratio; both (F, Q).
 
-    With `h3` the first corner, the others are `h1 + h3`, `h1 + h2 + h3` and `h2 + h3`, each along
-    its ray, shape (F, Q, 4, 3): `a r1 + b r3 - c r2 = r0`. The cosine is infinite where corners
-    are not ahead.
+    The cosine is infinite where corners are not ahead.
     """
-    first, second, third, fourth = np.moveaxis(rays, -2, 0)
-    system = np.stack([second, fourth, -third], axis=-1)
-    singular = np.abs(np.linalg.det(system)) < np.finfo(float).tiny
-    system[singular] = np.eye(3)
-    scales = np.linalg.solve(system, first[..., None])
-    h1 = scales[..., 0, :] * second - first
-    h2 = scales[..., 1, :] * fourth - first
+    columns, ahead = square_columns(rays)
+    h1, h2 = columns[..., 0], columns[..., 1]
     lengths = np.linalg.norm(h1, axis=-1), np.linalg.norm(h2, axis=-1)
     cosines = np.abs((h1 * h2).sum(axis=-1)) / (lengths[0] * lengths[1])
-    ahead = (scales[..., 0] > 0.0).all(axis=-1) & ~singular
     cosines[~ahead] = np.inf
     return cosines, np.log(lengths[0] / lengths[1])
-
-
-def _bends(sides: FloatArray) -> FloatArray:
-    """How far the sides (Q, 4, N, 2) of outlines leave their chords, over these, shape (Q,)."""
-    chords = sides[:, :, -1] - sides[:, :, 0]
-    offsets = sides - sides[:, :, :1]
-    areas = offsets[..., 0] * chords[:, :, None, 1] - offsets[..., 1] * chords[:, :, None, 0]
-    bends = np.abs(areas).max(axis=2) / (chords**2).sum(axis=-1)
-    return np.asarray(bends.max(axis=1, initial=0.0))
-
-
-def _bends_left(rays: FloatArray, sides: FloatArray) -> FloatArray:
-    """How far rays leave the planes of their sides' ends, over the chords, shape (F, Q)."""
-    normals = np.cross(rays[..., 0, :], rays[..., -1, :])
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    angles = np.abs((rays * normals[..., None, :]).sum(axis=-1)).max(axis=-1)
-    chords = np.linalg.norm(sides[:, :, -1] - sides[:, :, 0], axis=-1)
-    bends = angles * FISHEYE_FOCAL_LENGTHS[:, None, None] / chords
-    return np.asarray(bends.max(axis=-1))

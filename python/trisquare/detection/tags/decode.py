@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.candidates import MIN_CONTRAST, Tag
-from trisquare.detection.sampling import homographies_from_unit_square, sample
+from trisquare.detection.sampling import sample, straight_sides
+from trisquare.detection.square_views import SquareViews
 from trisquare.detection.tags.codes import Bits, Dictionary, dictionary
 from trisquare.detection.tags.families import WIDE_BORDERED, TagSearch
 
@@ -48,15 +49,15 @@ MAX_FALSE_ALARMS = 1e-2
 
 
 def decode_tags(
-    grey: NDArray[np.uint8], corners: FloatArray, steps: FloatArray, search: TagSearch
+    grey: NDArray[np.uint8], sides: FloatArray, steps: FloatArray, search: TagSearch
 ) -> list[Tag | None]:
     """Tell which quads are tags.
 
     Parameters
     ----------
     grey : ndarray of uint8, shape (H, W)
-    corners : ndarray, shape (Q, 4, 2)
-        Of dark quads, clockwise on the screen, pixels.
+    sides : ndarray, shape (Q, 4, N, 2)
+        Of dark quads, clockwise on the screen, evenly spread over their chords, pixels.
     steps : ndarray, shape (Q,)
         Grey levels by which the ground is lighter.
     search : TagSearch
@@ -65,12 +66,13 @@ def decode_tags(
     -------
     list of Tag or None, one for each quad
     """
-    found: list[Tag | None] = [None] * len(corners)
-    if len(corners) == 0:
+    found: list[Tag | None] = [None] * len(sides)
+    if len(sides) == 0:
         return found
     books = [dictionary(name) for name in search.names]
-    readings = {key: _Reading.of(grey, corners, steps, *key) for key in sorted(_grids(books))}
-    open_quads = np.ones(len(corners), bool)
+    views = SquareViews.of(sides, _size(grey))
+    readings = {key: _Reading.of(grey, views, steps, *key) for key in sorted(_grids(books))}
+    open_quads = np.ones(len(sides), bool)
     while True:
         best = min(
             (
@@ -109,12 +111,12 @@ class _Reading(NamedTuple):
     def of(
         cls,
         grey: NDArray[np.uint8],
-        corners: FloatArray,
+        views: SquareViews,
         steps: FloatArray,
         side: int,
         border: int,
     ) -> _Reading:
-        cells = _cell_shades(grey, corners, side + 2 * border)
+        cells = _cell_shades(grey, views, side + 2 * border)
         inner = np.zeros(cells.shape[1:], bool)
         inner[border:-border, border:-border] = True
         dark = np.median(cells[:, ~inner], axis=1)[:, None, None]
@@ -152,7 +154,8 @@ def agreement(
     all together still tell its code.
     """
     book = dictionary(name)
-    cells = _cell_shades(grey, corners, book.side + 2 * border)
+    views = SquareViews.of(straight_sides(corners), _size(grey))
+    cells = _cell_shades(grey, views, book.side + 2 * border)
     shades = _normalised(cells[:, border:-border, border:-border])
     quads = np.arange(len(shades))
     if expected is not None:
@@ -209,13 +212,15 @@ def _log_binomial_tail(trials: int, hits: int, chance: float) -> float:
     return largest + math.log(sum(math.exp(term - largest) for term in terms))
 
 
-def _cell_shades(grey: NDArray[np.uint8], corners: FloatArray, cells: int) -> FloatArray:
+def _size(grey: NDArray[np.uint8]) -> tuple[int, int]:
+    return grey.shape[1], grey.shape[0]
+
+
+def _cell_shades(grey: NDArray[np.uint8], views: SquareViews, cells: int) -> FloatArray:
     """Mean shade of each cell of quads cut into a grid, shape (Q, cells, cells)."""
     places = (np.arange(cells)[:, None] + PROBES).ravel() / cells
     u, v = np.meshgrid(places, places)
-    points = np.stack([u.ravel(), v.ravel(), np.ones(u.size)])
-    mapped = homographies_from_unit_square(corners) @ points
-    shades = sample(grey, np.moveaxis(mapped[:, :2] / mapped[:, 2:], 1, 2))
+    shades = sample(grey, views.points(np.stack([u.ravel(), v.ravel()], axis=1)))
     # A row of samples for every quad: rows of cells, probes, columns of cells, probes.
     grid = shades.reshape(-1, cells, len(PROBES), cells, len(PROBES))
     return np.asarray(grid.mean(axis=(2, 4)))

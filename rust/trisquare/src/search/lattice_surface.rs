@@ -1,11 +1,12 @@
 //! The smooth surface that a plane's crossings lie on: a homography, then a lens's bending.
 //!
-//! An ideal point lies at `p / (1 + bend |p|^2)` if the photograph has it at `p`, in half diagonals
-//! from the picture's middle: the division model, which leaves a hundredth of a cell of any usual
-//! lens (A. W. Fitzgibbon, *Simultaneous linear estimation of multiple view geometry and lens
-//! distortion*, CVPR 2001).
+//! What the photograph has at `p`, in half diagonals from the picture's middle, lies on the ray
+//! `(p, x cot x)`, where `x^2 = -3 bend |p|^2`: that of an equidistant fisheye of any field of view.
+//! For the weak distortion of other lenses it is `(p, 1 + bend |p|^2)`, the division model, which
+//! leaves a hundredth of a cell of any of them (A. W. Fitzgibbon, *Simultaneous linear estimation of
+//! multiple view geometry and lens distortion*, CVPR 2001).
 
-use nalgebra::{Matrix2x3, Matrix3, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix2x3, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
 use super::lattice::{Lattice, Site};
 
@@ -18,13 +19,16 @@ const SETTLED: f64 = 0.3;
 /// Pixels: where no crossing is farther off, there are no strays, and a bend is not evident.
 const CLOSE: f64 = 0.6;
 
-/// Of lenses: a strong barrel distortion has 0.25, a lens of 120 degrees 0.4. A few crossings tell
-/// it no better than that.
+/// Of lenses: a strong barrel distortion has -0.25, a fisheye of 190 degrees across -1.4. A few
+/// crossings tell it no better than that.
 const USUAL_BEND: f64 = 0.2;
-const MOST_BEND: f64 = 0.5;
+const BENDS: [f64; 2] = [-2.0, 0.5];
 
 /// What is as good as zero of a depth or a scale that is about one.
 const LEAST: f64 = 1e-9;
+
+/// Of `bend |p|^2`, below which differences of what it moves are lost in rounding.
+const NO_BEND: f64 = 1e-6;
 
 /// Iterations of the decompositions at most; they take ten or so.
 const MOST_ITERATIONS: usize = 1000;
@@ -156,14 +160,8 @@ impl BentPlane {
 
     /// The point of the photograph, in half diagonals, for a column and a row; NaN if there is none.
     fn at(&self, site: Vector2<f64>) -> Vector2<f64> {
-        let mapped = self.homography * site.push(1.0);
         // The depth is one in the middle of the crossings.
-        if !(mapped.z > 0.0) {
-            return Vector2::repeat(f64::NAN);
-        }
-        let ideal = mapped.xy() / mapped.z;
-        let bent = 4.0 * self.bend * ideal.norm_squared();
-        ideal * (2.0 / (1.0 + (1.0 - bent).sqrt()))
+        seen(self.homography * site.push(1.0), self.bend)
     }
 
     /// Column and row of a point of the photograph, in half diagonals; not finite if there are none.
@@ -177,9 +175,8 @@ impl BentPlane {
                     .ok()
             });
         let site = |point: &Vector2<f64>| {
-            let ideal = point / (1.0 + self.bend * point.norm_squared());
             inverse.map_or(Vector2::repeat(f64::NAN), |inverse| {
-                let mapped = inverse * ideal.push(1.0);
+                let mapped = inverse * point.push(depth(point.norm_squared(), self.bend));
                 mapped.xy() / mapped.z
             })
         };
@@ -217,8 +214,36 @@ impl BentPlane {
             for k in 0..8 {
                 self.homography[(k / 3, k % 3)] -= step[k];
             }
-            self.bend = (self.bend - step[8]).clamp(-MOST_BEND, MOST_BEND);
+            self.bend = (self.bend - step[8]).clamp(BENDS[0], BENDS[1]);
         }
+    }
+}
+
+/// Depth of the ray on which the square of a distance from the middle is seen: `x cot x`.
+fn depth(square: f64, bend: f64) -> f64 {
+    let angle = (3.0 * bend * square).abs().sqrt();
+    if angle < LEAST {
+        1.0
+    } else if bend < 0.0 {
+        angle / angle.tan()
+    } else {
+        angle / angle.tanh()
+    }
+}
+
+/// Where a ray is seen, in half diagonals from the picture's middle; NaN if it is not.
+fn seen(ray: Vector3<f64>, bend: f64) -> Vector2<f64> {
+    let distance = ray.xy().norm();
+    let scale = (3.0 * bend).abs().sqrt();
+    let angle = scale * distance;
+    if bend < 0.0 && angle > LEAST * ray.z.abs() {
+        ray.xy() * (angle.atan2(ray.z) / angle)
+    } else if !(ray.z > 0.0) {
+        Vector2::repeat(f64::NAN)
+    } else if angle > LEAST * ray.z {
+        ray.xy() * ((angle / ray.z).atanh() / angle)
+    } else {
+        ray.xy() / ray.z
     }
 }
 
@@ -227,30 +252,44 @@ struct Place {
     site: Vector3<f64>,
     /// Pixels.
     gap: Vector2<f64>,
-    ideal: Vector2<f64>,
-    /// Pixels per unit of what is mapped.
-    scale: f64,
+    /// Pixels per unit of the ray.
+    by_ray: Matrix2x3<f64>,
     by_bend: Vector2<f64>,
 }
 
 impl Place {
     fn new(surface: &BentPlane, site: Vector2<f64>, point: Vector2<f64>, size: f64) -> Self {
         let site = site.push(1.0);
-        let mapped = surface.homography * site;
-        let depth = if mapped.z.abs() > LEAST {
-            mapped.z
+        let ray = surface.homography * site;
+        let bend = surface.bend;
+        let at = seen(ray, bend);
+        let distance = ray.xy().norm().max(LEAST);
+        let (outward, radius) = (ray.xy() / distance, at.norm());
+        let square = ray.z * ray.z - 3.0 * bend * distance * distance;
+        let around = if distance > LEAST {
+            radius / distance
         } else {
-            LEAST
+            1.0 / ray.z
         };
-        let ideal = mapped.xy() / depth;
-        let square = point.norm_squared();
-        let factor = 1.0 / (1.0 + surface.bend * square);
+        let along = outward * outward.transpose();
+        let across = Matrix2::identity() - along;
+        let by_depth = -ray.xy() / square;
+        let mut by_ray = Matrix2x3::zeros();
+        by_ray
+            .fixed_columns_mut::<2>(0)
+            .copy_from(&(along * (ray.z / square) + across * around));
+        by_ray.set_column(2, &by_depth);
+        // The limit where the lens bends nothing is the cube.
+        let grown = if (bend * radius * radius).abs() > NO_BEND {
+            (distance * ray.z / square - radius) / (2.0 * bend)
+        } else {
+            radius.powi(3)
+        };
         Self {
             site,
-            gap: (ideal - point * factor) * size,
-            ideal,
-            scale: size / depth,
-            by_bend: point * (size * square * factor * factor),
+            gap: (at - point) * size,
+            by_ray: by_ray * size,
+            by_bend: outward * (grown * size),
         }
     }
 
@@ -259,11 +298,8 @@ impl Place {
         let weight = 1.0 / self.gap.norm().max(least);
         for axis in 0..2 {
             let mut row = Step::zeros();
-            for k in 0..3 {
-                row[3 * axis + k] = self.scale * self.site[k];
-            }
-            for k in 0..2 {
-                row[6 + k] = -self.scale * self.ideal[axis] * self.site[k];
+            for k in 0..8 {
+                row[k] = self.by_ray[(axis, k / 3)] * self.site[k % 3];
             }
             row[8] = self.by_bend[axis];
             for i in 0..PARAMETERS {
@@ -324,6 +360,8 @@ fn algebraic_homography(sites: &[Vector2<f64>], points: &[Vector2<f64>]) -> Matr
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Rotation3;
+
     use super::*;
 
     const SIZE: f64 = 800.0;
@@ -352,6 +390,49 @@ mod tests {
         }
         for (site, found) in sites().iter().zip(fitted.sites(&points)) {
             assert!((site - found).norm() < 1e-3);
+        }
+    }
+
+    #[test]
+    fn a_board_near_the_rim_of_a_fisheye_fits_as_a_whole() {
+        let camera = Rotation3::from_axis_angle(&Vector3::y_axis(), 0.9);
+        let at = |site: &Vector2<f64>| {
+            let place = Vector3::new(0.09 * site.x - 0.4, 0.09 * site.y - 0.2, 1.0);
+            let ray = camera * place;
+            // 190 degrees across a picture of 4 x 3: 119 degrees at the corner.
+            ray.xy() / ray.xy().norm() * (ray.xy().norm().atan2(ray.z) / 119f64.to_radians())
+        };
+        let points: Vec<_> = sites().iter().map(at).collect();
+        let fitted = BentPlane::fitted(&sites(), &points, SIZE);
+        for (&site, point) in sites().iter().zip(&points) {
+            assert!((fitted.at(site) - point).norm() * SIZE < 0.1);
+        }
+    }
+
+    #[test]
+    fn derivatives_are_those_of_the_gap() {
+        let site = Vector2::new(5.0, 3.0);
+        for bend in [-1.4, -0.2, 0.0, 0.3] {
+            let surface = BentPlane { bend, ..truth() };
+            let gap = |surface: &BentPlane| Place::new(surface, site, Vector2::zeros(), SIZE).gap;
+            let place = Place::new(&surface, site, Vector2::zeros(), SIZE);
+            let step = 1e-6;
+            for k in 0..8 {
+                let moved = [step, -step].map(|by| {
+                    let mut moved = surface;
+                    moved.homography[(k / 3, k % 3)] += by;
+                    gap(&moved)
+                });
+                let expected = place.by_ray.column(k / 3) * place.site[k % 3];
+                assert!(((moved[0] - moved[1]) / (2.0 * step) - expected).norm() < 1e-3);
+            }
+            let moved = [step, -step].map(|by| {
+                gap(&BentPlane {
+                    bend: bend + by,
+                    ..surface
+                })
+            });
+            assert!(((moved[0] - moved[1]) / (2.0 * step) - place.by_bend).norm() < 1e-3);
         }
     }
 

@@ -1,0 +1,107 @@
+"""Boards and tags on pictures of fisheye lenses, to whose rim sides bend by a tenth."""
+
+from __future__ import annotations
+
+import numpy as np
+from harness.rows import Row
+from harness.truth import rms
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare.detection.kinds import TargetKinds
+from trisquare.detection.square_views import bends
+from trisquare.measurement.find import search
+from trisquare.measurement.squares import Square
+from trisquare.simulate.render import Image
+from trisquare.simulate.scene import Scene
+from trisquare_scenes.wide import wide_board_scene, wide_tag_scene
+
+SCENES = 40
+SEED = 74
+FIELD_RANGE = (100.0, 190.0)  # degrees across the picture's width
+NOISE_RANGE = (1.0, 4.0)  # grey levels
+BLUR_RANGE = (0.5, 1.2)  # pixels
+CONTRAST = 175.0  # grey levels
+LEAST_FOUND = 38
+RATIO = (0.7, 1.3)
+NAMES = ("4X4_50", "5X5_250", "6X6_250", "7X7_1000", "APRILTAG_16H5", "APRILTAG_36H11")
+MOST_BEND = 0.1
+"""Of a tag's side, over its chord."""
+LEAST_READ = 0.97
+
+
+def measure() -> list[Row]:
+    """Print what is missed, and count what is found."""
+    return [*_boards(), _tags()]
+
+
+def _boards() -> list[Row]:
+    """Three boards of 8 x 6 inner corners, each one plane with all its crossings' lines."""
+    whole, errors = 0, []
+    for number in range(SCENES):
+        rng = np.random.default_rng([SEED, number])
+        scene = wide_board_scene(rng, simulate.fisheye(rng.uniform(*FIELD_RANGE)))
+        try:
+            result = ts.calibrate(_picture(scene, rng), model="fisheye", tone="linear")
+        except ts.TrisquareError as error:
+            print(f"  boards {number}: {error}")
+            continue
+        whole += len(result.planes) == len(scene.targets)
+        if len(result.planes) != len(scene.targets):
+            print(f"  boards {number}: {len(result.planes)} planes")
+        errors.append((result.camera.fx - scene.camera.fx) / result.std["fx"])
+    ratio = rms(np.array(errors))
+    return [
+        Row(
+            f"{SCENES} fisheye pictures of {FIELD_RANGE[0]:.0f}-{FIELD_RANGE[1]:.0f} degrees: "
+            "three boards of 8 x 6 corners, each one plane",
+            f"{whole} of {SCENES}",
+            f">= {LEAST_FOUND}",
+            whole >= LEAST_FOUND,
+        ),
+        Row(
+            "the same: fx, error / std, rms",
+            f"{ratio:.2f} (worst {np.abs(errors).max():.1f})",
+            f"{RATIO[0]}-{RATIO[1]}",
+            RATIO[0] <= ratio <= RATIO[1],
+        ),
+    ]
+
+
+def _tags() -> Row:
+    """Three tags whose dictionary is not named."""
+    tags = read = false = 0
+    for index in range(SCENES):
+        rng = np.random.default_rng([SEED, 1, index])
+        name = NAMES[index % len(NAMES)]
+        scene, numbers = wide_tag_scene(rng, simulate.fisheye(rng.uniform(*FIELD_RANGE)), name)
+        found = search(_picture(scene, rng), TargetKinds.parse("auto")).found
+        seen = [one.outline.tag for one in found if isinstance(one, Square)]
+        seen_numbers = [tag.number for tag in seen if tag is not None]
+        counted = [own for i, own in enumerate(numbers) if _bend(scene, i) <= MOST_BEND]
+        missed = [own for own in counted if own not in seen_numbers]
+        if missed:
+            print(f"  tags {index}, {name}: missed {missed}")
+        tags += len(counted)
+        read += len(counted) - len(missed)
+        false += sum(own not in numbers for own in seen_numbers)
+    return Row(
+        f"{SCENES} such pictures of three tags, no dictionary given: of those whose sides bend by "
+        "up to a tenth",
+        f"{read} of {tags}, {false} false",
+        f">= {LEAST_READ:.0%}, none false",
+        read >= LEAST_READ * tags and false == 0,
+    )
+
+
+def _bend(scene: Scene, number: int) -> float:
+    along = np.linspace(-0.5, 0.5, 32)
+    end = np.full_like(along, 0.5)
+    sides = np.stack([[along, -end], [end, along], [-along, end], [-end, -along]]).swapaxes(1, 2)
+    seen = scene.image_points(number, sides.reshape(-1, 2))
+    return float(bends(seen.reshape(1, *sides.shape))[0])
+
+
+def _picture(scene: Scene, rng: np.random.Generator) -> Image:
+    noise, blur = rng.uniform(*NOISE_RANGE), rng.uniform(*BLUR_RANGE)
+    return simulate.render(scene, rng, noise=noise, blur=blur, contrast=CONTRAST, tone="linear")

@@ -1,0 +1,116 @@
+"""Where quads have the points of the squares they may be, under wide lenses, too.
+
+What a lens bends is straight among its rays: the focal length that makes the sides of a quad
+straight tells where the points within are as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trisquare._support.arrays import FloatArray
+
+FISHEYE_FOCAL_LENGTHS = np.geomspace(0.16, 0.8, 12)
+"""Of lenses that show a ray's angle with the axis as its distance from the centre: such a picture,
+240 degrees across, is as high as a third of its width, or 70 degrees as wide as it."""
+
+PINHOLE = 8.0
+"""Focal length over the longer side of a fisheye that is as good as a pinhole."""
+
+STRAIGHT = 0.01
+"""Of a side, over its chord: what bends less is read by its corners alone."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SquareViews:
+    """Quads as squares that a lens sees, whose focal lengths make their sides straight."""
+
+    columns: FloatArray  # (Q, 3, 3), of homographies from the unit square to rays
+    focal_lengths: FloatArray  # (Q,), over the picture's longer side
+    image_size: tuple[int, int]
+
+    @classmethod
+    def of(cls, sides: FloatArray, image_size: tuple[int, int]) -> SquareViews:
+        """Take sides, shape (Q, 4, N, 2), clockwise on the screen, and a width and height."""
+        points = centred(sides, image_size)
+        focal_lengths = np.full(len(sides), PINHOLE)
+        bent = np.flatnonzero(bends(sides) > STRAIGHT)
+        if bent.size:
+            tried = np.append(FISHEYE_FOCAL_LENGTHS, PINHOLE)
+            left = bends_left(fisheye_rays(points[bent], tried), points[bent], tried)
+            focal_lengths[bent] = tried[left.argmin(axis=0)]
+        corners = _rays(points[:, :, 0], focal_lengths[:, None])
+        return cls(square_columns(corners)[0], focal_lengths, image_size)
+
+    def points(self, square: FloatArray) -> FloatArray:
+        """Pixels of points of the unit square, shape (N, 2), in every quad, shape (Q, N, 2)."""
+        rays = np.column_stack([square, np.ones(len(square))]) @ np.swapaxes(self.columns, 1, 2)
+        across = np.linalg.norm(rays[..., :2], axis=-1)
+        angles = np.arctan2(across, rays[..., 2])
+        radii = self.focal_lengths[:, None] * angles / np.maximum(across, np.finfo(float).tiny)
+        middle = 0.5 * (np.array(self.image_size) - 1.0)
+        return np.asarray(middle + max(self.image_size) * radii[..., None] * rays[..., :2])
+
+
+def centred(points: FloatArray, image_size: tuple[int, int]) -> FloatArray:
+    """Points about the middle of a picture, over its longer side."""
+    return (points - 0.5 * (np.array(image_size) - 1.0)) / max(image_size)
+
+
+def fisheye_rays(points: FloatArray, focal_lengths: FloatArray) -> FloatArray:
+    """Return unit rays of centred points (Q, 4, N, 2), shape (F, Q, 4, N, 3)."""
+    focal = focal_lengths[:, None, None, None]
+    return _rays(points, focal)
+
+
+def _rays(points: FloatArray, focal: FloatArray) -> FloatArray:
+    angles = np.linalg.norm(points, axis=-1) / focal
+    # sin(angle) / radius, which is finite at the centre.
+    across = np.sinc(angles / np.pi) / focal
+    return np.concatenate([points * across[..., None], np.cos(angles)[..., None]], axis=-1)
+
+
+def square_columns(rays: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Homographies from the unit square to rays through four corners, shape (..., 4, 3).
+
+    With `h3` the first corner, the others are `h1 + h3`, `h1 + h2 + h3` and `h2 + h3`, each along
+    its ray: `a r1 + b r3 - c r2 = r0`.
+
+    Returns
+    -------
+    columns : ndarray, shape (..., 3, 3)
+        `h1`, `h2` and `h3`.
+    ahead : ndarray of bool, shape (...)
+        Whether the corners are on the side of their rays.
+    """
+    first, second, third, fourth = np.moveaxis(rays, -2, 0)
+    system = np.stack([second, fourth, -third], axis=-1)
+    singular = np.abs(np.linalg.det(system)) < np.finfo(float).tiny
+    system[singular] = np.eye(3)
+    scales = np.linalg.solve(system, first[..., None])
+    h1 = scales[..., 0, :] * second - first
+    h2 = scales[..., 1, :] * fourth - first
+    ahead = (scales[..., 0] > 0.0).all(axis=-1) & ~singular
+    return np.stack([h1, h2, first], axis=-1), np.asarray(ahead)
+
+
+def bends(sides: FloatArray) -> FloatArray:
+    """How far the sides (Q, 4, N, 2) of outlines leave their chords, over these, shape (Q,)."""
+    chords = sides[:, :, -1] - sides[:, :, 0]
+    offsets = sides - sides[:, :, :1]
+    areas = offsets[..., 0] * chords[:, :, None, 1] - offsets[..., 1] * chords[:, :, None, 0]
+    off = np.abs(areas).max(axis=2) / (chords**2).sum(axis=-1)
+    return np.asarray(off.max(axis=1, initial=0.0))
+
+
+def bends_left(rays: FloatArray, sides: FloatArray, focal_lengths: FloatArray) -> FloatArray:
+    """How far rays leave the planes of their sides' ends, over the chords, shape (F, Q)."""
+    normals = np.cross(rays[..., 0, :], rays[..., -1, :])
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    angles = np.abs((rays * normals[..., None, :]).sum(axis=-1)).max(axis=-1)
+    chords = np.linalg.norm(sides[:, :, -1] - sides[:, :, 0], axis=-1)
+    left = angles * focal_lengths[:, None, None] / chords
+    return np.asarray(left.max(axis=-1))

@@ -1,0 +1,50 @@
+"""Boards and tags on pictures of fisheye lenses, to whose rim sides bend by a tenth."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from trisquare import simulate
+from trisquare.detection.boards.find import find_lattices
+from trisquare.detection.kinds import TargetKinds
+from trisquare.detection.square_views import SquareViews
+from trisquare.measurement.find import search
+from trisquare.measurement.squares import Square
+from trisquare_scenes.wide import wide_board_scene, wide_tag_scene
+
+
+@pytest.mark.parametrize("degrees", [110.0, 150.0, 190.0])
+def test_boards_are_found_whole(degrees):
+    rng = np.random.default_rng(1)
+    scene = wide_board_scene(rng, simulate.fisheye(degrees))
+    picture = simulate.render(scene, rng)
+    sizes = [sorted(lattice.present.shape) for lattice in find_lattices(picture)]
+    assert sizes == [[6, 8]] * 3
+    assert all(lattice.present.all() for lattice in find_lattices(picture))
+
+
+@pytest.mark.parametrize(("name", "degrees"), [("7X7_1000", 140.0), ("4X4_50", 190.0)])
+def test_tags_are_read(name, degrees):
+    rng = np.random.default_rng(1)
+    scene, numbers = wide_tag_scene(rng, simulate.fisheye(degrees), name)
+    found = search(simulate.render(scene, rng), TargetKinds.parse("auto")).found
+    tags = [one.outline.tag for one in found if isinstance(one, Square)]
+    assert sorted(tag.number for tag in tags if tag) == sorted(numbers)
+
+
+def test_points_of_bent_squares_are_where_the_lens_sees_them():
+    rng = np.random.default_rng(4)
+    # Equidistant, with the axis in the middle.
+    camera = simulate.TrueFisheye(400.0, 400.0, 639.5, 479.5)
+    scene = simulate.wide_scene(rng, camera)
+    unit = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    along = np.linspace(0.0, 1.0, 32)[:, None]
+    sides = np.stack([a + along * (b - a) for a, b in zip(unit, np.roll(unit, -1, 0), strict=True)])
+    inside = np.array([[0.5, 0.5], [0.2, 0.3], [0.9, 0.1]])
+    for number in range(len(scene.targets)):
+        seen = scene.image_points(number, sides.reshape(-1, 2) - 0.5).reshape(1, 4, 32, 2)
+        points = SquareViews.of(seen, camera.image_size).points(inside)[0]
+        expected = scene.image_points(number, inside - 0.5)
+        side = np.linalg.norm(np.diff(seen[0, :, ::31], axis=1), axis=-1).min()
+        assert np.abs(points - expected).max() < 0.03 * side
