@@ -99,15 +99,11 @@ pub(super) fn sorted(
         let mut now = sums(parts, &is_straight);
         let mut criterion = now.criterion();
         for _ in 0..2 * lines.len() {
-            let switched = |i: usize| match is_straight[i] {
-                true => Sums {
-                    rest: now.rest - parts[i].square - parts[i].log_determinant + curved[i],
-                    ..now.with(&parts[i], -1.0)
-                },
-                false => Sums {
-                    rest: now.rest + parts[i].square + parts[i].log_determinant - curved[i],
-                    ..now.with(&parts[i], 1.0)
-                },
+            let switched = |i: usize| {
+                let sign = if is_straight[i] { -1.0 } else { 1.0 };
+                let mut sums = now.with(&parts[i], sign);
+                sums.rest -= sign * curved[i];
+                sums
             };
             let trials = (0..lines.len()).map(|i| (i, switched(i).criterion()));
             let least = trials.min_by(|(_, a), (_, b)| a.total_cmp(b));

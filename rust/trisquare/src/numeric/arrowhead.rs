@@ -90,7 +90,7 @@ impl ArrowSystem {
             gradient -= shift;
             factors.push(factor);
         }
-        let ties = self.ties(|p, columns| factors[p].solve(columns));
+        let ties = self.ties(&factors);
         if let Some(ties) = &ties {
             reduced += ties.information();
             gradient += ties.shift(self);
@@ -140,7 +140,7 @@ impl ArrowSystem {
     /// covariance that unit noise of its samples gives the gradient.
     pub fn contributions(&self) -> Option<Vec<Reduced>> {
         let factors = self.factors()?;
-        let ties = self.ties(|p, columns| factors[p].solve(columns));
+        let ties = self.ties(&factors);
         let blocks = self.blocks.iter().zip(&factors).enumerate();
         let contributions = blocks.map(|(p, (block, factor))| {
             let (information, shift) = eliminated(block, factor);
@@ -172,8 +172,7 @@ impl ArrowSystem {
             return Some(blocks.map(|block| block.cross.clone()).collect());
         }
         let ties = self.own_ties()?;
-        let tied = |block: &Block| &block.cross - &block.ties * &ties.by_shared;
-        Some(blocks.map(tied).collect())
+        Some(blocks.map(|block| ties.cross(block)).collect())
     }
 
     /// The information on the shared parameters alone.

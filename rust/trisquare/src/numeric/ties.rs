@@ -5,7 +5,7 @@
 //! `D = sum T^T H^-1 C` and `M = sum T^T H^-1 T`: the multipliers follow the shared parameters, and
 //! these keep the shape that they have without ties.
 
-use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, SymmetricEigen};
 
 use super::arrowhead::{ArrowSystem, Block, Reduced};
 
@@ -36,19 +36,19 @@ impl ArrowSystem {
             return None;
         }
         let factors = self.factors()?;
-        self.ties(|p, columns| factors[p].solve(columns))
+        self.ties(&factors)
     }
 
-    /// What the ties do; `None` where there are none.
-    ///
-    /// `solve` gives the solution of every block's own equations.
-    pub fn ties(&self, solve: impl Fn(usize, &DMatrix<f64>) -> DMatrix<f64>) -> Option<Ties> {
+    /// What the ties do, with the factors of every block's own equations; `None` where there are
+    /// none.
+    pub fn ties(&self, factors: &[Cholesky<f64, Dyn>]) -> Option<Ties> {
         let count = self.tie_count();
         if count == 0 {
             return None;
         }
-        let blocks = self.blocks.iter().enumerate();
-        let responses: Vec<_> = blocks.map(|(p, block)| solve(p, &block.ties)).collect();
+        let blocks = self.blocks.iter().zip(factors);
+        let responses = blocks.map(|(block, factor)| factor.solve(&block.ties));
+        let responses: Vec<_> = responses.collect();
         let mut square = DMatrix::zeros(count, count);
         let mut cross = DMatrix::zeros(count, self.prior.nrows());
         for (block, response) in self.blocks.iter().zip(&responses) {
@@ -74,6 +74,12 @@ impl Ties {
     /// What the blocks' own gradients add to that of the shared parameters.
     pub fn shift(&self, system: &ArrowSystem) -> DVector<f64> {
         self.by_shared.tr_mul(&self.gradient(system))
+    }
+
+    /// A block's cross terms as the gradient of the shared parameters follows its own: by
+    /// `-C^T H^-1`.
+    pub fn cross(&self, block: &Block) -> DMatrix<f64> {
+        &block.cross - &block.ties * &self.by_shared
     }
 
     /// What the ties take off the inverse of the blocks' own equations, between two of them.

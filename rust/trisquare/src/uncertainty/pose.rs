@@ -107,11 +107,10 @@ pub(crate) fn pose_uncertainties<L: Lens>(
                 }
             }
         }
-        let mut cross = follows.cross.clone();
-        if let Some(ties) = &following_ties {
-            cross -= &follows.ties * &ties.by_shared;
-        }
-        let by_camera = -factor.solve(&cross);
+        let by_camera = -match &following_ties {
+            Some(ties) => factor.solve(&ties.cross(follows)),
+            None => factor.solve(&follows.cross),
+        };
         let mut numbers = given_camera.iter().chain(by_camera.iter());
         let finite = numbers.all(|number| number.is_finite());
         let of_shape = refined.view.planes[i].figures[0].parameter_count();
