@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from harness.rows import Row
+from harness.rows import Row, bound_row, coverage_row
 from harness.truth import by_name, errors, rms
 
 import trisquare as ts
@@ -25,21 +25,14 @@ def measure() -> list[Row]:
     rows = []
     for radii, name in ((RADII, "known"), (None, "unknown")):
         ratio, share = _of_scenes(radii)
-        low, high = COVERAGE
         rows += [
-            Row(
+            bound_row(
                 f"three planes of two concentric circles of {name} radii, {SCENES} scenes: "
                 "error / bound",
-                f"{ratio:.3f}",
-                f"<= {MOST_OVER_BOUND:.2f}",
-                ratio <= MOST_OVER_BOUND,
+                ratio,
+                MOST_OVER_BOUND,
             ),
-            Row(
-                "the same: coverage of the 95 % intervals",
-                f"{100 * share:.1f} %",
-                f"{100 * low:.0f} to {100 * high:.0f} %",
-                low <= share <= high,
-            ),
+            coverage_row("the same: coverage of the 95 % intervals", share, COVERAGE),
         ]
     return rows
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 import numpy as np
-from harness.rows import Row
+from harness.rows import Row, bound_row, coverage_row
 from harness.truth import Array, rms
 
 import trisquare as ts
@@ -63,18 +63,8 @@ def measure() -> list[Row]:
             f"{total}",
             reached == total,
         ),
-        Row(
-            "the same: error / Cramer-Rao bound",
-            f"{ratio:.3f}",
-            f"<= {MOST_OVER_BOUND:.2f}",
-            ratio <= MOST_OVER_BOUND,
-        ),
-        Row(
-            "the same: coverage of the 95 % intervals",
-            f"{100 * held_share:.1f} %",
-            f"{100 * COVERAGE[0]:.0f}-{100 * COVERAGE[1]:.0f} %",
-            COVERAGE[0] <= held_share <= COVERAGE[1],
-        ),
+        bound_row("the same: error / Cramer-Rao bound", ratio, MOST_OVER_BOUND),
+        coverage_row("the same: coverage of the 95 % intervals", held_share, COVERAGE),
         Row(
             "cost of a solve with fisheye / with radial2, each on scenes of its own",
             f"{cost:.2f}",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from accuracy.fisheye_edges import HALF_WIDTH, NAMES, camera_of, values
-from harness.rows import Row
+from harness.rows import Row, coverage_row
 from harness.truth import rms
 
 import trisquare as ts
@@ -58,12 +58,7 @@ def measure() -> list[Row]:
             f"<= {MOST_OVER_BOUND}",
             ratio <= MOST_OVER_BOUND,
         ),
-        Row(
-            "the same: coverage of the 95 % intervals",
-            f"{100 * share:.1f} %",
-            f"{100 * COVERAGE[0]:.0f}-{100 * COVERAGE[1]:.0f} %",
-            COVERAGE[0] <= share <= COVERAGE[1],
-        ),
+        coverage_row("the same: coverage of the 95 % intervals", share, COVERAGE),
         Row(
             "the same in a circle of light, photo-like with clutter: all squares found",
             f"{found} of {CIRCLE_SCENES}",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from harness.rows import Row
+from harness.rows import Row, bound_row, coverage_row
 from harness.truth import NAMES, Array, by_name, errors, rms
 
 import trisquare as ts
@@ -51,7 +51,6 @@ def measure() -> list[Row]:
         medians = np.median([one.std for one in found], axis=0)
         stds = ", ".join(f"{key} {std:.2g}" for key, std in zip(NAMES, medians, strict=True))
         print(f"  {name}: median std {stds}; coverage {100 * _coverage(found):.1f} %")
-    low, high = COVERAGE
     ratio, share = _ratio(runs["with"]), _coverage(runs["with"])
     straight = sum(len(one.rejected) for one in runs["with"])
     hits = sum(len(one.rejected & set(BENT)) for one in runs["bent"])
@@ -67,18 +66,13 @@ def measure() -> list[Row]:
     scenes = f"three small squares and {LINES} lines, {SCENES} scenes"
     bends = f"{SAGITTA_RANGE[0]:.0f} to {SAGITTA_RANGE[1]:.0f} px"
     return [
-        Row(
+        bound_row(
             f"{scenes}: error / bound",
-            f"{ratio:.3f} (squares alone {_ratio(runs['without']):.3f})",
-            f"<= {MOST_OVER_BOUND:.2f}",
-            ratio <= MOST_OVER_BOUND,
+            ratio,
+            MOST_OVER_BOUND,
+            f" (squares alone {_ratio(runs['without']):.3f})",
         ),
-        Row(
-            "the same: coverage of the 95 % intervals",
-            f"{100 * share:.1f} %",
-            f"{100 * low:.0f} to {100 * high:.0f} %",
-            low <= share <= high,
-        ),
+        coverage_row("the same: coverage of the 95 % intervals", share, COVERAGE),
         Row(
             "the same: standard deviations of k1 and k2 shrink by, median",
             f"{gains[0]:.0f} and {gains[1]:.0f} times; {straight} straight lines rejected",

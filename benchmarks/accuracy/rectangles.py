@@ -7,12 +7,13 @@ from dataclasses import replace
 from typing import Any, TypeAlias
 
 import numpy as np
-from harness.rows import Row
+from harness.rows import Row, bound_row, coverage_row
 from harness.truth import rms
 
 import trisquare as ts
 from trisquare import simulate
 from trisquare.simulate.render import Image
+from trisquare_scenes.boards import with_boards
 
 SCENES = 60
 EDGE_SCENES = 200
@@ -82,20 +83,10 @@ def measure() -> list[Row]:
 
 def _bound_rows(name: str, ratio: float, share: float) -> list[Row]:
     """Return the rows of an error over its bound, and of the coverage of the intervals."""
-    low, high = COVERAGE
+    coverage = "the same, aspects included: coverage of the 95 % intervals"
     return [
-        Row(
-            f"{name}: error / bound",
-            f"{ratio:.3f}",
-            f"<= {MOST_OVER_BOUND:.2f}",
-            ratio <= MOST_OVER_BOUND,
-        ),
-        Row(
-            "the same, aspects included: coverage of the 95 % intervals",
-            f"{100 * share:.1f} %",
-            f"{100 * low:.0f}-{100 * high:.0f} %",
-            low <= share <= high,
-        ),
+        bound_row(f"{name}: error / bound", ratio, MOST_OVER_BOUND),
+        coverage_row(coverage, share, COVERAGE),
     ]
 
 
@@ -143,16 +134,7 @@ def _facades(rng: np.random.Generator, camera: simulate.TrueCamera) -> Measured:
     """Sample three facades, whose lines are the inner ones of boards."""
     across, down = FACADE
     squares = simulate.random_scene(rng, camera=camera)
-    boards = tuple(
-        replace(
-            target,
-            kind="chessboard",
-            inner_corners=FACADE,
-            translation=(max(FACADE) - 1) * target.translation,
-        )
-        for target in squares.targets
-    )
-    scene = replace(squares, targets=boards)
+    scene = with_boards(squares, FACADE, max(FACADE) - 1)
     points = simulate.edge_points(scene, rng, noise=NOISE, spacing=SPACING)
     edges = [ts.PlaneEdges.families(lines[:down], lines[down:]) for lines in points]
     return scene, edges, (across - 1) / (down - 1)

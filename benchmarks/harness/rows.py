@@ -21,6 +21,18 @@ class Row:
         return {True: "yes", False: "**no**", None: ""}[self.met]
 
 
+def bound_row(name: str, ratio: float, most: float, beside: str = "") -> Row:
+    """Return the row of an error over its bound."""
+    return Row(name, f"{ratio:.3f}{beside}", f"<= {most:.2f}", ratio <= most)
+
+
+def coverage_row(name: str, share: float, limits: tuple[float, float]) -> Row:
+    """Return the row of the part of intervals that hold the truth."""
+    low, high = limits
+    asked = f"{100 * low:.0f}-{100 * high:.0f} %"
+    return Row(name, f"{100 * share:.1f} %", asked, low <= share <= high)
+
+
 def markdown_table(rows: Iterable[Row]) -> str:
     """Return the rows as a Markdown table."""
     lines = ["| measured on | measured | must reach | met |", "| --- | --- | --- | --- |"]

@@ -10,6 +10,7 @@ from trisquare.detection.tags.codes import dictionary
 from trisquare.simulate import wide_scene
 from trisquare.simulate.fisheye import TrueFisheye
 from trisquare.simulate.scene import Scene
+from trisquare_scenes.boards import with_boards
 from trisquare_scenes.tagged import MarkedTarget
 
 
@@ -17,18 +18,7 @@ def wide_board_scene(
     rng: np.random.Generator, camera: TrueFisheye, inner_corners: tuple[int, int] = (8, 6)
 ) -> Scene:
     """Draw chessboards where `wide_scene` has squares, the longer side as long as theirs."""
-    scene = wide_scene(rng, camera)
-    cells = max(inner_corners) + 1
-    boards = (
-        replace(
-            target,
-            kind="chessboard",
-            inner_corners=inner_corners,
-            translation=cells * target.translation,
-        )
-        for target in scene.targets
-    )
-    return replace(scene, targets=tuple(boards))
+    return with_boards(wide_scene(rng, camera), inner_corners, max(inner_corners) + 1)
 
 
 def wide_tag_scene(

@@ -7,6 +7,7 @@ import pytest
 
 import trisquare as ts
 from trisquare.simulate import cramer_rao_bound, edge_points, random_camera, random_scene
+from trisquare_scenes.boards import with_boards
 
 SIZE = (1280, 960)
 NOISE = 0.1
@@ -23,17 +24,7 @@ def facades(seed, *, count=3, lines=LINES):
     drawn = random_camera(rng)
     camera = replace(drawn, fy=drawn.fx, cx=0.5 * (SIZE[0] - 1), cy=0.5 * (SIZE[1] - 1))
     squares = random_scene(rng, camera=camera, count=count)
-    extent = max(lines) - 1
-    targets = [
-        replace(
-            target,
-            kind="chessboard",
-            inner_corners=lines,
-            translation=extent * target.translation,
-        )
-        for target in squares.targets
-    ]
-    scene = replace(squares, targets=tuple(targets))
+    scene = with_boards(squares, lines, max(lines) - 1)
     return scene, edge_points(scene, rng, noise=NOISE)
 
 
