@@ -73,6 +73,9 @@ pub(crate) fn account_for_relief<L: Lens>(
             plane.board_relief = BoardRelief::flat(plane, &refined.view, state);
         }
     }
+    if planes.iter().all(|plane| plane.board_relief.is_none()) {
+        return None;
+    }
     let mut found = refined.clone();
     let (variance, steepness) = spectrum(&mut errors(&planes, free, &found)?, drift, sheets)?;
     for board_relief in planes.iter_mut().filter_map(|p| p.board_relief.as_mut()) {
@@ -121,9 +124,6 @@ fn errors<L: Lens>(
 /// The mean variance of the relief, weighed by how likely each is, and its steepness, if there
 /// clearly is any; `drift` (px) is the standard deviation of a shift by the tone curve.
 fn spectrum(errors: &mut SideErrors, drift: f64, sheets: Sheets) -> Option<(f64, i32)> {
-    if !errors.has_board_relief() {
-        return None;
-    }
     let flat = errors.likeliest_at(FLAT, None)?;
     if rms_displacement(flat.0) < BEYOND_DRIFT * drift {
         return None;

@@ -3,7 +3,7 @@
 use nalgebra::{SMatrix, Vector2};
 
 use super::side_basis::{Basis, ORDERS, basis, direction, places, places_on_arc};
-use crate::numeric::Loss;
+use crate::numeric::{Loss, add_rank_one, symmetric};
 use crate::observations::{Curve, Side};
 use crate::refine::Residual;
 
@@ -37,15 +37,15 @@ pub(crate) struct SideMoments {
     pub strongest: f64,
 }
 
-impl Moments {
-    const ZERO: Self = Self {
-        gram: Gram::from_array_storage(nalgebra::ArrayStorage([[0.0; ORDERS]; ORDERS])),
-        gradient: Basis::from_array_storage(nalgebra::ArrayStorage([[0.0; ORDERS]])),
-    };
+/// Sums of outer products of the basis and a residual, by their lower triangle.
+type Sums = [[f64; ORDERS + 1]; ORDERS + 1];
 
-    fn add(&mut self, row: &Basis, weight: f64, distance: f64) {
-        self.gram.ger(weight, row, row, 1.0);
-        self.gradient.axpy(weight * distance, row, 1.0);
+impl Moments {
+    fn of(sums: &Sums) -> Self {
+        Self {
+            gram: Gram::from_fn(|i, j| symmetric(sums, i, j)),
+            gradient: Basis::from_fn(|i, _| sums[ORDERS][i]),
+        }
     }
 }
 
@@ -58,7 +58,7 @@ impl SideMoments {
             Curve::Circle(_) => places_on_arc(&side.samples),
         };
         let rows: Vec<Basis> = places.iter().map(|s| basis(*s)).collect();
-        let (mut robust, mut plain) = (Moments::ZERO, Moments::ZERO);
+        let (mut robust, mut plain): (Sums, Sums) = Default::default();
         let mut strongest = f64::MIN_POSITIVE;
         for (row, residual) in rows.iter().zip(residuals) {
             let to_noise = residual.weight / scale;
@@ -66,16 +66,18 @@ impl SideMoments {
             let value = residual.distance * to_noise;
             let (_, weight) = Loss::Tukey.cost_and_weight(value);
             let square = to_noise * to_noise;
-            robust.add(row, weight * square, residual.distance);
-            let near = value.clamp(-FARTHEST, FARTHEST) / to_noise;
-            plain.add(row, square, near);
+            let mut with_residual = [residual.distance; ORDERS + 1];
+            with_residual[..ORDERS].copy_from_slice(row.as_slice());
+            add_rank_one(&mut robust, &with_residual, weight * square);
+            with_residual[ORDERS] = value.clamp(-FARTHEST, FARTHEST) / to_noise;
+            add_rank_one(&mut plain, &with_residual, square);
         }
         Self {
             along,
             places,
             rows,
-            robust,
-            plain,
+            robust: Moments::of(&robust),
+            plain: Moments::of(&plain),
             strongest,
         }
     }

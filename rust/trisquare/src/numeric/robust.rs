@@ -48,12 +48,12 @@ impl Loss {
         match self {
             Loss::Huber if size <= limit => (0.5 * x * x, 1.0),
             Loss::Huber => (limit * (size - 0.5 * limit), limit / size),
-            _ if size < limit => {
-                let inside = 1.0 - x * x * self.inverse_square_limit();
+            // Without a branch, so that several residuals are weighed at a time.
+            Loss::Tukey | Loss::WideTukey => {
+                let inside = f64::max(1.0 - x * x * self.inverse_square_limit(), 0.0);
                 let full = limit * limit / 6.0;
-                (full * (1.0 - inside.powi(3)), inside * inside)
+                (full * (1.0 - inside * inside * inside), inside * inside)
             }
-            _ => (limit * limit / 6.0, 0.0),
         }
     }
 

@@ -9,6 +9,8 @@ use std::marker::PhantomData;
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
+use super::line_sums::{LineSums, RESIDUAL};
+use super::side_curve::{SideCurve, SideCurves};
 use crate::lens::{Lens, MAX_LENS_COLUMNS};
 use crate::numeric::{ArrowStep, ArrowSystem, Loss, Problem, add_rank_one, symmetric};
 use crate::observations::{FreeParameters, ModelLine, ObservedPlane, PlaneState, Sample, View};
@@ -20,17 +22,13 @@ pub(crate) struct EdgeProblem<'a, L> {
     pub loss: Loss,
     /// What the given standard deviations are to be multiplied by.
     scale: f64,
+    /// Curves near the views that are asked about, where there are any.
+    curves: Option<&'a SideCurves>,
     lens: PhantomData<L>,
 }
 
-/// Summed outer products of `(l, residual, shared parameters)` of the samples on one line.
-struct LineSums<const N: usize> {
-    cost: f64,
-    products: [[f64; N]; N],
-}
-
 /// Columns before the shared parameters: the line's three, and the residual.
-const SHARED_OFFSET: usize = 4;
+const SHARED_OFFSET: usize = RESIDUAL + 1;
 
 impl<'a, L: Lens> EdgeProblem<'a, L> {
     pub fn new(planes: &'a [ObservedPlane], free: &'a FreeParameters, scale: f64) -> Self {
@@ -39,8 +37,28 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
             free,
             loss: Loss::Tukey,
             scale,
+            curves: None,
             lens: PhantomData,
         }
+    }
+
+    /// The same by curves near the views that it is asked about.
+    pub(super) fn near(self, curves: &'a SideCurves) -> Self {
+        Self {
+            curves: Some(curves),
+            ..self
+        }
+    }
+
+    /// The derivatives of a pixel's distance, and the distance, in the columns of the sums.
+    fn row<const N: usize>(&self, lens: &L, ray: &L::PixelRay, line: &Vector3<f64>) -> [f64; N] {
+        let distance = lens.line_distance_jacobian(ray, line, self.free.columns());
+        let mut row = [0.0; N];
+        row[..RESIDUAL].copy_from_slice(distance.wrt_line.as_slice());
+        row[RESIDUAL] = distance.value;
+        self.free
+            .gather(&distance.wrt_lens, &mut row[SHARED_OFFSET..]);
+        row
     }
 
     fn sum_samples<const N: usize>(
@@ -53,20 +71,14 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
             cost: 0.0,
             products: [[0.0; N]; N],
         };
-        let wanted = self.free.columns();
-        let mut row = [0.0; N];
         let to_scale = trust / self.scale;
         for sample in samples {
             let pixel_ray = lens.unproject_with_jacobian(&sample.pixel)?;
-            let distance = lens.line_distance_jacobian(&pixel_ray, line, wanted);
+            let row = self.row(lens, &pixel_ray, line);
             let to_noise = sample.weight * to_scale;
-            let (cost, weight) = self.loss.cost_and_weight(distance.value * to_noise);
+            let (cost, weight) = self.loss.cost_and_weight(row[RESIDUAL] * to_noise);
             let weight = weight * to_noise * to_noise;
             sums.cost += cost;
-            row[..3].copy_from_slice(distance.wrt_line.as_slice());
-            row[3] = distance.value;
-            self.free
-                .gather(&distance.wrt_lens, &mut row[SHARED_OFFSET..]);
             add_rank_one(&mut sums.products, &row, weight);
         }
         Some(sums)
@@ -77,12 +89,19 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
         &self,
         view: &View<L>,
         (plane, figure, model): (usize, usize, &ModelLine),
-        samples: (&[Sample], f64),
+        (samples, trust, curve): (&[Sample], f64, Option<&SideCurve>),
         system: &mut ArrowSystem,
     ) -> Option<f64> {
         let state = &view.planes[plane];
-        let line = state.line(figure, &model.line);
-        let sums = self.sum_samples::<N>(&view.lens, &line, samples)?;
+        let (lens, line) = (&view.lens, state.line(figure, &model.line));
+        let sums = match curve {
+            Some(curve) => {
+                curve.sums::<L, N>((lens, &line), (self.loss, trust / self.scale), |ray| {
+                    self.row(lens, ray, &line)
+                })
+            }
+            None => self.sum_samples::<N>(lens, &line, (samples, trust)),
+        }?;
         let wrt_own = state.line_jacobian(figure, model);
         let at = |i: usize, j: usize| symmetric(&sums.products, i, j);
 
@@ -115,10 +134,11 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
         let mut system = ArrowSystem::zeros(self.free.len(), own);
         let mut cost = self.free.add_prior(&view.lens, &mut system);
         for (p, plane) in self.planes.iter().enumerate() {
-            for (f, side) in plane.sides_by_figure() {
+            for (s, (f, side)) in plane.sides_by_figure().enumerate() {
+                let curve = self.curves.and_then(|curves| curves.get(p, s));
                 for found in view.planes[p].model_lines(&view.lens, f, side) {
                     let (model, range) = found?;
-                    let samples = (&side.samples[range], side.trust());
+                    let samples = (&side.samples[range], side.trust(), curve);
                     cost += self.add_samples::<N>(view, (p, f, &model), samples, &mut system)?;
                 }
             }
@@ -160,9 +180,10 @@ impl<L: Lens> Problem for EdgeProblem<'_, L> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::residuals::residuals;
+    use super::super::residuals::{residuals, residuals_near};
     use super::*;
     use crate::lens::DefaultLens;
+    use crate::numeric::Block;
     use crate::observations::{Placement, PlaneEdges, sort_by_plane};
     use crate::synthetic::{Scene, SceneOptions};
     use nalgebra::{DVector, Vector2};
@@ -336,6 +357,68 @@ mod tests {
                 check(&set, block.gradient[i], block.hessian[(i, i)]);
             }
         }
+    }
+
+    #[test]
+    fn curves_give_what_the_samples_give() {
+        let truth = Scene::random(4, SceneOptions::default());
+        let planes = sort_by_plane(&truth.edges(1, NOISE, 2.0)).unwrap();
+        let (_, view) = scene(NOISE);
+        let free = free();
+        let curves = SideCurves::of(&planes, &view, NOISE);
+        let mut sides = planes.iter().enumerate().flat_map(|(p, plane)| {
+            let count = plane.sides().count();
+            (0..count).map(move |s| (p, s))
+        });
+        assert!(sides.all(|(p, s)| curves.get(p, s).is_some()));
+
+        // Near the view, too: there the lines are not where the curves are.
+        let mut near = view.clone();
+        near.planes[1].pose.translation.x *= 1.001;
+        for view in [view, near] {
+            let [all, by_curves] = [None, Some(&curves)].map(|curves| {
+                let problem = EdgeProblem::new(&planes, &free, NOISE);
+                let problem = EdgeProblem { curves, ..problem };
+                problem.evaluate(&view).unwrap()
+            });
+            assert!((by_curves.0 / all.0 - 1.0).abs() < 1e-4);
+            for (found, expected) in by_curves.1.blocks.iter().zip(&all.1.blocks) {
+                let spread = expected.hessian.diagonal().map(f64::sqrt);
+                let scaled = |block: &Block| {
+                    let hessian = block.hessian.clone();
+                    let hessian = hessian.component_div(&(&spread * spread.transpose()));
+                    (hessian, block.gradient.component_div(&spread))
+                };
+                let (found, expected) = (scaled(found), scaled(expected));
+                assert!((found.0 - expected.0).amax() < 1e-3);
+                assert!(
+                    (found.1 - expected.1).amax() < 0.02,
+                    "in standard deviations"
+                );
+            }
+            let direct = residuals(&planes, &view).unwrap();
+            let found = residuals_near(&planes, &view, Some(&curves)).unwrap();
+            for (found, expected) in found.iter().flatten().zip(direct.iter().flatten()) {
+                assert!((found.distance - expected.distance).abs() < 1e-3 * NOISE);
+                assert!((found.normal - expected.normal).norm() < 1e-3);
+                assert_eq!(found.weight, expected.weight);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_smooth_curve_has_none() {
+        let (planes, view) = circles(0.0);
+        let curves = SideCurves::of(&planes, &view, NOISE);
+        assert!(curves.get(0, 0).is_none(), "an arc");
+        let (few, view) = scene(NOISE);
+        let curves = SideCurves::of(&few, &view, NOISE);
+        assert!(curves.get(0, 0).is_none(), "few samples");
+        // Noise of which nothing is left shows what a polynomial leaves out.
+        let truth = Scene::random(4, SceneOptions::default());
+        let exact = sort_by_plane(&truth.edges(1, 0.0, 2.0)).unwrap();
+        let curves = SideCurves::of(&exact, &view, 1e-13);
+        assert!(curves.get(0, 0).is_none(), "exact samples");
     }
 
     #[test]

@@ -1,8 +1,10 @@
 //! Joint maximum likelihood over edge samples.
 
 mod edge_problem;
+mod line_sums;
 mod residuals;
 mod search;
+mod side_curve;
 
 pub(crate) use edge_problem::EdgeProblem;
 pub(crate) use residuals::{

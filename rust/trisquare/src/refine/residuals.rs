@@ -2,6 +2,7 @@
 
 use nalgebra::Vector2;
 
+use super::side_curve::SideCurves;
 use crate::geometry::line_of_rays;
 use crate::lens::Lens;
 use crate::numeric::median_scale;
@@ -38,22 +39,42 @@ pub(crate) fn root_mean_square<'a>(residuals: impl Iterator<Item = &'a Residual>
 
 /// Distances of all samples; `None` where the lens is not invertible.
 pub(crate) fn residuals<L: Lens>(planes: &[ObservedPlane], view: &View<L>) -> Option<Residuals> {
+    residuals_near(planes, view, None)
+}
+
+/// The same by curves near the view, where there are any.
+pub(super) fn residuals_near<L: Lens>(
+    planes: &[ObservedPlane],
+    view: &View<L>,
+    curves: Option<&SideCurves>,
+) -> Option<Residuals> {
     let mut all = Vec::with_capacity(planes.len());
-    for (plane, state) in planes.iter().zip(&view.planes) {
-        let mut own = Vec::new();
-        for (f, side) in plane.sides_by_figure() {
+    for (p, (plane, state)) in planes.iter().zip(&view.planes).enumerate() {
+        let mut own = Vec::with_capacity(plane.samples().count());
+        for (s, (f, side)) in plane.sides_by_figure().enumerate() {
+            let curve = curves.and_then(|curves| curves.get(p, s));
             for found in state.model_lines(&view.lens, f, side) {
                 let (model, range) = found?;
                 let line = state.line(f, &model.line);
-                for sample in &side.samples[range] {
-                    let pixel_ray = view.lens.unproject_with_jacobian(&sample.pixel)?;
-                    let (distance, normal) = view.lens.line_distance_and_normal(&pixel_ray, &line);
+                let mut add = |sample: &Sample, (distance, normal)| {
                     own.push(Residual {
                         distance,
                         normal,
                         weight: sample.weight,
                         counts: !side.is_outlier,
                     });
+                };
+                if let Some(curve) = curve {
+                    let found = curve.distances_and_normals(&view.lens, &line)?;
+                    side.samples.iter().zip(found).for_each(|(s, d)| add(s, d));
+                    continue;
+                }
+                for sample in &side.samples[range] {
+                    let pixel_ray = view.lens.unproject_with_jacobian(&sample.pixel)?;
+                    add(
+                        sample,
+                        view.lens.line_distance_and_normal(&pixel_ray, &line),
+                    );
                 }
             }
         }

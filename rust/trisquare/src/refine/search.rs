@@ -2,7 +2,8 @@
 //! a search among some of them, and a finish on all.
 
 use super::edge_problem::EdgeProblem;
-use super::residuals::{Residuals, residuals, robust_scale};
+use super::residuals::{Residuals, residuals, residuals_near, robust_scale};
+use super::side_curve::SideCurves;
 use crate::lens::Lens;
 use crate::numeric::{ArrowSystem, Limits, Loss, Problem, Spread, Termination, minimise};
 use crate::observations::{FreeParameters, ObservedPlane, View};
@@ -186,8 +187,9 @@ pub(crate) fn finish<L: Lens>(
     let mut scale = start.scale;
     let mut rescalings = 0;
     let mut last_cost = f64::INFINITY;
+    let curves = SideCurves::of(planes, &view, scale);
     for _ in 0..MAX_FINAL_STEPS {
-        let problem = EdgeProblem::new(planes, judged, scale);
+        let problem = EdgeProblem::new(planes, judged, scale).near(&curves);
         let (cost, system) = problem.evaluate(&view)?;
         iterations += 1;
         if cost > last_cost * (1.0 + FINAL_ROUNDING) {
@@ -204,7 +206,7 @@ pub(crate) fn finish<L: Lens>(
             continue;
         }
         // The weights must not depend on where the search came from.
-        let residuals = residuals(planes, &view)?;
+        let residuals = residuals_near(planes, &view, Some(&curves))?;
         let next = robust_scale(&residuals);
         let settled = (next / scale - 1.0).abs() < FINAL_SCALE_TOLERANCE;
         if arrived && (settled || rescalings == MAX_RESCALINGS) {
