@@ -1,7 +1,8 @@
 //! Numerical tools that know nothing of cameras: normal equations in the shape of an arrow, damped
-//! least squares, robust losses, the normal and the chi-squared distribution.
+//! least squares, interpolation, robust losses, the normal and the chi-squared distribution.
 
 mod arrowhead;
+mod chebyshev;
 mod chi_square;
 mod levenberg;
 mod normal;
@@ -10,6 +11,7 @@ mod robust;
 mod ties;
 
 pub(crate) use arrowhead::{ArrowStep, ArrowSystem, Block, Reduced};
+pub(crate) use chebyshev::{LANES, NODES, coefficients, node_places, polynomials};
 pub use chi_square::chi_square_tail;
 pub(crate) use chi_square::normal_deviate;
 pub(crate) use levenberg::{Limits, Minimum, Problem, Termination, minimise};

@@ -3,6 +3,7 @@
 //! The distances of the pixels to the sides do not change then, and are computed once.
 
 use super::exposure::{EXPOSURE_PARAMETERS, Exposure};
+use super::figure_chart::all_distances;
 use super::figure_sums::{ExposureRow, ExposureSums, add_exposure};
 use super::fit::PixelFit;
 use super::scene::Shade;
@@ -47,11 +48,7 @@ pub(super) fn fit_exposures<L: Lens>(
     let mut distances = Vec::with_capacity(pixels.figures.len());
     for (index, figure) in pixels.figures.iter().enumerate() {
         let scene = pixels.scene(view, &guess[index], pictures, index)?;
-        let own = figure.pixels.iter().map(|pixel| {
-            let pixel_ray = view.lens.unproject_with_jacobian(&pixel.place)?;
-            Some(scene.distances(pixel, &pixel_ray))
-        });
-        distances.push(own.collect::<Option<Vec<_>>>()?);
+        distances.push(all_distances(&scene, figure)?);
     }
     let mut problem = HeldGeometry {
         pixels,

@@ -1,20 +1,26 @@
 //! Normal equations of one figure's pixels, summed by what the pixels depend on.
 //!
-//! Nearly all pixels that an edge cuts are cut by one side, whose line `l` they share: they are
-//! summed over `(l, residual, shared, exposure)`, and the plane's own parameters are brought in
-//! once per side. The few at corners are added row by row.
+//! Nearly all pixels that an edge cuts are cut by one side. The derivatives of their distances by
+//! pose and camera are polynomials along it: they are summed over `(terms, residual, picture,
+//! exposure)`, and pose and camera are brought in once per side. The few at corners are added row
+//! by row.
 
 use nalgebra::{DMatrix, DVector};
 
+use super::band::BandPixel;
 use super::exposure::EXPOSURE_PARAMETERS;
+use super::figure_chart::{FigureChart, TERMS};
 use super::scene::{Scene, Shade};
 use crate::image::PICTURE_PARAMETERS;
-use crate::lens::{Columns, Lens, MAX_LENS_COLUMNS};
+use crate::lens::{Lens, MAX_LENS_COLUMNS};
 use crate::numeric::{Block, add_rank_one, symmetric};
 use crate::observations::FreeParameters;
 
-/// Columns of a side's sums before the shared parameters: the line's three, and the residual.
-const SHARED_OFFSET: usize = 4;
+/// What a pixel that one side cuts depends on: `(terms, residual, picture, exposure)`.
+const CUT: usize = EXPOSURE + EXPOSURE_PARAMETERS;
+const RESIDUAL: usize = TERMS;
+const PICTURE: usize = RESIDUAL + 1;
+const EXPOSURE: usize = PICTURE + PICTURE_PARAMETERS;
 
 /// `(exposure, residual)`: what a pixel on a plateau depends on.
 pub(super) type ExposureRow = [f64; EXPOSURE_PARAMETERS + 1];
@@ -28,16 +34,15 @@ type PicturedSums = [PicturedRow; PICTURED];
 const PICTURED: usize = EXPOSURE_PARAMETERS + PICTURE_PARAMETERS + 1;
 
 /// Sums of outer products over one figure.
-pub(super) struct FigureSums<'a, const N: usize> {
+pub(super) struct FigureSums<'a> {
     free: &'a FreeParameters,
-    wanted: Columns,
     /// Which of all shared parameters the figure depends on: the camera's and its picture's.
     shared: Vec<usize>,
     /// Derivatives of each side's line by the plane's geometry.
     jacobians: [DMatrix<f64>; 4],
     /// Where the figure's exposure begins among its plane's own parameters.
     exposure_offset: usize,
-    sides: [[[f64; N]; N]; 4],
+    sides: [[[f64; CUT]; CUT]; 4],
     plateau: ExposureSums,
     pictured_plateau: PicturedSums,
     /// Derivatives of one pixel at a corner, by the plane's own parameters and the shared ones.
@@ -45,7 +50,7 @@ pub(super) struct FigureSums<'a, const N: usize> {
     corner_shared: Vec<f64>,
 }
 
-impl<'a, const N: usize> FigureSums<'a, N> {
+impl<'a> FigureSums<'a> {
     pub fn new(
         free: &'a FreeParameters,
         shared: Vec<usize>,
@@ -56,11 +61,10 @@ impl<'a, const N: usize> FigureSums<'a, N> {
             corner_own: DVector::zeros(own_count),
             corner_shared: vec![0.0; shared.len()],
             free,
-            wanted: free.columns(),
             shared,
             jacobians,
             exposure_offset,
-            sides: [[[0.0; N]; N]; 4],
+            sides: [[[0.0; CUT]; CUT]; 4],
             plateau: ExposureSums::default(),
             pictured_plateau: PicturedSums::default(),
         }
@@ -71,30 +75,16 @@ impl<'a, const N: usize> FigureSums<'a, N> {
     pub fn add_cut<L: Lens>(
         &mut self,
         scene: &Scene<'_, L>,
-        pixel_ray: &L::PixelRay,
+        (chart, pixel): (&FigureChart, &BandPixel),
         shade: &Shade,
         weight: f64,
     ) {
         let (side, density) = shade.coverage.cuts[0];
-        let line = &scene.lines[side];
-        let distance = scene
-            .lens
-            .line_distance_jacobian(pixel_ray, line, self.wanted);
         let gain = scene.gain(shade, density);
-        let mut row = [0.0; N];
-        for i in 0..3 {
-            row[i] = gain * distance.wrt_line[i];
-        }
-        row[3] = shade.residual;
-        let (shared, exposure) =
-            row[SHARED_OFFSET..].split_at_mut(N - SHARED_OFFSET - EXPOSURE_PARAMETERS);
-        let (camera, picture) = shared.split_at_mut(self.free.len());
-        self.free.gather(&distance.wrt_lens, camera);
-        camera.iter_mut().for_each(|value| *value *= gain);
-        if self.has_picture() {
-            picture[..PICTURE_PARAMETERS].copy_from_slice(&scene.wrt_picture(shade));
-        }
-        exposure.copy_from_slice(&scene.wrt_exposure(shade));
+        let mut row = [shade.residual; CUT];
+        row[..TERMS].copy_from_slice(&chart.terms(side, pixel).map(|term| gain * term));
+        row[PICTURE..EXPOSURE].copy_from_slice(&scene.wrt_picture(shade));
+        row[EXPOSURE..].copy_from_slice(&scene.wrt_exposure(shade));
         add_rank_one(&mut self.sides[side], &row, weight);
     }
 
@@ -102,11 +92,12 @@ impl<'a, const N: usize> FigureSums<'a, N> {
     pub fn add_corner<L: Lens>(
         &mut self,
         scene: &Scene<'_, L>,
-        pixel_ray: &L::PixelRay,
+        pixel: &BandPixel,
         shade: &Shade,
         weight: f64,
         block: &mut Block,
-    ) {
+    ) -> Option<()> {
+        let pixel_ray = scene.lens.unproject_with_jacobian(&pixel.place)?;
         let picture = self.has_picture().then(|| scene.wrt_picture(shade));
         let (own, shared) = (&mut self.corner_own, &mut self.corner_shared);
         own.fill(0.0);
@@ -117,7 +108,7 @@ impl<'a, const N: usize> FigureSums<'a, N> {
             let line = &scene.lines[side];
             let distance = scene
                 .lens
-                .line_distance_jacobian(pixel_ray, line, self.wanted);
+                .line_distance_jacobian(&pixel_ray, line, self.free.columns());
             let gain = scene.gain(shade, density);
             let jacobian = &self.jacobians[side];
             let mut geometry = own.rows_mut(0, jacobian.ncols());
@@ -146,6 +137,7 @@ impl<'a, const N: usize> FigureSums<'a, N> {
                 }
             }
         }
+        Some(())
     }
 
     /// Adds a pixel that shows the ground or the figure alone.
@@ -165,16 +157,65 @@ impl<'a, const N: usize> FigureSums<'a, N> {
         self.shared.len() > self.free.len()
     }
 
-    /// Adds all sums to the plane's block.
-    pub fn finish(self, block: &mut Block) {
-        for (sums, jacobian) in self.sides.iter().zip(&self.jacobians) {
-            add_side(block, sums, jacobian, self.exposure_offset, &self.shared);
+    /// Adds all sums to the plane's block; `None` where the lens does not see a side.
+    pub fn finish<L: Lens>(
+        self,
+        scene: &Scene<'_, L>,
+        chart: &FigureChart,
+        block: &mut Block,
+    ) -> Option<()> {
+        for side in 0..4 {
+            self.add_side(side, &chart.jacobian(scene, side, self.free)?, block);
         }
         if self.has_picture() {
             let picture = &self.shared[self.free.len()..];
             add_pictured(block, &self.pictured_plateau, self.exposure_offset, picture);
         } else {
             add_exposure(block, &self.plateau, self.exposure_offset);
+        }
+        Some(())
+    }
+
+    /// Brings pose and camera into the sums of a side, `terms` being the coefficients of the
+    /// distance's derivatives along it: with `M` the map from the plane's own and the shared
+    /// parameters to what is summed over, the block is `M^T S M`.
+    fn add_side(&self, side: usize, terms: &DMatrix<f64>, block: &mut Block) {
+        let at = |i: usize, j: usize| symmetric(&self.sides[side], i, j);
+        // What is summed over, but for the residual.
+        let source = |i: usize| if i < RESIDUAL { i } else { i + 1 };
+        let square = DMatrix::from_fn(CUT - 1, CUT - 1, |i, j| at(source(i), source(j)));
+        let residual = DVector::from_fn(CUT - 1, |i, _| at(source(i), RESIDUAL));
+
+        let jacobian = &self.jacobians[side];
+        let mut own = DMatrix::zeros(CUT - 1, block.hessian.nrows());
+        let geometry = terms.columns(0, 3) * jacobian;
+        own.view_mut((0, 0), geometry.shape()).copy_from(&geometry);
+        for i in 0..EXPOSURE_PARAMETERS {
+            own[(EXPOSURE - 1 + i, self.exposure_offset + i)] = 1.0;
+        }
+        let camera = self.free.len();
+        let mut shared = DMatrix::zeros(CUT - 1, self.shared.len());
+        let by_camera = terms.columns(3, camera);
+        shared
+            .view_mut((0, 0), (TERMS, camera))
+            .copy_from(&by_camera);
+        for i in camera..self.shared.len() {
+            shared[(PICTURE - 1 + i - camera, i)] = 1.0;
+        }
+
+        let by_shared = &square * &shared;
+        block.hessian.gemm_tr(1.0, &own, &(square * &own), 1.0);
+        block.gradient.gemv_tr(1.0, &own, &residual, 1.0);
+        let cross = own.tr_mul(&by_shared);
+        let both = shared.tr_mul(&by_shared);
+        let gradient = shared.tr_mul(&residual);
+        for (i, &row) in self.shared.iter().enumerate() {
+            let mut own = block.cross.column_mut(row);
+            own += cross.column(i);
+            for (j, &column) in self.shared.iter().enumerate() {
+                block.shared[(row, column)] += both[(i, j)];
+            }
+            block.shared_gradient[row] += gradient[i];
         }
     }
 }
@@ -201,43 +242,6 @@ fn add_pictured(block: &mut Block, sums: &PicturedSums, exposure_offset: usize, 
             block.shared[(row, column)] += symmetric(sums, own, EXPOSURE_PARAMETERS + j);
         }
         block.shared_gradient[row] += symmetric(sums, own, PICTURED - 1);
-    }
-}
-
-/// Brings the plane's own parameters into the sums of one side: with `M` the map from
-/// (own geometry, exposure) to (line, exposure), the block is `M^T S M`.
-fn add_side<const N: usize>(
-    block: &mut Block,
-    sums: &[[f64; N]; N],
-    jacobian: &DMatrix<f64>,
-    exposure_offset: usize,
-    shared_columns: &[usize],
-) {
-    let shared = N - SHARED_OFFSET - EXPOSURE_PARAMETERS;
-    let exposure = SHARED_OFFSET + shared;
-    let rows = 3 + EXPOSURE_PARAMETERS;
-    // Row of the sums that belongs to a row of the map.
-    let source = |i: usize| if i < 3 { i } else { exposure + i - 3 };
-    let mut map = DMatrix::zeros(rows, block.hessian.nrows());
-    let mut geometry = map.view_mut((0, 0), (3, jacobian.ncols()));
-    geometry.copy_from(jacobian);
-    for i in 0..EXPOSURE_PARAMETERS {
-        map[(3 + i, exposure_offset + i)] = 1.0;
-    }
-    let at = |i: usize, j: usize| symmetric(sums, i, j);
-    let square = DMatrix::from_fn(rows, rows, |i, j| at(source(i), source(j)));
-    let cross = DMatrix::from_fn(rows, shared, |i, j| at(source(i), SHARED_OFFSET + j));
-    let residual = DVector::from_fn(rows, |i, _| at(source(i), 3));
-    block.hessian.gemm_tr(1.0, &map, &(square * &map), 1.0);
-    let cross = map.tr_mul(&cross);
-    block.gradient.gemv_tr(1.0, &map, &residual, 1.0);
-    for (i, &row) in shared_columns.iter().enumerate() {
-        let mut own = block.cross.column_mut(row);
-        own += cross.column(i);
-        for (j, &column) in shared_columns.iter().enumerate() {
-            block.shared[(row, column)] += at(SHARED_OFFSET + i, SHARED_OFFSET + j);
-        }
-        block.shared_gradient[row] += at(SHARED_OFFSET + i, 3);
     }
 }
 

@@ -2,11 +2,12 @@
 
 use super::band::PixelFigure;
 use super::exposure::{EXPOSURE_PARAMETERS, Exposure};
+use super::figure_chart::FigureChart;
 use super::figure_sums::FigureSums;
 use super::scene::Scene;
 use crate::image::{PICTURE_PARAMETERS, PicturePrior, PictureState, ToneFit};
 use crate::lens::Lens;
-use crate::numeric::{ArrowStep, ArrowSystem, Loss, Spread};
+use crate::numeric::{ArrowStep, ArrowSystem, LANES, Loss, Spread};
 use crate::observations::{FreeParameters, View};
 
 /// What the fit moves.
@@ -72,7 +73,7 @@ impl PixelFit<'_> {
         self.free.len() + PICTURE_PARAMETERS * image
     }
 
-    fn add_figure<L: Lens, const N: usize>(
+    fn add_figure<L: Lens>(
         &self,
         state: &PixelState<L>,
         index: usize,
@@ -87,29 +88,30 @@ impl PixelFit<'_> {
         let block = &mut sum.system.blocks[figure.plane];
         let shared = self.shared_columns(figure);
         let own = (block.hessian.nrows(), exposure_offset);
-        let mut sums = FigureSums::<N>::new(self.free, shared, jacobians, own);
+        let chart = FigureChart::of(&scene)?;
+        let mut sums = FigureSums::new(self.free, shared, jacobians, own);
         let to_noise = 1.0 / self.scales[index];
-        for pixel in &figure.pixels {
-            let pixel_ray = match scene.may_cut(pixel) {
-                true => Some(scene.lens.unproject_with_jacobian(&pixel.place)?),
-                false => None,
+        for pixels in figure.pixels.chunks(LANES) {
+            let distances = match pixels.iter().any(|pixel| scene.may_cut(pixel)) {
+                true => scene.distances(&chart, pixels),
+                false => [[0.0; 4]; LANES],
             };
-            let distances = pixel_ray.map(|pixel_ray| scene.distances(pixel, &pixel_ray));
-            let shade = scene.shade(pixel, distances.as_ref());
-            let (cost, weight) = self.loss.cost_and_weight(shade.residual * to_noise);
-            sum.cost += cost;
-            if shade.coverage.cut_count > 0 {
-                sum.spread.add(self.loss, shade.residual * to_noise, weight);
-            }
-            let weight = weight * to_noise * to_noise;
-            match (shade.coverage.cut_count, &pixel_ray) {
-                (1, Some(pixel_ray)) => sums.add_cut(&scene, pixel_ray, &shade, weight),
-                (2, Some(pixel_ray)) => sums.add_corner(&scene, pixel_ray, &shade, weight, block),
-                _ => sums.add_plateau(&scene, &shade, weight),
+            for (pixel, distances) in pixels.iter().zip(&distances) {
+                let shade = scene.shade(pixel, scene.may_cut(pixel).then_some(distances));
+                let (cost, weight) = self.loss.cost_and_weight(shade.residual * to_noise);
+                sum.cost += cost;
+                if shade.coverage.cut_count > 0 {
+                    sum.spread.add(self.loss, shade.residual * to_noise, weight);
+                }
+                let weight = weight * to_noise * to_noise;
+                match shade.coverage.cut_count {
+                    0 => sums.add_plateau(&scene, &shade, weight),
+                    1 => sums.add_cut(&scene, (&chart, pixel), &shade, weight),
+                    _ => sums.add_corner(&scene, pixel, &shade, weight, block)?,
+                }
             }
         }
-        sums.finish(block);
-        Some(())
+        sums.finish(&scene, &chart, block)
     }
 
     /// Where a figure's exposure begins among its plane's own parameters.
@@ -124,7 +126,8 @@ impl PixelFit<'_> {
         pairs.all(|(exposure, figure)| exposure.is_valid(figure))
     }
 
-    fn assemble<L: Lens, const N: usize>(&self, state: &PixelState<L>) -> Option<PixelSystem> {
+    /// Cost and normal equations at a state; `None` where they are not defined.
+    pub fn evaluate<L: Lens>(&self, state: &PixelState<L>) -> Option<PixelSystem> {
         if !self.are_valid(&state.exposures) {
             return None;
         }
@@ -140,7 +143,7 @@ impl PixelFit<'_> {
         };
         self.add_priors(state, &mut sum);
         for index in 0..self.figures.len() {
-            self.add_figure::<L, N>(state, index, &mut sum)?;
+            self.add_figure(state, index, &mut sum)?;
         }
         // A plane without figures stays where it is.
         for (p, block) in sum.system.blocks.iter_mut().enumerate() {
@@ -194,34 +197,6 @@ impl PixelFit<'_> {
         }
     }
 
-    /// Cost and normal equations at a state; `None` where they are not defined.
-    pub fn evaluate<L: Lens>(&self, state: &PixelState<L>) -> Option<PixelSystem> {
-        // One instance per number of shared parameters, so that the innermost loops are unrolled;
-        // of the large numbers, which few lenses have, several share one with room to spare.
-        let tone = if self.free_pictures > 0 {
-            PICTURE_PARAMETERS
-        } else {
-            0
-        };
-        match self.free.len() + tone {
-            0 => self.assemble::<L, 9>(state),
-            1 => self.assemble::<L, 10>(state),
-            2 => self.assemble::<L, 11>(state),
-            3 => self.assemble::<L, 12>(state),
-            4 => self.assemble::<L, 13>(state),
-            5 => self.assemble::<L, 14>(state),
-            6 => self.assemble::<L, 15>(state),
-            7 => self.assemble::<L, 16>(state),
-            8 => self.assemble::<L, 17>(state),
-            9 => self.assemble::<L, 18>(state),
-            10 => self.assemble::<L, 19>(state),
-            11 => self.assemble::<L, 20>(state),
-            12 => self.assemble::<L, 21>(state),
-            13..=15 => self.assemble::<L, 24>(state),
-            _ => self.assemble::<L, 28>(state),
-        }
-    }
-
     /// The state after a step.
     pub fn advance<L: Lens>(&self, state: &PixelState<L>, step: &ArrowStep) -> PixelState<L> {
         let pictures = self.advanced_pictures(state, step);
@@ -263,6 +238,7 @@ impl PixelFit<'_> {
 #[cfg(test)]
 mod tests {
     use super::super::band::{Width, collect};
+    use super::super::figure_chart::all_distances;
     use super::super::photographs::Photographs;
     use super::*;
     use crate::image::{Picture, PictureTone, PowerCurve};
@@ -332,11 +308,10 @@ mod tests {
             let scene = fit
                 .scene(&state.view, &state.exposures[index], &state.pictures, index)
                 .unwrap();
-            let shades = figures[index].pixels.iter().map(|p| {
-                let pixel_ray = state.view.lens.unproject_with_jacobian(&p.place).unwrap();
-                let distances = scene.distances(p, &pixel_ray);
-                scene.shade(p, scene.may_cut(p).then_some(&distances))
-            });
+            let distances = all_distances(&scene, &figures[index]).unwrap();
+            let pixels = figures[index].pixels.iter().zip(&distances);
+            let shades =
+                pixels.map(|(p, distances)| scene.shade(p, scene.may_cut(p).then_some(distances)));
             values.push(
                 shades
                     .zip(&figures[index].pixels)

@@ -3,8 +3,9 @@
 //! The rim of a stain or the flank of a glare changes pixels by less than a single one needs to
 //! count as an outlier; the mean over a stretch shows it.
 
-use super::band::{BandPixel, PixelFigure};
+use super::band::PixelFigure;
 use super::exposure::Exposure;
+use super::figure_chart::all_distances;
 use super::fit::PixelFit;
 use crate::image::PictureState;
 use crate::lens::Lens;
@@ -73,13 +74,11 @@ fn disturbed_of_figure<L: Lens>(
     let scene = fit.scene(view, exposure, pictures, index)?;
     let figure = scene.figure;
     let mut sums = vec![[(0.0, 0.0); ZONES]; figure.stretch_sides.len()];
-    let judged = |pixel: &&BandPixel| pixel.depth.abs() < JUDGED;
-    for pixel in figure.pixels.iter().filter(judged) {
-        let distances = match scene.may_cut(pixel) {
-            true => Some(scene.distances(pixel, &view.lens.unproject_with_jacobian(&pixel.place)?)),
-            false => None,
-        };
-        let residual = scene.shade(pixel, distances.as_ref()).residual / fit.scales[index];
+    let distances = all_distances(&scene, figure)?;
+    let pixels = figure.pixels.iter().zip(&distances);
+    for (pixel, distances) in pixels.filter(|(pixel, _)| pixel.depth.abs() < JUDGED) {
+        let distances = scene.may_cut(pixel).then_some(distances);
+        let residual = scene.shade(pixel, distances).residual / fit.scales[index];
         let zone = 1 + usize::from(pixel.depth > EDGE_ZONE) - usize::from(pixel.depth < -EDGE_ZONE);
         let (sum, count) = &mut sums[usize::from(pixel.stretch)][zone];
         *sum += residual.clamp(-MAX_DEVIATIONS, MAX_DEVIATIONS);

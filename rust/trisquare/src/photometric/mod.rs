@@ -4,6 +4,7 @@ mod band;
 mod coverage;
 mod exposure;
 mod exposure_fit;
+mod figure_chart;
 mod figure_sums;
 mod fit;
 mod hidden_stretches;

@@ -6,8 +6,10 @@ use super::band::{BandPixel, PixelFigure};
 use super::coverage;
 use super::coverage::{Corner, Coverage, PLATEAU, coverage};
 use super::exposure::{EXPOSURE_PARAMETERS, Exposure};
+use super::figure_chart::FigureChart;
 use crate::image::{PICTURE_PARAMETERS, PictureState, TONE_PARAMETERS, ToneCurve, box_kurtosis};
 use crate::lens::Lens;
+use crate::numeric::LANES;
 use crate::observations::View;
 
 /// A pixel's distance to the outline changes by less than this (px) from its first estimate.
@@ -29,6 +31,7 @@ pub(super) struct Scene<'a, L> {
     pub lines: [Vector3<f64>; 4],
     /// Where the blurred sides `i - 1` and `i` meet.
     corners: [Corner; 4],
+    pub corner_pixels: [Vector2<f64>; 4],
     /// Of the blur across each side.
     kurtosis: [f64; 4],
     /// One over the blur and over the figure's size: every pixel asks for them.
@@ -69,9 +72,11 @@ impl<'a, L: Lens> Scene<'a, L> {
             |point: Vector2<f64>| lens.project(&plane.pose.transform(&placement.point(point)));
         let mut correlations = [0.0; 4];
         let mut kurtosis = [0.0; 4];
+        let mut corner_pixels = [Vector2::zeros(); 4];
         for (i, correlation) in correlations.iter_mut().enumerate() {
             let [before, corner, after] = [(i + 3) % 4, i, (i + 1) % 4].map(|k| figure.corners[k]);
             let here = project(corner)?;
+            corner_pixels[i] = here;
             let arriving = here - project(corner.lerp(&before, CORNER_STEP))?;
             let leaving = project(corner.lerp(&after, CORNER_STEP))? - here;
             *correlation = arriving.normalize().dot(&leaving.normalize());
@@ -86,6 +91,7 @@ impl<'a, L: Lens> Scene<'a, L> {
             exposure,
             lines: [0, 1, 2, 3].map(|i| plane.line(figure.figure, &figure.sides[i])),
             corners: correlations.map(Corner::new),
+            corner_pixels,
             kurtosis,
             per_blur: 1.0 / exposure.blur,
             per_size: 1.0 / figure.size,
@@ -104,17 +110,17 @@ impl<'a, L: Lens> Scene<'a, L> {
         pixel.depth.abs() < PLATEAU * self.exposure.blur + DEPTH_SLACK
     }
 
-    /// Signed distances (px) of a pixel to the sides near it.
+    /// The figure's blur, px.
+    pub fn blur(&self) -> f64 {
+        self.exposure.blur
+    }
+
+    /// Signed distances (px) of some pixels to the sides near them.
     #[inline]
-    pub fn distances(&self, pixel: &BandPixel, pixel_ray: &L::PixelRay) -> [f64; 4] {
-        let mut distances = [0.0; 4];
+    pub fn distances(&self, chart: &FigureChart, pixels: &[BandPixel]) -> [[f64; 4]; LANES] {
         let shift = self.shift_direction() * self.picture.shift;
-        for side in 0..4 {
-            if pixel.near & (1 << side) != 0 {
-                distances[side] = self.lens.line_distance(pixel_ray, &self.lines[side]) + shift;
-            }
-        }
-        distances
+        let shifted = |own: [f64; 4]| own.map(|distance| distance + shift);
+        chart.distances(pixels).map(shifted)
     }
 
     /// The model at a pixel, given its distances if an edge may cut it.

@@ -6,27 +6,17 @@
 //! by which samples scatter, the distance grows linearly. A sample then costs a few
 //! multiplications, and its lens is asked only at the nodes.
 
-use std::f64::consts::PI;
-use std::sync::LazyLock;
-
 use nalgebra::{Vector2, Vector3};
 
 use super::line_sums::{LineSums, RESIDUAL};
 use crate::geometry::Line;
-use crate::lens::Lens;
-use crate::numeric::Loss;
+use crate::lens::{Lens, LineImage};
+use crate::numeric::{LANES, Loss, NODES, coefficients, polynomials};
 use crate::observations::{ObservedPlane, PlaneState, Side, View};
-
-/// Nodes of a side: the images of straight sides under lenses of up to 160 degrees are polynomials
-/// of that many terms to 2e-5 px or better, and to 1e-9 px as a rule.
-const NODES: usize = 10;
 
 /// Sums of weights times Chebyshev's polynomials from which the products of two polynomials through
 /// the nodes follow.
 const MOMENTS: usize = 2 * NODES - 1;
-
-/// Samples that are summed at a time.
-const LANES: usize = 4;
 
 /// Samples from which the nodes are worth their while.
 const LEAST_SAMPLES: usize = 3 * NODES;
@@ -34,53 +24,6 @@ const LEAST_SAMPLES: usize = 3 * NODES;
 /// The last terms of the curve, and what its nodes miss the image of the line by, over the noise of
 /// the best sample: beyond, a polynomial does not describe the side.
 const TRUNCATION: f64 = 0.01;
-
-/// Newton steps that bring a node onto the image of the line: from a chord two or three.
-const MAX_STEPS: usize = 8;
-
-/// Least cosine of the angle between the image of the line and the chord.
-const LEAST_COSINE: f64 = 0.3;
-
-/// Values of some functions at the nodes, or the coefficients of Chebyshev's polynomials in them.
-type AtNodes<const N: usize> = [[f64; N]; NODES];
-
-/// Where the nodes lie, from -1 to 1.
-static PLACES: LazyLock<[f64; NODES]> =
-    LazyLock::new(|| std::array::from_fn(|k| ((k as f64 + 0.5) * PI / NODES as f64).cos()));
-
-/// Takes values at the nodes to coefficients.
-static TRANSFORM: LazyLock<AtNodes<NODES>> = LazyLock::new(|| {
-    std::array::from_fn(|m| {
-        let norm = if m == 0 { 1.0 } else { 2.0 } / NODES as f64;
-        let value = |k: usize| norm * (m as f64 * (k as f64 + 0.5) * PI / NODES as f64).cos();
-        std::array::from_fn(value)
-    })
-});
-
-/// Coefficients of functions of given values at the nodes.
-fn coefficients<const N: usize>(values: &AtNodes<N>) -> AtNodes<N> {
-    let mut found = [[0.0; N]; NODES];
-    for (own, factors) in found.iter_mut().zip(TRANSFORM.iter()) {
-        for (factor, values) in factors.iter().zip(values) {
-            for (sum, value) in own.iter_mut().zip(values) {
-                *sum += factor * value;
-            }
-        }
-    }
-    found
-}
-
-/// Chebyshev's polynomials at some places.
-fn polynomials<const M: usize>(places: &[f64; LANES]) -> [[f64; LANES]; M] {
-    let mut values = [[1.0; LANES]; M];
-    values[1] = *places;
-    for m in 2..M {
-        for i in 0..LANES {
-            values[m][i] = 2.0 * places[i] * values[m - 1][i] - values[m - 2][i];
-        }
-    }
-    values
-}
 
 /// Some samples beside the curve of their side.
 #[derive(Debug, Clone, Copy, Default)]
@@ -133,63 +76,22 @@ impl SideCurve {
         }
         let pixels = side.samples.iter().map(|sample| sample.pixel);
         let chord = Line::fit(pixels.clone().map(|pixel| (pixel, 1.0)))?;
-        let across = chord.normal();
-        let along = Vector2::new(-across.y, across.x);
-        let (low, high) = pixels
-            .map(|pixel| along.dot(&pixel))
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), place| {
-                (low.min(place), high.max(place))
-            });
-        let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
         let weights = side.samples.iter().map(|sample| sample.weight);
         let tolerance = TRUNCATION * scale / weights.fold(f64::MIN_POSITIVE, f64::max);
-
-        let mut nodes = [Vector2::zeros(); NODES];
-        let mut heights = [[0.0]; NODES];
-        for ((node, height), place) in nodes.iter_mut().zip(&mut heights).zip(PLACES.iter()) {
-            let at = along * (middle + half * place);
-            *node = at - across * chord.distance(&at);
-            let mut arrived = false;
-            for _ in 0..MAX_STEPS {
-                let ray = lens.unproject_with_jacobian(node)?;
-                let (distance, normal) = lens.line_distance_and_normal(&ray, line);
-                let cosine = normal.dot(&across);
-                arrived = distance.abs() <= tolerance;
-                if arrived || cosine.abs() < LEAST_COSINE {
-                    break;
-                }
-                *node -= across * (distance / cosine);
-            }
-            if !arrived {
-                return None;
-            }
-            *height = [chord.distance(node)];
-        }
-        let heights = coefficients(&heights);
-        if heights[NODES - 2..]
-            .iter()
-            .any(|[term]| term.abs() > tolerance)
-        {
-            return None;
-        }
+        let image = LineImage::over((lens, line), chord, pixels, (0.0, tolerance))?;
         let samples = side.samples.chunks(LANES).map(|chunk| {
             let mut own = Samples::default();
             for (i, sample) in chunk.iter().enumerate() {
-                own.places[i] = (along.dot(&sample.pixel) - middle) / half;
-                own.beside[i] = chord.distance(&sample.pixel);
+                own.places[i] = image.place(&sample.pixel);
                 own.weights[i] = sample.weight;
             }
-            let terms = polynomials::<NODES>(&own.places);
-            for ([height], term) in heights.iter().zip(&terms) {
-                for i in 0..LANES {
-                    own.beside[i] -= height * term[i];
-                }
-            }
+            let pixels = chunk.iter().map(|sample| sample.pixel);
+            own.beside = image.beside(pixels, &polynomials::<NODES>(&own.places));
             own
         });
         Some(Self {
-            nodes,
-            across,
+            nodes: image.nodes,
+            across: image.across(),
             samples: samples.collect(),
         })
     }

@@ -1,0 +1,118 @@
+//! The image of a straight line over a chord: a smooth curve, known by a few of its pixels.
+
+use nalgebra::{Vector2, Vector3};
+
+use super::Lens;
+use crate::geometry::Line;
+use crate::numeric::{LANES, NODES, coefficients, node_places};
+
+/// Newton steps that bring a node onto the image of the line: from a chord two or three.
+const MAX_STEPS: usize = 8;
+
+/// Least cosine of the angle between the image of the line and the chord.
+const LEAST_COSINE: f64 = 0.3;
+
+/// The image of a line over a chord.
+#[derive(Debug, Clone)]
+pub(crate) struct LineImage {
+    /// Pixels of the curve, at the nodes of the chord.
+    pub nodes: [Vector2<f64>; NODES],
+    chord: Line,
+    along: Vector2<f64>,
+    middle: f64,
+    half: f64,
+    /// Of the curve over the chord.
+    heights: [f64; NODES],
+}
+
+impl LineImage {
+    /// Of a line that a lens sees near a chord, which is as long as some pixels reach and so much
+    /// longer (px) at either end; `None` where it is no polynomial to a tolerance (px), or not
+    /// seen.
+    pub fn over<L: Lens>(
+        (lens, line): (&L, &Vector3<f64>),
+        chord: Line,
+        pixels: impl Iterator<Item = Vector2<f64>>,
+        (beyond, tolerance): (f64, f64),
+    ) -> Option<Self> {
+        let across = chord.normal();
+        let along = Vector2::new(-across.y, across.x);
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for pixel in pixels {
+            let place = along.dot(&pixel);
+            (low, high) = (low.min(place), high.max(place));
+        }
+        let (middle, half) = (0.5 * (low + high), 0.5 * (high - low) + beyond);
+        let mut nodes = [Vector2::zeros(); NODES];
+        for (node, place) in nodes.iter_mut().zip(node_places()) {
+            let at = along * (middle + half * place);
+            let start = at - across * chord.distance(&at);
+            *node = pixel_on_image((lens, line), start, across, tolerance)?;
+        }
+        let heights = coefficients(&nodes.map(|node| [chord.distance(&node)])).map(|[term]| term);
+        let is_smooth = heights[NODES - 2..]
+            .iter()
+            .all(|term| term.abs() <= tolerance);
+        is_smooth.then_some(Self {
+            nodes,
+            chord,
+            along,
+            middle,
+            half,
+            heights,
+        })
+    }
+
+    /// The direction across the chord.
+    pub fn across(&self) -> Vector2<f64> {
+        self.chord.normal()
+    }
+
+    /// Where a pixel lies along the chord, from -1 to 1.
+    #[inline]
+    pub fn place(&self, pixel: &Vector2<f64>) -> f64 {
+        (self.along.dot(pixel) - self.middle) / self.half
+    }
+
+    /// How far (px) pixels lie across the chord from the curve, given the polynomials at their places.
+    #[inline]
+    pub fn beside(
+        &self,
+        pixels: impl Iterator<Item = Vector2<f64>>,
+        terms: &[[f64; LANES]; NODES],
+    ) -> [f64; LANES] {
+        let mut beside = [0.0; LANES];
+        for (own, pixel) in beside.iter_mut().zip(pixels) {
+            *own = self.chord.distance(&pixel);
+        }
+        for (height, term) in self.heights.iter().zip(terms) {
+            for i in 0..LANES {
+                beside[i] -= height * term[i];
+            }
+        }
+        beside
+    }
+}
+
+/// The pixel of a line's image that lies across from a start.
+fn pixel_on_image<L: Lens>(
+    (lens, line): (&L, &Vector3<f64>),
+    start: Vector2<f64>,
+    across: Vector2<f64>,
+    tolerance: f64,
+) -> Option<Vector2<f64>> {
+    let mut pixel = start;
+    for _ in 0..MAX_STEPS {
+        let ray = lens.unproject_with_jacobian(&pixel)?;
+        let (distance, normal) = lens.line_distance_and_normal(&ray, line);
+        if distance.abs() <= tolerance {
+            return Some(pixel);
+        }
+        let cosine = normal.dot(&across);
+        if cosine.abs() < LEAST_COSINE {
+            return None;
+        }
+        pixel -= across * (distance / cosine);
+    }
+    None
+}

@@ -1,0 +1,146 @@
+//! Distances of pixels to the sides of a figure, and their derivatives, from a few nodes of every
+//! side.
+//!
+//! Along the image of a side they are polynomials through its nodes; across it, over the few pixels
+//! that it blurs, the distance is a parabola, and its derivatives hardly change.
+
+use nalgebra::{DMatrix, Vector2};
+
+use super::band::{BandPixel, PixelFigure};
+use super::coverage::PLATEAU;
+use super::scene::Scene;
+use crate::geometry::Line;
+use crate::lens::{Lens, LineImage, MAX_LENS_COLUMNS};
+use crate::numeric::{LANES, NODES, coefficients, polynomials};
+use crate::observations::FreeParameters;
+
+/// Terms of the derivatives along a side: a part in ten thousand of them is left, which changes a
+/// step by as little.
+pub(super) const TERMS: usize = 6;
+
+/// How far (px) a polynomial may miss the image of a side.
+const TOLERANCE: f64 = 0.01;
+
+/// How far (px) beyond their blur pixels may lie that are asked about.
+const SLACK: f64 = 2.0;
+
+/// The sides of a figure under one camera and pose.
+pub(super) struct FigureChart {
+    sides: [SideChart; 4],
+}
+
+struct SideChart {
+    image: LineImage,
+    /// Of the distance: its value on the curve, its slope and half its curvature across.
+    distances: [[f64; 3]; NODES],
+}
+
+impl FigureChart {
+    /// `None` where the lens does not see the sides, or bends them beyond a polynomial.
+    pub fn of<L: Lens>(scene: &Scene<'_, L>) -> Option<Self> {
+        let height = PLATEAU * scene.blur();
+        let side = |i: usize| {
+            let line = (scene.lens, &scene.lines[i]);
+            let ends = [i, (i + 1) % 4].map(|k| scene.corner_pixels[k]);
+            let along = (ends[1] - ends[0]).normalize();
+            let chord = Line::with_unit_normal(Vector2::new(-along.y, along.x), ends[0]);
+            let beyond = PLATEAU * scene.figure.widest_blur + SLACK;
+            let image = LineImage::over(line, chord, ends.into_iter(), (beyond, TOLERANCE))?;
+            let across = image.across();
+            let mut distances = [[0.0; 3]; NODES];
+            for (own, node) in distances.iter_mut().zip(&image.nodes) {
+                let at = |beside: f64| {
+                    let ray = scene
+                        .lens
+                        .unproject_with_jacobian(&(node + across * beside))?;
+                    Some(scene.lens.line_distance(&ray, line.1))
+                };
+                let [low, middle, high] = [at(-height)?, at(0.0)?, at(height)?];
+                *own = [
+                    middle,
+                    (high - low) / (2.0 * height),
+                    (high + low - 2.0 * middle) / (2.0 * height * height),
+                ];
+            }
+            Some(SideChart {
+                image,
+                distances: coefficients(&distances),
+            })
+        };
+        Some(Self {
+            sides: [side(0)?, side(1)?, side(2)?, side(3)?],
+        })
+    }
+
+    /// Distances (px) of some pixels to the sides near them.
+    #[inline]
+    pub fn distances(&self, pixels: &[BandPixel]) -> [[f64; 4]; LANES] {
+        let mut found = [[0.0; 4]; LANES];
+        for (s, side) in self.sides.iter().enumerate() {
+            if pixels.iter().all(|pixel| pixel.near & (1 << s) == 0) {
+                continue;
+            }
+            let mut places = [0.0; LANES];
+            for (place, pixel) in places.iter_mut().zip(pixels) {
+                *place = side.image.place(&pixel.place);
+            }
+            let terms = polynomials::<NODES>(&places);
+            let beside = side.image.beside(pixels.iter().map(|p| p.place), &terms);
+            let mut sums = [[0.0; LANES]; 3];
+            for (coefficients, term) in side.distances.iter().zip(&terms) {
+                for (sum, coefficient) in sums.iter_mut().zip(coefficients) {
+                    for i in 0..LANES {
+                        sum[i] += coefficient * term[i];
+                    }
+                }
+            }
+            for i in 0..pixels.len() {
+                found[i][s] = sums[0][i] + beside[i] * (sums[1][i] + beside[i] * sums[2][i]);
+            }
+        }
+        found
+    }
+
+    /// The polynomials at the place of a pixel along a side.
+    #[inline]
+    pub fn terms(&self, side: usize, pixel: &BandPixel) -> [f64; TERMS] {
+        let place = self.sides[side].image.place(&pixel.place);
+        polynomials::<TERMS>(&[place; LANES]).map(|[term, ..]| term)
+    }
+
+    /// Coefficients of the distance's derivatives along a side, by the line's three parameters and
+    /// those of the camera.
+    pub fn jacobian<L: Lens>(
+        &self,
+        scene: &Scene<'_, L>,
+        side: usize,
+        free: &FreeParameters,
+    ) -> Option<DMatrix<f64>> {
+        let mut rows = [[0.0; 3 + MAX_LENS_COLUMNS]; NODES];
+        for (row, node) in rows.iter_mut().zip(&self.sides[side].image.nodes) {
+            let ray = scene.lens.unproject_with_jacobian(node)?;
+            let line = &scene.lines[side];
+            let distance = scene
+                .lens
+                .line_distance_jacobian(&ray, line, free.columns());
+            row[..3].copy_from_slice(distance.wrt_line.as_slice());
+            free.gather(&distance.wrt_lens, &mut row[3..3 + free.len()]);
+        }
+        let found = coefficients(&rows);
+        Some(DMatrix::from_fn(TERMS, 3 + free.len(), |m, c| found[m][c]))
+    }
+}
+
+/// Distances (px) of all pixels of a figure to the sides near them.
+pub(super) fn all_distances<L: Lens>(
+    scene: &Scene<'_, L>,
+    figure: &PixelFigure,
+) -> Option<Vec<[f64; 4]>> {
+    let chart = FigureChart::of(scene)?;
+    let chunks = figure.pixels.chunks(LANES);
+    let found = chunks.flat_map(|pixels| {
+        let distances = scene.distances(&chart, pixels);
+        distances.into_iter().take(pixels.len())
+    });
+    Some(found.collect())
+}
