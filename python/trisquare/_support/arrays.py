@@ -52,10 +52,7 @@ def real_array(value: Any, name: str, shape: tuple[int | None, ...]) -> FloatArr
         raise ValueError(f"{name} is ragged: its rows have different lengths") from error
     if given.dtype.kind not in "iuf":
         raise TypeError(f"{name} must hold real numbers, not {given.dtype}")
-    if len(given.shape) != len(shape) or any(
-        wanted is not None and wanted != length
-        for wanted, length in zip(shape, given.shape, strict=True)
-    ):
+    if given.shape != shape and not _fits(given.shape, shape):
         wanted_text = ", ".join("N" if length is None else str(length) for length in shape)
         raise ValueError(f"{name} must have shape ({wanted_text}), not {given.shape}")
     array = np.array(given, dtype=np.float64, order="C")
@@ -63,6 +60,13 @@ def real_array(value: Any, name: str, shape: tuple[int | None, ...]) -> FloatArr
         raise ValueError(f"{name} holds NaN or infinite values")
     array.flags.writeable = False
     return array
+
+
+def _fits(found: tuple[int, ...], shape: tuple[int | None, ...]) -> bool:
+    """Whether a shape is the one required, where None stands for any length."""
+    return len(found) == len(shape) and all(
+        wanted is None or wanted == length for wanted, length in zip(shape, found, strict=True)
+    )
 
 
 def real_number(value: Any, name: str) -> float:

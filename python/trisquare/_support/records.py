@@ -143,9 +143,17 @@ def _is_optional(own: Field[Any]) -> bool:
     return own.default in (None, ())
 
 
+_MEMBERS: dict[Any, list[tuple[Field[Any], Kind, str]]] = {}
+"""Of every class that was asked about."""
+
+
 def _members_of(kind: Any) -> list[tuple[Field[Any], Kind, str]]:
-    declared = [own for own in fields(kind) if own.metadata]
-    return [(own, own.metadata["kind"], own.metadata["key"] or own.name) for own in declared]
+    if kind not in _MEMBERS:
+        declared = [own for own in fields(kind) if own.metadata]
+        _MEMBERS[kind] = [
+            (own, own.metadata["kind"], own.metadata["key"] or own.name) for own in declared
+        ]
+    return _MEMBERS[kind]
 
 
 def _plain(value: Any) -> Any:
