@@ -2,7 +2,7 @@
 # here, in .venv and target.
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-all test-slow bench lint format docs fuzz build clean
+.PHONY: help demo test test-all test-slow bench bench-fast bench-compare lint format docs fuzz build clean
 .NOTPARALLEL:
 SHELL := /bin/sh
 
@@ -28,6 +28,8 @@ help:
 	@echo 'make test-slow          run what test leaves out of test-all'
 	@echo 'make bench              measure accuracy and speed (about an hour)'
 	@echo 'make bench NAME=tags    run one benchmark, or several: NAME="tags tone"'
+	@echo 'make bench-fast         run those of speed and headline accuracy (10 minutes at most)'
+	@echo 'make bench-compare      print what differs from the results that are committed'
 	@echo 'make lint               check format, style, types and imports'
 	@echo 'make format             format the Rust and the Python code'
 	@echo 'make docs               build the documentation, in docs/_build/html'
@@ -74,6 +76,12 @@ NAME ?=
 
 bench: $(READY)
 	$(VENV_PYTHON) benchmarks/run.py $(NAME)
+
+bench-fast: $(READY)
+	$(VENV_PYTHON) benchmarks/run.py --fast
+
+bench-compare: $(READY)
+	$(VENV_PYTHON) benchmarks/run.py --compare
 
 lint: $(READY)
 	cargo fmt --all --check

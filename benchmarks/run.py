@@ -1,8 +1,12 @@
 """Measure how good and how fast trisquare is: `benchmarks/run.py [NAME...]`.
 
+`--fast` runs those of speed and headline accuracy; `--compare` measures nothing and prints what
+differs from the results that are committed.
+
 Every benchmark is a module of one of the folders `accuracy`, `finding`, `real` and `speed`, with a
 function `measure` that prints what it sees and returns the rows of the table at the end. The rows
-replace those in `docs/measured.md`. All draws are seeded; times are ratios taken in one run.
+replace those in `docs/measured.md` and `benchmarks/results.json`. All draws are seeded; times are
+ratios taken in one run.
 """
 
 from __future__ import annotations
@@ -61,7 +65,23 @@ BENCHMARKS = (
     "finding.hand_outlines",
     "speed.import_time",
     "speed.threads",
+    "speed.many_pictures",
     "speed.memory_flat",
+)
+
+# Ten minutes at most, together.
+FAST = (
+    "exactness",
+    "edge_bound",
+    "pixel_bound",
+    "picture_time",
+    "lattice_time",
+    "solve_time",
+    "command_memory",
+    "large_picture",
+    "import_time",
+    "threads",
+    "many_pictures",
 )
 
 # One thread each: rivals are compared by the work they do. Read when numpy is first imported.
@@ -70,16 +90,24 @@ THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 def main(names: list[str]) -> None:
     """Run the named benchmarks, or all of them, and print one table."""
+    if names == ["--compare"]:
+        from harness import results_file
+
+        print("\n".join(results_file.changes()) or "nothing changed")
+        return
+    if names == ["--fast"]:
+        names = list(FAST)
     modules = {module.partition(".")[2]: module for module in BENCHMARKS}
     unknown = sorted(set(names) - set(modules))
     if unknown:
         sys.exit(f"no benchmark {', '.join(unknown)}: choose among {', '.join(modules)}")
     for variable in THREAD_LIMITS:
         os.environ[variable] = "1"
-    from harness import results_page
+    from harness import results_file, results_page
     from harness.rows import markdown_table
 
     rows = []
+    commit = results_file.current_commit()
     for name in names or modules:
         module = importlib.import_module(modules[name])
         print(f"{name}: {module.__doc__.splitlines()[0]}", flush=True)
@@ -90,6 +118,7 @@ def main(names: list[str]) -> None:
         print(f"  ({time.perf_counter() - start:.1f} s)", flush=True)
         # At once: a run of an hour may be interrupted.
         results_page.update(modules[name], found, BENCHMARKS, conditions)
+        results_file.update(modules[name], found, BENCHMARKS, commit)
         rows += found
     print("\n" + markdown_table(rows))
 

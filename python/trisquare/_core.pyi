@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 __all__ = [
     "FigureResiduals",
+    "KeptPixels",
     "Lattice",
     "Outcome",
     "Picture",
@@ -122,8 +123,13 @@ class Picture:
     def __new__(cls, pixels: NDArray[Any], /) -> Picture: ...
     def of_green(self) -> Picture | None: ...
     def of_even_rows(self) -> Picture: ...
+    def near(self, figures: Sequence[_Edges]) -> KeptPixels: ...
     @property
     def size(self) -> tuple[int, int]: ...
+
+@final
+class KeptPixels:
+    """The pixels of a picture near the outlines that were measured in it."""
 
 _Candidates: TypeAlias = tuple[NDArray[np.int64], NDArray[np.float64]]
 """Pixels (column, row), shape (N, 2), and how strongly the grey levels are curved there, (N,)."""
@@ -315,7 +321,7 @@ def calibrate(
     model: str,
     fixed: Sequence[str],
     initial: _Camera | None,
-    pictures: Sequence[Picture] | None,
+    pictures: Sequence[KeptPixels] | None,
     tones: Sequence[str | float | tuple[float, float, float | None]],
     side_errors: Sequence[float] = ...,
     orthogonal: Sequence[tuple[int, int]] = ...,

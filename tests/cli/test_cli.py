@@ -98,7 +98,7 @@ def test_the_options_reach_the_library(run, photo, asked):
     code, _, err = run(
         *("calibrate", photo, "--model", "brown", "--method", "linear", "--tone", "2.2"),
         *("--fix", "aspect,focal", "--fix", "distortion", "--targets", "squares", "--lines"),
-        *("--orthogonal", "0,1", "--orthogonal", "1,2"),
+        *("--orthogonal", "0,1", "--orthogonal", "1,2", "--jobs", "3"),
     )
     assert (code, err) == (0, "")
     photos, options = asked[0]
@@ -106,14 +106,14 @@ def test_the_options_reach_the_library(run, photo, asked):
     assert options == {
         **{"model": "brown", "method": "linear", "tone": 2.2, "targets": "squares"},
         **{"fix": ("aspect", "focal", "distortion"), "progress": None, "outlines": None},
-        **{"initial": None, "explain": False, "free": (), "lines": True},
+        **{"initial": None, "explain": False, "free": (), "lines": True, "threads": 3},
         **{"orthogonal": [(0, 1), (1, 2)], "parallel": []},
     }
     run("calibrate", photo, "--free", "skew", "--parallel", "0,2")
     assert asked[1][1] == {
         **{"model": "radial2", "method": "ml", "tone": None, "targets": "auto"},
         **{"fix": (), "progress": None, "outlines": None},
-        **{"initial": None, "explain": False, "free": ("skew",), "lines": False},
+        **{"initial": None, "explain": False, "free": ("skew",), "lines": False, "threads": None},
         **{"orthogonal": [], "parallel": [(0, 2)]},
     }
 

@@ -3,6 +3,7 @@
 import json
 import re
 import shlex
+import subprocess
 import sys
 from importlib import resources
 from pathlib import Path
@@ -177,7 +178,9 @@ def benchmarks(monkeypatch):
     from harness import results_page
 
     yield results_page, run.BENCHMARKS
-    for name in ("harness.results_page", "harness.rows", "harness", "run"):
+    for name in ("results_page", "results_file", "rows"):
+        sys.modules.pop(f"harness.{name}", None)
+    for name in ("harness", "run"):
         sys.modules.pop(name, None)
 
 
@@ -204,3 +207,71 @@ def test_a_benchmark_replaces_its_own_rows_and_no_others(benchmarks, tmp_path):
     results_page.update(tone, [], order[1:], "today", path)
     assert list(results_page.read(path)) == [tags, tone]
     assert f"trisquare {ts.__version__}" in results_page.conditions()
+
+
+def test_the_results_are_those_of_the_page(benchmarks):
+    from harness import results_file
+
+    results_page, _ = benchmarks
+    records = json.loads(results_file.FILE.read_text(encoding="utf-8"))
+    assert {record["benchmark"] for record in records} == set(results_page.read())
+    for name, section in results_page.read().items():
+        own = [record for record in records if record["benchmark"] == name]
+        assert [f"| {record['name']} |" in section for record in own] == [True] * len(own)
+        assert section.count("\n| ") - 2 == len(own)
+
+
+@pytest.mark.parametrize(
+    ("measured", "value", "unit"),
+    [
+        ("2.9e-11", 2.9e-11, ""),
+        ("95.2 % (94.6 %)", 95.2, "%"),
+        ("22.7 ms / 32.8 ms = 0.69", 0.69, ""),
+        ("1/28 (plain squares: 1/12)", 1 / 28, ""),
+        ("16.8 (20.9 ms)", 16.8, ""),
+        ("-0.05", -0.05, ""),
+        ("+0.02 MB", 0.02, "MB"),
+        ("3107 of 3120 (99.6%)", 3107.0, ""),
+        ("median 0.0058 %", "median 0.0058 %", ""),
+    ],
+)
+def test_a_row_has_its_number(benchmarks, measured, value, unit):
+    from harness.results_file import record
+    from harness.rows import Row
+
+    found = record("speed.threads", Row("throughput", measured, ">= 1.6", False), "abc1234")
+    assert found == {
+        **{"benchmark": "speed.threads", "name": "throughput", "value": value, "unit": unit},
+        **{"target": ">= 1.6", "met": False, "commit": "abc1234"},
+    }
+
+
+def test_what_changed_in_the_results_is_told(benchmarks, tmp_path):
+    from harness import results_file
+    from harness.rows import Row
+
+    order, file = ("speed.threads", "accuracy.tone"), tmp_path / "results.json"
+
+    def write(name, *rows):
+        results_file.update(name, [Row(*row) for row in rows], order, "abc", file)
+
+    assert list(results_file.changes(file)) == ["no results.json is committed"]
+    time, ratio, gone = (
+        ("time", "10.0 ms", "<= 12", True),
+        ("ratio", "1.9", "", None),
+        ("x", "1", "", None),
+    )
+    write("accuracy.tone", ("error", "0 px", "0", True))
+    write("speed.threads", time, ratio, ratio, gone)
+    for words in (("init", "-q"), ("add", "."), ("commit", "-qm", "results")):
+        names = ("-c", "user.name=a", "-c", "user.email=a@b.c")
+        subprocess.run(["git", *names, *words], cwd=tmp_path, check=True)
+    assert list(results_file.changes(file)) == []
+    write("speed.threads", ("time", "13.0 ms", "<= 12", False), ratio, ("ratio", "1.95", "", None))
+    write("accuracy.tone", ("error", "2 px", "0", True), ("new", "3", "", None))
+    assert sorted(results_file.changes(file)) == [
+        "accuracy.tone: error: 0.0 -> 2.0 px, 0 met",
+        "accuracy.tone: new: new",
+        "speed.threads: time: 10.0 -> 13.0 ms (+30 %), <= 12 met -> NOT MET",
+        "speed.threads: x: gone",
+    ]

@@ -9,8 +9,10 @@ import numpy as np
 
 import trisquare._core as _core
 from trisquare._support.arrays import size_of_image
+from trisquare._support.threads import thread_count
 from trisquare.calibration.explain_failure import add_reasons, rejected_shapes
 from trisquare.calibration.gather import Gathered, gather
+from trisquare.calibration.measured_photograph import Sought
 from trisquare.calibration.select import chosen_by
 from trisquare.camera.camera import Camera
 from trisquare.camera.settings import PlanePair, Settings
@@ -46,6 +48,7 @@ def calibrate(
     targets: str = "auto",
     outlines: Outlines | None = None,
     lines: bool = False,
+    threads: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Calibration:
     """Calibrate a camera from one photograph of three squares, or from several photographs.
@@ -98,6 +101,10 @@ def calibrate(
         Whether the scene's own straight edges join the fit where they are consistent with the
         squares: that they are straight tells of the distortion and its centre, out to where no
         square is. They are in the result's ``lines``, used or rejected. Needs ``method="ml"``.
+    threads : int, optional
+        In how many threads several photographs are read and measured, each of which holds one in
+        memory; by default as many as there are cores that this process may use. The result is the
+        same with any number. OpenCV's own threads are a setting of OpenCV's.
     progress : callable, optional
         Called with (pictures done, pictures in all).
 
@@ -131,6 +138,7 @@ def calibrate(
         targets=targets,
         outlines=outlines,
         lines=lines,
+        threads=threads,
         progress=progress,
     ).calibration
 
@@ -156,6 +164,7 @@ def calibrate_photographs(
     targets: str,
     outlines: Outlines | None,
     lines: bool,
+    threads: int | None,
     progress: Callable[[int, int], None] | None,
     explain: bool = False,
 ) -> Calibrated:
@@ -170,16 +179,12 @@ def calibrate_photographs(
         raise TypeError(f"lines must be True or False, not {type(lines).__name__}")
     if lines and settings.method == "linear":
         raise ValueError('lines=True needs method="ml": the linear steps have no place for lines')
-    gathered = gather(
-        photographs,
-        kinds,
-        tone,
-        outlines,
-        progress,
-        lines=lines,
-        explain_all=explain,
-        camera_held={"focal", "principal_point", "distortion"} <= set(settings.fixed),
+    threads = thread_count(threads, len(photographs))
+    camera_held = {"focal", "principal_point", "distortion"} <= set(settings.fixed)
+    sought = Sought.check(
+        kinds, tone, outlines, photographs.sources, lines=lines, camera_held=camera_held
     )
+    gathered = gather(photographs, sought, progress, threads=threads, explain_all=explain)
     by_hand = outlines is not None
     try:
         if not gathered.figures:

@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import compress
 from typing import TYPE_CHECKING
 
 import trisquare._core as _core
 from trisquare._support.arrays import FloatArray
-from trisquare.detection.kinds import TargetKinds, nothing_found
+from trisquare._support.threads import in_order
+from trisquare.calibration.measured_photograph import (
+    MeasuredPhotograph,
+    Sought,
+    measured_photograph,
+)
 from trisquare.edges import PlaneEdges, changed_edges
 from trisquare.images.faults import PictureFaults
-from trisquare.images.photographs import Photograph, Photographs
-from trisquare.images.pixels import Outlines, Tone, checked_tone, picture_size, tone_of
+from trisquare.images.photographs import Photographs
 from trisquare.images.tone import PictureTone
 from trisquare.results.calibration_warning import CalibrationWarning
 from trisquare.results.rejected import Rejected
 
 if TYPE_CHECKING:  # it would load OpenCV, which waits until a picture is searched
-    from trisquare.detection.annotations.outlines import AnnotatedSquare
     from trisquare.measurement.find import Search
 
 MOST_EXPLAINED = 4
@@ -48,8 +53,8 @@ class Gathered:
         Four points that enclose each plane, by its number.
     rejected : list of Rejected
     warnings : list of CalibrationWarning
-    pictures : list of Picture
-        The pixels of every photograph as the core has them.
+    pictures : list of KeptPixels
+        The pixels of every photograph near the outlines that were measured.
     tones : list of PictureTone
         Of every photograph.
     faults : list of PictureFaults
@@ -66,61 +71,34 @@ class Gathered:
     quads: dict[int, FloatArray] = field(default_factory=dict)
     rejected: list[Rejected] = field(default_factory=list)
     warnings: list[CalibrationWarning] = field(default_factory=list)
-    pictures: list[_core.Picture] = field(default_factory=list)
+    pictures: list[_core.KeptPixels] = field(default_factory=list)
     tones: list[PictureTone] = field(default_factory=list)
     faults: list[PictureFaults] = field(default_factory=list)
     searches: dict[int, Search] = field(default_factory=dict)
 
-    def add(
-        self,
-        photograph: Photograph,
-        targets: TargetKinds,
-        tone: str | float,
-        annotated: Sequence[AnnotatedSquare] | None,
-        *,
-        lines: bool,
-    ) -> None:
-        """Measure what is in a photograph, or what is `annotated` on it, and remark on it."""
-        from trisquare.measurement.measure import measure
-
-        # In one that was given before nothing is looked for either.
-        sought = () if photograph.repeats else annotated
-        figures, picture_tone, faults, core, rejected, quads, search = measure(
-            photograph.pixels, _core.Picture(photograph.pixels), targets, tone, sought
-        )
-        self.names.append(photograph.name)
-        self.sizes.append(picture_size(photograph.pixels))
-        self.searches[photograph.index] = search
-        self.pictures.append(core)
-        self.tones.append(picture_tone)
-        self.faults.append(faults)
-        self.rejected += [replace(candidate, image=photograph.index) for candidate in rejected]
-        self.warnings += [
-            CalibrationWarning(text, code, "low") for code, text in photograph.remarks.items()
-        ]
+    def add(self, one: MeasuredPhotograph) -> None:
+        """Add what was measured in the next photograph, and remark on it."""
+        measured, annotated, index = one.measured, one.annotated, len(self.names)
+        self.names.append(one.name)
+        self.sizes.append(one.size)
+        self.searches[index] = measured.search
+        self.pictures.append(measured.pixels)
+        self.tones.append(measured.tone)
+        self.faults.append(measured.faults)
+        self.rejected += [replace(candidate, image=index) for candidate in measured.rejected]
+        self.warnings += [CalibrationWarning(text, code, "low") for code, text in one.remarks]
         if annotated is not None:
             self.warnings += [
-                CalibrationWarning(f"{photograph.name}: {candidate.reason}", "outline_rejected")
-                for candidate in rejected
+                CalibrationWarning(f"{one.name}: {candidate.reason}", "outline_rejected")
+                for candidate in measured.rejected
             ]
-        if not figures and not photograph.repeats:
-            if annotated is None:
-                nothing = nothing_found(targets)
-            else:
-                nothing = (
-                    "none of the outlines is a square" if annotated else "nothing is drawn on it"
-                )
-            text = f"{photograph.name}: {nothing}"
-            self.warnings.append(CalibrationWarning(text, "nothing_found"))
-        for figure in figures:
+        if one.nothing:
+            self.warnings.append(CalibrationWarning(f"{one.name}: {one.nothing}", "nothing_found"))
+        for figure in measured.figures:
             plane = None if figure.plane is None else figure.plane + len(self.quads)
-            self.figures.append(changed_edges(figure, image=photograph.index, plane=plane))
-        if lines and not photograph.repeats:
-            from trisquare.straightening.scene_lines import lines_beside
-
-            found = lines_beside(photograph.pixels, figures)
-            self.lines += [changed_edges(line, image=photograph.index) for line in found]
-        self.quads.update(enumerate(quads, len(self.quads)))
+            self.figures.append(changed_edges(figure, image=index, plane=plane))
+        self.lines += [changed_edges(line, image=index) for line in one.lines]
+        self.quads.update(enumerate(measured.quads, len(self.quads)))
 
     def leave_out_other_sizes(self) -> None:
         """Leave out the photographs that differ in size from most.
@@ -169,20 +147,16 @@ class Gathered:
 
 def gather(
     photographs: Photographs,
-    targets: TargetKinds,
-    tone: Tone,
-    outlines: Outlines | None,
+    sought: Sought,
     progress: Callable[[int, int], None] | None,
     *,
-    lines: bool,
+    threads: int,
     explain_all: bool,
-    camera_held: bool,
 ) -> Gathered:
-    """Find and measure the targets of several photographs, one after another.
+    """Find and measure the targets of several photographs, in so many threads.
 
-    `camera_held` is whether nothing of the camera is estimated, `lines` whether the lines of the
-    scene are found as well, `explain_all` whether the rejected shapes of every photograph may be
-    asked for; `tone`, `outlines` and `progress` are as in `calibrate`.
+    `explain_all` is whether the rejected shapes of every photograph may be asked for; `progress` is
+    as in `calibrate`.
 
     Raises
     ------
@@ -191,32 +165,18 @@ def gather(
     TypeError, ValueError
         For bad arguments, and if no size is that of most photographs.
     """
-    from trisquare.detection.annotations.load import Annotations
-
-    checked = checked_tone(tone)
-    if not photographs.sources:
-        raise ValueError("no picture given")
-    drawings = None if outlines is None else Annotations.read(outlines, photographs.sources)
     gathered = Gathered()
-    depths: set[str] = set()
-    for photograph in photographs:
-        curve = tone_of(photograph.pixels, checked, camera_held=camera_held)
-        depths.add(photograph.pixels.dtype.name)
-        if checked is None and len(depths) > 1:
-            raise ValueError(
-                f"{photograph.name} has {photograph.pixels.dtype} pixels, unlike the pictures "
-                "before it, and their tone curves probably differ: give one tone curve for all "
-                "(srgb, linear, auto or a gamma)"
-            )
-        size = picture_size(photograph.pixels)
-        annotated = None if drawings is None else drawings.on(photograph.index, size)
-        gathered.add(photograph, targets, curve, annotated, lines=lines)
-        if not explain_all:
-            gathered.forget_richest_search()
-        if progress is not None:
-            progress(photograph.index + 1, len(photographs))
+    measure = partial(measured_photograph, sought=sought, is_alone=len(photographs) == 1)
+    works = (partial(measure, load) for load in photographs.loaders())
+    with closing(in_order(works, threads)) as found:
+        for done, one in enumerate(found, 1):
+            gathered.add(one)
+            if not explain_all:
+                gathered.forget_richest_search()
+            if progress is not None:
+                progress(done, len(photographs))
     gathered.leave_out_other_sizes()
-    if lines and not gathered.lines:
+    if sought.lines and not gathered.lines:
         text = "no long edges beside the targets: no lines of the scene are used"
         gathered.warnings.append(CalibrationWarning(text, "no_lines", "low"))
     return gathered

@@ -118,6 +118,13 @@ def calibrate_command(
         "Use the scene's own straight edges as well, where they are consistent with the squares.",
         "--lines",
     ),
+    jobs: int | None = option(
+        None,
+        "N",
+        "Read and measure several photographs in N threads; by default as many as there are cores.",
+        "--jobs",
+        "-j",
+    ),
     with_diagnosis: bool = flag(
         "Show what limits each parameter, and what would improve it.", "--diagnose"
     ),
@@ -158,6 +165,7 @@ def calibrate_command(
             targets=targets,
             outlines=outline,
             lines=lines,
+            threads=jobs,
             progress=progress,
             explain=debug_image is not None,
         )

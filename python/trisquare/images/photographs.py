@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import os
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
+from trisquare._support.threads import Turns
 from trisquare.images.pixels import Image, ImageSource, picture_size
 from trisquare.images.reading import load_picture
 
@@ -28,6 +31,8 @@ class Photograph:
         What its user should know of it, each beginning with its name, by a code.
     repeats : bool
         Whether an earlier picture is the same.
+    has_other_depth : bool
+        Whether not all pictures up to this one have pixels of one type.
     path : str or None
         Of its file, if it was read from one.
     """
@@ -37,6 +42,7 @@ class Photograph:
     pixels: Image
     remarks: Mapping[str, str]
     repeats: bool
+    has_other_depth: bool
     path: str | None = None
 
 
@@ -47,14 +53,14 @@ class Photographs:
     ----------
     sources : sequence of path or ndarray
     keep : bool
-        Whether they stay in memory, to be drawn on; else they can be iterated over once only, and
-        are loaded one at a time.
+        Whether they stay in memory, to be drawn on; else every pass loads them again, one at a
+        time.
     """
 
     def __init__(self, sources: Sequence[ImageSource], *, keep: bool = False) -> None:
         self.sources = list(sources)
         self._keep = keep
-        self._kept: list[Photograph] = []
+        self._kept: dict[int, Photograph] = {}
 
     def __len__(self) -> int:
         return len(self.sources)
@@ -65,47 +71,68 @@ class Photographs:
         Raises
         ------
         ImageError, TypeError, ValueError
-            As `_load_all`.
+            As `loaders`.
         """
-        if len(self._kept) == len(self.sources):
-            yield from self._kept
-            return
+        return (load() for load in self.loaders())
+
+    def loaders(self) -> Iterator[Callable[[], Photograph]]:
+        """Yield for each photograph what loads it and compares it with the ones before.
+
+        Each may be called once, in any thread. It waits for those before it, which must therefore
+        begin before it does.
+
+        Raises
+        ------
+        ImageError
+            When called, if a file cannot be read: who named it wants it used, and is told which
+            one it is.
+        TypeError, ValueError
+            When called, if an array is no picture.
+        """
+        if len(self._kept) == len(self):
+            return (partial(self._kept.__getitem__, index) for index in range(len(self)))
         self._kept.clear()
-        for photograph in _load_all(self.sources):
-            if self._keep:
-                self._kept.append(photograph)
-            yield photograph
+        earlier = _Earlier(Turns(), {}, set())
+        return (partial(self._load, index, earlier) for index in range(len(self)))
+
+    def _load(self, index: int, earlier: _Earlier) -> Photograph:
+        photograph = _load(index, self.sources[index], earlier, is_alone=len(self) == 1)
+        if self._keep:
+            self._kept[index] = photograph
+        return photograph
 
 
-def _load_all(sources: Sequence[ImageSource]) -> Iterator[Photograph]:
-    """Load pictures one at a time and compare each with the ones before.
+class _Earlier(NamedTuple):
+    """What is remembered of the photographs that are loaded, for those after them."""
 
-    Raises
-    ------
-    ImageError
-        If a file cannot be read: who named it wants it used, and is told which one it is.
-    TypeError, ValueError
-        If an array is no picture.
-    """
-    seen: dict[int, str] = {}
-    for index, source in enumerate(sources):
-        name = _name(index, source)
+    turns: Turns
+    names: dict[int, str]
+    depths: set[str]
+
+
+def _load(index: int, source: ImageSource, earlier: _Earlier, *, is_alone: bool) -> Photograph:
+    name = _name(index, source)
+    key: int | None = None
+    try:
         pixels, turn = _loaded(source)
-        size = picture_size(pixels)
-        remarks = {}
-        if turn is not None:
-            remarks["orientation_ignored"] = (
-                f"{name}: its orientation tag ({turn}) is ignored; the result refers to the "
-                f"picture as it is stored, {size[0]} x {size[1]} pixels"
-            )
-        key = _fingerprint(pixels) if len(sources) > 1 else 0
-        twin = seen.setdefault(key, name)
-        if twin != name:
-            remarks["repeated_picture"] = (
-                f"{name} is the same picture as {twin}: it is counted once"
-            )
-        path = os.fspath(source) if isinstance(source, str | os.PathLike) else None
-        yield Photograph(index, name, pixels, remarks, twin != name, path)
+        key = 0 if is_alone else _fingerprint(pixels)
+    finally:
+        with earlier.turns.turn(index):
+            if key is not None:
+                twin = earlier.names.setdefault(key, name)
+                earlier.depths.add(pixels.dtype.name)
+                has_other_depth = len(earlier.depths) > 1
+    size = picture_size(pixels)
+    remarks = {}
+    if turn is not None:
+        remarks["orientation_ignored"] = (
+            f"{name}: its orientation tag ({turn}) is ignored; the result refers to the "
+            f"picture as it is stored, {size[0]} x {size[1]} pixels"
+        )
+    if twin != name:
+        remarks["repeated_picture"] = f"{name} is the same picture as {twin}: it is counted once"
+    path = os.fspath(source) if isinstance(source, str | os.PathLike) else None
+    return Photograph(index, name, pixels, remarks, twin != name, has_other_depth, path)
 
 
 def _name(index: int, source: ImageSource) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import trisquare._core as _core
 from trisquare.detection.kinds import TargetKinds, nothing_found
 from trisquare.edges import PlaneEdges
 from trisquare.errors import DetectionError
@@ -81,8 +80,7 @@ def detect(
         from trisquare.detection.annotations.load import Annotations
 
         annotated = Annotations.read(outlines, [image]).on(0, picture_size(picture))
-    core = _core.Picture(picture)
-    measured = measure(picture, core, kinds, tone_of(picture, checked), annotated)
+    measured = measure(picture, kinds, tone_of(picture, checked), annotated)
     if not measured.figures:
         reasons = [candidate.reason for candidate in measured.rejected]
         nothing = nothing_found(kinds, measured.rejected)

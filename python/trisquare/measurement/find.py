@@ -14,7 +14,7 @@ from trisquare.detection.annotations.snap import snap_to_edges
 from trisquare.detection.boards.find import find_chessboards, find_lattices
 from trisquare.detection.boards.membership import belongs_to, whole_cells
 from trisquare.detection.candidates import ENOUGH, Lattice
-from trisquare.detection.grey import grey_bytes
+from trisquare.detection.grey import grey_bytes, working_picture
 from trisquare.detection.kinds import TargetKinds
 from trisquare.detection.sheets.find import SheetMatch, find_sheets, find_unknown_grids
 from trisquare.detection.squares.find import find_plain_rectangles, find_squares
@@ -27,16 +27,30 @@ from trisquare.results.rejected import Rejected
 
 
 class Search(NamedTuple):
-    """What was searched for in a picture, and what was found."""
+    """What was searched for in a picture, and what was found.
 
-    grey: NDArray[np.uint8]
+    `picture` is grey; `scale` pixels of the photograph make one of it, or None if it is to be made
+    smaller and smoother yet, as the search for squares does.
+    """
+
+    picture: NDArray[np.uint8]
     kinds: TargetKinds
     found: Sequence[DetectedTarget | Rejected]
+    scale: int | None = None
 
     @property
     def targets(self) -> list[DetectedTarget]:
         """The targets that were found."""
         return [target for target in self.found if not isinstance(target, Rejected)]
+
+    def working_picture(self) -> tuple[NDArray[np.uint8], int]:
+        """Return the smaller picture that squares are searched in, and its scale."""
+        return working_picture(self.picture) if self.scale is None else (self.picture, self.scale)
+
+    def reduced(self) -> Search:
+        """Return the same with that picture alone, to be kept."""
+        picture, scale = self.working_picture()
+        return self._replace(picture=picture, scale=scale)
 
 
 def search(picture: Image, kinds: TargetKinds) -> Search:

@@ -25,14 +25,15 @@ TOO_FEW_LINES = "too few of its lines could be measured"
 class MeasuredTargets(NamedTuple):
     """What was measured in a picture; all lists may be empty.
 
-    `core` is what was measured of the picture: one field or colour where others disagree with it.
+    `pixels` are those near the measured outlines: of one field or colour where others disagree with
+    it.
     `quads` holds, for each plane by its number, four points (4, 2) that enclose it.
     """
 
     figures: list[PlaneEdges]
     tone: PictureTone
     faults: PictureFaults
-    core: _core.Picture
+    pixels: _core.KeptPixels
     rejected: list[Rejected]
     quads: list[FloatArray]
     search: Search
@@ -40,7 +41,6 @@ class MeasuredTargets(NamedTuple):
 
 def measure(
     picture: Image,
-    core: _core.Picture,
     targets: TargetKinds,
     tone: str | float,
     annotated: Sequence[AnnotatedSquare] | None = None,
@@ -66,7 +66,7 @@ def measure(
     for target, _ in named:
         spans += target.spans(len(spans))
         ends.append(len(spans))
-    measured, picture_tone, faults, core = _localised(spans, core, tone)
+    measured, picture_tone, faults, core = _localised(spans, _core.Picture(picture), tone)
     own = [measured[start:end] for start, end in pairwise(ends)]
     figures, not_measured = _figures(named, own)
     # Boards and sheets have taken every shift away, whose drift the others still carry.
@@ -74,7 +74,8 @@ def measure(
         picture_tone = picture_tone.of_board()
     quads = [target.quad for target in searched.targets]
     rejected += not_measured
-    return MeasuredTargets(figures, picture_tone, faults, core, rejected, quads, searched)
+    pixels = core.near(figures)
+    return MeasuredTargets(figures, picture_tone, faults, pixels, rejected, quads, searched)
 
 
 def _localised(

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from trisquare._support.arrays import FloatArray
 from trisquare._support.convex_quads import quad_areas
 from trisquare.detection.candidates import MIN_CONTRAST
-from trisquare.detection.grey import MIN_PICTURE, RANGE_PERCENTILES, working_picture
+from trisquare.detection.grey import MIN_PICTURE, RANGE_PERCENTILES
 from trisquare.detection.squares.framed import find_framed_squares, reasons_against_quads
 from trisquare.detection.squares.quads import (
     BORDER,
@@ -64,7 +64,7 @@ def rejection_reasons(search: Search) -> list[Rejected]:
     The largest come first, at most `MOST_REPORTED`. Shapes within a target that was found are left
     out, and so are the sheets and signs that targets lie on.
     """
-    searched, scale = working_picture(search.grey)
+    searched, scale = search.working_picture()
     if not search.kinds.squares or min(searched.shape) < MIN_PICTURE:
         return []
     targets = [_region(target) / scale for target in search.targets]

@@ -15,7 +15,7 @@ use trisquare::{
 use crate::any_lens::{AnyLens, CameraMembers, family_of, in_family, model_of, with_lens};
 use crate::arrays;
 use crate::errors::{computed, exception};
-use crate::image::{Picture, picture_tone};
+use crate::image::{KeptPixels, picture_tone};
 use crate::lens::size;
 use crate::observations::plane_edges;
 
@@ -143,7 +143,7 @@ pub fn calibrate<'py>(
     model: &str,
     fixed: Vec<String>,
     initial: Option<CameraMembers>,
-    pictures: Option<Vec<PyRef<'py, Picture>>>,
+    pictures: Option<Vec<PyRef<'py, KeptPixels>>>,
     tones: Vec<Bound<'py, PyAny>>,
     side_errors: Vec<f64>,
     orthogonal: Vec<[usize; 2]>,
@@ -156,9 +156,9 @@ pub fn calibrate<'py>(
     }
     let size = size(image_size);
     let tones: Vec<PictureTone> = tones.iter().map(picture_tone).collect::<PyResult<_>>()?;
-    let pictures: Option<Vec<&trisquare::Picture>> = pictures
+    let pictures: Option<Vec<&trisquare::KeptPixels>> = pictures
         .as_ref()
-        .map(|all| all.iter().map(|p| &p.picture).collect());
+        .map(|all| all.iter().map(|p| &p.pixels).collect());
     let pictures = pictures.as_deref();
     if pictures.is_some_and(|all| all.len() != tones.len()) {
         return Err(PyValueError::new_err("every picture needs its tone curve"));

@@ -8,6 +8,7 @@ use trisquare::{EdgeSpan, PictureTone, PowerCurve, Tone};
 
 use crate::arrays;
 use crate::errors::detached;
+use crate::observations::plane_edges;
 
 /// The raw pixels of a photograph, `(H, W)` or `(H, W, 3)` in BGR order, in memory of its own.
 #[pyclass(frozen, module = "trisquare._core")]
@@ -51,11 +52,24 @@ impl Picture {
         }
     }
 
+    /// The pixels that the fit to the pixels reads of a picture in which these figures were measured.
+    fn near(&self, py: Python<'_>, figures: Vec<Bound<'_, PyAny>>) -> PyResult<KeptPixels> {
+        let figures: Vec<_> = figures.iter().map(plane_edges).collect::<PyResult<_>>()?;
+        let pixels = detached(py, || trisquare::pixels_to_keep(&self.picture, &figures))?;
+        Ok(KeptPixels { pixels })
+    }
+
     /// `(width, height)` in pixels.
     #[getter]
     fn size(&self) -> (usize, usize) {
         (self.picture.width(), self.picture.height())
     }
+}
+
+/// The pixels of a picture near the outlines that were measured in it.
+#[pyclass(frozen, module = "trisquare._core")]
+pub struct KeptPixels {
+    pub pixels: trisquare::KeptPixels,
 }
 
 /// Width, height, channels and the values in row order, whatever the strides.

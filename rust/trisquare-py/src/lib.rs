@@ -26,7 +26,7 @@ mod _core {
     #[pymodule_export]
     use crate::errors::provoke_panic;
     #[pymodule_export]
-    use crate::image::{Picture, PictureFaults, SideSamples, ToneEstimate, localise};
+    use crate::image::{KeptPixels, Picture, PictureFaults, SideSamples, ToneEstimate, localise};
     #[pymodule_export]
     use crate::lens::{
         can_project, can_unproject, compare_projections, distort_pixels, fill_undistortion_map,

@@ -45,8 +45,8 @@ pub use family_selection::{FamilyChoice, RejectedFamily, calibrate_by_family, he
 pub use geometry::{Line, Pose, camera_matrix_from_homographies, homography_from_lines};
 pub use ill_conditioning::{Cause, IllConditioning, Remedy};
 pub use image::{
-    GreyReader, Picture, PictureError, PictureTone, PowerCurve, Sensitivity, Tone, ToneCurve,
-    ToneFit,
+    GreyReader, KeptPixels, Picture, PictureError, PictureTone, PowerCurve, Sensitivity, Tone,
+    ToneCurve, ToneFit,
 };
 pub use image_size::ImageSize;
 pub use lens::{
@@ -65,7 +65,7 @@ pub use observations::{
     CellSample, Fixed, Freedom, GridLineSamples, Method, Options, PlaneEdges, Polarity, Relation,
     relate_planes, remove_edge_shift,
 };
-pub use photometric::Photographs;
+pub use photometric::{Photographs, pixels_to_keep};
 pub use planning::{EdgeNoise, PlannedPlane, Prediction, predict};
 pub use result::{
     Aspect, Calibration, CircleRadius, Disagreement, FigureResiduals, Plane, PoseUncertainty,

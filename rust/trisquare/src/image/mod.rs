@@ -2,6 +2,7 @@
 
 mod grey_bytes;
 mod grey_reader;
+mod kept_pixels;
 mod picture;
 mod picture_tone;
 mod pixel_box;
@@ -11,6 +12,8 @@ mod tone;
 pub use grey_bytes::GreyBytes;
 pub(crate) use grey_reader::Grey;
 pub use grey_reader::GreyReader;
+pub use kept_pixels::KeptPixels;
+pub(crate) use kept_pixels::KeptReader;
 pub use picture::{Picture, PictureError};
 pub(crate) use picture_tone::{PICTURE_PARAMETERS, PicturePrior, PictureState};
 pub use picture_tone::{PictureTone, ToneFit};

@@ -5,7 +5,7 @@ use nalgebra::Vector2;
 use super::coverage::PLATEAU;
 use super::photographs::{Photographs, Refusal};
 use crate::geometry::Line;
-use crate::image::{GreyReader, Picture};
+use crate::image::{KeptPixels, KeptReader};
 use crate::lens::Lens;
 use crate::observations::{ObservedPlane, PlaneEdges, PlaneState, Polarity, Side, View};
 
@@ -48,6 +48,11 @@ impl Width {
             Self::Usual => 1.0,
             Self::Wide => 2.0,
         }
+    }
+
+    /// How far (px) a band reaches from an outline of this size (px) that stands alone.
+    pub fn reach(self, size: f64) -> f64 {
+        self.factor() * (REACH_PART * size).clamp(MIN_FULL_REACH, REACH)
     }
 }
 
@@ -121,6 +126,14 @@ impl PixelFigure {
     }
 }
 
+/// The corners of the upright rectangle around points.
+pub(super) fn bounds<'a>(
+    points: impl Iterator<Item = &'a Vector2<f64>>,
+) -> (Vector2<f64>, Vector2<f64>) {
+    let far = Vector2::repeat(f64::INFINITY);
+    points.fold((far, -far), |(low, high), p| (low.inf(p), high.sup(p)))
+}
+
 /// Collects the pixels around every figure that is not an outlier; not applicable unless all are
 /// squares of known polarity.
 pub(super) fn collect<L: Lens>(
@@ -130,7 +143,7 @@ pub(super) fn collect<L: Lens>(
     photographs: &Photographs<'_>,
     width: Width,
 ) -> Result<Vec<PixelFigure>, Refusal> {
-    let readers: Vec<GreyReader<'_>> = photographs
+    let readers: Vec<KeptReader<'_>> = photographs
         .pictures
         .iter()
         .zip(photographs.tones)
@@ -239,10 +252,7 @@ impl Outline {
 
     /// The corners of the upright rectangle around the outline.
     fn bounds(&self) -> (Vector2<f64>, Vector2<f64>) {
-        let far = Vector2::repeat(f64::INFINITY);
-        let low = self.trace.iter().fold(far, |low, p| low.inf(&p.place));
-        let high = self.trace.iter().fold(-far, |high, p| high.sup(&p.place));
-        (low, high)
+        bounds(self.trace.iter().map(|point| &point.place))
     }
 
     fn size(&self) -> f64 {
@@ -263,20 +273,18 @@ impl Outline {
                 }
             }
         }
-        let own_reach = (REACH_PART * self.size()).clamp(MIN_FULL_REACH, REACH);
-        let own_reach = width.factor() * own_reach;
-        own_reach.min(SHARED_REACH * nearest.sqrt())
+        width.reach(self.size()).min(SHARED_REACH * nearest.sqrt())
     }
 
     fn figure(
         &self,
-        reader: &GreyReader<'_>,
+        reader: &KeptReader<'_>,
         (plane, figure): (usize, usize),
         (reach, width): (f64, Width),
         dark_inside: bool,
     ) -> PixelFigure {
         let (low, high) = self.bounds();
-        let map = DistanceMap::around(&self.trace, low, high, reader.picture(), width);
+        let map = DistanceMap::around(&self.trace, low, high, reader.kept(), width);
         let (stretches, stretch_sides) = self.stretches();
         let inward = self.inward_normals();
         let own = |(x, y, mark): (usize, usize, &Mark)| {
@@ -289,10 +297,11 @@ impl Outline {
             if depth > point.inward {
                 return None;
             }
+            let (value, is_clipped) = reader.get(x, y)?;
             Some(BandPixel {
                 place,
-                value: reader.get(x, y)?,
-                is_clipped: reader.is_clipped(x, y),
+                value,
+                is_clipped,
                 near: mark.near,
                 depth,
                 stretch: stretches[nearest],
@@ -419,7 +428,7 @@ impl DistanceMap {
         trace: &[TracePoint],
         low: Vector2<f64>,
         high: Vector2<f64>,
-        picture: &Picture,
+        picture: &KeptPixels,
         width: Width,
     ) -> Self {
         let near = width.factor() * NEAR;

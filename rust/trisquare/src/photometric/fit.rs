@@ -239,6 +239,7 @@ impl PixelFit<'_> {
 mod tests {
     use super::super::band::{Width, collect};
     use super::super::figure_chart::all_distances;
+    use super::super::kept::pixels_to_keep;
     use super::super::photographs::Photographs;
     use super::*;
     use crate::image::{Picture, PictureTone, PowerCurve};
@@ -270,7 +271,7 @@ mod tests {
         let (width, height) = (truth.size.width as usize, truth.size.height as usize);
         let blank = Picture::from_u8(width, height, 1, vec![128; width * height]).unwrap();
         let photographs = Photographs {
-            pictures: &[&blank],
+            pictures: &[&pixels_to_keep(&blank, &edges)],
             tones: &[tone],
         };
         let view = View {

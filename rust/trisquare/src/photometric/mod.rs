@@ -8,9 +8,11 @@ mod figure_chart;
 mod figure_sums;
 mod fit;
 mod hidden_stretches;
+mod kept;
 mod photographs;
 mod refine;
 mod scene;
 
+pub use kept::pixels_to_keep;
 pub use photographs::Photographs;
 pub(crate) use refine::improve;

@@ -1,12 +1,13 @@
 //! What a fit to the pixels looks at, and why it may not be taken.
 
-use crate::image::{Picture, PictureTone};
+use crate::image::{KeptPixels, PictureTone};
 
 /// The pictures that show the figures, and how they were coded.
 #[derive(Debug, Clone, Copy)]
 pub struct Photographs<'a> {
-    /// One picture per image index of the figures.
-    pub pictures: &'a [&'a Picture],
+    /// Of one picture per image index of the figures, what
+    /// [`pixels_to_keep`](crate::pixels_to_keep) gives.
+    pub pictures: &'a [&'a KeptPixels],
     /// How each was coded.
     pub tones: &'a [PictureTone],
 }

@@ -1,0 +1,130 @@
+"""A hundred files of 2 megapixels: two threads beside one, and the memory that they take."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from harness.rows import Row
+
+from trisquare import simulate
+
+SEED = 14
+SIZE = (1632, 1224)
+PICTURES = 100
+# Rendered; the others are these with other noise, which is fast.
+SCENES = 4
+THREADS = 2
+LEAST_RATIO = 1.85
+MOST_GROWTH = 30.0  # MB
+
+# In a process of its own: OpenCV has one thread, and the peak is that of one calibration.
+PROGRAM = """
+import json, sys, time
+import cv2
+cv2.setNumThreads(1)
+import trisquare as ts
+
+def peak():
+    lines = open("/proc/self/status").read().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1e3
+
+threads, paths = int(sys.argv[1]), sys.argv[2:]
+measured = []
+start = time.perf_counter()
+result = ts.calibrate(
+    paths,
+    threads=threads,
+    progress=lambda *_: measured.append((time.perf_counter() - start, peak())),
+)
+seconds = time.perf_counter() - start
+assert len(result.planes) == 3 * len(paths), result.warnings
+print(json.dumps([*measured[-1], seconds, peak()]))
+"""
+
+
+class Run(NamedTuple):
+    """Seconds and peak memory (MB) until all pictures are measured, and until the result."""
+
+    measured_seconds: float
+    measured_peak: float
+    seconds: float
+    peak: float
+
+
+def measure() -> list[Row]:
+    """Print times and peaks of one picture and of a hundred."""
+    if not Path("/proc/self/status").exists():
+        print("  no /proc/self/status here: not measured")
+        return []
+    with tempfile.TemporaryDirectory() as folder:
+        paths = _written(Path(folder))
+        alone = _run(1, paths[:1])
+        many = {threads: _run(threads, paths) for threads in (THREADS, 1)}
+    for name, run in (("one picture", alone), *((f"{t} threads", own) for t, own in many.items())):
+        print(
+            f"  {name}: measured after {run.measured_seconds:.1f} s, peak {run.measured_peak:.0f} "
+            f"MB; result after {run.seconds:.1f} s, peak {run.peak:.0f} MB"
+        )
+    one, two = many[1], many[THREADS]
+    ratios = {
+        "read and measured": one.measured_seconds / two.measured_seconds,
+        "to the result": one.seconds / two.seconds,
+    }
+    growths = {
+        "read and measured": one.measured_peak - alone.measured_peak,
+        "to the result": one.peak - alone.peak,
+    }
+    size = f"{PICTURES} colour pictures of {SIZE[0]} x {SIZE[1]}"
+    return [
+        *(
+            Row(
+                f"{size}, {what}: {THREADS} threads / one",
+                f"{ratio:.2f}",
+                f">= {LEAST_RATIO}",
+                ratio >= LEAST_RATIO,
+            )
+            for what, ratio in ratios.items()
+        ),
+        *(
+            Row(
+                f"the same in one thread, {what}: peak memory above that of one picture",
+                f"{growth:.0f} MB",
+                f"<= {MOST_GROWTH:.0f} MB",
+                growth <= MOST_GROWTH,
+            )
+            for what, growth in growths.items()
+        ),
+    ]
+
+
+def _written(folder: Path) -> list[str]:
+    """Render a few scenes of one camera, and write them with other noise each."""
+    pictures = []
+    camera = None
+    for seed in range(SCENES):
+        rng = np.random.default_rng([SEED, seed])
+        scene = simulate.random_scene(rng, image_size=SIZE, camera=camera)
+        camera = scene.camera
+        pictures.append(simulate.render(scene, rng, noise=1.0, tone="srgb", colour=True))
+    rng = np.random.default_rng(SEED)
+    paths = []
+    for index in range(PICTURES):
+        picture = pictures[index % SCENES].astype(np.int16)
+        noisy = picture + rng.integers(-2, 3, picture.shape, dtype=np.int16)
+        paths.append(str(folder / f"{index}.png"))
+        fast = (cv2.IMWRITE_PNG_COMPRESSION, 1)
+        cv2.imwrite(paths[-1], np.clip(noisy, 0, 255).astype(np.uint8), fast)
+    return paths
+
+
+def _run(threads: int, paths: list[str]) -> Run:
+    command = [sys.executable, "-c", PROGRAM, str(threads), *paths]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    return Run(*json.loads(done.stdout))

@@ -1,0 +1,89 @@
+"""Independent pieces of work in several threads, with results in their order."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from typing import TypeVar
+
+from trisquare._support.arrays import whole_number
+
+T = TypeVar("T")
+
+AHEAD = 2
+"""Pieces of work begun and not yet taken, for each thread: one that takes long does not stop the
+other threads."""
+
+
+def thread_count(threads: int | None, pieces: int) -> int:
+    """Return in how many threads so many pieces of work are done.
+
+    Parameters
+    ----------
+    threads : int or None
+        As a user asks for it; None for all cores that this process may use.
+    pieces : int
+
+    Raises
+    ------
+    TypeError
+        If `threads` is no whole number.
+    ValueError
+        If it is below 1.
+    """
+    wanted = _usable_cores() if threads is None else whole_number(threads, "threads")
+    if wanted < 1:
+        raise ValueError(f"threads must be at least 1, not {wanted}")
+    return max(1, min(wanted, pieces))
+
+
+def _usable_cores() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def in_order(works: Iterable[Callable[[], T]], threads: int) -> Generator[T, None, None]:
+    """Do pieces of work, begun in their order, and yield their results in the same order.
+
+    An error of a piece of work is raised in the place of its result. Close the generator to stop:
+    what has not begun then is not done.
+    """
+    if threads == 1:
+        for work in works:
+            yield work()
+        return
+    pool = ThreadPoolExecutor(threads)
+    try:
+        begun: deque[Future[T]] = deque()
+        for work in works:
+            begun.append(pool.submit(work))
+            if len(begun) == AHEAD * threads:
+                yield begun.popleft().result()
+        while begun:
+            yield begun.popleft().result()
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+class Turns:
+    """Lets threads pass one after another, by their numbers from 0 on; each number passes once."""
+
+    def __init__(self) -> None:
+        self._next = 0
+        self._changed = threading.Condition()
+
+    @contextmanager
+    def turn(self, number: int) -> Iterator[None]:
+        """Wait until all lower numbers have passed, and let the next one pass afterwards."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._next == number)
+            try:
+                yield
+            finally:
+                self._next += 1
+                self._changed.notify_all()

@@ -1,0 +1,172 @@
+"""What is measured in one photograph of a calibration, whatever the others show."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+from trisquare.detection.kinds import TargetKinds, nothing_found
+from trisquare.edges import PlaneEdges
+from trisquare.images.photographs import Photograph
+from trisquare.images.pixels import Outlines, Tone, checked_tone, picture_size, tone_of
+
+if TYPE_CHECKING:  # it would load OpenCV, which waits until a picture is searched
+    from trisquare.detection.annotations.load import Annotations
+    from trisquare.detection.annotations.outlines import AnnotatedSquare
+    from trisquare.images.pixels import ImageSource
+    from trisquare.measurement.measure import MeasuredTargets
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sought:
+    """What is looked for in every photograph, and how.
+
+    Attributes
+    ----------
+    kinds : TargetKinds
+    tone : str, float or None
+        As in `calibrate`.
+    drawings : Annotations or None
+        Outlines drawn by hand, in place of a search.
+    lines : bool
+        Whether the lines of the scene are found as well.
+    camera_held : bool
+        Whether nothing of the camera is estimated.
+    """
+
+    kinds: TargetKinds
+    tone: str | float | None
+    drawings: Annotations | None
+    lines: bool
+    camera_held: bool
+
+    @classmethod
+    def check(
+        cls,
+        kinds: TargetKinds,
+        tone: Tone,
+        outlines: Outlines | None,
+        sources: Sequence[ImageSource],
+        *,
+        lines: bool,
+        camera_held: bool,
+    ) -> Sought:
+        """Check the arguments, and read the outlines that are drawn on the `sources`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For bad arguments.
+        """
+        from trisquare.detection.annotations.load import Annotations
+
+        checked = checked_tone(tone)
+        if not sources:
+            raise ValueError("no picture given")
+        drawings = None if outlines is None else Annotations.read(outlines, sources)
+        return cls(kinds, checked, drawings, lines, camera_held)
+
+    def tone_of(self, photograph: Photograph) -> str | float:
+        """Return the tone curve of a photograph.
+
+        Raises
+        ------
+        ValueError
+            If it is not stated, and the pictures before have pixels of another type.
+        """
+        if self.tone is None and photograph.has_other_depth:
+            raise ValueError(
+                f"{photograph.name} has {photograph.pixels.dtype} pixels, unlike the pictures "
+                "before it, and their tone curves probably differ: give one tone curve for all "
+                "(srgb, linear, auto or a gamma)"
+            )
+        return tone_of(photograph.pixels, self.tone, camera_held=self.camera_held)
+
+    def annotated_on(self, photograph: Photograph) -> Sequence[AnnotatedSquare] | None:
+        """Return what is drawn on a photograph; None if nothing is drawn on any.
+
+        Raises
+        ------
+        ValueError
+            If it was drawn on a picture of another size, or reaches outside.
+        """
+        if self.drawings is None:
+            return None
+        return self.drawings.on(photograph.index, picture_size(photograph.pixels))
+
+
+class MeasuredPhotograph(NamedTuple):
+    """What was measured in a photograph, and what to say of it; without the photograph itself.
+
+    Attributes
+    ----------
+    name : str
+    size : (int, int)
+        Width and height in pixels.
+    remarks : iterable of (str, str)
+        Code and text of what its user should know of it.
+    annotated : sequence of AnnotatedSquare or None
+        What is drawn on it; None if nothing is drawn on any.
+    measured : MeasuredTargets
+    lines : list of PlaneEdges
+        Lines of the scene beside its figures.
+    nothing : str
+        Why nothing was measured in it, if so.
+    """
+
+    name: str
+    size: tuple[int, int]
+    remarks: Iterable[tuple[str, str]]
+    annotated: Sequence[AnnotatedSquare] | None
+    measured: MeasuredTargets
+    lines: list[PlaneEdges]
+    nothing: str
+
+
+def measured_photograph(
+    load: Callable[[], Photograph], sought: Sought, *, is_alone: bool
+) -> MeasuredPhotograph:
+    """Load a photograph and measure what is in it, or what is drawn on it.
+
+    Of one that `is_alone` more stays in memory, which spares it the time to make that smaller.
+
+    Raises
+    ------
+    ImageError
+        If it cannot be read whole.
+    TypeError, ValueError
+        If it is no picture, or does not go with the others or with what is drawn on it.
+    """
+    from trisquare.measurement.measure import measure
+
+    photograph = load()
+    tone, annotated = sought.tone_of(photograph), sought.annotated_on(photograph)
+    # In one that was given before nothing is looked for either.
+    looked_at = () if photograph.repeats else annotated
+    measured = measure(photograph.pixels, sought.kinds, tone, looked_at)
+    if not is_alone:
+        measured = measured._replace(search=measured.search.reduced())
+    nothing, lines = "", []
+    if not photograph.repeats:
+        if not measured.figures:
+            nothing = _nothing_in(sought.kinds, annotated)
+        if sought.lines:
+            from trisquare.straightening.scene_lines import lines_beside
+
+            lines = lines_beside(photograph.pixels, measured.figures)
+    return MeasuredPhotograph(
+        photograph.name,
+        picture_size(photograph.pixels),
+        photograph.remarks.items(),
+        annotated,
+        measured,
+        lines,
+        nothing,
+    )
+
+
+def _nothing_in(kinds: TargetKinds, annotated: Sequence[AnnotatedSquare] | None) -> str:
+    if annotated is None:
+        return nothing_found(kinds)
+    return "none of the outlines is a square" if annotated else "nothing is drawn on it"

@@ -1,0 +1,136 @@
+//! What a fit to the pixels will read of a picture, before there is a camera.
+
+use nalgebra::Vector2;
+
+use super::band::{Width, bounds};
+use crate::geometry::Line;
+use crate::image::{KeptPixels, Picture};
+use crate::observations::PlaneEdges;
+
+/// The outline that a fit arrives at lies within so many px of the samples, and of where their ends
+/// lead to: several times what a lens bends half a side.
+const SEEN_WITHIN: f64 = 8.0;
+
+/// The pixels that [`calibrate_photographs`](crate::calibrate_photographs) reads of a picture in
+/// which these figures were measured: those near outlines of four sides.
+#[must_use]
+pub fn pixels_to_keep(picture: &Picture, figures: &[PlaneEdges]) -> KeptPixels {
+    let outlines: Vec<Vec<Vector2<f64>>> = figures.iter().filter_map(outline).collect();
+    picture.near(outlines.iter().map(|outline| {
+        let (low, high) = bounds(outline.iter());
+        let reach = Width::Wide.reach((high - low).norm()) + SEEN_WITHIN;
+        (&outline[..], reach)
+    }))
+}
+
+/// The samples of a figure and, between those of two sides, the corner that they lead to.
+fn outline(figure: &PlaneEdges) -> Option<Vec<Vector2<f64>>> {
+    let sides: &[Vec<Vector2<f64>>; 4] = figure.points.as_slice().try_into().ok()?;
+    let mut path = Vec::with_capacity(figure.sample_count() + 4);
+    for i in 0..4 {
+        let (side, before, after) = (&sides[i], &sides[(i + 3) % 4], &sides[(i + 1) % 4]);
+        path.extend(half_toward(side, before)?.rev());
+        path.extend(half_toward(side, after)?);
+        let [own, next] = [half_toward(side, after)?, half_toward(after, side)?];
+        let [own, next] = [own, next].map(|half| Line::fit(half.map(|point| (*point, 1.0))));
+        path.extend(
+            own.zip(next)
+                .and_then(|(own, next)| own.intersection(&next)),
+        );
+    }
+    Some(path)
+}
+
+/// The half of a side's samples that is nearer to another side, toward that; `None` of no samples.
+fn half_toward<'a>(
+    side: &'a [Vector2<f64>],
+    other: &[Vector2<f64>],
+) -> Option<impl DoubleEndedIterator<Item = &'a Vector2<f64>> + Clone> {
+    let middle = other.iter().sum::<Vector2<f64>>() / other.len() as f64;
+    let (first, last) = (side.first()?, side.last()?);
+    let is_forward = (last - middle).norm() < (first - middle).norm();
+    let half = side.len().div_ceil(2);
+    let part = if is_forward {
+        &side[side.len() - half..]
+    } else {
+        &side[..half]
+    };
+    Some((0..half).map(move |k| &part[if is_forward { k } else { half - 1 - k }]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::band::collect;
+    use super::super::photographs::Photographs;
+    use super::*;
+    use crate::image::{PictureTone, Tone};
+    use crate::observations::{Placement, PlaneState, Polarity, View, sort_by_plane};
+    use crate::synthetic::{Scene, SceneOptions};
+    use nalgebra::Vector3;
+
+    #[test]
+    fn a_fit_reads_the_same_as_from_the_whole_picture() {
+        let tones = [PictureTone::Known(Tone::Srgb)];
+        for seed in 0..8 {
+            let scene = Scene::random(seed, SceneOptions::default());
+            let mut figures = scene.edges(seed, 0.1, 6.0);
+            for figure in &mut figures {
+                figure.polarity = Some(Polarity::DarkInside);
+                // As the measurement leaves them: up to the blur of the corners, and one hidden.
+                figure.points.iter_mut().for_each(|side| {
+                    *side = side[3..side.len() - 3].to_vec();
+                });
+                let hidden = figure.points[1].len() / 4;
+                figure.points[1].drain(..hidden);
+            }
+            let planes = sort_by_plane(&figures).unwrap();
+            let [width, height] = [scene.size.width, scene.size.height].map(|n| n as usize);
+            let levels = (0..width * height).map(|i| (i * 31 % 251) as u8).collect();
+            let picture = Picture::from_u8(width, height, 1, levels).unwrap();
+            let kept = pixels_to_keep(&picture, &figures);
+            let everywhere = [Vector2::zeros()];
+            let whole = picture.near([(&everywhere[..], 1e4)]);
+            // Planes that stand a little elsewhere than the samples say.
+            let planes_seen = scene.poses.iter().map(|pose| {
+                let mut pose = *pose;
+                pose.translation += 2e-3 * pose.translation.z * Vector3::new(1.0, -1.0, 0.0);
+                PlaneState {
+                    pose,
+                    figures: vec![Placement::IDENTITY],
+                }
+            });
+            let view = View {
+                lens: scene.camera,
+                planes: planes_seen.collect(),
+                relations: Vec::new(),
+            };
+            let read = |pixels: &KeptPixels, width| {
+                let photographs = Photographs {
+                    pictures: &[pixels],
+                    tones: &tones,
+                };
+                collect(&figures, &planes, &view, &photographs, width).ok()
+            };
+            for width in [Width::Usual, Width::Wide] {
+                let [found, expected] = [&kept, &whole].map(|pixels| read(pixels, width).unwrap());
+                assert!(expected.iter().all(|figure| figure.pixels.len() > 1000));
+                assert_eq!(
+                    format!("{found:?}"),
+                    format!("{expected:?}"),
+                    "scene {seed}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_outline_keeps_nothing() {
+        let picture = Picture::from_u8(64, 64, 1, vec![0; 64 * 64]).unwrap();
+        let line =
+            PlaneEdges::line((0..9).map(|i| Vector2::repeat(f64::from(i))).collect()).unwrap();
+        let mut empty = PlaneEdges::new(Vec::new(), vec![Vec::new(); 4]);
+        empty.polarity = Some(Polarity::DarkInside);
+        let kept = pixels_to_keep(&picture, &[line, empty]);
+        assert!(kept.reader(Tone::Linear).get(4, 4).is_none());
+    }
+}
