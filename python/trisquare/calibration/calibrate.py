@@ -18,6 +18,7 @@ from trisquare.detection.kinds import TargetKinds, nothing_found
 from trisquare.edges import PlaneEdges, changed_edges
 from trisquare.errors import DetectionError, TrisquareError
 from trisquare.images.faults import fault_warnings
+from trisquare.images.limits import PictureLimits
 from trisquare.images.photographs import Photographs
 from trisquare.images.pixels import ImageSource, Outlines, Tone, sources_of
 from trisquare.images.tone import contradiction_text, pooled, shift_text
@@ -46,6 +47,7 @@ def calibrate(
     targets: str = "auto",
     outlines: Outlines | None = None,
     lines: bool = False,
+    max_pixels: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Calibration:
     """Calibrate a camera from one photograph of three squares, or from several photographs.
@@ -98,6 +100,9 @@ def calibrate(
         Whether the scene's own straight edges join the fit where they are consistent with the
         squares: that they are straight tells of the distortion and its centre, out to where no
         square is. They are in the result's ``lines``, used or rejected. Needs ``method="ml"``.
+    max_pixels : int, optional
+        A file with more pixels is refused by its header, before it is decoded; by default
+        ``TRISQUARE_MAX_PIXELS`` of the environment, or 500 million.
     progress : callable, optional
         Called with (pictures done, pictures in all).
 
@@ -108,7 +113,8 @@ def calibrate(
     Raises
     ------
     ImageError
-        If a file cannot be read whole, also if it is one of many: it is named.
+        If a file cannot be read whole or has too many pixels, also if it is one of many: it is
+        named.
     DetectionError
         If no picture shows a target.
     NotEnoughPlanesError, NotEnoughDataError, DegenerateGeometryError, ConvergenceError
@@ -119,7 +125,7 @@ def calibrate(
         For bad arguments.
     """
     return calibrate_photographs(
-        Photographs(sources_of(image)),
+        Photographs(sources_of(image), limits=PictureLimits.stated(max_pixels)),
         method=method,
         model=model,
         fix=fix,

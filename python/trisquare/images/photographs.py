@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trisquare.images.limits import PictureLimits
 from trisquare.images.pixels import Image, ImageSource, picture_size
 from trisquare.images.reading import load_picture
 
@@ -49,11 +50,20 @@ class Photographs:
     keep : bool
         Whether they stay in memory, to be drawn on; else they can be iterated over once only, and
         are loaded one at a time.
+    limits : PictureLimits, optional
+        Of their files, by default those of the environment.
     """
 
-    def __init__(self, sources: Sequence[ImageSource], *, keep: bool = False) -> None:
+    def __init__(
+        self,
+        sources: Sequence[ImageSource],
+        *,
+        keep: bool = False,
+        limits: PictureLimits | None = None,
+    ) -> None:
         self.sources = list(sources)
         self._keep = keep
+        self._limits = limits
         self._kept: list[Photograph] = []
 
     def __len__(self) -> int:
@@ -71,13 +81,15 @@ class Photographs:
             yield from self._kept
             return
         self._kept.clear()
-        for photograph in _load_all(self.sources):
+        for photograph in _load_all(self.sources, self._limits):
             if self._keep:
                 self._kept.append(photograph)
             yield photograph
 
 
-def _load_all(sources: Sequence[ImageSource]) -> Iterator[Photograph]:
+def _load_all(
+    sources: Sequence[ImageSource], limits: PictureLimits | None
+) -> Iterator[Photograph]:
     """Load pictures one at a time and compare each with the ones before.
 
     Raises
@@ -90,7 +102,7 @@ def _load_all(sources: Sequence[ImageSource]) -> Iterator[Photograph]:
     seen: dict[int, str] = {}
     for index, source in enumerate(sources):
         name = _name(index, source)
-        pixels, turn = _loaded(source)
+        pixels, turn = _loaded(source, limits)
         size = picture_size(pixels)
         remarks = {}
         if turn is not None:
@@ -114,12 +126,12 @@ def _name(index: int, source: ImageSource) -> str:
     return f"picture {index}"
 
 
-def _loaded(source: ImageSource) -> tuple[Image, str | None]:
+def _loaded(source: ImageSource, limits: PictureLimits | None) -> tuple[Image, str | None]:
     """Return a picture and how its orientation tag would turn it."""
     if isinstance(source, str | os.PathLike):
         from trisquare.images.reading import read_photograph
 
-        return read_photograph(source)
+        return read_photograph(source, limits)
     return load_picture(source), None
 
 
