@@ -13,7 +13,10 @@ from trisquare.batch.jobs import Job, faulty_job
 from trisquare.batch.manifest import MANIFESTS, manifest_jobs
 
 PICTURE_SUFFIXES = frozenset(
-    ".avif .bmp .gif .jp2 .jpe .jpeg .jpg .pbm .pgm .png .pnm .ppm .tif .tiff .webp".split()
+    (
+        *(".jpg", ".jpeg", ".jpe", ".jp2", ".png", ".tif", ".tiff", ".bmp", ".webp", ".avif"),
+        *(".gif", ".pgm", ".ppm", ".pbm", ".pnm"),
+    )
 )
 """Files in folders that are taken for photographs, capitals aside."""
 

@@ -30,7 +30,13 @@ LONGEST_FILE_NAME = 200
 """Bytes: file systems allow 255, and a temporary file's name is longer."""
 
 KEPT_IN_FILE_NAMES = frozenset(" -_.,+@()[]#=")
-RESERVED = {"con", "prn", "aux", "nul", *(f"{port}{n}" for port in ("com", "lpt") for n in "123456789")}
+RESERVED = {
+    "con",
+    "prn",
+    "aux",
+    "nul",
+    *(f"{port}{n}" for port in ("com", "lpt") for n in "123456789"),
+}
 """Names that Windows keeps for devices."""
 
 
@@ -120,10 +126,7 @@ def safe_file_name(name: str) -> str:
 
     Letters and digits of any script stay. ``../x`` becomes ``%2E.%2Fx``.
     """
-    text = "".join(
-        letter if letter.isalnum() or letter in KEPT_IN_FILE_NAMES else _escaped(letter)
-        for letter in name
-    )
+    text = "".join(letter if _is_plain(letter) else _escaped(letter) for letter in name)
     if text[0] in ". " or text.split(".")[0].casefold() in RESERVED:
         text = _escaped(text[0]) + text[1:]
     if text[-1] in ". ":
@@ -133,6 +136,10 @@ def safe_file_name(name: str) -> str:
         short = os.fsencode(text)[: LONGEST_FILE_NAME - 20].decode("utf-8", "ignore")
         text = f"{short}~{digest}"
     return text
+
+
+def _is_plain(letter: str) -> bool:
+    return unicodedata.category(letter)[0] in "LMN" or letter in KEPT_IN_FILE_NAMES
 
 
 def _escaped(letter: str) -> str:

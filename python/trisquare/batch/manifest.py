@@ -150,7 +150,9 @@ def _cell(column: str, cell: str) -> Any:
         return [one.strip() for one in cell.split(";") if one.strip()]
     if column in ("orthogonal", "parallel"):
         pairs = [one.split("-") for one in cell.split(";")]
-        if not all(len(pair) == 2 and all(one.strip().isdecimal() for one in pair) for pair in pairs):
+        if not all(
+            len(pair) == 2 and all(one.strip().isdecimal() for one in pair) for pair in pairs
+        ):
             raise ValueError(f"{column}: two planes are written 0-1, not {cell!r}")
         return [[int(one) for one in pair] for pair in pairs]
     if column in SEVERAL:

@@ -49,10 +49,8 @@ class Requirement:
 def quantity(record: Mapping[str, Any], name: str) -> float | None:
     """Return a number of a calibrated camera's record by its name: fx, std.fx, rms_px, ..."""
     kind, _, parameter = name.rpartition(".")
-    if name in OTHERS:
-        value = record[name]
-    else:
-        value = record["std" if kind else "values"].get(parameter)
+    numbers = record if name in OTHERS else record["std" if kind else "values"]
+    value = numbers.get(parameter)
     return None if value is None else float(value)
 
 
@@ -75,10 +73,7 @@ def read_requirements(path: PathLike) -> list[Requirement]:
         import tomli as tomllib  # type: ignore[import-not-found, no-redef, unused-ignore]
     text = read_text(path)
     with naming(path):
-        found = [
-            _requirement(name, table)
-            for name, table in _tables(tomllib.loads(text))
-        ]
+        found = [_requirement(name, table) for name, table in _tables(tomllib.loads(text))]
         if not found:
             raise ValueError("no limit is in this file")
     return found
@@ -94,8 +89,12 @@ def _tables(document: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
         elif name in (*PARAMETERS, *OTHERS):
             yield name, table
         else:
-            raise unknown("parameter", name, (*PARAMETERS, *OTHERS), f"a parameter, std.PARAMETER, "
-                f"{', '.join(OTHERS)}")
+            raise unknown(
+                "parameter",
+                name,
+                (*PARAMETERS, *OTHERS),
+                f"a parameter, std.PARAMETER, {', '.join(OTHERS)}",
+            )
 
 
 def _requirement(name: str, table: Any) -> Requirement:

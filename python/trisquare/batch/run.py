@@ -218,17 +218,17 @@ def finished(
     try:
         for job, key in _to_do(jobs, store):
             if job.fault is not None:
-                yield _result(job, key, _fault(job), store)
+                yield _stored(job, key, _fault(job), store)
                 continue
             future = submit(job)
             waiting[future] = job, key
             future.add_done_callback(ready.put)
             while len(waiting) >= window or not ready.empty():
                 future = ready.get()
-                yield _result(*waiting.pop(future), future.result(), store)
+                yield _result(*waiting.pop(future), future, store)
         while waiting:
             future = ready.get()
-            yield _result(*waiting.pop(future), future.result(), store)
+            yield _result(*waiting.pop(future), future, store)
     finally:
         for future in waiting:
             future.cancel()
@@ -257,7 +257,24 @@ def _fault(job: Job) -> Answer:
     return failure(job, "ValueError", job.fault or ""), None
 
 
-def _result(job: Job, key: str, answer: Answer, store: Store | None) -> JobResult:
+def _result(job: Job, key: str, future: Future[Answer], store: Store | None) -> JobResult:
+    """Return what came of a job, also if its executor could not do it."""
+    from concurrent.futures import BrokenExecutor, CancelledError
+
+    from trisquare.batch.worker import failure
+
+    try:
+        answer = future.result()
+    except BrokenExecutor:
+        raise
+    except CancelledError as error:
+        raise BrokenExecutor("the executor gave jobs up: run again to go on") from error
+    except Exception as error:  # such as Dask's, where workers died of the job
+        answer = failure(job, type(error).__name__, str(error)), None
+    return _stored(job, key, answer, store)
+
+
+def _stored(job: Job, key: str, answer: Answer, store: Store | None) -> JobResult:
     record, json = answer
     if store is not None:
         record = store.add(job, key, answer)

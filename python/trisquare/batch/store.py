@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import json
 import os
-import secrets
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from trisquare._support.writing import PathLike, write_atomically, writing
+from trisquare._support.writing import PathLike, replacing, write_atomically, writing
 from trisquare.batch.jobs import Job
 from trisquare.batch.limits import JobLimits
 from trisquare.batch.worker import Answer
 
 RECORDS, CAMERAS, LOCK = "results.jsonl", "cameras", ".lock"
+
+HALF_FILE = re.compile(r"\..*\.[0-9a-f]{8}\.tmp", re.DOTALL)
+"""Names that `write_atomically` and `replacing` give to files that are not whole."""
 
 BY_LIMITS = ("TimeLimitError", "WorkerDiedError", "MemoryError", "ImageError")
 """Errors that other limits may spare."""
@@ -46,18 +49,18 @@ class Store:
     def __init__(self, folder: PathLike, limits: JobLimits, *, retry: bool = False) -> None:
         self.folder = Path(folder)
         self._limits, self._retry = vars_of(limits), retry
+        self._places: dict[str, int] = {}
+        self._order: list[str] = []
         with writing(folder):
             (self.folder / CAMERAS).mkdir(parents=True, exist_ok=True)
             self._lock = os.open(self.folder / LOCK, os.O_RDWR | os.O_CREAT, 0o666)
             try:
                 _lock(self._lock, self.folder)
-                self._file = (self.folder / RECORDS).open("a+b", buffering=0)
+                self._remove_half_files()
+                self._open()
             except BaseException:
                 os.close(self._lock)
                 raise
-        self._places: dict[str, int] = {}
-        self._order: list[str] = []
-        self._end = self._read_places()
 
     def __enter__(self) -> Store:
         return self
@@ -109,23 +112,14 @@ class Store:
         """Put the records into the jobs' order, those of earlier runs' jobs after them."""
         order = list(dict.fromkeys([*self._order, *self._places]))
         path = self.folder / RECORDS
-        temporary = path.with_name(f".{RECORDS}.{secrets.token_hex(4)}.tmp")
-        try:
-            with writing(path), temporary.open("xb") as file:
-                for identity in order:
-                    place = self._places.get(identity)
-                    if place is not None:
-                        file.write(self._line_at(place))
-                file.flush()
-                os.fsync(file.fileno())
-            self._file.close()
-            with writing(path):
-                temporary.replace(path)
-                self._file = path.open("a+b", buffering=0)
-            self._places.clear()
-            self._end = self._read_places()
-        finally:
-            temporary.unlink(missing_ok=True)
+        with replacing(path) as file:
+            for identity in order:
+                place = self._places.get(identity)
+                if place is not None:
+                    file.write(self._line_at(place))
+        self._file.close()
+        self._places.clear()
+        self._open()
 
     def records(self) -> Iterator[dict[str, Any]]:
         """Yield the records, in the order of their lines."""
@@ -149,11 +143,20 @@ class Store:
         self._places[identity] = self._end
         self._end += len(line)
 
-    def _read_places(self) -> int:
+    def _remove_half_files(self) -> None:
+        """Remove what a run was writing when it was killed: nobody else writes here."""
+        for folder in (self.folder, self.folder / CAMERAS):
+            with os.scandir(folder) as entries:
+                for entry in entries:
+                    if HALF_FILE.fullmatch(entry.name):
+                        os.unlink(entry.path)
+
+    def _open(self) -> None:
         """Note where the records are, the last of each name; cut off what is not whole."""
-        end = 0
-        with (self.folder / RECORDS).open("rb") as file:
-            for line in file:
+        path, end = self.folder / RECORDS, 0
+        self._file = path.open("a+b", buffering=0)
+        with path.open("rb") as lines:
+            for line in lines:
                 if not line.endswith(b"\n"):
                     break  # a run was killed while it wrote
                 identity = _identity_in(line)
@@ -161,7 +164,7 @@ class Store:
                     self._places[identity] = end
                 end += len(line)
         self._file.truncate(end)
-        return end
+        self._end = end
 
     def _line_at(self, place: int) -> bytes:
         with_newline = bytearray()

@@ -26,22 +26,22 @@ READY = "ready"
 
 
 def calibrated(job: Job, limits: JobLimits) -> Answer:
-    """Calibrate one camera: every failure is a record."""
+    """Calibrate one camera.
+
+    Raises
+    ------
+    TrisquareError, TypeError, ValueError, OSError
+        As `calibrate`.
+    """
     from trisquare.calibration.calibrate import calibrate
 
-    try:
-        options = dict(job.options)
-        initial = options.get("initial")
-        if isinstance(initial, str | os.PathLike):
-            from trisquare.formats import load_camera
+    options = dict(job.options)
+    initial = options.get("initial")
+    if isinstance(initial, str | os.PathLike):
+        from trisquare.formats import load_camera
 
-            options["initial"] = load_camera(initial).camera
-        result = calibrate(list(job.photographs), max_pixels=limits.max_pixels, **options)
-    except MemoryError as error:
-        allowed = f"max_memory allows {limits.max_memory / 1e9:.3g} GB"
-        return failure(job, "MemoryError", f"{error or 'not enough memory'} ({allowed})"), None
-    except Exception as error:
-        return failure(job, type(error).__name__, str(error) or type(error).__name__), None
+        options["initial"] = load_camera(initial).camera
+    result = calibrate(list(job.photographs), max_pixels=limits.max_pixels, **options)
     return success(job, result), result.to_json()
 
 
@@ -101,7 +101,7 @@ def serve() -> None:
         with suppress(OSError):
             os.chdir(folder)
         try:
-            _send(answers, within_time(work, job, limits))
+            _send(answers, attempted(work, job, limits))
         except BrokenPipeError:
             return
 
@@ -130,11 +130,19 @@ def prepare(limits: JobLimits) -> None:
         )
 
 
-def within_time(work: Callable[..., Answer], job: Job, limits: JobLimits) -> Answer:
-    """Do a job; a watchdog that waits for nobody ends the process if it takes too long."""
+def attempted(work: Callable[..., Answer], job: Job, limits: JobLimits) -> Answer:
+    """Do a job: every failure is a record.
+
+    A watchdog that waits for nobody ends the process if it takes too long.
+    """
     faulthandler.dump_traceback_later(limits.max_seconds, exit=True, file=sys.stderr)
     try:
         return work(job, limits)
+    except MemoryError as error:
+        allowed = f"max_memory allows {limits.max_memory / 1e9:.3g} GB"
+        return failure(job, "MemoryError", f"{error or 'not enough memory'} ({allowed})"), None
+    except BaseException as error:  # a panic of the core is no Exception
+        return failure(job, type(error).__name__, str(error) or type(error).__name__), None
     finally:
         faulthandler.cancel_dump_traceback_later()
 

@@ -48,6 +48,7 @@ class Workers:
         self._idle: list[_Process] = []
         self._all: set[_Process] = set()
         self._lock = threading.Lock()
+        self._is_closed = False
         self.owner = os.getpid()
 
     def do(self, job: Job) -> Answer:
@@ -76,8 +77,9 @@ class Workers:
         return failure(job, "WorkerDiedError", text), None
 
     def close(self) -> None:
-        """End all processes."""
+        """End all processes; no job can be done any more."""
         with self._lock:
+            self._is_closed = True
             processes, self._all, self._idle = self._all, set(), []
         for process in processes:
             process.end()
@@ -86,10 +88,11 @@ class Workers:
         with self._lock:
             if self._idle:
                 return self._idle.pop()
-        process = _Process(self._work, self._limits)
-        with self._lock:
+            if self._is_closed:
+                raise RuntimeError("the batch has ended")
+            process = _Process(self._work, self._limits)
             self._all.add(process)
-        return process
+            return process
 
 
 class _Process:
@@ -112,7 +115,7 @@ class _Process:
             env=environment,
         )
         self.seconds = 0.0
-        self._setup = (work, limits)
+        self._setup: object | None = (work, limits)
 
     def ask(self, question: object) -> Any:
         """Send a job and return the answer, or raise ProcessDiedError."""

@@ -2,7 +2,8 @@
 
 Exit codes: 0 done; 2 usage, bad argument, damaged file or unwritable output; 3 nothing found, or
 not enough of it; 4 the geometry does not determine the camera, or no convergence; 5 a picture or
-another file is missing or unreadable. Every error is one line on standard error, and no file is
+another file is missing or unreadable; 6 cameras of a batch failed or are beyond the limits. Every
+error is one line on standard error, and no file is
 written then but what `--debug-image` asks for.
 
 Besides these, as by other commands: 1 where nobody reads standard output any more (``| head``),

@@ -33,7 +33,9 @@ class PictureLimits:
     max_bytes: int = MAX_BYTES
 
     @classmethod
-    def stated(cls, max_pixels: float | None = None, max_bytes: float | None = None) -> PictureLimits:
+    def stated(
+        cls, max_pixels: float | None = None, max_bytes: float | None = None
+    ) -> PictureLimits:
         """Return the limits given, where None those of the environment, or else the defaults.
 
         Raises

@@ -87,9 +87,7 @@ class Photographs:
             yield photograph
 
 
-def _load_all(
-    sources: Sequence[ImageSource], limits: PictureLimits | None
-) -> Iterator[Photograph]:
+def _load_all(sources: Sequence[ImageSource], limits: PictureLimits | None) -> Iterator[Photograph]:
     """Load pictures one at a time and compare each with the ones before.
 
     Raises
