@@ -133,7 +133,7 @@ def test_processes_end_with_the_one_that_started_them():
         "from trisquare.batch.limits import JobLimits\n"
         "from trisquare.batch.workers import Workers\n"
         "workers = Workers(JobLimits.stated(), quick)\n"
-        "workers.do(Job('a', ('a.png',)))\n"
+        "workers.do(Job('a', ('a.png',)), '.')\n"
         "print(next(iter(workers._all))._process.pid, flush=True)\n"
         "os.kill(os.getpid(), 9)\n"
     ).format(path=[path for path in sys.path if path.endswith("helpers")])

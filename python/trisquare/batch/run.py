@@ -181,14 +181,14 @@ class Submission:
 
             self._workers = Workers(limits, work)
             self._own = executor = ThreadPoolExecutor(workers or processors())
-            do: Callable[[Job], Answer] = self._workers.do
+            do: Callable[[Job, str], Answer] = self._workers.do
         else:
             do = partial(do_in_shared_workers, limits=limits, work=work)
         self._executor, self._do = executor, do
 
     def __call__(self, job: Job) -> Future[Answer]:
-        """Submit a job."""
-        return self._executor.submit(self._do, job)
+        """Submit a job; its files are relative to this process's folder."""
+        return self._executor.submit(self._do, job, os.getcwd())
 
     def __enter__(self) -> Submission:
         return self

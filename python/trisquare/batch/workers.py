@@ -51,16 +51,16 @@ class Workers:
         self._is_closed = False
         self.owner = os.getpid()
 
-    def do(self, job: Job) -> Answer:
+    def do(self, job: Job, folder: str) -> Answer:
         """Do a job in one of the processes, and in another if that one dies of it.
 
-        It may be called by many threads at a time, each of which has a process then.
+        Files are relative to the folder. It may be called by many threads at a time, each of which has a process then.
         """
         how = ""
         for _ in range(ATTEMPTS):
             process = self._take()
             try:
-                answer: Answer = process.ask((job, os.getcwd()))
+                answer: Answer = process.ask((job, folder))
             except ProcessDiedError:
                 how = process.end(ENDING)
                 seconds = process.seconds
@@ -168,7 +168,7 @@ _shared: dict[tuple[JobLimits, Any], Workers] = {}
 _shared_lock = threading.Lock()
 
 
-def do_in_shared_workers(job: Job, limits: JobLimits, work: Any = calibrated) -> Answer:
+def do_in_shared_workers(job: Job, folder: str, limits: JobLimits, work: Any) -> Answer:
     """Do a job in a process beside this one, whichever executor's worker this one is."""
     with _shared_lock:
         workers = _shared.get((limits, work))
@@ -176,4 +176,4 @@ def do_in_shared_workers(job: Job, limits: JobLimits, work: Any = calibrated) ->
         if workers is None or workers.owner != os.getpid():
             workers = _shared[limits, work] = Workers(limits, work)
             atexit.register(workers.close)
-    return workers.do(job)
+    return workers.do(job, folder)
