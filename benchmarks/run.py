@@ -62,6 +62,7 @@ BENCHMARKS = (
     "speed.import_time",
     "speed.threads",
     "speed.memory_flat",
+    "speed.batch",
 )
 
 # One thread each: rivals are compared by the work they do. Read when numpy is first imported.

@@ -54,7 +54,8 @@ class Workers:
     def do(self, job: Job, folder: str) -> Answer:
         """Do a job in one of the processes, and in another if that one dies of it.
 
-        Files are relative to the folder. It may be called by many threads at a time, each of which has a process then.
+        Files are relative to the folder. It may be called by many threads at a time, each of which
+        has a process then.
         """
         how = ""
         for _ in range(ATTEMPTS):
