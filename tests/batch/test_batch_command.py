@@ -2,8 +2,10 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 
 import pytest
 from batches import make_pictures
@@ -147,6 +149,25 @@ def test_ten_thousand_unreadable_files(run, folder):
     assert "10002 cameras (10002 done now): 2 passed, 0 beyond the limits, 10000 failed" in out
     assert out.count("\n") < 20
     assert (folder / "out/summary.html").stat().st_size < 1e6
+
+
+@pytest.mark.slow
+def test_ctrl_c_is_one_line_and_the_next_run_goes_on(folder):
+    make_pictures(folder, [f"in/cam{number}.png" for number in range(60)])
+    command = [*COMMAND, "batch", "in", "-o", "out", "--json"]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True
+    ) as process:
+        journal = folder / "out" / "results.jsonl"
+        while not (journal.exists() and journal.read_bytes().count(b"\n") >= 2):
+            assert process.poll() is None
+            time.sleep(0.01)
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+        out, err = process.communicate(timeout=300)
+    assert (process.returncode, out, err) == (130, b"", b"trisquare: error: interrupted\n")
+    there = journal.read_bytes().count(b"\n")
+    answer = json.loads(subprocess.run(command, capture_output=True, check=True).stdout)
+    assert (answer["cameras"], answer["done_now"]) == (62, 62 - there)
 
 
 @pytest.mark.slow

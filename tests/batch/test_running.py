@@ -9,6 +9,8 @@ from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, ThreadPoolEx
 from multiprocessing import get_context
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 from batches import make_pictures, quick
 
@@ -189,6 +191,21 @@ def test_cameras_are_calibrated_as_alone(tmp_path):
     assert not found["b"].is_done
     with pytest.raises(ValueError, match="b: ValueError"):
         _ = found["b"].calibration
+
+
+def test_limits_of_size_hold_in_every_format(tmp_path):
+    """Also where only OpenCV reads the header."""
+    for suffix in (".png", ".pfm"):
+        cv2.imwrite(str(tmp_path / f"a{suffix}"), np.zeros((48, 64, 3), np.float32))
+
+    def codes(**limits):
+        jobs = [ts.Job(own.name, (own,)) for own in sorted(tmp_path.iterdir())]
+        found = ts.calibrate_many(jobs, workers=1, **limits)
+        return {own.job.name: own.record["error"]["code"] for own in found}
+
+    assert codes() == {"a.pfm": "DetectionError", "a.png": "DetectionError"}
+    for limits in ({"max_pixels": 3071}, {"max_bytes": 50}):
+        assert codes(**limits) == {"a.pfm": "ImageError", "a.png": "ImageError"}
 
 
 def test_a_lens_to_hold_may_be_a_file(tmp_path):

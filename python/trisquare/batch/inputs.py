@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import glob
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -100,6 +99,8 @@ def camera_pattern(text: str) -> re.Pattern[str]:
 def _matching(given: str) -> list[str]:
     if os.path.exists(given):
         return [given]
+    import glob  # needed for patterns alone
+
     found = sorted(glob.glob(given, recursive=True)) if glob.has_magic(given) else []
     if not found:
         raise FileNotFoundError(f"{given}: there is no such file or folder")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -100,6 +99,8 @@ def _json_records(path: str) -> Iterator[tuple[int, Any]]:
 
 
 def _csv_records(path: str) -> Iterator[tuple[int, Any]]:
+    import csv  # needed for these alone
+
     with open(path, encoding="utf-8-sig", newline="") as file:
         rows = csv.reader(file, strict=True)
         try:

@@ -71,7 +71,7 @@ class Store:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self._file.close()
+        self._close()
         os.close(self._lock)  # which releases it
 
     def is_done(self, job: Job, key: str) -> bool:
@@ -117,7 +117,7 @@ class Store:
                 place = self._places.get(identity)
                 if place is not None:
                     file.write(self._line_at(place))
-        self._file.close()
+            self._close()  # which some systems ask of a file that is replaced
         self._places.clear()
         self._open()
 
@@ -154,26 +154,25 @@ class Store:
     def _open(self) -> None:
         """Note where the records are, the last of each name; cut off what is not whole."""
         path, end = self.folder / RECORDS, 0
-        self._file = path.open("a+b", buffering=0)
-        with path.open("rb") as lines:
-            for line in lines:
-                if not line.endswith(b"\n"):
-                    break  # a run was killed while it wrote
-                identity = _identity_in(line)
-                if identity is not None:
-                    self._places[identity] = end
-                end += len(line)
+        self._file = path.open("ab", buffering=0)
+        self._lines = path.open("rb")
+        for line in self._lines:
+            if not line.endswith(b"\n"):
+                break  # a run was killed while it wrote
+            identity = _identity_in(line)
+            if identity is not None:
+                self._places[identity] = end
+            end += len(line)
         self._file.truncate(end)
         self._end = end
 
+    def _close(self) -> None:
+        self._file.close()
+        self._lines.close()
+
     def _line_at(self, place: int) -> bytes:
-        with_newline = bytearray()
-        while not with_newline.endswith(b"\n"):
-            part = os.pread(self._file.fileno(), 1 << 14, place + len(with_newline))
-            if not part:
-                break
-            with_newline += part[: part.find(b"\n") + 1] if b"\n" in part else part
-        return bytes(with_newline)
+        self._lines.seek(place)
+        return self._lines.readline()
 
     def _record_at(self, place: int) -> dict[str, Any]:
         record: dict[str, Any] = json.loads(self._line_at(place))

@@ -7,6 +7,7 @@ for it. It computes in one thread, since there is a process for every core.
 from __future__ import annotations
 
 import faulthandler
+import json
 import os
 import pickle
 import signal
@@ -23,6 +24,9 @@ Answer = tuple[dict[str, Any], "str | None"]
 """A record, and the calibration as JSON if there is one."""
 
 READY = "ready"
+
+# Jobs come as pickles, for a lens may be among their options. Answers are lines of JSON: what has
+# read the files of strangers is not to be unpickled.
 
 
 def calibrated(job: Job, limits: JobLimits) -> Answer:
@@ -92,7 +96,7 @@ def serve() -> None:
     os.dup2(2, 1)
     work, limits = pickle.load(jobs)
     prepare(limits)
-    _send(answers, READY)
+    _say(answers, READY)
     while True:
         try:
             job, folder = pickle.load(jobs)
@@ -101,7 +105,7 @@ def serve() -> None:
         with suppress(OSError):
             os.chdir(folder)
         try:
-            _send(answers, attempted(work, job, limits))
+            _say(answers, attempted(work, job, limits))
         except BrokenPipeError:
             return
 
@@ -147,6 +151,6 @@ def attempted(work: Callable[..., Answer], job: Job, limits: JobLimits) -> Answe
         faulthandler.cancel_dump_traceback_later()
 
 
-def _send(stream: BinaryIO, value: object) -> None:
-    pickle.dump(value, stream)
+def _say(stream: BinaryIO, answer: object) -> None:
+    stream.write(json.dumps(answer, allow_nan=False).encode() + b"\n")
     stream.flush()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import json
 import os
 import pickle
 import signal
@@ -61,7 +62,7 @@ class Workers:
         for _ in range(ATTEMPTS):
             process = self._take()
             try:
-                answer: Answer = process.ask((job, folder))
+                record, calibration = process.ask((job, folder))
             except ProcessDiedError:
                 how = process.end(ENDING)
                 seconds = process.seconds
@@ -73,7 +74,7 @@ class Workers:
                 continue
             with self._lock:
                 self._idle.append(process)
-            return answer
+            return record, calibration
         text = f"its process died {ATTEMPTS} times ({how})"
         return failure(job, "WorkerDiedError", text), None
 
@@ -132,7 +133,7 @@ class _Process:
                 return self._receive()
             finally:
                 self.seconds = time.monotonic() - start
-        except (OSError, EOFError, pickle.UnpicklingError) as error:
+        except (OSError, ValueError) as error:
             raise ProcessDiedError from error
 
     def end(self, patience: float = 0.0) -> str:
@@ -162,7 +163,10 @@ class _Process:
 
     def _receive(self) -> Any:
         assert self._process.stdout is not None
-        return pickle.load(self._process.stdout)
+        line = self._process.stdout.readline()
+        if not line.endswith(b"\n"):
+            raise ProcessDiedError
+        return json.loads(line)
 
 
 _shared: dict[tuple[JobLimits, Any], Workers] = {}
