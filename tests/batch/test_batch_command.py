@@ -98,7 +98,11 @@ def test_what_fails_is_told_and_the_rest_goes_on(run, folder):
         (("in", "-o", "out", "--max-seconds", "-1"), 2, "max_seconds"),
         (("in", "-o", "out", "--camera", "*.png"), 2, "braces"),
         (("in", "-o", "out", "--camera", "{a}_*.png"), 2, "none of 2 photographs"),
-        (("in", "-o", "out", "--jobs", "2", "--dask", "tcp://x:1"), 2, "--jobs or --dask"),
+        (
+            ("in", "-o", "out", "--jobs", "2", "--dask", "tcp://x:1"),
+            2,
+            "one of --jobs, --dask and --mpi",
+        ),
         (("in", "-o", "in/a.png"), 2, "in/a.png"),
         (("in",), 2, "Missing option"),
     ],
@@ -110,6 +114,13 @@ def test_wrong_commands_write_nothing(run, folder, arguments, code, message):
     assert message in err
     assert err.count("\n") == 1
     assert not (folder / "out").exists()
+
+
+def test_names_in_errors_do_not_steer_the_terminal(run, folder):
+    code, _, err = run("batch", "\x1b[31mmissing\x9b", "-o", "out")
+    assert code == 5
+    assert "\\x1b[31mmissing\\x9b: there is no such file" in err
+    assert "\x1b" not in err
 
 
 def test_a_second_run_is_refused(run, folder):

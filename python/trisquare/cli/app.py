@@ -25,6 +25,7 @@ import typer
 
 from trisquare._core import __version__
 from trisquare._support.suggestions import nearest_name
+from trisquare._support.terminal_text import printable
 from trisquare.cli.framework import CommandGroup, UnreadableInputError
 from trisquare.cli.options import flag
 from trisquare.errors import (
@@ -170,7 +171,7 @@ def _fault_message(error: BaseException) -> str:
 
 def _fail(message: str, exit_code: int) -> NoReturn:
     with suppress(OSError):  # nobody reads it: the exit code has to do
-        print("trisquare: error:", " ".join(message.split()), file=sys.stderr)
+        print("trisquare: error:", printable(" ".join(message.split())), file=sys.stderr)
     try:
         _flush_output()
     except OSError:

@@ -95,6 +95,11 @@ def batch_command(
         "ADDRESS",
         "Run on the Dask cluster of this scheduler. Needs pip install 'trisquare[dask]'.",
     ),
+    mpi: bool = flag(
+        "Run on the processes of mpiexec -n N python -m mpi4py.futures -m trisquare batch. Needs "
+        "mpi4py.",
+        "--mpi",
+    ),
     limits: Path | None = option(
         None, "FILE", "Limits for production, as TOML: cameras beyond them do not pass."
     ),
@@ -131,8 +136,8 @@ def batch_command(
     )
     if jobs is not None and jobs < 1:
         raise ValueError(f"--jobs must be positive, not {jobs}")
-    if jobs is not None and dask is not None:
-        raise ValueError("the Dask cluster has its own workers: give --jobs or --dask")
+    if (jobs is not None) + (dask is not None) + mpi > 1:
+        raise ValueError("give one of --jobs, --dask and --mpi: a cluster has its own workers")
     if camera is not None:
         camera_pattern(camera)
     options = _options(method, model, fix, free, tone, targets, lines)
@@ -142,7 +147,11 @@ def batch_command(
     if parquet:
         check_parquet()
     with ExitStack() as stack:
-        executor = None if dask is None else stack.enter_context(dask_executor(dask))
+        executor = None
+        if dask is not None:
+            executor = stack.enter_context(dask_executor(dask))
+        elif mpi:
+            executor = stack.enter_context(mpi_executor())
         store = stack.enter_context(Store(output, bounds, retry=retry))
         submit = stack.enter_context(Submission(executor, jobs, bounds))
         told = stack.enter_context(_progress(total, quiet))
@@ -242,6 +251,22 @@ def dask_executor(address: str) -> Iterator[Executor]:
             yield client.get_executor()  # type: ignore[no-untyped-call]
         except BrokenExecutor as error:
             raise ValueError(f"{address}: {error}") from error
+
+
+def mpi_executor() -> Executor:
+    """Return the executor of the processes that mpiexec has started.
+
+    Raises
+    ------
+    ImportError
+        If mpi4py is not installed, or finds no MPI.
+    """
+    try:
+        from mpi4py.futures import MPIPoolExecutor
+    except (ImportError, RuntimeError) as error:
+        raise ImportError(f"--mpi needs mpi4py and an MPI library: {error}") from error
+    executor: Executor = MPIPoolExecutor()
+    return executor
 
 
 def _write_summary(
