@@ -208,6 +208,13 @@ def test_limits_of_size_hold_in_every_format(tmp_path):
         assert codes(**limits) == {"a.pfm": "ImageError", "a.png": "ImageError"}
 
 
+def test_there_may_be_hardly_any_limits(tmp_path):
+    make_pictures(tmp_path, ["a.png"])
+    limits = dict.fromkeys(("max_pixels", "max_bytes", "max_seconds", "max_memory"), 10**30)
+    (own,) = ts.calibrate_many([ts.Job("a", (tmp_path / "a.png",))], workers=1, **limits)
+    assert own.is_done, own.record
+
+
 def test_a_lens_to_hold_may_be_a_file(tmp_path):
     make_pictures(tmp_path, ["a.png"])
     first = ts.calibrate(tmp_path / "a.png", fix="aspect")

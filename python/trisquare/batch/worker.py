@@ -12,6 +12,7 @@ import os
 import pickle
 import signal
 import sys
+import threading
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, BinaryIO
@@ -127,7 +128,7 @@ def prepare(limits: JobLimits) -> None:
         return  # only Linux says how much there is already, and only Unix bounds it
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
     bound = loaded + int(limits.max_memory)
-    with suppress(ValueError, OSError):
+    with suppress(ValueError, OSError, OverflowError):
         resource.setrlimit(
             resource.RLIMIT_AS,
             (bound if hard == resource.RLIM_INFINITY else min(bound, hard), hard),
@@ -139,7 +140,8 @@ def attempted(work: Callable[..., Answer], job: Job, limits: JobLimits) -> Answe
 
     A watchdog that waits for nobody ends the process if it takes too long.
     """
-    faulthandler.dump_traceback_later(limits.max_seconds, exit=True, file=sys.stderr)
+    seconds = min(limits.max_seconds, threading.TIMEOUT_MAX)
+    faulthandler.dump_traceback_later(seconds, exit=True, file=sys.stderr)
     try:
         return work(job, limits)
     except MemoryError as error:

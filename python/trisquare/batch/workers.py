@@ -20,6 +20,9 @@ from trisquare.batch.worker import READY, Answer, calibrated, failure
 ATTEMPTS = 2
 """A process that dies may have been killed for another's sake: the job has a second chance."""
 
+LARGEST_SIZE = 2**62
+"""Of what OpenCV reads from the environment."""
+
 ENDING = 5.0
 """Seconds that a process that closed its output has to end by itself: how it ends is told."""
 
@@ -105,7 +108,7 @@ class _Process:
             **os.environ,
             **ONE_THREAD,
             # For the formats whose headers only OpenCV reads; by it a picture is then no picture.
-            "OPENCV_IO_MAX_IMAGE_PIXELS": str(limits.max_pixels),
+            "OPENCV_IO_MAX_IMAGE_PIXELS": str(min(limits.max_pixels, LARGEST_SIZE)),
             "TRISQUARE_MAX_BYTES": str(limits.max_bytes),
             "OPENCV_LOG_LEVEL": "SILENT",
         }

@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -162,15 +163,8 @@ def batch_command(
         told(None)
         store.finish()
         fleet, counts, notes = _write_summary(output, store, requirements, parquet)
-        failed = (
-            [
-                row
-                for row in rows(store.records(), fleet, requirements)
-                if row["status"] != "passed"
-            ][:MOST_FAILED]
-            if not (json or quiet)
-            else []
-        )
+        judged = rows(store.records(), fleet, requirements)
+        failed = list(islice((row for row in judged if row["status"] != "passed"), MOST_FAILED))
     members = {
         "format": FORMAT,
         "output": str(output),
