@@ -108,8 +108,8 @@ def test_as_many_pictures_are_in_memory_as_threads(paths, monkeypatch, threads):
 
     read = photographs._loaded
 
-    def loaded(source):
-        pixels, turn = read(source)
+    def loaded(*source):
+        pixels, turn = read(*source)
         own = pixels.copy().view(Pixels)
         alive.add(own)
         most.append(len(alive))
@@ -127,7 +127,7 @@ def test_as_many_pictures_are_in_memory_as_threads(paths, monkeypatch, threads):
 def test_an_interrupt_ends_it_soon(monkeypatch, threads):
     begun = []
     read = photographs._loaded
-    monkeypatch.setattr(photographs, "_loaded", lambda own: begun.append(own) or read(own))
+    monkeypatch.setattr(photographs, "_loaded", lambda *own: begun.append(own) or read(*own))
 
     def interrupt(done, total):
         raise KeyboardInterrupt
