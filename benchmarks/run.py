@@ -56,6 +56,7 @@ BENCHMARKS = (
     "finding.robustness",
     "finding.real_scenes",
     "finding.clutter_choice",
+    "finding.many_squares",
     "finding.bad_light",
     "speed.picture_time",
     "speed.lattice_time",

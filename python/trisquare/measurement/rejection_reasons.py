@@ -23,7 +23,7 @@ from trisquare.detection.squares.quads import (
     SAME_QUAD_PIXELS,
     Quads,
     find_quads,
-    one_in_other,
+    is_among,
 )
 from trisquare.detection.squares.rectified import views_of_rectangles
 from trisquare.detection.squares.side_curves import MAX_CORNER_COSINE, fit_sides
@@ -67,12 +67,12 @@ def rejection_reasons(search: Search) -> list[Rejected]:
     searched, scale = search.working_picture()
     if not search.kinds.squares or min(searched.shape) < MIN_PICTURE:
         return []
-    targets = [_region(target) / scale for target in search.targets]
+    targets = np.array([_region(target) / scale for target in search.targets]).reshape(-1, 4, 2)
     reported: list[tuple[FloatArray, str]] = []
     for corners, reason in (*_dropped_by_stages(searched), *_cut_by_border(searched)):
         if (
             quad_areas(corners) >= MIN_SIDE**2
-            and not any(one_in_other(target, corners) for target in targets)
+            and not is_among(corners, targets)
             and not any(_same(corners, other) for other, _ in reported)
         ):
             reported.append((corners, reason))

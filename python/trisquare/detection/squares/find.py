@@ -6,7 +6,7 @@ look; no figure of a calibration depends on their accuracy.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -30,7 +30,7 @@ from trisquare.detection.squares.plain_rectangles import (
     find_rectangles,
     turns_to_longer_side,
 )
-from trisquare.detection.squares.quads import find_quads, one_in_other
+from trisquare.detection.squares.quads import find_quads, is_among
 from trisquare.detection.squares.rectangle_shape import RectangleShape
 from trisquare.detection.squares.rectified import views_of_rectangles
 from trisquare.detection.squares.side_curves import fit_sides
@@ -72,13 +72,15 @@ def find_squares(
     if len(squares) < enough and min(picture.shape) >= 2 * MIN_PICTURE:
         coarser = np.asarray(cv2.pyrDown(picture), dtype=np.uint8)
         others, _ = _squares_of(grey, coarser, 2 * scale, tag_search)
-        squares += [other for other in others if not _is_known(other.outer.corners, squares)]
+        known = _corners(squares)
+        squares += [other for other in others if not is_among(other.outer.corners, known)]
     names = {square.tag.dictionary for square in squares if square.tag is not None}
     if tag_search is not None and shows_unread:
         names |= _dictionaries_of_small_tags(grey, tag_search)
     further = _further_tags(grey, squares, names)
     # What stands within a tag, or holds one, is a cell or the sheet.
-    squares = [it for it in squares if it.tag or not _is_known(it.outer.corners, further)]
+    known = _corners(further)
+    squares = [it for it in squares if it.tag or not is_among(it.outer.corners, known)]
     squares += further
     return sorted(squares, key=lambda square: -float(quad_areas(square.outer.corners)))
 
@@ -137,10 +139,11 @@ def _squares_of(
             places = alignment(quads.corners[figure.inner], quads.corners[figure.outer])
             inner = Outline.of(sides[figure.inner], not outer.dark_inside, places)
         squares.append(SquareOutline(outer, inner, figure.tag))
+    known, corners = _corners(squares), scale * coarse.corners
     others = [
         number
         for number in np.flatnonzero(coarse.dark_inside).tolist()
-        if not _is_known(scale * coarse.corners[number], squares)
+        if not is_among(corners[number], known)
     ]
     shows_unread = bool(others) and not are_uniform(smooth, coarse.subset(np.array(others))).all()
     return squares, shows_unread
@@ -172,7 +175,7 @@ def _further_tags(
         search = TagSearch((name,), stated=True)
         tags = decode_tags(grey, straight_sides(corners), np.zeros(len(corners)), search)
         for quad, tag in zip(corners, tags, strict=True):
-            if tag is not None and not _is_known(quad, (*tagged, *further)):
+            if tag is not None and not is_among(quad, _corners([*tagged, *further])):
                 own = np.roll(quad, tag.turns, axis=0)
                 (ends,) = straight_sides(own[None])
                 further.append(SquareOutline(Outline.of(ends, dark_inside=True), None, tag))
@@ -194,9 +197,9 @@ def _settled(grey: NDArray[np.uint8], quads: list[FloatArray]) -> FloatArray:
     return np.asarray(moved, dtype=np.float64).reshape(-1, 4, 2)
 
 
-def _is_known(quad: FloatArray, squares: Iterable[SquareOutline]) -> bool:
-    """Whether one of some squares is where a quad is."""
-    return any(one_in_other(quad, square.outer.corners) for square in squares)
+def _corners(squares: Sequence[SquareOutline]) -> FloatArray:
+    """Corners of squares' outer outlines, shape (N, 4, 2)."""
+    return np.array([square.outer.corners for square in squares]).reshape(-1, 4, 2)
 
 
 def _side(outline: Outline) -> float:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.candidates import Tag
 from trisquare.detection.sampling import sample
-from trisquare.detection.squares.quads import Quads
+from trisquare.detection.squares.quads import Quads, in_box
 
 TagReader = Callable[[NDArray[np.intp]], Sequence[Tag | None]]
 """Tells which of the quads with these indices, dark and standing alone, are tags."""
@@ -104,12 +104,17 @@ def find_framed_squares(
     # What comes over a frame's ring may end at a corner of the hole.
     hole = uniform & (on_ground.mean(axis=(1, 2)) >= MIN_RING_SHARE)
     areas = quads.areas
+    middles = quads.corners.mean(axis=1)
     frames = [
         FramedSquare(outer, inner)
         for outer in np.flatnonzero(standing_alone & ~uniform).tolist()
-        for inner in np.flatnonzero(hole & (quads.dark_inside != quads.dark_inside[outer])).tolist()
-        if areas[inner] < areas[outer]
-        and _concentric(quads, outer, inner)
+        for inner in np.flatnonzero(
+            hole
+            & (quads.dark_inside != quads.dark_inside[outer])
+            & (areas < areas[outer])
+            & in_box(quads.corners[outer], middles)
+        ).tolist()
+        if _concentric(quads, outer, inner)
         and _same_ground(ground[outer], figure[inner], quads.contrasts[outer])
     ]
     inners = {frame.inner for frame in frames}
@@ -120,8 +125,9 @@ def find_framed_squares(
         read = zip(candidates.tolist(), read_tags(candidates), strict=True)
         tags = [FramedSquare(i, None, tag) for i, tag in read if tag is not None]
     # Cells of a tag are no squares of their own.
-    others = [f for f in solids + frames if not _within(quads, f, tags)]
-    figures = _innermost(quads, areas, tags, others)
+    figures = solids + frames
+    cells = _held_by(quads, tags, figures)
+    figures = _innermost(quads, areas, tags, [f for f in figures if f.outer not in cells])
     kept = of_comparable_size(quads, [figure.outer for figure in figures])
     return [figure for figure in figures if figure.outer in kept]
 
@@ -274,17 +280,40 @@ def _innermost(
 ) -> list[FramedSquare]:
     """Drop figures that hold a tag or another figure: a sheet of paper is no square of its own."""
     kept = list(tags)
+    middles = quads.corners.mean(axis=1)
+    is_kept = np.zeros(len(quads), dtype=bool)
+    is_kept[[tag.outer for tag in tags]] = True
     for figure in sorted(figures, key=lambda figure: areas[figure.outer]):
-        if not any(_within(quads, other, [figure]) for other in kept):
+        if not _holds_any(quads, figure, middles[is_kept]):
             kept.append(figure)
+            is_kept[figure.outer] = True
     return kept
 
 
-def _within(quads: Quads, figure: FramedSquare, others: Sequence[FramedSquare]) -> bool:
-    """Whether a figure's centre lies in one of the others."""
-    centre = tuple(quads.corners[figure.outer].mean(axis=0))
-    outlines = (quads.sides[other.outer].reshape(-1, 2).astype(np.float32) for other in others)
-    return any(cv2.pointPolygonTest(outline, centre, False) >= 0 for outline in outlines)
+def _held_by(
+    quads: Quads, holders: Sequence[FramedSquare], figures: Sequence[FramedSquare]
+) -> set[int]:
+    """Outer outlines of the figures whose middle lies in one of the holders."""
+    middles = quads.corners.mean(axis=1)
+    outers = [figure.outer for figure in figures]
+    return {
+        outer
+        for holder in holders
+        for outer in np.array(outers)[in_box(_outline(quads, holder), middles[outers])].tolist()
+        if _holds_any(quads, holder, middles[[outer]])
+    }
+
+
+def _holds_any(quads: Quads, figure: FramedSquare, points: FloatArray) -> bool:
+    """Whether one of some points, shape (N, 2), lies in a figure."""
+    outline = _outline(quads, figure)
+    near = points[in_box(outline, points)].tolist()
+    return any(cv2.pointPolygonTest(outline, point, False) >= 0 for point in near)
+
+
+def _outline(quads: Quads, figure: FramedSquare) -> NDArray[np.float32]:
+    """Points around a figure, shape (N, 2)."""
+    return np.asarray(quads.sides[figure.outer].reshape(-1, 2), dtype=np.float32)
 
 
 def of_comparable_size(quads: Quads, indices: Sequence[int]) -> list[int]:

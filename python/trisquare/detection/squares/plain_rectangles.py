@@ -15,7 +15,7 @@ from trisquare.detection.squares.quads import (
     SAME_QUAD_FRACTION,
     SAME_QUAD_PIXELS,
     Quads,
-    one_in_other,
+    is_among,
 )
 from trisquare.detection.squares.rectangle_shape import RectangleShape
 from trisquare.detection.squares.rectified import longer_along_first_side
@@ -55,7 +55,7 @@ def find_rectangles(picture: NDArray[np.float32], quads: Quads) -> NDArray[np.in
     outermost = np.argsort(-quads.areas, kind="stable").tolist()
     kept: list[int] = []
     for i in [*solid, *outermost]:
-        if not any(one_in_other(quads.corners[i], quads.corners[k]) for k in kept):
+        if not is_among(quads.corners[i], quads.corners[np.array(kept, dtype=np.intp)]):
             kept.append(i)
     return np.array(of_comparable_size(quads, kept), dtype=np.intp)
 

@@ -9,6 +9,7 @@ nearest to the middle between its own inside and outside, where shading disturbs
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -73,6 +74,9 @@ BORDER = 4
 
 MIN_EDGE_SHARE = 0.8
 """Of the points tried on a contour, those that must show an edge of the contour's own sign."""
+
+BOX_SLACK = 1.0
+"""Pixels around an outline that rounding does not reach."""
 
 SAME_QUAD_PIXELS = 2.5
 SAME_QUAD_FRACTION = 0.04
@@ -185,6 +189,23 @@ def without_repeats(quads: Quads) -> Quads:
         same &= quads.dark_inside[others] == quads.dark_inside[best]
         remaining = others[~same]
     return quads.subset(np.array(kept, dtype=np.intp))
+
+
+def is_among(quad: FloatArray, others: FloatArray) -> bool:
+    """Whether a quad's middle, of shape (4, 2), lies in one of others, (N, 4, 2), or theirs in it.
+
+    Few of many are near enough to be looked at.
+    """
+    middle = quad.mean(axis=0)
+    low, high = others.min(axis=1) - BOX_SLACK, others.max(axis=1) + BOX_SLACK
+    near = ((middle >= low) & (middle <= high)).all(axis=1) | in_box(quad, others.mean(axis=1))
+    return any(one_in_other(quad, other) for other in others[near])
+
+
+def in_box(outline: NDArray[np.floating[Any]], points: FloatArray) -> NDArray[np.bool_]:
+    """Which of some points, shape (N, 2), lie in the box of an outline, shape (M, 2), or beside."""
+    low, high = outline.min(axis=0) - BOX_SLACK, outline.max(axis=0) + BOX_SLACK
+    return np.asarray(((points >= low) & (points <= high)).all(axis=1))
 
 
 def one_in_other(quad: FloatArray, other: FloatArray) -> bool:

@@ -96,7 +96,7 @@ impl SideErrors {
         };
         let mut best = criterion(0.0)?;
         for index in 0..VARIANCES {
-            let variance = self.first_variance() * VARIANCE_RATIO.powi(index as i32);
+            let variance = self.first_variance * VARIANCE_RATIO.powi(index as i32);
             let Some(next) = criterion(variance) else {
                 break;
             };
@@ -116,7 +116,7 @@ impl SideErrors {
         let mut found = vec![self.hypothesis(relative, 0.0)?];
         let mut best = found[0].criterion;
         for index in 0..VARIANCES {
-            let variance = self.first_variance() * VARIANCE_RATIO.powi(index as i32);
+            let variance = self.first_variance * VARIANCE_RATIO.powi(index as i32);
             // Rounding may leave nothing of the information where next to nothing is left.
             let Some(next) = self.hypothesis(relative, variance) else {
                 break;
@@ -151,7 +151,7 @@ impl SideErrors {
             let (before, after) = parts.split_at(plane);
             let others = self.joined(before.iter().chain(&after[1..]));
             for index in 0..VARIANCES {
-                let variance = self.first_variance() * VARIANCE_RATIO.powi(index as i32);
+                let variance = self.first_variance * VARIANCE_RATIO.powi(index as i32);
                 let Some(own) = self.part(plane, self.board_relief(plane), variance) else {
                     continue;
                 };

@@ -29,7 +29,10 @@ const NO_VARIANCE: f64 = 1e-6;
 pub(crate) struct SideErrors {
     /// Under white noise.
     pub(super) system: ArrowSystem,
+    /// In the order of the planes.
     families: Vec<Family>,
+    /// A part of the variance that noise alone leaves of a side's mean.
+    pub(super) first_variance: f64,
     /// Of the boards' out-of-plane shape, by plane.
     board_reliefs: Vec<Option<BoardRelief>>,
 }
@@ -86,6 +89,7 @@ impl SideErrors {
         view.tie(&mut system);
         Some(Self {
             system,
+            first_variance: first_variance(&families),
             families,
             board_reliefs: planes.iter().map(|plane| plane.board_relief).collect(),
         })
@@ -153,18 +157,6 @@ impl SideErrors {
         Some(found)
     }
 
-    /// A part of the variance that noise alone leaves of a side's mean.
-    pub(super) fn first_variance(&self) -> f64 {
-        let (mut information, mut sides) = (0.0, 0.0);
-        for family in &self.families {
-            for side in 0..family.sides.len() {
-                information += family.gram[(side * ORDERS, side * ORDERS)];
-                sides += 1.0;
-            }
-        }
-        FIRST_VARIANCE * sides / information
-    }
-
     /// The normal equations marginalised over displacements of the planes' variances.
     pub fn marginal(&self, variances: &[f64]) -> Option<ArrowSystem> {
         let block = |(plane, variance): (usize, &f64)| {
@@ -194,10 +186,12 @@ impl SideErrors {
         if let Some(own) = &self.board_reliefs[plane] {
             criterion += own.hold(board_relief, &mut block);
         }
-        for family in self.families.iter().filter(|family| family.plane == plane) {
+        let first = self.families.partition_point(|family| family.plane < plane);
+        let own = self.families[first..].iter();
+        for family in own.take_while(|family| family.plane == plane) {
             let variance = match variance {
                 0.0 if family.shifted || family.line_variance > 0.0 => {
-                    NO_VARIANCE * self.first_variance()
+                    NO_VARIANCE * self.first_variance
                 }
                 variance => variance,
             };
@@ -212,6 +206,18 @@ impl SideErrors {
     pub(super) fn board_relief(&self, plane: usize) -> f64 {
         self.board_reliefs[plane].map_or(0.0, |board_relief| board_relief.variance)
     }
+}
+
+/// A part of the variance that noise alone leaves of a side's mean.
+fn first_variance(families: &[Family]) -> f64 {
+    let (mut information, mut sides) = (0.0, 0.0);
+    for family in families {
+        for side in 0..family.sides.len() {
+            information += family.gram[(side * ORDERS, side * ORDERS)];
+            sides += 1.0;
+        }
+    }
+    FIRST_VARIANCE * sides / information
 }
 
 /// `tau^2` of sides displaced by a root mean square of so many px.

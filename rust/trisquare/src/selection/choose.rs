@@ -7,7 +7,7 @@
 //! the joint fit, which drops what does not agree and takes back what does.
 
 use super::candidates::Pool;
-use super::inliers::{Inliers, LEAST_CANDIDATES, STICKS_OUT};
+use super::inliers::{Inliers, LEAST_CANDIDATES, MAX_FITTED, STICKS_OUT};
 use super::joint_fit::Fit;
 use super::propose::propose;
 use super::straightness::Straightness;
@@ -87,6 +87,16 @@ impl<L: Lens> Chooser<'_, L> {
 
     fn all_agree(&self) -> bool {
         let all: Vec<usize> = (0..self.0.planes.len()).collect();
+        // Among many, some show what is wrong as well.
+        let step = all.len().div_ceil(MAX_FITTED);
+        let some: Vec<usize> = all.iter().copied().step_by(step).collect();
+        if step > 1 {
+            let planes: Vec<_> = some.iter().map(|i| self.0.planes[*i].clone()).collect();
+            let sketch = self.0.problem.sketched(&planes);
+            if !sketch.is_some_and(|found| self.0.agrees(&self.0.judged(&some, &planes, found))) {
+                return false;
+            }
+        }
         let refined = self.0.problem.optimum(self.0.planes);
         refined.is_ok_and(|refined| self.0.agrees(&self.0.judged(&all, self.0.planes, refined)))
     }
@@ -197,6 +207,7 @@ impl<L: Lens> Chooser<'_, L> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::verdict::Doubt;
     use super::*;
     use crate::synthetic::{Scene, SceneOptions};
     use nalgebra::Vector2;
@@ -205,21 +216,20 @@ mod tests {
 
     /// Squares of three pictures of one camera.
     fn squares(seed: u64) -> (Scene, Vec<PlaneEdges>) {
+        squares_of(3, seed)
+    }
+
+    /// Three squares in each of so many pictures of one camera.
+    fn squares_of(pictures: u64, seed: u64) -> (Scene, Vec<PlaneEdges>) {
         let first = Scene::random(seed, SceneOptions::default());
         let mut edges = first.edges(seed, NOISE, 8.0);
-        for (image, another) in [
-            (1, first.another(seed + 100)),
-            (2, first.another(seed + 200)),
-        ] {
-            edges.extend(
-                another
-                    .edges(seed + image, NOISE, 8.0)
-                    .into_iter()
-                    .map(|figure| PlaneEdges {
-                        image: image as usize,
-                        ..figure
-                    }),
-            );
+        for image in 1..pictures {
+            let another = first.another(seed + 100 * image);
+            let own = another.edges(seed + image, NOISE, 8.0).into_iter();
+            edges.extend(own.map(|figure| PlaneEdges {
+                image: image as usize,
+                ..figure
+            }));
         }
         (first, edges)
     }
@@ -266,6 +276,31 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn false_squares_among_many_are_dropped() {
+        let (scene, mut edges) = squares_of(34, 5);
+        let is_false = |i: usize| i % 5 == 2;
+        for i in (0..edges.len()).filter(|i| is_false(*i)) {
+            edges[i] = stretched(edges[i].clone(), 0.6 + 0.003 * i as f64);
+        }
+        let found = choose(&edges, scene.size, &Options::default()).unwrap();
+        let expected: Vec<bool> = (0..edges.len()).map(|i| !is_false(i)).collect();
+        assert_eq!(kept(&found), expected);
+        assert_eq!(found.doubt, None);
+    }
+
+    #[test]
+    fn a_choice_of_few_among_many_is_doubted() {
+        let (scene, mut edges) = squares_of(13, 6);
+        for i in (0..edges.len()).filter(|i| i % 3 > 0) {
+            edges[i] = stretched(edges[i].clone(), [0.5, 0.7, 1.5, 2.0][i % 4]);
+        }
+        let found = choose(&edges, scene.size, &Options::default()).unwrap();
+        let expected: Vec<bool> = (0..edges.len()).map(|i| i % 3 == 0).collect();
+        assert_eq!(kept(&found), expected);
+        assert_eq!(found.doubt, Some(Doubt::Minority));
     }
 
     #[test]

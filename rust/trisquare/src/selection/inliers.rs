@@ -14,7 +14,7 @@ use super::squareness::Pinhole;
 use crate::lens::Lens;
 use crate::linear::first_view;
 use crate::noise::{Misfit, Noise};
-use crate::observations::{ObservedPlane, PlaneState};
+use crate::observations::{ObservedPlane, PlaneState, View, relations_of};
 use crate::refine::{Refined, search};
 use crate::solver::JointProblem;
 use crate::uncertainty::check_plane_count;
@@ -40,7 +40,7 @@ pub(crate) const STICKS_OUT: f64 = 2.5;
 const MAX_SEEDS: usize = 84;
 
 /// Squares that are tried one by one; beyond, further ones hardly tell more of the camera.
-const MAX_FITTED: usize = 32;
+pub(crate) const MAX_FITTED: usize = 32;
 
 /// One in so many of the planes that do not agree goes, where none sticks out among many.
 const PART_DROPPED: usize = 8;
@@ -88,11 +88,10 @@ impl<L: Lens> Inliers<'_, L> {
             size,
             options,
             free,
-            judged,
             ..
         } = self.problem;
         check_plane_count(members.len(), free).ok()?;
-        let planes: Vec<_> = members.iter().map(|i| self.planes[*i].clone()).collect();
+        let planes = self.planes_of(members);
         let view = first_view(
             &matrix_of(start, self.problem.size),
             &self.pool.homographies_of(members),
@@ -101,9 +100,37 @@ impl<L: Lens> Inliers<'_, L> {
             *size,
             options,
         );
-        let found = search(&planes, free, view.ok()?)?;
-        let refined = Refined::of_linear(&planes, free, judged, found.view)?;
-        Some(self.judged(members, &planes, refined))
+        self.searched(members, &planes, view.ok()?)
+    }
+
+    /// The joint fit of some members of another, searched from there.
+    fn refitted(&self, fit: &Fit<L>, members: &[usize]) -> Option<Fit<L>> {
+        check_plane_count(members.len(), &self.problem.free).ok()?;
+        let planes = self.planes_of(members);
+        let states = fit.members.iter().zip(&fit.refined.view.planes);
+        let kept = states.filter(|(plane, _)| members.binary_search(plane).is_ok());
+        let view = View {
+            lens: fit.refined.view.lens,
+            planes: kept.map(|(_, state)| state.clone()).collect(),
+            relations: relations_of(&planes),
+        };
+        self.searched(members, &planes, view)
+    }
+
+    fn planes_of(&self, members: &[usize]) -> Vec<ObservedPlane> {
+        members.iter().map(|i| self.planes[*i].clone()).collect()
+    }
+
+    fn searched(
+        &self,
+        members: &[usize],
+        planes: &[ObservedPlane],
+        start: View<L>,
+    ) -> Option<Fit<L>> {
+        let JointProblem { free, judged, .. } = self.problem;
+        let found = search(planes, free, start)?;
+        let refined = Refined::of_linear(planes, free, judged, found.view)?;
+        Some(self.judged(members, planes, refined))
     }
 
     pub fn judged(
@@ -319,8 +346,9 @@ impl<L: Lens> Inliers<'_, L> {
             fit.members.contains(place) || square.is_some_and(|square| square < WORTH_A_TRIAL)
         });
         let mut members: Vec<usize> = promising.map(|(_, place)| *place).collect();
+        let mut next = self.fit(&members, &fit.camera);
         for _ in 0..MAX_TRIMS {
-            let Some(more) = self.fit(&members, &fit.camera) else {
+            let Some(more) = next else {
                 break;
             };
             if self.agrees(&more) {
@@ -338,6 +366,7 @@ impl<L: Lens> Inliers<'_, L> {
                 members = distances.into_iter().map(|(_, plane)| plane).collect();
                 members.sort_unstable();
             }
+            next = self.refitted(&more, &members);
         }
         fit
     }

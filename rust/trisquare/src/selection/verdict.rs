@@ -1,7 +1,7 @@
 //! What a choice among candidates returns, and why it may be wrong.
 
 use super::hypothesis::Hypothesis;
-use super::inliers::Inliers;
+use super::inliers::{Inliers, MAX_FITTED};
 use super::joint_fit::Fit;
 use crate::lens::Lens;
 use crate::observations::{ObservedPlane, PlaneEdges};
@@ -17,6 +17,9 @@ const LEAST_EVIDENCE: f64 = 8.0;
 
 /// Cameras whose focal lengths differ by more than this part are different hypotheses.
 const DIFFERENT_FOCAL: f64 = 0.02;
+
+/// Of more candidates than are tried one by one, a smaller part that agrees is doubted.
+const MINORITY: f64 = 0.5;
 
 /// An aspect, and a principal point (over half the diagonal), this far from the ordinary are
 /// plausible for no ordinary picture: 4 standard deviations of those in use.
@@ -62,6 +65,9 @@ pub enum Doubt {
     /// What agrees may do so by chance.
     #[error("so few agree that it may be chance")]
     Chance,
+    /// Of many candidates too few agree: a camera makes squares of some of them by chance.
+    #[error("fewer than half of so many agree, as some of them may by chance")]
+    Minority,
     /// The camera is no ordinary one.
     #[error(
         "they ask for an unusual camera: aspect {aspect:.3}, principal point {offset:.0} px from \
@@ -131,6 +137,10 @@ pub(crate) fn doubt_of_choice<L: Lens>(
     // Two equations each: where no more are left than unknowns, any squares agree.
     let exact =
         !problem.options.fixed.focal && 2.0 * chosen.standing_apart() < unknowns as f64 + 1.0;
+    let candidates = inliers.planes.len();
+    if candidates > MAX_FITTED && (chosen.members.len() as f64) < MINORITY * candidates as f64 {
+        return Some(Doubt::Minority);
+    }
     if exact || best.evidence < LEAST_EVIDENCE {
         return Some(Doubt::Chance);
     }

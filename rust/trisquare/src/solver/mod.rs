@@ -2,6 +2,7 @@
 
 mod advice;
 mod assemble;
+mod many;
 mod nested_models;
 mod outliers;
 mod problem;

@@ -52,7 +52,10 @@ impl<L: Lens> JointProblem<'_, L> {
 
     /// The answer of the method asked for.
     pub fn optimum(&self, planes: &[ObservedPlane]) -> Result<Refined<L>, Failure<L>> {
-        Starts::of(self, planes)?.optimum()
+        match self.optimum_of_many(planes) {
+            Some(found) => Ok(found),
+            None => Starts::of(self, planes)?.optimum(),
+        }
     }
 
     /// The same, with what is known of it.

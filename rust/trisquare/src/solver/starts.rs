@@ -204,6 +204,31 @@ impl<'a, L: Lens> Starts<'a, L> {
         fallback_camera_matrices(&self.homographies, self.problem.size, options)
     }
 
+    /// The views from which a search may begin, the likeliest first.
+    fn starts(&self) -> impl Iterator<Item = Result<View<L>, Error>> {
+        let fallbacks = self.fallback_camera_matrices(self.problem.options);
+        let by_law = lenses_of_the_law(self.problem).filter_map(|lens| self.view_by(lens));
+        let conic = self.conic_camera_matrix().into_iter();
+        let starts = conic.map(|camera_matrix| self.view(&camera_matrix));
+        let starts = starts.chain(by_law.map(Ok));
+        starts.chain(
+            fallbacks
+                .into_iter()
+                .map(|camera_matrix| self.view(&camera_matrix)),
+        )
+    }
+
+    /// The best of the first so many optima, however doubtful.
+    pub fn best_of_first(&self, count: usize) -> Option<Refined<L>> {
+        let optimum =
+            |start: Result<_, _>| self.finish(self.search(&self.problem.free, start.ok()?)?);
+        let mut best = None;
+        for refined in self.starts().filter_map(optimum).take(count) {
+            keep_better(&mut best, refined);
+        }
+        best
+    }
+
     /// Joint maximum likelihood from the conic's camera matrix, or from the first fallback that
     /// converges where that one does not.
     ///
@@ -213,16 +238,7 @@ impl<'a, L: Lens> Starts<'a, L> {
     /// samples for the rest: it has to stand against that of another start, or of all that the lens's
     /// law gives.
     fn refine(&self) -> Result<Refined<L>, Failure<L>> {
-        let fallbacks = self.fallback_camera_matrices(self.problem.options);
-        let by_law = lenses_of_the_law(self.problem).filter_map(|lens| self.view_by(lens));
-        let conic = self.conic_camera_matrix().into_iter();
-        let starts = conic.map(|camera_matrix| self.view(&camera_matrix));
-        let starts = starts.chain(by_law.map(Ok));
-        let starts = starts.chain(
-            fallbacks
-                .iter()
-                .map(|camera_matrix| self.view(camera_matrix)),
-        );
+        let starts = self.starts();
         let rivals = lenses_of_the_law(self.problem).count().max(1);
         let mut found_before = 0;
         let mut unsettled: Option<Search<L>> = None;

@@ -1,0 +1,54 @@
+//! The optimum of many planes, from that of some of them: what a search from afar costs does not
+//! grow with the planes, and a step or two lead all of them to where they agree.
+
+use super::problem::JointProblem;
+use super::starts::Starts;
+use crate::lens::Lens;
+use crate::linear::{Homographies, Undistortion, first_view};
+use crate::numeric::Termination;
+use crate::observations::{Method, ObservedPlane};
+use crate::refine::Refined;
+
+/// Of twice as many planes or more, so many, evenly chosen, are searched for the camera first.
+const SOME_PLANES: usize = 48;
+
+/// Starts of theirs that must lead to an optimum, of which the better one is taken: the conic of a
+/// few planes may lead to a wrong one.
+const STARTS: usize = 2;
+
+/// Samples of each side with which all of them are searched: of so many sides few tell enough.
+const SAMPLES_PER_SIDE: usize = 5;
+
+impl<L: Lens> JointProblem<'_, L> {
+    /// The better of the first optima that some planes have.
+    pub fn sketched(&self, planes: &[ObservedPlane]) -> Option<Refined<L>> {
+        Starts::of(self, planes).ok()?.best_of_first(STARTS)
+    }
+
+    /// The optimum of many planes; `None` where there are few, or it is not found so.
+    pub(super) fn optimum_of_many(&self, planes: &[ObservedPlane]) -> Option<Refined<L>> {
+        let step = planes.len() / SOME_PLANES;
+        if step < 2 || self.poorer.is_some() || self.options.method == Method::Linear {
+            return None;
+        }
+        let some: Vec<_> = planes.iter().step_by(step).cloned().collect();
+        let lens = self.sketched(&some)?.view.lens;
+        let few = planes.iter().map(|p| p.subsampled(SAMPLES_PER_SIDE));
+        let few: Vec<_> = few.collect();
+        let undistortion = Undistortion::Known(lens);
+        let homographies = Homographies::estimate(&few, &undistortion).ok()?;
+        let (size, options, matrix) = (self.size, self.options, lens.camera_matrix());
+        let view = first_view(&matrix, &homographies, planes, &undistortion, size, options).ok()?;
+        let found = self.searched(&few, &self.free, view)?;
+        let converged = found.termination == Termination::Converged;
+        let found = converged.then_some(found)?;
+        let view = found.view.clone();
+        self.finished(planes, found).or_else(|| {
+            // Where one of the planes is far from a parabola, Newton's undamped steps do not arrive.
+            let found = self.searched(planes, &self.free, view)?;
+            let converged = found.termination == Termination::Converged;
+            let view = converged.then_some(found)?.view;
+            Refined::of_linear(planes, &self.free, &self.judged, view)
+        })
+    }
+}
