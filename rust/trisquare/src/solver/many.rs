@@ -13,7 +13,7 @@ use crate::refine::Refined;
 const SOME_PLANES: usize = 48;
 
 /// Starts of theirs that must lead to an optimum, of which the better one is taken: the conic of a
-/// few planes may lead to a wrong one.
+/// few planes may lead to a wrong one. Where that is doubtful, all starts are tried.
 const STARTS: usize = 2;
 
 /// Samples of each side with which all of them are searched: of so many sides few tell enough.
@@ -22,7 +22,12 @@ const SAMPLES_PER_SIDE: usize = 5;
 impl<L: Lens> JointProblem<'_, L> {
     /// The better of the first optima that some planes have.
     pub fn sketched(&self, planes: &[ObservedPlane]) -> Option<Refined<L>> {
-        Starts::of(self, planes).ok()?.best_of_first(STARTS)
+        let starts = Starts::of(self, planes).ok()?;
+        let found = starts.best_of_first(STARTS)?;
+        match starts.is_doubtful(&found) {
+            true => starts.best_of_first(usize::MAX),
+            false => Some(found),
+        }
     }
 
     /// The optimum of many planes; `None` where there are few, or it is not found so.

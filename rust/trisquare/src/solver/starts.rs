@@ -357,7 +357,7 @@ impl<'a, L: Lens> Starts<'a, L> {
         })
     }
 
-    fn is_doubtful(&self, refined: &Refined<L>) -> bool {
+    pub fn is_doubtful(&self, refined: &Refined<L>) -> bool {
         let conditioning = self.problem.conditioning(self.planes, refined);
         let factor = refined.covariance_factor;
         let weakest = conditioning.weakest(&refined.system, &self.problem.free, factor);
