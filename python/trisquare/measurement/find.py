@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from trisquare._support.arrays import FloatArray
 from trisquare.detection.annotations.outlines import AnnotatedSquare
 from trisquare.detection.annotations.snap import snap_to_edges
 from trisquare.detection.boards.find import find_chessboards, find_lattices
@@ -70,9 +71,12 @@ def _found(grey: NDArray[np.uint8], targets: TargetKinds) -> Sequence[DetectedTa
     boards = (
         [Board.of(lattice, grey) for lattice in find_lattices(grey)] if targets.lattices else []
     )
-    grids = [_of_match(grid) for grid in find_unknown_grids(grey)] if targets.grids else []
-    lattices = [found.lattice for found in (*boards, *grids) if isinstance(found, Board)]
-    return [*boards, *grids, *_squares_beside(grey, lattices, targets)]
+    lattices = [board.lattice for board in boards]
+    beside = _without(grey, lattices)
+    grids = [_of_match(grid) for grid in find_unknown_grids(beside)] if targets.grids else []
+    of_grids = [found.lattice for found in grids if isinstance(found, Board)]
+    lattices += of_grids
+    return [*boards, *grids, *_squares_beside(_without(beside, of_grids), lattices, targets)]
 
 
 def _of_match(found: SheetMatch | Rejected) -> DetectedTarget | Rejected:
@@ -86,16 +90,24 @@ def _squares_beside(
     grey: NDArray[np.uint8], lattices: Sequence[Lattice], targets: TargetKinds
 ) -> list[DetectedTarget]:
     """Find squares and tags that are no part of a lattice: neither cells nor the sheet it is on."""
-    if lattices:
-        grey = grey.copy()
-    for lattice in lattices:  # painted over, which spares the search thousands of contours
-        _paint(grey, np.rint(whole_cells(lattice)).astype(np.int32))
+
+    def is_part(corners: FloatArray) -> bool:
+        return any(belongs_to(lattice, corners) for lattice in lattices)
+
     return [
         Square(square)
-        for square in find_squares(grey, targets.tags, ENOUGH - len(lattices))
-        if (targets.squares or square.tag is not None)
-        and not any(belongs_to(lattice, square.outer.corners) for lattice in lattices)
+        for square in find_squares(grey, targets.tags, ENOUGH - len(lattices), is_part)
+        if (targets.squares or square.tag is not None) and not is_part(square.outer.corners)
     ]
+
+
+def _without(grey: NDArray[np.uint8], lattices: Sequence[Lattice]) -> NDArray[np.uint8]:
+    """Paint over the cells of lattices, which spares further searches thousands of contours."""
+    if lattices:
+        grey = grey.copy()
+    for lattice in lattices:
+        _paint(grey, np.rint(whole_cells(lattice)).astype(np.int32))
+    return grey
 
 
 def _paint(grey: NDArray[np.uint8], cells: NDArray[np.int32]) -> None:

@@ -6,7 +6,7 @@ look; no figure of a calibration depends on their accuracy.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import cv2
 import numpy as np
@@ -46,7 +46,10 @@ SETTLED = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 10, 0.05)
 
 
 def find_squares(
-    image: NDArray[np.generic], tag_search: TagSearch | None = None, enough: int = ENOUGH
+    image: NDArray[np.generic],
+    tag_search: TagSearch | None = None,
+    enough: int = ENOUGH,
+    is_known: Callable[[FloatArray], bool] = lambda corners: False,
 ) -> list[SquareOutline]:
     """Find dark squares on a lighter ground and light ones on a darker, solid or framed; and tags.
 
@@ -58,6 +61,9 @@ def find_squares(
         Without it tags are not looked for.
     enough : int
         Squares below which the picture is searched again at half its size.
+    is_known : callable
+        From the corners of a quad, shape (4, 2), to whether it is known to be something else: then
+        it is no small tag that remains to be read.
 
     Returns
     -------
@@ -68,14 +74,14 @@ def find_squares(
     picture, scale = working_picture(grey)
     if min(picture.shape) < MIN_PICTURE:
         return []
-    squares, shows_unread = _squares_of(grey, picture, scale, tag_search)
+    squares, unread = _squares_of(grey, picture, scale, tag_search)
     if len(squares) < enough and min(picture.shape) >= 2 * MIN_PICTURE:
         coarser = np.asarray(cv2.pyrDown(picture), dtype=np.uint8)
         others, _ = _squares_of(grey, coarser, 2 * scale, tag_search)
         known = _corners(squares)
         squares += [other for other in others if not is_among(other.outer.corners, known)]
     names = {square.tag.dictionary for square in squares if square.tag is not None}
-    if tag_search is not None and shows_unread:
+    if tag_search is not None and not all(is_known(quad) for quad in unread):
         names |= _dictionaries_of_small_tags(grey, tag_search)
     further = _further_tags(grey, squares, names)
     # What stands within a tag, or holds one, is a cell or the sheet.
@@ -113,10 +119,10 @@ def find_plain_rectangles(image: NDArray[np.generic], shape: RectangleShape) -> 
 
 def _squares_of(
     grey: NDArray[np.uint8], picture: NDArray[np.uint8], scale: int, tag_search: TagSearch | None
-) -> tuple[list[SquareOutline], bool]:
+) -> tuple[list[SquareOutline], FloatArray]:
     """Squares of a smooth picture in pixels of the photograph, `scale` to one of its own.
 
-    And whether there are dark quads, with something in them, that are none of these squares.
+    And the dark quads, with something in them, that are none of these squares, shape (Q, 4, 2).
     """
     smooth = picture.astype(np.float32)
     coarse = find_quads(picture, smooth)
@@ -145,8 +151,10 @@ def _squares_of(
         for number in np.flatnonzero(coarse.dark_inside).tolist()
         if not is_among(corners[number], known)
     ]
-    shows_unread = bool(others) and not are_uniform(smooth, coarse.subset(np.array(others))).all()
-    return squares, shows_unread
+    unread = np.array(others, dtype=np.intp)
+    if others:
+        unread = unread[~are_uniform(smooth, coarse.subset(unread))]
+    return squares, corners[unread]
 
 
 def _dictionaries_of_small_tags(grey: NDArray[np.uint8], tag_search: TagSearch) -> set[str]:

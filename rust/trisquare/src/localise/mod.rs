@@ -325,7 +325,10 @@ impl<'a> Localiser<'a> {
         }
         let [before, after] = side.plateaus().map(|light| self.tone.encode(light));
         let share = match self.tells_tone {
-            true => ToneShare::of(&side, self.reader.curve(), &self.pixels, noise),
+            true => {
+                let pixels = (&self.pixels[..], tone_fit::pixels_of_side(spans.len()));
+                ToneShare::of(&side, self.reader.curve(), pixels, noise)
+            }
             false => None,
         };
         let edges = SpanEdges {

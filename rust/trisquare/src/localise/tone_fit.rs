@@ -57,9 +57,19 @@ const SHIFT_PER_MISFIT: f64 = 15.0;
 /// linear light or the reverse.
 const BLIND_SHIFT_STD: f64 = 0.1;
 
-/// Pixels of a side that are asked at most. The camera loses nothing: its own geometry tells most
-/// of what a tone curve does to it, and the fit to the pixels asks them all.
+/// Pixels that are asked, of a picture and of each of its sides at most. The camera loses nothing:
+/// its own geometry tells most of what a tone curve does to it, and the fit to the pixels asks them
+/// all.
+const PIXELS: usize = 20_000;
 const MAX_PIXELS: usize = 1500;
+
+/// But of each side so many at least: they tell its own parameters as well.
+const MIN_PIXELS: usize = 300;
+
+/// How many pixels of a side are asked, where the picture has so many sides.
+pub(super) fn pixels_of_side(sides: usize) -> usize {
+    (PIXELS / sides.max(1)).clamp(MIN_PIXELS, MAX_PIXELS)
+}
 
 /// Columns of a pixel's row: derivatives by height, base, contrast, blur and kurtosis, by the
 /// tone's parameters, and the residual.
@@ -126,8 +136,13 @@ pub(super) struct ToneShare {
 }
 
 impl ToneShare {
-    /// `None` if the pixels leave one of the side's parameters open.
-    pub fn of(side: &Side, tone: &ToneCurve, pixels: &[Pixel], noise: f64) -> Option<Self> {
+    /// From so many of the pixels at most; `None` if they leave one of the side's parameters open.
+    pub fn of(
+        side: &Side,
+        tone: &ToneCurve,
+        (pixels, most): (&[Pixel], usize),
+        noise: f64,
+    ) -> Option<Self> {
         let inverse_variance = 1.0 / (noise * noise);
         let mut total = [[0.0; TOTAL]; TOTAL];
         let mut sums = [[0.0; COLUMNS]; COLUMNS];
@@ -137,7 +152,7 @@ impl ToneShare {
         let mut profile = Profile::default();
         let kurtosis = box_kurtosis(&side.curve.along, side.blur);
         // Wherever along the side they are: the tone is the same.
-        let stride = pixels.len().div_ceil(MAX_PIXELS).max(1);
+        let stride = pixels.len().div_ceil(most).max(1);
         for pixel in pixels.iter().step_by(stride) {
             let bin = (pixel.s * bins_per_s).floor() as i32;
             if bin != current && count > 0.0 {
@@ -323,6 +338,7 @@ pub(super) fn estimate_tone(
     start: PowerCurve,
     previews: &mut [Result<Preview, NoEdge>],
 ) -> ToneEstimate {
+    let most = pixels_of_side(previews.len());
     let mut power = start;
     let mut trust = Trust::Full;
     let mut rounds = 0;
@@ -338,7 +354,7 @@ pub(super) fn estimate_tone(
                     noise,
                     ..
                 } = preview.as_ref().ok()?;
-                ToneShare::of(side, &tone, pixels, *noise)
+                ToneShare::of(side, &tone, (pixels, most), *noise)
             })
             .collect();
         let (step, estimate) = pool(power, shares.iter().flatten(), trust);

@@ -42,12 +42,9 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
         }
     }
 
-    /// The same by curves near the views that it is asked about.
-    pub(super) fn near(self, curves: &'a SideCurves) -> Self {
-        Self {
-            curves: Some(curves),
-            ..self
-        }
+    /// The same by curves near the views that it is asked about, if there are any.
+    pub(super) fn near(self, curves: Option<&'a SideCurves>) -> Self {
+        Self { curves, ..self }
     }
 
     /// The derivatives of a pixel's distance, and the distance, in the columns of the sums.
@@ -378,8 +375,7 @@ mod tests {
         for view in [view, near] {
             let [all, by_curves] = [None, Some(&curves)].map(|curves| {
                 let problem = EdgeProblem::new(&planes, &free, NOISE);
-                let problem = EdgeProblem { curves, ..problem };
-                problem.evaluate(&view).unwrap()
+                problem.near(curves).evaluate(&view).unwrap()
             });
             assert!((by_curves.0 / all.0 - 1.0).abs() < 1e-4);
             for (found, expected) in by_curves.1.blocks.iter().zip(&all.1.blocks) {

@@ -181,15 +181,26 @@ pub(crate) fn finish<L: Lens>(
     judged: &FreeParameters,
     start: Search<L>,
 ) -> Option<Refined<L>> {
-    let mut view = start.view;
+    let curves = SideCurves::of(planes, &start.view, start.scale);
+    let near = finish_near(planes, (free, judged), &start, Some(&curves));
+    // Steps that lead far away from the curves may not converge by them.
+    near.or_else(|| finish_near(planes, (free, judged), &start, None))
+}
+
+fn finish_near<L: Lens>(
+    planes: &[ObservedPlane],
+    (free, judged): (&FreeParameters, &FreeParameters),
+    start: &Search<L>,
+    curves: Option<&SideCurves>,
+) -> Option<Refined<L>> {
+    let mut view = start.view.clone();
     let mut iterations = start.iterations;
     let unknowns = view.unknowns(free);
     let mut scale = start.scale;
     let mut rescalings = 0;
     let mut last_cost = f64::INFINITY;
-    let curves = SideCurves::of(planes, &view, scale);
     for _ in 0..MAX_FINAL_STEPS {
-        let problem = EdgeProblem::new(planes, judged, scale).near(&curves);
+        let problem = EdgeProblem::new(planes, judged, scale).near(curves);
         let (cost, system) = problem.evaluate(&view)?;
         iterations += 1;
         if cost > last_cost * (1.0 + FINAL_ROUNDING) {
@@ -206,7 +217,7 @@ pub(crate) fn finish<L: Lens>(
             continue;
         }
         // The weights must not depend on where the search came from.
-        let residuals = residuals_near(planes, &view, Some(&curves))?;
+        let residuals = residuals_near(planes, &view, curves)?;
         let next = robust_scale(&residuals);
         let settled = (next / scale - 1.0).abs() < FINAL_SCALE_TOLERANCE;
         if arrived && (settled || rescalings == MAX_RESCALINGS) {
