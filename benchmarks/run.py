@@ -61,6 +61,7 @@ BENCHMARKS = (
     "speed.picture_time",
     "speed.lattice_time",
     "speed.solve_time",
+    "speed.choices_time",
     "speed.command_memory",
     "speed.large_picture",
     "finding.hand_outlines",

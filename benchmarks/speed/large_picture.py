@@ -21,8 +21,8 @@ SEED = 24
 IMAGE_SIZE = (6000, 4000)
 REDUCED = 2
 REPETITIONS = 3
-TIME_TARGET = 25.0  # times cv2.Canny
-MEMORY_TARGET = 12.0  # bytes per pixel above the picture itself
+TIME_TARGET = 6.0  # times cv2.Canny
+MEMORY_TARGET = 8.0  # bytes per pixel above the picture itself
 KIBIBYTE = 1024.0
 
 # Prints by how many KiB a calibration from a file raises the peak of a process of its own that has

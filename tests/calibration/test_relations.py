@@ -67,7 +67,7 @@ def test_parallel_planes_turn_alike_and_the_pose_s_own_covariance_allows_for_it(
 
 
 def test_planes_that_stand_otherwise_are_named():
-    scene = squares(3)
+    scene = squares(6)
     edges = edges_of(scene, np.random.default_rng(0))
     one, other = (target.rotation[:, 2] for target in scene.targets[:2])
     off = np.degrees(np.arcsin(abs(one @ other)))
@@ -76,9 +76,20 @@ def test_planes_that_stand_otherwise_are_named():
     assert (warning.code, warning.severity) == ("relation_contradicted", "high")
     assert "planes 0 and 1" in warning
     assert abs(float(str(warning).split(" are ")[1].split(" ")[0]) - off) < 0.5
-    # Planes far from parallel leave no camera: the refusal names them as well.
-    with pytest.raises(ts.DegenerateGeometryError, match=r"planes 2 and 1 are .* from parallel"):
-        ts.calibrate_edges(edges, scene.camera.image_size, parallel=[(2, 1)])
+
+
+@pytest.mark.parametrize(
+    ("seed", "relations", "text"),
+    [
+        (3, {"parallel": [(2, 1)]}, r"planes 2 and 1 are .* from parallel"),
+        (12, {"orthogonal": [(0, 1)]}, r"planes 0 and 1 are .* from right angles"),
+    ],
+)
+def test_a_refusal_names_planes_that_stand_otherwise(seed, relations, text):
+    scene = squares(seed)
+    edges = edges_of(scene, np.random.default_rng(0))
+    with pytest.raises(ts.DegenerateGeometryError, match=text):
+        ts.calibrate_edges(edges, scene.camera.image_size, **relations)
 
 
 @pytest.mark.parametrize(

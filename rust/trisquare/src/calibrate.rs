@@ -45,9 +45,7 @@ pub fn calibrate_photographs<L: Lens>(
     let found = run(edges, size, options, photographs, Purpose::Answer);
     found.map_err(|error| {
         let contradicted = match sort_by_plane(edges) {
-            Ok(planes) if error.kind() == ErrorKind::DegenerateGeometry => {
-                contradicted(edges, &planes, size, options)
-            }
+            Ok(planes) if is_of_geometry(&error) => contradicted(edges, &planes, size, options),
             _ => Vec::new(),
         };
         match contradicted.first() {
@@ -167,6 +165,14 @@ fn run<L: Lens>(
         problem.check_reach(&calibration.camera)?;
     }
     Ok(calibration)
+}
+
+/// Whether planes that do not stand as they are said to may be why there is no camera.
+fn is_of_geometry(error: &Error) -> bool {
+    matches!(
+        error.kind(),
+        ErrorKind::DegenerateGeometry | ErrorKind::Convergence
+    )
 }
 
 /// Relations between the planes that a calibration without them contradicts.

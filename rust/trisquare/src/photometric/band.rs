@@ -66,20 +66,43 @@ const STRETCH_POINTS: usize = 4;
 /// Points of a side's trace at most, so that 16 bits number those of an outline.
 const MAX_TRACE: f64 = 16_000.0;
 
-/// A pixel near an outline.
+/// A pixel near an outline, in few bytes: there are some hundred thousand in a photograph.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct BandPixel {
-    pub place: Vector2<f64>,
-    /// Coded grey, 1 being white.
-    pub value: f64,
-    /// Whether the value only bounds the light from below.
-    pub is_clipped: bool,
-    /// The sides that may blur it, one bit each.
-    pub near: u8,
-    /// Distance to the outline as first seen, px, positive inside; good to half a pixel.
-    pub depth: f64,
+    column: u32,
+    row: u32,
+    value: f32,
+    depth: f32,
     /// The stretch of the outline that it is nearest to.
     pub stretch: u16,
+    /// The sides that may blur it, one bit each.
+    pub near: u8,
+    /// Whether the value only bounds the light from below.
+    pub is_clipped: bool,
+}
+
+impl BandPixel {
+    #[inline]
+    pub fn place(&self) -> Vector2<f64> {
+        Vector2::new(f64::from(self.column), f64::from(self.row))
+    }
+
+    /// Coded grey, 1 being white.
+    #[inline]
+    pub fn value(&self) -> f64 {
+        f64::from(self.value)
+    }
+
+    /// Distance to the outline as first seen, px, positive inside; good to half a pixel.
+    #[inline]
+    pub fn depth(&self) -> f64 {
+        f64::from(self.depth)
+    }
+
+    #[cfg(test)]
+    pub fn set_value(&mut self, value: f64) {
+        self.value = value as f32;
+    }
 }
 
 /// A square outline with the pixels around it.
@@ -108,8 +131,8 @@ impl PixelFigure {
     /// The same with about one pixel in `stride`, spread evenly.
     pub fn subsampled(&self, stride: u32) -> Self {
         // Neighbours along rows, columns and diagonals fall into different classes.
-        let keep =
-            |p: &&BandPixel| (p.place.x as u32 * 3 + p.place.y as u32 * 5).is_multiple_of(stride);
+        let class = |p: &BandPixel| 3 * u64::from(p.column) + 5 * u64::from(p.row);
+        let keep = |p: &&BandPixel| class(p).is_multiple_of(u64::from(stride));
         Self {
             pixels: self.pixels.iter().filter(keep).copied().collect(),
             stretch_sides: self.stretch_sides.clone(),
@@ -299,11 +322,12 @@ impl Outline {
             }
             let (value, is_clipped) = reader.get(x, y)?;
             Some(BandPixel {
-                place,
-                value,
+                column: x as u32,
+                row: y as u32,
+                value: value as f32,
                 is_clipped,
                 near: mark.near,
-                depth,
+                depth: depth as f32,
                 stretch: stretches[nearest],
             })
         };

@@ -82,10 +82,12 @@ impl FigureChart {
             }
             let mut places = [0.0; LANES];
             for (place, pixel) in places.iter_mut().zip(pixels) {
-                *place = side.image.place(&pixel.place);
+                *place = side.image.place(&pixel.place());
             }
             let terms = polynomials::<NODES>(&places);
-            let beside = side.image.beside(pixels.iter().map(|p| p.place), &terms);
+            let beside = side
+                .image
+                .beside(pixels.iter().map(BandPixel::place), &terms);
             let mut sums = [[0.0; LANES]; 3];
             for (coefficients, term) in side.distances.iter().zip(&terms) {
                 for (sum, coefficient) in sums.iter_mut().zip(coefficients) {
@@ -104,7 +106,7 @@ impl FigureChart {
     /// The polynomials at the place of a pixel along a side.
     #[inline]
     pub fn terms(&self, side: usize, pixel: &BandPixel) -> [f64; TERMS] {
-        let place = self.sides[side].image.place(&pixel.place);
+        let place = self.sides[side].image.place(&pixel.place());
         polynomials::<TERMS>(&[place; LANES]).map(|[term, ..]| term)
     }
 

@@ -97,7 +97,7 @@ impl<'a> FigureSums<'a> {
         weight: f64,
         block: &mut Block,
     ) -> Option<()> {
-        let pixel_ray = scene.lens.unproject_with_jacobian(&pixel.place)?;
+        let pixel_ray = scene.lens.unproject_with_jacobian(&pixel.place())?;
         let picture = self.has_picture().then(|| scene.wrt_picture(shade));
         let (own, shared) = (&mut self.corner_own, &mut self.corner_shared);
         own.fill(0.0);

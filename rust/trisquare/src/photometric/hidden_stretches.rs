@@ -76,10 +76,11 @@ fn disturbed_of_figure<L: Lens>(
     let mut sums = vec![[(0.0, 0.0); ZONES]; figure.stretch_sides.len()];
     let distances = all_distances(&scene, figure)?;
     let pixels = figure.pixels.iter().zip(&distances);
-    for (pixel, distances) in pixels.filter(|(pixel, _)| pixel.depth.abs() < JUDGED) {
+    for (pixel, distances) in pixels.filter(|(pixel, _)| pixel.depth().abs() < JUDGED) {
         let distances = scene.may_cut(pixel).then_some(distances);
         let residual = scene.shade(pixel, distances).residual / fit.scales[index];
-        let zone = 1 + usize::from(pixel.depth > EDGE_ZONE) - usize::from(pixel.depth < -EDGE_ZONE);
+        let zone =
+            1 + usize::from(pixel.depth() > EDGE_ZONE) - usize::from(pixel.depth() < -EDGE_ZONE);
         let (sum, count) = &mut sums[usize::from(pixel.stretch)][zone];
         *sum += residual.clamp(-MAX_DEVIATIONS, MAX_DEVIATIONS);
         *count += 1.0;

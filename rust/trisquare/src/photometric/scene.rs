@@ -101,13 +101,13 @@ impl<'a, L: Lens> Scene<'a, L> {
     /// Place in the figure, from -1/2 to 1/2: the variables of its linear shading.
     #[inline]
     fn shading_place(&self, pixel: &BandPixel) -> Vector2<f64> {
-        (pixel.place - self.figure.centre) * self.per_size
+        (pixel.place() - self.figure.centre) * self.per_size
     }
 
     /// Whether an edge may cut the pixel; if not, it is on a plateau.
     #[inline]
     pub fn may_cut(&self, pixel: &BandPixel) -> bool {
-        pixel.depth.abs() < PLATEAU * self.exposure.blur + DEPTH_SLACK
+        pixel.depth().abs() < PLATEAU * self.exposure.blur + DEPTH_SLACK
     }
 
     /// The figure's blur, px.
@@ -128,7 +128,7 @@ impl<'a, L: Lens> Scene<'a, L> {
     pub fn shade(&self, pixel: &BandPixel, distances: Option<&[f64; 4]>) -> Shade {
         let mut z = [0.0; 4];
         let mut covered = match distances {
-            None => coverage::plateau(pixel.depth > 0.0),
+            None => coverage::plateau(pixel.depth() > 0.0),
             Some(distances) => {
                 z = distances.map(|d| d * self.per_blur);
                 coverage(pixel.near, &z, &self.kurtosis, &self.corners)
@@ -138,7 +138,7 @@ impl<'a, L: Lens> Scene<'a, L> {
         let light = self.exposure.light(&place);
         let reflected = self.exposure.ground + self.exposure.contrast * covered.value;
         let (value, mut slope) = self.curve.encode_with_slope(light * reflected);
-        let mut residual = value - pixel.value;
+        let mut residual = value - pixel.value();
         let is_silent = pixel.is_clipped && residual >= 0.0;
         if is_silent {
             (residual, slope, covered.cut_count) = (0.0, 0.0, 0);
