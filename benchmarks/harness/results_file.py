@@ -41,7 +41,7 @@ def record(benchmark: str, row: Row, commit: str) -> Record:
         "value": value,
         "unit": unit,
         "target": row.must_reach,
-        "met": row.met,
+        "met": None if row.met is None else bool(row.met),
         "commit": commit,
     }
 
