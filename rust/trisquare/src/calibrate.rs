@@ -72,6 +72,9 @@ pub(crate) struct Comparison {
     work: Option<Rc<Work>>,
     /// Column and standard deviation of what the last one was held near zero by.
     pub priors: Vec<(usize, f64)>,
+    /// The planes with the outliers of the first one. Models that are too poor would reject what they
+    /// do not describe, side by side.
+    planes: Option<Vec<ObservedPlane>>,
 }
 
 /// What a calibration is for.
@@ -104,9 +107,7 @@ fn run<L: Lens>(
     };
     let judging = comparison.is_none();
     let problem = JointProblem::of_planes(&planes, size, options, &work);
-    if let Some(comparison) = comparison {
-        comparison.priors = problem.free.priors().to_vec();
-    }
+    let known = comparison.as_ref().and_then(|it| it.planes.clone());
     check_plane_count(planes.len(), &problem.free)?;
 
     let advised = |failure| problem.advised(failure);
@@ -115,9 +116,20 @@ fn run<L: Lens>(
             Stage::Linear,
             problem.solve(&planes).map(|s| (s, Vec::new())),
         ),
-        Method::MaximumLikelihood => (Stage::Edges, reject_outliers(&problem, &planes)),
+        Method::MaximumLikelihood => (
+            Stage::Edges,
+            match &known {
+                Some(planes) => problem.solve(planes).map(|s| (s, Vec::new())),
+                None => reject_outliers(&problem, &planes),
+            },
+        ),
     };
     let (mut solution, outliers) = found.map_err(advised)?;
+    if let Some(comparison) = comparison {
+        comparison.priors = problem.free.priors().to_vec();
+        let with_outliers = || solution.with_its_outliers(&planes);
+        comparison.planes.get_or_insert_with(with_outliers);
+    }
     if judging {
         problem.judge(&solution).map_err(advised)?;
     }

@@ -54,8 +54,8 @@ pub struct RejectedFamily {
 
 /// Calibrates with the lens, of any family, that has the largest evidence.
 ///
-/// As [`calibrate_by_evidence`](crate::calibrate_by_evidence) within each family. What the other
-/// family says of focal length and principal point stays, by its probability, in the covariance.
+/// As [`calibrate_by_evidence`](crate::calibrate_by_evidence) within each family. A fisheye is only
+/// asked about where a distorted pinhole leaves sides that err together. What the other family says of focal length and principal point stays, by its probability, in the covariance.
 ///
 /// # Errors
 /// As [`calibrate_by_evidence`](crate::calibrate_by_evidence) of a distorted pinhole.
@@ -68,6 +68,11 @@ pub fn calibrate_by_family(
     check_comparable(options)?;
     let wide_options = of_family::<_, Fisheye>(options);
     let plain = Weighed::of(edges, size, options);
+    if let Some(plain) = plain.as_ref().filter(|plain| is_clean(plain.fit())) {
+        // Of what leaves nothing but noise no other lens can leave less.
+        let choice = plain.answer(edges, size, options, photographs)?;
+        return Ok((FamilyChoice::Pinhole(choice), None));
+    }
     let wide = Weighed::of(edges, size, &wide_options);
     let (plain, wide) = match (plain, wide) {
         (Some(plain), Some(wide)) => (plain, wide),

@@ -180,12 +180,14 @@ fn candidates<L: Lens>(
 ) -> Vec<Candidate<L>> {
     let mut fits = Vec::with_capacity(L::Model::NESTED.len());
     let mut shared = Comparison::default();
-    for &model in L::Model::NESTED {
+    // The richest first: what it rejects, the others do not see either.
+    for &model in L::Model::NESTED.iter().rev() {
         let options = Options { model, ..*options };
         if let Ok(fit) = calibrate_unjudged(edges, size, &options, &mut shared) {
             fits.push((model, fit, std::mem::take(&mut shared.priors)));
         }
     }
+    fits.reverse();
     // The richest whose covariance can be weighed speaks for all models nested in it.
     while let Some((richest, fit, priors)) = fits.last() {
         if let Some(evidence) = log_evidence(*richest, fit, priors) {
