@@ -67,6 +67,7 @@ BENCHMARKS = (
     "speed.threads",
     "speed.many_pictures",
     "speed.memory_flat",
+    "speed.batch",
 )
 
 # Ten minutes at most, together.

@@ -13,6 +13,9 @@ from trisquare.analysis.diagnosis import Diagnosis, diagnose
 from trisquare.analysis.measure import Measurement, measure
 from trisquare.analysis.predict import PlannedSquare, Prediction, predict
 from trisquare.analysis.rectify import TopView, rectify
+from trisquare.batch.inputs import find_jobs
+from trisquare.batch.jobs import Job
+from trisquare.batch.run import JobResult, calibrate_many
 from trisquare.calibration.calibrate import calibrate, calibrate_edges
 from trisquare.calibration.linear_steps import (
     Straightening,
@@ -67,6 +70,8 @@ __all__ = [
     "DisplacementMap",
     "ImageError",
     "InternalError",
+    "Job",
+    "JobResult",
     "LensModelError",
     "Measurement",
     "ModelAlternative",
@@ -93,10 +98,12 @@ __all__ = [
     "__version__",
     "calibrate",
     "calibrate_edges",
+    "calibrate_many",
     "camera_matrix_from_homographies",
     "compare",
     "detect",
     "diagnose",
+    "find_jobs",
     "fit_distortion",
     "homography_from_lines",
     "locate",

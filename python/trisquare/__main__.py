@@ -2,4 +2,5 @@
 
 from trisquare.cli.app import main
 
-main()
+if __name__ == "__main__":  # processes of MPI import it, too
+    main()

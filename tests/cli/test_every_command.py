@@ -38,6 +38,7 @@ TAKEN = ("photo.png", "--camera", "camera.json")
 
 WORKING = {
     "calibrate": ("photo.png",),
+    "batch": ("photo.png", "-o", "results"),
     "predict": ("--size", "640x480"),
     "measure": (*TAKEN, FIRST, SECOND),
     "compare": ("camera.json", "camera.json"),
@@ -62,6 +63,7 @@ FILES_READ = (
     ("predict", "GIVEN"),
     ("predict", "--camera", "GIVEN"),
     ("measure", "photo.png", "--camera", "GIVEN", FIRST, SECOND),
+    ("batch", "photo.png", "-o", "results", "--limits", "GIVEN"),
     ("measure", *TAKEN, "--outline", "GIVEN", FIRST, SECOND),
     ("measure", *TAKEN, "--targets", "GIVEN", FIRST, SECOND),
     ("compare", "GIVEN", "camera.json"),

@@ -38,13 +38,18 @@ def page(name):
 
 @pytest.fixture(scope="module")
 def given(tmp_path_factory):
-    """Make the files that a reader has: two photographs of one camera, a video, a calibration."""
+    """Make the files that a reader has: two photographs of one camera, a video, a calibration.
+
+    And the limits for production of the page on batches.
+    """
     folder = tmp_path_factory.mktemp("given")
     demo = (resources.files("trisquare") / "data" / "demo.png").read_bytes()
     photo = cv2.imdecode(np.frombuffer(demo, np.uint8), cv2.IMREAD_COLOR)
     cv2.imwrite(str(folder / "photo.jpg"), photo, [cv2.IMWRITE_JPEG_QUALITY, 95])
     found = ts.calibrate(folder / "photo.jpg")
     (folder / "camera.json").write_text(found.to_json())
+    (limits,) = [content for _, content in blocks(page("batch.md"), "toml")]
+    (folder / "limits.toml").write_text(limits)
     lens = found.camera
     camera = simulate.TrueCamera(
         lens.fx, lens.fy, lens.cx, lens.cy, lens.distortion, lens.image_size

@@ -78,7 +78,14 @@ def test_the_wheel_serves_every_python_from_3_10(wheel):
 def test_the_wheel_holds_types_data_and_licences(wheel):
     names = names_in(wheel)
     report = [f"report/report.{kind}" for kind in ("html.j2", "css", "js")]
-    for name in ("_core.pyi", "py.typed", "data/demo.png", "data/demo.json", *report):
+    for name in (
+        "_core.pyi",
+        "py.typed",
+        "data/demo.png",
+        "data/demo.json",
+        "batch/summary.html.j2",
+        *report,
+    ):
         assert f"trisquare/{name}" in names
     for licence in ("LICENSE-MIT", "LICENSE-APACHE"):
         assert any(name.endswith(f".dist-info/licenses/{licence}") for name in names)

@@ -8,7 +8,7 @@ import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeAlias
+from typing import BinaryIO, TypeAlias
 
 PathLike: TypeAlias = str | os.PathLike[str]
 
@@ -85,3 +85,26 @@ def write_in_turn(contents: Iterable[tuple[PathLike, bytes]]) -> None:
     finally:
         for _, temporary, _ in staged:
             temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def replacing(path: PathLike) -> Iterator[BinaryIO]:
+    """Give a file to be written that takes the place of another once it is whole, on the disk.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written; the other is untouched then.
+    """
+    check_writable(path)
+    target = Path(os.path.realpath(path))
+    temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}.tmp")
+    try:
+        with writing(path):
+            with temporary.open("xb") as file:
+                yield file
+                file.flush()
+                os.fsync(file.fileno())
+            temporary.replace(target)
+    finally:
+        temporary.unlink(missing_ok=True)

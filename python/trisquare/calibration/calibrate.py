@@ -20,6 +20,7 @@ from trisquare.detection.kinds import TargetKinds, nothing_found
 from trisquare.edges import PlaneEdges, changed_edges
 from trisquare.errors import DetectionError, TrisquareError
 from trisquare.images.faults import fault_warnings
+from trisquare.images.limits import PictureLimits
 from trisquare.images.photographs import Photographs
 from trisquare.images.pixels import ImageSource, Outlines, Tone, sources_of
 from trisquare.images.tone import contradiction_text, pooled, shift_text
@@ -49,6 +50,7 @@ def calibrate(
     outlines: Outlines | None = None,
     lines: bool = False,
     threads: int | None = None,
+    max_pixels: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Calibration:
     """Calibrate a camera from one photograph of three squares, or from several photographs.
@@ -105,6 +107,9 @@ def calibrate(
         In how many threads several photographs are read and measured, each of which holds one in
         memory; by default as many as there are cores that this process may use. The result is the
         same with any number. OpenCV's own threads are a setting of OpenCV's.
+    max_pixels : int, optional
+        A file with more pixels is refused by its header, before it is decoded; by default
+        ``TRISQUARE_MAX_PIXELS`` of the environment, or 500 million.
     progress : callable, optional
         Called with (pictures done, pictures in all).
 
@@ -115,7 +120,8 @@ def calibrate(
     Raises
     ------
     ImageError
-        If a file cannot be read whole, also if it is one of many: it is named.
+        If a file cannot be read whole or has too many pixels, also if it is one of many: it is
+        named.
     DetectionError
         If no picture shows a target.
     NotEnoughPlanesError, NotEnoughDataError, DegenerateGeometryError, ConvergenceError
@@ -126,7 +132,7 @@ def calibrate(
         For bad arguments.
     """
     return calibrate_photographs(
-        Photographs(sources_of(image)),
+        Photographs(sources_of(image), limits=PictureLimits.stated(max_pixels)),
         method=method,
         model=model,
         fix=fix,

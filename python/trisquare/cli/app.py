@@ -2,7 +2,8 @@
 
 Exit codes: 0 done; 2 usage, bad argument, damaged file or unwritable output; 3 nothing found, or
 not enough of it; 4 the geometry does not determine the camera, or no convergence; 5 a picture or
-another file is missing or unreadable. Every error is one line on standard error, and no file is
+another file is missing or unreadable; 6 cameras of a batch failed or are beyond the limits. Every
+error is one line on standard error, and no file is
 written then but what `--debug-image` asks for.
 
 Besides these, as by other commands: 1 where nobody reads standard output any more (``| head``),
@@ -24,6 +25,7 @@ import typer
 
 from trisquare._core import __version__
 from trisquare._support.suggestions import nearest_name
+from trisquare._support.terminal_text import printable
 from trisquare.cli.framework import CommandGroup, UnreadableInputError
 from trisquare.cli.options import flag
 from trisquare.errors import (
@@ -169,7 +171,7 @@ def _fault_message(error: BaseException) -> str:
 
 def _fail(message: str, exit_code: int) -> NoReturn:
     with suppress(OSError):  # nobody reads it: the exit code has to do
-        print("trisquare: error:", " ".join(message.split()), file=sys.stderr)
+        print("trisquare: error:", printable(" ".join(message.split())), file=sys.stderr)
     try:
         _flush_output()
     except OSError:

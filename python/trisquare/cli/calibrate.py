@@ -32,6 +32,7 @@ from trisquare.detection.kinds import TAG_SEARCHES
 from trisquare.detection.sheets.layout import parse_layout
 from trisquare.drawing.detections import draw_detections
 from trisquare.drawing.overlay import draw_overlay
+from trisquare.images.limits import PictureLimits, parse_amount
 from trisquare.images.photographs import Photographs
 from trisquare.images.pixels import TONE_CURVES
 from trisquare.report import check_extra, report_page
@@ -125,6 +126,9 @@ def calibrate_command(
         "--jobs",
         "-j",
     ),
+    max_pixels: str | None = option(
+        None, "N", "Refuse pictures of more pixels, by their header (500M)."
+    ),
     with_diagnosis: bool = flag(
         "Show what limits each parameter, and what would improve it.", "--diagnose"
     ),
@@ -146,7 +150,12 @@ def calibrate_command(
         with reading():
             parse_layout(board)
         targets = board  # in Python they are one argument
-    photographs = Photographs(photos, keep=bool(overlay or debug_image or report))
+    most = None if max_pixels is None else parse_amount(max_pixels, "--max-pixels")
+    photographs = Photographs(
+        photos,
+        keep=bool(overlay or debug_image or report),
+        limits=PictureLimits.stated(most),
+    )
     with (
         drawn_on_failure(photographs, debug_images),
         progress_bar("calibrating", quiet) as progress,
@@ -161,7 +170,7 @@ def calibrate_command(
             initial=None,
             orthogonal=parse_pairs(orthogonal),
             parallel=parse_pairs(parallel),
-            tone=_tone(tone),
+            tone=tone_named(tone),
             targets=targets,
             outlines=outline,
             lines=lines,
@@ -183,7 +192,8 @@ def calibrate_command(
     answer(json, quiet, calibration.to_json().rstrip(), parts)
 
 
-def _tone(text: str | None) -> str | float | None:
+def tone_named(text: str | None) -> str | float | None:
+    """Return the tone curve that the option names: a gamma is a number."""
     try:
         return text if text is None else float(text)
     except ValueError:

@@ -17,6 +17,9 @@ from trisquare._support.suggestions import nearest_name
 SUMMARIES: Mapping[str, str] = MappingProxyType(
     {
         "calibrate": "Calibrate a camera from its photographs.",
+        "batch": (
+            "Calibrate many cameras, each from its own photographs; a run that was killed goes on."
+        ),
         "predict": "Predict the standard deviations that a planned photograph will have.",
         "measure": "Measure lengths, angles and areas on the plane of a square.",
         "compare": (
@@ -49,7 +52,10 @@ EXIT_CODES_HELP = """\
 2  wrong usage or argument, a damaged file (other than a picture), or unwritable output
 3  nothing found in the photograph, or not enough of it
 4  the geometry does not determine the camera, or no convergence
-5  a picture or a file is missing or cannot be read"""
+5  a picture or a file is missing or cannot be read
+6  of a batch, cameras failed or are beyond the limits"""
+
+NOT_ALL_PASSED_EXIT = 6
 
 
 class HelpEndingWithExamples:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trisquare._support.threads import Turns
+from trisquare.images.limits import PictureLimits
 from trisquare.images.pixels import Image, ImageSource, picture_size
 from trisquare.images.reading import load_picture
 
@@ -55,11 +56,20 @@ class Photographs:
     keep : bool
         Whether they stay in memory, to be drawn on; else every pass loads them again, one at a
         time.
+    limits : PictureLimits, optional
+        Of their files, by default those of the environment.
     """
 
-    def __init__(self, sources: Sequence[ImageSource], *, keep: bool = False) -> None:
+    def __init__(
+        self,
+        sources: Sequence[ImageSource],
+        *,
+        keep: bool = False,
+        limits: PictureLimits | None = None,
+    ) -> None:
         self.sources = list(sources)
         self._keep = keep
+        self._limits = limits
         self._kept: dict[int, Photograph] = {}
 
     def __len__(self) -> int:
@@ -96,7 +106,9 @@ class Photographs:
         return (partial(self._load, index, earlier) for index in range(len(self)))
 
     def _load(self, index: int, earlier: _Earlier) -> Photograph:
-        photograph = _load(index, self.sources[index], earlier, is_alone=len(self) == 1)
+        photograph = _load(
+            index, self.sources[index], self._limits, earlier, is_alone=len(self) == 1
+        )
         if self._keep:
             self._kept[index] = photograph
         return photograph
@@ -110,11 +122,18 @@ class _Earlier(NamedTuple):
     depths: set[str]
 
 
-def _load(index: int, source: ImageSource, earlier: _Earlier, *, is_alone: bool) -> Photograph:
+def _load(
+    index: int,
+    source: ImageSource,
+    limits: PictureLimits | None,
+    earlier: _Earlier,
+    *,
+    is_alone: bool,
+) -> Photograph:
     name = _name(index, source)
     key: int | None = None
     try:
-        pixels, turn = _loaded(source)
+        pixels, turn = _loaded(source, limits)
         key = 0 if is_alone else _fingerprint(pixels)
     finally:
         with earlier.turns.turn(index):
@@ -141,12 +160,12 @@ def _name(index: int, source: ImageSource) -> str:
     return f"picture {index}"
 
 
-def _loaded(source: ImageSource) -> tuple[Image, str | None]:
+def _loaded(source: ImageSource, limits: PictureLimits | None) -> tuple[Image, str | None]:
     """Return a picture and how its orientation tag would turn it."""
     if isinstance(source, str | os.PathLike):
         from trisquare.images.reading import read_photograph
 
-        return read_photograph(source)
+        return read_photograph(source, limits)
     return load_picture(source), None
 
 

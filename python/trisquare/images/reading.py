@@ -9,9 +9,14 @@ import numpy as np
 from trisquare._support.paths import read_bytes
 from trisquare._support.writing import PathLike
 from trisquare.errors import ImageError
+from trisquare.images.header import stated_size
 from trisquare.images.integrity import incompleteness
+from trisquare.images.limits import PictureLimits
 from trisquare.images.orientation import TIFF_STARTS, find_orientation
 from trisquare.images.pixels import PIXEL_TYPES, Image, ImageSource
+
+NO_MEMORY = -4
+"""OpenCV's code for it, which it names differently from version to version."""
 
 
 def read_image(path: PathLike) -> Image:
@@ -39,16 +44,20 @@ def read_image(path: PathLike) -> Image:
     return read_photograph(path)[0]
 
 
-def read_photograph(path: PathLike) -> tuple[Image, str | None]:
+def read_photograph(
+    path: PathLike, limits: PictureLimits | None = None
+) -> tuple[Image, str | None]:
     """Read a photograph as `read_image` does, and say how its orientation tag would turn it.
 
     The text says what the orientation tag asks for; it is None without a tag, or for an upright
-    picture.
+    picture. `limits` are by default those of the environment.
     """
+    limits = PictureLimits.stated() if limits is None else limits
     try:
-        encoded = read_bytes(path)
+        encoded = _bytes_within(path, limits)
     except OSError as error:
         raise ImageError(str(error)) from error
+    _check_pixels(path, encoded, limits)
     reason = incompleteness(encoded)
     if reason:
         raise ImageError(f"{os.fspath(path)}: {reason}")
@@ -64,6 +73,8 @@ def read_photograph(path: PathLike) -> tuple[Image, str | None]:
     try:
         image = cv2.imdecode(np.frombuffer(encoded, np.uint8), flags)
     except cv2.error as error:
+        if error.code == NO_MEMORY:
+            raise MemoryError(f"{os.fspath(path)}: not enough memory to decode it") from error
         raise ImageError(f"{os.fspath(path)}: not a readable picture") from error
     if image is None:
         raise ImageError(f"{os.fspath(path)}: not a readable picture")
@@ -72,6 +83,28 @@ def read_photograph(path: PathLike) -> tuple[Image, str | None]:
     if image.dtype == np.float32 and not np.isfinite(image).all():
         raise ImageError(f"{os.fspath(path)}: some pixels are NaN or infinite")
     return image, turn
+
+
+def _bytes_within(path: PathLike, limits: PictureLimits) -> bytes:
+    try:
+        size = os.stat(path).st_size
+    except OSError:
+        size = 0  # reading it says why
+    if size > limits.max_bytes:
+        raise ImageError(
+            f"{os.fspath(path)}: has {size} bytes, more than the {limits.max_bytes} that "
+            "max_bytes allows"
+        )
+    return read_bytes(path)
+
+
+def _check_pixels(path: PathLike, encoded: bytes, limits: PictureLimits) -> None:
+    width, height = stated_size(encoded) or (0, 0)
+    if width * height > limits.max_pixels:
+        raise ImageError(
+            f"{os.fspath(path)}: has {width} x {height} pixels, more than the "
+            f"{limits.max_pixels} that max_pixels allows"
+        )
 
 
 def load_picture(source: ImageSource) -> Image:

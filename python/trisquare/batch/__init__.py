@@ -1,0 +1,1 @@
+"""Many cameras, each from its own photographs: found, calibrated, stored and summed up."""

@@ -1,0 +1,172 @@
+"""What many cameras are together: the spread of each number, and those that stand out."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from trisquare._support.arrays import FloatArray
+from trisquare.batch.requirements import Requirement
+
+FEWEST = 8
+"""Cameras of a kind whose spread is known well enough to call one of them an outlier."""
+
+OUTLYING = 3.5
+"""Robust standard deviations (Iglewicz and Hoaglin, How to Detect and Handle Outliers, 1993)."""
+
+GAUSSIAN_MAD = 1.4826
+"""Standard deviation of normal values over their median absolute deviation."""
+
+UNCERTAIN = 4.0
+"""Times the fleet's median standard deviation from which a camera is badly known."""
+
+CURES = {
+    "ImageError": "the file is no whole picture, or too large: copy or take it again",
+    "DetectionError": "no target was found: sharper, brighter, larger targets, or --targets",
+    "NotEnoughPlanesError": "too few targets: show three squares that are tilted differently",
+    "NotEnoughDataError": "too little of the targets is seen: let them fill the picture",
+    "DegenerateGeometryError": "the targets face the same way: tilt them differently",
+    "ConvergenceError": "the targets do not fit one camera: are they flat squares?",
+    "TimeLimitError": "the picture takes too long: a hostile file, or --max-seconds is too little",
+    "WorkerDiedError": "the process died of it: a hostile file, or too little memory",
+    "MemoryError": "the picture is too large: --max-memory allows more",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Distribution:
+    """One parameter over the cameras of a kind (a model and a picture's size).
+
+    Attributes
+    ----------
+    kind, parameter : str
+    values, stds : ndarray, shape (N,)
+        Of every camera, the latter zero where it is held.
+    median, spread : float
+        The fleet's, the latter the cameras' own standard deviation: by the median absolute
+        deviation, less what their uncertainty explains.
+    median_std : float
+        The median of what the cameras state.
+    """
+
+    kind: str
+    parameter: str
+    values: FloatArray
+    stds: FloatArray
+    median: float
+    spread: float
+    median_std: float
+
+    @classmethod
+    def of(cls, kind: str, parameter: str, values: FloatArray, stds: FloatArray) -> Distribution:
+        """Sum up the values."""
+        median, median_std = float(np.median(values)), float(np.median(stds))
+        scatter = GAUSSIAN_MAD * float(np.median(np.abs(values - median)))
+        spread = float(np.sqrt(max(0.0, scatter**2 - median_std**2)))
+        return cls(kind, parameter, values, stds, median, spread, median_std)
+
+    def deviation(self, value: float, std: float) -> float:
+        """Return how far a camera is from the median, in standard deviations of that distance.
+
+        Zero where too few cameras are there to tell.
+        """
+        scale = float(np.hypot(self.spread, std))
+        if len(self.values) < FEWEST or scale == 0.0:
+            return 0.0
+        return (value - self.median) / scale
+
+
+@dataclass(slots=True)
+class Fleet:
+    """The distributions of all parameters, by kind and name."""
+
+    distributions: dict[tuple[str, str], Distribution] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, records: Iterable[Mapping[str, Any]]) -> Fleet:
+        """Gather the parameters that at least one camera estimates."""
+        values: dict[tuple[str, str], tuple[array[float], array[float]]] = {}
+        for record in records:
+            if record["status"] != "done":
+                continue
+            for name, value in record["values"].items():
+                own = values.setdefault((kind_of(record), name), (array("d"), array("d")))
+                own[0].append(value)
+                own[1].append(record["std"].get(name, 0.0))
+        fleet = cls()
+        for (kind, name), (found, stds) in values.items():
+            if any(stds):
+                arrays = np.frombuffer(found), np.frombuffer(stds)
+                fleet.distributions[kind, name] = Distribution.of(kind, name, *arrays)
+        return fleet
+
+    def outlying(self, record: Mapping[str, Any]) -> list[str]:
+        """Say in which parameters a camera stands out of its kind."""
+        found = []
+        for name, value in record["values"].items():
+            own = self.distributions.get((kind_of(record), name))
+            if own is not None:
+                deviation = own.deviation(value, record["std"].get(name, 0.0))
+                if abs(deviation) > OUTLYING:
+                    found.append(
+                        f"{name} {value:.6g} is {deviation:+.1f} standard deviations from the "
+                        f"median {own.median:.6g}"
+                    )
+        return found
+
+    def uncertain(self, record: Mapping[str, Any]) -> list[str]:
+        """Say which parameters of a camera are known much less well than those of its kind."""
+        found = []
+        for name, std in record["std"].items():
+            own = self.distributions.get((kind_of(record), name))
+            if own is None or len(own.values) < FEWEST:
+                continue
+            if std > UNCERTAIN * own.median_std:
+                found.append(f"std of {name} {std:.3g}, the median is {own.median_std:.3g}")
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What is to be said of one camera.
+
+    Attributes
+    ----------
+    status : {"passed", "beyond limits", "failed"}
+    violations : sequence of str
+        Of the limits for production.
+    outlying : sequence of str
+    retake : sequence of str
+        Why its photographs should be taken again; empty if they need not.
+    """
+
+    status: str
+    violations: Sequence[str]
+    outlying: Sequence[str]
+    retake: Sequence[str]
+
+
+def verdict(
+    record: Mapping[str, Any], fleet: Fleet, requirements: Sequence[Requirement]
+) -> Verdict:
+    """Judge a camera by its record, its fleet and the limits for production."""
+    if record["status"] != "done":
+        error = record["error"]
+        cure = CURES.get(error["code"])
+        reason = f"{error['code']}: {error['text']}"
+        return Verdict("failed", (), (), [reason if cure is None else f"{cure} ({reason})"])
+    violations = [text for own in requirements if (text := own.violation(record)) is not None]
+    severe = [own["text"] for own in record["warnings"] if own["severity"] == "high"]
+    status = "beyond limits" if violations else "passed"
+    uncertain = fleet.uncertain(record)
+    return Verdict(status, violations, fleet.outlying(record), [*severe, *uncertain])
+
+
+def kind_of(record: Mapping[str, Any]) -> str:
+    """Return what cameras must share to be compared."""
+    width, height = record["image_size"]
+    return f"{record['model']}, {width} x {height}"

@@ -1,0 +1,156 @@
+"""Jobs from what a user names: photographs, folders, patterns and manifests."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from trisquare.batch.jobs import Job, faulty_job
+from trisquare.batch.manifest import MANIFESTS, manifest_jobs
+
+PICTURE_SUFFIXES = frozenset(
+    (
+        *(".jpg", ".jpeg", ".jpe", ".jp2", ".png", ".tif", ".tiff", ".bmp", ".webp", ".avif"),
+        *(".gif", ".pgm", ".ppm", ".pbm", ".pnm"),
+    )
+)
+"""Files in folders that are taken for photographs, capitals aside."""
+
+FIELD = re.compile(r"\\\{(\w+)\\\}|(\\\*)|(\\\?)")
+
+
+def find_jobs(
+    inputs: Iterable[str | os.PathLike[str]],
+    camera: str | None = None,
+    options: Mapping[str, Any] | None = None,
+) -> Iterator[Job]:
+    """Find the cameras to be calibrated.
+
+    Parameters
+    ----------
+    inputs : iterable of path
+        A photograph is a camera of its own, and so is each one directly in a folder that is named
+        here; a folder below that one is a camera with all its photographs, named by its path.
+        Patterns such as ``line?/*.jpg`` stand for what they match. Of a manifest, ``.csv`` or
+        ``.jsonl``, each record is a camera.
+    camera : str, optional
+        Groups the photographs by their names instead, as ``{serial}_*.jpg``: those that agree in
+        what the braces stand for are of one camera. With a slash it is compared with the end of
+        the path, below the folder that is named.
+    options : mapping, optional
+        Arguments of `calibrate` for all jobs; a manifest's own come first.
+
+    Yields
+    ------
+    Job
+        In the order of the inputs, within folders by name. What is wrong with one item is a job
+        with a `fault`.
+
+    Raises
+    ------
+    FileNotFoundError
+        If an input is not there.
+    ValueError
+        If `camera` is no pattern, or no photograph matches it; if a manifest has wrong columns.
+    """
+    shared = dict(options or {})
+    paths = [path for given in inputs for path in _matching(os.fspath(given))]
+    if camera is not None:
+        yield from _grouped(paths, camera_pattern(camera), camera, shared)
+        return
+    for path in paths:
+        if is_manifest(path):
+            yield from manifest_jobs(path, shared)
+        elif os.path.isdir(path):
+            yield from _folder_jobs(path, shared)
+        else:
+            yield Job(Path(path).stem, (path,), shared, path)
+
+
+def is_manifest(path: str) -> bool:
+    """Whether a path names a manifest."""
+    return Path(path).suffix.lower() in MANIFESTS
+
+
+def camera_pattern(text: str) -> re.Pattern[str]:
+    """Return the pattern for names that ``{serial}_*.jpg`` and its like stand for.
+
+    Raises
+    ------
+    ValueError
+        If nothing is in braces, or one name is twice.
+    """
+
+    def regular(found: re.Match[str]) -> str:
+        return f"(?P<{found[1]}>[^/]+?)" if found[1] else "[^/]*" if found[2] else "[^/]"
+
+    try:
+        pattern = re.compile(FIELD.sub(regular, re.escape(text)), re.DOTALL)
+    except re.error as error:
+        raise ValueError(f"{text!r} is no pattern for cameras: {error}") from error
+    if not pattern.groups:
+        raise ValueError(f"{text!r} names no part of a camera in braces, as {{serial}}_*.jpg does")
+    return pattern
+
+
+def _matching(given: str) -> list[str]:
+    if os.path.exists(given):
+        return [given]
+    import glob  # needed for patterns alone
+
+    found = sorted(glob.glob(given, recursive=True)) if glob.has_magic(given) else []
+    if not found:
+        raise FileNotFoundError(f"{given}: there is no such file or folder")
+    return found
+
+
+def _photographs(folder: str) -> Iterator[tuple[str, list[str]]]:
+    """Yield a folder and those below it, each with the photographs directly in it."""
+    for path, folders, files in os.walk(folder):
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        names = (name for name in sorted(files) if not name.startswith("."))
+        pictures = [name for name in names if Path(name).suffix.lower() in PICTURE_SUFFIXES]
+        yield path, [os.path.join(path, name) for name in pictures]
+
+
+def _folder_jobs(folder: str, options: Mapping[str, Any]) -> Iterator[Job]:
+    is_empty = True
+    for path, pictures in _photographs(folder):
+        if not pictures:
+            continue
+        is_empty = False
+        if path == folder:
+            yield from (Job(Path(own).stem, (own,), options, own) for own in pictures)
+        else:
+            name = Path(path).relative_to(folder).as_posix()
+            yield Job(name, tuple(pictures), options, path)
+    if is_empty:
+        yield faulty_job(folder, "no photograph is in this folder", folder)
+
+
+def _grouped(
+    paths: Iterable[str], pattern: re.Pattern[str], text: str, options: Mapping[str, Any]
+) -> Iterator[Job]:
+    cameras: dict[str, list[str]] = {}
+    others = 0
+    for path in paths:
+        if is_manifest(path):
+            raise ValueError(f"{path}: a manifest names its cameras itself: leave out {text!r}")
+        whole = os.path.isdir(path)
+        pictures = (own for _, found in _photographs(path) for own in found) if whole else [path]
+        for picture in pictures:
+            seen = Path(picture).relative_to(path).as_posix() if whole else Path(picture).as_posix()
+            found = pattern.fullmatch("/".join(seen.split("/")[-1 - text.count("/") :]))
+            if found is None:
+                others += 1
+            else:
+                cameras.setdefault("_".join(found.groups()), []).append(picture)
+    if not cameras:
+        raise ValueError(f"none of {others} photographs has a name like {text!r}")
+    for name, pictures in cameras.items():
+        yield Job(name, tuple(pictures), options, text)
+    if others:
+        yield faulty_job(text, f"{others} photographs have names unlike this", text)

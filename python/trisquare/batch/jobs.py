@@ -1,0 +1,164 @@
+"""One camera of many: its name, its photographs and how they are calibrated."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import sys
+import unicodedata
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from trisquare._core import __version__
+from trisquare._support.arrays import strings
+from trisquare._support.suggestions import unknown
+from trisquare.camera.camera import Camera
+
+OPTIONS = (
+    *("method", "model", "fix", "free", "initial", "orthogonal", "parallel"),
+    *("tone", "targets", "outlines", "lines"),
+)
+"""Arguments of `calibrate` that a job may have."""
+
+FILE_OPTIONS = ("initial", "outlines", "targets")
+"""Options that may name a file."""
+
+LONGEST_FILE_NAME = 200
+"""Bytes: file systems allow 255, and a temporary file's name is longer."""
+
+KEPT_IN_FILE_NAMES = frozenset(" -_.,+@()[]#=")
+RESERVED = {
+    "con",
+    "prn",
+    "aux",
+    "nul",
+    *(f"{port}{n}" for port in ("com", "lpt") for n in "123456789"),
+}
+"""Names that Windows keeps for devices."""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One camera and its photographs.
+
+    Parameters
+    ----------
+    name : str
+        Of the camera; no other job of the batch may have it.
+    photographs : sequence of str or path
+        Files.
+    options : mapping of str to object
+        Arguments of `calibrate` by their names: ``method``, ``model``, ``fix``, ``free``,
+        ``initial`` (a `Camera`, or a camera file), ``orthogonal``, ``parallel``, ``tone``,
+        ``targets``, ``outlines`` (a file, or its content) and ``lines``.
+    origin : str
+        Where it was read, as messages say it.
+    fault : str, optional
+        Why it cannot be calibrated: what was read is no job.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the name is empty, there is no photograph, or an option is unknown. The options' values
+        are checked when the job is done.
+    """
+
+    name: str
+    photographs: tuple[str, ...]
+    options: Mapping[str, Any] = field(default_factory=dict)
+    origin: str = ""
+    fault: str | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise TypeError(f"a job's name must be a string, not {type(self.name).__name__}")
+        if not self.name.strip():
+            raise ValueError("a job's name must not be empty")
+        given = (self.photographs,) if isinstance(self.photographs, str) else self.photographs
+        photographs = strings([os.fspath(path) for path in given], "photographs")
+        object.__setattr__(self, "photographs", photographs)
+        object.__setattr__(self, "options", dict(self.options))
+        if self.fault is None and not photographs:
+            raise ValueError(f"the job {self.name!r} has no photograph")
+        for option in self.options:
+            if option not in OPTIONS:
+                raise unknown("option", option, OPTIONS)
+
+    @property
+    def key(self) -> str:
+        """What the result depends on, digested: photographs and files by name, size and time.
+
+        The version of trisquare is part of it, so that all results of a folder are of one version.
+        """
+        options = {name: _plain(value) for name, value in self.options.items()}
+        named = [
+            options[name]
+            for name in FILE_OPTIONS
+            if isinstance(options.get(name), str) and os.path.exists(options[name])
+        ]
+        files = [_stamp(path) for path in (*self.photographs, *named)]
+        content = [__version__, self.name, files, options, self.fault]
+        text = json.dumps(content, sort_keys=True, default=repr)
+        return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+    @property
+    def file_name(self) -> str:
+        """The name of the camera's file."""
+        return f"{safe_file_name(self.name)}.json"
+
+    @property
+    def identity(self) -> str:
+        """The same for two names whose files some file systems take for one."""
+        # Interned: whoever keeps one for each job, keeps the same.
+        return sys.intern(unicodedata.normalize("NFC", self.file_name).casefold())
+
+
+def faulty_job(name: str, fault: str, origin: str = "") -> Job:
+    """Return a job that only records why it is none."""
+    return Job(name, (), {}, origin, fault)
+
+
+def safe_file_name(name: str) -> str:
+    """Return a name as a file's: what no file name may hold is written as in URLs.
+
+    Letters and digits of any script stay. ``../x`` becomes ``%2E.%2Fx``.
+    """
+    text = "".join(letter if _is_plain(letter) else _escaped(letter) for letter in name)
+    if text[0] in ". " or text.split(".")[0].casefold() in RESERVED:
+        text = _escaped(text[0]) + text[1:]
+    if text[-1] in ". ":
+        text = text[:-1] + _escaped(text[-1])
+    if len(os.fsencode(text)) > LONGEST_FILE_NAME:
+        digest = hashlib.sha256(os.fsencode(text)).hexdigest()[:16]
+        short = os.fsencode(text)[: LONGEST_FILE_NAME - 20].decode("utf-8", "ignore")
+        text = f"{short}~{digest}"
+    return text
+
+
+def _is_plain(letter: str) -> bool:
+    return unicodedata.category(letter)[0] in "LMN" or letter in KEPT_IN_FILE_NAMES
+
+
+def _escaped(letter: str) -> str:
+    return "".join(f"%{byte:02X}" for byte in letter.encode("utf-8", "surrogatepass"))
+
+
+def _stamp(path: str) -> list[Any]:
+    """Tell a file from what it may become: name, bytes, and time of its last change."""
+    try:
+        found = os.stat(path)
+    except (OSError, ValueError):  # a name with a NUL is no name
+        return [Path(path).name, None, None]
+    return [Path(path).name, found.st_size, found.st_mtime_ns]
+
+
+def _plain(value: Any) -> Any:
+    """Return an option's value as JSON has it."""
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if isinstance(value, Camera):
+        return [value.model, value.image_size, value.K.tolist(), value.distortion.tolist()]
+    return value

@@ -1,0 +1,58 @@
+"""What one job may take before it is given up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from trisquare.images.limits import PictureLimits, stated_limit
+
+MAX_SECONDS = 300.0
+"""Of a job: a hundred photographs of 24 megapixels take half of it on a slow machine."""
+
+MAX_MEMORY = 4e9
+"""Bytes that a job may take beside the program: a colour picture of 350 megapixels."""
+
+
+@dataclass(frozen=True, slots=True)
+class JobLimits:
+    """The limits of every job of a batch.
+
+    Attributes
+    ----------
+    max_pixels : int
+        Of a picture, by its header.
+    max_bytes : int
+        Of a picture's file.
+    max_seconds : float
+        Of a job.
+    max_memory : float
+        Bytes of a job, beside the program itself; on Linux alone.
+    """
+
+    max_pixels: int
+    max_bytes: int
+    max_seconds: float
+    max_memory: float
+
+    @classmethod
+    def stated(
+        cls,
+        max_pixels: float | None = None,
+        max_bytes: float | None = None,
+        max_seconds: float | None = None,
+        max_memory: float | None = None,
+    ) -> JobLimits:
+        """Return the limits given, where None those of the environment, or else the defaults.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If one is not a positive number.
+        """
+        pictures = PictureLimits.stated(max_pixels, max_bytes)
+        return cls(
+            pictures.max_pixels,
+            pictures.max_bytes,
+            stated_limit("max_seconds", max_seconds, MAX_SECONDS),
+            stated_limit("max_memory", max_memory, MAX_MEMORY),
+        )

@@ -1,0 +1,170 @@
+"""Manifests: files with a camera in each record, read record by record."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from trisquare._support.json_members import parse_json
+from trisquare._support.suggestions import unknown
+from trisquare.batch.jobs import FILE_OPTIONS, OPTIONS, Job, faulty_job
+
+MANIFESTS = (".csv", ".jsonl", ".ndjson")
+
+SEVERAL = ("fix", "free", "orthogonal", "parallel")
+"""Options with several values; in CSV these stand between semicolons, a pair as ``0-1``."""
+
+LONGEST_LINE = 1 << 20
+"""Characters: a longer line is no record."""
+
+
+def manifest_jobs(path: str, options: Mapping[str, Any]) -> Iterator[Job]:
+    """Read the jobs of a manifest one after another; a wrong record is a job with a fault.
+
+    Parameters
+    ----------
+    path : str
+        ``.jsonl``: an object a line, with ``name``, ``photographs`` (one, or a list) and options of
+        `calibrate`. ``.csv``: these are the columns, photographs are separated by semicolons, and
+        an empty cell says nothing. Files are relative to the manifest's folder.
+    options : mapping
+        For records that do not have them.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    ValueError
+        If a CSV file has wrong columns.
+    """
+    records = _csv_records if Path(path).suffix.lower() == ".csv" else _json_records
+    folder = os.path.dirname(path)
+    count = 0
+    try:
+        for number, record in records(path):
+            count += 1
+            origin = f"{path}:{number}"
+            try:
+                yield _job(record, folder, options, origin)
+            except (TypeError, ValueError) as error:
+                yield faulty_job(origin, str(error), origin)
+    except UnicodeDecodeError as error:
+        yield faulty_job(path, f"after {count} records: not UTF-8: {error}", path)
+    if not count:
+        yield faulty_job(path, "no record is in this manifest", path)
+
+
+def _job(record: Any, folder: str, options: Mapping[str, Any], origin: str) -> Job:
+    if isinstance(record, ValueError):
+        raise record
+    if not isinstance(record, dict):
+        raise ValueError("a record must be an object with a name and photographs")
+    own = dict(record)
+    for member in ("name", "photographs"):
+        if member not in own:
+            raise ValueError(f'"{member}" is missing')
+    name, given = own.pop("name"), own.pop("photographs")
+    photographs = [given] if isinstance(given, str) else given
+    if not isinstance(photographs, list) or not all(isinstance(one, str) for one in photographs):
+        raise ValueError('"photographs" must be a file or a list of files')
+    for option in FILE_OPTIONS:
+        if isinstance(own.get(option), str):
+            beside = os.path.join(folder, own[option])
+            # A target may be a name as well as a layout's file.
+            if option != "targets" or own[option].lower().endswith(".json"):
+                own[option] = beside
+    return Job(
+        name,
+        tuple(os.path.join(folder, one) for one in photographs),
+        {**options, **{key: value for key, value in own.items() if value is not None}},
+        origin,
+    )
+
+
+def _json_records(path: str) -> Iterator[tuple[int, Any]]:
+    with open(path, encoding="utf-8") as file:
+        number = 0
+        while line := file.readline(LONGEST_LINE):
+            number += 1
+            if len(line) >= LONGEST_LINE and not line.endswith("\n"):
+                yield number, ValueError(f"the line has more than {LONGEST_LINE} characters")
+                return
+            if line.strip():
+                try:
+                    yield number, parse_json(line)
+                except ValueError as error:
+                    yield number, error
+
+
+def _csv_records(path: str) -> Iterator[tuple[int, Any]]:
+    import csv  # needed for these alone
+
+    with open(path, encoding="utf-8-sig", newline="") as file:
+        rows = csv.reader(file, strict=True)
+        try:
+            columns = [name.strip() for name in next(rows, [])]
+            _check_columns(path, columns)
+        except csv.Error as error:
+            raise ValueError(f"{path}: line 1: {error}") from error
+        while True:
+            first = rows.line_num + 1
+            try:
+                row = next(rows)
+            except StopIteration:
+                return
+            except csv.Error as error:
+                yield first, ValueError(str(error))
+                continue
+            if row:
+                yield first, _of_row(columns, row)
+
+
+def _check_columns(path: str, columns: Sequence[str]) -> None:
+    for name in ("name", "photographs"):
+        if name not in columns:
+            raise ValueError(f"{path}: the first line has no column {name!r}")
+    for name in columns:
+        if name not in ("name", "photographs", *OPTIONS):
+            raise ValueError(f"{path}: {unknown('column', name, OPTIONS)}")
+    if len(set(columns)) < len(columns):
+        raise ValueError(f"{path}: two columns have one name")
+
+
+def _of_row(columns: Sequence[str], row: Sequence[str]) -> Any:
+    if len(row) != len(columns):
+        return ValueError(f"{len(row)} cells, but {len(columns)} columns")
+    record: dict[str, Any] = {}
+    for column, cell in zip(columns, row, strict=True):
+        if not cell.strip():
+            continue
+        try:
+            record[column] = _cell(column, cell)
+        except ValueError as error:
+            return error
+    return record
+
+
+def _cell(column: str, cell: str) -> Any:
+    if column == "photographs":
+        return [one.strip() for one in cell.split(";") if one.strip()]
+    if column in ("orthogonal", "parallel"):
+        pairs = [one.split("-") for one in cell.split(";")]
+        if not all(
+            len(pair) == 2 and all(one.strip().isdecimal() for one in pair) for pair in pairs
+        ):
+            raise ValueError(f"{column}: two planes are written 0-1, not {cell!r}")
+        return [[int(one) for one in pair] for pair in pairs]
+    if column in SEVERAL:
+        return [one.strip() for one in cell.split(";")]
+    if column == "lines":
+        if cell.strip().lower() not in ("true", "false"):
+            raise ValueError(f"lines must be true or false, not {cell!r}")
+        return cell.strip().lower() == "true"
+    if column == "tone":
+        try:
+            return float(cell)
+        except ValueError:
+            return cell.strip()
+    return cell if column == "name" else cell.strip()

@@ -1,0 +1,110 @@
+"""The page of a batch: one HTML file that opens anywhere, offline."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from trisquare._support.number_text import with_its_std
+from trisquare.batch.fleet import FEWEST, OUTLYING, Distribution, Fleet
+from trisquare.batch.requirements import PARAMETERS, Requirement
+from trisquare.batch.summary import Counts
+
+MOST_SHOWN = 200
+"""Cameras in each list: a page of thousands would not open. The table has all."""
+
+BARS = 31
+REACH = 5.0
+"""Of a histogram from the median, in standard deviations of the fleet; what is beyond is counted
+in the outermost bars."""
+
+WIDTH, HEIGHT = 310, 60
+"""Of a histogram, in units of its own."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """A distribution as the page shows it."""
+
+    kind: str
+    name: str
+    count: int
+    median: str
+    spread: str
+    median_std: str
+    low: str
+    high: str
+    path: str
+
+
+def summary_page(
+    rows: Iterable[Mapping[str, Any]],
+    fleet: Fleet,
+    counts: Counts,
+    requirements: Sequence[Requirement],
+) -> bytes:
+    """Lay out the page, in UTF-8; the same for the same arguments."""
+    beyond: list[Mapping[str, Any]] = []
+    outlying: list[Mapping[str, Any]] = []
+    retake: list[Mapping[str, Any]] = []
+    for row in rows:
+        for kept, column in ((beyond, "beyond_limits"), (outlying, "outlying"), (retake, "retake")):
+            if row.get(column) and len(kept) < MOST_SHOWN:
+                kept.append(row)
+    environment = Environment(
+        loader=PackageLoader("trisquare.batch", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    style = (resources.files("trisquare.report") / "report.css").read_text("utf-8")
+    ordered = sorted(
+        fleet.distributions.values(), key=lambda own: (own.kind, PARAMETERS.index(own.parameter))
+    )
+    page: str = environment.get_template("summary.html.j2").render(
+        counts=counts,
+        requirements=requirements,
+        distributions=[_shown(own) for own in ordered],
+        beyond=beyond,
+        outlying=outlying,
+        retake=retake,
+        fewest=FEWEST,
+        outlying_from=OUTLYING,
+        width=WIDTH,
+        height=HEIGHT,
+        style=Markup(style),
+    )
+    return page.encode("utf-8", "backslashreplace")
+
+
+def _shown(own: Distribution) -> Shown:
+    scale = float(np.hypot(own.spread, own.median_std))
+    reach = REACH * scale or 1.0
+    clipped = np.clip(own.values, own.median - reach, own.median + reach)
+    heights, _ = np.histogram(clipped, BARS, (own.median - reach, own.median + reach))
+    unit = HEIGHT / max(1, int(heights.max()))
+    step = WIDTH / BARS
+    path = "".join(
+        f"M{number * step:.1f} {HEIGHT}v{-unit * count:.1f}h{step - 1:.1f}v{unit * count:.1f}z"
+        for number, count in enumerate(heights.tolist())
+        if count
+    )
+    median, spread = with_its_std(own.median, scale)
+    return Shown(
+        own.kind,
+        own.parameter,
+        len(own.values),
+        median,
+        spread if own.spread == scale else with_its_std(own.spread, scale)[0],
+        f"{own.median_std:.2g}",
+        f"{own.values.min():.6g}",
+        f"{own.values.max():.6g}",
+        path,
+    )

@@ -1,0 +1,138 @@
+"""Limits for production: what a camera must keep to pass."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from trisquare._support.arrays import real_number
+from trisquare._support.paths import naming, read_text
+from trisquare._support.suggestions import unknown
+from trisquare._support.writing import PathLike
+from trisquare.camera.lens_models import COEFFICIENTS
+
+PARAMETERS = tuple(
+    dict.fromkeys(
+        ["fx", "fy", "cx", "cy", *(name for each in COEFFICIENTS.values() for name in each), "skew"]
+    )
+)
+OTHERS = ("rms_px", "noise_scale", "planes")
+KEYS = ("nominal", "within", "least", "most")
+
+PER_CENT = re.compile(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*%\s*")
+
+
+@dataclass(frozen=True, slots=True)
+class Requirement:
+    """One number of a camera and its bounds, each of which may be None."""
+
+    name: str
+    least: float | None
+    most: float | None
+
+    def violation(self, record: Mapping[str, Any]) -> str | None:
+        """Say how a camera's record is beyond the bounds; None if it is not."""
+        value = quantity(record, self.name)
+        if value is None:
+            return f"{self.name}: the model {record['model']} has none, or holds it"
+        for bound, is_beyond, word in (
+            (self.least, self.least is not None and value < self.least, "below"),
+            (self.most, self.most is not None and value > self.most, "above"),
+        ):
+            if is_beyond:
+                return f"{self.name} {value:.6g} is {word} {bound:.6g}"
+        return None
+
+
+def quantity(record: Mapping[str, Any], name: str) -> float | None:
+    """Return a number of a calibrated camera's record by its name: fx, std.fx, rms_px, ..."""
+    kind, _, parameter = name.rpartition(".")
+    numbers = record if name in OTHERS else record["std" if kind else "values"]
+    value = numbers.get(parameter)
+    return None if value is None else float(value)
+
+
+def read_requirements(path: PathLike) -> list[Requirement]:
+    """Read limits for production from a TOML file.
+
+    A table for each number: ``[fx]``, ``[std.cx]``, ``[rms_px]``, ``[noise_scale]``, ``[planes]``,
+    with ``least`` and ``most``, or ``nominal`` and ``within`` (a number, or ``"1 %"``).
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    ValueError
+        If it is no TOML, or names a number that no camera has; the message begins with the file.
+    """
+    try:
+        import tomllib
+    except ImportError:  # Python 3.10
+        import tomli as tomllib  # type: ignore[import-not-found, no-redef, unused-ignore]
+    text = read_text(path)
+    with naming(path):
+        found = [_requirement(name, table) for name, table in _tables(tomllib.loads(text))]
+        if not found:
+            raise ValueError("no limit is in this file")
+    return found
+
+
+def _tables(document: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    for name, table in document.items():
+        if name == "std" and isinstance(table, dict):
+            for parameter, own in table.items():
+                if parameter not in PARAMETERS:
+                    raise unknown("parameter", parameter, PARAMETERS)
+                yield f"std.{parameter}", own
+        elif name in (*PARAMETERS, *OTHERS):
+            yield name, table
+        else:
+            raise unknown(
+                "parameter",
+                name,
+                (*PARAMETERS, *OTHERS),
+                f"a parameter, std.PARAMETER, {', '.join(OTHERS)}",
+            )
+
+
+def _requirement(name: str, table: Any) -> Requirement:
+    if not isinstance(table, dict) or not table:
+        raise ValueError(f"[{name}] must be a table with {', '.join(KEYS)}")
+    for key in table:
+        if key not in KEYS:
+            raise ValueError(f"[{name}] {unknown('key', key, KEYS)}")
+    least, most = (
+        None if key not in table else _number(name, key, table[key]) for key in ("least", "most")
+    )
+    if ("nominal" in table) != ("within" in table):
+        raise ValueError(f"[{name}] nominal and within belong together")
+    if "nominal" in table:
+        if least is not None or most is not None:
+            raise ValueError(f"[{name}] has nominal and within, or least and most, not both")
+        nominal = _number(name, "nominal", table["nominal"])
+        within = _within(name, table["within"], nominal)
+        least, most = nominal - within, nominal + within
+    if least is not None and most is not None and least > most:
+        raise ValueError(f"[{name}] least is above most")
+    return Requirement(name, least, most)
+
+
+def _number(name: str, key: str, value: Any) -> float:
+    try:
+        return real_number(value, f"[{name}] {key}")
+    except TypeError as error:
+        raise ValueError(str(error)) from error
+
+
+def _within(name: str, value: Any, nominal: float) -> float:
+    if isinstance(value, str):
+        match = PER_CENT.fullmatch(value)
+        if match is None:
+            raise ValueError(f'[{name}] within must be a number or as "1 %", not {value!r}')
+        return abs(nominal) * float(match[1]) / 100.0
+    within = _number(name, "within", value)
+    if within < 0:
+        raise ValueError(f"[{name}] within must not be negative, but is {within}")
+    return within

@@ -1,0 +1,288 @@
+"""Running jobs on an executor: a bounded number of them at a time, each with an answer."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from trisquare.batch.jobs import Job, faulty_job
+from trisquare.batch.limits import JobLimits
+from trisquare.results.calibration import Calibration
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor, Future
+
+    from trisquare._support.writing import PathLike
+    from trisquare.batch.store import Store
+    from trisquare.batch.worker import Answer
+
+WINDOW = 256
+"""Jobs that are submitted at a time: enough for a hundred processes, and no memory to speak of."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JobResult:
+    """What came of a job.
+
+    Attributes
+    ----------
+    job : Job
+    record : mapping
+        The line of ``results.jsonl``: ``name``, ``status`` (``"done"`` or ``"failed"``),
+        ``photographs``, and either ``values``, ``std``, ``rms_px``, ``noise_scale``, ``planes``
+        and ``warnings``, or ``error`` with its ``code``, the name of the error's class, and its
+        ``text``.
+    json : str or None
+        The calibration as JSON; None if it failed.
+    """
+
+    job: Job
+    record: dict[str, Any]
+    json: str | None
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the camera is calibrated."""
+        return self.json is not None
+
+    @property
+    def calibration(self) -> Calibration:
+        """The calibration, without the measured edges.
+
+        Raises
+        ------
+        ValueError
+            If there is none: the message is that of the record.
+        """
+        if self.json is None:
+            error = self.record["error"]
+            raise ValueError(f"{self.job.name}: {error['code']}: {error['text']}")
+        return Calibration.from_json(self.json)
+
+
+def calibrate_many(
+    jobs: Iterable[Job],
+    executor: Executor | None = None,
+    *,
+    output: PathLike | None = None,
+    workers: int | None = None,
+    window: int = WINDOW,
+    retry: bool = False,
+    max_pixels: int | None = None,
+    max_bytes: int | None = None,
+    max_seconds: float | None = None,
+    max_memory: float | None = None,
+) -> Iterator[JobResult]:
+    """Calibrate many cameras at a time, each in a process that may die without the others.
+
+    Parameters
+    ----------
+    jobs : iterable of Job
+        Read as they are needed, so that there may be any number of them. Those of a name that an
+        earlier one has fail.
+    executor : concurrent.futures.Executor, optional
+        Whose workers run the jobs: of processes, of threads, Dask's (``Client.get_executor()``) or
+        MPI's (``mpi4py.futures.MPIPoolExecutor()``). By default threads of this process. Each
+        worker keeps a process beside itself that does the jobs, in one thread.
+    output : path, optional
+        A folder that holds what is done, as `trisquare batch` has it: jobs that it holds are not
+        done again, and not yielded.
+    workers : int, optional
+        Jobs done at a time without an `executor`, by default one for each processor.
+    window : int
+        Jobs that are submitted and not yet answered, at most.
+    retry : bool
+        Whether jobs that failed, by the records in `output`, are done again.
+    max_pixels, max_bytes : int, optional
+        Of a picture and of its file: larger ones are refused by the header.
+    max_seconds : float, optional
+        Of a job; then its process is killed.
+    max_memory : float, optional
+        Bytes that a job may take beside the program; on Linux alone. What is not given here, is by
+        ``TRISQUARE_MAX_PIXELS``, ``_MAX_BYTES``, ``_MAX_SECONDS`` and ``_MAX_MEMORY`` of the
+        environment, or else 500 million, 2 GB, 300 s and 4 GB.
+
+    Yields
+    ------
+    JobResult
+        As they are done, in any order. Whatever goes wrong with a job is in its result.
+
+    Raises
+    ------
+    OSError
+        If `output` cannot be written to, or another run writes there.
+    BrokenExecutor
+        If the `executor` itself has failed; what was done is in `output`.
+    TypeError, ValueError
+        For bad arguments.
+    """
+    limits = JobLimits.stated(max_pixels, max_bytes, max_seconds, max_memory)
+    for name, value in (("workers", 1 if workers is None else workers), ("window", window)):
+        if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+            raise ValueError(f"{name} must be a positive whole number, not {value!r}")
+    if executor is not None and workers is not None:
+        raise ValueError("the executor has its own workers: give workers or executor")
+    return _calibrated(jobs, executor, output, workers, window, retry, limits)
+
+
+def _calibrated(
+    jobs: Iterable[Job],
+    executor: Executor | None,
+    output: PathLike | None,
+    workers: int | None,
+    window: int,
+    retry: bool,
+    limits: JobLimits,
+) -> Iterator[JobResult]:
+    from trisquare.batch.store import Store
+
+    with ExitStack() as stack:
+        store = None
+        if output is not None:
+            store = stack.enter_context(Store(output, limits, retry=retry))
+        submit = stack.enter_context(Submission(executor, workers, limits))
+        yield from finished(jobs, submit, store, window)
+        if store is not None:
+            store.finish()
+
+
+class Submission:
+    """Hands jobs to an executor, or to threads of its own; a context manager.
+
+    Parameters
+    ----------
+    executor : Executor or None
+    workers : int or None
+        Threads, without an executor; by default one for each processor.
+    limits : JobLimits
+    work : callable, optional
+        What is done in place of calibrating; see `Workers`.
+    """
+
+    def __init__(
+        self,
+        executor: Executor | None,
+        workers: int | None,
+        limits: JobLimits,
+        work: Callable[[Job, JobLimits], Answer] | None = None,
+    ) -> None:
+        from trisquare.batch.worker import calibrated
+        from trisquare.batch.workers import Workers, do_in_shared_workers
+
+        work = calibrated if work is None else work
+        self._own: Executor | None = None
+        self._workers: Workers | None = None
+        if executor is None:
+            from concurrent.futures import ThreadPoolExecutor
+
+            self._workers = Workers(limits, work)
+            self._own = executor = ThreadPoolExecutor(workers or processors())
+            do: Callable[[Job, str], Answer] = self._workers.do
+        else:
+            do = partial(do_in_shared_workers, limits=limits, work=work)
+        self._executor, self._do = executor, do
+
+    def __call__(self, job: Job) -> Future[Answer]:
+        """Submit a job; its files are relative to this process's folder."""
+        return self._executor.submit(self._do, job, os.getcwd())
+
+    def __enter__(self) -> Submission:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        if self._workers is not None and self._own is not None:
+            if any(error):
+                self._workers.close()  # so that nobody waits for jobs that run
+            self._own.shutdown(cancel_futures=True)
+            self._workers.close()
+
+
+def finished(
+    jobs: Iterable[Job],
+    submit: Callable[[Job], Future[Answer]],
+    store: Store | None = None,
+    window: int = WINDOW,
+) -> Iterator[JobResult]:
+    """Yield the results of jobs as they are done, at most `window` of them submitted at a time.
+
+    What is in the store is not done again, and what is done is in the store before it is yielded.
+    """
+    from queue import SimpleQueue
+
+    waiting: dict[Future[Answer], tuple[Job, str]] = {}
+    ready: SimpleQueue[Future[Answer]] = SimpleQueue()
+    try:
+        for job, key in _to_do(jobs, store):
+            if job.fault is not None:
+                yield _stored(job, key, _fault(job), store)
+                continue
+            future = submit(job)
+            waiting[future] = job, key
+            future.add_done_callback(ready.put)
+            while len(waiting) >= window or not ready.empty():
+                future = ready.get()
+                yield _result(*waiting.pop(future), future, store)
+        while waiting:
+            future = ready.get()
+            yield _result(*waiting.pop(future), future, store)
+    finally:
+        for future in waiting:
+            future.cancel()
+
+
+def _to_do(jobs: Iterable[Job], store: Store | None) -> Iterator[tuple[Job, str]]:
+    """Yield the jobs that are not done, and what their results depend on."""
+    seen: set[str] = set()
+    for number, given in enumerate(jobs, 1):
+        job = given
+        if not isinstance(job, Job):
+            raise TypeError(f"jobs must be of the class Job, not {type(job).__name__}")
+        if job.identity in seen:
+            origin = job.origin or f"job {number}"
+            text = f"an earlier job has the name {job.name!r}, or one whose file is the same"
+            job = faulty_job(origin, text)
+        seen.add(job.identity)
+        key = job.key
+        if store is None or not store.is_done(job, key):
+            yield job, key
+
+
+def _fault(job: Job) -> Answer:
+    from trisquare.batch.worker import failure
+
+    return failure(job, "ValueError", job.fault or ""), None
+
+
+def _result(job: Job, key: str, future: Future[Answer], store: Store | None) -> JobResult:
+    """Return what came of a job, also if its executor could not do it."""
+    from concurrent.futures import BrokenExecutor, CancelledError
+
+    from trisquare.batch.worker import failure
+
+    try:
+        answer = future.result()
+    except BrokenExecutor:
+        raise
+    except CancelledError as error:
+        raise BrokenExecutor("the executor gave jobs up: run again to go on") from error
+    except Exception as error:  # such as Dask's, where workers died of the job
+        answer = failure(job, type(error).__name__, str(error)), None
+    return _stored(job, key, answer, store)
+
+
+def _stored(job: Job, key: str, answer: Answer, store: Store | None) -> JobResult:
+    record, json = answer
+    if store is not None:
+        record = store.add(job, key, answer)
+    return JobResult(job, record, json)
+
+
+def processors() -> int:
+    """Return how many processors this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

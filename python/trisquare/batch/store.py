@@ -1,0 +1,207 @@
+"""A folder of results: whole files only, one run at a time, and nothing done twice."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from trisquare._support.writing import PathLike, replacing, write_atomically, writing
+from trisquare.batch.jobs import Job
+from trisquare.batch.limits import JobLimits
+from trisquare.batch.worker import Answer
+
+RECORDS, CAMERAS, LOCK = "results.jsonl", "cameras", ".lock"
+
+HALF_FILE = re.compile(r"\..*\.[0-9a-f]{8}\.tmp", re.DOTALL)
+"""Names that `write_atomically` and `replacing` give to files that are not whole."""
+
+BY_LIMITS = ("TimeLimitError", "WorkerDiedError", "MemoryError", "ImageError")
+"""Errors that other limits may spare."""
+
+
+class Store:
+    """The results of a batch in a folder; a context manager.
+
+    A record is a line of ``results.jsonl``, appended as soon as the camera's own file is on the
+    disk. `finish` puts the lines into the jobs' order. In memory there is a name and a number for
+    each record.
+
+    Parameters
+    ----------
+    folder : path
+        Made if it is not there.
+    limits : JobLimits
+        Of the jobs: those that failed by other limits are done again.
+    retry : bool
+        Whether all that failed are done again.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written to, or another run writes to it.
+    """
+
+    def __init__(self, folder: PathLike, limits: JobLimits, *, retry: bool = False) -> None:
+        self.folder = Path(folder)
+        self._limits, self._retry = vars_of(limits), retry
+        self._places: dict[str, int] = {}
+        self._order: list[str] = []
+        with writing(folder):
+            (self.folder / CAMERAS).mkdir(parents=True, exist_ok=True)
+            self._lock = os.open(self.folder / LOCK, os.O_RDWR | os.O_CREAT, 0o666)
+            try:
+                _lock(self._lock, self.folder)
+                self._remove_half_files()
+                self._open()
+            except BaseException:
+                os.close(self._lock)
+                raise
+
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._close()
+        os.close(self._lock)  # which releases it
+
+    def is_done(self, job: Job, key: str) -> bool:
+        """Note that a job belongs to this run, and tell whether its record need not change."""
+        self._order.append(job.identity)
+        place = self._places.get(job.identity)
+        if place is None:
+            return False
+        record = self._record_at(place)
+        if record.get("key") != key or record.get("name") != job.name:
+            return False
+        if record["status"] == "done":
+            return (self.folder / CAMERAS / job.file_name).is_file()
+        by_limits = record["error"]["code"] in BY_LIMITS and record["limits"] != self._limits
+        return not (self._retry or by_limits)
+
+    def add(self, job: Job, key: str, answer: Answer) -> dict[str, Any]:
+        """Write what came of a job, and return its record.
+
+        Raises
+        ------
+        OSError
+            If that cannot be written, as when the disk is full: no part of it is left.
+        """
+        record, calibration = answer
+        record = {**record, "key": key}
+        file = self.folder / CAMERAS / job.file_name
+        if calibration is None:
+            record["limits"] = self._limits
+        else:
+            write_atomically({file: calibration.encode()})
+        self._append(job.identity, record)
+        if calibration is None:
+            file.unlink(missing_ok=True)  # of photographs that are others now
+        return record
+
+    def finish(self) -> None:
+        """Put the records into the jobs' order, those of earlier runs' jobs after them."""
+        order = list(dict.fromkeys([*self._order, *self._places]))
+        path = self.folder / RECORDS
+        with replacing(path) as file:
+            for identity in order:
+                place = self._places.get(identity)
+                if place is not None:
+                    file.write(self._line_at(place))
+            self._close()  # which some systems ask of a file that is replaced
+        self._places.clear()
+        self._open()
+
+    def records(self) -> Iterator[dict[str, Any]]:
+        """Yield the records, in the order of their lines."""
+        for place in sorted(self._places.values()):
+            yield self._record_at(place)
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def _append(self, identity: str, record: dict[str, Any]) -> None:
+        line = json.dumps(record, allow_nan=False).encode() + b"\n"
+        with writing(self.folder / RECORDS):
+            try:
+                rest = memoryview(line)
+                while rest:
+                    rest = rest[os.write(self._file.fileno(), rest) :]
+                os.fsync(self._file.fileno())
+            except OSError:
+                self._file.truncate(self._end)
+                raise
+        self._places[identity] = self._end
+        self._end += len(line)
+
+    def _remove_half_files(self) -> None:
+        """Remove what a run was writing when it was killed: nobody else writes here."""
+        for folder in (self.folder, self.folder / CAMERAS):
+            with os.scandir(folder) as entries:
+                for entry in entries:
+                    if HALF_FILE.fullmatch(entry.name):
+                        os.unlink(entry.path)
+
+    def _open(self) -> None:
+        """Note where the records are, the last of each name; cut off what is not whole."""
+        path, end = self.folder / RECORDS, 0
+        self._file = path.open("ab", buffering=0)
+        self._lines = path.open("rb")
+        for line in self._lines:
+            if not line.endswith(b"\n"):
+                break  # a run was killed while it wrote
+            identity = _identity_in(line)
+            if identity is not None:
+                self._places[identity] = end
+            end += len(line)
+        self._file.truncate(end)
+        self._end = end
+
+    def _close(self) -> None:
+        self._file.close()
+        self._lines.close()
+
+    def _line_at(self, place: int) -> bytes:
+        self._lines.seek(place)
+        return self._lines.readline()
+
+    def _record_at(self, place: int) -> dict[str, Any]:
+        record: dict[str, Any] = json.loads(self._line_at(place))
+        return record
+
+
+def vars_of(limits: JobLimits) -> dict[str, float]:
+    """Return limits as a record has them."""
+    return {name: getattr(limits, name) for name in limits.__slots__}
+
+
+def _identity_in(line: bytes) -> str | None:
+    """Return whose record a line is; None if it is none."""
+    try:
+        record = json.loads(line)
+        name, status = record["name"], record["status"]
+        complete = status == "done" or (record["error"]["code"] and record["limits"])
+        return Job(name, ("",)).identity if complete and record["key"] else None
+    except (ValueError, TypeError, KeyError, LookupError):
+        return None
+
+
+def _lock(descriptor: int, folder: Path) -> None:
+    """Keep other runs out as long as the file is open, however this one ends."""
+    try:
+        import fcntl
+    except ImportError:  # Windows: nothing keeps two runs apart
+        return
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise OSError(f"{folder}: another run writes to this folder") from error

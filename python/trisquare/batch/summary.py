@@ -1,0 +1,152 @@
+"""What came of a batch, summed up: a page, a table for programs, and numbers."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any
+
+from trisquare._support.writing import PathLike, replacing
+from trisquare.batch.fleet import Fleet, verdict
+from trisquare.batch.requirements import OTHERS, PARAMETERS, Requirement
+
+CHUNK = 5_000
+"""Rows of a Parquet file that are in memory at a time."""
+
+TEXTS = ("name", "status", "error", "model", "beyond_limits", "outlying", "retake", "warnings")
+WHOLE = ("width", "height", "planes")
+
+
+@dataclass(frozen=True, slots=True)
+class Counts:
+    """How many cameras of a batch there are of each status."""
+
+    passed: int
+    beyond_limits: int
+    failed: int
+    retake: int
+    outlying: int
+
+    @property
+    def total(self) -> int:
+        """All cameras."""
+        return self.passed + self.beyond_limits + self.failed
+
+    @property
+    def all_passed(self) -> bool:
+        """Whether there is a camera, and none that failed or is beyond the limits."""
+        return self.passed == self.total > 0
+
+
+def rows(
+    records: Iterable[Mapping[str, Any]], fleet: Fleet, requirements: Sequence[Requirement]
+) -> Iterator[dict[str, Any]]:
+    """Yield a row for each camera: the columns of `columns`, those that do not apply left out."""
+    for record in records:
+        found = verdict(record, fleet, requirements)
+        row: dict[str, Any] = {
+            "name": record["name"],
+            "status": found.status,
+            "photographs": record["photographs"],
+            "retake": "; ".join(found.retake),
+        }
+        if record["status"] == "done":
+            row["width"], row["height"] = record["image_size"]
+            row["model"] = record["model"]
+            row["beyond_limits"] = "; ".join(found.violations)
+            row["outlying"] = "; ".join(found.outlying)
+            row["warnings"] = "; ".join(own["code"] for own in record["warnings"])
+            row |= {name: record[name] for name in OTHERS} | record["values"]
+            row |= {f"std_{name}": std for name, std in record["std"].items()}
+        else:
+            row["error"] = record["error"]["code"]
+        yield row
+
+
+def columns(fleet: Fleet) -> list[str]:
+    """Return the columns of a table: those of parameters that some camera estimates."""
+    estimated = {name for _, name in fleet.distributions}
+    numbers = [
+        column for name in PARAMETERS if name in estimated for column in (name, f"std_{name}")
+    ]
+    head = ("name", "status", "error", "model", "width", "height")
+    return [
+        *head,
+        *numbers,
+        *OTHERS,
+        "beyond_limits",
+        "outlying",
+        "retake",
+        "warnings",
+        "photographs",
+    ]
+
+
+def write_csv(path: PathLike, rows: Iterable[Mapping[str, Any]], columns: Sequence[str]) -> Counts:
+    """Write a table as CSV, whole or not at all, and count its cameras.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
+    counts = dict.fromkeys(("passed", "beyond limits", "failed", "retake", "outlying"), 0)
+    with replacing(path) as file:
+        text = io.TextIOWrapper(file, "utf-8", "backslashreplace", newline="", write_through=True)
+        table = csv.DictWriter(text, columns, extrasaction="ignore", lineterminator="\n")
+        table.writeheader()
+        for row in rows:
+            counts[row["status"]] += 1
+            for reason in ("retake", "outlying"):
+                counts[reason] += bool(row.get(reason))
+            table.writerow({**row, "photographs": ";".join(row["photographs"])})
+        text.detach()
+    return Counts(*counts.values())
+
+
+def write_parquet(
+    path: PathLike, rows: Iterable[Mapping[str, Any]], columns: Sequence[str]
+) -> None:
+    """Write a table as Parquet, whole or not at all.
+
+    Raises
+    ------
+    ImportError
+        If pyarrow is not installed.
+    OSError
+        If it cannot be written.
+    """
+    check_parquet()
+    import pyarrow
+    import pyarrow.parquet
+
+    def kind(column: str) -> Any:
+        if column == "photographs":
+            return pyarrow.list_(pyarrow.string())
+        if column in TEXTS:
+            return pyarrow.string()
+        return pyarrow.int64() if column in WHOLE else pyarrow.float64()
+
+    schema = pyarrow.schema([(column, kind(column)) for column in columns])
+    of_columns = ({name: _text(row.get(name)) for name in columns} for row in rows)
+    with replacing(path) as file, pyarrow.parquet.ParquetWriter(file, schema) as writer:
+        while chunk := list(islice(of_columns, CHUNK)):
+            writer.write_table(pyarrow.Table.from_pylist(chunk, schema))
+
+
+def check_parquet() -> None:
+    """Raise ImportError, which says what to install, unless Parquet can be written."""
+    try:
+        import pyarrow.parquet  # noqa: F401
+    except ImportError as error:
+        raise ImportError("Parquet needs pyarrow: pip install 'trisquare[batch]'") from error
+
+
+def _text(value: Any) -> Any:
+    """Return a value whose text is UTF-8: a file's name may hold bytes that are none."""
+    if isinstance(value, str):
+        return value.encode("utf-8", "backslashreplace").decode()
+    return [_text(own) for own in value] if isinstance(value, list) else value

@@ -1,0 +1,187 @@
+"""Processes that jobs may kill, for whichever thread or process has a job to be done."""
+
+from __future__ import annotations
+
+import atexit
+import json
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+import time
+from typing import Any
+
+from trisquare.batch.jobs import Job
+from trisquare.batch.limits import JobLimits
+from trisquare.batch.worker import READY, Answer, calibrated, failure
+
+ATTEMPTS = 2
+"""A process that dies may have been killed for another's sake: the job has a second chance."""
+
+LARGEST_SIZE = 2**62
+"""Of what OpenCV reads from the environment."""
+
+ENDING = 5.0
+"""Seconds that a process that closed its output has to end by itself: how it ends is told."""
+
+ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "RAYON")}
+"""Read by the libraries when they are loaded."""
+
+START = "import sys; sys.path[:] = {path!r}; from trisquare.batch.worker import serve; serve()"
+
+
+class ProcessDiedError(Exception):
+    """A process ended before it answered."""
+
+
+class Workers:
+    """Processes that do jobs, started when they are needed and used again.
+
+    Parameters
+    ----------
+    limits : JobLimits
+    work : callable
+        Takes a job and the limits and returns a record, and the calibration as JSON or None. It is
+        pickled.
+    """
+
+    def __init__(self, limits: JobLimits, work: Any = calibrated) -> None:
+        self._limits, self._work = limits, work
+        self._idle: list[_Process] = []
+        self._all: set[_Process] = set()
+        self._lock = threading.Lock()
+        self._is_closed = False
+        self.owner = os.getpid()
+
+    def do(self, job: Job, folder: str) -> Answer:
+        """Do a job in one of the processes, and in another if that one dies of it.
+
+        Files are relative to the folder. It may be called by many threads at a time, each of which
+        has a process then.
+        """
+        how = ""
+        for _ in range(ATTEMPTS):
+            process = self._take()
+            try:
+                record, calibration = process.ask((job, folder))
+            except ProcessDiedError:
+                how = process.end(ENDING)
+                seconds = process.seconds
+                with self._lock:
+                    self._all.discard(process)
+                if seconds >= self._limits.max_seconds:
+                    allowed = f"max_seconds allows {self._limits.max_seconds:g}"
+                    return failure(job, "TimeLimitError", f"takes too long ({allowed})"), None
+                continue
+            with self._lock:
+                self._idle.append(process)
+            return record, calibration
+        text = f"its process died {ATTEMPTS} times ({how})"
+        return failure(job, "WorkerDiedError", text), None
+
+    def close(self) -> None:
+        """End all processes; no job can be done any more."""
+        with self._lock:
+            self._is_closed = True
+            processes, self._all, self._idle = self._all, set(), []
+        for process in processes:
+            process.end()
+
+    def _take(self) -> _Process:
+        with self._lock:
+            if self._idle:
+                return self._idle.pop()
+            if self._is_closed:
+                raise RuntimeError("the batch has ended")
+            process = _Process(self._work, self._limits)
+            self._all.add(process)
+            return process
+
+
+class _Process:
+    """One process, spoken to over its standard input and output."""
+
+    def __init__(self, work: Any, limits: JobLimits) -> None:
+        environment = {
+            **os.environ,
+            **ONE_THREAD,
+            # For the formats whose headers only OpenCV reads; by it a picture is then no picture.
+            "OPENCV_IO_MAX_IMAGE_PIXELS": str(min(limits.max_pixels, LARGEST_SIZE)),
+            "TRISQUARE_MAX_BYTES": str(limits.max_bytes),
+            "OPENCV_LOG_LEVEL": "SILENT",
+        }
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", START.format(path=sys.path)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env=environment,
+        )
+        self.seconds = 0.0
+        self._setup: object | None = (work, limits)
+
+    def ask(self, question: object) -> Any:
+        """Send a job and return the answer, or raise ProcessDiedError."""
+        try:
+            if self._setup is not None:
+                self._send(self._setup)
+                self._setup = None
+                if self._receive() != READY:
+                    raise ProcessDiedError
+            start = time.monotonic()
+            self._send(question)
+            try:
+                return self._receive()
+            finally:
+                self.seconds = time.monotonic() - start
+        except (OSError, ValueError) as error:
+            raise ProcessDiedError from error
+
+    def end(self, patience: float = 0.0) -> str:
+        """End the process and say how it ended."""
+        try:
+            self._process.wait(patience)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+        for stream in (self._process.stdin, self._process.stdout):
+            try:
+                if stream is not None:
+                    stream.close()
+            except OSError:  # what was still to be sent
+                pass
+        code = self._process.wait()
+        if code >= 0:
+            return f"exit code {code}"
+        try:
+            return signal.Signals(-code).name
+        except ValueError:
+            return f"signal {-code}"
+
+    def _send(self, value: object) -> None:
+        assert self._process.stdin is not None
+        pickle.dump(value, self._process.stdin)
+        self._process.stdin.flush()
+
+    def _receive(self) -> Any:
+        assert self._process.stdout is not None
+        line = self._process.stdout.readline()
+        if not line.endswith(b"\n"):
+            raise ProcessDiedError
+        return json.loads(line)
+
+
+_shared: dict[tuple[JobLimits, Any], Workers] = {}
+_shared_lock = threading.Lock()
+
+
+def do_in_shared_workers(job: Job, folder: str, limits: JobLimits, work: Any) -> Answer:
+    """Do a job in a process beside this one, whichever executor's worker this one is."""
+    with _shared_lock:
+        workers = _shared.get((limits, work))
+        # After a fork the processes are those of the other.
+        if workers is None or workers.owner != os.getpid():
+            workers = _shared[limits, work] = Workers(limits, work)
+            atexit.register(workers.close)
+    return workers.do(job, folder)

@@ -1,0 +1,354 @@
+"""`trisquare batch`: many cameras, each from its own photographs."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+from rich.console import Console, RenderableType
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.text import Text
+
+from trisquare._support.terminal_text import printable
+from trisquare.batch.fleet import Fleet
+from trisquare.batch.inputs import camera_pattern, find_jobs
+from trisquare.batch.limits import JobLimits
+from trisquare.batch.requirements import Requirement, read_requirements
+from trisquare.batch.run import WINDOW, Submission, finished
+from trisquare.batch.store import Store
+from trisquare.batch.summary import (
+    Counts,
+    check_parquet,
+    columns,
+    rows,
+    write_csv,
+    write_parquet,
+)
+from trisquare.camera.lens_models import MODELS
+from trisquare.camera.settings import AUTO, METHODS, Settings
+from trisquare.cli.calibrate import tone_named
+from trisquare.cli.console import answer
+from trisquare.cli.framework import NOT_ALL_PASSED_EXIT, reading
+from trisquare.cli.options import (
+    FIX,
+    FREE,
+    JSON,
+    QUIET,
+    argument,
+    flag,
+    listed_names,
+    option,
+)
+from trisquare.images.limits import parse_amount
+from trisquare.images.pixels import TONE_CURVES
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+EXAMPLES = (
+    "trisquare batch line/*.jpg -o results",
+    "trisquare batch fleet --camera '{serial}_*.jpg' -o results --limits limits.toml",
+    "trisquare batch cameras.csv -o results --jobs 8 --model brown",
+    "trisquare batch archive -o results --dask tcp://scheduler:8786",
+)
+
+FORMAT = "trisquare-batch/1"
+LOG_SECONDS = 60.0
+DASK_SECONDS = 10
+"""Within which a scheduler answers."""
+
+MOST_FAILED = 10
+"""Lines on cameras that failed or did not pass: the summary has all."""
+
+
+def batch_command(
+    inputs: list[str] = argument(
+        ...,
+        "INPUT",
+        "Photographs, folders, patterns such as 'line?/*.jpg', or manifests (.csv, .jsonl).",
+    ),
+    output: Path = option(
+        ...,
+        "FOLDER",
+        "Keep results in this folder; what it holds is not done again.",
+        "--output",
+        "-o",
+    ),
+    json: bool = JSON,
+    quiet: bool = QUIET,
+    camera: str | None = option(
+        None,
+        "PATTERN",
+        "Group photographs into cameras by their names: '{serial}_*.jpg'. By default each is a "
+        "camera, and each folder below the one that is named.",
+    ),
+    jobs: int | None = option(
+        None, "N", "Processes at a time; by default one for each processor.", "--jobs", "-j"
+    ),
+    dask: str | None = option(
+        None,
+        "ADDRESS",
+        "Run on the Dask cluster of this scheduler. Needs pip install 'trisquare[dask]'.",
+    ),
+    mpi: bool = flag(
+        "Run on the processes of mpiexec -n N python -m mpi4py.futures -m trisquare batch. Needs "
+        "mpi4py.",
+        "--mpi",
+    ),
+    limits: Path | None = option(
+        None, "FILE", "Limits for production, as TOML: cameras beyond them do not pass."
+    ),
+    parquet: bool = flag(
+        "Write summary.parquet as well. Needs pip install 'trisquare[batch]'.", "--parquet"
+    ),
+    retry: bool = flag("Do the cameras again that failed.", "--retry"),
+    model: str = option(
+        "radial2", "MODEL", "Lens model, as in trisquare calibrate.", offer=(*MODELS, AUTO)
+    ),
+    method: str = option("ml", "METHOD", "Method: ml or linear.", offer=METHODS),
+    fix: list[str] | None = FIX,
+    free: list[str] | None = FREE,
+    tone: str | None = option(
+        None, "TONE", "Tone curve: auto, srgb, linear or a gamma.", offer=TONE_CURVES
+    ),
+    targets: str = option("auto", "TARGETS", "Targets to search for, as in trisquare calibrate."),
+    lines: bool = flag("Use the scene's own straight edges as well.", "--lines"),
+    max_pixels: str | None = option(
+        None, "N", "Refuse pictures of more pixels, by their header (500M)."
+    ),
+    max_bytes: str | None = option(None, "N", "Refuse larger files (2G)."),
+    max_seconds: float | None = option(None, "S", "Give a camera up after so many seconds (300)."),
+    max_memory: str | None = option(
+        None, "N", "Bytes that a camera may take beside the program (4G); on Linux."
+    ),
+) -> None:
+    """Calibrate many cameras, each from its own photographs; a run that was killed goes on."""
+    bounds = JobLimits.stated(
+        _amount(max_pixels, "--max-pixels"),
+        _amount(max_bytes, "--max-bytes"),
+        max_seconds,
+        _amount(max_memory, "--max-memory"),
+    )
+    if jobs is not None and jobs < 1:
+        raise ValueError(f"--jobs must be positive, not {jobs}")
+    if (jobs is not None) + (dask is not None) + mpi > 1:
+        raise ValueError("give one of --jobs, --dask and --mpi: a cluster has its own workers")
+    if camera is not None:
+        camera_pattern(camera)
+    options = _options(method, model, fix, free, tone, targets, lines)
+    with reading():
+        requirements = [] if limits is None else read_requirements(limits)
+        total = sum(1 for _ in find_jobs(inputs, camera, options))
+    if parquet:
+        check_parquet()
+    with ExitStack() as stack:
+        executor = None
+        if dask is not None:
+            executor = stack.enter_context(dask_executor(dask))
+        elif mpi:
+            executor = stack.enter_context(mpi_executor())
+        store = stack.enter_context(Store(output, bounds, retry=retry))
+        submit = stack.enter_context(Submission(executor, jobs, bounds))
+        told = stack.enter_context(_progress(total, quiet))
+        found = finished(find_jobs(inputs, camera, options), submit, store, WINDOW)
+        done = 0
+        for done, _ in enumerate(found, 1):
+            told(done)
+        told(None)
+        store.finish()
+        fleet, counts, notes = _write_summary(output, store, requirements, parquet)
+        judged = rows(store.records(), fleet, requirements)
+        failed = list(islice((row for row in judged if row["status"] != "passed"), MOST_FAILED))
+    members = {
+        "format": FORMAT,
+        "output": str(output),
+        "cameras": counts.total,
+        "done_now": done,
+        "passed": counts.passed,
+        "beyond_limits": counts.beyond_limits,
+        "failed": counts.failed,
+        "retake": counts.retake,
+        "outlying": counts.outlying,
+        "all_passed": counts.all_passed,
+    }
+    answer(json, quiet, members, _report(output, counts, done, failed, notes))
+    if not counts.all_passed:
+        raise typer.Exit(NOT_ALL_PASSED_EXIT)
+
+
+def _options(
+    method: str,
+    model: str,
+    fix: list[str] | None,
+    free: list[str] | None,
+    tone: str | None,
+    targets: str,
+    lines: bool,
+) -> dict[str, Any]:
+    """Return what all cameras have in common, checked: a wrong name is not to fail each of them."""
+    from trisquare.detection.kinds import TargetKinds
+    from trisquare.images.pixels import checked_tone
+
+    settings = Settings.check(method, model, listed_names(fix), None, listed_names(free), (), ())
+    curve = checked_tone(tone_named(tone))
+    with reading():
+        TargetKinds.parse(targets)
+    if lines and method == "linear":
+        raise ValueError("--lines needs --method ml")
+    given = {
+        "method": (settings.method, "ml"),
+        "model": (settings.model, "radial2"),
+        "fix": (settings.fixed, ()),
+        "free": (settings.free, ()),
+        "tone": (curve, None),
+        "targets": (targets, "auto"),
+        "lines": (lines, False),
+    }
+    return {name: value for name, (value, default) in given.items() if value != default}
+
+
+def _amount(text: str | None, name: str) -> float | None:
+    return None if text is None else parse_amount(text, name)
+
+
+@contextmanager
+def dask_executor(address: str) -> Iterator[Executor]:
+    """Return the executor of a Dask cluster.
+
+    Raises
+    ------
+    ImportError
+        If Dask is not installed.
+    ValueError
+        If nobody answers at the address.
+    """
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise ImportError("--dask needs Dask: pip install 'trisquare[dask]'") from error
+    import logging
+    from concurrent.futures import BrokenExecutor
+
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # its errors are told here
+    try:
+        client = Client(address, timeout=DASK_SECONDS, set_as_default=False)  # type: ignore[no-untyped-call]
+    except (OSError, ValueError, TypeError) as error:
+        raise ValueError(f"{address}: no Dask scheduler answers there") from error
+    with client:
+        try:
+            yield client.get_executor()  # type: ignore[no-untyped-call]
+        except BrokenExecutor as error:
+            raise ValueError(f"{address}: {error}") from error
+
+
+def mpi_executor() -> Executor:
+    """Return the executor of the processes that mpiexec has started.
+
+    Raises
+    ------
+    ImportError
+        If mpi4py is not installed, or finds no MPI.
+    """
+    try:
+        from mpi4py.futures import MPIPoolExecutor
+    except (ImportError, RuntimeError) as error:
+        raise ImportError(f"--mpi needs mpi4py and an MPI library: {error}") from error
+    executor: Executor = MPIPoolExecutor()
+    return executor
+
+
+def _write_summary(
+    output: Path, store: Store, requirements: list[Requirement], parquet: bool
+) -> tuple[Fleet, Counts, list[str]]:
+    fleet = Fleet.of(store.records())
+    shown = columns(fleet)
+
+    def each() -> Iterator[dict[str, Any]]:
+        return rows(store.records(), fleet, requirements)
+
+    counts = write_csv(output / "summary.csv", each(), shown)
+    if parquet:
+        write_parquet(output / "summary.parquet", each(), shown)
+    try:
+        from trisquare.batch.page import summary_page
+    except ImportError:
+        return fleet, counts, ["no summary.html, which needs pip install 'trisquare[batch]'"]
+    from trisquare._support.writing import write_atomically
+
+    page = summary_page(each(), fleet, counts, requirements)
+    write_atomically({output / "summary.html": page})
+    return fleet, counts, []
+
+
+def _report(
+    output: Path, counts: Counts, done: int, failed: list[dict[str, Any]], notes: list[str]
+) -> list[RenderableType]:
+    lines = [
+        f"{printable(str(output))}: {counts.total} cameras ({done} done now): {counts.passed} "
+        f"passed, {counts.beyond_limits} beyond the limits, {counts.failed} failed; photographs "
+        f"of {counts.retake} to take again, {counts.outlying} unlike the others"
+    ]
+    for row in failed:
+        reason = row.get("beyond_limits") or row["retake"]
+        lines.append(printable(f"{row['name']}: {row['status']}: {reason}"))
+    more = counts.beyond_limits + counts.failed - len(failed)
+    if more > 0:
+        lines.append(f"and {more} more: summary.csv")
+    return [Text(line) for line in (*lines, *notes)]
+
+
+@contextmanager
+def _progress(total: int, quiet: bool) -> Iterator[Callable[[int | None], None]]:
+    """Tell on standard error how far it is: a bar on a terminal, else a line a minute.
+
+    Yields what is told how many jobs are done now, and None in the end.
+    """
+    console = Console(stderr=True)
+    if quiet:
+        yield lambda done: None
+    elif console.is_terminal:
+        with Progress(
+            TextColumn("calibrating"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[rate]}"),
+            TimeRemainingColumn(),
+            console=console,
+            transient=True,
+        ) as bar:
+            task = bar.add_task("", total=total, rate="")
+            start = time.monotonic()
+
+            def show(done: int | None) -> None:
+                seconds = time.monotonic() - start
+                if done is not None:
+                    bar.update(task, completed=done, rate=f"{done / max(seconds, 1e-9):.1f}/s")
+
+            yield show
+    else:
+        yield _log(total)
+
+
+def _log(total: int) -> Callable[[int | None], None]:
+    start = last = time.monotonic()
+
+    def show(done: int | None) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if done is not None and now - last >= LOG_SECONDS:
+            last = now
+            rate = done / (now - start)
+            left = max(0, total - done) / rate
+            print(
+                f"{done} of {total} cameras, {rate:.2f}/s, {left / 60:.0f} min left",
+                file=sys.stderr,
+                flush=True,
+            )
+
+    return show

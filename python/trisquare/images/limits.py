@@ -1,0 +1,83 @@
+"""How large a picture's file may be: files of strangers may unfold to any size."""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import dataclass
+
+MAX_PIXELS = 500_000_000
+"""Of a picture. Cameras that combine several exposures reach 400 megapixels; decoded in colour,
+500 take 1.5 GB."""
+
+MAX_BYTES = 2**31 - 1
+"""Of a file: OpenCV decodes no more."""
+
+AMOUNT = re.compile(r"(\d+(?:\.\d+)?(?:e\d+)?)([kMG]?)", re.ASCII)
+FACTORS = {"": 1.0, "k": 1e3, "M": 1e6, "G": 1e9}
+
+
+@dataclass(frozen=True, slots=True)
+class PictureLimits:
+    """What a picture's file may have.
+
+    Attributes
+    ----------
+    max_pixels : int
+        Width times height, as its header states them.
+    max_bytes : int
+        Of the file.
+    """
+
+    max_pixels: int = MAX_PIXELS
+    max_bytes: int = MAX_BYTES
+
+    @classmethod
+    def stated(
+        cls, max_pixels: float | None = None, max_bytes: float | None = None
+    ) -> PictureLimits:
+        """Return the limits given, where None those of the environment, or else the defaults.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If one is not a positive number.
+        """
+        return cls(
+            int(stated_limit("max_pixels", max_pixels, MAX_PIXELS)),
+            int(stated_limit("max_bytes", max_bytes, MAX_BYTES)),
+        )
+
+
+def stated_limit(name: str, given: float | None, default: float) -> float:
+    """Return a limit: the one given, or of the environment's ``TRISQUARE_NAME``, or the default.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is not a positive number.
+    """
+    if given is None:
+        variable = f"TRISQUARE_{name.upper()}"
+        text = os.environ.get(variable)
+        return default if text is None else parse_amount(text, variable)
+    if isinstance(given, bool) or not isinstance(given, int | float):
+        raise TypeError(f"{name} must be a number, not {type(given).__name__}")
+    if not 0 < given < float("inf"):
+        raise ValueError(f"{name} must be positive and finite, not {given}")
+    return float(given)
+
+
+def parse_amount(text: str, name: str) -> float:
+    """Return the positive number that a text such as ``500M`` or ``0.5G`` says.
+
+    Raises
+    ------
+    ValueError
+        If it says none; the message begins with the name.
+    """
+    match = AMOUNT.fullmatch(text.strip())
+    amount = float(match[1]) * FACTORS[match[2]] if match else 0.0
+    if not 0 < amount < float("inf"):
+        raise ValueError(f"{name} must be a positive number, as 500M or 4G, not {text!r}")
+    return amount

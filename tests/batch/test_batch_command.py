@@ -1,0 +1,221 @@
+"""`trisquare batch`: what it writes, says and exits with."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from batches import make_pictures
+
+import trisquare as ts
+
+COMMAND = (sys.executable, "-m", "trisquare")
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    make_pictures(tmp_path, ["in/a.png", "in/b.png"])
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_folder_of_pictures(run, folder):
+    code, out, err = run("batch", "in", "-o", "results", "--parquet", "--jobs", 2)
+    assert (code, err) == (0, "")
+    assert "2 cameras (2 done now): 2 passed" in out
+    assert sorted(path.name for path in (folder / "results").iterdir()) == [
+        ".lock",
+        "cameras",
+        "results.jsonl",
+        "summary.csv",
+        "summary.html",
+        "summary.parquet",
+    ]
+    stored = ts.Calibration.from_json((folder / "results/cameras/a.json").read_text())
+    assert stored.camera.fx == ts.calibrate("in/a.png").camera.fx
+    code, out, err = run("batch", "in", "-o", "results", "--json")
+    assert (code, err) == (0, "")
+    assert json.loads(out)["done_now"] == 0
+    assert run("compare", "results/cameras/a.json", "results/cameras/a.json")[0] == 0
+
+
+def test_options_are_for_all_and_a_manifest_s_own_come_first(run, folder):
+    records = [
+        {"name": "own", "photographs": "in/a.png", "model": "brown"},
+        {"name": "shared", "photographs": ["in/b.png"]},
+    ]
+    (folder / "list.jsonl").write_text("".join(json.dumps(own) + "\n" for own in records))
+    options = ("--model", "radial1", "--fix", "aspect", "--tone", "2.2")
+    assert run("batch", "list.jsonl", "-o", "out", *options)[0] == 0
+    found = {
+        name: ts.Calibration.from_json((folder / f"out/cameras/{name}.json").read_text())
+        for name in ("own", "shared")
+    }
+    assert [own.camera.model for own in found.values()] == ["brown", "radial1"]
+    assert {own.fixed for own in found.values()} == {("aspect",)}
+    assert {own.tone for own in found.values()} == {2.2}
+
+
+def test_limits_for_production_decide_the_exit_code(run, folder):
+    (folder / "limits.toml").write_text("[std.fx]\nmost = 1e-9\n")
+    code, out, _ = run("batch", "in", "-o", "out", "--limits", "limits.toml")
+    assert code == 6
+    assert "0 passed, 2 beyond the limits, 0 failed" in out
+    assert "a: beyond limits: std.fx" in out
+    (folder / "limits.toml").write_text("[std.fx]\nmost = 1e9\n")
+    assert run("batch", "in", "-o", "out", "--limits", "limits.toml", "-q") == (0, "", "")
+    assert "Limits" in (folder / "out/summary.html").read_text()
+
+
+def test_what_fails_is_told_and_the_rest_goes_on(run, folder):
+    (folder / "in" / "bad\x1b[31m.png").write_text("hello")
+    (folder / "empty").mkdir()
+    code, out, err = run("batch", "in", "empty", "-o", "out")
+    assert (code, err) == (6, "")
+    assert "4 cameras (4 done now): 2 passed, 0 beyond the limits, 2 failed" in out
+    assert "\x1b" not in out
+    assert "bad\\x1b[31m: failed" in out
+    assert "no photograph is in this folder" in out
+    lines = (folder / "out/results.jsonl").read_text().splitlines()
+    names = [json.loads(line)["name"] for line in lines]
+    assert names == ["a", "b", "bad\x1b[31m", "empty"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (("missing", "-o", "out"), 5, "missing: there is no such file"),
+        (("in", "-o", "out", "--limits", "missing.toml"), 5, "missing.toml"),
+        (("in", "-o", "out", "--limits", "wrong.toml"), 2, "wrong.toml: unknown parameter 'f_x'"),
+        (("in", "-o", "out", "--model", "brwon"), 2, "did you mean 'brown'"),
+        (("in", "-o", "out", "--targets", "sqares"), 2, "squares"),
+        (("in", "-o", "out", "--fix", "focal"), 2, "focal"),
+        (("in", "-o", "out", "--jobs", "0"), 2, "--jobs"),
+        (("in", "-o", "out", "--max-pixels", "many"), 2, "--max-pixels"),
+        (("in", "-o", "out", "--max-seconds", "-1"), 2, "max_seconds"),
+        (("in", "-o", "out", "--camera", "*.png"), 2, "braces"),
+        (("in", "-o", "out", "--camera", "{a}_*.png"), 2, "none of 2 photographs"),
+        (
+            ("in", "-o", "out", "--jobs", "2", "--dask", "tcp://x:1"),
+            2,
+            "one of --jobs, --dask and --mpi",
+        ),
+        (("in", "-o", "in/a.png"), 2, "in/a.png"),
+        (("in",), 2, "Missing option"),
+    ],
+)
+def test_wrong_commands_write_nothing(run, folder, arguments, code, message):
+    (folder / "wrong.toml").write_text("[f_x]\nmost = 1\n")
+    found, out, err = run("batch", *arguments)
+    assert (found, out) == (code, "")
+    assert message in err
+    assert err.count("\n") == 1
+    assert not (folder / "out").exists()
+
+
+def test_names_in_errors_do_not_steer_the_terminal(run, folder):
+    code, _, err = run("batch", "\x1b[31mmissing\x9b", "-o", "out")
+    assert code == 5
+    assert "\\x1b[31mmissing\\x9b: there is no such file" in err
+    assert "\x1b" not in err
+
+
+def test_a_second_run_is_refused(run, folder):
+    from trisquare.batch.limits import JobLimits
+    from trisquare.batch.store import Store
+
+    with Store("out", JobLimits.stated()):
+        code, _, err = run("batch", "in", "-o", "out")
+    assert code == 2
+    assert "out: another run writes to this folder" in err
+
+
+def test_pictures_may_be_limited(run, folder):
+    most = ("--max-pixels", "0.1M")
+    code, out, _ = run("batch", "in/a.png", "-o", "out", *most)
+    assert code == 6
+    assert "480 x 360 pixels, more than the 100000 that max_pixels allows" in out
+    # Nothing has changed, and then the limit has.
+    assert "(0 done now)" in run("batch", "in/a.png", "-o", "out", *most)[1]
+    assert run("batch", "in/a.png", "-o", "out", "--max-pixels", "1M")[0] == 0
+
+
+def test_failures_are_done_again_when_asked(run, folder):
+    (folder / "in" / "bad.png").write_text("hello")
+    assert "(3 done now)" in run("batch", "in", "-o", "out")[1]
+    assert "(0 done now)" in run("batch", "in", "-o", "out")[1]
+    assert "(1 done now)" in run("batch", "in", "-o", "out", "--retry")[1]
+
+
+@pytest.mark.slow
+def test_ten_thousand_unreadable_files(run, folder):
+    (folder / "many").mkdir()
+    for number in range(10_000):
+        (folder / "many" / f"{number}.jpg").write_bytes(b"\xff\xd8\xffno picture")
+    code, out, err = run("batch", "many", "in", "-o", "out")
+    assert (code, err) == (6, "")
+    assert "10002 cameras (10002 done now): 2 passed, 0 beyond the limits, 10000 failed" in out
+    assert out.count("\n") < 20
+    assert (folder / "out/summary.html").stat().st_size < 1e6
+
+
+@pytest.mark.slow
+def test_ctrl_c_is_one_line_and_the_next_run_goes_on(folder):
+    make_pictures(folder, [f"in/cam{number}.png" for number in range(60)])
+    command = [*COMMAND, "batch", "in", "-o", "out", "--json"]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True
+    ) as process:
+        journal = folder / "out" / "results.jsonl"
+        while not (journal.exists() and journal.read_bytes().count(b"\n") >= 2):
+            assert process.poll() is None
+            time.sleep(0.01)
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+        out, err = process.communicate(timeout=300)
+    assert (process.returncode, out, err) == (130, b"", b"trisquare: error: interrupted\n")
+    there = journal.read_bytes().count(b"\n")
+    answer = json.loads(subprocess.run(command, capture_output=True, check=True).stdout)
+    assert (answer["cameras"], answer["done_now"]) == (62, 62 - there)
+
+
+@pytest.mark.slow
+def test_progress_is_shown_on_a_terminal(folder):
+    pty = pytest.importorskip("pty")
+    controlling, terminal = pty.openpty()
+    with subprocess.Popen(
+        [*COMMAND, "batch", "in", "-o", "out"],
+        env={**os.environ, "TERM": "xterm-256color"},
+        stdout=subprocess.DEVNULL,
+        stderr=terminal,
+    ) as process:
+        os.close(terminal)
+        shown = b""
+        try:
+            while part := os.read(controlling, 1 << 16):
+                shown += part
+        except OSError:
+            pass
+    os.close(controlling)
+    assert process.returncode == 0
+    assert b"2/2" in shown
+    assert b"/s" in shown
+
+
+def test_a_log_has_a_line_a_minute(monkeypatch, capsys):
+    from trisquare.cli import batch
+
+    clock = [0.0]
+    monkeypatch.setattr(batch.time, "monotonic", lambda: clock[0])
+    show = batch._log(1000)
+    for done in range(1, 201):
+        clock[0] += 1.0
+        show(done)
+    show(None)
+    assert capsys.readouterr().err.splitlines() == [
+        "60 of 1000 cameras, 1.00/s, 16 min left",
+        "120 of 1000 cameras, 1.00/s, 15 min left",
+        "180 of 1000 cameras, 1.00/s, 14 min left",
+    ]

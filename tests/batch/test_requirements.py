@@ -1,0 +1,74 @@
+"""Limits for production: read, refused, and kept or not."""
+
+import pytest
+from batches import record_of
+
+import trisquare as ts
+from trisquare.batch.requirements import read_requirements
+
+RECORD = record_of(ts.Job("a", ("a.png",)))  # fx 1000 +- 0.5, k1 -0.1 +- 0.001
+
+
+def violations(tmp_path, text, record=RECORD):
+    path = tmp_path / "limits.toml"
+    path.write_text(text)
+    found = [own.violation(record) for own in read_requirements(path)]
+    return [own for own in found if own is not None]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ('[fx]\nnominal = 1005\nwithin = "1 %"', []),
+        ('[fx]\nnominal = 1005\nwithin = "0.4%"', ["fx 1000 is below 1000.98"]),
+        ("[fx]\nnominal = 990\nwithin = 9", ["fx 1000 is above 999"]),
+        ('[k1]\nnominal = -0.1\nwithin = "1 %"', []),
+        ("[std.fx]\nmost = 0.5", []),
+        ("[std]\nfx = { most = 0.4 }", ["std.fx 0.5 is above 0.4"]),
+        (
+            "[rms_px]\nmost = 0.01\n[planes]\nleast = 4",
+            ["rms_px 0.02 is above", "planes 3"],
+        ),
+        ("[noise_scale]\nleast = 0.5\nmost = 2", []),
+        ("[k3]\nmost = 1", ["k3: the model radial1 has none"]),
+        ("[std.cx]\nmost = 1", ["std.cx: the model radial1 has none, or holds it"]),
+    ],
+)
+def test_cameras_pass_or_not(tmp_path, text, expected):
+    found = violations(tmp_path, text)
+    assert len(found) == len(expected)
+    for own, beginning in zip(found, expected, strict=True):
+        assert own.startswith(beginning)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[f_x]\nmost = 1", "unknown parameter 'f_x': did you mean 'fx'"),
+        ("[std.fz]\nmost = 1", "unknown parameter 'fz'"),
+        ("[fx]\nmots = 1", r"\[fx\] unknown key 'mots': did you mean 'most'"),
+        ("[fx]\nnominal = 1", "belong together"),
+        ("[fx]\nwithin = 1", "belong together"),
+        ("[fx]\nnominal = 1\nwithin = 1\nmost = 2", "not both"),
+        ('[fx]\nnominal = 1\nwithin = "1"', 'as "1 %"'),
+        ("[fx]\nnominal = 1\nwithin = -1", "not be negative"),
+        ("[fx]\nmost = nan", "NaN"),
+        ('[fx]\nmost = "1"', "real numbers"),
+        ("[fx]\nmost = true", "real numbers"),
+        ("[fx]\nleast = 2\nmost = 1", "least is above most"),
+        ("fx = 1", "must be a table"),
+        ("[fx]", "must be a table"),
+        ("std = 1", "unknown parameter 'std'"),
+        ("", "no limit is in this file"),
+        ("[fx", "Expected"),
+    ],
+)
+def test_wrong_files_are_refused(tmp_path, text, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        violations(tmp_path, text)
+    assert str(caught.value).startswith(str(tmp_path / "limits.toml"))
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    with pytest.raises(OSError, match=r"limits\.toml"):
+        read_requirements(tmp_path / "limits.toml")

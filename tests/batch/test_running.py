@@ -1,0 +1,261 @@
+"""Jobs on processes that die, hang and eat memory, and on executors of others."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from batches import make_pictures, quick
+
+import trisquare as ts
+from trisquare.batch.limits import JobLimits
+from trisquare.batch.run import Submission, finished
+
+
+def jobs_of(*names):
+    return [ts.Job(name, (f"{name}.png",)) for name in names]
+
+
+def outcomes(jobs, executor=None, workers=2, window=8, **limits):
+    bounds = JobLimits.stated(**limits)
+    with Submission(executor, None if executor else workers, bounds, quick) as submit:
+        return {own.job.name: own.record for own in finished(jobs, submit, None, window)}
+
+
+def code_of(record):
+    return record["error"]["code"] if record["status"] == "failed" else "done"
+
+
+def test_a_process_that_dies_takes_its_own_job_only():
+    names = ["a", "die-1", "b", "die-2", *(f"c{number}" for number in range(20))]
+    found = outcomes(jobs_of(*names))
+    assert sorted(found) == sorted(names)
+    for name, record in found.items():
+        assert code_of(record) == ("WorkerDiedError" if name.startswith("die") else "done")
+    assert "SIGKILL" in found["die-1"]["error"]["text"]
+
+
+def test_a_job_whose_process_died_has_a_second_chance(tmp_path):
+    found = outcomes([ts.Job("once", (str(tmp_path / "tried"),))])
+    assert code_of(found["once"]) == "done"
+    assert (tmp_path / "tried").exists()
+
+
+def test_a_job_that_takes_too_long_is_given_up():
+    start = time.monotonic()
+    found = outcomes(jobs_of("hang-1", "a", "b"), max_seconds=1.0)
+    assert {name: code_of(own) for name, own in found.items()} == {
+        "hang-1": "TimeLimitError",
+        "a": "done",
+        "b": "done",
+    }
+    assert "max_seconds" in found["hang-1"]["error"]["text"]
+    assert time.monotonic() - start < 3600
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is bounded on Linux")
+def test_a_job_that_eats_memory_is_given_up():
+    found = outcomes(jobs_of("eat-1", "a"), max_memory=2e8)
+    assert code_of(found["a"]) == "done"
+    assert code_of(found["eat-1"]) == "MemoryError"
+
+
+@pytest.mark.parametrize("kind", ["threads", "processes"])
+def test_any_executor_will_do(kind):
+    if kind == "threads":
+        executor = ThreadPoolExecutor(2)
+    else:
+        executor = ProcessPoolExecutor(2, mp_context=get_context("spawn"))
+    with executor:
+        found = outcomes(jobs_of("a", "die-1", "b", "c"), executor)
+    assert {name: code_of(own) for name, own in found.items()} == {
+        "a": "done",
+        "die-1": "WorkerDiedError",
+        "b": "done",
+        "c": "done",
+    }
+
+
+class Broken(ThreadPoolExecutor):
+    def submit(self, *_, **__):
+        future = super().submit(int)
+        future.result()
+        return super().submit(broken)
+
+
+def broken():
+    raise BrokenExecutor("gone")
+
+
+def test_an_executor_that_fails_is_an_error():
+    with Broken(1) as executor, pytest.raises(BrokenExecutor):
+        outcomes(jobs_of("a"), executor)
+
+
+def test_no_more_jobs_are_read_than_the_window_holds():
+    read = []
+
+    def jobs():
+        for number in range(60):
+            read.append(number)
+            yield ts.Job(f"a{number}", ("a.png",))
+
+    with Submission(None, 2, JobLimits.stated(), quick) as submit:
+        for done, _ in enumerate(finished(jobs(), submit, None, 5), 1):
+            assert len(read) <= done + 5
+    assert len(read) == 60
+
+
+def test_who_stops_early_leaves_no_process_behind():
+    with Submission(None, 2, JobLimits.stated(), quick) as submit:
+        results = finished(jobs_of("a", "hang-1", "hang-2", "b"), submit)
+        next(results)
+        processes = [own._process for own in submit._workers._all]
+        start = time.monotonic()
+        with pytest.raises(KeyboardInterrupt), submit:
+            raise KeyboardInterrupt
+        results.close()
+    assert processes
+    assert all(process.poll() is not None for process in processes)
+    assert time.monotonic() - start < 300
+
+
+def test_processes_end_with_the_one_that_started_them():
+    script = (
+        "import os, sys; sys.path[:0] = {path!r}\n"
+        "from batches import quick\n"
+        "from trisquare.batch.jobs import Job\n"
+        "from trisquare.batch.limits import JobLimits\n"
+        "from trisquare.batch.workers import Workers\n"
+        "workers = Workers(JobLimits.stated(), quick)\n"
+        "workers.do(Job('a', ('a.png',)), '.')\n"
+        "print(next(iter(workers._all))._process.pid, flush=True)\n"
+        "os.kill(os.getpid(), 9)\n"
+    ).format(path=[path for path in sys.path if path.endswith("helpers")])
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    end = time.monotonic() + 60.0
+    while True:
+        try:
+            os.kill(int(done.stdout), 0)
+        except ProcessLookupError:
+            break
+        account = Path(f"/proc/{int(done.stdout)}/stat")
+        if account.exists() and account.read_text().split()[2] == "Z":
+            break  # it has ended, and nobody has asked how
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+def test_processes_compute_in_one_thread():
+    with Submission(None, 1, JobLimits.stated(), threads) as submit:
+        ((own),) = finished(jobs_of("a"), submit)
+    assert own.record["values"] == {"opencv": 1, "openblas": "1"}
+
+
+def threads(job, limits):
+    import cv2
+
+    numbers = {"opencv": cv2.getNumThreads(), "openblas": os.environ["OPENBLAS_NUM_THREADS"]}
+    return {"name": job.name, "status": "done", "values": numbers}, "{}"
+
+
+def test_cameras_are_calibrated_as_alone(tmp_path):
+    make_pictures(tmp_path, ["a.png", "b.png"])
+    (tmp_path / "c.png").write_text("hello")
+    jobs = [
+        ts.Job("a", (str(tmp_path / "a.png"),), {"model": "radial1"}),
+        ts.Job("pooled", [tmp_path / "a.png", tmp_path / "a.png"]),
+        ts.Job("c", (tmp_path / "c.png",)),
+        ts.Job("b", (tmp_path / "b.png",), {"model": "no such"}),
+    ]
+    found = {own.job.name: own for own in ts.calibrate_many(jobs, workers=2)}
+    alone = ts.calibrate(tmp_path / "a.png", model="radial1")
+    assert found["a"].json == alone.to_json()
+    assert found["a"].calibration.camera.fx == alone.camera.fx
+    assert found["a"].record["std"] == dict(alone.std)
+    assert [own["code"] for own in found["pooled"].record["warnings"]].count("repeated_picture")
+    assert found["c"].record["error"]["code"] == "ImageError"
+    assert "c.png" in found["c"].record["error"]["text"]
+    assert found["b"].record["error"]["code"] == "ValueError"
+    assert "no such" in found["b"].record["error"]["text"]
+    assert not found["b"].is_done
+    with pytest.raises(ValueError, match="b: ValueError"):
+        _ = found["b"].calibration
+
+
+def test_limits_of_size_hold_in_every_format(tmp_path):
+    """Also where only OpenCV reads the header."""
+    for suffix in (".png", ".pfm"):
+        cv2.imwrite(str(tmp_path / f"a{suffix}"), np.zeros((48, 64, 3), np.float32))
+
+    def codes(**limits):
+        jobs = [ts.Job(own.name, (own,)) for own in sorted(tmp_path.iterdir())]
+        found = ts.calibrate_many(jobs, workers=1, **limits)
+        return {own.job.name: own.record["error"]["code"] for own in found}
+
+    assert codes() == {"a.pfm": "DetectionError", "a.png": "DetectionError"}
+    for limits in ({"max_pixels": 3071}, {"max_bytes": 50}):
+        assert codes(**limits) == {"a.pfm": "ImageError", "a.png": "ImageError"}
+
+
+def test_there_may_be_hardly_any_limits(tmp_path):
+    make_pictures(tmp_path, ["a.png"])
+    limits = dict.fromkeys(("max_pixels", "max_bytes", "max_seconds", "max_memory"), 10**30)
+    (own,) = ts.calibrate_many([ts.Job("a", (tmp_path / "a.png",))], workers=1, **limits)
+    assert own.is_done, own.record
+
+
+def test_a_lens_to_hold_may_be_a_file(tmp_path):
+    make_pictures(tmp_path, ["a.png"])
+    first = ts.calibrate(tmp_path / "a.png", fix="aspect")
+    first.camera.save(tmp_path / "camera.json")
+    options = {"initial": str(tmp_path / "camera.json"), "fix": ["distortion"]}
+    (own,) = ts.calibrate_many([ts.Job("a", (tmp_path / "a.png",), options)], workers=1)
+    assert (own.calibration.camera.distortion == first.camera.distortion).all()
+    assert own.calibration.fixed == ("distortion",)
+
+
+def test_two_jobs_of_one_name(tmp_path):
+    make_pictures(tmp_path, ["a.png"])
+    picture = (tmp_path / "a.png",)
+    jobs = [
+        ts.Job("Cam", picture),
+        ts.Job("cam", picture, {}, "list.csv:3"),
+        ts.Job("Cam", picture),
+    ]
+    found = list(ts.calibrate_many(jobs, workers=1))
+    codes = {own.record["name"]: code_of(own.record) for own in found}
+    assert codes == {"Cam": "done", "list.csv:3": "ValueError", "job 3": "ValueError"}
+    assert all("an earlier job has the name" in str(own.record) for own in found if not own.is_done)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error"),
+    [
+        ({"workers": 0}, ValueError),
+        ({"workers": True}, ValueError),
+        ({"window": 0}, ValueError),
+        ({"max_seconds": -1.0}, ValueError),
+        ({"max_seconds": float("nan")}, ValueError),
+        ({"max_pixels": "many"}, TypeError),
+        ({"workers": 2, "executor": ThreadPoolExecutor(1)}, ValueError),
+    ],
+)
+def test_wrong_arguments_are_refused_before_anything_runs(arguments, error):
+    with pytest.raises(error):
+        ts.calibrate_many([], **arguments)
+
+
+def test_what_is_no_job_is_refused():
+    with pytest.raises(TypeError, match="Job"):
+        list(ts.calibrate_many(["photo.jpg"]))

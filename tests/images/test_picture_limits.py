@@ -1,0 +1,158 @@
+"""Pictures that are too large are refused by their header, before anything is decoded."""
+
+import struct
+import subprocess
+import sys
+import zlib
+
+import cv2
+import numpy as np
+import pytest
+
+import trisquare as ts
+from trisquare.images.header import stated_size
+from trisquare.images.limits import MAX_BYTES, MAX_PIXELS, PictureLimits, parse_amount
+from trisquare.images.reading import read_image, read_photograph
+
+PICTURE = np.dstack([np.arange(48 * 64, dtype=np.uint8).reshape(48, 64)] * 3)
+SUFFIXES = (".png", ".jpg", ".tif", ".webp", ".bmp", ".ppm", ".jp2", ".gif", ".avif")
+
+
+def encoded(suffix):
+    return cv2.imencode(suffix, PICTURE)[1].tobytes()
+
+
+def png_bomb(width, height):
+    """A small PNG of black pixels, as large as it says."""
+
+    def chunk(kind, content):
+        checked = kind + content
+        return struct.pack(">I", len(content)) + checked + struct.pack(">I", zlib.crc32(checked))
+
+    packer = zlib.compressobj(9)
+    row = bytes(1 + width // 8)
+    pixels = b"".join(packer.compress(row) for _ in range(height)) + packer.flush()
+    header = struct.pack(">IIBBBBB", width, height, 1, 0, 0, 0, 0)
+    head, end = chunk(b"IHDR", header), chunk(b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + head + chunk(b"IDAT", pixels) + end
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_the_header_says_the_size(suffix):
+    assert stated_size(encoded(suffix)) == (64, 48)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_header_that_is_cut_or_damaged_says_nothing_or_a_size(suffix):
+    whole = encoded(suffix)
+    rng = np.random.default_rng(1)
+    for end in range(0, min(len(whole), 200)):
+        size = stated_size(whole[:end])
+        # Of the numbers that are text, digits may be missing.
+        assert size is None or size == (64, 48) or (suffix == ".ppm" and size < (64, 48))
+    for _ in range(300):
+        damaged = bytearray(whole[:300])
+        for place in rng.integers(0, len(damaged), 3):
+            damaged[place] = rng.integers(256)
+        size = stated_size(bytes(damaged))
+        assert size is None or min(size) > 0
+
+
+@pytest.mark.parametrize(
+    "text", [b"", b"hello", b"\0" * 99, b"<svg width='9' height='9'/>", b" <svg"]
+)
+def test_what_is_no_picture_has_no_size(text):
+    assert stated_size(text) is None
+
+
+def test_an_orientation_tag_does_not_turn_the_size(tmp_path):
+    tag = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0"
+    plain = encoded(".jpg")
+    turned = plain[:2] + b"\xff\xe1" + struct.pack(">H", len(tag) + 2) + tag + plain[2:]
+    assert stated_size(turned) == (64, 48)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_more_pixels_than_allowed_are_refused(tmp_path, suffix):
+    path = tmp_path / f"photo{suffix}"
+    path.write_bytes(encoded(suffix))
+    assert read_photograph(path, PictureLimits(64 * 48))[0].shape[:2] == (48, 64)
+    with pytest.raises(ts.ImageError, match="64 x 48 pixels, more than the 3071 that max_pixels"):
+        read_photograph(path, PictureLimits(64 * 48 - 1))
+
+
+def test_larger_files_than_allowed_are_not_read(tmp_path):
+    path = tmp_path / "photo.png"
+    with path.open("wb") as file:
+        file.truncate(MAX_BYTES + 1)  # which takes no room
+    with pytest.raises(ts.ImageError, match="more than the 2147483647 that max_bytes allows"):
+        read_image(path)
+
+
+def test_the_environment_has_limits(tmp_path, monkeypatch):
+    path = tmp_path / "photo.png"
+    path.write_bytes(encoded(".png"))
+    monkeypatch.setenv("TRISQUARE_MAX_PIXELS", "3k")
+    with pytest.raises(ts.ImageError, match="max_pixels"):
+        read_image(path)
+    with pytest.raises(ts.ImageError, match="max_pixels"):
+        ts.calibrate(path)
+    with pytest.raises(ts.DetectionError):
+        ts.calibrate(path, max_pixels=3072)
+    monkeypatch.setenv("TRISQUARE_MAX_PIXELS", "many")
+    with pytest.raises(ValueError, match="TRISQUARE_MAX_PIXELS must be a positive number"):
+        read_image(path)
+
+
+def test_calibrate_takes_a_limit(tmp_path):
+    path = tmp_path / "photo.png"
+    path.write_bytes(encoded(".png"))
+    with pytest.raises(ts.ImageError, match="max_pixels"):
+        ts.calibrate(path, max_pixels=3071)
+    for wrong, error in ((0, ValueError), (-1, ValueError), ("9", TypeError), (True, TypeError)):
+        with pytest.raises(error, match="max_pixels"):
+            ts.calibrate(path, max_pixels=wrong)
+
+
+def test_the_command_takes_a_limit(tmp_path, run):
+    path = tmp_path / "photo.png"
+    path.write_bytes(encoded(".png"))
+    code, _, err = run("calibrate", path, "--max-pixels", "3k")
+    assert code == 5
+    assert "max_pixels" in err
+    assert run("calibrate", path, "--max-pixels", "none")[0] == 2
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs Linux's account of memory")
+def test_a_small_file_that_unfolds_to_much_costs_nothing(tmp_path):
+    """By default, and measured in a process of its own: decoded it is a gigabyte."""
+    path = tmp_path / "bomb.png"
+    path.write_bytes(png_bomb(32768, 32767))
+    assert path.stat().st_size < 1 << 20
+    assert MAX_PIXELS < 32768 * 32767
+    script = (
+        "import resource, sys, trisquare as ts, cv2\n"
+        "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
+        "try: ts.calibrate(sys.argv[1])\n"
+        "except ts.ImageError as error: print(error, file=sys.stderr)\n"
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script, path], capture_output=True, text=True, check=True
+    )
+    assert "32768 x 32767 pixels" in done.stderr
+    assert int(done.stdout) < 100_000  # kB
+
+
+@pytest.mark.parametrize(
+    ("text", "amount"),
+    [("7", 7.0), ("500M", 5e8), ("0.5G", 5e8), ("1e9", 1e9), ("12k", 12e3), (" 3 ", 3.0)],
+)
+def test_amounts(text, amount):
+    assert parse_amount(text, "--max-pixels") == amount
+
+
+@pytest.mark.parametrize("text", ["", "0", "-1", "many", "1T", "nan", "inf", "1e999", "1 000", "٣"])
+def test_what_is_no_amount(text):
+    with pytest.raises(ValueError, match="--max-pixels must be a positive number"):
+        parse_amount(text, "--max-pixels")
