@@ -12,7 +12,7 @@ from trisquare.calibration.calibrate import calibrate
 from trisquare.camera.members import camera_from_members, camera_members
 from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.options import JSON, QUIET, option
-from trisquare.cli.tables import comparison_report
+from trisquare.cli.tables import comparison_report, warning_lines
 from trisquare.drawing.overlay import draw_overlay
 from trisquare.images.encoding import encode_image
 from trisquare.images.reading import read_image
@@ -55,4 +55,4 @@ def demo_command(
         "written": [str(camera), str(overlay)],
     }
     report = [*comparison_report(calibration, truth), f"wrote {camera} and {overlay}"]
-    answer(json, quiet, members, report)
+    answer(json, quiet, members, report, warning_lines(calibration))

@@ -13,6 +13,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from trisquare._support.suggestions import nearest_name
+from trisquare.errors import ImageError
 
 SUMMARIES: Mapping[str, str] = MappingProxyType(
     {
@@ -152,5 +153,7 @@ def reading() -> Iterator[None]:
     """Tell that a file cannot be read from that one cannot be written, both of them OSErrors."""
     try:
         yield
+    except ImageError:
+        raise  # of a missing picture an OSError, too
     except OSError as error:
         raise UnreadableInputError(str(error)) from error

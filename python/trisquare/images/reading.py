@@ -8,7 +8,7 @@ import numpy as np
 
 from trisquare._support.paths import read_bytes
 from trisquare._support.writing import PathLike
-from trisquare.errors import ImageError
+from trisquare.errors import ImageError, MissingImageError
 from trisquare.images.header import stated_size
 from trisquare.images.integrity import incompleteness
 from trisquare.images.limits import PictureLimits
@@ -37,9 +37,9 @@ def read_image(path: PathLike) -> Image:
     Raises
     ------
     ImageError
-        If the file is missing, is no picture, or is truncated (OpenCV alone may return a
-        truncated picture with its lower part grey); if its pixels are signed, of 32-bit integers
-        or of 64-bit floats, or NaN.
+        If the file is missing (`MissingImageError`), is no picture, or is truncated (OpenCV alone
+        may return a truncated picture with its lower part grey); if its pixels are signed, of
+        32-bit integers or of 64-bit floats, or NaN.
     """
     return read_photograph(path)[0]
 
@@ -55,6 +55,8 @@ def read_photograph(
     limits = PictureLimits.stated() if limits is None else limits
     try:
         encoded = _bytes_within(path, limits)
+    except FileNotFoundError as error:
+        raise MissingImageError(str(error)) from error
     except OSError as error:
         raise ImageError(str(error)) from error
     _check_pixels(path, encoded, limits)
