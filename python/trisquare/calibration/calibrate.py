@@ -22,7 +22,8 @@ from trisquare.errors import DetectionError, TrisquareError
 from trisquare.images.faults import fault_warnings
 from trisquare.images.limits import PictureLimits
 from trisquare.images.photographs import Photographs
-from trisquare.images.pixels import ImageSource, Outlines, Tone, sources_of
+from trisquare.images.pixels import ImageSource, Outlines, Tone
+from trisquare.images.sources import sources_of
 from trisquare.images.tone import contradiction_text, pooled, shift_text
 from trisquare.results.calibration import Calibration
 from trisquare.results.calibration_warning import CalibrationWarning, by_severity
@@ -60,8 +61,10 @@ def calibrate(
 
     Parameters
     ----------
-    image : path or ndarray, or a sequence of them
-        uint8, uint16 or float32 of shape (H, W) or (H, W, 3) in BGR order. Several photographs
+    image : path, bytes, binary file, PIL.Image.Image or ndarray, or several of them
+        Arrays are uint8, uint16 or float32 of shape (H, W), (H, W, 3) or (H, W, 4), grey, BGR or
+        BGRA, whose alpha is dropped. A folder stands for the pictures in it, a pattern such as
+        ``"frames/*.png"`` for the files that match, bytes for a file's content. Several photographs
         must be of one camera and size; their planes are pooled. One in which nothing is found is
         named in `warnings` and left out, as is one that is given twice. A file's orientation tag
         is ignored, with a warning: the result refers to the picture as it is stored.

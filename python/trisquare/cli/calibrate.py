@@ -17,6 +17,7 @@ from trisquare.camera.lens_models import MODELS
 from trisquare.camera.settings import AUTO, METHODS
 from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.framework import command_line, reading
+from trisquare.cli.input_files import photographs_named
 from trisquare.cli.options import (
     FIX,
     FREE,
@@ -148,6 +149,7 @@ def calibrate_command(
     """Calibrate a camera from its photographs."""
     if with_diagnosis and json:
         raise ValueError("--diagnose prints text and --json prints JSON: give one of them")
+    photos = photographs_named(photos)
     overlay_paths = numbered_paths(overlay, len(photos))
     debug_images = numbered_paths(debug_image, len(photos))
     # No board but a file has a name that might be an output's.

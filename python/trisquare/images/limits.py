@@ -6,6 +6,8 @@ import os
 import re
 from dataclasses import dataclass
 
+from trisquare.errors import ImageError
+
 MAX_PIXELS = 500_000_000
 """Of a picture. Cameras that combine several exposures reach 400 megapixels; decoded in colour,
 500 take 1.5 GB."""
@@ -31,6 +33,15 @@ class PictureLimits:
 
     max_pixels: int = MAX_PIXELS
     max_bytes: int = MAX_BYTES
+
+    def check_pixels(self, name: str, size: tuple[int, int]) -> None:
+        """Raise ImageError if a picture of this width and height has too many pixels."""
+        width, height = size
+        if width * height > self.max_pixels:
+            raise ImageError(
+                f"{name}: has {width} x {height} pixels, more than the {self.max_pixels} that "
+                "max_pixels allows"
+            )
 
     @classmethod
     def stated(
