@@ -93,7 +93,7 @@ def summary(calibration: Calibration, known: ProjectionMap) -> Iterator[str]:
         yield (
             f"Projected points are known to {best} px at the best place of the picture, to "
             f"{median} px at the median place and to {worst} px at the worst (one standard "
-            "deviation)."
+            "deviation, up to a rotation of the whole camera)."
         )
     beyond = 1.0 - len(finite) / known.std.size
     if beyond > 0.0:

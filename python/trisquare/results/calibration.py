@@ -261,13 +261,21 @@ class Calibration(Record):
         """
         return rms_displacement(self.projection_covariance(points))
 
-    def projection_map(self, step: float | None = None) -> ProjectionMap:
-        """Return `projection_std` on a grid over the picture, border to border.
+    def projection_map(
+        self, step: float | None = None, *, rotation: str = "fitted"
+    ) -> ProjectionMap:
+        """Return how far projections may be off on a grid over the picture, border to border.
 
         Parameters
         ----------
         step : float, optional
             The grid's lines are at most so many pixels apart; by default a 32nd of the width.
+        rotation : {"fitted", "held"}
+            A principal point that is off by a few pixels is nearly a camera that is turned a
+            little, which goes unnoticed wherever the camera's pose is estimated with it, or does
+            not matter. ``"fitted"``: the rotation that fits the whole picture best is taken out,
+            as `compare` does. ``"held"``: directions are held in the camera's frame, as in
+            `projection_std`.
 
         Returns
         -------
@@ -275,7 +283,7 @@ class Calibration(Record):
             ``x``, ``y`` and ``std[row, column]``, infinite beyond the valid radius.
         """
         return projection_map(
-            self.camera, self.parameters, self._aspect_fixed, self.covariance, step
+            self.camera, self.parameters, self._aspect_fixed, self.covariance, step, rotation
         )
 
     @property
