@@ -1,7 +1,7 @@
 """Edges of printed targets: how well a pixel of them is known, which `predict` assumes.
 
-For every shared photograph of printed boards, the residuals' rms times the square root of the edge's
-length for each independent sample. The median must be what `predict` assumes, to a half.
+For every shared photograph of printed boards, the residuals' rms times the square root of the
+edge's length for each independent sample. The median must be what `predict` assumes, to a half.
 """
 
 from __future__ import annotations

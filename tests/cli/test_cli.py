@@ -299,7 +299,11 @@ def test_the_demo_shows_the_truth(tmp_path):
     done = trisquare("demo", "--output", "results", folder=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     result = Calibration.from_json((tmp_path / "results" / "camera.json").read_text())
-    assert cv2.imread(str(tmp_path / "results" / "overlay.png")) is not None
+    names = ["photo.png", "camera.json", "overlay.png", "report.html"]
+    assert done.stdout.endswith("".join(f"wrote results/{name}\n" for name in names))
+    overlay, photo = (cv2.imread(str(tmp_path / "results" / name)) for name in names[2::-2])
+    assert overlay.shape == photo.shape
+    assert "photo.png" in (tmp_path / "results" / "report.html").read_text()
     rows = [line.split() for line in done.stdout.splitlines() if line.split()]
     shown = {row[0]: [float(value) for value in row[1:]] for row in rows if row[0] in result.std}
     assert set(shown) == set(result.std)

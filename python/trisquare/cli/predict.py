@@ -55,8 +55,8 @@ def predict_command(
     sigma: float = option(
         PRINTED_SIGMA,
         "PX",
-        "Standard deviation of an edge sample, pixels: 2 for targets printed on paper, which are not "
-        "quite flat; 0.02 for straight edges in a sharp picture, as rendered ones are.",
+        "Standard deviation of an edge sample, pixels: 2 for targets printed on paper, which are "
+        "not quite flat; 0.02 for straight edges in a sharp picture, as rendered ones are.",
     ),
     spacing: float = option(1.0, "PX", "Edge length per sample, pixels."),
     model: str | None = option(
