@@ -404,6 +404,30 @@ def test_names_that_cannot_be_encoded_are_escaped(folder, encoding):
     assert rb"o\udcff.yaml" in done.stdout
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="needs names with control characters")
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("calibrate", "NAME", "NAME", "--overlay", "NAMEo.png"),
+        ("calibrate", "NAME-gone"),
+        ("undistort", "NAME", "--camera", "camera.json", "-o", "NAMEo.png"),
+        ("convert", "camera.json", "NAMEo.yaml"),
+        ("convert", "NAME", "out.yaml"),
+        ("straighten", "lines.png", "-o", "NAMEo.png"),
+        ("measure", *TAKEN, "--rectify", "NAMEo.png"),
+    ],
+    ids=" ".join,
+)
+def test_control_characters_of_names_do_not_reach_a_terminal(run, folder, encoded, arguments):
+    """They would colour, clear or retitle it."""
+    name = "a\x1b[31m\x1b]0;title\x07\u202eb.png"
+    (folder / name).write_bytes(encoded)
+    code, out, err = run(*with_argument(arguments, "NAME", name))
+    assert code in (0, 2, 5)
+    assert not re.search("[\x00-\x09\x0b-\x1f\x7f\u202e]", out + err)
+    assert r"a\x1b[31m\x1b]0;title\x07\u202eb.png" in out + err
+
+
 def test_a_negative_coordinate_is_no_option(run, folder):
     before = held(folder)
     outcome = run("measure", *TAKEN, "-5,3", SECOND)

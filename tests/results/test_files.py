@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from scenes import edges_of, squares
@@ -61,3 +62,27 @@ def test_a_missing_file_is_a_file_that_is_not_found(tmp_path):
 
 def test_the_package_shows_its_public_names():
     assert dir(ts) == sorted(ts.__all__)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 0.3, 1.9, 2.4, 3.0, np.pi - 1e-9])
+@pytest.mark.parametrize("axis", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, -2, 0.5), (-1, -1, -1)])
+def test_rotation_vectors_are_opencv_s(axis, angle):
+    vector = angle * np.array(axis) / np.linalg.norm(axis)
+    plane = replace(RESULT.planes[0], rotation=cv2.Rodrigues(vector)[0])
+    assert plane.rvec == pytest.approx(vector, abs=2e-8 if angle > 3 else 1e-12)
+    np.testing.assert_allclose(cv2.Rodrigues(plane.rvec)[0], plane.rotation, atol=2e-8)
+
+
+def test_poses_are_what_opencv_projects_with():
+    plane, camera = RESULT.planes[1], RESULT.camera
+    corners = np.array([[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]])
+    found, _ = cv2.projectPoints(corners, plane.rvec, plane.tvec, camera.K, camera.distortion)
+    seen = found.reshape(-1, 2)
+    assert np.abs(seen[:, None] - plane.corners[None]).max(axis=2).min(axis=1).max() < 0.01
+    metric = plane.cam_from_plane(side=84.0)
+    points = np.column_stack([84.0 * corners, np.ones(4)]) @ metric.T
+    np.testing.assert_allclose(camera.project(points[:, :3]), seen, atol=1e-6)
+    np.testing.assert_array_equal(metric[3], [0, 0, 0, 1])
+    for side in (0.0, -1.0, np.nan):
+        with pytest.raises(ValueError, match="side"):
+            plane.cam_from_plane(side)

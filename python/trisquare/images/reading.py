@@ -75,7 +75,7 @@ def decode_photograph(
     if kind is not None:
         return read_foreign(kind, encoded, name, limits), None
     limits.check_pixels(name, stated_size(encoded) or (0, 0))
-    reason = incompleteness(encoded)
+    reason = incompleteness(encoded, limits.max_scans)
     if reason:
         raise ImageError(f"{name}: {reason}")
     tag = find_orientation(encoded)
