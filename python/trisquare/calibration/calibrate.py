@@ -11,7 +11,7 @@ import trisquare._core as _core
 from trisquare._support.arrays import size_of_image
 from trisquare._support.threads import thread_count
 from trisquare.calibration.explain_failure import add_reasons, rejected_shapes
-from trisquare.calibration.gather import Gathered, gather
+from trisquare.calibration.gather import LOG, Gathered, gather
 from trisquare.calibration.measured_photograph import Sought
 from trisquare.calibration.select import chosen_by
 from trisquare.camera.camera import Camera
@@ -205,6 +205,7 @@ def calibrate_photographs(
         # What was asked for by its layout or drawn by hand is vouched for.
         choosing = kinds.squares and not by_hand
         edges = [*gathered.figures, *gathered.lines]
+        LOG.info("fitting a %s camera to %d figures", settings.model, len(gathered.figures))
         outcome = _ask_core(edges, gathered, settings, choosing)
         if outcome.verdicts:
             gathered.figures, others, remarks = chosen_by(outcome, gathered.figures, gathered.quads)
@@ -214,6 +215,8 @@ def calibrate_photographs(
     except TrisquareError as error:
         add_reasons(error, gathered)
         raise
+    camera, planes = calibration.camera, calibration.planes
+    LOG.info("%s camera of %d planes, rms %.3g px", camera.model, len(planes), calibration.rms)
     return Calibrated(calibration, rejected_shapes(gathered) if explain else ())
 
 
