@@ -184,6 +184,21 @@ def test_the_description_is_the_command_s_own(run, monkeypatch, name):
         assert " ".join(paragraph.split()) in lines
 
 
+@pytest.mark.parametrize("name", ["calibrate", "batch"])
+def test_help_prints_extras_whole(run, monkeypatch, name):
+    monkeypatch.setenv("COLUMNS", "300")
+    extra = "'trisquare[report]'" if name == "calibrate" else "'trisquare[dask]'"
+    assert extra in run(name, "--help")[1]
+    assert extra in " ".join(str(each.help) for each in load_command(name).params)
+
+
+@pytest.mark.parametrize("arguments", WRITTEN, ids=" ".join)
+def test_what_is_written_is_said(run, folder, arguments):
+    code, out, _ = run(*with_argument(arguments, "OUT", "out"))
+    assert len(re.findall(r"^wrote out\.", out, re.MULTILINE)) == 1
+    assert (code, (folder / arguments[-1].replace("OUT", "out")).exists()) == (0, True)
+
+
 @pytest.mark.parametrize("name", SUMMARIES)
 def test_the_examples_can_be_parsed(name):
     command = load_command(name)
