@@ -354,10 +354,8 @@ def test_what_is_converted_is_said(run, tmp_path):
     target = tmp_path / "camera_info.yaml"
     code, out, _ = convert(run, tmp_path, tmp_path / "a.json", target)
     assert code == 0
-    assert (
-        out
-        == f"{tmp_path / 'a.json'} (trisquare) -> {target} (ros): 1280 x 960, brown\nwrote {target}\n"
-    )
+    said = f"{tmp_path / 'a.json'} (trisquare) -> {target} (ros): 1280 x 960, brown"
+    assert out == f"{said}\nwrote {target}\n"
     code, out, _ = convert(run, tmp_path, target, tmp_path / "b.json", "--json")
     members = json.loads(out)
     assert (members["from"], members["to"], members["camera"]["fx"]) == ("ros", "trisquare", 1000.5)
