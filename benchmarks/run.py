@@ -43,6 +43,7 @@ BENCHMARKS = (
     "accuracy.measured_lengths",
     "real.chess_triples",
     "real.halves",
+    "real.printed_edges",
     "accuracy.held_out",
     "finding.inserted_squares",
     "finding.board_finding",

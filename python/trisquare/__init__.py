@@ -36,6 +36,7 @@ from trisquare.errors import (
     ImageError,
     InternalError,
     LensModelError,
+    MissingImageError,
     NotEnoughDataError,
     NotEnoughPlanesError,
     TrisquareError,
@@ -74,6 +75,7 @@ __all__ = [
     "JobResult",
     "LensModelError",
     "Measurement",
+    "MissingImageError",
     "ModelAlternative",
     "NotEnoughDataError",
     "NotEnoughPlanesError",
@@ -116,6 +118,12 @@ __all__ = [
     "undistort",
     "write_report",
 ]
+
+
+def __dir__() -> list[str]:
+    """Show the public names alone; rooms can be imported by their own names."""
+    return sorted(__all__)
+
 
 # Pickles and reprs name the package, not the room that a class is written in; annotations are
 # resolved before, with the names of that room.

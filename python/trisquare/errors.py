@@ -32,6 +32,10 @@ class ImageError(TrisquareError):
     """
 
 
+class MissingImageError(ImageError, FileNotFoundError):
+    """The picture's file is not there; also a `FileNotFoundError`, as every missing file is one."""
+
+
 class DetectionError(TrisquareError):
     """No target was found in the picture.
 

@@ -256,3 +256,37 @@ def test_command_refuses_and_writes_nothing(run, files, tmp_path, arguments, mes
     assert (code, printed) == (2, "")
     assert message in said
     assert not out.exists()
+
+
+def test_the_extrapolation_is_by_the_distance_of_the_corners(scene, exact):
+    """Corners of a unit square are 0.71 sides from its middle."""
+    plane = exact.planes[0]
+    for reach in (0.2, 0.5, 0.8):
+        points = seen(scene, np.array([[0.0, 0.0], [0.0, reach]]))
+        found = ts.measure(plane, points, exact, side=50)
+        assert found.extrapolation == pytest.approx(reach / np.sqrt(0.5), rel=1e-6)
+    elsewhere = replace(plane, corners=np.zeros((4, 2)))
+    assert ts.measure(elsewhere, points, exact).extrapolation is None
+    with pytest.raises(ValueError, match="extrapolation"):
+        ts.Measurement([[0, 0], [1, 0]], np.zeros((4, 4)), -1.0)
+
+
+def test_command_warns_of_points_that_may_not_be_on_the_plane(run, files, scene):
+    photo, camera, *_ = files
+    inside, beside = seen(scene, np.zeros((1, 2)))[0], seen(scene, np.zeros((1, 2)), target=1)[0]
+    points = ["{:.1f},{:.1f}".format(*point) for point in (inside, beside)]
+    code, out, err = run("measure", photo, "--camera", camera, *points)
+    assert code == 0
+    assert "warning" not in out
+    first, *more = err.splitlines()
+    assert first.startswith(
+        f"warning: point 2, ({beside[0]:.1f}, {beside[1]:.1f}), is within plane"
+    )
+    assert first.endswith("if it is not")
+    members = json.loads(run("measure", photo, "--camera", camera, *points, "--json")[1])
+    assert [f"warning: {text}" for text in members["warnings"]] == [first, *more]
+    assert more == [
+        "warning: extrapolation: the farthest point is "
+        f"{members['extrapolation']:.1f} times as far from the middle of the square as its "
+        "corners; the lengths hold if the plane is flat up to there and the point is on it"
+    ]

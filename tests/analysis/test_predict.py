@@ -158,7 +158,7 @@ def test_command_reads_squares_and_prints_json(run):
     squares = ["300,280,340,35,0", "980,290,340,35,120", "50%,71.95%,340,35,240"]
     options = [word for square in squares for word in ("--square", square)]
     arguments = ["--size", "1280x960", "--focal", 1000, "--json", "--fix", "aspect", "--frame", 0.6]
-    code, out, _ = run("predict", *arguments, *options)
+    code, out, _ = run("predict", *arguments, *options, "--sigma", 0.02)
     assert code == 0
     members = json.loads(out)
     assert members["format"] == "trisquare-prediction/1"
@@ -177,8 +177,11 @@ def test_command_reads_a_plan_and_a_camera(run, tmp_path):
     plan.write_text(json.dumps(written | {"squares": squares}))
     code, out, _ = run("predict", plan, "--json")
     assert code == 0
-    expected = ts.predict(PINHOLE, good_plan(), 0.02).std
-    assert json.loads(out)["std"] == pytest.approx(dict(expected))
+    expected = ts.predict(PINHOLE, good_plan())
+    assert expected.std["fx"] == pytest.approx(
+        100 * ts.predict(PINHOLE, good_plan(), 0.02).std["fx"]
+    )
+    assert json.loads(out)["std"] == pytest.approx(dict(expected.std))
     result = ts.calibrate_edges(edges_of(squares_scene(), 0.05), IMAGE_SIZE)
     camera = tmp_path / "camera.json"
     camera.write_text(result.to_json())

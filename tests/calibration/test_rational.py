@@ -136,7 +136,7 @@ def test_standard_deviations_are_those_of_the_errors(model, lens):
 
 def _map_error(result, truth):
     """The error of the projection over what the result states."""
-    stated = result.projection_map(step=160.0)
+    stated = result.projection_map(step=160.0, rotation="held")
     pixels = np.stack(np.meshgrid(stated.x, stated.y), axis=-1).reshape(-1, 2)
     rays = truth.rays(pixels)
     # A lens may turn back at a corner where its estimate does not know it.

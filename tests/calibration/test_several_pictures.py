@@ -86,3 +86,12 @@ def test_progress_is_told_for_every_picture(paths):
     told = []
     ts.calibrate(list(paths.values()), progress=lambda done, total: told.append((done, total)))
     assert told == [(1, 3), (2, 3), (3, 3)]
+
+
+def test_what_takes_long_is_logged(caplog):
+    with caplog.at_level("INFO", logger="trisquare"):
+        result = ts.calibrate(PICTURES[0])
+    measured, fitting, fitted = (record.getMessage() for record in caplog.records)
+    assert measured == "picture 0: 3 figures measured; 1 of 1"
+    assert fitting == "fitting a radial2 camera to 3 figures"
+    assert fitted == f"radial2 camera of 3 planes, rms {result.rms:.3g} px"

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scenes import IMAGE_SIZE, edges_of, squares
+from scenes import IMAGE_SIZE, camera_of, edges_of, squares
 
 import trisquare as ts
 from trisquare.camera.camera import camera_parameters
@@ -67,7 +67,7 @@ def test_std_is_the_scatter_of_repeated_measurements():
 
 
 def test_map_covers_the_picture(result):
-    chart = result.projection_map(step=200)
+    chart = result.projection_map(step=200, rotation="held")
     assert (chart.x[0], chart.x[-1], chart.y[0], chart.y[-1]) == (0, 1279, 0, 959)
     assert chart.std.shape == (len(chart.y), len(chart.x)) == (6, 8)
     assert np.diff(chart.x).max() <= 200
@@ -77,6 +77,38 @@ def test_map_covers_the_picture(result):
     assert not chart.std.flags.writeable
     assert "8 x 6" in repr(chart)
     assert result.projection_map().std.shape == (24 + 1, 32 + 1)
+
+
+def test_a_rotation_of_the_camera_is_taken_out(result):
+    """It is what a shift of the principal point nearly is; what it leaves cannot be more."""
+    held, fitted = (
+        result.projection_map(step=80, rotation=rotation).std for rotation in ("held", "fitted")
+    )
+    assert np.array_equal(result.projection_map(step=80).std, fitted)
+    assert np.mean(fitted**2) < 0.8 * np.mean(held**2)
+    members = {name: getattr(result, name) for name in ts.Calibration.__dataclass_fields__}
+    shifting = np.zeros((len(result.parameters),) * 2)
+    index = result.parameters.index("cx")
+    shifting[index, index] = 1.0
+    # A pinhole of f 1100 px: what is left of a shift is of the order of (r / f)^2 of it.
+    plain = ts.Camera(result.camera.K, np.zeros(5), IMAGE_SIZE)
+    shifted = ts.Calibration(**members | {"camera": plain, "covariance": shifting})
+    assert shifted.projection_map(rotation="held").std == pytest.approx(1.0)
+    assert shifted.projection_map().std.max() < 0.5
+    assert np.sqrt(np.mean(shifted.projection_map().std ** 2)) < 0.1
+    with pytest.raises(ValueError, match="rotation"):
+        result.projection_map(rotation="free")
+
+
+def test_the_scatter_after_the_best_rotation_is_the_map():
+    """As `compare` takes it out; 30 draws know the mean square to some 20 %."""
+    scene, ratios = squares(4), []
+    truth = camera_of(scene)
+    for seed in range(30):
+        result = ts.calibrate_edges(edges_of(scene, 0.2, seed, spacing=16.0), IMAGE_SIZE)
+        found = ts.compare(result, truth)
+        ratios.append(found.rms**2 / np.mean(result.projection_map().std ** 2))
+    assert 0.5 < np.mean(ratios) < 1.7, np.mean(ratios)
 
 
 def test_nothing_is_known_beyond_the_valid_radius(result):

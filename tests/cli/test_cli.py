@@ -7,6 +7,7 @@ import sys
 import cv2
 import numpy as np
 import pytest
+from command_errors import error_text
 
 import trisquare.cli.calibrate
 from trisquare import cli as commands
@@ -81,13 +82,11 @@ def asked(monkeypatch):
     return calls
 
 
-def assert_refused(outcome, exit_code, folder, left=("photo.png",)):
+def assert_refused(outcome, exit_code, folder, left=("photo.png",), *, as_json=False):
     """One line on standard error, nothing on standard output, no file written."""
     code, out, err = outcome
     assert (code, out) == (exit_code, "")
-    assert err.startswith("trisquare: error: ")
-    assert err.endswith("\n")
-    assert err.count("\n") == 1
+    assert error_text(err, as_json=as_json)
     assert sorted(path.name for path in folder.iterdir()) == sorted(left)
 
 
@@ -100,7 +99,7 @@ def test_the_options_reach_the_library(run, photo, asked):
         *("--fix", "aspect,focal", "--fix", "distortion", "--targets", "squares", "--lines"),
         *("--orthogonal", "0,1", "--orthogonal", "1,2", "--jobs", "3"),
     )
-    assert (code, err) == (0, "")
+    assert (code, err) == (0, "warning: a warning\n")
     photos, options = asked[0]
     assert photos == [photo]
     assert options == {
@@ -120,13 +119,13 @@ def test_the_options_reach_the_library(run, photo, asked):
 
 def test_the_table_shows_numbers_planes_and_warnings(run, photo, asked):
     code, out, err = run("calibrate", photo)
-    assert (code, err, len(asked)) == (0, "", 1)
+    assert (code, err, len(asked)) == (0, "warning: a warning\n", 1)
     assert "\x1b" not in out
     shown = {line.split()[0]: line.split()[1:] for line in out.splitlines() if line.split()}
     for name, value in (("fx", SCENE.camera.fx), ("cy", SCENE.camera.cy)):
         assert shown[name] == [f"{value:.2f}", "0.10"]
     assert shown["2"][:2] == ["square", "0"]
-    assert "warning: a warning" in out
+    assert "warning" not in out
 
 
 def test_json_alone_stands_on_standard_output(run, photo, asked):
@@ -150,7 +149,7 @@ def test_several_photographs_have_an_overlay_each(run, photo, asked, tmp_path):
     again = tmp_path / "again.png"
     again.write_bytes(photo.read_bytes())
     code, _, err = run("calibrate", photo, again, "--overlay", tmp_path / "over.png")
-    assert (code, err) == (0, "")
+    assert (code, err) == (0, "warning: a warning\n")
     assert asked[0][0] == [photo, again]
     calibration = true_calibration(2, warnings=["a warning"])
     for index in (0, 1):
@@ -200,19 +199,34 @@ def test_every_error_has_its_exit_code(run, photo, tmp_path, monkeypatch, error,
 
     monkeypatch.setattr(commands.calibrate, "calibrate_photographs", fail)
     outcome = run("calibrate", photo, "-o", tmp_path / "camera.json", "--json")
-    assert_refused(outcome, exit_code, tmp_path)
-    assert " ".join(str(error).split()) in outcome[2]
+    assert_refused(outcome, exit_code, tmp_path, as_json=True)
+    assert json.loads(outcome[2])["error"] == {
+        **{"code": type(error).__name__, "text": " ".join(str(error).split())},
+        "exit_code": exit_code,
+    }
 
 
-def test_a_failing_overlay_leaves_no_file(run, photo, asked, tmp_path, monkeypatch):
+@pytest.mark.parametrize("json_asked", [(), ("--json",)])
+def test_a_failing_overlay_does_not_lose_the_rest(
+    run, photo, asked, tmp_path, monkeypatch, json_asked
+):
     def fail(*_, **__):
-        raise errors.ImageError("gone")
+        raise ValueError("point 0 is beyond the valid radius")
 
     monkeypatch.setattr(commands.calibrate, "draw_overlay", fail)
-    camera, overlay = tmp_path / "camera.json", tmp_path / "overlay.png"
-    outcome = run("calibrate", photo, "-o", camera, "--overlay", overlay)
-    assert_refused(outcome, 5, tmp_path)
-    assert len(asked) == 1
+    camera, found = tmp_path / "camera.json", tmp_path / "found.png"
+    outputs = ("-o", camera, "--overlay", tmp_path / "overlay.png", "--debug-image", found)
+    code, out, err = run("calibrate", photo, *outputs, *json_asked)
+    assert (code, len(asked)) == (2, 1)
+    error = err.splitlines()[-1] + "\n"
+    text = error_text(error, as_json=bool(json_asked))
+    assert text.strip() == "point 0 is beyond the valid radius"
+    result = Calibration.from_json(camera.read_text())
+    if json_asked:
+        assert Calibration.from_json(out) == result
+    else:
+        assert f"wrote {camera}\nwrote {found}\n" in out
+    assert {path.name for path in tmp_path.iterdir()} == {"photo.png", "camera.json", "found.png"}
 
 
 @pytest.mark.parametrize(
@@ -239,7 +253,7 @@ def test_impossible_outputs_are_refused_before_any_work(run, photo, asked, tmp_p
 
 @pytest.mark.parametrize(
     "arguments",
-    [[], ["calibrate"], ["calibrate", "photo.png", "--wrong"], ["wrong"], ["calibrate", "-o"]],
+    [["calibrate"], ["calibrate", "photo.png", "--wrong"], ["wrong"], ["calibrate", "-o"]],
     ids=" ".join,
 )
 def test_wrong_usage_is_one_line(run, tmp_path, arguments):
@@ -247,6 +261,9 @@ def test_wrong_usage_is_one_line(run, tmp_path, arguments):
 
 
 def test_version_and_help(run):
+    code, out, err = run()
+    assert (code, err) == (0, "")
+    assert out == run("--help")[1]
     code, out, _ = run("--version")
     assert (code, out.split()[0]) == (0, "trisquare")
     code, out, _ = run("calibrate", "--help")
@@ -282,7 +299,11 @@ def test_the_demo_shows_the_truth(tmp_path):
     done = trisquare("demo", "--output", "results", folder=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     result = Calibration.from_json((tmp_path / "results" / "camera.json").read_text())
-    assert cv2.imread(str(tmp_path / "results" / "overlay.png")) is not None
+    names = ["photo.png", "camera.json", "overlay.png", "report.html"]
+    assert done.stdout.endswith("".join(f"wrote results/{name}\n" for name in names))
+    overlay, photo = (cv2.imread(str(tmp_path / "results" / name)) for name in names[2::-2])
+    assert overlay.shape == photo.shape
+    assert "photo.png" in (tmp_path / "results" / "report.html").read_text()
     rows = [line.split() for line in done.stdout.splitlines() if line.split()]
     shown = {row[0]: [float(value) for value in row[1:]] for row in rows if row[0] in result.std}
     assert set(shown) == set(result.std)
@@ -361,7 +382,7 @@ def test_json_is_the_library_s(run, photo):
 
 def test_diagnosis_follows_the_tables(run, asked, photo):
     code, out, error = run("calibrate", photo, "--diagnose")
-    assert (code, error) == (0, "")
+    assert (code, error) == (0, "warning: a warning\n")
     assert "fx  std 0.1: " in out
     assert "would reduce it from 0.1 to" in out
     code, _, error = run("calibrate", photo, "--diagnose", "--json")

@@ -16,6 +16,7 @@ import sys
 import cv2
 import numpy as np
 import pytest
+from command_errors import error_text
 from plumb_scenes import plumb_scene
 from scenes import edges_of, squares
 
@@ -130,12 +131,11 @@ def held(folder):
     }
 
 
-def assert_refused(outcome, exit_code, folder, before):
+def assert_refused(outcome, exit_code, folder, before, *, as_json=False):
     """One line that says what is wrong, and no file is written or touched."""
     code, out, err = outcome
     assert (code, out) == (exit_code, ""), err
-    assert err.startswith("trisquare: error: ")
-    assert err.count("\n") == 1
+    assert error_text(err, as_json=as_json)
     assert not re.search(r"\[Errno|Traceback|\.tmp\b", err)
     assert held(folder) == before
 
@@ -184,6 +184,21 @@ def test_the_description_is_the_command_s_own(run, monkeypatch, name):
         assert " ".join(paragraph.split()) in lines
 
 
+@pytest.mark.parametrize("name", ["calibrate", "batch"])
+def test_help_prints_extras_whole(run, monkeypatch, name):
+    monkeypatch.setenv("COLUMNS", "300")
+    extra = "'trisquare[report]'" if name == "calibrate" else "'trisquare[dask]'"
+    assert extra in run(name, "--help")[1]
+    assert extra in " ".join(str(each.help) for each in load_command(name).params)
+
+
+@pytest.mark.parametrize("arguments", WRITTEN, ids=" ".join)
+def test_what_is_written_is_said(run, folder, arguments):
+    code, out, _ = run(*with_argument(arguments, "OUT", "out"))
+    assert len(re.findall(r"^wrote out\.", out, re.MULTILINE)) == 1
+    assert (code, (folder / arguments[-1].replace("OUT", "out")).exists()) == (0, True)
+
+
 @pytest.mark.parametrize("name", SUMMARIES)
 def test_the_examples_can_be_parsed(name):
     command = load_command(name)
@@ -223,7 +238,7 @@ def test_json_stands_alone_and_quiet_is_silent(run, folder, name):
 @pytest.mark.parametrize("name", SUMMARIES)
 def test_json_and_quiet_exclude_each_other(run, folder, name):
     before = held(folder)
-    assert_refused(run(name, *WORKING[name], "--json", "--quiet"), 2, folder, before)
+    assert_refused(run(name, *WORKING[name], "--json", "--quiet"), 2, folder, before, as_json=True)
 
 
 @pytest.mark.parametrize("name", SUMMARIES)
@@ -337,10 +352,6 @@ def test_a_picture_of_another_shape_is_no_scaled_one(run, folder, name, options)
         "missing/out",
         "photo.png/out",
         "n" * 300,
-        pytest.param(
-            "/proc/out",
-            marks=pytest.mark.skipif(not os.path.isdir("/proc"), reason="needs Linux's /proc"),
-        ),
     ],
     ids=lambda where: where[:12],
 )
@@ -350,6 +361,17 @@ def test_an_unwritable_output_exits_2(run, folder, arguments, where):
     outcome = run(*with_argument(arguments, "OUT", where))
     assert_refused(outcome, 2, folder, before)
     assert where in outcome[2]
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc"), reason="needs Linux's /proc")
+@pytest.mark.parametrize("arguments", WRITTEN, ids=" ".join)
+def test_an_output_that_fails_when_it_is_written_exits_2(run, folder, arguments):
+    before = held(folder)
+    code, out, err = run(*with_argument(arguments, "OUT", "/proc/out"))
+    assert "/proc/out" in error_text(err)
+    # A calibration takes long: it is shown all the same.
+    assert (code, "fx" in out) == (2, arguments[0] == "calibrate")
+    assert held(folder) == before
 
 
 @pytest.mark.parametrize("arguments", WRITTEN, ids=" ".join)
@@ -395,6 +417,30 @@ def test_names_that_cannot_be_encoded_are_escaped(folder, encoding):
     shown = rb"pag\xe9.json" if encoding == "ascii" else "pagé.json".encode()
     assert done.stdout.startswith(shown)
     assert rb"o\udcff.yaml" in done.stdout
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs names with control characters")
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("calibrate", "NAME", "NAME", "--overlay", "NAMEo.png"),
+        ("calibrate", "NAME-gone"),
+        ("undistort", "NAME", "--camera", "camera.json", "-o", "NAMEo.png"),
+        ("convert", "camera.json", "NAMEo.yaml"),
+        ("convert", "NAME", "out.yaml"),
+        ("straighten", "lines.png", "-o", "NAMEo.png"),
+        ("measure", *TAKEN, "--rectify", "NAMEo.png"),
+    ],
+    ids=" ".join,
+)
+def test_control_characters_of_names_do_not_reach_a_terminal(run, folder, encoded, arguments):
+    """They would colour, clear or retitle it."""
+    name = "a\x1b[31m\x1b]0;title\x07\u202eb.png"
+    (folder / name).write_bytes(encoded)
+    code, out, err = run(*with_argument(arguments, "NAME", name))
+    assert code in (0, 2, 5)
+    assert not re.search("[\x00-\x09\x0b-\x1f\x7f\u202e]", out + err)
+    assert r"a\x1b[31m\x1b]0;title\x07\u202eb.png" in out + err
 
 
 def test_a_negative_coordinate_is_no_option(run, folder):

@@ -5,9 +5,12 @@ import json
 import cv2
 import numpy as np
 import pytest
+from command_errors import error_text
 from scenes import edges_of, squares
 
 import trisquare as ts
+from trisquare.images.orientation import find_orientation, with_orientation
+from trisquare.images.reading import read_image
 
 IMAGE_SIZE = (640, 480)
 CALIBRATION = ts.calibrate_edges(edges_of(squares(11, image_size=IMAGE_SIZE)), IMAGE_SIZE)
@@ -154,7 +157,43 @@ def test_what_is_wrong_is_one_line_and_writes_nothing(
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     code, out, err = undistort(*arguments.split())
     assert (code, out) == (exit_code, "")
-    assert err.startswith("trisquare: error: ")
-    assert err.count("\n") == 1
-    assert said in err
+    assert said in error_text(err, as_json="--json" in arguments)
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".png", ".tif"])
+def test_the_orientation_tag_is_kept_or_missed(undistort, folder, suffix):
+    """A picture that was shown upright is shown upright again."""
+    tagged = with_orientation((folder / "photo.png").read_bytes(), 6)
+    (folder / "turned.png").write_bytes(tagged)
+    code, _, err = undistort("turned.png", "--camera", "camera.json", "-o", f"out{suffix}")
+    assert code == 0
+    written = (folder / f"out{suffix}").read_bytes()
+    tag = find_orientation(written)
+    if suffix == ".tif":
+        assert tag is None or tag.turn is None
+        assert "turned clockwise by 90 degrees" in err
+    else:
+        assert (tag.value, err) == (6, "")
+        shown = cv2.imread(str(folder / f"out{suffix}"))
+        assert shown.shape[:2] == PHOTO.shape[::-1]
+    assert read_image(folder / f"out{suffix}").shape == PHOTO.shape
+
+
+@pytest.mark.parametrize("named", ["straight/", "deep/er/"])
+def test_a_folder_is_made(undistort, folder, named):
+    (folder / "frames").mkdir()
+    for name in ("a.png", "b.png"):
+        cv2.imwrite(str(folder / "frames" / name), PHOTO)
+    for photographs in (["frames/a.png", "frames/b.png"], ["frames"], ["frames/*.png"]):
+        code, out, err = undistort(*photographs, "--camera", "camera.json", "-o", named)
+        assert (code, err) == (0, "")
+        assert out.endswith(f"wrote {named}a.png\nwrote {named}b.png\n")
+        np.testing.assert_array_equal(read(folder / named / "b.png"), ts.undistort(PHOTO, CAMERA))
+
+
+def test_a_folder_is_not_made_for_nothing(undistort, folder):
+    before = sorted(folder.iterdir())
+    outcome = undistort("gone.png", "--camera", "camera.json", "-o", "deep/er/")
+    assert outcome == (5, "", "trisquare: error: gone.png: No such file or directory\n")
+    assert sorted(folder.iterdir()) == before

@@ -9,12 +9,14 @@ import re
 import numpy as np
 import pytest
 from camera_files import FILES, PANORAMA
+from command_errors import error_text
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import trisquare as ts
 from trisquare import Camera
 from trisquare.formats import FORMAT_NAMES
+from trisquare.formats.yaml_text import parse_yaml
 
 FISHEYE = "equidistant"
 K = np.array([[1000.5, 0.0, 640.25], [0.0, 1001.5, 480.75], [0.0, 0.0, 1.0]])
@@ -205,18 +207,57 @@ BOMBS = {
 }
 
 
-# The YAML reader takes a second to give up on brackets that nest, in each format of YAML.
-NESTED = ("nested.json", "nested.yaml")
-
-
 @pytest.mark.parametrize("name", BOMBS)
 def test_hostile_files_are_refused(tmp_path, name):
     assert len(load_text(tmp_path, name, BOMBS[name])) < 1000
 
 
+MB = 1_000_000
+LONG = {
+    "the YAML text is nested more than 32 levels deep": (
+        "a: [" + ("[" * 250 + "]" * 250 + ",") * (MB // 501) + "1]",
+        "".join(f"a{i}: " + "[" * 250 + "]" * 250 + "\n" for i in range(MB // 510)),
+        "a: [" + ("{a: " * 240 + "1" + "}" * 240 + ",") * (MB // 1300) + "1]",
+        "a:\n" + ("- " * 250 + "1\n") * (MB // 502),
+    ),
+    "a number of more than 400 digits": (
+        "a: 1" + ":59" * (MB // 3),
+        "a: 1" + ":59" * (MB // 3) + ".5",
+        "a: 0x" + "f" * MB,
+    ),
+    "the YAML text has more than 100000 values": (
+        "a: [" + "1," * (MB // 2) + "1]",
+        "".join(f"k{i}: 1\n" for i in range(MB // 11)),
+        "a: [" + "!!str 1," * (MB // 8) + "1]",
+    ),
+}
+"""Texts of a megabyte that took the reader from seconds to minutes, and what is said of them."""
+
+
 @pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.slow) if n in NESTED else n for n in BOMBS]
+    ("said", "text"),
+    [
+        pytest.param(said, text, id=f"{said[-20:]} {number}")
+        for said, texts in LONG.items()
+        for number, text in enumerate(texts)
+    ],
 )
+def test_long_texts_are_refused_before_they_take_time(tmp_path, run, said, text):
+    (tmp_path / "long.yaml").write_text(text)
+    code, out, err = run("convert", tmp_path / "long.yaml", tmp_path / "out.json")
+    assert (code, out) == (2, "")
+    assert error_text(err).endswith(f"{said}\n")
+
+
+def test_what_is_within_the_limits_is_read():
+    assert parse_yaml("a: [" + "1.5, " * 99_990 + "1]")["a"][-2:] == [1.5, 1]
+    assert parse_yaml("[" * 32 + "7" * 400 + "]" * 32)
+    assert parse_yaml("a: 1:30\nb: 0x1f\nc: 1e-05\nd: 190:20:30.15\n") == {
+        **{"a": 90, "b": 31, "c": 1e-05, "d": 685230.15}
+    }
+
+
+@pytest.mark.parametrize("name", BOMBS)
 def test_hostile_files_are_refused_as_any_format(tmp_path, name):
     for known in FORMAT_NAMES:
         load_text(tmp_path, name, BOMBS[name], format=known)
@@ -313,7 +354,8 @@ def test_what_is_converted_is_said(run, tmp_path):
     target = tmp_path / "camera_info.yaml"
     code, out, _ = convert(run, tmp_path, tmp_path / "a.json", target)
     assert code == 0
-    assert out == f"{tmp_path / 'a.json'} (trisquare) -> {target} (ros): 1280 x 960, brown\n"
+    said = f"{tmp_path / 'a.json'} (trisquare) -> {target} (ros): 1280 x 960, brown"
+    assert out == f"{said}\nwrote {target}\n"
     code, out, _ = convert(run, tmp_path, target, tmp_path / "b.json", "--json")
     members = json.loads(out)
     assert (members["from"], members["to"], members["camera"]["fx"]) == ("ros", "trisquare", 1000.5)

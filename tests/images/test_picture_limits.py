@@ -156,3 +156,24 @@ def test_amounts(text, amount):
 def test_what_is_no_amount(text):
     with pytest.raises(ValueError, match="--max-pixels must be a positive number"):
         parse_amount(text, "--max-pixels")
+
+
+def jpeg_of_many_scans(count):
+    """A progressive JPEG whose last scan is repeated; each is decoded over the whole picture."""
+    options = [cv2.IMWRITE_JPEG_PROGRESSIVE, 1]
+    whole = cv2.imencode(".jpg", PICTURE, options)[1].tobytes()
+    last = whole.rindex(b"\xff\xda")
+    scans = whole.count(b"\xff\xda")
+    return whole[:last] + whole[last:-2] * (count - scans + 1) + whole[-2:]
+
+
+def test_a_jpeg_of_many_scans_is_refused(run, tmp_path, monkeypatch):
+    path = tmp_path / "scans.jpg"
+    path.write_bytes(jpeg_of_many_scans(3000))
+    said = f"{path}: the JPEG has more than the 100 scans that max_scans allows"
+    assert run("calibrate", path) == (5, "", f"trisquare: error: {said}\n")
+    path.write_bytes(jpeg_of_many_scans(100))
+    assert read_image(path).shape == PICTURE.shape
+    monkeypatch.setenv("TRISQUARE_MAX_SCANS", "99")
+    with pytest.raises(ts.ImageError, match="99 scans"):
+        read_image(path)

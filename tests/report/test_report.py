@@ -100,6 +100,19 @@ def test_the_page_holds_every_number_and_the_result_itself(demo, page):
     assert written.to_json() == demo.to_json()
 
 
+def test_the_numbers_can_be_copied_with_all_digits(demo, page):
+    (copied,) = re.findall('<pre class="copied">(.*?)</pre>', page.decode(), re.DOTALL)
+    found = {}
+    exec(copied, found)
+    np.testing.assert_array_equal(found["K"], demo.camera.K)
+    np.testing.assert_array_equal(found["distortion"], demo.camera.distortion)
+
+
+def test_the_page_says_when_it_was_made(calibration, monkeypatch):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    assert "2023-11-14" in Page(report_page(calibration)).text
+
+
 def test_the_page_needs_no_other_file_and_is_the_same_again(demo, page):
     found = Page(page)
     assert found.tags.count("img") == 2
@@ -379,6 +392,11 @@ def test_of_several_photographs_the_first_are_shown(calibration, edges):
     photographs = [np.zeros(size[::-1], np.uint8)] * 8
     text = Page(report_page(calibration, photographs)).text
     assert "2 more photographs are not shown" in text
+    # All but the first are folded, and the numbers come before them.
+    content = report_page(calibration, photographs).decode()
+    assert [content.count(tag) for tag in ("<details open>", "<details>")] == [1, 5]
+    assert content.index("<h2>The planes</h2>") < content.index("<details open>")
+    assert "<details" not in report_page(calibration, photographs[:2]).decode()
     assert "picture 7" in text  # among the files
 
 

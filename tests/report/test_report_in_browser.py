@@ -92,15 +92,22 @@ def test_a_script_that_is_not_the_pages_own_does_not_run(demo, folder):
     demo.complaints.clear()
 
 
+def box_in_view(browser):
+    """Where the first photograph is, once the numbers above it are scrolled away."""
+    browser.evaluate('document.querySelector(".stage").scrollIntoView({behavior: "instant"})')
+    return browser.evaluate(BOX)
+
+
 def test_the_slider_moves_by_pointer_and_by_key(demo):
     """And what it uncovers is the other picture."""
-    x, y, width, height = (round(number) for number in demo.evaluate(BOX))
+    x, y, width, height = (round(number) for number in box_in_view(demo))
+    top = y + round(demo.evaluate("window.scrollY"))  # on the page
     assert visible_part(demo) == 50.0
     shots = {}
     for part in (0.9, 0.1):
         demo.click(x + part * width, y + 0.5 * height)
         assert visible_part(demo) == pytest.approx(100 * part, abs=1.0)
-        shots[part] = picture_of(demo.screenshot())[y : y + height, x : x + width]
+        shots[part] = picture_of(demo.screenshot())[top : top + height, x : x + width]
     between = slice(round(0.2 * width), round(0.8 * width))
     assert np.abs(shots[0.9] - shots[0.1])[:, between].mean() > 5.0
     outside = slice(round(0.95 * width), None)
@@ -113,7 +120,7 @@ def test_the_slider_moves_by_pointer_and_by_key(demo):
 
 def test_the_slider_follows_a_finger(demo):
     demo.screen(390, 844, phone=True)
-    x, y, width, height = demo.evaluate(BOX)
+    x, y, width, height = box_in_view(demo)
     demo.drag_finger(x + 0.5 * width, x + 0.8 * width, y + 0.4 * height)
     assert visible_part(demo) == pytest.approx(80.0, abs=2.0)
 

@@ -27,6 +27,33 @@ def rotation_matrix(value: Any) -> FloatArray:
     return rotation
 
 
+def rotation_vector(rotation: FloatArray) -> FloatArray:
+    """Return the axis of a rotation times its angle, shape (3,), radians from 0 to pi.
+
+    By way of the unit quaternion whose largest member is taken from the diagonal, which is exact
+    near 0 and near pi, too (Shepperd, Journal of Guidance and Control 1 (1978) 223-224).
+    """
+    r = rotation
+    trace = np.trace(r)
+    squares = np.array([trace, *np.diag(r)])
+    which = int(np.argmax(squares))
+    if which == 0:
+        axis = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
+        scalar = 1.0 + trace
+    else:
+        i, j, k = np.roll(np.arange(3), 1 - which)
+        axis = np.empty(3)
+        axis[i] = 1.0 + 2.0 * r[i, i] - trace
+        axis[j], axis[k] = r[j, i] + r[i, j], r[k, i] + r[i, k]
+        scalar = r[k, j] - r[j, k]
+        if scalar < 0:
+            axis, scalar = -axis, -scalar
+    length = float(np.linalg.norm(axis))
+    angle = 2.0 * np.arctan2(length, scalar)
+    vector: FloatArray = axis * (angle / length) if length > 0 else np.zeros(3)
+    return vector
+
+
 def tilted(tilt: float, direction: float, spin: float) -> FloatArray:
     """Rotation of a plane turned by `spin` in itself, then tilted away from the image plane.
 

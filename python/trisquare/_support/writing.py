@@ -6,7 +6,7 @@ import os
 import secrets
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, TypeAlias
 
@@ -38,6 +38,30 @@ def check_writable(path: PathLike) -> None:
             raise OSError(f"{os.fspath(path)}: is not a file")
     if not os.access(target.parent, os.W_OK | os.X_OK):
         raise PermissionError(f"{os.fspath(path)}: the folder {target.parent} is not writable")
+
+
+@contextmanager
+def making_folder(path: PathLike) -> Iterator[None]:
+    """Make a folder, with those above it, for what is written in the block.
+
+    If that fails, those that were made are removed again, unless something is in them.
+
+    Raises
+    ------
+    OSError
+        If it cannot be made.
+    """
+    folder = Path(path)
+    made = [each for each in (folder, *folder.parents) if not each.exists()]
+    with writing(path):
+        folder.mkdir(parents=True, exist_ok=True)
+    try:
+        yield
+    except BaseException:
+        with suppress(OSError):
+            for each in made:
+                each.rmdir()
+        raise
 
 
 def write_atomically(contents: Mapping[PathLike, bytes]) -> None:

@@ -23,7 +23,7 @@ from trisquare._support.arrays import (
     real_array,
     real_number,
 )
-from trisquare.camera.camera import Camera
+from trisquare.camera.camera import Camera, camera_for_core
 from trisquare.results.calibration import Calibration
 from trisquare.results.camera_of import camera_of, uncertain_camera
 from trisquare.results.plane import Plane
@@ -42,6 +42,9 @@ SMALLEST = 1e-9
 LARGEST = 1e100
 """Sides and deviations from here on: their squares would soon be more than a number holds."""
 
+FAR = 2.0
+"""Extrapolation from which on a user should be told."""
+
 FULL_TURN = 360.0
 """Degrees."""
 
@@ -58,12 +61,19 @@ class Measurement(RebuiltByConstructor):
         On the plane: its origin at the square's centre, X along its side 0.
     covariance : array_like, shape (2 N, 2 N)
         Of ``x0, y0, x1, y1, ...``.
+    extrapolation : float, optional
+        How far the farthest point is from the middle of the plane's figure, over the distance of
+        its corners; None where these are not known. Far beyond 1, lengths hold only if the plane
+        is flat up to there and the point is on it.
     """
 
     points: FloatArray
     covariance: FloatArray
+    extrapolation: float | None = None
 
     def __post_init__(self) -> None:
+        if self.extrapolation is not None:
+            not_negative(self.extrapolation, "extrapolation")
         points = real_array(self.points, "points", (None, 2))
         shape = (points.size, points.size)
         object.__setattr__(self, "points", points)
@@ -192,7 +202,19 @@ def measure(
         pixels,
         noise,
     )
-    return Measurement(length * found, length**2 * covariance)
+    return Measurement(length * found, length**2 * covariance, _extrapolation(found, plane, lens))
+
+
+def _extrapolation(points: FloatArray, plane: Plane, camera: Camera) -> float | None:
+    """Compare the distances of points and of the corners from the middle of a plane's figure."""
+    pose = plane.rotation, plane.translation
+    try:
+        corners = _core.points_on_plane(camera_for_core(camera), pose, plane.corners)
+    except ValueError:
+        return None  # a plane made by hand, whose corners are elsewhere
+    middle = corners.mean(axis=0)
+    reach = float(np.linalg.norm(corners - middle, axis=1).max())
+    return float(np.linalg.norm(points - middle, axis=1).max()) / reach if reach > 0 else None
 
 
 def _lengths(points: FloatArray) -> FloatArray:

@@ -10,14 +10,7 @@ from typing import Any
 
 from trisquare.batch.jobs import Job, faulty_job
 from trisquare.batch.manifest import MANIFESTS, manifest_jobs
-
-PICTURE_SUFFIXES = frozenset(
-    (
-        *(".jpg", ".jpeg", ".jpe", ".jp2", ".png", ".tif", ".tiff", ".bmp", ".webp", ".avif"),
-        *(".gif", ".pgm", ".ppm", ".pbm", ".pnm"),
-    )
-)
-"""Files in folders that are taken for photographs, capitals aside."""
+from trisquare.images.sources import PICTURE_SUFFIXES
 
 FIELD = re.compile(r"\\\{(\w+)\\\}|(\\\*)|(\\\?)")
 

@@ -11,7 +11,7 @@ import trisquare._core as _core
 from trisquare._support.arrays import size_of_image
 from trisquare._support.threads import thread_count
 from trisquare.calibration.explain_failure import add_reasons, rejected_shapes
-from trisquare.calibration.gather import Gathered, gather
+from trisquare.calibration.gather import LOG, Gathered, gather
 from trisquare.calibration.measured_photograph import Sought
 from trisquare.calibration.select import chosen_by
 from trisquare.camera.camera import Camera
@@ -22,7 +22,8 @@ from trisquare.errors import DetectionError, TrisquareError
 from trisquare.images.faults import fault_warnings
 from trisquare.images.limits import PictureLimits
 from trisquare.images.photographs import Photographs
-from trisquare.images.pixels import ImageSource, Outlines, Tone, sources_of
+from trisquare.images.pixels import ImageSource, Outlines, Tone
+from trisquare.images.sources import sources_of
 from trisquare.images.tone import contradiction_text, pooled, shift_text
 from trisquare.results.calibration import Calibration
 from trisquare.results.calibration_warning import CalibrationWarning, by_severity
@@ -60,8 +61,10 @@ def calibrate(
 
     Parameters
     ----------
-    image : path or ndarray, or a sequence of them
-        uint8, uint16 or float32 of shape (H, W) or (H, W, 3) in BGR order. Several photographs
+    image : path, bytes, binary file, PIL.Image.Image or ndarray, or several of them
+        Arrays are uint8, uint16 or float32 of shape (H, W), (H, W, 3) or (H, W, 4), grey, BGR or
+        BGRA, whose alpha is dropped. A folder stands for the pictures in it, a pattern such as
+        ``"frames/*.png"`` for the files that match, bytes for a file's content. Several photographs
         must be of one camera and size; their planes are pooled. One in which nothing is found is
         named in `warnings` and left out, as is one that is given twice. A file's orientation tag
         is ignored, with a warning: the result refers to the picture as it is stored.
@@ -202,6 +205,7 @@ def calibrate_photographs(
         # What was asked for by its layout or drawn by hand is vouched for.
         choosing = kinds.squares and not by_hand
         edges = [*gathered.figures, *gathered.lines]
+        LOG.info("fitting a %s camera to %d figures", settings.model, len(gathered.figures))
         outcome = _ask_core(edges, gathered, settings, choosing)
         if outcome.verdicts:
             gathered.figures, others, remarks = chosen_by(outcome, gathered.figures, gathered.quads)
@@ -211,6 +215,8 @@ def calibrate_photographs(
     except TrisquareError as error:
         add_reasons(error, gathered)
         raise
+    camera, planes = calibration.camera, calibration.planes
+    LOG.info("%s camera of %d planes, rms %.3g px", camera.model, len(planes), calibration.rms)
     return Calibrated(calibration, rejected_shapes(gathered) if explain else ())
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections import Counter
 from collections.abc import Callable
 from contextlib import closing
@@ -31,6 +32,8 @@ if TYPE_CHECKING:  # it would load OpenCV, which waits until a picture is search
 MOST_EXPLAINED = 4
 """Pictures of which a failure reports the rejected shapes, those with the fewest targets: with a
 hundred pictures it must not take twice as long."""
+
+LOG = logging.getLogger("trisquare")
 
 
 @dataclass(slots=True)
@@ -171,6 +174,8 @@ def gather(
     with closing(in_order(works, threads)) as found:
         for done, one in enumerate(found, 1):
             gathered.add(one)
+            count = len(one.measured.figures)
+            LOG.info("%s: %d figures measured; %d of %d", one.name, count, done, len(photographs))
             if not explain_all:
                 gathered.forget_richest_search()
             if progress is not None:

@@ -385,6 +385,19 @@ class Camera(RebuiltByConstructor):
             .camera
         )
 
+    def __eq__(self, other: object) -> bool:
+        """Whether all numbers are the same, to the last bit."""
+        if not isinstance(other, Camera):
+            return NotImplemented
+        return self._compared() == other._compared()
+
+    def __hash__(self) -> int:
+        return hash(self._compared())
+
+    def _compared(self) -> tuple[object, ...]:
+        numbers = (*self.K.ravel().tolist(), *self.distortion.tolist())
+        return numbers, self.image_size, self.model, self.valid_radius
+
     def __repr__(self) -> str:
         width, height = self.image_size
         numbers = zip(COEFFICIENTS[self.model], self.distortion.tolist(), strict=True)

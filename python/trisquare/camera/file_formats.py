@@ -6,6 +6,7 @@ files, and not which formats they have.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
@@ -23,10 +24,15 @@ class Loaded(Protocol):
 
 
 class CameraFiles(NamedTuple):
-    """Reads and writes camera files; the arguments are those of `Camera.save` and `Camera.load`."""
+    """Reads and writes camera files; the arguments are those of `Camera.save` and `Camera.load`.
+
+    `is_own` says of a path and a format, or None, whether that is trisquare's own, which holds
+    results as well; it raises ValueError where the name tells no format.
+    """
 
     save: Callable[..., Approximation | None]
     load: Callable[..., Loaded]
+    is_own: Callable[[str | os.PathLike[str], str | None], bool]
 
 
 _registered: list[CameraFiles] = []

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 import trisquare._core as _core
 from trisquare._support.arrays import FloatArray, RebuiltByConstructor, real_array, real_number
+from trisquare._support.suggestions import unknown
 from trisquare.camera.camera import Camera, camera_for_core
 
 # Columns of a map that is drawn without a step of its own.
@@ -18,6 +20,9 @@ DEFAULT_COLUMNS = 32
 
 # Rows of such a map at most: of a picture that is four times as high as wide.
 DEFAULT_ROWS = 128
+
+ROTATIONS = ("fitted", "held")
+"""What becomes of a rotation of the camera, which a shifted principal point nearly is."""
 
 # Places of a grid, more than any picture has pixels.
 MOST_PLACES = 10**9
@@ -34,7 +39,7 @@ class ProjectionMap(RebuiltByConstructor):
     y : array_like, shape (R,)
         Rows of the grid, pixels, from top to bottom.
     std : array_like, shape (R, C)
-        How far the projection of the direction seen at ``(x[j], y[i])`` may be off (rms, pixels);
+        How far the projection of what is seen at ``(x[j], y[i])`` may be off (rms, pixels);
         infinite where the distortion is not invertible, so that nothing is known.
     """
 
@@ -138,19 +143,32 @@ def projection_map(
     aspect_fixed: bool,
     covariance: FloatArray,
     step: float | None,
+    rotation: str,
 ) -> ProjectionMap:
     """Return the standard deviations on a grid over the picture, at most `step` pixels apart.
 
     Raises
     ------
     TypeError, ValueError
-        If `step` is not a positive number.
+        If `step` is not a positive number, or `rotation` is none of `ROTATIONS`.
     """
+    if rotation not in ROTATIONS:
+        raise unknown("rotation", rotation, ROTATIONS)
     x, y = picture_grid(camera.image_size, step)
     pixels = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     known = np.array(_core.can_unproject(camera_for_core(camera), pixels), dtype=bool)
     std = np.full(len(pixels), np.inf)
-    std[known] = rms_displacement(
-        projection_covariance(camera, parameters, aspect_fixed, covariance, pixels[known])
-    )
+    if rotation == "held":
+        covariances = projection_covariance(
+            camera, parameters, aspect_fixed, covariance, pixels[known]
+        )
+        std[known] = rms_displacement(covariances)
+    elif known.any():
+        # Against the estimate taken as exact, so that only its own uncertainty counts.
+        lens = camera_for_core(camera)
+        uncertain = lens, list(parameters), aspect_fixed, covariance
+        nothing: FloatArray = np.zeros((0, 0))
+        exact: tuple[Any, ...] = lens, [], False, nothing
+        test = _core.compare_projections(uncertain, exact, pixels[known])[2]
+        std[known] = 0.0 if test is None else test[0]
     return ProjectionMap(x, y, std.reshape(len(y), len(x)))

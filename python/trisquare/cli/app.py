@@ -3,8 +3,9 @@
 Exit codes: 0 done; 2 usage, bad argument, damaged file or unwritable output; 3 nothing found, or
 not enough of it; 4 the geometry does not determine the camera, or no convergence; 5 a picture or
 another file is missing or unreadable; 6 cameras of a batch failed or are beyond the limits. Every
-error is one line on standard error, and no file is
-written then but what `--debug-image` asks for.
+error is one line on standard error; no file is written then but what `--debug-image` asks for, and
+outputs beside one that could not be made. With ``--json`` the line is a JSON object, of the format
+``trisquare-error/1``.
 
 Besides these, as by other commands: 1 where nobody reads standard output any more (``| head``),
 130 after Ctrl-C, and 70 after an internal error.
@@ -12,6 +13,7 @@ Besides these, as by other commands: 1 where nobody reads standard output any mo
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import sys
@@ -43,6 +45,7 @@ USAGE_EXIT = 2
 FAULT_EXIT = 70  # EX_SOFTWARE of sysexits.h
 INTERRUPTED_EXIT = 130  # what shells report for a process ended by Ctrl-C
 EXIT_CODES: Mapping[type[Exception], int] = {
+    ImageError: 5,  # also where it is an OSError
     ValueError: USAGE_EXIT,
     TypeError: USAGE_EXIT,
     OSError: USAGE_EXIT,
@@ -52,7 +55,6 @@ EXIT_CODES: Mapping[type[Exception], int] = {
     NotEnoughDataError: 3,
     DegenerateGeometryError: 4,
     ConvergenceError: 4,
-    ImageError: 5,
     UnreadableInputError: 5,
 }
 
@@ -66,6 +68,8 @@ TRACEBACK_VARIABLE = "TRISQUARE_TRACEBACK"
 # use Click itself; this finds the class in either.
 UsageError: type[Any] = typer.BadParameter.__mro__[1]
 
+ERROR_FORMAT = "trisquare-error/1"
+
 app = typer.Typer(
     cls=CommandGroup,
     pretty_exceptions_enable=False,
@@ -78,13 +82,13 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command and exit; `arguments` defaults to those of the process."""
     _silence_opencv()
     _let_output_show_any_name()
+    words = sys.argv[1:] if arguments is None else arguments
+    fail = _fail_in_json if "--json" in words else _fail
     try:
-        code = typer.main.get_command(app).main(
-            arguments, prog_name="trisquare", standalone_mode=False
-        )
+        code = typer.main.get_command(app).main(words, prog_name="trisquare", standalone_mode=False)
         _flush_output()
     except UsageError as error:
-        _fail(_usage_message(error), USAGE_EXIT)
+        fail("UsageError", _usage_message(error), USAGE_EXIT)
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED_EXIT
     except BrokenPipeError:
@@ -92,14 +96,14 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         code = CLOSED_PIPE_EXIT
     except tuple(EXIT_CODES) as error:
         exit_code = next(code for kind, code in EXIT_CODES.items() if isinstance(error, kind))
-        _fail(_message(error), exit_code)
+        fail(type(error).__name__, _message(error), exit_code)
     except SystemExit:
         raise
     except BaseException as error:  # a panic of the core is no Exception
-        _fail(_fault_message(error), FAULT_EXIT)
+        fail(type(error).__name__, _fault_message(error), FAULT_EXIT)
     # Newer Typers return the code of Ctrl-C, older ones raise Abort.
     if code == INTERRUPTED_EXIT:
-        _fail("interrupted", INTERRUPTED_EXIT)
+        fail("KeyboardInterrupt", "interrupted", INTERRUPTED_EXIT)
     sys.exit(code if isinstance(code, int) else 0)
 
 
@@ -169,9 +173,21 @@ def _fault_message(error: BaseException) -> str:
     )
 
 
-def _fail(message: str, exit_code: int) -> NoReturn:
+def _fail(kind: str, message: str, exit_code: int) -> NoReturn:
+    """Say in a line what was wrong, and exit."""
+    _exit_with(f"trisquare: error: {printable(' '.join(message.split()))}", exit_code)
+
+
+def _fail_in_json(kind: str, message: str, exit_code: int) -> NoReturn:
+    """Say what was wrong as a JSON object in one line, and exit."""
+    text = " ".join(message.split())
+    error = {"code": kind, "text": text, "exit_code": exit_code}
+    _exit_with(json.dumps({"format": ERROR_FORMAT, "error": error}), exit_code)
+
+
+def _exit_with(line: str, exit_code: int) -> NoReturn:
     with suppress(OSError):  # nobody reads it: the exit code has to do
-        print("trisquare: error:", printable(" ".join(message.split())), file=sys.stderr)
+        print(line, file=sys.stderr)
     try:
         _flush_output()
     except OSError:
@@ -185,8 +201,10 @@ def _print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
+@app.callback(invoke_without_command=True)
 def _options(
+    context: typer.Context,
     version: bool = flag("Print version.", "--version", callback=_print_version, is_eager=True),
 ) -> None:
-    pass
+    if context.invoked_subcommand is None:
+        print(context.get_help())

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import typer
 
@@ -13,6 +17,7 @@ from trisquare.camera.lens_models import MODELS
 from trisquare.camera.settings import AUTO, METHODS
 from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.framework import command_line, reading
+from trisquare.cli.input_files import photographs_named
 from trisquare.cli.options import (
     FIX,
     FREE,
@@ -26,15 +31,17 @@ from trisquare.cli.options import (
     option,
     parse_pairs,
 )
+from trisquare.cli.outputs import Outputs
 from trisquare.cli.pictures_drawn import check_outputs, drawn, drawn_on_failure, numbered_paths
-from trisquare.cli.tables import calibration_report
+from trisquare.cli.tables import calibration_report, warning_lines
 from trisquare.detection.kinds import TAG_SEARCHES
 from trisquare.detection.sheets.layout import parse_layout
 from trisquare.drawing.detections import draw_detections
 from trisquare.drawing.overlay import draw_overlay
+from trisquare.formats.registry import format_of_name
 from trisquare.images.limits import PictureLimits, parse_amount
 from trisquare.images.photographs import Photographs
-from trisquare.images.pixels import TONE_CURVES
+from trisquare.images.pixels import TONE_CURVES, Image
 from trisquare.report import check_extra, report_page
 
 EXAMPLES = (
@@ -49,7 +56,12 @@ def calibrate_command(
     context: typer.Context,
     photos: list[Path] = PHOTOS,
     output: Path | None = option(
-        None, "FILE", "Write the result to this file, as JSON.", "--output", "-o"
+        None,
+        "FILE",
+        "Write the result to this file: .json for all of it; the camera alone in the format of any "
+        "other name that convert knows, such as .yaml.",
+        "--output",
+        "-o",
     ),
     json: bool = JSON,
     quiet: bool = QUIET,
@@ -137,11 +149,14 @@ def calibrate_command(
     """Calibrate a camera from its photographs."""
     if with_diagnosis and json:
         raise ValueError("--diagnose prints text and --json prints JSON: give one of them")
+    photos = photographs_named(photos)
     overlay_paths = numbered_paths(overlay, len(photos))
     debug_images = numbered_paths(debug_image, len(photos))
     # No board but a file has a name that might be an output's.
     inputs = [*photos, outline, None if board is None else Path(board)]
     check_outputs(inputs, [*overlay_paths, *debug_images], [output, report])
+    if output is not None:
+        format_of_name(output.name)
     if report is not None:
         check_extra()
     if board is not None:
@@ -179,17 +194,25 @@ def calibrate_command(
             explain=debug_image is not None,
         )
     rejected = [*calibration.rejected, *rejected_shapes]
-    contents = drawn(draw_detections, photographs, debug_images, calibration.planes, rejected)
-    contents |= drawn(draw_overlay, photographs, overlay_paths, calibration)
-    if report is not None:
-        contents[report] = report_page(calibration, photographs, command=command_line(context))
+    outputs = Outputs()
     if output is not None:
-        contents[output] = calibration.to_json().encode()
-    write_atomically(contents)
-    parts = calibration_report(calibration, verbose=verbose)
+        outputs.attempt([output], lambda: calibration.save(output))
+
+    def write_drawn(paths: list[Path], draw: Callable[..., Image], *what: Any) -> None:
+        outputs.attempt(paths, lambda: write_atomically(drawn(draw, photographs, paths, *what)))
+
+    write_drawn(debug_images, draw_detections, calibration.planes, rejected)
+    write_drawn(overlay_paths, draw_overlay, calibration)
+    if report is not None:
+        page = partial(report_page, calibration, photographs, command=command_line(context))
+        outputs.attempt([report], lambda: write_atomically({report: page()}))
+    parts = calibration_report(calibration)
     if with_diagnosis:
         parts.append(str(diagnose(calibration)))
-    answer(json, quiet, calibration.to_json().rstrip(), parts)
+    parts += [f"wrote {os.fspath(path)}" for path in outputs.written]
+    warnings = warning_lines(calibration, verbose=verbose)
+    answer(json, quiet, calibration.to_json().rstrip(), parts, warnings)
+    outputs.raise_first_failure()
 
 
 def tone_named(text: str | None) -> str | float | None:

@@ -50,7 +50,8 @@ def compare_command(
     comparison = compare(known, other)
     if map_file is not None:
         write_atomically({map_file: encode_image(draw_comparison(comparison), map_file)})
-    answer(json, quiet, _members(comparison), _lines(comparison))
+    written = [] if map_file is None else [f"wrote {map_file}"]
+    answer(json, quiet, _members(comparison), [*_lines(comparison), *written])
 
 
 def _members(comparison: Comparison) -> dict[str, Any]:

@@ -13,13 +13,21 @@ from rich.progress import Progress
 from rich.table import Table
 from rich.text import Text
 
+from trisquare._support.terminal_text import printable
+
 
 def answer(
-    json: bool, quiet: bool, members: Mapping[str, Any] | str, parts: Iterable[RenderableType]
+    json: bool,
+    quiet: bool,
+    members: Mapping[str, Any] | str,
+    parts: Iterable[RenderableType],
+    warnings: Iterable[str] = (),
 ) -> None:
     """Print what a command has done, as ``--json`` and ``--quiet`` want it.
 
-    `members` may be JSON already; of the `parts` of the text, a string is printed as it is.
+    `members` may be JSON already, and hold the `warnings` themselves; as text these go to standard
+    error. Of the `parts` of the text, control characters of strings are escaped: they may come
+    from the names of files.
     """
     if json:
         if not isinstance(members, str):
@@ -28,7 +36,15 @@ def answer(
     elif not quiet:
         console = Console()
         for part in parts:
-            console.print(Text(part) if isinstance(part, str) else part, soft_wrap=True)
+            console.print(_escaped(part) if isinstance(part, str) else part, soft_wrap=True)
+        console.file.flush()
+        errors = Console(stderr=True)
+        for warning in warnings:
+            errors.print(_escaped(warning, "yellow"), soft_wrap=True)
+
+
+def _escaped(text: str, style: str = "") -> Text:
+    return Text("\n".join(map(printable, text.split("\n"))), style)
 
 
 def new_table(*left: str, right: Sequence[str]) -> Table:

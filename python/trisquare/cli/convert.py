@@ -89,6 +89,7 @@ def convert_command(
     for verb, lost in (("read", loaded.approximation), ("written", approximation)):
         if lost is not None:
             parts.append(Text(f"{verb} as the nearest lens: {lost}", style="yellow"))
+    parts.append(f"wrote {target}")
     answer(json, quiet, members, parts)
 
 

@@ -7,15 +7,17 @@ from importlib import resources
 from pathlib import Path
 
 from trisquare._support.json_members import JsonFields
-from trisquare._support.writing import write_atomically, writing
+from trisquare._support.writing import PathLike, write_atomically, writing
 from trisquare.calibration.calibrate import calibrate
 from trisquare.camera.members import camera_from_members, camera_members
 from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.options import JSON, QUIET, option
-from trisquare.cli.tables import comparison_report
+from trisquare.cli.tables import comparison_report, warning_lines
 from trisquare.drawing.overlay import draw_overlay
 from trisquare.images.encoding import encode_image
+from trisquare.images.photographs import Photographs
 from trisquare.images.reading import read_image
+from trisquare.report import check_extra, report_page
 
 DEMO_FORMAT = "trisquare-demo-result/1"
 TRUTH_FORMAT = "trisquare-demo/1"
@@ -34,17 +36,26 @@ def demo_command(
     with writing(output):
         output.mkdir(parents=True, exist_ok=True)
     data = resources.files("trisquare") / "data"
-    with resources.as_file(data / "demo.png") as photograph:
-        image = read_image(photograph)
-    with progress_bar("calibrating", quiet):
-        calibration = calibrate(image)
-    camera, overlay = output / "camera.json", output / "overlay.png"
-    write_atomically(
-        {
-            camera: calibration.to_json().encode(),
-            overlay: encode_image(draw_overlay(image, calibration), overlay),
-        }
+    photo, camera, overlay, report = (
+        output / name for name in ("photo.png", "camera.json", "overlay.png", "report.html")
     )
+    write_atomically({photo: (data / "demo.png").read_bytes()})
+    with progress_bar("calibrating", quiet):
+        calibration = calibrate(photo)
+    image = read_image(photo)
+    files: dict[PathLike, bytes] = {
+        camera: calibration.to_json().encode(),
+        overlay: encode_image(draw_overlay(image, calibration), overlay),
+    }
+    notes = []
+    try:
+        check_extra()
+    except ImportError as error:
+        notes.append(f"no report: {error}")
+    else:
+        repeated = f"trisquare calibrate {photo.name} --report {report.name}"
+        files[report] = report_page(calibration, Photographs([photo]), command=repeated)
+    write_atomically(files)
     fields = JsonFields.parse((data / "demo.json").read_text("utf-8"), TRUTH_FORMAT)
     truth = camera_from_members(fields.object("camera"), fields.integers("image_size"))
     members = {
@@ -52,7 +63,8 @@ def demo_command(
         "image_size": list(truth.image_size),
         "camera": camera_members(truth),
         "calibration": json_text.loads(calibration.to_json()),
-        "written": [str(camera), str(overlay)],
+        "written": [str(path) for path in (photo, *files)],
     }
-    report = [*comparison_report(calibration, truth), f"wrote {camera} and {overlay}"]
-    answer(json, quiet, members, report)
+    written = [f"wrote {path}" for path in (photo, *files)]
+    lines = [*comparison_report(calibration, truth), *notes, *written]
+    answer(json, quiet, members, lines, warning_lines(calibration))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib import import_module
 from types import MappingProxyType
@@ -13,6 +13,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from trisquare._support.suggestions import nearest_name
+from trisquare.errors import ImageError
 
 SUMMARIES: Mapping[str, str] = MappingProxyType(
     {
@@ -58,6 +59,19 @@ EXIT_CODES_HELP = """\
 NOT_ALL_PASSED_EXIT = 6
 
 
+@contextmanager
+def _escaped_help(parameters: Iterable[Any]) -> Iterator[None]:
+    """Let texts such as ``trisquare[report]`` be printed whole: to Typer, brackets are styles."""
+    texts = [(each, each.help) for each in parameters if getattr(each, "help", None)]
+    for parameter, text in texts:
+        parameter.help = text.replace("[", r"\[")
+    try:
+        yield
+    finally:
+        for parameter, text in texts:
+            parameter.help = text
+
+
 class HelpEndingWithExamples:
     """What a command's help and that of `trisquare` itself end with: examples and exit codes."""
 
@@ -65,7 +79,8 @@ class HelpEndingWithExamples:
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help; what the formatter holds comes after what Typer prints by itself."""
-        super().format_help(ctx, formatter)  # type: ignore[misc]  # the command class comes next
+        with _escaped_help(self.params):  # type: ignore[attr-defined]
+            super().format_help(ctx, formatter)  # type: ignore[misc]  # the command class is next
         endings = ("Examples", self.examples), ("Exit codes", EXIT_CODES_HELP.splitlines())
         for heading, lines in endings:
             formatter.write(f" {heading}:\n")
@@ -152,5 +167,7 @@ def reading() -> Iterator[None]:
     """Tell that a file cannot be read from that one cannot be written, both of them OSErrors."""
     try:
         yield
+    except ImageError:
+        raise  # of a missing picture an OSError, too
     except OSError as error:
         raise UnreadableInputError(str(error)) from error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from trisquare.camera.camera import Camera
 from trisquare.cli.framework import reading
 from trisquare.formats import load_camera
 from trisquare.formats.native_json import CALIBRATION_FORMAT
+from trisquare.images.sources import sources_of
 from trisquare.results.calibration import Calibration
 from trisquare.results.camera_of import camera_of
 
@@ -32,6 +34,17 @@ def camera_alone(path: Path) -> Camera:
     """Read the camera that a file of any format holds, a calibration's included."""
     with reading():
         return load_camera(path).camera
+
+
+def photographs_named(paths: Iterable[Path]) -> list[Path]:
+    """Return the photographs that arguments name: files, those in folders, those of patterns.
+
+    Raises
+    ------
+    ImageError
+        If a folder holds none, or no file matches a pattern.
+    """
+    return [Path(str(path)) for path in sources_of(paths)]
 
 
 def of_size(

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 
 from trisquare._support.arrays import FloatArray
+from trisquare._support.convex_quads import separated
 from trisquare._support.number_text import with_its_std
 from trisquare._support.suggestions import unknown
 from trisquare._support.writing import write_atomically
-from trisquare.analysis.measure import CLICKED_STD, Measurement, measure
+from trisquare.analysis.measure import CLICKED_STD, FAR, Measurement, measure
 from trisquare.analysis.rectify import rectify as rectified
 from trisquare.calibration.locate import locate
 from trisquare.cli.console import answer, progress_bar
@@ -97,6 +98,7 @@ def measure_command(
     chosen = _chosen(planes, plane)
     x, y = chosen.corners.mean(axis=0)
     lines = [f"on plane {plane}, a {chosen.kind} around ({x:.0f}, {y:.0f})"]
+    warnings: list[str] = []
     members: dict[str, Any] = {
         "format": MEASUREMENT_FORMAT,
         "plane": plane,
@@ -109,6 +111,8 @@ def measure_command(
         measured = measure(chosen, pixels, known, side=length.value, point_std=point_std)
         lines += _lines(measured, length)
         members |= _members(measured)
+        warnings += _doubts(measured, pixels, planes, plane)
+        members["warnings"] = warnings
     if rectify is not None:
         scale = None if resolution is None else resolution * length.value
         view = rectified(picture, chosen, lens, resolution=scale)
@@ -121,7 +125,7 @@ def measure_command(
             "origin": [length.value * value for value in view.origin],
             "resolution": resolution,
         }
-    answer(json, quiet, members, lines)
+    answer(json, quiet, members, lines, (f"warning: {warning}" for warning in warnings))
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +184,30 @@ def _members(measured: Measurement) -> dict[str, Any]:
         "angles_std": measured.angles_std.tolist(),
         "area": measured.area,
         "area_std": measured.area_std,
+        "extrapolation": measured.extrapolation,
     }
+
+
+def _doubts(
+    measured: Measurement, pixels: FloatArray, planes: Sequence[Plane], index: int
+) -> Iterator[str]:
+    """Say which points may not be on the plane that they are measured on."""
+    for number, (x, y) in enumerate(pixels, 1):
+        around = [
+            at for at, it in enumerate(planes) if not separated(it.corners, np.array([[x, y]]))
+        ]
+        if around and index not in around:
+            other = around[0]
+            yield (
+                f"point {number}, ({x:g}, {y:g}), is within plane {other}: it is measured as if it "
+                f"were on plane {index}; say --plane {other} if it is not"
+            )
+    if measured.extrapolation is not None and measured.extrapolation > FAR:
+        yield (
+            f"extrapolation: the farthest point is {measured.extrapolation:.1f} times as far from "
+            f"the middle of the {planes[index].kind} as its corners; the lengths hold if the plane "
+            "is flat up to there and the point is on it"
+        )
 
 
 def _lines(measured: Measurement, length: _Length) -> Iterator[str]:

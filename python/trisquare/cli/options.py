@@ -31,7 +31,11 @@ def flag(text: str, *names: str, **more: Any) -> Any:
     return typer.Option(False, *names, help=text, **more)
 
 
-PHOTOS = argument(..., "PHOTO", "One photograph, or several of the same camera.")
+PHOTOS = argument(
+    ...,
+    "PHOTO",
+    "One photograph, or several of the same camera; or a folder, or a pattern such as '*.jpg'.",
+)
 JSON = flag("Print JSON instead of text, and nothing else.", "--json")
 QUIET = flag("Print nothing but errors.", "--quiet", "-q")
 FIX = option(

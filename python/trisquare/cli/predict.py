@@ -12,7 +12,7 @@ from trisquare._support.number_text import decimals_shown
 from trisquare._support.paths import naming, read_text
 from trisquare._support.rotations import tilt_degrees
 from trisquare.analysis.plan import PlannedSquare
-from trisquare.analysis.predict import Prediction, predict
+from trisquare.analysis.predict import PRINTED_SIGMA, Prediction, predict
 from trisquare.camera.camera import Camera, camera_parameters, named_numbers
 from trisquare.camera.lens_models import MODELS
 from trisquare.cli.console import answer, new_table
@@ -52,7 +52,12 @@ def predict_command(
     frame: float | None = option(
         None, "PART", "Make all squares frames, with a hole of this part of their side."
     ),
-    sigma: float = option(0.02, "PX", "Standard deviation of an edge sample, pixels."),
+    sigma: float = option(
+        PRINTED_SIGMA,
+        "PX",
+        "Standard deviation of an edge sample, pixels: 2 for targets printed on paper, which are "
+        "not quite flat; 0.02 for straight edges in a sharp picture, as rendered ones are.",
+    ),
     spacing: float = option(1.0, "PX", "Edge length per sample, pixels."),
     model: str | None = option(
         None,

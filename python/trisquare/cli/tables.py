@@ -20,8 +20,8 @@ MOST_WARNINGS = 5
 """Warnings that are shown unless all are asked for: they are to be read."""
 
 
-def calibration_report(calibration: Calibration, *, verbose: bool = False) -> list[RenderableType]:
-    """Lay out the parameters, the planes and the warnings; if `verbose`, all of these."""
+def calibration_report(calibration: Calibration) -> list[RenderableType]:
+    """Lay out the parameters and the planes."""
     parameters = new_table("parameter", right=("value", "std"))
     for texts in parameter_texts(calibration):
         parameters.add_row(*texts)
@@ -30,9 +30,7 @@ def calibration_report(calibration: Calibration, *, verbose: bool = False) -> li
     )
     for number, plane in enumerate(calibration.planes):
         planes.add_row(str(number), Text(plane.kind), str(plane.image), *plane_texts(plane))
-    most = None if verbose else MOST_WARNINGS
-    rejected, warnings = _rejected(calibration), _warnings(calibration, most)
-    told = [*_aspects(calibration), *_lines(calibration), *rejected, *warnings]
+    told = [*_aspects(calibration), *_lines(calibration), *_rejected(calibration)]
     return [parameters, planes, _summary(calibration), *told]
 
 
@@ -51,7 +49,7 @@ def comparison_report(calibration: Calibration, truth: Camera) -> list[Renderabl
                 f"{error:+.{decimals}f}",
                 f"{error / std:+.1f}" if std > 0 else "",
             )
-    return [table, _summary(calibration), *_warnings(calibration, None)]
+    return [table, _summary(calibration)]
 
 
 def _summary(calibration: Calibration) -> Text:
@@ -101,10 +99,11 @@ def _rejected(calibration: Calibration) -> list[Text]:
     return [Text(line, style="dim") for line in lines]
 
 
-def _warnings(calibration: Calibration, most: int | None) -> list[Text]:
-    """Lay out a line for each of the most severe warnings."""
+def warning_lines(calibration: Calibration, *, verbose: bool = True) -> list[str]:
+    """Return a line for each warning, unless `verbose` only for the most severe."""
+    most = None if verbose else MOST_WARNINGS
     lines = [f"warning: {warning}" for warning in calibration.warnings[:most]]
     more = len(calibration.warnings) - len(lines)
     if more:
         lines.append(f"and {more} more: --verbose")
-    return [Text(line, style="yellow") for line in lines]
+    return lines

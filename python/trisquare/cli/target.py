@@ -50,7 +50,7 @@ def target_command(
 
 def _lines(target: PrintedTarget, output: Path) -> Iterator[str]:
     """Say what stands on the pages and how to print them."""
-    yield f"{output}: {target.page}, to be printed at 100 %"
+    yield f"wrote {output}: {target.page}, to be printed at 100 %"
     for number, page in enumerate(target.pages, start=1):
         frame = page.frames[0]
         what = "a corner of three frames" if page.kind == "corner" else "one frame"

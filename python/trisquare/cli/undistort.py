@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 from trisquare._support.paths import naming
 from trisquare._support.suggestions import unknown
-from trisquare._support.writing import write_in_turn
+from trisquare._support.writing import making_folder, write_in_turn
 from trisquare.camera.camera import Camera
 from trisquare.camera.members import camera_members
 from trisquare.camera.panorama import HIGHEST_LATITUDES, Panorama
 from trisquare.cli.console import answer, progress_bar
-from trisquare.cli.input_files import camera_alone
+from trisquare.cli.input_files import camera_alone, photographs_named
 from trisquare.cli.options import JSON, PHOTOS, QUIET, flag, option
 from trisquare.cli.pictures_drawn import check_depth, check_outputs, numbered_paths
 from trisquare.images.encoding import encode_image
+from trisquare.images.orientation import with_orientation
 from trisquare.images.pixels import picture_size
-from trisquare.images.reading import read_image
+from trisquare.images.reading import read_photograph
 from trisquare.undistortion.undistort import INTERPOLATIONS, Undistorter
 
 VIEWS = ("pinhole", *HIGHEST_LATITUDES)
@@ -36,11 +39,11 @@ EXAMPLES = (
 def undistort_command(
     photos: list[Path] = PHOTOS,
     camera: Path = option(..., "FILE", "The camera, in any format that convert reads."),
-    output: Path = option(
+    output: str = option(
         ...,
         "FILE",
         "Write the picture to this file. With several photographs, FILE.png becomes FILE-1.png, "
-        "FILE-2.png, ...; in a folder, each keeps its own name.",
+        "FILE-2.png, ...; in a folder (FOLDER/ is made), each keeps its own name.",
         "--output",
         "-o",
     ),
@@ -69,11 +72,12 @@ def undistort_command(
     quiet: bool = QUIET,
 ) -> None:
     """Remove the lens distortion from photographs; none is written unless all can be."""
-    if output.is_dir():
-        paths = [output / photo.name for photo in photos]
+    photos = photographs_named(photos)
+    into_folder = output.endswith(("/", os.sep)) or os.path.isdir(output)
+    if into_folder:
+        paths = [Path(output, photo.name) for photo in photos]
     else:
-        paths = numbered_paths(output, len(photos))
-    check_outputs([*photos, camera], paths)
+        paths = numbered_paths(Path(output), len(photos))
     if interpolation not in INTERPOLATIONS:  # not to be said of the first photograph
         raise unknown("interpolation", interpolation, INTERPOLATIONS)
     if view not in VIEWS:
@@ -82,6 +86,7 @@ def undistort_command(
         raise ValueError(f"--balance is for a pinhole: give --field for a {view} view")
     lens = camera_alone(camera)
     pictures: list[dict[str, Any]] = []
+    warnings: list[str] = []
 
     def undistorter_of(lens: Camera) -> Undistorter:
         if view == "pinhole":
@@ -94,7 +99,7 @@ def undistort_command(
         for photo, path in zip(photos, paths, strict=True):
             if progress is not None:
                 progress(len(pictures), len(photos))
-            picture = read_image(photo)
+            picture, tag = read_photograph(photo)
             check_depth(picture, path)
             size = picture_size(picture)
             with naming(photo):
@@ -110,9 +115,22 @@ def undistort_command(
                     "valid_rectangle": list(undistorter.valid_rectangle),
                 }
             )
-            yield path, encode_image(straight, path)
+            encoded = encode_image(straight, path)
+            if tag is not None:
+                kept = with_orientation(encoded, tag.value)
+                if kept is None:
+                    warnings.append(
+                        f"warning: {path}: its format does not keep the orientation tag of "
+                        f"{photo.name} ({tag.turn}); JPEG and PNG do"
+                    )
+                encoded = kept or encoded
+            yield path, encoded
 
-    with progress_bar("undistorting", quiet) as progress:
+    with (
+        making_folder(output) if into_folder else nullcontext(),
+        progress_bar("undistorting", quiet) as progress,
+    ):
+        check_outputs([*photos, camera], paths)
         write_in_turn(undistorted())
     members = {
         "format": UNDISTORTION_FORMAT,
@@ -120,8 +138,9 @@ def undistort_command(
         "balance": balance,
         "field": field,
         "pictures": pictures,
+        "warnings": warnings,
     }
-    answer(json, quiet, members, _lines(pictures))
+    answer(json, quiet, members, _lines(pictures), warnings)
 
 
 def _view_members(view: Camera | Panorama) -> dict[str, Any]:

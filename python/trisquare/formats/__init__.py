@@ -5,7 +5,7 @@ from __future__ import annotations
 from trisquare.camera.approximation import Approximation
 from trisquare.camera.file_formats import CameraFiles, register_files
 from trisquare.errors import LensModelError
-from trisquare.formats.load_save import Loaded, load_camera, save_camera
+from trisquare.formats.load_save import Loaded, is_own, load_camera, save_camera
 from trisquare.formats.registry import FORMAT_NAMES
 
 __all__ = [
@@ -17,4 +17,4 @@ __all__ = [
     "save_camera",
 ]
 
-register_files(CameraFiles(save_camera, load_camera))
+register_files(CameraFiles(save_camera, load_camera, is_own))

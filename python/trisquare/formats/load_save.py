@@ -12,6 +12,7 @@ from trisquare._support.writing import PathLike, write_atomically
 from trisquare.camera.approximation import Approximation
 from trisquare.camera.camera import Camera
 from trisquare.errors import LensModelError
+from trisquare.formats import native_json
 from trisquare.formats.approximation import ANY_BROWN, Lens, nearest
 from trisquare.formats.base import Cameras, Format
 from trisquare.formats.document import Document
@@ -106,11 +107,25 @@ def save_camera(
     approximate: bool = False,
 ) -> Approximation | None:
     """Write a camera; see `Camera.save`."""
-    target = Path(path)
-    known = format_of_name(target.name) if format is None else format_called(format)
-    text, approximation = written(camera, known, target.suffix.lower(), approximate)
+    known = _format_to_write(path, format)
+    text, approximation = written(camera, known, Path(path).suffix.lower(), approximate)
     write_atomically({path: text.encode()})
     return approximation
+
+
+def is_own(path: PathLike, format: str | None) -> bool:
+    """Whether `save_camera` would write trisquare's own JSON, which holds results as well.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the format is not known, or is None and the name tells none.
+    """
+    return _format_to_write(path, format) is native_json.FORMAT
+
+
+def _format_to_write(path: PathLike, format: str | None) -> Format:
+    return format_of_name(Path(path).name) if format is None else format_called(format)
 
 
 def written(

@@ -18,15 +18,20 @@ JPEG_MARKER = re.compile(rb"\xff([^\x00\x01\xd0-\xd7\xff])", re.DOTALL)
 JPEG_END = 0xD9
 
 
-def incompleteness(encoded: bytes) -> str | None:
-    """Say why an encoded picture cannot be whole; None if nothing speaks against it."""
+START_OF_SCAN = 0xDA
+
+
+def incompleteness(encoded: bytes, max_scans: int) -> str | None:
+    """Say why an encoded picture is not decoded; None if nothing speaks against it.
+
+    It may not be whole, or be a JPEG of more scans than `max_scans`, each of which takes as long as
+    a picture.
+    """
     if not encoded:
         return "the file is empty"
     if encoded.startswith(PNG_SIGNATURE):
         return _png_incompleteness(encoded)
-    if encoded.startswith(JPEG_SIGNATURE) and not _jpeg_ends(encoded):
-        return "the JPEG is truncated: its end marker is missing"
-    return None
+    return _jpeg_fault(encoded, max_scans) if encoded.startswith(JPEG_SIGNATURE) else None
 
 
 def _png_incompleteness(encoded: bytes) -> str | None:
@@ -45,20 +50,23 @@ def _png_incompleteness(encoded: bytes) -> str | None:
     return "the PNG is truncated: its end chunk is missing"
 
 
-def _jpeg_ends(encoded: bytes) -> bool:
-    """Walk the segments to the picture's own end marker.
+def _jpeg_fault(encoded: bytes, max_scans: int) -> str | None:
+    """Walk the segments to the picture's own end marker, and count its scans.
 
     Searching for the marker would not do: a thumbnail in the header has one of its own, and
     cameras append data after the last.
     """
-    position = 2
+    position, scans = 2, 0
     while marker := JPEG_MARKER.search(encoded, position):
         kind = marker[1][0]
         position = marker.end()
         if kind == JPEG_END:
-            return True
+            return None
+        scans += kind == START_OF_SCAN
+        if scans > max_scans:
+            return f"the JPEG has more than the {max_scans} scans that max_scans allows"
         if position + 2 > len(encoded):
-            return False
+            break
         # After a scan's header follows its coded data, which the search passes over.
         position += struct.unpack_from(">H", encoded, position)[0]
-    return False
+    return "the JPEG is truncated: its end marker is missing"

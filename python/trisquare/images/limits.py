@@ -6,12 +6,18 @@ import os
 import re
 from dataclasses import dataclass
 
+from trisquare.errors import ImageError
+
 MAX_PIXELS = 500_000_000
 """Of a picture. Cameras that combine several exposures reach 400 megapixels; decoded in colour,
 500 take 1.5 GB."""
 
 MAX_BYTES = 2**31 - 1
 """Of a file: OpenCV decodes no more."""
+
+MAX_SCANS = 100
+"""Of a progressive JPEG. Encoders write 10, and 20 where they optimise; each is decoded over the
+whole picture, so that a small file may take minutes."""
 
 AMOUNT = re.compile(r"(\d+(?:\.\d+)?(?:e\d+)?)([kMG]?)", re.ASCII)
 FACTORS = {"": 1.0, "k": 1e3, "M": 1e6, "G": 1e9}
@@ -27,14 +33,29 @@ class PictureLimits:
         Width times height, as its header states them.
     max_bytes : int
         Of the file.
+    max_scans : int
+        Of a progressive JPEG.
     """
 
     max_pixels: int = MAX_PIXELS
     max_bytes: int = MAX_BYTES
+    max_scans: int = MAX_SCANS
+
+    def check_pixels(self, name: str, size: tuple[int, int]) -> None:
+        """Raise ImageError if a picture of this width and height has too many pixels."""
+        width, height = size
+        if width * height > self.max_pixels:
+            raise ImageError(
+                f"{name}: has {width} x {height} pixels, more than the {self.max_pixels} that "
+                "max_pixels allows"
+            )
 
     @classmethod
     def stated(
-        cls, max_pixels: float | None = None, max_bytes: float | None = None
+        cls,
+        max_pixels: float | None = None,
+        max_bytes: float | None = None,
+        max_scans: float | None = None,
     ) -> PictureLimits:
         """Return the limits given, where None those of the environment, or else the defaults.
 
@@ -46,6 +67,7 @@ class PictureLimits:
         return cls(
             int(stated_limit("max_pixels", max_pixels, MAX_PIXELS)),
             int(stated_limit("max_bytes", max_bytes, MAX_BYTES)),
+            int(stated_limit("max_scans", max_scans, MAX_SCANS)),
         )
 
 

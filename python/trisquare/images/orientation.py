@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import zlib
 from dataclasses import dataclass
 
 UPRIGHT = 1
@@ -27,6 +28,7 @@ TIFF_STARTS = {b"II*\0": "<", b"MM\0*": ">"}
 
 EXIF_IN_JPEG = b"Exif\0\0"
 START_OF_SCAN = 0xDA
+START_OF_JPEG = b"\xff\xd8"
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +61,31 @@ class OrientationTag:
         return bytes(copy)
 
 
+def with_orientation(encoded: bytes, value: int) -> bytes | None:
+    """Return an encoded picture with an orientation tag; None if it is no JPEG or PNG without one.
+
+    Parameters
+    ----------
+    encoded : bytes
+        As OpenCV encodes it, that is without any tag.
+    value : int
+        1 to 8.
+    """
+    entry = struct.pack(">HHIHH", TAG, SHORT, 1, value, 0)
+    block = b"MM\0*" + struct.pack(">IH", 8, 1) + entry + bytes(4)
+    if encoded[:2] == START_OF_JPEG:
+        content = EXIF_IN_JPEG + block
+        segment = b"\xff\xe1" + struct.pack(">H", len(content) + 2) + content
+        return START_OF_JPEG + segment + encoded[2:]
+    if encoded[:4] == b"\x89PNG":
+        (length,) = struct.unpack_from(">I", encoded, 8)
+        after_header = 8 + 12 + length
+        chunk = struct.pack(">I", len(block)) + b"eXIf" + block
+        checked = chunk + struct.pack(">I", zlib.crc32(chunk[4:]))
+        return encoded[:after_header] + checked + encoded[after_header:]
+    return None
+
+
 def find_orientation(encoded: bytes) -> OrientationTag | None:
     """Find the orientation tag of a JPEG, PNG or TIFF file; None if there is none."""
     start = _exif_start(encoded)
@@ -69,7 +96,7 @@ def _exif_start(encoded: bytes) -> int | None:
     """Where the block in TIFF's format begins that the tag is in."""
     if encoded[:4] in TIFF_STARTS:
         return 0
-    if encoded[:2] == b"\xff\xd8":
+    if encoded[:2] == START_OF_JPEG:
         return _exif_in_jpeg(encoded)
     if encoded[:4] == b"\x89PNG":
         return _exif_in_png(encoded)

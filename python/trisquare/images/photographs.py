@@ -14,7 +14,7 @@ import numpy as np
 from trisquare._support.threads import Turns
 from trisquare.images.limits import PictureLimits
 from trisquare.images.pixels import Image, ImageSource, picture_size
-from trisquare.images.reading import load_picture
+from trisquare.images.reading import load_photograph
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,7 +52,7 @@ class Photographs:
 
     Parameters
     ----------
-    sources : sequence of path or ndarray
+    sources : sequence of ImageSource
     keep : bool
         Whether they stay in memory, to be drawn on; else every pass loads them again, one at a
         time.
@@ -107,7 +107,7 @@ class Photographs:
 
     def _load(self, index: int, earlier: _Earlier) -> Photograph:
         photograph = _load(
-            index, self.sources[index], earlier, self._limits, is_alone=len(self) == 1
+            index, self.sources[index], self._limits, earlier, is_alone=len(self) == 1
         )
         if self._keep:
             self._kept[index] = photograph
@@ -125,15 +125,15 @@ class _Earlier(NamedTuple):
 def _load(
     index: int,
     source: ImageSource,
-    earlier: _Earlier,
     limits: PictureLimits | None,
+    earlier: _Earlier,
     *,
     is_alone: bool,
 ) -> Photograph:
     name = _name(index, source)
     key: int | None = None
     try:
-        pixels, turn = _loaded(source, limits)
+        pixels, tag = load_photograph(source, limits)
         key = 0 if is_alone else _fingerprint(pixels)
     finally:
         with earlier.turns.turn(index):
@@ -143,9 +143,9 @@ def _load(
                 has_other_depth = len(earlier.depths) > 1
     size = picture_size(pixels)
     remarks = {}
-    if turn is not None:
+    if tag is not None:
         remarks["orientation_ignored"] = (
-            f"{name}: its orientation tag ({turn}) is ignored; the result refers to the "
+            f"{name}: its orientation tag ({tag.turn}) is ignored; the result refers to the "
             f"picture as it is stored, {size[0]} x {size[1]} pixels"
         )
     if twin != name:
@@ -158,15 +158,6 @@ def _name(index: int, source: ImageSource) -> str:
     if isinstance(source, str | os.PathLike):
         return f"picture {index} ({os.path.basename(source)})"
     return f"picture {index}"
-
-
-def _loaded(source: ImageSource, limits: PictureLimits | None) -> tuple[Image, str | None]:
-    """Return a picture and how its orientation tag would turn it."""
-    if isinstance(source, str | os.PathLike):
-        from trisquare.images.reading import read_photograph
-
-        return read_photograph(source, limits)
-    return load_picture(source), None
 
 
 def _fingerprint(pixels: Image) -> int:

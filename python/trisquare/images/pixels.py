@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any, TypeAlias
+from typing import Any, BinaryIO, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -12,19 +12,24 @@ import numpy.typing as npt
 from trisquare._support.suggestions import unknown
 
 Image: TypeAlias = npt.NDArray[Any]
-ImageSource: TypeAlias = "str | os.PathLike[str] | Image"
+ImageSource: TypeAlias = "str | os.PathLike[str] | bytes | BinaryIO | PillowImage | Image"
 Tone: TypeAlias = "str | float | None"
 Outlines: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any] | Sequence[Any]"
 
+
+class PillowImage(Protocol):
+    """What `PIL.Image.Image` has, of what is needed of it."""
+
+    @property
+    def mode(self) -> str:
+        """What a pixel is, such as ``"RGB"``."""
+
+    def convert(self, mode: str) -> Any:
+        """Return the picture in another mode."""
+
+
 PIXEL_TYPES = (np.uint8, np.uint16, np.float32)
 TONE_CURVES = ("srgb", "linear", "auto")
-
-
-def sources_of(image: ImageSource | Sequence[ImageSource]) -> list[ImageSource]:
-    """Return the pictures, one or several, as a list."""
-    if isinstance(image, Sequence) and not isinstance(image, str):
-        return list(image)
-    return [image]
 
 
 def picture_size(picture: Image) -> tuple[int, int]:

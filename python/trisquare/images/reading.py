@@ -8,15 +8,20 @@ import numpy as np
 
 from trisquare._support.paths import read_bytes
 from trisquare._support.writing import PathLike
-from trisquare.errors import ImageError
+from trisquare.errors import ImageError, MissingImageError
+from trisquare.images.foreign import foreign_kind, read_foreign
 from trisquare.images.header import stated_size
 from trisquare.images.integrity import incompleteness
 from trisquare.images.limits import PictureLimits
-from trisquare.images.orientation import TIFF_STARTS, find_orientation
-from trisquare.images.pixels import PIXEL_TYPES, Image, ImageSource
+from trisquare.images.orientation import TIFF_STARTS, OrientationTag, find_orientation
+from trisquare.images.pixels import PIXEL_TYPES, Image, ImageSource, PillowImage
+from trisquare.images.sources import is_pillow
 
 NO_MEMORY = -4
 """OpenCV's code for it, which it names differently from version to version."""
+
+SHAPES = ((), (1,), (3,), (4,))
+"""Of a pixel."""
 
 
 def read_image(path: PathLike) -> Image:
@@ -26,7 +31,8 @@ def read_image(path: PathLike) -> Image:
     ----------
     path : str or path
         Any format that OpenCV reads: PNG and TIFF of 8 and 16 bits, TIFF of 32-bit floats, JPEG
-        (progressive and CMYK too), palettes and two levels. An orientation tag is ignored: the
+        (progressive and CMYK too), palettes and two levels; with ``trisquare[heif]`` HEIC, with
+        ``trisquare[raw]`` raw pictures. An orientation tag is ignored: the
         result belongs to the sensor's picture, rows and columns as they are stored.
 
     Returns
@@ -37,33 +43,45 @@ def read_image(path: PathLike) -> Image:
     Raises
     ------
     ImageError
-        If the file is missing, is no picture, or is truncated (OpenCV alone may return a
-        truncated picture with its lower part grey); if its pixels are signed, of 32-bit integers
-        or of 64-bit floats, or NaN.
+        If the file is missing (`MissingImageError`), is no picture, or is truncated (OpenCV alone
+        may return a truncated picture with its lower part grey); if its pixels are signed, of
+        32-bit integers or of 64-bit floats, or NaN.
     """
     return read_photograph(path)[0]
 
 
 def read_photograph(
     path: PathLike, limits: PictureLimits | None = None
-) -> tuple[Image, str | None]:
-    """Read a photograph as `read_image` does, and say how its orientation tag would turn it.
+) -> tuple[Image, OrientationTag | None]:
+    """Read a photograph as `read_image` does, with its orientation tag if that would turn it.
 
-    The text says what the orientation tag asks for; it is None without a tag, or for an upright
-    picture. `limits` are by default those of the environment.
+    `limits` are by default those of the environment.
     """
     limits = PictureLimits.stated() if limits is None else limits
     try:
         encoded = _bytes_within(path, limits)
+    except FileNotFoundError as error:
+        raise MissingImageError(str(error)) from error
     except OSError as error:
         raise ImageError(str(error)) from error
-    _check_pixels(path, encoded, limits)
-    reason = incompleteness(encoded)
+    return decode_photograph(encoded, os.fspath(path), limits)
+
+
+def decode_photograph(
+    encoded: bytes, name: str, limits: PictureLimits
+) -> tuple[Image, OrientationTag | None]:
+    """Decode a file's content as `read_photograph` does; errors begin with the name."""
+    kind = foreign_kind(encoded, name)
+    if kind is not None:
+        return read_foreign(kind, encoded, name, limits), None
+    limits.check_pixels(name, stated_size(encoded) or (0, 0))
+    reason = incompleteness(encoded, limits.max_scans)
     if reason:
-        raise ImageError(f"{os.fspath(path)}: {reason}")
+        raise ImageError(f"{name}: {reason}")
     tag = find_orientation(encoded)
-    turn = None if tag is None else tag.turn
-    if tag is not None and turn is not None and encoded[:4] in TIFF_STARTS:
+    if tag is not None and tag.turn is None:
+        tag = None
+    if tag is not None and encoded[:4] in TIFF_STARTS:
         encoded = tag.made_upright(encoded)
     import cv2  # loaded where a file is read
 
@@ -74,15 +92,15 @@ def read_photograph(
         image = cv2.imdecode(np.frombuffer(encoded, np.uint8), flags)
     except cv2.error as error:
         if error.code == NO_MEMORY:
-            raise MemoryError(f"{os.fspath(path)}: not enough memory to decode it") from error
-        raise ImageError(f"{os.fspath(path)}: not a readable picture") from error
+            raise MemoryError(f"{name}: not enough memory to decode it") from error
+        raise ImageError(f"{name}: not a readable picture") from error
     if image is None:
-        raise ImageError(f"{os.fspath(path)}: not a readable picture")
+        raise ImageError(f"{name}: not a readable picture")
     if image.dtype not in PIXEL_TYPES:
-        raise ImageError(f"{os.fspath(path)}: pixels of type {image.dtype} are not supported")
+        raise ImageError(f"{name}: pixels of type {image.dtype} are not supported")
     if image.dtype == np.float32 and not np.isfinite(image).all():
-        raise ImageError(f"{os.fspath(path)}: some pixels are NaN or infinite")
-    return image, turn
+        raise ImageError(f"{name}: some pixels are NaN or infinite")
+    return image, tag
 
 
 def _bytes_within(path: PathLike, limits: PictureLimits) -> bytes:
@@ -98,22 +116,14 @@ def _bytes_within(path: PathLike, limits: PictureLimits) -> bytes:
     return read_bytes(path)
 
 
-def _check_pixels(path: PathLike, encoded: bytes, limits: PictureLimits) -> None:
-    width, height = stated_size(encoded) or (0, 0)
-    if width * height > limits.max_pixels:
-        raise ImageError(
-            f"{os.fspath(path)}: has {width} x {height} pixels, more than the "
-            f"{limits.max_pixels} that max_pixels allows"
-        )
-
-
 def load_picture(source: ImageSource) -> Image:
-    """Return a checked picture from an array or a file.
+    """Return a checked picture from an array, a file or its content.
 
     Parameters
     ----------
-    source : path or ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
-        Grey or BGR; arrays may be strided views and are not copied.
+    source : path, bytes, binary file, PIL.Image.Image or ndarray
+        Arrays are of uint8, uint16 or float32, shape (H, W), (H, W, 3) or (H, W, 4), grey, BGR or
+        BGRA; they may be strided views and are not copied. An alpha channel is dropped.
 
     Raises
     ------
@@ -122,14 +132,53 @@ def load_picture(source: ImageSource) -> Image:
     TypeError, ValueError
         If an array is of another type or shape, empty, or not finite.
     """
+    return load_photograph(source)[0]
+
+
+def load_photograph(
+    source: ImageSource, limits: PictureLimits | None = None
+) -> tuple[Image, OrientationTag | None]:
+    """Return a picture as `load_picture` does, with its orientation tag if that would turn it."""
     if isinstance(source, str | os.PathLike):
-        return read_image(source)
+        return read_photograph(source, limits)
+    if hasattr(source, "read"):
+        source = source.read()
+    if isinstance(source, bytes | bytearray | memoryview):
+        limits = PictureLimits.stated() if limits is None else limits
+        return decode_photograph(bytes(source), "the encoded picture", limits)
+    if is_pillow(source):
+        source = _of_pillow(source)
+    return _checked_array(source), None
+
+
+def _of_pillow(image: PillowImage) -> Image:
+    """Return grey or BGR pixels; palettes and other colours become BGR."""
+    try:
+        if image.mode == "F" or image.mode.startswith("I"):  # 32-bit floats, 16-bit integers
+            pixels = np.asarray(image)
+            fits = pixels.dtype.kind != "i" or (pixels.min() >= 0 and pixels.max() < 1 << 16)
+            deep = np.uint16 if pixels.dtype.kind in "iu" else np.float32
+            return pixels.astype(deep) if fits else pixels
+        if image.mode in ("L", "LA", "1"):
+            return np.asarray(image.convert("L"))
+        return np.asarray(image.convert("RGB"))[:, :, ::-1]
+    except OSError as error:  # it decodes its file only now
+        raise ImageError(f"the Pillow image: {error}") from error
+
+
+def _checked_array(source: object) -> Image:
     if not isinstance(source, np.ndarray):
-        raise TypeError(f"a picture is a path or a numpy array, not {type(source).__name__}")
+        raise TypeError(
+            "a picture is a path, an array, bytes, a binary file or a Pillow image, not "
+            f"{type(source).__name__}"
+        )
     if source.dtype not in PIXEL_TYPES:
         raise TypeError(f"pixels must be uint8, uint16 or float32, not {source.dtype}")
-    if source.ndim not in (2, 3) or source.shape[2:] not in ((), (1,), (3,)) or source.size == 0:
-        raise ValueError(f"a picture has the shape (H, W) or (H, W, 3), not {source.shape}")
-    if source.dtype == np.float32 and not np.isfinite(source).all():
+    if source.ndim not in (2, 3) or source.shape[2:] not in SHAPES or source.size == 0:
+        raise ValueError(
+            f"a picture has the shape (H, W), (H, W, 3) or (H, W, 4), not {source.shape}"
+        )
+    pixels = source[:, :, :3] if source.shape[2:] == (4,) else source
+    if pixels.dtype == np.float32 and not np.isfinite(pixels).all():
         raise ValueError("pixels must be finite")
-    return source[:, :, 0] if source.shape[2:] == (1,) else source
+    return pixels[:, :, 0] if pixels.shape[2:] == (1,) else pixels

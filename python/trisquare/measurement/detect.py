@@ -22,7 +22,7 @@ def detect(
 
     Parameters
     ----------
-    image : path or ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
+    image : path, bytes, binary file, PIL.Image.Image or ndarray, shape (H, W[, 3 or 4])
         Grey or BGR.
     targets : str
         - ``"squares"``: dark squares on a lighter ground or the reverse, solid or framed;

@@ -9,7 +9,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from trisquare.images.photographs import Photographs
-from trisquare.images.pixels import ImageSource, sources_of
+from trisquare.images.pixels import ImageSource
+from trisquare.images.sources import sources_of
 from trisquare.results.calibration import Calibration
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ def write_report(
         What to report.
     path : str or path
         The file; it is written whole or not at all.
-    image : path or ndarray, or a sequence of them
+    image : path, bytes, binary file, PIL.Image.Image or ndarray, or several of them
         The photographs, in the order they were given to `calibrate`; without them the page has
         plots and tables only. The residuals are those that the calibration holds.
     command : str, optional

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import platform
+import time
 from collections.abc import Iterator
 
 import cv2
@@ -93,7 +95,7 @@ def summary(calibration: Calibration, known: ProjectionMap) -> Iterator[str]:
         yield (
             f"Projected points are known to {best} px at the best place of the picture, to "
             f"{median} px at the median place and to {worst} px at the worst (one standard "
-            "deviation)."
+            "deviation, up to a rotation of the whole camera)."
         )
     beyond = 1.0 - len(finite) / known.std.size
     if beyond > 0.0:
@@ -105,6 +107,13 @@ def summary(calibration: Calibration, known: ProjectionMap) -> Iterator[str]:
         f"The reprojection error of the measured edges is {two_digits(calibration.rms)} "
         f"px (rms), {calibration.noise_scale:.2f} times what their noise predicts."
     )
+
+
+def copied(camera: Camera) -> str:
+    """Return the camera matrix and the distortion as Python text, all digits."""
+    rows = ", ".join(str(row) for row in camera.K.tolist())
+    name = "cv2.fisheye takes it" if is_fisheye(camera.model) else "cv2 takes it"
+    return f"K = [{rows}]\ndistortion = {camera.distortion.tolist()}  # as {name}"
 
 
 def settings(calibration: Calibration) -> list[tuple[str, str]]:
@@ -125,12 +134,20 @@ def settings(calibration: Calibration) -> list[tuple[str, str]]:
         ("tone curve", _tone(calibration)),
         ("calibrated by", f"trisquare {calibration.software}"),
         ("reported by", reported_by),
+        ("reported on", _today()),
     ]
 
 
 def log_odds(calibration: Calibration) -> str:
     """Return the models that were not chosen, with what speaks against each."""
     return ", ".join(f"{o.model} {o.log_evidence:.1f}" for o in calibration.alternatives)
+
+
+def _today() -> str:
+    """Return the date; a build that is to be repeated sets it."""
+    stated = os.environ.get("SOURCE_DATE_EPOCH")
+    now = time.time() if stated is None else float(stated)
+    return time.strftime("%Y-%m-%d", time.gmtime(now))
 
 
 def _tone(calibration: Calibration) -> str:

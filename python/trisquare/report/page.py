@@ -33,6 +33,9 @@ MOST_PICTURES = 6
 DIGEST_LETTERS = 16
 """Of a file's SHA-256: enough to tell photographs apart."""
 
+MOST_OPEN = 3
+"""Photographs that are all shown; of more, those after the first are folded."""
+
 MOST_REJECTED = 30
 """Rows on candidates that were not used."""
 
@@ -68,6 +71,8 @@ def page_of(
         files=files,
         pictures=layers,
         most_rejected=MOST_REJECTED,
+        most_open=MOST_OPEN,
+        copied=content.copied(calibration.camera),
         series=SERIES,
         command=command,
         style=Markup(_own("report.css")),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -20,6 +21,7 @@ from trisquare._support.arrays import (
     string,
 )
 from trisquare._support.json_members import JsonFields, dump_members
+from trisquare._support.paths import naming, read_text
 from trisquare._support.records import (
     NUMBER,
     TEXT,
@@ -33,7 +35,10 @@ from trisquare._support.records import (
     record_members,
     records,
 )
+from trisquare._support.writing import write_atomically
+from trisquare.camera.approximation import Approximation
 from trisquare.camera.camera import Camera, camera_parameters
+from trisquare.camera.file_formats import registered_files
 from trisquare.camera.members import camera_from_members, camera_members
 from trisquare.camera.projection_uncertainty import (
     ProjectionMap,
@@ -180,6 +185,15 @@ class Calibration(Record):
         if any(own.plane >= len(self.planes) for own in self.residuals):
             raise ValueError(f"residuals must be of one of the {len(self.planes)} planes")
 
+    def __eq__(self, other: object) -> bool:
+        """Whether the JSON is the same: all but the measured edges and their residuals."""
+        if not isinstance(other, Calibration):
+            return NotImplemented
+        return self.to_json() == other.to_json()
+
+    def __hash__(self) -> int:
+        return hash(self.to_json())
+
     def __repr__(self) -> str:
         width, height = self.camera.image_size
         lines = [
@@ -247,13 +261,21 @@ class Calibration(Record):
         """
         return rms_displacement(self.projection_covariance(points))
 
-    def projection_map(self, step: float | None = None) -> ProjectionMap:
-        """Return `projection_std` on a grid over the picture, border to border.
+    def projection_map(
+        self, step: float | None = None, *, rotation: str = "fitted"
+    ) -> ProjectionMap:
+        """Return how far projections may be off on a grid over the picture, border to border.
 
         Parameters
         ----------
         step : float, optional
             The grid's lines are at most so many pixels apart; by default a 32nd of the width.
+        rotation : {"fitted", "held"}
+            A principal point that is off by a few pixels is nearly a camera that is turned a
+            little, which goes unnoticed wherever the camera's pose is estimated with it, or does
+            not matter. ``"fitted"``: the rotation that fits the whole picture best is taken out,
+            as `compare` does. ``"held"``: directions are held in the camera's frame, as in
+            `projection_std`.
 
         Returns
         -------
@@ -261,7 +283,7 @@ class Calibration(Record):
             ``x``, ``y`` and ``std[row, column]``, infinite beyond the valid radius.
         """
         return projection_map(
-            self.camera, self.parameters, self._aspect_fixed, self.covariance, step
+            self.camera, self.parameters, self._aspect_fixed, self.covariance, step, rotation
         )
 
     @property
@@ -289,6 +311,51 @@ class Calibration(Record):
             shown["edges"] = [edges_members(figure) for figure in self.edges]
             shown["residuals"] = residuals
         return dump_members({"format": RESULT_FORMAT, **shown})
+
+    def save(
+        self, path: str | os.PathLike[str], format: str | None = None, *, approximate: bool = False
+    ) -> Approximation | None:
+        """Write the result as JSON, or its camera in the format of another program.
+
+        Parameters
+        ----------
+        path : str or path
+            The file; it is written whole or left untouched.
+        format : str, optional
+            As in `Camera.save`; by default what the name tells. Only trisquare's own, ``.json``,
+            holds the uncertainties and planes.
+        approximate : bool
+            As in `Camera.save`.
+
+        Returns
+        -------
+        Approximation or None
+            As `Camera.save`.
+
+        Raises
+        ------
+        LensModelError, ValueError, OSError
+            As `Camera.save`.
+        """
+        if registered_files().is_own(path, format):
+            write_atomically({path: self.to_json().encode()})
+            return None
+        return self.camera.save(path, format, approximate=approximate)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Calibration:
+        """Read the JSON that `save` or `to_json` wrote.
+
+        Raises
+        ------
+        OSError
+            If the file cannot be read.
+        ValueError
+            As `from_json`, with the file's name; also for a camera without its uncertainties.
+        """
+        text = read_text(path)
+        with naming(path):
+            return cls.from_json(text)
 
     @classmethod
     def from_json(cls, text: str) -> Calibration:

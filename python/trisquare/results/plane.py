@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from trisquare._support.arrays import FloatArray
+import numpy as np
+
+from trisquare._support.arrays import FloatArray, real_number
 from trisquare._support.records import INDEX, NUMBER, TEXT, Kind, Record, array, member, record
-from trisquare._support.rotations import rotation_matrix
+from trisquare._support.rotations import rotation_matrix, rotation_vector
 from trisquare.results.pose_uncertainty import PoseUncertainty
 
 ROTATION = Kind(
@@ -59,6 +61,38 @@ class Plane(Record):
     aspect_std: float | None = field(default=None, metadata=member(NUMBER))
     radii: FloatArray | None = field(default=None, metadata=member(array(None)))
     radii_std: FloatArray | None = field(default=None, metadata=member(array(None)))
+
+    @property
+    def rvec(self) -> FloatArray:
+        """The rotation as OpenCV has it: axis times angle, shape (3,), radians."""
+        return rotation_vector(self.rotation)
+
+    @property
+    def tvec(self) -> FloatArray:
+        """`translation`, as OpenCV calls it, shape (3,)."""
+        return self.translation
+
+    def cam_from_plane(self, side: float = 1.0) -> FloatArray:
+        """Return the pose as a homogeneous matrix, shape (4, 4).
+
+        Parameters
+        ----------
+        side : float
+            Length of what `translation` has as its unit, mostly the square's side, in any unit;
+            the matrix then takes points of the plane in that unit.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If `side` is not a positive number.
+        """
+        length = real_number(side, "side")
+        if length <= 0:
+            raise ValueError(f"side must be positive, not {length:g}")
+        pose = np.eye(4)
+        pose[:3, :3] = self.rotation
+        pose[:3, 3] = length * self.translation
+        return pose
 
     def __repr__(self) -> str:
         x, y, z = self.translation.tolist()

@@ -83,7 +83,7 @@ class Straightened(RebuiltByConstructor):
 
         Parameters
         ----------
-        image : path or ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
+        image : path, bytes, binary file, PIL.Image.Image or ndarray, shape (H, W[, 3 or 4])
             A picture of the camera's size.
         balance : float
             From 0, no black border, to 1, all of the photograph.
@@ -123,7 +123,7 @@ def straighten(image: ImageSource) -> Straightened:
 
     Parameters
     ----------
-    image : path or ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
+    image : path, bytes, binary file, PIL.Image.Image or ndarray, shape (H, W[, 3 or 4])
         Grey or BGR, as the lens has made it: not cropped off the middle.
 
     Returns

@@ -119,7 +119,7 @@ class Undistorter:
 
         Parameters
         ----------
-        image : path or ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
+        image : path, bytes, binary file, PIL.Image.Image or ndarray, shape (H, W[, 3 or 4])
             A picture of the camera's size.
         interpolation : {"linear", "nearest", "cubic", "lanczos"}
             ``"linear"`` gives what ``cv2.undistort`` gives; ``"nearest"`` is for labels, which must
@@ -211,7 +211,7 @@ def undistort(
 
     Parameters
     ----------
-    image : path or ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
+    image : path, bytes, binary file, PIL.Image.Image or ndarray, shape (H, W[, 3 or 4])
         A picture of the camera, grey or BGR.
     camera : Camera
         The camera that took it.

@@ -1,0 +1,58 @@
+"""Edges of printed targets: how well a pixel of them is known, which `predict` assumes.
+
+For every shared photograph of printed boards, the residuals' rms times the square root of the
+edge's length for each independent sample. The median must be what `predict` assumes, to a half.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+
+import numpy as np
+from harness.rows import Row
+from real.real_pictures import photographs
+
+import trisquare as ts
+from trisquare.analysis.predict import PRINTED_SIGMA
+
+HELD = ("principal_point", "aspect", "distortion")
+"""Where a photograph alone does not determine the camera."""
+TOLERANCE = 1.5
+
+
+def measure() -> list[Row]:
+    """Measure all photographs."""
+    sigmas = np.array(list(_sigmas()))
+    if not len(sigmas):
+        return []
+    low, median, high = np.quantile(sigmas, [0.1, 0.5, 0.9])
+    ratio = max(median / PRINTED_SIGMA, PRINTED_SIGMA / median)
+    return [
+        Row(
+            f"std of a pixel of edge of boards printed on paper, {len(sigmas)} photographs: median "
+            "(10 %, 90 %)",
+            f"{median:.1f} px ({low:.1f}, {high:.1f})",
+            f"{PRINTED_SIGMA:g} px assumed, within a factor {TOLERANCE:g}",
+            bool(ratio <= TOLERANCE),
+        )
+    ]
+
+
+def _sigmas() -> Iterator[float]:
+    for path in photographs():
+        with suppress(ts.TrisquareError):
+            try:
+                result = ts.calibrate(path)
+            except ts.TrisquareError:
+                result = ts.calibrate(path, fix=HELD)
+            lines = [line for figure in result.edges for line in figure.points]
+            spacing = np.median(
+                [
+                    np.hypot(*(line[-1] - line[0])) / (len(line) - 1)
+                    for line in lines
+                    if len(line) > 1
+                ]
+            )
+            assert result.coherence is not None
+            yield result.rms * float(np.sqrt(spacing * result.coherence.neighbours))

@@ -1,0 +1,37 @@
+"""Files that a command writes besides its answer: one that fails does not lose the others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+from trisquare._support.writing import PathLike
+
+
+@dataclass
+class Outputs:
+    """What was written, and what became of the rest.
+
+    Attributes
+    ----------
+    written : list of path
+    failures : list of Exception
+        One for each attempt that failed.
+    """
+
+    written: list[PathLike] = field(default_factory=list)
+    failures: list[Exception] = field(default_factory=list)
+
+    def attempt(self, paths: Iterable[PathLike], write: Callable[[], object]) -> None:
+        """Make and write files; a failure is raised later, when the others are written."""
+        try:
+            write()
+        except Exception as error:
+            self.failures.append(error)
+        else:
+            self.written.extend(paths)
+
+    def raise_first_failure(self) -> None:
+        """Raise what failed first; to be called once the answer is printed."""
+        if self.failures:
+            raise self.failures[0]

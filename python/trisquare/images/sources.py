@@ -1,0 +1,74 @@
+"""Which pictures somebody means: one or several, files, folders or patterns."""
+
+from __future__ import annotations
+
+import glob
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, TypeGuard
+
+import numpy as np
+
+from trisquare.errors import ImageError, MissingImageError
+from trisquare.images.pixels import ImageSource, PillowImage
+
+PICTURE_SUFFIXES = frozenset(
+    (
+        *(".jpg", ".jpeg", ".jpe", ".jp2", ".png", ".tif", ".tiff", ".bmp", ".webp", ".avif"),
+        *(".gif", ".pgm", ".ppm", ".pbm", ".pnm"),
+        *(".heic", ".heif", ".hif"),
+        *(".dng", ".arw", ".cr2", ".cr3", ".nef", ".orf", ".pef", ".raf", ".rw2", ".srw"),
+    )
+)
+"""Files in folders that are taken for photographs, capitals aside."""
+
+
+def sources_of(image: ImageSource | Iterable[ImageSource]) -> list[ImageSource]:
+    """Return the pictures, one or several, as a list.
+
+    A folder stands for the pictures directly in it, a pattern such as ``frame-*.png`` for the files
+    that match, both by name. Open files are read, since that can be done only once.
+
+    Raises
+    ------
+    ImageError
+        If a folder holds no picture; `MissingImageError` if no file matches a pattern.
+    """
+    if is_one_picture(image) or not isinstance(image, Iterable):
+        return _meant(image)
+    return [picture for each in image for picture in _meant(each)]
+
+
+def is_one_picture(source: object) -> TypeGuard[ImageSource]:
+    """Whether this is a picture, a file's content or name, and not several of them."""
+    kinds = (str, os.PathLike, bytes, bytearray, memoryview, np.ndarray)
+    return isinstance(source, kinds) or hasattr(source, "read") or is_pillow(source)
+
+
+def is_pillow(source: object) -> TypeGuard[PillowImage]:
+    """Whether this is an image of Pillow's, which need not be installed."""
+    return any(kind.__module__ == "PIL.Image" for kind in type(source).__mro__)
+
+
+def _meant(source: Any) -> list[ImageSource]:
+    if isinstance(source, str | os.PathLike):
+        return list(_files(source))
+    if hasattr(source, "read"):
+        return [source.read()]
+    return [source]
+
+
+def _files(path: str | os.PathLike[str]) -> Iterable[str | os.PathLike[str]]:
+    name = os.fspath(path)
+    if os.path.isdir(name):
+        found = [each for each in Path(name).iterdir() if each.suffix.lower() in PICTURE_SUFFIXES]
+        if not found:
+            raise ImageError(f"{name}: the folder holds no picture")
+        return sorted(found)
+    if glob.has_magic(name) and not os.path.lexists(name):
+        matching = [Path(each) for each in sorted(glob.glob(name, recursive=True))]
+        if not matching:
+            raise MissingImageError(f"{name}: no file matches")
+        return matching
+    return [path]

@@ -1,0 +1,263 @@
+"""What cameras and phones write besides JPEG, and how a caller may hand pictures over."""
+
+import builtins
+import io
+import struct
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import PIL.Image
+import pytest
+from scenes import assert_within
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare.images.foreign import foreign_kind
+from trisquare.images.reading import load_picture
+
+SIZE = (640, 480)
+SCENE = simulate.random_scene(np.random.default_rng(11), image_size=SIZE)
+PHOTO = simulate.render(SCENE, np.random.default_rng(12))
+COLOUR = np.dstack([PHOTO, 255 - PHOTO, PHOTO // 2])
+SHORT, LONG, RATIONAL = 3, 4, 10
+
+VIDEOS = {
+    "mp4": struct.pack(">I", 24) + b"ftypisom\0\0\2\0isomiso2",
+    "mov": struct.pack(">I", 20) + b"ftypqt  \0\0\2\0qt  ",
+    "avi": b"RIFF\x24\0\0\0AVI LIST",
+    "mkv": b"\x1aE\xdf\xa3\x9fB\x86\x81\x01",
+    "ts": (b"G" + bytes(187)) * 4,
+}
+
+
+def directory(entries, at=8):
+    """A little-endian TIFF directory of (tag, type, values), and what lies behind it."""
+    sizes = {1: "B", 2: "B", SHORT: "H", LONG: "I", RATIONAL: "i"}
+    behind = at + 2 + 12 * len(entries) + 4
+    listed, extra = b"", b""
+    for tag, kind, values in sorted(entries):
+        packed = struct.pack(f"<{len(values)}{sizes[kind]}", *values)
+        count = len(values) // (2 if kind == RATIONAL else 1)
+        if len(packed) > 4:
+            extra += bytes((behind + len(extra)) % 2)
+            packed, extra = struct.pack("<I", behind + len(extra)), extra + packed
+        listed += struct.pack("<HHI", tag, kind, count) + packed.ljust(4, b"\0")
+    return struct.pack("<H", len(entries)) + listed + bytes(4) + extra
+
+
+def dng(mosaic):
+    """A DNG of a grey mosaic, uint16."""
+    height, width = mosaic.shape
+
+    def entries(strip):
+        identity = [1, 1, 0, 1, 0, 1, 0, 1, 1, 1, 0, 1, 0, 1, 0, 1, 1, 1]
+        return [
+            *((254, LONG, [0]), (256, LONG, [width]), (257, LONG, [height])),
+            *((258, SHORT, [16]), (259, SHORT, [1]), (262, SHORT, [32803])),
+            *((273, LONG, [strip]), (274, SHORT, [8]), (277, SHORT, [1]), (278, LONG, [height])),
+            *((279, LONG, [mosaic.nbytes]), (271, 2, b"T\0"), (272, 2, b"T\0")),
+            *((33421, SHORT, [2, 2]), (33422, 1, [0, 1, 1, 2]), (50706, 1, [1, 4, 0, 0])),
+            *((50708, 2, b"T T\0"), (50714, SHORT, [0]), (50717, LONG, [65535])),
+            *((50721, RATIONAL, identity), (50778, SHORT, [21])),
+        ]
+
+    start = b"II*\0" + struct.pack("<I", 8)
+    length = len(start + directory(entries(0)))
+    return start + directory(entries(length)) + mosaic.astype("<u2").tobytes()
+
+
+def thumbnail_of_a_raw_file():
+    """A TIFF that begins with a smaller version of a picture, as NEF and ARW do."""
+    pixels = cv2.resize(PHOTO, (160, 120))
+    entries = [
+        *((254, LONG, [1]), (256, LONG, [160]), (257, LONG, [120]), (258, SHORT, [8])),
+        *((259, SHORT, [1]), (262, SHORT, [1]), (273, LONG, [500]), (277, SHORT, [1])),
+        *((278, LONG, [120]), (279, LONG, [pixels.size]), (330, LONG, [8])),
+    ]
+    start = b"II*\0" + struct.pack("<I", 8) + directory(entries)
+    return start.ljust(500, b"\0") + pixels.tobytes()
+
+
+@pytest.fixture
+def without_extras(monkeypatch):
+    real = builtins.__import__
+
+    def imported(name, *rest):
+        if name in ("pillow_heif", "rawpy"):
+            raise ImportError(name)
+        return real(name, *rest)
+
+    for name in ("pillow_heif", "rawpy"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    monkeypatch.setattr(builtins, "__import__", imported)
+
+
+HEIC_START = struct.pack(">I", 24) + b"ftypheic\0\0\0\0mif1heic"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("a.heic", HEIC_START, "a HEIC picture, which needs pip install 'trisquare[heif]'"),
+        ("a.dng", dng(np.zeros((4, 4), np.uint16)), "a raw picture, which needs pip install 'tri"),
+        ("a.nef", thumbnail_of_a_raw_file(), "a raw picture"),
+        ("a.raf", b"FUJIFILMCCD-RAW 0201", "a raw picture"),
+        ("a.cr3", struct.pack(">I", 20) + b"ftypcrx \0\0\0\1crx ", "a raw picture"),
+        *((f"a.{kind}", content, "a video, not a photograph") for kind, content in VIDEOS.items()),
+    ],
+)
+def test_what_opencv_does_not_read_is_named(run, tmp_path, without_extras, name, content, said):
+    path = tmp_path / name
+    path.write_bytes(content)
+    code, out, err = run("calibrate", path)
+    assert (code, out, err.count("\n")) == (5, "", 1)
+    assert f"{name}: {said}" in err
+    assert ("ffmpeg -i" in err) == ("video" in said)
+
+
+def test_pictures_that_opencv_reads_are_not_foreign():
+    for suffix in (".jpg", ".png", ".tif", ".webp", ".bmp", ".avif", ".jp2"):
+        encoded = cv2.imencode(suffix, PHOTO)[1].tobytes()
+        assert foreign_kind(encoded, f"a{suffix}") is None
+    assert foreign_kind(thumbnail_of_a_raw_file()) == "raw"
+    assert foreign_kind(b"") is None
+    assert foreign_kind(b"II*\0") is None
+
+
+def test_a_heic_picture_is_read():
+    pillow_heif = pytest.importorskip("pillow_heif")
+    file = pillow_heif.from_bytes("RGB", SIZE, COLOUR[:, :, ::-1].tobytes())
+    content = io.BytesIO()
+    file.save(content, quality=-1)
+    read = load_picture(content.getvalue())
+    assert read.shape == COLOUR.shape
+    assert np.abs(read.astype(int) - COLOUR).mean() < 3
+
+
+@pytest.mark.parametrize("content", [HEIC_START, HEIC_START + bytes(500)])
+def test_a_damaged_heic_picture_is_refused(content):
+    pytest.importorskip("pillow_heif")
+    with pytest.raises(ts.ImageError, match="not a readable HEIC picture"):
+        load_picture(content)
+
+
+def test_a_raw_picture_calibrates_as_the_sensor_recorded_it(tmp_path):
+    """Its tag asks to be turned; its values are linear."""
+    pytest.importorskip("rawpy")
+    path = tmp_path / "photo.dng"
+    linear = simulate.render(SCENE, np.random.default_rng(3), tone="linear", noise=0.5)
+    path.write_bytes(dng(linear.astype(np.uint16) * 200))
+    result = ts.calibrate(path, tone="linear")
+    assert result.camera.image_size == SIZE
+    assert_within(result, SCENE, 5)
+
+
+def test_a_damaged_raw_picture_is_refused():
+    pytest.importorskip("rawpy")
+    with pytest.raises(ts.ImageError, match="not a readable raw picture"):
+        load_picture(dng(np.zeros((4, 4), np.uint16))[:270])
+
+
+# Several pictures under one name.
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "frames").mkdir()
+    for name in ("b.png", "a.PNG"):
+        (tmp_path / "frames" / name).write_bytes(cv2.imencode(".png", PHOTO)[1].tobytes())
+    (tmp_path / "frames" / "notes.txt").write_text("not a picture")
+    (tmp_path / "empty").mkdir()
+    return tmp_path
+
+
+@pytest.mark.parametrize("named", ["frames", "frames/*.[pP]*", "fram*/?.*[gG]"])
+def test_folders_and_quoted_patterns_are_inputs(run, folder, named):
+    code, _, err = run("calibrate", named, "--targets", "squares")
+    assert code == 0
+    assert "picture 1 (b.png) is the same picture as picture 0 (a.PNG)" in err
+    result = ts.calibrate(named, targets="squares")
+    assert {plane.image for plane in result.planes} == {0}
+    (warning,) = (each for each in result.warnings if each.code == "repeated_picture")
+    assert "(b.png)" in warning
+
+
+@pytest.mark.parametrize(
+    ("named", "said"),
+    [("empty", "empty: the folder holds no picture"), ("*.jpg", "*.jpg: no file matches")],
+)
+def test_folders_and_patterns_without_pictures_exit_5(run, folder, named, said):
+    assert run("calibrate", named) == (5, "", f"trisquare: error: {said}\n")
+
+
+def test_a_file_whose_name_looks_like_a_pattern_is_that_file(folder):
+    Path("a[1].png").write_bytes(Path("frames/b.png").read_bytes())
+    assert ts.calibrate("a[1].png", targets="squares").camera.image_size == SIZE
+
+
+# Pictures without a file.
+
+
+def encoded(suffix=".png", picture=PHOTO):
+    return cv2.imencode(suffix, picture)[1].tobytes()
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        encoded(),
+        bytearray(encoded()),
+        io.BytesIO(encoded()),
+        PIL.Image.fromarray(PHOTO),
+        [io.BytesIO(encoded())],
+    ],
+    ids=["bytes", "bytearray", "file", "Pillow", "list of a file"],
+)
+def test_pictures_may_be_handed_over_in_any_form(source):
+    given = ts.calibrate(source, targets="squares")
+    assert given.camera == ts.calibrate(PHOTO, targets="squares").camera
+
+
+def test_alpha_is_dropped():
+    with_alpha = np.dstack([COLOUR, np.full_like(PHOTO, 7)])
+    np.testing.assert_array_equal(load_picture(with_alpha), COLOUR)
+    with pytest.raises(ValueError, match=r"\(480, 640, 2\)"):
+        load_picture(COLOUR[:, :, :2])
+
+
+@pytest.mark.parametrize("mode", ["RGB", "RGBA", "P", "CMYK", "L", "LA", "1", "I;16", "F", "I"])
+def test_images_of_pillow_have_the_pixels_that_they_show(mode):
+    if mode in ("I;16", "I"):
+        image = PIL.Image.fromarray(PHOTO.astype(np.uint16) * 256)
+        image, expected = image.convert(mode), PHOTO.astype(np.uint16) * 256
+    elif mode == "F":
+        image, expected = PIL.Image.fromarray(PHOTO.astype(np.float32)), PHOTO.astype(np.float32)
+    else:
+        image = PIL.Image.fromarray(COLOUR[:, :, ::-1]).convert("RGB").convert(mode)
+        grey = mode in ("L", "LA", "1")
+        expected = np.asarray(image.convert("L" if grey else "RGB"))
+        expected = expected if grey else expected[:, :, ::-1]
+    read = load_picture(image)
+    assert read.dtype == expected.dtype
+    np.testing.assert_array_equal(read, expected)
+
+
+def test_a_truncated_file_under_a_pillow_image_is_refused():
+    image = PIL.Image.open(io.BytesIO(encoded(".jpg")[:-4000]))
+    with pytest.raises(ts.ImageError, match="truncated"):
+        load_picture(image)
+
+
+@pytest.mark.parametrize("source", [None, 3, {"a": 1}.get, object()])
+def test_what_is_no_picture_is_named(source):
+    with pytest.raises(TypeError, match="a picture is a path, an array, bytes"):
+        ts.calibrate(source)
+
+
+def test_bytes_that_are_no_picture_are_named():
+    for content in (b"", b"hello", encoded()[:-40]):
+        with pytest.raises(ts.ImageError, match=r"^(picture 0: )?the encoded picture: "):
+            ts.calibrate(content)

@@ -1,0 +1,88 @@
+"""Results kept in files, and compared."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from scenes import edges_of, squares
+
+import trisquare as ts
+
+RESULT = ts.calibrate_edges(edges_of(squares(11)), (1280, 960))
+
+
+def test_a_result_equals_what_its_json_holds():
+    again = ts.Calibration.from_json(RESULT.to_json())
+    assert again == RESULT
+    assert hash(again) == hash(RESULT)
+    assert again.camera == RESULT.camera
+    assert {RESULT: 1}[again] == 1
+
+
+def test_the_last_bit_tells_results_and_cameras_apart():
+    K = RESULT.camera.K.copy()
+    K[0, 0] = np.nextafter(K[0, 0], np.inf)
+    camera = ts.Camera(K, RESULT.camera.distortion, RESULT.camera.image_size)
+    assert camera != RESULT.camera
+    assert replace(RESULT, camera=camera) != RESULT
+    assert replace(RESULT, rms=2 * RESULT.rms) != RESULT
+    assert RESULT.camera != RESULT
+
+
+def test_a_result_is_saved_whole_as_json(tmp_path):
+    path = tmp_path / "camera.json"
+    assert RESULT.save(path) is None
+    assert path.read_text() == RESULT.to_json()
+    assert ts.Calibration.load(path) == RESULT
+
+
+def test_a_name_of_another_format_holds_the_camera_alone(tmp_path):
+    path = tmp_path / "camera.yaml"
+    RESULT.save(path)
+    np.testing.assert_array_equal(ts.Camera.load(path).K, RESULT.camera.K)
+    with pytest.raises(ValueError, match=r"camera\.yaml: .*JSON"):
+        ts.Calibration.load(path)
+
+
+def test_a_name_that_tells_no_format_is_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"'camera\.dat' tells no camera format"):
+        RESULT.save(tmp_path / "camera.dat")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_missing_file_is_a_file_that_is_not_found(tmp_path):
+    missing = tmp_path / "missing"
+    for read in (ts.calibrate, ts.detect, ts.Calibration.load, ts.Camera.load):
+        with pytest.raises(FileNotFoundError, match="missing: No such file"):
+            read(missing)
+    with pytest.raises(ts.ImageError):
+        ts.calibrate(missing)
+
+
+def test_the_package_shows_its_public_names():
+    assert dir(ts) == sorted(ts.__all__)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 0.3, 1.9, 2.4, 3.0, np.pi - 1e-9])
+@pytest.mark.parametrize("axis", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, -2, 0.5), (-1, -1, -1)])
+def test_rotation_vectors_are_opencv_s(axis, angle):
+    vector = angle * np.array(axis) / np.linalg.norm(axis)
+    plane = replace(RESULT.planes[0], rotation=cv2.Rodrigues(vector)[0])
+    assert plane.rvec == pytest.approx(vector, abs=2e-8 if angle > 3 else 1e-12)
+    np.testing.assert_allclose(cv2.Rodrigues(plane.rvec)[0], plane.rotation, atol=2e-8)
+
+
+def test_poses_are_what_opencv_projects_with():
+    plane, camera = RESULT.planes[1], RESULT.camera
+    corners = np.array([[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]])
+    found, _ = cv2.projectPoints(corners, plane.rvec, plane.tvec, camera.K, camera.distortion)
+    seen = found.reshape(-1, 2)
+    assert np.abs(seen[:, None] - plane.corners[None]).max(axis=2).min(axis=1).max() < 0.01
+    metric = plane.cam_from_plane(side=84.0)
+    points = np.column_stack([84.0 * corners, np.ones(4)]) @ metric.T
+    np.testing.assert_allclose(camera.project(points[:, :3]), seen, atol=1e-6)
+    np.testing.assert_array_equal(metric[3], [0, 0, 0, 1])
+    for side in (0.0, -1.0, np.nan):
+        with pytest.raises(ValueError, match="side"):
+            plane.cam_from_plane(side)
