@@ -8,6 +8,8 @@ import pytest
 from plumb_scenes import arches, circles, plumb_scene, quads, spokes, windows
 
 import trisquare as ts
+from trisquare.images.encoding import encode_image
+from trisquare.images.orientation import find_orientation, with_orientation
 
 SIZE = (960, 720)
 COEFFICIENTS = (-0.28, -0.15, -0.05, 0.0, 0.08)
@@ -132,3 +134,14 @@ def test_a_picture_of_another_size_is_refused(found):
         found.undistort(NOISE[:-1])
     with pytest.raises(ValueError, match="balance"):
         found.undistort(NOISE, 1.5)
+
+
+def test_command_keeps_the_orientation_tag(run, tmp_path):
+    picture = plumb_scene(np.random.default_rng(3), (640, 480), -0.15).picture
+    photo, output = tmp_path / "photo.png", tmp_path / "out.jpg"
+    photo.write_bytes(with_orientation(encode_image(picture, photo), 8))
+    code, _, err = run("straighten", photo, "-o", output)
+    assert (code, err, find_orientation(output.read_bytes()).value) == (0, "", 8)
+    code, _, err = run("straighten", photo, "-o", tmp_path / "out.bmp")
+    assert (code, err.count("\n")) == (0, 1)
+    assert "does not keep the photograph's orientation tag (turned anticlockwise" in err

@@ -14,8 +14,8 @@ from trisquare.cli.console import answer
 from trisquare.cli.options import JSON, QUIET, argument, option
 from trisquare.cli.pictures_drawn import check_depth, check_outputs
 from trisquare.drawing.straight_lines import draw_straight_lines
-from trisquare.images.encoding import encode_image
-from trisquare.images.reading import read_image
+from trisquare.images.encoding import encode_image, encode_turned
+from trisquare.images.reading import read_photograph
 from trisquare.straightening.straighten import Straightened, straighten
 from trisquare.undistortion.undistort import INTERPOLATIONS
 
@@ -44,18 +44,22 @@ def straighten_command(
     check_outputs([photo], [output, overlay])
     if interpolation not in INTERPOLATIONS:
         raise unknown("interpolation", interpolation, INTERPOLATIONS)
-    picture = read_image(photo)
+    picture, tag = read_photograph(photo)
     check_depth(picture, output)
     with naming(photo):
         found = straighten(picture)
         straight = found.undistort(picture, balance, interpolation=interpolation)
-    files: dict[PathLike, bytes] = {output: encode_image(straight, output)}
+    encoded, missed = encode_turned(straight, output, tag)
+    warnings = [] if missed is None else [missed]
+    files: dict[PathLike, bytes] = {output: encoded}
     if overlay is not None:
         drawn = draw_straight_lines(picture, found.used, found.rejected, f"rms {found.rms:.2f} px")
         files[overlay] = encode_image(drawn, overlay)
     write_atomically(files)
-    members = {"format": STRAIGHTENING_FORMAT, "photo": str(photo), "output": str(output)}
-    answer(json, quiet, members | _members(found), _lines(found, files))
+    members: dict[str, Any] = {"format": STRAIGHTENING_FORMAT}
+    members |= {"photo": str(photo), "output": str(output)}
+    members |= _members(found) | {"warnings": warnings}
+    answer(json, quiet, members, _lines(found, files), (f"warning: {each}" for each in warnings))
 
 
 def _members(found: Straightened) -> dict[str, Any]:

@@ -18,8 +18,7 @@ from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.input_files import camera_alone, photographs_named
 from trisquare.cli.options import JSON, PHOTOS, QUIET, flag, option
 from trisquare.cli.pictures_drawn import check_depth, check_outputs, numbered_paths
-from trisquare.images.encoding import encode_image
-from trisquare.images.orientation import with_orientation
+from trisquare.images.encoding import encode_turned
 from trisquare.images.pixels import picture_size
 from trisquare.images.reading import read_photograph
 from trisquare.undistortion.undistort import INTERPOLATIONS, Undistorter
@@ -115,15 +114,9 @@ def undistort_command(
                     "valid_rectangle": list(undistorter.valid_rectangle),
                 }
             )
-            encoded = encode_image(straight, path)
-            if tag is not None:
-                kept = with_orientation(encoded, tag.value)
-                if kept is None:
-                    warnings.append(
-                        f"warning: {path}: its format does not keep the orientation tag of "
-                        f"{photo.name} ({tag.turn}); JPEG and PNG do"
-                    )
-                encoded = kept or encoded
+            encoded, missed = encode_turned(straight, path, tag)
+            if missed is not None:
+                warnings.append(missed)
             yield path, encoded
 
     with (
@@ -140,7 +133,7 @@ def undistort_command(
         "pictures": pictures,
         "warnings": warnings,
     }
-    answer(json, quiet, members, _lines(pictures), warnings)
+    answer(json, quiet, members, _lines(pictures), (f"warning: {each}" for each in warnings))
 
 
 def _view_members(view: Camera | Panorama) -> dict[str, Any]:

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 from trisquare._support.writing import PathLike
+from trisquare.images.orientation import OrientationTag, with_orientation
 from trisquare.images.pixels import Image
 
 
@@ -17,6 +18,30 @@ def check_picture_name(path: PathLike) -> None:
     # The extension alone: a name that is no UTF-8 crashes OpenCV.
     if not (suffix.isascii() and cv2.haveImageWriter(f"picture{suffix}")):
         raise ValueError(f"{os.fspath(path)}: no picture format has the extension {suffix!r}")
+
+
+def encode_turned(
+    image: Image, path: PathLike, tag: OrientationTag | None
+) -> tuple[bytes, str | None]:
+    """Encode a picture made from one with an orientation tag, so that it is shown as that one is.
+
+    Returns
+    -------
+    bytes
+        As of `encode_image`, with the tag where the format keeps it.
+    str or None
+        What its user should know where it does not.
+    """
+    encoded = encode_image(image, path)
+    if tag is None:
+        return encoded, None
+    kept = with_orientation(encoded, tag.value)
+    if kept is not None:
+        return kept, None
+    return encoded, (
+        f"{os.fspath(path)}: its format does not keep the photograph's orientation tag "
+        f"({tag.turn}); JPEG and PNG do"
+    )
 
 
 def encode_image(image: Image, path: PathLike) -> bytes:
