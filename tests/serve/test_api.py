@@ -3,7 +3,6 @@
 import json
 import struct
 import threading
-import time
 import zlib
 from importlib import resources
 

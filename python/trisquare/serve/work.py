@@ -129,7 +129,7 @@ def _of_figures(figures: Sequence[Any]) -> list[dict[str, Any]]:
     outlined: dict[int, dict[str, Any]] = {}
     for figure in figures:
         (found,) = partial_detections([figure])
-        corners = _rounded(found.corners)
+        corners = _rounded(_at_corners(figure.points, found.corners))
         if figure.plane in outlined:
             outlined[figure.plane]["inner"] = corners
         else:
@@ -138,6 +138,30 @@ def _of_figures(figures: Sequence[Any]) -> list[dict[str, Any]]:
             members = {"kind": found.kind, "corners": corners, "sides": sides}
             outlined[figure.plane] = members
     return list(outlined.values())
+
+
+def _at_corners(sides: Sequence[Any], coarse: Any) -> Any:
+    """Return where the ends of four curved sides meet, shape (4, 2); `coarse` is some pixels off.
+
+    Corner i lies between sides i - 1 and i. A quarter of a side is straight enough.
+    """
+    import numpy as np
+
+    def end(points: Any, corner: Any) -> Any:
+        """Return the line through the quarter of a side that is nearest to a corner."""
+        distance = np.hypot(*(points - corner).T)
+        near = points[np.argsort(distance)[: max(len(points) // 4, 2)]]
+        centre = near.mean(axis=0)
+        normal = np.linalg.svd(near - centre)[2][1]
+        return np.array([*normal, -normal @ centre])
+
+    meeting = np.array(
+        [
+            np.cross(end(sides[i - 1], corner), end(sides[i], corner))
+            for i, corner in enumerate(coarse)
+        ]
+    )
+    return meeting[:, :2] / meeting[:, 2:]
 
 
 def _rounded(points: Any) -> list[list[float]]:

@@ -30,6 +30,7 @@ export class Editor {
   #held = null;
   #timer = 0;
   #moved = null;
+  #isRendering = false; // corners lose the focus and get it back
 
   /** `changed(square)` is called when a square was moved or drawn, without one for all else. */
   constructor(stage, { changed }) {
@@ -41,7 +42,7 @@ export class Editor {
     this.svg.addEventListener("pointerup", (event) => this.#release(event));
     this.svg.addEventListener("pointercancel", (event) => this.#release(event));
     this.svg.addEventListener("keydown", (event) => this.#key(event));
-    this.svg.addEventListener("focusout", () => this.#settle());
+    this.svg.addEventListener("focusout", () => this.#isRendering || this.#settle());
     new ResizeObserver(() => this.render()).observe(stage);
   }
 
@@ -105,8 +106,10 @@ export class Editor {
       nodes.push(...outlineNodes(pathOf({ corners: this.#drawn }), "drawn"));
       nodes.push(...this.#drawn.map(([cx, cy]) => element("circle", { cx, cy, r: 5 * unit, fill: "#ffd23e" })));
     }
+    this.#isRendering = true;
     this.svg.replaceChildren(...nodes);
-    if (focused) this.svg.querySelector(`[data-corner="${focused}"]`)?.focus();
+    if (focused) this.svg.querySelector(`[data-corner="${focused}"]`)?.focus({ preventScroll: true });
+    this.#isRendering = false;
   }
 
   #handle(square, index, corner, [cx, cy]) {

@@ -44,6 +44,9 @@ export class Results {
     warnings.hidden = answer.warnings.length === 0;
     warnings.querySelector("ul").replaceChildren(...answer.warnings.map(({ text }) => cell("li", text)));
     byId("parameters").replaceChildren(...answer.parameters.map((one) => this.#row(one)));
+    byId("diagnosis").replaceChildren(...Object.entries(answer.diagnosis).flatMap(
+      ([name, { limits, remedy }]) => [cell("dt", name), cell("dd", `Limited by: ${limits}. ${remedy}.`)],
+    ));
     byId("comparison").textContent = "";
     byId("results").hidden = false;
     await this.showPicture(index);
@@ -55,7 +58,6 @@ export class Results {
     row.append(
       cell("th", name, "row"), number(rounded(value, std)),
       number(std === null ? "held" : std.toPrecision(2)),
-      cell("td", this.#answer.diagnosis[name]?.remedy ?? ""),
     );
     return row;
   }
