@@ -13,6 +13,7 @@ import pytest
 pytest.importorskip("starlette", reason="needs the extra serve")
 pytest.importorskip("python_multipart", reason="needs the extra serve")
 
+import anyio
 from scenes import squares
 from starlette.testclient import TestClient
 
@@ -401,3 +402,149 @@ def test_whoever_finds_no_place_is_told_to_come_again():
             assert error_of(answer, 503)["code"] == "BusyError"
             assert int(answer.headers["retry-after"]) > 0
         assert post(client, "calibrate", PHOTO).status_code == 200
+
+
+# Who leaves, and what takes too long.
+
+
+def left_during(app, body):
+    """Post a calibration and leave once it is being done: what was answered, and after how long."""
+    sent, reading = [], iter([{"type": "http.request", "body": body, "more_body": False}])
+    scope = {
+        "type": "http",
+        "method": "POST",
+        "path": "/api/calibrate",
+        "query_string": f"token={TOKEN}".encode(),
+        "headers": [(b"content-type", b"multipart/form-data; boundary=x")],
+    }
+
+    async def receive():
+        for message in reading:
+            return message
+        while not app.state.jobs.is_working:  # it is being done
+            await anyio.sleep(0.005)
+        return {"type": "http.disconnect"}
+
+    async def send(message):
+        sent.append(message)
+
+    async def answered():
+        await app(scope, receive, send)
+
+    anyio.run(answered)
+    return sent[0]["status"]
+
+
+def test_a_client_that_leaves_ends_its_work_and_gives_its_place_back(tmp_path):
+    app = create_app(TOKEN, LIMITS, processes=1, most_accepted=1)
+    part = b'--x\r\nContent-Disposition: form-data; name="picture"; filename="p.png"\r\n\r\n'
+    try:
+        assert left_during(app, part + PHOTO + b"\r\n--x--\r\n") == 499
+        with TestClient(app, headers={"X-Trisquare-Token": TOKEN}) as client:
+            assert post(client, "find", PHOTO).status_code == 200
+    finally:
+        app.state.jobs.close()
+
+
+def test_what_takes_too_long_or_too_much_is_ended():
+    for limits, codes in (
+        (JobLimits(3_000_000, 8_000_000, 0.02, 1e9), {"TimeLimitError"}),
+        # Where an allocation in C fails, the process may not live to say so.
+        (JobLimits(3_000_000, 8_000_000, 60.0, 1.0), {"MemoryError", "WorkerDiedError"}),
+    ):
+        app = create_app(TOKEN, limits, processes=1)
+        with TestClient(app, headers={"X-Trisquare-Token": TOKEN}) as client:
+            assert error_of(post(client, "calibrate", PHOTO), 422)["code"] in codes
+
+
+def test_nothing_is_kept(client, tmp_path):
+    root = client.app.state.jobs.folder
+    post(client, "find", PHOTO)
+    post(client, "find", b"no picture")
+    assert list(root.iterdir()) == []
+    app = create_app(TOKEN, LIMITS, processes=1)
+    with TestClient(app):
+        assert app.state.jobs.folder.exists()
+    assert not app.state.jobs.folder.exists()
+
+
+# The schema.
+
+
+def check(value, schema, where="answer"):
+    """Hold a value against the few words of JSON Schema that the description uses."""
+    kinds = schema.get("type")
+    known = {
+        "object": dict,
+        "array": list,
+        "string": str,
+        "number": (int, float),
+        "integer": int,
+        "boolean": bool,
+        "null": type(None),
+    }
+    if kinds is not None:
+        names = [kinds] if isinstance(kinds, str) else kinds
+        assert any(isinstance(value, known[name]) for name in names), where
+    if isinstance(value, dict):
+        assert set(schema.get("required", ())) <= set(value), where
+        others = schema.get("additionalProperties", {})
+        for key, member in value.items():
+            own = schema.get("properties", {}).get(key)
+            assert own is not None or others is not False, f"{where}.{key}"
+            check(member, others if own is None else own, f"{where}.{key}")
+    elif isinstance(value, list):
+        for member in value:
+            check(member, schema.get("items", {}), f"{where}[]")
+
+
+def test_the_schema_names_the_routes_that_there_are(client):
+    schema = client.get("/api/schema").json()
+    routes = {route.path for route in client.app.routes if "POST" in (route.methods or ())}
+    assert set(schema["paths"]) == routes
+    for path in routes:
+        assert client.get(path).status_code == 405
+
+
+def test_answers_and_errors_are_as_the_schema_says(client, result):
+    paths = client.get("/api/schema").json()["paths"]
+    text = json.dumps(result["result"])
+    found = post(client, "find", PHOTO, options={"guide": True}).json()
+    question = {"image_size": found["image_size"], "outlines": found["found"]}
+    answers = {
+        "find": found,
+        "calibrate": result,
+        "predict": client.post("/api/predict", json=question).json(),
+        "compare": post(client, "compare", first=text, second=text).json(),
+    }
+    for name, answer in answers.items():
+        responses = paths[f"/api/{name}"]["post"]["responses"]
+        schema = responses["200"]["content"]["application/json"]["schema"]
+        check(answer, schema)
+        stated = set(schema["properties"])
+        assert set(schema["required"]) <= set(answer) <= stated
+    for path, operation in paths.items():
+        answer = client.post(path.replace("{format}", "ros"), content=b"{")
+        assert answer.status_code == 400
+        refusal = operation["post"]["responses"]["400"]["content"]["application/json"]["schema"]
+        check(answer.json(), refusal)
+    for name in ("overlay", "undistort", "preview", "report", "convert/{format}"):
+        field = "result" if name in ("overlay", "report") else "camera"
+        files = {} if name == "preview" else {field: text}
+        pictures = () if name.startswith("convert") else (PHOTO,)
+        answer = post(client, name.replace("{format}", "ros"), *pictures, **files)
+        stated = paths[f"/api/{name}"]["post"]["responses"]["200"]["content"]
+        assert answer.headers["content-type"].split(";")[0] in stated
+
+
+def test_only_the_options_of_the_schema_are_taken(client):
+    for path, operation in client.get("/api/schema").json()["paths"].items():
+        (body,) = operation["post"]["requestBody"]["content"].values()
+        options = body["schema"]["properties"].get("options", body["schema"])
+        assert options["additionalProperties"] is False
+        name = path.removeprefix("/api/").replace("{format}", "ros")
+        error = error_of(client.post(f"/api/{name}", json={"nothing": 1}), 400)
+        assert "unknown option 'nothing'" in error["text"]
+        for option in options["properties"]:
+            answer = client.post(f"/api/{name}", json={option: None})
+            assert "unknown option" not in answer.text

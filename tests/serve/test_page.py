@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import time
 
 import cv2
 import numpy as np
@@ -39,6 +40,17 @@ POINT = """(([x, y]) => {{
 DRAWN = """[...document.querySelectorAll('#drawing .corner .dot')]
   .map(dot => [+dot.getAttribute('cx'), +dot.getAttribute('cy')])"""
 LIST = "[...document.querySelectorAll('#squares label')].map(label => label.textContent.trim())"
+
+# Every text, its colour, and that of what it stands on, as numbers to 255.
+COLOURS = """[...document.querySelectorAll('p, h1, h2, h3, label, button, th, td, li, dd, summary')]
+  .filter(node => node.checkVisibility() && node.textContent.trim() && !node.closest('.unseen'))
+  .map(node => {
+    const numbers = (text) => text.match(/[\\d.]+/g).map(Number);
+    const ground = (of) => getComputedStyle(of).backgroundColor;
+    let behind = node;
+    while (behind.parentElement && numbers(ground(behind))[3] === 0) behind = behind.parentElement;
+    return [node.textContent, numbers(getComputedStyle(node).color), numbers(ground(behind))];
+  })"""
 
 
 @pytest.fixture(scope="module")
@@ -255,8 +267,6 @@ def test_outlines_are_saved_for_the_command_and_loaded_again(page, photo, tmp_pa
 
 def awaited(path):
     """Return the text of a file that a browser writes."""
-    import time
-
     end = time.monotonic() + 30
     while not path.exists():
         assert time.monotonic() < end, path
@@ -382,19 +392,7 @@ def test_every_text_can_be_read(page, photo, scheme):
     calibrated(page)
     page.evaluate("document.getElementById('problem').hidden = false")
     page.evaluate("document.getElementById('problem').textContent = 'a problem'")
-    found = page.evaluate(
-        """[...document.querySelectorAll('p, h1, h2, h3, label, button, th, td, li, summary, .reason')]
-        .filter(node => node.checkVisibility() && node.textContent.trim() && !node.closest('.unseen'))
-        .map(node => {
-          const numbers = (text) => text.match(/[\\d.]+/g).map(Number);
-          let ground = node;
-          while (numbers(getComputedStyle(ground).backgroundColor)[3] === 0) {
-            ground = ground.parentElement ?? document.body;
-          }
-          const style = getComputedStyle(node);
-          return [node.textContent, numbers(style.color), numbers(getComputedStyle(ground).backgroundColor)];
-        })"""
-    )
+    found = page.evaluate(COLOURS)
     assert len(found) > 40
     for text, ink, ground in found:
         low, high = sorted([luminance(ink), luminance(ground)])

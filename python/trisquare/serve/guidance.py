@@ -47,6 +47,9 @@ MOST_TILT = 60.0
 """Degrees, beyond which a square is too foreshortened to be found."""
 
 LARGER = 1.25
+ENOUGH = 5e-4
+"""Of the focal length, and of the picture's width: smaller standard deviations are good."""
+
 WORTHWHILE = 0.93
 """Ratio of the standard deviations after and before, above which a change is not worth a word."""
 
@@ -71,7 +74,7 @@ class Guidance:
     advice : str
         One sentence.
     is_enough : bool
-        Whether no single change would help much.
+        Whether the camera would be known well, or no single change would help much.
     """
 
     std: dict[str, float] | None
@@ -136,14 +139,16 @@ def guide(
     except ValueError:  # the guessed camera sees one not wholly
         return Guidance(None, guess.fx, "Show all squares wholly, with some margin.", False)
     ratio, change = _best_change(guess, planes, [square.corners for square in squares])
-    std = None if found is None else {name: float(value) for name, value in found.std.items()}
-    if std is not None and ratio > WORTHWHILE:
+    if found is None:
+        change = change or "Tilt the squares, each in another direction"
+        return Guidance(None, guess.fx, f"{change}.", False)
+    std = {name: float(value) for name, value in found.std.items()}
+    if ratio > WORTHWHILE:
         return Guidance(std, guess.fx, "Good: no single change would help much.", True)
-    if change is None:
-        change = "Tilt the squares, each in another direction"
-    if std is not None:
-        change += f": the camera would be known {100 * (1 / ratio - 1):.0f} % better"
-    return Guidance(std, guess.fx, f"{change}.", False)
+    better = f"{change}: the camera would be known {100 * (1 / ratio - 1):.0f} % better."
+    is_enough = std["fx"] < ENOUGH * guess.fx and std["cx"] < ENOUGH * image_size[0]
+    advice = f"Good; better still: {better[0].lower()}{better[1:]}" if is_enough else better
+    return Guidance(std, guess.fx, advice, is_enough)
 
 
 def _standing(

@@ -40,6 +40,11 @@ class Jobs:
         How many work at a time.
     most_accepted : int
         Requests at a time, waiting ones included.
+
+    Attributes
+    ----------
+    folder : Path
+        Where the requests have their folders.
     """
 
     def __init__(
@@ -52,7 +57,7 @@ class Jobs:
         self._accepted = 0
         self._lock = threading.Lock()
         self._turns: anyio.CapacityLimiter | None = None
-        self._root = Path(tempfile.mkdtemp(prefix="trisquare-serve-"))
+        self.folder = Path(tempfile.mkdtemp(prefix="trisquare-serve-"))
 
     def accept(self) -> Place:
         """Take one of the places; it is given back by the end of the ``with``.
@@ -66,7 +71,12 @@ class Jobs:
             if self._accepted >= self._most_accepted:
                 raise BusyError
             self._accepted += 1
-        return Place(self, Path(tempfile.mkdtemp(dir=self._root)))
+        return Place(self, Path(tempfile.mkdtemp(dir=self.folder)))
+
+    @property
+    def is_working(self) -> bool:
+        """Whether a task is being done."""
+        return self._turns is not None and self._turns.borrowed_tokens > 0
 
     def give_back(self, place: Place) -> None:
         """Make room for another request."""
@@ -107,7 +117,7 @@ class Jobs:
         """End all processes and delete all files."""
         self._workers.close()
         with suppress(OSError):
-            shutil.rmtree(self._root)
+            shutil.rmtree(self.folder)
 
 
 class Place:

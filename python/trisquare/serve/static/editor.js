@@ -177,8 +177,7 @@ export class Editor {
 
   #place(square, corner, point) {
     square.corners[corner] = this.#inside(point);
-    Object.assign(square, { sides: null, inner: null, state: "drawn", reason: "" });
-    if (square.kind === "frame") square.kind = "square"; // where its hole is, is not known any more
+    Object.assign(square, { sides: null, state: "drawn", reason: "" });
     this.render();
     this.#magnify(square.corners[corner]);
   }
