@@ -17,12 +17,9 @@ from scenes import squares
 import trisquare as ts
 from trisquare import simulate
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(
-        CHROMIUM is None, reason="there is no chromium (Debian: apt-get install chromium)"
-    ),
-]
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None, reason="there is no chromium (Debian: apt-get install chromium)"
+)
 
 SIZE = (640, 480)
 CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
@@ -164,6 +161,7 @@ def test_a_photograph_is_calibrated(page, photo):
         page.wait_for(f"document.getElementById('{name}').naturalWidth === 640")
 
 
+@pytest.mark.slow
 def test_a_corner_that_is_dragged_snaps_and_undo_brings_it_back(page, photo):
     opened(page, photo)
     before = drawn(page)
@@ -180,6 +178,7 @@ def test_a_corner_that_is_dragged_snaps_and_undo_brings_it_back(page, photo):
     assert calibrated(page)["fx"][0] == pytest.approx(ts.calibrate(PIXELS).camera.fx, rel=0.01)
 
 
+@pytest.mark.slow
 def test_keys_move_a_corner_and_delete_a_square(page, photo):
     opened(page, photo)
     before = drawn(page)
@@ -200,6 +199,7 @@ def test_keys_move_a_corner_and_delete_a_square(page, photo):
     assert len(drawn(page)) == 3
 
 
+@pytest.mark.slow
 def test_where_finding_fails_squares_are_drawn_by_clicks(page, photo):
     opened(page, photo)
     while len(drawn(page)):
@@ -216,6 +216,7 @@ def test_where_finding_fails_squares_are_drawn_by_clicks(page, photo):
     assert calibrated(page)["fx"][0] == pytest.approx(own.camera.fx, abs=own.std["fx"])
 
 
+@pytest.mark.slow
 def test_what_has_no_edges_says_so_and_escape_leaves_drawing(page, photo):
     opened(page, photo)
     press(page, "draw")
@@ -231,6 +232,7 @@ def test_what_has_no_edges_says_so_and_escape_leaves_drawing(page, photo):
     assert len(drawn(page)) == 4
 
 
+@pytest.mark.slow
 def test_a_rejected_square_is_not_used(page, photo):
     opened(page, photo)
     for number, missing in enumerate(("one more", "two more")):
@@ -246,6 +248,7 @@ def test_a_rejected_square_is_not_used(page, photo):
     assert len(calibrated(page)) == 6
 
 
+@pytest.mark.slow
 def test_outlines_are_saved_for_the_command_and_loaded_again(page, photo, tmp_path):
     page.send("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
     opened(page, photo)
@@ -274,6 +277,7 @@ def awaited(path):
     return path.read_text()
 
 
+@pytest.mark.slow
 def test_results_are_saved_in_every_format_and_compared(page, photo, tmp_path):
     page.send("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
     opened(page, photo)
@@ -293,6 +297,7 @@ def test_results_are_saved_in_every_format_and_compared(page, photo, tmp_path):
     assert verdict.startswith("The same within their uncertainty")
 
 
+@pytest.mark.slow
 def test_several_photographs_are_pooled_and_one_is_taken_out(page, photo, tmp_path):
     other = tmp_path / "again.png"
     cv2.imwrite(str(other), simulate.render(SCENE, np.random.default_rng(13)))
@@ -304,6 +309,7 @@ def test_several_photographs_are_pooled_and_one_is_taken_out(page, photo, tmp_pa
     assert page.evaluate(SHOWN.format("results")) is False
 
 
+@pytest.mark.slow
 def test_a_file_that_is_no_picture_is_told(page, tmp_path):
     path = tmp_path / "broken.png"
     path.write_bytes(b"no picture")
@@ -314,6 +320,7 @@ def test_a_file_that_is_no_picture_is_told(page, tmp_path):
     page.complaints.clear()  # the browser logs that the server has refused
 
 
+@pytest.mark.slow
 def test_the_camera_guides_and_takes_the_picture_by_itself(page):
     press(page, "open-camera")
     page.wait_for("document.querySelectorAll('#live .measured').length === 3")
@@ -327,6 +334,7 @@ def test_the_camera_guides_and_takes_the_picture_by_itself(page):
     assert calibrated(page)["fx"][0] == pytest.approx(ts.calibrate(PIXELS).camera.fx, rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_button_takes_the_picture_and_closing_ends_the_camera(page):
     page.evaluate("document.getElementById('by-itself').checked = false")
     press(page, "open-camera")
@@ -341,6 +349,7 @@ def test_the_button_takes_the_picture_and_closing_ends_the_camera(page):
     page.wait_for(TEXT.format("expected"))
 
 
+@pytest.mark.slow
 def test_a_camera_that_the_browser_refuses_is_told(page):
     page.evaluate(
         "navigator.mediaDevices.getUserMedia = () => "
@@ -351,6 +360,7 @@ def test_a_camera_that_the_browser_refuses_is_told(page):
     assert "Allow it" in page.evaluate(TEXT.format("problem"))
 
 
+@pytest.mark.slow
 def test_a_finger_drags_a_corner_on_a_phone(page, photo):
     page.screen(390, 844, phone=True)
     opened(page, photo)
@@ -363,6 +373,7 @@ def test_a_finger_drags_a_corner_on_a_phone(page, photo):
     assert page.evaluate("document.documentElement.scrollWidth") == 390
 
 
+@pytest.mark.slow
 def test_the_page_is_usable_by_keys_alone(page, photo):
     """Every control is reached by Tab, has a name, and shows that it has the focus."""
     opened(page, photo)
@@ -384,6 +395,7 @@ def test_the_page_is_usable_by_keys_alone(page, photo):
     assert {"files", "open-camera", "draw", "corner", "calibrate"} <= reached
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_every_text_can_be_read(page, photo, scheme):
     """By the contrast of 4.5 to 1 that WCAG 2 asks of text (level AA)."""
