@@ -111,11 +111,7 @@ def test_outlines_that_no_squares_have_are_no_failure():
             angles = np.sort(rng.uniform(0, 2 * np.pi, 4))
             around = np.column_stack([np.cos(angles), np.sin(angles)])
             quads.append(centre + rng.uniform(20, 200) * around)
-        try:
-            found = guide([OutlinedSquare(quad) for quad in quads], SIZE)
-        except ValueError as error:  # one that is no convex quadrilateral
-            assert "convex" in str(error) or "order" in str(error)
-            continue
+        found = guide([OutlinedSquare(quad) for quad in quads], SIZE)
         assert found.advice.endswith(".")
 
 

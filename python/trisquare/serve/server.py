@@ -5,10 +5,14 @@ from __future__ import annotations
 import socket
 import time
 from collections.abc import Callable
+from contextlib import closing, suppress
 from pathlib import Path
 
 import uvicorn
 from starlette.applications import Starlette
+
+BACKLOG = 128
+"""Connections that wait to be accepted."""
 
 
 class Server(uvicorn.Server):
@@ -59,9 +63,10 @@ def run_server(
         config.load()
     except OSError as error:
         raise ValueError(f"{certificate}: no certificate whose key is {key}") from error
-    with _bound(host, port) as opened:
-        shown = f"[{host}]" if ":" in host else host
-        scheme = "http" if certificate is None else "https"
+    shown = f"[{host}]" if ":" in host else host
+    scheme = "http" if certificate is None else "https"
+    # Ctrl-C is how it is to end.
+    with closing(app.state.jobs), _bound(host, port) as opened, suppress(KeyboardInterrupt):
         listening(f"{scheme}://{shown}:{opened.getsockname()[1]}/?token={token}")
         Server(config, idle).run(sockets=[opened])
 
@@ -74,6 +79,7 @@ def _bound(host: str, port: int) -> socket.socket:
         try:
             opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             opened.bind(place)
+            opened.listen(BACKLOG)  # who is told the address may ask at once
         except OSError:
             opened.close()
             raise
