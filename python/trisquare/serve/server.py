@@ -59,16 +59,16 @@ def run_server(
         ssl_keyfile=key,
         timeout_graceful_shutdown=1,
     )
-    try:
-        config.load()
-    except OSError as error:
-        raise ValueError(f"{certificate}: no certificate whose key is {key}") from error
     shown = f"[{host}]" if ":" in host else host
     scheme = "http" if certificate is None else "https"
-    # Ctrl-C is how it is to end.
-    with closing(app.state.jobs), _bound(host, port) as opened, suppress(KeyboardInterrupt):
-        listening(f"{scheme}://{shown}:{opened.getsockname()[1]}/?token={token}")
-        Server(config, idle).run(sockets=[opened])
+    with closing(app.state.jobs):
+        try:
+            config.load()
+        except OSError as error:
+            raise ValueError(f"{certificate}: no certificate whose key is {key}") from error
+        with _bound(host, port) as opened, suppress(KeyboardInterrupt):  # its usual end
+            listening(f"{scheme}://{shown}:{opened.getsockname()[1]}/?token={token}")
+            Server(config, idle).run(sockets=[opened])
 
 
 def _bound(host: str, port: int) -> socket.socket:
