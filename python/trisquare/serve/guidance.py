@@ -36,6 +36,9 @@ COARSE = 8.0
 OUTLINE_SAMPLES = 12
 """Points of a straight side that stand for it."""
 
+METHOD = "linear"
+"""Good enough for a guess, and a hundred times as fast as the joint fit."""
+
 GUESSED_FOCAL = 0.9
 """Of the picture's width, where the outlines do not tell: a phone's camera."""
 
@@ -171,7 +174,12 @@ def _standing(
     for square, figure in zip(squares, figures, strict=True):
         with suppress(TrisquareError):
             located = calibrate_edges(
-                [figure], image_size, model=camera.model, fix=held, initial=camera
+                [figure],
+                image_size,
+                method=METHOD,
+                model=camera.model,
+                fix=held,
+                initial=camera,
             )
             planes.append(_planned(square, located.planes[0]))
     return camera, planes
@@ -182,10 +190,10 @@ def _guessed(
 ) -> Calibration | None:
     """Calibrate by the outlines, or return None if that tells nothing."""
     width, _ = image_size
-    for model in ("radial1", "none") if are_curved else ("none",):
+    for model in ("radial2", "none") if are_curved else ("none",):
         held = ("aspect", "principal_point")
         with suppress(TrisquareError, ValueError):
-            found = calibrate_edges(figures, image_size, model=model, fix=held)
+            found = calibrate_edges(figures, image_size, method=METHOD, model=model, fix=held)
             if FOCAL_RANGE[0] * width < found.camera.fx < FOCAL_RANGE[1] * width:
                 return found
     return None
