@@ -71,6 +71,7 @@ BENCHMARKS = (
     "speed.many_pictures",
     "speed.memory_flat",
     "speed.batch",
+    "speed.serve",
 )
 
 # Ten minutes at most, together.

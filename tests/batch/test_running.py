@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
@@ -17,6 +18,7 @@ from batches import make_pictures, quick
 import trisquare as ts
 from trisquare.batch.limits import JobLimits
 from trisquare.batch.run import Submission, finished
+from trisquare.batch.workers import Workers
 
 
 def jobs_of(*names):
@@ -259,3 +261,21 @@ def test_wrong_arguments_are_refused_before_anything_runs(arguments, error):
 def test_what_is_no_job_is_refused():
     with pytest.raises(TypeError, match="Job"):
         list(ts.calibrate_many(["photo.jpg"]))
+
+
+def test_a_job_that_is_abandoned_ends_at_once_and_the_next_is_done():
+    workers = Workers(JobLimits.stated(max_seconds=600.0), quick)
+    (hanging, other), answers = jobs_of("hang-1", "a"), []
+    thread = threading.Thread(target=lambda: answers.append(workers.do(hanging, ".")))
+    try:
+        workers.abandon(other)  # which nobody has begun
+        thread.start()
+        while thread.is_alive():
+            workers.abandon(hanging)
+            time.sleep(0.05)
+        (record, calibration) = answers[0]
+        assert (code_of(record), calibration) == ("AbandonedError", None)
+        assert code_of(workers.do(other, ".")[0]) == "done"
+    finally:
+        workers.close()
+        thread.join()

@@ -127,7 +127,9 @@ def test_as_many_pictures_are_in_memory_as_threads(paths, monkeypatch, threads):
 def test_an_interrupt_ends_it_soon(monkeypatch, threads):
     begun = []
     read = photographs.load_photograph
-    monkeypatch.setattr(photographs, "load_photograph", lambda *own: begun.append(own) or read(*own))
+    monkeypatch.setattr(
+        photographs, "load_photograph", lambda *own: begun.append(own) or read(*own)
+    )
 
     def interrupt(done, total):
         raise KeyboardInterrupt

@@ -40,6 +40,7 @@ TAKEN = ("photo.png", "--camera", "camera.json")
 WORKING = {
     "calibrate": ("photo.png",),
     "batch": ("photo.png", "-o", "results"),
+    "serve": ("--port", "0", "--idle", "0.1"),
     "predict": ("--size", "640x480"),
     "measure": (*TAKEN, FIRST, SECOND),
     "compare": ("camera.json", "camera.json"),
@@ -65,6 +66,7 @@ FILES_READ = (
     ("predict", "--camera", "GIVEN"),
     ("measure", "photo.png", "--camera", "GIVEN", FIRST, SECOND),
     ("batch", "photo.png", "-o", "results", "--limits", "GIVEN"),
+    ("serve", "--certificate", "GIVEN", "--key", "GIVEN"),
     ("measure", *TAKEN, "--outline", "GIVEN", FIRST, SECOND),
     ("measure", *TAKEN, "--targets", "GIVEN", FIRST, SECOND),
     ("compare", "GIVEN", "camera.json"),

@@ -18,15 +18,17 @@ class Browser:
     """One page of a browser that keeps no profile; a context manager.
 
     `complaints` are what the page logged at the level of a warning or above, threw, or tried to
-    fetch.
+    fetch from anywhere but `origin`, if that is given. `arguments` are Chromium's.
     """
 
-    def __init__(self):
+    def __init__(self, *arguments, origin=None):
         self._profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
         to_browser, self._commands = os.pipe()
         self._answers, from_browser = os.pipe()
         command = [CHROMIUM, "--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run"]
         command += ["--disable-dev-shm-usage"]  # which containers keep small
+        command += arguments
+        self._own = ("file:", "data:", *(() if origin is None else (origin, f"blob:{origin}")))
         command += ["--remote-debugging-pipe", f"--user-data-dir={self._profile.name}"]
         # The browser reads from descriptor 3 and writes to 4.
         redirect = f'exec "$@" 3<&{to_browser} 4>&{from_browser}'
@@ -74,8 +76,9 @@ class Browser:
                 return answer["result"]
 
     def open(self, path):
+        """Load a file, or a page by its address."""
         self.events.clear()
-        self.send("Page.navigate", url=path.resolve().as_uri())
+        self.send("Page.navigate", url=path if isinstance(path, str) else path.resolve().as_uri())
         while "Page.loadEventFired" not in self.events:
             self._receive()
 
@@ -87,9 +90,41 @@ class Browser:
         assert "exceptionDetails" not in done, done
         return done["result"].get("value")
 
-    def press_key(self, key):
+    def wait_for(self, expression):
+        """Wait until an expression of JavaScript comes to something true, and return that."""
+        end = time.monotonic() + PATIENCE
+        while not (value := self.evaluate(expression)):
+            assert time.monotonic() < end, f"in vain: {expression}"
+            time.sleep(0.05)
+        return value
+
+    def press_key(self, key, *, ctrl=False, shift=False):
+        modifiers = 2 * ctrl + 8 * shift
         for kind in ("keyDown", "keyUp"):
-            self.send("Input.dispatchKeyEvent", type=kind, key=key, code=key, **KEY_CODES[key])
+            self.send(
+                "Input.dispatchKeyEvent",
+                type=kind,
+                key=key,
+                code=key,
+                modifiers=modifiers,
+                **KEY_CODES[key],
+            )
+
+    def choose_files(self, selector, *paths):
+        """Choose files in an input, as its dialogue does."""
+        root = self.send("DOM.getDocument")["root"]["nodeId"]
+        node = self.send("DOM.querySelector", nodeId=root, selector=selector)["nodeId"]
+        self.send("DOM.setFileInputFiles", nodeId=node, files=[str(path) for path in paths])
+
+    def drag(self, start, end, steps=5):
+        """Press the mouse at a point, move to another, and release."""
+        event = "Input.dispatchMouseEvent"
+        (x, y), (to_x, to_y) = start, end
+        self.send(event, type="mousePressed", x=x, y=y, button="left", clickCount=1)
+        for step in range(1, steps + 1):
+            at = {"x": x + (to_x - x) * step / steps, "y": y + (to_y - y) * step / steps}
+            self.send(event, type="mouseMoved", button="left", buttons=1, **at)
+        self.send(event, type="mouseReleased", x=to_x, y=to_y, button="left", clickCount=1)
 
     def click(self, x, y):
         for kind in ("mousePressed", "mouseReleased"):
@@ -155,11 +190,21 @@ class Browser:
             self.complaints.append(params["entry"])
         elif method == "Network.requestWillBeSent":
             url = params["request"]["url"]
-            if not url.startswith(("file:", "data:")):
+            if not url.startswith(self._own):
                 self.complaints.append(f"fetches {url}")
 
 
 KEY_CODES = {
     "Home": {"windowsVirtualKeyCode": 36},
     "End": {"windowsVirtualKeyCode": 35},
+    "Tab": {"windowsVirtualKeyCode": 9},
+    "Enter": {"windowsVirtualKeyCode": 13, "text": "\r"},
+    " ": {"windowsVirtualKeyCode": 32, "text": " "},
+    "Escape": {"windowsVirtualKeyCode": 27},
+    "Delete": {"windowsVirtualKeyCode": 46},
+    "ArrowLeft": {"windowsVirtualKeyCode": 37},
+    "ArrowUp": {"windowsVirtualKeyCode": 38},
+    "ArrowRight": {"windowsVirtualKeyCode": 39},
+    "ArrowDown": {"windowsVirtualKeyCode": 40},
+    "z": {"windowsVirtualKeyCode": 90},
 }

@@ -84,6 +84,7 @@ def test_the_wheel_holds_types_data_and_licences(wheel):
         "data/demo.png",
         "data/demo.json",
         "batch/summary.html.j2",
+        *(f"serve/static/{name}" for name in ("index.html", "style.css", "main.js", "editor.js")),
         *report,
     ):
         assert f"trisquare/{name}" in names

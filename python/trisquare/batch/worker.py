@@ -15,7 +15,7 @@ import sys
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Protocol
 
 from trisquare._core import __version__
 from trisquare.batch.jobs import Job
@@ -74,7 +74,19 @@ def success(job: Job, result: Any) -> dict[str, Any]:
     }
 
 
-def failure(job: Job, code: str, text: str) -> dict[str, Any]:
+class AnyJob(Protocol):
+    """What processes do: a `Job`, or a task of another room."""
+
+    @property
+    def name(self) -> str:
+        """What records call it."""
+
+    @property
+    def photographs(self) -> tuple[str, ...]:
+        """Files."""
+
+
+def failure(job: AnyJob, code: str, text: str) -> dict[str, Any]:
     """Return the record of a job that failed; the code is the name of the error's class."""
     return {
         "name": job.name,
@@ -135,7 +147,7 @@ def prepare(limits: JobLimits) -> None:
         )
 
 
-def attempted(work: Callable[..., Answer], job: Job, limits: JobLimits) -> Answer:
+def attempted(work: Callable[..., Answer], job: AnyJob, limits: JobLimits) -> Answer:
     """Do a job: every failure is a record.
 
     A watchdog that waits for nobody ends the process if it takes too long.

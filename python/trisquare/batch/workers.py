@@ -15,7 +15,7 @@ from typing import Any
 
 from trisquare.batch.jobs import Job
 from trisquare.batch.limits import JobLimits
-from trisquare.batch.worker import READY, Answer, calibrated, failure
+from trisquare.batch.worker import READY, Answer, AnyJob, calibrated, failure
 
 ATTEMPTS = 2
 """A process that dies may have been killed for another's sake: the job has a second chance."""
@@ -51,19 +51,37 @@ class Workers:
         self._limits, self._work = limits, work
         self._idle: list[_Process] = []
         self._all: set[_Process] = set()
+        self._doing: dict[int, _Process | None] = {}
         self._lock = threading.Lock()
         self._is_closed = False
         self.owner = os.getpid()
 
-    def do(self, job: Job, folder: str) -> Answer:
+    def do(self, job: AnyJob, folder: str) -> Answer:
         """Do a job in one of the processes, and in another if that one dies of it.
 
         Files are relative to the folder. It may be called by many threads at a time, each of which
         has a process then.
         """
+        try:
+            return self._attempts(job, folder)
+        finally:
+            with self._lock:
+                self._doing.pop(id(job), None)
+
+    def abandon(self, job: AnyJob) -> None:
+        """End the process that does a job; its answer is a failure then."""
+        with self._lock:
+            process = self._doing.get(id(job))
+            if process is not None:
+                self._doing[id(job)] = None
+                process.kill()
+
+    def _attempts(self, job: AnyJob, folder: str) -> Answer:
         how = ""
         for _ in range(ATTEMPTS):
             process = self._take()
+            with self._lock:
+                self._doing[id(job)] = process
             try:
                 record, calibration = process.ask((job, folder))
             except ProcessDiedError:
@@ -71,6 +89,9 @@ class Workers:
                 seconds = process.seconds
                 with self._lock:
                     self._all.discard(process)
+                    is_abandoned = self._doing[id(job)] is None
+                if is_abandoned:
+                    return failure(job, "AbandonedError", "nobody waits for it"), None
                 if seconds >= self._limits.max_seconds:
                     allowed = f"max_seconds allows {self._limits.max_seconds:g}"
                     return failure(job, "TimeLimitError", f"takes too long ({allowed})"), None
@@ -138,6 +159,10 @@ class _Process:
                 self.seconds = time.monotonic() - start
         except (OSError, ValueError) as error:
             raise ProcessDiedError from error
+
+    def kill(self) -> None:
+        """End the process at once; whoever waits for its answer is told."""
+        self._process.kill()
 
     def end(self, patience: float = 0.0) -> str:
         """End the process and say how it ended."""

@@ -21,6 +21,9 @@ SUMMARIES: Mapping[str, str] = MappingProxyType(
         "batch": (
             "Calibrate many cameras, each from its own photographs; a run that was killed goes on."
         ),
+        "serve": (
+            "Serve a page that calibrates cameras in a browser, from files or from its own camera."
+        ),
         "predict": "Predict the standard deviations that a planned photograph will have.",
         "measure": "Measure lengths, angles and areas on the plane of a square.",
         "compare": (

@@ -1,0 +1,114 @@
+"""`trisquare serve`: a page that calibrates, in a browser."""
+
+from __future__ import annotations
+
+import os
+import re
+import secrets
+import sys
+import webbrowser
+from pathlib import Path
+
+from trisquare.cli.console import answer
+from trisquare.cli.framework import reading
+from trisquare.cli.options import JSON, QUIET, flag, option
+from trisquare.images.limits import parse_amount
+from trisquare.serve import check_extra
+
+SERVICE_FORMAT = "trisquare-service/1"
+
+PORT = 8765
+LARGEST_PORT = 65535
+TOKEN_BYTES = 24
+TOKEN = re.compile(r"[A-Za-z0-9_-]{16,200}")
+"""What may stand in an address and cannot be guessed."""
+
+EXAMPLES = (
+    "trisquare serve",
+    "trisquare serve --open --idle 600",
+    "trisquare serve --host 192.168.0.10 --certificate cert.pem --key key.pem",
+)
+
+
+def serve_command(
+    host: str = option("127.0.0.1", "ADDRESS", "Listen here; by default for this machine alone."),
+    port: int = option(PORT, "N", "Port; 0 for any that is free."),
+    token: str | None = option(
+        None,
+        "TEXT",
+        "What every request must bring, 16 letters or more; by default another one each time.",
+    ),
+    max_bytes: str | None = option(None, "N", "Refuse larger requests (200M)."),
+    max_pixels: str | None = option(None, "N", "Refuse pictures of more pixels (100M)."),
+    jobs: int | None = option(
+        None,
+        "N",
+        "Requests worked on at a time; by default as many as there are cores.",
+        "--jobs",
+        "-j",
+    ),
+    certificate: Path | None = option(
+        None,
+        "FILE",
+        "Serve by https with this certificate (PEM), without which no browser gives its camera to "
+        "a page of another machine.",
+    ),
+    key: Path | None = option(None, "FILE", "The certificate's private key (PEM)."),
+    idle: float | None = option(None, "SECONDS", "End when nobody has asked for so long."),
+    open_browser: bool = flag("Open the page in a browser.", "--open"),
+    json: bool = JSON,
+    quiet: bool = QUIET,
+) -> None:
+    """Serve a page that calibrates cameras in a browser, from files or from its own camera.
+
+    Nothing leaves the machine, and nothing is kept. It ends with Ctrl-C.
+    """
+    if not 0 <= port <= LARGEST_PORT:
+        raise ValueError(f"--port must be from 0 to {LARGEST_PORT}, not {port}")
+    if jobs is not None and jobs < 1:
+        raise ValueError(f"--jobs must be at least 1, not {jobs}")
+    if idle is not None and not 0 < idle < float("inf"):
+        raise ValueError(f"--idle must be positive, not {idle}")
+    if token is not None and not TOKEN.fullmatch(token):
+        raise ValueError("--token must have 16 to 200 letters, digits, _ or -")
+    if (certificate is None) != (key is None):
+        raise ValueError("--certificate and --key belong together: give both")
+    for file in (certificate, key):
+        if file is not None:
+            _check_readable(file)
+    check_extra()
+    from trisquare.serve.app import create_app
+    from trisquare.serve.limits import request_limits
+    from trisquare.serve.server import run_server
+
+    limits = request_limits(
+        None if max_pixels is None else parse_amount(max_pixels, "--max-pixels"),
+        None if max_bytes is None else parse_amount(max_bytes, "--max-bytes"),
+    )
+
+    def listening(address: str) -> None:
+        answer(json, quiet, {"format": SERVICE_FORMAT, "address": address}, [address])
+        sys.stdout.flush()
+        if open_browser:
+            webbrowser.open(address)
+
+    chosen = secrets.token_urlsafe(TOKEN_BYTES) if token is None else token
+    run_server(
+        create_app(chosen, limits, jobs or os.cpu_count() or 1),
+        host,
+        port,
+        token=chosen,
+        certificate=certificate,
+        key=key,
+        idle=idle,
+        listening=listening,
+    )
+
+
+def _check_readable(file: Path) -> None:
+    """Raise an error that names the file, which OpenSSL's does not, if it cannot be opened."""
+    with reading():
+        try:
+            file.open("rb").close()
+        except OSError as error:
+            raise OSError(f"{file}: {error.strerror}") from error

@@ -1,0 +1,20 @@
+"""A page for people who do not type, and the API behind it: the extra `trisquare[serve]`.
+
+Everything stays on the machine: pictures are kept in a folder of their own while a request lasts.
+"""
+
+from __future__ import annotations
+
+__all__ = ["check_extra"]
+
+
+def check_extra() -> None:
+    """Raise ImportError, which says what to install, unless the page can be served."""
+    try:
+        import python_multipart  # noqa: F401
+        import starlette  # noqa: F401
+        import uvicorn  # noqa: F401
+    except ImportError as error:
+        raise ImportError(
+            "the page needs starlette, uvicorn and python-multipart: pip install 'trisquare[serve]'"
+        ) from error

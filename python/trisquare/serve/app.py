@@ -1,0 +1,254 @@
+"""The routes of the page and of the API behind it."""
+
+from __future__ import annotations
+
+import hmac
+import json
+import re
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager
+from functools import partial
+from importlib import resources
+from typing import Any
+
+import anyio
+from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from trisquare._core import __version__
+from trisquare.batch.limits import JobLimits
+from trisquare.camera.lens_models import MODELS
+from trisquare.formats.registry import FORMATS
+from trisquare.serve.jobs import AbandonedError, BusyError, Jobs
+from trisquare.serve.schema import api_schema
+from trisquare.serve.uploads import Upload, received
+from trisquare.serve.work import CONTENT, Task
+
+UPLOAD_SECONDS = 300.0
+"""That a request may take to arrive."""
+
+TOKEN_HEADER = "x-trisquare-token"
+
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+HEADERS: Mapping[str, str] = {
+    "Content-Security-Policy": POLICY,
+    "Permissions-Policy": "camera=(self), microphone=(), geolocation=()",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",  # the token is in the address
+    "X-Content-Type-Options": "nosniff",
+    "Cache-Control": "no-store",
+}
+
+MEDIA_TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript"}
+
+OWN_ADDRESS = re.compile(r'(?<=")\./([\w.-]+\.(?:js|css))(?=")')
+"""How the page's own files name each other."""
+
+STATUS = {
+    "ValueError": 400,
+    "TypeError": 400,
+    "LensModelError": 409,
+    "ImportError": 501,
+    "InternalError": 500,
+    "AbandonedError": 499,
+}
+"""Of failures by their codes; all others are for what the files hold, 422."""
+
+UNFIT = 422
+
+
+def create_app(token: str, limits: JobLimits, processes: int, **queue: int) -> Starlette:
+    """Return the application.
+
+    Parameters
+    ----------
+    token : str
+        That every request must bring, as the parameter ``token`` or in a header.
+    limits : JobLimits
+        Of each request.
+    processes : int
+        Requests that are worked on at a time.
+    **queue
+        ``most_accepted`` of `Jobs`.
+    """
+    jobs = Jobs(limits, processes, **queue)
+
+    @asynccontextmanager
+    async def lifespan(app: Starlette) -> AsyncIterator[None]:
+        try:
+            yield
+        finally:
+            jobs.close()
+
+    api = [
+        Route("/api/schema", _answering(lambda: api_schema(limits))),
+        Route("/api/status", _answering(lambda: _status(limits))),
+        *(
+            Route(f"/api/{name}", partial(_run, jobs, name), methods=["POST"])
+            for name in (
+                *("find", "calibrate", "predict", "overlay", "undistort"),
+                *("preview", "report", "compare"),
+            )
+        ),
+        Route("/api/convert/{format}", partial(_run, jobs, "convert"), methods=["POST"]),
+    ]
+    page = [Route("/", partial(_own_file, token)), Route("/{name}", partial(_own_file, token))]
+    app = Starlette(
+        routes=[*api, *page],
+        lifespan=lifespan,
+        exception_handlers={HTTPException: _refused, Exception: _failed},
+    )
+    app.add_middleware(Guard, token=token, max_bytes=limits.max_bytes)
+    app.state.jobs = jobs
+    return app
+
+
+class Guard:
+    """Lets nobody in without the token, nor more bytes than allowed; adds the headers."""
+
+    def __init__(self, app: ASGIApp, token: str, max_bytes: int) -> None:
+        self._app, self._token, self._max_bytes = app, token.encode(), max_bytes
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on, or refuse it."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+
+        async def with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                own = [(name.lower().encode(), text.encode()) for name, text in HEADERS.items()]
+                message = {**message, "headers": [*message["headers"], *own]}
+            await send(message)
+
+        request = Request(scope)
+        given = request.query_params.get("token") or request.headers.get(TOKEN_HEADER, "")
+        if not hmac.compare_digest(given.encode(), self._token):
+            refusal = problem(401, "TokenError", "the token is missing or wrong")
+            await refusal(scope, receive, with_headers)
+            return
+        try:
+            stated = int(request.headers.get("content-length", "0"))
+        except ValueError:
+            stated = 0
+        if stated > self._max_bytes:
+            await self._too_large(stated)(scope, receive, with_headers)
+            return
+        arrived = 0
+
+        async def counted() -> Message:
+            nonlocal arrived
+            message = await receive()
+            arrived += len(message.get("body", b""))
+            if arrived > self._max_bytes:
+                raise HTTPException(413, f"more than {self._max_bytes} bytes, as max_bytes allows")
+            return message
+
+        await self._app(scope, counted, with_headers)
+
+    def _too_large(self, stated: int) -> Response:
+        text = f"has {stated} bytes, more than the {self._max_bytes} that max_bytes allows"
+        return problem(413, "TooLargeError", text)
+
+
+def problem(status: int, code: str, text: str, **more: Any) -> JSONResponse:
+    """Return an error: its code is the name of a class, its text says what would help."""
+    headers = {"Retry-After": "5"} if status == 503 else {}
+    error = {"code": code, "text": text, **more}
+    return JSONResponse({"error": error}, status, headers)
+
+
+async def _refused(request: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)
+    codes = {404: "NotFoundError", 405: "MethodError", 408: "TimeLimitError", 413: "TooLargeError"}
+    return problem(error.status_code, codes.get(error.status_code, "ValueError"), error.detail)
+
+
+async def _failed(request: Request, error: Exception) -> Response:
+    return problem(500, type(error).__name__, "trisquare failed: please report it")
+
+
+def _answering(members: Callable[[], Any]) -> Callable[[Request], Any]:
+    async def answer(request: Request) -> Response:
+        return JSONResponse(members())
+
+    return answer
+
+
+def _status(limits: JobLimits) -> dict[str, Any]:
+    return {
+        "version": __version__,
+        "max_bytes": limits.max_bytes,
+        "max_pixels": limits.max_pixels,
+        "formats": [{"name": known.name, "title": known.title} for known in FORMATS],
+        "models": [*MODELS, "auto"],
+    }
+
+
+async def _own_file(token: str, request: Request) -> Response:
+    """Return a file of the page; the files that it names get the token."""
+    name = request.path_params.get("name", "index.html")
+    suffix = name[name.rfind(".") :]
+    file = resources.files("trisquare.serve") / "static" / name
+    if suffix not in MEDIA_TYPES or name.startswith(".") or not file.is_file():
+        raise HTTPException(404, f"there is no {name!r}")
+    text = OWN_ADDRESS.sub(rf"./\1?token={token}", file.read_text("utf-8"))
+    return Response(text, media_type=MEDIA_TYPES[suffix])
+
+
+async def _run(jobs: Jobs, name: str, request: Request) -> Response:
+    """Receive a request, have it done, and answer."""
+    try:
+        place = jobs.accept()
+    except BusyError:
+        return problem(503, "BusyError", "too many requests at a time: try again")
+    with place:
+        try:
+            with anyio.fail_after(UPLOAD_SECONDS):
+                upload = await received(request, place.folder)
+        except (ValueError, TypeError) as error:
+            return problem(400, type(error).__name__, str(error))
+        except TimeoutError:
+            raise HTTPException(408, "the request takes too long to arrive") from None
+        except ClientDisconnect:
+            return problem(499, "AbandonedError", "the client has left")
+        except OSError as error:
+            return problem(507, "OSError", f"cannot keep what was sent: {error.strerror}")
+        task = _task(name, request, upload)
+        try:
+            record = await jobs.do(task, place.folder, partial(_until_left, request))
+        except AbandonedError:
+            return problem(499, "AbandonedError", "the client has left")
+        if record["status"] == "failed":
+            refusal = record["error"]
+            return problem(STATUS.get(refusal["code"], UNFIT), **refusal)
+        if "media_type" in record:
+            disposition = f'attachment; filename="{record["file_name"]}"'
+            headers = {"Content-Disposition": disposition}
+            if record.get("lost"):
+                headers["X-Trisquare-Lost"] = json.dumps(record["lost"])
+            content = (place.folder / CONTENT).read_bytes()
+            return Response(content, media_type=record["media_type"], headers=headers)
+        del record["status"]
+        return JSONResponse(record)
+
+
+def _task(name: str, request: Request, upload: Upload) -> Task:
+    options = dict(upload.options)
+    if "format" in request.path_params:
+        options["format"] = request.path_params["format"]
+    return Task(name, upload.photographs, options, upload.files)
+
+
+async def _until_left(request: Request) -> None:
+    """Return when the client has left; the body has been read before."""
+    while (await request.receive())["type"] != "http.disconnect":
+        pass

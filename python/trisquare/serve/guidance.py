@@ -1,0 +1,298 @@
+"""What a photograph would tell if it were taken now, and what would help most.
+
+The squares' poses come from their outlines alone, with a camera that is guessed: of square pixels,
+its principal point in the centre of the picture, and the focal length and, where sides are curved,
+the distortion that suit the outlines best. Standard deviations depend but weakly on the guess.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from trisquare._support.arrays import FloatArray
+from trisquare._support.rotations import tilted
+from trisquare.analysis.plan import PlannedSquare, posed, predicted
+from trisquare.analysis.predict import predict
+from trisquare.calibration.calibrate import calibrate_edges
+from trisquare.camera.camera import Camera
+from trisquare.edges import PlaneEdges
+from trisquare.errors import DegenerateGeometryError, NotEnoughPlanesError, TrisquareError
+from trisquare.results.calibration import Calibration
+from trisquare.results.plane import Plane
+
+ENOUGH_SQUARES = 3
+SIGMA = 0.03
+"""Pixels, of an edge sample of a sharp picture."""
+
+COARSE = 8.0
+"""Pixels of edge per sample where only ratios are asked for: they hardly depend on it."""
+
+OUTLINE_SAMPLES = 12
+"""Points of a straight side that stand for it."""
+
+METHOD = "linear"
+"""Good enough for a guess, and a hundred times as fast as the joint fit."""
+
+GUESSED_FOCAL = 0.9
+"""Of the picture's width, where the outlines do not tell: a phone's camera."""
+
+FOCAL_RANGE = (0.3, 4.0)
+"""Of the picture's width: what the outlines say beyond is noise."""
+
+MORE_TILT = 12.0  # degrees
+MOST_TILT = 60.0
+"""Degrees, beyond which a square is too foreshortened to be found."""
+
+LARGER = 1.25
+ENOUGH = 5e-4
+"""Of the focal length, and of the picture's width: smaller standard deviations are good."""
+
+WORTHWHILE = 0.93
+"""Ratio of the standard deviations after and before, above which a change is not worth a word."""
+
+AWAY = {0.0: "lower", 90.0: "left", 180.0: "upper", 270.0: "right"}
+"""Directions of a tilt, and the edge of a square that it moves away from the camera."""
+
+OFF_CENTRE = 0.12
+"""Of the picture's size from its centre, beyond which a place has a side."""
+
+
+@dataclass(frozen=True, slots=True)
+class Guidance:
+    """What to expect of a photograph, and what would help.
+
+    Attributes
+    ----------
+    std : dict of str to float, or None
+        Predicted standard deviations by parameter, pixels for ``fx fy cx cy``; None if the squares
+        do not determine the camera.
+    focal : float
+        Of the guessed camera, pixels.
+    advice : str
+        One sentence.
+    is_enough : bool
+        Whether the camera would be known well, or no single change would help much.
+    """
+
+    std: dict[str, float] | None
+    focal: float
+    advice: str
+    is_enough: bool
+
+
+class OutlinedSquare(NamedTuple):
+    """A square or a frame in the picture.
+
+    Attributes
+    ----------
+    corners : ndarray, shape (4, 2)
+    inner : ndarray, shape (4, 2), or None
+        Corners of its hole.
+    sides : sequence of four ndarrays, shape (N, 2), or None
+        Points along the sides, where they were found; else they are taken to be straight.
+    """
+
+    corners: FloatArray
+    inner: FloatArray | None = None
+    sides: Sequence[FloatArray] | None = None
+
+
+def guide(
+    squares: Sequence[OutlinedSquare],
+    image_size: tuple[int, int],
+    camera: Camera | None = None,
+    *,
+    sigma: float = SIGMA,
+) -> Guidance:
+    """Predict what a photograph of these outlines will tell.
+
+    Parameters
+    ----------
+    squares : sequence of OutlinedSquare
+        As found; good to a pixel or two.
+    image_size : (int, int)
+        Width and height.
+    camera : Camera, optional
+        An earlier calibration of the camera, for pictures of this size, instead of a guess.
+    sigma : float
+        As in `predict`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For bad arguments.
+    """
+    guess, planes = _standing(squares, image_size, camera)
+    missing = ENOUGH_SQUARES - len(planes)
+    if missing > 0:
+        what = "no square is found" if not planes else f"{len(planes)} of 3 squares found"
+        more = "three squares" if missing == 3 else "one more" if missing == 1 else "two more"
+        advice = f"{what}: show {more}, tilted in different directions"
+        return Guidance(None, guess.fx, advice[0].upper() + advice[1:] + ".", False)
+    try:
+        found = predict(guess, planes, sigma, model="radial2")
+    except (DegenerateGeometryError, NotEnoughPlanesError):
+        found = None
+    except ValueError:  # the guessed camera sees one not wholly
+        return Guidance(None, guess.fx, "Show all squares wholly, with some margin.", False)
+    ratio, change = _best_change(guess, planes, [square.corners for square in squares])
+    if found is None:
+        change = change or "Tilt the squares, each in another direction"
+        return Guidance(None, guess.fx, f"{change}.", False)
+    std = {name: float(value) for name, value in found.std.items()}
+    if ratio > WORTHWHILE:
+        return Guidance(std, guess.fx, "Good: no single change would help much.", True)
+    better = f"{change}: the camera would be known {100 * (1 / ratio - 1):.0f} % better."
+    is_enough = std["fx"] < ENOUGH * guess.fx and std["cx"] < ENOUGH * image_size[0]
+    advice = f"Good; better still: {better[0].lower()}{better[1:]}" if is_enough else better
+    return Guidance(std, guess.fx, advice, is_enough)
+
+
+def _standing(
+    squares: Sequence[OutlinedSquare], image_size: tuple[int, int], camera: Camera | None
+) -> tuple[Camera, list[PlannedSquare]]:
+    """Return a camera and where the squares stand before it; those that cannot are left out."""
+    if camera is not None and camera.image_size != image_size:
+        camera = camera.rescaled(image_size)
+    figures = [_edges(square) for square in squares]
+    if camera is None:
+        are_curved = all(square.sides is not None for square in squares)
+        guess = _guessed(figures, are_curved, image_size)
+        if guess is not None:
+            return guess.camera, [
+                _planned(*pair) for pair in zip(squares, guess.planes, strict=True)
+            ]
+        camera = pinhole(GUESSED_FOCAL * image_size[0], image_size)
+    planes = []
+    held = ("focal", "principal_point", "distortion")
+    for square, figure in zip(squares, figures, strict=True):
+        with suppress(TrisquareError):
+            located = calibrate_edges(
+                [figure],
+                image_size,
+                method=METHOD,
+                model=camera.model,
+                fix=held,
+                initial=camera,
+            )
+            planes.append(_planned(square, located.planes[0]))
+    return camera, planes
+
+
+def _guessed(
+    figures: list[PlaneEdges], are_curved: bool, image_size: tuple[int, int]
+) -> Calibration | None:
+    """Calibrate by the outlines, or return None if that tells nothing."""
+    width, _ = image_size
+    for model in ("radial2", "none") if are_curved else ("none",):
+        held = ("aspect", "principal_point")
+        with suppress(TrisquareError, ValueError):
+            found = calibrate_edges(figures, image_size, method=METHOD, model=model, fix=held)
+            if FOCAL_RANGE[0] * width < found.camera.fx < FOCAL_RANGE[1] * width:
+                return found
+    return None
+
+
+def _planned(square: OutlinedSquare, plane: Plane) -> PlannedSquare:
+    inner = None if square.inner is None else _hole(square)
+    return PlannedSquare(plane.rotation, plane.translation, inner)
+
+
+def pinhole(focal: float, image_size: tuple[int, int]) -> Camera:
+    """Return a camera without distortion that looks through the centre of its pictures."""
+    width, height = image_size
+    centre = 0.5 * (width - 1), 0.5 * (height - 1)
+    K = np.array([[focal, 0.0, centre[0]], [0.0, focal, centre[1]], [0.0, 0.0, 1.0]])
+    return Camera(K, np.zeros(5), (width, height))
+
+
+def _edges(square: OutlinedSquare) -> PlaneEdges:
+    if square.sides is not None:
+        return PlaneEdges.square(square.sides)
+    corners = square.corners
+    shares = (np.arange(OUTLINE_SAMPLES) + 0.5)[:, None] / OUTLINE_SAMPLES
+    following = np.roll(corners, -1, axis=0)
+    sides = [a + shares * (b - a) for a, b in zip(corners, following, strict=True)]
+    return PlaneEdges.square(sides)
+
+
+def _hole(square: OutlinedSquare) -> float:
+    """Return the side of a frame's hole over its own, by their areas."""
+    assert square.inner is not None
+    ratio = math.sqrt(_area(square.inner) / _area(square.corners))
+    return min(max(ratio, 0.05), 0.95)
+
+
+def _area(corners: FloatArray) -> float:
+    (ax, ay), (bx, by) = corners[2] - corners[0], corners[3] - corners[1]
+    return 0.5 * abs(float(ax * by - ay * bx))
+
+
+def _best_change(
+    camera: Camera, planes: list[PlannedSquare], corners: Sequence[FloatArray]
+) -> tuple[float, str | None]:
+    """Return the ratio of the std of fx and cx after and before the best change, and its words."""
+    before = _spread(camera, planes)
+    if before is None:
+        return 1.0, None
+    best: tuple[float, str | None] = (1.0, None)
+    for words, changed in _changes(camera, planes, corners):
+        after = _spread(camera, changed)
+        if after is not None and after / before < best[0]:
+            best = after / before, words
+    return best
+
+
+def _spread(camera: Camera, planes: Sequence[PlannedSquare]) -> float | None:
+    """Return the geometric mean of the std of fx and cx, up to a factor."""
+    try:
+        std = predicted(camera, map(posed, planes), (), spacing=COARSE, model="radial2").std
+    except (TrisquareError, ValueError):
+        return None  # one of them leaves the picture
+    return math.sqrt(std["fx"] * std["cx"])
+
+
+def _changes(
+    camera: Camera, planes: list[PlannedSquare], corners: Sequence[FloatArray]
+) -> Iterator[tuple[str, list[PlannedSquare]]]:
+    """Yield what one may do with the squares, in words, and where they stand then."""
+    nearer = [PlannedSquare(p.rotation, p.translation / LARGER, p.inner) for p in planes]
+    yield "Come nearer, or show larger squares", nearer
+    names = _names([quad.mean(axis=0) for quad in corners], camera.image_size)
+    for number, (name, plane) in enumerate(zip(names, planes, strict=False)):
+        for direction, edge in AWAY.items():
+            rotation = tilted(MORE_TILT, direction, 0.0) @ plane.rotation
+            if rotation[2, 2] < math.cos(math.radians(MOST_TILT)):
+                continue
+            turned = PlannedSquare(rotation, plane.translation, plane.inner)
+            words = f"Tilt the {name} square: move its {edge} edge away from the camera"
+            yield words, [*planes[:number], turned, *planes[number + 1 :]]
+
+
+def _names(centres: Sequence[FloatArray], image_size: tuple[int, int]) -> list[str]:
+    """Call squares by their places: as few words as tell them apart."""
+    size = np.array(image_size)
+    off = [(np.asarray(centre) - 0.5 * (size - 1)) / size for centre in centres]
+    words = [
+        (
+            "upper" if y < -OFF_CENTRE else "lower" if y > OFF_CENTRE else "",
+            "left" if x < -OFF_CENTRE else "right" if x > OFF_CENTRE else "",
+        )
+        for x, y in off
+    ]
+    names = []
+    for index, (vertical, horizontal) in enumerate(words):
+        others = words[:index] + words[index + 1 :]
+        if horizontal and all(other != horizontal for _, other in others):
+            names.append(horizontal)
+        elif vertical and all(other != vertical for other, _ in others):
+            names.append(vertical)
+        else:
+            names.append(" ".join(filter(None, (vertical, horizontal))) or "middle")
+    return names

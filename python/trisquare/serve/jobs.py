@@ -1,0 +1,133 @@
+"""The tasks of requests: a bounded number wait, each is done in a process that may be killed."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import threading
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import anyio
+from anyio.to_thread import run_sync
+
+from trisquare.batch.limits import JobLimits
+from trisquare.batch.workers import Workers
+from trisquare.serve.work import Task, perform
+
+MOST_ACCEPTED = 64
+"""Requests that are received, wait or are done at a time; whoever comes next is told so."""
+
+
+class BusyError(Exception):
+    """As many requests are accepted as there may be."""
+
+
+class AbandonedError(Exception):
+    """Nobody waits for the answer any more."""
+
+
+class Jobs:
+    """Processes, a queue before them, and a folder for each request.
+
+    Parameters
+    ----------
+    limits : JobLimits
+        Of each request.
+    processes : int
+        How many work at a time.
+    most_accepted : int
+        Requests at a time, waiting ones included.
+
+    Attributes
+    ----------
+    folder : Path
+        Where the requests have their folders.
+    """
+
+    def __init__(
+        self, limits: JobLimits, processes: int, most_accepted: int = MOST_ACCEPTED
+    ) -> None:
+        self.limits = limits
+        self._workers = Workers(limits, perform)
+        self._processes = processes
+        self._most_accepted = most_accepted
+        self._accepted = 0
+        self._lock = threading.Lock()
+        self._turns: anyio.CapacityLimiter | None = None
+        self.folder = Path(tempfile.mkdtemp(prefix="trisquare-serve-"))
+
+    def accept(self) -> Place:
+        """Take one of the places; it is given back by the end of the ``with``.
+
+        Raises
+        ------
+        BusyError
+            If there is none.
+        """
+        with self._lock:
+            if self._accepted >= self._most_accepted:
+                raise BusyError
+            self._accepted += 1
+        return Place(self, Path(tempfile.mkdtemp(dir=self.folder)))
+
+    @property
+    def is_working(self) -> bool:
+        """Whether a task is being done."""
+        return self._turns is not None and self._turns.borrowed_tokens > 0
+
+    def give_back(self, place: Place) -> None:
+        """Make room for another request."""
+        shutil.rmtree(place.folder, ignore_errors=True)
+        with self._lock:
+            self._accepted -= 1
+
+    async def do(
+        self, task: Task, folder: Path, until_left: Callable[[], Awaitable[None]]
+    ) -> dict[str, Any]:
+        """Do a task on the files of a folder and return its record.
+
+        Raises
+        ------
+        AbandonedError
+            If `until_left` returned before: what waited is not done, what was being done is ended.
+        """
+        if self._turns is None:  # it belongs to the loop that runs
+            self._turns = anyio.CapacityLimiter(self._processes)
+        records: list[dict[str, Any]] = []
+        async with anyio.create_task_group() as group:
+
+            async def watch() -> None:
+                await until_left()
+                self._workers.abandon(task)
+                group.cancel_scope.cancel()
+
+            group.start_soon(watch)
+            # A thread that has begun is waited for, also when it is cancelled.
+            record, _ = await run_sync(self._workers.do, task, str(folder), limiter=self._turns)
+            records.append(record)
+            group.cancel_scope.cancel()
+        if not records:
+            raise AbandonedError
+        return records[0]
+
+    def close(self) -> None:
+        """End all processes and delete all files."""
+        self._workers.close()
+        with suppress(OSError):
+            shutil.rmtree(self.folder)
+
+
+class Place:
+    """A request's place among those accepted, with a folder of its own; a context manager."""
+
+    def __init__(self, jobs: Jobs, folder: Path) -> None:
+        self._jobs, self.folder = jobs, folder
+
+    def __enter__(self) -> Place:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._jobs.give_back(self)

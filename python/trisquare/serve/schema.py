@@ -1,0 +1,225 @@
+"""The API in OpenAPI's terms."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from trisquare._core import __version__
+from trisquare.batch.limits import JobLimits
+from trisquare.formats.registry import FORMAT_NAMES
+from trisquare.serve.work import TASKS
+
+POINTS = {
+    "type": "array",
+    "items": {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2},
+}
+NUMBER = {"type": "number"}
+MAYBE_NUMBER = {"type": ["number", "null"]}
+TEXT = {"type": "string"}
+FLAG = {"type": "boolean"}
+FILE = {"type": "string", "format": "binary"}
+TEXTS = {"type": "array", "items": TEXT}
+OUTLINES = {"type": "object", "description": "trisquare-outlines/1, or labelme's"}
+
+OPTIONS: dict[str, dict[str, Any]] = {
+    "method": {"enum": ["ml", "linear"]},
+    "model": TEXT,
+    "fix": TEXTS,
+    "free": TEXTS,
+    "tone": {"type": ["string", "number", "null"]},
+    "targets": TEXT,
+    "lines": FLAG,
+    "outlines": OUTLINES,
+    "guide": FLAG,
+    "image_size": {"type": "array", "items": {"type": "integer"}, "minItems": 2, "maxItems": 2},
+    "camera": {"type": "object", "description": "trisquare/1 or trisquare-camera/1"},
+    "focal": NUMBER,
+    "sigma": NUMBER,
+    "index": {"type": "integer", "minimum": 0},
+    "balance": {"type": "number", "minimum": 0, "maximum": 1},
+    "shown": FLAG,
+    "approximate": FLAG,
+}
+
+
+def _object(required: tuple[str, ...], **properties: Any) -> dict[str, Any]:
+    return {"type": "object", "required": list(required), "properties": properties}
+
+
+def _all(**properties: Any) -> dict[str, Any]:
+    """Return an object that always has all of these."""
+    return _object(tuple(properties), **properties)
+
+
+TARGET = _object(
+    ("kind", "corners"),
+    kind=TEXT,
+    corners=POINTS,
+    sides={"type": "array", "items": POINTS},
+    inner=POINTS,
+)
+REJECTED = _object(("kind", "image", "corners", "reason"), kind=TEXT, corners=POINTS, reason=TEXT)
+GUIDANCE = _all(
+    std={"type": ["object", "null"], "additionalProperties": NUMBER},
+    focal=NUMBER,
+    advice=TEXT,
+    is_enough=FLAG,
+)
+ERROR = _all(
+    error=_object(
+        ("code", "text"),
+        code=TEXT,
+        text=TEXT,
+        found={"type": "array", "items": {"type": "object"}},
+        rejected={"type": "array", "items": REJECTED},
+    )
+)
+ANSWERS: dict[str, dict[str, Any]] = {
+    "find": _object(
+        ("image_size", "found", "rejected"),
+        image_size=OPTIONS["image_size"],
+        found={"type": "array", "items": TARGET},
+        rejected={"type": "array", "items": REJECTED},
+        prediction=GUIDANCE,
+    ),
+    "calibrate": _all(
+        result={"type": "object", "description": "trisquare/1, with edges and residuals"},
+        parameters={
+            "type": "array",
+            "items": _all(name=TEXT, value=NUMBER, std=MAYBE_NUMBER),
+        },
+        warnings={"type": "array", "items": _all(code=TEXT, severity=TEXT, text=TEXT)},
+        diagnosis={
+            "type": "object",
+            "additionalProperties": _all(limits=TEXT, remedy=TEXT),
+        },
+    ),
+    "predict": GUIDANCE,
+    "compare": _all(
+        verdict=TEXT,
+        same={"type": ["boolean", "null"]},
+        rms_px=NUMBER,
+        worst_px=NUMBER,
+        expected_rms_px=MAYBE_NUMBER,
+        p_value=MAYBE_NUMBER,
+    ),
+}
+"""Of the routes that answer with JSON."""
+
+MEDIA: dict[str, tuple[str, ...]] = {
+    "overlay": ("image/jpeg",),
+    "undistort": ("image/png", "image/tiff", "image/jpeg"),
+    "preview": ("image/jpeg",),
+    "report": ("text/html",),
+    "convert": ("text/plain",),
+}
+
+FILES: dict[str, tuple[str, ...]] = {
+    "find": ("picture",),
+    "calibrate": ("picture",),
+    "predict": (),
+    "overlay": ("picture", "result"),
+    "undistort": ("picture", "camera"),
+    "preview": ("picture",),
+    "report": ("picture", "result"),
+    "convert": ("camera",),
+    "compare": ("first", "second"),
+}
+"""What must be sent with a request; `picture` may be repeated where several make sense."""
+
+SEVERAL = ("calibrate", "report")
+
+SUMMARIES = {
+    "find": "Find squares and other targets, or snap outlines that were drawn to edges.",
+    "calibrate": "Calibrate a camera from its photographs.",
+    "predict": "Predict what outlines will tell, and say what would help most.",
+    "overlay": "Draw a result over its photograph.",
+    "undistort": "Remove the lens distortion from a photograph.",
+    "preview": "Return a photograph as a browser shows it.",
+    "report": "Write a result as one HTML page.",
+    "convert": "Write a camera in another program's format.",
+    "compare": "Compare two cameras by where they project.",
+}
+
+REFUSALS = {
+    "400": "an argument or an option is wrong",
+    "401": "the token is missing or wrong",
+    "409": "the format has no model for the lens",
+    "413": "the request is too large",
+    "422": "a file is unreadable or beyond the limits, or does not determine the camera",
+    "501": "an extra is not installed",
+    "503": "too many requests at a time",
+}
+
+
+def api_schema(limits: JobLimits) -> dict[str, Any]:
+    """Return the description of all routes, OpenAPI 3.1."""
+    return {
+        "openapi": "3.1.0",
+        "info": {
+            "title": "trisquare",
+            "version": __version__,
+            "description": (
+                f"A request has {limits.max_bytes} bytes at most, a picture {limits.max_pixels} "
+                f"pixels; it computes for {limits.max_seconds:g} s at most."
+            ),
+        },
+        "components": {
+            "securitySchemes": {
+                "parameter": {"type": "apiKey", "in": "query", "name": "token"},
+                "header": {"type": "apiKey", "in": "header", "name": "X-Trisquare-Token"},
+            }
+        },
+        "security": [{"parameter": []}, {"header": []}],
+        "paths": {_path(name): {"post": _operation(name)} for name in TASKS},
+    }
+
+
+def _path(name: str) -> str:
+    return "/api/convert/{format}" if name == "convert" else f"/api/{name}"
+
+
+def _operation(name: str) -> dict[str, Any]:
+    known = [option for option in TASKS[name][0] if option != "format"]
+    options = {
+        "type": "object",
+        "additionalProperties": False,
+        "properties": {option: OPTIONS[option] for option in known},
+    }
+    content: dict[str, Any] = {}
+    if FILES[name]:
+        files: dict[str, Any] = {
+            field: {"type": "array", "items": FILE}
+            if field == "picture" and name in SEVERAL
+            else FILE
+            for field in FILES[name]
+        }
+        form = _object(FILES[name], **files, options=options)
+        content["multipart/form-data"] = {"schema": form}
+    else:
+        content["application/json"] = {"schema": options}
+    answer: dict[str, Any] = {media: {} for media in MEDIA.get(name, ())}
+    if not answer:
+        answer = {"application/json": {"schema": ANSWERS[name]}}
+    operation: dict[str, Any] = {
+        "operationId": name,
+        "summary": SUMMARIES[name],
+        "requestBody": {"required": True, "content": content},
+        "responses": {
+            "200": {"description": "done", "content": answer},
+            **{
+                code: {"description": text, "content": {"application/json": {"schema": ERROR}}}
+                for code, text in REFUSALS.items()
+            },
+        },
+    }
+    if name == "convert":
+        operation["parameters"] = [
+            {
+                "name": "format",
+                "in": "path",
+                "required": True,
+                "schema": {"enum": list(FORMAT_NAMES)},
+            }
+        ]
+    return operation

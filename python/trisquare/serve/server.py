@@ -1,0 +1,89 @@
+"""The server: where it listens, and when it ends."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Callable
+from contextlib import closing, suppress
+from pathlib import Path
+
+import uvicorn
+from starlette.applications import Starlette
+
+BACKLOG = 128
+"""Connections that wait to be accepted."""
+
+
+class Server(uvicorn.Server):
+    """A server that ends by itself when nobody has asked for some time."""
+
+    def __init__(self, config: uvicorn.Config, idle: float | None) -> None:
+        super().__init__(config)
+        self._idle, self._asked, self._since = idle, 0, time.monotonic()
+
+    async def on_tick(self, counter: int) -> bool:
+        """Say whether to end."""
+        if self.server_state.total_requests > self._asked:
+            self._asked, self._since = self.server_state.total_requests, time.monotonic()
+        is_idle = self._idle is not None and time.monotonic() - self._since > self._idle
+        return await super().on_tick(counter) or is_idle
+
+
+def run_server(
+    app: Starlette,
+    host: str,
+    port: int,
+    *,
+    token: str,
+    certificate: Path | None,
+    key: Path | None,
+    idle: float | None,
+    listening: Callable[[str], None],
+) -> None:
+    """Serve until Ctrl-C, or until nobody has asked for `idle` seconds.
+
+    `listening` is told the address of the page before.
+
+    Raises
+    ------
+    ValueError
+        If nothing can listen there, or certificate and key are none.
+    """
+    config = uvicorn.Config(
+        app,
+        log_level="warning",
+        access_log=False,  # the token is in the addresses
+        server_header=False,
+        ssl_certfile=certificate,
+        ssl_keyfile=key,
+        timeout_graceful_shutdown=1,
+    )
+    shown = f"[{host}]" if ":" in host else host
+    scheme = "http" if certificate is None else "https"
+    with closing(app.state.jobs):
+        try:
+            config.load()
+        except OSError as error:
+            raise ValueError(f"{certificate}: no certificate whose key is {key}") from error
+        with _bound(host, port) as opened, suppress(KeyboardInterrupt):  # its usual end
+            listening(f"{scheme}://{shown}:{opened.getsockname()[1]}/?token={token}")
+            Server(config, idle).run(sockets=[opened])
+
+
+def _bound(host: str, port: int) -> socket.socket:
+    """Return a socket at an address, or raise ValueError, which names it."""
+    try:
+        family, kind, _, _, place = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        opened = socket.socket(family, kind)
+        try:
+            opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            opened.bind(place)
+            opened.listen(BACKLOG)  # who is told the address may ask at once
+        except OSError:
+            opened.close()
+            raise
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise ValueError(f"cannot listen on {host}, port {port}: {reason}") from error
+    return opened

@@ -1,0 +1,69 @@
+// Requests to the server that this page came from.
+
+const token = new URLSearchParams(location.search).get("token") ?? "";
+
+/** An error that the server states: its code, its text, and what was found before. */
+export class Refusal extends Error {
+  constructor({ code, text, found = [], rejected = [] }) {
+    super(text);
+    Object.assign(this, { code, found, rejected });
+  }
+}
+
+async function sent(path, init) {
+  let answer;
+  try {
+    answer = await fetch(path, { ...init, headers: { ...init.headers, "X-Trisquare-Token": token } });
+  } catch (error) {
+    if (error.name === "AbortError") throw error;
+    throw new Refusal({ code: "NetworkError", text: "The server does not answer, or refuses so much data." });
+  }
+  if (!answer.ok) {
+    const told = await answer.json().catch(() => null);
+    throw new Refusal(told?.error ?? { code: "ServerError", text: `The server answers ${answer.status}.` });
+  }
+  return answer;
+}
+
+export async function status() {
+  return (await sent("/api/status", {})).json();
+}
+
+function form(files, options) {
+  const body = new FormData();
+  for (const [field, file, name] of files) body.append(field, file, name);
+  body.append("options", JSON.stringify(options));
+  return body;
+}
+
+/** Post files, each [field, Blob, name], and options; return JSON. */
+export async function ask(route, files, options = {}, signal = undefined) {
+  return (await sent(`/api/${route}`, { method: "POST", body: form(files, options), signal })).json();
+}
+
+/** The same where the answer is a file: {blob, name}. */
+export async function askFile(route, files, options = {}) {
+  const answer = await sent(`/api/${route}`, { method: "POST", body: form(files, options) });
+  const name = /filename="([^"]*)"/.exec(answer.headers.get("Content-Disposition") ?? "")?.[1];
+  return { blob: await answer.blob(), name: name ?? route };
+}
+
+/** Post JSON; return JSON. */
+export async function askJson(route, members, signal = undefined) {
+  const headers = { "Content-Type": "application/json" };
+  const init = { method: "POST", body: JSON.stringify(members), headers, signal };
+  return (await sent(`/api/${route}`, init)).json();
+}
+
+/** Let the browser save a file. */
+export function save(blob, name) {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(blob);
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+}
+
+export function jsonBlob(members) {
+  return new Blob([JSON.stringify(members)], { type: "application/json" });
+}

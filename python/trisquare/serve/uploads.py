@@ -1,0 +1,92 @@
+"""What comes with a request: photographs and other files into its folder, options from JSON."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from starlette.datastructures import UploadFile
+from starlette.requests import Request
+
+from trisquare.batch.jobs import safe_file_name
+
+MOST_PICTURES = 100
+MOST_FIELDS = 10
+LARGEST_FIELD = 1 << 20
+"""Bytes of a field that is no file."""
+
+CHUNK = 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class Upload:
+    """The names of the files in the request's folder, and the options."""
+
+    photographs: tuple[str, ...]
+    files: Mapping[str, str]
+    options: dict[str, Any]
+
+
+async def received(request: Request, folder: Path) -> Upload:
+    """Read the body of a request: a form, or JSON that is the options.
+
+    Files keep their names as far as these are names and nothing else, so that messages and
+    outlines can say them.
+
+    Raises
+    ------
+    ValueError
+        If a field is unknown or given twice, or the options are no JSON object.
+    HTTPException
+        If the form is damaged.
+    """
+    if not request.headers.get("content-type", "").startswith("multipart/form-data"):
+        return Upload((), {}, _options(await request.body()))
+    photographs: list[str] = []
+    files: dict[str, str] = {}
+    options: dict[str, Any] | None = None
+    async with request.form(
+        max_files=MOST_PICTURES + MOST_FIELDS, max_fields=MOST_FIELDS, max_part_size=LARGEST_FIELD
+    ) as form:
+        for field, value in form.multi_items():
+            if field == "options" and options is None:
+                options = _options(value if isinstance(value, str) else await value.read())
+            elif not isinstance(value, UploadFile):
+                raise ValueError(f"the field {field!r} must be a file")
+            elif field == "picture":
+                if len(photographs) == MOST_PICTURES:
+                    raise ValueError(f"more than {MOST_PICTURES} pictures")
+                photographs.append(await _kept(value, folder, photographs))
+            elif field in ("result", "camera", "first", "second") and field not in files:
+                files[field] = await _kept(value, folder, (*photographs, *files.values()), field)
+            else:
+                raise ValueError(f"the field {field!r} is unknown, or is given twice")
+    return Upload(tuple(photographs), files, options or {})
+
+
+def _options(text: str | bytes) -> dict[str, Any]:
+    try:
+        options = json.loads(text or "{}")
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"the options are no JSON: {error}") from error
+    if not isinstance(options, dict):
+        raise ValueError(f"the options must be a JSON object, not {type(options).__name__}")
+    return options
+
+
+async def _kept(upload: UploadFile, folder: Path, taken: Any, prefix: str = "") -> str:
+    """Write a file into the folder and return its name."""
+    given = os.path.basename((upload.filename or "picture").replace("\\", "/")).strip()
+    name = safe_file_name(f"{prefix}-{given or 'file'}" if prefix else given or "picture")
+    count = 1
+    while name in taken:
+        count += 1
+        name = safe_file_name(f"{count}-{given}")
+    with open(folder / name, "xb") as file:
+        while chunk := await upload.read(CHUNK):
+            file.write(chunk)
+    return name

@@ -1,0 +1,550 @@
+"""The API: what its routes do, refuse and state, and that nobody gets in who should not."""
+
+import json
+import struct
+import threading
+import zlib
+from importlib import resources
+
+import cv2
+import numpy as np
+import pytest
+
+pytest.importorskip("starlette", reason="needs the extra serve")
+pytest.importorskip("python_multipart", reason="needs the extra serve")
+
+import anyio
+from scenes import squares
+from starlette.testclient import TestClient
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare.batch.limits import JobLimits
+from trisquare.serve.app import create_app
+
+TOKEN = "the-token-of-the-tests"
+LIMITS = JobLimits(max_pixels=3_000_000, max_bytes=8_000_000, max_seconds=60.0, max_memory=1e9)
+SIZE = (640, 480)
+SCENE = squares(11, image_size=SIZE)
+PIXELS = simulate.render(SCENE, np.random.default_rng(12))
+PHOTO = cv2.imencode(".png", PIXELS)[1].tobytes()
+
+
+@pytest.fixture(scope="module")
+def client():
+    app = create_app(TOKEN, LIMITS, processes=2)
+    with TestClient(app, headers={"X-Trisquare-Token": TOKEN}) as client:
+        yield client
+
+
+def post(client, name, *pictures, options=None, **files):
+    parts = [("picture", (f"p{i}.png", content)) for i, content in enumerate(pictures)]
+    parts += [(field, (f"{field}.json", content)) for field, content in files.items()]
+    data = {} if options is None else {"options": json.dumps(options)}
+    return client.post(f"/api/{name}", files=parts, data=data)
+
+
+def error_of(answer, status):
+    assert answer.status_code == status, answer.text
+    error = answer.json()["error"]
+    assert error["text"]
+    return error
+
+
+@pytest.fixture(scope="module")
+def result(client):
+    answer = post(client, "calibrate", PHOTO)
+    assert answer.status_code == 200, answer.text
+    return answer.json()
+
+
+def test_calibrates_as_the_function_does(result):
+    own = ts.calibrate(PIXELS, threads=1)
+    read = ts.Calibration.from_json(json.dumps(result["result"]))
+    assert read.to_json() == own.to_json()
+    assert {one["name"]: one["std"] for one in result["parameters"]} == dict(own.std)
+    assert set(result["diagnosis"]) == set(own.parameters)
+
+
+def test_finds_what_is_there_and_snaps_what_is_drawn(client):
+    found = post(client, "find", PHOTO, options={"guide": True}).json()
+    assert found["image_size"] == list(SIZE)
+    truth = [np.array(one["corners"]) for one in found["found"]]
+    assert len(truth) == 3
+    assert found["prediction"]["std"]["fx"] > 0
+    drawn = {
+        "format": "trisquare-outlines/1",
+        "squares": [{"corners": (corners + 3.0).tolist()} for corners in truth]
+        + [{"corners": [[5, 5], [45, 5], [45, 45], [5, 45]]}],
+    }
+    snapped = post(client, "find", PHOTO, options={"outlines": drawn}).json()
+    for own, other in zip(truth, snapped["found"], strict=True):
+        gaps = np.hypot(*(own[:, None] - np.array(other["corners"])).T)
+        assert gaps.min(axis=0).max() < 0.5
+    assert ["no edge" in one["reason"] for one in snapped["rejected"]] == [True]
+
+
+def test_predicts_what_the_calibration_then_states(client, result):
+    found = post(client, "find", PHOTO).json()
+    options = {"image_size": found["image_size"], "outlines": found["found"]}
+    answer = client.post("/api/predict", json=options)
+    assert answer.status_code == 200, answer.text
+    guided = answer.json()
+    stated = {one["name"]: one["std"] for one in result["parameters"]}
+    for name in ("fx", "cx"):
+        assert 0.25 < guided["std"][name] / stated[name] < 4.0
+    known = client.post("/api/predict", json={**options, "camera": result["result"]}).json()
+    assert known["focal"] == pytest.approx(result["parameters"][0]["value"])
+    assert known["std"]["fx"] == pytest.approx(guided["std"]["fx"], rel=0.5)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_too_few_squares_are_told(client, count):
+    found = post(client, "find", PHOTO).json()
+    options = {"image_size": list(SIZE), "outlines": found["found"][:count]}
+    guided = client.post("/api/predict", json=options).json()
+    assert guided["std"] is None
+    assert not guided["is_enough"]
+    assert ["three squares", "two more", "one more"][count] in guided["advice"]
+
+
+def picture_of(answer):
+    assert answer.status_code == 200, answer.text
+    return cv2.imdecode(np.frombuffer(answer.content, np.uint8), cv2.IMREAD_UNCHANGED)
+
+
+def test_draws_undistorts_and_reports(client, result):
+    text = json.dumps(result["result"])
+    calibration = ts.Calibration.from_json(text)
+    assert picture_of(post(client, "overlay", PHOTO, result=text)).shape == (480, 640, 3)
+    straight = picture_of(post(client, "undistort", PHOTO, camera=text))
+    np.testing.assert_array_equal(straight, ts.undistort(PIXELS, calibration.camera))
+    shown = post(client, "undistort", PHOTO, camera=text, options={"shown": True})
+    assert shown.headers["content-type"] == "image/jpeg"
+    assert picture_of(post(client, "preview", PHOTO)).shape == PIXELS.shape
+    report = post(client, "report", PHOTO, result=text)
+    assert report.status_code == 200, report.text
+    assert "p0.png" in report.text
+
+
+@pytest.mark.parametrize(
+    "name", ["trisquare", "opencv", "ros", "kalibr", "mrcal", "nerfstudio", "colmap"]
+)
+def test_converts(client, result, tmp_path, name):
+    answer = post(
+        client,
+        f"convert/{name}",
+        camera=json.dumps(result["result"]),
+        options={
+            "approximate": True,
+        },
+    )
+    assert answer.status_code == 200, answer.text
+    path = tmp_path / answer.headers["content-disposition"].split('"')[1]
+    path.write_bytes(answer.content)
+    assert ts.Camera.load(path).image_size == SIZE
+
+
+def test_a_format_that_cannot_hold_the_lens_says_what_it_would_cost(client, result):
+    text = json.dumps(result["result"])
+    assert "approximate" in error_of(post(client, "convert/hugin", camera=text), 409)["text"]
+    error_of(post(client, "convert/nothing", camera=text), 400)
+
+
+def test_compares(client, result):
+    text = json.dumps(result["result"])
+    answer = post(client, "compare", first=text, second=text).json()
+    assert answer["same"] is True
+    assert answer["verdict"].startswith("the same")
+
+
+def test_pictures_are_pooled_and_outlines_belong_to_one_of_them(client):
+    outlines = post(client, "find", PHOTO).json()["found"]
+    drawn = {
+        "format": "trisquare-outlines/1",
+        "pictures": [
+            {"index": 1, "squares": [{"corners": one["corners"]} for one in outlines]},
+        ],
+    }
+    other = cv2.imencode(".png", PIXELS[::-1, ::-1])[1].tobytes()
+    answer = post(client, "calibrate", other, PHOTO, options={"outlines": drawn})
+    assert answer.status_code == 200, answer.text
+    assert {plane["image"] for plane in answer.json()["result"]["planes"]} == {1}
+    both = post(client, "calibrate", other, PHOTO).json()
+    assert {plane["image"] for plane in both["result"]["planes"]} == {0, 1}
+
+
+# Who gets in.
+
+
+@pytest.mark.parametrize("path", ["/", "/main.js", "/api/status", "/api/schema", "/nothing"])
+@pytest.mark.parametrize("token", [None, "", "wrong", TOKEN[:-1], TOKEN + "x", "\u00e4"])
+def test_nothing_is_answered_without_the_token(client, path, token):
+    bare = TestClient(client.app)
+    answer = bare.get(path, params={} if token is None else {"token": token})
+    assert error_of(answer, 401)["code"] == "TokenError"
+    assert error_of(bare.post("/api/find", content=PHOTO), 401)
+
+
+def test_the_token_may_be_a_parameter_or_a_header(client):
+    bare = TestClient(client.app)
+    assert bare.get("/", params={"token": TOKEN}).status_code == 200
+    assert bare.get("/", headers={"X-Trisquare-Token": TOKEN}).status_code == 200
+
+
+def test_every_answer_has_the_strict_headers(client):
+    bare = TestClient(client.app)
+    for answer in (client.get("/"), client.get("/nothing"), bare.get("/")):
+        policy = answer.headers["content-security-policy"]
+        assert policy.startswith("default-src 'none'; script-src 'self'; style-src 'self';")
+        assert "frame-ancestors 'none'" in policy
+        assert "unsafe" not in policy
+        assert answer.headers["referrer-policy"] == "no-referrer"
+        assert answer.headers["x-content-type-options"] == "nosniff"
+
+
+def test_the_page_names_its_files_with_the_token_and_all_are_served(client):
+    bare = TestClient(client.app)
+    static = resources.files("trisquare.serve") / "static"
+    for file in static.iterdir():
+        text = bare.get(f"/{file.name}", params={"token": TOKEN}).text
+        for line in text.splitlines():
+            if '"./' in line:
+                name = line.split('"./')[1].split('"')[0]
+                assert name.endswith(f"?token={TOKEN}")
+                assert bare.get(f"/{name}").status_code == 200
+
+
+@pytest.mark.parametrize(
+    "path", ["/../app.py", "/..%2fapp.py", "/%2e%2e/app.py", "/app.py", "/static", "/.hidden.js"]
+)
+def test_no_other_file_is_served(client, path):
+    error_of(client.get(path), 404)
+
+
+# What is sent.
+
+
+def bomb(side):
+    """A PNG of few bytes whose header and rows say that it is square and large."""
+
+    def chunk(kind, content):
+        check = zlib.crc32(kind + content)
+        return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", check)
+
+    header = struct.pack(">IIBBBBB", side, side, 8, 0, 0, 0, 0)
+    rows = zlib.compress(bytes((side + 1) * 64), 9)
+    return (
+        b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", rows) + chunk(b"IEND", b"")
+    )
+
+
+HOSTILE = {
+    "empty": b"",
+    "no picture": b"hello " * 100,
+    "truncated": PHOTO[: len(PHOTO) // 2],
+    "unfolds": bomb(30000),
+    "SVG": b'<svg xmlns="http://www.w3.org/2000/svg"><image href="file:///etc/passwd"/></svg>',
+    "noise": b"\xff\xd8\xff" + bytes(range(256)) * 40,
+}
+
+
+@pytest.mark.parametrize("kind", HOSTILE)
+@pytest.mark.parametrize("route", ["find", "calibrate", "preview"])
+def test_a_hostile_picture_is_an_error_with_a_code_and_a_text(client, route, kind):
+    error = error_of(post(client, route, HOSTILE[kind]), 422)
+    assert error["code"] == "ImageError"
+    assert "p0.png" in error["text"]
+    assert "/tmp" not in error["text"]
+
+
+def test_a_picture_without_squares_is_an_error_that_says_so(client):
+    flat = cv2.imencode(".png", np.full((200, 300), 128, np.uint8))[1].tobytes()
+    error = error_of(post(client, "calibrate", flat), 422)
+    assert error["code"] == "DetectionError"
+    assert (error["found"], error["rejected"]) == ([], [])
+
+
+def test_what_was_found_comes_with_a_refusal(client):
+    few = PIXELS.copy()
+    corners = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+    for plane in (0, 1):
+        x, y, width, height = cv2.boundingRect(np.float32(SCENE.image_points(plane, corners)))
+        few[y - 5 : y + height + 5, x - 5 : x + width + 5] = few[2, 2]
+    error = error_of(post(client, "calibrate", cv2.imencode(".png", few)[1].tobytes()), 422)
+    assert error["code"] == "NotEnoughPlanesError"
+    assert len(error["found"]) == 1
+
+
+def test_too_many_bytes_are_refused_stated_or_not(client):
+    large = bytes(LIMITS.max_bytes + 1)
+    assert error_of(post(client, "find", large), 413)["code"] == "TooLargeError"
+
+    def unstated():
+        yield b'--x\r\nContent-Disposition: form-data; name="picture"; filename="p.png"\r\n\r\n'
+        for _ in range(10):
+            yield bytes(LIMITS.max_bytes // 8)
+
+    headers = {"content-type": "multipart/form-data; boundary=x"}
+    answer = client.post("/api/find", content=unstated(), headers=headers)
+    assert error_of(answer, 413)["code"] == "TooLargeError"
+
+
+@pytest.mark.parametrize(
+    ("content", "kind"),
+    [
+        (b"--x\r\nnonsense", "multipart/form-data; boundary=x"),
+        (b"nothing", "multipart/form-data"),
+        (b"{", "application/json"),
+        (b"[1]", "application/json"),
+        (b"[" * 200_000, "application/json"),
+    ],
+)
+def test_a_damaged_body_is_an_error(client, content, kind):
+    for name in ("find", "predict"):
+        error_of(client.post(f"/api/{name}", content=content, headers={"content-type": kind}), 400)
+
+
+@pytest.mark.parametrize(
+    ("route", "options"),
+    [
+        ("calibrate", {"targets": "/etc/layout.json"}),
+        ("calibrate", {"outlines": "/etc/passwd"}),
+        ("calibrate", {"initial": "/etc/passwd"}),
+        ("calibrate", {"model": "nonsense"}),
+        ("calibrate", {"model": ["radial2"]}),
+        ("calibrate", {"threads": 1000}),
+        ("find", {"outlines": ["/etc/passwd"]}),
+        ("find", {"outlines": {"format": "trisquare-outlines/1", "squares": []}}),
+        ("find", {"targets": "chessboard:1x1"}),
+        ("find", {"targets": 3}),
+    ],
+)
+def test_wrong_options_and_paths_are_refused(client, route, options):
+    error_of(post(client, route, PHOTO, options=options), 400)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"image_size": [640, 480]},
+        {"image_size": "large", "outlines": []},
+        {"image_size": [640, -1], "outlines": []},
+        {"image_size": [640, 480], "outlines": 3},
+        {"image_size": [640, 480], "outlines": [[1, 2]]},
+        {"image_size": [640, 480], "outlines": [{"corners": [[1, 2]]}]},
+        {"image_size": [640, 480], "outlines": [{"corners": [[0, 0]] * 4, "sides": 3}]},
+        {"image_size": [640, 480], "outlines": [], "camera": "camera.json"},
+        {"image_size": [640, 480], "outlines": [], "sigma": "x"},
+    ],
+)
+def test_a_wrong_question_to_predict_is_refused(client, options):
+    error_of(client.post("/api/predict", json=options), 400)
+
+
+def test_names_of_files_are_names_alone(client):
+    for name in ("../../x.png", "/etc/x.png", "..\\x.png", "con", "a" * 4000, "\x00.png", ""):
+        answer = client.post("/api/find", files=[("picture", (name, HOSTILE["no picture"]))])
+        assert answer.status_code in (400, 422)
+        assert "etc" not in answer.text
+        assert ".." not in answer.text
+
+
+def test_missing_and_doubled_files_are_told(client, result):
+    text = json.dumps(result["result"])
+    assert "picture" in error_of(post(client, "find"), 400)["text"]
+    assert "one picture" in error_of(post(client, "find", PHOTO, PHOTO), 400)["text"]
+    assert '"result"' in error_of(post(client, "overlay", PHOTO), 400)["text"]
+    assert '"second"' in error_of(post(client, "compare", first=text), 400)["text"]
+    error_of(post(client, "compare", first=text, second="no camera"), 400)
+    error_of(post(client, "find", PHOTO, nothing=text), 400)
+
+
+def test_a_picture_of_another_camera_is_refused(client, result):
+    small = cv2.imencode(".png", PIXELS[:400])[1].tobytes()
+    for route, field in (("overlay", "result"), ("undistort", "camera"), ("report", "result")):
+        files = {field: json.dumps(result["result"])}
+        assert "640 x 480" in error_of(post(client, route, small, **files), 400)["text"]
+
+
+# Many at a time.
+
+
+def in_threads(calls):
+    answers = [None] * len(calls)
+
+    def make(index):
+        answers[index] = calls[index]()
+
+    threads = [threading.Thread(target=make, args=(i,)) for i in range(len(calls))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return answers
+
+
+def test_fifty_requests_at_a_time_are_all_answered(client):
+    alone = post(client, "find", PHOTO).json()
+    answers = in_threads([lambda: post(client, "find", PHOTO)] * 50)
+    assert [answer.status_code for answer in answers] == [200] * 50
+    assert all(answer.json() == alone for answer in answers)
+
+
+def test_whoever_finds_no_place_is_told_to_come_again():
+    app = create_app(TOKEN, LIMITS, processes=1, most_accepted=2)
+    with TestClient(app, headers={"X-Trisquare-Token": TOKEN}) as client:
+        answers = in_threads([lambda: post(client, "calibrate", PHOTO)] * 12)
+        refused = [answer for answer in answers if answer.status_code != 200]
+        assert 0 < len(refused) < 12
+        for answer in refused:
+            assert error_of(answer, 503)["code"] == "BusyError"
+            assert int(answer.headers["retry-after"]) > 0
+        assert post(client, "calibrate", PHOTO).status_code == 200
+
+
+# Who leaves, and what takes too long.
+
+
+def left_during(app, body):
+    """Post a calibration and leave once it is being done: what was answered, and after how long."""
+    sent, reading = [], iter([{"type": "http.request", "body": body, "more_body": False}])
+    scope = {
+        "type": "http",
+        "method": "POST",
+        "path": "/api/calibrate",
+        "query_string": f"token={TOKEN}".encode(),
+        "headers": [(b"content-type", b"multipart/form-data; boundary=x")],
+    }
+
+    async def receive():
+        for message in reading:
+            return message
+        while not app.state.jobs.is_working:  # it is being done
+            await anyio.sleep(0.005)
+        return {"type": "http.disconnect"}
+
+    async def send(message):
+        sent.append(message)
+
+    async def answered():
+        await app(scope, receive, send)
+
+    anyio.run(answered)
+    return sent[0]["status"]
+
+
+def test_a_client_that_leaves_ends_its_work_and_gives_its_place_back(tmp_path):
+    app = create_app(TOKEN, LIMITS, processes=1, most_accepted=1)
+    part = b'--x\r\nContent-Disposition: form-data; name="picture"; filename="p.png"\r\n\r\n'
+    try:
+        assert left_during(app, part + PHOTO + b"\r\n--x--\r\n") == 499
+        with TestClient(app, headers={"X-Trisquare-Token": TOKEN}) as client:
+            assert post(client, "find", PHOTO).status_code == 200
+    finally:
+        app.state.jobs.close()
+
+
+def test_what_takes_too_long_or_too_much_is_ended():
+    for limits, codes in (
+        (JobLimits(3_000_000, 8_000_000, 0.02, 1e9), {"TimeLimitError"}),
+        # Where an allocation in C fails, the process may not live to say so.
+        (JobLimits(3_000_000, 8_000_000, 60.0, 1.0), {"MemoryError", "WorkerDiedError"}),
+    ):
+        app = create_app(TOKEN, limits, processes=1)
+        with TestClient(app, headers={"X-Trisquare-Token": TOKEN}) as client:
+            assert error_of(post(client, "calibrate", PHOTO), 422)["code"] in codes
+
+
+def test_nothing_is_kept(client, tmp_path):
+    root = client.app.state.jobs.folder
+    post(client, "find", PHOTO)
+    post(client, "find", b"no picture")
+    assert list(root.iterdir()) == []
+    app = create_app(TOKEN, LIMITS, processes=1)
+    with TestClient(app):
+        assert app.state.jobs.folder.exists()
+    assert not app.state.jobs.folder.exists()
+
+
+# The schema.
+
+
+def check(value, schema, where="answer"):
+    """Hold a value against the few words of JSON Schema that the description uses."""
+    kinds = schema.get("type")
+    known = {
+        "object": dict,
+        "array": list,
+        "string": str,
+        "number": (int, float),
+        "integer": int,
+        "boolean": bool,
+        "null": type(None),
+    }
+    if kinds is not None:
+        names = [kinds] if isinstance(kinds, str) else kinds
+        assert any(isinstance(value, known[name]) for name in names), where
+    if isinstance(value, dict):
+        assert set(schema.get("required", ())) <= set(value), where
+        others = schema.get("additionalProperties", {})
+        for key, member in value.items():
+            own = schema.get("properties", {}).get(key)
+            assert own is not None or others is not False, f"{where}.{key}"
+            check(member, others if own is None else own, f"{where}.{key}")
+    elif isinstance(value, list):
+        for member in value:
+            check(member, schema.get("items", {}), f"{where}[]")
+
+
+def test_the_schema_names_the_routes_that_there_are(client):
+    schema = client.get("/api/schema").json()
+    routes = {route.path for route in client.app.routes if "POST" in (route.methods or ())}
+    assert set(schema["paths"]) == routes
+    for path in routes:
+        assert client.get(path).status_code == 405
+
+
+def test_answers_and_errors_are_as_the_schema_says(client, result):
+    paths = client.get("/api/schema").json()["paths"]
+    text = json.dumps(result["result"])
+    found = post(client, "find", PHOTO, options={"guide": True}).json()
+    question = {"image_size": found["image_size"], "outlines": found["found"]}
+    answers = {
+        "find": found,
+        "calibrate": result,
+        "predict": client.post("/api/predict", json=question).json(),
+        "compare": post(client, "compare", first=text, second=text).json(),
+    }
+    for name, answer in answers.items():
+        responses = paths[f"/api/{name}"]["post"]["responses"]
+        schema = responses["200"]["content"]["application/json"]["schema"]
+        check(answer, schema)
+        stated = set(schema["properties"])
+        assert set(schema["required"]) <= set(answer) <= stated
+    for path, operation in paths.items():
+        answer = client.post(path.replace("{format}", "ros"), content=b"{")
+        assert answer.status_code == 400
+        refusal = operation["post"]["responses"]["400"]["content"]["application/json"]["schema"]
+        check(answer.json(), refusal)
+    for name in ("overlay", "undistort", "preview", "report", "convert/{format}"):
+        field = "result" if name in ("overlay", "report") else "camera"
+        files = {} if name == "preview" else {field: text}
+        pictures = () if name.startswith("convert") else (PHOTO,)
+        answer = post(client, name.replace("{format}", "ros"), *pictures, **files)
+        stated = paths[f"/api/{name}"]["post"]["responses"]["200"]["content"]
+        assert answer.headers["content-type"].split(";")[0] in stated
+
+
+def test_only_the_options_of_the_schema_are_taken(client):
+    for path, operation in client.get("/api/schema").json()["paths"].items():
+        (body,) = operation["post"]["requestBody"]["content"].values()
+        options = body["schema"]["properties"].get("options", body["schema"])
+        assert options["additionalProperties"] is False
+        name = path.removeprefix("/api/").replace("{format}", "ros")
+        error = error_of(client.post(f"/api/{name}", json={"nothing": 1}), 400)
+        assert "unknown option 'nothing'" in error["text"]
+        for option in options["properties"]:
+            answer = client.post(f"/api/{name}", json={option: None})
+            assert "unknown option" not in answer.text

@@ -1,0 +1,120 @@
+"""`trisquare serve` itself: where it listens, what it prints, when it ends."""
+
+import json
+import shutil
+import socket
+import ssl
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+from contextlib import contextmanager
+
+import pytest
+
+pytest.importorskip("uvicorn", reason="needs the extra serve")
+
+COMMAND = (sys.executable, "-m", "trisquare", "serve")
+
+
+@contextmanager
+def served(*options):
+    """Run the command on a free port, and end it by Ctrl-C; yields what it has printed."""
+    command = [*COMMAND, "--port", "0", "--json", *options]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
+        told = ""
+        while not told.endswith("}\n"):
+            line = server.stdout.readline()
+            assert line, "it has ended"
+            told += line
+        try:
+            yield json.loads(told)["address"]
+        finally:
+            server.send_signal(2)
+            assert server.wait(30) == 0
+
+
+def refused(*options):
+    """Return the one line that says why it does not serve."""
+    done = subprocess.run([*COMMAND, *options], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1
+    return done.stderr
+
+
+def test_it_serves_this_machine_alone_and_only_with_the_token():
+    with served() as address:
+        assert address.startswith("http://127.0.0.1:")
+        with urllib.request.urlopen(address, timeout=30) as answer:
+            assert b"Calibrate a camera" in answer.read()
+            assert answer.headers["server"] is None
+        with pytest.raises(urllib.error.HTTPError, match="401") as error:
+            urllib.request.urlopen(address.split("?")[0], timeout=30)
+        error.value.close()
+
+
+def test_every_run_has_another_token():
+    with served() as first, served() as second:
+        tokens = {address.split("token=")[1] for address in (first, second)}
+    assert len(tokens) == 2
+    assert min(map(len, tokens)) >= 32
+
+
+def test_it_ends_when_nobody_asks():
+    command = [*COMMAND, "--port", "0", "--idle", "0.3", "-q"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_a_taken_port_and_a_foreign_address_are_told():
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        assert f"cannot listen on 127.0.0.1, port {port}: " in refused("--port", str(port))
+    assert "cannot listen on 192.0.2.1" in refused("--host", "192.0.2.1", "--port", "0")
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        (("--port", "65536"), "--port"),
+        (("--jobs", "0"), "--jobs"),
+        (("--idle", "0"), "--idle"),
+        (("--idle", "nan"), "--idle"),
+        (("--token", "short"), "--token"),
+        (("--token", "an&ampersand-is-no-letter"), "--token"),
+        (("--max-bytes", "many"), "--max-bytes"),
+        (("--max-pixels", "-1"), "--max-pixels"),
+        (("--key", "key.pem"), "belong together"),
+    ],
+)
+def test_wrong_options_are_told(run, options, text):
+    code, out, err = run("serve", *options)
+    assert (code, out) == (2, "")
+    assert text in err
+
+
+def test_without_the_extra_it_says_what_to_install(run, monkeypatch):
+    monkeypatch.setitem(sys.modules, "uvicorn", None)
+    code, out, err = run("serve")
+    assert (code, out) == (2, "")
+    assert "pip install 'trisquare[serve]'" in err
+
+
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="there is no openssl")
+def test_it_serves_by_https(tmp_path):
+    certificate, key = tmp_path / "cert.pem", tmp_path / "key.pem"
+    subprocess.run(
+        [
+            *("openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "1"),
+            *("-subj", "/CN=localhost", "-addext", "subjectAltName=IP:127.0.0.1"),
+            *("-keyout", key, "-out", certificate),
+        ],
+        check=True,
+        capture_output=True,
+    )
+    trusted = ssl.create_default_context(cafile=certificate)
+    with served("--certificate", certificate, "--key", key) as address:
+        assert address.startswith("https://127.0.0.1:")
+        with urllib.request.urlopen(address, timeout=30, context=trusted) as answer:
+            assert answer.status == 200
