@@ -233,6 +233,20 @@ def test_what_has_no_edges_says_so_and_escape_leaves_drawing(page, photo):
 
 
 @pytest.mark.slow
+def test_a_square_is_added_by_keys_and_a_search_forgets_it(page, photo):
+    opened(page, photo)
+    page.evaluate("document.getElementById('add').focus()")
+    page.press_key("Enter")
+    focus = "document.activeElement.getAttribute('aria-label')"
+    assert page.evaluate(focus).startswith("Square 4, corner 1: ")
+    page.evaluate("document.getElementById('find').focus()")
+    page.press_key("Enter")
+    page.wait_for(f"{LIST}.length === 3")
+    press(page, "undo")
+    assert len(drawn(page)) == 4
+
+
+@pytest.mark.slow
 def test_a_rejected_square_is_not_used(page, photo):
     opened(page, photo)
     for number, missing in enumerate(("one more", "two more")):

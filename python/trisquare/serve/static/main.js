@@ -263,14 +263,22 @@ async function calibrate() {
   const used = [...pictures];
   byId("calibrate").disabled = true;
   results.hide();
-  const answer = await working("Calibrating", () => ask(
-    "calibrate", used.map(({ blob, name }) => ["picture", blob, name]), options(),
-  ));
+  const tellRejected = (rejected) => {
+    for (const picture of used) picture.rejected = [];
+    for (const one of rejected) used[one.image]?.rejected.push(one);
+    update();
+  };
+  const answer = await working("Calibrating", async () => {
+    try {
+      return await ask("calibrate", used.map(({ blob, name }) => ["picture", blob, name]), options());
+    } catch (error) {
+      tellRejected(error.rejected ?? []);
+      throw error;
+    }
+  });
   byId("calibrate").disabled = false;
   if (!answer) return;
-  for (const picture of used) picture.rejected = [];
-  for (const one of answer.result.rejected ?? []) used[one.image]?.rejected.push(one);
-  update();
+  tellRejected(answer.result.rejected ?? []);
   const shown = results.show(answer, used, used.indexOf(current));
   byId("results").focus();
   await shown;
