@@ -437,9 +437,13 @@ def left_during(app, body):
 
 def test_a_client_that_leaves_ends_its_work_and_gives_its_place_back(tmp_path):
     app = create_app(TOKEN, LIMITS, processes=1, most_accepted=1)
-    part = b'--x\r\nContent-Disposition: form-data; name="picture"; filename="p.png"\r\n\r\n'
+    part = b'--x\r\nContent-Disposition: form-data; name="picture"; filename="p.jpg"\r\n\r\n'
+    # Thousands of contours, which take longer to search than anybody needs to leave.
+    noise = np.random.default_rng(0).integers(0, 256, (1400, 2000), np.uint8)
+    noise = cv2.resize(noise[::6, ::6].copy(), (2000, 1400))
+    picture = cv2.imencode(".jpg", noise)[1].tobytes()
     try:
-        assert left_during(app, part + PHOTO + b"\r\n--x--\r\n") == 499
+        assert left_during(app, part + picture + b"\r\n--x--\r\n") == 499
         with TestClient(app, headers={"X-Trisquare-Token": TOKEN}) as client:
             assert post(client, "find", PHOTO).status_code == 200
     finally:
