@@ -1,5 +1,6 @@
 """Bad input ends in the documented error, in Python and at the command, and leaves no file."""
 
+import json
 import subprocess
 import sys
 
@@ -133,13 +134,14 @@ def test_figures_of_one_plane_are_one_plane():
         (np.full((480, 640), np.inf, np.float32), ValueError),
         (np.zeros((0, 640), np.uint8), ValueError),
         (np.zeros(640, np.uint8), ValueError),
-        (np.zeros((480, 640, 4), np.uint8), ValueError),
+        (np.zeros((480, 640, 4), np.uint8), ts.DetectionError),
+        (np.zeros((480, 640, 5), np.uint8), ValueError),
         (np.zeros((480, 640), np.float64), TypeError),
         (np.zeros((480, 640), bool), TypeError),
         (np.zeros((480, 640), np.int16), TypeError),
         (None, TypeError),
         (3, TypeError),
-        (b"photo.png", TypeError),
+        (b"photo.png", ts.ImageError),
         ([], ValueError),
         ("no such file.png", ts.ImageError),
         (".", ts.ImageError),
@@ -220,7 +222,7 @@ def test_the_command_refuses_bad_photographs(run, tmp_path, content, exit_code):
     camera.write_text("kept")
     code, out, err = run("calibrate", photo, "-o", camera, "--overlay", overlay, "--json")
     assert (code, out, err.count("\n")) == (exit_code, "", 1)
-    assert err.startswith("trisquare: error: ")
+    assert json.loads(err)["error"]["exit_code"] == exit_code
     assert camera.read_text() == "kept"
     assert {path.name for path in tmp_path.iterdir()} <= {"a.png", "camera.json"}
 

@@ -238,7 +238,7 @@ def dask_executor(address: str) -> Iterator[Executor]:
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # its errors are told here
     try:
         client = Client(address, timeout=DASK_SECONDS, set_as_default=False)  # type: ignore[no-untyped-call]
-    except (OSError, ValueError, TypeError) as error:
+    except Exception as error:  # of which distributed has many kinds
         raise ValueError(f"{address}: no Dask scheduler answers there") from error
     with client:
         try:
