@@ -71,7 +71,8 @@ const MAX_TRACE: f64 = 16_000.0;
 pub(crate) struct BandPixel {
     column: u32,
     row: u32,
-    value: f32,
+    /// Coded grey, 1 being white.
+    pub value: f64,
     depth: f32,
     /// The stretch of the outline that it is nearest to.
     pub stretch: u16,
@@ -87,21 +88,10 @@ impl BandPixel {
         Vector2::new(f64::from(self.column), f64::from(self.row))
     }
 
-    /// Coded grey, 1 being white.
-    #[inline]
-    pub fn value(&self) -> f64 {
-        f64::from(self.value)
-    }
-
     /// Distance to the outline as first seen, px, positive inside; good to half a pixel.
     #[inline]
     pub fn depth(&self) -> f64 {
         f64::from(self.depth)
-    }
-
-    #[cfg(test)]
-    pub fn set_value(&mut self, value: f64) {
-        self.value = value as f32;
     }
 }
 
@@ -324,7 +314,7 @@ impl Outline {
             Some(BandPixel {
                 column: x as u32,
                 row: y as u32,
-                value: value as f32,
+                value,
                 is_clipped,
                 near: mark.near,
                 depth: depth as f32,

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use super::band::{BandPixel, PixelFigure};
+use super::band::PixelFigure;
 use crate::image::{PictureState, TONE_PARAMETERS, Tone};
 
 /// Parameters of an exposure: ground, contrast, the light's gradient in x and y, blur.
@@ -37,7 +37,7 @@ impl Exposure {
     /// From low and high quantiles of the band's pixels; `None` where they do not differ
     /// the right way round.
     pub fn guess(figure: &PixelFigure, tone: Tone) -> Option<Self> {
-        let mut all: Vec<f64> = figure.pixels.iter().map(BandPixel::value).collect();
+        let mut all: Vec<f64> = figure.pixels.iter().map(|p| p.value).collect();
         // About half of the band lies on either side.
         let mut quantile = |part: f64| {
             let index = (all.len() as f64 * part) as usize;

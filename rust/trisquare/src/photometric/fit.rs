@@ -316,13 +316,13 @@ mod tests {
             values.push(
                 shades
                     .zip(&figures[index].pixels)
-                    .map(|(shade, pixel)| shade.residual + pixel.value())
+                    .map(|(shade, pixel)| shade.residual + pixel.value)
                     .collect::<Vec<_>>(),
             );
         }
         for (figure, values) in figures.iter_mut().zip(values) {
             for (pixel, value) in figure.pixels.iter_mut().zip(values) {
-                pixel.set_value(value);
+                pixel.value = value;
             }
         }
         (figures, state)

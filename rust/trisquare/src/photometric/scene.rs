@@ -138,7 +138,7 @@ impl<'a, L: Lens> Scene<'a, L> {
         let light = self.exposure.light(&place);
         let reflected = self.exposure.ground + self.exposure.contrast * covered.value;
         let (value, mut slope) = self.curve.encode_with_slope(light * reflected);
-        let mut residual = value - pixel.value();
+        let mut residual = value - pixel.value;
         let is_silent = pixel.is_clipped && residual >= 0.0;
         if is_silent {
             (residual, slope, covered.cut_count) = (0.0, 0.0, 0);
