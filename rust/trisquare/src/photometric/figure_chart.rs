@@ -27,6 +27,8 @@ const SLACK: f64 = 2.0;
 /// The sides of a figure under one camera and pose.
 pub(super) struct FigureChart {
     sides: [SideChart; 4],
+    /// Added to all distances, px.
+    shift: f64,
 }
 
 struct SideChart {
@@ -69,10 +71,11 @@ impl FigureChart {
         };
         Some(Self {
             sides: [side(0)?, side(1)?, side(2)?, side(3)?],
+            shift: scene.shift(),
         })
     }
 
-    /// Distances (px) of some pixels to the sides near them.
+    /// Signed distances (px) of some pixels to the sides near them, positive inside.
     #[inline]
     pub fn distances(&self, pixels: &[BandPixel]) -> [[f64; 4]; LANES] {
         let mut found = [[0.0; 4]; LANES];
@@ -97,7 +100,8 @@ impl FigureChart {
                 }
             }
             for i in 0..pixels.len() {
-                found[i][s] = sums[0][i] + beside[i] * (sums[1][i] + beside[i] * sums[2][i]);
+                let distance = sums[0][i] + beside[i] * (sums[1][i] + beside[i] * sums[2][i]);
+                found[i][s] = distance + self.shift;
             }
         }
         found
@@ -141,7 +145,7 @@ pub(super) fn all_distances<L: Lens>(
     let chart = FigureChart::of(scene)?;
     let chunks = figure.pixels.chunks(LANES);
     let found = chunks.flat_map(|pixels| {
-        let distances = scene.distances(&chart, pixels);
+        let distances = chart.distances(pixels);
         distances.into_iter().take(pixels.len())
     });
     Some(found.collect())

@@ -93,7 +93,7 @@ impl PixelFit<'_> {
         let to_noise = 1.0 / self.scales[index];
         for pixels in figure.pixels.chunks(LANES) {
             let distances = match pixels.iter().any(|pixel| scene.may_cut(pixel)) {
-                true => scene.distances(&chart, pixels),
+                true => chart.distances(pixels),
                 false => [[0.0; 4]; LANES],
             };
             for (pixel, distances) in pixels.iter().zip(&distances) {

@@ -6,10 +6,8 @@ use super::band::{BandPixel, PixelFigure};
 use super::coverage;
 use super::coverage::{Corner, Coverage, PLATEAU, coverage};
 use super::exposure::{EXPOSURE_PARAMETERS, Exposure};
-use super::figure_chart::FigureChart;
 use crate::image::{PICTURE_PARAMETERS, PictureState, TONE_PARAMETERS, ToneCurve, box_kurtosis};
 use crate::lens::Lens;
-use crate::numeric::LANES;
 use crate::observations::View;
 
 /// A pixel's distance to the outline changes by less than this (px) from its first estimate.
@@ -115,12 +113,10 @@ impl<'a, L: Lens> Scene<'a, L> {
         self.exposure.blur
     }
 
-    /// Signed distances (px) of some pixels to the sides near them.
-    #[inline]
-    pub fn distances(&self, chart: &FigureChart, pixels: &[BandPixel]) -> [[f64; 4]; LANES] {
-        let shift = self.shift_direction() * self.picture.shift;
-        let shifted = |own: [f64; 4]| own.map(|distance| distance + shift);
-        chart.distances(pixels).map(shifted)
+    /// What a shift of the edges towards the dark adds to the distances, px: they are positive
+    /// inside.
+    pub fn shift(&self) -> f64 {
+        self.shift_direction() * self.picture.shift
     }
 
     /// The model at a pixel, given its distances if an edge may cut it.
@@ -161,7 +157,7 @@ impl<'a, L: Lens> Scene<'a, L> {
         shade.slope * shade.light * self.exposure.contrast * density * self.per_blur
     }
 
-    /// What a shift of the edges towards the dark adds to the distances: they are positive inside.
+    /// Which way an edge that moves towards the dark goes.
     fn shift_direction(&self) -> f64 {
         if self.figure.dark_inside { -1.0 } else { 1.0 }
     }
