@@ -72,9 +72,21 @@ pub(crate) struct Comparison {
     work: Option<Rc<Work>>,
     /// Column and standard deviation of what the last one was held near zero by.
     pub priors: Vec<(usize, f64)>,
-    /// The planes with the outliers of the first one. Models that are too poor would reject what they
-    /// do not describe, side by side.
+    /// Whether what the first one rejects is left out for all: models that are too poor would reject
+    /// what they do not describe, side by side.
+    rejects_once: bool,
+    /// The planes with these outliers.
     planes: Option<Vec<ObservedPlane>>,
+}
+
+impl Comparison {
+    /// Of models that all leave out what the first one rejects.
+    pub fn rejecting_once() -> Self {
+        Self {
+            rejects_once: true,
+            ..Self::default()
+        }
+    }
 }
 
 /// What a calibration is for.
@@ -127,8 +139,9 @@ fn run<L: Lens>(
     let (mut solution, outliers) = found.map_err(advised)?;
     if let Some(comparison) = comparison {
         comparison.priors = problem.free.priors().to_vec();
-        let with_outliers = || solution.with_its_outliers(&planes);
-        comparison.planes.get_or_insert_with(with_outliers);
+        if comparison.rejects_once && comparison.planes.is_none() {
+            comparison.planes = Some(solution.with_its_outliers(&planes));
+        }
     }
     if judging {
         problem.judge(&solution).map_err(advised)?;

@@ -65,7 +65,7 @@ pub fn calibrate_by_evidence<L: Lens>(
     photographs: Option<&Photographs<'_>>,
 ) -> Result<ModelChoice<L>, Error> {
     check_comparable(options)?;
-    match Weighed::of(edges, size, options) {
+    match Weighed::rejecting_once(edges, size, options) {
         Some(weighed) => weighed.answer(edges, size, options, photographs),
         // No model converges: the error of the one that was asked for tells why.
         None => {
@@ -109,9 +109,26 @@ pub(crate) struct Weighed<L: Lens> {
 }
 
 impl<L: Lens> Weighed<L> {
-    /// `None` where no model converges.
+    /// Each with its own outliers; `None` where no model converges.
     pub(crate) fn of(edges: &[PlaneEdges], size: ImageSize, options: &Options<L>) -> Option<Self> {
-        let candidates = candidates(edges, size, options);
+        Self::among(candidates(edges, size, options, Comparison::default()))
+    }
+
+    /// All with the outliers of the richest that converges.
+    pub(crate) fn rejecting_once(
+        edges: &[PlaneEdges],
+        size: ImageSize,
+        options: &Options<L>,
+    ) -> Option<Self> {
+        Self::among(candidates(
+            edges,
+            size,
+            options,
+            Comparison::rejecting_once(),
+        ))
+    }
+
+    fn among(candidates: Vec<Candidate<L>>) -> Option<Self> {
         let chosen = best(&candidates)?;
         Some(Self { candidates, chosen })
     }
@@ -177,10 +194,10 @@ fn candidates<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
     options: &Options<L>,
+    mut shared: Comparison,
 ) -> Vec<Candidate<L>> {
     let mut fits = Vec::with_capacity(L::Model::NESTED.len());
-    let mut shared = Comparison::default();
-    // The richest first: what it rejects, the others do not see either.
+    // The richest first: what it rejects, the others may leave out.
     for &model in L::Model::NESTED.iter().rev() {
         let options = Options { model, ..*options };
         if let Ok(fit) = calibrate_unjudged(edges, size, &options, &mut shared) {
