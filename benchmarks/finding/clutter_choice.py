@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from harness.choosing import choose
 from harness.rows import Row
 
 import trisquare as ts
-import trisquare._core as _core
 from trisquare.measurement.detect import detect
 from trisquare_scenes.distractors import MixedScene, mixed_scene, photograph
 
@@ -81,17 +81,7 @@ def run_case(squares: int, index: int, seed: int = SEED) -> Case:
         return Case(0, 0, 0, 0, np.nan, np.nan, False, False, str(error), 0.0)
     found = [_target(mixed, np.mean(np.concatenate(one.points), axis=0)) for one in edges]
     start = time.perf_counter()
-    _core.calibrate(
-        edges,
-        mixed.scene.camera.image_size,
-        choosing=True,
-        method="ml",
-        model="radial2",
-        fixed=(),
-        initial=None,
-        pictures=None,
-        tones=[],
-    )
+    choose(edges, mixed.scene.camera.image_size)
     seconds = time.perf_counter() - start
     true, false = _count(mixed, found)
     try:

@@ -13,15 +13,16 @@ from functools import partial
 
 import cv2
 import numpy as np
+from harness.choosing import choose
 from harness.rows import Row
 from harness.stopwatch import alternated_medians
 
 import trisquare as ts
-import trisquare._core as _core
 from trisquare.edges import changed_edges
 from trisquare.images.pixels import Image
 from trisquare.simulate import edge_points, render
-from trisquare_scenes.many_squares import ManySquares, many_squares
+from trisquare_scenes.distractors import MixedScene
+from trisquare_scenes.many_squares import many_squares
 
 SEED = 14
 SQUARES = 1000
@@ -59,7 +60,7 @@ class Case:
     @classmethod
     def of(
         cls,
-        many: ManySquares,
+        many: MixedScene,
         seconds: float,
         kept: int,
         found: tuple[float, float],
@@ -92,13 +93,13 @@ class Case:
         )
 
 
-def drawn(count: int, false: int, index: int) -> tuple[ManySquares, np.random.Generator]:
+def drawn(count: int, false: int, index: int) -> tuple[MixedScene, np.random.Generator]:
     """Draw one scene; return also what draws its noise."""
     rng = np.random.default_rng([SEED, false, index])
     return many_squares(rng, count, false=false), rng
 
 
-def from_picture(many: ManySquares, picture: Image) -> Case:
+def from_picture(many: MixedScene, picture: Image) -> Case:
     """Calibrate a picture and compare with the truth."""
     start = time.perf_counter()
     try:
@@ -112,23 +113,13 @@ def from_picture(many: ManySquares, picture: Image) -> Case:
     return Case.of(many, seconds, len(result.planes), found, codes)
 
 
-def from_edges(many: ManySquares, rng: np.random.Generator) -> Case:
+def from_edges(many: MixedScene, rng: np.random.Generator) -> Case:
     """Choose among the edges of a scene as among those of a picture, and calibrate."""
     sides = edge_points(many.scene, rng, noise=NOISE)
     figures = [changed_edges(ts.PlaneEdges.square(own), plane=i) for i, own in enumerate(sides)]
     start = time.perf_counter()
     try:
-        outcome = _core.calibrate(
-            figures,
-            many.scene.camera.image_size,
-            choosing=True,
-            method="ml",
-            model="radial2",
-            fixed=(),
-            initial=None,
-            pictures=None,
-            tones=[],
-        )
+        outcome = choose(figures, many.scene.camera.image_size)
         solution = outcome.solution()
     except ts.TrisquareError as refusal:
         text = f"{type(refusal).__name__}: {refusal}"

@@ -14,7 +14,7 @@ from starlette.testclient import TestClient
 
 from trisquare import simulate
 from trisquare.serve.app import create_app
-from trisquare.serve.limits import request_limits
+from trisquare.serve.limits import REQUEST_LIMITS
 
 TOKEN = "token-of-the-benchmark"
 PREVIEW = (800, 600)
@@ -30,7 +30,7 @@ PHOTOGRAPH_SECONDS = 5.0
 
 def measure() -> list[Row]:
     """Print the rate of a live preview while predictions are made, and the times of requests."""
-    app = create_app(TOKEN, request_limits(), PROCESSES)
+    app = create_app(TOKEN, REQUEST_LIMITS, PROCESSES)
     with TestClient(app, headers={"X-Trisquare-Token": TOKEN}) as client:
         return _measured(client)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -11,6 +10,7 @@ from trisquare._support.rotations import tilted
 from trisquare.simulate import random_camera
 from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, rectangle
 from trisquare.simulate.scenes import placed
+from trisquare_scenes.distractors import MixedScene
 
 TILTS = (15.0, 40.0)
 """Degrees, in any direction: squares next to one another have nothing in common."""
@@ -34,14 +34,6 @@ FalseShape = Literal["rectangle", "rhombus", "quadrilateral"]
 FALSE_SHAPES: tuple[FalseShape, ...] = ("rectangle", "rhombus", "quadrilateral")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ManySquares:
-    """A scene and which of its targets are true squares."""
-
-    scene: Scene
-    is_square: tuple[bool, ...]
-
-
 def many_squares(
     rng: np.random.Generator,
     count: int,
@@ -49,7 +41,7 @@ def many_squares(
     false: int = 0,
     image_size: tuple[int, int] = (4000, 3000),
     camera: TrueCamera | None = None,
-) -> ManySquares:
+) -> MixedScene:
     """Draw so many squares in the cells of a picture, of which some are false.
 
     Parameters
@@ -67,7 +59,7 @@ def many_squares(
 
     Returns
     -------
-    ManySquares
+    MixedScene
     """
     camera = camera or random_camera(rng, image_size)
     width, height = camera.image_size
@@ -81,7 +73,7 @@ def many_squares(
     for i, shape in enumerate(shapes):
         middle = cell * (i % columns + 0.5, i // columns + 0.5)
         targets.append(_drawn(rng, camera, middle, float(cell.min()), shape))
-    return ManySquares(Scene(camera, tuple(targets)), tuple(shape is None for shape in shapes))
+    return MixedScene(Scene(camera, tuple(targets)), tuple(shape is None for shape in shapes))
 
 
 def _drawn(

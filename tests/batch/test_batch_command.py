@@ -4,15 +4,13 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 
 import pytest
 from batches import make_pictures
+from terminals import COMMAND, on_terminal
 
 import trisquare as ts
-
-COMMAND = (sys.executable, "-m", "trisquare")
 
 
 @pytest.fixture
@@ -184,25 +182,10 @@ def test_ctrl_c_is_one_line_and_the_next_run_goes_on(folder):
 
 @pytest.mark.slow
 def test_progress_is_shown_on_a_terminal(folder):
-    pty = pytest.importorskip("pty")
-    controlling, terminal = pty.openpty()
-    with subprocess.Popen(
-        [*COMMAND, "batch", "in", "-o", "out"],
-        env={**os.environ, "TERM": "xterm-256color"},
-        stdout=subprocess.DEVNULL,
-        stderr=terminal,
-    ) as process:
-        os.close(terminal)
-        shown = b""
-        try:
-            while part := os.read(controlling, 1 << 16):
-                shown += part
-        except OSError:
-            pass
-    os.close(controlling)
-    assert process.returncode == 0
-    assert b"2/2" in shown
-    assert b"/s" in shown
+    environment = {**os.environ, "TERM": "xterm-256color"}
+    shown = on_terminal(["batch", "in", "-o", "out"], "stderr", environment)
+    assert "2/2" in shown
+    assert "/s" in shown
 
 
 def test_a_log_has_a_line_a_minute(monkeypatch, capsys):

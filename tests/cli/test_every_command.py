@@ -19,6 +19,7 @@ import pytest
 from command_errors import error_text
 from plumb_scenes import plumb_scene
 from scenes import edges_of, squares
+from terminals import COMMAND, on_terminal
 
 import trisquare as ts
 from trisquare import cli as commands
@@ -34,7 +35,6 @@ FIRST, SECOND = (
     for corner in SCENE.image_points(0, np.array([[-0.5, -0.5], [0.5, -0.5]]))
 )
 LINES = plumb_scene(np.random.default_rng(3), IMAGE_SIZE, -0.15).picture
-COMMAND = (sys.executable, "-m", "trisquare")
 TAKEN = ("photo.png", "--camera", "camera.json")
 
 WORKING = {
@@ -507,25 +507,6 @@ def plain_environment(**more):
         **more,
         "TERM": "xterm-256color",
     }
-
-
-def on_terminal(arguments, stream, environment):
-    """Run with one stream on a terminal; what came there."""
-    pty = pytest.importorskip("pty")
-    controlling, terminal = pty.openpty()
-    streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, stream: terminal}
-    with subprocess.Popen([*COMMAND, *arguments], env=environment, **streams) as process:
-        os.close(terminal)
-        shown = b""
-        # At the end Linux says that it cannot be read, and others that there is no more.
-        try:
-            while part := os.read(controlling, 1 << 16):
-                shown += part
-        except OSError:
-            pass
-    os.close(controlling)
-    assert process.returncode == 0
-    return shown.decode()
 
 
 @pytest.mark.slow

@@ -6,11 +6,13 @@ import os
 import threading
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from trisquare._support.arrays import whole_number
+
+if TYPE_CHECKING:  # loaded where there are several threads
+    from concurrent.futures import Future
 
 T = TypeVar("T")
 
@@ -35,13 +37,14 @@ def thread_count(threads: int | None, pieces: int) -> int:
     ValueError
         If it is below 1.
     """
-    wanted = _usable_cores() if threads is None else whole_number(threads, "threads")
+    wanted = usable_cores() if threads is None else whole_number(threads, "threads")
     if wanted < 1:
         raise ValueError(f"threads must be at least 1, not {wanted}")
     return max(1, min(wanted, pieces))
 
 
-def _usable_cores() -> int:
+def usable_cores() -> int:
+    """Return how many cores this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -57,6 +60,8 @@ def in_order(works: Iterable[Callable[[], T]], threads: int) -> Generator[T, Non
         for work in works:
             yield work()
         return
+    from concurrent.futures import ThreadPoolExecutor
+
     pool = ThreadPoolExecutor(threads)
     try:
         begun: deque[Future[T]] = deque()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from trisquare.images.limits import PictureLimits, stated_limit
+from trisquare.images.limits import MAX_BYTES, MAX_PIXELS, PictureLimits, stated_limit
 
 MAX_SECONDS = 300.0
 """Of a job: a hundred photographs of 24 megapixels take half of it on a slow machine."""
@@ -41,6 +41,8 @@ class JobLimits:
         max_bytes: float | None = None,
         max_seconds: float | None = None,
         max_memory: float | None = None,
+        *,
+        defaults: JobLimits | None = None,
     ) -> JobLimits:
         """Return the limits given, where None those of the environment, or else the defaults.
 
@@ -49,10 +51,18 @@ class JobLimits:
         TypeError, ValueError
             If one is not a positive number.
         """
-        pictures = PictureLimits.stated(max_pixels, max_bytes)
+        usual = DEFAULTS if defaults is None else defaults
         return cls(
-            pictures.max_pixels,
-            pictures.max_bytes,
-            stated_limit("max_seconds", max_seconds, MAX_SECONDS),
-            stated_limit("max_memory", max_memory, MAX_MEMORY),
+            int(stated_limit("max_pixels", max_pixels, usual.max_pixels)),
+            int(stated_limit("max_bytes", max_bytes, usual.max_bytes)),
+            stated_limit("max_seconds", max_seconds, usual.max_seconds),
+            stated_limit("max_memory", max_memory, usual.max_memory),
         )
+
+    @property
+    def of_pictures(self) -> PictureLimits:
+        """Those of each picture; of a progressive JPEG's scans that of the environment."""
+        return PictureLimits.stated(self.max_pixels, self.max_bytes)
+
+
+DEFAULTS = JobLimits(MAX_PIXELS, MAX_BYTES, MAX_SECONDS, MAX_MEMORY)

@@ -8,9 +8,9 @@ from importlib import resources
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from trisquare._support.html_pages import page_environment
 from trisquare._support.number_text import with_its_std
 from trisquare.batch.fleet import FEWEST, OUTLYING, Distribution, Fleet
 from trisquare.batch.requirements import PARAMETERS, Requirement
@@ -57,13 +57,7 @@ def summary_page(
         for kept, column in ((beyond, "beyond_limits"), (outlying, "outlying"), (retake, "retake")):
             if row.get(column) and len(kept) < MOST_SHOWN:
                 kept.append(row)
-    environment = Environment(
-        loader=PackageLoader("trisquare.batch", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    environment = page_environment("trisquare.batch")
     style = (resources.files("trisquare.report") / "report.css").read_text("utf-8")
     ordered = sorted(
         fleet.distributions.values(), key=lambda own: (own.kind, PARAMETERS.index(own.parameter))

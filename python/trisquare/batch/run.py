@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from trisquare._support.threads import usable_cores
 from trisquare.batch.jobs import Job, faulty_job
 from trisquare.batch.limits import JobLimits
 from trisquare.results.calibration import Calibration
@@ -180,7 +181,7 @@ class Submission:
             from concurrent.futures import ThreadPoolExecutor
 
             self._workers = Workers(limits, work)
-            self._own = executor = ThreadPoolExecutor(workers or processors())
+            self._own = executor = ThreadPoolExecutor(workers or usable_cores())
             do: Callable[[Job, str], Answer] = self._workers.do
         else:
             do = partial(do_in_shared_workers, limits=limits, work=work)
@@ -235,7 +236,7 @@ def finished(
 
 
 def _to_do(jobs: Iterable[Job], store: Store | None) -> Iterator[tuple[Job, str]]:
-    """Yield the jobs that are not done, and what their results depend on."""
+    """Yield the jobs that are not done, and for the store what their results depend on."""
     seen: set[str] = set()
     for number, given in enumerate(jobs, 1):
         job = given
@@ -246,7 +247,7 @@ def _to_do(jobs: Iterable[Job], store: Store | None) -> Iterator[tuple[Job, str]
             text = f"an earlier job has the name {job.name!r}, or one whose file is the same"
             job = faulty_job(origin, text)
         seen.add(job.identity)
-        key = job.key
+        key = "" if store is None else job.key
         if store is None or not store.is_done(job, key):
             yield job, key
 
@@ -279,10 +280,3 @@ def _stored(job: Job, key: str, answer: Answer, store: Store | None) -> JobResul
     if store is not None:
         record = store.add(job, key, answer)
     return JobResult(job, record, json)
-
-
-def processors() -> int:
-    """Return how many processors this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1

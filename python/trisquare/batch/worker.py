@@ -67,11 +67,16 @@ def success(job: Job, result: Any) -> dict[str, Any]:
         "rms_px": result.rms,
         "noise_scale": result.noise_scale,
         "planes": len(result.planes),
-        "warnings": [
-            {"code": warning.code, "severity": warning.severity, "text": str(warning)}
-            for warning in result.warnings
-        ],
+        "warnings": told_warnings(result),
     }
+
+
+def told_warnings(result: Any) -> list[dict[str, str]]:
+    """Return the warnings of a calibration as JSON has them in records."""
+    return [
+        {"code": warning.code, "severity": warning.severity, "text": str(warning)}
+        for warning in result.warnings
+    ]
 
 
 class AnyJob(Protocol):

@@ -40,12 +40,12 @@ from trisquare.cli.options import (
     FREE,
     JSON,
     QUIET,
+    amount,
     argument,
     flag,
     listed_names,
     option,
 )
-from trisquare.images.limits import parse_amount
 from trisquare.images.pixels import TONE_CURVES
 
 if TYPE_CHECKING:
@@ -130,10 +130,10 @@ def batch_command(
 ) -> None:
     """Calibrate many cameras, each from its own photographs; a run that was killed goes on."""
     bounds = JobLimits.stated(
-        _amount(max_pixels, "--max-pixels"),
-        _amount(max_bytes, "--max-bytes"),
+        amount(max_pixels, "--max-pixels"),
+        amount(max_bytes, "--max-bytes"),
         max_seconds,
-        _amount(max_memory, "--max-memory"),
+        amount(max_memory, "--max-memory"),
     )
     if jobs is not None and jobs < 1:
         raise ValueError(f"--jobs must be positive, not {jobs}")
@@ -211,10 +211,6 @@ def _options(
         "lines": (lines, False),
     }
     return {name: value for name, (value, default) in given.items() if value != default}
-
-
-def _amount(text: str | None, name: str) -> float | None:
-    return None if text is None else parse_amount(text, name)
 
 
 @contextmanager

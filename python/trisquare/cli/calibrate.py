@@ -26,6 +26,7 @@ from trisquare.cli.options import (
     PARALLEL,
     PHOTOS,
     QUIET,
+    amount,
     flag,
     listed_names,
     option,
@@ -39,7 +40,7 @@ from trisquare.detection.sheets.layout import parse_layout
 from trisquare.drawing.detections import draw_detections
 from trisquare.drawing.overlay import draw_overlay
 from trisquare.formats.registry import format_of_name
-from trisquare.images.limits import PictureLimits, parse_amount
+from trisquare.images.limits import PictureLimits
 from trisquare.images.photographs import Photographs
 from trisquare.images.pixels import TONE_CURVES, Image
 from trisquare.report import check_extra, report_page
@@ -165,7 +166,7 @@ def calibrate_command(
         with reading():
             parse_layout(board)
         targets = board  # in Python they are one argument
-    most = None if max_pixels is None else parse_amount(max_pixels, "--max-pixels")
+    most = amount(max_pixels, "--max-pixels")
     photographs = Photographs(
         photos,
         keep=bool(overlay or debug_image or report),

@@ -16,7 +16,6 @@ from trisquare.cli.tables import comparison_report, warning_lines
 from trisquare.drawing.overlay import draw_overlay
 from trisquare.images.encoding import encode_image
 from trisquare.images.photographs import Photographs
-from trisquare.images.reading import read_image
 from trisquare.report import check_extra, report_page
 
 DEMO_FORMAT = "trisquare-demo-result/1"
@@ -40,12 +39,13 @@ def demo_command(
         output / name for name in ("photo.png", "camera.json", "overlay.png", "report.html")
     )
     write_atomically({photo: (data / "demo.png").read_bytes()})
+    photographs = Photographs([photo], keep=True)
+    (photograph,) = photographs
     with progress_bar("calibrating", quiet):
-        calibration = calibrate(photo)
-    image = read_image(photo)
+        calibration = calibrate(photograph.pixels)
     files: dict[PathLike, bytes] = {
         camera: calibration.to_json().encode(),
-        overlay: encode_image(draw_overlay(image, calibration), overlay),
+        overlay: encode_image(draw_overlay(photograph.pixels, calibration), overlay),
     }
     notes = []
     try:
@@ -54,7 +54,7 @@ def demo_command(
         notes.append(f"no report: {error}")
     else:
         repeated = f"trisquare calibrate {photo.name} --report {report.name}"
-        files[report] = report_page(calibration, Photographs([photo]), command=repeated)
+        files[report] = report_page(calibration, photographs, command=repeated)
     write_atomically(files)
     fields = JsonFields.parse((data / "demo.json").read_text("utf-8"), TRUTH_FORMAT)
     truth = camera_from_members(fields.object("camera"), fields.integers("image_size"))

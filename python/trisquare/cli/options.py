@@ -9,6 +9,7 @@ import typer
 
 from trisquare._support.arrays import size_of_image
 from trisquare.camera.settings import FIXABLE, FREEABLE
+from trisquare.images.limits import parse_amount
 
 
 def argument(default: Any, metavar: str, text: str) -> Any:
@@ -55,6 +56,11 @@ ORTHOGONAL = option(
     "Two planes that are at right angles, as 0,1: their numbers in the result; repeatable.",
 )
 PARALLEL = option(None, "PLANES", "Two planes that are parallel, likewise.")
+
+
+def amount(text: str | None, name: str) -> float | None:
+    """Return the number that an option such as ``500M`` says; None if it was not given."""
+    return None if text is None else parse_amount(text, name)
 
 
 def parse_pairs(texts: Iterable[str] | None) -> list[tuple[int, int]]:

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import re
 import secrets
 import sys
 import webbrowser
 from pathlib import Path
 
+from trisquare._support.threads import usable_cores
 from trisquare.cli.console import answer
 from trisquare.cli.framework import reading
-from trisquare.cli.options import JSON, QUIET, flag, option
-from trisquare.images.limits import parse_amount
+from trisquare.cli.options import JSON, QUIET, amount, flag, option
 from trisquare.serve import check_extra
 
 SERVICE_FORMAT = "trisquare-service/1"
@@ -77,13 +76,15 @@ def serve_command(
         if file is not None:
             _check_readable(file)
     check_extra()
+    from trisquare.batch.limits import JobLimits
     from trisquare.serve.app import create_app
-    from trisquare.serve.limits import request_limits
+    from trisquare.serve.limits import REQUEST_LIMITS
     from trisquare.serve.server import run_server
 
-    limits = request_limits(
-        None if max_pixels is None else parse_amount(max_pixels, "--max-pixels"),
-        None if max_bytes is None else parse_amount(max_bytes, "--max-bytes"),
+    limits = JobLimits.stated(
+        amount(max_pixels, "--max-pixels"),
+        amount(max_bytes, "--max-bytes"),
+        defaults=REQUEST_LIMITS,
     )
 
     def listening(address: str) -> None:
@@ -94,7 +95,7 @@ def serve_command(
 
     chosen = secrets.token_urlsafe(TOKEN_BYTES) if token is None else token
     run_server(
-        create_app(chosen, limits, jobs or os.cpu_count() or 1),
+        create_app(chosen, limits, jobs or usable_cores()),
         host,
         port,
         token=chosen,

@@ -10,9 +10,9 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from trisquare._support.html_pages import page_environment
 from trisquare.analysis.comparison import two_digits
 from trisquare.analysis.diagnosis import diagnose
 from trisquare.analysis.residuals import MeasuredSide, measured_sides
@@ -51,13 +51,7 @@ def page_of(
     known = calibration.projection_map()
     json = calibration.to_json().encode()
     script = _own("report.js")
-    environment = Environment(
-        loader=PackageLoader("trisquare.report", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    environment = page_environment("trisquare.report")
     environment.filters["two_digits"] = two_digits
     page: str = environment.get_template("report.html.j2").render(
         calibration=calibration,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from trisquare.batch.limits import JobLimits
-from trisquare.images.limits import stated_limit
 
 MAX_PIXELS = 100_000_000
 """Of a picture: no phone and few cameras take more."""
@@ -17,18 +16,5 @@ MAX_SECONDS = 60.0
 MAX_MEMORY = 2e9
 """Bytes that a request may take beside the program."""
 
-
-def request_limits(max_pixels: float | None = None, max_bytes: float | None = None) -> JobLimits:
-    """Return the limits of a request: those given, those of the environment, or the defaults.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If one is not a positive number.
-    """
-    return JobLimits(
-        int(stated_limit("max_pixels", max_pixels, MAX_PIXELS)),
-        int(stated_limit("max_bytes", max_bytes, MAX_BYTES)),
-        stated_limit("max_seconds", None, MAX_SECONDS),
-        stated_limit("max_memory", None, MAX_MEMORY),
-    )
+REQUEST_LIMITS = JobLimits(MAX_PIXELS, MAX_BYTES, MAX_SECONDS, MAX_MEMORY)
+"""Where neither the command nor the environment states others."""

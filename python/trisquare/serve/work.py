@@ -13,7 +13,7 @@ from typing import Any
 
 from trisquare._support.suggestions import unknown
 from trisquare.batch.limits import JobLimits
-from trisquare.batch.worker import Answer, failure
+from trisquare.batch.worker import Answer, failure, told_warnings
 from trisquare.errors import TrisquareError
 
 CALIBRATION_OPTIONS = ("method", "model", "fix", "free", "tone", "targets", "lines")
@@ -191,10 +191,7 @@ def _calibrate(task: Task, limits: JobLimits) -> Made:
             for name, value in values.items()
             if name in result.std or value != 0
         ],
-        "warnings": [
-            {"code": one.code, "severity": one.severity, "text": str(one)}
-            for one in result.warnings
-        ],
+        "warnings": told_warnings(result),
         "diagnosis": {
             name: {"limits": own.limits, "remedy": own.remedy}
             for name, own in diagnose(result).items()
@@ -295,13 +292,11 @@ def _preview(task: Task, limits: JobLimits) -> Made:
 
 
 def _report(task: Task, limits: JobLimits) -> Made:
-    from trisquare.images.limits import PictureLimits
     from trisquare.images.photographs import Photographs
     from trisquare.report import check_extra, report_page
 
     check_extra()
-    bounds = PictureLimits(limits.max_pixels, limits.max_bytes)
-    photographs = Photographs(list(task.photographs), limits=bounds)
+    photographs = Photographs(list(task.photographs), limits=limits.of_pictures)
     page = report_page(_calibration(task), photographs)
     return _content(page, "text/html", "report.html")
 
@@ -338,13 +333,11 @@ def _compare(task: Task, limits: JobLimits) -> Made:
 
 
 def _picture(task: Task, limits: JobLimits) -> Any:
-    from trisquare.images.limits import PictureLimits
     from trisquare.images.reading import read_photograph
 
     if len(task.photographs) != 1:
         raise ValueError(f"give one picture, not {len(task.photographs)}")
-    bounds = PictureLimits(limits.max_pixels, limits.max_bytes)
-    return read_photograph(task.photographs[0], bounds)[0]
+    return read_photograph(task.photographs[0], limits.of_pictures)[0]
 
 
 def _targets(task: Task) -> str:

@@ -55,7 +55,8 @@ pub struct RejectedFamily {
 /// Calibrates with the lens, of any family, that has the largest evidence.
 ///
 /// As [`calibrate_by_evidence`](crate::calibrate_by_evidence) within each family. A fisheye is only
-/// asked about where a distorted pinhole leaves sides that err together. What the other family says of focal length and principal point stays, by its probability, in the covariance.
+/// asked about where a distorted pinhole leaves sides that err together. What the other family says
+/// of focal length and principal point stays, by its probability, in the covariance.
 ///
 /// # Errors
 /// As [`calibrate_by_evidence`](crate::calibrate_by_evidence) of a distorted pinhole.

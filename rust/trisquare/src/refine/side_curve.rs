@@ -176,8 +176,8 @@ impl SideCurve {
         })
     }
 
-    /// Distances of the samples to a line's image, and its unit normals there; `None` where the lens
-    /// is not invertible.
+    /// Distances of the samples to a line's image, and its unit normals there; after the last sample
+    /// some of none may follow. `None` where the lens is not invertible.
     pub fn distances_and_normals<L: Lens>(
         &self,
         lens: &L,
@@ -200,13 +200,11 @@ impl SideCurve {
                     }
                 }
             }
-            (0..LANES)
-                .filter(|i| samples.weights[*i] > 0.0)
-                .map(move |i| {
-                    let normal = Vector2::new(at[1][i], at[2][i]);
-                    let distance = at[0][i] + samples.beside[i] * normal.dot(&self.across);
-                    (distance, normal)
-                })
+            (0..LANES).map(move |i| {
+                let normal = Vector2::new(at[1][i], at[2][i]);
+                let distance = at[0][i] + samples.beside[i] * normal.dot(&self.across);
+                (distance, normal)
+            })
         }))
     }
 }

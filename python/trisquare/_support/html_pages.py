@@ -1,0 +1,16 @@
+"""How pages are laid out: templates beside the code, everything in them escaped."""
+
+from __future__ import annotations
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+
+def page_environment(package: str) -> Environment:
+    """Return what reads the templates in the folder of a package."""
+    return Environment(
+        loader=PackageLoader(package, "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )

@@ -1,0 +1,28 @@
+"""Commands that run with a stream on a terminal."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+COMMAND = (sys.executable, "-m", "trisquare")
+
+
+def on_terminal(arguments, stream, environment):
+    """Run with one stream on a terminal; what came there."""
+    pty = pytest.importorskip("pty")
+    controlling, terminal = pty.openpty()
+    streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, stream: terminal}
+    with subprocess.Popen([*COMMAND, *arguments], env=environment, **streams) as process:
+        os.close(terminal)
+        shown = b""
+        # At the end Linux says that it cannot be read, and others that there is no more.
+        try:
+            while part := os.read(controlling, 1 << 16):
+                shown += part
+        except OSError:
+            pass
+    os.close(controlling)
+    assert process.returncode == 0
+    return shown.decode()
