@@ -3,132 +3,96 @@
 >>> import trisquare as ts
 >>> result = ts.calibrate("photo.jpg")  # doctest: +SKIP
 >>> result.camera.K, result.camera.distortion, result.std["fx"]  # doctest: +SKIP
+
+A name is loaded when it is first asked for (PEP 562): a program pays for what it uses.
 """
 
+import sys as _sys
+from importlib import import_module as _import_module
 from typing import get_type_hints as _get_type_hints
 
-from trisquare._core import __version__
-from trisquare.analysis.comparison import Comparison, compare
-from trisquare.analysis.diagnosis import Diagnosis, diagnose
-from trisquare.analysis.measure import Measurement, measure
-from trisquare.analysis.predict import PlannedSquare, Prediction, predict
-from trisquare.analysis.rectify import TopView, rectify
-from trisquare.batch.inputs import find_jobs
-from trisquare.batch.jobs import Job
-from trisquare.batch.run import JobResult, calibrate_many
-from trisquare.calibration.calibrate import calibrate, calibrate_edges
-from trisquare.calibration.linear_steps import (
-    Straightening,
-    camera_matrix_from_homographies,
-    fit_distortion,
-    homography_from_lines,
-    pose_from_homography,
-)
-from trisquare.calibration.locate import locate
-from trisquare.camera.camera import Camera
-from trisquare.camera.panorama import Panorama
-from trisquare.camera.projection_uncertainty import ProjectionMap
-from trisquare.edges import PlaneEdges
-from trisquare.errors import (
-    ConvergenceError,
-    DegenerateGeometryError,
-    DetectionError,
-    ImageError,
-    InternalError,
-    LensModelError,
-    MissingImageError,
-    NotEnoughDataError,
-    NotEnoughPlanesError,
-    TrisquareError,
-)
-from trisquare.formats import Approximation
-from trisquare.measurement.detect import detect
-from trisquare.printing.target import PrintedTarget, printed_target
-from trisquare.report import write_report
-from trisquare.results.calibration import Calibration
-from trisquare.results.calibration_warning import CalibrationWarning
-from trisquare.results.model_alternative import ModelAlternative
-from trisquare.results.partial_detection import PartialDetection
-from trisquare.results.plane import Plane
-from trisquare.results.pose_uncertainty import PoseUncertainty
-from trisquare.results.rejected import Rejected
-from trisquare.results.residual_correlation import ResidualCorrelation
-from trisquare.results.scene_line import SceneLine
-from trisquare.straightening.camera import DisplacementMap, UnscaledCamera
-from trisquare.straightening.straighten import Straightened, straighten
-from trisquare.undistortion.undistort import Undistorter, undistort
+# Type checkers read the same list in `__init__.pyi`.
+_NAMES_OF_MODULES = {
+    "_core": ("__version__",),
+    "analysis.comparison": ("Comparison", "compare"),
+    "analysis.diagnosis": ("Diagnosis", "diagnose"),
+    "analysis.measure": ("Measurement", "measure"),
+    "analysis.predict": ("PlannedSquare", "Prediction", "predict"),
+    "analysis.rectify": ("TopView", "rectify"),
+    "batch.inputs": ("find_jobs",),
+    "batch.jobs": ("Job",),
+    "batch.run": ("JobResult", "calibrate_many"),
+    "calibration.calibrate": ("calibrate", "calibrate_edges"),
+    "calibration.linear_steps": (
+        "Straightening",
+        "camera_matrix_from_homographies",
+        "fit_distortion",
+        "homography_from_lines",
+        "pose_from_homography",
+    ),
+    "calibration.locate": ("locate",),
+    "camera.camera": ("Camera",),
+    "camera.panorama": ("Panorama",),
+    "camera.projection_uncertainty": ("ProjectionMap",),
+    "edges": ("PlaneEdges",),
+    "errors": (
+        "ConvergenceError",
+        "DegenerateGeometryError",
+        "DetectionError",
+        "ImageError",
+        "InternalError",
+        "LensModelError",
+        "MissingImageError",
+        "NotEnoughDataError",
+        "NotEnoughPlanesError",
+        "TrisquareError",
+    ),
+    "formats": ("Approximation",),
+    "measurement.detect": ("detect",),
+    "printing.target": ("PrintedTarget", "printed_target"),
+    "report": ("write_report",),
+    "results.calibration": ("Calibration",),
+    "results.calibration_warning": ("CalibrationWarning",),
+    "results.model_alternative": ("ModelAlternative",),
+    "results.partial_detection": ("PartialDetection",),
+    "results.plane": ("Plane",),
+    "results.pose_uncertainty": ("PoseUncertainty",),
+    "results.rejected": ("Rejected",),
+    "results.residual_correlation": ("ResidualCorrelation",),
+    "results.scene_line": ("SceneLine",),
+    "straightening.camera": ("DisplacementMap", "UnscaledCamera"),
+    "straightening.straighten": ("Straightened", "straighten"),
+    "undistortion.undistort": ("Undistorter", "undistort"),
+}
+_MODULES = {name: f"trisquare.{own}" for own, names in _NAMES_OF_MODULES.items() for name in names}
 
-__all__ = [
-    "Approximation",
-    "Calibration",
-    "CalibrationWarning",
-    "Camera",
-    "Comparison",
-    "ConvergenceError",
-    "DegenerateGeometryError",
-    "DetectionError",
-    "Diagnosis",
-    "DisplacementMap",
-    "ImageError",
-    "InternalError",
-    "Job",
-    "JobResult",
-    "LensModelError",
-    "Measurement",
-    "MissingImageError",
-    "ModelAlternative",
-    "NotEnoughDataError",
-    "NotEnoughPlanesError",
-    "Panorama",
-    "PartialDetection",
-    "Plane",
-    "PlaneEdges",
-    "PlannedSquare",
-    "PoseUncertainty",
-    "Prediction",
-    "PrintedTarget",
-    "ProjectionMap",
-    "Rejected",
-    "ResidualCorrelation",
-    "SceneLine",
-    "Straightened",
-    "Straightening",
-    "TopView",
-    "TrisquareError",
-    "Undistorter",
-    "UnscaledCamera",
-    "__version__",
-    "calibrate",
-    "calibrate_edges",
-    "calibrate_many",
-    "camera_matrix_from_homographies",
-    "compare",
-    "detect",
-    "diagnose",
-    "find_jobs",
-    "fit_distortion",
-    "homography_from_lines",
-    "locate",
-    "measure",
-    "pose_from_homography",
-    "predict",
-    "printed_target",
-    "rectify",
-    "straighten",
-    "undistort",
-    "write_report",
-]
+__all__ = sorted(_MODULES)
+
+
+def __getattr__(name: str) -> object:
+    if name not in _MODULES:
+        raise AttributeError(f"module 'trisquare' has no attribute {name!r}")
+    _import_module(_MODULES[name])
+    _publish_loaded()
+    return globals()[name]
 
 
 def __dir__() -> list[str]:
     """Show the public names alone; rooms can be imported by their own names."""
-    return sorted(__all__)
+    return __all__
 
 
-# Pickles and reprs name the package, not the room that a class is written in; annotations are
-# resolved before, with the names of that room.
-for _name in __all__:
-    if isinstance(_public := globals()[_name], type):
-        _public.__annotations__ = _get_type_hints(_public)
-        _public.__module__ = __name__
-del _name, _public, _get_type_hints
+def _publish_loaded() -> None:
+    """Take over every public name that is loaded by now, whoever asked for its module.
+
+    Pickles and reprs name the package, not the room that a class is written in; annotations are
+    resolved before, with the names of that room.
+    """
+    for name, module in _MODULES.items():
+        if name in globals() or module not in _sys.modules:
+            continue
+        public = getattr(_import_module(module), name)  # waits where a thread is loading it
+        if isinstance(public, type):
+            public.__annotations__ = _get_type_hints(public)
+            public.__module__ = __name__
+        globals()[name] = public

@@ -2,6 +2,8 @@
 
 import ast
 import pickle
+import subprocess
+import sys
 import typing
 from pathlib import Path
 
@@ -31,6 +33,37 @@ def test_no_file_imports_the_facade_or_what_another_keeps_to_itself(path):
             assert module != "trisquare", f"{path}: imports through the façade"
             private = name is not None and name.startswith("_") and not name.startswith("__")
             assert not private, f"{path}: takes {name}, which is {module}'s own"
+
+
+def test_type_checkers_read_the_names_that_are_loaded():
+    stub = ast.parse((ROOT / "__init__.pyi").read_text("utf-8"))
+    declared = {alias.asname: node.module for node in stub.body for alias in node.names}
+    assert declared == trisquare._MODULES
+
+
+def test_importing_the_package_loads_no_room_and_one_name_its_own():
+    script = (
+        "import sys, trisquare; rooms = [m for m in sys.modules if m.startswith('trisquare.')]\n"
+        "assert not rooms and 'numpy' not in sys.modules, rooms\n"
+        "trisquare.Camera\n"
+        "assert 'trisquare.calibration' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", script], check=True)
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no attribute 'calibrat'"):
+        _ = trisquare.calibrat
+
+
+def test_an_object_made_before_its_class_was_asked_for_is_pickled_by_the_package():
+    script = (
+        "import pickle, trisquare; edges = trisquare.PlaneEdges\n"
+        "from trisquare.results.plane import Plane\n"
+        "trisquare.calibrate_edges\n"
+        "assert b'trisquare.results' not in pickle.dumps(Plane)"
+    )
+    subprocess.run([sys.executable, "-c", script], check=True)
 
 
 CLASSES = [name for name in trisquare.__all__ if isinstance(getattr(trisquare, name), type)]
