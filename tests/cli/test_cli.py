@@ -98,6 +98,7 @@ def test_the_options_reach_the_library(run, photo, asked):
         *("calibrate", photo, "--model", "brown", "--method", "linear", "--tone", "2.2"),
         *("--fix", "aspect,focal", "--fix", "distortion", "--targets", "squares", "--lines"),
         *("--orthogonal", "0,1", "--orthogonal", "1,2", "--jobs", "3"),
+        *("--side", "84mm"),
     )
     assert (code, err) == (0, "warning: a warning\n")
     photos, options = asked[0]
@@ -106,14 +107,14 @@ def test_the_options_reach_the_library(run, photo, asked):
         **{"model": "brown", "method": "linear", "tone": 2.2, "targets": "squares"},
         **{"fix": ("aspect", "focal", "distortion"), "progress": None, "outlines": None},
         **{"initial": None, "explain": False, "free": (), "lines": True, "threads": 3},
-        **{"orthogonal": [(0, 1), (1, 2)], "parallel": []},
+        **{"orthogonal": [(0, 1), (1, 2)], "parallel": [], "side": "84mm"},
     }
     run("calibrate", photo, "--free", "skew", "--parallel", "0,2")
     assert asked[1][1] == {
         **{"model": "radial2", "method": "ml", "tone": None, "targets": "auto"},
         **{"fix": (), "progress": None, "outlines": None},
         **{"initial": None, "explain": False, "free": ("skew",), "lines": False, "threads": None},
-        **{"orthogonal": [], "parallel": [(0, 2)]},
+        **{"orthogonal": [], "parallel": [(0, 2)], "side": None},
     }
 
 

@@ -9,7 +9,12 @@ from scenes import edges_of, squares
 
 import trisquare as ts
 
-RESULT = ts.calibrate_edges(edges_of(squares(11)), (1280, 960))
+
+def calibrated(**options):
+    return ts.calibrate_edges(edges_of(squares(11)), (1280, 960), **options)
+
+
+RESULT = calibrated()
 
 
 def test_a_result_equals_what_its_json_holds():
@@ -86,3 +91,42 @@ def test_poses_are_what_opencv_projects_with():
     for side in (0.0, -1.0, np.nan):
         with pytest.raises(ValueError, match="side"):
             plane.cam_from_plane(side)
+
+
+def test_a_stated_side_makes_poses_and_lengths_metric():
+    result = calibrated(side="84mm")
+    plane, bare = result.planes[0], RESULT.planes[0]
+    assert plane.side == pytest.approx(0.084)
+    np.testing.assert_array_equal(plane.translation, bare.translation)
+    np.testing.assert_allclose(plane.tvec, 0.084 * bare.translation)
+    np.testing.assert_allclose(plane.cam_from_plane(), bare.cam_from_plane(side=0.084))
+    np.testing.assert_array_equal(plane.cam_from_plane(side=1.0), bare.cam_from_plane())
+    lengths = ts.measure(plane, plane.corners, result).lengths
+    np.testing.assert_allclose(lengths, 0.084, rtol=1e-3)
+    again = ts.Calibration.from_json(result.to_json())
+    assert again == result
+    assert again.planes[0].side == plane.side
+
+
+@pytest.mark.parametrize(
+    ("side", "metres"),
+    [("8.4 cm", 0.084), ("1in", 0.0254), (" 2 m ", 2.0), (0.3, 0.3), ("1e3um", 1e-3)],
+)
+def test_sides_are_texts_with_a_unit_or_metres(side, metres):
+    assert calibrated(side=side).planes[2].side == pytest.approx(metres)
+
+
+@pytest.mark.parametrize(
+    ("side", "text"),
+    [
+        ("84", "side needs a unit, one of um, mm, cm, m, km, in, ft: 84mm"),
+        ("84 mn", "unknown unit 'mn': did you mean 'm"),
+        ("long", "a length is written 50mm, not 'long'"),
+        ("-3mm", "a length is written 50mm"),
+        (0.0, "side must be positive"),
+        (np.nan, "side holds NaN"),
+    ],
+)
+def test_a_side_that_is_no_length_is_named(side, text):
+    with pytest.raises(ValueError, match=text):
+        calibrated(side=side)

@@ -136,7 +136,7 @@ def measure(
     points: npt.ArrayLike,
     camera: Calibration | Camera,
     *,
-    side: float = 1.0,
+    side: float | None = None,
     point_std: float = CLICKED_STD,
 ) -> Measurement:
     """Measure lengths, angles and the area between points seen on the plane.
@@ -150,8 +150,9 @@ def measure(
     camera : Calibration or Camera
         That took it: the calibration that the plane belongs to, or the camera that it was
         located with. A `Camera` is taken as exact.
-    side : float
-        Length of the square's side (of a board: of a cell), in any unit.
+    side : float, optional
+        Length of the square's side (of a board: of a cell), in any unit; by default the plane's
+        own `side` in metres, or 1 where that is not known.
     point_std : float
         One standard deviation of each pixel's coordinates; half a pixel is what one points
         at by hand, `detect` and `cv2.cornerSubPix` are better.
@@ -174,7 +175,7 @@ def measure(
     pixels = real_array(points, "points", (None, 2))
     if len(pixels) < 2:
         raise ValueError(f"a length needs two points or more, not {len(pixels)}")
-    length = real_number(side, "side")
+    length = plane.stated_side if side is None else real_number(side, "side")
     if not 0 < length < LARGEST:
         raise ValueError(f"side must be positive and less than {LARGEST:g}, not {length:g}")
     lens = camera_of(camera)

@@ -19,7 +19,7 @@ from trisquare.camera.camera import Camera
 
 OPTIONS = (
     *("method", "model", "fix", "free", "initial", "orthogonal", "parallel"),
-    *("tone", "targets", "outlines", "lines"),
+    *("tone", "targets", "outlines", "lines", "side"),
 )
 """Arguments of `calibrate` that a job may have."""
 
@@ -53,7 +53,7 @@ class Job:
     options : mapping of str to object
         Arguments of `calibrate` by their names: ``method``, ``model``, ``fix``, ``free``,
         ``initial`` (a `Camera`, or a camera file), ``orthogonal``, ``parallel``, ``tone``,
-        ``targets``, ``outlines`` (a file, or its content) and ``lines``.
+        ``targets``, ``outlines`` (a file, or its content), ``lines`` and ``side``.
     origin : str
         Where it was read, as messages say it.
     fault : str, optional

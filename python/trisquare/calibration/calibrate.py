@@ -9,6 +9,7 @@ import numpy as np
 
 import trisquare._core as _core
 from trisquare._support.arrays import size_of_image
+from trisquare._support.lengths import metres
 from trisquare._support.threads import thread_count
 from trisquare.calibration.explain_failure import add_reasons, rejected_shapes
 from trisquare.calibration.gather import LOG, Gathered, gather
@@ -50,6 +51,7 @@ def calibrate(
     targets: str = "auto",
     outlines: Outlines | None = None,
     lines: bool = False,
+    side: str | float | None = None,
     threads: int | None = None,
     max_pixels: int | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -106,6 +108,10 @@ def calibrate(
         Whether the scene's own straight edges join the fit where they are consistent with the
         squares: that they are straight tells of the distortion and its centre, out to where no
         square is. They are in the result's ``lines``, used or rejected. Needs ``method="ml"``.
+    side : str or float, optional
+        Length of the squares' sides (of a board: of a cell), such as ``"84mm"``, or in metres. The
+        planes of the result then have it as `side`, and their poses are metric. All targets
+        must be of this size.
     threads : int, optional
         In how many threads several photographs are read and measured, each of which holds one in
         memory; by default as many as there are cores that this process may use. The result is the
@@ -147,6 +153,7 @@ def calibrate(
         targets=targets,
         outlines=outlines,
         lines=lines,
+        side=side,
         threads=threads,
         progress=progress,
     ).calibration
@@ -173,6 +180,7 @@ def calibrate_photographs(
     targets: str,
     outlines: Outlines | None,
     lines: bool,
+    side: str | float | None,
     threads: int | None,
     progress: Callable[[int, int], None] | None,
     explain: bool = False,
@@ -188,6 +196,7 @@ def calibrate_photographs(
         raise TypeError(f"lines must be True or False, not {type(lines).__name__}")
     if lines and settings.method == "linear":
         raise ValueError('lines=True needs method="ml": the linear steps have no place for lines')
+    length = metres(side, "side")
     threads = thread_count(threads, len(photographs))
     camera_held = {"focal", "principal_point", "distortion"} <= set(settings.fixed)
     sought = Sought.check(
@@ -211,7 +220,7 @@ def calibrate_photographs(
             gathered.figures, others, remarks = chosen_by(outcome, gathered.figures, gathered.quads)
             gathered.rejected += others
             gathered.warnings += remarks
-        calibration = _calibration(outcome.solution(), gathered, settings)
+        calibration = _calibration(outcome.solution(), gathered, settings, length)
     except TrisquareError as error:
         add_reasons(error, gathered)
         raise
@@ -231,6 +240,7 @@ def calibrate_edges(
     initial: Camera | None = None,
     orthogonal: Iterable[PlanePair] = (),
     parallel: Iterable[PlanePair] = (),
+    side: str | float | None = None,
 ) -> Calibration:
     """Calibrate a camera from measured edges alone, without a picture.
 
@@ -241,7 +251,7 @@ def calibrate_edges(
         scene (`PlaneEdges.line`) beside them are used where they are consistent with the planes.
     image_size : (int, int)
         Width and height in pixels.
-    method, model, fix, free, initial, orthogonal, parallel
+    method, model, fix, free, initial, orthogonal, parallel, side
         As in `calibrate`.
 
     Returns
@@ -256,6 +266,7 @@ def calibrate_edges(
         For bad arguments.
     """
     settings = Settings.check(method, model, fix, initial, free, orthogonal, parallel)
+    length = metres(side, "side")
     figures = list(edges)
     for figure in figures:
         if not isinstance(figure, PlaneEdges):
@@ -269,7 +280,7 @@ def calibrate_edges(
     ]
     given = Gathered(size_of_image(image_size), figures)
     outcome = _ask_core(counted, given, settings, choosing=False)
-    return _calibration(outcome.solution(), given, settings)
+    return _calibration(outcome.solution(), given, settings, length)
 
 
 def _ask_core(
@@ -296,7 +307,9 @@ def _ask_core(
     )
 
 
-def _calibration(found: _core.Solution, gathered: Gathered, settings: Settings) -> Calibration:
+def _calibration(
+    found: _core.Solution, gathered: Gathered, settings: Settings, side: float | None
+) -> Calibration:
     """Return what the core found as a result."""
     figures = [*gathered.figures, *gathered.lines]
     images, tones = gathered.images, gathered.tones
@@ -341,6 +354,7 @@ def _calibration(found: _core.Solution, gathered: Gathered, settings: Settings) 
                 aspect_std=plane.aspect and plane.aspect[1],
                 radii=np.array(plane.radii)[:, 0] if plane.radii else None,
                 radii_std=np.array(plane.radii)[:, 1] if plane.radii else None,
+                side=side,
             )
             for plane in found.planes
         ),

@@ -132,6 +132,11 @@ def calibrate_command(
         "Use the scene's own straight edges as well, where they are consistent with the squares.",
         "--lines",
     ),
+    side: str | None = option(
+        None,
+        "LENGTH",
+        "Length of the squares' sides (on a board: of a cell), such as 84mm, for metric poses.",
+    ),
     jobs: int | None = option(
         None,
         "N",
@@ -190,6 +195,7 @@ def calibrate_command(
             targets=targets,
             outlines=outline,
             lines=lines,
+            side=side,
             threads=jobs,
             progress=progress,
             explain=debug_image is not None,

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +10,8 @@ import numpy as np
 
 from trisquare._support.arrays import FloatArray
 from trisquare._support.convex_quads import separated
+from trisquare._support.lengths import METRES, Length
 from trisquare._support.number_text import with_its_std
-from trisquare._support.suggestions import unknown
 from trisquare._support.writing import write_atomically
 from trisquare.analysis.measure import CLICKED_STD, FAR, Measurement, measure
 from trisquare.analysis.rectify import rectify as rectified
@@ -38,9 +36,6 @@ EXAMPLES = (
     "trisquare measure photo.jpg --camera camera.json --rectify above.png",
 )
 
-UNITS = ("um", "mm", "cm", "m", "km", "in", "ft")
-LENGTH = re.compile(r"([0-9.eE+-]+)\s*([A-Za-z]*)")
-
 
 def measure_command(
     photo: Path = argument(..., "PHOTO", "The photograph that shows the square."),
@@ -60,7 +55,7 @@ def measure_command(
     side: str = option(
         "1",
         "LENGTH",
-        f"Side of the square (on a board: of a cell), such as 50mm; units {', '.join(UNITS)}.",
+        f"Side of the square (on a board: of a cell), such as 50mm; units {', '.join(METRES)}.",
     ),
     point_std: float = option(CLICKED_STD, "PX", "Standard deviation of the given pixels."),
     rectify: Path | None = option(None, "FILE", "Draw the plane from straight above, to scale."),
@@ -87,7 +82,7 @@ def measure_command(
     pixels = _pixels(points or [])
     if len(pixels) == 1 or (not len(pixels) and rectify is None):
         raise ValueError("give two points or more, as X,Y; or --rectify FILE")
-    length = _Length.parse(side)
+    length = Length.parse(side)
     check_outputs([photo, camera, outline], [rectify])
     known = read_camera(camera)
     picture = read_image(photo)
@@ -126,31 +121,6 @@ def measure_command(
             "resolution": resolution,
         }
     answer(json, quiet, members, lines, (f"warning: {warning}" for warning in warnings))
-
-
-@dataclass(frozen=True, slots=True)
-class _Length:
-    """A length with its unit, empty where there is none."""
-
-    value: float
-    unit: str
-
-    @classmethod
-    def parse(cls, text: str) -> _Length:
-        found = LENGTH.fullmatch(text.strip())
-        try:
-            value = float(found[1]) if found else np.nan
-        except ValueError:
-            value = np.nan
-        if found is None or not 0 < value < np.inf:
-            raise ValueError(f"a length is written 50mm, not {text!r}")
-        if found[2] not in ("", *UNITS):
-            raise unknown("unit", found[2], UNITS)
-        return cls(value, found[2])
-
-    def after(self, number: str, power: str = "") -> str:
-        """Write a number in this unit."""
-        return f"{number} {self.unit}{power}" if self.unit else number
 
 
 def _pixels(points: Sequence[str]) -> FloatArray:
@@ -210,7 +180,7 @@ def _doubts(
         )
 
 
-def _lines(measured: Measurement, length: _Length) -> Iterator[str]:
+def _lines(measured: Measurement, length: Length) -> Iterator[str]:
     for i, (value, std) in enumerate(zip(measured.lengths, measured.lengths_std, strict=True)):
         yield f"length {i + 1} to {i + 2}: {length.after(_with_std(value, std))}"
     for i, (value, std) in enumerate(zip(measured.angles, measured.angles_std, strict=True)):

@@ -67,9 +67,13 @@ def parameter_texts(calibration: Calibration) -> Iterator[tuple[str, str, str]]:
 
 
 def plane_texts(plane: Plane) -> tuple[str, str, str, str]:
-    """Return a plane's distance, tilt, rms and samples."""
+    """Return a plane's distance (in metres or, where no side is known, in sides) and so on.
+
+    That is its tilt, rms and samples.
+    """
+    unit = "" if plane.side is None else " m"
     return (
-        f"{np.linalg.norm(plane.translation):.3f}",
+        f"{np.linalg.norm(plane.tvec):.3f}{unit}",
         f"{tilt_degrees(plane.rotation):.1f}",
         f"{plane.rms:.4f}",
         str(plane.samples),

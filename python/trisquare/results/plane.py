@@ -45,6 +45,8 @@ class Plane(Record):
     radii, radii_std : array_like, shape (C,), optional
         Of circles of which some radii were unknown: those of all, and their standard deviations,
         zero of one that was known.
+    side : float, optional
+        Length of what `translation` has as its unit, in metres, as it was stated at calibration.
     """
 
     kind: str = field(metadata=member(TEXT))
@@ -61,6 +63,12 @@ class Plane(Record):
     aspect_std: float | None = field(default=None, metadata=member(NUMBER))
     radii: FloatArray | None = field(default=None, metadata=member(array(None)))
     radii_std: FloatArray | None = field(default=None, metadata=member(array(None)))
+    side: float | None = field(default=None, metadata=member(NUMBER, "side_m"))
+
+    @property
+    def stated_side(self) -> float:
+        """`side`, or 1 where it is not known."""
+        return 1.0 if self.side is None else self.side
 
     @property
     def rvec(self) -> FloatArray:
@@ -69,24 +77,25 @@ class Plane(Record):
 
     @property
     def tvec(self) -> FloatArray:
-        """`translation`, as OpenCV calls it, shape (3,)."""
-        return self.translation
+        """`translation`, as OpenCV calls it, shape (3,): in metres where `side` is known."""
+        return self.cam_from_plane()[:3, 3]
 
-    def cam_from_plane(self, side: float = 1.0) -> FloatArray:
+    def cam_from_plane(self, side: float | None = None) -> FloatArray:
         """Return the pose as a homogeneous matrix, shape (4, 4).
 
         Parameters
         ----------
-        side : float
+        side : float, optional
             Length of what `translation` has as its unit, mostly the square's side, in any unit;
-            the matrix then takes points of the plane in that unit.
+            the matrix then takes points of the plane in that unit. By default the plane's own
+            `side` in metres, or 1 where that is not known.
 
         Raises
         ------
         TypeError, ValueError
             If `side` is not a positive number.
         """
-        length = real_number(side, "side")
+        length = self.stated_side if side is None else real_number(side, "side")
         if length <= 0:
             raise ValueError(f"side must be positive, not {length:g}")
         pose = np.eye(4)

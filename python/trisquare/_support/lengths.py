@@ -1,0 +1,76 @@
+"""Lengths with their units."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+from trisquare._support.arrays import real_number
+from trisquare._support.suggestions import unknown
+
+METRES = {
+    "um": 1e-6,
+    "mm": 1e-3,
+    "cm": 1e-2,
+    "m": 1.0,
+    "km": 1e3,
+    "in": 0.0254,
+    "ft": 0.3048,
+}
+"""Of each unit."""
+
+LENGTH = re.compile(r"([0-9.eE+-]+)\s*([A-Za-z]*)")
+
+
+@dataclass(frozen=True, slots=True)
+class Length:
+    """A length with its unit, empty where there is none."""
+
+    value: float
+    unit: str
+
+    @classmethod
+    def parse(cls, text: str) -> Length:
+        """Read ``"50mm"``.
+
+        Raises
+        ------
+        ValueError
+            If it is no positive number with a known unit or none.
+        """
+        found = LENGTH.fullmatch(text.strip())
+        try:
+            value = float(found[1]) if found else math.nan
+        except ValueError:
+            value = math.nan
+        if found is None or not 0 < value < math.inf:
+            raise ValueError(f"a length is written 50mm, not {text!r}")
+        if found[2] not in ("", *METRES):
+            raise unknown("unit", found[2], METRES)
+        return cls(value, found[2])
+
+    def after(self, number: str, power: str = "") -> str:
+        """Write a number in this unit."""
+        return f"{number} {self.unit}{power}" if self.unit else number
+
+
+def metres(length: str | float | None, name: str) -> float | None:
+    """Return a length in metres: a text such as ``"84mm"``, or a number of metres.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is no positive length, or a text without a unit.
+    """
+    if length is None:
+        return None
+    if not isinstance(length, str):
+        value = real_number(length, name)
+        if value <= 0:
+            raise ValueError(f"{name} must be positive, not {value:g}")
+        return value
+    stated = Length.parse(length)
+    if not stated.unit:
+        raise ValueError(f"{name} needs a unit, one of {', '.join(METRES)}: {stated.value:g}mm")
+    return stated.value * METRES[stated.unit]
