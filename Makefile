@@ -33,7 +33,7 @@ help:
 	@echo 'make lint               check format, style, types and imports'
 	@echo 'make format             format the Rust and the Python code'
 	@echo 'make docs               build the documentation, in docs/_build/html'
-	@echo 'make fuzz               a million damaged inputs for every entry point (about an hour)'
+	@echo 'make fuzz               damaged files for every reader, damaged inputs for every entry point (hours)'
 	@echo 'make clean              delete all that make has made'
 
 demo: $(READY)
@@ -107,12 +107,14 @@ docs: $(DOCS_READY)
 	cp -R target/doc docs/_build/html/rust
 	@test -f docs/_build/html/rust/trisquare/index.html
 
-# Random bytes everywhere; where cargo-fuzz is installed, guided by coverage as well. It needs no
+# Damaged files for every reader of files, then random bytes everywhere; where cargo-fuzz is installed, guided by coverage as well. It needs no
 # nightly compiler without a sanitizer, which safe code can do without.
 FUZZ_CASES ?= 1000000
+READER_CASES ?= 100000
 FUZZ_TARGETS = $(basename $(notdir $(wildcard fuzz/fuzz_targets/*.rs)))
 
-fuzz:
+fuzz: $(READY)
+	$(VENV_PYTHON) fuzz/readers.py --cases $(READER_CASES)
 	cd fuzz && cargo run --release --quiet --bin soak -- $(FUZZ_CASES)
 	@command -v cargo-fuzz >/dev/null || { echo 'no cargo-fuzz here: cargo install cargo-fuzz'; exit 0; }; \
 	cd fuzz && for target in $(FUZZ_TARGETS); do \
@@ -123,7 +125,7 @@ fuzz:
 build: $(READY)
 
 clean:
-	rm -rf .venv target fuzz/target dist demo-output docs/_build docs/_generated
+	rm -rf .venv target fuzz/target fuzz/found dist demo-output docs/_build docs/_generated
 
 # One sentence says what is missing. Of several Pythons the default one is taken if it will do,
 # else the newest.

@@ -72,12 +72,12 @@ def predict_command(
     quiet: bool = QUIET,
 ) -> None:
     """Predict the standard deviations that a planned photograph will have."""
-    written = None if plan is None else _written(plan)
+    written = None if plan is None else read_plan(plan)
     guess = _camera(written, size, focal, camera)
     if square or written is None:
         planned = [_square(text, guess, frame) for text in square or DEFAULT_SQUARES]
     else:
-        planned = [_planned(members, guess, frame) for members in written.objects("squares")]
+        planned = [planned_square(members, guess, frame) for members in written.objects("squares")]
     prediction = predict(
         guess,
         planned,
@@ -90,7 +90,7 @@ def predict_command(
     answer(json, quiet, _members(prediction, planned), _report(prediction, planned))
 
 
-def _written(plan: Path) -> JsonFields:
+def read_plan(plan: Path) -> JsonFields:
     with reading():
         text = read_text(plan)
     with naming(plan):
@@ -142,7 +142,7 @@ def _square(text: str, camera: Camera, frame: float | None) -> PlannedSquare:
     )
 
 
-def _planned(members: JsonFields, camera: Camera, frame: float | None) -> PlannedSquare:
+def planned_square(members: JsonFields, camera: Camera, frame: float | None) -> PlannedSquare:
     x, y = members.array("centre", (2,)).tolist()
     inner = members.number_or("inner", 0.0) if frame is None else frame
     return PlannedSquare.at(

@@ -116,7 +116,9 @@ def _read_heif(encoded: bytes, name: str, limits: PictureLimits) -> Image:
         )
         limits.check_pixels(name, picture.size)
         pixels = np.asarray(picture)
-    except (ValueError, RuntimeError, OSError, EOFError) as error:
+    except ImageError:
+        raise
+    except Exception as error:  # its parser fails as damage would have it: IndexError, SyntaxError
         raise ImageError(f"{name}: not a readable HEIC picture") from error
     return pixels if pixels.ndim == 2 else pixels[:, :, :3]
 
