@@ -24,7 +24,7 @@ from trisquare.report.layers import PictureLayers, picture_layers
 from trisquare.report.pictures import shown_pixels
 from trisquare.report.plot_style import SERIES, inline_svg, plotting
 from trisquare.report.plots import residuals_by_radius, residuals_by_side, uncertainty_map
-from trisquare.report.scene_sketch import scene_sketch
+from trisquare.report.scene import scene_of
 from trisquare.results.calibration import Calibration
 
 MOST_PICTURES = 6
@@ -73,7 +73,8 @@ def page_of(
         script=Markup(script),
         script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii"),
         json="data:application/json;base64," + base64.b64encode(json).decode("ascii"),
-        **_plots(calibration, known, sides, layers),
+        scene=scene_of(calibration),
+        **_plots(calibration, known, sides),
     )
     # A file's name may hold bytes that are no text.
     return page.encode("utf-8", "backslashreplace")
@@ -110,7 +111,6 @@ def _plots(
     calibration: Calibration,
     known: ProjectionMap,
     sides: Sequence[MeasuredSide],
-    layers: Sequence[PictureLayers],
 ) -> dict[str, Any]:
     """Draw the plots: those that cannot be drawn are None."""
     with plotting():
@@ -121,10 +121,6 @@ def _plots(
             "by_radius": _svg(by_radius, "by-radius"),
             "beyond_scale": beyond_scale,
             "uncertainty": _svg(uncertainty, "uncertainty"),
-            "sketches": [
-                _svg(scene_sketch(calibration, layer.index), f"sketch-{layer.index}")
-                for layer in layers
-            ],
         }
 
 
