@@ -303,6 +303,7 @@ def test_a_phone_shows_it_without_scrolling_sideways(demo, folder):
         "parseFloat(getComputedStyle(t).fontSize) * t.getScreenCTM().a).filter(size => size > 0)"
     )
     assert min(heights) > 8.5
+    demo.wait_for(f"{SCENE}.viewBox.baseVal.width < 390")  # drawn again
     assert len(drawn(demo)) == 4
     assert all(abs(x) < 180 for x, _ in drawn(demo).values())
     x, _, width, height = demo.evaluate(BOX)

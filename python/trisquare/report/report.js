@@ -53,6 +53,7 @@ class Scene {
       this.refit();
     });
     this.look("side");
+    this.draw();
     new ResizeObserver(() => this.refit()).observe(svg);
   }
 
