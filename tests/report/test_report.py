@@ -13,6 +13,8 @@ from importlib import resources
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
+from PIL.TiffImagePlugin import IFDRational
 from scenes import edges_of, squares
 
 import trisquare as ts
@@ -106,6 +108,38 @@ def test_the_numbers_can_be_copied_with_all_digits(demo, page):
     exec(copied, found)
     np.testing.assert_array_equal(found["K"], demo.camera.K)
     np.testing.assert_array_equal(found["distortion"], demo.camera.distortion)
+
+
+FOCAL, EQUIVALENT, WIDTH, HEIGHT, RESOLUTION, UNIT = 0x920A, 0xA405, 0xA002, 0xA003, 0xA20E, 0xA210
+
+
+@pytest.mark.parametrize("tags", [{EQUIVALENT: 31}, {RESOLUTION: IFDRational(2000), UNIT: 3}])
+def test_the_focal_length_is_said_in_millimetres(calibration, tmp_path, tags):
+    """By the resolution in the focal plane with its std, or about; by photographs of two lenses."""
+    camera = calibration.camera
+    width, height = camera.image_size
+    exif, paths = Image.Exif(), []
+    blank = Image.fromarray(np.zeros((height, width), np.uint8))
+    for focal in (5.8, 5.8, 7.0):
+        exif[0x8769] = {FOCAL: IFDRational(focal), WIDTH: width, HEIGHT: height, **tags}
+        paths.append(tmp_path / f"{len(paths)}.png")
+        blank.save(paths[-1], exif=exif)
+    said = re.findall(r"In millimetres .*", Page(report_page(calibration, paths)).text)
+    assert [re.search(r"Exif states ([\d.]+) mm", each)[1] for each in said] == ["5.8", "7"]
+    if EQUIVALENT in tags:
+        # 31 mm on a diagonal of 43.27 mm are the lens's 5.8 mm on its sensor's.
+        per_mm = np.hypot(width, height) / 43.2666 * 31 / 5.8
+        found = re.search(r"is about ([\d.]+) mm;", said[0])[1]
+        assert float(found) == pytest.approx(camera.fx / per_mm, rel=0.01)
+        assert "rounded" in said[0]
+    else:
+        found, std = re.search(r"is ([\d.]+) mm \(std ([\d.]+)\);", said[0]).groups()
+        assert float(found) == pytest.approx((camera.fx + camera.fy) / 400, abs=float(std))
+        assert float(std) == pytest.approx(calibration.std["fx"] / 200, rel=0.06)
+
+
+def test_without_exif_nothing_is_said_in_millimetres(demo, page):
+    assert "millimetres" not in Page(page).text
 
 
 def test_the_page_says_when_it_was_made(calibration, monkeypatch):

@@ -324,8 +324,9 @@ def test_on_paper_both_pictures_stand_side_by_side_on_white(demo):
     assert top == same_top
     assert width == pytest.approx(same_width, abs=0.1)
     assert demo.evaluate(CLIP) == "none"
-    hidden = "['.divider', '.stage input', '.scene .tools'].map(s => getComputedStyle(document.querySelector(s)))"
-    assert demo.evaluate(f"{hidden}.map(style => style.display)") == ["none"] * 3
+    for hidden in (".divider", ".stage input", ".scene .tools"):
+        style = f"getComputedStyle(document.querySelector('{hidden}'))"
+        assert demo.evaluate(f"{style}.display") == "none"
     ground = demo.evaluate("getComputedStyle(document.body).backgroundColor")
     assert ground == "rgb(255, 255, 255)"
 

@@ -14,8 +14,8 @@ from pathlib import PurePath
 import numpy as np
 
 from trisquare.errors import ImageError
+from trisquare.images.exif import TIFF_STARTS
 from trisquare.images.limits import PictureLimits
-from trisquare.images.orientation import TIFF_STARTS
 from trisquare.images.pixels import Image
 
 HEIF, RAW, VIDEO = "heif", "raw", "video"

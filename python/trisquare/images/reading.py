@@ -9,11 +9,12 @@ import numpy as np
 from trisquare._support.paths import read_bytes
 from trisquare._support.writing import PathLike
 from trisquare.errors import ImageError, MissingImageError
+from trisquare.images.exif import TIFF_STARTS
 from trisquare.images.foreign import foreign_kind, read_foreign
 from trisquare.images.header import stated_size
 from trisquare.images.integrity import incompleteness
 from trisquare.images.limits import PictureLimits
-from trisquare.images.orientation import TIFF_STARTS, OrientationTag, find_orientation
+from trisquare.images.orientation import OrientationTag, find_orientation
 from trisquare.images.pixels import PIXEL_TYPES, Image, ImageSource, PillowImage, VideoFrame
 from trisquare.images.sources import is_pillow
 
