@@ -72,6 +72,7 @@ BENCHMARKS = (
     "speed.memory_flat",
     "speed.batch",
     "speed.serve",
+    "speed.video",
 )
 
 # Ten minutes at most, together.

@@ -12,7 +12,7 @@ from scenes import squares
 
 import trisquare as ts
 from trisquare import simulate
-from trisquare._support.threads import in_order, thread_count
+from trisquare._support.threads import ahead, in_order, thread_count
 from trisquare.images import photographs
 
 FIRST = squares(61, image_size=(640, 480))
@@ -169,3 +169,40 @@ def test_turns_pass_in_order(order):
     for thread in threads:
         thread.join(timeout=10)
     assert passed == [0, 1, 2]
+
+
+def test_items_are_made_ahead_in_their_order():
+    begun = threading.Event()
+
+    def items():
+        for number in range(20):
+            if number == 3:
+                begun.set()
+            yield number
+
+    found = ahead(items(), 4)
+    assert next(found) == 0
+    assert begun.wait(10)  # nobody has asked for it
+    assert list(found) == list(range(1, 20))
+    assert list(ahead([], 3)) == []
+
+
+def test_an_error_is_raised_in_the_place_of_the_item():
+    def items():
+        yield 1
+        raise ZeroDivisionError
+
+    found = ahead(items(), 3)
+    assert next(found) == 1
+    with pytest.raises(ZeroDivisionError):
+        next(found)
+
+
+def test_who_closes_early_stops_the_thread():
+    made = []
+    found = ahead((made.append(number) for number in range(1000)), 2)
+    next(found)
+    before = threading.active_count()
+    found.close()
+    assert threading.active_count() == before - 1
+    assert len(made) < 10

@@ -130,6 +130,11 @@ class Browser:
         for kind in ("mousePressed", "mouseReleased"):
             self.send("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
 
+    def turn_wheel(self, x, y, by):
+        """Turn the wheel over a point, by so many pixels; downwards is positive."""
+        event = "Input.dispatchMouseEvent"
+        self.send(event, type="mouseWheel", x=x, y=y, deltaX=0, deltaY=by)
+
     def drag_finger(self, start, end, y, steps=5):
         """Touch, move along a row, and lift."""
         touch = "Input.dispatchTouchEvent"
@@ -204,6 +209,8 @@ KEY_CODES = {
     "Delete": {"windowsVirtualKeyCode": 46},
     "ArrowLeft": {"windowsVirtualKeyCode": 37},
     "ArrowUp": {"windowsVirtualKeyCode": 38},
+    "+": {"windowsVirtualKeyCode": 187, "text": "+"},
+    "-": {"windowsVirtualKeyCode": 189, "text": "-"},
     "ArrowRight": {"windowsVirtualKeyCode": 39},
     "ArrowDown": {"windowsVirtualKeyCode": 40},
     "z": {"windowsVirtualKeyCode": 90},

@@ -13,6 +13,8 @@ from importlib import resources
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
+from PIL.TiffImagePlugin import IFDRational
 from scenes import edges_of, squares
 
 import trisquare as ts
@@ -25,7 +27,7 @@ from trisquare.report.layers import picture_layers
 from trisquare.report.pictures import LARGEST_SHOWN, shown_pixels
 from trisquare.report.plot_style import inline_svg, plotting
 from trisquare.report.plots import residuals_by_radius, residuals_by_side, uncertainty_map
-from trisquare.report.scene_sketch import scene_sketch
+from trisquare.report.scene import scene_of
 from trisquare.results.rejected import Rejected
 
 DEMO = resources.files("trisquare") / "data" / "demo.png"
@@ -106,6 +108,38 @@ def test_the_numbers_can_be_copied_with_all_digits(demo, page):
     exec(copied, found)
     np.testing.assert_array_equal(found["K"], demo.camera.K)
     np.testing.assert_array_equal(found["distortion"], demo.camera.distortion)
+
+
+FOCAL, EQUIVALENT, WIDTH, HEIGHT, RESOLUTION, UNIT = 0x920A, 0xA405, 0xA002, 0xA003, 0xA20E, 0xA210
+
+
+@pytest.mark.parametrize("tags", [{EQUIVALENT: 31}, {RESOLUTION: IFDRational(2000), UNIT: 3}])
+def test_the_focal_length_is_said_in_millimetres(calibration, tmp_path, tags):
+    """By the resolution in the focal plane with its std, or about; by photographs of two lenses."""
+    camera = calibration.camera
+    width, height = camera.image_size
+    exif, paths = Image.Exif(), []
+    blank = Image.fromarray(np.zeros((height, width), np.uint8))
+    for focal in (5.8, 5.8, 7.0):
+        exif[0x8769] = {FOCAL: IFDRational(focal), WIDTH: width, HEIGHT: height, **tags}
+        paths.append(tmp_path / f"{len(paths)}.png")
+        blank.save(paths[-1], exif=exif)
+    said = re.findall(r"In millimetres .*", Page(report_page(calibration, paths)).text)
+    assert [re.search(r"Exif states ([\d.]+) mm", each)[1] for each in said] == ["5.8", "7"]
+    if EQUIVALENT in tags:
+        # 31 mm on a diagonal of 43.27 mm are the lens's 5.8 mm on its sensor's.
+        per_mm = np.hypot(width, height) / 43.2666 * 31 / 5.8
+        found = re.search(r"is about ([\d.]+) mm;", said[0])[1]
+        assert float(found) == pytest.approx(camera.fx / per_mm, rel=0.01)
+        assert "rounded" in said[0]
+    else:
+        found, std = re.search(r"is ([\d.]+) mm \(std ([\d.]+)\);", said[0]).groups()
+        assert float(found) == pytest.approx((camera.fx + camera.fy) / 400, abs=float(std))
+        assert float(std) == pytest.approx(calibration.std["fx"] / 200, rel=0.06)
+
+
+def test_without_exif_nothing_is_said_in_millimetres(demo, page):
+    assert "millimetres" not in Page(page).text
 
 
 def test_the_page_says_when_it_was_made(calibration, monkeypatch):
@@ -287,27 +321,47 @@ def test_every_other_map_is_drawn(calibration, std):
         assert "<svg" in inline_svg(uncertainty_map(calibration, known), "map")
 
 
-def test_the_sketch_from_above_has_true_directions_and_distances(calibration):
-    with plotting():
-        figure = scene_sketch(calibration, 0)
-    _, from_above = figure.axes
-    numbers = {text.get_text(): text.get_position() for text in from_above.texts}
-    for number, plane in enumerate(calibration.planes):
-        np.testing.assert_allclose(numbers[str(number)], plane.translation[[0, 2]], atol=1e-6)
+def test_the_scene_holds_where_camera_and_planes_stand(calibration):
+    found = scene_of(calibration)
+    assert [plane["number"] for plane in found["planes"]] == [0, 1, 2]
+    for drawn, plane in zip(found["planes"], calibration.planes, strict=True):
+        assert drawn["image"] == plane.image
+        half = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
+        np.testing.assert_allclose(
+            drawn["corners"], half @ plane.rotation.T + plane.translation, atol=0.01
+        )
+    base, camera = np.array(found["camera"]), calibration.camera
+    width, height = camera.image_size
+    pixels = base @ camera.K.T
+    expected = [
+        [-0.5, -0.5],
+        [width - 0.5, -0.5],
+        [width - 0.5, height - 0.5],
+        [-0.5, height - 0.5],
+    ]
+    np.testing.assert_allclose(pixels[:, :2] / pixels[:, 2:], expected, atol=0.1)
 
 
-def test_planes_behind_the_camera_are_not_sketched(calibration):
-    behind = replace(
-        calibration,
-        planes=[
-            replace(plane, translation=plane.translation * [1, 1, -1])
-            for plane in calibration.planes
-        ],
-    )
-    with plotting():
-        assert scene_sketch(behind, 0) is None
-        assert scene_sketch(calibration, 1) is None
-    assert report_page(behind).endswith(b"</html>")
+def test_planes_behind_the_camera_are_not_in_the_scene(calibration):
+    turned = [
+        replace(plane, translation=plane.translation * [1, 1, -1]) for plane in calibration.planes
+    ]
+    some = scene_of(replace(calibration, planes=[turned[0], *calibration.planes[1:]]))
+    assert [plane["number"] for plane in some["planes"]] == [1, 2]
+    behind = replace(calibration, planes=turned)
+    assert scene_of(behind) is None
+    assert b"data-scene=" not in report_page(behind)
+
+
+def test_photographs_can_be_chosen_where_there_are_several(calibration):
+    assert b"<select>" not in report_page(calibration)
+    first, *others = calibration.planes
+    two = replace(calibration, planes=[first, *(replace(plane, image=1) for plane in others)])
+    assert re.findall('<option value="(.*?)">(.*?)</option>', report_page(two).decode()) == [
+        ("", "all photographs"),
+        ("0", "picture 0"),
+        ("1", "picture 1"),
+    ]
 
 
 def test_a_report_without_pictures_or_edges(calibration, edges):

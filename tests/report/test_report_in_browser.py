@@ -26,6 +26,38 @@ BOX = f"(({{x, y, width, height}}) => [x, y, width, height])({STAGE})"
 CLIP = "getComputedStyle(document.querySelector('.photograph')).clipPath"
 
 
+# What the scene writes, and where.
+SCENE = "document.querySelector('.scene svg')"
+TEXTS = f"Object.fromEntries([...{SCENE}.children].filter(n => n.localName === 'text')" + (
+    ".map(n => [n.textContent, [n.getAttribute('x'), n.getAttribute('y')].map(Number)]))"
+)
+
+
+def drawn(browser):
+    """Where the texts of the scene are, from the middle of its picture, in pixels."""
+    return {text: np.array(place) for text, place in browser.evaluate(TEXTS).items()}
+
+
+def assert_drawn_alike(browser, before):
+    now = drawn(browser)
+    assert set(now) == set(before)
+    for text, place in before.items():
+        np.testing.assert_allclose(now[text], place, atol=0.02)
+
+
+def scene_middle(browser):
+    """Scroll to the scene, and return where its middle is, pixels."""
+    browser.evaluate(f'{SCENE}.scrollIntoView({{behavior: "instant", block: "center"}})')
+    x, y, width, height = browser.evaluate(
+        f"(({{x, y, width, height}}) => [x, y, width, height])({SCENE}.getBoundingClientRect())"
+    )
+    return x + width / 2, y + height / 2
+
+
+def look_from(browser, view):
+    browser.evaluate(f"document.querySelector('.scene [data-view={view}]').click()")
+
+
 def visible_part(browser):
     """Per cent of the photograph, from its left, that is not cut off."""
     right = re.fullmatch(r"inset\(0px ([\d.]+)%? 0px 0px\)|inset\(0px\)", browser.evaluate(CLIP))
@@ -49,6 +81,10 @@ def folder(tmp_path_factory):
     named = folder / "<img src=x onerror=alert(4)>.png"
     shutil.copy(photograph, named)
     ts.write_report(hostile, folder / "hostile.html", named)
+    first, *others = demo.planes
+    several = replace(demo, planes=[first, *(replace(plane, image=1) for plane in others)])
+    ts.write_report(several, folder / "several.html")
+    (folder / "demo.json").write_text(demo.to_json())
     return folder
 
 
@@ -76,7 +112,8 @@ def test_everything_loads_and_nothing_complains(browser, folder, name):
     browser.open(folder / name)
     images = browser.evaluate("[...document.images].map(i => i.complete && i.naturalWidth)")
     assert images == [1280, 1280]
-    assert browser.evaluate("document.querySelectorAll('.plot svg').length") == 4
+    assert browser.evaluate("document.querySelectorAll('.plot svg').length") == 3
+    assert len(drawn(browser)) == 4
     assert browser.complaints == []
     assert "Page.javascriptDialogOpening" not in browser.events
 
@@ -125,6 +162,88 @@ def test_the_slider_follows_a_finger(demo):
     assert visible_part(demo) == pytest.approx(80.0, abs=2.0)
 
 
+@pytest.mark.parametrize(("view", "axes"), [("above", ([0, 2], [1, -1])), ("camera", ([0, 1], 1))])
+def test_the_scene_has_true_directions_and_distances(demo, folder, view, axes):
+    """From above X is to the right and Z up, from the camera Y is down, all in one scale."""
+    result = ts.Calibration.load(folder / "demo.json")
+    look_from(demo, view)
+    shown = drawn(demo)
+    which, sign = axes
+    places = np.array([plane.translation[which] * sign for plane in result.planes])
+    found = np.array([shown[str(number)] for number in range(len(places))])
+    # Of perspective squares the mean of the corners is their centre within some hundredths.
+    apart, expected = (np.diff(each, axis=0) for each in (found, places))
+    scale = np.linalg.norm(apart) / np.linalg.norm(expected)
+    np.testing.assert_allclose(apart / scale, expected, atol=0.05)
+    if view == "above":
+        origin = shown["camera"] - [0, 18]
+        np.testing.assert_allclose((found[0] - origin) / scale, places[0], atol=0.05)
+
+
+def test_the_scene_turns_by_pointer(demo):
+    x, y = scene_middle(demo)
+    look_from(demo, "camera")
+    before = drawn(demo)
+    demo.drag((x, y), (x + 60, y))  # by 30 degrees
+    turned = drawn(demo)
+    for text, (_, height) in before.items():
+        assert turned[text][1] == pytest.approx(height, abs=0.1)
+    assert max(abs(turned[text][0] - before[text][0]) for text in before) > 30
+    demo.drag((x, y), (x, y + 1000))
+    look_from(demo, "camera")
+    assert_drawn_alike(demo, before)
+
+
+def test_the_scene_is_turned_and_scaled_by_keys(demo):
+    scene_middle(demo)
+    look_from(demo, "side")
+    first = drawn(demo)
+    demo.evaluate(f"{SCENE}.focus()")
+    outline = demo.evaluate(f"getComputedStyle({SCENE}).outline")
+    assert "solid 3px" in outline or "3px solid" in outline
+    for key, opposite in (("ArrowLeft", "ArrowRight"), ("ArrowUp", "ArrowDown"), ("+", "-")):
+        demo.press_key(key)
+        moved = drawn(demo)
+        assert max(np.abs(moved[text] - first[text]).max() for text in first) > 3
+        demo.press_key(opposite)
+        assert_drawn_alike(demo, first)
+    for key in ("+", "ArrowLeft", "ArrowUp", "ArrowUp"):
+        demo.press_key(key)
+    demo.press_key("Home")
+    assert_drawn_alike(demo, first)
+
+
+def test_the_scene_takes_the_wheel_once_it_is_chosen(demo):
+    x, y = scene_middle(demo)
+    before, scrolled = drawn(demo), demo.evaluate("window.scrollY")
+    demo.turn_wheel(x, y, 100)
+    demo.wait_for(f"window.scrollY > {scrolled}")
+    assert_drawn_alike(demo, before)
+    x, y = scene_middle(demo)
+    scrolled = demo.evaluate("window.scrollY")
+    demo.click(x, y)
+    demo.turn_wheel(x, y, -100)
+    here = f"{SCENE}.querySelector(':scope > text').getAttribute('x')"
+    demo.wait_for(f"Number({here}) !== {before['camera'][0]}")
+    factor = drawn(demo)["0"][0] / before["0"][0]
+    assert factor == pytest.approx(np.exp(0.2), rel=0.01)
+    assert demo.evaluate("window.scrollY") == scrolled
+
+
+def test_the_planes_of_one_photograph_are_chosen(browser, folder):
+    browser.screen(1200)
+    browser.open(folder / "several.html")
+    assert set(drawn(browser)) == {"camera", "0", "1", "2"}
+    choose = (
+        "(value => {{ const s = document.querySelector('.scene select'); s.value = value;"
+        " s.dispatchEvent(new Event('change')); }})('{}')"
+    )
+    for image, shown in (("1", {"1", "2"}), ("0", {"0"}), ("", {"0", "1", "2"})):
+        browser.evaluate(choose.format(image))
+        assert set(drawn(browser)) == {"camera", *shown}
+    assert browser.complaints == []
+
+
 def luminance(rgb):
     linear = [c / 12.92 if c <= 0.03928 else ((c + 0.055) / 1.055) ** 2.4 for c in rgb]
     return float(np.dot([0.2126, 0.7152, 0.0722], linear))
@@ -143,9 +262,10 @@ CONTRASTS = """(() => {
       if (ground[3] == 1) return ground.slice(0, 3);
     }
   };
-  const texts = "p, h1, h2, h3, th, td, dd, figcaption, pre, li, a, .chip, .plot text";
+  const texts = "p, h1, h2, h3, th, td, dd, figcaption, pre, li, a, button, .chip, svg text";
   return [...document.querySelectorAll(texts)]
-    .filter(node => !node.closest("svg") || !node.getAttribute("style").includes("#ffffff"))
+    .filter(node => !(node.getAttribute("style") ?? "").includes("#ffffff"))
+    .filter(node => !node.closest(".stage"))
     .filter(node => !node.closest(".correlations td"))
     .map(node => {
       const style = getComputedStyle(node);
@@ -183,6 +303,9 @@ def test_a_phone_shows_it_without_scrolling_sideways(demo, folder):
         "parseFloat(getComputedStyle(t).fontSize) * t.getScreenCTM().a).filter(size => size > 0)"
     )
     assert min(heights) > 8.5
+    demo.wait_for(f"{SCENE}.viewBox.baseVal.width < 390")  # drawn again
+    assert len(drawn(demo)) == 4
+    assert all(abs(x) < 180 for x, _ in drawn(demo).values())
     x, _, width, height = demo.evaluate(BOX)
     assert x >= 0
     assert x + width <= 390
@@ -201,8 +324,9 @@ def test_on_paper_both_pictures_stand_side_by_side_on_white(demo):
     assert top == same_top
     assert width == pytest.approx(same_width, abs=0.1)
     assert demo.evaluate(CLIP) == "none"
-    hidden = "['.divider', '.stage input'].map(s => getComputedStyle(document.querySelector(s)))"
-    assert demo.evaluate(f"{hidden}.map(style => style.display)") == ["none", "none"]
+    for hidden in (".divider", ".stage input", ".scene .tools"):
+        style = f"getComputedStyle(document.querySelector('{hidden}'))"
+        assert demo.evaluate(f"{style}.display") == "none"
     ground = demo.evaluate("getComputedStyle(document.body).backgroundColor")
     assert ground == "rgb(255, 255, 255)"
 

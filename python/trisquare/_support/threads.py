@@ -75,6 +75,24 @@ def in_order(works: Iterable[Callable[[], T]], threads: int) -> Generator[T, Non
         pool.shutdown(cancel_futures=True)
 
 
+def ahead(items: Iterable[T], count: int) -> Generator[T, None, None]:
+    """Iterate in a thread of its own, and yield the items, of which so many are made ahead.
+
+    An error of the iteration is raised in the place of the item. Close the generator to stop.
+    """
+    from concurrent.futures import ThreadPoolExecutor
+
+    iterator, end = iter(items), object()
+    pool = ThreadPoolExecutor(1)
+    try:
+        begun = deque(pool.submit(next, iterator, end) for _ in range(count))
+        while (item := begun.popleft().result()) is not end:
+            begun.append(pool.submit(next, iterator, end))
+            yield item  # type: ignore[misc]  # it is not the end
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
 class Turns:
     """Lets threads pass one after another, by their numbers from 0 on; each number passes once."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import secrets
 import shutil
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, TypeAlias
@@ -83,24 +83,30 @@ def write_atomically(contents: Mapping[PathLike, bytes]) -> None:
     write_in_turn(contents.items())
 
 
-def write_in_turn(contents: Iterable[tuple[PathLike, bytes]]) -> None:
+def write_in_turn(contents: Iterable[tuple[PathLike, bytes | Callable[[Path], object]]]) -> None:
     """Write files as `write_atomically` does, each content made when its turn has come.
 
     So that many pictures are never in memory at once; an error while one is made touches no
-    target either.
+    target either. A content may also be what writes a file of the path that it is given, which has
+    the target's extension.
     """
     staged: list[tuple[PathLike, Path, Path]] = []
     try:
         for path, content in contents:
             check_writable(path)
             target = Path(os.path.realpath(path))
-            temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}.tmp")
+            ending = f".tmp{target.suffix}" if callable(content) else ".tmp"
+            temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}{ending}")
             # Opened, not made by tempfile: the file shall have the mode that the umask gives.
-            with writing(path), temporary.open("xb") as file:
-                staged.append((path, temporary, target))
-                file.write(content)
-                file.flush()
-                os.fsync(file.fileno())
+            with writing(path):
+                with temporary.open("xb") as file:
+                    staged.append((path, temporary, target))
+                    if not callable(content):
+                        file.write(content)
+                if callable(content):
+                    content(temporary)
+                with temporary.open("r+b") as file:
+                    os.fsync(file.fileno())
             if target.exists():
                 shutil.copymode(target, temporary)
         for path, temporary, target in staged:

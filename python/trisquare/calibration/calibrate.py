@@ -21,6 +21,7 @@ from trisquare.detection.kinds import TargetKinds, nothing_found
 from trisquare.edges import PlaneEdges, changed_edges
 from trisquare.errors import DetectionError, TrisquareError
 from trisquare.images.faults import fault_warnings
+from trisquare.images.frame_choice import with_frames
 from trisquare.images.limits import PictureLimits
 from trisquare.images.photographs import Photographs
 from trisquare.images.pixels import ImageSource, Outlines, Tone
@@ -52,6 +53,7 @@ def calibrate(
     outlines: Outlines | None = None,
     lines: bool = False,
     side: str | float | None = None,
+    frames: int | None = None,
     threads: int | None = None,
     max_pixels: int | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -112,6 +114,10 @@ def calibrate(
         Length of the squares' sides (of a board: of a cell), such as ``"84mm"``, or in metres. The
         planes of the result then have it as `side`, and their poses are metric. All targets
         must be of this size.
+    frames : int, optional
+        How many frames to take of each video among the paths: sharp ones that differ from one
+        another, each one photograph of the camera. They are held in memory. Without it a video is
+        refused.
     threads : int, optional
         In how many threads several photographs are read and measured, each of which holds one in
         memory; by default as many as there are cores that this process may use. The result is the
@@ -140,8 +146,9 @@ def calibrate(
     TypeError, ValueError
         For bad arguments.
     """
+    limits = PictureLimits.stated(max_pixels)
     return calibrate_photographs(
-        Photographs(sources_of(image), limits=PictureLimits.stated(max_pixels)),
+        Photographs(with_frames(sources_of(image), frames, limits), limits=limits),
         method=method,
         model=model,
         fix=fix,

@@ -108,7 +108,8 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 
 
 def _silence_opencv() -> None:
-    """Keep OpenCV from adding its own lines to the one that says what is wrong."""
+    """Keep OpenCV and its FFmpeg from adding their lines to the one that says what is wrong."""
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # AV_LOG_QUIET
     if "cv2" not in sys.modules:  # and it shall not be loaded for this
         os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
         return

@@ -40,9 +40,11 @@ from trisquare.detection.sheets.layout import parse_layout
 from trisquare.drawing.detections import draw_detections
 from trisquare.drawing.overlay import draw_overlay
 from trisquare.formats.registry import format_of_name
+from trisquare.images.frame_choice import with_frames
 from trisquare.images.limits import PictureLimits
 from trisquare.images.photographs import Photographs
 from trisquare.images.pixels import TONE_CURVES, Image
+from trisquare.images.video import is_video
 from trisquare.report import check_extra, report_page
 
 EXAMPLES = (
@@ -50,6 +52,7 @@ EXAMPLES = (
     "trisquare calibrate photo.jpg -o camera.json --overlay overlay.png --diagnose",
     "trisquare calibrate one.jpg two.jpg three.jpg --model auto --json",
     "trisquare calibrate board.png --targets chessboard:9x6 --fix aspect",
+    "trisquare calibrate clip.mp4 --frames 10 -o camera.json",
 )
 
 
@@ -128,6 +131,11 @@ def calibrate_command(
         "Measure the squares outlined in this file, and search for no others: trisquare's JSON or "
         "labelme's, in pixels of the picture as stored, accurate to 5 px.",
     ),
+    frames: int | None = option(
+        None,
+        "N",
+        "Calibrate with N frames of each video among the inputs: sharp ones that differ.",
+    ),
     lines: bool = flag(
         "Use the scene's own straight edges as well, where they are consistent with the squares.",
         "--lines",
@@ -156,8 +164,10 @@ def calibrate_command(
     if with_diagnosis and json:
         raise ValueError("--diagnose prints text and --json prints JSON: give one of them")
     photos = photographs_named(photos)
-    overlay_paths = numbered_paths(overlay, len(photos))
-    debug_images = numbered_paths(debug_image, len(photos))
+    clips = 0 if frames is None else sum(map(is_video, photos))
+    most_pictures = len(photos) + clips * max(0, (frames or 0) - 1)
+    overlay_paths = numbered_paths(overlay, most_pictures)
+    debug_images = numbered_paths(debug_image, most_pictures)
     # No board but a file has a name that might be an output's.
     inputs = [*photos, outline, None if board is None else Path(board)]
     check_outputs(inputs, [*overlay_paths, *debug_images], [output, report])
@@ -172,11 +182,11 @@ def calibrate_command(
             parse_layout(board)
         targets = board  # in Python they are one argument
     most = amount(max_pixels, "--max-pixels")
-    photographs = Photographs(
-        photos,
-        keep=bool(overlay or debug_image or report),
-        limits=PictureLimits.stated(most),
-    )
+    limits = PictureLimits.stated(most)
+    with progress_bar("choosing frames", quiet) as progress, reading():
+        sources = with_frames(photos, frames, limits, progress)
+    overlay_paths, debug_images = overlay_paths[: len(sources)], debug_images[: len(sources)]
+    photographs = Photographs(sources, keep=bool(overlay or debug_image or report), limits=limits)
     with (
         drawn_on_failure(photographs, debug_images),
         progress_bar("calibrating", quiet) as progress,

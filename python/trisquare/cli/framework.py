@@ -33,7 +33,8 @@ SUMMARIES: Mapping[str, str] = MappingProxyType(
             "Write a PDF with three framed squares to print, for one photograph that calibrates."
         ),
         "undistort": (
-            "Remove the lens distortion from photographs; none is written unless all can be."
+            "Remove the lens distortion from photographs and videos; none is written unless all "
+            "can be."
         ),
         "straighten": (
             "Remove the lens distortion from a photograph by its straight lines, without a target."

@@ -91,6 +91,7 @@ def predict_command(
 
 
 def read_plan(plan: Path) -> JsonFields:
+    """Return the members of a plan's file."""
     with reading():
         text = read_text(plan)
     with naming(plan):
@@ -143,6 +144,7 @@ def _square(text: str, camera: Camera, frame: float | None) -> PlannedSquare:
 
 
 def planned_square(members: JsonFields, camera: Camera, frame: float | None) -> PlannedSquare:
+    """Return a square of a plan; `frame` overrides what it says of its hole."""
     x, y = members.array("centre", (2,)).tolist()
     inner = members.number_or("inner", 0.0) if frame is None else frame
     return PlannedSquare.at(

@@ -1,10 +1,12 @@
-"""`trisquare undistort`: photographs without their lens's distortion."""
+"""`trisquare undistort`: photographs and videos without their lens's distortion."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
+from functools import lru_cache, partial
+from itertools import compress
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +23,9 @@ from trisquare.cli.pictures_drawn import check_depth, check_outputs, numbered_pa
 from trisquare.images.encoding import encode_turned
 from trisquare.images.pixels import picture_size
 from trisquare.images.reading import read_photograph
+from trisquare.images.video import Video, add_sound, check_video_name, is_video
 from trisquare.undistortion.undistort import INTERPOLATIONS, Undistorter
+from trisquare.undistortion.video import undistort_video
 
 VIEWS = ("pinhole", *HIGHEST_LATITUDES)
 
@@ -32,6 +36,7 @@ EXAMPLES = (
     "trisquare undistort frame-*.png --camera camera.json -o straight/ --balance 0.5",
     "trisquare undistort wide.png --camera camera.json -o wide-view.png --view equirectangular",
     "trisquare undistort small.png --camera camera.json -o straight.png --rescale",
+    "trisquare undistort clip.mp4 --camera camera.json -o straight.mp4",
 )
 
 
@@ -42,7 +47,8 @@ def undistort_command(
         ...,
         "FILE",
         "Write the picture to this file. With several photographs, FILE.png becomes FILE-1.png, "
-        "FILE-2.png, ...; in a folder (FOLDER/ is made), each keeps its own name.",
+        "FILE-2.png, ...; in a folder (FOLDER/ is made), each keeps its own name. Videos are "
+        "written as .mp4, .mov or .avi.",
         "--output",
         "-o",
     ),
@@ -70,8 +76,12 @@ def undistort_command(
     json: bool = JSON,
     quiet: bool = QUIET,
 ) -> None:
-    """Remove the lens distortion from photographs; none is written unless all can be."""
+    """Remove the lens distortion from photographs and videos; none is written unless all can be.
+
+    A video keeps the rate and the number of its frames, and its sound where ffmpeg is on the PATH.
+    """
     photos = photographs_named(photos)
+    videos = [is_video(photo) for photo in photos]
     into_folder = output.endswith(("/", os.sep)) or os.path.isdir(output)
     if into_folder:
         paths = [Path(output, photo.name) for photo in photos]
@@ -87,43 +97,62 @@ def undistort_command(
     pictures: list[dict[str, Any]] = []
     warnings: list[str] = []
 
-    def undistorter_of(lens: Camera) -> Undistorter:
+    @lru_cache(maxsize=1)
+    def undistorter_of(size: tuple[int, int]) -> Undistorter:
+        taken_by = lens.rescaled(size) if rescale and size != lens.image_size else lens
         if view == "pinhole":
-            return Undistorter(lens, new_camera=lens.undistorted(balance, field=field))
-        return Undistorter(lens, new_camera=Panorama.of(lens, view, field))
+            return Undistorter(taken_by, new_camera=taken_by.undistorted(balance, field=field))
+        return Undistorter(taken_by, new_camera=Panorama.of(taken_by, view, field))
 
-    def undistorted() -> Iterator[tuple[Path, bytes]]:
-        """Undistort one photograph when the one before has been taken care of."""
-        undistorter = undistorter_of(lens)
-        for photo, path in zip(photos, paths, strict=True):
-            if progress is not None:
-                progress(len(pictures), len(photos))
-            picture, tag = read_photograph(photo)
-            check_depth(picture, path)
-            size = picture_size(picture)
-            with naming(photo):
-                if rescale and size != undistorter.camera.image_size:
-                    undistorter = undistorter_of(lens.rescaled(size))
-                straight = undistorter.undistort(picture, interpolation=interpolation)
-            pictures.append(
-                {
-                    "photo": str(photo),
-                    "output": str(path),
-                    "image_size": list(undistorter.new_camera.image_size),
-                    **_view_members(undistorter.new_camera),
-                    "valid_rectangle": list(undistorter.valid_rectangle),
-                }
+    def photograph_undistorted(photo: Path, path: Path) -> bytes:
+        if progress is not None:
+            progress(len(pictures), len(photos))
+        picture, tag = read_photograph(photo)
+        check_depth(picture, path)
+        with naming(photo):
+            used = undistorter_of(picture_size(picture))
+            straight = used.undistort(picture, interpolation=interpolation)
+        pictures.append(_picture_members(photo, path, used))
+        encoded, missed = encode_turned(straight, path, tag)
+        if missed is not None:
+            warnings.append(missed)
+        return encoded
+
+    def write_undistorted_video(clip: Path, path: Path, temporary: Path) -> None:
+        with Video(clip) as video, naming(clip):
+            used = undistorter_of(video.size)
+            told = None if progress is None else partial(_tell_frames, progress, video)
+            frames = undistort_video(
+                video, used, temporary, interpolation=interpolation, progress=told
             )
-            encoded, missed = encode_turned(straight, path, tag)
-            if missed is not None:
-                warnings.append(missed)
-            yield path, encoded
+        more = {"frames": frames, "rate": video.rate, "turned": video.turn}
+        pictures.append({**_picture_members(clip, path, used), **more})
+        if video.turn:
+            warnings.append(
+                f"{path}: turned clockwise by {video.turn} degrees, as players turn the video; the "
+                "new camera is that of its frames before"
+            )
+        missed = add_sound(temporary, clip)
+        if missed is not None:
+            warnings.append(f"{path}: {missed}")
+
+    def undistorted() -> Iterator[tuple[Path, bytes | Callable[[Path], None]]]:
+        """Undistort one photograph when the one before has been taken care of."""
+        for photo, path, has_frames in zip(photos, paths, videos, strict=True):
+            if has_frames:
+                yield path, partial(write_undistorted_video, photo, path)
+            else:
+                yield path, photograph_undistorted(photo, path)
 
     with (
         making_folder(output) if into_folder else nullcontext(),
         progress_bar("undistorting", quiet) as progress,
     ):
-        check_outputs([*photos, camera], paths)
+        moving = list(compress(paths, videos))
+        check_outputs([*photos, camera], [path for path in paths if path not in moving], moving)
+        for path in moving:
+            check_video_name(path)
+        undistorter_of(lens.image_size)  # what is wrong with the view is not the photograph's fault
         write_in_turn(undistorted())
     members = {
         "format": UNDISTORTION_FORMAT,
@@ -134,6 +163,22 @@ def undistort_command(
         "warnings": warnings,
     }
     answer(json, quiet, members, _lines(pictures), (f"warning: {each}" for each in warnings))
+
+
+def _tell_frames(progress: Callable[[int, int], None], video: Video, done: int) -> None:
+    """Tell the bar how many frames are done of how many the video states, which may be too few."""
+    progress(done, max(done, video.stated_frames))
+
+
+def _picture_members(photo: Path, path: Path, undistorter: Undistorter) -> dict[str, Any]:
+    """Return the member of ``pictures`` for a photograph or a video."""
+    return {
+        "photo": str(photo),
+        "output": str(path),
+        "image_size": list(undistorter.new_camera.image_size),
+        **_view_members(undistorter.new_camera),
+        "valid_rectangle": list(undistorter.valid_rectangle),
+    }
 
 
 def _view_members(view: Camera | Panorama) -> dict[str, Any]:

@@ -6,6 +6,8 @@ import struct
 import zlib
 from dataclasses import dataclass
 
+from trisquare.images.exif import EXIF_IN_JPEG, START_OF_JPEG, ExifBlock
+
 UPRIGHT = 1
 
 TAG = 0x0112
@@ -22,13 +24,6 @@ TURNS = {
     8: "turned anticlockwise by 90 degrees",
 }
 """What a program that applies the tag does to the stored picture before it shows it."""
-
-TIFF_STARTS = {b"II*\0": "<", b"MM\0*": ">"}
-"""How a TIFF file or an Exif block begins, and its byte order."""
-
-EXIF_IN_JPEG = b"Exif\0\0"
-START_OF_SCAN = 0xDA
-START_OF_JPEG = b"\xff\xd8"
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,55 +83,11 @@ def with_orientation(encoded: bytes, value: int) -> bytes | None:
 
 def find_orientation(encoded: bytes) -> OrientationTag | None:
     """Find the orientation tag of a JPEG, PNG or TIFF file; None if there is none."""
-    start = _exif_start(encoded)
-    return None if start is None else _tag_at(encoded, start)
-
-
-def _exif_start(encoded: bytes) -> int | None:
-    """Where the block in TIFF's format begins that the tag is in."""
-    if encoded[:4] in TIFF_STARTS:
-        return 0
-    if encoded[:2] == START_OF_JPEG:
-        return _exif_in_jpeg(encoded)
-    if encoded[:4] == b"\x89PNG":
-        return _exif_in_png(encoded)
-    return None
-
-
-def _exif_in_jpeg(encoded: bytes) -> int | None:
-    """Walk the segments before the coded data."""
-    position = 2
-    while position + 4 <= len(encoded) and encoded[position] == 0xFF:
-        if encoded[position + 1] == START_OF_SCAN:
-            return None
-        if encoded[position + 4 : position + 10] == EXIF_IN_JPEG:
-            return position + 10
-        position += 2 + int.from_bytes(encoded[position + 2 : position + 4], "big")
-    return None
-
-
-def _exif_in_png(encoded: bytes) -> int | None:
-    position = 8
-    while position + 12 <= len(encoded):
-        if encoded[position + 4 : position + 8] == b"eXIf":
-            return position + 8
-        position += 12 + int.from_bytes(encoded[position : position + 4], "big")
-    return None
-
-
-def _tag_at(encoded: bytes, start: int) -> OrientationTag | None:
-    """Look through the first directory of a block in TIFF's format."""
-    order = TIFF_STARTS.get(encoded[start : start + 4])
-    if order is None:
+    block = ExifBlock.find(encoded)
+    if block is None:
         return None
-    try:
-        (offset,) = struct.unpack_from(f"{order}I", encoded, start + 4)
-        directory = start + offset
-        (count,) = struct.unpack_from(f"{order}H", encoded, directory)
-        for entry in range(directory + 2, directory + 2 + 12 * count, 12):
-            tag, kind, length, value = struct.unpack_from(f"{order}HHIH", encoded, entry)
-            if (tag, kind, length) == (TAG, SHORT, 1):
-                return OrientationTag(value, entry + 8, order)
-    except struct.error:
-        return None  # cut off, or offsets that lead out of the file
+    for tag, kind, length, position in block.entries():
+        if (tag, kind, length) == (TAG, SHORT, 1):
+            (value,) = struct.unpack_from(f"{block.order}H", encoded, position)
+            return OrientationTag(value, position, block.order)
     return None

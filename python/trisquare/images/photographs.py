@@ -13,7 +13,7 @@ import numpy as np
 
 from trisquare._support.threads import Turns
 from trisquare.images.limits import PictureLimits
-from trisquare.images.pixels import Image, ImageSource, picture_size
+from trisquare.images.pixels import Image, ImageSource, VideoFrame, picture_size
 from trisquare.images.reading import load_photograph
 
 
@@ -157,6 +157,8 @@ def _load(
 def _name(index: int, source: ImageSource) -> str:
     if isinstance(source, str | os.PathLike):
         return f"picture {index} ({os.path.basename(source)})"
+    if isinstance(source, VideoFrame):
+        return f"picture {index} (frame {source.number} of {os.path.basename(source.video)})"
     return f"picture {index}"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, BinaryIO, Protocol, TypeAlias
 
 import numpy as np
@@ -12,7 +13,9 @@ import numpy.typing as npt
 from trisquare._support.suggestions import unknown
 
 Image: TypeAlias = npt.NDArray[Any]
-ImageSource: TypeAlias = "str | os.PathLike[str] | bytes | BinaryIO | PillowImage | Image"
+ImageSource: TypeAlias = (
+    "str | os.PathLike[str] | bytes | BinaryIO | PillowImage | VideoFrame | Image"
+)
 Tone: TypeAlias = "str | float | None"
 Outlines: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any] | Sequence[Any]"
 
@@ -26,6 +29,25 @@ class PillowImage(Protocol):
 
     def convert(self, mode: str) -> Any:
         """Return the picture in another mode."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VideoFrame:
+    """A frame that was taken out of a video.
+
+    Attributes
+    ----------
+    video : str
+        Name of the file.
+    number : int
+        Of the frame, counted from 0.
+    pixels : ndarray of uint8, shape (H, W, 3)
+        BGR, rows and columns as they are stored.
+    """
+
+    video: str
+    number: int
+    pixels: Image
 
 
 PIXEL_TYPES = (np.uint8, np.uint16, np.float32)

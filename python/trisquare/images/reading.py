@@ -9,12 +9,13 @@ import numpy as np
 from trisquare._support.paths import read_bytes
 from trisquare._support.writing import PathLike
 from trisquare.errors import ImageError, MissingImageError
+from trisquare.images.exif import TIFF_STARTS
 from trisquare.images.foreign import foreign_kind, read_foreign
 from trisquare.images.header import stated_size
 from trisquare.images.integrity import incompleteness
 from trisquare.images.limits import PictureLimits
-from trisquare.images.orientation import TIFF_STARTS, OrientationTag, find_orientation
-from trisquare.images.pixels import PIXEL_TYPES, Image, ImageSource, PillowImage
+from trisquare.images.orientation import OrientationTag, find_orientation
+from trisquare.images.pixels import PIXEL_TYPES, Image, ImageSource, PillowImage, VideoFrame
 from trisquare.images.sources import is_pillow
 
 NO_MEMORY = -4
@@ -141,6 +142,8 @@ def load_photograph(
     """Return a picture as `load_picture` does, with its orientation tag if that would turn it."""
     if isinstance(source, str | os.PathLike):
         return read_photograph(source, limits)
+    if isinstance(source, VideoFrame):
+        return source.pixels, None
     if hasattr(source, "read"):
         source = source.read()
     if isinstance(source, bytes | bytearray | memoryview):

@@ -17,6 +17,7 @@ from trisquare.analysis.comparison import two_digits
 from trisquare.camera.camera import Camera, camera_parameters
 from trisquare.camera.lens_models import is_fisheye
 from trisquare.camera.projection_uncertainty import ProjectionMap
+from trisquare.images.exif import StatedFocalLength
 from trisquare.results.calibration import Calibration
 from trisquare.results.plane import Plane
 
@@ -64,6 +65,24 @@ def parameter_texts(calibration: Calibration) -> Iterator[tuple[str, str, str]]:
             yield name, *with_its_std(value, calibration.std[name])
         elif value != 0 or name in ("fx", "fy", "cx", "cy"):
             yield name, f"{value:.6g}", "held"
+
+
+def focal_length_text(calibration: Calibration, stated: StatedFocalLength) -> str:
+    """Say the focal length in millimetres, beside what a photograph's Exif block states."""
+    camera, scales = calibration.camera, stated.pixels_per_millimetre
+    length = float(np.mean(np.divide((camera.fx, camera.fy), scales)))
+    std = calibration.std.get("fx", 0.0) / scales[0]
+    if stated.is_nominal:
+        found = f"about {length:.3g} mm"
+        known_by = "the equivalent for 35-mm film that it states, which is rounded"
+    else:
+        value, its_std = with_its_std(length, std) if std else (f"{length:.4g}", "0")
+        found = f"{value} mm (std {its_std})"
+        known_by = "the resolution in the focal plane that it states"
+    return (
+        f"In millimetres the focal length is {found}; Exif states {stated.millimetres:.4g} mm. The "
+        f"size of a pixel is known by {known_by}."
+    )
 
 
 def plane_texts(plane: Plane) -> tuple[str, str, str, str]:

@@ -17,6 +17,7 @@ from trisquare.analysis.comparison import two_digits
 from trisquare.analysis.diagnosis import diagnose
 from trisquare.analysis.residuals import MeasuredSide, measured_sides
 from trisquare.camera.projection_uncertainty import ProjectionMap
+from trisquare.images.exif import StatedFocalLength, stated_focal_length
 from trisquare.images.photographs import Photographs
 from trisquare.images.pixels import picture_size
 from trisquare.report import content
@@ -24,7 +25,7 @@ from trisquare.report.layers import PictureLayers, picture_layers
 from trisquare.report.pictures import shown_pixels
 from trisquare.report.plot_style import SERIES, inline_svg, plotting
 from trisquare.report.plots import residuals_by_radius, residuals_by_side, uncertainty_map
-from trisquare.report.scene_sketch import scene_sketch
+from trisquare.report.scene import scene_of
 from trisquare.results.calibration import Calibration
 
 MOST_PICTURES = 6
@@ -46,7 +47,7 @@ def page_of(
     command: str | None,
 ) -> bytes:
     """Gather, draw and lay out; the arguments are those of `report_page`."""
-    names, files, layers = _pictures(calibration, photographs)
+    names, files, layers, lengths = _pictures(calibration, photographs)
     sides = [side for index in names for side in measured_sides(calibration, index)]
     known = calibration.projection_map()
     json = calibration.to_json().encode()
@@ -57,6 +58,7 @@ def page_of(
         calibration=calibration,
         summary=list(content.summary(calibration, known)),
         parameters=list(content.parameter_texts(calibration)),
+        focal_lengths=lengths,
         meanings=content.meanings(calibration.camera),
         diagnosis=diagnose(calibration),
         settings=content.settings(calibration),
@@ -73,7 +75,8 @@ def page_of(
         script=Markup(script),
         script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii"),
         json="data:application/json;base64," + base64.b64encode(json).decode("ascii"),
-        **_plots(calibration, known, sides, layers),
+        scene=scene_of(calibration),
+        **_plots(calibration, known, sides),
     )
     # A file's name may hold bytes that are no text.
     return page.encode("utf-8", "backslashreplace")
@@ -81,11 +84,12 @@ def page_of(
 
 def _pictures(
     calibration: Calibration, photographs: Photographs
-) -> tuple[dict[int, str], list[tuple[str, str]], list[PictureLayers]]:
-    """Return the pictures' names, what tells the photographs' files, and what the first show."""
+) -> tuple[dict[int, str], list[tuple[str, str]], list[PictureLayers], list[str]]:
+    """Return names, what tells the files, what the first show, and the focal lengths in mm."""
     names: dict[int, str] = {}
     files: list[tuple[str, str]] = []
     layers: list[PictureLayers] = []
+    stated: list[StatedFocalLength] = []
     if not photographs.sources:
         indices = sorted({plane.image for plane in calibration.planes} or {0})
         names = {index: f"picture {index}" for index in indices}
@@ -99,18 +103,23 @@ def _pictures(
                 f"{own[1]}: is it one of them?"
             )
         names[index] = f"picture {index}" if path is None else os.path.basename(path)
-        files.append((names[index], "no file" if path is None else _digest(path)))
+        if path is None:
+            files.append((names[index], "no file"))
+        else:
+            encoded = Path(path).read_bytes()
+            files.append((names[index], _digest(encoded)))
+            stated += filter(None, [stated_focal_length(encoded, size)])
         if len(layers) < MOST_PICTURES:
             shown = shown_pixels(pixels, linear=calibration.tone == "linear")
             layers.append(picture_layers(calibration, index, shown))
-    return names, files, layers
+    lengths = [content.focal_length_text(calibration, each) for each in dict.fromkeys(stated)]
+    return names, files, layers, lengths
 
 
 def _plots(
     calibration: Calibration,
     known: ProjectionMap,
     sides: Sequence[MeasuredSide],
-    layers: Sequence[PictureLayers],
 ) -> dict[str, Any]:
     """Draw the plots: those that cannot be drawn are None."""
     with plotting():
@@ -121,10 +130,6 @@ def _plots(
             "by_radius": _svg(by_radius, "by-radius"),
             "beyond_scale": beyond_scale,
             "uncertainty": _svg(uncertainty, "uncertainty"),
-            "sketches": [
-                _svg(scene_sketch(calibration, layer.index), f"sketch-{layer.index}")
-                for layer in layers
-            ],
         }
 
 
@@ -132,9 +137,9 @@ def _svg(figure: Any, name: str) -> Markup | None:
     return None if figure is None else Markup(inline_svg(figure, name))
 
 
-def _digest(path: str | os.PathLike[str]) -> str:
+def _digest(encoded: bytes) -> str:
     """Tell a file from others."""
-    return f"SHA-256 {hashlib.sha256(Path(path).read_bytes()).hexdigest()[:DIGEST_LETTERS]}\u2026"
+    return f"SHA-256 {hashlib.sha256(encoded).hexdigest()[:DIGEST_LETTERS]}\u2026"
 
 
 def _own(name: str) -> str:

@@ -1,0 +1,181 @@
+"""The Exif block of a picture (Exif 2.32), with what it says of the focal length."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+TIFF_STARTS = {b"II*\0": "<", b"MM\0*": ">"}
+"""How a TIFF file or an Exif block begins, and its byte order."""
+
+EXIF_IN_JPEG = b"Exif\0\0"
+START_OF_SCAN = 0xDA
+START_OF_JPEG = b"\xff\xd8"
+
+EXIF_DIRECTORY, FOCAL_LENGTH, EQUIVALENT = 0x8769, 0x920A, 0xA405
+WIDTH, HEIGHT = 0xA002, 0xA003
+X_RESOLUTION, Y_RESOLUTION, RESOLUTION_UNIT = 0xA20E, 0xA20F, 0xA210
+
+NUMBERS = {3: "H", 4: "I", 5: "II"}
+"""The types of the numbers read here: 16 bits, 32 bits, and fractions of two of these."""
+
+UNITS = {2: 25.4, 3: 10.0, 4: 1.0}
+"""Millimetres of the units of resolution: inch, centimetre and, beyond the standard, millimetre."""
+
+FULL_FRAME_DIAGONAL = math.hypot(36.0, 24.0)
+"""Millimetres of the 35-mm film's picture, to which equivalent focal lengths refer."""
+
+
+class Entry(NamedTuple):
+    """An entry of a directory: its tag, type and length, and where its value or offset is."""
+
+    tag: int
+    kind: int
+    length: int
+    position: int
+
+
+@dataclass(frozen=True, slots=True)
+class ExifBlock:
+    """A block in TIFF's format within an encoded picture.
+
+    Attributes
+    ----------
+    encoded : bytes
+        The whole file.
+    start : int
+        Where the block begins.
+    order : {"<", ">"}
+        Its byte order.
+    """
+
+    encoded: bytes
+    start: int
+    order: str
+
+    @classmethod
+    def find(cls, encoded: bytes) -> ExifBlock | None:
+        """Find the block of a JPEG, PNG or TIFF file; None if there is none."""
+        start = _exif_start(encoded)
+        order = None if start is None else TIFF_STARTS.get(encoded[start : start + 4])
+        return None if start is None or order is None else cls(encoded, start, order)
+
+    def entries(self, directory: int | None = None) -> Iterator[Entry]:
+        """Yield the entries of a directory, by its offset in the block; of the first one if None.
+
+        It ends where the file is cut off, or offsets lead out of it.
+        """
+        try:
+            if directory is None:
+                (directory,) = self._unpacked("I", self.start + 4)
+            at = self.start + directory
+            (count,) = self._unpacked("H", at)
+            for position in range(at + 2, at + 2 + 12 * count, 12):
+                tag, kind, length = self._unpacked("HHI", position)
+                self._unpacked("I", position + 8)  # all of it is there
+                yield Entry(tag, kind, length, position + 8)
+        except struct.error:
+            return
+
+    def number(self, entry: Entry) -> float | None:
+        """Return the one number of an entry; None if it is of another type, or zero."""
+        kind = NUMBERS.get(entry.kind)
+        if kind is None or entry.length != 1:
+            return None
+        try:
+            at = entry.position
+            if kind == "II":  # it does not fit into the entry
+                at = self.start + self._unpacked("I", at)[0]
+            values = self._unpacked(kind, at)
+        except struct.error:
+            return None
+        return values[0] / (values[1:] or (1,))[0] if all(values) else None
+
+    def _unpacked(self, kind: str, position: int) -> tuple[int, ...]:
+        return struct.unpack_from(self.order + kind, self.encoded, position)
+
+
+@dataclass(frozen=True, slots=True)
+class StatedFocalLength:
+    """What a picture's Exif block says of its focal length.
+
+    Attributes
+    ----------
+    millimetres : float
+        As the lens or the camera tells it.
+    pixels_per_millimetre : (float, float)
+        Along x and y, on the sensor.
+    is_nominal : bool
+        Whether these come from the equivalent for 35-mm film, which is rounded to a millimetre.
+    """
+
+    millimetres: float
+    pixels_per_millimetre: tuple[float, float]
+    is_nominal: bool
+
+
+def stated_focal_length(encoded: bytes, image_size: tuple[int, int]) -> StatedFocalLength | None:
+    """Return what an encoded picture of this size says of its focal length.
+
+    None if it does not say the focal length, and how large a pixel is: by the resolution in the
+    focal plane where that is of a picture of this size, or else by the equivalent for 35-mm film,
+    whose diagonal stands for that of the picture. Makers and models are not looked up.
+    """
+    block = ExifBlock.find(encoded)
+    if block is None:
+        return None
+    found: dict[int, float] = {}
+    for entry in block.entries():
+        if entry.tag == EXIF_DIRECTORY and (offset := block.number(entry)) is not None:
+            for each in block.entries(int(offset)):
+                number = block.number(each)
+                if number is not None:
+                    found[each.tag] = number
+    millimetres = found.get(FOCAL_LENGTH)
+    if millimetres is None:
+        return None
+    resolution = found.get(X_RESOLUTION)
+    unit = UNITS.get(int(found.get(RESOLUTION_UNIT, 2)))
+    if resolution is not None and unit and (found.get(WIDTH), found.get(HEIGHT)) == image_size:
+        pixels = resolution / unit, found.get(Y_RESOLUTION, resolution) / unit
+        return StatedFocalLength(millimetres, pixels, is_nominal=False)
+    equivalent = found.get(EQUIVALENT)
+    if equivalent is None:
+        return None
+    nominal = math.hypot(*image_size) / FULL_FRAME_DIAGONAL * equivalent / millimetres
+    return StatedFocalLength(millimetres, (nominal, nominal), is_nominal=True)
+
+
+def _exif_start(encoded: bytes) -> int | None:
+    """Where the block in TIFF's format begins."""
+    if encoded[:4] in TIFF_STARTS:
+        return 0
+    if encoded[:2] == START_OF_JPEG:
+        return _exif_in_jpeg(encoded)
+    if encoded[:4] == b"\x89PNG":
+        return _exif_in_png(encoded)
+    return None
+
+
+def _exif_in_jpeg(encoded: bytes) -> int | None:
+    """Walk the segments before the coded data."""
+    position = 2
+    while position + 4 <= len(encoded) and encoded[position] == 0xFF:
+        if encoded[position + 1] == START_OF_SCAN:
+            return None
+        if encoded[position + 4 : position + 10] == EXIF_IN_JPEG:
+            return position + 10
+        position += 2 + int.from_bytes(encoded[position + 2 : position + 4], "big")
+    return None
+
+
+def _exif_in_png(encoded: bytes) -> int | None:
+    position = 8
+    while position + 12 <= len(encoded):
+        if encoded[position + 4 : position + 8] == b"eXIf":
+            return position + 8
+        position += 12 + int.from_bytes(encoded[position : position + 4], "big")
+    return None

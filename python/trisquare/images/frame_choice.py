@@ -1,0 +1,150 @@
+"""Which frames of a video to calibrate with: sharp ones, each different from the others."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from trisquare._support.arrays import whole_number
+from trisquare.images.limits import PictureLimits
+from trisquare.images.pixels import Image, ImageSource, VideoFrame, picture_size
+from trisquare.images.video import Video, is_video
+
+JUDGED_SIDE = 960
+"""Pixels of the longer side at which sharpness is judged: what is blurred there measures badly, and
+a large frame takes no longer than a small one."""
+
+THUMBNAIL = (32, 24)
+"""Width and height of the pictures that are compared: what moves by less is the same view."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Candidate:
+    """A frame with what it is judged by.
+
+    Attributes
+    ----------
+    frame : VideoFrame
+    sharpness : float
+        Variance of the Laplacian over the variance of the grey levels: without unit, and the same
+        for any contrast.
+    thumbnail : ndarray of float32, shape (24, 32)
+        Grey levels about their mean, which changes with the exposure.
+    distances : dict of int to float
+        To the other candidates, by the numbers of their frames: mean absolute difference of the
+        thumbnails, grey levels.
+    """
+
+    frame: VideoFrame
+    sharpness: float
+    thumbnail: npt.NDArray[np.float32]
+    distances: dict[int, float]
+
+    @property
+    def worth(self) -> float:
+        """Higher for a sharp frame that is far from all others, zero for one that is there twice.
+
+        Of two that are nearest to each other, the less sharp one has less.
+        """
+        return self.sharpness * min(self.distances.values(), default=np.inf)
+
+
+def with_frames(
+    sources: Iterable[ImageSource],
+    count: int | None,
+    limits: PictureLimits | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[ImageSource]:
+    """Return the pictures with each video replaced by so many of its frames.
+
+    Parameters
+    ----------
+    sources : iterable of ImageSource
+    count : int or None
+        Frames of each video, or None to leave videos as they are.
+    limits : PictureLimits, optional
+    progress : callable, optional
+        Called with the number of frames read, and how many the video states.
+
+    Raises
+    ------
+    ImageError
+        If a video cannot be read whole.
+    TypeError, ValueError
+        If `count` is no positive whole number, or none of the pictures is a video.
+    """
+    sources = list(sources)
+    if count is None:
+        return sources
+    if whole_number(count, "frames") < 1:
+        raise ValueError(f"frames must be at least 1, not {count}")
+    chosen: list[ImageSource] = []
+    found_video = False
+    for source in sources:
+        if isinstance(source, str | os.PathLike) and is_video(source):
+            found_video = True
+            chosen += choose_frames(source, count, limits, progress)
+        else:
+            chosen.append(source)
+    if not found_video:
+        raise ValueError("frames are chosen from videos, but no video is given")
+    return chosen
+
+
+def choose_frames(
+    path: str | os.PathLike[str],
+    count: int,
+    limits: PictureLimits | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[VideoFrame]:
+    """Choose sharp and different frames of a video, in their order.
+
+    The video is read through once. So many frames are held, and each new one takes the place of
+    that which is worth least beside the others.
+
+    Raises
+    ------
+    ImageError
+        If the video cannot be read whole.
+    """
+    kept: dict[int, _Candidate] = {}
+
+    def drop_worst() -> None:
+        worst = min(kept, key=lambda number: (kept[number].worth, -number))
+        del kept[worst]
+        for other in kept.values():
+            del other.distances[worst]
+
+    with Video(path, limits) as video:
+        for number, pixels in enumerate(video.frames()):
+            new = _judged(VideoFrame(video.name, number, pixels))
+            for earlier, other in kept.items():
+                apart = float(np.abs(new.thumbnail - other.thumbnail).mean())
+                new.distances[earlier] = other.distances[number] = apart
+            kept[number] = new
+            if len(kept) > count:
+                drop_worst()
+            if progress is not None:
+                progress(number + 1, max(number + 1, video.stated_frames))
+    while len(kept) > 1 and min(each.worth for each in kept.values()) == 0:
+        drop_worst()
+    return [candidate.frame for candidate in kept.values()]
+
+
+def _judged(frame: VideoFrame) -> _Candidate:
+    import cv2  # loaded where a video is read
+
+    grey: Image = cv2.cvtColor(frame.pixels, cv2.COLOR_BGR2GRAY)
+    scale = JUDGED_SIDE / max(picture_size(grey))
+    if scale < 1:
+        grey = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    spread, edges = (
+        float(cv2.meanStdDev(each)[1][0, 0]) for each in (grey, cv2.Laplacian(grey, cv2.CV_16S))
+    )
+    thumbnail = cv2.resize(grey, THUMBNAIL, interpolation=cv2.INTER_AREA).astype(np.float32)
+    sharpness = (edges / spread) ** 2 if spread else 0.0
+    return _Candidate(frame, sharpness, thumbnail - thumbnail.mean(), {})

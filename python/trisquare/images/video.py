@@ -1,0 +1,219 @@
+"""Videos: their frames one after another, read and written by OpenCV; their sound by ffmpeg."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import subprocess
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from types import TracebackType
+
+from trisquare._support.writing import PathLike
+from trisquare.errors import ImageError, MissingImageError
+from trisquare.images.foreign import TRANSPORT_PACKET, VIDEO, foreign_kind
+from trisquare.images.limits import PictureLimits
+from trisquare.images.pixels import Image
+
+ENCODERS = {".mp4": "mp4v", ".mov": "mp4v", ".avi": "MJPG"}
+"""By the extension of the file's name: what every OpenCV with FFmpeg encodes at a video's speed.
+Files of these formats cannot be opened, or state other frames, where their last part is missing."""
+
+SPREAD = 0.02
+STRAY_FRAMES = 2
+"""By how much the stated number of frames of a whole video may be too high: a share of it, where it
+is estimated from the duration, and frames at the ends that cannot be decoded alone."""
+
+PROBED_BYTES = 1 << 16
+"""That the disk must have left after a video: the last part that FFmpeg writes is not longer."""
+
+TURNS = {90: "ROTATE_90_CLOCKWISE", 180: "ROTATE_180", 270: "ROTATE_90_COUNTERCLOCKWISE"}
+"""What OpenCV calls the turn by which a stored frame is shown upright."""
+
+
+def is_video(path: PathLike) -> bool:
+    """Whether a file is there and begins as a video does."""
+    try:
+        if not os.path.isfile(path):
+            return False  # a pipe would be read empty
+        with open(path, "rb") as file:
+            return foreign_kind(file.read(3 * TRANSPORT_PACKET), os.fspath(path)) == VIDEO
+    except OSError:
+        return False
+
+
+def check_video_name(path: PathLike) -> None:
+    """Raise ValueError if no format that videos are written in has the path's extension."""
+    suffix = Path(path).suffix
+    if suffix.lower() not in ENCODERS:
+        name = os.fspath(path)
+        raise ValueError(
+            f"{name}: videos are written as {', '.join(ENCODERS)}, not with the extension "
+            f"{suffix!r}"
+        )
+
+
+class Video:
+    """A video that is open, to be closed by ``with``.
+
+    Attributes
+    ----------
+    name : str
+        What messages call it.
+    size : (int, int)
+        Width and height of a frame as it is stored, in pixels.
+    rate : float
+        Frames per second.
+    stated_frames : int
+        How many it says that it has; what it has may be a few less. Zero if it does not say.
+    turn : int
+        By how many degrees, clockwise, players turn the stored frames: 0, 90, 180 or 270.
+
+    Raises
+    ------
+    ImageError
+        If the file is missing (`MissingImageError`), no video that OpenCV reads, or its frames have
+        more pixels than the limits allow.
+    """
+
+    def __init__(self, path: PathLike, limits: PictureLimits | None = None) -> None:
+        import cv2  # loaded where a video is read
+
+        self.name = os.fspath(path)
+        if not os.path.exists(path):
+            raise MissingImageError(f"{self.name}: No such file or directory")
+        # The whole path: a name alone may mean an address or a camera to FFmpeg.
+        self._capture = cv2.VideoCapture(os.path.realpath(path))
+        if not (is_video(path) and self._capture.isOpened()):
+            raise ImageError(f"{self.name}: not a readable video, or one without frames")
+        # As the sensor delivered them: so photographs are read, and one camera is that of both.
+        self._capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
+        width, height, count, self.rate, turn = (
+            self._capture.get(which)
+            for which in (
+                cv2.CAP_PROP_FRAME_WIDTH,
+                cv2.CAP_PROP_FRAME_HEIGHT,
+                cv2.CAP_PROP_FRAME_COUNT,
+                cv2.CAP_PROP_FPS,
+                cv2.CAP_PROP_ORIENTATION_META,
+            )
+        )
+        self.size = int(width), int(height)
+        self.stated_frames = max(0, int(count))
+        self.turn = int(turn) if turn in TURNS else 0
+        (PictureLimits.stated() if limits is None else limits).check_pixels(self.name, self.size)
+
+    def frames(self) -> Iterator[Image]:
+        """Yield the frames, once: uint8, shape (H, W, 3), BGR, rows and columns as stored.
+
+        Raises
+        ------
+        ImageError
+            At the end, if there were none, or markedly fewer than the video states.
+        """
+        found = 0
+        while (frame := self._capture.read())[0]:
+            found += 1
+            yield frame[1]
+        if not found:
+            raise ImageError(f"{self.name}: a video without frames")
+        if found < (1 - SPREAD) * self.stated_frames - STRAY_FRAMES:
+            raise ImageError(
+                f"{self.name}: truncated: {found} of {self.stated_frames} frames can be read"
+            )
+
+    def __enter__(self) -> Video:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._capture.release()
+
+
+def write_video(path: PathLike, frames: Iterable[Image], rate: float, turn: int = 0) -> int:
+    """Write frames as a video without sound, and return how many there were.
+
+    Parameters
+    ----------
+    path : str or path
+        Its extension names the format, see `check_video_name`.
+    frames : iterable of ndarray of uint8, shape (H, W, 3)
+        BGR, all of one size. Of an odd number of columns or rows the last is left out: most video
+        has pairs of pixels.
+    rate : float
+        Frames per second.
+    turn : {0, 90, 180, 270}
+        Degrees by which they are turned clockwise before they are written.
+
+    Raises
+    ------
+    ValueError
+        If the extension names no format, the rate is not positive, or there are no frames.
+    OSError
+        If the file cannot be written whole.
+    """
+    import cv2  # loaded where a video is written
+
+    check_video_name(path)
+    if not 0 < rate < float("inf"):
+        raise ValueError(f"a video has a positive number of frames per second, not {rate}")
+    encoder = cv2.VideoWriter.fourcc(*ENCODERS[Path(path).suffix.lower()])
+    writer, written = None, 0
+    try:
+        for frame in frames:
+            turned = cv2.rotate(frame, getattr(cv2, TURNS[turn])) if turn else frame
+            if writer is None:
+                height, width = (size // 2 * 2 for size in turned.shape[:2])
+                writer = cv2.VideoWriter(os.fspath(path), encoder, rate, (width, height))
+                if not writer.isOpened():
+                    raise OSError(errno.EINVAL, "this OpenCV does not encode such a video")
+            writer.write(turned[:height, :width])
+            written += 1
+    finally:
+        if writer is not None:
+            writer.release()
+    if not written:
+        raise ValueError("a video has at least one frame")
+    # OpenCV does not tell whether what it wrote came onto the disk. One that is full refuses more.
+    with open(path, "r+b") as file:
+        end = file.seek(0, os.SEEK_END)
+        file.write(bytes(PROBED_BYTES))
+        file.truncate(end)
+    capture = cv2.VideoCapture(os.fspath(path))
+    if not capture.isOpened() or capture.get(cv2.CAP_PROP_FRAME_COUNT) != written:
+        raise OSError(errno.EIO, "not all of the video came onto the disk, which may be full")
+    return written
+
+
+def add_sound(path: PathLike, source: PathLike) -> str | None:
+    """Copy the sound of a video, as it is coded, into another that has none.
+
+    Returns
+    -------
+    str or None
+        Why that is not done, if so; the video is then as it was.
+    """
+    ffmpeg = shutil.which("ffmpeg")
+    if ffmpeg is None:
+        return "its sound, if any, is left out: ffmpeg, which would copy it, is not on the PATH"
+    silent = Path(path)
+    both = silent.with_name(f".sound{silent.name}")
+    command = [ffmpeg, "-nostdin", "-v", "error", "-n"]
+    command += ["-i", f"file:{path}", "-i", f"file:{os.path.realpath(source)}"]
+    command += ["-map", "0:v", "-map", "1:a?", "-c", "copy", f"file:{both}"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, errors="replace")
+        if done.returncode == 0:
+            both.replace(silent)
+            return None
+        reason = done.stderr.strip().split("\n")[0]
+        return f"its sound is left out: ffmpeg cannot copy it ({reason})"
+    except OSError as error:
+        return f"its sound is left out: ffmpeg cannot be run ({error.strerror})"
+    finally:
+        both.unlink(missing_ok=True)

@@ -1,0 +1,199 @@
+"""Videos given to commands: what is written, what is calibrated, and what is refused."""
+
+import json
+import os
+import shutil
+import subprocess
+
+import cv2
+import numpy as np
+import pytest
+from command_errors import error_text
+from scenes import camera_of, squares
+from terminals import COMMAND, on_terminal
+from videos import moving, read_frames, turned_clockwise, write_frames
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare.images.frame_choice import choose_frames
+from trisquare.images.video import Video, write_video
+
+SIZE = (640, 480)
+SCENE = squares(61, image_size=SIZE)
+CAMERA = camera_of(SCENE)
+VIEWS = [
+    simulate.render(scene, np.random.default_rng(seed), noise=1.0, tone="srgb")
+    for seed, scene in enumerate((SCENE, *(squares(each, SCENE.camera) for each in (62, 63))))
+]
+FRAMES = moving(12, SIZE)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    CAMERA.save(tmp_path / "camera.json")
+    write_frames(tmp_path / "clip.mp4", FRAMES, 29.97)
+    cv2.imwrite(str(tmp_path / "photo.png"), FRAMES[0])
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def views(folder):
+    """Three photographs of one camera, each sharp once in five frames."""
+    blurs = (2, 1.5, 0, 1.7, 2.2)
+    frames = [cv2.GaussianBlur(v, (0, 0), b) if b else v for v in VIEWS for b in blurs]
+    write_frames(folder / "views.avi", frames)
+    return folder
+
+
+def shown_as(folder, options):
+    """The frames of the clip, undistorted one by one and encoded alike."""
+    with Video(folder / "clip.mp4") as video:
+        undistorter = ts.Undistorter(CAMERA, **options)
+        straight = [undistorter.undistort(frame) for frame in video.frames()]
+        write_video(folder / "expected.mp4", straight, video.rate)
+    return read_frames(folder / "expected.mp4")
+
+
+@pytest.mark.parametrize("balance", [0.0, 0.5])
+def test_every_frame_is_undistorted(run, folder, balance):
+    arguments = ("--camera", "camera.json", "-o", "out.mp4", "--balance", balance)
+    code, out, _ = run("undistort", "clip.mp4", *arguments)
+    assert (code, out.splitlines()[-1]) == (0, "wrote out.mp4")
+    found = read_frames(folder / "out.mp4")
+    assert len(found) == len(FRAMES)
+    np.testing.assert_array_equal(found, shown_as(folder, {"balance": balance}))
+    with Video(folder / "out.mp4") as video:
+        assert video.rate == pytest.approx(29.97)
+
+
+def test_json_says_what_was_written(run, folder):
+    arguments = ("--camera", "camera.json", "-o", "made/", "--json")
+    code, out, err = run("undistort", "clip.mp4", "photo.png", *arguments)
+    assert (code, err) == (0, "")
+    answer = json.loads(out)
+    video, picture = answer["pictures"]
+    assert (video["output"], video["frames"], video["turned"]) == ("made/clip.mp4", 12, 0)
+    assert video["rate"] == pytest.approx(29.97)
+    assert {**picture, "photo": "clip.mp4", "output": "made/clip.mp4"}.items() <= video.items()
+    if shutil.which("ffmpeg") is None:
+        (warning,) = answer["warnings"]
+        assert warning.startswith("made/clip.mp4: its sound, if any, is left out")
+    straight = cv2.imread(str(folder / "made" / "photo.png"))
+    np.testing.assert_array_equal(straight, ts.undistort(FRAMES[0], CAMERA))
+
+
+def test_a_turned_video_is_shown_upright_again(run, folder):
+    path = folder / "clip.mp4"
+    path.write_bytes(turned_clockwise(path.read_bytes()))
+    code, _, err = run("undistort", "clip.mp4", "--camera", "camera.json", "-o", "out.avi")
+    assert code == 0
+    assert "out.avi: turned clockwise by 90 degrees" in err
+    frame = read_frames(folder / "out.avi")[0]
+    assert frame.shape == (640, 480, 3)
+    expected = np.rot90(ts.undistort(FRAMES[0], CAMERA), -1)
+    assert np.abs(frame.astype(int) - expected).mean() < 8  # by the coding
+
+
+def test_the_camera_is_scaled_to_a_smaller_video(run, folder):
+    write_frames(folder / "clip.mp4", moving(3, (320, 240)))
+    arguments = ("undistort", "clip.mp4", "--camera", "camera.json", "-o", "out.mp4")
+    code, _, err = run(*arguments)
+    assert code == 2
+    assert "clip.mp4: the picture is 320 x 240, the camera's are 640 x 480" in err
+    assert not (folder / "out.mp4").exists()
+    assert run(*arguments, "--rescale")[0] == 0
+    assert read_frames(folder / "out.mp4")[0].shape == (240, 320, 3)
+
+
+def test_a_bar_shows_how_much_of_the_video_is_done(folder):
+    words = ("undistort", "clip.mp4", "--camera", "camera.json", "-o", "out.mp4")
+    assert "undistorting" in on_terminal(words, "stderr", {**os.environ, "TERM": "xterm"})
+
+
+def damage(folder):
+    """Videos and names that are wrong, beside the whole one."""
+    encoded = (folder / "clip.mp4").read_bytes()
+    (folder / "cut.mp4").write_bytes(encoded[: len(encoded) // 2])
+    write_frames(folder / "long.avi", moving(60, SIZE, 1))
+    encoded = (folder / "long.avi").read_bytes()
+    (folder / "cut.avi").write_bytes(encoded[: len(encoded) // 2])
+    encoder = cv2.VideoWriter.fourcc(*"MJPG")
+    cv2.VideoWriter("empty.avi", encoder, 10, SIZE).release()
+
+
+UNDISTORT = "--camera camera.json -o"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "exit_code", "said"),
+    [
+        (f"undistort cut.mp4 {UNDISTORT} out.mp4", 5, "cut.mp4: not a readable"),
+        (f"undistort cut.avi {UNDISTORT} out.mp4", 5, "cut.avi: truncated: 31 of 60 frames"),
+        (f"undistort empty.avi {UNDISTORT} out.mp4", 5, "empty.avi: "),
+        (f"undistort clip.mp4 cut.avi {UNDISTORT} new/", 5, "cut.avi: truncated"),
+        (f"undistort clip.mp4 {UNDISTORT} out.png", 2, "out.png: videos are written as .mp4"),
+        (f"undistort clip.mp4 {UNDISTORT} out", 2, "out: videos are written as .mp4"),
+        (f"undistort photo.png {UNDISTORT} out.mp4", 2, "out.mp4: no picture format"),
+        (f"undistort clip.mp4 {UNDISTORT} clip.mp4", 2, "overwrite"),
+        (f"undistort clip.mp4 {UNDISTORT} missing/out.mp4", 2, "no folder"),
+        ("calibrate clip.mp4", 5, "clip.mp4: a video, not a photograph: calibrate chooses"),
+        ("calibrate clip.mp4 --frames 0", 2, "at least 1"),
+        ("calibrate clip.mp4 --frames x", 2, "--frames"),
+        ("calibrate photo.png --frames 3", 2, "no video is given"),
+        ("calibrate cut.mp4 --frames 3", 5, "cut.mp4: not a readable video"),
+        ("calibrate cut.avi --frames 3", 5, "cut.avi: truncated: 31 of 60 frames"),
+        ("calibrate empty.avi --frames 3", 5, "empty.avi: "),
+        ("calibrate clip.mp4 --frames 3 --max-pixels 1000", 5, "more than the 1000"),
+        ("calibrate clip.mp4 --frames 3", 3, "no"),
+        ("measure clip.mp4 --camera camera.json 1,1 2,2", 5, "clip.mp4: a video"),
+    ],
+)
+def test_what_is_wrong_is_one_line_and_writes_nothing(run, folder, arguments, exit_code, said):
+    damage(folder)
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    code, out, err = run(*arguments.split())
+    assert (code, out) == (exit_code, "")
+    assert said in error_text(err, as_json=False)
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
+@pytest.mark.parametrize("name", ["cut.mp4", "cut.avi"])
+def test_ffmpeg_adds_no_lines_of_its_own(folder, name):
+    damage(folder)
+    unset = {k: v for k, v in os.environ.items() if k != "OPENCV_FFMPEG_LOGLEVEL"}
+    words = ("undistort", name, "--camera", "camera.json", "-o", "out.mp4")
+    done = subprocess.run([*COMMAND, *words], env=unset, capture_output=True, text=True)
+    assert done.returncode == 5
+    assert name in error_text(done.stderr)
+
+
+def test_a_camera_is_calibrated_from_frames_of_a_video(run, views):
+    arguments = ("calibrate", "views.avi", "--frames", 3, "-o", "found.json", "--overlay", "o.png")
+    code, out, _ = run(*arguments)
+    assert code == 0
+    found = ts.Calibration.load(views / "found.json")
+    frames = choose_frames("views.avi", 3)
+    assert [frame.number for frame in frames] == [2, 7, 12]
+    assert {plane.image for plane in found.planes} == {0, 1, 2}
+    assert found.camera == ts.calibrate([frame.pixels for frame in frames]).camera
+    assert found == ts.calibrate("views.avi", frames=3)
+    assert abs(found.camera.fx / CAMERA.fx - 1) < 0.01
+    assert [f"wrote o-{number}.png" in out for number in (1, 2, 3, 4)] == [True] * 3 + [False]
+
+
+def test_a_video_with_fewer_frames_and_a_photograph(run, views):
+    """Of 20 frames there are 15: pictures are written for these and the photograph alone."""
+    cv2.imwrite("view.png", VIEWS[0])
+    words = ("view.png", "views.avi", "--frames", 20, "--debug-image", "d.png", "--json")
+    code, out, _ = run("calibrate", *words)
+    assert code == 0
+    assert len(list(views.glob("d-*.png"))) == 16
+    assert max(plane["image"] for plane in json.loads(out)["planes"]) <= 15
+
+
+def test_warnings_name_the_frame(views):
+    write_frames(views / "more.avi", [*VIEWS, *FRAMES[:1]])
+    found = ts.calibrate(["more.avi"], frames=4)
+    (warning,) = [each for each in found.warnings if each.code == "nothing_found"]
+    assert "picture 3 (frame 3 of more.avi)" in str(warning)

@@ -1,0 +1,85 @@
+"""Which frames of a video are chosen."""
+
+import cv2
+import numpy as np
+import pytest
+from videos import moving, write_frames
+
+from trisquare.errors import ImageError
+from trisquare.images.frame_choice import choose_frames, with_frames
+from trisquare.images.pixels import VideoFrame
+
+VIEWS = moving(4, step=60)
+
+
+def numbers(frames):
+    return [frame.number for frame in frames]
+
+
+@pytest.fixture
+def panned(tmp_path):
+    """Four views of 7 frames each, of which the one in the middle is sharp."""
+    path = tmp_path / "panned.avi"
+    blurs = (4, 3, 2, 0, 2, 3, 4)
+    frames = [cv2.GaussianBlur(view, (0, 0), b) if b else view for view in VIEWS for b in blurs]
+    write_frames(path, frames)
+    return path
+
+
+def test_the_sharpest_frame_of_each_view_is_chosen(panned):
+    chosen = choose_frames(panned, 4)
+    assert numbers(chosen) == [3, 10, 17, 24]
+    for frame, view in zip(chosen, VIEWS, strict=True):
+        assert np.abs(frame.pixels.astype(int) - view).mean() < 6  # by the coding
+        assert frame.video == str(panned)
+
+
+def test_fewer_than_there_are_views_are_different_and_sharp(panned):
+    assert set(numbers(choose_frames(panned, 2))) < {3, 10, 17, 24}
+    assert len(choose_frames(panned, 1)) == 1
+
+
+def test_the_contrast_and_the_exposure_do_not_matter(tmp_path):
+    """A dim sharp frame is worth more than a bright blurred one of the same view."""
+    dim = [cv2.convertScaleAbs(view, alpha=0.4, beta=20) for view in VIEWS]
+    blurred = [cv2.GaussianBlur(view, (0, 0), 4) for view in VIEWS]
+    frames = [frame for pair in zip(dim, blurred, strict=True) for frame in pair]
+    write_frames(tmp_path / "clip.avi", frames)
+    assert numbers(choose_frames(tmp_path / "clip.avi", 4)) == [0, 2, 4, 6]
+
+
+def test_equal_and_empty_frames_are_not_chosen(tmp_path):
+    """Many frames are asked for: there are two views, and a fade from black."""
+    black = np.zeros_like(VIEWS[0])
+    write_frames(tmp_path / "clip.avi", [black] * 5 + [VIEWS[0]] * 5 + [VIEWS[1]] * 5)
+    assert numbers(choose_frames(tmp_path / "clip.avi", 10)) == [5, 10]
+
+
+def test_all_are_chosen_of_a_short_video(tmp_path):
+    write_frames(tmp_path / "clip.avi", moving(5))
+    told = []
+    chosen = choose_frames(tmp_path / "clip.avi", 9, progress=lambda *it: told.append(it))
+    assert numbers(chosen) == [0, 1, 2, 3, 4]
+    assert told == [(done, 5) for done in range(1, 6)]
+
+
+def test_videos_among_pictures_are_replaced(panned):
+    picture = VIEWS[0]
+    before, *frames, after = with_frames([picture, panned, "photo.jpg"], 4)
+    assert before is picture
+    assert after == "photo.jpg"
+    assert all(isinstance(frame, VideoFrame) for frame in frames)
+    assert numbers(frames) == [3, 10, 17, 24]
+    assert with_frames([panned], None) == [panned]
+
+
+def test_bad_arguments_are_refused(panned, tmp_path):
+    with pytest.raises(ValueError, match="at least 1, not 0"):
+        with_frames([panned], 0)
+    with pytest.raises(TypeError, match="frames"):
+        with_frames([panned], 2.5)
+    with pytest.raises(ValueError, match="no video is given"):
+        with_frames(["photo.jpg", VIEWS[0]], 3)
+    panned.write_bytes(panned.read_bytes()[: panned.stat().st_size // 2])
+    with pytest.raises(ImageError, match="truncated"):
+        with_frames([panned], 3)
