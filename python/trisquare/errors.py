@@ -8,6 +8,20 @@ from __future__ import annotations
 
 from typing import Any
 
+HELP_PAGE = "faq.html"
+"""The page of the documentation that has a section for each code."""
+
+
+def help_of(code: str) -> str:
+    """Return where the documentation explains a code, relative to the folder of its pages.
+
+    Parameters
+    ----------
+    code : str
+        The class of an error, or the code of a warning.
+    """
+    return f"{HELP_PAGE}#{code.lower().replace('_', '-')}"
+
 
 class TrisquareError(Exception):
     """Base class of every error that trisquare itself raises.
@@ -22,6 +36,11 @@ class TrisquareError(Exception):
 
     found: tuple[Any, ...] = ()
     rejected: tuple[Any, ...] = ()
+
+    @property
+    def help(self) -> str:
+        """Where the documentation explains it, relative to the folder of its pages."""
+        return help_of(type(self).__name__)
 
 
 class ImageError(TrisquareError):
@@ -106,6 +125,11 @@ class LensModelError(ValueError):
         self.nearest = nearest
         self.rms = rms
         self.worst = worst
+
+    @property
+    def help(self) -> str:
+        """Where the documentation explains it, relative to the folder of its pages."""
+        return help_of(type(self).__name__)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return LensModelError, (str(self), self.nearest, self.rms, self.worst)

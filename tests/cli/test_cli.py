@@ -203,6 +203,7 @@ def test_every_error_has_its_exit_code(run, photo, tmp_path, monkeypatch, error,
     assert json.loads(outcome[2])["error"] == {
         **{"code": type(error).__name__, "text": " ".join(str(error).split())},
         "exit_code": exit_code,
+        "help": f"faq.html#{type(error).__name__.lower()}",
     }
 
 
