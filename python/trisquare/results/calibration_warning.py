@@ -29,6 +29,12 @@ class CalibrationWarning(str):
         be looked at; ``"low"``: something was left out or an interval widened.
     plane : int, optional
         The plane that it is about.
+
+    Examples
+    --------
+    >>> warning = ts.CalibrationWarning("a side is bent", "side_rejected", "medium", plane=1)
+    >>> warning, warning.code, warning.plane
+    ('a side is bent', 'side_rejected', 1)
     """
 
     code: str

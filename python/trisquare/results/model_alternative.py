@@ -22,6 +22,12 @@ class ModelAlternative(Record):
         twenty.
     rms : float
         Root mean square residual of the edge samples with it, in pixels.
+
+    Examples
+    --------
+    >>> chosen = ts.calibrate("photo.jpg", model="auto")
+    >>> chosen.camera.model, "none" in [other.model for other in chosen.alternatives]
+    ('radial2', True)
     """
 
     model: str = field(metadata=member(TEXT))
