@@ -1,4 +1,4 @@
-"""The distortion models that the data spoke against."""
+"""The lens models that the data spoke against."""
 
 from __future__ import annotations
 
@@ -10,13 +10,12 @@ from trisquare.camera.lens_models import MODELS
 
 @dataclass(frozen=True, slots=True)
 class ModelAlternative(Record):
-    """A distortion model that ``model="auto"`` considered and did not choose.
+    """A lens model that ``model="auto"`` considered and did not choose.
 
     Parameters
     ----------
     model : str
-        As in `Camera`.
-        Its name.
+        Its name, as in `Camera`.
     log_evidence : float
         Natural logarithm of its odds against the chosen model, never positive: -3 is one to
         twenty.
