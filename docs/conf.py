@@ -12,7 +12,7 @@ project = "trisquare"
 release = version = __version__
 copyright = "trisquare's authors"  # the licences ask for it
 
-extensions = ["mathml", "myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+extensions = ["heading_levels", "mathml", "myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 
 # The table of measured results is included by a page, and is none itself.
 exclude_patterns = ["_build", "_extensions", "measured.md"]
