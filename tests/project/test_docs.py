@@ -104,6 +104,18 @@ def test_the_plan_is_predicted(folder):
     run_line("trisquare predict plan.json")
 
 
+def test_both_manifests_name_the_same_cameras(folder):
+    (lines,) = [content for _, content in blocks(page("batch.md"), "json")]
+    (table,) = [text for _, text in blocks(page("batch.md"), "text") if "photographs" in text]
+    for name, text in (("cameras.jsonl", lines), ("cameras.csv", table)):
+        Path(name).write_text(text)
+        left, right = ts.find_jobs([name])
+        assert (left.name, right.name) == ("left", "right")
+        assert [Path(photo).name for photo in left.photographs] == ["l1.jpg", "l2.jpg"]
+        assert left.options["model"] == "brown"
+        assert left.fault is None
+
+
 def test_the_layout_is_read(folder):
     (text,) = [content for _, content in blocks(page("formats.md"), "json") if "sheets" in content]
     Path("layout.json").write_text(text)
