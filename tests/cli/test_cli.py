@@ -99,7 +99,7 @@ def test_the_options_reach_the_library(run, photo, asked):
         *("--fix", "aspect,focal", "--fix", "distortion", "--targets", "squares", "--lines"),
         *("--orthogonal", "0,1", "--orthogonal", "1,2", "--jobs", "3"),
     )
-    assert (code, err) == (0, "warning: a warning\n")
+    assert (code, err) == (0, "warning: a warning [other]\n")
     photos, options = asked[0]
     assert photos == [photo]
     assert options == {
@@ -119,7 +119,7 @@ def test_the_options_reach_the_library(run, photo, asked):
 
 def test_the_table_shows_numbers_planes_and_warnings(run, photo, asked):
     code, out, err = run("calibrate", photo)
-    assert (code, err, len(asked)) == (0, "warning: a warning\n", 1)
+    assert (code, err, len(asked)) == (0, "warning: a warning [other]\n", 1)
     assert "\x1b" not in out
     shown = {line.split()[0]: line.split()[1:] for line in out.splitlines() if line.split()}
     for name, value in (("fx", SCENE.camera.fx), ("cy", SCENE.camera.cy)):
@@ -149,7 +149,7 @@ def test_several_photographs_have_an_overlay_each(run, photo, asked, tmp_path):
     again = tmp_path / "again.png"
     again.write_bytes(photo.read_bytes())
     code, _, err = run("calibrate", photo, again, "--overlay", tmp_path / "over.png")
-    assert (code, err) == (0, "warning: a warning\n")
+    assert (code, err) == (0, "warning: a warning [other]\n")
     assert asked[0][0] == [photo, again]
     calibration = true_calibration(2, warnings=["a warning"])
     for index in (0, 1):
@@ -383,7 +383,7 @@ def test_json_is_the_library_s(run, photo):
 
 def test_diagnosis_follows_the_tables(run, asked, photo):
     code, out, error = run("calibrate", photo, "--diagnose")
-    assert (code, error) == (0, "warning: a warning\n")
+    assert (code, error) == (0, "warning: a warning [other]\n")
     assert "fx  std 0.1: " in out
     assert "would reduce it from 0.1 to" in out
     code, _, error = run("calibrate", photo, "--diagnose", "--json")
