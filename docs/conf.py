@@ -12,13 +12,17 @@ project = "trisquare"
 release = version = __version__
 copyright = "trisquare's authors"  # the licences ask for it
 
-extensions = ["mathml", "myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+extensions = ["heading_levels", "mathml", "myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 
 # The table of measured results is included by a page, and is none itself.
 exclude_patterns = ["_build", "_extensions", "measured.md"]
 
 myst_enable_extensions = ["deflist", "dollarmath"]
 myst_heading_anchors = 3
+
+# The notebook has no outputs: they are made here, and an error in it ends the build.
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True
 
 # What single backticks in docstrings name, where it is documented.
 default_role = "py:obj"

@@ -1,4 +1,4 @@
-"""The README's advice on taking a good photograph, as a table: `benchmarks/advice.py`.
+"""The advice of docs/photograph.md, as a table: `benchmarks/advice.py`.
 
 Predicted standard deviations for one ordinary camera, changed one thing at a time.
 """

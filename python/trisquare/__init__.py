@@ -1,8 +1,8 @@
 """Camera calibration with lens distortion from a single photograph of three squares.
 
 >>> import trisquare as ts
->>> result = ts.calibrate("photo.jpg")  # doctest: +SKIP
->>> result.camera.K, result.camera.distortion, result.std["fx"]  # doctest: +SKIP
+>>> result = ts.calibrate("photo.jpg")
+>>> K, distortion, std_fx = result.camera.K, result.camera.distortion, result.std["fx"]
 
 A name is loaded when it is first asked for (PEP 562): a program pays for what it uses.
 """

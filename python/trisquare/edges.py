@@ -99,6 +99,16 @@ class PlaneEdges:
     NotEnoughDataError
         For fewer than four lines, a line with fewer than two distinct points, a line of the scene
         with fewer than three, or a circle with fewer than five points.
+
+    Examples
+    --------
+    >>> unit_square = [[0, 1, 0.5], [-1, 0, 0.5], [0, -1, 0.5], [1, 0, 0.5]]
+    >>> t = np.linspace(0, 1, 20)[:, None]
+    >>> corners = np.array([[210, 95], [430, 120], [405, 330], [190, 300]], float)
+    >>> sides = [a + t * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0))]
+    >>> edges = ts.PlaneEdges(unit_square, sides)
+    >>> edges.kind, len(edges.points)
+    ('square', 4)
     """
 
     lines: FloatArray
@@ -179,6 +189,14 @@ class PlaneEdges:
         ------
         ValueError
             Also if the sides are not in order round one convex quadrilateral.
+
+        Examples
+        --------
+        >>> t = np.linspace(0, 1, 20)[:, None]
+        >>> corners = np.array([[210, 95], [430, 120], [405, 330], [190, 300]], float)
+        >>> sides = [a + t * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0))]
+        >>> ts.PlaneEdges.square(sides, polarity=1).polarity
+        1
         """
         return cls.rectangle(
             sides,
@@ -220,6 +238,14 @@ class PlaneEdges:
         ------
         ValueError
             Also if the aspect is not positive.
+
+        Examples
+        --------
+        >>> t = np.linspace(0, 1, 20)[:, None]
+        >>> corners = np.array([[210, 95], [430, 120], [405, 330], [190, 300]], float)
+        >>> sides = [a + t * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0))]
+        >>> ts.PlaneEdges.rectangle(sides, aspect=1.5).kind
+        'rectangle'
         """
         if aspect is None:
             aspect, freedom = 1.0, "aspect"
@@ -276,6 +302,14 @@ class PlaneEdges:
             Also if two lines of a family cross between their samples' ends.
         NotEnoughDataError
             Also if a family has fewer than two lines.
+
+        Examples
+        --------
+        >>> t = np.linspace(0, 1, 20)[:, None]
+        >>> along_x = [[100, y] + t * [500, 20] for y in (100, 200, 300)]
+        >>> along_y = [[x, 80] + t * [10, 300] for x in (150, 350, 550)]
+        >>> len(ts.PlaneEdges.families(along_x, along_y).points)
+        6
         """
         along_x, along_y = list(along_x), list(along_y)
         points = _samples_of_lines([*along_x, *along_y], len(along_x) + len(along_y))
@@ -332,6 +366,14 @@ class PlaneEdges:
         ------
         ValueError
             Also if radii are not positive, or equal, or the first is None.
+
+        Examples
+        --------
+        >>> t = np.linspace(0, 6.2, 60)
+        >>> ring = np.column_stack([np.cos(t), 0.8 * np.sin(t)])
+        >>> rings = [ring * radius + [400, 300] for radius in (50, 100)]
+        >>> ts.PlaneEdges.circles(rings, radii=[1, 2]).radii
+        (1.0, 2.0)
         """
         circles = list(points)
         if radii is None:
@@ -371,6 +413,12 @@ class PlaneEdges:
             If there are fewer than three points.
         TypeError, ValueError
             As for `PlaneEdges`.
+
+        Examples
+        --------
+        >>> points = [[100, 20.1], [300, 21.4], [500, 22.0], [700, 22.1]]
+        >>> ts.PlaneEdges.line(points).freedom
+        'line'
         """
         return cls(
             np.array([[0.0, 1.0, 0.0]]),
@@ -406,7 +454,15 @@ class PlaneEdges:
         )
 
     def to_json(self) -> str:
-        """Return the edges as JSON text that `from_json` reads back exactly."""
+        """Return the edges as JSON text that `from_json` reads back exactly.
+
+        Examples
+        --------
+        >>> import json
+        >>> (first, *others) = ts.detect("photo.jpg")
+        >>> json.loads(first.to_json())["format"]
+        'trisquare-edges/1'
+        """
         return dump_members({"format": EDGES_FORMAT, **edges_members(self)})
 
     @classmethod
@@ -419,6 +475,12 @@ class PlaneEdges:
             If the text is not JSON, or a key is missing or of the wrong type; it is named.
         NotEnoughDataError
             As for `PlaneEdges`.
+
+        Examples
+        --------
+        >>> (first, *others) = ts.detect("photo.jpg")
+        >>> ts.PlaneEdges.from_json(first.to_json()).kind
+        'frame'
         """
         return edges_from_members(JsonFields.parse(text, EDGES_FORMAT))
 

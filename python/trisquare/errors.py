@@ -8,6 +8,20 @@ from __future__ import annotations
 
 from typing import Any
 
+HELP_PAGE = "faq.html"
+"""The page of the documentation that has a section for each code."""
+
+
+def help_of(code: str) -> str:
+    """Return where the documentation explains a code, relative to the folder of its pages.
+
+    Parameters
+    ----------
+    code : str
+        The class of an error, or the code of a warning.
+    """
+    return f"{HELP_PAGE}#{code.lower().replace('_', '-')}"
+
 
 class TrisquareError(Exception):
     """Base class of every error that trisquare itself raises.
@@ -18,10 +32,23 @@ class TrisquareError(Exception):
         The targets that were found in the pictures before `calibrate` failed, one for each plane.
     rejected : tuple of Rejected
         What was seen in them but not used, and why.
+
+    Examples
+    --------
+    >>> try:
+    ...     ts.calibrate("no-such-photo.jpg")
+    ... except ts.TrisquareError as error:
+    ...     print(type(error).__name__, error.help)
+    MissingImageError faq.html#missingimageerror
     """
 
     found: tuple[Any, ...] = ()
     rejected: tuple[Any, ...] = ()
+
+    @property
+    def help(self) -> str:
+        """Where the documentation explains it, relative to the folder of its pages."""
+        return help_of(type(self).__name__)
 
 
 class ImageError(TrisquareError):
@@ -29,11 +56,30 @@ class ImageError(TrisquareError):
 
     Raised before anything is searched. Check the path, or copy the file again: a truncated
     picture is refused although many viewers show its upper part.
+
+    Examples
+    --------
+    >>> with open("broken.jpg", "wb") as file:
+    ...     _ = file.write(b"no picture")
+    >>> try:
+    ...     ts.calibrate("broken.jpg")
+    ... except ts.ImageError as error:
+    ...     print(error)
+    broken.jpg: not a readable picture
     """
 
 
 class MissingImageError(ImageError, FileNotFoundError):
-    """The picture's file is not there; also a `FileNotFoundError`, as every missing file is one."""
+    """The picture's file is not there; also a `FileNotFoundError`, as every missing file is one.
+
+    Examples
+    --------
+    >>> try:
+    ...     ts.calibrate("no-such-photo.jpg")
+    ... except FileNotFoundError as error:
+    ...     print(error)
+    no-such-photo.jpg: No such file or directory
+    """
 
 
 class DetectionError(TrisquareError):
@@ -42,6 +88,14 @@ class DetectionError(TrisquareError):
     The squares may be too small, too blurred, cut by the border or too low in contrast. Give
     `targets=` if the picture shows a chessboard, or measure the edges by other means and call
     `calibrate_edges`.
+
+    Examples
+    --------
+    >>> try:
+    ...     ts.calibrate(np.full((480, 640), 128, np.uint8))
+    ... except ts.DetectionError as error:
+    ...     print(type(error).__name__)
+    DetectionError
     """
 
 
@@ -50,6 +104,14 @@ class NotEnoughPlanesError(TrisquareError):
 
     Three tilted squares are the rule. With two, hold something with `fix=`; or give several
     pictures of the same camera.
+
+    Examples
+    --------
+    >>> try:
+    ...     ts.calibrate_edges([], image_size=(1280, 960))
+    ... except ts.NotEnoughPlanesError as error:
+    ...     print(str(error).partition(":")[0])
+    0 plane(s) given, but the free parameters of the camera (fx, fy, cx, cy) need 2
     """
 
 
@@ -58,6 +120,14 @@ class NotEnoughDataError(TrisquareError):
 
     A plane needs four lines and a line two distinct points; all samples together must outnumber
     the unknowns. Measure more of each side, or free fewer parameters.
+
+    Examples
+    --------
+    >>> try:
+    ...     ts.fit_distortion([[[0, 0], [1, 1]]], (1280, 960))
+    ... except ts.NotEnoughDataError as error:
+    ...     print(error)
+    2 samples cannot determine 4 unknowns: measure more points per side
     """
 
 
@@ -68,6 +138,15 @@ class DegenerateGeometryError(TrisquareError):
     the squares 25 degrees or more in different directions, or hold the principal point with
     ``fix="principal_point"``. Or the lens model has more coefficients than the edges determine: its
     polynomial turns back inside the picture, and a model with fewer is to be taken.
+
+    Examples
+    --------
+    >>> parallel = [np.diag([900, 900, 1]) @ [[1, 0, x], [0, 1, 0], [0, 0, 3]] for x in (0, 1, 2)]
+    >>> try:
+    ...     ts.camera_matrix_from_homographies(parallel)
+    ... except ts.DegenerateGeometryError as error:
+    ...     print(type(error).__name__)
+    DegenerateGeometryError
     """
 
 
@@ -76,6 +155,13 @@ class ConvergenceError(TrisquareError):
 
     Usually the edges do not belong to squares, or one of them is grossly wrong. Look at the
     detected outlines (``--overlay``), and remove the target that does not fit.
+
+    Examples
+    --------
+    >>> try:
+    ...     result = ts.calibrate("photo.jpg")
+    ... except ts.ConvergenceError as error:
+    ...     print(error.found)  # what to look at
     """
 
 
@@ -84,6 +170,13 @@ class InternalError(TrisquareError):
 
     Report it with the input; the message says where it happened. Nothing of the call has come
     about, and later calls are not affected.
+
+    Examples
+    --------
+    >>> try:
+    ...     result = ts.calibrate("photo.jpg")
+    ... except ts.InternalError as error:
+    ...     print(f"please report this: {error}")
     """
 
 
@@ -99,6 +192,14 @@ class LensModelError(ValueError):
         The nearest lens that there is; a `Camera` for most formats.
     rms, worst : float
         The error of using that one, over the picture, pixels.
+
+    Examples
+    --------
+    >>> try:
+    ...     camera.save("panorama.pto")
+    ... except ts.LensModelError as error:
+    ...     print(error.rms < error.worst)
+    True
     """
 
     def __init__(self, message: str, nearest: object, rms: float, worst: float) -> None:
@@ -106,6 +207,11 @@ class LensModelError(ValueError):
         self.nearest = nearest
         self.rms = rms
         self.worst = worst
+
+    @property
+    def help(self) -> str:
+        """Where the documentation explains it, relative to the folder of its pages."""
+        return help_of(type(self).__name__)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return LensModelError, (str(self), self.nearest, self.rms, self.worst)

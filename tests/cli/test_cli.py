@@ -100,7 +100,7 @@ def test_the_options_reach_the_library(run, photo, asked):
         *("--orthogonal", "0,1", "--orthogonal", "1,2", "--jobs", "3"),
         *("--side", "84mm"),
     )
-    assert (code, err) == (0, "warning: a warning\n")
+    assert (code, err) == (0, "warning: a warning [other]\n")
     photos, options = asked[0]
     assert photos == [photo]
     assert options == {
@@ -120,7 +120,7 @@ def test_the_options_reach_the_library(run, photo, asked):
 
 def test_the_table_shows_numbers_planes_and_warnings(run, photo, asked):
     code, out, err = run("calibrate", photo)
-    assert (code, err, len(asked)) == (0, "warning: a warning\n", 1)
+    assert (code, err, len(asked)) == (0, "warning: a warning [other]\n", 1)
     assert "\x1b" not in out
     shown = {line.split()[0]: line.split()[1:] for line in out.splitlines() if line.split()}
     for name, value in (("fx", SCENE.camera.fx), ("cy", SCENE.camera.cy)):
@@ -150,7 +150,7 @@ def test_several_photographs_have_an_overlay_each(run, photo, asked, tmp_path):
     again = tmp_path / "again.png"
     again.write_bytes(photo.read_bytes())
     code, _, err = run("calibrate", photo, again, "--overlay", tmp_path / "over.png")
-    assert (code, err) == (0, "warning: a warning\n")
+    assert (code, err) == (0, "warning: a warning [other]\n")
     assert asked[0][0] == [photo, again]
     calibration = true_calibration(2, warnings=["a warning"])
     for index in (0, 1):
@@ -204,6 +204,7 @@ def test_every_error_has_its_exit_code(run, photo, tmp_path, monkeypatch, error,
     assert json.loads(outcome[2])["error"] == {
         **{"code": type(error).__name__, "text": " ".join(str(error).split())},
         "exit_code": exit_code,
+        "help": f"faq.html#{type(error).__name__.lower()}",
     }
 
 
@@ -383,7 +384,7 @@ def test_json_is_the_library_s(run, photo):
 
 def test_diagnosis_follows_the_tables(run, asked, photo):
     code, out, error = run("calibrate", photo, "--diagnose")
-    assert (code, error) == (0, "warning: a warning\n")
+    assert (code, error) == (0, "warning: a warning [other]\n")
     assert "fx  std 0.1: " in out
     assert "would reduce it from 0.1 to" in out
     code, _, error = run("calibrate", photo, "--diagnose", "--json")

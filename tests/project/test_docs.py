@@ -2,7 +2,6 @@
 
 import json
 import re
-import shlex
 import subprocess
 import sys
 from importlib import resources
@@ -11,29 +10,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from shown import CHECKOUT, DOCS, PAGES, assert_same_text, blocks, page, run_line, run_page
 
 import trisquare as ts
 from trisquare import simulate
 from trisquare.cli.app import main
 from trisquare.detection.sheets.layout import parse_layout
 
-CHECKOUT = Path(__file__).parents[2]
-DOCS = CHECKOUT / "docs"
-PAGES = sorted(path.name for path in DOCS.glob("*.md"))
 FRAMES = 3
-
-# Lines of a shell that no test runs: they fetch packages or never end.
-ELSEWHERE = ("pip install ", "uvicorn ")
-
-
-def blocks(text, *languages):
-    """Return (language, content) of the code blocks of some languages, in order."""
-    wanted = "|".join(languages)
-    return re.findall(rf"^```({wanted})\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
-
-
-def page(name):
-    return (DOCS / name).read_text("utf-8")
 
 
 @pytest.fixture(scope="module")
@@ -74,36 +58,21 @@ def folder(given, tmp_path, monkeypatch):
     return tmp_path
 
 
-def run_line(line):
-    if line.startswith(ELSEWHERE):
-        return
-    command, *arguments = shlex.split(line, comments=True)
-    assert command == "trisquare", line
-    with pytest.raises(SystemExit) as ended:
-        main(arguments)
-    assert ended.value.code == 0, line
-
-
-def run_page(name):
-    """Run the commands and the Python of a page in order, and return the names it has made."""
-    names = {}
-    for language, content in blocks(page(name), "sh", "python"):
-        if language == "python":
-            exec(compile(content, name, "exec"), names)
-        else:
-            for line in content.splitlines():
-                run_line(line)
-    return names
-
-
 @pytest.mark.parametrize("name", [name for name in PAGES if name != "tutorial.md"])
-def test_what_a_page_shows_runs(name, folder):
-    run_page(name)
+def test_what_a_page_shows_runs(name, folder, capsys):
+    run_page(name, capsys)
+
+
+def test_a_text_that_differs_is_told():
+    assert_same_text("fx  902.424\n──\n", "fx 902.425")
+    for other in ("fx 902.426", "fy 902.424", "fx 902.424 px"):
+        with pytest.raises(AssertionError):
+            assert_same_text("fx 902.424", other)
 
 
 @pytest.mark.slow
-def test_the_tutorial_leads_to_a_straight_video(folder):
-    names = run_page("tutorial.md")
+def test_the_tutorial_leads_to_a_straight_video(folder, capsys):
+    names = run_page("tutorial.md", capsys)
     assert (folder / "target.pdf").read_bytes().startswith(b"%PDF")
     video, straight = (
         cv2.VideoCapture(str(folder / f"{name}.mp4")) for name in ("video", "straight")
@@ -135,20 +104,37 @@ def test_the_plan_is_predicted(folder):
     run_line("trisquare predict plan.json")
 
 
+def test_both_manifests_name_the_same_cameras(folder):
+    (lines,) = [content for _, content in blocks(page("batch.md"), "json")]
+    (table,) = [text for _, text in blocks(page("batch.md"), "text") if "photographs" in text]
+    for name, text in (("cameras.jsonl", lines), ("cameras.csv", table)):
+        Path(name).write_text(text)
+        left, right = ts.find_jobs([name])
+        assert (left.name, right.name) == ("left", "right")
+        assert [Path(photo).name for photo in left.photographs] == ["l1.jpg", "l2.jpg"]
+        assert left.options["model"] == "brown"
+        assert left.fault is None
+
+
 def test_the_layout_is_read(folder):
     (text,) = [content for _, content in blocks(page("formats.md"), "json") if "sheets" in content]
     Path("layout.json").write_text(text)
     parse_layout("layout.json")
 
 
-def test_the_rust_lines_are_those_that_are_compiled():
+@pytest.mark.parametrize("name", ["rust.md", "start.md"])
+def test_the_rust_lines_are_those_that_are_compiled(name):
     crate = (CHECKOUT / "rust" / "trisquare" / "README.md").read_text("utf-8")
-    assert blocks(page("rust.md"), "rust") == blocks(crate, "rust") != []
+    assert blocks(page(name), "rust") == blocks(crate, "rust") != []
 
 
-def test_the_reference_has_every_public_name():
-    reference = (DOCS / "python.rst").read_text("utf-8")
-    named = re.findall(r"^\.\. auto(?:function|class|exception):: (\w+)$", reference, re.MULTILINE)
+def test_the_reference_has_every_public_name_once():
+    pages = [path.read_text("utf-8") for path in sorted((DOCS / "api").glob("*.rst"))]
+    named = [
+        name
+        for text in pages
+        for name in re.findall(r"^\.\. auto(?:function|class|exception):: (\w+)$", text, re.M)
+    ]
     assert sorted(named) == sorted(set(ts.__all__) - {"__version__"})
 
 

@@ -9,6 +9,7 @@ from importlib import resources
 import cv2
 import numpy as np
 import pytest
+from accessibility import serious_findings
 from browser import CHROMIUM, Browser
 
 import trisquare as ts
@@ -287,6 +288,16 @@ def test_every_text_can_be_read_in_light_and_dark(demo, folder, scheme):
         assert (high + 0.05) / (low + 0.05) >= 4.5, text
     paper = luminance(found[0][2])
     assert paper > 0.9 if scheme == "light" else paper < 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("width", "scheme"), [(1200, "light"), (390, "dark")])
+@pytest.mark.parametrize("name", ["demo.html", "hostile.html"])
+def test_axe_finds_nothing_serious(demo, folder, name, width, scheme):
+    demo.screen(width, phone=width < 500)
+    demo.colour_scheme(scheme)
+    demo.open(folder / name)
+    assert serious_findings(demo) == []
 
 
 def test_a_phone_shows_it_without_scrolling_sideways(demo, folder):

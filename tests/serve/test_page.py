@@ -11,6 +11,7 @@ import pytest
 
 pytest.importorskip("starlette", reason="needs the extra serve")
 
+from accessibility import serious_findings
 from browser import CHROMIUM, Browser
 from scenes import squares
 
@@ -429,3 +430,16 @@ def luminance(rgb):
     scaled = [c / 255 for c in rgb[:3]]
     linear = [c / 12.92 if c <= 0.03928 else ((c + 0.055) / 1.055) ** 2.4 for c in scaled]
     return float(np.dot([0.2126, 0.7152, 0.0722], linear))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("width", "scheme"), [(1200, "light"), (390, "dark")])
+def test_axe_finds_nothing_serious(page, photo, width, scheme):
+    """As it is opened, with squares to correct, and with results."""
+    page.screen(width, phone=width < 500)
+    page.colour_scheme(scheme)
+    assert serious_findings(page) == []
+    opened(page, photo)
+    assert serious_findings(page) == []
+    calibrated(page)
+    assert serious_findings(page) == []

@@ -67,6 +67,12 @@ class Comparison(RebuiltByConstructor):
     unexplained : float
         Root mean square, pixels, of the difference of a shape that no change of the uncertain
         parameters makes; 0 if no uncertainty is stated.
+
+    Examples
+    --------
+    >>> comparison = ts.compare(result, camera)
+    >>> print(comparison.verdict.partition(":")[0])
+    the same within their uncertainty
     """
 
     first: Camera
@@ -193,6 +199,12 @@ def compare(first: Calibration | Camera, second: Calibration | Camera) -> Compar
         If an argument is neither.
     ValueError
         If the pictures' sizes differ, or the cameras have too little of the picture in common.
+
+    Examples
+    --------
+    >>> other = ts.calibrate("photo.jpg", tone="srgb")
+    >>> ts.compare(result, other).same
+    True
     """
     a, b = camera_of(first, "first"), camera_of(second, "second")
     if a.image_size != b.image_size:

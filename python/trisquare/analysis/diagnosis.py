@@ -66,7 +66,19 @@ class ParameterDiagnosis(RebuiltByConstructor):
 
 
 class Diagnosis(Mapping[str, ParameterDiagnosis]):
-    """The diagnoses of a calibration's free parameters, by name; printed as a table."""
+    """The diagnoses of a calibration's free parameters, by name; printed as a table.
+
+    Examples
+    --------
+    >>> for name, own in ts.diagnose(result).items():
+    ...     print(name, f"{own.std:.2g}")
+    fx 0.075
+    fy 0.081
+    cx 0.044
+    cy 0.079
+    k1 3.6e-05
+    k2 3.6e-05
+    """
 
     __slots__ = ("_parameters",)
 
@@ -102,6 +114,12 @@ def diagnose(calibration: Calibration) -> Diagnosis:
     -------
     Diagnosis
         By the names in ``calibration.parameters``.
+
+    Examples
+    --------
+    >>> diagnosis = ts.diagnose(result)
+    >>> print(diagnosis["fx"].limits)
+    the squares are small, and it is strongly correlated with fy (+0.99)
     """
     ratios = gains(calibration)
     names = calibration.parameters

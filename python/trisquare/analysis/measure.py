@@ -65,6 +65,13 @@ class Measurement(RebuiltByConstructor):
         How far the farthest point is from the middle of the plane's figure, over the distance of
         its corners; None where these are not known. Far beyond 1, lengths hold only if the plane
         is flat up to there and the point is on it.
+
+    Examples
+    --------
+    >>> corner = [[150, 120], [400, 150], [390, 400]]
+    >>> found = ts.measure(result.planes[0], corner, result, side=84)
+    >>> print(f"{found.angles[0]:.0f} degrees, {found.area:.0f} square millimetres")
+    97 degrees, 1878 square millimetres
     """
 
     points: FloatArray
@@ -171,6 +178,12 @@ def measure(
         For bad arguments; if a point is outside the picture or the valid radius, beyond the
         plane's horizon, or the same as the one before; if the result of an older version does
         not say how well its poses are known.
+
+    Examples
+    --------
+    >>> found = ts.measure(result.planes[0], [[150, 120], [400, 400]], result, side=84)
+    >>> print(f"{found.lengths[0]:.1f} +- {found.lengths_std[0]:.1f} mm")
+    93.8 +- 0.2 mm
     """
     pixels = real_array(points, "points", (None, 2))
     if len(pixels) < 2:

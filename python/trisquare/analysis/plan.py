@@ -41,6 +41,12 @@ class PlannedSquare(RebuiltByConstructor):
     ------
     TypeError, ValueError
         If a value has the wrong type or shape, or is no rotation or no hole.
+
+    Examples
+    --------
+    >>> planned = ts.PlannedSquare(np.eye(3), [0, 0, 3], inner=0.6)
+    >>> planned.translation.tolist()
+    [0.0, 0.0, 3.0]
     """
 
     rotation: FloatArray
@@ -93,6 +99,12 @@ class PlannedSquare(RebuiltByConstructor):
         ValueError
             If the centre lies where the camera's distortion is not invertible, or the side is
             not positive.
+
+        Examples
+        --------
+        >>> planned = ts.PlannedSquare.at(camera, (640, 480), 350, tilt=35, direction=120)
+        >>> print(f"{planned.translation[2]:.1f} sides away")
+        2.6 sides away
         """
         if not isinstance(camera, Camera):
             raise TypeError(f"camera must be a Camera, not {type(camera).__name__}")

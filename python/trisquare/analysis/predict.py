@@ -47,6 +47,12 @@ class Prediction(RebuiltByConstructor):
         sorted by name: ``k1 k2 k3 p1 p2``; then ``skew`` if it will be freed.
     sigma, spacing : float
         Standard deviation of one edge sample and the edge length it stands for, pixels.
+
+    Examples
+    --------
+    >>> prediction = ts.predict(camera, result.planes, sigma=0.02)
+    >>> prediction.parameters
+    ('fx', 'fy', 'cx', 'cy', 'k1', 'k2')
     """
 
     camera: Camera
@@ -127,6 +133,16 @@ def predict(
         arguments.
     NotEnoughPlanesError, DegenerateGeometryError
         If the squares would not determine the camera; the message says why and what would help.
+
+    Examples
+    --------
+    >>> planned = [
+    ...     ts.PlannedSquare.at(camera, centre, 350, tilt=35, direction=direction)
+    ...     for centre, direction in (((290, 290), 0), ((980, 290), 120), ((640, 690), 240))
+    ... ]
+    >>> prediction = ts.predict(camera, planned)
+    >>> round(prediction.std["fx"], 1)
+    5.9
     """
     if not isinstance(camera, Camera):
         raise TypeError(f"camera must be a Camera, not {type(camera).__name__}")

@@ -47,6 +47,13 @@ class TopView:
         Where the centre of the top-left pixel lies on the plane, in units of the side.
     resolution : float
         Pixels to a side.
+
+    Examples
+    --------
+    >>> view = ts.rectify("photo.jpg", result.planes[0], camera, resolution=100)
+    >>> x, y = view.origin
+    >>> print(f"({x:.1f}, {y:.1f}) at the top left, {view.resolution:.0f} pixels to a side")
+    (-1.0, -1.0) at the top left, 100 pixels to a side
     """
 
     image: Image
@@ -93,6 +100,12 @@ def rectify(
     TypeError, ValueError
         For bad arguments; if the picture is of another size than the camera's; if the view would
         be larger than `MOST` pixels.
+
+    Examples
+    --------
+    >>> view = ts.rectify("photo.jpg", result.planes[0], camera, resolution=100)
+    >>> view.image.shape
+    (201, 201)
     """
     if not isinstance(plane, Plane):
         raise TypeError(f"plane must be a Plane, not {type(plane).__name__}")

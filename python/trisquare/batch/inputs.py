@@ -48,6 +48,11 @@ def find_jobs(
         If an input is not there.
     ValueError
         If `camera` is no pattern, or no photograph matches it; if a manifest has wrong columns.
+
+    Examples
+    --------
+    >>> [job.name for job in ts.find_jobs(["photo.jpg"], options={"model": "radial1"})]
+    ['photo']
     """
     shared = dict(options or {})
     paths = [path for given in inputs for path in _matching(os.fspath(given))]

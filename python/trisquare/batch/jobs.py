@@ -64,6 +64,12 @@ class Job:
     TypeError, ValueError
         If the name is empty, there is no photograph, or an option is unknown. The options' values
         are checked when the job is done.
+
+    Examples
+    --------
+    >>> job = ts.Job("left", ("l1.jpg", "l2.jpg"), {"model": "brown"})
+    >>> job.name, job.photographs
+    ('left', ('l1.jpg', 'l2.jpg'))
     """
 
     name: str

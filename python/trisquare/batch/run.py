@@ -39,6 +39,12 @@ class JobResult:
         ``text``.
     json : str or None
         The calibration as JSON; None if it failed.
+
+    Examples
+    --------
+    >>> (done,) = ts.calibrate_many([ts.Job("left", ("photo.jpg",))], workers=1)
+    >>> done.is_done, done.record["status"], len(done.calibration.planes)
+    (True, 'done', 3)
     """
 
     job: Job
@@ -120,6 +126,13 @@ def calibrate_many(
         If the `executor` itself has failed; what was done is in `output`.
     TypeError, ValueError
         For bad arguments.
+
+    Examples
+    --------
+    >>> jobs = [ts.Job("left", ("photo.jpg",), {"tone": "srgb"})]
+    >>> for done in ts.calibrate_many(jobs, workers=1):
+    ...     print(done.job.name, round(done.calibration.camera.fx))
+    left 902
     """
     limits = JobLimits.stated(max_pixels, max_bytes, max_seconds, max_memory)
     for name, value in (("workers", 1 if workers is None else workers), ("window", window)):

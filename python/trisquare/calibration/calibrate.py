@@ -145,6 +145,15 @@ def calibrate(
         and `rejected`.
     TypeError, ValueError
         For bad arguments.
+
+    Examples
+    --------
+    >>> result = ts.calibrate("photo.jpg")
+    >>> print(f"fx {result.camera.fx:.1f} px, known to {result.std['fx']:.3f} px")
+    fx 902.4 px, known to 0.075 px
+    >>> held = ts.calibrate("photo.jpg", fix="aspect")
+    >>> held.parameters
+    ('fx', 'cx', 'cy', 'k1', 'k2')
     """
     limits = PictureLimits.stated(max_pixels)
     return calibrate_photographs(
@@ -271,6 +280,13 @@ def calibrate_edges(
         If the planes cannot answer; the message says why and what would help.
     TypeError, ValueError
         For bad arguments.
+
+    Examples
+    --------
+    >>> edges = ts.detect("photo.jpg")
+    >>> result = ts.calibrate_edges(edges, image_size=(1280, 960))
+    >>> round(result.camera.fx), result.stage
+    (902, 'edges')
     """
     settings = Settings.check(method, model, fix, initial, free, orthogonal, parallel)
     length = metres(side, "side")

@@ -39,6 +39,13 @@ class Straightening(RebuiltByConstructor):
         Half the image diagonal, pixels.
     rms : float
         Root mean square distance of the samples to their lines, in pixels of the photograph.
+
+    Examples
+    --------
+    >>> along = np.linspace(100, 1180, 50)
+    >>> lines = [np.column_stack([along, np.full(50, y)]) for y in (100.0, 480.0, 860.0)]
+    >>> bool(abs(ts.fit_distortion(lines, (1280, 960)).coefficients).max() < 1e-6)
+    True
     """
 
     coefficients: FloatArray
@@ -70,6 +77,12 @@ class Straightening(RebuiltByConstructor):
         ------
         ValueError
             If a point lies beyond the radius up to which the map is invertible.
+
+        Examples
+        --------
+        >>> straightening = ts.Straightening(np.array([0.1]), np.array([640, 480]), 800.0, 0.0)
+        >>> straightening.undistort([[640, 480], [1280, 960]]).tolist()
+        [[640.0, 480.0], [1344.0, 1008.0]]
         """
         x, y = self.centre.tolist()
         observed = real_array(points, "points", (None, 2))
@@ -112,6 +125,17 @@ def fit_distortion(
         If the iteration does not settle.
     TypeError, ValueError
         For bad arguments.
+
+    Examples
+    --------
+    >>> x = np.linspace(100, 1180, 50)
+    >>> curves = [  # lines that bend outward, the more the farther they are from the centre
+    ...     np.column_stack([x, y - (y - 480) * 1e-7 * (x - 640) ** 2])
+    ...     for y in (100, 300, 700, 860)
+    ... ]
+    >>> straightening = ts.fit_distortion(curves, (1280, 960), coefficients=1)
+    >>> print(f"a1 {straightening.coefficients[0]:.2f}")
+    a1 0.07
     """
     samples = [real_array(curve, f"curve {i}", (None, 2)) for i, curve in enumerate(curves)]
     size = size_of_image(image_size)
@@ -150,6 +174,14 @@ def homography_from_lines(plane_lines: npt.ArrayLike, image_lines: npt.ArrayLike
         If the lines leave the homography open.
     ValueError
         For unequal numbers, wrong shapes, or values that are not finite.
+
+    Examples
+    --------
+    >>> unit_square = [[0, 1, 0.5], [-1, 0, 0.5], [0, -1, 0.5], [1, 0, 0.5]]
+    >>> seen = [[0, 1, -100], [-1, 0, 300], [0, -1, 300], [1, 0, -100]]  # 200 pixels wide
+    >>> x, y, w = ts.homography_from_lines(unit_square, seen) @ [0.5, 0.5, 1]
+    >>> print(f"its corner is at ({x / w:.0f}, {y / w:.0f})")
+    its corner is at (300, 300)
     """
     return _core.homography_from_lines(
         real_array(plane_lines, "plane_lines", (None, 3)),
@@ -179,6 +211,18 @@ def camera_matrix_from_homographies(homographies: npt.ArrayLike) -> FloatArray:
         For fewer than two planes.
     DegenerateGeometryError
         If the planes are parallel, or contradict each other.
+
+    Examples
+    --------
+    >>> K = np.array([[900, 0, 640], [0, 900, 480], [0, 0, 1]])
+    >>> homographies = []
+    >>> for angle in (0, 2, 4):  # three planes, tilted by 35 degrees about axes apart
+    ...     x, y, sine, cosine = np.cos(angle), np.sin(angle), np.sin(0.6), np.cos(0.6)
+    ...     r1 = [cosine + x * x * (1 - cosine), x * y * (1 - cosine), -y * sine]
+    ...     r2 = [x * y * (1 - cosine), cosine + y * y * (1 - cosine), x * sine]
+    ...     homographies.append(K @ np.column_stack([r1, r2, [0.1, 0.1, 3]]))
+    >>> ts.camera_matrix_from_homographies(homographies).round(6).tolist()
+    [[900.0, 0.0, 640.0], [0.0, 900.0, 480.0], [0.0, 0.0, 1.0]]
     """
     if len(homographies) == 0:  # type: ignore[arg-type]
         raise NotEnoughPlanesError("no homographies given")
@@ -208,6 +252,14 @@ def pose_from_homography(
     ------
     DegenerateGeometryError
         If the homography is singular.
+
+    Examples
+    --------
+    >>> K = np.array([[900, 0, 640], [0, 900, 480], [0, 0, 1]])
+    >>> homography = K @ np.column_stack([[1, 0, 0], [0, 1, 0], [0.1, 0.2, 3]])
+    >>> rotation, translation = ts.pose_from_homography(K, homography)
+    >>> translation.round(9).tolist()
+    [0.1, 0.2, 3.0]
     """
     return _core.pose_from_homography(
         real_array(K, "K", (3, 3)), real_array(homography, "homography", (3, 3))

@@ -46,6 +46,12 @@ def locate(
         As `calibrate`.
     TypeError, ValueError
         For bad arguments; if the picture is of another size than the camera's.
+
+    Examples
+    --------
+    >>> (plane, *others) = ts.locate("photo.jpg", result)
+    >>> plane.translation.round(2).tolist()
+    [-1.04, -0.57, 2.33]
     """
     held = camera_of(camera)
     found = calibrate(

@@ -20,6 +20,12 @@ class Approximation:
     covered : float
         The part of the picture that this is about: beyond it, the lens that is replaced has no
         directions itself.
+
+    Examples
+    --------
+    >>> nearest = camera.save("panorama.pto", approximate=True)
+    >>> nearest.title, nearest.rms > 0
+    ('a, b, c with square pixels', True)
     """
 
     lens: object

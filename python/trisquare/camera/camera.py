@@ -59,6 +59,13 @@ class Camera(RebuiltByConstructor):
     ------
     TypeError, ValueError
         If a value has the wrong type or shape, is not finite, or is no camera's.
+
+    Examples
+    --------
+    >>> K = np.array([[900, 0, 639.5], [0, 900, 479.5], [0, 0, 1]])
+    >>> camera = ts.Camera(K, np.array([-0.28, 0.08, 0, 0, 0]), (1280, 960))
+    >>> camera.fx, camera.image_size
+    (900.0, (1280, 960))
     """
 
     K: FloatArray
@@ -147,6 +154,11 @@ class Camera(RebuiltByConstructor):
         ValueError
             If a point lies behind the camera or beyond the valid radius; the message says how
             many do, and the first one's index.
+
+        Examples
+        --------
+        >>> camera.project([[0, 0, 1], [0.1, 0.2, 2]]).round(1).tolist()
+        [[651.6, 470.2], [696.6, 559.8]]
         """
         return _core.project_points(camera_for_core(self), real_array(points, "points", (None, 3)))
 
@@ -163,6 +175,11 @@ class Camera(RebuiltByConstructor):
         ndarray of bool, shape (N,)
             Whether a point is within the valid radius and, unless the lens is a fisheye, ahead of
             the camera.
+
+        Examples
+        --------
+        >>> camera.can_project([[0, 0, 1], [0, 0, -1]]).tolist()
+        [True, False]
         """
         given = real_array(points, "points", (None, 3))
         return np.array(_core.can_project(camera_for_core(self), given), dtype=bool)
@@ -184,6 +201,11 @@ class Camera(RebuiltByConstructor):
         ValueError
             If a pixel lies beyond the valid radius; the message says how many do, and the first
             one's index.
+
+        Examples
+        --------
+        >>> camera.unproject([[camera.cx, camera.cy]]).round(9).tolist()
+        [[0.0, 0.0, 1.0]]
         """
         return _core.unproject_pixels(
             camera_for_core(self), real_array(pixels, "pixels", (None, 2))
@@ -207,6 +229,12 @@ class Camera(RebuiltByConstructor):
         ValueError
             If a point lies beyond the valid radius; the message says how many do, and the first
             one's index.
+
+        Examples
+        --------
+        >>> ideal = camera.undistort_points([[100, 80]])
+        >>> camera.distort_points(ideal).round(6).tolist()
+        [[100.0, 80.0]]
         """
         return _core.distort_pixels(camera_for_core(self), real_array(ideal, "ideal", (None, 2)))
 
@@ -230,6 +258,11 @@ class Camera(RebuiltByConstructor):
         ValueError
             If a pixel lies beyond the valid radius; the message says how many do, and the first
             one's index.
+
+        Examples
+        --------
+        >>> camera.undistort_points([[100, 80], [640, 480]]).round().tolist()
+        [[-27.0, -9.0], [640.0, 480.0]]
         """
         return _core.undistort_pixels(
             camera_for_core(self), real_array(observed, "observed", (None, 2))
@@ -263,6 +296,12 @@ class Camera(RebuiltByConstructor):
         TypeError, ValueError
             If `balance` is not from 0 to 1, `field` is not above 0 and at most 160, both are given,
             or no part of the picture lies within the valid radius.
+
+        Examples
+        --------
+        >>> pinhole = camera.undistorted(balance=1)
+        >>> pinhole.distortion.tolist()
+        [0.0, 0.0, 0.0, 0.0, 0.0]
         """
         if field is not None:
             if balance:
@@ -294,6 +333,12 @@ class Camera(RebuiltByConstructor):
         TypeError, ValueError
             If it is no size, or one of another shape: the ratios may differ only by what rounding
             to whole pixels makes. A picture that was cropped or turned is not a scaled one.
+
+        Examples
+        --------
+        >>> half = camera.rescaled((640, 480))
+        >>> round(half.fx / camera.fx, 9), round(half.cx - ((camera.cx + 0.5) / 2 - 0.5), 9)
+        (0.5, 0.0)
         """
         size = size_of_image(image_size)
         # Of one scale for both sides, each may have been rounded up or down.
@@ -341,6 +386,11 @@ class Camera(RebuiltByConstructor):
             If the format is not known.
         OSError
             If the file cannot be written.
+
+        Examples
+        --------
+        >>> camera.save("camera_info.yaml")  # ROS's format, by the name
+        >>> camera.save("calibration.xml", format="opencv")
         """
         return registered_files().save(self, path, format, approximate=approximate)
 
@@ -378,6 +428,12 @@ class Camera(RebuiltByConstructor):
             If it is no camera file, damaged, or of a newer version; the message names the key.
         OSError
             If the file cannot be read.
+
+        Examples
+        --------
+        >>> camera.save("camera_info.yaml")
+        >>> ts.Camera.load("camera_info.yaml") == camera
+        True
         """
         return (
             registered_files()

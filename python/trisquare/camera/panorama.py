@@ -50,6 +50,12 @@ class Panorama(RebuiltByConstructor):
     ------
     TypeError, ValueError
         If a value has the wrong type, is not finite, or there is no such projection.
+
+    Examples
+    --------
+    >>> panorama = ts.Panorama("cylinder", 900.0, 639.5, 479.5, (1280, 960))
+    >>> panorama.project([[0, 0, 1]]).tolist()
+    [[639.5, 479.5]]
     """
 
     projection: str
@@ -89,6 +95,13 @@ class Panorama(RebuiltByConstructor):
         TypeError, ValueError
             If `camera` is none, `field` is not above 0 and at most 360, there is no such
             projection, or the camera cannot undistort the pixels about its principal point.
+
+        Examples
+        --------
+        >>> panorama = ts.Panorama.of(camera, "cylinder", field=60)
+        >>> laid_out = ts.undistort("photo.jpg", camera, new_camera=panorama)
+        >>> laid_out.shape == panorama.image_size[::-1]
+        True
         """
         if not isinstance(camera, Camera):
             raise TypeError(f"camera must be a Camera, not {type(camera).__name__}")
@@ -118,6 +131,12 @@ class Panorama(RebuiltByConstructor):
         ndarray, shape (N, 2)
             Pixels; they may lie outside the picture. NaN for a point that a cylinder cannot show:
             one on its axis.
+
+        Examples
+        --------
+        >>> panorama = ts.Panorama("equirectangular", 900.0, 639.5, 479.5, (1280, 960))
+        >>> panorama.project([[0, 0, 1], [1, 0, 1]]).round(1).tolist()
+        [[639.5, 479.5], [1346.4, 479.5]]
         """
         return _core.view_pixels(view_for_core(self), real_array(points, "points", (None, 3)))
 
@@ -132,6 +151,12 @@ class Panorama(RebuiltByConstructor):
         Returns
         -------
         ndarray, shape (N, 3)
+
+        Examples
+        --------
+        >>> panorama = ts.Panorama("equirectangular", 900.0, 639.5, 479.5, (1280, 960))
+        >>> panorama.unproject([[639.5, 479.5]]).tolist()
+        [[0.0, 0.0, 1.0]]
         """
         directions = _core.view_directions(
             view_for_core(self), real_array(pixels, "pixels", (None, 2))

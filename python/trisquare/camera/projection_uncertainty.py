@@ -41,6 +41,13 @@ class ProjectionMap(RebuiltByConstructor):
     std : array_like, shape (R, C)
         How far the projection of what is seen at ``(x[j], y[i])`` may be off (rms, pixels);
         infinite where the distortion is not invertible, so that nothing is known.
+
+    Examples
+    --------
+    >>> uncertainty = result.projection_map(step=100)
+    >>> row, column = np.unravel_index(uncertainty.std.argmax(), uncertainty.std.shape)
+    >>> print(f"least is known at ({uncertainty.x[column]:.0f}, {uncertainty.y[row]:.0f})")
+    least is known at (0, 0)
     """
 
     x: FloatArray

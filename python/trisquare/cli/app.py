@@ -38,6 +38,7 @@ from trisquare.errors import (
     InternalError,
     NotEnoughDataError,
     NotEnoughPlanesError,
+    help_of,
 )
 
 CLOSED_PIPE_EXIT = 1  # as Python's documentation and rich have it
@@ -88,22 +89,25 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         code = typer.main.get_command(app).main(words, prog_name="trisquare", standalone_mode=False)
         _flush_output()
     except UsageError as error:
-        fail("UsageError", _usage_message(error), USAGE_EXIT)
+        fail("UsageError", _usage_message(error), USAGE_EXIT, help_of("UsageError"))
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED_EXIT
     except BrokenPipeError:
         _drop_output()
         code = CLOSED_PIPE_EXIT
     except tuple(EXIT_CODES) as error:
-        exit_code = next(code for kind, code in EXIT_CODES.items() if isinstance(error, kind))
-        fail(type(error).__name__, _message(error), exit_code)
+        family = next(kind for kind in EXIT_CODES if isinstance(error, kind))
+        explained = getattr(error, "help", help_of(family.__name__))
+        fail(type(error).__name__, _message(error), EXIT_CODES[family], explained)
     except SystemExit:
         raise
     except BaseException as error:  # a panic of the core is no Exception
-        fail(type(error).__name__, _fault_message(error), FAULT_EXIT)
+        kind = MemoryError if isinstance(error, MemoryError) else InternalError
+        fail(type(error).__name__, _fault_message(error), FAULT_EXIT, help_of(kind.__name__))
     # Newer Typers return the code of Ctrl-C, older ones raise Abort.
     if code == INTERRUPTED_EXIT:
-        fail("KeyboardInterrupt", "interrupted", INTERRUPTED_EXIT)
+        explained = help_of("KeyboardInterrupt")
+        fail("KeyboardInterrupt", "interrupted", INTERRUPTED_EXIT, explained)
     sys.exit(code if isinstance(code, int) else 0)
 
 
@@ -174,15 +178,15 @@ def _fault_message(error: BaseException) -> str:
     )
 
 
-def _fail(kind: str, message: str, exit_code: int) -> NoReturn:
+def _fail(kind: str, message: str, exit_code: int, explained: str) -> NoReturn:
     """Say in a line what was wrong, and exit."""
     _exit_with(f"trisquare: error: {printable(' '.join(message.split()))}", exit_code)
 
 
-def _fail_in_json(kind: str, message: str, exit_code: int) -> NoReturn:
+def _fail_in_json(kind: str, message: str, exit_code: int, explained: str) -> NoReturn:
     """Say what was wrong as a JSON object in one line, and exit."""
     text = " ".join(message.split())
-    error = {"code": kind, "text": text, "exit_code": exit_code}
+    error = {"code": kind, "text": text, "exit_code": exit_code, "help": explained}
     _exit_with(json.dumps({"format": ERROR_FORMAT, "error": error}), exit_code)
 
 

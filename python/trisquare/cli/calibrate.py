@@ -51,7 +51,7 @@ EXAMPLES = (
     "trisquare calibrate photo.jpg",
     "trisquare calibrate photo.jpg -o camera.json --overlay overlay.png --diagnose",
     "trisquare calibrate one.jpg two.jpg three.jpg --model auto --json",
-    "trisquare calibrate board.png --targets chessboard:9x6 --fix aspect",
+    "trisquare calibrate board.png --targets chessboard:9x6 --fix aspect,principal_point",
     "trisquare calibrate clip.mp4 --frames 10 -o camera.json",
 )
 

@@ -40,8 +40,8 @@ def compare_command(
 ) -> None:
     """Compare two cameras: how far apart they project, and whether uncertainties explain it.
 
-    The rotation between the two cameras that fits best is taken out first: intrinsics cannot tell
-    it from a turn of the camera.
+    The rotation between the two cameras that fits best is taken out first: a camera matrix cannot
+    tell it from a turn of the camera.
     """
     check_outputs([first, second], [map_file])
     known = read_camera(first)

@@ -29,8 +29,8 @@ EXAMPLES = (
     "trisquare predict plan.json --frame 0.6 --json",
 )
 
-# Planned where nothing else is said: three squares over the picture, as section "How to take a
-# good photograph" of the README wants them. Parts of width, height and height; degrees.
+# Planned where nothing else is said: three squares over the picture, as the page "Taking the
+# photograph" of the documentation wants them. Parts of width, height and height; degrees.
 DEFAULT_SQUARES = ("23%,30%,36%,35,0", "77%,30%,36%,35,120", "50%,72%,36%,35,240")
 SQUARE_FIELDS = ("centre x", "centre y", "side", "tilt", "direction", "spin")
 

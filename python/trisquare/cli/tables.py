@@ -100,9 +100,10 @@ def _rejected(calibration: Calibration) -> list[Text]:
 
 
 def warning_lines(calibration: Calibration, *, verbose: bool = True) -> list[str]:
-    """Return a line for each warning, unless `verbose` only for the most severe."""
+    """Return a line with its code for each warning, unless `verbose` only for the most severe."""
     most = None if verbose else MOST_WARNINGS
-    lines = [f"warning: {warning}" for warning in calibration.warnings[:most]]
+    told = calibration.warnings[:most]
+    lines = [f"warning: {warning} [{warning.code}]" for warning in told]
     more = len(calibration.warnings) - len(lines)
     if more:
         lines.append(f"and {more} more: --verbose")

@@ -31,6 +31,12 @@ class PrintedTarget:
         Name of the paper's size.
     pages : tuple of TargetPage
         What stands where, in millimetres.
+
+    Examples
+    --------
+    >>> target = ts.printed_target("flat", page="A3")
+    >>> target.page, len(target.pages)
+    ('A3', 3)
     """
 
     page: str
@@ -49,6 +55,11 @@ class PrintedTarget:
         ------
         ImportError
             If reportlab is not installed: it comes with ``trisquare[target]``.
+
+        Examples
+        --------
+        >>> ts.printed_target().to_pdf()[:5]
+        b'%PDF-'
         """
         return pdf_of(self.pages, f"trisquare target, {self.page}", f"trisquare {__version__}")
 
@@ -63,6 +74,10 @@ class PrintedTarget:
             If it cannot be written there.
         ValueError
             If the file's name says that it is something else.
+
+        Examples
+        --------
+        >>> ts.printed_target().save("target.pdf")
         """
         from trisquare._support.writing import check_writable, write_atomically  # imports OpenCV
 
@@ -97,6 +112,12 @@ def printed_target(
     TypeError, ValueError
         If the kind or the page is unknown, the page is too small for the side, or the side is
         too small to be printed well.
+
+    Examples
+    --------
+    >>> target = ts.printed_target("corner", page="A4")
+    >>> target.pages[0].frames[0].side
+    84.0
     """
     if kind not in KINDS:
         raise unknown("kind of target", str(kind), KINDS)

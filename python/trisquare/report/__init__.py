@@ -50,6 +50,10 @@ def write_report(
         If the file cannot be written.
     TypeError, ValueError
         For bad arguments, or if a photograph is not of the camera's size.
+
+    Examples
+    --------
+    >>> ts.write_report(result, "report.html", "photo.jpg")
     """
     from trisquare._support.writing import check_writable, write_atomically
 
@@ -66,6 +70,12 @@ def report_page(
     """Return the page that `write_report` writes, in UTF-8; the same for the same arguments.
 
     Photographs that are loaded already may be given as such.
+
+    Examples
+    --------
+    >>> from trisquare.report import report_page
+    >>> report_page(result)[:15]
+    b'<!DOCTYPE html>'
     """
     check_extra()
     if not isinstance(calibration, Calibration):

@@ -127,8 +127,8 @@ def summary(calibration: Calibration, known: ProjectionMap) -> Iterator[str]:
             "is known there."
         )
     yield (
-        f"The reprojection error of the measured edges is {two_digits(calibration.rms)} "
-        f"px (rms), {calibration.noise_scale:.2f} times what their noise predicts."
+        f"The residuals of the edge samples are {two_digits(calibration.rms)} px (rms), "
+        f"{calibration.noise_scale:.2f} times what their noise predicts."
     )
 
 

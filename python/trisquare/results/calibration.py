@@ -137,6 +137,12 @@ class Calibration(Record):
         How far the samples of each of the edges are from the calibrated model.
     lines : sequence of SceneLine
         The lines of the scene that were given or found, used or rejected; they are no `edges`.
+
+    Examples
+    --------
+    >>> K, distortion = result.camera.K, result.camera.distortion
+    >>> print(f"fx is known to {result.std['fx']:.3f} px, from {len(result.planes)} planes")
+    fx is known to 0.075 px, from 3 planes
     """
 
     camera: Camera
@@ -236,6 +242,11 @@ class Calibration(Record):
         ------
         ValueError
             If a point lies beyond the valid radius.
+
+        Examples
+        --------
+        >>> result.projection_covariance([[100, 80], [640, 480]]).shape
+        (2, 2, 2)
         """
         return projection_covariance(
             self.camera, self.parameters, self._aspect_fixed, self.covariance, points
@@ -258,6 +269,12 @@ class Calibration(Record):
         ------
         ValueError
             If a point lies beyond the valid radius.
+
+        Examples
+        --------
+        >>> corner, middle = result.projection_std([[0, 0], [640, 480]])
+        >>> bool(corner > middle)
+        True
         """
         return rms_displacement(self.projection_covariance(points))
 
@@ -281,6 +298,12 @@ class Calibration(Record):
         -------
         ProjectionMap
             ``x``, ``y`` and ``std[row, column]``, infinite beyond the valid radius.
+
+        Examples
+        --------
+        >>> uncertainty = result.projection_map(step=100)
+        >>> uncertainty.std.shape == (len(uncertainty.y), len(uncertainty.x))
+        True
         """
         return projection_map(
             self.camera, self.parameters, self._aspect_fixed, self.covariance, step, rotation
@@ -298,6 +321,12 @@ class Calibration(Record):
         ----------
         edges : bool
             Whether the measured edges and their residuals are part of it; they are most of it.
+
+        Examples
+        --------
+        >>> import json
+        >>> json.loads(result.to_json())["camera"]["model"]
+        'radial2'
         """
         members = {
             **record_members(self),
@@ -336,6 +365,11 @@ class Calibration(Record):
         ------
         LensModelError, ValueError, OSError
             As `Camera.save`.
+
+        Examples
+        --------
+        >>> result.save("camera.json")  # all of it
+        >>> result.save("camera.yaml")  # the camera alone, as OpenCV has it
         """
         if registered_files().is_own(path, format):
             write_atomically({path: self.to_json().encode()})
@@ -352,6 +386,12 @@ class Calibration(Record):
             If the file cannot be read.
         ValueError
             As `from_json`, with the file's name; also for a camera without its uncertainties.
+
+        Examples
+        --------
+        >>> result.save("camera.json")
+        >>> ts.Calibration.load("camera.json") == result
+        True
         """
         text = read_text(path)
         with naming(path):
@@ -366,6 +406,11 @@ class Calibration(Record):
         ValueError
             If the text is not JSON, is of another format, or a key is missing, of the wrong type
             or not finite; the message names it.
+
+        Examples
+        --------
+        >>> ts.Calibration.from_json(result.to_json()) == result
+        True
         """
         members = JsonFields.parse(text, RESULT_FORMAT)
         size = len(members.texts("parameters"))

@@ -9,6 +9,7 @@ from trisquare._support.arrays import index_number, string
 from trisquare._support.json_members import JsonFields
 from trisquare._support.records import Kind
 from trisquare._support.suggestions import unknown
+from trisquare.errors import help_of
 
 SEVERITIES = ("high", "medium", "low")
 """In the order in which warnings are told."""
@@ -22,12 +23,18 @@ class CalibrationWarning(str):
     text : str
         What is wrong, what it does to the result, and what helps.
     code : str
-        A name of what is wrong, the same in all versions; see the page of warnings.
+        A name of what is wrong, the same in all versions; `help` names the page that explains it.
     severity : {"high", "medium", "low"}
         ``"high"``: the answer may be wrong beyond its uncertainty; ``"medium"``: something is to
         be looked at; ``"low"``: something was left out or an interval widened.
     plane : int, optional
         The plane that it is about.
+
+    Examples
+    --------
+    >>> warning = ts.CalibrationWarning("a side is bent", "side_rejected", "medium", plane=1)
+    >>> warning, warning.code, warning.plane
+    ('a side is bent', 'side_rejected', 1)
     """
 
     code: str
@@ -59,6 +66,11 @@ class CalibrationWarning(str):
     def text(self) -> str:
         """The warning without its code."""
         return str(self)
+
+    @property
+    def help(self) -> str:
+        """Where the documentation explains it, relative to the folder of its pages."""
+        return help_of(self.code)
 
 
 def by_severity(warnings: Iterable[CalibrationWarning]) -> list[CalibrationWarning]:

@@ -33,6 +33,15 @@ class PartialDetection(Record):
         Index of the picture it was found in.
     corners : array_like, shape (4, 2)
         Where it is, in pixels of the photograph; a board's outermost crossings.
+
+    Examples
+    --------
+    >>> import cv2
+    >>> try:
+    ...     ts.calibrate(cv2.imread("photo.jpg")[:480, :560])  # one square of three
+    ... except ts.NotEnoughPlanesError as error:
+    ...     print([target.kind for target in error.found])
+    ['frame']
     """
 
     kind: str = field(metadata=member(TEXT))

@@ -47,6 +47,14 @@ class Plane(Record):
         zero of one that was known.
     side : float, optional
         Length of what `translation` has as its unit, in metres, as it was stated at calibration.
+
+    Examples
+    --------
+    >>> plane = result.planes[0]
+    >>> plane.kind, plane.corners.round().tolist()
+    ('frame', [[116.0, 75.0], [465.0, 107.0], [425.0, 432.0], [98.0, 439.0]])
+    >>> plane.translation.round(2).tolist()  # in units of its side
+    [-1.04, -0.57, 2.33]
     """
 
     kind: str = field(metadata=member(TEXT))
@@ -94,6 +102,12 @@ class Plane(Record):
         ------
         TypeError, ValueError
             If `side` is not a positive number.
+
+        Examples
+        --------
+        >>> pose = result.planes[0].cam_from_plane(side=84)  # millimetres
+        >>> (pose @ [0, 0, 0, 1]).round().tolist()
+        [-88.0, -48.0, 196.0, 1.0]
         """
         length = self.stated_side if side is None else real_number(side, "side")
         if length <= 0:

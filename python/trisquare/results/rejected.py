@@ -26,6 +26,12 @@ class Rejected(Record):
     residual : float, optional
         Root mean square distance of its samples from the best square that the camera allows,
         in pixels; None if that was not asked.
+
+    Examples
+    --------
+    >>> one = ts.Rejected("square", 0, [[10, 10], [20, 11], [19, 20], [9, 19]], "too small")
+    >>> one.kind, one.reason
+    ('square', 'too small')
     """
 
     kind: str = field(metadata=member(TEXT))

@@ -32,6 +32,11 @@ class ResidualCorrelation(Record):
     contradiction : float
         Variance with which the planes contradict each other over what their sides' own
         straightness lets expect; 1 where they do not.
+
+    Examples
+    --------
+    >>> result.coherence.neighbours < 2, result.coherence.sides_err_together
+    (True, False)
     """
 
     neighbours: float = field(metadata=member(NUMBER))

@@ -23,6 +23,14 @@ class SceneLine(Record):
         best, pixels; None where the lens does not see all of them.
     rejection : str, optional
         Why it was not used; None if it was.
+
+    Examples
+    --------
+    >>> lines = ts.calibrate("photo.jpg", lines=True).lines
+    >>> for line in lines[:2]:
+    ...     print(line.image, line.is_used, line.rejection)
+    0 True None
+    0 True None
     """
 
     image: int = field(metadata=member(INDEX))

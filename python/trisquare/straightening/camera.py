@@ -41,6 +41,12 @@ class DisplacementMap(RebuiltByConstructor):
         From the ideal place to the observed one, pixels.
     std : ndarray, shape (N, 2)
         Of the displacement, pixels.
+
+    Examples
+    --------
+    >>> shifts = ts.straighten("photo.jpg").camera.displacement_map(step=100)
+    >>> shifts.points.shape == shifts.displacement.shape == shifts.std.shape
+    True
     """
 
     points: FloatArray
@@ -80,6 +86,13 @@ class UnscaledCamera(RebuiltByConstructor):
     ------
     TypeError, ValueError
         If a value has the wrong type or shape, or is not finite.
+
+    Examples
+    --------
+    >>> size, centre = (1280, 960), (640, 480)
+    >>> unscaled = ts.UnscaledCamera(size, "division", [-0.2, 0], centre, np.eye(4))
+    >>> unscaled.radius
+    800.0
     """
 
     image_size: tuple[int, int]
@@ -136,6 +149,13 @@ class UnscaledCamera(RebuiltByConstructor):
         ------
         ValueError
             If a pixel lies beyond the valid radius.
+
+        Examples
+        --------
+        >>> size, centre = (1280, 960), (640, 480)
+        >>> unscaled = ts.UnscaledCamera(size, "division", [-0.2, 0], centre, np.eye(4))
+        >>> unscaled.undistort_points([[640, 480], [100, 80]]).round(1).tolist()
+        [[640.0, 480.0], [11.3, 14.3]]
         """
         q = (real_array(observed, "observed", (None, 2)) - self.centre) / self.radius
         square = np.einsum("ij,ij->i", q, q)
@@ -162,6 +182,13 @@ class UnscaledCamera(RebuiltByConstructor):
         ------
         ValueError
             If a point lies beyond what the valid radius shows.
+
+        Examples
+        --------
+        >>> size, centre = (1280, 960), (640, 480)
+        >>> unscaled = ts.UnscaledCamera(size, "division", [-0.2, 0], centre, np.eye(4))
+        >>> unscaled.distort_points([[640, 480], [10, 14]]).round(1).tolist()
+        [[640.0, 480.0], [99.1, 79.9]]
         """
         q = (real_array(ideal, "ideal", (None, 2)) - self.centre) / self.radius
         radii = np.hypot(q[:, 0], q[:, 1])
@@ -172,7 +199,15 @@ class UnscaledCamera(RebuiltByConstructor):
         return np.asarray(self.centre + self.radius * q * ratio[:, None])
 
     def largest_ideal_radius(self) -> float:
-        """Return the ideal valid radius, half diagonals; infinite if there is no limit."""
+        """Return the ideal valid radius, half diagonals; infinite if there is no limit.
+
+        Examples
+        --------
+        >>> size, centre = (1280, 960), (640, 480)
+        >>> unscaled = ts.UnscaledCamera(size, "division", [-0.2, 0], centre, np.eye(4))
+        >>> round(unscaled.largest_ideal_radius(), 2)
+        5.99
+        """
         largest = self.radial.largest_radius()
         if largest == np.inf:
             return largest
@@ -190,6 +225,13 @@ class UnscaledCamera(RebuiltByConstructor):
         ------
         TypeError, ValueError
             If `step` is not positive.
+
+        Examples
+        --------
+        >>> size, centre = (1280, 960), (640, 480)
+        >>> unscaled = ts.UnscaledCamera(size, "division", [-0.2, 0], centre, np.eye(4))
+        >>> unscaled.displacement_map(step=200).points.shape
+        (48, 2)
         """
         if not real_number(step, "step") > 0:
             raise ValueError(f"step must be positive, not {step}")
@@ -233,6 +275,13 @@ class UnscaledCamera(RebuiltByConstructor):
             A ValueError, if that differs by more than half a pixel anywhere.
         TypeError, ValueError
             If `focal_length` is not positive.
+
+        Examples
+        --------
+        >>> size, centre = (1280, 960), (640, 480)
+        >>> unscaled = ts.UnscaledCamera(size, "polynomial", [-0.1, 0], centre, np.eye(4))
+        >>> unscaled.camera(focal_length=900).K.tolist()
+        [[900.0, 0.0, 640.0], [0.0, 900.0, 480.0], [0.0, 0.0, 1.0]]
         """
         focal = real_number(focal_length, "focal_length")
         if focal <= 0:

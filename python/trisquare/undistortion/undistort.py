@@ -57,6 +57,12 @@ class Undistorter:
     TypeError, ValueError
         If an argument is no camera or no number from 0 to 1, `new_camera` has a distortion
         or a skew, a picture is larger than 32766 pixels, or none of it can be undistorted.
+
+    Examples
+    --------
+    >>> undistorter = ts.Undistorter(camera, balance=1)  # shows all of the photograph
+    >>> undistorter.new_camera.fx < camera.fx, bool(undistorter.valid_mask.all())
+    (True, False)
     """
 
     def __init__(
@@ -138,6 +144,13 @@ class Undistorter:
         TypeError, ValueError
             If an array is no picture, the picture is of another size, or there is no such
             interpolation.
+
+        Examples
+        --------
+        >>> undistorter = ts.Undistorter(camera)
+        >>> frames = [np.zeros((960, 1280, 3), np.uint8)] * 2  # stand for a video's
+        >>> [undistorter.undistort(frame).shape for frame in frames]
+        [(960, 1280, 3), (960, 1280, 3)]
         """
         if interpolation not in INTERPOLATIONS:
             raise unknown("interpolation", str(interpolation), INTERPOLATIONS)
@@ -237,6 +250,11 @@ def undistort(
     TypeError, ValueError
         If an array is no picture, the picture's size is not the camera's (nor, with
         `rescale`, its shape), or another argument is wrong.
+
+    Examples
+    --------
+    >>> ts.undistort("photo.jpg", camera).shape
+    (960, 1280)
     """
     picture = load_picture(image)
     taken_by = camera.rescaled(picture_size(picture)) if rescale else camera

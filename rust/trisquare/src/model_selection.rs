@@ -50,7 +50,7 @@ pub struct ModelChoice<L: Lens = DefaultLens> {
     pub alternatives: Vec<ModelAlternative<L>>,
 }
 
-/// Calibrates with the distortion model that has the largest evidence.
+/// Calibrates with the lens model that has the largest evidence.
 ///
 /// The models are compared on edge samples; the photographs, if there are any, are fitted with the
 /// chosen one. `options.model` is only used where no model converges.

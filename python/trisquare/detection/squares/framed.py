@@ -133,7 +133,7 @@ def find_framed_squares(
 
 
 def reasons_against_quads(picture: NDArray[np.float32], quads: Quads) -> list[str]:
-    """Say of each quad that `find_framed_squares` passed over what speaks against it.
+    """Say of each quad that `find_framed_squares` rejected what speaks against it.
 
     Parameters
     ----------

@@ -42,7 +42,8 @@ export class Results {
     this.#pictures = pictures;
     const warnings = byId("warnings");
     warnings.hidden = answer.warnings.length === 0;
-    warnings.querySelector("ul").replaceChildren(...answer.warnings.map(({ text }) => cell("li", text)));
+    const lines = answer.warnings.map(({ code, text }) => cell("li", `${text} [${code}]`));
+    warnings.querySelector("ul").replaceChildren(...lines);
     byId("parameters").replaceChildren(...answer.parameters.map((one) => this.#row(one)));
     byId("diagnosis").replaceChildren(...Object.entries(answer.diagnosis).flatMap(
       ([name, { limits, remedy }]) => [cell("dt", name), cell("dd", `Limited by: ${limits}. ${remedy}.`)],

@@ -1,0 +1,69 @@
+"""The documentation as a browser shows it, built without the notebook's outputs."""
+
+import re
+import subprocess
+import sys
+
+import pytest
+from accessibility import serious_findings
+from browser import CHROMIUM, Browser
+from shown import DOCS
+
+from trisquare.errors import help_of
+
+pytest.importorskip("furo", reason="needs the extra docs")
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        CHROMIUM is None, reason="there is no chromium (Debian: apt-get install chromium)"
+    ),
+]
+
+MAIN_PAGES = (
+    *("index", "start", "tutorial", "notebook", "photograph", "targets", "faq", "how-exact"),
+    *("formats", "glossary", "migration", "method", "api/index", "api/camera"),
+    "_generated/commands",
+)
+SCREENS = ((1200, "light"), (390, "dark"))
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "sphinx", "-q", "-D", "nb_execution_mode=off"]
+    subprocess.run([*command, "-d", folder / "doctrees", DOCS, folder / "html"], check=True)
+    return folder / "html"
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with Browser() as browser:
+        yield browser
+
+
+@pytest.mark.parametrize("name", MAIN_PAGES)
+def test_axe_finds_nothing_serious(browser, site, name):
+    for width, scheme in SCREENS:
+        browser.screen(width, phone=width < 500)
+        browser.colour_scheme(scheme)
+        browser.open(site / f"{name}.html")
+        assert serious_findings(browser) == []
+        assert browser.evaluate("document.documentElement.scrollWidth") <= width
+    assert browser.complaints == []
+
+
+def test_a_page_with_a_fault_is_found(browser, tmp_path):
+    page = tmp_path / "page.html"
+    page.write_text("<!doctype html><html lang=en><title>t</title><main><img src=x.png></main>")
+    browser.open(page)
+    assert [rule for rule, *_ in serious_findings(browser)] == ["image-alt"]
+    browser.complaints.clear()
+
+
+def test_help_leads_to_its_section(site):
+    """Every code that the page explains is where `help` says it is."""
+    codes = re.findall(r"^### `(\w+)`$", (DOCS / "faq.md").read_text("utf-8"), re.MULTILINE)
+    assert len(codes) > 40
+    anchors = re.findall(r'<section id="([^"]+)"', (site / "faq.html").read_text("utf-8"))
+    assert [code for code in codes if help_of(code).partition("#")[2] not in anchors] == []

@@ -1,0 +1,83 @@
+"""Every code of an error or a warning has its section, and every section is of a code."""
+
+import ast
+import re
+from pathlib import Path
+
+from shown import CHECKOUT, page
+
+import trisquare as ts
+from trisquare import errors
+from trisquare.cli.app import EXIT_CODES
+from trisquare.errors import help_of
+from trisquare.images.faults import _ADVICE
+from trisquare.results.calibration_warning import SEVERITIES
+
+PACKAGE = Path(ts.__file__).parent
+SECTION = re.compile(r"^### `(\w+)`\n\n(.*?)(?=^##|\Z)", re.MULTILINE | re.DOTALL)
+
+
+def trees(*rooms):
+    for room in rooms:
+        for path in PACKAGE.glob(f"{room}/**/*.py"):
+            yield ast.parse(path.read_text("utf-8"))
+
+
+def text_of(node):
+    return node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else None
+
+
+def warning_codes():
+    """The codes in the crate, and those in calls and remarks of the package."""
+    crate = CHECKOUT / "rust" / "trisquare" / "src" / "result" / "warning.rs"
+    codes = set(re.findall(r"=> \"(\w+)\"", crate.read_text("utf-8").split("fn code")[1]))
+    codes |= set(_ADVICE)
+    for tree in trees("calibration", "images", "results"):
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "CalibrationWarning":
+                codes |= {text_of(argument) for argument in node.args[1:2]}
+            elif isinstance(node, ast.Subscript) and getattr(node.value, "id", "") == "remarks":
+                codes.add(text_of(node.slice))
+    return {*codes, ts.CalibrationWarning("a text").code} - {None}
+
+
+def error_codes():
+    """The classes of errors, and the names that the command, the batch and the page give."""
+    own = {name for name, kind in vars(errors).items() if isinstance(kind, type)} - {"Any"}
+    given = {
+        text
+        for tree in trees("cli", "batch", "serve")
+        for node in ast.walk(tree)
+        if (text := text_of(node)) and re.fullmatch(r"[A-Z]\w+(Error|Interrupt)", text)
+    }
+    return own | given | {kind.__name__ for kind in EXIT_CODES}
+
+
+def test_every_code_has_its_section_and_every_section_its_code():
+    assert {"planes_vary", "overexposed", "other_size", "repeated_picture"} < warning_codes()
+    assert {"TrisquareError", "TimeLimitError", "UsageError", "OSError"} < error_codes()
+    sections = [name for name, _ in SECTION.findall(page("faq.md"))]
+    assert sorted(sections) == sorted(warning_codes() | error_codes())
+
+
+def test_every_section_says_what_why_and_what_to_do():
+    for name, text in SECTION.findall(page("faq.md")):
+        assert re.findall(r"^- (\w+): \S", text, re.MULTILINE) == ["Means", "Why", "Do"], name
+
+
+def test_help_names_the_section():
+    """As Sphinx names it: small letters, and hyphens for underscores."""
+    warning = ts.CalibrationWarning("a text", "lens_beyond_model", "high")
+    assert warning.help == help_of("lens_beyond_model") == "faq.html#lens-beyond-model"
+    assert ts.MissingImageError("x").help == "faq.html#missingimageerror"
+    assert ts.LensModelError("x", None, 0.0, 0.0).help == "faq.html#lensmodelerror"
+
+
+def test_every_severity_has_its_part():
+    headings = re.findall(r"^## Warnings of (\w+) severity$", page("faq.md"), re.MULTILINE)
+    assert headings == list(SEVERITIES)
+
+
+def test_the_exit_codes_are_those_of_the_command():
+    codes = {int(code) for code in re.findall(r"^\| (\d+) \|", page("faq.md"), re.MULTILINE)}
+    assert codes == {0, 1, 6, 70, 130} | set(EXIT_CODES.values())
