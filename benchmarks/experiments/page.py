@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from experiments.estimators import BLUR, CONTRAST, LABELS
 from experiments.plots import ANSWERED, is_shown
-from experiments.printed_corner import TARGET
+from experiments.printed_corner import TARGET, WINDOWS
 from experiments.results import PARAMETERS, Results
 from experiments.sweeps import SPACING, SWEEPS, Setting, Sweep
 
@@ -17,36 +17,38 @@ INTRODUCTION = """\
 <!-- Written by `make experiments`, of the numbers in experiments/results.json. -->
 # The paper's experiments
 
-Zhou, Cui, Gao & Wang (*Optics and Lasers in Engineering* 51 (2013) 1332-1343) tried their method on
-simulated scenes: how the errors of the camera change with the noise, the number of squares, their
-sides and so on, and how well lengths are measured with it. Here such experiments are run with the
-estimators of today, all on the same scenes:
+Zhou, Cui, Gao & Wang (*Optics and Lasers in Engineering* 51 (2013) 1332-1343) tried their method
+on simulated scenes: how the errors of the camera change with the noise, the number of squares,
+their sides and so on, and how well lengths are measured with it. Here such experiments are run
+with the estimators of today, all on the same scenes:
 
 | | what it is given | |
 | --- | --- | --- |
 | linear steps | edge points | the paper's three steps, `method="linear"` |
 | maximum likelihood, edge points | the same | `ts.calibrate_edges` |
 | maximum likelihood, pixels | a rendered photograph | `ts.calibrate` |
-| Zhang, corners of the same squares | the same photograph | `cv2.cornerSubPix`, `cv2.calibrateCamera` |
-| Zhang, 13 photographs of a board | 13 rendered photographs, 9 x 6 corners each | the same |
+| Zhang, corners of the same squares | the same photograph | `cornerSubPix`, `calibrateCamera` |
+| Zhang, 13 photographs of a board | 13 rendered photographs of 9 x 6 corners | the same |
 
-**The scenes.** 1280 x 960 pixels, f 1100 px, k1 -0.15, k2 0.03; the principal point is drawn about
-the centre with a standard deviation of 1.2 % of the width. Unless the plot says otherwise, three
-squares have sides of 0.30-0.42 of the height and are tilted by 25-50 degrees, and each has an edge
-point every {spacing:g} px with noise of {noise:g} px. A picture has the noise that lets its pixels
-know an edge as well: {grey:.1f} grey levels of contrast {contrast:g}, blur {blur:g} px. Every level has
-{edges} scenes for edge points, of which {pictures} are rendered; the boards have {boards} sessions.
-All estimate fx, fy, cx, cy, k1 and k2; but three squares have 24 coordinates of corners for 24
-unknowns, which OpenCV refuses, so that Zhang from the corners of three takes k2 as 0. The start of
-`cv2.cornerSubPix` is 0.3 px from the truth, as a detector's corner is; nobody else is told anything.
+**The scenes.** 1280 x 960 pixels, f 1100 px, k1 -0.15, k2 0.03; the principal point is drawn
+about the centre with a standard deviation of 1.2 % of the width. Unless the plot says otherwise,
+three squares have sides of 0.30-0.42 of the height and are tilted by 25-50 degrees, and their
+edges have a point every {spacing:g} px with noise of {noise:g} px. A picture has the noise that
+lets its pixels know an edge as well: {grey:.1f} grey levels of contrast {contrast:g}, blur
+{blur:g} px. Every level has {edges} scenes for edge points, the first {pictures} of which are
+rendered; {boards} cameras photograph the board. All estimate fx, fy, cx, cy, k1 and k2; but
+three squares have 24 coordinates of corners for 24 unknowns, which OpenCV refuses, so that Zhang
+from the corners of three takes k2 as 0. `cornerSubPix` starts 0.3 px from the truth, as from a
+detector; nobody else is told anything.
 
-**The plots** show rms errors; k1's is in per cent of k1. A band is where the rms would be, in 95 %
-of cases, over as many scenes drawn anew (bootstrap). A point is left out where less than {answered:.0f} % of
-the scenes have an answer: trisquare refuses a camera that the edges do not determine. The tables
-have the rms over fx, fy, cx and cy, in pixels.
+**The plots** show rms errors; k1's is in per cent of k1. A band is where the rms would be, in 95
+% of cases, over as many scenes drawn anew (bootstrap). A point is left out where less than
+{answered:.0f} % of the scenes have an answer: trisquare refuses a camera that the edges do not
+determine. The tables have the rms over fx, fy, cx and cy, in pixels, and how many scenes have an
+answer where not all do.
 
-`make experiments` repeats it all, in about ten minutes; the seeds are in the code, and were fixed
-before the first run. Measured with trisquare {trisquare} and OpenCV {opencv}.
+`make experiments` repeats it all; the seeds were fixed before the first full run. Measured with
+trisquare {trisquare} and OpenCV {opencv}.
 """
 
 TITLES = {
@@ -63,9 +65,16 @@ CONDITIONS = {
     "side": "",
     "tilt": "",
     "field": (
-        "k1 and k2 change with the focal length, so that the picture is bent alike at every field "
+        "k1 and k2 change with the focal length, so that the picture is bent alike at every field\n"
         "of view."
     ),
+}
+
+RANGES = {
+    "count": "From {:g} to {:g} squares",
+    "side": "From sides of {:g} to {:g} of the height",
+    "tilt": "From {:g} to {:g} degrees of tilt",
+    "field": "From {:g} to {:g} degrees",
 }
 
 
@@ -92,78 +101,71 @@ def text(found: Results) -> str:
 
 def _sweep(sweep: Sweep, levels: list[Results]) -> str:
     condition = f"{CONDITIONS[sweep.name]}\n\n" if CONDITIONS[sweep.name] else ""
+    said = _at_noise(levels) if sweep.name == "noise" else _over_range(sweep, levels)
     return (
         f"## {TITLES[sweep.name]}\n\n{condition}"
         f"![Error of each parameter over {sweep.axis}](experiments/{sweep.name}.svg)\n\n"
-        f"{_seen(sweep, levels)}\n\n{_table(sweep, levels)}\n"
+        f"{said}{_against_boards(levels)}\n\n{_table(sweep, levels)}\n"
     )
 
 
-def _seen(sweep: Sweep, levels: list[Results]) -> str:
-    """Say what a plot shows, from its own numbers."""
-    if sweep.name == "noise":
-        return _at_noise(levels)
-    first, last = (
-        next((level for level in order if is_shown(level["edges"])), order[0])
-        for order in (levels, levels[::-1])
-    )
-    best = min(levels, key=lambda level: pixel_rms(level["edges"]))
-    ratios = [
-        pixel_rms(level["linear"]) / pixel_rms(level["edges"])
-        for level in levels
-        if is_shown(level["linear"]) and is_shown(level["edges"])
-    ]
+def _over_range(sweep: Sweep, levels: list[Results]) -> str:
+    """Say how maximum likelihood changes over the levels, and how the others stand to it."""
+    shown = [level for level in levels if is_shown(level["edges"])]
+    if not shown:
+        return "Too few scenes have an answer."
+    first, last = shown[0], shown[-1]
     said = (
-        f"From {sweep.axis} {first['at']:g} to {last['at']:g}, maximum likelihood from edge points goes "
-        f"from {_px(first['edges'])} to {_px(last['edges'])} (least, at {best['at']:g}: "
-        f"{_px(best['edges'])})"
+        f"{RANGES[sweep.name].format(first['at'], last['at'])}, the error of maximum likelihood "
+        f"goes from {_px(first['edges'])} to {_px(last['edges'])} (edge points)"
     )
-    if ratios:
-        said += f"; the linear steps have {min(ratios):.1f}-{max(ratios):.1f} times its error"
-    corners = [
-        pixel_rms(level["corners"]) / pixel_rms(level["pixels"])
-        for level in levels
-        if is_shown(level["corners"]) and is_shown(level["pixels"])
-    ]
-    if corners:
-        said += (
-            f", and Zhang from the squares' corners {min(corners):.0f}-{max(corners):.0f} times that "
-            "of the pixels"
-        )
-    return f"{said}.{_against_boards(levels)}"
+    if linear := _ratios(levels, "linear", "edges"):
+        said += f"; the linear steps have {linear} times as much"
+    if corners := _ratios(levels, "corners", "pixels"):
+        said += f", and the squares' corners {corners} times as much as their pixels"
+    return f"{said}."
 
 
 def _at_noise(levels: list[Results]) -> str:
+    """Say how large the errors are at the most noise that a picture has."""
     level = max((level for level in levels if "pixels" in level), key=lambda level: level["at"])
-    parts = [f"{_px(level[name])} ({LABELS[name]})" for name in LABELS if is_shown(level.get(name))]
-    low, high = levels[0]["edges"], levels[-1]["edges"]
-    growth = pixel_rms(high) / pixel_rms(low)
+    errors = ", ".join(
+        f"{_px(level[name])} ({label})"
+        for name, label in LABELS.items()
+        if is_shown(level.get(name))
+    )
+    first, last = levels[0], levels[-1]
+    growth = pixel_rms(last["edges"]) / pixel_rms(first["edges"])
     return (
-        f"Noise of {level['at']:g} px gives errors of {', '.join(parts)}; for "
-        f"{levels[-1]['at'] / levels[0]['at']:.0f} times the noise, maximum likelihood from edge points "
-        f"has {growth:.0f} times the error.{_against_boards(levels)}"
+        f"Noise of {level['at']:g} px gives errors of {errors}; "
+        f"{last['at'] / first['at']:.0f} times the noise, from end to end, gives maximum "
+        f"likelihood from edge points {growth:.0f} times the error."
     )
 
 
 def _against_boards(levels: list[Results]) -> str:
-    """Say how one photograph of three squares stands to 13 of a board."""
+    """Say how one photograph of squares stands to 13 of a board."""
+    ratios = _ratios(levels, "pixels", "boards")
+    if not ratios:
+        return ""
+    return f" One photograph of three squares has {ratios} times the error of thirteen of a board."
+
+
+def _ratios(levels: list[Results], name: str, other: str) -> str:
+    """Give the range of one estimator's error over another's; nothing where none has both."""
     ratios = [
-        pixel_rms(level["pixels"]) / pixel_rms(level["boards"])
+        pixel_rms(level[name]) / pixel_rms(level[other])
         for level in levels
-        if is_shown(level.get("pixels")) and is_shown(level.get("boards"))
+        if is_shown(level.get(name)) and is_shown(level.get(other))
     ]
     if not ratios:
         return ""
-    return (
-        f" One photograph of three squares has {min(ratios):.1f}-{max(ratios):.1f} times the error of "
-        "thirteen of a board."
-    )
+    least, most = _digits(min(ratios)), _digits(max(ratios))
+    return least if least == most else f"{least} to {most}"
 
 
-def pixel_rms(point: Results | None) -> float:
-    """Return the rms over fx, fy, cx and cy, pixels; infinite where nothing answered."""
-    if not point or not point["answered"]:
-        return np.inf
+def pixel_rms(point: Results) -> float:
+    """Return the rms over fx, fy, cx and cy, pixels."""
     return float(np.sqrt(np.mean([point[name]["rms"] ** 2 for name in PIXELS])))
 
 
@@ -174,7 +176,7 @@ def _px(point: Results) -> str:
 def _digits(value: float) -> str:
     """Two digits, without an exponent."""
     rounded = float(f"{value:.2g}")
-    return f"{rounded:.0f}" if rounded >= 100 else f"{rounded:g}"
+    return f"{rounded:.0f}" if rounded >= 100.0 else f"{rounded:g}"
 
 
 def _table(sweep: Sweep, levels: list[Results]) -> str:
@@ -193,35 +195,45 @@ def _cell(point: Results | None) -> str:
     return rms if point["answered"] == point["scenes"] else f"{rms} ({share})"
 
 
-def _markdown(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    lines = [head := list(head), ["---"] * len(head), *rows]
+def _markdown(head: list[str], rows: Iterable[Iterable[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
+LENGTHS = """\
+## Lengths measured on planes
+
+Every camera measures the same lengths on the same planes, which it poses from the same edges, so
+that they differ by nothing but the camera. The linear steps have the edges of the photograph
+here. Cameras, noise and blur of the simulated photographs are drawn as [how exact it
+is](how-exact.md) says. On the real chessboards the pose rests on four of nine columns, and the
+lengths are on the rest.
+
+![Error of lengths by camera](experiments/lengths.svg)
+
+On simulated planes, one photograph's own camera measures lengths to {own} by maximum likelihood
+from its pixels and to {linear} by the linear steps; the camera of thirteen boards to {boards};
+and the true camera, where only the pose errs, to {truth}.
+"""
+
+REAL_LENGTHS = """\
+On real chessboards the own camera of three photographs has {ratio:.1f} times the error of
+Zhang's ({own}, {boards}), which was made from all thirteen photographs, the measured ones among
+them.
+"""
+
+NO_LENGTHS = "The real chessboards are left out: their photographs were not there.\n"
+
+
 def _lengths(found: Results) -> str:
-    simulated, real = found["simulated"], found["real"]
-    own, boards, truth = (simulated[name] for name in ("pixels", "boards", "truth"))
-    said = (
-        f"On simulated planes the photograph's own camera (pixels) measures lengths to {_percent(own)}, "
-        f"the paper's linear steps to {_percent(simulated['linear'])}, and the camera of 13 boards to "
-        f"{_percent(boards)}; the true camera, where only the pose errs, to {_percent(truth)}."
-    )
-    if real:
-        ratio = real["pixels"]["rms"] / real["boards"]["rms"]
-        said += (
-            f" On real chessboards three photographs' own camera has {ratio:.1f} times the error of "
-            f"Zhang's ({_percent(real['pixels'])}, {_percent(real['boards'])}), which was made from all "
-            "thirteen photographs, the measured ones among them."
-        )
-    else:
-        said += " The real chessboards are left out: their photographs were not there."
-    return (
-        "## Lengths measured on planes\n\n"
-        "Every camera measures the same lengths on the same planes, which it poses from the same edges. "
-        "Cameras, noise and blur of the simulated photographs are drawn as [how exact it is](how-exact.md) "
-        "says; on the real chessboards the pose rests on four of nine columns, and the lengths are on "
-        "the rest. The edges are those of the photographs, for the linear steps too.\n\n"
-        f"![Error of lengths by camera](experiments/lengths.svg)\n\n{said}\n"
+    errors = {name: _percent(point) for name, point in found["simulated"].items()}
+    said = LENGTHS.format(own=errors["pixels"], **errors)
+    if not (real := found["real"]):
+        return said + NO_LENGTHS
+    return said + REAL_LENGTHS.format(
+        ratio=real["pixels"]["rms"] / real["boards"]["rms"],
+        own=_percent(real["pixels"]),
+        boards=_percent(real["boards"]),
     )
 
 
@@ -229,43 +241,75 @@ def _percent(point: Results) -> str:
     return f"{_digits(0.01 * point['rms'])} %"
 
 
+CORNER = """\
+## A printed corner beside thirteen boards
+
+One rendered photograph of a [printed corner](target.md), of frames or of chessboards, and
+thirteen of a chessboard of 9 x 6 corners by Zhang, by each of {scenes} cameras, with the same
+noise and blur. Every point is a camera: the rms error of fx, fy, cx and cy.
+
+![Error from one photograph of a corner over that of thirteen of a board](experiments/corner.svg)
+
+Over all cameras the photograph of the boards' corner has {boards[rms]:.2f} times the error of
+the thirteen ({boards[low]:.2f}-{boards[high]:.2f} in 95 % of cases), and that of the frames'
+corner {frames[rms]:.2f} times ({frames[low]:.2f}-{frames[high]:.2f}). The aim was {target:g}
+times: the boards {boards_verdict} it, the frames {frames_verdict} it. The thirteen have the
+better of two half windows of `cornerSubPix`.
+
+{errors}
+
+What a face of the sheet could carry, by the least error that its edges allow (the Cramér-Rao
+bound, over the same views with equal noise), in units of the frame's:
+
+{sheets}
+"""
+
+
 def _corner(found: Results, sheets: dict[str, float]) -> str:
-    ratio, better = found["ratio"], found["better"]
-    window = better.rpartition("_")[2]
-    nearer = sum(
-        corner < boards
-        for corner, boards in zip(
-            found["by_scene"]["corner"], found["by_scene"][better], strict=True
-        )
+    names = {
+        "boards": "one photograph of the corner of three chessboards",
+        "frames": "one photograph of the corner of three frames",
+    }
+    for window in WINDOWS:
+        names[f"zhang_{window}"] = f"thirteen of a board, half window of {window} px"
+    errors = [[names[name], f"{_digits(found['rms'][name]['rms'])} px"] for name in names]
+    verdicts = {
+        f"{sheet}_verdict": "reach" if ratio["rms"] <= TARGET else "miss"
+        for sheet, ratio in found["ratio"].items()
+    }
+    return CORNER.format(
+        scenes=found["scenes"],
+        target=TARGET,
+        errors=_markdown(["", "rms error of fx, fy, cx, cy"], errors),
+        sheets=_markdown(
+            ["on each face", "least error"], [[name, f"{own:.2f}"] for name, own in sheets.items()]
+        ),
+        **found["ratio"],
+        **verdicts,
     )
-    other = next(name for name in found["by_scene"] if name not in ("corner", better))
-    met = "which it is" if ratio["rms"] <= TARGET else "which it is not"
-    rows = [[name, f"{promise:.2f}"] for name, promise in sheets.items()]
-    return (
-        "## The printed corner beside thirteen boards\n\n"
-        "One rendered photograph of the [printed corner](target.md), and thirteen of a chessboard of "
-        "9 x 6 corners, by each of "
-        f"{found['scenes']} cameras, with the same noise and blur. Every point is a camera: the rms error of "
-        "fx, fy, cx, cy.\n\n"
-        "![Error from the corner over that from the boards](experiments/corner.svg)\n\n"
-        f"The corner's one photograph has {ratio['rms']:.2f} times the error of the thirteen "
-        f"({ratio['low']:.2f}-{ratio['high']:.2f} in 95 % of cases; {_digits(found['corner']['rms'])} px and "
-        f"{_digits(found[better]['rms'])} px), and is nearer the truth for {nearer} of "
-        f"{found['answered']} cameras. The boards' corners are those of the better half window of "
-        f"`cv2.cornerSubPix`, {window} px; with {other.rpartition('_')[2]} px they give "
-        f"{_digits(found[other]['rms'])} px. The aim was {TARGET:g} times, {met}.\n\n"
-        "What other sheets could give: the least error that their edges allow (the Cramér-Rao bound over "
-        "the same views, equal noise), in units of today's frames. Bands and cells of half a frame's "
-        "margin are 5 to 10 px wide in a photograph of 1280 x 960, and blurred into each other in a smaller "
-        "one, so the sheet stays as it is.\n\n"
-        f"{_markdown(['on each face', 'least error'], rows)}\n"
-    )
+
+
+GALLERY = """\
+## Real photographs
+
+The lines that trisquare measured, each plane in a colour, without a pixel of the photographs,
+which are not part of the repository.
+
+![The measured lines of four photographs](experiments/gallery.svg)
+
+The chessboards are found without an option; of the three squares only edge points may be passed
+on, and their lens is given one coefficient. For {agreeing} of {count}, fx is within two stated
+standard deviations of what is known from elsewhere.
+
+{table}
+"""
+
+NO_GALLERY = "## Real photographs\n\nLeft out: the photographs were not there.\n"
 
 
 def _gallery(found: list[Results]) -> str:
-    head = "## Real photographs\n\n"
     if not found:
-        return f"{head}Left out: the photographs were not there.\n"
+        return NO_GALLERY
     rows = [
         [
             shown["title"],
@@ -276,16 +320,6 @@ def _gallery(found: list[Results]) -> str:
         ]
         for shown in found
     ]
-    return (
-        f"{head}The lines that trisquare measured, each plane in a colour, without a pixel of the "
-        "photographs, which are not part of this repository.\n\n"
-        "![The measured lines of four photographs](experiments/gallery.svg)\n\n"
-        "All planes are found without an option but the squares, whose edge points are given and whose lens "
-        "has one coefficient; fx is within two stated standard deviations of what others found for "
-        f"{_agreeing(found)} of {len(found)}.\n\n"
-        f"{_markdown(['photograph', 'planes', 'fx', 'from elsewhere', 'rms of edges'], rows)}\n"
-    )
-
-
-def _agreeing(found: list[Results]) -> int:
-    return sum(abs(shown["fx"] - shown["reference"]) <= 2.0 * shown["std"] for shown in found)
+    agreeing = sum(abs(shown["fx"] - shown["reference"]) <= 2.0 * shown["std"] for shown in found)
+    head = ["photograph", "planes", "fx", "from elsewhere", "rms of its edges"]
+    return GALLERY.format(agreeing=agreeing, count=len(found), table=_markdown(head, rows))

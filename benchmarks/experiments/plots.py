@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from experiments.estimators import LABELS
+from experiments.printed_corner import SHEETS, TARGET
 from experiments.results import PARAMETERS, Results
 from experiments.sweeps import SWEEPS, Sweep
 
-from trisquare.report.plot_style import FAINT, GRID, INK, inline_svg, plane_colour, plotting
+from trisquare.report.plot_style import FAINT, INK, inline_svg, plane_colour, plotting
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 ANSWERED = 0.9
@@ -27,6 +29,16 @@ UNITS = {name: "% of it" if name == "k1" else "px" for name in PARAMETERS}
 WIDTH, HEIGHT = 9.0, 5.4  # inches of 72 points
 BAND = 0.18  # opacity
 ROUND = 8  # points, of the ground's corners
+
+NEEDLESS = (
+    r"\s*<!--.*?-->",
+    r"(?<=\n) +",
+    r' transform="rotate\(-0 [^"]*"',
+    r'(?<=<g) id="[^"]*"',
+    r"; stroke-line(join: miter|cap: square)",
+    r"xlink:(?=href)",
+)
+"""Of matplotlib's SVG: comments, indents, turns by nothing, names that nobody calls, defaults."""
 
 FOLLOWING = """<style>
 {palette}
@@ -55,6 +67,11 @@ def standalone(figure: Figure, name: str) -> str:
     palette = css[: css.index("/* Paper")].strip()
     ground = FOLLOWING.format(palette=palette, round=ROUND)
     svg = inline_svg(figure, name).replace(' aria-hidden="true"', "", 1)
+    # A tenth of a point is nothing to see, and what is not needed makes half of the file.
+    svg = re.sub(r"\d+\.\d{3,}(?=[^<>]*>)", lambda number: f"{float(number[0]):.1f}", svg)
+    for needless in NEEDLESS:
+        svg = re.sub(needless, "", svg)
+    svg = re.sub(r" ?\n(?=[LMzQC\"])", " ", svg)
     return re.sub(r"(<svg[^>]*>)", lambda start: f"{start[1]}\n{ground}", svg, count=1)
 
 
@@ -62,39 +79,50 @@ def _figure(rows: int, columns: int, height: float = HEIGHT) -> tuple[Figure, li
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDTH, height))
-    return figure, list(np.atleast_1d(figure.subplots(rows, columns)).flat)
+    panels = list(np.atleast_1d(figure.subplots(rows, columns)).flat)
+    for axes in panels:
+        axes.tick_params(bottom=False, left=False)
+        axes.grid(clip_on=False)
+    return figure, panels
 
 
 def _sweep(sweep: Sweep, sweeps: Results) -> Figure:
     """Draw the rms error of every parameter over the levels, with its band, by estimator."""
-    from matplotlib.ticker import FuncFormatter, NullLocator
-
     figure, panels = _figure(2, 3)
-    places = dict(
-        zip(PARAMETERS, (panels[0], panels[1], panels[3], panels[4], panels[5]), strict=True)
-    )
+    legend = panels.pop(2)
+    for axes in panels[1:4]:  # of the four in pixels
+        axes.sharey(panels[0])
     levels = sweeps[sweep.name]
-    for parameter, axes in places.items():
+    for parameter, axes in zip(PARAMETERS, panels, strict=True):
         axes.set_title(f"{parameter}, {UNITS[parameter]}", fontsize=10.0, color=INK)
         for name in ORDER:
             shown = [level for level in levels if is_shown(level.get(name))]
             at = np.array([level["at"] for level in shown])
             if len(shown):
                 _curve(axes, name, at, [level[name][parameter] for level in shown])
-            elif name == "boards":
-                _level_line(axes, sweep, sweeps["noise"][0][name][parameter])
-        axes.set_yscale("log")
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+            elif name == "boards" and is_shown(sweeps["noise"][0].get(name)):
+                _level_line(axes, sweeps["noise"][0][name][parameter])
         if sweep.logarithmic:
-            axes.set_xscale("log")
-            axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+            _plain_log(axes.xaxis)
         else:
-            axes.set_xticks(sweep.levels)
-        axes.xaxis.set_minor_locator(NullLocator())
-        axes.yaxis.set_minor_locator(NullLocator())
+            axes.set_xticks(sweep.levels, [f"{level:g}" for level in sweep.levels])
+        _plain_log(axes.yaxis)
     figure.supxlabel(sweep.axis, fontsize=10.0, color=INK)
-    _legend(panels[2], places["k1"])
+    legend.axis("off")
+    legend.legend(
+        *panels[-1].get_legend_handles_labels(), loc="center", frameon=False, fontsize=9.0
+    )
     return figure
+
+
+def _plain_log(axis: Axis) -> None:
+    """Make an axis logarithmic, with numbers at 1 and 3 of each power of ten."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+    axis._set_axes_scale("log")
+    axis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_locator(NullLocator())
 
 
 def is_shown(point: Results | None) -> bool:
@@ -117,33 +145,33 @@ def _curve(axes: Axes, name: str, at: np.ndarray, points: list[Results]) -> None
     )
 
 
-def _level_line(axes: Axes, sweep: Sweep, point: Results) -> None:
+def _level_line(axes: Axes, point: Results) -> None:
     """Draw what does not change with the level, as it is at the sweeps' common noise."""
     colour = COLOURS["boards"]
     axes.axhspan(point["low"], point["high"], color=colour, alpha=BAND, linewidth=0.0)
     axes.axhline(point["rms"], color=colour, linewidth=1.4, linestyle="--", label=LABELS["boards"])
 
 
-def _legend(panel: Axes, of: Axes) -> None:
-    panel.axis("off")
-    panel.legend(*of.get_legend_handles_labels(), loc="center", frameon=False, fontsize=9.0)
-
-
 def _corner(found: Results) -> Figure:
-    """Draw every scene's error from the corner over that from the boards."""
+    """Draw every camera's error from one photograph of a corner over that from the boards."""
     figure, (axes,) = _figure(1, 1, 4.2)
     boards = np.array(found["by_scene"][found["better"]])
-    corner = np.array(found["by_scene"]["corner"])
-    ends = np.array([0.6 * min(boards.min(), corner.min()), 1.6 * max(boards.max(), corner.max())])
-    axes.plot(ends, ends, color=FAINT, linewidth=1.0)
-    axes.plot(ends, 0.6 * ends, color=GRID, linewidth=1.4, linestyle="--")
-    axes.annotate("equal", (ends[1], ends[1]), color=INK, ha="right", va="top", fontsize=9.0)
-    axes.annotate("0.6", (ends[1], 0.6 * ends[1]), color=INK, ha="right", va="top", fontsize=9.0)
-    axes.scatter(boards, corner, s=26.0, c=COLOURS["pixels"], zorder=3)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    corners = {sheet: np.array(found["by_scene"][sheet]) for sheet in SHEETS}
+    ends = np.array([0.7 * boards.min(), 1.4 * boards.max()])
+    for factor, style in ((1.0, "-"), (TARGET, "--")):
+        axes.plot(ends, factor * ends, color=FAINT, linewidth=1.2, linestyle=style)
+        axes.annotate(
+            f" {factor:g} times", (ends[1], factor * ends[1]), color=INK, va="center", fontsize=9.0
+        )
+    for (sheet, own), name in zip(corners.items(), ("edges", "pixels"), strict=True):
+        marks = {"c": COLOURS[name], "marker": MARKERS[name], "label": f"corner of three {sheet}"}
+        axes.scatter(boards, own, s=26.0, zorder=3, **marks)
+    _plain_log(axes.xaxis)
+    _plain_log(axes.yaxis)
+    axes.set_xlim(ends[0], 1.3 * ends[1])
     axes.set_xlabel("13 photographs of a board, Zhang: error, px")
-    axes.set_ylabel("one photograph of the corner: error, px")
+    axes.set_ylabel("one photograph of a corner: error, px")
+    axes.legend(loc="lower right", frameon=False, fontsize=9.0)
     return figure
 
 
@@ -151,6 +179,8 @@ def _lengths(found: Results) -> Figure:
     """Draw the rms error of lengths by camera, with its interval."""
     sets = [(title, found[name]) for name, title in LENGTH_SETS.items() if found[name]]
     figure, panels = _figure(1, len(sets), 2.6)
+    for axes in panels[1:]:
+        axes.sharex(panels[0])
     for axes, (title, cameras) in zip(panels, sets, strict=True):
         names = [name for name in (*ORDER, "truth") if name in cameras]
         for place, name in enumerate(reversed(names)):
@@ -164,7 +194,7 @@ def _lengths(found: Results) -> Figure:
         axes.set_yticks(range(len(names)), [SHORT[name] for name in reversed(names)])
         axes.set_ylim(-0.6, len(names) - 0.4)
         axes.set_title(title, fontsize=10.0, color=INK)
-        axes.set_xscale("log")
+        _plain_log(axes.xaxis)
         axes.set_xlabel("rms error of lengths, %")
     return figure
 

@@ -1,4 +1,4 @@
-"""One photograph of the printed corner beside 13 of a chessboard, and what other sheets promise."""
+"""One photograph of a printed corner beside 13 of a chessboard, and what other sheets promise."""
 
 from __future__ import annotations
 
@@ -23,10 +23,13 @@ TARGET = 0.6
 SIGMA = 0.02  # pixels per pixel of edge
 
 NESTED = ((1.0, 0.6), (1.0, 0.8, 0.6, 0.4), (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3))
-"""Sides of the squares one in another that a face of the sheet could carry; the first is today's."""
+"""Sides of squares one in another that a face could carry; the first is the frame's."""
 
-CELLS = (8, 12, 16)
-"""Of chessboards that cover a face, margins and all."""
+CELLS = (8, 12, 18)
+"""Of a chessboard's side; the last is the printed one's."""
+
+SHEETS = ("frames", "boards")
+"""Printed corners of three frames, and of three chessboards."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,23 +44,27 @@ class NestedSquares(Target):
 
 
 def errors_of(number: int) -> dict[str, Error]:
-    """Return the errors of one camera from its corner, and from its boards by window."""
+    """Return the errors of one camera, by its corners, and by the half window for 13 boards."""
     rng = np.random.default_rng([SEED, number])
     camera = simulate.random_camera(rng)
     photo = {"noise": rng.uniform(*NOISE_RANGE), "blur": rng.uniform(*BLUR_RANGE)}
-    scene = simulate.corner_scene(rng, camera=camera)
-    picture = simulate.render(scene, rng, tone="linear", **photo)
-    found = {"corner": error_of(lambda: ts.calibrate(picture, tone="linear"), camera)}
+    found = {}
+    for sheet, kind in zip(SHEETS, ("corner", "boards"), strict=True):
+        (page,) = ts.printed_target(kind).pages
+        scene = simulate.corner_scene(rng, page=page, camera=camera)
+        picture = simulate.render(scene, rng, tone="linear", **photo)
+        found[sheet] = error_of(lambda: ts.calibrate(picture, tone="linear"), camera)  # noqa: B023
     boards = photograph_boards(camera, rng, photo)
     for window in WINDOWS:
-        found[f"boards_{window}"] = error_of(
-            lambda window=window: zhang_camera(camera, boards, window), camera
+        found[f"zhang_{window}"] = error_of(
+            lambda: zhang_camera(camera, boards, window),  # noqa: B023
+            camera,
         )
     return found
 
 
 def promised(number: int) -> dict[str, float]:
-    """Return the rms of the least standard deviations of fx, fy, cx, cy, by what the sheet has."""
+    """Return the rms of the least standard deviations of fx, fy, cx, cy, by what a sheet has."""
     rng = np.random.default_rng([SEED, number])
     scene = simulate.corner_scene(rng, camera=simulate.random_camera(rng))
     found = {}
@@ -68,19 +75,22 @@ def promised(number: int) -> dict[str, float]:
 
 
 def _sheets(scene: Scene) -> Iterator[tuple[str, Scene]]:
+    """Give the sheet's faces other figures; the boards are as large as the printed ones."""
     for scales in NESTED:
         targets = tuple(
             NestedSquares(target.rotation, target.translation, scales=scales)
             for target in scene.targets
         )
         yield f"{len(scales)} squares one in another", replace(scene, targets=targets)
+    frame, board = (ts.printed_target(kind).pages[0].frames[0] for kind in ("corner", "boards"))
     for cells in CELLS:
+        unit = board.side / frame.side / cells
         targets = tuple(
-            replace(
-                target,
-                kind="chessboard",
+            Target(
+                target.rotation,
+                target.translation / unit,
+                "chessboard",
                 inner_corners=(cells - 1, cells - 1),
-                translation=target.translation * cells / (1.0 + 2.0 * (target.rim or 0.0)),
             )
             for target in scene.targets
         )

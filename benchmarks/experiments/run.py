@@ -18,13 +18,10 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-# One thread each: the scenes are shared out to processes.
-for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[_variable] = "1"
-
 import cv2
 import numpy as np
 from experiments import gallery, lengths, page, plots, printed_corner, results, sweeps
+from run import THREAD_LIMITS
 
 import trisquare as ts
 
@@ -43,7 +40,7 @@ class Scenes(NamedTuple):
     cameras: int = 12  # of the lengths
 
 
-QUICK = Scenes(4, 1, 1, 2, 1)
+QUICK = Scenes(edges=4, pictures=1, boards=0, corners=2, cameras=1)
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -67,6 +64,8 @@ def main(arguments: Sequence[str]) -> None:
 
 def measure(scenes: Scenes) -> results.Results:
     """Run all experiments but the gallery."""
+    # One thread each: the scenes are shared out to processes. Read when they import numpy.
+    os.environ.update(dict.fromkeys(THREAD_LIMITS, "1"))
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(WORKERS, mp_context=context) as pool:
 
@@ -127,21 +126,23 @@ def _level(sweep: sweeps.Sweep, level: int, found: list[dict[str, Any]]) -> resu
 
 
 def _corner(found: list[dict[str, Any]]) -> results.Results:
-    """Compare the mean squares of the errors of fx, fy, cx, cy."""
+    """Compare the mean squares of the errors of fx, fy, cx, cy, over scenes that all answer."""
     given = [errors for errors in found if None not in errors.values()]
     squares = {
         name: np.array([np.mean(np.square(error[:4])) for error in errors])
         for name, errors in results.by_name(given).items()
     }
-    better = min(
-        (name for name in squares if name != "corner"), key=lambda name: squares[name].mean()
-    )
+    windows = [f"zhang_{window}" for window in printed_corner.WINDOWS]
+    better = min(windows, key=lambda name: float(squares[name].mean()))
     return {
         "scenes": len(found),
         "answered": len(given),
-        **{name: results.rms_of_scenes(own) for name, own in squares.items()},
         "better": better,
-        "ratio": results.ratio_of_scenes(squares["corner"], squares[better]),
+        "rms": {name: results.rms_of_scenes(own) for name, own in squares.items()},
+        "ratio": {
+            sheet: results.ratio_of_scenes(squares[sheet], squares[better])
+            for sheet in printed_corner.SHEETS
+        },
         "by_scene": {name: np.sqrt(own).tolist() for name, own in squares.items()},
     }
 

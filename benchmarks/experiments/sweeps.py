@@ -53,6 +53,9 @@ class Setting(NamedTuple):
         return self.noise * np.sqrt(SPACING) / of_one_level
 
 
+BASE = Setting()
+
+
 @dataclass(frozen=True, slots=True)
 class Sweep:
     """A property of scenes and the levels that it takes."""
@@ -60,7 +63,7 @@ class Sweep:
     name: str  # of the member of `Setting`
     axis: str
     levels: tuple[float, ...]
-    base: Setting = Setting()
+    base: Setting = BASE
     logarithmic: bool = False
     boards: bool = False  # whether the boards' photographs change with it
 
@@ -77,7 +80,7 @@ SWEEPS = (
         logarithmic=True,
         boards=True,
     ),
-    Sweep("count", "number of squares", (3, 4, 6, 9, 12), Setting(side=0.2)),
+    Sweep("count", "number of squares", (3, 4, 6, 9, 12), BASE._replace(side=0.2)),
     Sweep("side", "side of a square, of the picture's height", (0.1, 0.15, 0.2, 0.3, 0.4)),
     Sweep("tilt", "tilt of the squares, degrees", (5.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0)),
     Sweep(
