@@ -34,8 +34,8 @@ class Scenes(NamedTuple):
     """How many scenes each experiment draws."""
 
     edges: int = 200  # of each level of a sweep
-    pictures: int = 40
-    boards: int = 10
+    pictures: int = 30
+    boards: int = 8
     corners: int = printed_corner.SCENES
     cameras: int = 12  # of the lengths
 
