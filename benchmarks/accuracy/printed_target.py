@@ -43,6 +43,9 @@ def measure() -> list[Row]:
         _promised(frames),
         *_photographed("printed corner", frames, PICTURES),
         *_photographed("printed corner of chessboards", boards, BOARD_PICTURES),
+        *_photographed(
+            "printed corner of chessboards, 640 x 480", boards, BOARD_PICTURES, (640, 480)
+        ),
         *_on_paper(),
     ]
 
@@ -80,12 +83,14 @@ def _promised(page: TargetPage) -> Row:
     )
 
 
-def _photographed(name: str, page: TargetPage, pictures: int) -> list[Row]:
+def _photographed(
+    name: str, page: TargetPage, pictures: int, image_size: tuple[int, int] = (1280, 960)
+) -> list[Row]:
     """Calibrate rendered photographs with no options."""
     right, silent, errors, ratios = 0, 0, [], []
     for seed in range(SEED + 1000, SEED + 1000 + pictures):
         rng = np.random.default_rng(seed)
-        scene = simulate.corner_scene(rng, page=page)
+        scene = simulate.corner_scene(rng, page=page, image_size=image_size)
         picture = simulate.render(
             scene,
             rng,

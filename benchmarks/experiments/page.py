@@ -41,10 +41,9 @@ three squares have 24 coordinates of corners for 24 unknowns, which OpenCV refus
 from the corners of three takes k2 as 0. `cornerSubPix` starts 0.3 px from the truth, as from a
 detector; nobody else is told anything.
 
-**The plots** show rms errors; k1's is in per cent of k1. A band is where the rms would be, in 95
-% of cases, over as many scenes drawn anew (bootstrap). A point is left out where less than
-{answered:.0f} % of the scenes have an answer: trisquare refuses a camera that the edges do not
-determine. The tables have the rms over fx, fy, cx and cy, in pixels, and how many scenes have an
+**The plots** show rms errors; k1's is in per cent of k1. A band is the 95 % interval of the rms
+over as many scenes drawn anew (bootstrap). A point is left out where less than {answered:.0f} %
+of the scenes have an answer: trisquare refuses a camera that the edges do not determine. The tables have the rms over fx, fy, cx and cy, in pixels, and how many scenes have an
 answer where not all do.
 
 `make experiments` repeats it all; the seeds were fixed before the first full run. Measured with

@@ -37,6 +37,12 @@ def test_the_page_has_the_numbers_of_the_results(experiments):
     assert (DOCS / "experiments.md").read_text("utf-8") == experiments["page"].text(found)
 
 
+def test_no_line_of_the_page_is_a_comment(experiments):
+    """A line that begins with a per cent sign is one in MyST, and disappears."""
+    lines = experiments["page"].text(experiments["results"].read()).splitlines()
+    assert [line for line in lines if line.startswith("%")] == []
+
+
 def test_the_plots_are_drawn_from_the_results(experiments):
     found = experiments["results"].read()
     for name, svg in experiments["plots"].drawn(found).items():
@@ -59,12 +65,14 @@ def test_the_plots_are_small_and_follow_the_scheme():
 
 def test_a_change_of_a_number_is_seen(experiments):
     found = experiments["results"].read()
-    page = experiments["page"].text(found)
-    plots = experiments["plots"].drawn(found)
     found["sweeps"]["tilt"][-1]["edges"]["cx"]["rms"] *= 1.5
-    assert experiments["page"].text(found) != page
-    changed = experiments["plots"].drawn(found)
-    assert [name for name in plots if plots[name] != changed[name]] == ["tilt"]
+    assert experiments["page"].text(found) != (DOCS / "experiments.md").read_text("utf-8")
+    changed = [
+        name
+        for name, svg in experiments["plots"].drawn(found).items()
+        if (DOCS / "experiments" / f"{name}.svg").read_text("utf-8") != svg
+    ]
+    assert changed == ["tilt"]
 
 
 def test_what_is_absent_is_said(experiments):
