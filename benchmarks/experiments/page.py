@@ -43,8 +43,9 @@ detector; nobody else is told anything.
 
 **The plots** show rms errors; k1's is in per cent of k1. A band is the 95 % interval of the rms
 over as many scenes drawn anew (bootstrap). A point is left out where less than {answered:.0f} %
-of the scenes have an answer: trisquare refuses a camera that the edges do not determine. The tables have the rms over fx, fy, cx and cy, in pixels, and how many scenes have an
-answer where not all do.
+of the scenes have an answer: trisquare refuses a camera that the edges do not determine. The
+tables have the rms over fx, fy, cx and cy, in pixels, and how many scenes have an answer where
+not all do.
 
 `make experiments` repeats it all; the seeds were fixed before the first full run. Measured with
 trisquare {trisquare} and OpenCV {opencv}.
@@ -64,8 +65,8 @@ CONDITIONS = {
     "side": "",
     "tilt": "",
     "field": (
-        "k1 and k2 change with the focal length, so that the picture is bent alike at every field\n"
-        "of view."
+        "k1 and k2 change with the focal length, so that the picture is bent alike at every field of "
+        "view."
     ),
 }
 

@@ -37,7 +37,7 @@ def target_command(
     json: bool = JSON,
     quiet: bool = QUIET,
 ) -> None:
-    """Write a PDF to print, with the three planes of one photograph that calibrates.
+    """Write a PDF of three frames, or chessboards, to print for one photograph.
 
     JSON tells where everything stands, in mm.
     """
