@@ -65,8 +65,8 @@ CONDITIONS = {
     "side": "",
     "tilt": "",
     "field": (
-        "k1 and k2 change with the focal length, so that the picture is bent alike at every field of "
-        "view."
+        "k1 and k2 change with the focal length, so that the picture is bent alike at every field "
+        "of view."
     ),
 }
 
