@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from importlib import resources
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from experiments.estimators import LABELS
@@ -16,7 +16,6 @@ from trisquare.report.plot_style import FAINT, INK, inline_svg, plane_colour, pl
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 ANSWERED = 0.9
@@ -103,10 +102,10 @@ def _sweep(sweep: Sweep, sweeps: Results) -> Figure:
             elif name == "boards" and is_shown(sweeps["noise"][0].get(name)):
                 _level_line(axes, sweeps["noise"][0][name][parameter])
         if sweep.logarithmic:
-            _plain_log(axes.xaxis)
+            _plain_log(axes, "x")
         else:
             axes.set_xticks(sweep.levels, [f"{level:g}" for level in sweep.levels])
-        _plain_log(axes.yaxis)
+        _plain_log(axes, "y")
     figure.supxlabel(sweep.axis, fontsize=10.0, color=INK)
     legend.axis("off")
     legend.legend(
@@ -115,11 +114,12 @@ def _sweep(sweep: Sweep, sweeps: Results) -> Figure:
     return figure
 
 
-def _plain_log(axis: Axis) -> None:
+def _plain_log(axes: Axes, name: Literal["x", "y"]) -> None:
     """Make an axis logarithmic, with numbers at 1 and 3 of each power of ten."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-    axis._set_axes_scale("log")
+    axes.set(**{f"{name}scale": "log"})
+    axis = axes.xaxis if name == "x" else axes.yaxis
     axis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_locator(NullLocator())
@@ -166,8 +166,8 @@ def _corner(found: Results) -> Figure:
     for (sheet, own), name in zip(corners.items(), ("edges", "pixels"), strict=True):
         marks = {"c": COLOURS[name], "marker": MARKERS[name], "label": f"corner of three {sheet}"}
         axes.scatter(boards, own, s=26.0, zorder=3, **marks)
-    _plain_log(axes.xaxis)
-    _plain_log(axes.yaxis)
+    _plain_log(axes, "x")
+    _plain_log(axes, "y")
     axes.set_xlim(ends[0], 1.3 * ends[1])
     axes.set_xlabel("13 photographs of a board, Zhang: error, px")
     axes.set_ylabel("one photograph of a corner: error, px")
@@ -194,7 +194,7 @@ def _lengths(found: Results) -> Figure:
         axes.set_yticks(range(len(names)), [SHORT[name] for name in reversed(names)])
         axes.set_ylim(-0.6, len(names) - 0.4)
         axes.set_title(title, fontsize=10.0, color=INK)
-        _plain_log(axes.xaxis)
+        _plain_log(axes, "x")
         axes.set_xlabel("rms error of lengths, %")
     return figure
 
