@@ -2,7 +2,7 @@
 # here, in .venv and target.
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-all test-slow bench bench-fast bench-compare lint format docs fuzz build clean
+.PHONY: help demo test test-all test-slow bench bench-fast bench-compare experiments lint format docs fuzz build clean
 .NOTPARALLEL:
 SHELL := /bin/sh
 
@@ -30,6 +30,7 @@ help:
 	@echo 'make bench NAME=tags    run one benchmark, or several: NAME="tags tone"'
 	@echo 'make bench-fast         run those of speed and headline accuracy (10 minutes at most)'
 	@echo 'make bench-compare      print what differs from the results that are committed'
+	@echo "make experiments        run the paper's experiments and write their page (15 minutes at most)"
 	@echo 'make lint               check format, style, types and imports'
 	@echo 'make format             format the Rust and the Python code'
 	@echo 'make docs               build the documentation, in docs/_build/html'
@@ -82,6 +83,10 @@ bench-fast: $(READY)
 
 bench-compare: $(READY)
 	$(VENV_PYTHON) benchmarks/run.py --compare
+
+# They find the benchmarks' own modules.
+experiments: $(READY)
+	PYTHONPATH=benchmarks $(VENV_PYTHON) -m experiments.run
 
 lint: $(READY)
 	cargo fmt --all --check

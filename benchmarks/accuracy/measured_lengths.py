@@ -74,7 +74,7 @@ def _simulated() -> list[Row]:
                 "true camera": ts.locate(picture, truth, tone="linear"),
             }
             for index, plane in enumerate(result.planes):
-                for pixels, length in _segments(scene, plane, truth, rng):
+                for pixels, length in segments(scene, plane, truth, rng):
                     own = ts.measure(plane, pixels, result, point_std=0)
                     found["trisquare"].append(own.lengths[0] / length - 1)
                     in_stds.append((own.lengths[0] - length) / own.lengths_std[0])
@@ -85,7 +85,7 @@ def _simulated() -> list[Row]:
     return _rows(f"simulated, {CAMERAS * PICTURES} photographs of three frames", found, in_stds, 1)
 
 
-def _segments(
+def segments(
     scene: Scene, plane: ts.Plane, camera: ts.Camera, rng: np.random.Generator
 ) -> Iterable[tuple[Array, float]]:
     """Draw segments on the target that a plane shows: their pixels, and their length in sides."""
@@ -112,6 +112,21 @@ def _real() -> list[Row]:
     name = f"real chessboards, posed from {POSED_COLUMNS} of 9 columns"
     if not CHESS.exists():
         return [Row(f"{name}: rms error of lengths", "no ../shared/data", "", None)]
+    found, in_stds = real_lengths()
+    label = f"{name}, in 10 photographs (own: camera of the other 3)"
+    return _rows(label, found, in_stds, None)
+
+
+def real_lengths() -> tuple[dict[str, list[float]], list[float]]:
+    """Measure along rows and columns of the real boards, with Zhang's camera and with our own.
+
+    Returns
+    -------
+    found : dict of str to list of float
+        Relative errors, by the names of the cameras.
+    in_stds : list of float
+        Errors of our own in their stated standard deviations.
+    """
     views = json.loads((CHESS / "corners_left_cornerSubPix.json").read_text())
     pictures = [cv2.imread(str(CHESS / view["image"]), cv2.IMREAD_GRAYSCALE) for view in views]
     size = (pictures[0].shape[1], pictures[0].shape[0])
@@ -141,8 +156,7 @@ def _real() -> list[Row]:
                 found[label] += list(measured / true - 1)
                 if label == "trisquare":
                     in_stds += list((measured - true) / std)
-    label = f"{name}, in 10 photographs (own: camera of the other 3)"
-    return _rows(label, found, in_stds, None)
+    return found, in_stds
 
 
 def _board_lengths(

@@ -1,4 +1,4 @@
-"""The printed corner: what it promises, what its photographs give, what paper costs.
+"""The printed corners: what they promise, what their photographs give, what paper costs.
 
 Photographs are rendered from within 15 degrees of the corner's diagonal; paper errs as printers
 do, by sides that are off and by one direction that is stretched.
@@ -19,6 +19,7 @@ from trisquare.printing.target import TargetPage
 from trisquare.simulate.scene import Scene, Target, TrueCamera
 
 PICTURES = 60
+BOARD_PICTURES = 20  # of the corner of chessboards, which takes longer to render
 SEED = 41_000
 NAMES = ("fx", "fy", "cx", "cy")
 SIDE = 84.0  # mm, of A4's corner
@@ -36,12 +37,21 @@ NOISE, SPACING = 0.05, 4.0  # pixels, of an edge sample
 
 
 def measure() -> list[Row]:
-    """Return the rows about the printed corner."""
-    return [_promised(), *_photographed(), *_on_paper()]
+    """Return the rows about the printed corners."""
+    (frames,), (boards,) = (ts.printed_target(kind).pages for kind in ("corner", "boards"))
+    return [
+        _promised(frames),
+        *_photographed("printed corner", frames, PICTURES),
+        *_photographed("printed corner of chessboards", boards, BOARD_PICTURES),
+        *_photographed(
+            "printed corner of chessboards, 640 x 480", boards, BOARD_PICTURES, (640, 480)
+        ),
+        *_on_paper(),
+    ]
 
 
-def promised_std(page: TargetPage | None = None) -> dict[str, float]:
-    """Root mean square of the predicted standard deviations over views of a corner (A4's)."""
+def promised_std(page: TargetPage) -> dict[str, float]:
+    """Root mean square of the predicted standard deviations over views of a corner."""
     camera = camera_of(CAMERA)
     squares: dict[str, float] = {}
     for view in range(VIEWS):
@@ -51,9 +61,8 @@ def promised_std(page: TargetPage | None = None) -> dict[str, float]:
     return {name: float(np.sqrt(square)) for name, square in squares.items()}
 
 
-def _print_layouts() -> None:
+def _print_layouts(page: TargetPage) -> None:
     """Print what other holes and margins would promise."""
-    page = ts.printed_target("corner").pages[0]
     for margin, inner in LAYOUTS:
         side = page.face / (1.0 + 2.0 * margin)
         frames = tuple(replace(frame, side=side, inner=inner) for frame in page.frames)
@@ -62,9 +71,9 @@ def _print_layouts() -> None:
         print(f"  margin {margin:g}, hole {inner:g} of the side: std of {shown}")
 
 
-def _promised() -> Row:
-    _print_layouts()
-    std = promised_std()
+def _promised(page: TargetPage) -> Row:
+    _print_layouts(page)
+    std = promised_std(page)
     print("  as printed: std of", ", ".join(f"{name} {value:.2g}" for name, value in std.items()))
     return Row(
         "printed corner, predicted std of fx, cx (1280 x 960, f 1100 px, 0.02 px per pixel)",
@@ -74,12 +83,14 @@ def _promised() -> Row:
     )
 
 
-def _photographed() -> list[Row]:
+def _photographed(
+    name: str, page: TargetPage, pictures: int, image_size: tuple[int, int] = (1280, 960)
+) -> list[Row]:
     """Calibrate rendered photographs with no options."""
     right, silent, errors, ratios = 0, 0, [], []
-    for seed in range(SEED + 1000, SEED + 1000 + PICTURES):
+    for seed in range(SEED + 1000, SEED + 1000 + pictures):
         rng = np.random.default_rng(seed)
-        scene = simulate.corner_scene(rng)
+        scene = simulate.corner_scene(rng, page=page, image_size=image_size)
         picture = simulate.render(
             scene,
             rng,
@@ -113,10 +124,10 @@ def _photographed() -> list[Row]:
     held = float(np.mean(np.abs(ratios) < 1.96))
     return [
         Row(
-            f"printed corner, {PICTURES} rendered pictures, no options: right; silently wrong",
+            f"{name}, {pictures} rendered pictures, no options: right; silently wrong",
             f"{right}; {silent}",
-            f"{PICTURES}; 0",
-            right == PICTURES and silent == 0,
+            f"{pictures}; 0",
+            right == pictures and silent == 0,
         ),
         Row(
             "the same, error of fx: median, worst",

@@ -20,6 +20,7 @@ from trisquare.simulate.scene import TrueCamera
 
 pytest.importorskip("reportlab", reason="reportlab is not installed: pip install reportlab")
 
+UNIT_SQUARE = [(0, 0), (1, 0), (1, 1), (0, 1)]
 DPI = 300
 PER_MM = DPI / 25.4
 WITHIN = 0.05  # mm, as the target promises
@@ -122,11 +123,37 @@ def test_three_flat_sheets_differ_only_in_their_number(tmp_path):
 
 
 @pytest.mark.parametrize("page", PAGES)
+def test_a_board_is_what_it_says(page):
+    """Half of its cells are dark, the upper left one among them, and none touch but at corners."""
+    target = ts.printed_target("boards", page=page)
+    assert len(target.pages) == 1
+    for board in target.pages[0].frames:
+        cells = board.outlines()
+        assert cells.shape == (board.cells**2 // 2, 4, 2)
+        cell = board.side / board.cells
+        low, high = (
+            np.array(board.centre) - 0.5 * board.side,
+            np.array(board.centre) + 0.5 * board.side,
+        )
+        np.testing.assert_allclose(cells.min(axis=(0, 1)), low)
+        np.testing.assert_allclose(cells.max(axis=(0, 1)), high)
+        np.testing.assert_allclose(cells[0], low + cell * np.array(UNIT_SQUARE), atol=1e-9)
+        number = np.rint((cells[:, 0] - low) / cell).astype(int)
+        np.testing.assert_allclose(low + cell * number, cells[:, 0], atol=1e-9)
+        assert len(np.unique(number, axis=0)) == len(cells)
+        assert not (number.sum(axis=1) % 2).any()
+        # A cell's width of white round it, or what printers leave white.
+        margin = 0.5 * (target.pages[0].face - board.side)
+        assert margin >= min(cell, 7.0)
+
+
+@pytest.mark.parametrize("page", PAGES)
 @pytest.mark.parametrize("side", [None, 10.0, 33.0, 60.0, 83.9])
-def test_all_that_is_printed_is_on_the_paper(page, side):
+@pytest.mark.parametrize("kind", ["both", "boards"])
+def test_all_that_is_printed_is_on_the_paper(page, side, kind):
     from reportlab.pdfbase.pdfmetrics import stringWidth
 
-    target = ts.printed_target(page=page, side=side)
+    target = ts.printed_target(kind, page=page, side=side)
     width, height = PAGES[page]
     for sheet in target.pages:
         points = [point for line in (*sheet.folds, *sheet.cuts) for point in line]
@@ -154,11 +181,12 @@ def test_the_same_target_is_the_same_file(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "options", "error", "words"),
     [
-        (("cube",), {}, ValueError, "corner, flat, both"),
+        (("cube",), {}, ValueError, "corner, boards, flat, both"),
         ((), {"page": "A9"}, ValueError, "A4, A3, Letter"),
         ((), {"page": 4}, TypeError, "page"),
         (("corner",), {"side": 84.5}, ValueError, "84 mm"),
         (("flat",), {"side": 170.0}, ValueError, "169 mm"),
+        (("boards",), {"side": 91.5}, ValueError, "three chessboards on A4 can be 91 mm"),
         ((), {"side": 90.0}, ValueError, "too small"),
         ((), {"side": 9.9}, ValueError, "at least 10 mm"),
         ((), {"side": -50.0}, ValueError, "at least 10 mm"),
@@ -183,6 +211,9 @@ def test_the_command_writes_and_reports(run, tmp_path):
     assert "A3" in out
     assert "side 119 mm" in out
     assert "side 239 mm" in out
+    code, out, err = run("target", "-o", path, "--kind", "boards")
+    assert (code, err) == (0, "")
+    assert "a corner of three chessboards, side 91 mm, 18 x 18 cells" in out
     code, out, err = run("target", "-o", path, "--kind", "corner", "--side", "50", "-q")
     assert (code, out, err) == (0, "", "")
     assert path.read_bytes() == ts.printed_target("corner", side=50.0).to_pdf()
@@ -302,6 +333,28 @@ def test_the_folded_corner_calibrates(seed):
     settings = {"tone": "srgb", "clutter": 40, "shading": 0.3, "colour": True}
     picture = simulate.render(scene, rng, **settings)
     assert_calibrated(picture, scene.camera, right_angles=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "size"), [(7005, (1280, 960)), (7006, (640, 480))])
+def test_the_folded_boards_calibrate(seed, size):
+    rng = np.random.default_rng(seed)
+    (page,) = ts.printed_target("boards").pages
+    scene = simulate.corner_scene(rng, page=page, image_size=size)
+    settings = {"tone": "srgb", "clutter": 40, "shading": 0.3, "colour": True}
+    picture = simulate.render(scene, rng, **settings)
+    assert_calibrated(picture, scene.camera, right_angles=True)
+
+
+def test_a_folded_board_is_counted_in_cells():
+    (page,) = ts.printed_target("boards", side=60.0).pages
+    scene = simulate.corner_scene(np.random.default_rng(0), page=page)
+    for target, (_, centre) in zip(scene.targets, folded_frames(page), strict=True):
+        assert target.extent == (9.0, 9.0)
+        assert target.rim == pytest.approx(0.5 * (page.face / 60.0 - 1.0) * 18)
+        # As far from the first board as the folded sheet says.
+        apart = np.linalg.norm(target.translation - scene.targets[0].translation) * 60.0 / 18.0
+        assert apart == pytest.approx(np.linalg.norm(centre - folded_frames(page)[0][1]))
 
 
 def test_the_corner_is_seen_from_near_its_diagonal():

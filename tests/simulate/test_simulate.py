@@ -107,6 +107,22 @@ def test_more_and_fewer_squares_fit_too():
         assert len(random_scene(np.random.default_rng(count), count=count).targets) == count
 
 
+@pytest.mark.parametrize("count", [3, 6])
+def test_sides_and_tilts_may_be_given(count):
+    rng = np.random.default_rng(count)
+    scene = random_scene(rng, count=count, sides=(0.15, 0.16), tilts=(30.0, 31.0))
+    assert len(scene.targets) == count
+    for target in scene.targets:
+        side = scene.camera.fx / target.translation[2] / scene.camera.image_size[1]
+        assert 0.15 <= side <= 0.16
+        assert 30.0 <= np.degrees(np.arccos(target.rotation[2, 2])) <= 31.0
+
+
+def test_squares_that_do_not_fit_are_refused():
+    with pytest.raises(ValueError, match="no 3 squares fit"):
+        random_scene(np.random.default_rng(0), sides=(2.0, 2.0))
+
+
 def test_chessboard_session_fills_the_pictures():
     rng = np.random.default_rng(3)
     camera = random_camera(rng)

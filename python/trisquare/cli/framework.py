@@ -29,9 +29,7 @@ SUMMARIES: Mapping[str, str] = MappingProxyType(
         "compare": (
             "Compare two cameras: how far apart they project, and whether uncertainties explain it."
         ),
-        "target": (
-            "Write a PDF with three framed squares to print, for one photograph that calibrates."
-        ),
+        "target": ("Write a PDF of three frames, or chessboards, to print for one photograph."),
         "undistort": (
             "Remove the lens distortion from photographs and videos; none is written unless all "
             "can be."

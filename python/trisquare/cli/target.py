@@ -1,4 +1,4 @@
-"""`trisquare target`: three framed squares to print."""
+"""`trisquare target`: three framed squares, or three chessboards, to print."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import cast
 
 from trisquare.cli.console import answer
 from trisquare.cli.options import JSON, QUIET, option
-from trisquare.printing.layout import PAGES
+from trisquare.printing.layout import PAGES, PrintedBoard, described
 from trisquare.printing.target import KINDS, PrintedTarget, TargetKind, printed_target
 
 TARGET_FORMAT = "trisquare-target/1"
@@ -27,17 +27,17 @@ def target_command(
     kind: str = option(
         "both",
         "KIND",
-        "corner: one sheet that folds and glues into a corner of three planes; flat: three sheets "
-        "with a frame each; both: all four.",
+        "corner: one sheet that folds and glues into a corner of three frames; boards: the same "
+        "of three chessboards; flat: three sheets with a frame each; both: corner and flat.",
         offer=KINDS,
     ),
     side: float | None = option(
-        None, "MM", "Side of each frame; by default the largest that fits."
+        None, "MM", "Side of each frame or board; by default the largest that fits."
     ),
     json: bool = JSON,
     quiet: bool = QUIET,
 ) -> None:
-    """Write a PDF with three framed squares to print, for one photograph that calibrates.
+    """Write a PDF of three frames, or chessboards, to print for one photograph.
 
     JSON tells where everything stands, in mm.
     """
@@ -52,7 +52,7 @@ def _lines(target: PrintedTarget, output: Path) -> Iterator[str]:
     """Say what stands on the pages and how to print them."""
     yield f"wrote {output}: {target.page}, to be printed at 100 %"
     for number, page in enumerate(target.pages, start=1):
-        frame = page.frames[0]
-        what = "a corner of three frames" if page.kind == "corner" else "one frame"
-        hole = frame.inner * frame.side
-        yield f"  page {number}: {what}, side {frame.side:g} mm, hole {hole:g} mm"
+        figure = page.frames[0]
+        named = "chessboards" if isinstance(figure, PrintedBoard) else "frames"
+        what = f"a corner of three {named}" if page.kind == "corner" else "one frame"
+        yield f"  page {number}: {what}, {described(figure)}"

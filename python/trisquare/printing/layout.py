@@ -1,6 +1,6 @@
 """Where everything stands on the pages of a printed target: millimetres, from the upper left.
 
-The corner's sheet is a square of four faces round one point, the apex: three carry a frame, and
+The corner's sheet is a square of four faces round one point, the apex: three carry a figure, and
 the fourth, cut from its left neighbour and glued behind it, closes the corner::
 
     +---+---+
@@ -43,6 +43,9 @@ half, that is 4 pixels, the reach of an edge's blur. So it is 9."""
 UNPRINTABLE = 7.0
 """Millimetres along the paper's border that printers leave white: a quarter inch and a bit."""
 
+CELLS = 18
+"""Of a printed board, along a side. Even, so that it has no symmetry but the half turn."""
+
 LEAST_SIDE = 10.0
 """Millimetres: the raggedness of a printed edge, some 0.05 mm, is then half a per cent."""
 
@@ -60,12 +63,12 @@ RULER_DROP = 16.0
 """Millimetres of the ruler below the faces: what is printed there stays clear of the frames."""
 
 FRAMES_OF_CORNER = ((-1, -1), (1, -1), (-1, 1))
-"""The quadrants about the apex that carry a frame; y down."""
+"""The quadrants about the apex that carry a figure; y down."""
 
 CORNER_TEXT = (
     "1. Print at 100 % and check the ruler. Cut along the solid lines. Fold along the dashed ones "
     "to right angles, print inside.",
-    "2. Glue the grey tab to the back of the face on its left. Let the three frames fill the "
+    "2. Glue the grey tab to the back of the face on its left. Let the three faces fill the "
     "photograph, seen from the front.",
 )
 FLAT_TEXT = (
@@ -102,6 +105,38 @@ class PrintedFrame:
         return outlines
 
 
+@dataclass(frozen=True, slots=True)
+class PrintedBoard:
+    """A square chessboard on paper.
+
+    Attributes
+    ----------
+    centre : (float, float)
+        Millimetres from the page's upper left corner, x right, y down.
+    side : float
+        Of the whole board, millimetres.
+    cells : int
+        Along a side; the upper left one is dark.
+    """
+
+    centre: Point
+    side: float
+    cells: int = CELLS
+
+    def outlines(self) -> FloatArray:
+        """Corners of the dark cells, each clockwise from the upper left, mm, shape (N, 4, 2)."""
+        row, column = np.indices((self.cells, self.cells))
+        dark = (row + column) % 2 == 0
+        first = np.column_stack([column[dark], row[dark]])
+        unit = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+        in_cells = first[:, None] + unit - 0.5 * self.cells
+        outlines: FloatArray = np.asarray(self.centre) + self.side / self.cells * in_cells
+        return outlines
+
+
+PrintedFigure: TypeAlias = PrintedFrame | PrintedBoard
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TargetPage:
     """One page of a printed target; all in millimetres from its upper left corner.
@@ -111,7 +146,7 @@ class TargetPage:
     kind : {"flat", "corner"}
     size : (float, float)
         Width and height of the paper.
-    frames : tuple of PrintedFrame
+    frames : tuple of PrintedFrame or PrintedBoard
         One, or the three of a corner: upper left, upper right, lower left.
     face : float
         Side of the part of the paper that each frame is in the middle of.
@@ -129,7 +164,7 @@ class TargetPage:
 
     kind: Kind
     size: Point
-    frames: tuple[PrintedFrame, ...]
+    frames: tuple[PrintedFigure, ...]
     face: float
     apex: Point | None = None
     folds: tuple[Line, ...] = ()
@@ -137,6 +172,13 @@ class TargetPage:
     tab: tuple[Point, ...] = ()
     ruler: Point
     text: tuple[str, ...]
+
+
+MARGINS: Mapping[type[PrintedFigure], tuple[float, str]] = MappingProxyType(
+    {PrintedFrame: (MARGIN, "frames"), PrintedBoard: (1.0 / CELLS, "chessboards")}
+)
+"""Least light margin round a figure, of its side, and the figures' name. A board's is one cell:
+every second cell at its border is light already."""
 
 
 def flat_pages(page: str, side: float | None) -> list[TargetPage]:
@@ -156,7 +198,7 @@ def flat_pages(page: str, side: float | None) -> list[TargetPage]:
     """
     size = PAGES[page]
     width = size[0]
-    length = _checked_side(side, width, f"one frame on {page}")
+    length = _checked_side(side, width, MARGIN, f"one frame on {page}")
     # In the middle of a square at the page's top, as wide as the page.
     frame = PrintedFrame((0.5 * width, 0.5 * width), length)
     return [
@@ -166,25 +208,28 @@ def flat_pages(page: str, side: float | None) -> list[TargetPage]:
             frames=(frame,),
             face=width,
             ruler=(0.5 * (width - RULER), width + RULER_DROP),
-            text=(_heading(page, length, f"flat target, frame {number} of 3"), *FLAT_TEXT),
+            text=(_heading(page, frame, f"flat target, frame {number} of 3"), *FLAT_TEXT),
         )
         for number in (1, 2, 3)
     ]
 
 
-def corner_page(page: str, side: float | None) -> TargetPage:
+def corner_page(
+    page: str, side: float | None, figure: type[PrintedFigure] = PrintedFrame
+) -> TargetPage:
     """Lay out the sheet that folds into a corner of three planes; see `flat_pages`."""
     size = PAGES[page]
     width = size[0]
-    length = _checked_side(side, 0.5 * width, f"a corner of three frames on {page}")
-    needed = length + 2.0 * max(MARGIN * length, UNPRINTABLE)
+    margin, what = MARGINS[figure]
+    length = _checked_side(side, 0.5 * width, margin, f"a corner of three {what} on {page}")
+    needed = length + 2.0 * max(margin * length, UNPRINTABLE)
     face = 0.5 * width if 0.5 * width - needed < SLIVER else needed
     x, y = apex = (0.5 * width, face)
     left, right, bottom = x - face, x + face, y + face
-    frames = [
-        PrintedFrame((x + 0.5 * across * face, y + 0.5 * down * face), length)
+    frames = tuple(
+        figure((x + 0.5 * across * face, y + 0.5 * down * face), length)
         for across, down in FRAMES_OF_CORNER
-    ]
+    )
     tab = (
         apex,
         (right, y),
@@ -198,20 +243,20 @@ def corner_page(page: str, side: float | None) -> TargetPage:
     return TargetPage(
         kind="corner",
         size=size,
-        frames=tuple(frames),
+        frames=frames,
         face=face,
         apex=apex,
         folds=(((x, 0.0), apex), ((left, y), apex), (apex, (right, y))),
         cuts=tuple(cuts),
         tab=tab,
         ruler=(0.5 * (width - RULER), bottom + RULER_DROP),
-        text=(_heading(page, length, "corner target"), *CORNER_TEXT),
+        text=(_heading(page, frames[0], "corner target"), *CORNER_TEXT),
     )
 
 
-def _checked_side(side: float | None, room: float, what: str) -> float:
-    """Return the side of frames that have `room` millimetres each, their margins included."""
-    largest = float(np.floor(min(room / (1.0 + 2.0 * MARGIN), room - 2.0 * UNPRINTABLE)))
+def _checked_side(side: float | None, room: float, margin: float, what: str) -> float:
+    """Return the side of figures that have `room` millimetres each, their margins included."""
+    largest = float(np.floor(min(room / (1.0 + 2.0 * margin), room - 2.0 * UNPRINTABLE)))
     if side is None:
         return largest
     length = real_number(side, "side")
@@ -225,5 +270,12 @@ def _checked_side(side: float | None, room: float, what: str) -> float:
     return length
 
 
-def _heading(page: str, side: float, what: str) -> str:
-    return f"trisquare: {what}, {page}, side {side:g} mm, hole {INNER * side:g} mm"
+def _heading(page: str, figure: PrintedFigure, what: str) -> str:
+    return f"trisquare: {what}, {page}, {described(figure)}"
+
+
+def described(figure: PrintedFigure) -> str:
+    """Say how large a figure is."""
+    if isinstance(figure, PrintedBoard):
+        return f"side {figure.side:g} mm, {figure.cells} x {figure.cells} cells"
+    return f"side {figure.side:g} mm, hole {figure.inner * figure.side:g} mm"

@@ -1,4 +1,4 @@
-"""A target to print: three framed squares, one to a sheet, or folded into a corner.
+"""A target to print: three framed squares, one to a sheet, or three figures folded into a corner.
 
 >>> import trisquare as ts
 >>> ts.printed_target("corner", page="A4").save("target.pdf")  # doctest: +SKIP
@@ -12,13 +12,20 @@ from typing import Literal, TypeAlias
 
 from trisquare._core import __version__
 from trisquare._support.suggestions import unknown
-from trisquare.printing.layout import PAGES, PrintedFrame, TargetPage, corner_page, flat_pages
+from trisquare.printing.layout import (
+    PAGES,
+    PrintedBoard,
+    PrintedFrame,
+    TargetPage,
+    corner_page,
+    flat_pages,
+)
 from trisquare.printing.pdf import pdf_of
 
-__all__ = ["PAGES", "PrintedFrame", "PrintedTarget", "TargetPage", "printed_target"]
+__all__ = ["PAGES", "PrintedBoard", "PrintedFrame", "PrintedTarget", "TargetPage", "printed_target"]
 
-TargetKind: TypeAlias = Literal["corner", "flat", "both"]
-KINDS: tuple[TargetKind, ...] = ("corner", "flat", "both")
+TargetKind: TypeAlias = Literal["corner", "boards", "flat", "both"]
+KINDS: tuple[TargetKind, ...] = ("corner", "boards", "flat", "both")
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,18 +97,19 @@ class PrintedTarget:
 def printed_target(
     kind: TargetKind = "both", *, page: str = "A4", side: float | None = None
 ) -> PrintedTarget:
-    """Lay out three framed squares for printing.
+    """Lay out three framed squares, or three chessboards, for printing.
 
     Parameters
     ----------
-    kind : {"corner", "flat", "both"}
-        One sheet that folds and glues into a corner of three planes; three sheets with one frame
-        each; or all four.
+    kind : {"corner", "boards", "flat", "both"}
+        One sheet that folds and glues into a corner of three frames; the same of three
+        chessboards, which tell more and need larger pictures; three sheets with one frame each;
+        or the first and the last of these.
     page : {"A4", "A3", "Letter"}
         The paper, upright.
     side : float, optional
-        Of each frame, millimetres; by default the largest whole number that leaves the frame its
-        light margin: on A4 84 for the corner, 169 for a flat frame.
+        Of each frame or board, millimetres; by default the largest whole number that leaves it its
+        light margin: on A4 84 for the corner's frames, 91 for its boards, 169 for a flat frame.
 
     Returns
     -------
@@ -126,6 +134,8 @@ def printed_target(
     name = next((known for known in PAGES if known.lower() == page.strip().lower()), None)
     if name is None:
         raise unknown("page", page, PAGES)
+    if kind == "boards":
+        return PrintedTarget(name, (corner_page(name, side, PrintedBoard),))
     corner = [] if kind == "flat" else [corner_page(name, side)]
     flat = [] if kind == "corner" else flat_pages(name, side)
     return PrintedTarget(name, (*corner, *flat))

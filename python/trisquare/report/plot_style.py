@@ -98,4 +98,5 @@ def inline_svg(figure: Figure, name: str) -> str:
     text = text.replace('href="#', f'href="#{name}-').replace("url(#", f"url(#{name}-")
     # No font is named: the page's is used.
     text = re.sub(r"font: ([\d.]+px) [^;\"]*", r"font-size: \1", text)
+    text = re.sub(r"font-family: [^;\"]*(; )?", "", text)
     return re.sub("#0000[0-9a-f]{2}", lambda found: PAGE_COLOURS.get(found[0], found[0]), text)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from trisquare._support.rotations import tilted
-from trisquare.printing.layout import TargetPage, corner_page
+from trisquare.printing.layout import PrintedBoard, TargetPage, corner_page
 from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, rectangle
 from trisquare.simulate.scenes import MOST_DRAWS, placed, random_camera
 
@@ -61,7 +63,7 @@ def corner_scene(
     image_size: tuple[int, int] = (1280, 960),
     camera: TrueCamera | None = None,
 ) -> Scene:
-    """Draw a photograph of the printed corner: three frames on planes at right angles.
+    """Draw a photograph of the printed corner: three figures on planes at right angles.
 
     Parameters
     ----------
@@ -78,7 +80,7 @@ def corner_scene(
     -------
     Scene
         Seen from within 15 degrees of its diagonal, turned anyhow, nearly filling the picture.
-        The targets are in the order of the page's frames, and have the paper's margin as rim.
+        The targets are in the order of the page's figures, and have the paper's margin as rim.
     """
     sheet = corner_page("A4", None) if page is None else page
     camera = camera or random_camera(rng, image_size)
@@ -119,11 +121,14 @@ def _seen_corner(
         seen = points[:, :2] / points[:, 2:]
         centres[:, :2] -= distance * (0.5 * (seen.min(axis=0) + seen.max(axis=0)) - jitter)
     targets = []
-    for frame, rotation, centre in zip(page.frames, rotations, centres, strict=True):
-        rim = 0.5 * (page.face / frame.side - 1.0)
-        # The unit of a plane is the side of its frame.
-        centre /= frame.side
-        target = placed(camera, rotation, centre, kind="frame", inner=frame.inner, rim=rim)
+    for figure, rotation, centre in zip(page.frames, rotations, centres, strict=True):
+        if isinstance(figure, PrintedBoard):
+            unit, inner = figure.side / figure.cells, (figure.cells - 1, figure.cells - 1)
+            options: dict[str, Any] = {"kind": "chessboard", "inner_corners": inner}
+        else:
+            unit, options = figure.side, {"kind": "frame", "inner": figure.inner}
+        rim = 0.5 * (page.face - figure.side) / unit
+        target = placed(camera, rotation, centre / unit, rim=rim, **options)
         if target is None:
             return None
         targets.append(target)

@@ -63,6 +63,8 @@ def random_scene(
     inner: float = 0.6,
     aspect: float = 1.0,
     rim: float | None = None,
+    sides: tuple[float, float] | None = None,
+    tilts: tuple[float, float] = TILT_RANGE,
 ) -> Scene:
     """Draw a scene of tilted squares, all inside the picture and clear of one another.
 
@@ -75,7 +77,7 @@ def random_scene(
     kind : {"square", "frame"}
         Solid squares or frames.
     count : int
-        Number of squares. Beyond three they shrink so that they fit.
+        Number of squares. Beyond three they shrink so that they fit, unless `sides` is given.
     camera : TrueCamera, optional
         The camera; drawn if not given.
     dark : bool
@@ -86,25 +88,36 @@ def random_scene(
         Side 0 of every figure over its side 1, 1 or more: rectangles of the area of squares.
     rim : float, optional
         As for `Target`.
+    sides : (float, float), optional
+        Range of the sides before foreshortening, of the picture's height; 0.30 to 0.42 by default.
+    tilts : (float, float)
+        Range of the angles between the squares' planes and the picture, degrees.
 
     Returns
     -------
     Scene
+
+    Raises
+    ------
+    ValueError
+        If no such scene fits the picture.
     """
     printed = None if aspect == 1.0 else rectangle(0.5 * aspect, 0.5)
     camera = camera or random_camera(rng, image_size)
     image_size = camera.image_size
     places = _places(count)
-    shrink = min(1.0, np.sqrt(3.0 / count))
+    if sides is None:
+        shrink = min(1.0, np.sqrt(3.0 / count))
+        sides = (shrink * SIDE_RANGE[0], shrink * SIDE_RANGE[1])
     for _ in range(MOST_DRAWS):
         first = rng.uniform(0.0, 360.0)
         targets: list[Target] = []
         for i, place in enumerate(places):
             pixel = (place + rng.normal(0.0, CENTRE_JITTER, 2)) * image_size
-            side = shrink * image_size[1] * rng.uniform(*SIDE_RANGE)
+            side = image_size[1] * rng.uniform(*sides)
             jitter = rng.uniform(-TILT_DIRECTION_JITTER, TILT_DIRECTION_JITTER)
             rotation = tilted(
-                rng.uniform(*TILT_RANGE),
+                rng.uniform(*tilts),
                 first + 360.0 * i / count + jitter,
                 rng.uniform(0.0, 360.0),
             )
