@@ -1,13 +1,14 @@
 """Where `Camera.save` and `Camera.load` find the camera files of other programs.
 
-`trisquare.formats` registers itself here when it is imported: a camera knows that there are
-files, and not which formats they have.
+`trisquare.formats` registers itself here when it is imported, which the first camera that is saved
+or loaded does: a camera knows that there are files, and not which formats they have.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 if TYPE_CHECKING:
@@ -44,5 +45,6 @@ def register_files(files: CameraFiles) -> None:
 
 
 def registered_files() -> CameraFiles:
-    """Return the readers and writers that are registered."""
+    """Return the readers and writers that are registered, once they are loaded."""
+    import_module("trisquare.formats")
     return _registered[-1]
