@@ -349,7 +349,7 @@ def test_the_printed_pages_show_pictures_and_plots(demo, tmp_path):
     subprocess.run(command, cwd=tmp_path, check=True)
     pages = [cv2.imread(str(path)) for path in sorted(tmp_path.glob("page*.png"))]
     assert 3 <= len(pages) <= 6
-    # White paper; dark photographs on the first page; the map's colours on a later one.
+    # White paper; after the numbers of the first page dark photographs, and the map's colours.
     assert all(np.median(page) == 255 for page in pages)
-    assert (pages[0].max(axis=2) < 100).mean() > 0.08
+    assert max((page.max(axis=2) < 100).mean() for page in pages[1:]) > 0.08
     assert max((np.ptp(page.astype(int), axis=2) > 60).mean() for page in pages[1:]) > 0.03
