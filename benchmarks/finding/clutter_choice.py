@@ -23,7 +23,7 @@ SIGMAS = 4.0
 PART = 0.01
 """A focal length is wrong if it is off by more than both, in its own std and as a part of it."""
 
-UNCERTAIN = ("choice", "contradict", "disagree", "set aside")
+UNCERTAIN = ("choice", "contradict", "disagree", "rejected")
 """Words of warnings that tell of planes that may be false; that of larger things rejected, which
 is there in most of these pictures, is not counted."""
 

@@ -81,8 +81,8 @@ def is_own_camera(case: Inserted, result: ts.Calibration) -> bool:
 
 
 def says_so(result: ts.Calibration) -> bool:
-    """Whether a result names what it does not use: as rejected, or as set aside."""
-    return bool(result.rejected) or any("set aside" in text for text in result.warnings)
+    """Whether a result names what it does not use: among the rejected, or in a warning."""
+    return bool(result.rejected) or any("rejected" in text for text in result.warnings)
 
 
 def measure() -> list[Row]:

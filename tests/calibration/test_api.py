@@ -224,7 +224,7 @@ def test_a_square_that_is_none_is_named():
     stretched[np.abs(stretched[:, 0]) > 0.5, 2] *= 1.02
     edges[3] = ts.PlaneEdges(stretched, edges[3].points)
     (warning,) = ts.calibrate_edges(edges, IMAGE_SIZE).warnings
-    assert warning.startswith("plane 3 was set aside: it disagrees")
+    assert warning.startswith("plane 3 was rejected: it disagrees")
 
 
 # Figures on one plane.

@@ -22,7 +22,7 @@ SURE = 4.0
 HARDLY_FALSE = 0.12
 
 NOISE = 0.05
-WORDS_OF_DOUBT = ("choice", "contradict", "disagree", "set aside")
+WORDS_OF_DOUBT = ("choice", "contradict", "disagree", "rejected")
 
 
 def chosen_among(figures, size, quads, fixed=()):

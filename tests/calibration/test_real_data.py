@@ -138,7 +138,7 @@ def test_squares_rendered_into_photographs_are_found_and_calibrated(number, inse
     for plane in result.planes:
         if plane.kind == "chessboard":
             index = result.planes.index(plane)
-            assert any(f"plane {index} was set aside" in text for text in result.warnings)
+            assert any(f"plane {index} was rejected" in text for text in result.warnings)
     # JPEG's errors are neither independent nor normal, so no bound in our own deviations is
     # owed: half a per cent tells a calibrated camera from a wrong one.
     assert result.camera.fx == pytest.approx(truth.fx, rel=0.005)

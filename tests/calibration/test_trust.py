@@ -180,7 +180,7 @@ def test_a_false_square_among_four_is_named_and_left_out(shape, count, seed):
     scene = with_false_target(squares(seed, count=count), plane, false_shape(shape))
     result = calibrated(scene, white, seed)
     assert len(result.warnings) == 1
-    assert result.warnings[0].startswith(f"plane {plane} was set aside")
+    assert result.warnings[0].startswith(f"plane {plane} was rejected")
     assert_within(result, scene, SURE)
 
 
@@ -207,7 +207,7 @@ def test_a_bent_side_is_named_and_left_out(seeds):
         result = calibrated(scene, bowed(plane, side, BOW), seed)
         assert_within(result, scene, SURE)
         assert result.warnings
-        named += result.warnings[0].startswith(f"plane {plane}: side {side} is set aside")
+        named += result.warnings[0].startswith(f"plane {plane}: side {side} is rejected")
     # Where it cannot be told which side is the bent one, the std is raised for all.
     assert named >= 5 / 6 * seeds
 

@@ -87,7 +87,7 @@ fn exact_samples_have_no_coherence() {
 }
 
 #[test]
-fn a_bent_side_is_set_aside() {
+fn a_bent_side_is_rejected() {
     let mut named = 0;
     let seeds = 8;
     for seed in 0..seeds {
@@ -105,7 +105,7 @@ fn a_bent_side_is_set_aside() {
         assert!(error < SURE, "seed {seed}: off by {error} std");
         // The rms of the parabola is 0.73 of its height.
         named += usize::from(found.warnings.iter().any(|warning| {
-            matches!(warning, Warning::SideSetAside { plane: p, figure: 0, side: s, distance }
+            matches!(warning, Warning::SideRejected { plane: p, figure: 0, side: s, distance }
                 if (*p, *s) == (plane, side) && *distance > 0.25 * bow)
         }));
     }
@@ -114,7 +114,7 @@ fn a_bent_side_is_set_aside() {
 }
 
 #[test]
-fn a_false_plane_among_five_is_set_aside() {
+fn a_false_plane_among_five_is_rejected() {
     for seed in 0..6 {
         let plane = seed as usize % 3;
         let scene = scene(seed);
@@ -126,7 +126,7 @@ fn a_false_plane_among_five_is_set_aside() {
         let error = worst(&found, &scene);
         assert!(error < SURE, "seed {seed}: off by {error} std");
         assert!(
-            matches!(found.warnings[..], [Warning::PlaneSetAside { plane: p, .. }] if p == plane),
+            matches!(found.warnings[..], [Warning::PlaneRejected { plane: p, .. }] if p == plane),
             "seed {seed}: {:?}",
             found.warnings
         );

@@ -50,11 +50,11 @@ pub enum Warning {
     Disagreement(Disagreement),
     /// One side does not fit the square that the others show.
     #[error(
-        "plane {plane}: side {side}{} is set aside: its samples miss the line that all others ask \
+        "plane {plane}: side {side}{} is rejected: its samples miss the line that all others ask \
          for by {distance:.2} px (is it bent, torn, or covered?)",
         if *.figure == 0 { "" } else { " of its other outline" }
     )]
-    SideSetAside {
+    SideRejected {
         /// Index of the plane.
         plane: usize,
         /// Which of the plane's outlines.
@@ -66,10 +66,10 @@ pub enum Warning {
     },
     /// One plane does not fit the camera that the others show.
     #[error(
-        "plane {plane} was set aside: it disagrees with all others, by {distance:.2} px: is it a \
+        "plane {plane} was rejected: it disagrees with all others, by {distance:.2} px: is it a \
          true, flat square?"
     )]
-    PlaneSetAside {
+    PlaneRejected {
         /// Index of the plane.
         plane: usize,
         /// Root mean square distance of its samples, px.
@@ -285,8 +285,8 @@ impl Warning {
     pub fn code(&self) -> &'static str {
         match self {
             Self::Disagreement(_) => "plane_disagrees",
-            Self::SideSetAside { .. } => "side_rejected",
-            Self::PlaneSetAside { .. } => "plane_rejected",
+            Self::SideRejected { .. } => "side_rejected",
+            Self::PlaneRejected { .. } => "plane_rejected",
             Self::PlanesContradict { .. } | Self::NoSquares { .. } => "planes_contradict",
             Self::PlanesVary { .. } => "planes_vary",
             Self::SidesErrTogether { .. } => "correlated_residuals",
@@ -311,8 +311,8 @@ impl Warning {
             | Self::RelationContradicted { .. }
             | Self::PixelsNotSquare { .. } => Severity::High,
             Self::Disagreement(_)
-            | Self::SideSetAside { .. }
-            | Self::PlaneSetAside { .. }
+            | Self::SideRejected { .. }
+            | Self::PlaneRejected { .. }
             | Self::PrincipalPointOffCentre { .. }
             | Self::LinesNotUsed { sigmas: Some(_) } => Severity::Medium,
             Self::PlanesVary { factor } if *factor > NOTABLE_FACTOR => Severity::Medium,
@@ -329,8 +329,8 @@ impl Warning {
     pub fn plane(&self) -> Option<usize> {
         match self {
             Self::Disagreement(found) => Some(found.plane),
-            Self::SideSetAside { plane, .. }
-            | Self::PlaneSetAside { plane, .. }
+            Self::SideRejected { plane, .. }
+            | Self::PlaneRejected { plane, .. }
             | Self::SidesErrTogether { plane, .. }
             | Self::PartlyHidden { plane, .. } => Some(*plane),
             _ => None,

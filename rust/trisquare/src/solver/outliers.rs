@@ -376,7 +376,7 @@ fn warnings<L: Lens>(solution: &Solution<L>) -> Vec<Warning> {
         let residuals = &solution.refined.residuals[p];
         if plane.is_outlier() {
             let distance = root_mean_square(residuals.iter());
-            warnings.push(Warning::PlaneSetAside { plane: p, distance });
+            warnings.push(Warning::PlaneRejected { plane: p, distance });
             continue;
         }
         let mut rest = &residuals[..];
@@ -385,7 +385,7 @@ fn warnings<L: Lens>(solution: &Solution<L>) -> Vec<Warning> {
                 let (own, others) = rest.split_at(side.samples.len());
                 rest = others;
                 if side.is_outlier {
-                    warnings.push(Warning::SideSetAside {
+                    warnings.push(Warning::SideRejected {
                         plane: p,
                         figure: f,
                         side: side.number,
