@@ -13,7 +13,7 @@ use crate::numeric::{ArrowSystem, Loss, Problem};
 use crate::observations::{FreeParameters, ObservedPlane};
 use crate::refine::{EdgeProblem, Refined};
 
-/// Entries of the normal equations, at most: 2 GB. Three planes in each of 430 pictures have as many.
+/// Entries of the equations of what the planes share, at most: 2 GB, of 15,000 pictures.
 const MOST_NUMBERS: usize = 250_000_000;
 
 /// Estimates the tone drift of all pictures, one Newton step from the optimum without them: the
@@ -56,19 +56,17 @@ fn pictures(planes: &[ObservedPlane]) -> Vec<usize> {
     numbers
 }
 
-/// Refuses more drifting pictures than the normal equations can hold: every plane's has a row and a
-/// column for each of them.
+/// Refuses more drifting pictures than the normal equations can hold, which have a row and a column
+/// for each of them.
 ///
 /// # Errors
 /// [`Error::InvalidArgument`].
 pub(crate) fn check_drift_count(planes: &[ObservedPlane]) -> Result<(), Error> {
     let side = pictures(planes).len() + MAX_LENS_COLUMNS;
-    let numbers = side.saturating_mul(side).saturating_mul(planes.len());
-    if numbers > MOST_NUMBERS && planes.iter().any(ObservedPlane::has_tone_drift) {
+    if side.saturating_mul(side) > MOST_NUMBERS && planes.iter().any(ObservedPlane::has_tone_drift)
+    {
         return Err(Error::InvalidArgument(format!(
-            "{} planes in {} pictures are too many to free a drift for each picture: leave out the \
-             drift, or pictures",
-            planes.len(),
+            "{} pictures are too many to free a drift for each: leave out the drift, or pictures",
             pictures(planes).len()
         )));
     }
@@ -92,8 +90,15 @@ fn freed<L: Lens>(
     let known = judged.len();
     // Of the same weights as what is added, or the whole would not be positive definite.
     let (_, system) = EdgeProblem::new(planes, judged, scale).evaluate(&refined.view)?;
-    let mut system = system.extended(pictures.len());
-    for picture in known..known + pictures.len() {
+    let count = known + pictures.len();
+    let blocks = system.blocks.iter().zip(planes);
+    let blocks = blocks.map(|(block, plane)| block.extended(&[known + place(&pictures, plane)]));
+    let mut system = ArrowSystem {
+        prior: system.prior.clone().resize(count, count, 0.0),
+        prior_gradient: system.prior_gradient.clone().resize_vertically(count, 0.0),
+        blocks: blocks.collect(),
+    };
+    for picture in known..count {
         // A unit is one standard deviation; the factor makes the covariance of the information.
         system.prior[(picture, picture)] = refined.covariance_factor;
     }
@@ -124,15 +129,14 @@ fn freed<L: Lens>(
                     let own = line_jacobian.tr_mul(&distance.wrt_line);
                     // Products with the displacement, which belongs to one shared column.
                     let weighted = weight * to_noise * to_noise * displacement;
-                    let column = known + place(&pictures, plane);
                     let block = &mut system.blocks[p];
                     for (i, shared) in shared.iter().enumerate() {
-                        block.shared[(i, column)] += weighted * shared;
-                        block.shared[(column, i)] += weighted * shared;
+                        block.shared[(i, known)] += weighted * shared;
+                        block.shared[(known, i)] += weighted * shared;
                     }
-                    block.shared[(column, column)] += weighted * displacement;
-                    block.shared_gradient[column] += weighted * distance.value;
-                    block.cross.column_mut(column).axpy(weighted, &own, 1.0);
+                    block.shared[(known, known)] += weighted * displacement;
+                    block.shared_gradient[known] += weighted * distance.value;
+                    block.cross.column_mut(known).axpy(weighted, &own, 1.0);
                 }
             }
         }

@@ -11,7 +11,9 @@ const DIAGONAL_FLOOR: f64 = 1e-12;
 /// One plane's part of the normal equations.
 #[derive(Debug, Clone)]
 pub(crate) struct Block {
-    /// `J_shared^T W J_shared` of the plane's residuals.
+    /// The shared parameters that the plane depends on, ascending; of the others nothing is stored.
+    pub columns: Vec<usize>,
+    /// `J_shared^T W J_shared` of the plane's residuals, by these.
     pub shared: DMatrix<f64>,
     /// `J_shared^T W r`.
     pub shared_gradient: DVector<f64>,
@@ -26,8 +28,10 @@ pub(crate) struct Block {
 }
 
 impl Block {
-    pub fn zeros(own: usize, shared: usize) -> Self {
+    pub fn zeros(own: usize, columns: Vec<usize>) -> Self {
+        let shared = columns.len();
         Self {
+            columns,
             shared: DMatrix::zeros(shared, shared),
             shared_gradient: DVector::zeros(shared),
             hessian: DMatrix::zeros(own, own),
@@ -35,6 +39,48 @@ impl Block {
             gradient: DVector::zeros(own),
             ties: DMatrix::zeros(own, 0),
         }
+    }
+
+    /// The block with those of its columns that have a place among further shared parameters.
+    fn renumbered(&self, place: impl Fn(usize) -> Option<usize>) -> Self {
+        let kept = (0..self.columns.len())
+            .filter_map(|own| Some((own, place(self.columns[own])?)))
+            .collect::<Vec<_>>();
+        let own: Vec<usize> = kept.iter().map(|(own, _)| *own).collect();
+        Self {
+            columns: kept.iter().map(|(_, place)| *place).collect(),
+            shared: self.shared.select_rows(&own).select_columns(&own),
+            shared_gradient: self.shared_gradient.select_rows(&own),
+            hessian: self.hessian.clone(),
+            cross: self.cross.select_columns(&own),
+            gradient: self.gradient.clone(),
+            ties: self.ties.clone(),
+        }
+    }
+
+    /// The same, also of `further` shared parameters, which nothing is known of yet.
+    pub fn extended(&self, further: &[usize]) -> Self {
+        let mut grown = self.clone();
+        grown.columns.extend(further);
+        let count = grown.columns.len();
+        grown.shared.resize_mut(count, count, 0.0);
+        grown.shared_gradient.resize_vertically_mut(count, 0.0);
+        grown.cross.resize_horizontally_mut(count, 0.0);
+        grown
+    }
+
+    /// The part of a step of the shared parameters that moves the plane.
+    fn part_of(&self, shared: &DVector<f64>) -> DVector<f64> {
+        shared.select_rows(&self.columns)
+    }
+
+    /// The cross terms with so many shared parameters.
+    pub fn whole_cross(&self, shared: usize) -> DMatrix<f64> {
+        let mut whole = DMatrix::zeros(self.cross.nrows(), shared);
+        for (own, column) in self.columns.iter().enumerate() {
+            whole.set_column(*column, &self.cross.column(own));
+        }
+        whole
     }
 }
 
@@ -56,51 +102,76 @@ pub(crate) struct ArrowStep {
     pub predicted_decrease: f64,
 }
 
-/// What remains for the shared parameters once a plane's own are eliminated.
+/// What remains for the shared parameters that a plane depends on once its own are eliminated.
 #[derive(Debug, Clone)]
 pub(crate) struct Reduced {
     pub information: DMatrix<f64>,
     pub gradient: DVector<f64>,
 }
 
+impl Reduced {
+    fn zeros(shared: usize) -> Self {
+        Self {
+            information: DMatrix::zeros(shared, shared),
+            gradient: DVector::zeros(shared),
+        }
+    }
+
+    /// Adds what is known of some of the parameters.
+    fn add(&mut self, columns: &[usize], information: &DMatrix<f64>, gradient: &DVector<f64>) {
+        for (j, &column) in columns.iter().enumerate() {
+            for (i, &row) in columns.iter().enumerate() {
+                self.information[(row, column)] += information[(i, j)];
+            }
+            self.gradient[column] += gradient[j];
+        }
+    }
+}
+
 impl ArrowSystem {
+    /// Of planes that depend on all that is shared.
     pub fn zeros(shared: usize, own: impl Iterator<Item = usize>) -> Self {
+        Self::of(shared, own.map(|n| Block::zeros(n, (0..shared).collect())))
+    }
+
+    /// Of planes some of which depend on a part of the shared parameters only.
+    pub fn of(shared: usize, blocks: impl Iterator<Item = Block>) -> Self {
         Self {
             prior: DMatrix::zeros(shared, shared),
             prior_gradient: DVector::zeros(shared),
-            blocks: own.map(|n| Block::zeros(n, shared)).collect(),
+            blocks: blocks.collect(),
         }
     }
 
     /// The Levenberg-Marquardt step with the diagonal raised by `damping`; `None` if singular.
     pub fn solve(&self, damping: f64) -> Option<ArrowStep> {
-        let mut shared_hessian = self.prior.clone();
-        let mut shared_gradient = self.prior_gradient.clone();
+        let mut reduced = Reduced {
+            information: self.prior.clone(),
+            gradient: self.prior_gradient.clone(),
+        };
         for block in &self.blocks {
-            shared_hessian += &block.shared;
-            shared_gradient += &block.shared_gradient;
+            reduced.add(&block.columns, &block.shared, &block.shared_gradient);
         }
-        let mut reduced = damped(&shared_hessian, damping);
-        let mut gradient = shared_gradient.clone();
+        let shared_gradient = reduced.gradient.clone();
+        reduced.information = damped(&reduced.information, damping);
         let mut factors = Vec::with_capacity(self.blocks.len());
         for block in &self.blocks {
             let factor = Cholesky::new(damped(&block.hessian, damping))?;
             let (information, shift) = eliminated(block, &factor);
-            reduced -= information;
-            gradient -= shift;
+            reduced.add(&block.columns, &-information, &-shift);
             factors.push(factor);
         }
         let ties = self.ties(&factors);
         if let Some(ties) = &ties {
-            reduced += ties.information();
-            gradient += ties.shift(self);
+            reduced.information += ties.information();
+            reduced.gradient += ties.shift(self);
         }
-        let shared = -Cholesky::new(reduced)?.solve(&gradient);
+        let shared = -Cholesky::new(reduced.information)?.solve(&reduced.gradient);
         let multipliers = ties.map(|ties| ties.multipliers(self, &shared));
         let mut decrease = -shared_gradient.dot(&shared);
         let mut blocks = Vec::with_capacity(self.blocks.len());
         for (block, factor) in self.blocks.iter().zip(&factors) {
-            let mut pull = &block.gradient + &block.cross * &shared;
+            let mut pull = &block.gradient + &block.cross * block.part_of(&shared);
             if let Some(multipliers) = &multipliers {
                 pull += &block.ties * multipliers;
             }
@@ -118,26 +189,22 @@ impl ArrowSystem {
 
     /// The equations without the last shared parameters: these are held.
     pub fn leading(&self, shared: usize) -> Self {
+        self.selected(&(0..shared).collect::<Vec<_>>())
+    }
+
+    /// The equations of some of the shared parameters, ascending: the others are held.
+    pub fn selected(&self, shared: &[usize]) -> Self {
+        let place = |column: usize| shared.binary_search(&column).ok();
         Self {
-            prior: self.prior.view((0, 0), (shared, shared)).into_owned(),
-            prior_gradient: self.prior_gradient.rows(0, shared).into_owned(),
-            blocks: self
-                .blocks
-                .iter()
-                .map(|block| Block {
-                    shared: block.shared.view((0, 0), (shared, shared)).into_owned(),
-                    shared_gradient: block.shared_gradient.rows(0, shared).into_owned(),
-                    hessian: block.hessian.clone(),
-                    cross: block.cross.columns(0, shared).into_owned(),
-                    gradient: block.gradient.clone(),
-                    ties: block.ties.clone(),
-                })
-                .collect(),
+            prior: self.prior.select_rows(shared).select_columns(shared),
+            prior_gradient: self.prior_gradient.select_rows(shared),
+            blocks: self.blocks.iter().map(|b| b.renumbered(place)).collect(),
         }
     }
 
-    /// What every plane tells of the shared parameters, its own eliminated: the information is the
-    /// covariance that unit noise of its samples gives the gradient.
+    /// What every plane tells of the shared parameters that it depends on (of all of them where
+    /// planes are tied), its own eliminated: the information is the covariance that unit noise of
+    /// its samples gives the gradient.
     pub fn contributions(&self) -> Option<Vec<Reduced>> {
         let factors = self.factors()?;
         let ties = self.ties(&factors);
@@ -149,7 +216,10 @@ impl ArrowSystem {
                 gradient: &block.shared_gradient - shift,
             };
             if let Some(ties) = &ties {
-                ties.add_to(&mut reduced, p, block);
+                let mut tied = Reduced::zeros(self.prior.nrows());
+                tied.add(&block.columns, &reduced.information, &reduced.gradient);
+                ties.add_to(&mut tied, p, block);
+                reduced = tied;
             }
             reduced
         });
@@ -169,7 +239,8 @@ impl ArrowSystem {
     pub fn tied_crosses(&self) -> Option<Vec<DMatrix<f64>>> {
         let blocks = self.blocks.iter();
         if self.tie_count() == 0 {
-            return Some(blocks.map(|block| block.cross.clone()).collect());
+            let shared = self.prior.nrows();
+            return Some(blocks.map(|block| block.whole_cross(shared)).collect());
         }
         let ties = self.own_ties()?;
         Some(blocks.map(|block| ties.cross(block)).collect())
@@ -177,66 +248,27 @@ impl ArrowSystem {
 
     /// The information on the shared parameters alone.
     pub fn reduced_information(&self) -> Option<DMatrix<f64>> {
-        let mut total = self.prior.clone();
-        for contribution in self.contributions()? {
-            total += contribution.information;
-        }
-        Some(total)
-    }
-}
-
-impl ArrowSystem {
-    /// The equations with further shared parameters, of which nothing is known yet.
-    pub fn extended(&self, further: usize) -> Self {
-        let grown = |matrix: &DMatrix<f64>, rows: usize| {
-            let (height, width) = matrix.shape();
-            matrix.clone().resize(height + rows, width + further, 0.0)
+        let mut total = Reduced {
+            information: self.prior.clone(),
+            gradient: self.prior_gradient.clone(),
         };
-        let longer = |vector: &DVector<f64>| {
-            let length = vector.len() + further;
-            vector.clone().resize_vertically(length, 0.0)
-        };
-        Self {
-            prior: grown(&self.prior, further),
-            prior_gradient: longer(&self.prior_gradient),
-            blocks: self
-                .blocks
-                .iter()
-                .map(|block| Block {
-                    shared: grown(&block.shared, further),
-                    shared_gradient: longer(&block.shared_gradient),
-                    hessian: block.hessian.clone(),
-                    cross: grown(&block.cross, 0),
-                    gradient: block.gradient.clone(),
-                    ties: block.ties.clone(),
-                })
-                .collect(),
+        let all: Vec<usize> = (0..self.prior.nrows()).collect();
+        for (block, own) in self.blocks.iter().zip(self.contributions()?) {
+            let columns = match self.tie_count() {
+                0 => &block.columns,
+                _ => &all,
+            };
+            total.add(columns, &own.information, &own.gradient);
         }
-    }
-
-    /// The equations of some of the shared parameters: the others are held.
-    pub fn selected(&self, shared: &[usize]) -> Self {
-        Self {
-            prior: self.prior.select_rows(shared).select_columns(shared),
-            prior_gradient: self.prior_gradient.select_rows(shared),
-            blocks: self
-                .blocks
-                .iter()
-                .map(|block| Block {
-                    shared: block.shared.select_rows(shared).select_columns(shared),
-                    shared_gradient: block.shared_gradient.select_rows(shared),
-                    hessian: block.hessian.clone(),
-                    cross: block.cross.select_columns(shared),
-                    gradient: block.gradient.clone(),
-                    ties: block.ties.clone(),
-                })
-                .collect(),
-        }
+        Some(total.information)
     }
 
     /// The equations with the shared parameters after the first `kept` eliminated: what these cost
     /// is taken off the prior, so that the reduced information is the marginal one.
     pub fn marginal(&self, kept: usize) -> Option<Self> {
+        if kept == self.prior.nrows() {
+            return Some(self.clone());
+        }
         let full = self.reduced_information()?;
         let further = full.nrows() - kept;
         let cross = full.view((kept, 0), (further, kept)).into_owned();
@@ -354,6 +386,64 @@ mod tests {
         let covariance = jacobian.tr_mul(&jacobian).try_inverse().unwrap();
         let reduced = arrow.reduced_information().unwrap().try_inverse().unwrap();
         assert!((reduced - covariance.view((0, 0), (2, 2))).norm() < 1e-12);
+    }
+
+    #[test]
+    fn planes_that_depend_on_a_part_are_as_planes_that_do_not_vary_with_the_rest() {
+        let (mut whole, mut part) = (
+            ArrowSystem::zeros(4, [3, 2].into_iter()),
+            ArrowSystem::of(
+                4,
+                [(3, vec![0, 2]), (2, vec![0, 1, 3])]
+                    .map(|(own, columns)| Block::zeros(own, columns))
+                    .into_iter(),
+            ),
+        );
+        for system in [&mut whole, &mut part] {
+            system.prior.fill_diagonal(0.1);
+        }
+        for k in 0..2 {
+            let (columns, own) = (
+                part.blocks[k].columns.clone(),
+                part.blocks[k].hessian.nrows(),
+            );
+            let rows = DMatrix::from_fn(20, columns.len() + own + 1, |i, j| {
+                ((i * 13 + 7 * k + 3) as f64 * (j as f64 + 1.3)).sin()
+            });
+            let (shared, own) = (
+                rows.columns(0, columns.len()),
+                rows.columns(columns.len(), own),
+            );
+            let mut all = DMatrix::zeros(20, 4);
+            for (own, column) in columns.iter().enumerate() {
+                all.set_column(*column, &shared.column(own));
+            }
+            let residual = rows.column(rows.ncols() - 1);
+            for (block, shared) in [
+                (&mut part.blocks[k], shared.into_owned()),
+                (&mut whole.blocks[k], all),
+            ] {
+                block.shared = shared.tr_mul(&shared);
+                block.shared_gradient = shared.tr_mul(&residual);
+                block.hessian = own.tr_mul(&own);
+                block.cross = own.tr_mul(&shared);
+                block.gradient = own.tr_mul(&residual);
+            }
+        }
+        let [one, other] = [&part, &whole].map(|system| system.solve(0.0).unwrap());
+        assert!((one.shared - other.shared).norm() < 1e-12);
+        assert!((&one.blocks[1] - &other.blocks[1]).norm() < 1e-12);
+        let [one, other] = [&part, &whole].map(|system| {
+            let kept = system.selected(&[0, 1, 3]);
+            let further = kept.blocks.iter().map(|block| block.extended(&[3]));
+            let mut extended = ArrowSystem::of(4, further);
+            extended.prior.fill_diagonal(1.0);
+            let marginal = system.marginal(2).unwrap();
+            [system, &kept, &extended, &marginal].map(|s| s.reduced_information().unwrap())
+        });
+        for (one, other) in one.iter().zip(&other) {
+            assert!((one - other).norm() < 1e-12);
+        }
     }
 
     #[test]

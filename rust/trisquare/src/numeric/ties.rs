@@ -53,7 +53,7 @@ impl ArrowSystem {
         let mut cross = DMatrix::zeros(count, self.prior.nrows());
         for (block, response) in self.blocks.iter().zip(&responses) {
             square.gemm_tr(1.0, &block.ties, response, 1.0);
-            cross.gemm_tr(1.0, response, &block.cross, 1.0);
+            cross.gemm_tr(1.0, response, &block.whole_cross(self.prior.nrows()), 1.0);
         }
         let (inverse, _) = pseudo_inverse(square);
         Some(Ties {
@@ -79,7 +79,7 @@ impl Ties {
     /// A block's cross terms as the gradient of the shared parameters follows its own: by
     /// `-C^T H^-1`.
     pub fn cross(&self, block: &Block) -> DMatrix<f64> {
-        &block.cross - &block.ties * &self.by_shared
+        block.whole_cross(self.by_shared.ncols()) - &block.ties * &self.by_shared
     }
 
     /// What the ties take off the inverse of the blocks' own equations, between two of them.

@@ -36,8 +36,8 @@ const PICTURED: usize = EXPOSURE_PARAMETERS + PICTURE_PARAMETERS + 1;
 /// Sums of outer products over one figure.
 pub(super) struct FigureSums<'a> {
     free: &'a FreeParameters,
-    /// Which of all shared parameters the figure depends on: the camera's and its picture's.
-    shared: Vec<usize>,
+    /// How many shared parameters the figure depends on: the camera's, then its picture's.
+    shared: usize,
     /// Derivatives of each side's line by the plane's geometry.
     jacobians: [DMatrix<f64>; 4],
     /// Where the figure's exposure begins among its plane's own parameters.
@@ -53,13 +53,13 @@ pub(super) struct FigureSums<'a> {
 impl<'a> FigureSums<'a> {
     pub fn new(
         free: &'a FreeParameters,
-        shared: Vec<usize>,
+        shared: usize,
         jacobians: [DMatrix<f64>; 4],
         (own_count, exposure_offset): (usize, usize),
     ) -> Self {
         Self {
             corner_own: DVector::zeros(own_count),
-            corner_shared: vec![0.0; shared.len()],
+            corner_shared: vec![0.0; shared],
             free,
             shared,
             jacobians,
@@ -125,16 +125,12 @@ impl<'a> FigureSums<'a> {
             .copy_from_slice(&scene.wrt_exposure(shade));
         block.hessian.ger(weight, own, own, 1.0);
         block.gradient.axpy(weight * shade.residual, own, 1.0);
-        for (i, (&row, by_row)) in self.shared.iter().zip(shared.iter()).enumerate() {
+        for (row, by_row) in shared.iter().enumerate() {
             let mut cross = block.cross.column_mut(row);
             cross.axpy(weight * by_row, own, 1.0);
             block.shared_gradient[row] += weight * shade.residual * by_row;
-            for (&column, by_column) in self.shared.iter().zip(shared.iter()).take(i + 1) {
-                let product = weight * by_row * by_column;
-                block.shared[(row, column)] += product;
-                if row != column {
-                    block.shared[(column, row)] += product;
-                }
+            for (column, by_column) in shared.iter().enumerate() {
+                block.shared[(row, column)] += weight * by_row * by_column;
             }
         }
         Some(())
@@ -154,7 +150,7 @@ impl<'a> FigureSums<'a> {
     }
 
     fn has_picture(&self) -> bool {
-        self.shared.len() > self.free.len()
+        self.shared > self.free.len()
     }
 
     /// Adds all sums to the plane's block; `None` where the lens does not see a side.
@@ -168,8 +164,8 @@ impl<'a> FigureSums<'a> {
             self.add_side(side, &chart.jacobian(scene, side, self.free)?, block);
         }
         if self.has_picture() {
-            let picture = &self.shared[self.free.len()..];
-            add_pictured(block, &self.pictured_plateau, self.exposure_offset, picture);
+            let at = (self.exposure_offset, self.free.len());
+            add_pictured(block, &self.pictured_plateau, at);
         } else {
             add_exposure(block, &self.plateau, self.exposure_offset);
         }
@@ -194,34 +190,31 @@ impl<'a> FigureSums<'a> {
             own[(EXPOSURE - 1 + i, self.exposure_offset + i)] = 1.0;
         }
         let camera = self.free.len();
-        let mut shared = DMatrix::zeros(CUT - 1, self.shared.len());
+        let mut shared = DMatrix::zeros(CUT - 1, self.shared);
         let by_camera = terms.columns(3, camera);
         shared
             .view_mut((0, 0), (TERMS, camera))
             .copy_from(&by_camera);
-        for i in camera..self.shared.len() {
+        for i in camera..self.shared {
             shared[(PICTURE - 1 + i - camera, i)] = 1.0;
         }
 
         let by_shared = &square * &shared;
         block.hessian.gemm_tr(1.0, &own, &(square * &own), 1.0);
         block.gradient.gemv_tr(1.0, &own, &residual, 1.0);
-        let cross = own.tr_mul(&by_shared);
-        let both = shared.tr_mul(&by_shared);
-        let gradient = shared.tr_mul(&residual);
-        for (i, &row) in self.shared.iter().enumerate() {
-            let mut own = block.cross.column_mut(row);
-            own += cross.column(i);
-            for (j, &column) in self.shared.iter().enumerate() {
-                block.shared[(row, column)] += both[(i, j)];
-            }
-            block.shared_gradient[row] += gradient[i];
-        }
+        block.cross.gemm_tr(1.0, &own, &by_shared, 1.0);
+        block.shared.gemm_tr(1.0, &shared, &by_shared, 1.0);
+        block.shared_gradient.gemv_tr(1.0, &shared, &residual, 1.0);
     }
 }
 
-/// Adds sums over exposure and picture.
-fn add_pictured(block: &mut Block, sums: &PicturedSums, exposure_offset: usize, picture: &[usize]) {
+/// Adds sums over exposure and picture, which begin there among the plane's own parameters and
+/// the shared ones.
+fn add_pictured(
+    block: &mut Block,
+    sums: &PicturedSums,
+    (exposure_offset, picture): (usize, usize),
+) {
     let exposure_only = std::array::from_fn(|i| {
         let source = |k: usize| {
             if k < EXPOSURE_PARAMETERS {
@@ -233,13 +226,13 @@ fn add_pictured(block: &mut Block, sums: &PicturedSums, exposure_offset: usize, 
         std::array::from_fn(|j| symmetric(sums, source(i), source(j)))
     });
     add_exposure(block, &exposure_only, exposure_offset);
-    for (i, &row) in picture.iter().enumerate() {
-        let own = EXPOSURE_PARAMETERS + i;
+    for i in 0..PICTURE_PARAMETERS {
+        let (row, own) = (picture + i, EXPOSURE_PARAMETERS + i);
         for k in 0..EXPOSURE_PARAMETERS {
             block.cross[(exposure_offset + k, row)] += symmetric(sums, own, k);
         }
-        for (j, &column) in picture.iter().enumerate() {
-            block.shared[(row, column)] += symmetric(sums, own, EXPOSURE_PARAMETERS + j);
+        for j in 0..PICTURE_PARAMETERS {
+            block.shared[(row, picture + j)] += symmetric(sums, own, EXPOSURE_PARAMETERS + j);
         }
         block.shared_gradient[row] += symmetric(sums, own, PICTURED - 1);
     }

@@ -7,7 +7,7 @@ use super::figure_sums::FigureSums;
 use super::scene::Scene;
 use crate::image::{PICTURE_PARAMETERS, PicturePrior, PictureState, ToneFit};
 use crate::lens::Lens;
-use crate::numeric::{ArrowStep, ArrowSystem, LANES, Loss, Spread};
+use crate::numeric::{ArrowStep, ArrowSystem, Block, LANES, Loss, Spread};
 use crate::observations::{FreeParameters, View};
 
 /// What the fit moves.
@@ -58,10 +58,11 @@ impl PixelFit<'_> {
         self.free.len() + PICTURE_PARAMETERS * self.free_pictures
     }
 
-    /// Of these, the ones that a figure depends on: the camera's, and its picture's.
-    fn shared_columns(&self, figure: &PixelFigure) -> Vec<usize> {
+    /// Of these, the ones that a plane depends on: the camera's, and its picture's.
+    fn shared_columns(&self, plane: usize) -> Vec<usize> {
         let mut columns: Vec<usize> = (0..self.free.len()).collect();
-        if self.free_pictures > 0 {
+        let figure = self.figures.iter().find(|figure| figure.plane == plane);
+        if let Some(figure) = figure.filter(|_| self.free_pictures > 0) {
             let first = self.picture_offset(figure.image);
             columns.extend(first..first + PICTURE_PARAMETERS);
         }
@@ -86,7 +87,7 @@ impl PixelFit<'_> {
             [0, 1, 2, 3].map(|i| plane.line_jacobian(figure.figure, &figure.sides[i].into()));
         let exposure_offset = self.exposure_offset(state, index);
         let block = &mut sum.system.blocks[figure.plane];
-        let shared = self.shared_columns(figure);
+        let shared = block.columns.len();
         let own = (block.hessian.nrows(), exposure_offset);
         let chart = FigureChart::of(&scene)?;
         let mut sums = FigureSums::new(self.free, shared, jacobians, own);
@@ -131,14 +132,13 @@ impl PixelFit<'_> {
         if !self.are_valid(&state.exposures) {
             return None;
         }
-        let own = state
-            .view
-            .planes
-            .iter()
-            .map(|plane| plane.parameter_count() + EXPOSURE_PARAMETERS * plane.figures.len());
+        let blocks = state.view.planes.iter().enumerate().map(|(p, plane)| {
+            let own = plane.parameter_count() + EXPOSURE_PARAMETERS * plane.figures.len();
+            Block::zeros(own, self.shared_columns(p))
+        });
         let mut sum = PixelSystem {
             cost: 0.0,
-            system: ArrowSystem::zeros(self.shared_count(), own),
+            system: ArrowSystem::of(self.shared_count(), blocks),
             spread: Spread::default(),
         };
         self.add_priors(state, &mut sum);
