@@ -39,6 +39,7 @@ impl Strength {
 
 /// What one plane, or several, say of the shared parameters, and last of the multipliers that tie
 /// planes, their own eliminated.
+#[derive(Clone)]
 struct Part {
     information: DMatrix<f64>,
     gradient: DVector<f64>,
@@ -47,10 +48,11 @@ struct Part {
 }
 
 impl Part {
-    fn add(&mut self, other: &Self) {
-        self.information += &other.information;
-        self.gradient += &other.gradient;
-        self.criterion += other.criterion;
+    /// Adds another so many times.
+    fn add(&mut self, other: &Self, times: f64) {
+        self.information += &other.information * times;
+        self.gradient += &other.gradient * times;
+        self.criterion += other.criterion * times;
     }
 }
 
@@ -92,7 +94,7 @@ impl SideErrors {
         let criterion = |variance: f64| {
             let part = |plane: usize| self.part(plane, board_relief, variance);
             let parts: Option<Vec<Part>> = (0..planes).map(part).collect();
-            Some((variance, self.restricted(parts?.iter())?))
+            Some((variance, self.restricted(self.joined(&parts?))?))
         };
         let mut best = criterion(0.0)?;
         for index in 0..VARIANCES {
@@ -147,18 +149,21 @@ impl SideErrors {
         let mut variances = best.variances.clone();
         let mut criterion = best.criterion;
         let mut parts = self.parts(&variances)?;
+        let mut all = self.joined(&parts);
         for plane in 0..variances.len() {
-            let (before, after) = parts.split_at(plane);
-            let others = self.joined(before.iter().chain(&after[1..]));
+            let mut others = all.clone();
+            others.add(&parts[plane], -1.0);
             for index in 0..VARIANCES {
                 let variance = self.first_variance * VARIANCE_RATIO.powi(index as i32);
                 let Some(own) = self.part(plane, self.board_relief(plane), variance) else {
                     continue;
                 };
-                let together = self.restricted([&others, &own].into_iter());
-                if let Some(found) = together.filter(|c| *c < criterion) {
+                let mut together = others.clone();
+                together.add(&own, 1.0);
+                let found = self.restricted(together.clone());
+                if let Some(found) = found.filter(|c| *c < criterion) {
                     (variances[plane], criterion) = (variance, found);
-                    parts[plane] = own;
+                    (parts[plane], all) = (own, together);
                 }
             }
         }
@@ -170,7 +175,7 @@ impl SideErrors {
 
     /// Minus twice the restricted log likelihood of the planes' variances, but for a constant.
     pub(super) fn criterion(&self, variances: &[f64]) -> Option<f64> {
-        self.restricted(self.parts(variances)?.iter())
+        self.restricted(self.joined(&self.parts(variances)?))
     }
 
     fn parts(&self, variances: &[f64]) -> Option<Vec<Part>> {
@@ -197,12 +202,12 @@ impl SideErrors {
     }
 
     /// Minus twice the restricted log likelihood of what all planes say together.
-    fn restricted<'a>(&self, parts: impl Iterator<Item = &'a Part>) -> Option<f64> {
+    fn restricted(&self, all: Part) -> Option<f64> {
         let Part {
             information,
             gradient,
             mut criterion,
-        } = self.joined(parts);
+        } = all;
         let reduced = Reduced {
             information,
             gradient,
@@ -218,14 +223,14 @@ impl SideErrors {
     }
 
     /// What several planes say together.
-    fn joined<'a>(&self, parts: impl Iterator<Item = &'a Part>) -> Part {
+    fn joined(&self, parts: &[Part]) -> Part {
         let size = self.system.prior.nrows() + self.system.tie_count();
         let mut all = Part {
             information: DMatrix::zeros(size, size),
             gradient: DVector::zeros(size),
             criterion: 0.0,
         };
-        parts.for_each(|part| all.add(part));
+        parts.iter().for_each(|part| all.add(part, 1.0));
         all
     }
 }

@@ -190,9 +190,7 @@ impl SideErrors {
         let own = self.families[first..].iter();
         for family in own.take_while(|family| family.plane == plane) {
             let variance = match variance {
-                0.0 if family.shifted || family.line_variance > 0.0 => {
-                    NO_VARIANCE * self.first_variance
-                }
+                0.0 if family.line_variance > 0.0 => NO_VARIANCE * self.first_variance,
                 variance => variance,
             };
             if variance > 0.0 {

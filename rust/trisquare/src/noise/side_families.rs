@@ -18,9 +18,6 @@ const CORRELATION_LENGTH: f64 = 0.33;
 /// Samples of a side at which its Jacobian is taken: it is as smooth as its displacement.
 const NODES: usize = 10;
 
-/// Variance (px^2) of a shift of which nothing is known.
-const ANY_SHIFT: f64 = 1.0;
-
 /// Orders of a displacement that leave a line straight.
 const LINE_ORDERS: usize = 2;
 
@@ -66,9 +63,6 @@ pub(crate) struct Family {
     pub plane: usize,
     /// Indices of the sides in their figure.
     pub sides: Vec<usize>,
-    /// Whether an error of the tone curve may shift each: such shifts are no displacement of its
-    /// own, and the fit to the pixels takes them out.
-    pub shifted: bool,
     /// Variance (px^2) of where the line of each lies, beside what it errs as others do.
     pub line_variance: f64,
     /// The way the first of them runs; the others run alike.
@@ -130,7 +124,6 @@ impl Family {
         Some(Self {
             plane,
             sides,
-            shifted: false,
             line_variance: 0.0,
             along: None,
             correlation,
@@ -155,7 +148,6 @@ impl Family {
         block: &mut Block,
     ) -> Option<()> {
         let place = self.sides.iter().position(|own| *own == index)?;
-        self.shifted |= !side.tone_drift.is_empty() && board_relief.is_none();
         let mirror = self.mirror(&moments.along);
         let gram = moments
             .robust
@@ -213,7 +205,6 @@ impl Family {
         let mut log_determinant = ORDERS as f64 * self.log_correlation;
         for k in 0..ORDERS {
             let own = match k {
-                0 if self.shifted => ANY_SHIFT,
                 k if k < LINE_ORDERS => spectrum(k) * variance + self.line_variance,
                 _ => spectrum(k) * variance,
             };

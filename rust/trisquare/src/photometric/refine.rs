@@ -242,10 +242,7 @@ fn answer<L: Lens>(
     } = solution;
     let covariance_factor = spread.covariance_factor(problem.free.len() as f64);
     let tones = fit.tone_fits(&state, &system, covariance_factor)?;
-    let system = match fit.free_pictures {
-        0 => system,
-        _ => system.marginal(problem.free.len())?,
-    };
+    let system = system.marginal(problem.free.len())?;
     // Where the pixels' noise is not independent, the samples made from them show it.
     let residual_correlation = &correlated.residual_correlation;
     let dependence = match measured {
@@ -256,7 +253,7 @@ fn answer<L: Lens>(
     let fitted = Solution {
         planes: planes.clone(),
         correlated: Correlated {
-            covariance: independent * dependence + &residual_correlation.added_to_pixels,
+            covariance: independent * dependence + &residual_correlation.added,
             ..correlated.clone()
         },
         refined: Refined {

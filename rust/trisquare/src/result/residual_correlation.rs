@@ -28,10 +28,6 @@ pub struct ResidualCorrelation {
     /// Variance of the samples over what pixels of independent noise would give them, if their
     /// stated standard deviations are those.
     pub(crate) pixels: f64,
-    /// Displacements up to this (px) are what an estimated tone curve does to samples...
-    pub(crate) floor: f64,
-    /// ... which the fit to the pixels takes out: what the rest adds to its covariance.
-    pub(crate) added_to_pixels: DMatrix<f64>,
 }
 
 impl ResidualCorrelation {
@@ -46,14 +42,11 @@ impl ResidualCorrelation {
             heights: vec![0.0; planes],
             added: DMatrix::zeros(parameters, parameters),
             pixels: 1.0,
-            floor: 0.0,
-            added_to_pixels: DMatrix::zeros(parameters, parameters),
         }
     }
 
     /// Whether sides err together, likelier than not.
     pub fn is_likely(&self) -> bool {
-        let largest = self.displacements.iter().copied().fold(0.0, f64::max);
-        self.probability > LIKELIER && largest > self.floor
+        self.probability > LIKELIER
     }
 }

@@ -17,11 +17,7 @@ use crate::uncertainty::{Correlated, pose_uncertainties};
 impl<L: Lens> Calibration<L> {
     /// Says how well the poses of the optimum are known that it was assembled from.
     pub(crate) fn state_poses(&mut self, solution: &Solution<L>) {
-        let added = match self.stage {
-            Stage::Pixels => &self.residual_correlation.added_to_pixels,
-            _ => &self.residual_correlation.added,
-        };
-        let independent = &self.covariance - added;
+        let independent = &self.covariance - &self.residual_correlation.added;
         let displacements = &self.residual_correlation.displacements;
         let (planes, refined) = (&solution.planes, &solution.refined);
         let poses = pose_uncertainties(planes, refined, &independent, displacements);

@@ -24,10 +24,6 @@ const DIFFERENT: f64 = 4.0;
 /// ... of which its logarithm has `0.71 / sqrt(n)`.
 const LOG_SCALE_STD: f64 = 0.71;
 
-/// How far (px) samples measured with an estimated tone curve may be displaced together: a few
-/// thousandths on rendered pictures.
-const CURVE_ERROR: f64 = 0.01;
-
 /// Standard deviations of a tone curve's error that leave the robust weights as they are.
 const SMALL_DRIFT: f64 = 0.01;
 
@@ -207,34 +203,25 @@ pub(crate) fn correlated_covariance<L: Lens>(
         Some(_) => Vec::new(),
         None => errors.unit_covariances()?,
     };
-    let as_stated = |floor: f64| {
-        let mut total = generalised.clone().unwrap_or_else(|| independent.clone());
-        for ((unit, variance), plane) in units.iter().zip(&strength.mean).zip(planes) {
-            let known = variance_of(plane.side_error);
-            total += unit * (*variance - variance_of(floor)).max(known);
-        }
-        total
-    };
+    let mut as_stated = generalised.clone().unwrap_or_else(|| independent.clone());
+    for ((unit, variance), plane) in units.iter().zip(&strength.mean).zip(planes) {
+        as_stated += unit * variance.max(variance_of(plane.side_error));
+    }
     let fitted = match generalised {
         Some(_) => (&system, 1.0),
         None => (&refined.system.leading(free.len()), white),
     };
     let parts = parts(fitted, &units, &strength.mean)?;
-    let spread = spread_of_planes(planes, fitted.0, &parts, &as_stated(0.0));
+    let spread = spread_of_planes(planes, fitted.0, &parts, &as_stated);
     let group_variance_ratio = spread.as_ref().map_or(1.0, |it| it.variance_ratio.max(1.0));
     // Sides in the wrong place may be none of a group's errors in the camera.
     let raised = match spread {
         Some(spread) if spread.is_enough => group_variance_ratio,
         _ => group_variance_ratio.max(between_plane_variance_ratio),
     };
-    let total_beyond = |floor: f64| as_stated(floor) * raised;
-    let drifting = planes.iter().any(ObservedPlane::has_tone_drift);
-    let floor = if drifting { CURVE_ERROR } else { 0.0 };
-    let total = total_beyond(0.0);
+    let total = as_stated * raised;
     let displacements = strength.if_any().into_iter();
     let residual_correlation = ResidualCorrelation {
-        floor,
-        added_to_pixels: total_beyond(floor) - &independent,
         between_plane_variance_ratio,
         group_variance_ratio,
         heights: planes

@@ -250,7 +250,6 @@ impl<L: Lens> Calibration<L> {
         let correlation = &mut self.residual_correlation;
         self.covariance += doubt;
         correlation.added += doubt;
-        correlation.added_to_pixels += doubt;
         Some(most)
     }
 }
