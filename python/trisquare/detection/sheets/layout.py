@@ -233,11 +233,12 @@ def _from_file(path: Path) -> Layout:
         raise ValueError(f"{path}: sheets must be a list of at least one")
     sheets: list[PrintedSheet] = []
     numbers: list[dict[int, int]] = []
+    known: set[int] = set()
     for index, member in enumerate(given):
         sheet, places = _file_sheet(path, index, member)
-        for other in numbers:
-            if twice := sorted(places.keys() & other.keys()):
-                raise ValueError(f"{path}: marker {twice[0]} is on two sheets")
+        if twice := sorted(known.intersection(places)):
+            raise ValueError(f"{path}: marker {twice[0]} is on two sheets")
+        known.update(places)
         sheets.append(sheet)
         numbers.append(places)
     name = content.get("dictionary")
