@@ -73,7 +73,11 @@ def read_requirements(path: PathLike) -> list[Requirement]:
         import tomli as tomllib  # type: ignore[import-not-found, no-redef, unused-ignore]
     text = read_text(path)
     with naming(path):
-        found = [_requirement(name, table) for name, table in _tables(tomllib.loads(text))]
+        try:
+            document = tomllib.loads(text)
+        except RecursionError as error:
+            raise ValueError("the TOML text is nested too deeply") from error
+        found = [_requirement(name, table) for name, table in _tables(document)]
         if not found:
             raise ValueError("no limit is in this file")
     return found
