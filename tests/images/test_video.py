@@ -98,6 +98,24 @@ def test_what_is_no_video_is_refused(tmp_path):
             Video(tmp_path / "other.mp4")
 
 
+@pytest.mark.parametrize(
+    "playlist",
+    [
+        "#EXTM3U\n#EXTINF:9,\nclip.avi\n#EXT-X-ENDLIST\n",
+        "ffconcat version 1.0\nfile 'clip.avi'\n",
+        "v=0\nm=video 5004 RTP/AVP 96\nc=IN IP4 127.0.0.1\n",
+    ],
+)
+def test_what_names_other_videos_is_not_opened(tmp_path, monkeypatch, playlist):
+    """FFmpeg would read the files and addresses in it."""
+    write_frames(tmp_path / "clip.avi", FRAMES)
+    path = tmp_path / "list.mp4"
+    path.write_text(playlist)
+    monkeypatch.setattr(cv2, "VideoCapture", None)
+    with pytest.raises(ImageError, match=r"list\.mp4: not a readable video"):
+        Video(path)
+
+
 def test_frames_of_too_many_pixels_are_refused(tmp_path):
     path = tmp_path / "clip.avi"
     write_frames(path, FRAMES)

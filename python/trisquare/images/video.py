@@ -83,9 +83,10 @@ class Video:
         self.name = os.fspath(path)
         if not os.path.exists(path):
             raise MissingImageError(f"{self.name}: No such file or directory")
-        # The whole path: a name alone may mean an address or a camera to FFmpeg.
-        self._capture = cv2.VideoCapture(os.path.realpath(path))
-        if not (is_video(path) and self._capture.isOpened()):
+        # The whole path: a name alone may mean an address or a camera to FFmpeg; and so may what a
+        # playlist holds, which is no video.
+        self._capture = cv2.VideoCapture(os.path.realpath(path)) if is_video(path) else None
+        if self._capture is None or not self._capture.isOpened():
             raise ImageError(f"{self.name}: not a readable video, or one without frames")
         # As the sensor delivered them: so photographs are read, and one camera is that of both.
         self._capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
