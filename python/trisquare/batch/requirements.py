@@ -22,8 +22,8 @@ OTHERS = ("rms_px", "noise_scale", "planes")
 KEYS = ("nominal", "within", "least", "most")
 
 MOST_CHARACTERS = 10_000
-"""Of a file. Limits for all numbers take a fifth of it; a key of many parts takes time and memory by the square
-of its length."""
+"""Of a file. Limits for all numbers take a fifth of it; a key of many parts takes time and memory
+by the square of its length."""
 
 PER_CENT = re.compile(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*%\s*")
 
