@@ -416,7 +416,7 @@ def _read_whole(reader: Reader, file: bytes) -> None:
 
 
 def run(reader: Reader, seed: int, cases: int) -> bool:
-    """Print the slowest file and the largest memory of a reader; return whether all is well."""
+    """Print a reader's row of the table; return whether all is well."""
     for whole in reader.whole:
         _read_whole(reader, whole)
     progress = Progress.shared()
@@ -438,11 +438,8 @@ def run(reader: Reader, seed: int, cases: int) -> bool:
             _keep(reader.name, first, _case(reader, seed, first), why)
         process.join()
         first += first < cases
-    print(
-        f"{reader.name}: {cases} files in {time.monotonic() - start:.0f} s, slowest "
-        f"{progress.slowest.value:.3f} s, {progress.peak.value:.0f} MB",
-        flush=True,
-    )
+    numbers = (progress.slowest.value, progress.peak.value, time.monotonic() - start)
+    print("| {} | {} | {:.3f} | {:.0f} | {:.0f} |".format(reader.name, cases, *numbers), flush=True)
     return set(FOUND.glob("*")) == before
 
 
@@ -456,6 +453,7 @@ def main() -> None:
     chosen = [own for own in readers() if own.name.startswith(tuple(asked.names) or "")]
     if not chosen:
         parser.error(f"no reader begins so; there are {', '.join(own.name for own in readers())}")
+    print("| reader | files | slowest, s | memory, MB | all, s |\n| --- | --- | --- | --- | --- |")
     well = [run(reader, asked.seed, asked.cases) for reader in chosen]
     sys.exit(0 if all(well) else 1)
 
