@@ -85,9 +85,10 @@ class Video:
             raise MissingImageError(f"{self.name}: No such file or directory")
         # The whole path: a name alone may mean an address or a camera to FFmpeg; and so may what a
         # playlist holds, which is no video.
-        self._capture = cv2.VideoCapture(os.path.realpath(path)) if is_video(path) else None
-        if self._capture is None or not self._capture.isOpened():
+        capture = cv2.VideoCapture(os.path.realpath(path)) if is_video(path) else None
+        if capture is None or not capture.isOpened():
             raise ImageError(f"{self.name}: not a readable video, or one without frames")
+        self._capture = capture
         # As the sensor delivered them: so photographs are read, and one camera is that of both.
         self._capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
         width, height, count, self.rate, turn = (
