@@ -259,7 +259,7 @@ def _file_sheet(path: Path, index: int, member: Any) -> tuple[PrintedSheet, dict
     corners = []
     for place, (key, value) in enumerate(markers.items()):
         if not re.fullmatch(r"\d{1,6}", key) or int(key) in places:
-            raise ValueError(f"{path}: {key!r} is no marker number of its own")
+            raise ValueError(f"{path}: {key!r:.60} is no marker number of its own")
         places[int(key)] = place
         try:
             corners.append(real_array(value, f"marker {key}", (4, 2)))
