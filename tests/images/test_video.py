@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -114,6 +115,24 @@ def test_what_names_other_videos_is_not_opened(tmp_path, monkeypatch, playlist):
     monkeypatch.setattr(cv2, "VideoCapture", None)
     with pytest.raises(ImageError, match=r"list\.mp4: not a readable video"):
         Video(path)
+
+
+def test_a_reader_that_gives_up_is_told(tmp_path, monkeypatch):
+    """As OpenCV's own does of an AVI file whose chunks are larger than it allows."""
+    path = tmp_path / "clip.avi"
+    write_frames(path, FRAMES)
+
+    with Video(path) as video:
+        frames = video.frames()
+        for _ in range(3):
+            next(frames)
+
+        def gives_up():
+            raise cv2.error("Assertion failed")
+
+        monkeypatch.setattr(video, "_capture", SimpleNamespace(read=gives_up, release=list))
+        with pytest.raises(ImageError, match=r"clip\.avi: damaged after 3 frames"):
+            next(frames)
 
 
 def test_frames_of_too_many_pixels_are_refused(tmp_path):

@@ -112,12 +112,21 @@ class Video:
         Raises
         ------
         ImageError
-            At the end, if there were none, or markedly fewer than the video states.
+            If a frame is damaged in a way that cannot be passed over; at the end, if there were
+            none, or markedly fewer than the video states.
         """
+        import cv2  # loaded where a video is read
+
         found = 0
-        while (frame := self._capture.read())[0]:
+        while True:
+            try:
+                is_there, frame = self._capture.read()
+            except cv2.error as error:  # of its own reader, which it uses where FFmpeg gives up
+                raise ImageError(f"{self.name}: damaged after {found} frames") from error
+            if not is_there:
+                break
             found += 1
-            yield frame[1]
+            yield frame
         if not found:
             raise ImageError(f"{self.name}: a video without frames")
         if found < (1 - SPREAD) * self.stated_frames - STRAY_FRAMES:
