@@ -183,10 +183,15 @@ def _spread(count: int) -> NDArray[np.intp]:
     return np.linspace(0, count, MOST_POINTS, endpoint=False).astype(np.intp)
 
 
+def _turned(values: FloatArray) -> FloatArray:
+    """Return the value after each one, as `np.roll` does in ten times the time."""
+    return np.concatenate((values[1:], values[:1]))
+
+
 def _signed_area(polygon: FloatArray) -> float:
     """Twice the area, positive if the polygon runs clockwise on the screen."""
     x, y = (polygon - polygon.mean(axis=0)).T
-    return float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+    return float(x @ _turned(y) - y @ _turned(x))
 
 
 def _clockwise(polygon: FloatArray, where: str) -> FloatArray:
@@ -206,7 +211,7 @@ def _corners_of(polygon: FloatArray) -> NDArray[np.intp]:
     centred = (polygon - polygon.mean(axis=0)).astype(np.float32)
     hull = np.sort(cv2.convexHull(centred, returnPoints=False).ravel())
     points = polygon[hull]
-    edges = np.roll(points, -1, axis=0) - points
+    edges = _turned(points) - points
     angles = np.maximum.accumulate(np.unwrap(np.arctan2(edges[:, 1], edges[:, 0])))
     start, end = np.triu_indices(len(hull), 2)
     diagonals = points[end] - points[start]
@@ -246,7 +251,7 @@ def _head_to_tail(lines: list[FloatArray], where: str) -> list[FloatArray]:
 
 def _refuse_crossings(polygon: FloatArray, where: str) -> None:
     """Raise ValueError if two edges of a closed polygon cross."""
-    start, end = polygon, np.roll(polygon, -1, axis=0)
+    start, end = polygon, _turned(polygon)
     direction = end - start
 
     def side_of(point: FloatArray) -> FloatArray:
