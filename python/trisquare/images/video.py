@@ -112,7 +112,7 @@ class Video:
         Raises
         ------
         ImageError
-            If a frame is damaged in a way that cannot be passed over; at the end, if there were
+            If the reader gives up on a damaged frame; at the end, if there were
             none, or markedly fewer than the video states.
         """
         import cv2  # loaded where a video is read
