@@ -153,7 +153,9 @@ class PlaneEdges:
         object.__setattr__(self, "image", index_number(self.image, "image"))
         string(self.kind, "kind")
         if string(self.freedom, "freedom") not in get_args(Freedom):
-            raise ValueError(f"freedom must be one of {get_args(Freedom)}, not {self.freedom!r}")
+            raise ValueError(
+                f"freedom must be one of {get_args(Freedom)}, not {self.freedom!r:.60}"
+            )
         if self.radii is not None and self.freedom in ("aspect", "line"):
             raise ValueError(f'freedom must not be "{self.freedom}" for circles')
         if self.freedom == "line":

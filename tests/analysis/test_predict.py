@@ -194,6 +194,18 @@ def test_command_reads_a_plan_and_a_camera(run, tmp_path):
     assert json.loads(out)["camera"]["fx"] == result.camera.fx
 
 
+@pytest.mark.parametrize(
+    "size", [[1e300, 960], [1280.5, 960], [1280], [0, 960], [10**400, 960], "1280x960"]
+)
+def test_a_plan_for_no_picture_is_refused(run, tmp_path, size):
+    plan = tmp_path / "plan.json"
+    plan.write_text(json.dumps({"format": "trisquare-plan/1", "image_size": size, "squares": []}))
+    code, out, error = run("predict", plan)
+    assert (code, out, error.count("\n")) == (2, "", 1)
+    assert "image_size" in error
+    assert len(error) < 200
+
+
 def squares_scene():
     return squares(5)
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 import trisquare as ts
 from trisquare.batch.jobs import LONGEST_FILE_NAME, safe_file_name
+from trisquare.batch.manifest import manifest_jobs
 
 
 def touch(folder, *names):
@@ -49,6 +50,14 @@ def test_a_folder_without_pictures_is_named_and_the_rest_goes_on(tmp_path):
         "empty": "no photograph is in this folder",
         "a": ["full/a.png"],
     }
+
+
+def test_a_column_of_any_length_is_named_in_short(tmp_path):
+    path = tmp_path / "cameras.csv"
+    path.write_text(f"name,photographs,{'mode ' * 20_000}\n")
+    with pytest.raises(ValueError, match=r"cameras\.csv: unknown column 'mode mode ") as error:
+        list(manifest_jobs(str(path), {}))
+    assert len(str(error.value)) < 600
 
 
 @pytest.mark.parametrize("name", ["missing.png", "missing*.png", "missing/"])

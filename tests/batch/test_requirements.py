@@ -60,6 +60,8 @@ def test_cameras_pass_or_not(tmp_path, text, expected):
         ("[fx]", "must be a table"),
         ("std = 1", "unknown parameter 'std'"),
         ("", "no limit is in this file"),
+        (f"a = {'[' * 5000}", "nested too deeply"),
+        (f"a{'.a' * 500_000} = 1", "more than the 10000 characters"),
         ("[fx", "Expected"),
     ],
 )

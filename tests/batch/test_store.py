@@ -11,11 +11,14 @@ import pytest
 from batches import make_pictures, quick, record_of
 
 import trisquare as ts
+from trisquare.batch.fleet import Fleet
 from trisquare.batch.limits import JobLimits
 from trisquare.batch.run import Submission, finished
 from trisquare.batch.store import Store
+from trisquare.batch.summary import rows
 
 LIMITS = JobLimits.stated()
+HELPERS = os.path.join(os.path.dirname(os.path.dirname(__file__)), "helpers")
 COMMAND = (sys.executable, "-m", "trisquare", "batch")
 
 
@@ -147,6 +150,38 @@ def test_lines_of_others_are_dropped(tmp_path):
     assert [own["name"] for own in lines(tmp_path)] == ["a"]
 
 
+@pytest.mark.parametrize(
+    "damage",
+    [
+        *({name: None} for name in record_of(job("a")) if name != "software"),
+        *({name: "12"} for name in ("image_size", "values", "std", "rms_px", "planes", "warnings")),
+        *({name: float("nan")} for name in ("rms_px", "noise_scale")),
+        {"key": 3},
+        {"photographs": [1]},
+        {"image_size": [640]},
+        {"values": {"fx": 1e308}},
+        {"values": {"fz": 1.0}},
+        {"std": {"fx": -1.0}},
+        {"warnings": [{"code": "a"}]},
+        {"status": "failed"},
+        {"status": "failed", "error": {"code": "DetectionError"}, "limits": {}},
+        {"status": "failed", "error": {"code": "A", "text": "b"}, "limits": [1]},
+    ],
+    ids=str,
+)
+def test_damaged_records_are_dropped_and_done_again(tmp_path, damage):
+    """A summary needs every member: what is missing or of another type would end it."""
+    whole = {**record_of(job("a")), "key": job("a").key}
+    (tmp_path / "results.jsonl").write_text(
+        "".join(json.dumps(own) + "\n" for own in ({**whole, **damage}, {**whole, "name": "b"}))
+    )
+    with Store(tmp_path, LIMITS) as store:
+        assert [own["name"] for own in store.records()] == ["b"]
+        assert add(store, job("a"))
+        fleet = Fleet.of(store.records())
+        assert len(list(rows(store.records(), fleet, []))) == 2
+
+
 def test_what_a_killed_run_was_writing_is_removed(tmp_path):
     with Store(tmp_path, LIMITS) as store:
         add(store, job("a"))
@@ -178,25 +213,27 @@ def test_a_second_run_on_the_folder_is_refused(tmp_path):
 
 
 FULL = """
-import resource, signal, sys
+import os, resource, signal, sys
+from batches import record_of
 from trisquare.batch.limits import JobLimits
 from trisquare.batch.store import Store
 from trisquare import Job
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 with Store(sys.argv[1], JobLimits.stated()) as store:
-    store.add(Job("a", ("a",)), "k", ({"name": "a", "status": "done"}, "{}"))
-    resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFINITY))
-    store.add(Job("b", ("b",)), "k", ({"name": "b", "status": "done"}, "x" * int(sys.argv[3])))
+    a, b = (Job(name, (name,)) for name in "ab")
+    store.add(a, "k", (record_of(a), "{}"))
+    most = os.path.getsize(f"{sys.argv[1]}/results.jsonl") + 20
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most, resource.RLIM_INFINITY))
+    store.add(b, "k", (record_of(b), "x" * int(sys.argv[2])))
 """
 
 
-@pytest.mark.parametrize(
-    ("most", "size", "named"), [(70, 10, "results.jsonl"), (70, 200, "b.json")]
-)
-def test_a_disk_that_is_full_is_told_and_leaves_no_half_file(tmp_path, most, size, named):
+@pytest.mark.parametrize(("size", "named"), [(10, "results.jsonl"), (1000, "b.json")])
+def test_a_disk_that_is_full_is_told_and_leaves_no_half_file(tmp_path, size, named):
     """The process may write no longer files, which fails as a full disk does: in the middle."""
     done = subprocess.run(
-        [sys.executable, "-c", FULL, tmp_path, str(most), str(size)],
+        [sys.executable, "-c", FULL, tmp_path, str(size)],
+        env={**os.environ, "PYTHONPATH": HELPERS},
         capture_output=True,
         text=True,
         check=False,

@@ -1,8 +1,10 @@
 """The `trisquare` command: what it prints, what it writes, and its exit codes."""
 
 import json
+import re
 import subprocess
 import sys
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -17,7 +19,9 @@ from trisquare.drawing.overlay import draw_overlay
 from trisquare.edges import PlaneEdges
 from trisquare.measurement import measure
 from trisquare.results.calibration import Calibration, Camera
+from trisquare.results.calibration_warning import CalibrationWarning
 from trisquare.results.plane import Plane
+from trisquare.results.rejected import Rejected
 
 SCENE = simulate.random_scene(np.random.default_rng(11), image_size=(640, 480))
 PHOTO = simulate.render(SCENE, np.random.default_rng(12))
@@ -127,6 +131,31 @@ def test_the_table_shows_numbers_planes_and_warnings(run, photo, asked):
         assert shown[name] == [f"{value:.2f}", "0.10"]
     assert shown["2"][:2] == ["square", "0"]
     assert "warning" not in out
+
+
+def test_texts_of_a_result_do_not_reach_a_terminal_as_they_are(run, photo, monkeypatch):
+    """Names of markers' sheets and of files are among them."""
+    hostile = "a\x1b[31m\u202eb\x9b2J\nwrote all"
+    corners = np.zeros((4, 2))
+    result = true_calibration(warnings=(CalibrationWarning("\x1b[2Jb\nc", "other"),))
+    result = replace(
+        result,
+        planes=tuple(replace(plane, kind=hostile) for plane in result.planes),
+        rejected=(Rejected(hostile, 0, corners, hostile),),
+        stage=hostile,
+    )
+    done = Calibrated(result, ())
+    monkeypatch.setattr(commands.calibrate, "calibrate_photographs", lambda *_, **__: done)
+    code, out, err = run("calibrate", photo, "--verbose")
+    assert code == 0
+    shown = r"a\x1b[31m\u202eb\x9b2J\nwrote all"
+    assert out.count(r"a\x1b[31m") == len(result.planes) + 3
+    assert f"method ml ({shown})" in out
+    assert f"not used: {shown} around (0, 0) of image 0: {shown}" in out
+    assert r"warning: \x1b[2Jb\nc [other]" in err
+    for text in (out, err):
+        assert not re.search("[\x00-\x09\x0b-\x1f\x7f-\x9f\u202e]", text)
+        assert not re.search("^ *wrote all", text, re.MULTILINE)
 
 
 def test_json_alone_stands_on_standard_output(run, photo, asked):

@@ -430,19 +430,27 @@ def test_names_that_cannot_be_encoded_are_escaped(folder, encoding):
         ("undistort", "NAME", "--camera", "camera.json", "-o", "NAMEo.png"),
         ("convert", "camera.json", "NAMEo.yaml"),
         ("convert", "NAME", "out.yaml"),
+        ("compare", "camera.json", "camera.json", "--map", "NAMEo.png"),
+        ("target", "-o", "NAMEo.pdf"),
+        ("target", "-o", "t.pdf", "--kind", "NAME"),
+        ("calibrate", "photo.png", "--model", "NAME"),
+        ("calibrate", "photo.png", "--outline", "NAME"),
+        ("calibrate", "photo.png", "--board", "NAME"),
+        ("NAME",),
         ("straighten", "lines.png", "-o", "NAMEo.png"),
         ("measure", *TAKEN, "--rectify", "NAMEo.png"),
     ],
     ids=" ".join,
 )
 def test_control_characters_of_names_do_not_reach_a_terminal(run, folder, encoded, arguments):
-    """They would colour, clear or retitle it."""
-    name = "a\x1b[31m\x1b]0;title\x07\u202eb.png"
+    """They would colour, clear or retitle it, or end the line and say what was not done."""
+    name = "a\x1b[31m\x1b]0;title\x07\u202e\rb\nwrote all.png"
     (folder / name).write_bytes(encoded)
     code, out, err = run(*with_argument(arguments, "NAME", name))
     assert code in (0, 2, 5)
     assert not re.search("[\x00-\x09\x0b-\x1f\x7f\u202e]", out + err)
-    assert r"a\x1b[31m\x1b]0;title\x07\u202eb.png" in out + err
+    assert r"a\x1b[31m\x1b]0;title\x07\u202e" in out + err
+    assert not any(line.startswith("wrote all") for line in (out + err).split("\n"))
 
 
 def test_a_negative_coordinate_is_no_option(run, folder):

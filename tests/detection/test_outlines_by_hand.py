@@ -1,7 +1,10 @@
 """Outlines drawn by hand: the edges are measured wherever a coarse outline says they are."""
 
 import json
+import re
+import tracemalloc
 from functools import cache
+from itertools import combinations
 
 import cv2
 import numpy as np
@@ -11,6 +14,7 @@ from scenes import squares
 import trisquare as ts
 from trisquare import simulate
 from trisquare.detection.annotations import formats as drawing_formats
+from trisquare.detection.annotations.load import Annotations
 from trisquare.detection.annotations.outlines import AnnotatedOutline
 
 SIZE = (800, 600)
@@ -301,6 +305,74 @@ def test_a_traced_mask_has_its_corners_found():
     distances = np.linalg.norm(corners[:, None] - quad[None], axis=2)
     assert distances.min(axis=0).max() < 8
     assert sorted(distances.argmin(axis=1).tolist()) == [0, 1, 2, 3]
+
+
+CORNERS = [[20, 20], [90, 20], [90, 90], [20, 90]]
+
+
+def area_of(corners):
+    x, y = np.transpose(corners)
+    return 0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_corners_of_a_polygon_enclose_the_largest_area(seed):
+    """By trying all fours of its points."""
+    rng = np.random.default_rng(seed)
+    square = np.array([[10, 10], [90, 12], [88, 95], [8, 90], [10, 10]]) + rng.normal(0, 4, (5, 2))
+    square[4] = square[0]
+    along = np.sort(rng.uniform(0, 4, 12))
+    side = along.astype(int)
+    part = (along - side)[:, None]
+    polygon = square[side] * (1 - part) + square[side + 1] * part + rng.normal(0, 0.5, (12, 2))
+    largest = max(area_of(polygon[list(four)]) for four in combinations(range(12), 4))
+    try:
+        corners = AnnotatedOutline.of_polygon(polygon, "polygon").corners
+    except ValueError as error:
+        assert re.search("crosses itself|has a side of", str(error))  # noqa: PT017
+    else:
+        assert area_of(corners) == pytest.approx(largest, rel=1e-12)
+
+
+def test_squares_of_one_picture_are_joined_wherever_they_stand_in_the_file():
+    squares = [{"corners": (np.array(CORNERS) + 100 * i).tolist()} for i in range(4)]
+    pictures = [{"index": i % 2, "squares": [square]} for i, square in enumerate(squares)]
+    members = {"format": "trisquare-outlines/1", "pictures": pictures}
+    found = Annotations.read(members, ["a.jpg", "b.jpg", "c.jpg"])
+    assert found.of_pictures[2] is None
+    for index, picture in enumerate(found.of_pictures[:2]):
+        expected = [squares[index]["corners"], squares[index + 2]["corners"]]
+        assert [target.outer.corners.tolist() for target in picture.targets] == expected
+
+
+def test_shapes_of_a_group_are_one_frame_in_any_order():
+    def shape(corners, group):
+        return {"points": corners, "shape_type": "polygon", "group_id": group}
+
+    outer, inner = CORNERS, [[40, 40], [70, 40], [70, 70], [40, 70]]
+    other = (np.array(CORNERS) + 200).tolist()
+    shapes = [shape(inner, 2), shape(other, 1), shape(outer, 2)]
+    (picture,) = Annotations.read({"shapes": shapes}, ["a.jpg"]).of_pictures
+    first, second = picture.targets
+    assert (first.inner, second.inner is None) == (None, False)
+    assert first.outer.corners.tolist() == other
+    with pytest.raises(ValueError, match=r'"shapes\[3\].points" is the third outline of one frame'):
+        Annotations.read({"shapes": [*shapes, shape(outer, 2)]}, ["a.jpg"])
+
+
+@pytest.mark.parametrize("place", ["corners", "polygon", "sides"])
+def test_a_long_string_among_numbers_takes_no_memory(place):
+    """NumPy would give each number as much of it as the longest string has."""
+    points = [[number, "x" * 100_000 if number == 7 else 1] for number in range(500)]
+    square = {place: 4 * [points] if place == "sides" else points}
+    members = {"format": "trisquare-outlines/1", "squares": [square]}
+    tracemalloc.start()
+    try:
+        with pytest.raises(ValueError, match=f"{place}.* must hold real numbers, not str"):
+            Annotations.read(members, ["a.jpg"])
+        assert tracemalloc.get_traced_memory()[1] < 5e6
+    finally:
+        tracemalloc.stop()
 
 
 def test_the_documented_example_is_read():

@@ -327,6 +327,18 @@ def test_a_layout_may_come_from_a_file(tmp_path):
     assert len(ts.detect(picture, targets=str(path), tone="linear")) == 2
 
 
+def test_no_marker_is_on_two_sheets_of_many(tmp_path):
+    square = [[0, 0], [1, 0], [1, 1], [0, 1]]
+    sheets = [{"markers": {str(number): square}} for number in (5, 6, 7, 8)]
+    path = tmp_path / "layout.json"
+    path.write_text(json.dumps({"sheets": sheets}))
+    assert len(parse_layout(str(path)).sheets) == 4
+    for number in (5, 8):
+        path.write_text(json.dumps({"sheets": [*sheets, {"markers": {str(number): square}}]}))
+        with pytest.raises(ValueError, match=rf"layout\.json: marker {number} is on two sheets"):
+            parse_layout(str(path))
+
+
 @pytest.mark.parametrize(
     "content",
     [
@@ -343,13 +355,17 @@ def test_a_layout_may_come_from_a_file(tmp_path):
         '{"dictionary": "9X9", "markers": {"1": [[0, 0], [1, 0], [1, 1], [0, 1]]}}',
         '{"dictionary": 3, "markers": {"1": [[0, 0], [1, 0], [1, 1], [0, 1]]}}',
         '{"markers": {"1": [[0, 0], [1e308, 0], [1e308, 1e308], [0, 1e308]]}}',
+        '{"markers": {"1": [[0, 0], [1, 0], [1, "a"], [0, 1]]}}',
+        f'{{"markers": {{"{"7" * 10_000}": [[0, 0], [1, 0], [1, 1], [0, 1]]}}}}',
+        f'{{"markers": {{"1": [[0, 0], [1, 0], [1, {10**400}], [0, 1]]}}}}',
     ],
 )
 def test_a_bad_layout_file_is_refused(tmp_path, content):
     path = tmp_path / "layout.json"
     path.write_text(content)
-    with pytest.raises(ValueError, match=r"layout\.json"):
+    with pytest.raises(ValueError, match=r"layout\.json") as error:
         ts.detect(np.zeros((40, 40), np.uint8), targets=str(path))
+    assert len(str(error.value)) < 600
 
 
 @pytest.mark.parametrize(

@@ -117,6 +117,7 @@ def load_text(folder, name, text, **options):
         ("lensfun.xml", ' focal="', ' local="', '"focal" is missing'),
         ("lensfun.xml", ' k1="', ' k1="x', '"k1" must be a finite number'),
         ("lensfun.xml", "<cropfactor>1.0", "<cropfactor>0", '"cropfactor" and "focal" must be'),
+        ("lensfun.xml", "<cropfactor>1.0", "<cropfactor>1e200", "numbers that are too large"),
         ("lensfun.xml", "1279:959", "1279:0", '"aspect-ratio" must be written 3:2'),
         ("lensfun.xml", "<distortion", "<contortion", "no <lens> with a <distortion>"),
         ("left.cameramodel", "1000.5, ", "", '"intrinsics" must have shape (8)'),

@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -96,6 +97,42 @@ def test_what_is_no_video_is_refused(tmp_path):
         (tmp_path / "other.mp4").write_bytes(content)
         with pytest.raises(ImageError, match="not a readable video"):
             Video(tmp_path / "other.mp4")
+
+
+@pytest.mark.parametrize(
+    "playlist",
+    [
+        "#EXTM3U\n#EXTINF:9,\nclip.avi\n#EXT-X-ENDLIST\n",
+        "ffconcat version 1.0\nfile 'clip.avi'\n",
+        "v=0\nm=video 5004 RTP/AVP 96\nc=IN IP4 127.0.0.1\n",
+    ],
+)
+def test_what_names_other_videos_is_not_opened(tmp_path, monkeypatch, playlist):
+    """FFmpeg would read the files and addresses in it."""
+    write_frames(tmp_path / "clip.avi", FRAMES)
+    path = tmp_path / "list.mp4"
+    path.write_text(playlist)
+    monkeypatch.setattr(cv2, "VideoCapture", None)
+    with pytest.raises(ImageError, match=r"list\.mp4: not a readable video"):
+        Video(path)
+
+
+def test_a_reader_that_gives_up_is_told(tmp_path, monkeypatch):
+    """As OpenCV's own does of an AVI file whose chunks are larger than it allows."""
+    path = tmp_path / "clip.avi"
+    write_frames(path, FRAMES)
+
+    with Video(path) as video:
+        frames = video.frames()
+        for _ in range(3):
+            next(frames)
+
+        def gives_up():
+            raise cv2.error("Assertion failed")
+
+        monkeypatch.setattr(video, "_capture", SimpleNamespace(read=gives_up, release=list))
+        with pytest.raises(ImageError, match=r"clip\.avi: damaged after 3 frames"):
+            next(frames)
 
 
 def test_frames_of_too_many_pixels_are_refused(tmp_path):

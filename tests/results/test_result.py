@@ -133,6 +133,7 @@ def test_a_wrong_camera_is_refused(change, error, message):
     [
         ({"rotation": -rotation()}, ValueError, "rotation"),
         ({"rotation": rotation() * 1.001}, ValueError, "rotation"),
+        ({"rotation": rotation() * 1e200}, ValueError, "rotation"),
         ({"corners": np.zeros((3, 2))}, ValueError, "corners"),
         ({"translation": [0, 0, np.nan]}, ValueError, "translation"),
         ({"rms": -0.1}, ValueError, "rms"),

@@ -336,6 +336,25 @@ def test_a_file_that_is_no_picture_is_told(page, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("is_whole", [True, False])
+def test_names_of_files_are_text_on_the_page(page, photo, tmp_path, is_whole):
+    """Not elements: what is shown of a picture, of an error and in labels."""
+    name = "<img src=x onerror=document.title='run'>&lt;b>.png"
+    path = tmp_path / name
+    path.write_bytes(photo.read_bytes() if is_whole else b"no picture")
+    before = page.evaluate("document.querySelectorAll('img, b').length")
+    if is_whole:
+        opened(page, path)
+        assert page.evaluate("document.querySelector('#pictures button').textContent") == name
+    else:
+        page.choose_files("#files", path)
+        page.wait_for(SHOWN.format("problem"))
+        page.complaints.clear()  # the browser logs that the server has refused
+    assert page.evaluate("document.querySelectorAll('img, b').length") == before
+    assert page.evaluate("document.title") != "run"
+
+
+@pytest.mark.slow
 def test_the_camera_guides_and_takes_the_picture_by_itself(page):
     press(page, "open-camera")
     page.wait_for("document.querySelectorAll('#live .measured').length === 3")

@@ -46,10 +46,7 @@ def real_array(value: Any, name: str, shape: tuple[int | None, ...]) -> FloatArr
     ValueError
         If the shape differs, rows have different lengths, or a value is NaN or infinite.
     """
-    try:
-        given = np.asarray(value)
-    except ValueError as error:
-        raise ValueError(f"{name} is ragged: its rows have different lengths") from error
+    given = value if isinstance(value, np.ndarray) else _of_leaves(value, name)
     if given.dtype.kind not in "iuf":
         raise TypeError(f"{name} must hold real numbers, not {given.dtype}")
     if given.shape != shape and not _fits(given.shape, shape):
@@ -83,6 +80,25 @@ def whole_number(value: Any, name: str) -> int:
     return int(value)
 
 
+def _of_leaves(value: Any, name: str) -> npt.NDArray[Any]:
+    """Return nested lists as an array of numbers.
+
+    An array of objects comes first: among strings the longest would decide how much memory each of
+    the numbers takes.
+    """
+    leaves = np.asarray(value, dtype=object)
+    kinds = set(map(type, leaves.ravel()))
+    if not kinds.isdisjoint((list, tuple, np.ndarray)):
+        raise ValueError(f"{name} is ragged: its rows have different lengths")
+    for kind in kinds:
+        if kind is bool or not issubclass(kind, int | float | np.integer | np.floating):
+            raise TypeError(f"{name} must hold real numbers, not {kind.__name__}")
+    try:
+        return leaves.astype(np.float64)
+    except OverflowError as error:
+        raise ValueError(f"{name} holds a number that is too large") from error
+
+
 def size_of_image(value: Any) -> tuple[int, int]:
     """Return ``(width, height)`` as ints that a picture may have.
 
@@ -99,7 +115,9 @@ def size_of_image(value: Any) -> tuple[int, int]:
         raise type(error)("image_size must be (width, height)") from error
     size = (whole_number(width, "image_size"), whole_number(height, "image_size"))
     if min(size) < 1 or max(size) > LARGEST_SIDE:
-        raise ValueError(f"image_size must be positive and at most {LARGEST_SIDE}, not {size}")
+        raise ValueError(
+            f"image_size must be positive and at most {LARGEST_SIDE}, not {size!s:.60}"
+        )
     return size
 
 

@@ -21,8 +21,9 @@ def rotation_matrix(value: Any) -> FloatArray:
         If it is none.
     """
     rotation = real_array(value, "rotation", (3, 3))
-    deviation = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
-    if deviation > ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
+    with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are far too large
+        deviation = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+    if not deviation <= ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
         raise ValueError("rotation must be orthonormal with determinant +1")
     return rotation
 

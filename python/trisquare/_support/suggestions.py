@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+LONGEST_NAME = 100
+"""Characters that are shown of a name from a file, which may be anything."""
+
 
 def unknown(what: str, value: str, known: Iterable[str], choose: str | None = None) -> ValueError:
     """Return the error for a name that is not known: the nearest of those known, and all of them.
@@ -19,6 +22,8 @@ def unknown(what: str, value: str, known: Iterable[str], choose: str | None = No
     choose : str, optional
         What to choose from, where that is more than the names that are known.
     """
+    if len(value) > LONGEST_NAME:
+        value = f"{value[:LONGEST_NAME]}..."
     names = list(known)
     meant = nearest_name(value, names)
     hint = "" if meant is None else f"did you mean {meant!r}? "

@@ -21,6 +21,10 @@ PARAMETERS = tuple(
 OTHERS = ("rms_px", "noise_scale", "planes")
 KEYS = ("nominal", "within", "least", "most")
 
+MOST_CHARACTERS = 10_000
+"""Of a file. Limits for all numbers take a fifth of it; a key of many parts takes time and memory
+by the square of its length."""
+
 PER_CENT = re.compile(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*%\s*")
 
 
@@ -65,7 +69,8 @@ def read_requirements(path: PathLike) -> list[Requirement]:
     OSError
         If it cannot be read.
     ValueError
-        If it is no TOML, or names a number that no camera has; the message begins with the file.
+        If it is no TOML, too long, or names a number that no camera has; the message begins with
+        the file.
     """
     try:
         import tomllib
@@ -73,7 +78,13 @@ def read_requirements(path: PathLike) -> list[Requirement]:
         import tomli as tomllib  # type: ignore[import-not-found, no-redef, unused-ignore]
     text = read_text(path)
     with naming(path):
-        found = [_requirement(name, table) for name, table in _tables(tomllib.loads(text))]
+        if len(text) > MOST_CHARACTERS:
+            raise ValueError(f"has more than the {MOST_CHARACTERS} characters that limits may have")
+        try:
+            document = tomllib.loads(text)
+        except RecursionError as error:
+            raise ValueError("the TOML text is nested too deeply") from error
+        found = [_requirement(name, table) for name, table in _tables(document)]
         if not found:
             raise ValueError("no limit is in this file")
     return found

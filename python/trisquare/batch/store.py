@@ -13,6 +13,7 @@ from typing import Any
 from trisquare._support.writing import PathLike, replacing, write_atomically, writing
 from trisquare.batch.jobs import Job
 from trisquare.batch.limits import JobLimits
+from trisquare.batch.records import identity_in
 from trisquare.batch.worker import Answer
 
 RECORDS, CAMERAS, LOCK = "results.jsonl", "cameras", ".lock"
@@ -159,7 +160,7 @@ class Store:
         for line in self._lines:
             if not line.endswith(b"\n"):
                 break  # a run was killed while it wrote
-            identity = _identity_in(line)
+            identity = identity_in(line)
             if identity is not None:
                 self._places[identity] = end
             end += len(line)
@@ -182,17 +183,6 @@ class Store:
 def vars_of(limits: JobLimits) -> dict[str, float]:
     """Return limits as a record has them."""
     return {name: getattr(limits, name) for name in limits.__slots__}
-
-
-def _identity_in(line: bytes) -> str | None:
-    """Return whose record a line is; None if it is none."""
-    try:
-        record = json.loads(line)
-        name, status = record["name"], record["status"]
-        complete = status == "done" or (record["error"]["code"] and record["limits"])
-        return Job(name, ("",)).identity if complete and record["key"] else None
-    except (ValueError, TypeError, KeyError, LookupError):
-        return None
 
 
 def _lock(descriptor: int, folder: Path) -> None:

@@ -13,9 +13,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 from rich.console import Console, RenderableType
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.text import Text
 
-from trisquare._support.terminal_text import printable
 from trisquare.batch.fleet import Fleet
 from trisquare.batch.inputs import camera_pattern, find_jobs
 from trisquare.batch.limits import JobLimits
@@ -286,17 +284,17 @@ def _report(
     output: Path, counts: Counts, done: int, failed: list[dict[str, Any]], notes: list[str]
 ) -> list[RenderableType]:
     lines = [
-        f"{printable(str(output))}: {counts.total} cameras ({done} done now): {counts.passed} "
+        f"{output}: {counts.total} cameras ({done} done now): {counts.passed} "
         f"passed, {counts.beyond_limits} beyond the limits, {counts.failed} failed; photographs "
         f"of {counts.retake} to take again, {counts.outlying} unlike the others"
     ]
     for row in failed:
         reason = row.get("beyond_limits") or row["retake"]
-        lines.append(printable(f"{row['name']}: {row['status']}: {reason}"))
+        lines.append(f"{row['name']}: {row['status']}: {reason}")
     more = counts.beyond_limits + counts.failed - len(failed)
     if more > 0:
         lines.append(f"and {more} more: summary.csv")
-    return [Text(line) for line in (*lines, *notes)]
+    return [*lines, *notes]
 
 
 @contextmanager

@@ -225,7 +225,7 @@ def calibrate_command(
         outputs.attempt([report], lambda: write_atomically({report: page()}))
     parts = calibration_report(calibration)
     if with_diagnosis:
-        parts.append(str(diagnose(calibration)))
+        parts += str(diagnose(calibration)).split("\n")
     parts += [f"wrote {os.fspath(path)}" for path in outputs.written]
     warnings = warning_lines(calibration, verbose=verbose)
     answer(json, quiet, calibration.to_json().rstrip(), parts, warnings)

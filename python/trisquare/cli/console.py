@@ -26,8 +26,7 @@ def answer(
     """Print what a command has done, as ``--json`` and ``--quiet`` want it.
 
     `members` may be JSON already, and hold the `warnings` themselves; as text these go to standard
-    error. Of the `parts` of the text, control characters of strings are escaped: they may come
-    from the names of files.
+    error. Strings among the `parts` of the text are lines, see `line_of`.
     """
     if json:
         if not isinstance(members, str):
@@ -36,15 +35,19 @@ def answer(
     elif not quiet:
         console = Console()
         for part in parts:
-            console.print(_escaped(part) if isinstance(part, str) else part, soft_wrap=True)
+            console.print(line_of(part) if isinstance(part, str) else part, soft_wrap=True)
         console.file.flush()
         errors = Console(stderr=True)
         for warning in warnings:
-            errors.print(_escaped(warning, "yellow"), soft_wrap=True)
+            errors.print(line_of(warning, "yellow"), soft_wrap=True)
 
 
-def _escaped(text: str, style: str = "") -> Text:
-    return Text("\n".join(map(printable, text.split("\n"))), style)
+def line_of(text: str, style: str = "") -> Text:
+    """Return a line whose control characters are escaped: they may come from files and names.
+
+    Among them are line ends, behind which a name could say what the command does not.
+    """
+    return Text(printable(text), style)
 
 
 def new_table(*left: str, right: Sequence[str]) -> Table:

@@ -6,12 +6,11 @@ import os
 from pathlib import Path
 
 from rich.console import RenderableType
-from rich.text import Text
 
 from trisquare._support.writing import check_writable
 from trisquare.camera.approximation import Approximation
 from trisquare.camera.camera import named_numbers
-from trisquare.cli.console import answer
+from trisquare.cli.console import answer, line_of
 from trisquare.cli.framework import reading
 from trisquare.cli.options import JSON, QUIET, argument, flag, option, parse_size
 from trisquare.formats.load_save import load_camera, save_camera
@@ -88,7 +87,7 @@ def convert_command(
     ]
     for verb, lost in (("read", loaded.approximation), ("written", approximation)):
         if lost is not None:
-            parts.append(Text(f"{verb} as the nearest lens: {lost}", style="yellow"))
+            parts.append(line_of(f"{verb} as the nearest lens: {lost}", "yellow"))
     parts.append(f"wrote {target}")
     answer(json, quiet, members, parts)
 

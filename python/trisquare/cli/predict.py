@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from rich.console import RenderableType
 
+from trisquare._support.arrays import size_of_image
 from trisquare._support.json_members import JsonFields
 from trisquare._support.number_text import decimals_shown
 from trisquare._support.paths import naming, read_text
@@ -111,7 +112,7 @@ def _camera(
     if size is not None:
         width, height = parse_size(size)
     elif written is not None:
-        width, height = written.array("image_size", (2,)).astype(int).tolist()
+        width, height = size_of_image(written.integers("image_size"))
     else:
         raise ValueError("give the size of the picture (--size 1280x960), a --camera or a PLAN")
     if focal is None:

@@ -7,7 +7,7 @@ from rich.text import Text
 
 from trisquare._support.number_text import decimals_shown, with_its_std
 from trisquare.camera.camera import Camera, camera_parameters
-from trisquare.cli.console import new_table
+from trisquare.cli.console import line_of, new_table
 from trisquare.report.content import log_odds, parameter_texts, plane_texts
 from trisquare.results.calibration import Calibration
 from trisquare.results.rejected import is_reported
@@ -29,7 +29,7 @@ def calibration_report(calibration: Calibration) -> list[RenderableType]:
         "plane", "kind", right=("image", "distance", "tilt deg", "rms px", "samples")
     )
     for number, plane in enumerate(calibration.planes):
-        planes.add_row(str(number), Text(plane.kind), str(plane.image), *plane_texts(plane))
+        planes.add_row(str(number), line_of(plane.kind), str(plane.image), *plane_texts(plane))
     told = [*_aspects(calibration), *_lines(calibration), *_rejected(calibration)]
     return [parameters, planes, _summary(calibration), *told]
 
@@ -56,7 +56,7 @@ def _summary(calibration: Calibration) -> Text:
     width, height = calibration.camera.image_size
     others = log_odds(calibration)
     evidence = f" (by evidence; log odds of the others: {others})" if others else ""
-    return Text(
+    return line_of(
         f"{width} x {height}, model {calibration.camera.model}{evidence}, "
         f"method {calibration.method} ({calibration.stage}): rms {calibration.rms:.4f} px, "
         f"noise scale {calibration.noise_scale:.2f}"
@@ -69,7 +69,7 @@ def _aspects(calibration: Calibration) -> list[Text]:
     for number, plane in enumerate(calibration.planes):
         if plane.aspect is not None and plane.aspect_std is not None:
             value, std = with_its_std(plane.aspect, plane.aspect_std)
-            lines.append(Text(f"plane {number}: aspect {value}, std {std}"))
+            lines.append(line_of(f"plane {number}: aspect {value}, std {std}"))
     return lines
 
 
@@ -78,7 +78,7 @@ def _lines(calibration: Calibration) -> list[Text]:
     if not calibration.lines:
         return []
     used = sum(line.is_used for line in calibration.lines)
-    return [Text(f"{used} of {len(calibration.lines)} lines of the scene used")]
+    return [line_of(f"{used} of {len(calibration.lines)} lines of the scene used")]
 
 
 def _rejected(calibration: Calibration) -> list[Text]:
@@ -96,7 +96,7 @@ def _rejected(calibration: Calibration) -> list[Text]:
         lines.append(f"not used: {candidate.kind} around {place}: {candidate.reason}{residual}")
     if len(untold) > MOST_REJECTED:
         lines.append(f"not used: {len(untold) - MOST_REJECTED} more")
-    return [Text(line, style="dim") for line in lines]
+    return [line_of(line, "dim") for line in lines]
 
 
 def warning_lines(calibration: Calibration, *, verbose: bool = True) -> list[str]:

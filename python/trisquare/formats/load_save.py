@@ -57,7 +57,10 @@ def load_camera(
     document = Document.read(path)
     with naming(path):
         found = format_of_document(document) if known is None else known
-        chosen, lens = _chosen(found.read(document, size), name)
+        try:
+            chosen, lens = _chosen(found.read(document, size), name)
+        except ArithmeticError as error:
+            raise ValueError("holds numbers that are too large or too small") from error
         if size is not None and lens.image_size != size:
             raise ValueError(f"its pictures have {lens.image_size} pixels, not {size}")
         if isinstance(lens, Camera):

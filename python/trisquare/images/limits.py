@@ -50,6 +50,13 @@ class PictureLimits:
                 "max_pixels allows"
             )
 
+    def check_bytes(self, name: str, size: int) -> None:
+        """Raise ImageError if a file of this size is too large."""
+        if size > self.max_bytes:
+            raise ImageError(
+                f"{name}: has {size} bytes, more than the {self.max_bytes} that max_bytes allows"
+            )
+
     @classmethod
     def stated(
         cls,

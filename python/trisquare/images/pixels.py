@@ -27,6 +27,10 @@ class PillowImage(Protocol):
     def mode(self) -> str:
         """What a pixel is, such as ``"RGB"``."""
 
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height."""
+
     def convert(self, mode: str) -> Any:
         """Return the picture in another mode."""
 

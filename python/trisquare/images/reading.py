@@ -16,7 +16,7 @@ from trisquare.images.integrity import incompleteness
 from trisquare.images.limits import PictureLimits
 from trisquare.images.orientation import OrientationTag, find_orientation
 from trisquare.images.pixels import PIXEL_TYPES, Image, ImageSource, PillowImage, VideoFrame
-from trisquare.images.sources import is_pillow
+from trisquare.images.sources import content_of, is_pillow
 
 NO_MEMORY = -4
 """OpenCV's code for it, which it names differently from version to version."""
@@ -72,6 +72,7 @@ def decode_photograph(
     encoded: bytes, name: str, limits: PictureLimits
 ) -> tuple[Image, OrientationTag | None]:
     """Decode a file's content as `read_photograph` does; errors begin with the name."""
+    limits.check_bytes(name, len(encoded))
     kind = foreign_kind(encoded, name)
     if kind is not None:
         return read_foreign(kind, encoded, name, limits), None
@@ -109,11 +110,7 @@ def _bytes_within(path: PathLike, limits: PictureLimits) -> bytes:
         size = os.stat(path).st_size
     except OSError:
         size = 0  # reading it says why
-    if size > limits.max_bytes:
-        raise ImageError(
-            f"{os.fspath(path)}: has {size} bytes, more than the {limits.max_bytes} that "
-            "max_bytes allows"
-        )
+    limits.check_bytes(os.fspath(path), size)
     return read_bytes(path)
 
 
@@ -145,17 +142,18 @@ def load_photograph(
     if isinstance(source, VideoFrame):
         return source.pixels, None
     if hasattr(source, "read"):
-        source = source.read()
+        source = content_of(source)
+    limits = PictureLimits.stated() if limits is None else limits
     if isinstance(source, bytes | bytearray | memoryview):
-        limits = PictureLimits.stated() if limits is None else limits
         return decode_photograph(bytes(source), "the encoded picture", limits)
     if is_pillow(source):
-        source = _of_pillow(source)
+        source = _of_pillow(source, limits)
     return _checked_array(source), None
 
 
-def _of_pillow(image: PillowImage) -> Image:
+def _of_pillow(image: PillowImage, limits: PictureLimits) -> Image:
     """Return grey or BGR pixels; palettes and other colours become BGR."""
+    limits.check_pixels("the Pillow image", image.size)
     try:
         if image.mode == "F" or image.mode.startswith("I"):  # 32-bit floats, 16-bit integers
             pixels = np.asarray(image)
@@ -165,7 +163,9 @@ def _of_pillow(image: PillowImage) -> Image:
         if image.mode in ("L", "LA", "1"):
             return np.asarray(image.convert("L"))
         return np.asarray(image.convert("RGB"))[:, :, ::-1]
-    except OSError as error:  # it decodes its file only now
+    except MemoryError:
+        raise
+    except Exception as error:  # its file is decoded only now, and fails as damage would have it
         raise ImageError(f"the Pillow image: {error}") from error
 
 

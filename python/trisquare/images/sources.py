@@ -33,11 +33,35 @@ def sources_of(image: ImageSource | Iterable[ImageSource]) -> list[ImageSource]:
     Raises
     ------
     ImageError
-        If a folder holds no picture; `MissingImageError` if no file matches a pattern.
+        If a folder holds no picture, or an open file cannot be read; `MissingImageError` if no file
+        matches a pattern.
+    TypeError
+        If a file is open as text.
     """
     if is_one_picture(image) or not isinstance(image, Iterable):
         return _meant(image)
     return [picture for each in image for picture in _meant(each)]
+
+
+def content_of(file: Any) -> bytes:
+    """Read an open file to its end.
+
+    Raises
+    ------
+    ImageError
+        If it cannot be read.
+    TypeError
+        If it is open as text.
+    """
+    try:
+        content = file.read()
+    except OSError as error:
+        raise ImageError(f"the open file: {error.strerror or error}") from error
+    except UnicodeDecodeError:
+        content = ""
+    if not isinstance(content, bytes | bytearray | memoryview):
+        raise TypeError('a picture\'s file must be open as binary: open(name, "rb")')
+    return bytes(content)
 
 
 def is_one_picture(source: object) -> TypeGuard[ImageSource]:
@@ -55,7 +79,7 @@ def _meant(source: Any) -> list[ImageSource]:
     if isinstance(source, str | os.PathLike):
         return list(_files(source))
     if hasattr(source, "read"):
-        return [source.read()]
+        return [content_of(source)]
     return [source]
 
 

@@ -83,10 +83,12 @@ class Video:
         self.name = os.fspath(path)
         if not os.path.exists(path):
             raise MissingImageError(f"{self.name}: No such file or directory")
-        # The whole path: a name alone may mean an address or a camera to FFmpeg.
-        self._capture = cv2.VideoCapture(os.path.realpath(path))
-        if not (is_video(path) and self._capture.isOpened()):
+        # The whole path: a name alone may mean an address or a camera to FFmpeg; and so may what a
+        # playlist holds, which is no video.
+        capture = cv2.VideoCapture(os.path.realpath(path)) if is_video(path) else None
+        if capture is None or not capture.isOpened():
             raise ImageError(f"{self.name}: not a readable video, or one without frames")
+        self._capture = capture
         # As the sensor delivered them: so photographs are read, and one camera is that of both.
         self._capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
         width, height, count, self.rate, turn = (
@@ -110,12 +112,21 @@ class Video:
         Raises
         ------
         ImageError
-            At the end, if there were none, or markedly fewer than the video states.
+            If the reader gives up on a damaged frame; at the end, if there were
+            none, or markedly fewer than the video states.
         """
+        import cv2  # loaded where a video is read
+
         found = 0
-        while (frame := self._capture.read())[0]:
+        while True:
+            try:
+                is_there, frame = self._capture.read()
+            except cv2.error as error:  # of its own reader, which it uses where FFmpeg gives up
+                raise ImageError(f"{self.name}: damaged after {found} frames") from error
+            if not is_there:
+                break
             found += 1
-            yield frame[1]
+            yield frame
         if not found:
             raise ImageError(f"{self.name}: a video without frames")
         if found < (1 - SPREAD) * self.stated_frames - STRAY_FRAMES:

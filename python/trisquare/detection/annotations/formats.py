@@ -28,7 +28,7 @@ a frame; four linestrips of one group are the sides of a square.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -67,9 +67,10 @@ class AnnotatedPicture:
     size: tuple[int, int] | None = None
     where: str = ""
 
-    def joined(self, other: AnnotatedPicture) -> AnnotatedPicture:
+    def joined(self, others: Iterable[AnnotatedPicture]) -> AnnotatedPicture:
         """Add what is drawn elsewhere in the file on the same picture."""
-        return replace(self, targets=self.targets + other.targets)
+        added = [target for other in others for target in other.targets]
+        return replace(self, targets=(*self.targets, *added))
 
     def check_size(self, image_size: tuple[int, int]) -> None:
         """Raise ValueError if it was drawn on a picture of another size."""
@@ -187,11 +188,14 @@ def _framed(
     outlines: Sequence[AnnotatedOutline], groups: Sequence[int | None]
 ) -> list[AnnotatedSquare]:
     """Make frames of outlines that share a group, squares of the others."""
-    squares = [
-        AnnotatedSquare(o) for o, group in zip(outlines, groups, strict=True) if group is None
-    ]
-    for group in sorted({group for group in groups if group is not None}):
-        members = [o for o, other in zip(outlines, groups, strict=True) if other == group]
+    squares = []
+    frames: dict[int, list[AnnotatedOutline]] = {}
+    for outline, group in zip(outlines, groups, strict=True):
+        if group is None:
+            squares.append(AnnotatedSquare(outline))
+        else:
+            frames.setdefault(group, []).append(outline)
+    for _, members in sorted(frames.items()):
         if len(members) > 2:
             raise ValueError(f"{members[2].where} is the third outline of one frame: it has two")
         squares.append(

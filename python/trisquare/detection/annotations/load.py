@@ -62,19 +62,18 @@ class Annotations:
     @classmethod
     def _matched(cls, drawn: list[AnnotatedPicture], sources: Sequence[ImageSource]) -> Annotations:
         names = [_base_name(s) if isinstance(s, str | os.PathLike) else None for s in sources]
-        found: list[AnnotatedPicture | None] = [None] * len(sources)
+        found: list[list[AnnotatedPicture]] = [[] for _ in sources]
         if names == [None] and len(drawn) == 1 and drawn[0].index is None:
             return cls((drawn[0],))  # an array has no name that could differ
         for picture in drawn:
             for index in _places_of(picture, names):
-                earlier = found[index]
-                found[index] = picture if earlier is None else earlier.joined(picture)
-        if all(picture is None for picture in found):
+                found[index].append(picture)
+        if not any(found):
             raise ValueError(
                 f"nothing is drawn on {_named(names)}: the outlines are for "
                 f"{_named([picture.name for picture in drawn])}"
             )
-        return cls(tuple(found))
+        return cls(tuple(own[0].joined(own[1:]) if own else None for own in found))
 
     def on(self, index: int, image_size: tuple[int, int]) -> tuple[AnnotatedSquare, ...]:
         """Return what is drawn on a picture of this size; it may be nothing.

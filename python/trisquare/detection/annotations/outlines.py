@@ -183,10 +183,15 @@ def _spread(count: int) -> NDArray[np.intp]:
     return np.linspace(0, count, MOST_POINTS, endpoint=False).astype(np.intp)
 
 
+def _turned(values: FloatArray) -> FloatArray:
+    """Return the value after each one, as `np.roll` does in ten times the time."""
+    return np.concatenate((values[1:], values[:1]))
+
+
 def _signed_area(polygon: FloatArray) -> float:
     """Twice the area, positive if the polygon runs clockwise on the screen."""
     x, y = (polygon - polygon.mean(axis=0)).T
-    return float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+    return float(x @ _turned(y) - y @ _turned(x))
 
 
 def _clockwise(polygon: FloatArray, where: str) -> FloatArray:
@@ -200,28 +205,25 @@ def _corners_of(polygon: FloatArray) -> NDArray[np.intp]:
     """Find the four points that enclose the largest area, in order round the polygon.
 
     The sides of a square bend little: of whatever polygon follows them, no other four points
-    enclose as much. Given a diagonal, the best points on its two sides are independent.
+    enclose as much. They are on the convex hull. On each side of a diagonal the point that is
+    farthest from it lies where the hull turns past the diagonal's direction.
     """
-    index = np.arange(len(polygon))
-    best = -np.inf
-    corners = index[:4]
-    for start in index[:-2]:
-        ends = index[start + 2 :]
-        diagonals, relative = polygon[ends] - polygon[start], polygon - polygon[start]
-        # Positive to the right on the screen, where a clockwise polygon has the points that follow
-        # the diagonal's end; those between its start and its end lie to the left.
-        beside = np.outer(diagonals[:, 0], relative[:, 1]) - np.outer(
-            diagonals[:, 1], relative[:, 0]
-        )
-        between = (index > start) & (index < ends[:, None])
-        beyond = (index < start) | (index > ends[:, None])
-        left, right = np.where(between, -beside, -np.inf), np.where(beyond, beside, -np.inf)
-        areas = left.max(axis=1) + right.max(axis=1)
-        row = int(areas.argmax())
-        if areas[row] > best:
-            best = float(areas[row])
-            corners = np.array([start, ends[row], left[row].argmax(), right[row].argmax()])
-    return np.sort(corners)
+    centred = (polygon - polygon.mean(axis=0)).astype(np.float32)
+    hull = np.sort(cv2.convexHull(centred, returnPoints=False).ravel())
+    points = polygon[hull]
+    edges = _turned(points) - points
+    angles = np.maximum.accumulate(np.unwrap(np.arctan2(edges[:, 1], edges[:, 0])))
+    start, end = np.triu_indices(len(hull), 2)
+    diagonals = points[end] - points[start]
+    turned = np.arctan2(diagonals[:, 1], diagonals[:, 0]) - angles[start]
+    along = angles[start] + turned % (2 * np.pi)
+    both_turns = np.append(angles, angles + 2 * np.pi)
+    corners = [start, np.searchsorted(both_turns, along), end]
+    corners.append(np.searchsorted(both_turns, along + np.pi))
+    quads = np.stack(corners, axis=1) % len(hull)
+    others = points[quads[:, 3]] - points[quads[:, 1]]
+    areas = diagonals[:, 0] * others[:, 1] - diagonals[:, 1] * others[:, 0]
+    return np.sort(hull[quads[areas.argmax()]])
 
 
 def _head_to_tail(lines: list[FloatArray], where: str) -> list[FloatArray]:
@@ -249,7 +251,7 @@ def _head_to_tail(lines: list[FloatArray], where: str) -> list[FloatArray]:
 
 def _refuse_crossings(polygon: FloatArray, where: str) -> None:
     """Raise ValueError if two edges of a closed polygon cross."""
-    start, end = polygon, np.roll(polygon, -1, axis=0)
+    start, end = polygon, _turned(polygon)
     direction = end - start
 
     def side_of(point: FloatArray) -> FloatArray:

@@ -233,11 +233,12 @@ def _from_file(path: Path) -> Layout:
         raise ValueError(f"{path}: sheets must be a list of at least one")
     sheets: list[PrintedSheet] = []
     numbers: list[dict[int, int]] = []
+    known: set[int] = set()
     for index, member in enumerate(given):
         sheet, places = _file_sheet(path, index, member)
-        for other in numbers:
-            if twice := sorted(places.keys() & other.keys()):
-                raise ValueError(f"{path}: marker {twice[0]} is on two sheets")
+        if twice := sorted(known.intersection(places)):
+            raise ValueError(f"{path}: marker {twice[0]} is on two sheets")
+        known.update(places)
         sheets.append(sheet)
         numbers.append(places)
     name = content.get("dictionary")
@@ -258,7 +259,7 @@ def _file_sheet(path: Path, index: int, member: Any) -> tuple[PrintedSheet, dict
     corners = []
     for place, (key, value) in enumerate(markers.items()):
         if not re.fullmatch(r"\d{1,6}", key) or int(key) in places:
-            raise ValueError(f"{path}: {key!r} is no marker number of its own")
+            raise ValueError(f"{path}: {key!r:.60} is no marker number of its own")
         places[int(key)] = place
         try:
             corners.append(real_array(value, f"marker {key}", (4, 2)))
