@@ -29,9 +29,7 @@ SUMMARIES: Mapping[str, str] = MappingProxyType(
         "compare": (
             "Compare two cameras: how far apart they project, and whether uncertainties explain it."
         ),
-        "target": (
-            "Write a PDF of three frames, or chessboards, to print for one photograph; or check it."
-        ),
+        "target": "Write a PDF of three frames, or chessboards, to print; or check a printed one.",
         "undistort": (
             "Remove the lens distortion from photographs and videos; none is written unless all "
             "can be."

@@ -18,7 +18,7 @@ EXAMPLES = (
     "trisquare target",
     "trisquare target --kind corner --page Letter -o target.pdf",
     "trisquare target --kind flat --side 120 --json",
-    "trisquare target --check photo.jpg --ruler 99.5mm",
+    "trisquare target --check corner.jpg --ruler 99.5mm",
 )
 
 DEFAULT_OUTPUT = Path("target.pdf")
@@ -51,7 +51,7 @@ def target_command(
     json: bool = JSON,
     quiet: bool = QUIET,
 ) -> None:
-    """Write a PDF of three frames, or chessboards, to print for one photograph.
+    """Write a PDF of three frames, or chessboards, to print; or check a printed one.
 
     JSON tells where everything stands, in mm.
     """
