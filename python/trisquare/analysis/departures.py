@@ -22,6 +22,9 @@ from trisquare.printing.folding import FOLDS
 from trisquare.results.calibration import Calibration
 from trisquare.results.plane import Plane
 
+PLACES = {"fx": (0, 0), "fy": (1, 1), "cx": (0, 2), "cy": (1, 2), "skew": (0, 1)}
+"""Of parameters in the camera matrix."""
+
 STEP = 1e-5
 """Of the central differences: of the focal length, of coefficients, and of the plane's unit."""
 
@@ -40,6 +43,9 @@ BLOCK = 8
 LOOSE = 1.0
 """Standard deviation beforehand of bows (of the side), of the stretch, and of the tone curve in its
 own ones: that of nothing known."""
+
+ONE_STEP = 0.04
+"""Of a bow or a stretch: what one linear step leaves of it (benchmarks/accuracy/sheet_check.py)."""
 
 EXPLAINS_AS_WELL = 9.0
 """Of two readings of the sheet the worse is possible up to so much more chi square: 3 std."""
@@ -100,7 +106,7 @@ def departures(
     Parameters
     ----------
     calibration : Calibration
-        With its edges.
+        With its edges, and nothing held.
     faces : sequence of int
         Its planes that the sheet's figures are on.
     side : float
@@ -126,7 +132,7 @@ def departures(
         },
         tuple(_bow(face, len(planes), best) for face in range(len(planes))),
         tuple(
-            Estimate(abs(float(own.change[-1])), float(np.sqrt(own.covariance[-1, -1])))
+            _with_step_error(float(own.change[-1]), float(own.covariance[-1, -1]))
             for own in possible
         ),
     )
@@ -189,7 +195,7 @@ def _moved(camera: Camera, name: str, step: float) -> Camera:
     if name in COEFFICIENTS[camera.model]:
         distortion[COEFFICIENTS[camera.model].index(name)] += step
     else:
-        matrix[{"fx": (0, 0), "fy": (1, 1), "cx": (0, 2), "cy": (1, 2)}[name]] += step
+        matrix[PLACES[name]] += step
     return Camera(matrix, distortion, camera.image_size, camera.model, camera.valid_radius)
 
 
@@ -278,7 +284,12 @@ def _bow(face: int, count: int, solution: _Solution) -> Estimate:
     x, y = vectors[:, largest]
     slope = np.array([x * x, 2.0 * x * y, y * y])
     own = solution.covariance[start : start + 3, start : start + 3]
-    return Estimate(abs(float(values[largest])), float(np.sqrt(slope @ own @ slope)))
+    return _with_step_error(float(values[largest]), float(slope @ own @ slope))
+
+
+def _with_step_error(value: float, variance: float) -> Estimate:
+    """Return a size with a standard deviation that holds the error of the linear step as well."""
+    return Estimate(abs(value), float(np.hypot(np.sqrt(variance), ONE_STEP * value)))
 
 
 def _readings_of_corner(planes: Sequence[Plane]) -> list[list[int]]:

@@ -128,7 +128,7 @@ def check_sheet(
     Parameters
     ----------
     calibration : Calibration
-        From one photograph, with its edges.
+        From one photograph, with its edges, and nothing held.
     kind, page, side
         As for `printed_target`; "both" is the folded corner, of boards where there are boards.
     ruler : float, optional
@@ -148,8 +148,8 @@ def check_sheet(
     if len(faces) < 3:
         what = "chessboards" if kind == "boards" else "frames"
         raise NotEnoughPlanesError(
-            f"the photograph shows {len(faces)} of the sheet's 3 {what}: show all of them, and say "
-            "which sheet it is by --kind"
+            f"the photograph shows {len(faces)} of the sheet's 3 {what}: show all of them, and "
+            "name the kind of sheet that it is"
         )
     figure = printed_target(kind, page=page, side=side).pages[0].frames[0]
     units = figure.cells if isinstance(figure, PrintedBoard) else 1.0
@@ -189,9 +189,11 @@ def _is_bent(found: Departures) -> bool:
 
 
 def _folded(found: Departures) -> Iterator[Finding]:
+    offs = {faces: Estimate(abs(value - 90.0), std) for faces, (value, std) in found.angles.items()}
     for faces, angle in found.angles.items():
-        off = Estimate(abs(angle.value - 90.0), angle.std)
-        verdict: Verdict = "cannot tell" if _is_bent(found) else _verdict([off], MOST_FOLD_ERROR)
+        verdict: Verdict = (
+            "cannot tell" if _is_bent(found) else _verdict([offs[faces]], MOST_FOLD_ERROR)
+        )
         text = f"faces {faces[0]} and {faces[1]} meet at {_with_std(angle)} degrees"
         advice = {
             "ok": "",
@@ -199,6 +201,8 @@ def _folded(found: Departures) -> Iterator[Finding]:
             "calibration stays right unless it is told orthogonal",
             "cannot tell": _flatten_first(found),
         }[verdict]
+        if verdict == "not ok" and min(offs.values()).value > MOST_FOLD_ERROR:
+            advice = "is it the folded corner? The three flat sheets are another kind"
         yield Finding("folded", faces, verdict, *angle, MOST_FOLD_ERROR, "degrees", text, advice)
 
 
