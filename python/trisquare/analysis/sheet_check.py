@@ -27,19 +27,19 @@ good. But three square faces that are closed at the cut and the tab can only sta
 ``orthogonal=`` takes them for right."""
 
 MOST_BOW = 0.001
-"""Of a frame's side: on one face of three it shifts fx by 0.3 % (rms over 30 views)."""
+"""Of a frame's side: on one face of three it shifts fx by 0.3 % and fy by 0.4 % (rms, 30 views)."""
 
 MOST_BOW_OF_BOARD = 0.01
 """Of a board's side. A board's many lines tell its bow from the lens, and the calibration takes it
-out: on one face of three it shifts fx by 0.02 % (rms over 5 views). Beyond, what is second order in
-the bow is left."""
+out: on one face of three it shifts fx and fy by 0.04 % at most (rms, 5 views). Beyond, what is
+second order in the bow is left."""
 
 BENT = 0.01
 """Bow, of the side, from which angles and stretch are not judged: they then err by what is second
 order in the bow (at 2 %, by up to 1.3 degrees and 0.4 %)."""
 
 MOST_STRETCH = 0.003
-"""Of one axis of the paper against the other: it shifts fx or fy by up to 0.3 % (24 views)."""
+"""Of one axis of the paper against the other: it shifts fx or fy by up to 0.3 % (30 views)."""
 
 MOST_SCALE_ERROR = 0.01
 """Printers that print at 100 % are nearer, those that fit the page to their margins are 3 % and
