@@ -54,6 +54,7 @@ BENCHMARKS = (
     "finding.tags",
     "finding.aprilgrids",
     "accuracy.printed_target",
+    "accuracy.sheet_check",
     "finding.robustness",
     "finding.real_scenes",
     "finding.clutter_choice",

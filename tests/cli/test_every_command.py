@@ -58,6 +58,7 @@ PICTURES_READ = (
     ("measure", "GIVEN", "--camera", "camera.json", FIRST, SECOND),
     ("undistort", "GIVEN", "--camera", "camera.json", "-o", "out.png"),
     ("straighten", "GIVEN", "-o", "out.png"),
+    ("target", "--check", "GIVEN"),
 )
 FILES_READ = (
     ("calibrate", "photo.png", "--outline", "GIVEN"),

@@ -51,6 +51,8 @@ def given(tmp_path_factory):
     for name in ("two.jpg", "three.jpg"):
         scene = simulate.random_scene(rng, camera=truth, kind="frame")
         cv2.imwrite(str(folder / name), simulate.render(scene, rng))
+    corner = simulate.render(simulate.corner_scene(rng), rng)
+    cv2.imwrite(str(folder / "corner.jpg"), corner, [cv2.IMWRITE_JPEG_QUALITY, 95])
     square = simulate.TrueCamera(900, 900, 639.5, 479.5, image_size=(1280, 960))
     board = simulate.chessboard_scene(rng, square)
     cv2.imwrite(str(folder / "board.png"), simulate.render(board, rng))

@@ -157,6 +157,7 @@ def test_all_that_is_printed_is_on_the_paper(page, side, kind):
     width, height = PAGES[page]
     for sheet in target.pages:
         points = [point for line in (*sheet.folds, *sheet.cuts) for point in line]
+        points += [point for line in sheet.drawing for point in line]
         points += [*sheet.tab, *np.concatenate([frame.outlines() for frame in sheet.frames])[0]]
         assert np.min(points) >= 0.0
         assert np.max(np.array(points) - [width, height]) <= 0.0
@@ -167,6 +168,65 @@ def test_all_that_is_printed_is_on_the_paper(page, side, kind):
         for line in sheet.text:
             assert stringWidth(line, "Helvetica", 10.0) * 25.4 / 72 < width - 2 * 10.0
         assert len(sheet.text) == 3  # what it is, and two lines of instructions
+
+
+DRAWN = [
+    (page, side, kind) for page in PAGES for side in (None, 33.0) for kind in ("corner", "boards")
+]
+
+
+@pytest.mark.parametrize(("page", "side", "kind"), DRAWN)
+def test_the_drawing_shows_the_folded_corner_in_free_room(page, side, kind):
+    (sheet,) = ts.printed_target(kind, page=page, side=side).pages
+    lines = np.array(sheet.drawing)
+    low, high = lines.min(axis=(0, 1)), lines.max(axis=(0, 1))
+    assert np.max(high - low) == pytest.approx(21.0)
+    assert low[1] >= sheet.apex[1] + sheet.face + 2.0  # below faces and tab
+    assert low[0] >= sheet.ruler[0] + 100.0 + 10.0  # right of the ruler and its label
+    assert high[1] <= sheet.ruler[1] + 13.0 - 10.0 * 25.4 / 72  # above the text
+    assert high[0] <= PAGES[page][0] - 7.0
+    # One camera sees the corners of the folded figures where they are drawn.
+    apart, drawn = [], []
+    for number, (figure, (rotation, centre)) in enumerate(
+        zip(sheet.frames, folded_frames(sheet), strict=True)
+    ):
+        half = 0.5 * figure.side
+        points = np.array(box(-half, -half, half, half))
+        apart.append(points @ rotation[:, :2].T + centre)
+        per_face = len(lines) // 3
+        own = lines[number * per_face + 4 : (number + 1) * per_face]
+        ends = np.unique(own.reshape(-1, 2).round(9), axis=0)
+        hull = cv2.approxPolyDP(cv2.convexHull(ends.astype(np.float32)), 0.1, closed=True)
+        assert len(hull) == 4
+        drawn.append(hull[:, 0])
+    apart = np.concatenate(apart) / sheet.face
+    drawn = np.concatenate(drawn).astype(float)
+    diagonal = np.ones(3) / np.sqrt(3.0)
+    right = np.cross([0.0, 1.0, 0.0], diagonal) / np.sqrt(2.0 / 3.0)
+    depth = apart @ diagonal + 4.0
+    seen = np.column_stack([apart @ right, apart @ np.cross(diagonal, right)]) / depth[:, None]
+    seen -= 0.5 * (seen.min(axis=0) + seen.max(axis=0))
+    drawn -= 0.5 * (drawn.min(axis=0) + drawn.max(axis=0))
+    seen *= np.ptp(drawn[:, 1]) / np.ptp(seen[:, 1])
+    distance = np.linalg.norm(seen[:, None] - drawn, axis=2)
+    assert distance.min(axis=0).max() < 1e-4
+    assert distance.min(axis=1).max() < 1e-4
+
+
+@pytest.mark.parametrize("page", PAGES)
+@pytest.mark.parametrize("kind", ["corner", "boards"])
+@pytest.mark.parametrize("dpi", [100, 200])
+def test_the_drawing_is_no_target(tmp_path, page, kind, dpi):
+    target = ts.printed_target(kind, page=page)
+    picture = rastered(target.to_pdf(), tmp_path, dpi=dpi)
+    around = cv2.copyMakeBorder(picture, 40, 40, 40, 40, cv2.BORDER_CONSTANT, value=100)
+    blurred = 30.0 + 0.75 * cv2.GaussianBlur(around, (0, 0), 0.8)
+    noise = 2.0 * np.random.default_rng(7021).standard_normal(blurred.shape)
+    figures = ts.detect(np.clip(blurred + noise, 0, 255).astype(np.uint8))
+    if kind == "corner":  # boards that are not folded yet may be taken for one
+        assert len({figure.plane for figure in figures}) == 3
+    faces = (target.pages[0].apex[1] + target.pages[0].face) * dpi / 25.4 + 40
+    assert max(points[:, 1].max() for figure in figures for points in figure.points) < faces
 
 
 def test_the_same_target_is_the_same_file(tmp_path):

@@ -41,6 +41,8 @@ def given(tmp_path_factory):
     rng = np.random.default_rng(5)
     later = simulate.render(simulate.random_scene(rng, camera=camera, kind="frame"), rng)
     cv2.imwrite(str(folder / "later.jpg"), later, [cv2.IMWRITE_JPEG_QUALITY, 95])
+    corner = simulate.render(simulate.corner_scene(rng), rng)
+    cv2.imwrite(str(folder / "corner.jpg"), corner, [cv2.IMWRITE_JPEG_QUALITY, 95])
     fourcc = cv2.VideoWriter.fourcc(*"mp4v")
     video = cv2.VideoWriter(str(folder / "video.mp4"), fourcc, 25.0, lens.image_size)
     for _ in range(FRAMES):

@@ -2,10 +2,10 @@
 
 Exit codes: 0 done; 2 usage, bad argument, damaged file or unwritable output; 3 nothing found, or
 not enough of it; 4 the geometry does not determine the camera, or no convergence; 5 a picture or
-another file is missing or unreadable; 6 cameras of a batch failed or are beyond the limits. Every
-error is one line on standard error; no file is written then but what `--debug-image` asks for, and
-outputs beside one that could not be made. With ``--json`` the line is a JSON object, of the format
-``trisquare-error/1``.
+another file is missing or unreadable; 6 cameras of a batch failed or are beyond the limits, or a
+checked sheet is not ok. Every error is one line on standard error; no file is written then but what
+`--debug-image` asks for, and outputs beside one that could not be made. With ``--json`` the line is
+a JSON object, of the format ``trisquare-error/1``.
 
 Besides these, as by other commands: 1 where nobody reads standard output any more (``| head``),
 130 after Ctrl-C, and 70 after an internal error.

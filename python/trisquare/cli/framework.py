@@ -29,7 +29,7 @@ SUMMARIES: Mapping[str, str] = MappingProxyType(
         "compare": (
             "Compare two cameras: how far apart they project, and whether uncertainties explain it."
         ),
-        "target": ("Write a PDF of three frames, or chessboards, to print for one photograph."),
+        "target": "Write a PDF of three frames, or chessboards, to print; or check a printed one.",
         "undistort": (
             "Remove the lens distortion from photographs and videos; none is written unless all "
             "can be."
@@ -56,7 +56,7 @@ EXIT_CODES_HELP = """\
 3  nothing found in the photograph, or not enough of it
 4  the geometry does not determine the camera, or no convergence
 5  a picture or a file is missing or cannot be read
-6  of a batch, cameras failed or are beyond the limits"""
+6  of a batch, cameras failed or are beyond the limits; of a checked sheet, something is not ok"""
 
 NOT_ALL_PASSED_EXIT = 6
 

@@ -1,4 +1,4 @@
-"""`trisquare target`: three framed squares, or three chessboards, to print."""
+"""`trisquare target`: three framed squares, or three chessboards, to print; and to check."""
 
 from __future__ import annotations
 
@@ -18,11 +18,16 @@ EXAMPLES = (
     "trisquare target",
     "trisquare target --kind corner --page Letter -o target.pdf",
     "trisquare target --kind flat --side 120 --json",
+    "trisquare target --check corner.jpg --ruler 99.5mm",
 )
+
+DEFAULT_OUTPUT = Path("target.pdf")
 
 
 def target_command(
-    output: Path = option(Path("target.pdf"), "FILE", "The PDF to write.", "--output", "-o"),
+    output: Path | None = option(
+        None, "FILE", f"The PDF to write; by default {DEFAULT_OUTPUT}.", "--output", "-o"
+    ),
     page: str = option("A4", "PAGE", "The paper, upright: A4, A3 or Letter.", offer=PAGES),
     kind: str = option(
         "both",
@@ -34,15 +39,35 @@ def target_command(
     side: float | None = option(
         None, "MM", "Side of each frame or board; by default the largest that fits."
     ),
+    check: Path | None = option(
+        None,
+        "PHOTO",
+        "Print nothing, but say by a photograph of the printed sheet whether it is folded square, "
+        "flat enough and printed to scale; --kind both is then the folded corner.",
+    ),
+    ruler: str | None = option(
+        None, "LENGTH", "With --check: what the sheet's ruler of 100 mm measures, such as 99.5mm."
+    ),
     json: bool = JSON,
     quiet: bool = QUIET,
 ) -> None:
-    """Write a PDF of three frames, or chessboards, to print for one photograph.
+    """Write a PDF of three frames, or chessboards, to print; or check a printed one.
 
     JSON tells where everything stands, in mm.
     """
     # The library says what is wrong with a kind that it does not know.
-    target = printed_target(cast(TargetKind, kind), page=page, side=side)
+    known_kind = cast(TargetKind, kind)
+    if check is not None:
+        from trisquare.cli.target_check import check_photograph  # imports OpenCV
+
+        if output is not None:
+            raise ValueError("--check writes no PDF, and --output names one: give one of them")
+        check_photograph(check, known_kind, page, side, ruler, json=json, quiet=quiet)
+        return
+    if ruler is not None:
+        raise ValueError("--ruler is for a sheet that is checked: give --check PHOTO with it")
+    output = DEFAULT_OUTPUT if output is None else output
+    target = printed_target(known_kind, page=page, side=side)
     target.save(output)
     members = {"format": TARGET_FORMAT, "output": str(output), **asdict(target)}
     answer(json, quiet, members, _lines(target, output))

@@ -20,6 +20,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from trisquare._support.arrays import FloatArray, real_number
+from trisquare.printing.folding import seen_from_front
 
 Point: TypeAlias = tuple[float, float]
 Line: TypeAlias = tuple[Point, Point]
@@ -61,6 +62,16 @@ RULER = 100.0
 
 RULER_DROP = 16.0
 """Millimetres of the ruler below the faces: what is printed there stays clear of the frames."""
+
+DRAWING, DRAWING_DROP = 21.0, 3.0
+"""Height and width that the drawing of the folded corner may have, and where it begins below the
+faces, mm: right of the ruler, above the text, a gap of 2 mm about it."""
+
+VIEWER = 4.0
+"""Faces from the apex to where it is drawn from: about as far as a photograph is taken."""
+
+CELLS_DRAWN = 6
+"""Of a board, in the drawing: all of them would be 0.5 mm wide."""
 
 FRAMES_OF_CORNER = ((-1, -1), (1, -1), (-1, 1))
 """The quadrants about the apex that carry a figure; y down."""
@@ -104,6 +115,11 @@ class PrintedFrame:
         outlines: FloatArray = np.asarray(self.centre) + sides[:, None, None] * unit
         return outlines
 
+    def drawn_lines(self) -> FloatArray:
+        """Return the ends of the lines that show it in a drawing, mm, shape (8, 2, 2)."""
+        outlines = self.outlines()
+        return np.stack([outlines, np.roll(outlines, -1, axis=1)], axis=2).reshape(-1, 2, 2)
+
 
 @dataclass(frozen=True, slots=True)
 class PrintedBoard:
@@ -133,6 +149,14 @@ class PrintedBoard:
         outlines: FloatArray = np.asarray(self.centre) + self.side / self.cells * in_cells
         return outlines
 
+    def drawn_lines(self) -> FloatArray:
+        """Return the ends of the lines that show it in a drawing, mm, shape (N, 2, 2)."""
+        at = self.side * np.linspace(-0.5, 0.5, CELLS_DRAWN + 1)
+        ends = np.broadcast_to([at[0], at[-1]], (len(at), 2))
+        across = np.stack([ends, np.repeat(at[:, None], 2, axis=1)], axis=2)
+        lines: FloatArray = np.asarray(self.centre) + np.concatenate([across, across[..., ::-1]])
+        return lines
+
 
 PrintedFigure: TypeAlias = PrintedFrame | PrintedBoard
 
@@ -156,6 +180,8 @@ class TargetPage:
         Ends of each line.
     tab : tuple of points
         The outline of what is glued behind; none on a flat page.
+    drawing : tuple of lines
+        The corner as it looks from the front when it is folded; none on a flat page.
     ruler : (float, float)
         Left end of the check ruler.
     text : tuple of str
@@ -170,6 +196,7 @@ class TargetPage:
     folds: tuple[Line, ...] = ()
     cuts: tuple[Line, ...] = ()
     tab: tuple[Point, ...] = ()
+    drawing: tuple[Line, ...] = ()
     ruler: Point
     text: tuple[str, ...]
 
@@ -249,9 +276,30 @@ def corner_page(
         folds=(((x, 0.0), apex), ((left, y), apex), (apex, (right, y))),
         cuts=tuple(cuts),
         tab=tab,
+        drawing=_folded_drawing(frames, apex, face, size),
         ruler=(0.5 * (width - RULER), bottom + RULER_DROP),
         text=(_heading(page, frames[0], "corner target"), *CORNER_TEXT),
     )
+
+
+def _folded_drawing(
+    figures: tuple[PrintedFigure, ...], apex: Point, face: float, size: Point
+) -> tuple[Line, ...]:
+    """Draw the folded corner, at the right end of the room between the faces and the text."""
+    outline = face * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    edges = np.stack([outline, np.roll(outline, -1, axis=0)], axis=1)
+    seen = np.concatenate(
+        [
+            seen_from_front(lines, number, VIEWER * face)
+            for number, (quadrant, figure) in enumerate(zip(FRAMES_OF_CORNER, figures, strict=True))
+            for lines in (edges * quadrant, figure.drawn_lines() - apex)
+        ]
+    )
+    low, high = seen.min(axis=(0, 1)), seen.max(axis=(0, 1))
+    scale = DRAWING / np.max(high - low)
+    corner = (size[0] - UNPRINTABLE, apex[1] + face + DRAWING_DROP + DRAWING)
+    placed = np.asarray(corner) + scale * (seen - high)
+    return tuple((tuple(start), tuple(end)) for start, end in placed.tolist())
 
 
 def _checked_side(side: float | None, room: float, margin: float, what: str) -> float:

@@ -24,7 +24,8 @@ THIN = 0.25
 """Millimetres: a line that every printer draws, and that is under a pixel wide in a photograph."""
 
 FOLD_GREY, TAB_GREY = 0.6, 0.88
-"""Of folds, which cross the paper near the frames and must not count as edges; and of the tab."""
+"""Of folds, which cross the paper near the frames and must not count as edges, and of the drawing;
+and of the tab."""
 
 DASHES = (3.0, 2.0)
 """Millimetres of line and of gap along a fold."""
@@ -95,6 +96,7 @@ def _draw(canvas: Canvas, page: TargetPage) -> None:
     canvas.setDash(DASHES)
     canvas.lines([(*start, *end) for start, end in page.folds])
     canvas.setDash()
+    canvas.lines([(*start, *end) for start, end in page.drawing])
     canvas.setStrokeGray(0.0)
     canvas.lines([(*start, *end) for start, end in page.cuts])
     _draw_ruler(canvas, page.ruler)

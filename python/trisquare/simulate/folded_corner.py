@@ -7,25 +7,11 @@ from typing import Any
 import numpy as np
 
 from trisquare._support.rotations import tilted
+from trisquare.printing.folding import FOLDS, LOOK_ALONG_DIAGONAL
 from trisquare.printing.layout import PrintedBoard, TargetPage, corner_page
 from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, rectangle
 from trisquare.simulate.scenes import MOST_DRAWS, placed, random_camera
 
-# How the sheet's right, down and into-the-paper turn when it is folded about the lines between
-# the upper left face, which stays, and its two neighbours: columns, in the corner's frame.
-FOLDS = np.array(
-    [
-        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-        [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]],
-        [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]],
-    ]
-)
-# Along this diagonal a camera sees the three faces alike, each tilted by 54.7 degrees.
-DIAGONAL = np.ones(3) / np.sqrt(3.0)
-RIGHT = np.cross([0.0, 1.0, 0.0], DIAGONAL)
-RIGHT /= np.linalg.norm(RIGHT)
-# Rotation of a camera that looks along it; rows are its axes.
-LOOK_ALONG_DIAGONAL = np.array([RIGHT, np.cross(DIAGONAL, RIGHT), DIAGONAL])
 # A corner is photographed from within this angle of its diagonal; at 20 degrees off, one of its
 # faces is tilted by 75 and the two others by 50 at most.
 OFF_DIAGONAL = 15.0  # degrees

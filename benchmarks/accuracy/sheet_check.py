@@ -1,0 +1,135 @@
+"""The check of a printed corner: how often a good sheet is called not ok, and faults are seen.
+
+Photographs are rendered from within 15 degrees of the corner's diagonal, of sheets that are good,
+folded wrongly, bent, or stretched in print.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from harness.rows import Row
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare.analysis.sheet_check import SheetCheck, check_sheet
+from trisquare.printing.target import TargetPage
+from trisquare.simulate.scene import Scene
+from trisquare_scenes.spoilt_corner import folded_off, stretched, with_bent_face
+
+SEED = 77_000
+GOOD = 40
+SIZE = (960, 720)  # pixels, less than any camera's
+GOOD_BOARDS = 5  # which take longer to render
+SPOILT = 15
+FOLD_OFF = (3.0, 10.0)  # degrees, either way
+BOW = (0.002, 0.01)  # of the side
+STRETCH = (0.005, 0.01)
+
+Spoil = Callable[[Scene, TargetPage, np.random.Generator], tuple[Scene, float]]
+
+
+def measure() -> list[Row]:
+    """Return how the checks of all sheets end."""
+    rows = [
+        _good("corner", GOOD),
+        _good("boards", GOOD_BOARDS),
+        *_spoilt("folded 3-10 degrees off", "folded", _folded),
+        *_spoilt("one face bent by 0.2-1 % of the side", "flat", _bent),
+        *_spoilt("stretched by 0.5-1 % in print", "stretched", _stretched),
+    ]
+    return rows
+
+
+def _good(kind: str, pictures: int) -> Row:
+    checks = [_checked(kind, SEED + number, None)[0] for number in range(pictures)]
+    verdicts = [check.verdict for check in checks if check is not None]
+    wrong, untold = verdicts.count("not ok"), verdicts.count("cannot tell")
+    return Row(
+        f"sheet check, {pictures} good sheets ({kind}): not ok; cannot tell; no answer",
+        f"{wrong}; {untold}; {pictures - len(verdicts)}",
+        "0; 0; 0",
+        verdicts.count("ok") == pictures,
+    )
+
+
+def _spoilt(name: str, looked_at: str, spoil: Spoil) -> list[Row]:
+    seen, others, errors, ratios = 0, 0, [], []
+    for number in range(SPOILT):
+        check, true = _checked("corner", SEED + 1000 + number, spoil)
+        if check is None:
+            continue
+        wrong = [finding for finding in check.findings if finding.verdict == "not ok"]
+        own = [finding for finding in wrong if finding.check == looked_at]
+        seen += bool(own)
+        others += len(wrong) > len(own)
+        for finding in own[:1]:
+            assert finding.value is not None
+            assert finding.std is not None
+            errors.append(abs(finding.value - true) / true)
+            ratios.append((finding.value - true) / finding.std)
+    rms = float(np.sqrt(np.mean(np.square(ratios))))
+    return [
+        Row(
+            f"sheet check, {SPOILT} corners {name}: seen; other things called not ok",
+            f"{seen}; {others}",
+            f"{SPOILT}; 0",
+            seen == SPOILT and others == 0,
+        ),
+        Row(
+            "the same, error of what was measured: median, worst; rms in stated deviations",
+            f"{100 * np.median(errors):.2f} %, {100 * max(errors):.2f} %; {rms:.1f}",
+            "",
+            None,
+        ),
+    ]
+
+
+def _checked(kind: str, seed: int, spoil: Spoil | None) -> tuple[SheetCheck | None, float]:
+    """Check a rendered sheet with its ruler read right; None if the picture does not calibrate."""
+    (page,) = ts.printed_target("boards" if kind == "boards" else "corner").pages
+    rng = np.random.default_rng(seed)
+    scene, true = simulate.corner_scene(rng, page=page, image_size=SIZE), 0.0
+    if spoil is not None:
+        scene, true = spoil(scene, page, rng)
+    picture = simulate.render(
+        scene,
+        rng,
+        noise=rng.uniform(1.0, 4.0),
+        blur=rng.uniform(0.5, 1.2),
+        contrast=rng.uniform(130.0, 200.0),
+        tone="srgb",
+        colour=True,
+        shading=rng.uniform(0.0, 0.4),
+        clutter=int(rng.integers(20, 80)),
+        jpeg_quality=int(rng.integers(80, 96)),
+    )
+    try:
+        check = check_sheet(ts.calibrate(picture), ruler=100.0)
+    except ts.TrisquareError as error:
+        print(f"  {kind}, seed {seed}: {type(error).__name__}: {error}")
+        return None, true
+    off = [finding for finding in check.findings if finding.verdict != "ok"]
+    if spoil is None or len(off) != 1:
+        for finding in off:
+            print(f"  {kind}, seed {seed}: {finding.verdict}: {finding.text}")
+    return check, true
+
+
+def _folded(scene: Scene, page: TargetPage, rng: np.random.Generator) -> tuple[Scene, float]:
+    off = rng.choice([-1.0, 1.0]) * rng.uniform(*FOLD_OFF)
+    return folded_off(scene, page, int(rng.integers(1, 3)), off), 90.0 - off
+
+
+def _bent(scene: Scene, page: TargetPage, rng: np.random.Generator) -> tuple[Scene, float]:
+    bow = rng.uniform(*BOW)
+    bent = with_bent_face(
+        scene, int(rng.integers(3)), rng.choice([-1.0, 1.0]) * bow, rng.uniform(0.0, np.pi)
+    )
+    return bent, bow * page.frames[0].side
+
+
+def _stretched(scene: Scene, page: TargetPage, rng: np.random.Generator) -> tuple[Scene, float]:
+    stretch = rng.uniform(*STRETCH)
+    return stretched(scene, rng.choice([-1.0, 1.0]) * stretch), 100.0 * stretch

@@ -1,0 +1,314 @@
+"""How far a photographed sheet departs from a true, flat one: a linear step from its calibration.
+
+The calibration's residuals are explained once more, by all that it estimated and, besides, by a
+bow of each plane and a stretch of the print along one axis of the paper. So close to the answer one
+Gauss-Newton step does it; its covariance tells what a photograph cannot distinguish.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations, permutations, product
+from typing import NamedTuple
+
+import numpy as np
+
+import trisquare._core as _core
+from trisquare._support.arrays import FloatArray
+from trisquare.camera.camera import Camera, camera_for_core
+from trisquare.camera.lens_models import COEFFICIENTS
+from trisquare.printing.folding import FOLDS
+from trisquare.results.calibration import Calibration
+from trisquare.results.plane import Plane
+
+PLACES = {"fx": (0, 0), "fy": (1, 1), "cx": (0, 2), "cy": (1, 2), "skew": (0, 1)}
+"""Of parameters in the camera matrix."""
+
+STEP = 1e-5
+"""Of the central differences: of the focal length, of coefficients, and of the plane's unit."""
+
+ROUNDS = 6
+"""Of reweighting; the weights of outliers settle within three."""
+
+HUBER = 1.345
+"""Standard deviations from which residuals weigh less; 95 % efficient (Huber 1964)."""
+
+NORMAL_MAD = 0.6745
+"""Median absolute deviation of a normal distribution, in standard deviations."""
+
+BLOCK = 8
+"""Samples whose residuals are summed, to see whether neighbours err together."""
+
+LOOSE = 1.0
+"""Standard deviation beforehand of bows (of the side), of the stretch, and of the tone curve in its
+own ones: that of nothing known."""
+
+ONE_STEP = 0.04
+"""Of a bow or a stretch: what one linear step leaves of it (benchmarks/accuracy/sheet_check.py)."""
+
+EXPLAINS_AS_WELL = 9.0
+"""Of two readings of the sheet the worse is possible up to so much more chi square: 3 std."""
+
+
+class Estimate(NamedTuple):
+    """A number and its standard deviation."""
+
+    value: float
+    std: float
+
+
+@dataclass(frozen=True, slots=True)
+class Departures:
+    """How far planes depart from those of a true sheet.
+
+    Attributes
+    ----------
+    angles : dict of (int, int) to Estimate
+        Between each two planes, on the side of the camera, degrees.
+    bows : tuple of Estimate
+        How high each plane arches over one side of its figure at most, of the side.
+    stretches : tuple of Estimate
+        How much longer the print is along one axis of the paper than along the other, as a part,
+        by each way in which the figures may lie on it that explains the edges; the best first.
+    """
+
+    angles: dict[tuple[int, int], Estimate]
+    bows: tuple[Estimate, ...]
+    stretches: tuple[Estimate, ...]
+
+
+class _Samples(NamedTuple):
+    """The samples of one figure, and what moves them."""
+
+    face: int
+    is_further: bool
+    points: FloatArray
+    distances: FloatArray
+    weights: FloatArray
+    by_position: FloatArray
+    by_camera: FloatArray
+    by_tone: FloatArray
+
+
+class _Solution(NamedTuple):
+    change: FloatArray
+    covariance: FloatArray
+    cost: float  # weighted sum of squares
+    variance: float  # of a residual, over what was stated
+
+
+def departures(
+    calibration: Calibration, faces: Sequence[int], side: float, *, is_corner: bool
+) -> Departures:
+    """Estimate how far three planes depart from those of a true sheet.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        With its edges, and nothing held.
+    faces : sequence of int
+        Its planes that the sheet's figures are on.
+    side : float
+        Of a figure, in the planes' unit.
+    is_corner : bool
+        Whether they are the faces of the folded sheet; else they are printed upright each, and
+        turned by any right angle.
+    """
+    planes = [calibration.planes[face] for face in faces]
+    samples = list(_samples(calibration, faces))
+    readings = _readings_of_corner(planes) if is_corner else _readings_of_flat(len(planes))
+    solutions = [_solve(samples, planes, side, reading) for reading in readings]
+    solutions.sort(key=lambda solution: solution.cost)
+    best = solutions[0]
+    # The noise is that which the best leaves.
+    most = best.cost + EXPLAINS_AS_WELL * best.variance
+    possible = [solution for solution in solutions if solution.cost <= most]
+    cameras = len(calibration.parameters)
+    return Departures(
+        {
+            (faces[one], faces[other]): _angle(planes, one, other, cameras, best)
+            for one, other in combinations(range(len(planes)), 2)
+        },
+        tuple(_bow(face, len(planes), best) for face in range(len(planes))),
+        tuple(
+            _with_step_error(float(own.change[-1]), float(own.covariance[-1, -1]))
+            for own in possible
+        ),
+    )
+
+
+def _samples(calibration: Calibration, faces: Sequence[int]) -> Iterator[_Samples]:
+    """Yield the samples of the figures on the faces, with the derivatives of their distances.
+
+    The distances are taken anew: where the calibration found a relief, its residuals are
+    without it.
+    """
+    camera = calibration.camera
+    begun: set[int] = set()
+    for figure, residuals in zip(calibration.edges, calibration.residuals, strict=True):
+        number = residuals.plane
+        if number not in faces:
+            continue
+        plane, is_further = calibration.planes[number], number in begun
+        begun.add(number)
+        pixels, normals = np.concatenate(figure.points), np.concatenate(residuals.normals)
+        lines = np.repeat(figure.lines, [len(own) for own in figure.points], axis=0)
+        pose = plane.rotation, plane.translation
+        points = _core.points_on_plane(camera_for_core(camera), pose, pixels)
+        along = np.sum(lines[:, :2] * points, axis=1)
+        # Of a figure within another only the size is open.
+        size = -(along @ lines[:, 2]) / (lines[:, 2] @ lines[:, 2]) if is_further else 1.0
+        feet = points - (along + size * lines[:, 2])[:, None] * lines[:, :2]
+        seen = feet @ plane.rotation[:, :2].T + plane.translation
+        distances = np.sum((pixels - _projected(camera, seen)) * normals, axis=1)
+        by_position = [
+            (_projected(camera, seen + shift) - _projected(camera, seen - shift)) / (2.0 * STEP)
+            for shift in STEP * np.eye(3)
+        ]
+        by_camera = []
+        for name in calibration.parameters:
+            step = STEP if name in COEFFICIENTS[camera.model] else STEP * camera.fx
+            ahead, behind = (_moved(camera, name, way * step) for way in (1.0, -1.0))
+            by_camera.append((_projected(ahead, seen) - _projected(behind, seen)) / (2.0 * step))
+        drift = np.zeros(pixels.shape) if figure.drift is None else np.concatenate(figure.drift)
+        std = np.ones(len(pixels)) if figure.std is None else np.concatenate(figure.std)
+        yield _Samples(
+            faces.index(number),
+            is_further,
+            feet,
+            distances,
+            1.0 / std,
+            np.einsum("jni,ni->nj", by_position, normals),
+            np.einsum("jni,ni->nj", by_camera, normals),
+            np.sum(drift * normals, axis=1),
+        )
+
+
+def _projected(camera: Camera, points: FloatArray) -> FloatArray:
+    return _core.project_points(camera_for_core(camera), np.ascontiguousarray(points))
+
+
+def _moved(camera: Camera, name: str, step: float) -> Camera:
+    """Return a camera with one parameter changed."""
+    matrix, distortion = np.array(camera.K), np.array(camera.distortion)
+    if name in COEFFICIENTS[camera.model]:
+        distortion[COEFFICIENTS[camera.model].index(name)] += step
+    else:
+        matrix[PLACES[name]] += step
+    return Camera(matrix, distortion, camera.image_size, camera.model, camera.valid_radius)
+
+
+def _solve(
+    samples: Sequence[_Samples], planes: Sequence[Plane], side: float, reading: Sequence[int]
+) -> _Solution:
+    """Explain the distances by camera, poses, sizes, tone curve, bows and stretch, in this order.
+
+    `reading` tells for each plane whether the paper's stretched axis is its X (1) or its Y (-1).
+    """
+    cameras, count = samples[0].by_camera.shape[1], len(planes)
+    sizes = sum(it.is_further for it in samples)
+    tone = cameras + 6 * count + sizes
+    bows = tone + 1
+    columns = bows + 3 * count + 1
+    blocks, size = [], cameras + 6 * count
+    for it in samples:
+        rotation = planes[it.face].rotation
+        block = np.zeros((len(it.points), columns))
+        block[:, :cameras] = it.by_camera
+        from_origin = it.points @ rotation[:, :2].T
+        pose = cameras + 6 * it.face
+        block[:, pose : pose + 3] = np.cross(from_origin, it.by_position)
+        block[:, pose + 3 : pose + 6] = it.by_position
+        if it.is_further:
+            block[:, size] = np.sum(it.by_position * from_origin, axis=1)
+            size += 1
+        block[:, tone] = it.by_tone
+        along_x, along_y, away = (it.by_position @ rotation).T
+        x, y = it.points.T
+        u, v = x / (0.5 * side), y / (0.5 * side)
+        heights = np.stack([1.0 - u * u, -2.0 * u * v, 1.0 - v * v], axis=1)
+        bow = bows + 3 * it.face
+        block[:, bow : bow + 3] = side * away[:, None] * heights
+        # Half along the one axis and half, the other way, along the other; the pose takes the size.
+        block[:, -1] = 0.5 * reading[it.face] * (along_x * x - along_y * y)
+        blocks.append(it.weights[:, None] * block)
+    jacobian = np.concatenate(blocks)
+    wanted = np.concatenate([it.weights * it.distances for it in samples])
+    loose = np.zeros(columns)
+    loose[tone:] = 1.0 / LOOSE
+    scale = np.linalg.norm(jacobian, axis=0) + loose
+    jacobian, prior = jacobian / scale, np.diag((loose / scale) ** 2)
+    weights, change, sigma = np.ones(len(wanted)), np.zeros(columns), 1.0
+    for _ in range(ROUNDS):
+        information = (jacobian.T * weights) @ jacobian + sigma**2 * prior
+        change = np.linalg.solve(information, jacobian.T @ (weights * wanted))
+        left = np.abs(wanted - jacobian @ change)
+        sigma = float(np.median(left)) / NORMAL_MAD
+        weights = np.minimum(1.0, HUBER * sigma / np.maximum(left, HUBER * sigma))
+    cost = float(np.sum(weights * left**2))
+    variance = cost / (len(wanted) - columns) * _together(weights * (wanted - jacobian @ change))
+    covariance = variance * np.linalg.inv(information) / np.outer(scale, scale)
+    return _Solution(change / scale, covariance, cost, variance)
+
+
+def _together(residuals: FloatArray) -> float:
+    """Return the variance of the sum of neighbouring residuals over that of independent ones."""
+    blocks = residuals[: len(residuals) // BLOCK * BLOCK].reshape(-1, BLOCK)
+    return max(1.0, float(np.mean(blocks.sum(axis=1) ** 2) / (BLOCK * np.mean(blocks**2))))
+
+
+def _angle(
+    planes: Sequence[Plane], one: int, other: int, cameras: int, solution: _Solution
+) -> Estimate:
+    """Return the angle between two planes, which face the camera, degrees."""
+    first, second = (planes[face].rotation[:, 2] for face in (one, other))
+    across = np.cross(first, second)
+    sine = float(np.linalg.norm(across))
+    # A turn by w changes a normal n by w x n, and so their cosine by w . (n x n').
+    slope = np.zeros(len(solution.change))
+    for face, sign in ((one, 1.0), (other, -1.0)):
+        pose = cameras + 6 * face
+        slope[pose : pose + 3] = sign * across / sine
+    between = np.arctan2(sine, first @ second) - slope @ solution.change
+    std = np.sqrt(slope @ solution.covariance @ slope)
+    return Estimate(180.0 - float(np.degrees(between)), float(np.degrees(std)))
+
+
+def _bow(face: int, count: int, solution: _Solution) -> Estimate:
+    """Return the larger curvature of a plane's relief, as the height of its arch over a side."""
+    start = len(solution.change) - 1 - 3 * (count - face)
+    xx, xy, yy = solution.change[start : start + 3]
+    values, vectors = np.linalg.eigh([[xx, xy], [xy, yy]])
+    largest = int(np.argmax(np.abs(values)))
+    x, y = vectors[:, largest]
+    slope = np.array([x * x, 2.0 * x * y, y * y])
+    own = solution.covariance[start : start + 3, start : start + 3]
+    return _with_step_error(float(values[largest]), float(slope @ own @ slope))
+
+
+def _with_step_error(value: float, variance: float) -> Estimate:
+    """Return a size with a standard deviation that holds the error of the linear step as well."""
+    return Estimate(abs(value), float(np.hypot(np.sqrt(variance), ONE_STEP * value)))
+
+
+def _readings_of_corner(planes: Sequence[Plane]) -> list[list[int]]:
+    """Return which axes of the planes the paper's first one is, whichever face is the first."""
+    readings = []
+    for order in permutations(range(len(planes))):
+        # The normals of the folded faces are the axes z, x and y of the corner's frame.
+        z, x, y = (planes[face].rotation[:, 2] for face in order)
+        cam_from_corner = np.column_stack([x, y, z])
+        if np.linalg.det(cam_from_corner) < 0.0:
+            continue  # folded the other way, print outside
+        reading = [0] * len(planes)
+        for face, fold in zip(order, FOLDS, strict=True):
+            across, down = np.abs(planes[face].rotation[:, :2].T @ cam_from_corner @ fold[:, 0])
+            reading[face] = 1 if across > down else -1
+        readings.append(reading)
+    return readings
+
+
+def _readings_of_flat(count: int) -> list[list[int]]:
+    """Return them for figures that may each be turned by a right angle."""
+    return [[1, *others] for others in product((1, -1), repeat=count - 1)]

@@ -1,0 +1,265 @@
+"""Whether a printed sheet is printed to scale, folded square and flat enough, by its photograph."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from trisquare._support.number_text import with_its_std
+from trisquare.analysis.departures import Departures, Estimate, departures
+from trisquare.errors import NotEnoughPlanesError
+from trisquare.printing.layout import RULER, PrintedBoard
+from trisquare.printing.target import TargetKind, printed_target
+from trisquare.results.calibration import Calibration
+
+Verdict: TypeAlias = Literal["ok", "not ok", "cannot tell"]
+
+SURE = 3.0
+"""Standard deviations by which a number has to be on one side of its limit."""
+
+MOST_FOLD_ERROR = 2.0
+"""Degrees. A calibration assumes no right angles: folded 20 degrees off, its focal lengths are as
+good. But three square faces that are closed at the cut and the tab can only stand at right angles:
+2 degrees are a gap of 3.7 mm at the cut's end on A4, so that nothing holds the faces flat. And
+``orthogonal=`` takes them for right."""
+
+MOST_BOW = 0.001
+"""Of a frame's side: on one face of three it shifts fx by 0.3 % and fy by 0.4 % (rms, 30 views)."""
+
+MOST_BOW_OF_BOARD = 0.01
+"""Of a board's side. A board's many lines tell its bow from the lens, and the calibration takes it
+out: on one face of three it shifts fx and fy by 0.04 % at most (rms, 5 views). Beyond, what is
+second order in the bow is left."""
+
+BENT = 0.01
+"""Bow, of the side, from which angles and stretch are not judged: they then err by what is second
+order in the bow (at 2 %, by up to 1.3 degrees and 0.4 %)."""
+
+MOST_STRETCH = 0.003
+"""Of one axis of the paper against the other: it shifts fx or fy by up to 0.3 % (30 views)."""
+
+MOST_SCALE_ERROR = 0.01
+"""Printers that print at 100 % are nearer, those that fit the page to their margins are 3 % and
+more off. The camera does not depend on it; lengths by the nominal side are off by as much."""
+
+RULER_STD = 0.1
+"""Millimetres that a reading of the printed ruler is off."""
+
+FIGURES = ("frame", "square")
+"""Kinds of planes that printed frames are found as: the second where the hole is not measured."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that was checked.
+
+    Attributes
+    ----------
+    check : {"folded", "flat", "stretched", "size"}
+    faces : tuple of int
+        The planes of the calibration that it is about.
+    verdict : {"ok", "not ok", "cannot tell"}
+    value, std : float, optional
+        In `unit`; None where nothing tells it.
+    limit : float
+        How far off it may be.
+    unit : str
+        ``"degrees"``, ``"mm"`` or ``"%"``.
+    text : str
+        What was found.
+    advice : str
+        What to do about it; empty where there is nothing to do.
+    """
+
+    check: str
+    faces: tuple[int, ...]
+    verdict: Verdict
+    value: float | None
+    std: float | None
+    limit: float
+    unit: str
+    text: str
+    advice: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class SheetCheck:
+    """What a photograph, and a reading of the ruler, say of a printed sheet.
+
+    Attributes
+    ----------
+    kind : {"corner", "boards", "flat"}
+        What it was taken for.
+    side : float
+        Nominal side of its figures, millimetres.
+    true_side : float, optional
+        The same by the ruler.
+    faces : tuple of int
+        The planes of the calibration that the sheet's figures are on.
+    findings : tuple of Finding
+    """
+
+    kind: TargetKind
+    side: float
+    true_side: float | None
+    faces: tuple[int, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def verdict(self) -> Verdict:
+        """The worst of all."""
+        verdicts = [finding.verdict for finding in self.findings]
+        return next((it for it in ("not ok", "cannot tell") if it in verdicts), "ok")
+
+
+def check_sheet(
+    calibration: Calibration,
+    kind: TargetKind = "both",
+    *,
+    page: str = "A4",
+    side: float | None = None,
+    ruler: float | None = None,
+) -> SheetCheck:
+    """Judge a printed sheet by the calibration from its photograph.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        From one photograph, with its edges, and nothing held.
+    kind, page, side
+        As for `printed_target`; "both" is the folded corner, of boards where there are boards.
+    ruler : float, optional
+        What the sheet's ruler of 100 mm measures, millimetres.
+
+    Raises
+    ------
+    NotEnoughPlanesError
+        If the photograph does not show three of the sheet's figures.
+    TypeError, ValueError
+        As `printed_target`.
+    """
+    boards = _planes_of(calibration, ("chessboard",))
+    if kind == "both":
+        kind = "boards" if len(boards) >= 3 else "corner"
+    faces = boards if kind == "boards" else _planes_of(calibration, FIGURES)
+    if len(faces) < 3:
+        what = "chessboards" if kind == "boards" else "frames"
+        raise NotEnoughPlanesError(
+            f"the photograph shows {len(faces)} of the sheet's 3 {what}: show all of them, and "
+            "name the kind of sheet that it is"
+        )
+    figure = printed_target(kind, page=page, side=side).pages[0].frames[0]
+    units = figure.cells if isinstance(figure, PrintedBoard) else 1.0
+    found = departures(calibration, faces, units, is_corner=kind != "flat")
+    findings = [
+        *(_folded(found) if kind != "flat" else ()),
+        *_flat(found, faces, figure.side, isinstance(figure, PrintedBoard)),
+        _stretched(found, faces),
+        _size(figure.side, ruler),
+    ]
+    true_side = None if ruler is None else figure.side * ruler / RULER
+    return SheetCheck(kind, figure.side, true_side, faces, tuple(findings))
+
+
+def _planes_of(calibration: Calibration, kinds: Sequence[str]) -> tuple[int, ...]:
+    """Return the three largest planes of these kinds, by their areas in the picture, in order."""
+
+    def area(number: int) -> float:
+        x, y = calibration.planes[number].corners.T
+        return abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+
+    fitting = [at for at, plane in enumerate(calibration.planes) if plane.kind in kinds]
+    return tuple(sorted(sorted(fitting, key=area, reverse=True)[:3]))
+
+
+def _verdict(off: Sequence[Estimate], limit: float) -> Verdict:
+    """Judge how far something is off; of several estimates any may be right."""
+    if all(own.value + SURE * own.std <= limit for own in off):
+        return "ok"
+    if all(own.value - SURE * own.std > limit for own in off):
+        return "not ok"
+    return "cannot tell"
+
+
+def _is_bent(found: Departures) -> bool:
+    return max(bow.value for bow in found.bows) > BENT
+
+
+def _folded(found: Departures) -> Iterator[Finding]:
+    offs = {faces: Estimate(abs(value - 90.0), std) for faces, (value, std) in found.angles.items()}
+    for faces, angle in found.angles.items():
+        verdict: Verdict = (
+            "cannot tell" if _is_bent(found) else _verdict([offs[faces]], MOST_FOLD_ERROR)
+        )
+        text = f"faces {faces[0]} and {faces[1]} meet at {_with_std(angle)} degrees"
+        advice = {
+            "ok": "",
+            "not ok": "fold along the dashed lines against a book's corner and glue the tab; a "
+            "calibration stays right unless it is told orthogonal",
+            "cannot tell": _flatten_first(found),
+        }[verdict]
+        if verdict == "not ok" and min(offs.values()).value > MOST_FOLD_ERROR:
+            advice = "is it the folded corner? The three flat sheets are another kind"
+        yield Finding("folded", faces, verdict, *angle, MOST_FOLD_ERROR, "degrees", text, advice)
+
+
+def _flat(
+    found: Departures, faces: Sequence[int], side: float, is_board: bool
+) -> Iterator[Finding]:
+    limit = MOST_BOW_OF_BOARD if is_board else MOST_BOW
+    for face, bow in zip(faces, found.bows, strict=True):
+        verdict = _verdict([bow], limit)
+        arch = Estimate(side * bow.value, side * bow.std)
+        text = (
+            f"face {face} is bent by {_with_std(arch)} mm over its side of {side:g} mm, of which "
+            f"{side * limit:.2g} mm may be"
+        )
+        advice = {
+            "ok": "",
+            "not ok": "glue the paper to stiff cardboard, or into the corner of a box",
+            "cannot tell": "photograph it larger and sharper",
+        }[verdict]
+        yield Finding("flat", (face,), verdict, *arch, side * limit, "mm", text, advice)
+
+
+def _stretched(found: Departures, faces: Sequence[int]) -> Finding:
+    verdict: Verdict = "cannot tell" if _is_bent(found) else _verdict(found.stretches, MOST_STRETCH)
+    best = Estimate(*(100.0 * number for number in found.stretches[0]))
+    text = f"the print is stretched along one axis of the paper by {_with_std(best)} %"
+    advice = {
+        "ok": "",
+        "not ok": "print at 100 %, without fitting to the page, or on another printer",
+        "cannot tell": _flatten_first(found),
+    }[verdict]
+    limit = 100.0 * MOST_STRETCH
+    return Finding("stretched", tuple(faces), verdict, *best, limit, "%", text, advice)
+
+
+def _flatten_first(found: Departures) -> str:
+    if _is_bent(found):
+        return "flatten the faces first, they are bent too far to judge it"
+    return "photograph it larger, sharper, and from nearer its front"
+
+
+def _size(side: float, ruler: float | None) -> Finding:
+    limit = 100.0 * MOST_SCALE_ERROR
+    if ruler is None:
+        text = "no photograph tells the size without a known length"
+        advice = f"measure the printed ruler of {RULER:g} mm and say --ruler 99.5mm"
+        return Finding("size", (), "cannot tell", None, None, limit, "%", text, advice)
+    scale = Estimate(ruler / RULER, RULER_STD / RULER)
+    verdict = _verdict([Estimate(abs(scale.value - 1.0), scale.std)], MOST_SCALE_ERROR)
+    true = Estimate(side * scale.value, side * scale.std)
+    per_cent = Estimate(100.0 * scale.value, 100.0 * scale.std)
+    text = f"by the ruler the print is at {_with_std(per_cent)} %, its side {_with_std(true)} mm"
+    advice = f"print at 100 %, or calibrate with --side {true.value:.4g}mm: the camera is the same"
+    if verdict == "ok":
+        advice = ""
+    return Finding("size", (), verdict, *per_cent, limit, "%", text, advice)
+
+
+def _with_std(estimate: Estimate) -> str:
+    return " +- ".join(with_its_std(*estimate))

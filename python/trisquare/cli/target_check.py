@@ -1,0 +1,81 @@
+"""`trisquare target --check`: whether a printed sheet came out as it should, by its photograph."""
+
+from __future__ import annotations
+
+import json as json_text
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+
+import typer
+
+from trisquare._support.lengths import metres
+from trisquare.analysis.sheet_check import Finding, SheetCheck, check_sheet
+from trisquare.calibration.calibrate import calibrate
+from trisquare.cli.console import answer, progress_bar
+from trisquare.cli.framework import NOT_ALL_PASSED_EXIT, reading
+from trisquare.cli.tables import warning_lines
+from trisquare.printing.target import TargetKind, printed_target
+from trisquare.results.calibration import Calibration
+
+CHECK_FORMAT = "trisquare-target-check/1"
+
+
+def check_photograph(
+    photo: Path,
+    kind: TargetKind,
+    page: str,
+    side: float | None,
+    ruler: str | None,
+    *,
+    json: bool,
+    quiet: bool,
+) -> None:
+    """Calibrate a photograph of the sheet, and say what it tells of the sheet.
+
+    Raises
+    ------
+    typer.Exit
+        If something is not ok.
+    """
+    printed_target(kind, page=page, side=side)  # says what is wrong before the photograph is read
+    length = metres(ruler, "--ruler")
+    with progress_bar("checking", quiet) as progress, reading():
+        calibration = calibrate(photo, progress=progress)
+    measured = None if length is None else 1000.0 * length
+    check = check_sheet(calibration, kind, page=page, side=side, ruler=measured)
+    members = {
+        "format": CHECK_FORMAT,
+        "verdict": check.verdict,
+        "kind": check.kind,
+        "page": page,
+        "side_mm": check.side,
+        "true_side_mm": check.true_side,
+        "faces": [
+            {"plane": face, "corners": calibration.planes[face].corners.tolist()}
+            for face in check.faces
+        ],
+        "findings": [asdict(finding) for finding in check.findings],
+        "warnings": json_text.loads(calibration.to_json())["warnings"],
+    }
+    warnings = warning_lines(calibration, verbose=False)
+    answer(json, quiet, members, _lines(check, calibration), warnings)
+    if check.verdict == "not ok":
+        raise typer.Exit(NOT_ALL_PASSED_EXIT)
+
+
+def _lines(check: SheetCheck, calibration: Calibration) -> Iterator[str]:
+    places = (
+        "{} around ({:.0f}, {:.0f})".format(face, *calibration.planes[face].corners.mean(axis=0))
+        for face in check.faces
+    )
+    yield f"{check.kind}, side {check.side:g} mm; face {', '.join(places)}"
+    width = max(len(finding.check) for finding in check.findings)
+    for finding in check.findings:
+        yield f"  {finding.check:<{width}}  {finding.verdict:<11}  {_sentence(finding)}"
+    untold = check.verdict == "cannot tell"
+    yield f"the sheet: {'ok but for what it cannot tell' if untold else check.verdict}"
+
+
+def _sentence(finding: Finding) -> str:
+    return f"{finding.text}: {finding.advice}" if finding.advice else finding.text

@@ -1,0 +1,181 @@
+"""Whether a sheet came out as it should, by rendered photographs of it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from quick import first_quick
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare.analysis.departures import departures
+from trisquare.analysis.sheet_check import check_sheet
+from trisquare_scenes.spoilt_corner import folded_off, stretched, with_bent_face
+
+SURE = 5.0
+PAGES = {kind: ts.printed_target(kind).pages[0] for kind in ("corner", "boards")}
+
+
+def drawn(seed, kind="corner"):
+    """A photograph's scene, and where its noise comes from."""
+    rng = np.random.default_rng([2203, seed])
+    if kind == "flat":
+        return simulate.random_scene(rng, kind="frame"), rng
+    return simulate.corner_scene(rng, page=PAGES[kind]), rng
+
+
+def calibrated(scene, rng):
+    return ts.calibrate(simulate.render(scene, rng, noise=2.0, tone="srgb", jpeg_quality=92))
+
+
+def checked(scene, rng, kind="both", **options):
+    return check_sheet(calibrated(scene, rng), kind, **options)
+
+
+def verdicts(check):
+    return {
+        name: [finding.verdict for finding in check.findings if finding.check == name]
+        for name in ("folded", "flat", "stretched", "size")
+    }
+
+
+@pytest.fixture(scope="module")
+def good():
+    return calibrated(*drawn(600))
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed"),
+    first_quick([("corner", 0), ("corner", 1), ("corner", 2), ("corner", 3), ("boards", 4)], 2),
+)
+def test_a_good_sheet_is_ok(kind, seed):
+    check = checked(*drawn(seed, kind), ruler=100.1)
+    assert check.verdict == "ok", check
+    assert check.kind == kind
+    side = PAGES[kind].frames[0].side
+    assert (check.side, check.true_side) == (side, pytest.approx(1.001 * side))
+    order = [*["folded"] * 3, *["flat"] * 3, "stretched", "size"]
+    assert [finding.check for finding in check.findings] == order
+    for finding in check.findings[:3]:
+        assert abs(finding.value - 90.0) < SURE * finding.std
+        assert finding.std < 0.1
+    for finding in check.findings[3:7]:
+        assert finding.value < SURE * finding.std
+        assert not finding.advice
+
+
+@pytest.mark.parametrize("seed", first_quick(range(4), 1))
+@pytest.mark.parametrize(("face", "off"), [(1, 10.0), (2, -10.0)])
+def test_a_fold_that_is_off_is_measured(face, off, seed):
+    scene, rng = drawn(100 + seed)
+    check = checked(folded_off(scene, PAGES["corner"], face, off), rng)
+    assert check.verdict == "not ok"
+    told = verdicts(check)
+    assert sorted(told["folded"]) == ["not ok", "ok", "ok"]
+    assert "not ok" not in told["flat"] + told["stretched"]
+    wrong = next(finding for finding in check.findings if finding.verdict == "not ok")
+    assert abs(wrong.value - (90.0 - off)) < SURE * wrong.std
+    assert "dashed lines" in wrong.advice
+
+
+@pytest.mark.parametrize("seed", first_quick(range(4), 1))
+@pytest.mark.parametrize("bow", [0.004, -0.004])
+def test_a_bent_face_is_named_and_its_bow_measured(bow, seed):
+    scene, rng = drawn(200 + seed)
+    face = seed % 3
+    middle = scene.image_points(face, np.zeros((1, 2)))[0]
+    result = calibrated(with_bent_face(scene, face, bow, 0.4 + seed), rng)
+    check = check_sheet(result)
+    (named,) = (finding for finding in check.findings if finding.verdict == "not ok")
+    assert named.check == "flat"
+    assert named.value == pytest.approx(0.004 * 84.0, rel=0.03)  # mm
+    assert np.linalg.norm(result.planes[named.faces[0]].corners.mean(axis=0) - middle) < 20.0
+    assert "cardboard" in named.advice
+
+
+@pytest.mark.slow
+def test_a_board_s_bow_is_measured_although_the_calibration_takes_it_out():
+    scene, rng = drawn(300, "boards")
+    check = checked(with_bent_face(scene, 0, 0.006, 1.0), rng)
+    bows = sorted(finding.value for finding in check.findings if finding.check == "flat")
+    assert bows[2] == pytest.approx(0.006 * 91.0, rel=0.02)
+    assert bows[1] < 0.03
+    assert verdicts(check)["flat"] == ["ok"] * 3
+
+
+@pytest.mark.parametrize("seed", first_quick(range(4), 1))
+@pytest.mark.parametrize("kind", ["corner", "flat"])
+@pytest.mark.parametrize("stretch", [0.01, -0.01])
+def test_a_stretched_print_is_told_whatever_the_camera_s_pixels(kind, stretch, seed):
+    scene, rng = drawn(400 + seed, kind)
+    scene = replace(scene, camera=replace(scene.camera, fy=1.004 * scene.camera.fx))
+    check = checked(stretched(scene, stretch), rng, kind)
+    (finding,) = (finding for finding in check.findings if finding.check == "stretched")
+    assert finding.verdict == "not ok"
+    assert finding.value == pytest.approx(1.0, abs=0.15)  # %
+    assert "100 %" in finding.advice
+
+
+def test_a_face_bent_too_far_leaves_angles_and_stretch_untold():
+    scene, rng = drawn(500)
+    told = verdicts(checked(with_bent_face(scene, 1, 0.02, 0.3), rng))
+    assert told["folded"] == ["cannot tell"] * 3
+    assert told["stretched"] == ["cannot tell"]
+    assert "not ok" in told["flat"]
+
+
+@pytest.mark.parametrize(
+    ("ruler", "verdict", "side"),
+    [
+        (None, "cannot tell", None),
+        (99.5, "ok", 83.58),
+        (99.0, "cannot tell", 83.16),
+        (97.0, "not ok", 81.48),
+    ],
+)
+def test_the_size_is_told_by_the_ruler_alone(good, ruler, verdict, side):
+    check = check_sheet(good, ruler=ruler)
+    finding = check.findings[-1]
+    assert (finding.check, finding.verdict) == ("size", verdict)
+    assert check.true_side == (None if side is None else pytest.approx(side))
+    assert ("no photograph tells" in finding.text) == (ruler is None)
+
+
+def test_flat_sheets_have_no_folds():
+    check = checked(*drawn(700, "flat"), "flat")
+    assert verdicts(check)["folded"] == []
+    assert check.side == 169.0
+
+
+def test_a_sheet_that_is_not_shown_is_refused(good):
+    with pytest.raises(ts.NotEnoughPlanesError, match="0 of the sheet's 3 chessboards"):
+        check_sheet(good, "boards")
+    with pytest.raises(ValueError, match="kind of target"):
+        check_sheet(good, "cube")
+    with pytest.raises(ValueError, match="84 mm"):
+        check_sheet(good, side=120.0)
+
+
+def test_edges_without_stated_deviations_do(good):
+    plain = [
+        ts.PlaneEdges(
+            figure.lines, figure.points, plane=figure.plane, kind="frame", freedom=figure.freedom
+        )
+        for figure in good.edges
+    ]
+    again = check_sheet(ts.calibrate_edges(plain, good.camera.image_size))
+    assert again.verdict == "cannot tell"  # the size alone
+    assert {finding.verdict for finding in again.findings[:-1]} == {"ok"}
+
+
+@pytest.mark.slow
+def test_the_stated_deviations_are_those_of_repeated_photographs():
+    scene, _ = drawn(800)
+    found = [
+        departures(calibrated(scene, np.random.default_rng(seed)), [0, 1, 2], 1.0, is_corner=True)
+        for seed in range(30)
+    ]
+    for pair in found[0].angles:
+        values = [own.angles[pair].value for own in found]
+        stated = np.mean([own.angles[pair].std for own in found])
+        assert 0.5 < np.std(values) / stated < 1.6
