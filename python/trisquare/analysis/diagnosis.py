@@ -75,7 +75,7 @@ class Diagnosis(Mapping[str, ParameterDiagnosis]):
     fx 0.075
     fy 0.081
     cx 0.044
-    cy 0.079
+    cy 0.08
     k1 3.6e-05
     k2 3.6e-05
     """
