@@ -95,6 +95,7 @@ pub struct CircleRadius {
 
 /// The aspect of a rectangle, estimated with the camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Aspect {
     /// Side 0 over side 1.
     pub value: f64,
