@@ -104,6 +104,9 @@ pub fn calibrate_by_family(
     Ok((FamilyChoice::Pinhole(choice), Some(rejected(&wide, odds))))
 }
 
+/// Samples of a line that tell one family from another. A fisheye is asked sample by sample.
+const SAMPLES_PER_LINE: usize = 100;
+
 /// Warns first of all where a calibration with a distorted pinhole has what a fisheye explains
 /// better than any of its models.
 pub fn heed_fisheye<L: Lens>(
@@ -118,8 +121,12 @@ pub fn heed_fisheye<L: Lens>(
     if is_fisheye || !is_suspect || check_comparable(options).is_err() {
         return;
     }
-    let wide = Weighed::of(edges, size, &of_family::<_, Fisheye>(options));
-    let own = Weighed::of(edges, size, options);
+    let some: Vec<PlaneEdges> = edges
+        .iter()
+        .map(|own| own.thinned(SAMPLES_PER_LINE))
+        .collect();
+    let wide = Weighed::of(&some, size, &of_family::<_, Fisheye>(options));
+    let own = Weighed::of(&some, size, options);
     // Sheets that rise explain such residuals as well, and a fisheye would follow them.
     let rises = |warning: &Warning| {
         matches!(

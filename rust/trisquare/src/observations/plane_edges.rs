@@ -220,6 +220,23 @@ impl PlaneEdges {
         }
     }
 
+    /// The same with so many samples of each line at most, evenly chosen.
+    pub(crate) fn thinned(&self, most: usize) -> Self {
+        fn chosen<T: Clone>(lines: &[Vec<T>], most: usize) -> Vec<Vec<T>> {
+            let line = |own: &Vec<T>| {
+                let step = own.len().div_ceil(most.max(1)).max(1);
+                own.iter().step_by(step).cloned().collect()
+            };
+            lines.iter().map(line).collect()
+        }
+        Self {
+            points: chosen(&self.points, most),
+            std: self.std.as_ref().map(|own| chosen(own, most)),
+            tone_drift: self.tone_drift.as_ref().map(|own| chosen(own, most)),
+            ..self.clone()
+        }
+    }
+
     /// Number of samples on all lines.
     pub fn sample_count(&self) -> usize {
         self.points.iter().map(Vec::len).sum()
