@@ -23,4 +23,4 @@ pub(crate) use side_basis::{ORDERS, basis, direction, places};
 pub(crate) use side_errors::{SideErrors, rms_displacement, variance_of};
 pub(crate) use side_families::spectrum;
 pub(crate) use side_moments::{Moments, SideMoments};
-pub(crate) use tone_drift::{account_for_drift, check_drift_count};
+pub(crate) use tone_drift::{account_for_drift, check_drift_count, drifted_to};

@@ -5,13 +5,15 @@
 //! edges lie a little to the dark. The geometry of the planes may tell more of it, and what
 //! it leaves open belongs into the covariance.
 
+use std::collections::BTreeMap;
+
 use nalgebra::DVector;
 
 use crate::error::Error;
 use crate::lens::{Lens, MAX_LENS_COLUMNS};
 use crate::numeric::{ArrowSystem, Loss, Problem};
-use crate::observations::{FreeParameters, ObservedPlane};
-use crate::refine::{EdgeProblem, Refined};
+use crate::observations::{FreeParameters, ObservedPlane, View};
+use crate::refine::{EdgeProblem, Refined, residuals};
 
 /// Entries of the equations of what the planes share, at most: 2 GB, of 15,000 pictures.
 const MOST_NUMBERS: usize = 250_000_000;
@@ -40,12 +42,47 @@ pub(crate) fn account_for_drift<L: Lens>(
         plane.remove_tone_drift(step.shared[free.len() + place(&pictures, plane)]);
     }
     let refined = Refined {
-        residuals: crate::refine::residuals(&planes, &view)?,
+        residuals: residuals(&planes, &view)?,
         view,
         system: system.marginal(judged.len())?,
         ..*refined
     };
     Some((planes, refined))
+}
+
+/// The samples as a view of the planes that was not fitted to them sees them: with as much of each
+/// picture's tone drift as their residuals ask for.
+pub(crate) fn drifted_to<L: Lens>(
+    planes: &[ObservedPlane],
+    view: &View<L>,
+) -> Option<Vec<ObservedPlane>> {
+    let mut moved = planes.to_vec();
+    if !planes.iter().any(ObservedPlane::has_tone_drift) {
+        return Some(moved);
+    }
+    moved
+        .iter_mut()
+        .for_each(|plane| plane.remove_tone_drift(1.0));
+    let (before, after) = (residuals(planes, view)?, residuals(&moved, view)?);
+    let mut sums = BTreeMap::<usize, (f64, f64)>::new();
+    for (plane, (before, after)) in planes.iter().zip(before.iter().zip(&after)) {
+        let (product, square) = sums.entry(plane.image).or_default();
+        let counting = before.iter().zip(after).filter(|(own, _)| own.counts);
+        for (before, after) in counting {
+            let drift = after.distance - before.distance;
+            let weight = before.weight * before.weight;
+            *product += weight * drift * before.distance;
+            *square += weight * drift * drift;
+        }
+    }
+    for (moved, plane) in moved.iter_mut().zip(planes) {
+        let (product, square) = sums[&plane.image];
+        moved.clone_from(plane);
+        if square > 0.0 {
+            moved.remove_tone_drift(-product / square);
+        }
+    }
+    Some(moved)
 }
 
 /// The numbers of the pictures, ascending: they are names, and of any size.

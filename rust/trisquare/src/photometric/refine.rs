@@ -14,6 +14,7 @@ use super::hidden_stretches::{DisturbedSide, disturbed, disturbed_sides};
 use super::photographs::{Photographs, Refusal};
 use crate::image::{PictureState, PictureTone};
 use crate::lens::Lens;
+use crate::noise::drifted_to;
 use crate::numeric::Loss;
 use crate::observations::{FreeParameters, PlaneEdges};
 use crate::refine::{Refined, residuals};
@@ -250,19 +251,21 @@ fn answer<L: Lens>(
         false => residual_correlation.neighbours,
     };
     let independent = covariance(&system, covariance_factor)?;
+    // The samples were measured with a tone curve that was known less well.
+    let planes = drifted_to(planes, &state.view)?;
     let fitted = Solution {
-        planes: planes.clone(),
         correlated: Correlated {
             covariance: independent * dependence + &residual_correlation.added,
             ..correlated.clone()
         },
         refined: Refined {
-            residuals: residuals(planes, &state.view)?,
+            residuals: residuals(&planes, &state.view)?,
             view: state.view,
             system,
             covariance_factor,
             ..*refined
         },
+        planes,
         noise: None,
     };
     let mut better = Calibration::assemble(problem, &fitted, Stage::Pixels);
