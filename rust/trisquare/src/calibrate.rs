@@ -14,7 +14,9 @@ use crate::observations::{
 use crate::photometric::{Photographs, improve};
 use crate::result::{Calibration, Stage, Warning};
 use crate::solver::{JointProblem, Work, reject_outliers};
-use crate::uncertainty::{LensVerdict, check_plane_count, contradicted_relations, unlikely_camera};
+use crate::uncertainty::{
+    LensVerdict, check_plane_count, contradicted_relations, poorly_known, unlikely_camera,
+};
 
 /// Calibrates a camera from edge samples of planes with known lines.
 ///
@@ -181,6 +183,8 @@ fn run<L: Lens>(
         if let Some(verdict) = verdict {
             problem.heed(&verdict, (&planes, &solution), &mut calibration);
         }
+        let poorly_known = poorly_known(&calibration, options.fixed);
+        calibration.warnings.splice(0..0, poorly_known);
         let contradicted = contradicted(edges, &planes, size, options);
         calibration.warnings.splice(0..0, contradicted);
     }

@@ -204,6 +204,32 @@ pub enum Warning {
         /// `fx` with the principal point held, pixels; `None` where that has no answer.
         held: Option<f64>,
     },
+    /// What the residuals show beyond noise leaves a parameter as open as is refused of geometry.
+    #[error(
+        "{parameter} is known to {std:.0} px only ({:.0} % of {of}): the planes err by more than \
+         noise, and tell too little of the camera for that; more planes help, or flatter ones",
+        100.0 * .part
+    )]
+    BarelyDetermined {
+        /// The parameter that is known worst.
+        parameter: &'static str,
+        /// Its standard deviation, pixels.
+        std: f64,
+        /// The same as a part...
+        part: f64,
+        /// ... of the focal length or of the width.
+        of: &'static str,
+    },
+    /// The distortion cannot be inverted in a part of the picture.
+    #[error(
+        "the lens is known in {:.0} % of the picture only: beyond, where no target was, its \
+         polynomial turns back. Targets nearer to the corners help, or model=\"radial1\"",
+        100.0 * (1.0 - .missing)
+    )]
+    LensEndsInPicture {
+        /// Part of the picture that has no lens.
+        missing: f64,
+    },
     /// Planes stand otherwise than they are said to.
     #[error(
         "planes {} and {} are {degrees:.2} +- {std:.2} degrees from {stand} where nothing is asked \
@@ -295,6 +321,8 @@ impl Warning {
             Self::LinesNotUsed { .. } => "lines_not_used",
             Self::PixelsNotSquare { .. } => "pixels_not_square",
             Self::PrincipalPointOffCentre { .. } => "principal_point_off_centre",
+            Self::BarelyDetermined { .. } => "barely_determined",
+            Self::LensEndsInPicture { .. } => "lens_ends_in_picture",
             Self::RelationContradicted { .. } => "relation_contradicted",
             Self::PartlyHidden { .. } => "side_partly_hidden",
         }
@@ -309,11 +337,13 @@ impl Warning {
             | Self::PlanesContradict { .. }
             | Self::NoSquares { .. }
             | Self::RelationContradicted { .. }
+            | Self::BarelyDetermined { .. }
             | Self::PixelsNotSquare { .. } => Severity::High,
             Self::Disagreement(_)
             | Self::SideRejected { .. }
             | Self::PlaneRejected { .. }
             | Self::PrincipalPointOffCentre { .. }
+            | Self::LensEndsInPicture { .. }
             | Self::LinesNotUsed { sigmas: Some(_) } => Severity::Medium,
             Self::PlanesVary { factor } if *factor > NOTABLE_FACTOR => Severity::Medium,
             Self::PlanesVary { .. }

@@ -32,7 +32,7 @@ use crate::ill_conditioning::{Cause, IllConditioning};
 use crate::image_size::ImageSize;
 use crate::lens::Lens;
 use crate::numeric::ArrowSystem;
-use crate::observations::{FreeParameters, ObservedPlane, Options, View};
+use crate::observations::{Fixed, FreeParameters, ObservedPlane, Options, View};
 
 /// Largest standard deviation accepted: of a focal length as a part of it, of the principal point
 /// as a part of the width. Between the sound and the parallel scenes of the module's evidence.
@@ -44,6 +44,14 @@ const MAX_STD: f64 = 0.04;
 /// more than 4 %, and 2 % more than 10 %: about an axis along the picture's own, tilt leaves the
 /// aspect open.
 const MAX_STD_CENTRED: f64 = 0.1;
+
+/// The one that holds for what is fixed.
+pub(super) fn largest_std(fixed: Fixed) -> f64 {
+    match fixed.principal_point {
+        true => MAX_STD_CENTRED,
+        false => MAX_STD,
+    }
+}
 
 /// Noise of one pixel of edge above which the limit grows: what ordinary pictures have at most
 /// (0.5 px for samples 4 px apart).
@@ -210,11 +218,7 @@ impl<L: Lens> Conditioning<'_, L> {
         } else {
             1.0
         };
-        let largest = match self.options.fixed.principal_point {
-            true => MAX_STD_CENTRED,
-            false => MAX_STD,
-        };
-        largest * growth
+        largest_std(self.options.fixed) * growth
     }
 
     /// Noise of one pixel of edge: that of a sample, brought from the samples' spacing to 1 px.

@@ -1,10 +1,12 @@
-//! What nearly every camera is like: square pixels, and a principal point near the centre.
+//! What is expected of an answer: a camera as nearly every one is, of square pixels and with its
+//! principal point near the centre; known well enough to be used, and in all of the picture.
 //!
 //! Targets that are no squares, a stretched or a cropped picture give an answer that fits as well
 //! as a true one. Only what is known of cameras tells it.
 
 use nalgebra::Vector2;
 
+use super::conditioning::largest_std;
 use crate::lens::Lens;
 use crate::observations::Fixed;
 use crate::result::{Calibration, Warning};
@@ -47,6 +49,53 @@ pub(crate) fn unlikely_camera<L: Lens>(
         });
     }
     warnings
+}
+
+/// Places along either side of a picture at which its lens is asked for.
+const PLACES: u32 = 21;
+
+/// Part of a picture, at its corners, that a lens may miss.
+const LEAST_MISSING: f64 = 0.01;
+
+/// Warns of a camera that is known worse than what is refused before the residuals are asked, and
+/// of a lens that ends within the picture.
+pub(crate) fn poorly_known<L: Lens>(found: &Calibration<L>, fixed: Fixed) -> Vec<Warning> {
+    let focal = found.camera.focal();
+    let width = f64::from(found.image_size.width);
+    let parts = [
+        ("fx", focal.x, "the focal length"),
+        ("fy", focal.y, "the focal length"),
+        ("cx", width, "the width"),
+        ("cy", width, "the width"),
+    ];
+    let parts = parts.into_iter().filter_map(|(parameter, whole, of)| {
+        let position = found.position(parameter)?;
+        let std = found.covariance[(position, position)].max(0.0).sqrt();
+        Some((parameter, std, std / whole, of))
+    });
+    let worst = parts.max_by(|a, b| a.2.total_cmp(&b.2));
+    let open = worst.filter(|(_, _, part, _)| *part > largest_std(fixed));
+    let open = open.map(|(parameter, std, part, of)| Warning::BarelyDetermined {
+        parameter,
+        std,
+        part,
+        of,
+    });
+    let missing = missing(found);
+    let ends = (missing > LEAST_MISSING).then_some(Warning::LensEndsInPicture { missing });
+    open.into_iter().chain(ends).collect()
+}
+
+/// The part of the picture in which the lens has no inverse.
+fn missing<L: Lens>(found: &Calibration<L>) -> f64 {
+    let place = |i: u32, size: u32| (f64::from(size) - 1.0) * f64::from(i) / f64::from(PLACES - 1);
+    let size = found.image_size;
+    let places = (0..PLACES * PLACES).map(|i| {
+        let (column, row) = (i % PLACES, i / PLACES);
+        Vector2::new(place(column, size.width), place(row, size.height))
+    });
+    let unseen = places.filter(|pixel| found.camera.unproject_with_jacobian(pixel).is_none());
+    unseen.count() as f64 / f64::from(PLACES * PLACES)
 }
 
 /// The ratio `fy / fx` and its standard deviation, if it is free.
