@@ -263,7 +263,8 @@ fn combined(hypotheses: &[Hypothesis]) -> Option<Strength> {
         }
     }
     Some(Strength {
-        probability: 1.0 - weights[0] / total,
+        // Not as one less the rest, which rounding may make 0 where the mean is not.
+        probability: weights[1..].iter().sum::<f64>() / total,
         mean,
     })
 }
