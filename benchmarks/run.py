@@ -1,16 +1,15 @@
-"""Measure how good and how fast trisquare is: `benchmarks/run.py [NAME...]`.
-
-`--fast` runs those of speed and headline accuracy; `--compare` measures nothing and prints what
-differs from the results that are committed.
+"""Measure how good and how fast trisquare is.
 
 Every benchmark is a module of one of the folders `accuracy`, `finding`, `real` and `speed`, with a
 function `measure` that prints what it sees and returns the rows of the table at the end. The rows
-replace those in `docs/measured.md` and `benchmarks/results.json`. All draws are seeded; times are
+replace those in `docs/measured.md` and `benchmarks/results.json`; where a benchmark cannot be
+measured, its rows stay and the exit code is 1. All draws are seeded; times are
 ratios taken in one run.
 """
 
 from __future__ import annotations
 
+import argparse
 import importlib
 import os
 import sys
@@ -95,40 +94,67 @@ FAST = (
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
-def main(names: list[str]) -> None:
-    """Run the named benchmarks, or all of them, and print one table."""
-    if names == ["--compare"]:
+def main(words: list[str]) -> int:
+    """Run the named benchmarks, or all of them, print one table, and return the exit code."""
+    asked = _parsed(words)
+    if asked.compare:
         from harness import results_file
 
         print("\n".join(results_file.changes()) or "nothing changed")
-        return
-    if names == ["--fast"]:
-        names = list(FAST)
-    modules = {module.partition(".")[2]: module for module in BENCHMARKS}
-    unknown = sorted(set(names) - set(modules))
-    if unknown:
-        sys.exit(f"no benchmark {', '.join(unknown)}: choose among {', '.join(modules)}")
+        return 0
     for variable in THREAD_LIMITS:
         os.environ[variable] = "1"
     from harness import results_file, results_page
-    from harness.rows import markdown_table
+    from harness.rows import NotMeasurableError, markdown_table
 
-    rows = []
+    rows, missing = [], []
     commit = results_file.current_commit()
-    for name in names or modules:
-        module = importlib.import_module(modules[name])
+    for name in asked.names:
+        module = importlib.import_module(name)
         print(f"{name}: {module.__doc__.splitlines()[0]}", flush=True)
         conditions, start = results_page.conditions(), time.perf_counter()
-        found = module.measure()
+        try:
+            found = module.measure()
+        except NotMeasurableError as error:
+            missing.append(f"{name} cannot be measured here, its rows stay: {error}")
+            print(f"  {missing[-1]}", flush=True)
+            continue
         for row in found:
             print(f"  {row.measured_on}: {row.measured} / must reach {row.must_reach}")
         print(f"  ({time.perf_counter() - start:.1f} s)", flush=True)
         # At once: a run of an hour may be interrupted.
-        results_page.update(modules[name], found, BENCHMARKS, conditions)
-        results_file.update(modules[name], found, BENCHMARKS, commit)
+        results_page.update(name, found, BENCHMARKS, conditions)
+        results_file.update(name, found, BENCHMARKS, commit)
         rows += found
-    print("\n" + markdown_table(rows))
+    if rows:
+        print("\n" + markdown_table(rows))
+    print("\n".join(missing), file=sys.stderr, end="\n" if missing else "")
+    return 1 if missing else 0
+
+
+def _parsed(words: list[str]) -> argparse.Namespace:
+    """Return the options, and as `names` the modules of the benchmarks that are asked for."""
+    parser = argparse.ArgumentParser(
+        description=__doc__,
+        epilog="The benchmarks: " + ", ".join(BENCHMARKS) + ".",
+    )
+    parser.add_argument("names", nargs="*", metavar="NAME", help="such as exactness; default: all")
+    parser.add_argument(
+        "--fast", action="store_true", help="run those of speed and headline accuracy"
+    )
+    parser.add_argument(
+        "--compare", action="store_true", help="only print what differs from the committed results"
+    )
+    asked = parser.parse_args(words)
+    modules = {module.partition(".")[2]: module for module in BENCHMARKS}
+    modules |= {module: module for module in BENCHMARKS}
+    names = asked.names or (FAST if asked.fast else BENCHMARKS)
+    unknown = sorted(set(names) - set(modules))
+    if unknown:
+        parser.error(f"no benchmark {', '.join(unknown)}: choose among {', '.join(BENCHMARKS)}")
+    asked.names = [modules[name] for name in names]
+    return asked
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    sys.exit(main(sys.argv[1:]))

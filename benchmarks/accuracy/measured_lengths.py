@@ -13,7 +13,7 @@ from collections.abc import Iterable
 import cv2
 import numpy as np
 from accuracy.against_zhang import BOARDS, TUTORIAL_WINDOW, photograph_boards, zhang_camera
-from harness.rows import Row
+from harness.rows import NotMeasurableError, Row
 from harness.truth import Array, rms
 from real.real_pictures import CHESS
 
@@ -52,6 +52,8 @@ HELD = ("focal", "principal_point", "distortion")
 
 def measure() -> list[Row]:
     """Print rms errors of lengths, relative, and how often two standard deviations hold them."""
+    if not CHESS.exists():
+        raise NotMeasurableError("no ../shared/data")
     return [*_simulated(), *_real()]
 
 
@@ -110,8 +112,6 @@ def segments(
 
 def _real() -> list[Row]:
     name = f"real chessboards, posed from {POSED_COLUMNS} of 9 columns"
-    if not CHESS.exists():
-        return [Row(f"{name}: rms error of lengths", "no ../shared/data", "", None)]
     found, in_stds = real_lengths()
     label = f"{name}, in 10 photographs (own: camera of the other 3)"
     return _rows(label, found, in_stds, None)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from harness.rows import Row
+from harness.rows import NotMeasurableError, Row
 from harness.truth import Array
 
 import trisquare as ts
@@ -50,7 +50,7 @@ SECTIONS = 30
 def measure() -> list[Row]:
     """Print what is left of known lenses, and the residuals of lines that were held out."""
     if not DATA.exists():
-        return [Row("plumb line", "no ../shared/data", "<= 0.5 / 2.5 px in 4 of 5", None)]
+        raise NotMeasurableError("no ../shared/data")
     return [*_known_lenses(), *_held_out()]
 
 

@@ -6,6 +6,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 
+class NotMeasurableError(Exception):
+    """What a benchmark needs is not here; the message says what. Its last rows stay."""
+
+
 @dataclass(frozen=True, slots=True)
 class Row:
     """A measured figure beside its target; `met` is None where there is none."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from harness.rows import Row
+from harness.rows import NotMeasurableError, Row
 from harness.truth import PINHOLE, rms
 from real.real_pictures import DATA
 
@@ -35,6 +35,8 @@ def measure() -> list[Row]:
         print(f"  {folder}: {len(ratios)} splits of {len(pictures)} pictures, rms {parts}")
         found.append(rms(ratios))
         counted += len(ratios)
+    if not found:
+        raise NotMeasurableError("no ../shared/data")
     total = rms(np.array(found))
     each = ", ".join(f"{own:.2f}" for own in found)
     return [

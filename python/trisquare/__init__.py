@@ -59,6 +59,7 @@ _NAMES_OF_MODULES = {
     "results.pose_uncertainty": ("PoseUncertainty",),
     "results.rejected": ("Rejected",),
     "results.residual_correlation": ("ResidualCorrelation",),
+    "results.residuals": ("FigureResiduals",),
     "results.scene_line": ("SceneLine",),
     "straightening.camera": ("DisplacementMap", "UnscaledCamera"),
     "straightening.straighten": ("Straightened", "straighten"),

@@ -51,6 +51,7 @@ from trisquare.results.plane import Plane as Plane
 from trisquare.results.pose_uncertainty import PoseUncertainty as PoseUncertainty
 from trisquare.results.rejected import Rejected as Rejected
 from trisquare.results.residual_correlation import ResidualCorrelation as ResidualCorrelation
+from trisquare.results.residuals import FigureResiduals as FigureResiduals
 from trisquare.results.scene_line import SceneLine as SceneLine
 from trisquare.straightening.camera import DisplacementMap as DisplacementMap
 from trisquare.straightening.camera import UnscaledCamera as UnscaledCamera

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from importlib import resources
 from pathlib import Path
+from types import ModuleType
 
 import cv2
 import numpy as np
@@ -200,6 +201,41 @@ def test_a_benchmark_replaces_its_own_rows_and_no_others(benchmarks, tmp_path):
     results_page.update(tone, [], order[1:], "today", path)
     assert list(results_page.read(path)) == [tags, tone]
     assert f"trisquare {ts.__version__}" in results_page.conditions()
+
+
+def test_a_benchmark_that_cannot_be_measured_keeps_its_rows(benchmarks, monkeypatch, capsys):
+    import run
+    from harness import results_file, rows
+
+    results_page, _ = benchmarks
+    name = "real.printed_edges"
+    module = ModuleType(name, "Printed edges.")
+
+    def measure():
+        raise rows.NotMeasurableError("no data")
+
+    module.measure = measure
+    for variable in run.THREAD_LIMITS:
+        monkeypatch.setenv(variable, "1")  # put back afterwards
+    monkeypatch.setitem(sys.modules, name, module)
+    files = (results_page.PAGE, results_file.FILE)
+    before = [file.read_bytes() for file in files]
+    assert run.main(["printed_edges"]) == run.main([name]) == 1
+    assert [file.read_bytes() for file in files] == before
+    said = capsys.readouterr()
+    assert f"{name} cannot be measured here, its rows stay: no data" in said.err
+    assert "| measured on |" not in said.out
+
+
+@pytest.mark.parametrize(("word", "code"), [("--help", 0), ("printed_edge", 2)])
+def test_the_benchmarks_are_named_by_the_help_and_by_errors(benchmarks, capsys, word, code):
+    import run
+
+    with pytest.raises(SystemExit) as ended:
+        run.main([word])
+    assert ended.value.code == code
+    said = capsys.readouterr()
+    assert "real.printed_edges" in said.out + said.err
 
 
 def test_the_results_are_those_of_the_page(benchmarks):

@@ -39,7 +39,8 @@ class Prediction(RebuiltByConstructor):
         The camera it was predicted for.
     std : mapping of str to float
         One standard deviation of each free parameter, by name; with the aspect ratio held,
-        ``std["fy"]`` follows ``std["fx"]`` although ``fy`` is not among `parameters`.
+        ``std["fy"]`` is ``std["fx"]`` times ``fy / fx``, although ``fy`` is not among
+        `parameters`.
     covariance : array_like, shape (n, n)
         Of the free parameters, in the order of `parameters`.
     parameters : sequence of str

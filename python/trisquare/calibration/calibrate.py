@@ -79,13 +79,15 @@ def calibrate(
     model : {"none", "radial1", "radial2", "radial3", "brown", "equidistant", "fisheye1", \
 "fisheye2", "fisheye", "rational", "brown_prism", "thin_prism", "auto"}
         The distortion coefficients that are estimated: see `Camera`. The fisheye models are for
-        lenses that see more than about 90 degrees. Three squares seldom determine all of the
-        rational and the prism models' coefficients: what they leave open is held to what lenses
-        are like. Prism and tangential terms together do what another axis of the camera does: with
-        the prism models the principal point may have to be fixed. ``"auto"`` takes the model of
-        "none" to "brown" with the largest evidence, by the density ratio of Dickey (1971) from the
-        richest fit; the rejected ones are in ``alternatives``, and what they would say stays, by
-        their probabilities, in the covariance. It needs ``method="ml"`` and a free distortion.
+        lenses that see more than about 90 degrees. Three squares seldom determine all
+        coefficients beyond ``k1`` and ``k2``: a prior holds ``k3``, ``p1`` and ``p2`` of "radial3"
+        and "brown", and the further ones of the rational and the prism models, to what lenses are
+        like (docs/method.md, "Which lens"); nothing else has a prior. Prism and
+        tangential terms together do what another axis of the camera does: with the prism models
+        the principal point may have to be fixed. ``"auto"`` takes the model of "none" to
+        "brown" with the largest evidence, by the density ratio of Dickey (1971) from the richest
+        fit; the rejected ones are in ``alternatives``, and what they would say stays, by their
+        probabilities, in the covariance. It needs ``method="ml"`` and a free distortion.
     fix : names among "aspect", "principal_point", "focal", "distortion"
         Held at the values of `initial`, or else at aspect 1, the image centre, and zero.
     free : "skew", optional

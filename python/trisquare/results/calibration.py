@@ -95,7 +95,8 @@ class Calibration(Record):
         The estimate.
     std : mapping of str to float
         One standard deviation of each free parameter, by name; with the aspect ratio held,
-        ``std["fy"]`` equals ``std["fx"]`` although ``fy`` is not among `parameters`.
+        ``std["fy"]`` is ``std["fx"]`` times ``fy / fx``, although ``fy`` is not among
+        `parameters`.
     covariance : array_like, shape (n, n)
         Of the free parameters, in the order of `parameters`.
     parameters : sequence of str
@@ -134,7 +135,8 @@ class Calibration(Record):
     edges : sequence of PlaneEdges
         What it was calibrated from; empty in results that were read from JSON without them.
     residuals : sequence of FigureResiduals
-        How far the samples of each of the edges are from the calibrated model.
+        How far the samples of each of the edges are from the calibrated model, in the order of
+        `edges`; empty where these are.
     lines : sequence of SceneLine
         The lines of the scene that were given or found, used or rejected; they are no `edges`.
 

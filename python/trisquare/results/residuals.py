@@ -19,7 +19,16 @@ class FigureResiduals(Record):
     distances : sequence of array_like, shape (N_i,)
         Signed distances of the samples of each line from its image, in pixels of the photograph.
     normals : sequence of array_like, shape (N_i, 2)
-        Unit normals of the line's image at the samples, towards which the distances are positive.
+        Unit normals of the line's image at the samples, towards which the distances are positive:
+        to the side where ``a x + b y + c`` of the line is positive, which is inwards of squares
+        as `detect` returns them.
+
+    Examples
+    --------
+    >>> own = result.residuals[0]
+    >>> top = own.distances[0]  # of the samples result.edges[0].points[0]
+    >>> print(f"plane {own.plane}: {len(top)} samples, rms {np.sqrt(np.mean(top**2)):.2f} px")
+    plane 0: 87 samples, rms 0.01 px
     """
 
     plane: int = field(metadata=member(INDEX))

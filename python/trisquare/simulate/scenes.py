@@ -11,7 +11,7 @@ from trisquare._support.rotations import tilted
 from trisquare.simulate.render import SHEET_RIM, Image, render
 from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, rectangle, sample_sides
 
-# The distribution of design section 6.
+# The distribution that docs/how-exact.md states.
 FOCAL_RANGE = (0.65, 1.3)  # of the width
 ASPECT_RANGE = 0.005
 PRINCIPAL_POINT_STD = 0.012  # of the width
@@ -20,7 +20,7 @@ K2_RANGE = (0.0, 0.35)  # of |k1|
 TILT_RANGE = (25.0, 50.0)  # degrees
 TILT_DIRECTION_JITTER = 20.0  # degrees
 SIDE_RANGE = (0.30, 0.42)  # of the height
-CENTRE_JITTER = 0.015  # of the picture; "about" in the design
+CENTRE_JITTER = 0.015  # of the picture
 
 # The middles of so many squares, parts of the picture.
 PLACES = {
