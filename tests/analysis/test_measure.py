@@ -236,6 +236,32 @@ def test_command_measures_and_draws(run, files, scene, tmp_path):
     assert np.all(np.abs(errors) < members["lengths_std"])
 
 
+def test_command_takes_the_side_that_the_calibration_states(run, files, scene, tmp_path):
+    photo, camera = files
+    points = as_points(seen(scene, TRIANGLE))
+    in_sides = run("measure", photo, "--camera", camera, *points)
+    assert in_sides[0] == 0
+    assert in_sides[1].splitlines()[0].endswith(" (in sides; say --side)")
+    for side, unit, number in (("28mm", "mm", 28.0), ("2.8m", "m", 2.8), ("28cm", "mm", 280.0)):
+        stated = tmp_path / "stated.json"
+        ts.calibrate(photo, side=side).save(stated)
+        code, printed, _ = run("measure", photo, "--camera", stated, *points)
+        heading, *lines = printed.splitlines()
+        assert code == 0
+        assert heading.endswith(f", side {number:g} {unit} as calibrated")
+        assert [line.split()[-1] for line in lines] == [unit] * 2 + ["degrees", f"{unit}^2"]
+        found = json.loads(run("measure", photo, "--camera", stated, *points, "--json")[1])
+        given = run("measure", photo, "--camera", camera, "--side", side, *points, "--json")
+        assert (found["unit"], found["side"]) == (unit, pytest.approx(number))
+        scale = number / json.loads(given[1])["side"]
+        assert found["lengths"] == pytest.approx(
+            np.multiply(json.loads(given[1])["lengths"], scale)
+        )
+    given = run("measure", photo, "--camera", stated, "--side", "2in", *points)[1]
+    assert "calibrated" not in given
+    assert " in^2" in given
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -16,6 +16,7 @@ from trisquare._support.writing import write_atomically
 from trisquare.analysis.measure import CLICKED_STD, FAR, Measurement, measure
 from trisquare.analysis.rectify import rectify as rectified
 from trisquare.calibration.locate import locate
+from trisquare.camera.camera import Camera
 from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.framework import reading
 from trisquare.cli.input_files import of_size, read_camera
@@ -25,6 +26,7 @@ from trisquare.detection.kinds import TAG_SEARCHES
 from trisquare.images.encoding import encode_image
 from trisquare.images.pixels import picture_size
 from trisquare.images.reading import read_image
+from trisquare.results.calibration import Calibration
 from trisquare.results.camera_of import camera_of
 from trisquare.results.plane import Plane
 
@@ -52,10 +54,11 @@ def measure_command(
         "taken as exact).",
     ),
     plane: int = option(0, "N", "Which of the photograph's planes; the first is 0."),
-    side: str = option(
-        "1",
+    side: str | None = option(
+        None,
         "LENGTH",
-        f"Side of the square (on a board: of a cell), such as 50mm; units {', '.join(METRES)}.",
+        "Side of the square (on a board: of a cell), such as 50mm; by default the one that the "
+        f"calibration states, or 1. Units: {', '.join(METRES)}.",
     ),
     point_std: float = option(CLICKED_STD, "PX", "Standard deviation of the given pixels."),
     rectify: Path | None = option(None, "FILE", "Draw the plane from straight above, to scale."),
@@ -82,9 +85,11 @@ def measure_command(
     pixels = _pixels(points or [])
     if len(pixels) == 1 or (not len(pixels) and rectify is None):
         raise ValueError("give two points or more, as X,Y; or --rectify FILE")
-    length = Length.parse(side)
+    given = None if side is None else Length.parse(side)
     check_outputs([photo, camera, outline], [rectify])
     known = read_camera(camera)
+    stated = _stated_side(known)
+    length = given or stated or Length(1.0, "")
     picture = read_image(photo)
     known = of_size(known, picture_size(picture), rescale, str(photo))
     lens = camera_of(known)
@@ -92,7 +97,12 @@ def measure_command(
         planes = locate(picture, known, targets=targets, outlines=outline)
     chosen = _chosen(planes, plane)
     x, y = chosen.corners.mean(axis=0)
-    lines = [f"on plane {plane}, a {chosen.kind} around ({x:.0f}, {y:.0f})"]
+    heading = f"on plane {plane}, a {chosen.kind} around ({x:.0f}, {y:.0f})"
+    if given is None and stated is None:
+        heading += " (in sides; say --side)"
+    elif given is None:
+        heading += f", side {length.value:g} {length.unit} as calibrated"
+    lines = [heading]
     warnings: list[str] = []
     members: dict[str, Any] = {
         "format": MEASUREMENT_FORMAT,
@@ -132,6 +142,13 @@ def _pixels(points: Sequence[str]) -> FloatArray:
             raise ValueError(f"a point is written X,Y, not {text!r}") from error
         pixels.append((x, y))
     return np.array(pixels).reshape(-1, 2)
+
+
+def _stated_side(known: Calibration | Camera) -> Length | None:
+    """Return the side that the calibration states: all its planes have the same."""
+    sides = [plane.side for plane in known.planes] if isinstance(known, Calibration) else []
+    stated = next((side for side in sides if side is not None), None)
+    return None if stated is None else Length.of_metres(stated)
 
 
 def _chosen(planes: Sequence[Plane], index: int) -> Plane:
