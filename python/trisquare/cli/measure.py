@@ -13,7 +13,7 @@ from trisquare._support.convex_quads import separated
 from trisquare._support.lengths import METRES, Length
 from trisquare._support.number_text import with_its_std
 from trisquare._support.writing import write_atomically
-from trisquare.analysis.measure import CLICKED_STD, FAR, Measurement, measure
+from trisquare.analysis.measure import CLICKED_STD, FAR, Measurement, check_inside, measure
 from trisquare.analysis.rectify import rectify as rectified
 from trisquare.calibration.locate import locate
 from trisquare.camera.camera import Camera
@@ -25,7 +25,7 @@ from trisquare.cli.pictures_drawn import check_outputs
 from trisquare.detection.kinds import TAG_SEARCHES
 from trisquare.images.encoding import encode_image
 from trisquare.images.pixels import picture_size
-from trisquare.images.reading import read_image
+from trisquare.images.reading import read_photograph
 from trisquare.results.calibration import Calibration
 from trisquare.results.camera_of import camera_of
 from trisquare.results.plane import Plane
@@ -90,8 +90,16 @@ def measure_command(
     known = read_camera(camera)
     stated = _stated_side(known)
     length = given or stated or Length(1.0, "")
-    picture = read_image(photo)
-    known = of_size(known, picture_size(picture), rescale, str(photo))
+    picture, tag = read_photograph(photo)
+    size = picture_size(picture)
+    known = of_size(known, size, rescale, str(photo))
+    warnings: list[str] = []
+    if tag is not None:
+        warnings.append(f"{photo}: {tag.ignored('the points refer', size)}")
+    try:
+        check_inside(pixels, size)
+    except ValueError as error:
+        raise ValueError("; ".join([str(error), *warnings])) from error
     lens = camera_of(known)
     with progress_bar("measuring", quiet), reading():
         planes = locate(picture, known, targets=targets, outlines=outline)
@@ -103,7 +111,6 @@ def measure_command(
     elif given is None:
         heading += f", side {length.value:g} {length.unit} as calibrated"
     lines = [heading]
-    warnings: list[str] = []
     members: dict[str, Any] = {
         "format": MEASUREMENT_FORMAT,
         "plane": plane,
@@ -117,7 +124,6 @@ def measure_command(
         lines += _lines(measured, length)
         members |= _members(measured)
         warnings += _doubts(measured, pixels, planes, plane)
-        members["warnings"] = warnings
     if rectify is not None:
         scale = None if resolution is None else resolution * length.value
         view = rectified(picture, chosen, lens, resolution=scale)
@@ -130,6 +136,7 @@ def measure_command(
             "origin": [length.value * value for value in view.origin],
             "resolution": resolution,
         }
+    members["warnings"] = warnings
     answer(json, quiet, members, lines, (f"warning: {warning}" for warning in warnings))
 
 
