@@ -432,6 +432,7 @@ def test_diagnosis_follows_the_tables(run, asked, photo):
     assert (code, error) == (0, "warning: a warning [other]\n")
     assert "fx  std 0.1: " in out
     assert "would reduce it from 0.1 to" in out
-    code, _, error = run("calibrate", photo, "--diagnose", "--json")
-    assert code == 2
-    assert "--json" in error
+    for other in ("--json", "--quiet"):
+        code, _, error = run("calibrate", photo, "--diagnose", other)
+        assert code == 2
+        assert other in error

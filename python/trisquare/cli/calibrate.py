@@ -168,6 +168,8 @@ def calibrate_command(
     """Calibrate a camera from its photographs."""
     if with_diagnosis and json:
         raise ValueError("--diagnose prints text and --json prints JSON: give one of them")
+    if with_diagnosis and quiet:
+        raise ValueError("--diagnose prints, and --quiet does not: give one of them")
     photos = photographs_named(photos)
     clips = 0 if frames is None else sum(map(is_video, photos))
     most_pictures = len(photos) + clips * max(0, (frames or 0) - 1)
