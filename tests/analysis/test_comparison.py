@@ -130,6 +130,36 @@ def test_cameras_without_a_visible_difference_are_the_same(result):
     assert ts.compare(certain, other).same is False
 
 
+def test_cameras_that_are_hardly_known_are_not_told_to_be_the_same(run, result, tmp_path):
+    """The expected rms scales with the standard deviations; 1 % of 1280 px is the limit."""
+    other = replace(result.camera, K=result.camera.K + np.diag([1e-3, 0, 0]))
+    expected = ts.compare(result, other).expected_rms
+    for rms, same in ((12.7, True), (12.9, None), (5000.0, None)):
+        vague = replace(result, covariance=(rms / expected) ** 2 * result.covariance)
+        comparison = ts.compare(vague, other)
+        assert comparison.expected_rms == pytest.approx(rms, rel=1e-6)
+        assert comparison.same is same
+        assert comparison.verdict.startswith("the same" if same else "cannot tell: ")
+        # A difference is told however vague the rest is: p says that no noise makes it.
+        assert replace(comparison, p_value=0.01).same is False
+        assert replace(comparison, p_value=0.01).verdict.startswith("they differ")
+    assert ts.compare(vague, vague).same is True
+    vague.save(tmp_path / "vague.json")
+    other.save(tmp_path / "other.json")
+    code, printed, _ = run("compare", tmp_path / "vague.json", tmp_path / "other.json")
+    assert code == 0
+    assert printed.startswith("cannot tell: ")
+    assert "5000 px (rms) is to be expected" in printed
+    code, printed, _ = run("compare", tmp_path / "vague.json", tmp_path / "other.json", "--json")
+    assert json.loads(printed)["same"] is None
+
+
+def test_what_is_the_same_is_said_with_its_p(result):
+    other = replace(result.camera, K=result.camera.K + np.diag([1e-3, 0, 0]))
+    comparison = ts.compare(result, other)
+    assert comparison.verdict.endswith(f"to be expected, p = {comparison.p_value:.2g}")
+
+
 def test_comparisons_are_read_only_also_after_pickling(result):
     for comparison in (
         found := ts.compare(result, result.camera),

@@ -10,6 +10,7 @@ from scenes import IMAGE_SIZE, camera_of, edges_of, squares
 
 import trisquare as ts
 from trisquare import simulate
+from trisquare.images.orientation import with_orientation
 
 # A triangle on the first plane, in sides; within the picture of scene 5.
 TRIANGLE = np.array([[-0.5, -0.5], [-0.2, 0.8], [0.2, 0.6]])
@@ -99,7 +100,7 @@ def test_a_camera_without_uncertainty_adds_none(scene, result):
 
 def test_bad_points_are_refused(scene, result):
     plane = result.planes[0]
-    with pytest.raises(ValueError, match=r"point 1, \(-5, 3\), is outside the picture of 1280 x"):
+    with pytest.raises(ValueError, match=r"point 2, \(-5, 3\), is outside the picture of 1280 x"):
         ts.measure(plane, [[5, 3], [-5, 3]], result)
     with pytest.raises(ValueError, match="two points"):
         ts.measure(plane, [[5, 3]], result)
@@ -111,7 +112,7 @@ def test_bad_points_are_refused(scene, result):
         ts.measure(plane, seen(scene, TRIANGLE), result, side=1e200)
     with pytest.raises(ValueError, match="point_std must be less"):
         ts.measure(plane, seen(scene, TRIANGLE), result, point_std=1e200)
-    with pytest.raises(ValueError, match="points 1 and 2 are the same"):
+    with pytest.raises(ValueError, match="points 2 and 3 are the same"):
         ts.measure(plane, [[5, 3], [9, 3], [9, 3]], result)
     with pytest.raises(TypeError, match="camera must be"):
         ts.measure(plane, seen(scene, TRIANGLE), "camera.json")
@@ -128,9 +129,15 @@ def test_beyond_the_horizon_nothing_is_measured():
     horizon = 479.5 - 900 / upright[1]
     below, above = [640, horizon + 40], [640, horizon - 40]
     assert np.all(ts.measure(plane, [below, [600, horizon + 60]], camera).lengths > 0)
-    for order in ([below, above], [above, below]):
-        with pytest.raises(ValueError, match="horizon"):
+    for number, order in ((2, [below, above]), (1, [above, below])):
+        with pytest.raises(ValueError, match=rf"^point {number}, .* beyond the plane's horizon"):
             ts.measure(plane, order, camera)
+    seen_to = replace(camera, distortion=[-0.3, 0, 0, 0, 0], valid_radius=0.5)
+    for number, order in ((2, [below, [1279, 0]]), (1, [[0, 0], below])):
+        with pytest.raises(
+            ValueError, match=rf"^point {number}, .* beyond the lens's valid radius"
+        ):
+            ts.measure(plane, order, seen_to)
 
 
 def test_results_keep_the_poses_uncertainty_and_older_ones_have_none(result):
@@ -236,6 +243,32 @@ def test_command_measures_and_draws(run, files, scene, tmp_path):
     assert np.all(np.abs(errors) < members["lengths_std"])
 
 
+def test_command_takes_the_side_that_the_calibration_states(run, files, scene, tmp_path):
+    photo, camera = files
+    points = as_points(seen(scene, TRIANGLE))
+    in_sides = run("measure", photo, "--camera", camera, *points)
+    assert in_sides[0] == 0
+    assert in_sides[1].splitlines()[0].endswith(" (in sides; say --side)")
+    for side, unit, number in (("28mm", "mm", 28.0), ("2.8m", "m", 2.8), ("28cm", "mm", 280.0)):
+        stated = tmp_path / "stated.json"
+        ts.calibrate(photo, side=side).save(stated)
+        code, printed, _ = run("measure", photo, "--camera", stated, *points)
+        heading, *lines = printed.splitlines()
+        assert code == 0
+        assert heading.endswith(f", side {number:g} {unit} as calibrated")
+        assert [line.split()[-1] for line in lines] == [unit] * 2 + ["degrees", f"{unit}^2"]
+        found = json.loads(run("measure", photo, "--camera", stated, *points, "--json")[1])
+        given = run("measure", photo, "--camera", camera, "--side", side, *points, "--json")
+        assert (found["unit"], found["side"]) == (unit, pytest.approx(number))
+        scale = number / json.loads(given[1])["side"]
+        assert found["lengths"] == pytest.approx(
+            np.multiply(json.loads(given[1])["lengths"], scale)
+        )
+    given = run("measure", photo, "--camera", stated, "--side", "2in", *points)[1]
+    assert "calibrated" not in given
+    assert " in^2" in given
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -256,6 +289,29 @@ def test_command_refuses_and_writes_nothing(run, files, tmp_path, arguments, mes
     assert (code, printed) == (2, "")
     assert message in said
     assert not out.exists()
+
+
+def test_command_says_that_points_are_those_of_the_stored_picture(run, files, scene, tmp_path):
+    """A viewer shows the picture turned, and its pixels elsewhere."""
+    photo, camera = files
+    tagged = tmp_path / "tagged.png"
+    tagged.write_bytes(with_orientation(photo.read_bytes(), 6))
+    points = as_points(seen(scene, TRIANGLE))
+    code, out, err = run("measure", tagged, "--camera", camera, *points)
+    assert (code, out) == run("measure", photo, "--camera", camera, *points)[:2]
+    warning = next(line for line in err.splitlines() if "orientation" in line)
+    assert warning == (
+        f"warning: {tagged}: its orientation tag (turned clockwise by 90 degrees) is ignored; the "
+        "points refer to the picture as it is stored, 1280 x 960 pixels"
+    )
+    members = json.loads(run("measure", tagged, "--camera", camera, *points, "--json")[1])
+    assert warning.removeprefix("warning: ") in members["warnings"]
+    outside = ("--camera", camera, "700,100", "700,1100")
+    code, _, err = run("measure", tagged, *outside)
+    assert code == 2
+    assert "point 2, (700, 1100), is outside the picture of 1280 x 960" in err
+    assert "orientation tag (turned clockwise by 90 degrees) is ignored" in err
+    assert "orientation" not in run("measure", photo, *outside)[2]
 
 
 def test_the_extrapolation_is_by_the_distance_of_the_corners(scene, exact):

@@ -3,6 +3,8 @@
 import copy
 import json
 import pickle
+from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from scenes import IMAGE_SIZE, camera_of, edges_of, parallel_squares, squares
 import trisquare as ts
 from trisquare import simulate
 from trisquare.camera.camera import camera_parameters
+from trisquare.camera.lens_models import COEFFICIENTS, MODELS
 
 K = [[1000.0, 0, 639.5], [0, 1000.0, 479.5], [0, 0, 1]]
 PINHOLE = ts.Camera(K, np.zeros(5), IMAGE_SIZE)
@@ -206,6 +209,24 @@ def test_a_plan_for_no_picture_is_refused(run, tmp_path, size):
     assert len(error) < 200
 
 
+def test_models_are_those_of_the_camera_s_family():
+    polynomials = ("none", "radial1", "radial2", "radial3", "brown")
+    for own, family in {
+        "radial2": polynomials,
+        "fisheye": ("equidistant", "fisheye1", "fisheye2", "fisheye"),
+        "rational": (*polynomials, "rational"),
+        "thin_prism": (*polynomials, "brown_prism", "thin_prism"),
+    }.items():
+        camera = replace(PINHOLE, model=own, distortion=np.zeros(len(COEFFICIENTS[own])))
+        for model in MODELS:
+            if model not in family:
+                with pytest.raises(ValueError, match=f"'{model}' is no model of .* give a camera"):
+                    ts.predict(camera, good_plan(), model=model)
+            else:
+                with suppress(ts.TrisquareError):  # three squares are few for 12 coefficients
+                    ts.predict(camera, good_plan(), model=model)
+
+
 def squares_scene():
     return squares(5)
 
@@ -219,6 +240,8 @@ def squares_scene():
         (["--size", "1280x960", "--square", "a,2,3,4,5"], 2, "centre x"),
         (["--size", "1280x960", "--sigma", "0"], 2, "positive"),
         (["--size", "1280x960", "--focal", "-5"], 2, "positive"),
+        (["--size", "1280x960", "--model", "fisheye"], 2, "--camera FILE"),
+        (["--size", "1280x960", "--model", "fishey"], 2, "did you mean 'fisheye'"),
         (["missing.json"], 5, "missing.json"),
         (["--size", "1280x960", "--square", "0,0,300,30,0"], 3, "1 plane"),
         (["--size", "1280x960", *(["--square", "50%,50%,300,30,0"] * 3)], 4, "parallel"),

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from quick import first_quick
@@ -118,7 +119,13 @@ def test_a_stretched_print_is_told_whatever_the_camera_s_pixels(kind, stretch, s
 
 def test_a_face_bent_too_far_leaves_angles_and_stretch_untold():
     scene, rng = drawn(500)
-    told = verdicts(checked(with_bent_face(scene, 1, 0.02, 0.3), rng))
+    check = checked(with_bent_face(scene, 1, 0.02, 0.3), rng)
+    told = verdicts(check)
+    (bent,) = (
+        own.faces[0] for own in check.findings if (own.value or 0) > 0.01 * 84 and own.unit == "mm"
+    )
+    untold = [own.advice for own in check.findings if own.verdict == "cannot tell"][:4]
+    assert untold == [f"flatten face {bent} first: it is bent too far to judge this"] * 4
     assert told["folded"] == ["cannot tell"] * 3
     assert told["stretched"] == ["cannot tell"]
     assert "not ok" in told["flat"]
@@ -154,6 +161,34 @@ def test_a_sheet_that_is_not_shown_is_refused(good):
         check_sheet(good, "cube")
     with pytest.raises(ValueError, match="84 mm"):
         check_sheet(good, side=120.0)
+
+
+def boards_of(cells):
+    """A photograph of a corner of boards with so many cells."""
+    page = PAGES["boards"]
+    page = replace(page, frames=tuple(replace(board, cells=cells) for board in page.frames))
+    rng = np.random.default_rng([2203, 900])
+    return simulate.corner_scene(rng, page=page), rng
+
+
+@pytest.mark.parametrize("cells", first_quick([8, 22], 1))
+def test_boards_with_other_numbers_of_cells_are_not_the_sheet(cells):
+    shown = f"chessboards of .*{cells} x {cells}.* cells, .* have 18 x 18"
+    with pytest.raises(ts.NotEnoughPlanesError, match=shown):
+        checked(*boards_of(cells))
+
+
+def test_a_board_that_is_found_in_part_is_the_sheet_s():
+    scene, rng = drawn(4, "boards")
+    picture = simulate.render(scene, rng, noise=2.0, tone="srgb", jpeg_quality=92)
+    board = scene.targets[0].outlines()[0]
+    corners = scene.image_points(0, board).astype(np.float32)
+    # Cover the third of it along its side 3.
+    hidden = [corners[0], *(corners[[1, 2]] * 0.35 + corners[[0, 3]] * 0.65), corners[3]]
+    cv2.fillPoly(picture, [np.round(hidden).astype(np.int32)], 128)
+    result = ts.calibrate(picture)
+    assert min(len(figure.lines) for figure in result.edges) < 34 - 4
+    assert check_sheet(result).kind == "boards"
 
 
 def test_edges_without_stated_deviations_do(good):

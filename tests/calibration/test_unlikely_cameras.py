@@ -1,5 +1,8 @@
 """Answers that fit, and that no camera is like."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 from scenes import edges_of, squares
 
@@ -44,3 +47,31 @@ def test_what_the_data_leave_open_is_no_reason_to_warn():
         edges = edges_of(squares(700 + seed), noise=1.0)
         result = ts.calibrate_edges(edges, (WIDTH, HEIGHT))
         assert not {"pixels_not_square", "principal_point_off_centre"} & set(codes(result))
+
+
+def test_a_lens_whose_polynomial_turns_back_within_the_picture_is_named():
+    distortion = np.array([-0.55, 0.0, 0.0, 0.0, 0.0])
+    scene = replace(SCENE, camera=replace(SCENE.camera, distortion=distortion))
+    result = ts.calibrate_edges(edges_of(scene, noise=0.02), (WIDTH, HEIGHT))
+    (named,) = [w for w in result.warnings if w.code == "lens_ends_in_picture"]
+    assert named.severity == "medium"
+    whole = ts.calibrate_edges(edges_of(SCENE, noise=0.02), (WIDTH, HEIGHT))
+    assert "lens_ends_in_picture" not in codes(whole)
+
+
+def test_a_camera_that_errors_of_the_planes_leave_open_is_named():
+    """Geometry that is sound, of squares whose sides are bent by more than their noise."""
+    rng = np.random.default_rng(17)
+    bent = []
+    for figure in edges_of(SCENE, noise=0.05):
+        sides = []
+        for points in figure.points:
+            along = points[-1] - points[0]
+            normal = np.array([-along[1], along[0]]) / np.linalg.norm(along)
+            place = np.linspace(-1.0, 1.0, len(points))
+            bow = rng.normal(0.0, 6.0, 2) @ [1.0 - place**2, place**3 - place]
+            sides.append(points + bow[:, None] * normal)
+        bent.append(ts.PlaneEdges.square(sides))
+    result = ts.calibrate_edges(bent, (WIDTH, HEIGHT))
+    assert "barely_determined" in codes(result)
+    assert max(result.std["fx"] / result.camera.fx, result.std["cx"] / WIDTH) > 0.04

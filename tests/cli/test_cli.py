@@ -260,6 +260,22 @@ def test_a_failing_overlay_does_not_lose_the_rest(
     assert {path.name for path in tmp_path.iterdir()} == {"photo.png", "camera.json", "found.png"}
 
 
+def test_the_format_of_a_camera_alone_is_named(run, photo, asked, tmp_path):
+    for name, more in (
+        ("camera.json", ""),
+        ("cameras.txt", " (colmap: the camera alone)"),
+        ("camera.yaml", " (opencv: the camera alone)"),
+    ):
+        code, out, _ = run("calibrate", photo, "-o", tmp_path / name)
+        assert code == 0
+        assert out.endswith(f"wrote {tmp_path / name}{more}\n")
+    code, out, err = run("calibrate", photo, "-o", tmp_path / "camera.png")
+    assert (code, out) == (2, "")
+    assert "'camera.png' tells no camera format: let it end with .json" in err
+    assert "camera_info.yaml" in err
+    assert "--to" not in err
+
+
 @pytest.mark.parametrize(
     "outputs",
     [
@@ -416,6 +432,7 @@ def test_diagnosis_follows_the_tables(run, asked, photo):
     assert (code, error) == (0, "warning: a warning [other]\n")
     assert "fx  std 0.1: " in out
     assert "would reduce it from 0.1 to" in out
-    code, _, error = run("calibrate", photo, "--diagnose", "--json")
-    assert code == 2
-    assert "--json" in error
+    for other in ("--json", "--quiet"):
+        code, _, error = run("calibrate", photo, "--diagnose", other)
+        assert code == 2
+        assert other in error

@@ -9,6 +9,7 @@ from command_errors import error_text
 
 import trisquare as ts
 from trisquare import simulate
+from trisquare.analysis import sheet_check
 from trisquare_scenes.spoilt_corner import folded_off
 
 (PAGE,) = ts.printed_target("corner").pages
@@ -53,6 +54,16 @@ def test_a_good_sheet(run, folder):
     assert "83.580 +- 0.084 mm" in findings[-1]
     assert last == "the sheet: ok"
     assert sorted(folder.iterdir()) == before  # no PDF
+    assert run("target", "--check", "good.png")[1].endswith("ok but for what it cannot tell\n")
+
+
+def test_a_sheet_of_which_nothing_is_told_is_not_ok(run, folder, monkeypatch):
+    """Nothing is surer than three of these standard deviations."""
+    monkeypatch.setattr(sheet_check, "SURE", 1e9)
+    code, out, _ = run("target", "--check", "good.png")
+    assert code == 0
+    assert out.count("cannot tell  ") == 8
+    assert out.endswith("the sheet: cannot tell\n")
 
 
 def test_a_sheet_that_is_folded_wrongly(run, folder):

@@ -137,6 +137,7 @@ def test_several_photographs_of_several_sizes(undistort, folder):
         ("photo.png camera.json --camera camera.json -o out.png", 5, "camera.json"),
         ("photo.png small.png --camera camera.json -o out.png", 2, "small.png: the picture is 32"),
         ("photo.png wide.png --camera camera.json -o out.png --rescale", 2, "another aspect ratio"),
+        ("turned.png --camera camera.json -o out.png", 2, "turned.png: pictures of 480 x 640 have"),
         ("photo.png deep.png --camera camera.json -o out.jpg --rescale", 2, "uint16"),
         ("photo.png --camera camera.json -o photo.png", 2, "overwrite"),
         ("photo.png --camera camera.json -o .", 2, "overwrite"),
@@ -154,6 +155,7 @@ def test_what_is_wrong_is_one_line_and_writes_nothing(
     cv2.imwrite(str(folder / "small.png"), PHOTO[:240, :320])
     cv2.imwrite(str(folder / "wide.png"), PHOTO[:360])
     cv2.imwrite(str(folder / "deep.png"), PHOTO.astype(np.uint16))
+    cv2.imwrite(str(folder / "turned.png"), cv2.rotate(PHOTO, cv2.ROTATE_90_CLOCKWISE))
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     code, out, err = undistort(*arguments.split())
     assert (code, out) == (exit_code, "")

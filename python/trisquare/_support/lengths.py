@@ -50,6 +50,11 @@ class Length:
             raise unknown("unit", found[2], METRES)
         return cls(value, found[2])
 
+    @classmethod
+    def of_metres(cls, value: float) -> Length:
+        """Return a length in metres, or in millimetres if it is shorter than a metre."""
+        return cls(value, "m") if value >= 1 else cls(1000.0 * value, "mm")
+
     def after(self, number: str, power: str = "") -> str:
         """Write a number in this unit."""
         return f"{number} {self.unit}{power}" if self.unit else number

@@ -37,6 +37,10 @@ round as much away."""
 REMARKABLE = 2.0
 """Standard deviations that a single place seldom exceeds."""
 
+MOST_EXPECTED = 0.01
+"""Of the picture's width: expected rms from which on agreement tells nothing. A focal length wrong
+by 2.8 % moves a picture of 4:3 by no more (rms)."""
+
 LEAST_STATED = 1e-6
 """Probabilities below it are not told apart: no noise is normal so far out."""
 
@@ -144,13 +148,23 @@ class Comparison(RebuiltByConstructor):
 
     @property
     def same(self) -> bool | None:
-        """Whether the uncertainties explain the difference; None if none is stated."""
+        """Whether the uncertainties explain the difference.
+
+        None where that cannot be told: if neither camera states its uncertainty, or if they are so
+        uncertain that more than 1 % of the picture's width (rms) is to be expected.
+        """
         expected = self.expected_rms
         if self.p_value is None or expected is None:
             return None
         if self.worst <= AGREEING:
             return True
-        return self.p_value >= SIGNIFICANCE and self.unexplained <= expected
+        if self.p_value < SIGNIFICANCE or self.unexplained > expected:
+            return False
+        return True if expected <= self._most_expected else None
+
+    @property
+    def _most_expected(self) -> float:
+        return MOST_EXPECTED * self.first.image_size[0]
 
     @property
     def verdict(self) -> str:
@@ -163,10 +177,15 @@ class Comparison(RebuiltByConstructor):
         expected, stds, p_value = self.expected_rms, self.worst_in_stds, self.p_value
         if expected is None or stds is None or p_value is None:
             return f"{apart}; neither states its uncertainty, so what that means is not known"
-        if self.same:
-            usual = f"{two_digits(expected)} px (rms) is to be expected"
+        usual = f"{two_digits(expected)} px (rms) is to be expected"
+        if self.worst <= AGREEING:
             return f"the same within their uncertainty: {apart}; {usual}"
         p = f"p = {p_value:.2g}" if p_value > LEAST_STATED else f"p < {LEAST_STATED:g}"
+        if self.same:
+            return f"the same within their uncertainty: {apart}; {usual}, {p}"
+        if self.same is None:
+            most = f"{two_digits(self._most_expected)} px, 1 % of the picture's width"
+            return f"cannot tell: {apart}; {usual}, where more than {most}, hides any difference"
         size = f"up to {two_digits(stds)} standard deviations"
         if stds < REMARKABLE:
             size = f"{size}, but in ways that are better known than any one place"

@@ -176,8 +176,8 @@ def measure(
     ------
     TypeError, ValueError
         For bad arguments; if a point is outside the picture or the valid radius, beyond the
-        plane's horizon, or the same as the one before; if the result of an older version does
-        not say how well its poses are known.
+        plane's horizon, or the same as the one before (messages count points from 1); if the
+        result of an older version does not say how well its poses are known.
 
     Examples
     --------
@@ -192,31 +192,67 @@ def measure(
     if not 0 < length < LARGEST:
         raise ValueError(f"side must be positive and less than {LARGEST:g}, not {length:g}")
     lens = camera_of(camera)
-    width, height = lens.image_size
-    outside = np.any((pixels < -0.5) | (pixels > np.array([width, height]) - 0.5), axis=1)
-    if outside.any():
-        index = int(np.argmax(outside))
-        x, y = pixels[index]
-        raise ValueError(
-            f"point {index}, ({x:g}, {y:g}), is outside the picture of {width} x {height}"
-        )
+    check_inside(pixels, lens.image_size)
     together = ~np.diff(pixels, axis=0).any(axis=1)
     if together.any():
-        index = int(np.argmax(together))
-        raise ValueError(f"points {index} and {index + 1} are the same: they have no length")
+        number = 1 + int(np.argmax(together))
+        raise ValueError(f"points {number} and {number + 1} are the same: they have no length")
     noise = not_negative(point_std, "point_std")
     if noise >= LARGEST:
         raise ValueError(f"point_std must be less than {LARGEST:g} px, not {noise:g}")
     if plane.uncertainty is None:
         raise ValueError("the plane's pose has no uncertainty: calibrate again with this version")
-    found, covariance = _core.points_on_plane_with_covariance(
-        uncertain_camera(camera),
-        (plane.rotation, plane.translation),
-        (plane.uncertainty.given_camera, plane.uncertainty.by_camera),
-        pixels,
-        noise,
-    )
+    uncertain = uncertain_camera(camera)
+    try:
+        found, covariance = _core.points_on_plane_with_covariance(
+            uncertain,
+            (plane.rotation, plane.translation),
+            (plane.uncertainty.given_camera, plane.uncertainty.by_camera),
+            pixels,
+            noise,
+        )
+    except ValueError as error:
+        _name_unmet_point(pixels, plane, lens, error)
+        raise
     return Measurement(length * found, length**2 * covariance, _extrapolation(found, plane, lens))
+
+
+def check_inside(points: FloatArray, image_size: tuple[int, int]) -> None:
+    """Refuse pixels, shape (N, 2), that are outside the picture.
+
+    Raises
+    ------
+    ValueError
+        With the number of the first, counted from 1.
+    """
+    width, height = image_size
+    outside = np.any((points < -0.5) | (points > np.array([width, height]) - 0.5), axis=1)
+    if outside.any():
+        named = _point_named(int(np.argmax(outside)), points)
+        raise ValueError(f"{named}, is outside the picture of {width} x {height}")
+
+
+def _point_named(index: int, points: FloatArray) -> str:
+    x, y = points[index]
+    return f"point {index + 1}, ({x:g}, {y:g})"
+
+
+def _name_unmet_point(pixels: FloatArray, plane: Plane, camera: Camera, cause: ValueError) -> None:
+    """Raise an error that names the first point whose ray does not meet the plane, if one is so."""
+    lens, pose = camera_for_core(camera), (plane.rotation, plane.translation)
+    for index, pixel in enumerate(pixels):
+        try:
+            _core.unproject_pixels(lens, pixel[None])
+        except ValueError:
+            where = "beyond the lens's valid radius"
+        else:
+            try:
+                _core.points_on_plane(lens, pose, pixel[None])
+            except ValueError:
+                where = "at or beyond the plane's horizon"
+            else:
+                continue
+        raise ValueError(f"{_point_named(index, pixels)}, is {where}") from cause
 
 
 def _extrapolation(points: FloatArray, plane: Plane, camera: Camera) -> float | None:

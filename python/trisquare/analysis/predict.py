@@ -17,7 +17,7 @@ from trisquare._support.arrays import (
 from trisquare._support.suggestions import unknown
 from trisquare.analysis.plan import PlannedSquare, StandingPlane, posed, predicted
 from trisquare.camera.camera import Camera, camera_parameters
-from trisquare.camera.lens_models import MODELS
+from trisquare.camera.lens_models import BROWN, COEFFICIENTS, MODELS, is_fisheye
 from trisquare.camera.settings import checked_fix, checked_free
 
 __all__ = ["PlannedSquare", "Prediction", "predict"]
@@ -86,6 +86,13 @@ class Prediction(RebuiltByConstructor):
         return "\n".join(lines)
 
 
+def _has(own: str, model: str) -> bool:
+    """Return whether a lens of the model `own` has all coefficients of another model."""
+    if is_fisheye(own) or is_fisheye(model):
+        return is_fisheye(own) and is_fisheye(model)
+    return COEFFICIENTS[model] in (BROWN, COEFFICIENTS[own])
+
+
 def predict(
     camera: Camera,
     planes: Iterable[StandingPlane],
@@ -149,6 +156,12 @@ def predict(
         raise TypeError(f"camera must be a Camera, not {type(camera).__name__}")
     if model is not None and model not in MODELS:
         raise unknown("model", model, MODELS)
+    kin = [name for name in MODELS if _has(camera.model, name)]
+    if model is not None and model not in kin:
+        raise ValueError(
+            f"{model!r} is no model of this camera's family ({', '.join(kin)}): give a camera "
+            "of its own family (--camera FILE)"
+        )
     noise = real_number(sigma, "sigma")
     distance = real_number(spacing, "spacing")
     found = predicted(

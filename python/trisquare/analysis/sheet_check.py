@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from trisquare._support.number_text import with_its_std
+from trisquare._support.number_text import listed, with_its_std
 from trisquare.analysis.departures import Departures, Estimate, departures
 from trisquare.errors import NotEnoughPlanesError
 from trisquare.printing.layout import RULER, PrintedBoard
@@ -47,6 +47,10 @@ more off. The camera does not depend on it; lengths by the nominal side are off 
 
 RULER_STD = 0.1
 """Millimetres that a reading of the printed ruler is off."""
+
+MOST_HIDDEN = 2
+"""Rows or columns of cells that even the board that shows best may lack, at the edge of the picture
+or behind something. What has fewer cells is another board."""
 
 FIGURES = ("frame", "square")
 """Kinds of planes that printed frames are found as: the second where the hole is not measured."""
@@ -137,7 +141,8 @@ def check_sheet(
     Raises
     ------
     NotEnoughPlanesError
-        If the photograph does not show three of the sheet's figures.
+        If the photograph does not show three of the sheet's figures; chessboards with other
+        numbers of cells are not the sheet's.
     TypeError, ValueError
         As `printed_target`.
     """
@@ -152,10 +157,13 @@ def check_sheet(
             "name the kind of sheet that it is"
         )
     figure = printed_target(kind, page=page, side=side).pages[0].frames[0]
-    units = figure.cells if isinstance(figure, PrintedBoard) else 1.0
+    units = 1.0
+    if isinstance(figure, PrintedBoard):
+        units = figure.cells
+        _check_cells([_cells_of(calibration, face) for face in faces], figure.cells)
     found = departures(calibration, faces, units, is_corner=kind != "flat")
     findings = [
-        *(_folded(found) if kind != "flat" else ()),
+        *(_folded(found, faces) if kind != "flat" else ()),
         *_flat(found, faces, figure.side, isinstance(figure, PrintedBoard)),
         _stretched(found, faces),
         _size(figure.side, ruler),
@@ -175,6 +183,29 @@ def _planes_of(calibration: Calibration, kinds: Sequence[str]) -> tuple[int, ...
     return tuple(sorted(sorted(fitting, key=area, reverse=True)[:3]))
 
 
+def _cells_of(calibration: Calibration, face: int) -> tuple[int, int]:
+    """Return how many cells across and down a plane's board was found with."""
+    figures = zip(calibration.edges, calibration.residuals, strict=True)
+    lines = np.concatenate([own.lines for own, residuals in figures if residuals.plane == face])
+    # Between the outer lines, and beyond each the cell that it ends.
+    across, down = (
+        round(float(np.ptp(lines[is_along, 2] * lines[is_along, axis]))) + 2
+        for axis, is_along in enumerate(np.abs(lines[:, :2]).T > 0.5)
+    )
+    return across, down
+
+
+def _check_cells(found: Sequence[tuple[int, int]], expected: int) -> None:
+    """Refuse boards that are none of the sheet's, of which some may be found in part."""
+    most = max(max(cells) for cells in found)
+    if not expected - MOST_HIDDEN <= most <= expected:
+        shown = listed([f"{across} x {down}" for across, down in found])
+        raise NotEnoughPlanesError(
+            f"the photograph shows chessboards of {shown} cells, which are not the sheet's: these "
+            f"have {expected} x {expected}"
+        )
+
+
 def _verdict(off: Sequence[Estimate], limit: float) -> Verdict:
     """Judge how far something is off; of several estimates any may be right."""
     if all(own.value + SURE * own.std <= limit for own in off):
@@ -184,26 +215,26 @@ def _verdict(off: Sequence[Estimate], limit: float) -> Verdict:
     return "cannot tell"
 
 
-def _is_bent(found: Departures) -> bool:
-    return max(bow.value for bow in found.bows) > BENT
+def _bent_faces(found: Departures, faces: Sequence[int]) -> list[int]:
+    """Return the faces that are bent so far that angles and stretch are not judged."""
+    return [face for face, bow in zip(faces, found.bows, strict=True) if bow.value > BENT]
 
 
-def _folded(found: Departures) -> Iterator[Finding]:
-    offs = {faces: Estimate(abs(value - 90.0), std) for faces, (value, std) in found.angles.items()}
-    for faces, angle in found.angles.items():
-        verdict: Verdict = (
-            "cannot tell" if _is_bent(found) else _verdict([offs[faces]], MOST_FOLD_ERROR)
-        )
-        text = f"faces {faces[0]} and {faces[1]} meet at {_with_std(angle)} degrees"
+def _folded(found: Departures, faces: Sequence[int]) -> Iterator[Finding]:
+    offs = {pair: Estimate(abs(value - 90.0), std) for pair, (value, std) in found.angles.items()}
+    bent = _bent_faces(found, faces)
+    for pair, angle in found.angles.items():
+        verdict: Verdict = "cannot tell" if bent else _verdict([offs[pair]], MOST_FOLD_ERROR)
+        text = f"faces {pair[0]} and {pair[1]} meet at {_with_std(angle)} degrees"
         advice = {
             "ok": "",
             "not ok": "fold along the dashed lines against a book's corner and glue the tab; a "
             "calibration stays right unless it is told orthogonal",
-            "cannot tell": _flatten_first(found),
+            "cannot tell": _flatten_first(bent),
         }[verdict]
         if verdict == "not ok" and min(offs.values()).value > MOST_FOLD_ERROR:
             advice = "is it the folded corner? The three flat sheets are another kind"
-        yield Finding("folded", faces, verdict, *angle, MOST_FOLD_ERROR, "degrees", text, advice)
+        yield Finding("folded", pair, verdict, *angle, MOST_FOLD_ERROR, "degrees", text, advice)
 
 
 def _flat(
@@ -226,21 +257,24 @@ def _flat(
 
 
 def _stretched(found: Departures, faces: Sequence[int]) -> Finding:
-    verdict: Verdict = "cannot tell" if _is_bent(found) else _verdict(found.stretches, MOST_STRETCH)
+    bent = _bent_faces(found, faces)
+    verdict: Verdict = "cannot tell" if bent else _verdict(found.stretches, MOST_STRETCH)
     best = Estimate(*(100.0 * number for number in found.stretches[0]))
     text = f"the print is stretched along one axis of the paper by {_with_std(best)} %"
     advice = {
         "ok": "",
         "not ok": "print at 100 %, without fitting to the page, or on another printer",
-        "cannot tell": _flatten_first(found),
+        "cannot tell": _flatten_first(bent),
     }[verdict]
     limit = 100.0 * MOST_STRETCH
     return Finding("stretched", tuple(faces), verdict, *best, limit, "%", text, advice)
 
 
-def _flatten_first(found: Departures) -> str:
-    if _is_bent(found):
-        return "flatten the faces first, they are bent too far to judge it"
+def _flatten_first(bent: Sequence[int]) -> str:
+    if bent:
+        named = listed([str(face) for face in bent])
+        are = f"face {named} first: it is" if len(bent) == 1 else f"faces {named} first: they are"
+        return f"flatten {are} bent too far to judge this"
     return "photograph it larger, sharper, and from nearer its front"
 
 

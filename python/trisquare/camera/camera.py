@@ -344,8 +344,10 @@ class Camera(RebuiltByConstructor):
         # Of one scale for both sides, each may have been rounded up or down.
         sides = list(zip(self.image_size, size, strict=True))
         if max((new - 1) / old for old, new in sides) >= min((new + 1) / old for old, new in sides):
+            own, other = ("{} x {}".format(*each) for each in (self.image_size, size))
             raise ValueError(
-                f"{size[0]} x {size[1]} has another aspect ratio than {sides[0][0]} x {sides[1][0]}"
+                f"pictures of {other} have another aspect ratio than the camera's, {own}: "
+                f"{self._instead_of(size)}"
             )
         K = np.array(self.K)
         for axis, (old, new) in enumerate(sides):
@@ -353,6 +355,19 @@ class Camera(RebuiltByConstructor):
             K[axis, 2] = (K[axis, 2] + 0.5) * (new / old) - 0.5
         valid_radius = math.inf if self.valid_radius is None else self.valid_radius
         return Camera(K, self.distortion, size, self.model, valid_radius)
+
+    def _instead_of(self, size: tuple[int, int]) -> str:
+        """Say what to do about pictures of another shape."""
+        width, height = size
+        if (height, width) == self.image_size:
+            return (
+                "they seem turned; load them as they are stored, without turning them "
+                "(cv2.IMREAD_IGNORE_ORIENTATION)"
+            )
+        return (
+            "they are not its pictures scaled; calibrate what the camera records in that "
+            "mode (of a video: trisquare calibrate video.mp4 --frames 10)"
+        )
 
     def save(
         self, path: str | os.PathLike[str], format: str | None = None, *, approximate: bool = False

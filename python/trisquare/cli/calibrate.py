@@ -39,7 +39,8 @@ from trisquare.detection.kinds import TAG_SEARCHES
 from trisquare.detection.sheets.layout import parse_layout
 from trisquare.drawing.detections import draw_detections
 from trisquare.drawing.overlay import draw_overlay
-from trisquare.formats.registry import format_of_name
+from trisquare.formats.native_json import FORMAT as OWN_FORMAT
+from trisquare.formats.registry import FORMATS, format_of_name
 from trisquare.images.frame_choice import with_frames
 from trisquare.images.limits import PictureLimits
 from trisquare.images.photographs import Photographs
@@ -54,6 +55,10 @@ EXAMPLES = (
     "trisquare calibrate board.png --targets chessboard:9x6 --fix aspect,principal_point",
     "trisquare calibrate clip.mp4 --frames 10 -o camera.json",
 )
+
+
+ENDINGS = sorted({ending for known in FORMATS for ending in known.file_names})
+OTHER_ENDING = f"let it end with .json for all of the result, or with one of {', '.join(ENDINGS)}"
 
 
 def calibrate_command(
@@ -163,6 +168,8 @@ def calibrate_command(
     """Calibrate a camera from its photographs."""
     if with_diagnosis and json:
         raise ValueError("--diagnose prints text and --json prints JSON: give one of them")
+    if with_diagnosis and quiet:
+        raise ValueError("--diagnose prints, and --quiet does not: give one of them")
     photos = photographs_named(photos)
     clips = 0 if frames is None else sum(map(is_video, photos))
     most_pictures = len(photos) + clips * max(0, (frames or 0) - 1)
@@ -171,8 +178,7 @@ def calibrate_command(
     # No board but a file has a name that might be an output's.
     inputs = [*photos, outline, None if board is None else Path(board)]
     check_outputs(inputs, [*overlay_paths, *debug_images], [output, report])
-    if output is not None:
-        format_of_name(output.name)
+    written_as = None if output is None else format_of_name(output.name, OTHER_ENDING)
     if report is not None:
         check_extra()
     if board is not None:
@@ -226,7 +232,11 @@ def calibrate_command(
     parts = calibration_report(calibration)
     if with_diagnosis:
         parts += str(diagnose(calibration)).split("\n")
-    parts += [f"wrote {os.fspath(path)}" for path in outputs.written]
+    what = ""
+    if written_as is not None and written_as is not OWN_FORMAT:
+        what = f" ({written_as.name}: the camera alone)"
+    for path in outputs.written:
+        parts.append(f"wrote {os.fspath(path)}{what if path == output else ''}")
     warnings = warning_lines(calibration, verbose=verbose)
     answer(json, quiet, calibration.to_json().rstrip(), parts, warnings)
     outputs.raise_first_failure()

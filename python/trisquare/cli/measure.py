@@ -13,9 +13,10 @@ from trisquare._support.convex_quads import separated
 from trisquare._support.lengths import METRES, Length
 from trisquare._support.number_text import with_its_std
 from trisquare._support.writing import write_atomically
-from trisquare.analysis.measure import CLICKED_STD, FAR, Measurement, measure
+from trisquare.analysis.measure import CLICKED_STD, FAR, Measurement, check_inside, measure
 from trisquare.analysis.rectify import rectify as rectified
 from trisquare.calibration.locate import locate
+from trisquare.camera.camera import Camera
 from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.framework import reading
 from trisquare.cli.input_files import of_size, read_camera
@@ -24,7 +25,8 @@ from trisquare.cli.pictures_drawn import check_outputs
 from trisquare.detection.kinds import TAG_SEARCHES
 from trisquare.images.encoding import encode_image
 from trisquare.images.pixels import picture_size
-from trisquare.images.reading import read_image
+from trisquare.images.reading import read_photograph
+from trisquare.results.calibration import Calibration
 from trisquare.results.camera_of import camera_of
 from trisquare.results.plane import Plane
 
@@ -52,10 +54,11 @@ def measure_command(
         "taken as exact).",
     ),
     plane: int = option(0, "N", "Which of the photograph's planes; the first is 0."),
-    side: str = option(
-        "1",
+    side: str | None = option(
+        None,
         "LENGTH",
-        f"Side of the square (on a board: of a cell), such as 50mm; units {', '.join(METRES)}.",
+        "Side of the square (on a board: of a cell), such as 50mm; by default the one that the "
+        f"calibration states, or 1. Units: {', '.join(METRES)}.",
     ),
     point_std: float = option(CLICKED_STD, "PX", "Standard deviation of the given pixels."),
     rectify: Path | None = option(None, "FILE", "Draw the plane from straight above, to scale."),
@@ -82,18 +85,32 @@ def measure_command(
     pixels = _pixels(points or [])
     if len(pixels) == 1 or (not len(pixels) and rectify is None):
         raise ValueError("give two points or more, as X,Y; or --rectify FILE")
-    length = Length.parse(side)
+    given = None if side is None else Length.parse(side)
     check_outputs([photo, camera, outline], [rectify])
     known = read_camera(camera)
-    picture = read_image(photo)
-    known = of_size(known, picture_size(picture), rescale, str(photo))
+    stated = _stated_side(known)
+    length = given or stated or Length(1.0, "")
+    picture, tag = read_photograph(photo)
+    size = picture_size(picture)
+    known = of_size(known, size, rescale, str(photo))
+    warnings: list[str] = []
+    if tag is not None:
+        warnings.append(f"{photo}: {tag.ignored('the points refer', size)}")
+    try:
+        check_inside(pixels, size)
+    except ValueError as error:
+        raise ValueError("; ".join([str(error), *warnings])) from error
     lens = camera_of(known)
     with progress_bar("measuring", quiet), reading():
         planes = locate(picture, known, targets=targets, outlines=outline)
     chosen = _chosen(planes, plane)
     x, y = chosen.corners.mean(axis=0)
-    lines = [f"on plane {plane}, a {chosen.kind} around ({x:.0f}, {y:.0f})"]
-    warnings: list[str] = []
+    heading = f"on plane {plane}, a {chosen.kind} around ({x:.0f}, {y:.0f})"
+    if given is None and stated is None:
+        heading += " (in sides; say --side)"
+    elif given is None:
+        heading += f", side {length.value:g} {length.unit} as calibrated"
+    lines = [heading]
     members: dict[str, Any] = {
         "format": MEASUREMENT_FORMAT,
         "plane": plane,
@@ -107,7 +124,6 @@ def measure_command(
         lines += _lines(measured, length)
         members |= _members(measured)
         warnings += _doubts(measured, pixels, planes, plane)
-        members["warnings"] = warnings
     if rectify is not None:
         scale = None if resolution is None else resolution * length.value
         view = rectified(picture, chosen, lens, resolution=scale)
@@ -120,6 +136,7 @@ def measure_command(
             "origin": [length.value * value for value in view.origin],
             "resolution": resolution,
         }
+    members["warnings"] = warnings
     answer(json, quiet, members, lines, (f"warning: {warning}" for warning in warnings))
 
 
@@ -132,6 +149,13 @@ def _pixels(points: Sequence[str]) -> FloatArray:
             raise ValueError(f"a point is written X,Y, not {text!r}") from error
         pixels.append((x, y))
     return np.array(pixels).reshape(-1, 2)
+
+
+def _stated_side(known: Calibration | Camera) -> Length | None:
+    """Return the side that the calibration states: all its planes have the same."""
+    sides = [plane.side for plane in known.planes] if isinstance(known, Calibration) else []
+    stated = next((side for side in sides if side is not None), None)
+    return None if stated is None else Length.of_metres(stated)
 
 
 def _chosen(planes: Sequence[Plane], index: int) -> Plane:

@@ -73,8 +73,8 @@ def _lines(check: SheetCheck, calibration: Calibration) -> Iterator[str]:
     width = max(len(finding.check) for finding in check.findings)
     for finding in check.findings:
         yield f"  {finding.check:<{width}}  {finding.verdict:<11}  {_sentence(finding)}"
-    untold = check.verdict == "cannot tell"
-    yield f"the sheet: {'ok but for what it cannot tell' if untold else check.verdict}"
+    partly = check.verdict == "cannot tell" and any(it.verdict == "ok" for it in check.findings)
+    yield f"the sheet: {'ok but for what it cannot tell' if partly else check.verdict}"
 
 
 def _sentence(finding: Finding) -> str:

@@ -71,11 +71,14 @@ def format_of_document(document: Document) -> Format:
     return promised
 
 
-def format_of_name(name: str) -> Format:
+def format_of_name(
+    name: str, remedy: str = f"say which with format= (--to), of {', '.join(FORMAT_NAMES)}"
+) -> Format:
     """Return the format in which to write a file of this name.
 
     ``transforms.json``, ``camchain.yaml`` and the like are their programs' own; of a plain
-    ``.json`` it is trisquare's, of a plain ``.yaml`` or ``.xml`` OpenCV's.
+    ``.json`` it is trisquare's, of a plain ``.yaml`` or ``.xml`` OpenCV's. `remedy` is what the
+    error says to do, where the name alone decides.
 
     Raises
     ------
@@ -84,10 +87,7 @@ def format_of_name(name: str) -> Format:
     """
     promised = _format_by_name(name)
     if promised is None:
-        raise ValueError(
-            f"the extension of {name!r} tells no camera format: say which with format= (--to), of "
-            f"{', '.join(FORMAT_NAMES)}"
-        )
+        raise ValueError(f"the extension of {name!r} tells no camera format: {remedy}")
     return promised
 
 

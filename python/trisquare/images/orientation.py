@@ -49,6 +49,13 @@ class OrientationTag:
         """What programs that apply the tag do to the picture; None if nothing."""
         return TURNS.get(self.value)
 
+    def ignored(self, what_refers: str, size: tuple[int, int]) -> str:
+        """Say that the tag is ignored, and what therefore refers to the stored picture."""
+        return (
+            f"its orientation tag ({self.turn}) is ignored; {what_refers} to the picture as it is "
+            f"stored, {size[0]} x {size[1]} pixels"
+        )
+
     def made_upright(self, encoded: bytes) -> bytes:
         """Return a copy of the file that says that its picture is upright."""
         copy = bytearray(encoded)

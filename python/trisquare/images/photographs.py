@@ -141,13 +141,10 @@ def _load(
                 twin = earlier.names.setdefault(key, name)
                 earlier.depths.add(pixels.dtype.name)
                 has_other_depth = len(earlier.depths) > 1
-    size = picture_size(pixels)
     remarks = {}
     if tag is not None:
-        remarks["orientation_ignored"] = (
-            f"{name}: its orientation tag ({tag.turn}) is ignored; the result refers to the "
-            f"picture as it is stored, {size[0]} x {size[1]} pixels"
-        )
+        ignored = tag.ignored("the result refers", picture_size(pixels))
+        remarks["orientation_ignored"] = f"{name}: {ignored}"
     if twin != name:
         remarks["repeated_picture"] = f"{name} is the same picture as {twin}: it is counted once"
     path = os.fspath(source) if isinstance(source, str | os.PathLike) else None

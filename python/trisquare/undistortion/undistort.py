@@ -197,14 +197,11 @@ def _check_view(view: Any, name: str, *types: type[Camera | Panorama]) -> None:
 
 
 def _refuse_size(found: tuple[int, int], camera: Camera) -> NoReturn:
+    camera.rescaled(found)  # says what to do about another aspect ratio
     width, height = camera.image_size
-    remedy = "scale the camera to it (rescale=True, --rescale)"
-    try:
-        camera.rescaled(found)
-    except ValueError:
-        remedy = "it has another aspect ratio, so it is not a scaled picture of this camera"
     raise ValueError(
-        f"the picture is {found[0]} x {found[1]}, the camera's are {width} x {height}: {remedy}"
+        f"the picture is {found[0]} x {found[1]}, the camera's are {width} x {height}: scale the "
+        "camera to it (rescale=True, --rescale)"
     )
 
 
