@@ -256,7 +256,7 @@ mod tests {
             image,
             ..figure.clone()
         };
-        let edges: Vec<_> = (0..1000).map(in_picture).collect();
+        let edges: Vec<_> = (0..16_000).map(in_picture).collect();
         let found = calibrate(&edges, scene.size, &Options::default());
         assert!(
             matches!(found, Err(crate::error::Error::InvalidArgument(_))),
