@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from shown import blocks, page
+from videos import write_frames
 
 import trisquare as ts
 from trisquare import simulate
@@ -42,6 +43,7 @@ def given(tmp_path_factory):
     for name in ("photo.jpg", "one.jpg", "line/l1.jpg", "fleet/a_1.jpg", "fleet/b_1.jpg"):
         cv2.imwrite(str(folder / name), photo, [cv2.IMWRITE_JPEG_QUALITY, 97])
     cv2.imwrite(str(folder / "wide.png"), photo)
+    write_frames(folder / "clip.mp4", [photo] * 12)
     cv2.imwrite(str(folder / "frame-1.png"), photo)
     cv2.imwrite(str(folder / "small.png"), cv2.resize(photo, (width // 2, height // 2)))
     truth = simulate.TrueCamera(

@@ -43,7 +43,7 @@ def run(examples, folder):
 def test_every_example_loads_what_it_needs(names, tmp_path):  # noqa: F811
     photo, given = names
     (tmp_path / "photo.jpg").write_bytes(photo.read_bytes())
-    (tmp_path / "given.json").write_text(given["result"].to_json())
+    (tmp_path / "given.json").write_text(given["result"].to_json(edges=True))
     done = run({name: public.__doc__ for name, public in CALLED.items()}, tmp_path)
     assert done.returncode == 0, done.stderr + done.stdout
 
