@@ -75,12 +75,10 @@ pub(crate) fn drifted_to<L: Lens>(
             *square += weight * drift * drift;
         }
     }
-    for (moved, plane) in moved.iter_mut().zip(planes) {
-        let (product, square) = sums[&plane.image];
-        moved.clone_from(plane);
-        if square > 0.0 {
-            moved.remove_tone_drift(-product / square);
-        }
+    for moved in &mut moved {
+        let (product, square) = sums[&moved.image];
+        let least = if square > 0.0 { -product / square } else { 0.0 };
+        moved.remove_tone_drift(least - 1.0);
     }
     Some(moved)
 }

@@ -203,7 +203,7 @@ pub(crate) fn correlated_covariance<L: Lens>(
         Some(_) => Vec::new(),
         None => errors.unit_covariances()?,
     };
-    let mut as_stated = generalised.clone().unwrap_or_else(|| independent.clone());
+    let mut as_stated = generalised.as_ref().unwrap_or(&independent).clone();
     for ((unit, variance), plane) in units.iter().zip(&strength.mean).zip(planes) {
         as_stated += unit * variance.max(variance_of(plane.side_error));
     }

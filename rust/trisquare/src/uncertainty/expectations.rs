@@ -88,13 +88,16 @@ pub(crate) fn poorly_known<L: Lens>(found: &Calibration<L>, fixed: Fixed) -> Vec
 
 /// The part of the picture in which the lens has no inverse.
 fn missing<L: Lens>(found: &Calibration<L>) -> f64 {
+    if found.camera.sees_all_of(found.image_size) {
+        return 0.0;
+    }
     let place = |i: u32, size: u32| (f64::from(size) - 1.0) * f64::from(i) / f64::from(PLACES - 1);
     let size = found.image_size;
     let places = (0..PLACES * PLACES).map(|i| {
         let (column, row) = (i % PLACES, i / PLACES);
         Vector2::new(place(column, size.width), place(row, size.height))
     });
-    let unseen = places.filter(|pixel| found.camera.unproject_with_jacobian(pixel).is_none());
+    let unseen = places.filter(|pixel| found.camera.unproject(pixel).is_none());
     unseen.count() as f64 / f64::from(PLACES * PLACES)
 }
 
