@@ -113,8 +113,9 @@ docs: $(DOCS_READY)
 	cp -R target/doc docs/_build/html/rust
 	@test -f docs/_build/html/rust/trisquare/index.html
 
-# Damaged files for every reader of files, then random bytes everywhere; where cargo-fuzz is installed, guided by coverage as well. It needs no
-# nightly compiler without a sanitizer, which safe code can do without.
+# Damaged files for every reader of files, then random bytes everywhere; where cargo-fuzz is
+# installed, guided by coverage as well. It needs no nightly compiler without a sanitizer, which
+# safe code can do without.
 FUZZ_CASES ?= 1000000
 READER_CASES ?= 100000
 FUZZ_TARGETS = $(basename $(notdir $(wildcard fuzz/fuzz_targets/*.rs)))
