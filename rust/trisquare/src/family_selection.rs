@@ -14,6 +14,7 @@ use crate::model_selection::{ModelChoice, Weighed, check_comparable};
 use crate::observations::{Options, PlaneEdges};
 use crate::photometric::Photographs;
 use crate::result::{Calibration, Warning};
+use crate::solver::step_of_some;
 
 /// Logarithm of the odds by which a fisheye must explain the samples better: one camera in twenty,
 /// or fewer, has such a lens.
@@ -107,6 +108,15 @@ pub fn calibrate_by_family(
 /// Samples of a line that tell one family from another. A fisheye is asked sample by sample.
 const SAMPLES_PER_LINE: usize = 100;
 
+/// Edges that tell one family from another: of many figures some, unless their numbers stand in
+/// relations.
+fn telling(edges: &[PlaneEdges]) -> Vec<PlaneEdges> {
+    let is_related = edges.iter().any(|own| !own.relations.is_empty());
+    let step = step_of_some(edges.len()).filter(|_| !is_related);
+    let some = edges.iter().step_by(step.unwrap_or(1));
+    some.map(|own| own.thinned(SAMPLES_PER_LINE)).collect()
+}
+
 /// Warns first of all where a calibration with a distorted pinhole has what a fisheye explains
 /// better than any of its models.
 pub fn heed_fisheye<L: Lens>(
@@ -121,10 +131,7 @@ pub fn heed_fisheye<L: Lens>(
     if is_fisheye || !is_suspect || check_comparable(options).is_err() {
         return;
     }
-    let some: Vec<PlaneEdges> = edges
-        .iter()
-        .map(|own| own.thinned(SAMPLES_PER_LINE))
-        .collect();
+    let some = telling(edges);
     let wide = Weighed::of(&some, size, &of_family::<_, Fisheye>(options));
     let own = Weighed::of(&some, size, options);
     // Sheets that rise explain such residuals as well, and a fisheye would follow them.

@@ -12,6 +12,11 @@ use crate::refine::Refined;
 /// Of twice as many planes or more, so many, evenly chosen, are searched for the camera first.
 const SOME_PLANES: usize = 48;
 
+/// One in so many of the planes stands for all of them where there are many.
+pub(crate) fn step_of_some(planes: usize) -> Option<usize> {
+    Some(planes / SOME_PLANES).filter(|step| *step > 1)
+}
+
 /// Starts of theirs that must lead to an optimum, of which the better one is taken: the conic of a
 /// few planes may lead to a wrong one. Where that is doubtful, all starts are tried.
 const STARTS: usize = 2;
@@ -32,8 +37,8 @@ impl<L: Lens> JointProblem<'_, L> {
 
     /// The optimum of many planes; `None` where there are few, or it is not found so.
     pub(super) fn optimum_of_many(&self, planes: &[ObservedPlane]) -> Option<Refined<L>> {
-        let step = planes.len() / SOME_PLANES;
-        if step < 2 || self.poorer.is_some() || self.options.method == Method::Linear {
+        let step = step_of_some(planes.len())?;
+        if self.poorer.is_some() || self.options.method == Method::Linear {
             return None;
         }
         let some: Vec<_> = planes.iter().step_by(step).cloned().collect();

@@ -11,6 +11,7 @@ mod solve;
 mod starts;
 mod work;
 
+pub(crate) use many::step_of_some;
 pub(crate) use outliers::reject_outliers;
 pub(crate) use problem::JointProblem;
 pub(crate) use solve::Solution;

@@ -1,6 +1,7 @@
 //! What a solution knows: its optimum weighed by the planes' own noise, its covariance, its
 //! judgement.
 
+use super::many::step_of_some;
 use super::problem::{Failure, JointProblem};
 use super::starts::Starts;
 use crate::error::Error;
@@ -52,9 +53,14 @@ impl<L: Lens> JointProblem<'_, L> {
 
     /// The answer of the method asked for.
     pub fn optimum(&self, planes: &[ObservedPlane]) -> Result<Refined<L>, Failure<L>> {
-        match self.optimum_of_many(planes) {
-            Some(found) => Ok(found),
-            None => Starts::of(self, planes)?.optimum(),
+        if let Some(found) = self.optimum_of_many(planes) {
+            return Ok(found);
+        }
+        let starts = Starts::of(self, planes)?;
+        // Many planes leave a poorer model's optimum in no doubt: a search from there is enough.
+        match step_of_some(planes.len()) {
+            Some(_) => starts.tried(),
+            None => starts.optimum(),
         }
     }
 
