@@ -47,7 +47,13 @@ def calibrated(job: Job, limits: JobLimits) -> Answer:
         from trisquare.formats import load_camera
 
         options["initial"] = load_camera(initial).camera
-    result = calibrate(list(job.photographs), max_pixels=limits.max_pixels, threads=1, **options)
+    result = calibrate(
+        list(job.photographs),
+        max_pixels=limits.max_pixels,
+        max_bytes=limits.max_bytes,
+        threads=1,
+        **options,
+    )
     return success(job, result), result.to_json()
 
 

@@ -160,6 +160,7 @@ def calibrate_command(
     max_pixels: str | None = option(
         None, "N", "Refuse pictures of more pixels, by their header (500M)."
     ),
+    max_bytes: str | None = option(None, "N", "Refuse larger files (2G)."),
     with_diagnosis: bool = flag(
         "Show what limits each parameter, and what would improve it.", "--diagnose"
     ),
@@ -187,8 +188,9 @@ def calibrate_command(
         with reading():
             parse_layout(board)
         targets = board  # in Python they are one argument
-    most = amount(max_pixels, "--max-pixels")
-    limits = PictureLimits.stated(most)
+    limits = PictureLimits.stated(
+        amount(max_pixels, "--max-pixels"), amount(max_bytes, "--max-bytes")
+    )
     with progress_bar("choosing frames", quiet) as progress, reading():
         sources = with_frames(photos, frames, limits, progress)
     overlay_paths, debug_images = overlay_paths[: len(sources)], debug_images[: len(sources)]

@@ -181,6 +181,7 @@ def _calibrate(task: Task, limits: JobLimits) -> Made:
         outlines=None if drawn is None else _object(drawn, "outlines"),
         threads=1,
         max_pixels=limits.max_pixels,
+        max_bytes=limits.max_bytes,
         **options,
     )
     values = named_numbers(result.camera)
