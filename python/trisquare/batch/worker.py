@@ -60,6 +60,7 @@ def calibrated(job: Job, limits: JobLimits) -> Answer:
 def success(job: Job, result: Any) -> dict[str, Any]:
     """Return the record of a calibrated camera."""
     from trisquare.camera.camera import named_numbers
+    from trisquare.results.calibration_warning import warning_members
 
     return {
         "name": job.name,
@@ -74,16 +75,8 @@ def success(job: Job, result: Any) -> dict[str, Any]:
         "rms_px": result.rms,
         "noise_scale": result.noise_scale,
         "planes": len(result.planes),
-        "warnings": told_warnings(result),
+        "warnings": warning_members(result.warnings),
     }
-
-
-def told_warnings(result: Any) -> list[dict[str, str]]:
-    """Return the warnings of a calibration as JSON has them in records."""
-    return [
-        {"code": warning.code, "severity": warning.severity, "text": str(warning)}
-        for warning in result.warnings
-    ]
 
 
 class AnyJob(Protocol):

@@ -121,9 +121,13 @@ def undistort_command(
     def write_undistorted_video(clip: Path, path: Path, temporary: Path) -> None:
         with Video(clip) as video, naming(clip):
             used = undistorter_of(video.size)
-            told = None if progress is None else partial(_tell_frames, progress, video)
+
+            def tell(done: int) -> None:
+                if progress is not None:
+                    progress(done, video.frames_in_all(done))
+
             frames = undistort_video(
-                video, used, temporary, interpolation=interpolation, progress=told
+                video, used, temporary, interpolation=interpolation, progress=tell
             )
         more = {"frames": frames, "rate": video.rate, "turned": video.turn}
         pictures.append({**_picture_members(clip, path, used), **more})
@@ -163,11 +167,6 @@ def undistort_command(
         "warnings": warnings,
     }
     answer(json, quiet, members, _lines(pictures), (f"warning: {each}" for each in warnings))
-
-
-def _tell_frames(progress: Callable[[int, int], None], video: Video, done: int) -> None:
-    """Tell the bar how many frames are done of how many the video states, which may be too few."""
-    progress(done, max(done, video.stated_frames))
 
 
 def _picture_members(photo: Path, path: Path, undistorter: Undistorter) -> dict[str, Any]:
