@@ -130,7 +130,8 @@ def calibrate(
         decoded; by default ``TRISQUARE_MAX_PIXELS`` and ``TRISQUARE_MAX_BYTES`` of the environment,
         or 500 million and 2 GB.
     progress : callable, optional
-        Called with (pictures done, pictures in all).
+        Called with (pictures measured, pictures in all); the fit follows the last one, and of many
+        planes takes longer.
 
     Returns
     -------

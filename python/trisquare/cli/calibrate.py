@@ -197,7 +197,7 @@ def calibrate_command(
     photographs = Photographs(sources, keep=bool(overlay or debug_image or report), limits=limits)
     with (
         drawn_on_failure(photographs, debug_images),
-        progress_bar("calibrating", quiet) as progress,
+        progress_bar("measuring", quiet, then="fitting") as progress,
         reading(),
     ):
         calibration, rejected_shapes = calibrate_photographs(
