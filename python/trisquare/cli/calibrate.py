@@ -40,7 +40,7 @@ from trisquare.detection.sheets.layout import parse_layout
 from trisquare.drawing.detections import draw_detections
 from trisquare.drawing.overlay import draw_overlay
 from trisquare.formats.native_json import FORMAT as OWN_FORMAT
-from trisquare.formats.registry import FORMATS, format_of_name
+from trisquare.formats.registry import ENDINGS, format_of_name
 from trisquare.images.frame_choice import with_frames
 from trisquare.images.limits import PictureLimits
 from trisquare.images.photographs import Photographs
@@ -57,7 +57,6 @@ EXAMPLES = (
 )
 
 
-ENDINGS = sorted({ending for known in FORMATS for ending in known.file_names})
 OTHER_ENDING = f"let it end with .json for all of the result, or with one of {', '.join(ENDINGS)}"
 
 
