@@ -17,6 +17,7 @@ from typing import Any
 
 from fastapi import FastAPI, Request, Response
 from fastapi.responses import JSONResponse
+from starlette.exceptions import HTTPException
 
 import trisquare as ts
 
@@ -63,6 +64,13 @@ async def refused(request: Request, error: RefusedError) -> JSONResponse:
     members = {"code": error.code, "text": error.text, "help": f"faq.html#{error.code.lower()}"}
     headers = {"Retry-After": "5"} if error.code == "BusyError" else None
     return JSONResponse({"error": members}, ts.http_status(error.code), headers)
+
+
+@app.exception_handler(HTTPException)
+async def unknown(request: Request, error: HTTPException) -> JSONResponse:
+    """Answer likewise where there is no such address or method."""
+    code = {404: "NotFoundError", 405: "MethodError"}.get(error.status_code, "InternalError")
+    return await refused(request, RefusedError(code, str(error.detail)))
 
 
 @app.get("/health")

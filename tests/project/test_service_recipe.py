@@ -113,6 +113,15 @@ def test_every_calibration_is_within_limits(client, service, limit, value, codes
     assert client.post("/calibrations", content=DEMO).status_code == 200
 
 
+@pytest.mark.parametrize(
+    ("method", "path", "status", "code"),
+    [("GET", "/nothing", 404, "NotFoundError"), ("GET", "/calibrations", 405, "MethodError")],
+)
+def test_an_unknown_address_or_method_is_told_likewise(client, method, path, status, code):
+    answer = client.request(method, path)
+    assert (answer.status_code, answer.json()["error"]["code"]) == (status, code)
+
+
 def test_its_health_is_told(client):
     assert client.get("/health").json() == {"version": ts.__version__, "accepted": 0}
 
