@@ -42,24 +42,25 @@ def warning_codes():
     return {*codes, ts.CalibrationWarning("a text").code} - {None}
 
 
-def error_codes():
-    """The classes of errors, and the names that the command, the batch and the page give."""
+def error_codes(*rooms):
+    """The classes of errors, and the names that rooms give."""
     kinds = [kind for kind in vars(errors).values() if isinstance(kind, type)]
     own = {kind.__name__ for kind in kinds if issubclass(kind, Exception)}
     given = {
         text
-        for tree in trees("cli", "batch", "serve")
+        for tree in trees(*rooms)
         for node in ast.walk(tree)
         if (text := text_of(node)) and re.fullmatch(r"[A-Z]\w+(Error|Interrupt)", text)
     }
-    return own | given | {kind.__name__ for kind in EXIT_CODES}
+    return own | given
 
 
 def test_every_code_has_its_section_and_every_section_its_code():
     assert {"planes_vary", "overexposed", "other_size", "repeated_picture"} < warning_codes()
-    assert {"TrisquareError", "TimeLimitError", "UsageError", "OSError"} < error_codes()
+    codes = error_codes("cli", "batch", "serve") | {kind.__name__ for kind in EXIT_CODES}
+    assert {"TrisquareError", "TimeLimitError", "UsageError", "OSError"} < codes
     sections = [name for name, _ in SECTION.findall(page("faq.md"))]
-    assert sorted(sections) == sorted(warning_codes() | error_codes())
+    assert sorted(sections) == sorted(warning_codes() | codes)
 
 
 def test_every_section_says_what_why_and_what_to_do():
@@ -79,6 +80,7 @@ def test_the_http_statuses_are_those_of_services():
     rows = re.findall(r"^\| (\d{3}) \| .* \| (.+) \|$", page("faq.md"), re.MULTILINE)
     said = {code: int(status) for status, codes in rows for code in re.findall(r"`(\w+)`", codes)}
     assert said == dict(HTTP_STATUSES)
+    assert error_codes("batch", "serve") <= set(said)
     sections = [name for name, _ in SECTION.findall(page("faq.md"))]
     assert set(said) <= set(sections)
 
