@@ -126,9 +126,9 @@ def calibrate(
         memory; by default as many as there are cores that this process may use. The result is the
         same with any number. OpenCV's own threads are a setting of OpenCV's.
     max_pixels, max_bytes : int, optional
-        A picture with more pixels, or a larger file, is refused by its header, before it is
-        decoded; by default ``TRISQUARE_MAX_PIXELS`` and ``TRISQUARE_MAX_BYTES`` of the environment,
-        or 500 million and 2 GB.
+        A picture with more pixels is refused by its header, before it is decoded, and a larger file
+        before it is read; by default ``TRISQUARE_MAX_PIXELS`` and ``TRISQUARE_MAX_BYTES`` of the
+        environment, or 500 million and 2 GB.
     progress : callable, optional
         Called with (pictures measured, pictures in all); the fit follows the last one, and of many
         planes takes longer.
