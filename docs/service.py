@@ -13,32 +13,70 @@ from collections.abc import AsyncIterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from pathlib import Path
+from typing import Any
 
-import cv2
-from fastapi import FastAPI, HTTPException, Request, Response
+from fastapi import FastAPI, Request, Response
+from fastapi.responses import JSONResponse
+from starlette.exceptions import HTTPException
 
 import trisquare as ts
 
-THREADS = os.cpu_count() or 1
-"""Calibrations at a time; the core gives up Python's lock while it computes."""
+PROCESSES = os.cpu_count() or 1
+"""Calibrations at a time, each in a process of its own."""
 
-MOST_WAITING = 8 * THREADS
+MOST_WAITING = 8 * PROCESSES
 """Photographs accepted at a time; whoever comes next is told to come again."""
 
 MOST_BYTES = 32 << 20
 """Of a photograph's file."""
 
+LIMITS: dict[str, Any] = {
+    "max_bytes": MOST_BYTES,
+    "max_pixels": 50_000_000,  # by the header, before anything is decoded
+    "max_seconds": 20.0,  # then the process is killed
+    "max_memory": 1e9,  # bytes beside the 80 MB that a process has from the start; on Linux
+}
+"""Of one calibration."""
+
 
 @asynccontextmanager
 async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-    """Keep one pool of threads while the service runs."""
-    cv2.setNumThreads(1)  # the pool shares out the cores already
-    with ThreadPoolExecutor(THREADS) as pool:
+    """Keep one pool while the service runs: a process stands beside each of its threads."""
+    with ThreadPoolExecutor(PROCESSES) as pool:
         app.state.pool, app.state.accepted = pool, 0
         yield
 
 
 app = FastAPI(lifespan=lifespan)
+
+
+class RefusedError(Exception):
+    """An answer that is an error, with one of trisquare's codes."""
+
+    def __init__(self, code: str, text: str) -> None:
+        super().__init__(text)
+        self.code, self.text = code, text
+
+
+@app.exception_handler(RefusedError)
+async def refused(request: Request, error: RefusedError) -> JSONResponse:
+    """Answer with an error in the shape of all JSON of trisquare."""
+    members = {"code": error.code, "text": error.text, "help": f"faq.html#{error.code.lower()}"}
+    headers = {"Retry-After": "5"} if error.code == "BusyError" else None
+    return JSONResponse({"error": members}, ts.http_status(error.code), headers)
+
+
+@app.exception_handler(HTTPException)
+async def unknown(request: Request, error: HTTPException) -> JSONResponse:
+    """Answer likewise where there is no such address or method."""
+    code = {404: "NotFoundError", 405: "MethodError"}.get(error.status_code, "InternalError")
+    return await refused(request, RefusedError(code, str(error.detail)))
+
+
+@app.get("/health")
+async def health(request: Request) -> dict[str, Any]:
+    """Say that the service runs, and how much it has to do."""
+    return {"version": ts.__version__, "accepted": request.app.state.accepted}
 
 
 @app.post("/calibrations")
@@ -49,18 +87,22 @@ async def calibrations(
     targets: str = "squares",
 ) -> Response:
     """Calibrate the camera that took the photograph in the request's body."""
+    if targets.lower().endswith(".json"):
+        raise RefusedError("ValueError", "a layout's file is the server's: name a board")
     state = request.app.state
     if state.accepted >= MOST_WAITING:
-        raise HTTPException(503, "too many photographs at a time", {"Retry-After": "5"})
+        raise RefusedError("BusyError", "too many photographs at a time: come again")
     state.accepted += 1
     try:
         photo = await _body(request)
-        calibration = await asyncio.get_running_loop().run_in_executor(
-            state.pool, _calibrated, photo, model, tone, targets
-        )
+        options = {"model": model, "tone": tone, "targets": targets}
+        result = await asyncio.to_thread(_calibrated, state.pool, photo, options)
     finally:
         state.accepted -= 1
-    return Response(calibration.to_json(), media_type="application/json")
+    if result.json is None:
+        error = result.record["error"]
+        raise RefusedError(error["code"], error["text"])
+    return Response(result.json, media_type="application/json")
 
 
 async def _body(request: Request) -> bytes:
@@ -69,30 +111,17 @@ async def _body(request: Request) -> bytes:
     async for part in request.stream():
         received += part
         if len(received) > MOST_BYTES:
-            raise HTTPException(413, f"a photograph may have {MOST_BYTES >> 20} MB")
+            raise RefusedError("TooLargeError", f"a photograph may have {MOST_BYTES >> 20} MB")
     return bytes(received)
 
 
-def _calibrated(photo: bytes, model: str, tone: str | None, targets: str) -> ts.Calibration:
-    """Calibrate from an encoded photograph, in a thread of the pool."""
+def _calibrated(pool: ThreadPoolExecutor, photo: bytes, options: dict[str, Any]) -> ts.JobResult:
+    """Calibrate from an encoded photograph, in a process that may be killed."""
     with tempfile.TemporaryDirectory() as folder:
-        # From a file: trisquare refuses what is not whole; cv2.imdecode does not.
         path = Path(folder, "photograph")
         path.write_bytes(photo)
-        try:
-            if targets.lower().endswith(".json"):
-                raise ValueError("a layout's file is the server's: name a board")
-            return ts.calibrate(path, model=model, tone=tone, targets=targets)
-        except (ts.TrisquareError, ValueError) as error:
-            reason = {
-                "error": type(error).__name__,
-                "message": str(error).replace(f"{folder}{os.sep}", ""),
-            }
-            raise HTTPException(_status(error), reason) from error
-
-
-def _status(error: Exception) -> int:
-    """Tell wrong arguments, what is no picture, and one that shows too little."""
-    if isinstance(error, ts.ImageError):
-        return 415
-    return 422 if isinstance(error, ts.TrisquareError) else 400
+        (result,) = ts.calibrate_many([ts.Job("photograph", (str(path),), options)], pool, **LIMITS)
+    if not result.is_done:  # a client need not know where its file was
+        error = result.record["error"]
+        error["text"] = error["text"].replace(f"{folder}{os.sep}", "")
+    return result

@@ -17,6 +17,7 @@ import trisquare as ts
 from trisquare import simulate
 from trisquare.printing.target import TargetPage
 from trisquare.simulate.scene import Scene, Target, TrueCamera
+from trisquare_scenes.printed_photograph import printed_photograph
 
 PICTURES = 60
 BOARD_PICTURES = 20  # of the corner of chessboards, which takes longer to render
@@ -91,18 +92,7 @@ def _photographed(
     for seed in range(SEED + 1000, SEED + 1000 + pictures):
         rng = np.random.default_rng(seed)
         scene = simulate.corner_scene(rng, page=page, image_size=image_size)
-        picture = simulate.render(
-            scene,
-            rng,
-            noise=rng.uniform(1.0, 4.0),
-            blur=rng.uniform(0.5, 1.2),
-            contrast=rng.uniform(130.0, 200.0),
-            tone="srgb",
-            colour=True,
-            shading=rng.uniform(0.0, 0.4),
-            clutter=int(rng.integers(20, 80)),
-            jpeg_quality=int(rng.integers(80, 96)),
-        )
+        picture = printed_photograph(scene, rng)
         try:
             result = ts.calibrate(picture)
         except ts.TrisquareError as error:

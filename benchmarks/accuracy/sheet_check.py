@@ -16,6 +16,7 @@ from trisquare import simulate
 from trisquare.analysis.sheet_check import SheetCheck, check_sheet
 from trisquare.printing.target import TargetPage
 from trisquare.simulate.scene import Scene
+from trisquare_scenes.printed_photograph import printed_photograph
 from trisquare_scenes.spoilt_corner import folded_off, stretched, with_bent_face
 
 SEED = 77_000
@@ -93,18 +94,7 @@ def _checked(kind: str, seed: int, spoil: Spoil | None) -> tuple[SheetCheck | No
     scene, true = simulate.corner_scene(rng, page=page, image_size=SIZE), 0.0
     if spoil is not None:
         scene, true = spoil(scene, page, rng)
-    picture = simulate.render(
-        scene,
-        rng,
-        noise=rng.uniform(1.0, 4.0),
-        blur=rng.uniform(0.5, 1.2),
-        contrast=rng.uniform(130.0, 200.0),
-        tone="srgb",
-        colour=True,
-        shading=rng.uniform(0.0, 0.4),
-        clutter=int(rng.integers(20, 80)),
-        jpeg_quality=int(rng.integers(80, 96)),
-    )
+    picture = printed_photograph(scene, rng)
     try:
         check = check_sheet(ts.calibrate(picture), ruler=100.0)
     except ts.TrisquareError as error:

@@ -46,6 +46,8 @@ _NAMES_OF_MODULES = {
         "NotEnoughDataError",
         "NotEnoughPlanesError",
         "TrisquareError",
+        "error_members",
+        "http_status",
     ),
     "formats": ("Approximation",),
     "measurement.detect": ("detect",),

@@ -38,6 +38,8 @@ from trisquare.errors import MissingImageError as MissingImageError
 from trisquare.errors import NotEnoughDataError as NotEnoughDataError
 from trisquare.errors import NotEnoughPlanesError as NotEnoughPlanesError
 from trisquare.errors import TrisquareError as TrisquareError
+from trisquare.errors import error_members as error_members
+from trisquare.errors import http_status as http_status
 from trisquare.formats import Approximation as Approximation
 from trisquare.measurement.detect import detect as detect
 from trisquare.printing.target import PrintedTarget as PrintedTarget

@@ -34,6 +34,9 @@ MAX_DRIFT = 10.0
 # The image of a circle has five numbers.
 MIN_CIRCLE_SAMPLES = 5
 
+LEAVE_OUT = ": leave out the samples that were not measured"
+"""What to do about samples that are NaN or infinite."""
+
 # Two samples are always straight.
 MIN_SCENE_LINE_SAMPLES = 3
 
@@ -586,7 +589,7 @@ def _samples_of_lines(points: Any, count: int) -> tuple[FloatArray, ...]:
         name = f"points[{index}]"
         if hasattr(given, "__len__") and len(given) == 0:
             raise NotEnoughDataError(f"{name} is empty: a line needs at least 2 points")
-        array = real_array(given, name, (None, 2))
+        array = real_array(given, name, (None, 2), LEAVE_OUT)
         low, high = array.min(axis=0, initial=np.inf), array.max(axis=0, initial=-np.inf)
         if max(high.max(), -low.min()) > MAX_COORDINATE:
             raise ValueError(f"{name} holds coordinates beyond {MAX_COORDINATE:g} px")

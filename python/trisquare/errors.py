@@ -6,10 +6,44 @@ photograph shows is a `TrisquareError`, so that one ``except`` catches every ref
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 HELP_PAGE = "faq.html"
 """The page of the documentation that has a section for each code."""
+
+HTTP_STATUSES: Mapping[str, int] = MappingProxyType(
+    {
+        "ValueError": 400,
+        "TypeError": 400,
+        "TokenError": 401,
+        "NotFoundError": 404,
+        "MethodError": 405,
+        "LensModelError": 409,
+        "TooLargeError": 413,
+        "ImageError": 415,
+        "MissingImageError": 415,
+        "TrisquareError": 422,
+        "DetectionError": 422,
+        "NotEnoughPlanesError": 422,
+        "NotEnoughDataError": 422,
+        "DegenerateGeometryError": 422,
+        "ConvergenceError": 422,
+        "TimeLimitError": 422,
+        "MemoryError": 422,
+        "WorkerDiedError": 422,
+        "AbandonedError": 499,
+        "InternalError": 500,
+        "OSError": 500,
+        "ImportError": 501,
+        "BusyError": 503,
+    }
+)
+"""What a service answers, by the codes of errors."""
+
+FAULT = 500
+"""The status of a code that is none of these."""
 
 
 def help_of(code: str) -> str:
@@ -21,6 +55,58 @@ def help_of(code: str) -> str:
         The class of an error, or the code of a warning.
     """
     return f"{HELP_PAGE}#{code.lower().replace('_', '-')}"
+
+
+def http_status(code: str) -> int:
+    """Return the status with which a service answers an error.
+
+    Parameters
+    ----------
+    code : str
+        Of the error, as `error_members` and the records of `calibrate_many` have it.
+
+    Returns
+    -------
+    int
+        500 for a code that is unknown.
+
+    Examples
+    --------
+    >>> ts.http_status("ValueError"), ts.http_status("ImageError"), ts.http_status("DetectionError")
+    (400, 415, 422)
+    """
+    return HTTP_STATUSES.get(code, FAULT)
+
+
+def error_members(error: BaseException) -> dict[str, Any]:
+    """Return an error as all JSON of trisquare has it.
+
+    Returns
+    -------
+    dict
+        ``code``, the name of its class, or of the nearest base that the documentation explains;
+        ``text``, one line; ``help``, where the documentation explains it. An exception that the
+        documentation does not explain is an ``InternalError``.
+
+    Examples
+    --------
+    >>> try:
+    ...     ts.calibrate("no-such-photo.jpg")
+    ... except (ts.TrisquareError, ValueError) as error:
+    ...     print(ts.error_members(error)["code"])
+    MissingImageError
+    """
+    bases = (kind.__name__ for kind in type(error).__mro__)
+    code = next((name for name in bases if name in HTTP_STATUSES), InternalError.__name__)
+    text = str(error) or type(error).__name__
+    if code == InternalError.__name__ and not isinstance(error, InternalError):
+        text = f"{type(error).__name__}: {text}"
+    return code_members(code, text)
+
+
+def code_members(code: str, text: str) -> dict[str, Any]:
+    """Return an error by its code and its text, as all JSON of trisquare has it."""
+    return {"code": code, "text": " ".join(text.split()), "help": help_of(code)}
 
 
 class TrisquareError(Exception):

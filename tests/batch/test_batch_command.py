@@ -82,6 +82,35 @@ def test_what_fails_is_told_and_the_rest_goes_on(run, folder):
     assert names == ["a", "b", "bad\x1b[31m", "empty"]
 
 
+def test_cameras_that_are_no_longer_given_do_not_count(run, folder):
+    """As after a camera was retired, or a wrong line of a manifest was mended."""
+    (folder / "in" / "bad.png").write_text("hello")
+    assert run("batch", "in", "-o", "out")[0] == 6
+    records = (folder / "out/results.jsonl").read_text()
+    (folder / "in" / "bad.png").unlink()
+    (folder / "in" / "a.png").unlink()
+    code, out, err = run("batch", "in", "-o", "out")
+    assert (code, err) == (0, "")
+    assert "1 cameras (0 done now): 1 passed, 0 beyond the limits, 0 failed" in out
+    assert "2 more cameras of earlier runs" in out
+    assert "bad" not in out
+    assert sorted((folder / "out/results.jsonl").read_text().splitlines()) == sorted(
+        records.splitlines()
+    )
+    assert (folder / "out/cameras/a.json").exists()
+    table = (folder / "out/summary.csv").read_text()
+    assert [line.split(",")[:2] for line in table.splitlines()[1:]] == [
+        ["b", "passed"],
+        ["a", "earlier"],
+        ["bad", "earlier"],
+    ]
+    page = (folder / "out/summary.html").read_text()
+    assert "2 more of earlier runs" in page
+    assert "bad" not in page
+    answer = json.loads(run("batch", "in", "-o", "out", "--json")[1])
+    assert (answer["cameras"], answer["earlier"], answer["all_passed"]) == (1, 2, True)
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [

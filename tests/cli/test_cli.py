@@ -128,7 +128,9 @@ def test_the_table_shows_numbers_planes_and_warnings(run, photo, asked):
     assert "\x1b" not in out
     shown = {line.split()[0]: line.split()[1:] for line in out.splitlines() if line.split()}
     for name, value in (("fx", SCENE.camera.fx), ("cy", SCENE.camera.cy)):
-        assert shown[name] == [f"{value:.2f}", "0.10"]
+        assert shown[name] == ["px", f"{value:.2f}", "0.10"]
+    assert "px" not in shown["k1"]
+    assert "distance sides   tilt deg   rms px" in out
     assert shown["2"][:2] == ["square", "0"]
     assert "warning" not in out
 
@@ -352,7 +354,7 @@ def test_the_demo_shows_the_truth(tmp_path):
     assert overlay.shape == photo.shape
     assert "photo.png" in (tmp_path / "results" / "report.html").read_text()
     rows = [line.split() for line in done.stdout.splitlines() if line.split()]
-    shown = {row[0]: [float(value) for value in row[1:]] for row in rows if row[0] in result.std}
+    shown = {row[0]: list(map(float, row[-5:])) for row in rows if row[0] in result.std}
     assert set(shown) == set(result.std)
     for estimate, std, truth, _, _ in shown.values():
         assert abs(estimate - truth) < 4 * std

@@ -64,6 +64,37 @@ def test_json_and_quiet(undistort, folder):
     np.testing.assert_array_equal(read(folder / "o.png"), read(folder / "out.png"))
 
 
+@pytest.mark.parametrize("name", ["new.json", "new.yaml"])
+def test_the_new_camera_is_written(undistort, folder, name):
+    arguments = ("photo.png", "--camera", "camera.json", "-o", "out.png", "--balance", 0.5)
+    code, out, err = undistort(*arguments, "--new-camera", name)
+    assert (code, err) == (0, "")
+    assert f"wrote {name}\n" in out
+    assert ts.Camera.load(folder / name) == CAMERA.undistorted(0.5)
+    answer = json.loads(undistort(*arguments, "--new-camera", name, "--json")[1])
+    assert answer["new_camera"] == name
+    assert json.loads(undistort(*arguments, "--json")[1])["new_camera"] is None
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (("--new-camera", "new.obj"), "let it end with one of"),
+        (("--new-camera", "new.json", "--view", "cylinder"), "--new-camera is for a pinhole"),
+        (("--new-camera", "camera.json"), "would overwrite"),
+        (("small.png", "--rescale", "--new-camera", "new.json"), "2 sizes"),
+        (("--new-camera", "missing/new.json"), "missing"),
+    ],
+)
+def test_a_new_camera_that_cannot_be_written_writes_nothing(undistort, folder, more, said):
+    cv2.imwrite(str(folder / "small.png"), PHOTO[::2, ::2])
+    before = sorted(folder.iterdir())
+    code, out, err = undistort("photo.png", "--camera", "camera.json", "-o", "out.png", *more)
+    assert (code, out) == (2, "")
+    assert said in error_text(err)
+    assert sorted(folder.iterdir()) == before
+
+
 @pytest.mark.parametrize("view", ["cylinder", "equirectangular"])
 def test_a_panorama(undistort, folder, view):
     arguments = ("photo.png", "--camera", "camera.json", "-o", "out.png", "--view", view)

@@ -13,7 +13,7 @@ DOCS = CHECKOUT / "docs"
 PAGES = sorted(path.name for path in DOCS.glob("*.md"))
 
 # Lines of a shell that no test runs: they fetch packages, never end, or need what they start.
-ELSEWHERE = ("make ", "pip install ", "uvicorn ", "trisquare serve ", "curl ")
+ELSEWHERE = ("make ", "pip install ", "maturin ", "uvicorn ", "trisquare serve ", "curl ")
 SHELLS = ("sh", "bash", "console")
 
 

@@ -104,23 +104,32 @@ def test_the_environment_has_limits(tmp_path, monkeypatch):
         read_image(path)
 
 
-def test_calibrate_takes_a_limit(tmp_path):
+@pytest.mark.parametrize(
+    ("limit", "enough"), [("max_pixels", 3072), ("max_bytes", len(encoded(".png")))]
+)
+def test_calibrate_takes_limits(tmp_path, limit, enough):
     path = tmp_path / "photo.png"
     path.write_bytes(encoded(".png"))
-    with pytest.raises(ts.ImageError, match="max_pixels"):
-        ts.calibrate(path, max_pixels=3071)
+    for source in (path, path.read_bytes()):
+        with pytest.raises(ts.ImageError, match=f"{enough - 1} that {limit} allows"):
+            ts.calibrate(source, **{limit: enough - 1})
+        with pytest.raises(ts.DetectionError):
+            ts.calibrate(source, **{limit: enough})
     for wrong, error in ((0, ValueError), (-1, ValueError), ("9", TypeError), (True, TypeError)):
-        with pytest.raises(error, match="max_pixels"):
-            ts.calibrate(path, max_pixels=wrong)
+        with pytest.raises(error, match=limit):
+            ts.calibrate(path, **{limit: wrong})
 
 
-def test_the_command_takes_a_limit(tmp_path, run):
+@pytest.mark.parametrize(("option", "too_little"), [("max-pixels", "3k"), ("max-bytes", "30")])
+def test_the_command_takes_limits(tmp_path, run, option, too_little):
     path = tmp_path / "photo.png"
     path.write_bytes(encoded(".png"))
-    code, _, err = run("calibrate", path, "--max-pixels", "3k")
+    code, _, err = run("calibrate", path, f"--{option}", too_little)
     assert code == 5
-    assert "max_pixels" in err
-    assert run("calibrate", path, "--max-pixels", "none")[0] == 2
+    assert option.replace("-", "_") in err
+    code, _, err = run("calibrate", path, f"--{option}", "none")
+    assert code == 2
+    assert f"--{option}" in err
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs Linux's account of memory")

@@ -94,7 +94,11 @@ def test_a_side_may_be_covered_in_part_and_in_any_order():
     ("change", "error", "message"),
     [
         ({"points": SIDES[:3]}, ValueError, "4 arrays"),
-        ({"points": [*SIDES[:3], np.array([[1.0, np.nan], [2, 3]])]}, ValueError, "NaN"),
+        (
+            {"points": [*SIDES[:3], np.array([[1.0, 2.0], [3.0, np.nan]])]},
+            ValueError,
+            r"points\[3\] holds NaN .* the first at \[1, 1\]: leave out the samples",
+        ),
         ({"points": [*SIDES[:3], np.array([[1.0, np.inf], [2, 3]])]}, ValueError, "infinite"),
         ({"points": [*SIDES[:3], np.array([[1.0, 1e10], [2, 3]])]}, ValueError, "beyond"),
         ({"points": [*SIDES[:3], np.zeros((5, 3))]}, ValueError, "shape"),
@@ -109,7 +113,7 @@ def test_a_side_may_be_covered_in_part_and_in_any_order():
         ({"std": [np.ones(9)] * 3}, ValueError, "4 arrays"),
         ({"std": [*[np.ones(9)] * 3, np.ones(8)]}, ValueError, "shape"),
         ({"std": [*[np.ones(9)] * 3, np.zeros(9)]}, ValueError, "positive"),
-        ({"std": [*[np.ones(9)] * 3, np.full(9, np.nan)]}, ValueError, "NaN"),
+        ({"std": [*[np.ones(9)] * 3, np.full(9, np.nan)]}, ValueError, r"std\[3\] holds NaN"),
         ({"std": 0.1}, TypeError, "sequence"),
         ({"lines": np.array(CLOCKWISE_SQUARE)[:3]}, NotEnoughDataError, "4 lines"),
         ({"lines": np.zeros((4, 3))}, ValueError, "direction"),

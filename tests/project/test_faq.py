@@ -4,12 +4,13 @@ import ast
 import re
 from pathlib import Path
 
+import pytest
 from shown import CHECKOUT, page
 
 import trisquare as ts
 from trisquare import errors
 from trisquare.cli.app import EXIT_CODES
-from trisquare.errors import help_of
+from trisquare.errors import HTTP_STATUSES, code_members, error_members, help_of, http_status
 from trisquare.images.faults import _ADVICE
 from trisquare.results.calibration_warning import SEVERITIES
 
@@ -41,23 +42,25 @@ def warning_codes():
     return {*codes, ts.CalibrationWarning("a text").code} - {None}
 
 
-def error_codes():
-    """The classes of errors, and the names that the command, the batch and the page give."""
-    own = {name for name, kind in vars(errors).items() if isinstance(kind, type)} - {"Any"}
+def error_codes(*rooms):
+    """The classes of errors, and the names that rooms give."""
+    kinds = [kind for kind in vars(errors).values() if isinstance(kind, type)]
+    own = {kind.__name__ for kind in kinds if issubclass(kind, Exception)}
     given = {
         text
-        for tree in trees("cli", "batch", "serve")
+        for tree in trees(*rooms)
         for node in ast.walk(tree)
         if (text := text_of(node)) and re.fullmatch(r"[A-Z]\w+(Error|Interrupt)", text)
     }
-    return own | given | {kind.__name__ for kind in EXIT_CODES}
+    return own | given
 
 
 def test_every_code_has_its_section_and_every_section_its_code():
     assert {"planes_vary", "overexposed", "other_size", "repeated_picture"} < warning_codes()
-    assert {"TrisquareError", "TimeLimitError", "UsageError", "OSError"} < error_codes()
+    codes = error_codes("cli", "batch", "serve") | {kind.__name__ for kind in EXIT_CODES}
+    assert {"TrisquareError", "TimeLimitError", "UsageError", "OSError"} < codes
     sections = [name for name, _ in SECTION.findall(page("faq.md"))]
-    assert sorted(sections) == sorted(warning_codes() | error_codes())
+    assert sorted(sections) == sorted(warning_codes() | codes)
 
 
 def test_every_section_says_what_why_and_what_to_do():
@@ -73,11 +76,42 @@ def test_help_names_the_section():
     assert ts.LensModelError("x", None, 0.0, 0.0).help == "faq.html#lensmodelerror"
 
 
+def test_the_http_statuses_are_those_of_services():
+    rows = re.findall(r"^\| (\d{3}) \| .* \| (.+) \|$", page("faq.md"), re.MULTILINE)
+    said = {code: int(status) for status, codes in rows for code in re.findall(r"`(\w+)`", codes)}
+    assert said == dict(HTTP_STATUSES)
+    assert error_codes("batch", "serve") <= set(said)
+    sections = [name for name, _ in SECTION.findall(page("faq.md"))]
+    assert set(said) <= set(sections)
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "text"),
+    [
+        (ts.MissingImageError("a.png:\n missing"), "MissingImageError", "a.png: missing"),
+        (ts.LensModelError("a lens", None, 0.0, 0.0), "LensModelError", "a lens"),
+        (UnicodeError("bad"), "ValueError", "bad"),
+        (FileNotFoundError("gone"), "OSError", "gone"),
+        (MemoryError(), "MemoryError", "MemoryError"),
+        (IndexError("5"), "InternalError", "IndexError: 5"),
+        (ts.InternalError("a panic"), "InternalError", "a panic"),
+    ],
+)
+def test_every_error_is_told_in_one_shape(error, code, text):
+    assert ts.error_members(error) == code_members(code, text)
+    assert error_members(error)["help"] == help_of(code)
+    assert http_status(code) == HTTP_STATUSES[code]
+
+
+def test_an_unknown_code_is_a_fault_of_the_service():
+    assert ts.http_status("SomeError") == 500
+
+
 def test_every_severity_has_its_part():
     headings = re.findall(r"^## Warnings of (\w+) severity$", page("faq.md"), re.MULTILINE)
     assert headings == list(SEVERITIES)
 
 
 def test_the_exit_codes_are_those_of_the_command():
-    codes = {int(code) for code in re.findall(r"^\| (\d+) \|", page("faq.md"), re.MULTILINE)}
+    codes = {int(code) for code in re.findall(r"^\| (\d+) \| [^|]+ \|$", page("faq.md"), re.M)}
     assert codes == {0, 1, 6, 70, 130} | set(EXIT_CODES.values())

@@ -27,10 +27,8 @@ def service():
 
 @pytest.fixture(scope="module")
 def client(service):
-    threads = cv2.getNumThreads()
     with TestClient(service["app"]) as client:
         yield client
-    cv2.setNumThreads(threads)
 
 
 @pytest.fixture(scope="module")
@@ -84,15 +82,48 @@ def test_arguments_reach_the_calibration(client):
 def test_what_is_wrong_is_said(client, query, content, status, error, said):
     answer = client.post(f"/calibrations{query}", content=content)
     assert answer.status_code == status
-    detail = answer.json()["detail"]
-    assert detail["error"] == error
-    assert said in detail["message"]
-    assert "/tmp" not in detail["message"]
+    found = answer.json()["error"]
+    assert found == {"code": error, "text": found["text"], "help": f"faq.html#{error.lower()}"}
+    assert said in found["text"]
+    assert "/tmp" not in found["text"]
 
 
 def test_a_photograph_that_is_too_large_is_not_even_received(client, service):
     answer = client.post("/calibrations", content=bytes(service["MOST_BYTES"] + 1))
-    assert answer.status_code == 413
+    assert (answer.status_code, answer.json()["error"]["code"]) == (413, "TooLargeError")
+
+
+@pytest.mark.parametrize(
+    ("limit", "value", "codes", "status"),
+    [
+        ("max_pixels", 1_000_000, {"ImageError"}, 415),
+        ("max_seconds", 0.001, {"TimeLimitError"}, 422),
+        # Where an allocation in C fails, the process may not live to say so.
+        ("max_memory", 1.0, {"MemoryError", "WorkerDiedError"}, 422),
+    ],
+)
+def test_every_calibration_is_within_limits(client, service, limit, value, codes, status):
+    usual = service["LIMITS"][limit]
+    service["LIMITS"][limit] = value
+    try:
+        answer = client.post("/calibrations", content=DEMO)
+    finally:
+        service["LIMITS"][limit] = usual
+    assert (answer.status_code, answer.json()["error"]["code"] in codes) == (status, True)
+    assert client.post("/calibrations", content=DEMO).status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "status", "code"),
+    [("GET", "/nothing", 404, "NotFoundError"), ("GET", "/calibrations", 405, "MethodError")],
+)
+def test_an_unknown_address_or_method_is_told_likewise(client, method, path, status, code):
+    answer = client.request(method, path)
+    assert (answer.status_code, answer.json()["error"]["code"]) == (status, code)
+
+
+def test_its_health_is_told(client):
+    assert client.get("/health").json() == {"version": ts.__version__, "accepted": 0}
 
 
 def test_a_full_service_says_when_to_come_again(client, service):
@@ -102,6 +133,6 @@ def test_a_full_service_says_when_to_come_again(client, service):
         answer = client.post("/calibrations", content=DEMO)
     finally:
         state.accepted = 0
-    assert answer.status_code == 503
+    assert (answer.status_code, answer.json()["error"]["code"]) == (503, "BusyError")
     assert int(answer.headers["retry-after"]) > 0
     assert client.post("/calibrations", content=DEMO).status_code == 200

@@ -92,9 +92,10 @@ def test_the_page_holds_every_number_and_the_result_itself(demo, page):
     text = Page(page).text
     for name, std in demo.std.items():
         value = camera_parameters(demo.camera)[name]
-        row = re.search(rf"\b{name}\s+(-?[\d.]+)\s+([\d.]+)", text)
-        assert float(row[1]) == pytest.approx(value, abs=0.06 * std)
-        assert float(row[2]) == pytest.approx(std, rel=0.06)
+        row = re.search(rf"\b{name}\s+(?:(px)\s+)?(-?[\d.]+)\s+([\d.]+)", text)
+        assert (row[1] == "px") == (name in ("fx", "fy", "cx", "cy"))
+        assert float(row[2]) == pytest.approx(value, abs=0.06 * std)
+        assert float(row[3]) == pytest.approx(std, rel=0.06)
     assert "trisquare calibrate demo.png" in text
     assert f"NumPy {np.__version__}" in text
     uri = next(r for r in Page(page).references if r.startswith("data:application/json"))

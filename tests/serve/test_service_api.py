@@ -20,6 +20,7 @@ from starlette.testclient import TestClient
 import trisquare as ts
 from trisquare import simulate
 from trisquare.batch.limits import JobLimits
+from trisquare.errors import help_of
 from trisquare.serve.app import create_app
 
 TOKEN = "the-token-of-the-tests"
@@ -48,6 +49,7 @@ def error_of(answer, status):
     assert answer.status_code == status, answer.text
     error = answer.json()["error"]
     assert error["text"]
+    assert error["help"] == help_of(error["code"])
     return error
 
 
@@ -252,7 +254,7 @@ HOSTILE = {
 @pytest.mark.parametrize("kind", HOSTILE)
 @pytest.mark.parametrize("route", ["find", "calibrate", "preview"])
 def test_a_hostile_picture_is_an_error_with_a_code_and_a_text(client, route, kind):
-    error = error_of(post(client, route, HOSTILE[kind]), 422)
+    error = error_of(post(client, route, HOSTILE[kind]), 415)
     assert error["code"] == "ImageError"
     assert "p0.png" in error["text"]
     assert "/tmp" not in error["text"]
@@ -346,7 +348,7 @@ def test_a_wrong_question_to_predict_is_refused(client, options):
 def test_names_of_files_are_names_alone(client):
     for name in ("../../x.png", "/etc/x.png", "..\\x.png", "con", "a" * 4000, "\x00.png", ""):
         answer = client.post("/api/find", files=[("picture", (name, HOSTILE["no picture"]))])
-        assert answer.status_code in (400, 422)
+        assert answer.status_code in (400, 415)
         assert "etc" not in answer.text
         assert ".." not in answer.text
 

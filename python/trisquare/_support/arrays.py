@@ -22,7 +22,9 @@ COVARIANCE_ROUNDING = 1e-6
 LARGEST_INDEX = 2**63 - 1
 
 
-def real_array(value: Any, name: str, shape: tuple[int | None, ...]) -> FloatArray:
+def real_array(
+    value: Any, name: str, shape: tuple[int | None, ...], advice: str = ""
+) -> FloatArray:
     """Copy `value` into a finite, read-only float64 array of the given shape.
 
     Parameters
@@ -33,6 +35,8 @@ def real_array(value: Any, name: str, shape: tuple[int | None, ...]) -> FloatArr
         What the caller calls it; the errors begin with it.
     shape : tuple of int or None
         The required shape; None stands for any length.
+    advice : str
+        What the error on values that are not finite ends with.
 
     Returns
     -------
@@ -53,8 +57,11 @@ def real_array(value: Any, name: str, shape: tuple[int | None, ...]) -> FloatArr
         wanted_text = ", ".join("N" if length is None else str(length) for length in shape)
         raise ValueError(f"{name} must have shape ({wanted_text}), not {given.shape}")
     array = np.array(given, dtype=np.float64, order="C")
-    if not np.isfinite(array).all():
-        raise ValueError(f"{name} holds NaN or infinite values")
+    is_finite = np.isfinite(array)
+    if not is_finite.all():
+        first = np.argwhere(~is_finite)[0].tolist()
+        place = f", the first at {first}" if first else ""
+        raise ValueError(f"{name} holds NaN or infinite values{place}{advice}")
     array.flags.writeable = False
     return array
 

@@ -136,7 +136,9 @@ class Verdict:
 
     Attributes
     ----------
-    status : {"passed", "beyond limits", "failed"}
+    status : {"passed", "beyond limits", "failed", "earlier"}
+        The last of a camera that an earlier run did and this one was not given: of it nothing
+        else is said.
     violations : sequence of str
         Of the limits for production.
     outlying : sequence of str
@@ -154,6 +156,8 @@ def verdict(
     record: Mapping[str, Any], fleet: Fleet, requirements: Sequence[Requirement]
 ) -> Verdict:
     """Judge a camera by its record, its fleet and the limits for production."""
+    if record.get("earlier"):
+        return Verdict("earlier", (), (), ())
     if record["status"] != "done":
         error = record["error"]
         cure = CURES.get(error["code"])

@@ -35,8 +35,7 @@ class JobResult:
     record : mapping
         The line of ``results.jsonl``: ``name``, ``status`` (``"done"`` or ``"failed"``),
         ``photographs``, and either ``values``, ``std``, ``rms_px``, ``noise_scale``, ``planes``
-        and ``warnings``, or ``error`` with its ``code``, the name of the error's class, and its
-        ``text``.
+        and ``warnings``, or ``error`` as `error_members` has it.
     json : str or None
         The calibration as JSON; None if it failed.
 
@@ -284,7 +283,7 @@ def _result(job: Job, key: str, future: Future[Answer], store: Store | None) -> 
     except CancelledError as error:
         raise BrokenExecutor("the executor gave jobs up: run again to go on") from error
     except Exception as error:  # such as Dask's, where workers died of the job
-        answer = failure(job, type(error).__name__, str(error)), None
+        answer = failure(job, "WorkerDiedError", f"{type(error).__name__}: {error}"), None
     return _stored(job, key, answer, store)
 
 

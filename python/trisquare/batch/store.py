@@ -6,6 +6,7 @@ import json
 import os
 import re
 from collections.abc import Iterator
+from operator import itemgetter
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -123,9 +124,14 @@ class Store:
         self._open()
 
     def records(self) -> Iterator[dict[str, Any]]:
-        """Yield the records, in the order of their lines."""
-        for place in sorted(self._places.values()):
-            yield self._record_at(place)
+        """Yield the records, in the order of their lines.
+
+        Those of earlier runs, which are not of this run's jobs, have ``earlier``.
+        """
+        current = set(self._order)
+        for identity, place in sorted(self._places.items(), key=itemgetter(1)):
+            record = self._record_at(place)
+            yield record if identity in current else {**record, "earlier": True}
 
     def __len__(self) -> int:
         return len(self._places)

@@ -22,17 +22,21 @@ WHOLE = ("width", "height", "planes")
 
 @dataclass(frozen=True, slots=True)
 class Counts:
-    """How many cameras of a batch there are of each status."""
+    """How many cameras of a batch there are of each status.
+
+    Those of earlier runs that this one was not given count nowhere else.
+    """
 
     passed: int
     beyond_limits: int
     failed: int
+    earlier: int
     retake: int
     outlying: int
 
     @property
     def total(self) -> int:
-        """All cameras."""
+        """All cameras of this run."""
         return self.passed + self.beyond_limits + self.failed
 
     @property
@@ -93,14 +97,15 @@ def write_csv(path: PathLike, rows: Iterable[Mapping[str, Any]], columns: Sequen
     OSError
         If it cannot be written.
     """
-    counts = dict.fromkeys(("passed", "beyond limits", "failed", "retake", "outlying"), 0)
+    reasons = ("retake", "outlying")
+    counts = dict.fromkeys(("passed", "beyond limits", "failed", "earlier", *reasons), 0)
     with replacing(path) as file:
         text = io.TextIOWrapper(file, "utf-8", "backslashreplace", newline="", write_through=True)
         table = csv.DictWriter(text, columns, extrasaction="ignore", lineterminator="\n")
         table.writeheader()
         for row in rows:
             counts[row["status"]] += 1
-            for reason in ("retake", "outlying"):
+            for reason in reasons:
                 counts[reason] += bool(row.get(reason))
             table.writerow({**row, "photographs": ";".join(row["photographs"])})
         text.detach()

@@ -20,6 +20,7 @@ from typing import Any, BinaryIO, Protocol
 from trisquare._core import __version__
 from trisquare.batch.jobs import Job
 from trisquare.batch.limits import JobLimits
+from trisquare.errors import code_members, error_members
 
 Answer = tuple[dict[str, Any], "str | None"]
 """A record, and the calibration as JSON if there is one."""
@@ -46,13 +47,20 @@ def calibrated(job: Job, limits: JobLimits) -> Answer:
         from trisquare.formats import load_camera
 
         options["initial"] = load_camera(initial).camera
-    result = calibrate(list(job.photographs), max_pixels=limits.max_pixels, threads=1, **options)
+    result = calibrate(
+        list(job.photographs),
+        max_pixels=limits.max_pixels,
+        max_bytes=limits.max_bytes,
+        threads=1,
+        **options,
+    )
     return success(job, result), result.to_json()
 
 
 def success(job: Job, result: Any) -> dict[str, Any]:
     """Return the record of a calibrated camera."""
     from trisquare.camera.camera import named_numbers
+    from trisquare.results.calibration_warning import warning_members
 
     return {
         "name": job.name,
@@ -67,16 +75,8 @@ def success(job: Job, result: Any) -> dict[str, Any]:
         "rms_px": result.rms,
         "noise_scale": result.noise_scale,
         "planes": len(result.planes),
-        "warnings": told_warnings(result),
+        "warnings": warning_members(result.warnings),
     }
-
-
-def told_warnings(result: Any) -> list[dict[str, str]]:
-    """Return the warnings of a calibration as JSON has them in records."""
-    return [
-        {"code": warning.code, "severity": warning.severity, "text": str(warning)}
-        for warning in result.warnings
-    ]
 
 
 class AnyJob(Protocol):
@@ -92,13 +92,13 @@ class AnyJob(Protocol):
 
 
 def failure(job: AnyJob, code: str, text: str) -> dict[str, Any]:
-    """Return the record of a job that failed; the code is the name of the error's class."""
+    """Return the record of a job that failed, as `error_members` has its error."""
     return {
         "name": job.name,
         "status": "failed",
         "photographs": list(job.photographs),
         "software": __version__,
-        "error": {"code": code, "text": " ".join(text.split())},
+        "error": code_members(code, text),
     }
 
 
@@ -165,7 +165,8 @@ def attempted(work: Callable[..., Answer], job: AnyJob, limits: JobLimits) -> An
         allowed = f"max_memory allows {limits.max_memory / 1e9:.3g} GB"
         return failure(job, "MemoryError", f"{error or 'not enough memory'} ({allowed})"), None
     except BaseException as error:  # a panic of the core is no Exception
-        return failure(job, type(error).__name__, str(error) or type(error).__name__), None
+        members = error_members(error)
+        return failure(job, members["code"], members["text"]), None
     finally:
         faulthandler.cancel_dump_traceback_later()
 

@@ -130,7 +130,6 @@ class _Process:
             **ONE_THREAD,
             # For the formats whose headers only OpenCV reads; by it a picture is then no picture.
             "OPENCV_IO_MAX_IMAGE_PIXELS": str(min(limits.max_pixels, LARGEST_SIZE)),
-            "TRISQUARE_MAX_BYTES": str(limits.max_bytes),
             "OPENCV_LOG_LEVEL": "SILENT",
         }
         self._process = subprocess.Popen(

@@ -56,6 +56,7 @@ def calibrate(
     frames: int | None = None,
     threads: int | None = None,
     max_pixels: int | None = None,
+    max_bytes: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Calibration:
     """Calibrate a camera from one photograph of three squares, or from several photographs.
@@ -124,11 +125,13 @@ def calibrate(
         In how many threads several photographs are read and measured, each of which holds one in
         memory; by default as many as there are cores that this process may use. The result is the
         same with any number. OpenCV's own threads are a setting of OpenCV's.
-    max_pixels : int, optional
-        A file with more pixels is refused by its header, before it is decoded; by default
-        ``TRISQUARE_MAX_PIXELS`` of the environment, or 500 million.
+    max_pixels, max_bytes : int, optional
+        A picture with more pixels is refused by its header, before it is decoded, and a larger file
+        before it is read; by default ``TRISQUARE_MAX_PIXELS`` and ``TRISQUARE_MAX_BYTES`` of the
+        environment, or 500 million and 2 GB.
     progress : callable, optional
-        Called with (pictures done, pictures in all).
+        Called with (pictures measured, pictures in all); the fit follows the last one, and of many
+        planes takes longer.
 
     Returns
     -------
@@ -137,8 +140,8 @@ def calibrate(
     Raises
     ------
     ImageError
-        If a file cannot be read whole or has too many pixels, also if it is one of many: it is
-        named.
+        If a file cannot be read whole or has too many pixels or bytes, also if it is one of many:
+        it is named.
     DetectionError
         If no picture shows a target.
     NotEnoughPlanesError, NotEnoughDataError, DegenerateGeometryError, ConvergenceError
@@ -157,7 +160,7 @@ def calibrate(
     >>> held.parameters
     ('fx', 'cx', 'cy', 'k1', 'k2')
     """
-    limits = PictureLimits.stated(max_pixels)
+    limits = PictureLimits.stated(max_pixels, max_bytes)
     return calibrate_photographs(
         Photographs(with_frames(sources_of(image), frames, limits), limits=limits),
         method=method,

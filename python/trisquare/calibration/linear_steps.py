@@ -20,6 +20,7 @@ from trisquare._support.arrays import (
     size_of_image,
     whole_number,
 )
+from trisquare.edges import LEAVE_OUT
 from trisquare.errors import NotEnoughPlanesError
 
 
@@ -137,7 +138,9 @@ def fit_distortion(
     >>> print(f"a1 {straightening.coefficients[0]:.2f}")
     a1 0.07
     """
-    samples = [real_array(curve, f"curve {i}", (None, 2)) for i, curve in enumerate(curves)]
+    samples = [
+        real_array(curve, f"curve {i}", (None, 2), LEAVE_OUT) for i, curve in enumerate(curves)
+    ]
     size = size_of_image(image_size)
     count = whole_number(coefficients, "coefficients")
     if count < 1:

@@ -38,7 +38,8 @@ from trisquare.errors import (
     InternalError,
     NotEnoughDataError,
     NotEnoughPlanesError,
-    help_of,
+    code_members,
+    error_members,
 )
 
 CLOSED_PIPE_EXIT = 1  # as Python's documentation and rich have it
@@ -89,7 +90,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         code = typer.main.get_command(app).main(words, prog_name="trisquare", standalone_mode=False)
         _flush_output()
     except UsageError as error:
-        fail("UsageError", _usage_message(error), USAGE_EXIT, help_of("UsageError"))
+        fail("UsageError", _usage_message(error), USAGE_EXIT)
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED_EXIT
     except BrokenPipeError:
@@ -97,17 +98,16 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         code = CLOSED_PIPE_EXIT
     except tuple(EXIT_CODES) as error:
         family = next(kind for kind in EXIT_CODES if isinstance(error, kind))
-        explained = getattr(error, "help", help_of(family.__name__))
-        fail(type(error).__name__, _message(error), EXIT_CODES[family], explained)
+        is_input = family is UnreadableInputError
+        code_name = family.__name__ if is_input else error_members(error)["code"]
+        fail(code_name, _message(error), EXIT_CODES[family])
     except SystemExit:
         raise
     except BaseException as error:  # a panic of the core is no Exception
-        kind = MemoryError if isinstance(error, MemoryError) else InternalError
-        fail(type(error).__name__, _fault_message(error), FAULT_EXIT, help_of(kind.__name__))
+        fail(error_members(error)["code"], _fault_message(error), FAULT_EXIT)
     # Newer Typers return the code of Ctrl-C, older ones raise Abort.
     if code == INTERRUPTED_EXIT:
-        explained = help_of("KeyboardInterrupt")
-        fail("KeyboardInterrupt", "interrupted", INTERRUPTED_EXIT, explained)
+        fail("KeyboardInterrupt", "interrupted", INTERRUPTED_EXIT)
     sys.exit(code if isinstance(code, int) else 0)
 
 
@@ -178,15 +178,14 @@ def _fault_message(error: BaseException) -> str:
     )
 
 
-def _fail(kind: str, message: str, exit_code: int, explained: str) -> NoReturn:
+def _fail(kind: str, message: str, exit_code: int) -> NoReturn:
     """Say in a line what was wrong, and exit."""
     _exit_with(f"trisquare: error: {printable(' '.join(message.split()))}", exit_code)
 
 
-def _fail_in_json(kind: str, message: str, exit_code: int, explained: str) -> NoReturn:
+def _fail_in_json(kind: str, message: str, exit_code: int) -> NoReturn:
     """Say what was wrong as a JSON object in one line, and exit."""
-    text = " ".join(message.split())
-    error = {"code": kind, "text": text, "exit_code": exit_code, "help": explained}
+    error = {**code_members(kind, message), "exit_code": exit_code}
     _exit_with(json.dumps({"format": ERROR_FORMAT, "error": error}), exit_code)
 
 

@@ -162,7 +162,8 @@ def batch_command(
         store.finish()
         fleet, counts, notes = _write_summary(output, store, requirements, parquet)
         judged = rows(store.records(), fleet, requirements)
-        failed = list(islice((row for row in judged if row["status"] != "passed"), MOST_FAILED))
+        unfit = (row for row in judged if row["status"] not in ("passed", "earlier"))
+        failed = list(islice(unfit, MOST_FAILED))
     members = {
         "format": FORMAT,
         "output": str(output),
@@ -171,6 +172,7 @@ def batch_command(
         "passed": counts.passed,
         "beyond_limits": counts.beyond_limits,
         "failed": counts.failed,
+        "earlier": counts.earlier,
         "retake": counts.retake,
         "outlying": counts.outlying,
         "all_passed": counts.all_passed,
@@ -288,6 +290,11 @@ def _report(
         f"passed, {counts.beyond_limits} beyond the limits, {counts.failed} failed; photographs "
         f"of {counts.retake} to take again, {counts.outlying} unlike the others"
     ]
+    if counts.earlier:
+        lines.append(
+            f"{counts.earlier} more cameras of earlier runs, which this one was not given, are "
+            "kept and do not count"
+        )
     for row in failed:
         reason = row.get("beyond_limits") or row["retake"]
         lines.append(f"{row['name']}: {row['status']}: {reason}")

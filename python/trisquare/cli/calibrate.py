@@ -40,7 +40,7 @@ from trisquare.detection.sheets.layout import parse_layout
 from trisquare.drawing.detections import draw_detections
 from trisquare.drawing.overlay import draw_overlay
 from trisquare.formats.native_json import FORMAT as OWN_FORMAT
-from trisquare.formats.registry import FORMATS, format_of_name
+from trisquare.formats.registry import ENDINGS, format_of_name
 from trisquare.images.frame_choice import with_frames
 from trisquare.images.limits import PictureLimits
 from trisquare.images.photographs import Photographs
@@ -57,7 +57,6 @@ EXAMPLES = (
 )
 
 
-ENDINGS = sorted({ending for known in FORMATS for ending in known.file_names})
 OTHER_ENDING = f"let it end with .json for all of the result, or with one of {', '.join(ENDINGS)}"
 
 
@@ -160,6 +159,7 @@ def calibrate_command(
     max_pixels: str | None = option(
         None, "N", "Refuse pictures of more pixels, by their header (500M)."
     ),
+    max_bytes: str | None = option(None, "N", "Refuse larger files (2G)."),
     with_diagnosis: bool = flag(
         "Show what limits each parameter, and what would improve it.", "--diagnose"
     ),
@@ -187,15 +187,16 @@ def calibrate_command(
         with reading():
             parse_layout(board)
         targets = board  # in Python they are one argument
-    most = amount(max_pixels, "--max-pixels")
-    limits = PictureLimits.stated(most)
+    limits = PictureLimits.stated(
+        amount(max_pixels, "--max-pixels"), amount(max_bytes, "--max-bytes")
+    )
     with progress_bar("choosing frames", quiet) as progress, reading():
         sources = with_frames(photos, frames, limits, progress)
     overlay_paths, debug_images = overlay_paths[: len(sources)], debug_images[: len(sources)]
     photographs = Photographs(sources, keep=bool(overlay or debug_image or report), limits=limits)
     with (
         drawn_on_failure(photographs, debug_images),
-        progress_bar("calibrating", quiet) as progress,
+        progress_bar("measuring", quiet, then="fitting") as progress,
         reading(),
     ):
         calibration, rejected_shapes = calibrate_photographs(

@@ -9,7 +9,7 @@ from typing import Any
 
 from rich import box
 from rich.console import Console, RenderableType
-from rich.progress import Progress
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
@@ -59,16 +59,29 @@ def new_table(*left: str, right: Sequence[str]) -> Table:
 
 
 @contextmanager
-def progress_bar(doing: str, quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
+def progress_bar(
+    doing: str, quiet: bool, then: str | None = None
+) -> Iterator[Callable[[int, int], None] | None]:
     """Show a bar on standard error, where somebody may be watching it, until the work is done.
 
     Yields what is to be told how much of how much is done, or None where nobody watches. Until it
-    is told, the bar only shows that something is done.
+    is told, the bar only shows that something is done. Where all is done that can be counted, a
+    second bar shows that what comes `then` is being done, and for how long.
     """
     console = Console(stderr=True)
     if quiet or not console.is_terminal:
         yield None
         return
-    with Progress(console=console, transient=True) as bar:
+    columns = (
+        *(TextColumn("{task.description}"), BarColumn()),
+        *(TaskProgressColumn(), TimeElapsedColumn()),
+    )
+    with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(doing, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+        def tell(done: int, total: int) -> None:
+            bar.update(task, completed=done, total=total)
+            if then is not None and done == total:
+                bar.add_task(then, total=None)
+
+        yield tell

@@ -8,7 +8,7 @@ from rich.text import Text
 from trisquare._support.number_text import decimals_shown, with_its_std
 from trisquare.camera.camera import Camera, camera_parameters
 from trisquare.cli.console import line_of, new_table
-from trisquare.report.content import log_odds, parameter_texts, plane_texts
+from trisquare.report.content import distance_unit, log_odds, parameter_texts, plane_texts, unit_of
 from trisquare.results.calibration import Calibration
 from trisquare.results.rejected import is_reported
 
@@ -22,21 +22,24 @@ MOST_WARNINGS = 5
 
 def calibration_report(calibration: Calibration) -> list[RenderableType]:
     """Lay out the parameters and the planes."""
-    parameters = new_table("parameter", right=("value", "std"))
-    for texts in parameter_texts(calibration):
-        parameters.add_row(*texts)
+    parameters = new_table("parameter", "unit", right=("value", "std"))
+    for row in parameter_texts(calibration):
+        parameters.add_row(*row)
+    unit = distance_unit(calibration.planes)
     planes = new_table(
-        "plane", "kind", right=("image", "distance", "tilt deg", "rms px", "samples")
+        "plane", "kind", right=("image", f"distance {unit}", "tilt deg", "rms px", "samples")
     )
     for number, plane in enumerate(calibration.planes):
-        planes.add_row(str(number), line_of(plane.kind), str(plane.image), *plane_texts(plane))
+        texts = plane_texts(plane, unit)
+        planes.add_row(str(number), line_of(plane.kind), str(plane.image), *texts)
     told = [*_aspects(calibration), *_lines(calibration), *_rejected(calibration)]
     return [parameters, planes, _summary(calibration), *told]
 
 
 def comparison_report(calibration: Calibration, truth: Camera) -> list[RenderableType]:
     """Lay out the estimate beside the truth."""
-    table = new_table("parameter", right=("estimate", "std", "truth", "error", "error / std"))
+    numbers = ("estimate", "std", "truth", "error", "error/std")
+    table = new_table("parameter", "unit", right=numbers)
     true_values = camera_parameters(truth)
     for name, value in camera_parameters(calibration.camera).items():
         if name in calibration.std:
@@ -44,6 +47,7 @@ def comparison_report(calibration: Calibration, truth: Camera) -> list[Renderabl
             error, decimals = value - true, decimals_shown(std)
             table.add_row(
                 name,
+                unit_of(name),
                 *with_its_std(value, std),
                 f"{true:.{decimals}f}",
                 f"{error:+.{decimals}f}",

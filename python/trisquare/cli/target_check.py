@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_text
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
@@ -17,6 +16,7 @@ from trisquare.cli.framework import NOT_ALL_PASSED_EXIT, reading
 from trisquare.cli.tables import warning_lines
 from trisquare.printing.target import TargetKind, printed_target
 from trisquare.results.calibration import Calibration
+from trisquare.results.calibration_warning import warning_members
 
 CHECK_FORMAT = "trisquare-target-check/1"
 
@@ -40,7 +40,7 @@ def check_photograph(
     """
     printed_target(kind, page=page, side=side)  # says what is wrong before the photograph is read
     length = metres(ruler, "--ruler")
-    with progress_bar("checking", quiet) as progress, reading():
+    with progress_bar("measuring", quiet, then="fitting") as progress, reading():
         calibration = calibrate(photo, progress=progress)
     measured = None if length is None else 1000.0 * length
     check = check_sheet(calibration, kind, page=page, side=side, ruler=measured)
@@ -56,7 +56,7 @@ def check_photograph(
             for face in check.faces
         ],
         "findings": [asdict(finding) for finding in check.findings],
-        "warnings": json_text.loads(calibration.to_json())["warnings"],
+        "warnings": warning_members(calibration.warnings),
     }
     warnings = warning_lines(calibration, verbose=False)
     answer(json, quiet, members, _lines(check, calibration), warnings)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import nullcontext
 from functools import lru_cache, partial
 from itertools import compress
@@ -20,6 +20,8 @@ from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.input_files import camera_alone, photographs_named
 from trisquare.cli.options import JSON, PHOTOS, QUIET, flag, option
 from trisquare.cli.pictures_drawn import check_depth, check_outputs, numbered_paths
+from trisquare.formats.load_save import written
+from trisquare.formats.registry import ENDINGS, format_of_name
 from trisquare.images.encoding import encode_turned
 from trisquare.images.pixels import picture_size
 from trisquare.images.reading import read_photograph
@@ -29,6 +31,8 @@ from trisquare.undistortion.video import undistort_video
 
 VIEWS = ("pinhole", *HIGHEST_LATITUDES)
 
+OTHER_ENDING = f"let it end with one of {', '.join(ENDINGS)}"
+
 UNDISTORTION_FORMAT = "trisquare-undistortion/1"
 
 EXAMPLES = (
@@ -37,6 +41,7 @@ EXAMPLES = (
     "trisquare undistort wide.png --camera camera.json -o wide-view.png --view equirectangular",
     "trisquare undistort small.png --camera camera.json -o straight.png --rescale",
     "trisquare undistort clip.mp4 --camera camera.json -o straight.mp4",
+    "trisquare undistort photo.jpg --camera camera.json -o straight.jpg --new-camera pinhole.json",
 )
 
 
@@ -73,6 +78,12 @@ def undistort_command(
     interpolation: str = option(
         "linear", "HOW", "linear, nearest, cubic or lanczos.", offer=INTERPOLATIONS
     ),
+    new_camera: Path | None = option(
+        None,
+        "FILE",
+        "Write the camera that has taken the new pictures, a pinhole, to this file, in the format "
+        "of its name, as convert does.",
+    ),
     json: bool = JSON,
     quiet: bool = QUIET,
 ) -> None:
@@ -93,8 +104,13 @@ def undistort_command(
         raise unknown("view", view, VIEWS)
     if balance and view != "pinhole":
         raise ValueError(f"--balance is for a pinhole: give --field for a {view} view")
+    if new_camera is not None:
+        if view != "pinhole":
+            raise ValueError(f"--new-camera is for a pinhole: no format holds a {view} view")
+        format_of_name(new_camera.name, OTHER_ENDING)
     lens = camera_alone(camera)
     pictures: list[dict[str, Any]] = []
+    views: set[Camera | Panorama] = set()
     warnings: list[str] = []
 
     @lru_cache(maxsize=1)
@@ -113,6 +129,7 @@ def undistort_command(
             used = undistorter_of(picture_size(picture))
             straight = used.undistort(picture, interpolation=interpolation)
         pictures.append(_picture_members(photo, path, used))
+        views.add(used.new_camera)
         encoded, missed = encode_turned(straight, path, tag)
         if missed is not None:
             warnings.append(missed)
@@ -121,12 +138,17 @@ def undistort_command(
     def write_undistorted_video(clip: Path, path: Path, temporary: Path) -> None:
         with Video(clip) as video, naming(clip):
             used = undistorter_of(video.size)
-            told = None if progress is None else partial(_tell_frames, progress, video)
+
+            def tell(done: int) -> None:
+                if progress is not None:
+                    progress(done, video.frames_in_all(done))
+
             frames = undistort_video(
-                video, used, temporary, interpolation=interpolation, progress=told
+                video, used, temporary, interpolation=interpolation, progress=tell
             )
         more = {"frames": frames, "rate": video.rate, "turned": video.turn}
         pictures.append({**_picture_members(clip, path, used), **more})
+        views.add(used.new_camera)
         if video.turn:
             warnings.append(
                 f"{path}: turned clockwise by {video.turn} degrees, as players turn the video; the "
@@ -143,13 +165,16 @@ def undistort_command(
                 yield path, partial(write_undistorted_video, photo, path)
             else:
                 yield path, photograph_undistorted(photo, path)
+        if new_camera is not None:
+            yield new_camera, _camera_file(views, new_camera)
 
     with (
         making_folder(output) if into_folder else nullcontext(),
         progress_bar("undistorting", quiet) as progress,
     ):
         moving = list(compress(paths, videos))
-        check_outputs([*photos, camera], [path for path in paths if path not in moving], moving)
+        still = [path for path in paths if path not in moving]
+        check_outputs([*photos, camera], still, [*moving, new_camera])
         for path in moving:
             check_video_name(path)
         undistorter_of(lens.image_size)  # what is wrong with the view is not the photograph's fault
@@ -160,14 +185,24 @@ def undistort_command(
         "balance": balance,
         "field": field,
         "pictures": pictures,
+        "new_camera": None if new_camera is None else str(new_camera),
         "warnings": warnings,
     }
-    answer(json, quiet, members, _lines(pictures), (f"warning: {each}" for each in warnings))
+    lines = [*_lines(pictures), *([] if new_camera is None else [f"wrote {new_camera}"])]
+    answer(json, quiet, members, lines, (f"warning: {each}" for each in warnings))
 
 
-def _tell_frames(progress: Callable[[int, int], None], video: Video, done: int) -> None:
-    """Tell the bar how many frames are done of how many the video states, which may be too few."""
-    progress(done, max(done, video.stated_frames))
+def _camera_file(views: Collection[Camera | Panorama], path: Path) -> bytes:
+    """Return the content of a file of the one camera that has taken all new pictures."""
+    if len(views) > 1:
+        raise ValueError(
+            f"{path}: photographs of {len(views)} sizes have as many new cameras: undistort those "
+            "of one size at a time"
+        )
+    (pinhole,) = views
+    assert isinstance(pinhole, Camera)
+    known = format_of_name(path.name)
+    return written(pinhole, known, path.suffix.lower(), approximate=False)[0].encode()
 
 
 def _picture_members(photo: Path, path: Path, undistorter: Undistorter) -> dict[str, Any]:

@@ -30,6 +30,8 @@ FORMATS = (
     colmap.FORMAT,
 )
 FORMAT_NAMES = tuple(known.name for known in FORMATS)
+ENDINGS = sorted({ending for known in FORMATS for ending in known.file_names})
+"""Of the names of files that tell a format."""
 
 
 def format_called(name: str) -> Format:

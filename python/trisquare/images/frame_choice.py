@@ -129,7 +129,7 @@ def choose_frames(
             if len(kept) > count:
                 drop_worst()
             if progress is not None:
-                progress(number + 1, max(number + 1, video.stated_frames))
+                progress(number + 1, video.frames_in_all(number + 1))
     while len(kept) > 1 and min(each.worth for each in kept.values()) == 0:
         drop_worst()
     return [candidate.frame for candidate in kept.values()]

@@ -106,6 +106,10 @@ class Video:
         self.turn = int(turn) if turn in TURNS else 0
         (PictureLimits.stated() if limits is None else limits).check_pixels(self.name, self.size)
 
+    def frames_in_all(self, done: int) -> int:
+        """Return how many frames there are, once so many are read: it may state too few."""
+        return max(done, self.stated_frames)
+
     def frames(self) -> Iterator[Image]:
         """Yield the frames, once: uint8, shape (H, W, 3), BGR, rows and columns as stored.
 

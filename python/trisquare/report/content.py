@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import platform
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import cv2
 import numpy as np
@@ -22,11 +22,11 @@ from trisquare.results.calibration import Calibration
 from trisquare.results.plane import Plane
 
 _INTRINSICS = {
-    "fx": "focal length along x, px",
-    "fy": "focal length along y, px",
-    "cx": "principal point, x, px",
-    "cy": "principal point, y, px",
-    "skew": "skew, px",
+    "fx": "focal length along x",
+    "fy": "focal length along y",
+    "cx": "principal point, x",
+    "cy": "principal point, y",
+    "skew": "skew",
 }
 _OF_POWERS = ("of r\N{SUPERSCRIPT TWO}", "of r\N{SUPERSCRIPT FOUR}", "of r\N{SUPERSCRIPT SIX}")
 _OF_FISHEYE = {
@@ -58,13 +58,18 @@ def meanings(camera: Camera) -> dict[str, str]:
     return _INTRINSICS | (_OF_FISHEYE if is_fisheye(camera.model) else _OF_PINHOLE)
 
 
-def parameter_texts(calibration: Calibration) -> Iterator[tuple[str, str, str]]:
-    """Yield name, value and std of the free parameters, and of the held ones that matter."""
+def unit_of(name: str) -> str:
+    """Return the unit of a parameter; coefficients of distortion have none."""
+    return "px" if name in _INTRINSICS else ""
+
+
+def parameter_texts(calibration: Calibration) -> Iterator[tuple[str, str, str, str]]:
+    """Yield name, unit, value and std of the free parameters, and of the held ones that matter."""
     for name, value in camera_parameters(calibration.camera).items():
         if name in calibration.std:
-            yield name, *with_its_std(value, calibration.std[name])
+            yield name, unit_of(name), *with_its_std(value, calibration.std[name])
         elif value != 0 or name in ("fx", "fy", "cx", "cy"):
-            yield name, f"{value:.6g}", "held"
+            yield name, unit_of(name), f"{value:.6g}", "held"
 
 
 def focal_length_text(calibration: Calibration, stated: StatedFocalLength) -> str:
@@ -85,14 +90,16 @@ def focal_length_text(calibration: Calibration, stated: StatedFocalLength) -> st
     )
 
 
-def plane_texts(plane: Plane) -> tuple[str, str, str, str]:
-    """Return a plane's distance (in metres or, where no side is known, in sides) and so on.
+def distance_unit(planes: Iterable[Plane]) -> str:
+    """Return the unit of the distances of planes: metres where all know their side."""
+    return "sides" if any(plane.side is None for plane in planes) else "m"
 
-    That is its tilt, rms and samples.
-    """
-    unit = "" if plane.side is None else " m"
+
+def plane_texts(plane: Plane, unit: str) -> tuple[str, str, str, str]:
+    """Return a plane's distance in a unit of `distance_unit`, tilt in degrees, rms and samples."""
+    distance = plane.translation if unit == "sides" else plane.tvec
     return (
-        f"{np.linalg.norm(plane.tvec):.3f}{unit}",
+        f"{np.linalg.norm(distance):.3f}",
         f"{tilt_degrees(plane.rotation):.1f}",
         f"{plane.rms:.4f}",
         str(plane.samples),

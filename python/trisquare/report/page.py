@@ -63,6 +63,7 @@ def page_of(
         diagnosis=diagnose(calibration),
         settings=content.settings(calibration),
         plane_texts=content.plane_texts,
+        distance_unit=content.distance_unit(calibration.planes),
         names=names,
         files=files,
         pictures=layers,

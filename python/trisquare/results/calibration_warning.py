@@ -103,7 +103,8 @@ def _read(members: JsonFields, key: str) -> tuple[CalibrationWarning, ...]:
     )
 
 
-def _written(warnings: tuple[CalibrationWarning, ...]) -> list[dict[str, Any]]:
+def warning_members(warnings: Iterable[CalibrationWarning]) -> list[dict[str, Any]]:
+    """Return warnings as members of JSON objects."""
     return [
         {
             "code": warning.code,
@@ -115,4 +116,4 @@ def _written(warnings: tuple[CalibrationWarning, ...]) -> list[dict[str, Any]]:
     ]
 
 
-WARNINGS = Kind(_checked, _read, _written)
+WARNINGS = Kind(_checked, _read, warning_members)

@@ -22,6 +22,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from trisquare._core import __version__
 from trisquare.batch.limits import JobLimits
 from trisquare.camera.lens_models import MODELS
+from trisquare.errors import code_members, error_members, http_status
 from trisquare.formats.registry import FORMATS
 from trisquare.serve.jobs import AbandonedError, BusyError, Jobs
 from trisquare.serve.schema import api_schema
@@ -52,17 +53,8 @@ MEDIA_TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript
 OWN_ADDRESS = re.compile(r'(?<=")\./([\w.-]+\.(?:js|css))(?=")')
 """How the page's own files name each other."""
 
-STATUS = {
-    "ValueError": 400,
-    "TypeError": 400,
-    "LensModelError": 409,
-    "ImportError": 501,
-    "InternalError": 500,
-    "AbandonedError": 499,
-}
-"""Of failures by their codes; all others are for what the files hold, 422."""
-
-UNFIT = 422
+UPLOAD_TIMEOUT = 408
+"""The status of a request that does not arrive in time; one that computes too long has another."""
 
 
 def create_app(token: str, limits: JobLimits, processes: int, **queue: int) -> Starlette:
@@ -132,7 +124,7 @@ class Guard:
         request = Request(scope)
         given = request.query_params.get("token") or request.headers.get(TOKEN_HEADER, "")
         if not hmac.compare_digest(given.encode(), self._token):
-            refusal = problem(401, "TokenError", "the token is missing or wrong")
+            refusal = problem("TokenError", "the token is missing or wrong")
             await refusal(scope, receive, with_headers)
             return
         try:
@@ -156,24 +148,25 @@ class Guard:
 
     def _too_large(self, stated: int) -> Response:
         text = f"has {stated} bytes, more than the {self._max_bytes} that max_bytes allows"
-        return problem(413, "TooLargeError", text)
+        return problem("TooLargeError", text)
 
 
-def problem(status: int, code: str, text: str, **more: Any) -> JSONResponse:
-    """Return an error: its code is the name of a class, its text says what would help."""
-    headers = {"Retry-After": "5"} if status == 503 else {}
-    error = {"code": code, "text": text, **more}
-    return JSONResponse({"error": error}, status, headers)
+def problem(code: str, text: str, status: int | None = None, **more: Any) -> JSONResponse:
+    """Return an error with the status of its code, unless another is given."""
+    headers = {"Retry-After": "5"} if code == "BusyError" else {}
+    error = {**code_members(code, text), **more}
+    return JSONResponse({"error": error}, status or http_status(code), headers)
 
 
 async def _refused(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
-    codes = {404: "NotFoundError", 405: "MethodError", 408: "TimeLimitError", 413: "TooLargeError"}
-    return problem(error.status_code, codes.get(error.status_code, "ValueError"), error.detail)
+    codes = {404: "NotFoundError", 405: "MethodError", 413: "TooLargeError"}
+    code = codes.get(error.status_code, "ValueError")
+    return problem(code, error.detail, error.status_code)
 
 
 async def _failed(request: Request, error: Exception) -> Response:
-    return problem(500, type(error).__name__, "trisquare failed: please report it")
+    return problem("InternalError", f"{type(error).__name__}: please report it")
 
 
 def _answering(members: Callable[[], Any]) -> Callable[[Request], Any]:
@@ -209,27 +202,27 @@ async def _run(jobs: Jobs, name: str, request: Request) -> Response:
     try:
         place = jobs.accept()
     except BusyError:
-        return problem(503, "BusyError", "too many requests at a time: try again")
+        return problem("BusyError", "too many requests at a time: try again")
     with place:
         try:
             with anyio.fail_after(UPLOAD_SECONDS):
                 upload = await received(request, place.folder)
         except (ValueError, TypeError) as error:
-            return problem(400, type(error).__name__, str(error))
+            return problem(**error_members(error))
         except TimeoutError:
-            raise HTTPException(408, "the request takes too long to arrive") from None
+            text = "the request takes too long to arrive"
+            return problem("TimeLimitError", text, UPLOAD_TIMEOUT)
         except ClientDisconnect:
-            return problem(499, "AbandonedError", "the client has left")
+            return problem("AbandonedError", "the client has left")
         except OSError as error:
-            return problem(507, "OSError", f"cannot keep what was sent: {error.strerror}")
+            return problem("OSError", f"cannot keep what was sent: {error.strerror}")
         task = _task(name, request, upload)
         try:
             record = await jobs.do(task, place.folder, partial(_until_left, request))
         except AbandonedError:
-            return problem(499, "AbandonedError", "the client has left")
+            return problem("AbandonedError", "the client has left")
         if record["status"] == "failed":
-            refusal = record["error"]
-            return problem(STATUS.get(refusal["code"], UNFIT), **refusal)
+            return problem(**record["error"])
         if "media_type" in record:
             disposition = f'attachment; filename="{record["file_name"]}"'
             headers = {"Content-Disposition": disposition}

@@ -67,9 +67,10 @@ GUIDANCE = _all(
 )
 ERROR = _all(
     error=_object(
-        ("code", "text"),
+        ("code", "text", "help"),
         code=TEXT,
         text=TEXT,
+        help=TEXT,
         found={"type": "array", "items": {"type": "object"}},
         rejected={"type": "array", "items": REJECTED},
     )
@@ -142,11 +143,14 @@ SUMMARIES = {
 }
 
 REFUSALS = {
-    "400": "an argument or an option is wrong",
+    "400": "an argument or an option is wrong, or a file other than a picture is damaged",
     "401": "the token is missing or wrong",
+    "408": "the request does not arrive in time",
     "409": "the format has no model for the lens",
     "413": "the request is too large",
-    "422": "a file is unreadable or beyond the limits, or does not determine the camera",
+    "415": "a picture is unreadable, or beyond the limits",
+    "422": "a picture does not determine the camera, or takes too much time or memory",
+    "500": "trisquare has failed",
     "501": "an extra is not installed",
     "503": "too many requests at a time",
 }

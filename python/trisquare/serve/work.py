@@ -13,7 +13,7 @@ from typing import Any
 
 from trisquare._support.suggestions import unknown
 from trisquare.batch.limits import JobLimits
-from trisquare.batch.worker import Answer, failure, told_warnings
+from trisquare.batch.worker import Answer, failure
 from trisquare.errors import TrisquareError
 
 CALIBRATION_OPTIONS = ("method", "model", "fix", "free", "tone", "targets", "lines")
@@ -172,6 +172,7 @@ def _calibrate(task: Task, limits: JobLimits) -> Made:
     from trisquare.analysis.diagnosis import diagnose
     from trisquare.calibration.calibrate import calibrate
     from trisquare.camera.camera import named_numbers
+    from trisquare.results.calibration_warning import warning_members
 
     options = {name: task.options[name] for name in CALIBRATION_OPTIONS if name in task.options}
     options["targets"] = _targets(task)
@@ -181,6 +182,7 @@ def _calibrate(task: Task, limits: JobLimits) -> Made:
         outlines=None if drawn is None else _object(drawn, "outlines"),
         threads=1,
         max_pixels=limits.max_pixels,
+        max_bytes=limits.max_bytes,
         **options,
     )
     values = named_numbers(result.camera)
@@ -191,7 +193,7 @@ def _calibrate(task: Task, limits: JobLimits) -> Made:
             for name, value in values.items()
             if name in result.std or value != 0
         ],
-        "warnings": told_warnings(result),
+        "warnings": warning_members(result.warnings),
         "diagnosis": {
             name: {"limits": own.limits, "remedy": own.remedy}
             for name, own in diagnose(result).items()
