@@ -323,6 +323,7 @@ def calibrate(
     initial: _Camera | None,
     pictures: Sequence[KeptPixels] | None,
     tones: Sequence[str | float | tuple[float, float, float | None]],
+    threads: int = ...,
     side_errors: Sequence[float] = ...,
     orthogonal: Sequence[tuple[int, int]] = ...,
     parallel: Sequence[tuple[int, int]] = ...,

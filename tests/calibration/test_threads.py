@@ -54,6 +54,18 @@ def test_any_number_of_threads_gives_the_same(paths):
     assert ts.calibrate(paths).to_json() == found[1].to_json()
 
 
+def test_many_planes_are_fitted_in_threads_to_the_same_bits():
+    scenes = (FIRST, *(squares(seed, camera=FIRST.camera) for seed in range(64, 69)))
+    pictures = [
+        simulate.render(scene, np.random.default_rng(seed), noise=2.0)
+        for seed, scene in enumerate(scenes)
+    ]
+    one, two = (ts.calibrate(pictures, threads=threads) for threads in (1, 2))
+    assert len(one.planes) == 18  # from 16 on the core shares them among threads
+    assert one.stage == "pixels"
+    assert one.to_json() == two.to_json()
+
+
 def test_the_first_error_is_raised(paths):
     for index in (3, 5):
         paths[index].write_bytes(paths[index].read_bytes()[:5000])

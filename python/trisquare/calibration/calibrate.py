@@ -122,9 +122,9 @@ def calibrate(
         another, each one photograph of the camera. They are held in memory. Without it a video is
         refused.
     threads : int, optional
-        In how many threads several photographs are read and measured, each of which holds one in
-        memory; by default as many as there are cores that this process may use. The result is the
-        same with any number. OpenCV's own threads are a setting of OpenCV's.
+        In how many threads several photographs are read, measured and fitted; each holds one of
+        them in memory. By default as many as there are cores that this process may use. The result
+        is the same with any number. OpenCV's own threads are a setting of OpenCV's.
     max_pixels, max_bytes : int, optional
         A picture with more pixels is refused by its header, before it is decoded, and a larger file
         before it is read; by default ``TRISQUARE_MAX_PIXELS`` and ``TRISQUARE_MAX_BYTES`` of the
@@ -236,7 +236,7 @@ def calibrate_photographs(
         choosing = kinds.squares and not by_hand
         edges = [*gathered.figures, *gathered.lines]
         LOG.info("fitting a %s camera to %d figures", settings.model, len(gathered.figures))
-        outcome = _ask_core(edges, gathered, settings, choosing)
+        outcome = _ask_core(edges, gathered, settings, choosing, threads)
         if outcome.verdicts:
             gathered.figures, others, remarks = chosen_by(outcome, gathered.figures, gathered.quads)
             gathered.rejected += others
@@ -312,7 +312,11 @@ def calibrate_edges(
 
 
 def _ask_core(
-    figures: Sequence[PlaneEdges], gathered: Gathered, settings: Settings, choosing: bool
+    figures: Sequence[PlaneEdges],
+    gathered: Gathered,
+    settings: Settings,
+    choosing: bool,
+    threads: int = 1,
 ) -> _core.Outcome:
     place = {image: count for count, image in enumerate(gathered.images)}
     if any(image != count for image, count in place.items()):
@@ -328,6 +332,7 @@ def _ask_core(
         initial=settings.initial_camera(gathered.image_size),
         pictures=gathered.pictures or None,
         tones=[tone.curve for tone in gathered.tones],
+        threads=threads,
         side_errors=[faults.side_error for faults in gathered.faults],
         orthogonal=settings.orthogonal,
         parallel=settings.parallel,

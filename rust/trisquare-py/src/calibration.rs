@@ -14,7 +14,7 @@ use trisquare::{
 
 use crate::any_lens::{AnyLens, CameraMembers, family_of, in_family, model_of, with_lens};
 use crate::arrays;
-use crate::errors::{computed, exception};
+use crate::errors::{computed_in, exception};
 use crate::image::{KeptPixels, picture_tone};
 use crate::lens::size;
 use crate::observations::plane_edges;
@@ -130,9 +130,9 @@ pub struct ToneFit {
 /// from the largest set of planes that one camera sees as true squares.
 ///
 /// `side_errors` are, of each picture, the standard deviation (px) of an error that the samples of
-/// a side share; `orthogonal` and `parallel` are pairs of the planes that are used.
+/// a side share; many planes are fitted in so many `threads`; `orthogonal` and `parallel` are pairs of the planes that are used.
 #[pyfunction]
-#[pyo3(signature = (figures, image_size, *, choosing, method, model, fixed, initial, pictures, tones, side_errors=Vec::new(), orthogonal=Vec::new(), parallel=Vec::new(), free=Vec::new()))]
+#[pyo3(signature = (figures, image_size, *, choosing, method, model, fixed, initial, pictures, tones, threads=1, side_errors=Vec::new(), orthogonal=Vec::new(), parallel=Vec::new(), free=Vec::new()))]
 #[allow(clippy::too_many_arguments)] // the keywords of the Python function
 pub fn calibrate<'py>(
     py: Python<'py>,
@@ -145,6 +145,7 @@ pub fn calibrate<'py>(
     initial: Option<CameraMembers>,
     pictures: Option<Vec<PyRef<'py, KeptPixels>>>,
     tones: Vec<Bound<'py, PyAny>>,
+    threads: usize,
     side_errors: Vec<f64>,
     orthogonal: Vec<[usize; 2]>,
     parallel: Vec<[usize; 2]>,
@@ -178,6 +179,7 @@ pub fn calibrate<'py>(
         choosing,
         relations: relations.collect(),
         photographs,
+        threads,
     };
     let (method, fixed) = (
         named(method, "method", &METHODS)?,
@@ -217,6 +219,7 @@ struct Task<'a> {
     choosing: bool,
     relations: Vec<([usize; 2], Relation)>,
     photographs: Option<Photographs<'a>>,
+    threads: usize,
 }
 
 impl Task<'_> {
@@ -229,7 +232,7 @@ impl Task<'_> {
         options: Options<L>,
     ) -> PyResult<Outcome> {
         let options = &Options { model, ..options };
-        let (choice, found) = computed(py, || {
+        let (choice, found) = computed_in(py, self.threads, || {
             let choice = self.chosen(options)?;
             self.keep(choice.as_ref())?;
             let (edges, size) = (&self.edges, self.size);
@@ -248,7 +251,7 @@ impl Task<'_> {
 
     /// With the lens that the data ask for.
     fn outcome_by_family(mut self, py: Python<'_>, options: &Options<Brown>) -> PyResult<Outcome> {
-        let (choice, found) = computed(py, || {
+        let (choice, found) = computed_in(py, self.threads, || {
             let choice = self.chosen(options);
             let wide: Options<Fisheye> = Options {
                 method: options.method,

@@ -7,6 +7,7 @@ use std::sync::Once;
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use rayon::ThreadPoolBuilder;
 use trisquare::{Error, ErrorKind};
 
 pyo3::import_exception!(trisquare.errors, NotEnoughPlanesError);
@@ -63,6 +64,23 @@ pub fn computed<T: Send>(
     work: impl FnOnce() -> Result<T, Error> + Send,
 ) -> PyResult<T> {
     detached(py, work)?.map_err(exception)
+}
+
+/// As [`computed`], in a pool of so many threads where it is more than one.
+///
+/// # Errors
+/// As of [`computed`].
+pub fn computed_in<T: Send>(
+    py: Python<'_>,
+    threads: usize,
+    work: impl FnOnce() -> Result<T, Error> + Send,
+) -> PyResult<T> {
+    let pool = (threads > 1).then(|| ThreadPoolBuilder::new().num_threads(threads).build());
+    match pool {
+        Some(Ok(pool)) => computed(py, || pool.install(work)),
+        // A system that gives no further threads has the one that asks.
+        _ => computed(py, work),
+    }
 }
 
 /// Lets the place of a panic be told by the exception, and not on standard error.

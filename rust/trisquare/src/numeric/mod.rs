@@ -4,6 +4,7 @@
 mod arrowhead;
 mod chebyshev;
 mod chi_square;
+mod each;
 mod levenberg;
 mod normal;
 mod rank_one;
@@ -14,6 +15,7 @@ pub(crate) use arrowhead::{ArrowStep, ArrowSystem, Block, Reduced};
 pub(crate) use chebyshev::{LANES, NODES, coefficients, node_places, polynomials};
 pub use chi_square::chi_square_tail;
 pub(crate) use chi_square::normal_deviate;
+pub(crate) use each::each;
 pub(crate) use levenberg::{Limits, Minimum, Problem, Termination, minimise};
 pub use normal::cdf;
 pub(crate) use normal::{BivariateNormal, cdf_and_pdf, pdf};

@@ -142,6 +142,14 @@ impl Spread {
         self.weights += weight;
     }
 
+    /// Adds those of another spread.
+    pub fn merge(&mut self, other: &Self) {
+        self.count += other.count;
+        self.squares += other.squares;
+        self.slopes += other.slopes;
+        self.weights += other.weights;
+    }
+
     /// The factor that turns the inverse of the weighted information `sum w J^T J` into a
     /// covariance: `(sum psi^2 / sum psi') (sum w / sum psi')`, for so many fitted parameters
     /// (Huber & Ronchetti, Robust Statistics, 2nd ed., section 7.6).

@@ -7,6 +7,7 @@ use super::photographs::{Photographs, Refusal};
 use crate::geometry::Line;
 use crate::image::{KeptPixels, KeptReader};
 use crate::lens::Lens;
+use crate::numeric::each;
 use crate::observations::{ObservedPlane, PlaneEdges, PlaneState, Polarity, Side, View};
 
 /// Pixels this near (px) to an outline are used: farther ones still tell the plateaus' light.
@@ -162,10 +163,10 @@ pub(super) fn collect<L: Lens>(
         .zip(photographs.tones)
         .map(|(picture, tone)| picture.reader(tone.tone()))
         .collect();
-    let mut figures = Vec::new();
-    for (p, plane) in planes.iter().enumerate() {
+    let of_plane = |p: usize| {
+        let plane = &planes[p];
         if plane.is_outlier() {
-            continue;
+            return Ok(Vec::new());
         }
         let reader = readers.get(plane.image).ok_or(Refusal::NotApplicable)?;
         let outlines: Option<Vec<Outline>> = (0..plane.figures.len())
@@ -175,7 +176,7 @@ pub(super) fn collect<L: Lens>(
             })
             .collect();
         let outlines = outlines.ok_or(Refusal::NotApplicable)?;
-        for (f, outline) in outlines.iter().enumerate() {
+        let figure = |(f, outline): (usize, &Outline)| {
             let polarity = edges[plane.figures[f].index].polarity;
             let dark_inside = polarity.ok_or(Refusal::NotApplicable)? == Polarity::DarkInside;
             let reach = outline.reach_beside(&outlines, f, width);
@@ -186,10 +187,13 @@ pub(super) fn collect<L: Lens>(
             }
             let mut found = outline.figure(reader, (p, f), (reach, width), dark_inside);
             found.image = plane.image;
-            figures.push(found);
-        }
-    }
-    Ok(figures)
+            Ok(found)
+        };
+        outlines.iter().enumerate().map(figure).collect()
+    };
+    let found = each(planes.len(), |p| Some(of_plane(p))).unwrap_or_default();
+    let found: Vec<Vec<PixelFigure>> = found.into_iter().collect::<Result<_, Refusal>>()?;
+    Ok(found.into_iter().flatten().collect())
 }
 
 /// A figure's sides and the points of their images.

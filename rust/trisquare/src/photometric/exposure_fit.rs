@@ -10,8 +10,8 @@ use super::scene::Shade;
 use crate::image::PictureState;
 use crate::lens::Lens;
 use crate::numeric::{
-    ArrowStep, ArrowSystem, Limits, Loss, Problem, Termination, add_rank_one, median_scale,
-    minimise,
+    ArrowStep, ArrowSystem, Block, Limits, Loss, Problem, Termination, add_rank_one, each,
+    median_scale, minimise,
 };
 use crate::observations::View;
 
@@ -45,11 +45,10 @@ pub(super) fn fit_exposures<L: Lens>(
     pictures: &[PictureState],
     guess: Vec<Exposure>,
 ) -> Option<(Vec<Exposure>, Vec<f64>)> {
-    let mut distances = Vec::with_capacity(pixels.figures.len());
-    for (index, figure) in pixels.figures.iter().enumerate() {
+    let distances = each(pixels.figures.len(), |index| {
         let scene = pixels.scene(view, &guess[index], pictures, index)?;
-        distances.push(all_distances(&scene, figure)?);
-    }
+        all_distances(&scene, &pixels.figures[index])
+    })?;
     let mut problem = HeldGeometry {
         pixels,
         view,
@@ -91,17 +90,15 @@ impl<L: Lens> HeldGeometry<'_, L> {
 
     /// Robust noise of each figure, from the pixels that an edge cuts.
     fn scales(&self, exposures: &[Exposure]) -> Option<Vec<f64>> {
-        let mut scales = Vec::with_capacity(exposures.len());
-        for (index, exposure) in exposures.iter().enumerate() {
+        each(exposures.len(), |index| {
             let mut residuals = Vec::new();
-            self.for_each(exposure, index, |shade, _| {
+            self.for_each(&exposures[index], index, |shade, _| {
                 if shade.coverage.cut_count > 0 {
                     residuals.push(shade.residual);
                 }
             })?;
-            scales.push(median_scale(residuals.into_iter()).max(MIN_NOISE));
-        }
-        Some(scales)
+            Some(median_scale(residuals.into_iter()).max(MIN_NOISE))
+        })
     }
 }
 
@@ -109,21 +106,23 @@ impl<L: Lens> Problem for HeldGeometry<'_, L> {
     type State = Vec<Exposure>;
 
     fn evaluate(&self, exposures: &Vec<Exposure>) -> Option<(f64, ArrowSystem)> {
-        let own = exposures.iter().map(|_| EXPOSURE_PARAMETERS);
-        let mut system = ArrowSystem::zeros(0, own);
-        let mut cost = 0.0;
-        for (index, exposure) in exposures.iter().enumerate() {
+        if !self.pixels.are_valid(exposures) {
+            return None;
+        }
+        let found = each(exposures.len(), |index| {
             let to_noise = 1.0 / self.pixels.scales[index];
-            let mut sums = ExposureSums::default();
-            self.for_each(exposure, index, |shade, row| {
+            let (mut cost, mut sums) = (0.0, ExposureSums::default());
+            self.for_each(&exposures[index], index, |shade, row| {
                 let (part, weight) = self.pixels.loss.cost_and_weight(shade.residual * to_noise);
                 cost += part;
                 add_rank_one(&mut sums, &row, weight * to_noise * to_noise);
             })?;
-            add_exposure(&mut system.blocks[index], &sums, 0);
-        }
-        let valid = self.pixels.are_valid(exposures);
-        valid.then_some((cost, system))
+            let mut block = Block::zeros(EXPOSURE_PARAMETERS, Vec::new());
+            add_exposure(&mut block, &sums, 0);
+            Some((cost, block))
+        })?;
+        let (costs, blocks): (Vec<f64>, Vec<Block>) = found.into_iter().unzip();
+        Some((costs.iter().sum(), ArrowSystem::of(0, blocks.into_iter())))
     }
 
     fn advance(&self, exposures: &Vec<Exposure>, step: &ArrowStep) -> Vec<Exposure> {

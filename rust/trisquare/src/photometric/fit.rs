@@ -1,5 +1,7 @@
 //! The pixels as a least-squares problem over camera, planes and exposures.
 
+use std::ops::Range;
+
 use super::band::PixelFigure;
 use super::exposure::{EXPOSURE_PARAMETERS, Exposure};
 use super::figure_chart::FigureChart;
@@ -7,7 +9,7 @@ use super::figure_sums::FigureSums;
 use super::scene::Scene;
 use crate::image::{PICTURE_PARAMETERS, PicturePrior, PictureState, ToneFit};
 use crate::lens::Lens;
-use crate::numeric::{ArrowStep, ArrowSystem, Block, LANES, Loss, Spread};
+use crate::numeric::{ArrowStep, ArrowSystem, Block, LANES, Loss, Spread, each};
 use crate::observations::{FreeParameters, View};
 
 /// What the fit moves.
@@ -40,6 +42,13 @@ pub(crate) struct PixelSystem {
     pub spread: Spread,
 }
 
+/// The part of one plane.
+struct PlaneSystem {
+    cost: f64,
+    block: Block,
+    spread: Spread,
+}
+
 impl PixelFit<'_> {
     /// One figure under a view and an exposure; `None` where the lens does not see its corners.
     pub(super) fn scene<'a, L: Lens>(
@@ -61,7 +70,7 @@ impl PixelFit<'_> {
     /// Of these, the ones that a plane depends on: the camera's, and its picture's.
     fn shared_columns(&self, plane: usize) -> Vec<usize> {
         let mut columns: Vec<usize> = (0..self.free.len()).collect();
-        let figure = self.figures.iter().find(|figure| figure.plane == plane);
+        let figure = self.figures[self.figures_of(plane)].first();
         if let Some(figure) = figure.filter(|_| self.free_pictures > 0) {
             let first = self.picture_offset(figure.image);
             columns.extend(first..first + PICTURE_PARAMETERS);
@@ -78,7 +87,7 @@ impl PixelFit<'_> {
         &self,
         state: &PixelState<L>,
         index: usize,
-        sum: &mut PixelSystem,
+        sum: &mut PlaneSystem,
     ) -> Option<()> {
         let scene = self.scene(&state.view, &state.exposures[index], &state.pictures, index)?;
         let figure = scene.figure;
@@ -86,7 +95,7 @@ impl PixelFit<'_> {
         let jacobians =
             [0, 1, 2, 3].map(|i| plane.line_jacobian(figure.figure, &figure.sides[i].into()));
         let exposure_offset = self.exposure_offset(state, index);
-        let block = &mut sum.system.blocks[figure.plane];
+        let block = &mut sum.block;
         let shared = block.columns.len();
         let own = (block.hessian.nrows(), exposure_offset);
         let chart = FigureChart::of(&scene)?;
@@ -132,27 +141,44 @@ impl PixelFit<'_> {
         if !self.are_valid(&state.exposures) {
             return None;
         }
-        let blocks = state.view.planes.iter().enumerate().map(|(p, plane)| {
-            let own = plane.parameter_count() + EXPOSURE_PARAMETERS * plane.figures.len();
-            Block::zeros(own, self.shared_columns(p))
-        });
+        let planes = each(state.view.planes.len(), |p| self.of_plane(state, p))?;
         let mut sum = PixelSystem {
-            cost: 0.0,
-            system: ArrowSystem::of(self.shared_count(), blocks),
+            cost: planes.iter().map(|plane| plane.cost).sum(),
             spread: Spread::default(),
+            system: ArrowSystem::of(self.shared_count(), std::iter::empty()),
         };
+        for plane in planes {
+            sum.spread.merge(&plane.spread);
+            sum.system.blocks.push(plane.block);
+        }
         self.add_priors(state, &mut sum);
-        for index in 0..self.figures.len() {
-            self.add_figure(state, index, &mut sum)?;
-        }
-        // A plane without figures stays where it is.
-        for (p, block) in sum.system.blocks.iter_mut().enumerate() {
-            if self.figures.iter().all(|figure| figure.plane != p) {
-                block.hessian.fill_diagonal(1.0);
-            }
-        }
         state.view.tie(&mut sum.system);
         Some(sum)
+    }
+
+    fn of_plane<L: Lens>(&self, state: &PixelState<L>, p: usize) -> Option<PlaneSystem> {
+        let plane = &state.view.planes[p];
+        let own = plane.parameter_count() + EXPOSURE_PARAMETERS * plane.figures.len();
+        let mut sum = PlaneSystem {
+            cost: 0.0,
+            block: Block::zeros(own, self.shared_columns(p)),
+            spread: Spread::default(),
+        };
+        let figures = self.figures_of(p);
+        // A plane without figures stays where it is.
+        if figures.is_empty() {
+            sum.block.hessian.fill_diagonal(1.0);
+        }
+        for index in figures {
+            self.add_figure(state, index, &mut sum)?;
+        }
+        Some(sum)
+    }
+
+    /// The figures of a plane, which are in the planes' order.
+    fn figures_of(&self, plane: usize) -> Range<usize> {
+        let before = |plane: usize| self.figures.partition_point(|figure| figure.plane < plane);
+        before(plane)..before(plane + 1)
     }
 
     /// What the fit found out of the pictures' coding; nothing where that was known.

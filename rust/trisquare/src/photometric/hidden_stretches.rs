@@ -9,7 +9,7 @@ use super::figure_chart::all_distances;
 use super::fit::PixelFit;
 use crate::image::PictureState;
 use crate::lens::Lens;
-use crate::numeric::median_scale;
+use crate::numeric::{each, median_scale};
 use crate::observations::View;
 
 /// Pixels nearer to the outline than this (px) show the edge, the others the light beside it; each
@@ -60,9 +60,9 @@ pub(super) fn disturbed<L: Lens>(
     pictures: &[PictureState],
     exposures: &[Exposure],
 ) -> Option<Vec<Disturbed>> {
-    (0..fit.figures.len())
-        .map(|index| disturbed_of_figure(fit, (view, pictures), &exposures[index], index))
-        .collect()
+    each(fit.figures.len(), |index| {
+        disturbed_of_figure(fit, (view, pictures), &exposures[index], index)
+    })
 }
 
 fn disturbed_of_figure<L: Lens>(

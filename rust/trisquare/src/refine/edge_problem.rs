@@ -12,8 +12,8 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 use super::line_sums::{LineSums, RESIDUAL};
 use super::side_curve::{SideCurve, SideCurves};
 use crate::lens::{Lens, MAX_LENS_COLUMNS};
-use crate::numeric::{ArrowStep, ArrowSystem, Loss, Problem, add_rank_one, symmetric};
-use crate::observations::{FreeParameters, ModelLine, ObservedPlane, PlaneState, Sample, View};
+use crate::numeric::{ArrowStep, ArrowSystem, Block, Loss, Problem, add_rank_one, each, symmetric};
+use crate::observations::{FreeParameters, ModelLine, ObservedPlane, Sample, View};
 
 /// The samples as a least-squares problem at one scale of the noise.
 pub(crate) struct EdgeProblem<'a, L> {
@@ -81,13 +81,13 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
         Some(sums)
     }
 
-    /// Adds the samples of a side on one of its model lines to the system; returns their cost.
+    /// Adds the samples of a side on one of its model lines to its plane's block; returns their cost.
     fn add_samples<const N: usize>(
         &self,
         view: &View<L>,
         (plane, figure, model): (usize, usize, &ModelLine),
         (samples, trust, curve): (&[Sample], f64, Option<&SideCurve>),
-        system: &mut ArrowSystem,
+        block: &mut Block,
     ) -> Option<f64> {
         let state = &view.planes[plane];
         let (lens, line) = (&view.lens, state.line(figure, &model.line));
@@ -109,7 +109,6 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
             true => at(i, SHARED_OFFSET + j),
             false => 0.0,
         });
-        let block = &mut system.blocks[plane];
         for i in 0..shared {
             for j in 0..shared {
                 block.shared[(i, j)] += at(SHARED_OFFSET + i, SHARED_OFFSET + j);
@@ -127,22 +126,29 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
     }
 
     fn assemble<const N: usize>(&self, view: &View<L>) -> Option<(f64, ArrowSystem)> {
-        let own = view.planes.iter().map(PlaneState::parameter_count);
-        let mut system = ArrowSystem::zeros(self.free.len(), own);
-        let mut cost = self.free.add_prior(&view.lens, &mut system);
-        for (p, plane) in self.planes.iter().enumerate() {
-            for (s, (f, side)) in plane.sides_by_figure().enumerate() {
-                let curve = self.curves.and_then(|curves| curves.get(p, s));
-                for found in view.planes[p].model_lines(&view.lens, f, side) {
-                    let (model, range) = found?;
-                    let samples = (&side.samples[range], side.trust(), curve);
-                    cost += self.add_samples::<N>(view, (p, f, &model), samples, &mut system)?;
-                }
-            }
-            view.planes[p].hold_turn(&mut system.blocks[p].hessian);
-        }
+        let found = each(self.planes.len(), |p| self.of_plane::<N>(view, p))?;
+        let (costs, blocks): (Vec<f64>, Vec<Block>) = found.into_iter().unzip();
+        let mut system = ArrowSystem::of(self.free.len(), blocks.into_iter());
+        let cost = self.free.add_prior(&view.lens, &mut system) + costs.iter().sum::<f64>();
         view.tie(&mut system);
         Some((cost, system))
+    }
+
+    /// The cost of a plane's samples, and its block.
+    fn of_plane<const N: usize>(&self, view: &View<L>, p: usize) -> Option<(f64, Block)> {
+        let state = &view.planes[p];
+        let mut block = Block::zeros(state.parameter_count(), (0..self.free.len()).collect());
+        let mut cost = 0.0;
+        for (s, (f, side)) in self.planes[p].sides_by_figure().enumerate() {
+            let curve = self.curves.and_then(|curves| curves.get(p, s));
+            for found in state.model_lines(&view.lens, f, side) {
+                let (model, range) = found?;
+                let samples = (&side.samples[range], side.trust(), curve);
+                cost += self.add_samples::<N>(view, (p, f, &model), samples, &mut block)?;
+            }
+        }
+        state.hold_turn(&mut block.hessian);
+        Some((cost, block))
     }
 }
 
@@ -180,8 +186,7 @@ mod tests {
     use super::super::residuals::{residuals, residuals_near};
     use super::*;
     use crate::lens::DefaultLens;
-    use crate::numeric::Block;
-    use crate::observations::{Placement, PlaneEdges, sort_by_plane};
+    use crate::observations::{Placement, PlaneEdges, PlaneState, sort_by_plane};
     use crate::synthetic::{Scene, SceneOptions};
     use nalgebra::{DVector, Vector2};
 

@@ -1,0 +1,46 @@
+//! The same for each of many things: in turn, or in the threads of a pool.
+
+/// Fewer things are done in turn: a thread would take longer to wake than to do its part.
+#[cfg(feature = "rayon")]
+const LEAST: usize = 16;
+
+/// What becomes of each of so many things, in their order; `None` if there is one that nothing
+/// becomes of.
+///
+/// With the feature `rayon`, and called in a thread of one of its pools, many things are shared
+/// among the threads of that pool. The results are the same, to the bit.
+pub(crate) fn each<T: Send>(
+    count: usize,
+    work: impl Fn(usize) -> Option<T> + Sync + Send,
+) -> Option<Vec<T>> {
+    #[cfg(feature = "rayon")]
+    if count >= LEAST && rayon::current_thread_index().is_some() {
+        use rayon::iter::{IntoParallelIterator, ParallelIterator};
+        return (0..count).into_par_iter().map(work).collect();
+    }
+    (0..count).map(work).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_that_nothing_becomes_of_leaves_nothing() {
+        assert_eq!(each(3, Some), Some(vec![0, 1, 2]));
+        assert_eq!(each(100, |i| (i != 70).then_some(i)), None);
+    }
+
+    #[cfg(feature = "rayon")]
+    #[test]
+    fn many_are_shared_among_the_threads_of_a_pool_and_come_back_in_order() {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build();
+        let found = pool.unwrap().install(|| {
+            each(100, |i| {
+                assert!(rayon::current_thread_index().is_some());
+                Some(i)
+            })
+        });
+        assert_eq!(found, Some((0..100).collect()));
+    }
+}
