@@ -57,6 +57,17 @@ def test_options_are_for_all_and_a_manifest_s_own_come_first(run, folder):
     assert {own.tone for own in found.values()} == {2.2}
 
 
+def test_a_camera_to_hold_is_for_all(run, folder):
+    ts.calibrate("in/a.png").save("known.json")
+    options = ("--initial", "known.json", "--fix", "focal")
+    assert run("batch", "in", "-o", "out", *options)[0] == 0
+    known = ts.Calibration.load("known.json").camera
+    for name in ("a", "b"):
+        found = ts.Calibration.load(f"out/cameras/{name}.json")
+        assert (found.camera.fx, found.camera.fy) == (known.fx, known.fy)
+        assert found.fixed == ("focal",)
+
+
 def test_limits_for_production_decide_the_exit_code(run, folder):
     (folder / "limits.toml").write_text("[std.fx]\nmost = 1e-9\n")
     code, out, _ = run("batch", "in", "-o", "out", "--limits", "limits.toml")

@@ -33,9 +33,11 @@ from trisquare.camera.settings import AUTO, METHODS, Settings
 from trisquare.cli.calibrate import tone_named
 from trisquare.cli.console import answer
 from trisquare.cli.framework import NOT_ALL_PASSED_EXIT, reading
+from trisquare.cli.input_files import camera_alone
 from trisquare.cli.options import (
     FIX,
     FREE,
+    INITIAL,
     JSON,
     QUIET,
     amount,
@@ -111,6 +113,7 @@ def batch_command(
     ),
     method: str = option("ml", "METHOD", "Method: ml or linear.", offer=METHODS),
     fix: list[str] | None = FIX,
+    initial: Path | None = INITIAL,
     free: list[str] | None = FREE,
     tone: str | None = option(
         None, "TONE", "Tone curve: auto, srgb, linear or a gamma.", offer=TONE_CURVES
@@ -139,7 +142,7 @@ def batch_command(
         raise ValueError("give one of --jobs, --dask and --mpi: a cluster has its own workers")
     if camera is not None:
         camera_pattern(camera)
-    options = _options(method, model, fix, free, tone, targets, lines)
+    options = _options(method, model, fix, initial, free, tone, targets, lines)
     with reading():
         requirements = [] if limits is None else read_requirements(limits)
         total = sum(1 for _ in find_jobs(inputs, camera, options))
@@ -184,6 +187,7 @@ def _options(
     method: str,
     model: str,
     fix: list[str] | None,
+    initial: Path | None,
     free: list[str] | None,
     tone: str | None,
     targets: str,
@@ -193,7 +197,8 @@ def _options(
     from trisquare.detection.kinds import TargetKinds
     from trisquare.images.pixels import checked_tone
 
-    settings = Settings.check(method, model, listed_names(fix), None, listed_names(free), (), ())
+    known = None if initial is None else camera_alone(initial)
+    settings = Settings.check(method, model, listed_names(fix), known, listed_names(free), (), ())
     curve = checked_tone(tone_named(tone))
     with reading():
         TargetKinds.parse(targets)
@@ -203,6 +208,7 @@ def _options(
         "method": (settings.method, "ml"),
         "model": (settings.model, "radial2"),
         "fix": (settings.fixed, ()),
+        "initial": (None if initial is None else str(initial), None),
         "free": (settings.free, ()),
         "tone": (curve, None),
         "targets": (targets, "auto"),

@@ -17,10 +17,11 @@ from trisquare.camera.lens_models import MODELS
 from trisquare.camera.settings import AUTO, METHODS
 from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.framework import command_line, reading
-from trisquare.cli.input_files import photographs_named
+from trisquare.cli.input_files import camera_alone, photographs_named
 from trisquare.cli.options import (
     FIX,
     FREE,
+    INITIAL,
     JSON,
     ORTHOGONAL,
     PARALLEL,
@@ -53,6 +54,7 @@ EXAMPLES = (
     "trisquare calibrate photo.jpg -o camera.json --overlay overlay.png --diagnose",
     "trisquare calibrate one.jpg two.jpg three.jpg --model auto --json",
     "trisquare calibrate board.png --targets chessboard:9x6 --fix aspect,principal_point",
+    "trisquare calibrate photo.jpg --initial camera.json --fix focal,principal_point",
     "trisquare calibrate clip.mp4 --frames 10 -o camera.json",
 )
 
@@ -106,6 +108,7 @@ def calibrate_command(
         offer=METHODS,
     ),
     fix: list[str] | None = FIX,
+    initial: Path | None = INITIAL,
     free: list[str] | None = FREE,
     orthogonal: list[str] | None = ORTHOGONAL,
     parallel: list[str] | None = PARALLEL,
@@ -176,7 +179,7 @@ def calibrate_command(
     overlay_paths = numbered_paths(overlay, most_pictures)
     debug_images = numbered_paths(debug_image, most_pictures)
     # No board but a file has a name that might be an output's.
-    inputs = [*photos, outline, None if board is None else Path(board)]
+    inputs = [*photos, outline, initial, None if board is None else Path(board)]
     check_outputs(inputs, [*overlay_paths, *debug_images], [output, report])
     written_as = None if output is None else format_of_name(output.name, OTHER_ENDING)
     if report is not None:
@@ -187,6 +190,7 @@ def calibrate_command(
         with reading():
             parse_layout(board)
         targets = board  # in Python they are one argument
+    known = None if initial is None else camera_alone(initial)
     most = amount(max_pixels, "--max-pixels")
     limits = PictureLimits.stated(most)
     with progress_bar("choosing frames", quiet) as progress, reading():
@@ -204,7 +208,7 @@ def calibrate_command(
             model=model,
             fix=listed_names(fix),
             free=listed_names(free),
-            initial=None,
+            initial=known,
             orthogonal=parse_pairs(orthogonal),
             parallel=parse_pairs(parallel),
             tone=tone_named(tone),
