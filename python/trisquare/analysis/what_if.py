@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import NamedTuple
@@ -160,7 +161,7 @@ def contradicted_aspect(calibration: Calibration) -> tuple[float, float] | None:
         return None
     ratio = calibration.camera.fy / calibration.camera.fx
     by = np.array([-ratio, 1.0]) / calibration.camera.fx
-    std = float(np.sqrt(max(0.0, by @ covariance @ by)))
+    std = math.sqrt(max(0.0, float(by @ covariance @ by)))
     return (ratio, std) if abs(ratio - 1.0) > CONTRADICTING * std else None
 
 
