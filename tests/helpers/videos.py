@@ -9,7 +9,7 @@ import numpy as np
 # Read when the first video is opened, in this process before the command can set it.
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
-ENCODERS = {".avi": "MJPG", ".mp4": "mp4v"}
+ENCODERS = {".avi": "MJPG", ".mp4": "mp4v", ".flv": "\2\0\0\0"}
 
 QUARTER_TURN = (0, 1 << 16, 0, -1 << 16, 0, 0, 0, 0, 1 << 30)
 """Matrix of ISO 14496-12, section 8.3.2, that turns what is shown clockwise by 90 degrees."""
@@ -46,3 +46,13 @@ def turned_clockwise(encoded):
     at = encoded.index(b"tkhd") + 4 + 40
     matrix = struct.pack(">9i", *QUARTER_TURN)
     return encoded[:at] + matrix + encoded[at + len(matrix) :]
+
+
+def stamped(encoded, milliseconds):
+    """The content of an FLV file whose frames are shown at these times."""
+    content, at, times = bytearray(encoded), 13, iter(milliseconds)
+    while at + 11 < len(content):
+        if content[at] == 9:  # a tag of video; its size, its time
+            content[at + 4 : at + 7] = next(times).to_bytes(3, "big")
+        at += 15 + int.from_bytes(content[at + 1 : at + 4], "big")
+    return bytes(content)
