@@ -36,6 +36,7 @@ from trisquare.cli.framework import NOT_ALL_PASSED_EXIT, reading
 from trisquare.cli.input_files import camera_alone
 from trisquare.cli.options import (
     FIX,
+    FRAMES,
     FREE,
     INITIAL,
     JSON,
@@ -55,6 +56,7 @@ EXAMPLES = (
     "trisquare batch line/*.jpg -o results",
     "trisquare batch fleet --camera '{serial}_*.jpg' -o results --limits limits.toml",
     "trisquare batch cameras.csv -o results --jobs 8 --model brown",
+    "trisquare batch clip.mp4 line/*.jpg -o results --frames 10",
     "trisquare batch archive -o results --dask tcp://scheduler:8786",
 )
 
@@ -119,6 +121,7 @@ def batch_command(
         None, "TONE", "Tone curve: auto, srgb, linear or a gamma.", offer=TONE_CURVES
     ),
     targets: str = option("auto", "TARGETS", "Targets to search for, as in trisquare calibrate."),
+    frames: int | None = FRAMES,
     lines: bool = flag("Use the scene's own straight edges as well.", "--lines"),
     max_pixels: str | None = option(
         None, "N", "Refuse pictures of more pixels, by their header (500M)."
@@ -142,7 +145,7 @@ def batch_command(
         raise ValueError("give one of --jobs, --dask and --mpi: a cluster has its own workers")
     if camera is not None:
         camera_pattern(camera)
-    options = _options(method, model, fix, initial, free, tone, targets, lines)
+    options = _options(method, model, fix, initial, free, tone, targets, frames, lines)
     with reading():
         requirements = [] if limits is None else read_requirements(limits)
         total = sum(1 for _ in find_jobs(inputs, camera, options))
@@ -191,6 +194,7 @@ def _options(
     free: list[str] | None,
     tone: str | None,
     targets: str,
+    frames: int | None,
     lines: bool,
 ) -> dict[str, Any]:
     """Return what all cameras have in common, checked: a wrong name is not to fail each of them."""
@@ -202,6 +206,8 @@ def _options(
     curve = checked_tone(tone_named(tone))
     with reading():
         TargetKinds.parse(targets)
+    if frames is not None and frames < 1:
+        raise ValueError(f"--frames must be at least 1, not {frames}")
     if lines and method == "linear":
         raise ValueError("--lines needs --method ml")
     given = {
@@ -212,6 +218,7 @@ def _options(
         "free": (settings.free, ()),
         "tone": (curve, None),
         "targets": (targets, "auto"),
+        "frames": (frames, None),
         "lines": (lines, False),
     }
     return {name: value for name, (value, default) in given.items() if value != default}

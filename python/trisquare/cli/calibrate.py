@@ -20,6 +20,7 @@ from trisquare.cli.framework import command_line, reading
 from trisquare.cli.input_files import camera_alone, photographs_named
 from trisquare.cli.options import (
     FIX,
+    FRAMES,
     FREE,
     INITIAL,
     JSON,
@@ -139,11 +140,7 @@ def calibrate_command(
         "Measure the squares outlined in this file, and search for no others: trisquare's JSON or "
         "labelme's, in pixels of the picture as stored, accurate to 5 px.",
     ),
-    frames: int | None = option(
-        None,
-        "N",
-        "Calibrate with N frames of each video among the inputs: sharp ones that differ.",
-    ),
+    frames: int | None = FRAMES,
     lines: bool = flag(
         "Use the scene's own straight edges as well, where they are consistent with the squares.",
         "--lines",

@@ -46,6 +46,9 @@ FIX = option(
     "the image centre, and zero; repeatable, or with commas.",
     offer=FIXABLE,
 )
+FRAMES = option(
+    None, "N", "Calibrate with N frames of each video among the inputs: sharp ones that differ."
+)
 INITIAL = option(
     None,
     "FILE",
