@@ -153,7 +153,11 @@ UNDISTORT = "--camera camera.json -o"
         (f"undistort photo.png {UNDISTORT} out.mp4", 2, "out.mp4: no picture format"),
         (f"undistort clip.mp4 {UNDISTORT} clip.mp4", 2, "overwrite"),
         (f"undistort clip.mp4 {UNDISTORT} missing/out.mp4", 2, "no folder"),
-        ("calibrate clip.mp4", 5, "clip.mp4: a video, not a photograph: calibrate and batch choose"),
+        (
+            "calibrate clip.mp4",
+            5,
+            "clip.mp4: a video, not a photograph: calibrate and batch choose",
+        ),
         ("calibrate clip.mp4 --frames 0", 2, "at least 1"),
         ("calibrate clip.mp4 --frames x", 2, "--frames"),
         ("calibrate photo.png --frames 3", 2, "no video is given"),

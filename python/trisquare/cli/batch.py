@@ -296,8 +296,9 @@ def _write_summary(
 def _report(
     output: Path, counts: Counts, done: int, failed: list[dict[str, Any]], notes: list[str]
 ) -> list[RenderableType]:
+    noun = "camera" if counts.total == 1 else "cameras"
     lines = [
-        f"{output}: {counts.total} cameras ({done} done now): {counts.passed} "
+        f"{output}: {counts.total} {noun} ({done} done now): {counts.passed} "
         f"passed, {counts.beyond_limits} beyond the limits, {counts.failed} failed; photographs "
         f"of {counts.retake} to take again, {counts.outlying} unlike the others"
     ]
