@@ -17,10 +17,11 @@ from trisquare.analysis.plan import PlannedSquare
 from trisquare.analysis.predict import PRINTED_SIGMA, Prediction, predict
 from trisquare.camera.camera import Camera, camera_parameters, named_numbers
 from trisquare.camera.lens_models import MODELS
+from trisquare.camera.settings import FIXABLE
 from trisquare.cli.console import answer, new_table
 from trisquare.cli.framework import reading
 from trisquare.cli.input_files import camera_alone
-from trisquare.cli.options import FIX, FREE, JSON, QUIET, argument, listed_names, option, parse_size
+from trisquare.cli.options import FREE, JSON, QUIET, argument, listed_names, option, parse_size
 
 PLAN_FORMAT = "trisquare-plan/1"
 PREDICTION_FORMAT = "trisquare-prediction/1"
@@ -68,7 +69,13 @@ def predict_command(
         "brown.",
         offer=MODELS,
     ),
-    fix: list[str] | None = FIX,
+    fix: list[str] | None = option(
+        None,
+        "WHAT",
+        "What will be held, at the camera's values: aspect, principal_point, focal or distortion; "
+        "repeatable, or with commas.",
+        offer=FIXABLE,
+    ),
     free: list[str] | None = FREE,
     json: bool = JSON,
     quiet: bool = QUIET,
