@@ -9,7 +9,14 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
-from videos import moving, read_frames, stamped, turned_clockwise, write_frames
+from videos import (
+    moving,
+    read_frames,
+    stamped,
+    turned_clockwise,
+    with_larger_frames,
+    write_frames,
+)
 
 import trisquare.images.video
 from trisquare.errors import ImageError, MissingImageError
@@ -163,6 +170,16 @@ def test_frames_that_take_as_long_as_far_larger_ones_are_refused(
         else:
             with pytest.raises(ImageError, match=r"clip\.avi: .* 7 frames of 160 x 120 .* 3\.5 s"):
                 list(video.frames())
+
+
+@pytest.mark.slow
+def test_frames_that_hide_larger_ones_are_refused(tmp_path, monkeypatch):
+    path = tmp_path / "clip.flv"
+    write_frames(path, moving(6, (64, 48)))
+    path.write_bytes(with_larger_frames(path.read_bytes(), (4000, 3000), 10_000))
+    monkeypatch.setattr(trisquare.images.video, "MOST_SECONDS_MORE", 0.5)
+    with Video(path) as video, pytest.raises(ImageError, match=r"64 x 48 pixels .* far larger"):
+        list(map(np.shape, video.frames()))
 
 
 def test_what_waits_for_others_is_no_decoding(tmp_path, monkeypatch):
