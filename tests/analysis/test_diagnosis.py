@@ -1,6 +1,7 @@
 """What limits a calibration, and whether the advice comes true."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,6 +18,15 @@ NOISE = 0.05
 
 def result_of(scene, seed=0, **options):
     return ts.calibrate_edges(edges_of(scene, NOISE, seed, spacing=2.0), IMAGE_SIZE, **options)
+
+
+def with_camera(scene, **changed):
+    """The same squares before a camera with other values."""
+    return replace(scene, camera=replace(scene.camera, **changed))
+
+
+def of_aspect(scene, ratio):
+    return with_camera(scene, fy=ratio * scene.camera.fx)
 
 
 def test_every_free_parameter_is_diagnosed():
@@ -46,7 +56,7 @@ def test_a_result_from_json_has_the_same_diagnosis():
 
 @pytest.mark.parametrize("seed", [3, 8])
 def test_what_square_pixels_would_bring_is_told_wherever_they_help(seed):
-    scene = squares(seed)
+    scene = of_aspect(squares(seed), 1.0)
     truth = ts.Camera(scene.camera.K, scene.camera.distortion, IMAGE_SIZE)
     free, held = result_of(scene), result_of(scene, fix="aspect", initial=truth)
     promised = {
@@ -58,6 +68,31 @@ def test_what_square_pixels_would_bring_is_told_wherever_they_help(seed):
     for name, std in promised.items():
         assert held.std[name] == pytest.approx(std, rel=0.15)
     assert "aspect" not in str(diagnose(held))
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1.06])
+def test_what_the_estimate_contradicts_is_not_advised(ratio):
+    scene = of_aspect(squares(3), ratio)
+    result = result_of(scene)
+    found = diagnose(result)
+    spread = result.std["fx"] + result.std["fy"]
+    assert (abs(result.camera.fy - result.camera.fx) > 4 * spread) == (ratio != 1.0)
+    assert ("fixing the aspect, since" in str(found)) == (ratio == 1.0)
+    for name in ("fx", "fy"):
+        assert ("fixing the aspect at 1 is no remedy: fy / fx is 1.06" in found[name].remedy) == (
+            ratio != 1.0
+        )
+    assert "no remedy" not in found["cx"].remedy
+
+
+@pytest.mark.parametrize("offset", [0.0, 25.0])
+def test_a_principal_point_off_the_centre_is_not_to_be_held_there(offset):
+    scene = squares(3)
+    cx, cy = np.subtract(IMAGE_SIZE, 1) / 2 + offset
+    result = result_of(with_camera(scene, cx=cx, cy=cy))
+    texts = [planned.change for planned in changes_of(result, planes_of(result))]
+    assert any("the principal point, if it is known" in text for text in texts)
+    assert any("for it is not the image centre" in text for text in texts) == (offset > 0)
 
 
 @pytest.mark.parametrize("seed", [3, 8])

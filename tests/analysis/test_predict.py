@@ -205,8 +205,41 @@ def test_a_plan_for_no_picture_is_refused(run, tmp_path, size):
     plan.write_text(json.dumps({"format": "trisquare-plan/1", "image_size": size, "squares": []}))
     code, out, error = run("predict", plan)
     assert (code, out, error.count("\n")) == (2, "", 1)
+    assert error.startswith(f"trisquare: error: {plan}: ")
     assert "image_size" in error
-    assert len(error) < 200
+    assert len(error) < 200 + len(str(plan))
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"squares": 3}, '"squares" must be a list'),
+        ({"squares": [{"centre": [600, 400], "side": "x"}]}, '"squares[0].side"'),
+        (
+            {"squares": [{"centre": [9, 9], "side": 9, "tilt": 3, "direction": 3, "inner": 3}]},
+            "inner must be between 0 and 1",
+        ),
+        ({"focal": "long"}, '"focal"'),
+        ({"focal": -3}, "positive fx"),
+    ],
+)
+def test_what_is_wrong_with_a_plan_begins_with_its_file(run, tmp_path, changed, message):
+    plan = tmp_path / "plan.json"
+    written = {"format": "trisquare-plan/1", "image_size": [1280, 960], "squares": [], **changed}
+    plan.write_text(json.dumps(written))
+    code, out, error = run("predict", plan)
+    assert (code, out) == (2, "")
+    assert error.startswith(f"trisquare: error: {plan}: ")
+    assert message in error
+
+
+def test_what_is_wrong_with_an_option_is_not_the_plan_s_fault(run, tmp_path):
+    plan = tmp_path / "plan.json"
+    plan.write_text('{"format": "trisquare-plan/1", "image_size": [1280, 960], "squares": []}')
+    for option in (("--focal", "-3"), ("--frame", "2"), ("--square", "1,2,3"), ("--size", "9")):
+        code, _, error = run("predict", plan, *option)
+        assert code == 2
+        assert "plan.json" not in error
 
 
 def test_models_are_those_of_the_camera_s_family():
@@ -239,8 +272,9 @@ def squares_scene():
         (["--size", "1280x960", "--square", "1,2,3"], 2, "SIDE"),
         (["--size", "1280x960", "--square", "a,2,3,4,5"], 2, "centre x"),
         (["--size", "1280x960", "--sigma", "0"], 2, "positive"),
-        (["--size", "1280x960", "--focal", "-5"], 2, "positive"),
-        (["--size", "1280x960", "--model", "fisheye"], 2, "--camera FILE"),
+        (["--size", "1280x960", "--focal", "-5"], 2, "--focal must be positive"),
+        (["--size", "1280x960", "--frame", "2"], 2, "--frame must be between 0 and 1"),
+        (["--size", "1280x960", "--model", "fisheye"], 2, "camera= (--camera)"),
         (["--size", "1280x960", "--model", "fishey"], 2, "did you mean 'fisheye'"),
         (["missing.json"], 5, "missing.json"),
         (["--size", "1280x960", "--square", "0,0,300,30,0"], 3, "1 plane"),

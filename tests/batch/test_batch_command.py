@@ -6,9 +6,11 @@ import signal
 import subprocess
 import time
 
+import cv2
 import pytest
 from batches import make_pictures
 from terminals import COMMAND, on_terminal
+from videos import write_frames
 
 import trisquare as ts
 
@@ -55,6 +57,42 @@ def test_options_are_for_all_and_a_manifest_s_own_come_first(run, folder):
     assert [own.camera.model for own in found.values()] == ["brown", "radial1"]
     assert {own.fixed for own in found.values()} == {("aspect",)}
     assert {own.tone for own in found.values()} == {2.2}
+
+
+def test_a_camera_to_hold_is_for_all(run, folder):
+    ts.calibrate("in/a.png").save("known.json")
+    options = ("--initial", "known.json", "--fix", "focal")
+    assert run("batch", "in", "-o", "out", *options)[0] == 0
+    known = ts.Calibration.load("known.json").camera
+    for name in ("a", "b"):
+        found = ts.Calibration.load(f"out/cameras/{name}.json")
+        assert (found.camera.fx, found.camera.fy) == (known.fx, known.fy)
+        assert found.fixed == ("focal",)
+
+
+def test_videos_are_cameras_among_photographs(run, folder):
+    picture = cv2.imread(str(folder / "in" / "a.png"))
+    write_frames(folder / "clip.avi", [picture] * 3)
+    inputs = ("clip.avi", "in/b.png", "-o", "out")
+    code, out, _ = run("batch", *inputs)
+    assert code == 6
+    assert "batch choose frames of it with --frames 10" in " ".join(out.split())
+    assert run("batch", *inputs, "--frames", "2", "--retry")[0] == 0
+    clip, photo = (ts.Calibration.load(f"out/cameras/{name}.json") for name in ("clip", "b"))
+    assert clip.camera.fx == ts.calibrate("clip.avi", frames=2).camera.fx
+    assert photo.camera.fx == ts.calibrate("in/b.png").camera.fx
+    assert run("batch", *inputs, "--frames", "0")[0] == 2
+
+
+@pytest.mark.parametrize(("cell", "status"), [("2", "done"), ("-1", "failed"), ("two", "failed")])
+def test_a_manifest_has_the_frames_of_a_video(run, folder, cell, status):
+    write_frames(folder / "clip.avi", [cv2.imread(str(folder / "in" / "a.png"))] * 2)
+    (folder / "list.csv").write_text(f"name,photographs,frames\nleft,clip.avi,{cell}\n")
+    run("batch", "list.csv", "-o", "out")
+    (record,) = map(json.loads, (folder / "out" / "results.jsonl").read_text().splitlines())
+    assert record["status"] == status
+    if status == "failed":
+        assert "frames must be" in record["error"]["text"]
 
 
 def test_limits_for_production_decide_the_exit_code(run, folder):

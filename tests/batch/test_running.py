@@ -161,13 +161,14 @@ def test_processes_end_with_the_one_that_started_them():
 def test_processes_compute_in_one_thread():
     with Submission(None, 1, JobLimits.stated(), threads) as submit:
         ((own),) = finished(jobs_of("a"), submit)
-    assert own.record["values"] == {"opencv": 1, "openblas": "1"}
+    assert own.record["values"] == {"opencv": 1, "openblas": "1", "video": "1"}
 
 
 def threads(job, limits):
     import cv2
 
     numbers = {"opencv": cv2.getNumThreads(), "openblas": os.environ["OPENBLAS_NUM_THREADS"]}
+    numbers["video"] = os.environ["OPENCV_FFMPEG_THREADS"]
     return {"name": job.name, "status": "done", "values": numbers}, "{}"
 
 

@@ -100,6 +100,17 @@ def test_under_another_model_a_warning_names_it(wide, model):
     assert 'model="fisheye' in first
 
 
+@pytest.mark.parametrize("model", ["equidistant", "fisheye1"])
+def test_with_too_few_coefficients_the_lens_is_named(wide, model):
+    scene, right = wide
+    found = ts.calibrate_edges(right.edges, image_size=SIZE, model=model)
+    high = [warning.code for warning in found.warnings if warning.severity == "high"]
+    assert "lens_beyond_model" in high
+    assert found.std["fx"] > 4 * right.std["fx"]
+    assert abs(found.camera.fx - scene.camera.fx) < 4 * found.std["fx"]
+    assert all("a warning names" in own.remedy for own in ts.diagnose(found).values())
+
+
 def test_its_maps_are_those_of_opencv():
     camera = camera_of(fisheye(170.0))
     points = np.array([[0.3, 0.2, 1.0], [-2.0, 1.0, 1.0], [0.0, 0.0, 2.0]])

@@ -122,6 +122,37 @@ def test_the_options_reach_the_library(run, photo, asked):
     }
 
 
+def test_a_camera_to_hold_is_read_from_a_file(run, photo, asked, tmp_path):
+    known = SCENE.camera
+    Camera(known.K, known.distortion, known.image_size).save(tmp_path / "known.yaml")
+    assert run("calibrate", photo, "--initial", tmp_path / "known.yaml", "--fix", "focal")[0] == 0
+    assert asked[0][1]["fix"] == ("focal",)
+    assert np.array_equal(asked[0][1]["initial"].K, known.K)
+
+
+def test_what_is_held_has_the_values_of_the_file(run, photo, tmp_path):
+    known = SCENE.camera
+    held = Camera(known.K, known.distortion, known.image_size)
+    held.save(tmp_path / "known.yaml")
+    options = ("--initial", tmp_path / "known.yaml", "--fix", "focal,principal_point", "--json")
+    code, out, err = run("calibrate", photo, *options)
+    assert (code, err) == (0, "")
+    found = Calibration.from_json(out)
+    assert np.array_equal(found.camera.K, held.K)
+    assert set(found.fixed) == {"focal", "principal_point"}
+    half = held.rescaled((320, 240))
+    half.save(tmp_path / "half.yaml")
+    code, _, err = run("calibrate", photo, "--initial", tmp_path / "half.yaml")
+    assert code == 2
+    assert "320 x 240, these have 640 x 480" in err
+
+
+def test_a_focal_length_needs_a_file_to_be_held_at(run, photo, tmp_path):
+    outcome = run("calibrate", photo, "--fix", "focal", "-o", tmp_path / "camera.json")
+    assert_refused(outcome, 2, tmp_path)
+    assert "--initial" in outcome[2]
+
+
 def test_the_table_shows_numbers_planes_and_warnings(run, photo, asked):
     code, out, err = run("calibrate", photo)
     assert (code, err, len(asked)) == (0, "warning: a warning [other]\n", 1)

@@ -63,6 +63,8 @@ PICTURES_READ = (
 FILES_READ = (
     ("calibrate", "photo.png", "--outline", "GIVEN"),
     ("calibrate", "photo.png", "--board", "GIVEN"),
+    ("calibrate", "photo.png", "--initial", "GIVEN"),
+    ("batch", "photo.png", "-o", "results", "--initial", "GIVEN"),
     ("predict", "GIVEN"),
     ("predict", "--camera", "GIVEN"),
     ("measure", "photo.png", "--camera", "GIVEN", FIRST, SECOND),
@@ -98,6 +100,7 @@ OVERWRITING = (
     ("calibrate", "photo.png", "-o", "new.png", "--overlay", "new.png"),
     ("calibrate", "photo.png", "--outline", "camera.json", "-o", "camera.json"),
     ("calibrate", "photo.png", "--board", "camera.json", "-o", "camera.json"),
+    ("calibrate", "photo.png", "--initial", "camera.json", "-o", "camera.json"),
     ("measure", *TAKEN, "--rectify", "photo.png"),
     ("compare", "camera.json", "photo.png", "--map", "photo.png"),
     ("undistort", *TAKEN, "-o", "photo.png"),

@@ -11,7 +11,7 @@ import pytest
 from command_errors import error_text
 from scenes import camera_of, squares
 from terminals import COMMAND, on_terminal
-from videos import moving, read_frames, turned_clockwise, write_frames
+from videos import moving, read_frames, stamped, turned_clockwise, write_frames
 
 import trisquare as ts
 from trisquare import simulate
@@ -95,6 +95,22 @@ def test_a_turned_video_is_shown_upright_again(run, folder):
     assert np.abs(frame.astype(int) - expected).mean() < 8  # by the coding
 
 
+def test_frames_that_come_unevenly_are_told(run, folder):
+    write_frames(folder / "even.flv", FRAMES[:5])
+    times = [0, 100, 150, 700, 800]
+    (folder / "uneven.flv").write_bytes(stamped((folder / "even.flv").read_bytes(), times))
+    options = ("--camera", "camera.json", "-o", "out/", "--json")
+    for name, off in (("even", 0.0), ("uneven", 0.4)):
+        (folder / f"{name}.mp4").write_bytes((folder / f"{name}.flv").read_bytes())
+        code, out, _ = run("undistort", f"{name}.mp4", *options)
+        assert code == 0
+        answer = json.loads(out)
+        assert answer["pictures"][0]["unevenness_s"] == pytest.approx(off, abs=0.01)
+        told = [each for each in answer["warnings"] if "unevenly" in each]
+        assert len(told) == (off > 0)
+        assert all(each.startswith("out/uneven.mp4: ") for each in told)
+
+
 def test_the_camera_is_scaled_to_a_smaller_video(run, folder):
     write_frames(folder / "clip.mp4", moving(3, (320, 240)))
     arguments = ("undistort", "clip.mp4", "--camera", "camera.json", "-o", "out.mp4")
@@ -137,7 +153,11 @@ UNDISTORT = "--camera camera.json -o"
         (f"undistort photo.png {UNDISTORT} out.mp4", 2, "out.mp4: no picture format"),
         (f"undistort clip.mp4 {UNDISTORT} clip.mp4", 2, "overwrite"),
         (f"undistort clip.mp4 {UNDISTORT} missing/out.mp4", 2, "no folder"),
-        ("calibrate clip.mp4", 5, "clip.mp4: a video, not a photograph: calibrate chooses"),
+        (
+            "calibrate clip.mp4",
+            5,
+            "clip.mp4: a video, not a photograph: calibrate and batch choose",
+        ),
         ("calibrate clip.mp4 --frames 0", 2, "at least 1"),
         ("calibrate clip.mp4 --frames x", 2, "--frames"),
         ("calibrate photo.png --frames 3", 2, "no video is given"),

@@ -9,7 +9,7 @@ import numpy as np
 # Read when the first video is opened, in this process before the command can set it.
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
-ENCODERS = {".avi": "MJPG", ".mp4": "mp4v"}
+ENCODERS = {".avi": "MJPG", ".mp4": "mp4v", ".flv": "\2\0\0\0"}
 
 QUARTER_TURN = (0, 1 << 16, 0, -1 << 16, 0, 0, 0, 0, 1 << 30)
 """Matrix of ISO 14496-12, section 8.3.2, that turns what is shown clockwise by 90 degrees."""
@@ -46,3 +46,35 @@ def turned_clockwise(encoded):
     at = encoded.index(b"tkhd") + 4 + 40
     matrix = struct.pack(">9i", *QUARTER_TURN)
     return encoded[:at] + matrix + encoded[at + len(matrix) :]
+
+
+def _video_tags(encoded):
+    """Yield where the tags of an FLV file's frames begin and end."""
+    at = 13
+    while at + 11 < len(encoded):
+        end = at + 15 + int.from_bytes(encoded[at + 1 : at + 4], "big")
+        if encoded[at] == 9:
+            yield at, end
+        at = end
+
+
+def stamped(encoded, milliseconds):
+    """The content of an FLV file whose frames are shown at these times."""
+    content = bytearray(encoded)
+    for (at, _), time in zip(_video_tags(encoded), milliseconds, strict=True):
+        content[at + 4 : at + 7] = time.to_bytes(3, "big")
+    return bytes(content)
+
+
+def with_larger_frames(encoded, size, count):
+    """The content of an FLV file with more frames, each of which states a size of its own."""
+    _, (at, end), *_ = _video_tags(encoded)
+    codec, picture = encoded[at + 11], encoded[at + 12 : end - 4]
+    bits = "".join(f"{byte:08b}" for byte in picture)
+    assert bits[30:33] == "000"  # its size in 8 bits each; 001 is that of 16
+    bits = bits[:30] + "001" + "".join(f"{side:016b}" for side in size) + bits[49:]
+    bits += "0" * (-len(bits) % 8)
+    payload = bytes([codec, *(int(bits[i : i + 8], 2) for i in range(0, len(bits), 8))])
+    tag = encoded[at : at + 1] + len(payload).to_bytes(3, "big") + encoded[at + 4 : at + 11]
+    tag += payload + (11 + len(payload)).to_bytes(4, "big")
+    return encoded[:at] + tag * count + encoded[at:]

@@ -7,7 +7,9 @@ from videos import moving, write_frames
 
 from trisquare.errors import ImageError
 from trisquare.images.frame_choice import choose_frames, with_frames
+from trisquare.images.limits import PictureLimits
 from trisquare.images.pixels import VideoFrame
+from trisquare.images.video import Video
 
 VIEWS = moving(4, step=60)
 
@@ -83,3 +85,30 @@ def test_bad_arguments_are_refused(panned, tmp_path):
     panned.write_bytes(panned.read_bytes()[: panned.stat().st_size // 2])
     with pytest.raises(ImageError, match="truncated"):
         with_frames([panned], 3)
+
+
+def test_a_video_of_too_many_frames_is_refused(tmp_path, monkeypatch):
+    path = tmp_path / "clip.avi"
+    write_frames(path, moving(5))
+    assert len(choose_frames(path, 2, PictureLimits(max_frames=5))) == 2
+    said = r"clip\.avi: has more than the 4 frames that max_frames allows"
+    with pytest.raises(ImageError, match=said):
+        choose_frames(path, 2, PictureLimits(max_frames=4))
+    monkeypatch.setenv("TRISQUARE_MAX_FRAMES", "4")
+    with pytest.raises(ImageError, match=said):
+        choose_frames(path, 2)
+
+
+def test_frames_that_are_not_stated_count_as_well(tmp_path, monkeypatch):
+    path = tmp_path / "clip.avi"
+    write_frames(path, moving(5))
+    whole = Video.__init__
+
+    def stating_none(video, *arguments):
+        whole(video, *arguments)
+        video.stated_frames = 0
+
+    monkeypatch.setattr(Video, "__init__", stating_none)
+    assert len(choose_frames(path, 2, PictureLimits(max_frames=5))) == 2
+    with pytest.raises(ImageError, match="more than the 4 frames"):
+        choose_frames(path, 2, PictureLimits(max_frames=4))

@@ -9,8 +9,16 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
-from videos import moving, read_frames, turned_clockwise, write_frames
+from videos import (
+    moving,
+    read_frames,
+    stamped,
+    turned_clockwise,
+    with_larger_frames,
+    write_frames,
+)
 
+import trisquare.images.video
 from trisquare.errors import ImageError, MissingImageError
 from trisquare.images.limits import PictureLimits
 from trisquare.images.video import Video, add_sound, check_video_name, is_video, write_video
@@ -140,6 +148,61 @@ def test_frames_of_too_many_pixels_are_refused(tmp_path):
     write_frames(path, FRAMES)
     with pytest.raises(ImageError, match="160 x 120 pixels, more than the 19199"):
         Video(path, PictureLimits(max_pixels=160 * 120 - 1))
+
+
+@pytest.mark.parametrize(("each", "is_read"), [(0.005, True), (0.5, False)])
+def test_frames_that_take_as_long_as_far_larger_ones_are_refused(
+    tmp_path, monkeypatch, each, is_read
+):
+    """A frame may state a size of its own, which OpenCV decodes and scales to that of the first."""
+    path = tmp_path / "clip.avi"
+    write_frames(path, FRAMES)
+    clock = SimpleNamespace(now=0.0)
+
+    def clocks():
+        clock.now += each
+        return clock.now, clock.now
+
+    monkeypatch.setattr(trisquare.images.video, "_clocks", clocks)
+    with Video(path) as video:
+        if is_read:
+            assert len(list(video.frames())) == len(FRAMES)
+        else:
+            with pytest.raises(ImageError, match=r"clip\.avi: .* 7 frames of 160 x 120 .* 3\.5 s"):
+                list(video.frames())
+
+
+@pytest.mark.slow
+def test_frames_that_hide_larger_ones_are_refused(tmp_path, monkeypatch):
+    path = tmp_path / "clip.flv"
+    write_frames(path, moving(6, (64, 48)))
+    path.write_bytes(with_larger_frames(path.read_bytes(), (4000, 3000), 10_000))
+    monkeypatch.setattr(trisquare.images.video, "MOST_SECONDS_MORE", 0.5)
+    with Video(path) as video, pytest.raises(ImageError, match=r"64 x 48 pixels .* far larger"):
+        list(map(np.shape, video.frames()))
+
+
+def test_what_waits_for_others_is_no_decoding(tmp_path, monkeypatch):
+    path = tmp_path / "clip.avi"
+    write_frames(path, FRAMES)
+    ticks = iter(range(1000))
+    monkeypatch.setattr(trisquare.images.video, "_clocks", lambda: (0.0, 10.0 * next(ticks)))
+    with Video(path) as video:
+        assert len(list(video.frames())) == len(FRAMES)
+
+
+@pytest.mark.parametrize(
+    ("times", "off"),
+    [([0, 100, 200, 300, 400], 0.0), ([0, 100, 150, 700, 800], 0.4), ([0] * 5, 0.0)],
+)
+def test_frames_that_come_unevenly_are_noticed(tmp_path, times, off):
+    path = tmp_path / "clip.flv"
+    write_frames(path, FRAMES[:5])
+    path.write_bytes(stamped(path.read_bytes(), times))
+    with Video(path) as video:
+        assert video.rate == pytest.approx(10.0)
+        assert len(list(video.frames())) == 5
+        assert video.unevenness == pytest.approx(off, abs=0.01)
 
 
 @pytest.mark.parametrize("name", ["clip", "clip.webm", "clip.png", "clip.mp4.txt"])

@@ -15,8 +15,11 @@ from shown import CHECKOUT, DOCS, PAGES, assert_same_text, blocks, page, run_lin
 
 import trisquare as ts
 from trisquare import simulate
+from trisquare.camera.lens_models import COEFFICIENTS
 from trisquare.cli.app import main
+from trisquare.detection.annotations.formats import annotated_pictures
 from trisquare.detection.sheets.layout import parse_layout
+from trisquare.formats.registry import FORMATS
 
 FRAMES = 3
 
@@ -92,13 +95,22 @@ def test_the_tutorial_leads_to_a_straight_video(folder, capsys):
 
 
 def test_the_outlines_calibrate(folder):
-    (outlines,) = [
+    outlines, several = [
         json.loads(content)
         for _, content in blocks(page("formats.md"), "json")
         if "outlines" in content
     ]
+    front, second = annotated_pictures(several)
+    assert (front.name, len(front.targets), second.index) == ("front.jpg", 2, 1)
     drawn = ts.calibrate("photo.jpg", outlines=outlines)
     assert drawn.camera.fx == pytest.approx(902.4, abs=1)
+
+
+def test_the_camera_is_read(folder):
+    texts = [text for _, text in blocks(page("formats.md"), "json") if "trisquare-camera" in text]
+    (text,) = texts
+    Path("own.json").write_text(text)
+    assert ts.Camera.load("own.json").model == "radial2"
 
 
 def test_the_plan_is_predicted(folder):
@@ -141,12 +153,84 @@ def test_the_reference_has_every_public_name_once():
     assert sorted(named) == sorted(set(ts.__all__) - {"__version__"})
 
 
-def test_every_format_is_described():
-    described = page("formats.md")
+def table_rows(text, heading):
+    """The cells of the table whose first line begins so, without that line."""
+    (table,) = re.findall(rf"^\| {re.escape(heading)}.*\n\|[ -|]*\n((?:\|.*\n)+)", text, re.M)
+    return [[cell.strip() for cell in row.strip("|").split(" | ")] for row in table.splitlines()]
+
+
+LENSES = {
+    "none, k1": ("radial1", {"k1": -0.1}),
+    "k2": ("radial2", {"k1": -0.1, "k2": 0.02}),
+    "k3": ("radial3", {"k1": -0.1, "k2": 0.02, "k3": 0.003}),
+    "p1, p2": ("brown", {"k1": -0.1, "p1": 0.001, "p2": 0.002}),
+    "fisheyes": ("fisheye", {"k1": -0.1, "k2": 0.02, "k3": 0.003, "k4": 0.001}),
+    "rational": ("rational", {"k1": -0.1, "k4": 0.001, "k6": 0.001}),
+    "prisms": ("thin_prism", {"k1": -0.1, "k4": 0.001, "s1": 0.001, "s4": 0.001}),
+    "`fx` ≠ `fy`": ("none", {}),
+    "skew": ("none", {}),
+}
+"""A camera for each column of the table of lenses: its model and what of it is not zero."""
+
+
+def camera_of_column(column):
+    model, named = LENSES[column]
+    fy = 905.0 if "fy" in column else 900.0
+    skew = 1.5 if column == "skew" else 0.0
+    K = np.array([[900.0, skew, 641.3], [0.0, fy, 477.7], [0.0, 0.0, 1.0]])
+    distortion = [named.get(name, 0.0) for name in COEFFICIENTS[model]]
+    return ts.Camera(K, distortion, (1280, 960), model)
+
+
+def test_the_table_of_formats_is_that_of_the_code():
+    text = page("formats.md")
+    rows = {row[1].strip("`"): row for row in table_rows(text, "format | `--from`")}
+    assert set(rows) == set(ts.formats.FORMAT_NAMES)
+    for known in FORMATS:
+        title, _, endings, origin, _ = rows[known.name]
+        assert tuple(ending.strip("`") for ending in endings.split(", ")) == known.file_names
+        assert (origin == "corner") == (known.name in ("colmap", "nerfstudio"))
+        name, anchor = re.fullmatch(r"\[(.*)\]\(#(.*)\)", title).groups()
+        assert name.lower() == anchor
+        assert f"\n### {name}\n" in text
+
+
+def test_the_table_of_lenses_is_what_the_formats_hold(tmp_path):
+    text = page("formats.md")
+    (heading,) = re.findall(r"^\| format \| none.*", text, re.M)
+    columns = [cell.strip() for cell in heading.strip("|").split(" | ")][1:]
+    assert columns == list(LENSES)
+    rows = table_rows(text, "format | none")
+    assert len(rows) == len(FORMATS)
+    for title, *cells in rows:
+        name = title.lower()
+        path = tmp_path / name
+        for column, cell in zip(columns, cells, strict=True):
+            camera = camera_of_column(column)
+            try:
+                camera.save(path, name)
+            except ts.LensModelError:
+                assert cell == "no", (title, column)
+                continue
+            assert cell == "yes", (title, column)
+            size = camera.image_size if name == "lensfun" else None
+            read = ts.Camera.load(path, name, image_size=size)
+            np.testing.assert_allclose(read.K, camera.K, rtol=1e-13)
+            np.testing.assert_allclose(read.distortion, camera.distortion, rtol=1e-13)
+            assert read.model == camera.model or not any(camera.distortion)
+
+
+def test_the_modules_of_all_formats_are_in_the_reference():
+    reference = page("api/file-formats.rst")
     for name in ts.formats.FORMAT_NAMES:
-        assert f"| `{name}` |" in described
         module = "native_json" if name == "trisquare" else name
-        assert f"automodule:: trisquare.formats.{module}\n" in described
+        assert f"automodule:: trisquare.formats.{module}\n" in reference
+
+
+def test_what_is_read_needs_no_build():
+    """A page on a forge shows nothing where Sphinx would put what a module says."""
+    for path in DOCS.glob("*.md"):
+        assert "automodule" not in path.read_text("utf-8"), path
 
 
 def test_every_option_of_every_command_is_described(monkeypatch, capsys):

@@ -14,7 +14,8 @@ from types import MappingProxyType
 import numpy as np
 
 from trisquare._support.arrays import RebuiltByConstructor
-from trisquare.analysis.what_if import WhatIf, gains
+from trisquare._support.number_text import with_its_std
+from trisquare.analysis.what_if import WhatIf, contradicted_aspect, gains
 from trisquare.results.calibration import Calibration
 
 # Correlations and gains that are worth a word.
@@ -165,6 +166,9 @@ def _diagnose(
     if cause is not None:
         # The changes are predicted for noise alone, which is not what limits it.
         remedies = [f"mend first what a warning names ({cause})", *remedies[:1]]
-    return ParameterDiagnosis(
-        std, correlation, ", and ".join(limits[:2]), "; ".join(remedies) or nothing
-    )
+    remedies = remedies or [nothing]
+    contradicted = contradicted_aspect(calibration)
+    if contradicted is not None and name in ("fx", "fy"):
+        ratio, ratio_std = with_its_std(*contradicted)
+        remedies.append(f"fixing the aspect at 1 is no remedy: fy / fx is {ratio} +- {ratio_std}")
+    return ParameterDiagnosis(std, correlation, ", and ".join(limits[:2]), "; ".join(remedies))

@@ -160,7 +160,7 @@ def predict(
     if model is not None and model not in kin:
         raise ValueError(
             f"{model!r} is no model of this camera's family ({', '.join(kin)}): give a camera "
-            "of its own family (--camera FILE)"
+            "of its own family, camera= (--camera)"
         )
     noise = real_number(sigma, "sigma")
     distance = real_number(spacing, "spacing")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import NamedTuple
@@ -41,10 +42,8 @@ ADDED_PLACES = {
     "lower left": (0.25, 0.75),
     "lower right": (0.75, 0.75),
 }
-HELD = {
-    "aspect": "the aspect, since nearly every camera's pixels are square,",
-    "principal_point": "the principal point, if it is known,",
-}
+# Standard deviations from what nearly every camera has, beyond which an estimate contradicts it.
+CONTRADICTING = 3.0
 
 
 class WhatIf(NamedTuple):
@@ -137,9 +136,41 @@ def changes_of(calibration: Calibration, planes: tuple[PosedPlane, ...]) -> Iter
     if all(plane.kind in ("square", "tag") for plane in calibration.planes):
         frames = tuple(plane._replace(outlines=outlines_of("frame")) for plane in planes)
         yield WhatIf("frames instead of solid squares", "", frames, fixed)
-    for name, words in HELD.items():
+    for name, words in _known_of_cameras(calibration).items():
         if name not in fixed and "focal" not in fixed:
             yield WhatIf(f"fixing {words}", "", planes, (*fixed, name))
+
+
+def _known_of_cameras(calibration: Calibration) -> dict[str, str]:
+    """Return what may be held of a camera, in words; not what its own estimate contradicts."""
+    camera, known = calibration.camera, {}
+    if contradicted_aspect(calibration) is None:
+        known["aspect"] = "the aspect, since nearly every camera's pixels are square,"
+    away = np.array([camera.cx, camera.cy]) - np.subtract(camera.image_size, 1) / 2.0
+    covariance = _covariance_of(calibration, "cx", "cy")
+    central = covariance is None or away @ np.linalg.pinv(covariance) @ away < CONTRADICTING**2
+    where = "" if central else " from elsewhere, for it is not the image centre"
+    known["principal_point"] = f"the principal point, if it is known{where},"
+    return known
+
+
+def contradicted_aspect(calibration: Calibration) -> tuple[float, float] | None:
+    """Return ``fy / fx`` and its standard deviation where they contradict square pixels."""
+    covariance = _covariance_of(calibration, "fx", "fy")
+    if covariance is None:
+        return None
+    ratio = calibration.camera.fy / calibration.camera.fx
+    by = np.array([-ratio, 1.0]) / calibration.camera.fx
+    std = math.sqrt(max(0.0, float(by @ covariance @ by)))
+    return (ratio, std) if abs(ratio - 1.0) > CONTRADICTING * std else None
+
+
+def _covariance_of(calibration: Calibration, *names: str) -> FloatArray | None:
+    """Return the covariance of some parameters, None unless all of them are free."""
+    if not set(names) <= set(calibration.parameters):
+        return None
+    places = [calibration.parameters.index(name) for name in names]
+    return calibration.covariance[np.ix_(places, places)]
 
 
 def _collide(planes: tuple[PosedPlane, ...]) -> bool:

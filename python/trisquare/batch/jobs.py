@@ -19,7 +19,7 @@ from trisquare.camera.camera import Camera
 
 OPTIONS = (
     *("method", "model", "fix", "free", "initial", "orthogonal", "parallel"),
-    *("tone", "targets", "outlines", "lines", "side"),
+    *("tone", "targets", "outlines", "lines", "side", "frames"),
 )
 """Arguments of `calibrate` that a job may have."""
 
@@ -49,11 +49,12 @@ class Job:
     name : str
         Of the camera; no other job of the batch may have it.
     photographs : sequence of str or path
-        Files.
+        Files; videos as well, with the option ``frames``.
     options : mapping of str to object
         Arguments of `calibrate` by their names: ``method``, ``model``, ``fix``, ``free``,
         ``initial`` (a `Camera`, or a camera file), ``orthogonal``, ``parallel``, ``tone``,
-        ``targets``, ``outlines`` (a file, or its content), ``lines`` and ``side``.
+        ``targets``, ``outlines`` (a file, or its content), ``lines``, ``side`` and ``frames`` (of
+        each video among the photographs; without one it says nothing).
     origin : str
         Where it was read, as messages say it.
     fault : str, optional

@@ -158,6 +158,10 @@ def _cell(column: str, cell: str) -> Any:
         return [[int(one) for one in pair] for pair in pairs]
     if column in SEVERAL:
         return [one.strip() for one in cell.split(";")]
+    if column == "frames":
+        if not cell.strip().isdecimal():
+            raise ValueError(f"frames must be a whole number, not {cell!r}")
+        return int(cell)
     if column == "lines":
         if cell.strip().lower() not in ("true", "false"):
             raise ValueError(f"lines must be true or false, not {cell!r}")

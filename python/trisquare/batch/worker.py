@@ -40,6 +40,7 @@ def calibrated(job: Job, limits: JobLimits) -> Answer:
         As `calibrate`.
     """
     from trisquare.calibration.calibrate import calibrate
+    from trisquare.images.video import is_video
 
     options = dict(job.options)
     initial = options.get("initial")
@@ -47,6 +48,8 @@ def calibrated(job: Job, limits: JobLimits) -> Answer:
         from trisquare.formats import load_camera
 
         options["initial"] = load_camera(initial).camera
+    if not any(map(is_video, job.photographs)):
+        options.pop("frames", None)  # it is for the cameras of the batch that have one
     result = calibrate(
         list(job.photographs),
         max_pixels=limits.max_pixels,

@@ -26,8 +26,11 @@ LARGEST_SIZE = 2**62
 ENDING = 5.0
 """Seconds that a process that closed its output has to end by itself: how it ends is told."""
 
-ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "RAYON")}
-"""Read by the libraries when they are loaded."""
+ONE_THREAD = {
+    **{f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "RAYON")},
+    "OPENCV_FFMPEG_THREADS": "1",
+}
+"""Read by the libraries when they are loaded, or a video is opened."""
 
 START = "import sys; sys.path[:] = {path!r}; from trisquare.batch.worker import serve; serve()"
 

@@ -95,7 +95,8 @@ def calibrate(
         What is estimated although it is held otherwise, at the value of `initial` or zero: the
         skew, ``K[0, 1]``. It needs ``method="ml"`` and, with nothing else held, three planes.
     initial : Camera, optional
-        Values for what is fixed; "focal" needs them.
+        Values for what is fixed; "focal" needs them. What is free starts from them as well, where
+        the planes alone give no start.
     orthogonal, parallel : sequence of (int, int)
         Pairs of planes of one picture that are known to be at right angles to each other, or
         parallel, as walls and the faces of a box are: indices of ``planes`` of the result, which

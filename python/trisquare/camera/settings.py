@@ -61,7 +61,9 @@ class Settings:
         if initial is not None and not isinstance(initial, Camera):
             raise TypeError(f"initial must be a Camera, not {type(initial).__name__}")
         if "focal" in names and initial is None:
-            raise ValueError("to fix the focal length, give its value as an initial camera")
+            raise ValueError(
+                "to fix the focal length, give its value by a camera: initial= (--initial)"
+            )
         if model == AUTO and (method == "linear" or "distortion" in names):
             raise ValueError(
                 'model="auto" needs method="ml" and a free distortion: otherwise name a model'
@@ -81,9 +83,10 @@ class Settings:
         if self.initial is None:
             return None
         if self.initial.image_size != image_size:
+            own, other = ("{} x {}".format(*size) for size in (self.initial.image_size, image_size))
             raise ValueError(
-                f"the initial camera is for pictures of {self.initial.image_size}, these have "
-                f"{image_size}"
+                f"the initial camera is for pictures of {own}, these have {other}: if only the "
+                "resolution differs, scale it with Camera.rescaled"
             )
         return camera_for_core(self.initial)
 

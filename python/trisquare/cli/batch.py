@@ -33,9 +33,12 @@ from trisquare.camera.settings import AUTO, METHODS, Settings
 from trisquare.cli.calibrate import tone_named
 from trisquare.cli.console import answer
 from trisquare.cli.framework import NOT_ALL_PASSED_EXIT, reading
+from trisquare.cli.input_files import camera_alone
 from trisquare.cli.options import (
     FIX,
+    FRAMES,
     FREE,
+    INITIAL,
     JSON,
     QUIET,
     amount,
@@ -53,6 +56,7 @@ EXAMPLES = (
     "trisquare batch line/*.jpg -o results",
     "trisquare batch fleet --camera '{serial}_*.jpg' -o results --limits limits.toml",
     "trisquare batch cameras.csv -o results --jobs 8 --model brown",
+    "trisquare batch clip.mp4 line/*.jpg -o results --frames 10",
     "trisquare batch archive -o results --dask tcp://scheduler:8786",
 )
 
@@ -111,11 +115,13 @@ def batch_command(
     ),
     method: str = option("ml", "METHOD", "Method: ml or linear.", offer=METHODS),
     fix: list[str] | None = FIX,
+    initial: Path | None = INITIAL,
     free: list[str] | None = FREE,
     tone: str | None = option(
         None, "TONE", "Tone curve: auto, srgb, linear or a gamma.", offer=TONE_CURVES
     ),
     targets: str = option("auto", "TARGETS", "Targets to search for, as in trisquare calibrate."),
+    frames: int | None = FRAMES,
     lines: bool = flag("Use the scene's own straight edges as well.", "--lines"),
     max_pixels: str | None = option(
         None, "N", "Refuse pictures of more pixels, by their header (500M)."
@@ -139,7 +145,7 @@ def batch_command(
         raise ValueError("give one of --jobs, --dask and --mpi: a cluster has its own workers")
     if camera is not None:
         camera_pattern(camera)
-    options = _options(method, model, fix, free, tone, targets, lines)
+    options = _options(method, model, fix, initial, free, tone, targets, frames, lines)
     with reading():
         requirements = [] if limits is None else read_requirements(limits)
         total = sum(1 for _ in find_jobs(inputs, camera, options))
@@ -186,28 +192,35 @@ def _options(
     method: str,
     model: str,
     fix: list[str] | None,
+    initial: Path | None,
     free: list[str] | None,
     tone: str | None,
     targets: str,
+    frames: int | None,
     lines: bool,
 ) -> dict[str, Any]:
     """Return what all cameras have in common, checked: a wrong name is not to fail each of them."""
     from trisquare.detection.kinds import TargetKinds
     from trisquare.images.pixels import checked_tone
 
-    settings = Settings.check(method, model, listed_names(fix), None, listed_names(free), (), ())
+    known = None if initial is None else camera_alone(initial)
+    settings = Settings.check(method, model, listed_names(fix), known, listed_names(free), (), ())
     curve = checked_tone(tone_named(tone))
     with reading():
         TargetKinds.parse(targets)
+    if frames is not None and frames < 1:
+        raise ValueError(f"--frames must be at least 1, not {frames}")
     if lines and method == "linear":
         raise ValueError("--lines needs --method ml")
     given = {
         "method": (settings.method, "ml"),
         "model": (settings.model, "radial2"),
         "fix": (settings.fixed, ()),
+        "initial": (None if initial is None else str(initial), None),
         "free": (settings.free, ()),
         "tone": (curve, None),
         "targets": (targets, "auto"),
+        "frames": (frames, None),
         "lines": (lines, False),
     }
     return {name: value for name, (value, default) in given.items() if value != default}
@@ -285,8 +298,9 @@ def _write_summary(
 def _report(
     output: Path, counts: Counts, done: int, failed: list[dict[str, Any]], notes: list[str]
 ) -> list[RenderableType]:
+    noun = "camera" if counts.total == 1 else "cameras"
     lines = [
-        f"{output}: {counts.total} cameras ({done} done now): {counts.passed} "
+        f"{output}: {counts.total} {noun} ({done} done now): {counts.passed} "
         f"passed, {counts.beyond_limits} beyond the limits, {counts.failed} failed; photographs "
         f"of {counts.retake} to take again, {counts.outlying} unlike the others"
     ]

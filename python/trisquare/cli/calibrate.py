@@ -17,10 +17,12 @@ from trisquare.camera.lens_models import MODELS
 from trisquare.camera.settings import AUTO, METHODS
 from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.framework import command_line, reading
-from trisquare.cli.input_files import photographs_named
+from trisquare.cli.input_files import camera_alone, photographs_named
 from trisquare.cli.options import (
     FIX,
+    FRAMES,
     FREE,
+    INITIAL,
     JSON,
     ORTHOGONAL,
     PARALLEL,
@@ -53,6 +55,7 @@ EXAMPLES = (
     "trisquare calibrate photo.jpg -o camera.json --overlay overlay.png --diagnose",
     "trisquare calibrate one.jpg two.jpg three.jpg --model auto --json",
     "trisquare calibrate board.png --targets chessboard:9x6 --fix aspect,principal_point",
+    "trisquare calibrate photo.jpg --initial camera.json --fix focal,principal_point",
     "trisquare calibrate clip.mp4 --frames 10 -o camera.json",
 )
 
@@ -105,6 +108,7 @@ def calibrate_command(
         offer=METHODS,
     ),
     fix: list[str] | None = FIX,
+    initial: Path | None = INITIAL,
     free: list[str] | None = FREE,
     orthogonal: list[str] | None = ORTHOGONAL,
     parallel: list[str] | None = PARALLEL,
@@ -135,11 +139,7 @@ def calibrate_command(
         "Measure the squares outlined in this file, and search for no others: trisquare's JSON or "
         "labelme's, in pixels of the picture as stored, accurate to 5 px.",
     ),
-    frames: int | None = option(
-        None,
-        "N",
-        "Calibrate with N frames of each video among the inputs: sharp ones that differ.",
-    ),
+    frames: int | None = FRAMES,
     lines: bool = flag(
         "Use the scene's own straight edges as well, where they are consistent with the squares.",
         "--lines",
@@ -176,7 +176,7 @@ def calibrate_command(
     overlay_paths = numbered_paths(overlay, most_pictures)
     debug_images = numbered_paths(debug_image, most_pictures)
     # No board but a file has a name that might be an output's.
-    inputs = [*photos, outline, None if board is None else Path(board)]
+    inputs = [*photos, outline, initial, None if board is None else Path(board)]
     check_outputs(inputs, [*overlay_paths, *debug_images], [output, report])
     written_as = None if output is None else format_of_name(output.name, OTHER_ENDING)
     if report is not None:
@@ -187,6 +187,7 @@ def calibrate_command(
         with reading():
             parse_layout(board)
         targets = board  # in Python they are one argument
+    known = None if initial is None else camera_alone(initial)
     limits = PictureLimits.stated(
         amount(max_pixels, "--max-pixels"), amount(max_bytes, "--max-bytes")
     )
@@ -205,7 +206,7 @@ def calibrate_command(
             model=model,
             fix=listed_names(fix),
             free=listed_names(free),
-            initial=None,
+            initial=known,
             orthogonal=parse_pairs(orthogonal),
             parallel=parse_pairs(parallel),
             tone=tone_named(tone),

@@ -42,8 +42,18 @@ QUIET = flag("Print nothing but errors.", "--quiet", "-q")
 FIX = option(
     None,
     "WHAT",
-    "Hold aspect, principal_point, focal or distortion; repeatable, or with commas.",
+    "Hold aspect, principal_point, focal or distortion at the values of --initial, or else at 1, "
+    "the image centre, and zero; repeatable, or with commas.",
     offer=FIXABLE,
+)
+FRAMES = option(
+    None, "N", "Calibrate with N frames of each video among the inputs: sharp ones that differ."
+)
+INITIAL = option(
+    None,
+    "FILE",
+    "A camera, in any format that convert reads: --fix holds its values, and --fix focal needs it; "
+    "what is free may start from them.",
 )
 FREE = option(
     None, "WHAT", "Estimate the skew, which is held at zero otherwise: skew.", offer=FREEABLE

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +17,11 @@ from trisquare.analysis.plan import PlannedSquare
 from trisquare.analysis.predict import PRINTED_SIGMA, Prediction, predict
 from trisquare.camera.camera import Camera, camera_parameters, named_numbers
 from trisquare.camera.lens_models import MODELS
+from trisquare.camera.settings import FIXABLE
 from trisquare.cli.console import answer, new_table
 from trisquare.cli.framework import reading
 from trisquare.cli.input_files import camera_alone
-from trisquare.cli.options import FIX, FREE, JSON, QUIET, argument, listed_names, option, parse_size
+from trisquare.cli.options import FREE, JSON, QUIET, argument, listed_names, option, parse_size
 
 PLAN_FORMAT = "trisquare-plan/1"
 PREDICTION_FORMAT = "trisquare-prediction/1"
@@ -67,18 +69,34 @@ def predict_command(
         "brown.",
         offer=MODELS,
     ),
-    fix: list[str] | None = FIX,
+    fix: list[str] | None = option(
+        None,
+        "WHAT",
+        "What will be held, at the camera's values: aspect, principal_point, focal or distortion; "
+        "repeatable, or with commas.",
+        offer=FIXABLE,
+    ),
     free: list[str] | None = FREE,
     json: bool = JSON,
     quiet: bool = QUIET,
 ) -> None:
     """Predict the standard deviations that a planned photograph will have."""
+    if camera is not None and (size is not None or focal is not None):
+        raise ValueError("--camera states the size and focal length: leave out --size and --focal")
+    if focal is not None and not 0.0 < focal < np.inf:
+        raise ValueError(f"--focal must be positive, not {focal:g}")
+    if frame is not None and not 0.0 < frame < 1.0:
+        raise ValueError(f"--frame must be between 0 and 1, not {frame:g}")
+    stated = None if size is None else parse_size(size)
+    known = None if camera is None else camera_alone(camera)
     written = None if plan is None else read_plan(plan)
-    guess = _camera(written, size, focal, camera)
-    if square or written is None:
+    with nullcontext() if plan is None else naming(plan):
+        guess = _pinhole(written, stated, focal) if known is None else known
+        planned = []
+        if written is not None and not square:
+            planned = [planned_square(own, guess, frame) for own in written.objects("squares")]
+    if written is None or square:
         planned = [_square(text, guess, frame) for text in square or DEFAULT_SQUARES]
-    else:
-        planned = [planned_square(members, guess, frame) for members in written.objects("squares")]
     prediction = predict(
         guess,
         planned,
@@ -99,18 +117,12 @@ def read_plan(plan: Path) -> JsonFields:
         return JsonFields.parse(text, PLAN_FORMAT)
 
 
-def _camera(
-    written: JsonFields | None, size: str | None, focal: float | None, camera: Path | None
+def _pinhole(
+    written: JsonFields | None, size: tuple[int, int] | None, focal: float | None
 ) -> Camera:
-    """Take the camera from a calibration, or make a pinhole of size and focal length."""
-    if camera is not None:
-        if size is not None or focal is not None:
-            raise ValueError(
-                "--camera states the size and focal length: leave out --size and --focal"
-            )
-        return camera_alone(camera)
+    """Make a pinhole of a size and a focal length; what is None is the plan's."""
     if size is not None:
-        width, height = parse_size(size)
+        width, height = size
     elif written is not None:
         width, height = size_of_image(written.integers("image_size"))
     else:

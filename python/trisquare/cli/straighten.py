@@ -97,10 +97,10 @@ def _lines(found: Straightened, files: Mapping[PathLike, bytes]) -> Iterator[str
     yield f"centre of distortion, px: {', '.join(numbers[2:])}{held}"
     map_ = camera.displacement_map()
     largest = (map_.displacement**2).sum(axis=1).argmax()
-    yield (
-        f"largest displacement {float((map_.displacement[largest] ** 2).sum()) ** 0.5:.1f} px, "
-        f"std {float((map_.std[largest] ** 2).sum()) ** 0.5:.1g} px"
+    moved, its_std = with_its_std(
+        *(float((each[largest] ** 2).sum()) ** 0.5 for each in (map_.displacement, map_.std))
     )
+    yield f"largest displacement {moved} +- {its_std} px"
     yield "focal length: unknown, straight lines do not tell it"
     for path in files:
         yield f"wrote {path}"

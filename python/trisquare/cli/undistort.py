@@ -89,7 +89,8 @@ def undistort_command(
 ) -> None:
     """Remove the lens distortion from photographs and videos; none is written unless all can be.
 
-    A video keeps the rate and the number of its frames, and its sound where ffmpeg is on the PATH.
+    A video keeps the mean rate and the number of its frames, and its sound where ffmpeg is on the
+    PATH.
     """
     photos = photographs_named(photos)
     videos = [is_video(photo) for photo in photos]
@@ -147,12 +148,18 @@ def undistort_command(
                 video, used, temporary, interpolation=interpolation, progress=tell
             )
         more = {"frames": frames, "rate": video.rate, "turned": video.turn}
+        more["unevenness_s"] = video.unevenness
         pictures.append({**_picture_members(clip, path, used), **more})
         views.add(used.new_camera)
         if video.turn:
             warnings.append(
                 f"{path}: turned clockwise by {video.turn} degrees, as players turn the video; the "
                 "new camera is that of its frames before"
+            )
+        if video.unevenness * video.rate > 1.0:
+            warnings.append(
+                f"{path}: has {video.rate:.4g} frames a second; those of the video come unevenly, "
+                f"and are up to {video.unevenness:.2g} s earlier or later than here"
             )
         missed = add_sound(temporary, clip)
         if missed is not None:

@@ -109,7 +109,7 @@ def choose_frames(
     Raises
     ------
     ImageError
-        If the video cannot be read whole.
+        If the video cannot be read whole, or has too many frames.
     """
     kept: dict[int, _Candidate] = {}
 
@@ -119,8 +119,11 @@ def choose_frames(
         for other in kept.values():
             del other.distances[worst]
 
+    limits = PictureLimits.stated() if limits is None else limits
     with Video(path, limits) as video:
+        limits.check_frames(video.name, video.stated_frames)
         for number, pixels in enumerate(video.frames()):
+            limits.check_frames(video.name, number + 1)
             new = _judged(VideoFrame(video.name, number, pixels))
             for earlier, other in kept.items():
                 apart = float(np.abs(new.thumbnail - other.thumbnail).mean())

@@ -1,4 +1,4 @@
-"""How large a picture's file may be: files of strangers may unfold to any size."""
+"""How large pictures and videos may be: files of strangers may unfold to any size."""
 
 from __future__ import annotations
 
@@ -19,13 +19,23 @@ MAX_SCANS = 100
 """Of a progressive JPEG. Encoders write 10, and 20 where they optimise; each is decoded over the
 whole picture, so that a small file may take minutes."""
 
+MAX_FRAMES = 100_000
+"""Of a video that frames are chosen from: an hour at 27 frames a second. All are decoded."""
+
+SLOWEST_PIXELS = 2e6
+"""Of a video, decoded in a second of the processor. The slowest coding on the slowest machine takes
+less; a frame that hides a far larger one, which OpenCV scales to the size that was stated, more."""
+
+MOST_SECONDS_MORE = 3.0
+"""Of the processor, that decoding a video may take beyond this: it has to begin."""
+
 AMOUNT = re.compile(r"(\d+(?:\.\d+)?(?:e\d+)?)([kMG]?)", re.ASCII)
 FACTORS = {"": 1.0, "k": 1e3, "M": 1e6, "G": 1e9}
 
 
 @dataclass(frozen=True, slots=True)
 class PictureLimits:
-    """What a picture's file may have.
+    """What the file of a picture or a video may have.
 
     Attributes
     ----------
@@ -35,11 +45,14 @@ class PictureLimits:
         Of the file.
     max_scans : int
         Of a progressive JPEG.
+    max_frames : int
+        Of a video that frames are chosen from.
     """
 
     max_pixels: int = MAX_PIXELS
     max_bytes: int = MAX_BYTES
     max_scans: int = MAX_SCANS
+    max_frames: int = MAX_FRAMES
 
     def check_pixels(self, name: str, size: tuple[int, int]) -> None:
         """Raise ImageError if a picture of this width and height has too many pixels."""
@@ -57,12 +70,21 @@ class PictureLimits:
                 f"{name}: has {size} bytes, more than the {self.max_bytes} that max_bytes allows"
             )
 
+    def check_frames(self, name: str, count: int) -> None:
+        """Raise ImageError if a video has, or states, too many frames."""
+        if count > self.max_frames:
+            raise ImageError(
+                f"{name}: has more than the {self.max_frames} frames that max_frames allows "
+                "(TRISQUARE_MAX_FRAMES): cut out the part that shows the targets"
+            )
+
     @classmethod
     def stated(
         cls,
         max_pixels: float | None = None,
         max_bytes: float | None = None,
         max_scans: float | None = None,
+        max_frames: float | None = None,
     ) -> PictureLimits:
         """Return the limits given, where None those of the environment, or else the defaults.
 
@@ -75,6 +97,7 @@ class PictureLimits:
             int(stated_limit("max_pixels", max_pixels, MAX_PIXELS)),
             int(stated_limit("max_bytes", max_bytes, MAX_BYTES)),
             int(stated_limit("max_scans", max_scans, MAX_SCANS)),
+            int(stated_limit("max_frames", max_frames, MAX_FRAMES)),
         )
 
 

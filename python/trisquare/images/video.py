@@ -6,6 +6,7 @@ import errno
 import os
 import shutil
 import subprocess
+import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from types import TracebackType
@@ -13,7 +14,7 @@ from types import TracebackType
 from trisquare._support.writing import PathLike
 from trisquare.errors import ImageError, MissingImageError
 from trisquare.images.foreign import TRANSPORT_PACKET, VIDEO, foreign_kind
-from trisquare.images.limits import PictureLimits
+from trisquare.images.limits import MOST_SECONDS_MORE, SLOWEST_PIXELS, PictureLimits
 from trisquare.images.pixels import Image
 
 ENCODERS = {".mp4": "mp4v", ".mov": "mp4v", ".avi": "MJPG"}
@@ -69,6 +70,9 @@ class Video:
         How many it says that it has; what it has may be a few less. Zero if it does not say.
     turn : int
         By how many degrees, clockwise, players turn the stored frames: 0, 90, 180 or 270.
+    unevenness : float
+        Seconds by which the frames read so far, by their time stamps, are earlier or later than an
+        even rate has them, at most.
 
     Raises
     ------
@@ -104,6 +108,7 @@ class Video:
         self.size = int(width), int(height)
         self.stated_frames = max(0, int(count))
         self.turn = int(turn) if turn in TURNS else 0
+        self.unevenness = 0.0
         (PictureLimits.stated() if limits is None else limits).check_pixels(self.name, self.size)
 
     def frames_in_all(self, done: int) -> int:
@@ -116,19 +121,32 @@ class Video:
         Raises
         ------
         ImageError
-            If the reader gives up on a damaged frame; at the end, if there were
-            none, or markedly fewer than the video states.
+            If the reader gives up on a damaged frame, or decoding takes as long as that of far
+            larger ones; at the end, if there were none, or markedly fewer than the video states.
         """
         import cv2  # loaded where a video is read
 
-        found = 0
+        found, seconds, start = 0, 0.0, 0.0
+        width, height = self.size
         while True:
+            if seconds > MOST_SECONDS_MORE + found * width * height / SLOWEST_PIXELS:
+                raise ImageError(
+                    f"{self.name}: damaged or hostile: decoding {found} frames of {width} x "
+                    f"{height} pixels took {seconds:.1f} s, as if they were far larger"
+                )
+            before = _clocks()
             try:
                 is_there, frame = self._capture.read()
             except cv2.error as error:  # of its own reader, which it uses where FFmpeg gives up
                 raise ImageError(f"{self.name}: damaged after {found} frames") from error
+            # Of both the lesser: other threads take the processor's time, and other programs ours.
+            seconds += min(now - then for now, then in zip(_clocks(), before, strict=True))
             if not is_there:
                 break
+            stamp = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
+            start = start if found else stamp
+            if self.rate > 0 and stamp > start:  # it stays where frames have none
+                self.unevenness = max(self.unevenness, abs(stamp - start - found / self.rate))
             found += 1
             yield frame
         if not found:
@@ -148,6 +166,11 @@ class Video:
         trace: TracebackType | None,
     ) -> None:
         self._capture.release()
+
+
+def _clocks() -> tuple[float, float]:
+    """Return the seconds of this process on the processor, and those that passed."""
+    return time.process_time(), time.perf_counter()
 
 
 def write_video(path: PathLike, frames: Iterable[Image], rate: float, turn: int = 0) -> int:
