@@ -88,8 +88,8 @@ pub enum Warning {
     /// camera would show those of true squares.
     #[error(
         "the targets are no true, flat squares, or the lens is beyond its model: their sides lie \
-         {displacement:.1} px off; the standard deviation of {parameter} was raised {factor:.1} \
-         times for it"
+         {displacement:.1} px off{}",
+        raised(.parameter, *.factor)
     )]
     NoSquares {
         /// How far, px.
@@ -130,8 +130,9 @@ pub enum Warning {
     /// The lens does what its model cannot.
     #[error(
         "the lens {} beyond its model: all planes miss their lines alike, by their places in the \
-         picture; the standard deviation of {parameter} was raised {factor:.1} times for it.{}",
+         picture{}.{}",
         if *.certain { "is" } else { "may be" },
+        raised(.parameter, *.factor),
         richer_focal(.cure.as_ref())
     )]
     LensBeyondModel {
@@ -269,6 +270,15 @@ fn held_focal(fixed: &str, held: Option<f64>) -> String {
     held.map_or_else(String::new, |fx| {
         format!(" With fix={fixed:?} fx is {fx:.1}")
     })
+}
+
+/// By how much a standard deviation was raised; nothing where that rounds to once.
+fn raised(parameter: &str, factor: f64) -> String {
+    let times = format!("{factor:.1}");
+    if times == "1.0" {
+        return String::new();
+    }
+    format!("; the standard deviation of {parameter} was raised {times} times for it")
 }
 
 /// Standard deviations that were raised more than so many times ask for a look.

@@ -17,6 +17,9 @@ use crate::observations::{FreeParameters, ObservedPlane};
 use crate::refine::{Refined, residuals};
 use crate::result::{Disagreement, ResidualCorrelation, Warning};
 
+/// Variances that were raised by less are not told of: deviations would be 1.0 times as large.
+const WORTH_TELLING: f64 = 1.1;
+
 /// A plane's noise differs from that of all if it does so by so many of its own standard
 /// deviations...
 const DIFFERENT: f64 = 4.0;
@@ -62,13 +65,14 @@ impl ResidualCorrelation {
             return Vec::new();
         };
         let mut warnings = Vec::new();
-        if self.between_plane_variance_ratio > 1.0 {
+        if self.between_plane_variance_ratio > WORTH_TELLING {
             warnings.push(Warning::PlanesContradict {
                 factor: self.between_plane_variance_ratio.sqrt(),
             });
         }
         // Planes that contradict each other raise all deviations at least as much.
-        if self.group_variance_ratio > self.between_plane_variance_ratio {
+        let least = self.between_plane_variance_ratio.max(WORTH_TELLING);
+        if self.group_variance_ratio > least {
             warnings.push(Warning::PlanesVary {
                 factor: self.group_variance_ratio.sqrt(),
             });
