@@ -25,6 +25,8 @@ pub struct PoseUncertainty {
 
 /// How far the samples of a figure are from the images of its lines.
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub struct FigureResiduals {
     /// Index of its plane among the calibration's planes.
     pub plane: usize,
@@ -34,6 +36,8 @@ pub struct FigureResiduals {
 
 /// How far the samples of a line are from its image, in the order in which they were given.
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub struct SideResiduals {
     /// Signed distances, in pixels.
     pub distances: Vec<f64>,
@@ -121,12 +125,23 @@ pub struct Calibration<L: Lens = DefaultLens> {
     /// The lines of the scene, in the order in which they were given.
     pub lines: Vec<SceneLine>,
     /// How far the samples of every figure are from the images of its lines, in the order in which
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(bound = "")
+)]
+#[non_exhaustive]
     /// the figures of planes were given.
     pub residuals: Vec<FigureResiduals>,
+    #[cfg_attr(feature = "serde", serde(with = "crate::lens::stored"))]
     /// Root mean square distance of all samples to the images of their lines, in pixels.
     pub rms: f64,
     /// What the given standard deviations had to be multiplied by to agree with the residuals.
     pub noise_scale: f64,
+    #[cfg_attr(
+        feature = "serde",
+        serde(deserialize_with = "super::stored::parameter_names::<L, _>")
+    )]
     /// How far the residuals are from independent noise.
     pub residual_correlation: ResidualCorrelation,
     /// Evaluations of the refinement.

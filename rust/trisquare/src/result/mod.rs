@@ -2,6 +2,8 @@
 
 mod calibration;
 mod residual_correlation;
+#[cfg(feature = "serde")]
+mod stored;
 mod warning;
 
 pub use calibration::{

@@ -1,5 +1,10 @@
 //! Where a result comes from, and what a user should know of it.
 
+use std::fmt;
+
+/// A text of the crate; named, since serde would borrow a plain reference from what it reads.
+type Text = &'static str;
+
 /// A plane that disagrees with the rest.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -95,7 +100,11 @@ pub enum Warning {
         /// How far, px.
         displacement: f64,
         /// The parameter that suffers most.
-        parameter: &'static str,
+        #[cfg_attr(
+            feature = "serde",
+            serde(deserialize_with = "super::stored::static_text")
+        )]
+        parameter: Text,
         /// Its standard deviation over what it would be if the squares were true.
         factor: f64,
     },
@@ -123,7 +132,11 @@ pub enum Warning {
         /// From the lowest to the highest place of its relief, over its extent, if it has one.
         height: Option<f64>,
         /// The parameter that suffers most.
-        parameter: &'static str,
+        #[cfg_attr(
+            feature = "serde",
+            serde(deserialize_with = "super::stored::static_text")
+        )]
+        parameter: Text,
         /// Its standard deviation over what independent noise alone would give.
         factor: f64,
     },
@@ -138,7 +151,11 @@ pub enum Warning {
         /// Whether nothing else explains that as well.
         certain: bool,
         /// The parameter that suffers most.
-        parameter: &'static str,
+        #[cfg_attr(
+            feature = "serde",
+            serde(deserialize_with = "super::stored::static_text")
+        )]
+        parameter: Text,
         /// Its standard deviation over what it would be if the lens were of its model.
         factor: f64,
         /// The model that holds the lens, and `fx` with it, pixels; `None` where none does.
@@ -163,7 +180,11 @@ pub enum Warning {
     #[error("the fit to the pixels was not taken: {reason}")]
     PixelsNotUsed {
         /// What spoke against it.
-        reason: &'static str,
+        #[cfg_attr(
+            feature = "serde",
+            serde(deserialize_with = "super::stored::static_text")
+        )]
+        reason: Text,
     },
     /// The lines of the scene tell nothing, or another lens than the planes.
     #[error(
@@ -212,13 +233,21 @@ pub enum Warning {
     )]
     BarelyDetermined {
         /// The parameter that is known worst.
-        parameter: &'static str,
+        #[cfg_attr(
+            feature = "serde",
+            serde(deserialize_with = "super::stored::static_text")
+        )]
+        parameter: Text,
         /// Its standard deviation, pixels.
         std: f64,
         /// The same as a part...
         part: f64,
         /// ... of the focal length or of the width.
-        of: &'static str,
+        #[cfg_attr(
+            feature = "serde",
+            serde(deserialize_with = "super::stored::static_text")
+        )]
+        of: Text,
     },
     /// The distortion cannot be inverted in a part of the picture.
     #[error(
@@ -240,7 +269,11 @@ pub enum Warning {
         /// Indices of the planes.
         planes: [usize; 2],
         /// How they are said to stand.
-        stand: &'static str,
+        #[cfg_attr(
+            feature = "serde",
+            serde(deserialize_with = "super::stored::static_text")
+        )]
+        stand: Text,
         /// How far they are from that, degrees.
         degrees: f64,
         /// One standard deviation of it.
