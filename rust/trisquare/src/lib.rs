@@ -68,8 +68,9 @@ pub use observations::{
 pub use photometric::{Photographs, pixels_to_keep};
 pub use planning::{EdgeNoise, PlannedPlane, Prediction, predict};
 pub use result::{
-    Aspect, Calibration, CircleRadius, Disagreement, FigureResiduals, Plane, PoseUncertainty,
-    ResidualCorrelation, SceneLine, Severity, SideResiduals, Stage, Warning,
+    Alternative, Aspect, Calibration, CircleRadius, Disagreement, Estimate, FigureResiduals, Plane,
+    PoseUncertainty, ResidualCorrelation, SceneLine, Setting, Severity, SideResiduals, Stage,
+    Warning,
 };
 pub use selection::{Choice, Doubt, Verdict, choose};
 pub use uncertainty::{

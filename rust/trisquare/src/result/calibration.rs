@@ -111,6 +111,18 @@ pub struct Aspect {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Calibration<L: Lens = DefaultLens> {
     /// The camera.
+/// A parameter of the camera, and how well it is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct Estimate {
+    /// Its name, of [`Lens::parameter_names`].
+    pub name: &'static str,
+    /// Its value: pixels of the camera matrix, no unit of a distortion coefficient.
+    pub value: f64,
+    /// One standard deviation of it; `None` where it was held.
+    pub std: Option<f64>,
+}
+
     pub camera: L,
     /// Size of the pictures.
     pub image_size: ImageSize,
@@ -160,7 +172,24 @@ impl<L: Lens> Calibration<L> {
         self.parameters.iter().position(|own| *own == name)
     }
 
-    /// One standard deviation of every free parameter (and of `fy` where it follows `fx`).
+    /// All parameters of the camera, free or held, in the order of [`Lens::parameter_names`].
+    pub fn estimates(&self) -> Vec<Estimate> {
+        let all = self.std();
+        let std = |name| all.iter().find(|(own, _)| *own == name).map(|own| own.1);
+        let names = L::parameter_names().iter().copied();
+        names
+            .zip(self.camera.parameters())
+            .map(|(name, value)| Estimate {
+                name,
+                value,
+                std: std(name),
+            })
+            .collect()
+    }
+
+    /// One standard deviation of every free parameter (and of `fy` where it follows `fx`), in the
+    /// order of the covariance: neither that of the camera's parameters nor as many. With their
+    /// values: [`Self::estimates`].
     pub fn std(&self) -> Vec<(&'static str, f64)> {
         let mut all = Vec::with_capacity(self.parameters.len() + 1);
         for (i, name) in self.parameters.iter().enumerate() {

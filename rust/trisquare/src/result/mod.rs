@@ -7,8 +7,8 @@ mod stored;
 mod warning;
 
 pub use calibration::{
-    Aspect, Calibration, CircleRadius, FigureResiduals, Plane, PoseUncertainty, SceneLine,
-    SideResiduals,
+    Aspect, Calibration, CircleRadius, Estimate, FigureResiduals, Plane, PoseUncertainty,
+    SceneLine, SideResiduals,
 };
 pub use residual_correlation::ResidualCorrelation;
 pub use warning::{Disagreement, Severity, Stage, Warning};
