@@ -83,7 +83,7 @@ pub enum Error {
     /// Lines of the scene, and no plane.
     #[error(
         "{lines} line(s) of the scene and no plane: lines tell of the lens's distortion alone, the \
-         rest of the camera needs squares; without any use trisquare.straighten on the picture"
+         rest of the camera needs squares"
     )]
     LinesAlone {
         /// Lines given.

@@ -11,4 +11,4 @@ pub use calibration::{
     SceneLine, SideResiduals,
 };
 pub use residual_correlation::ResidualCorrelation;
-pub use warning::{Disagreement, Severity, Stage, Warning};
+pub use warning::{Alternative, Disagreement, Setting, Severity, Stage, Warning};

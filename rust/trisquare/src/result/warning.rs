@@ -164,7 +164,8 @@ pub enum Warning {
     /// A lens of another family does what the asked one cannot.
     #[error(
         "the lens is a fisheye: one explains the edges to {rms:.2} px, the lens asked for to \
-         {own:.2} px. With model={model:?} fx is {focal:.1}"
+         {own:.2} px. {}",
+        Alternative { setting: Setting::Model(.model), focal: *.focal }
     )]
     LensOfAnotherFamily {
         /// The model that holds the lens.
@@ -200,7 +201,7 @@ pub enum Warning {
     #[error(
         "fy / fx is {ratio:.4} +- {std:.4}, but nearly every camera's pixels are square: are the \
          targets rectangles, or was the picture stretched?{}",
-        held_focal("aspect", *.held)
+        held_focal(Setting::AspectHeld, *.held)
     )]
     PixelsNotSquare {
         /// `fy / fx`.
@@ -215,7 +216,7 @@ pub enum Warning {
         "the principal point is {distance:.0} +- {std:.0} px from the centre of the picture, \
          farther than nearly every camera's: was the picture cropped, or are the targets no \
          squares?{}",
-        held_focal("principal_point", *.held)
+        held_focal(Setting::PrincipalPointHeld, *.held)
     )]
     PrincipalPointOffCentre {
         /// From the principal point to the centre of the picture, pixels.
@@ -252,7 +253,8 @@ pub enum Warning {
     /// The distortion cannot be inverted in a part of the picture.
     #[error(
         "the lens is known in {:.0} % of the picture only: beyond, where no target was, its \
-         polynomial turns back. Targets nearer to the corners help, or model=\"radial1\"",
+         polynomial turns back. Targets nearer to the corners help, or a lens model with fewer \
+         coefficients",
         100.0 * (1.0 - .missing)
     )]
     LensEndsInPicture {
@@ -298,9 +300,42 @@ pub enum Warning {
 }
 
 /// What the focal length is where something is held.
-fn held_focal(fixed: &str, held: Option<f64>) -> String {
-    held.map_or_else(String::new, |fx| {
-        format!(" With fix={fixed:?} fx is {fx:.1}")
+/// What a calibration may be asked for instead.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Setting<'a> {
+    /// The lens model of this name.
+    Model(&'a str),
+    /// The ratio of the focal lengths held.
+    AspectHeld,
+    /// The principal point held.
+    PrincipalPointHeld,
+}
+
+/// What the focal length would be with another setting: it has been tried.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct Alternative<'a> {
+    /// The setting.
+    pub setting: Setting<'a>,
+    /// `fx` with it, pixels.
+    pub focal: f64,
+}
+
+impl fmt::Display for Alternative<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.setting {
+            Setting::Model(name) => write!(f, "With the lens model {name}")?,
+            Setting::AspectHeld => write!(f, "With the aspect held")?,
+            Setting::PrincipalPointHeld => write!(f, "With the principal point held")?,
+        }
+        write!(f, " fx is {:.1}", self.focal)
+    }
+}
+
+fn held_focal(setting: Setting<'_>, held: Option<f64>) -> String {
+    held.map_or_else(String::new, |focal| {
+        format!(" {}", Alternative { setting, focal })
     })
 }
 
@@ -333,7 +368,10 @@ fn cause_of_errors(height: Option<f64>) -> String {
 /// What holds a lens beyond its model.
 fn richer_focal(cure: Option<&(String, f64)>) -> String {
     match cure {
-        Some((model, fx)) => format!(" With model={model:?} fx is {fx:.1}"),
+        Some((model, focal)) => {
+            let (setting, focal) = (Setting::Model(model), *focal);
+            format!(" {}", Alternative { setting, focal })
+        }
         None => " No model here fits it either: is it a fisheye?".into(),
     }
 }
@@ -362,6 +400,24 @@ impl Warning {
     }
 
     /// How much it matters.
+    /// The setting that it advises, if it does; its message ends with that.
+    #[must_use]
+    pub fn alternative(&self) -> Option<Alternative<'_>> {
+        let (setting, focal) = match self {
+            Self::LensBeyondModel {
+                cure: Some((model, focal)),
+                ..
+            }
+            | Self::LensOfAnotherFamily { model, focal, .. } => {
+                (Setting::Model(model), Some(*focal))
+            }
+            Self::PixelsNotSquare { held, .. } => (Setting::AspectHeld, *held),
+            Self::PrincipalPointOffCentre { held, .. } => (Setting::PrincipalPointHeld, *held),
+            _ => return None,
+        };
+        focal.map(|focal| Alternative { setting, focal })
+    }
+
     #[must_use]
     pub fn severity(&self) -> Severity {
         match self {
