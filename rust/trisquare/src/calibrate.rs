@@ -8,8 +8,8 @@ use crate::lens::Lens;
 use crate::lines::add_lines;
 use crate::noise::check_drift_count;
 use crate::observations::{
-    Method, ObservedPlane, Options, PlaneEdges, check_relations, lines_of_scene, relations_of,
-    sort_by_plane,
+    Method, ObservedPlane, Options, PlaneEdges, check_inside, check_relations, lines_of_scene,
+    relations_of, sort_by_plane,
 };
 use crate::photometric::{Photographs, improve};
 use crate::result::{Calibration, Stage, Warning};
@@ -36,8 +36,13 @@ pub fn calibrate<L: Lens>(
 /// As [`calibrate`], with the photographs themselves: the refined model is then fitted to the
 /// pixels around the edges, corners included, and taken where that improves the answer.
 ///
+/// It needs maximum likelihood, and figures that are all outlines of four sides with their
+/// [`polarity`](PlaneEdges::polarity); otherwise the answer is that of the edges
+/// ([`Calibration::stage`] says which it is).
+///
 /// # Errors
-/// As [`calibrate`].
+/// As [`calibrate`]; [`Error::InvalidArgument`] if the photographs are not those of the figures:
+/// another count, or another size.
 pub fn calibrate_photographs<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
@@ -107,8 +112,12 @@ fn run<L: Lens>(
 ) -> Result<Calibration<L>, Error> {
     size.check()?;
     options.check()?;
+    if let Some(photographs) = photographs {
+        photographs.check(edges, size)?;
+    }
     let planes = sort_by_plane(edges)?;
     let lines = lines_of_scene(edges)?;
+    check_inside(edges, size)?;
     check_lines((planes.len(), lines.len()), options.method)?;
     check_drift_count(&planes)?;
     check_relations::<L>(&planes)?;

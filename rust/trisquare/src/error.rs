@@ -66,6 +66,23 @@ pub enum Error {
         lines: [usize; 2],
     },
 
+    /// Samples that the picture cannot show.
+    #[error(
+        "{samples} sample(s) of figure {figure}, the first at ({:.1}, {:.1}), lie outside the \
+         picture of {} x {} pixels: is that its size, width before height?",
+        first[0], first[1], size[0], size[1]
+    )]
+    OutsidePicture {
+        /// Index of the figure.
+        figure: usize,
+        /// How many of its samples lie outside.
+        samples: usize,
+        /// The first of them, pixels.
+        first: [f64; 2],
+        /// Width and height of the picture.
+        size: [u32; 2],
+    },
+
     /// Fewer planes than the free parameters need.
     #[error(
         "{found} plane(s) given, but the free parameters of the camera ({free}) need {needed}: \
@@ -248,6 +265,7 @@ impl Error {
             | Error::BehindCamera { .. }
             | Error::CrossedSides { .. }
             | Error::CrossedParallels { .. } => ErrorKind::InvalidArgument,
+            | Error::OutsidePicture { .. }
             Error::NotEnoughPlanes { .. } | Error::LinesAlone { .. } => ErrorKind::NotEnoughPlanes,
             Error::TooFewLines { .. }
             | Error::TooFewParallels { .. }

@@ -21,6 +21,7 @@ pub(crate) use observed::{
 };
 pub use options::{Fixed, Method, Options};
 pub(crate) use placement::Placement;
+pub(crate) use plane_edges::check_inside;
 #[cfg(feature = "synthetic")]
 pub(crate) use plane_edges::rectangle_lines;
 pub use plane_edges::{Freedom, PlaneEdges, Polarity};

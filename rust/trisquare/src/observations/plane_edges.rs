@@ -6,10 +6,15 @@ use super::families::outermost_lines;
 use super::relation::Relation;
 use crate::error::Error;
 use crate::geometry::{Line, MIN_LINES};
+use crate::image_size::ImageSize;
 
 /// How far beyond a corner, in units of the side, samples may lie before the order is doubted;
 /// a side that bulges under distortion moves its own fitted corners by a few per cent.
 const CORNER_SLACK: f64 = 0.25;
+
+/// How far (px) beyond the outermost pixels' centres a sample may lie: half a pixel to the border of
+/// the picture, and what measuring errs by.
+const BORDER_SLACK: f64 = 2.0;
 
 /// Samples that the image of a circle needs: it has five numbers.
 const MIN_CIRCLE_SAMPLES: usize = 5;
@@ -380,6 +385,27 @@ fn check_samples(figure: usize, line: usize, points: &[Vector2<f64>]) -> Result<
 }
 
 /// The sides of a rectangle at the origin, normals inward; side `i` runs from corner `i` to corner
+/// Refuses samples that no picture of this size shows: mostly it is that of another picture, or
+/// width and height are exchanged.
+///
+/// # Errors
+/// [`Error::OutsidePicture`].
+pub(crate) fn check_inside(edges: &[PlaneEdges], size: ImageSize) -> Result<(), Error> {
+    for (figure, edges) in edges.iter().enumerate() {
+        let is_outside = |point: &&Vector2<f64>| !size.contains(point, BORDER_SLACK);
+        let mut outside = edges.points.iter().flatten().filter(is_outside);
+        if let Some(first) = outside.next() {
+            return Err(Error::OutsidePicture {
+                figure,
+                samples: 1 + outside.count(),
+                first: [first.x, first.y],
+                size: [size.width, size.height],
+            });
+        }
+    }
+    Ok(())
+}
+
 /// `i + 1`, corner 0 at `(-width / 2, -height / 2)`, corner 1 at `(width / 2, -height / 2)`.
 pub(crate) fn rectangle_lines(width: f64, height: f64) -> [Line; 4] {
     [
