@@ -27,6 +27,7 @@ pub fn exception(error: Error) -> PyErr {
         ErrorKind::NotEnoughData => NotEnoughDataError::new_err(message),
         ErrorKind::DegenerateGeometry => DegenerateGeometryError::new_err(message),
         ErrorKind::Convergence => ConvergenceError::new_err(message),
+        _ => InternalError::new_err(message),
     }
 }
 

@@ -226,6 +226,7 @@ pub enum Error {
 
 /// The families of [`Error`], one per exception of the Python package.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ErrorKind {
     /// An argument is wrong in itself.
     InvalidArgument,

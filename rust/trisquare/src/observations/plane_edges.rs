@@ -36,6 +36,7 @@ pub enum Polarity {
 /// first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub enum Freedom {
     /// Its size if it lies concentric with the plane's first figure, else all of the similarity.
     #[default]

@@ -48,6 +48,7 @@ pub struct SideResiduals {
 /// A plane of the scene.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub struct Plane {
     /// Index of its first figure among the edges given.
     pub figure: usize,
@@ -73,6 +74,7 @@ pub struct Plane {
 /// A line of the scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub struct SceneLine {
     /// Its index among the edges given.
     pub figure: usize,
@@ -90,6 +92,7 @@ pub struct SceneLine {
 /// The radius of a circle, in units of its plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub struct CircleRadius {
     /// The radius.
     pub value: f64,
@@ -100,6 +103,7 @@ pub struct CircleRadius {
 /// The aspect of a rectangle, estimated with the camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub struct Aspect {
     /// Side 0 over side 1.
     pub value: f64,
@@ -119,6 +123,17 @@ pub struct Estimate {
     pub name: &'static str,
     /// Its value: pixels of the camera matrix, no unit of a distortion coefficient.
     pub value: f64,
+/// A calibrated camera, how well it is known, and where the planes stand.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(bound = "")
+)]
+#[non_exhaustive]
+pub struct Calibration<L: Lens = DefaultLens> {
+    /// The camera.
+    #[cfg_attr(feature = "serde", serde(with = "crate::lens::stored"))]
     /// One standard deviation of it; `None` where it was held.
     pub std: Option<f64>,
 }
@@ -137,12 +152,6 @@ pub struct Estimate {
     /// The lines of the scene, in the order in which they were given.
     pub lines: Vec<SceneLine>,
     /// How far the samples of every figure are from the images of its lines, in the order in which
-#[cfg_attr(
-    feature = "serde",
-    derive(serde::Serialize, serde::Deserialize),
-    serde(bound = "")
-)]
-#[non_exhaustive]
     /// the figures of planes were given.
     pub residuals: Vec<FigureResiduals>,
     #[cfg_attr(feature = "serde", serde(with = "crate::lens::stored"))]

@@ -8,6 +8,7 @@ type Text = &'static str;
 /// A plane that disagrees with the rest.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub struct Disagreement {
     /// Index of the plane.
     pub plane: usize,
