@@ -224,7 +224,7 @@ pub enum Error {
     },
 }
 
-/// The families of [`Error`], one per exception of the Python package.
+/// The families of [`Error`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ErrorKind {
@@ -265,8 +265,8 @@ impl Error {
             | Error::BeyondValidRadius { .. }
             | Error::BehindCamera { .. }
             | Error::CrossedSides { .. }
-            | Error::CrossedParallels { .. } => ErrorKind::InvalidArgument,
             | Error::OutsidePicture { .. }
+            | Error::CrossedParallels { .. } => ErrorKind::InvalidArgument,
             Error::NotEnoughPlanes { .. } | Error::LinesAlone { .. } => ErrorKind::NotEnoughPlanes,
             Error::TooFewLines { .. }
             | Error::TooFewParallels { .. }

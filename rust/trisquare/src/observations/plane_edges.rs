@@ -385,7 +385,6 @@ fn check_samples(figure: usize, line: usize, points: &[Vector2<f64>]) -> Result<
     Ok(())
 }
 
-/// The sides of a rectangle at the origin, normals inward; side `i` runs from corner `i` to corner
 /// Refuses samples that no picture of this size shows: mostly it is that of another picture, or
 /// width and height are exchanged.
 ///
@@ -407,6 +406,7 @@ pub(crate) fn check_inside(edges: &[PlaneEdges], size: ImageSize) -> Result<(), 
     Ok(())
 }
 
+/// The sides of a rectangle at the origin, normals inward; side `i` runs from corner `i` to corner
 /// `i + 1`, corner 0 at `(-width / 2, -height / 2)`, corner 1 at `(width / 2, -height / 2)`.
 pub(crate) fn rectangle_lines(width: f64, height: f64) -> [Line; 4] {
     [

@@ -111,10 +111,6 @@ pub struct Aspect {
     pub std: f64,
 }
 
-/// A calibrated camera, how well it is known, and where the planes stand.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Calibration<L: Lens = DefaultLens> {
-    /// The camera.
 /// A parameter of the camera, and how well it is known.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
@@ -123,6 +119,10 @@ pub struct Estimate {
     pub name: &'static str,
     /// Its value: pixels of the camera matrix, no unit of a distortion coefficient.
     pub value: f64,
+    /// One standard deviation of it; `None` where it was held.
+    pub std: Option<f64>,
+}
+
 /// A calibrated camera, how well it is known, and where the planes stand.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(
@@ -134,14 +134,14 @@ pub struct Estimate {
 pub struct Calibration<L: Lens = DefaultLens> {
     /// The camera.
     #[cfg_attr(feature = "serde", serde(with = "crate::lens::stored"))]
-    /// One standard deviation of it; `None` where it was held.
-    pub std: Option<f64>,
-}
-
     pub camera: L,
     /// Size of the pictures.
     pub image_size: ImageSize,
     /// Names of the free parameters, in the order of the covariance.
+    #[cfg_attr(
+        feature = "serde",
+        serde(deserialize_with = "super::stored::parameter_names::<L, _>")
+    )]
     pub parameters: Vec<&'static str>,
     /// Covariance of the free parameters.
     pub covariance: DMatrix<f64>,
@@ -154,15 +154,10 @@ pub struct Calibration<L: Lens = DefaultLens> {
     /// How far the samples of every figure are from the images of its lines, in the order in which
     /// the figures of planes were given.
     pub residuals: Vec<FigureResiduals>,
-    #[cfg_attr(feature = "serde", serde(with = "crate::lens::stored"))]
     /// Root mean square distance of all samples to the images of their lines, in pixels.
     pub rms: f64,
     /// What the given standard deviations had to be multiplied by to agree with the residuals.
     pub noise_scale: f64,
-    #[cfg_attr(
-        feature = "serde",
-        serde(deserialize_with = "super::stored::parameter_names::<L, _>")
-    )]
     /// How far the residuals are from independent noise.
     pub residual_correlation: ResidualCorrelation,
     /// Evaluations of the refinement.

@@ -300,7 +300,6 @@ pub enum Warning {
     },
 }
 
-/// What the focal length is where something is held.
 /// What a calibration may be asked for instead.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
@@ -334,6 +333,7 @@ impl fmt::Display for Alternative<'_> {
     }
 }
 
+/// What the focal length is where something is held.
 fn held_focal(setting: Setting<'_>, held: Option<f64>) -> String {
     held.map_or_else(String::new, |focal| {
         format!(" {}", Alternative { setting, focal })
@@ -400,7 +400,6 @@ impl Warning {
         }
     }
 
-    /// How much it matters.
     /// The setting that it advises, if it does; its message ends with that.
     #[must_use]
     pub fn alternative(&self) -> Option<Alternative<'_>> {
@@ -419,6 +418,7 @@ impl Warning {
         focal.map(|focal| Alternative { setting, focal })
     }
 
+    /// How much it matters.
     #[must_use]
     pub fn severity(&self) -> Severity {
         match self {
