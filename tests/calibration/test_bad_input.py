@@ -79,6 +79,7 @@ def solve(figures=EDGES, size=IMAGE_SIZE, **options):
             None,
         ),
         (lambda: solve([EDGES[0], "edges"]), TypeError, "PlaneEdges"),
+        (lambda: solve(size=(960, 1280)), ValueError, "outside the picture of 960 x 1280"),
         (lambda: solve(size=(1280,)), ValueError, None),
         (lambda: solve(size=1280), TypeError, None),
         (lambda: solve(size=(1280, -960)), ValueError, "positive"),

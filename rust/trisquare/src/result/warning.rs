@@ -457,3 +457,57 @@ impl Warning {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_message_ends_with_the_setting_that_it_advises() {
+        let held = Some(901.25);
+        let cure = Some(("radial3".to_owned(), 901.25));
+        let (ratio, distance, std) = (1.01, 60.0, 0.001);
+        let (certain, parameter, factor) = (true, "fx", 2.0);
+        for (warning, expected) in [
+            (
+                Warning::PixelsNotSquare { ratio, std, held },
+                "With the aspect held fx is 901.2",
+            ),
+            (
+                Warning::PrincipalPointOffCentre {
+                    distance,
+                    std,
+                    held,
+                },
+                "With the principal point held fx is 901.2",
+            ),
+            (
+                Warning::LensBeyondModel {
+                    certain,
+                    parameter,
+                    factor,
+                    cure,
+                },
+                "With the lens model radial3 fx is 901.2",
+            ),
+            (
+                Warning::LensOfAnotherFamily {
+                    model: "fisheye".into(),
+                    rms: 0.1,
+                    own: 2.0,
+                    focal: 901.25,
+                },
+                "With the lens model fisheye fx is 901.2",
+            ),
+        ] {
+            assert_eq!(warning.alternative().unwrap().to_string(), expected);
+            assert!(warning.to_string().ends_with(expected), "{warning}");
+        }
+        let untried = Warning::PixelsNotSquare {
+            ratio,
+            std,
+            held: None,
+        };
+        assert_eq!(untried.alternative(), None);
+    }
+}
