@@ -1,14 +1,16 @@
 //! Calibrates a camera from a picture of three dark squares whose outlines are roughly known:
 //! `cargo run -p trisquare --example picture`.
 
-use nalgebra::Vector2;
+use trisquare::Lens;
 use trisquare::synthetic::{Scene, SceneOptions};
+
+// [recipe]
+use nalgebra::Vector2;
 use trisquare::{
-    Calibration, EdgeSpan, ImageSize, Lens, Options, Photographs, Picture, PictureTone, PlaneEdges,
+    Calibration, EdgeSpan, ImageSize, Options, Photographs, Picture, PictureTone, PlaneEdges,
     Polarity, Tone, calibrate_photographs, localise, pixels_to_keep,
 };
 
-// [recipe]
 /// The four sides of a dark square, from its corners (pixels, clockwise on the screen, good to a
 /// pixel or two); `first` is the index of the first one among all spans.
 fn sides_between(corners: &[Vector2<f64>; 4], first: usize) -> [EdgeSpan; 4] {
