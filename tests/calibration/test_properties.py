@@ -183,10 +183,12 @@ def test_garbage_is_refused_or_gives_finite_numbers(figures, method, model, fix)
 def test_ruined_squares_are_refused_or_give_finite_numbers(seed, disturbance, method, model):
     """Squares whose samples are scattered by up to the size of the picture."""
     rng = np.random.default_rng(seed)
-    edges = [
-        with_points(f, lambda p: p[::3] + disturbance * rng.standard_normal(p[::3].shape))
-        for f in EDGES[seed % len(EDGES)]
-    ]
+
+    def scattered(points):
+        moved = points[::3] + disturbance * rng.standard_normal(points[::3].shape)
+        return np.clip(moved, 0, np.subtract(IMAGE_SIZE, 1))  # what lies outside is no sample
+
+    edges = [with_points(f, scattered) for f in EDGES[seed % len(EDGES)]]
     with suppress(ts.TrisquareError):
         assert_finite(ts.calibrate_edges(edges, IMAGE_SIZE, method=method, model=model))
 
