@@ -129,7 +129,7 @@ def test_cameras_that_are_no_longer_given_do_not_count(run, folder):
     (folder / "in" / "a.png").unlink()
     code, out, err = run("batch", "in", "-o", "out")
     assert (code, err) == (0, "")
-    assert "1 cameras (0 done now): 1 passed, 0 beyond the limits, 0 failed" in out
+    assert "1 camera (0 done now): 1 passed, 0 beyond the limits, 0 failed" in out
     assert "2 more cameras of earlier runs" in out
     assert "bad" not in out
     assert sorted((folder / "out/results.jsonl").read_text().splitlines()) == sorted(

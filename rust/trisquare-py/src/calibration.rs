@@ -9,7 +9,7 @@ use trisquare::lens::SKEW;
 use trisquare::{
     Brown, Choice, DistortionModel, Error, FamilyChoice, Fisheye, Fixed, ImageSize, Lens, Method,
     ModelChoice, Options, Photographs, PictureTone, Plane, PlaneEdges, RejectedFamily, Relation,
-    Severity, Stage, Warning, relate_planes,
+    Setting, Severity, Stage, Warning, relate_planes,
 };
 
 use crate::any_lens::{AnyLens, CameraMembers, family_of, in_family, model_of, with_lens};
@@ -429,12 +429,23 @@ fn warning(warning: &Warning) -> WarningMembers {
         Severity::Medium => "medium",
         Severity::High => "high",
     };
-    (
-        warning.to_string(),
-        warning.code(),
-        severity,
-        warning.plane(),
-    )
+    (message(warning), warning.code(), severity, warning.plane())
+}
+
+/// The message of a warning, which advises the keywords of the Python function.
+fn message(warning: &Warning) -> String {
+    let text = warning.to_string();
+    let Some(advised) = warning.alternative() else {
+        return text;
+    };
+    let keyword = match advised.setting {
+        Setting::Model(name) => format!("model={name:?}"),
+        Setting::AspectHeld => "fix=\"aspect\"".into(),
+        Setting::PrincipalPointHeld => "fix=\"principal_point\"".into(),
+        _ => return text,
+    };
+    let own = format!("With {keyword} fx is {:.1}", advised.focal);
+    text.replace(&advised.to_string(), &own)
 }
 
 /// Converts each of some values to an object of Python's.

@@ -18,13 +18,17 @@ pyo3::import_exception!(trisquare.errors, InternalError);
 
 /// The exception that stands for an error of the crate.
 pub fn exception(error: Error) -> PyErr {
-    let message = error.to_string();
+    let mut message = error.to_string();
+    if let Error::LinesAlone { .. } = error {
+        message += "; without any use trisquare.straighten on the picture";
+    }
     match error.kind() {
         ErrorKind::InvalidArgument => PyValueError::new_err(message),
         ErrorKind::NotEnoughPlanes => NotEnoughPlanesError::new_err(message),
         ErrorKind::NotEnoughData => NotEnoughDataError::new_err(message),
         ErrorKind::DegenerateGeometry => DegenerateGeometryError::new_err(message),
         ErrorKind::Convergence => ConvergenceError::new_err(message),
+        _ => InternalError::new_err(message),
     }
 }
 

@@ -19,12 +19,12 @@ fn main() -> Result<(), Error> {
     let scene = Scene::random(1, SceneOptions::default());
     let squares = scene.edges(2, 0.05, 4.0).into_iter().map(|e| e.points);
     let found = camera_of(squares.collect())?;
-    let (estimate, truth) = (found.camera.parameters(), scene.camera.parameters());
-    for (i, (name, std)) in found.std().iter().enumerate() {
-        println!(
-            "{name}  {:12.5} +- {std:.5}   truth {:12.5}",
-            estimate[i], truth[i]
-        );
+    for (estimate, truth) in found.estimates().iter().zip(scene.camera.parameters()) {
+        let (name, value) = (estimate.name, estimate.value);
+        match estimate.std {
+            Some(std) => println!("{name:4} {value:12.5} +- {std:.5}   truth {truth:12.5}"),
+            None => println!("{name:4} {value:12.5} held         truth {truth:12.5}"),
+        }
     }
     println!("rms {:.4} px", found.rms);
     Ok(())

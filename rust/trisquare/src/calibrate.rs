@@ -9,7 +9,7 @@ use crate::lines::add_lines;
 use crate::noise::check_drift_count;
 use crate::observations::{
     Method, ObservedPlane, Options, PlaneEdges, check_relations, lines_of_scene, relations_of,
-    sort_by_plane,
+    samples_outside, sort_by_plane,
 };
 use crate::photometric::{Photographs, improve};
 use crate::result::{Calibration, Stage, Warning};
@@ -36,8 +36,13 @@ pub fn calibrate<L: Lens>(
 /// As [`calibrate`], with the photographs themselves: the refined model is then fitted to the
 /// pixels around the edges, corners included, and taken where that improves the answer.
 ///
+/// It needs maximum likelihood, and figures that are all outlines of four sides with their
+/// [`polarity`](PlaneEdges::polarity); otherwise the answer is that of the edges
+/// ([`Calibration::stage`] says which it is).
+///
 /// # Errors
-/// As [`calibrate`].
+/// As [`calibrate`]; [`Error::InvalidArgument`] if the photographs are not those of the figures:
+/// another count, or another size.
 pub fn calibrate_photographs<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
@@ -107,6 +112,9 @@ fn run<L: Lens>(
 ) -> Result<Calibration<L>, Error> {
     size.check()?;
     options.check()?;
+    if let Some(photographs) = photographs {
+        photographs.check(edges, size)?;
+    }
     let planes = sort_by_plane(edges)?;
     let lines = lines_of_scene(edges)?;
     check_lines((planes.len(), lines.len()), options.method)?;
@@ -187,6 +195,9 @@ fn run<L: Lens>(
         calibration.warnings.splice(0..0, poorly_known);
         let contradicted = contradicted(edges, &planes, size, options);
         calibration.warnings.splice(0..0, contradicted);
+        calibration
+            .warnings
+            .splice(0..0, outside_picture(edges, size));
     }
     if !lines.is_empty() {
         let optimum = (&solution, fitted.as_ref());
@@ -194,6 +205,17 @@ fn run<L: Lens>(
         problem.check_reach(&calibration.camera)?;
     }
     Ok(calibration)
+}
+
+/// Samples outside the picture, where there are any.
+fn outside_picture(edges: &[PlaneEdges], size: ImageSize) -> Option<Warning> {
+    let (figure, samples, first) = samples_outside(edges, size)?;
+    Some(Warning::OutsidePicture {
+        figure,
+        samples,
+        first: first.into(),
+        size: [size.width, size.height],
+    })
 }
 
 /// Whether planes that do not stand as they are said to may be why there is no camera.

@@ -83,7 +83,7 @@ pub enum Error {
     /// Lines of the scene, and no plane.
     #[error(
         "{lines} line(s) of the scene and no plane: lines tell of the lens's distortion alone, the \
-         rest of the camera needs squares; without any use trisquare.straighten on the picture"
+         rest of the camera needs squares"
     )]
     LinesAlone {
         /// Lines given.
@@ -207,8 +207,9 @@ pub enum Error {
     },
 }
 
-/// The families of [`Error`], one per exception of the Python package.
+/// The families of [`Error`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ErrorKind {
     /// An argument is wrong in itself.
     InvalidArgument,

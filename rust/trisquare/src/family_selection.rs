@@ -44,6 +44,7 @@ pub enum FamilyChoice {
 
 /// The best model of a family that was not chosen.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct RejectedFamily {
     /// Its name.
     pub model: String,

@@ -4,6 +4,7 @@ use std::fmt;
 
 /// Why the camera matrix does not follow from the planes.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct IllConditioning {
     /// What the planes lack.
     pub cause: Cause,
@@ -19,6 +20,7 @@ pub struct IllConditioning {
 
 /// What a set of planes lacks.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Cause {
     /// All planes share one direction.
     Parallel {
@@ -64,6 +66,7 @@ pub enum Cause {
 
 /// What would make a calibration succeed.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Remedy {
     /// Hold the skew.
     HoldSkew,

@@ -1,5 +1,27 @@
 #![doc = include_str!("../README.md")]
 //!
+//! # What to call, in order
+//!
+//! 1. [`Picture::from_u8`] (or `from_u16`, `from_f32`) takes the decoded pixels.
+//! 2. [`EdgeSpan::new`] names a stretch of edge, from an outline that is good to a few pixels. Finding
+//!    the outlines is left to the caller; the Python package does it with OpenCV.
+//! 3. [`localise`], or [`localise_with_unknown_tone`], measures the edges. It cannot fail as a whole:
+//!    every span has its own samples, or a [`NoEdge`].
+//! 4. [`PlaneEdges::square`] and its like sort the samples by figure. Edges that another program
+//!    measured begin here.
+//! 5. [`choose`] tells which planes one camera explains, where some may be no true squares.
+//! 6. [`calibrate`] fits the camera to the samples, [`calibrate_photographs`] to the pixels, too (with
+//!    what [`pixels_to_keep`] keeps of a picture). [`calibrate_by_evidence`] chooses the lens model,
+//!    [`calibrate_by_family`] a fisheye or none. Every refusal is an [`Error`] with its numbers.
+//! 7. [`Calibration::estimates`] pairs the camera's parameters with their standard deviations;
+//!    `planes`, `covariance` and `warnings` have the rest.
+//! 8. The trait [`Lens`] projects a point and follows a pixel back, [`PointMaps`] many of them: bring
+//!    these into scope. [`UndistortionMap`] maps whole pictures, [`ProjectionUncertainty`] says how
+//!    well a ray is known.
+//!
+//! The example `picture` is steps 1 to 7 without 5, `edges` begins at 4. [`predict`] says beforehand how well
+//! planes would determine a camera. [`nalgebra`] is the version whose vectors the crate takes.
+//!
 //! # Conventions
 //!
 //! - Pixels are `(x, y)`, x right, y down, `(0, 0)` the centre of the top-left pixel; the image
@@ -39,6 +61,8 @@ mod solver;
 pub mod synthetic;
 mod uncertainty;
 
+pub use nalgebra;
+
 pub use calibrate::{calibrate, calibrate_photographs};
 pub use error::{Error, ErrorKind};
 pub use family_selection::{FamilyChoice, RejectedFamily, calibrate_by_family, heed_fisheye};
@@ -68,8 +92,9 @@ pub use observations::{
 pub use photometric::{Photographs, pixels_to_keep};
 pub use planning::{EdgeNoise, PlannedPlane, Prediction, predict};
 pub use result::{
-    Aspect, Calibration, CircleRadius, Disagreement, FigureResiduals, Plane, PoseUncertainty,
-    ResidualCorrelation, SceneLine, Severity, SideResiduals, Stage, Warning,
+    Alternative, Aspect, Calibration, CircleRadius, Disagreement, Estimate, FigureResiduals, Plane,
+    PoseUncertainty, ResidualCorrelation, SceneLine, Setting, Severity, SideResiduals, Stage,
+    Warning,
 };
 pub use selection::{Choice, Doubt, Verdict, choose};
 pub use uncertainty::{

@@ -28,7 +28,15 @@ const MAX_EIGEN_ITERATIONS: usize = 100 * MAX_LENS_COLUMNS;
 
 /// A model that was considered and not chosen.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(bound(
+        serialize = "L::Model: serde::Serialize",
+        deserialize = "L::Model: serde::Deserialize<'de>"
+    ))
+)]
+#[non_exhaustive]
 pub struct ModelAlternative<L: Lens = DefaultLens> {
     /// The model.
     pub model: L::Model,
@@ -40,6 +48,15 @@ pub struct ModelAlternative<L: Lens = DefaultLens> {
 
 /// A calibration with the model that the data ask for.
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(bound(
+        serialize = "L::Model: serde::Serialize",
+        deserialize = "L::Model: serde::Deserialize<'de>"
+    ))
+)]
+#[non_exhaustive]
 pub struct ModelChoice<L: Lens = DefaultLens> {
     /// The model chosen.
     pub model: L::Model,

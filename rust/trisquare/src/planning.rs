@@ -67,6 +67,7 @@ pub struct EdgeNoise {
 
 /// How well the camera will be known.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Prediction {
     /// Names of the free parameters, in the order of the covariance.
     pub parameters: Vec<&'static str>,

@@ -10,8 +10,10 @@ use rand_distr::StandardNormal;
 
 use crate::error::Error;
 use crate::geometry::Pose;
+use crate::image::{Picture, Tone};
 use crate::image_size::ImageSize;
 use crate::lens::{DefaultLens, INTRINSICS, Lens};
+use crate::numeric::cdf;
 use crate::observations::{PlaneEdges, rectangle_lines};
 
 /// Where the squares stand, in parts of the picture.
@@ -22,6 +24,13 @@ const MARGIN: f64 = 3.0;
 
 /// Draws allowed before a scene is given up; a few suffice.
 const MAX_DRAWS: usize = 1000;
+
+/// Light of the squares and of the ground in a picture, 1 being the most that it can hold.
+const INK: f64 = 0.03;
+const GROUND: f64 = 0.6;
+
+/// Variance of a pixel's box, px^2.
+const BOX_VARIANCE: f64 = 1.0 / 12.0;
 
 /// A camera and the squares it sees.
 #[derive(Debug, Clone)]
@@ -145,6 +154,46 @@ impl<L: Lens> Scene<L> {
         families.collect()
     }
 
+    /// The picture of the squares, dark on light ground: 8-bit grey under the sRGB curve.
+    ///
+    /// `blur` is the standard deviation of the optics' blur in pixels, `noise` that of the pixels
+    /// in grey levels. The share of a square in a pixel is the product of the normal distribution
+    /// function of its distances to the images of the four sides.
+    ///
+    /// # Panics
+    /// If the size is zero.
+    pub fn picture(&self, seed: u64, blur: f64, noise: f64) -> Picture {
+        let mut rng = StdRng::seed_from_u64(seed);
+        let blur = (blur * blur + BOX_VARIANCE).sqrt();
+        let sides: Vec<[Vector3<f64>; 4]> = self.poses.iter().filter_map(sides_seen).collect();
+        let [width, height] = [self.size.width, self.size.height];
+        let mut values = Vec::with_capacity(width as usize * height as usize);
+        for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
+            let pixel = Vector2::new(f64::from(x), f64::from(y));
+            let share = self.camera.unproject_with_jacobian(&pixel).map(|ray| {
+                let cover = |line: &Vector3<f64>| cdf(self.camera.line_distance(&ray, line) / blur);
+                let of_square =
+                    |lines: &[Vector3<f64>; 4]| lines.iter().map(cover).product::<f64>();
+                sides.iter().map(of_square).sum::<f64>()
+            });
+            let light = GROUND + (INK - GROUND) * share.unwrap_or(0.0);
+            let coded = 255.0 * Tone::Srgb.encode(light);
+            values.push((coded + noise * rng.sample::<f64, _>(StandardNormal)).round() as u8);
+        }
+        Picture::from_u8(width as usize, height as usize, 1, values)
+            .expect("a scene has a picture that is not empty")
+    }
+
+    /// Where the corners of every square are seen, pixels, clockwise on the screen.
+    ///
+    /// # Panics
+    /// If the lens does not see one of them, which does not happen in scenes drawn at random.
+    pub fn corners(&self) -> Vec<[Vector2<f64>; 4]> {
+        let seen = |pose: &Pose, i| self.camera.project(&pose.transform(&corner(i)));
+        let of_square = |pose: &Pose| [0, 1, 2, 3].map(|i| seen(pose, i).expect("it is seen"));
+        self.poses.iter().map(of_square).collect()
+    }
+
     /// Samples between ends on every plane.
     fn measured(
         &self,
@@ -166,6 +215,19 @@ impl<L: Lens> Scene<L> {
             .map(|pose| ends.iter().map(|ends| line(pose, *ends)).collect())
             .collect()
     }
+}
+
+/// The sides of a unit square as planes through the camera centre, positive inside: `l ~ H^-T
+/// l_plane`, `H = [r1 r2 t]`.
+fn sides_seen(pose: &Pose) -> Option<[Vector3<f64>; 4]> {
+    let axes = pose.rotation.fixed_columns::<2>(0);
+    let homography = Matrix3::from_columns(&[
+        axes.column(0).into(),
+        axes.column(1).into(),
+        pose.translation,
+    ]);
+    let map = homography.try_inverse()?.transpose();
+    Some(rectangle_lines(1.0, 1.0).map(|side| map * side.coefficients()))
 }
 
 /// Corner `i` of the unit square at the origin.

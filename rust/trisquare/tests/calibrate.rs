@@ -4,8 +4,8 @@ use nalgebra::Vector2;
 use trisquare::lens::SKEW;
 use trisquare::synthetic::{Scene, SceneOptions};
 use trisquare::{
-    BrownModel, Calibration, Error, ErrorKind, Fixed, Freedom, Lens, Method, Options, PlaneEdges,
-    Remedy, Stage, calibrate,
+    BrownModel, Calibration, Error, ErrorKind, Fixed, Freedom, ImageSize, Lens, Method, Options,
+    PlaneEdges, Remedy, Stage, Warning, calibrate,
 };
 
 const NO_NOISE: f64 = 0.0;
@@ -355,4 +355,85 @@ fn too_little_data_is_refused() {
             ..
         }
     ));
+}
+
+#[test]
+fn estimates_pair_every_parameter_with_its_own_deviation() {
+    let scene = Scene::random(5, SceneOptions::default());
+    let edges = scene.edges(1, 0.1, SPACING);
+    let options = Options {
+        model: BrownModel::Brown,
+        fixed: Fixed {
+            aspect: true,
+            principal_point: true,
+            ..Fixed::default()
+        },
+        initial: Some(scene.camera),
+        ..Options::default()
+    };
+    let found = calibrate(&edges, scene.size, &options).unwrap();
+    let estimates = found.estimates();
+    let names: Vec<_> = estimates.iter().map(|own| own.name).collect();
+    assert_eq!(
+        names,
+        ["fx", "fy", "cx", "cy", "k1", "k2", "k3", "p1", "p2", SKEW]
+    );
+    let values: Vec<_> = estimates.iter().map(|own| own.value).collect();
+    assert_eq!(values, found.camera.parameters());
+    let held: Vec<_> = estimates.iter().filter(|own| own.std.is_none()).collect();
+    let held: Vec<_> = held.iter().map(|own| own.name).collect();
+    assert_eq!(held, ["cx", "cy", SKEW]);
+    let ratio = estimates[1].std.unwrap() / estimates[0].std.unwrap();
+    assert!((ratio - values[1] / values[0]).abs() < 1e-12);
+    let std: Vec<_> = estimates.iter().filter_map(|own| own.std).collect();
+    let stated: Vec<_> = found.std().into_iter().map(|(_, std)| std).collect();
+    assert_eq!(std, stated);
+}
+
+#[test]
+fn samples_outside_the_picture_are_warned_of() {
+    let scene = Scene::random(5, SceneOptions::default());
+    let edges = scene.edges(1, 0.1, SPACING);
+    let exchanged = ImageSize {
+        width: scene.size.height,
+        height: scene.size.width,
+    };
+    let beyond = |edges: &PlaneEdges| {
+        let points = edges.points.iter().flatten();
+        points.filter(|point| point.x > 961.0).count()
+    };
+    let figure = edges.iter().position(|own| beyond(own) > 0).unwrap();
+    let outside = |edges: &[PlaneEdges], size: ImageSize| {
+        let found = calibrate(edges, size, &Options::default()).unwrap();
+        found
+            .warnings
+            .into_iter()
+            .find_map(|warning| match warning {
+                Warning::OutsidePicture {
+                    figure,
+                    samples,
+                    first,
+                    size,
+                } => Some((figure, samples, first, size)),
+                _ => None,
+            })
+    };
+    let (found, samples, first, size) = outside(&edges, exchanged).unwrap();
+    assert_eq!((found, samples), (figure, beyond(&edges[figure])));
+    assert!(first[0] > 961.0);
+    assert_eq!(size, [960, 1280]);
+    // What measuring errs by at the border is none.
+    let mut at_the_border = edges.clone();
+    let mut line = PlaneEdges::line(
+        (0..40)
+            .map(|i| Vector2::new(10.0 + 20.0 * f64::from(i), -1.9))
+            .collect(),
+    )
+    .unwrap();
+    at_the_border.push(line.clone());
+    assert_eq!(outside(&at_the_border, scene.size), None);
+    line.points[0][7].y = -2.1;
+    at_the_border[3] = line;
+    let (figure, samples, ..) = outside(&at_the_border, scene.size).unwrap();
+    assert_eq!((figure, samples), (3, 1));
 }

@@ -5,6 +5,7 @@ const EXTREME_PART: u8 = 12;
 
 /// Why raw pixels are not a picture.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum PictureError {
     /// Neither grey nor BGR.
     #[error("a picture has 1 or 3 channels, not {channels}")]

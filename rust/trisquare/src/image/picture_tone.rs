@@ -7,6 +7,8 @@ use super::tone::{Tone, ToneCurve};
 
 /// How a picture was coded.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub enum PictureTone {
     /// By this curve.
     Known(Tone),
@@ -121,6 +123,8 @@ impl PictureState {
 
 /// What a fit found out of the coding of a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub struct ToneFit {
     /// The tone curve.
     pub curve: PowerCurve,

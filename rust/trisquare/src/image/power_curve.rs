@@ -64,6 +64,7 @@ impl TonePrior {
 /// levels; with the wrong kind of curve among these two an edge is off by as much as the noise of
 /// a whole picture leaves open.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PowerCurve {
     /// Positive.
     pub gamma: f64,

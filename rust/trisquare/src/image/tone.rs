@@ -9,6 +9,8 @@ use super::power_curve::{FLOOR_OCTAVES, GAMMA_FLOOR, PowerCurve, SRGB, Sensitivi
 /// Every curve continues along its tangent below a small floor and beyond 1, so that noise never
 /// leads out of its domain and its slope is always positive and finite.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub enum Tone {
     /// Values proportional to light.
     Linear,

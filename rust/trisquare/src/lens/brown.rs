@@ -58,7 +58,6 @@ pub(super) fn coefficients_of(effects: &[Effect], lens: &impl Lens, size: ImageS
 /// `s = x^2 + y^2` of the ideal point; the pixel is `(fx x_d + skew y_d + cx, fy y_d + cy)`
 /// (D. C. Brown, Photogrammetric Engineering 32 (1966) 444-462; OpenCV's convention).
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Brown {
     /// `fx, fy, cx, cy` (pixels), `k1, k2, k3, p1, p2`.
     parameters: [f64; 9],

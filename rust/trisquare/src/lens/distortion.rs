@@ -20,6 +20,7 @@ const PLACES_ON_THE_WAY: usize = 10;
 
 /// What a coefficient multiplies, and a distortion adds to the ideal point `u = (x, y)`, `r = |u|`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum DistortionTerm {
     /// `u r^n`: of Brown's lens `k1`, `k2`, `k3`, `k4` for n = 2, 4, 6, 8; of the panorama
     /// programs' `c`, `b`, `a` for n = 1, 2, 3.
@@ -80,6 +81,7 @@ impl DistortionTerm {
 
 /// How a lens bends ideal normalised points.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum Distortion {
     /// `u_d = u + sum c_i s_i(u)`, with the terms' coefficients.
     Terms(Vec<(DistortionTerm, f64)>),

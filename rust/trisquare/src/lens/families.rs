@@ -34,6 +34,7 @@ pub struct LensFamily {
 
 /// The lens of a family that comes nearest to another one.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct NearestLens {
     /// `fx, fy`, pixels.
     pub focal: Vector2<f64>,

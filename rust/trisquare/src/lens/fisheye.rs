@@ -88,7 +88,6 @@ impl DistortionModel for FisheyeModel {
 /// J. Kannala & S. S. Brandt, IEEE Trans. Pattern Anal. Mach. Intell. 28 (2006) 1335-1340, without
 /// their asymmetric terms. Angles up to 180 degrees have their pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Fisheye {
     /// `fx, fy, cx, cy` (pixels), `k1, k2, k3, k4`.
     parameters: [f64; INTRINSICS + COEFFICIENTS],

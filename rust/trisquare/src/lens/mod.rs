@@ -20,6 +20,8 @@ mod radial;
 mod rational;
 mod rational_model;
 mod rational_radius;
+#[cfg(feature = "serde")]
+pub mod stored;
 mod turned_lenses;
 mod undistorted_view;
 mod undistortion_map;

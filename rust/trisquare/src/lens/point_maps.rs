@@ -2,12 +2,15 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{SVector, Vector2, Vector3};
 
 use super::Lens;
 use crate::error::Error;
 
-/// The maps of many points, of every lens.
+/// The maps of many points, of every lens: bring it into scope for them.
+///
+/// A coordinate that is NaN or infinite is [`Error::NotFinite`], and no map returns one. The pixel
+/// maps work on one point at a time by [`Lens::project`] and [`Lens::unproject`].
 pub trait PointMaps: Lens {
     /// Where points of camera coordinates are seen, in pixels.
     ///
@@ -15,8 +18,8 @@ pub trait PointMaps: Lens {
     /// [`Error::BehindCamera`], or [`Error::BeyondValidRadius`] for points seen farther from the
     /// axis than the lens is trusted.
     fn project_points(&self, points: &[Vector3<f64>]) -> Result<Vec<Vector2<f64>>, Error> {
+        check_finite(points)?;
         let sees_behind = self.valid_angle() > FRAC_PI_2;
-        // Written so that NaN counts as behind.
         let behind = |point: &&Vector3<f64>| !(sees_behind || point.z > 0.0);
         if let Some(first) = points.iter().position(|point| behind(&point)) {
             let count = points.iter().filter(behind).count();
@@ -75,15 +78,27 @@ pub trait PointMaps: Lens {
 
 impl<L: Lens> PointMaps for L {}
 
+/// # Errors
+/// [`Error::NotFinite`] if a coordinate is NaN or infinite.
+fn check_finite<const D: usize>(points: &[SVector<f64, D>]) -> Result<(), Error> {
+    match points.iter().flatten().all(|v| v.is_finite()) {
+        true => Ok(()),
+        false => Err(Error::NotFinite {
+            what: "the coordinates of the points",
+        }),
+    }
+}
+
 /// A map of many points.
 ///
 /// # Errors
-/// [`Error::BeyondValidRadius`] with the first point that has none, and how many have none.
-pub(crate) fn of_all<L: Lens, P, Q>(
+/// [`Error::NotFinite`], or [`Error::BeyondValidRadius`] with the first point that has none, and how many have none.
+pub(crate) fn of_all<L: Lens, const D: usize, Q>(
     lens: &L,
-    points: &[P],
-    map: impl Fn(&P) -> Option<Q>,
+    points: &[SVector<f64, D>],
+    map: impl Fn(&SVector<f64, D>) -> Option<Q>,
 ) -> Result<Vec<Q>, Error> {
+    check_finite(points)?;
     let mut found = Vec::with_capacity(points.len());
     found.extend(points.iter().map_while(&map));
     if found.len() == points.len() {
@@ -101,7 +116,7 @@ pub(crate) fn of_all<L: Lens, P, Q>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::Brown;
+    use super::super::{Brown, Fisheye, Rational, ThinPrism};
     use super::*;
 
     fn lens() -> Brown {
@@ -146,8 +161,38 @@ mod tests {
                 degrees
             })
         );
-        let nowhere = Vector2::new(f64::NAN, 0.0);
-        assert!(lens.undistort_pixels(&[nowhere]).is_err());
+    }
+
+    fn refuses_what_is_not_finite<L: Lens>(lens: &L) {
+        let is_refused = |found: Result<Vec<Vector2<f64>>, Error>| {
+            assert!(matches!(found, Err(Error::NotFinite { .. })), "{found:?}");
+        };
+        for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            for other in [Vector2::new(value, 300.0), Vector2::new(300.0, value)] {
+                let pixels = [Vector2::new(600.0, 400.0), other];
+                is_refused(lens.undistort_pixels(&pixels));
+                is_refused(lens.distort_pixels(&pixels));
+                let rays = lens.unproject_pixels(&pixels);
+                assert!(matches!(rays, Err(Error::NotFinite { .. })), "{rays:?}");
+            }
+            for i in 0..3 {
+                let mut other = Vector3::new(0.1, 0.2, 1.0);
+                other[i] = value;
+                is_refused(lens.project_points(&[Vector3::z(), other]));
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_not_finite_is_refused() {
+        let intrinsics = [900.0, 910.0, 640.0, 470.0];
+        refuses_what_is_not_finite(&lens());
+        refuses_what_is_not_finite(&Brown::from_camera_matrix(&lens().camera_matrix()));
+        refuses_what_is_not_finite(&Fisheye::new([
+            900.0, 910.0, 640.0, 470.0, 0.01, 0.0, 0.0, 0.0,
+        ]));
+        refuses_what_is_not_finite(&Rational::new(intrinsics, &[]));
+        refuses_what_is_not_finite(&ThinPrism::new(intrinsics, &[0.1, 0.0, 0.0, 0.2]));
     }
 
     #[test]

@@ -74,7 +74,6 @@ pub type ThinPrism = OpenCvLens<ThinPrismModel>;
 /// which has no skew; the prism terms by J. Weng, P. Cohen & M. Herniou, IEEE PAMI 14 (1992)
 /// 965-980).
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct OpenCvLens<M> {
     /// `fx, fy, cx, cy`, pixels.
     intrinsics: [f64; INTRINSICS],

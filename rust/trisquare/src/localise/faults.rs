@@ -19,6 +19,7 @@ const MOTION_ERROR: f64 = 0.001;
 
 /// What the edges' profiles tell of faults of a picture.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[non_exhaustive]
 pub struct PictureFaults {
     /// The share of the sides whose light is clipped.
     pub clipped: f64,

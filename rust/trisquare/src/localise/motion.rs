@@ -15,6 +15,7 @@ const BOX_VARIANCE: f64 = 1.0 / 12.0;
 
 /// A straight, even motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct MotionBlur {
     /// Pixels.
     pub length: f64,

@@ -21,6 +21,7 @@ const MIN_SIDES: usize = 6;
 
 /// How one part of the pixels is displaced against another.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct PartDisplacement {
     /// Pixels, in x and y.
     pub shift: Vector2<f64>,
@@ -153,6 +154,7 @@ pub(super) fn colours<'a>(
 
 /// How blue and red are displaced against green.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct ColourDisplacements {
     /// Blue less green.
     pub blue: PartDisplacement,

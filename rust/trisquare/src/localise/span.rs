@@ -48,6 +48,7 @@ impl EdgeSpan {
 
 /// The samples of one span, and what was found about the picture along it.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct SpanEdges {
     /// Points of the edge in order along the path, pixels.
     pub points: Vec<Vector2<f64>>,
@@ -68,6 +69,7 @@ pub struct SpanEdges {
 
 /// Why a span gave no samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum NoEdge {
     /// Fewer than two points, or points that coincide or are not finite.
     #[error("its outline is no line to follow")]

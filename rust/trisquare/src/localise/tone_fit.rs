@@ -77,6 +77,7 @@ const COLUMNS: usize = 5 + TONE_PARAMETERS + 1;
 
 /// What is known of the tone curve of a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct ToneEstimate {
     /// The curve.
     pub curve: PowerCurve,

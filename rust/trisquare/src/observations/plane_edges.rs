@@ -6,10 +6,15 @@ use super::families::outermost_lines;
 use super::relation::Relation;
 use crate::error::Error;
 use crate::geometry::{Line, MIN_LINES};
+use crate::image_size::ImageSize;
 
 /// How far beyond a corner, in units of the side, samples may lie before the order is doubted;
 /// a side that bulges under distortion moves its own fitted corners by a few per cent.
 const CORNER_SLACK: f64 = 0.25;
+
+/// How far (px) beyond the outermost pixels' centres a sample may lie: half a pixel to the border of
+/// the picture, and what measuring errs by.
+const BORDER_SLACK: f64 = 2.0;
 
 /// Samples that the image of a circle needs: it has five numbers.
 const MIN_CIRCLE_SAMPLES: usize = 5;
@@ -31,6 +36,7 @@ pub enum Polarity {
 /// first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub enum Freedom {
     /// Its size if it lies concentric with the plane's first figure, else all of the similarity.
     #[default]
@@ -377,6 +383,20 @@ fn check_samples(figure: usize, line: usize, points: &[Vector2<f64>]) -> Result<
         });
     }
     Ok(())
+}
+
+/// Samples that no picture of this size shows: mostly it is that of another picture, or width and
+/// height are exchanged. The first figure that has any, how many, and the first of them.
+pub(crate) fn samples_outside(
+    edges: &[PlaneEdges],
+    size: ImageSize,
+) -> Option<(usize, usize, Vector2<f64>)> {
+    edges.iter().enumerate().find_map(|(figure, edges)| {
+        let is_outside = |point: &&Vector2<f64>| !size.contains(point, BORDER_SLACK);
+        let mut outside = edges.points.iter().flatten().filter(is_outside);
+        let first = outside.next()?;
+        Some((figure, 1 + outside.count(), *first))
+    })
 }
 
 /// The sides of a rectangle at the origin, normals inward; side `i` runs from corner `i` to corner

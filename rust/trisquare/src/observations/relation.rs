@@ -7,6 +7,7 @@ use crate::geometry::Pose;
 /// How two planes stand to each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub enum Relation {
     /// At right angles.
     Orthogonal,

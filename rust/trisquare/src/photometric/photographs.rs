@@ -1,6 +1,9 @@
 //! What a fit to the pixels looks at, and why it may not be taken.
 
+use crate::error::Error;
 use crate::image::{KeptPixels, PictureTone};
+use crate::image_size::ImageSize;
+use crate::observations::PlaneEdges;
 
 /// The pictures that show the figures, and how they were coded.
 #[derive(Debug, Clone, Copy)]
@@ -10,6 +13,46 @@ pub struct Photographs<'a> {
     pub pictures: &'a [&'a KeptPixels],
     /// How each was coded.
     pub tones: &'a [PictureTone],
+}
+
+impl Photographs<'_> {
+    /// # Errors
+    /// [`Error::InvalidArgument`] unless every picture has its tone curve and the size given, and
+    /// every figure its picture.
+    pub(crate) fn check(&self, edges: &[PlaneEdges], size: ImageSize) -> Result<(), Error> {
+        let [pictures, tones] = [self.pictures.len(), self.tones.len()];
+        if pictures != tones {
+            return Err(Error::InvalidArgument(format!(
+                "{pictures} pictures come with {tones} tone curves: each needs one"
+            )));
+        }
+        if !self.tones.iter().all(PictureTone::is_valid) {
+            return Err(Error::InvalidArgument(
+                "the gamma of a tone curve, and the deviation of a shift, must be positive and \
+                 finite"
+                    .into(),
+            ));
+        }
+        for (figure, edges) in edges.iter().enumerate() {
+            if edges.image >= pictures {
+                return Err(Error::InvalidArgument(format!(
+                    "figure {figure} is in the picture of index {}, but only {pictures} come along",
+                    edges.image
+                )));
+            }
+        }
+        let stated = [size.width as usize, size.height as usize];
+        for (index, picture) in self.pictures.iter().enumerate() {
+            let [width, height] = [picture.width(), picture.height()];
+            if [width, height] != stated {
+                return Err(Error::InvalidArgument(format!(
+                    "the picture of index {index} has {width} x {height} pixels, not {} x {}",
+                    size.width, size.height
+                )));
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Why the fit to the pixels is not taken.

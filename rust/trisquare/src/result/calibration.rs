@@ -25,6 +25,8 @@ pub struct PoseUncertainty {
 
 /// How far the samples of a figure are from the images of its lines.
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub struct FigureResiduals {
     /// Index of its plane among the calibration's planes.
     pub plane: usize,
@@ -34,6 +36,8 @@ pub struct FigureResiduals {
 
 /// How far the samples of a line are from its image, in the order in which they were given.
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub struct SideResiduals {
     /// Signed distances, in pixels.
     pub distances: Vec<f64>,
@@ -44,6 +48,7 @@ pub struct SideResiduals {
 /// A plane of the scene.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub struct Plane {
     /// Index of its first figure among the edges given.
     pub figure: usize,
@@ -69,6 +74,7 @@ pub struct Plane {
 /// A line of the scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub struct SceneLine {
     /// Its index among the edges given.
     pub figure: usize,
@@ -86,6 +92,7 @@ pub struct SceneLine {
 /// The radius of a circle, in units of its plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub struct CircleRadius {
     /// The radius.
     pub value: f64,
@@ -96,6 +103,7 @@ pub struct CircleRadius {
 /// The aspect of a rectangle, estimated with the camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub struct Aspect {
     /// Side 0 over side 1.
     pub value: f64,
@@ -103,14 +111,37 @@ pub struct Aspect {
     pub std: f64,
 }
 
+/// A parameter of the camera, and how well it is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct Estimate {
+    /// Its name, of [`Lens::parameter_names`].
+    pub name: &'static str,
+    /// Its value: pixels of the camera matrix, no unit of a distortion coefficient.
+    pub value: f64,
+    /// One standard deviation of it; `None` where it was held.
+    pub std: Option<f64>,
+}
+
 /// A calibrated camera, how well it is known, and where the planes stand.
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(bound = "")
+)]
+#[non_exhaustive]
 pub struct Calibration<L: Lens = DefaultLens> {
     /// The camera.
+    #[cfg_attr(feature = "serde", serde(with = "crate::lens::stored"))]
     pub camera: L,
     /// Size of the pictures.
     pub image_size: ImageSize,
     /// Names of the free parameters, in the order of the covariance.
+    #[cfg_attr(
+        feature = "serde",
+        serde(deserialize_with = "super::stored::parameter_names::<L, _>")
+    )]
     pub parameters: Vec<&'static str>,
     /// Covariance of the free parameters.
     pub covariance: DMatrix<f64>,
@@ -145,7 +176,24 @@ impl<L: Lens> Calibration<L> {
         self.parameters.iter().position(|own| *own == name)
     }
 
-    /// One standard deviation of every free parameter (and of `fy` where it follows `fx`).
+    /// All parameters of the camera, free or held, in the order of [`Lens::parameter_names`].
+    pub fn estimates(&self) -> Vec<Estimate> {
+        let all = self.std();
+        let std = |name| all.iter().find(|(own, _)| *own == name).map(|own| own.1);
+        let names = L::parameter_names().iter().copied();
+        names
+            .zip(self.camera.parameters())
+            .map(|(name, value)| Estimate {
+                name,
+                value,
+                std: std(name),
+            })
+            .collect()
+    }
+
+    /// One standard deviation of every free parameter (and of `fy` where it follows `fx`), in the
+    /// order of the covariance: neither that of the camera's parameters nor as many. With their
+    /// values: [`Self::estimates`].
     pub fn std(&self) -> Vec<(&'static str, f64)> {
         let mut all = Vec::with_capacity(self.parameters.len() + 1);
         for (i, name) in self.parameters.iter().enumerate() {

@@ -2,11 +2,13 @@
 
 mod calibration;
 mod residual_correlation;
+#[cfg(feature = "serde")]
+mod stored;
 mod warning;
 
 pub use calibration::{
-    Aspect, Calibration, CircleRadius, FigureResiduals, Plane, PoseUncertainty, SceneLine,
-    SideResiduals,
+    Aspect, Calibration, CircleRadius, Estimate, FigureResiduals, Plane, PoseUncertainty,
+    SceneLine, SideResiduals,
 };
 pub use residual_correlation::ResidualCorrelation;
-pub use warning::{Disagreement, Severity, Stage, Warning};
+pub use warning::{Alternative, Disagreement, Setting, Severity, Stage, Warning};

@@ -7,6 +7,7 @@ const LIKELIER: f64 = 0.5;
 
 /// How the residuals differ from independent noise of the stated standard deviations.
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ResidualCorrelation {
     /// Variance of the mean of many neighbouring samples over what independent ones would have.
     pub neighbours: f64,

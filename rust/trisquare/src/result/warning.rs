@@ -1,8 +1,14 @@
 //! Where a result comes from, and what a user should know of it.
 
+use std::fmt;
+
+/// A text of the crate; named, since serde would borrow a plain reference from what it reads.
+type Text = &'static str;
+
 /// A plane that disagrees with the rest.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub struct Disagreement {
     /// Index of the plane.
     pub plane: usize,
@@ -95,7 +101,11 @@ pub enum Warning {
         /// How far, px.
         displacement: f64,
         /// The parameter that suffers most.
-        parameter: &'static str,
+        #[cfg_attr(
+            feature = "serde",
+            serde(deserialize_with = "super::stored::static_text")
+        )]
+        parameter: Text,
         /// Its standard deviation over what it would be if the squares were true.
         factor: f64,
     },
@@ -123,7 +133,11 @@ pub enum Warning {
         /// From the lowest to the highest place of its relief, over its extent, if it has one.
         height: Option<f64>,
         /// The parameter that suffers most.
-        parameter: &'static str,
+        #[cfg_attr(
+            feature = "serde",
+            serde(deserialize_with = "super::stored::static_text")
+        )]
+        parameter: Text,
         /// Its standard deviation over what independent noise alone would give.
         factor: f64,
     },
@@ -139,7 +153,11 @@ pub enum Warning {
         /// Whether nothing else explains that as well.
         certain: bool,
         /// The parameter that suffers most.
-        parameter: &'static str,
+        #[cfg_attr(
+            feature = "serde",
+            serde(deserialize_with = "super::stored::static_text")
+        )]
+        parameter: Text,
         /// Its standard deviation over what it would be if the lens were of its model.
         factor: f64,
         /// The model that holds the lens, and `fx` with it, pixels; `None` where none does.
@@ -148,7 +166,8 @@ pub enum Warning {
     /// A lens of another family does what the asked one cannot.
     #[error(
         "the lens is a fisheye: one explains the edges to {rms:.2} px, the lens asked for to \
-         {own:.2} px. With model={model:?} fx is {focal:.1}"
+         {own:.2} px. {}",
+        Alternative { setting: Setting::Model(.model), focal: *.focal }
     )]
     LensOfAnotherFamily {
         /// The model that holds the lens.
@@ -164,7 +183,11 @@ pub enum Warning {
     #[error("the fit to the pixels was not taken: {reason}")]
     PixelsNotUsed {
         /// What spoke against it.
-        reason: &'static str,
+        #[cfg_attr(
+            feature = "serde",
+            serde(deserialize_with = "super::stored::static_text")
+        )]
+        reason: Text,
     },
     /// The lines of the scene tell nothing, or another lens than the planes.
     #[error(
@@ -180,7 +203,7 @@ pub enum Warning {
     #[error(
         "fy / fx is {ratio:.4} +- {std:.4}, but nearly every camera's pixels are square: are the \
          targets rectangles, or was the picture stretched?{}",
-        held_focal("aspect", *.held)
+        held_focal(Setting::AspectHeld, *.held)
     )]
     PixelsNotSquare {
         /// `fy / fx`.
@@ -195,7 +218,7 @@ pub enum Warning {
         "the principal point is {distance:.0} +- {std:.0} px from the centre of the picture, \
          farther than nearly every camera's: was the picture cropped, or are the targets no \
          squares?{}",
-        held_focal("principal_point", *.held)
+        held_focal(Setting::PrincipalPointHeld, *.held)
     )]
     PrincipalPointOffCentre {
         /// From the principal point to the centre of the picture, pixels.
@@ -213,18 +236,43 @@ pub enum Warning {
     )]
     BarelyDetermined {
         /// The parameter that is known worst.
-        parameter: &'static str,
+        #[cfg_attr(
+            feature = "serde",
+            serde(deserialize_with = "super::stored::static_text")
+        )]
+        parameter: Text,
         /// Its standard deviation, pixels.
         std: f64,
         /// The same as a part...
         part: f64,
         /// ... of the focal length or of the width.
-        of: &'static str,
+        #[cfg_attr(
+            feature = "serde",
+            serde(deserialize_with = "super::stored::static_text")
+        )]
+        of: Text,
+    },
+    /// Samples that the picture cannot show.
+    #[error(
+        "{samples} sample(s) of figure {figure}, the first at ({:.1}, {:.1}), lie outside the \
+         picture of {} x {} pixels: is that its size, width before height?",
+        .first[0], .first[1], .size[0], .size[1]
+    )]
+    OutsidePicture {
+        /// Index of the first figure that has such samples.
+        figure: usize,
+        /// How many of its samples lie outside.
+        samples: usize,
+        /// The first of them, pixels.
+        first: [f64; 2],
+        /// Width and height of the picture.
+        size: [u32; 2],
     },
     /// The distortion cannot be inverted in a part of the picture.
     #[error(
         "the lens is known in {:.0} % of the picture only: beyond, where no target was, its \
-         polynomial turns back. Targets nearer to the corners help, or model=\"radial1\"",
+         polynomial turns back. Targets nearer to the corners help, or a lens model with fewer \
+         coefficients",
         100.0 * (1.0 - .missing)
     )]
     LensEndsInPicture {
@@ -241,7 +289,11 @@ pub enum Warning {
         /// Indices of the planes.
         planes: [usize; 2],
         /// How they are said to stand.
-        stand: &'static str,
+        #[cfg_attr(
+            feature = "serde",
+            serde(deserialize_with = "super::stored::static_text")
+        )]
+        stand: Text,
         /// How far they are from that, degrees.
         degrees: f64,
         /// One standard deviation of it.
@@ -265,10 +317,43 @@ pub enum Warning {
     },
 }
 
+/// What a calibration may be asked for instead.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Setting<'a> {
+    /// The lens model of this name.
+    Model(&'a str),
+    /// The ratio of the focal lengths held.
+    AspectHeld,
+    /// The principal point held.
+    PrincipalPointHeld,
+}
+
+/// What the focal length would be with another setting: it has been tried.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct Alternative<'a> {
+    /// The setting.
+    pub setting: Setting<'a>,
+    /// `fx` with it, pixels.
+    pub focal: f64,
+}
+
+impl fmt::Display for Alternative<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.setting {
+            Setting::Model(name) => write!(f, "With the lens model {name}")?,
+            Setting::AspectHeld => write!(f, "With the aspect held")?,
+            Setting::PrincipalPointHeld => write!(f, "With the principal point held")?,
+        }
+        write!(f, " fx is {:.1}", self.focal)
+    }
+}
+
 /// What the focal length is where something is held.
-fn held_focal(fixed: &str, held: Option<f64>) -> String {
-    held.map_or_else(String::new, |fx| {
-        format!(" With fix={fixed:?} fx is {fx:.1}")
+fn held_focal(setting: Setting<'_>, held: Option<f64>) -> String {
+    held.map_or_else(String::new, |focal| {
+        format!(" {}", Alternative { setting, focal })
     })
 }
 
@@ -310,7 +395,10 @@ fn cause_of_errors(height: Option<f64>) -> String {
 /// What holds a lens beyond its model.
 fn richer_focal(cure: Option<&(String, f64)>) -> String {
     match cure {
-        Some((model, fx)) => format!(" With model={model:?} fx is {fx:.1}"),
+        Some((model, focal)) => {
+            let (setting, focal) = (Setting::Model(model), *focal);
+            format!(" {}", Alternative { setting, focal })
+        }
         None => " No model here fits it either: is it a fisheye?".into(),
     }
 }
@@ -333,9 +421,28 @@ impl Warning {
             Self::PrincipalPointOffCentre { .. } => "principal_point_off_centre",
             Self::BarelyDetermined { .. } => "barely_determined",
             Self::LensEndsInPicture { .. } => "lens_ends_in_picture",
+            Self::OutsidePicture { .. } => "samples_outside_picture",
             Self::RelationContradicted { .. } => "relation_contradicted",
             Self::PartlyHidden { .. } => "side_partly_hidden",
         }
+    }
+
+    /// The setting that it advises, if it does; its message ends with that.
+    #[must_use]
+    pub fn alternative(&self) -> Option<Alternative<'_>> {
+        let (setting, focal) = match self {
+            Self::LensBeyondModel {
+                cure: Some((model, focal)),
+                ..
+            }
+            | Self::LensOfAnotherFamily { model, focal, .. } => {
+                (Setting::Model(model), Some(*focal))
+            }
+            Self::PixelsNotSquare { held, .. } => (Setting::AspectHeld, *held),
+            Self::PrincipalPointOffCentre { held, .. } => (Setting::PrincipalPointHeld, *held),
+            _ => return None,
+        };
+        focal.map(|focal| Alternative { setting, focal })
     }
 
     /// How much it matters.
@@ -348,6 +455,7 @@ impl Warning {
             | Self::NoSquares { .. }
             | Self::RelationContradicted { .. }
             | Self::BarelyDetermined { .. }
+            | Self::OutsidePicture { .. }
             | Self::PixelsNotSquare { .. } => Severity::High,
             Self::Disagreement(_)
             | Self::SideRejected { .. }
@@ -375,5 +483,59 @@ impl Warning {
             | Self::PartlyHidden { plane, .. } => Some(*plane),
             _ => None,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_message_ends_with_the_setting_that_it_advises() {
+        let held = Some(901.25);
+        let cure = Some(("radial3".to_owned(), 901.25));
+        let (ratio, distance, std) = (1.01, 60.0, 0.001);
+        let (certain, parameter, factor) = (true, "fx", 2.0);
+        for (warning, expected) in [
+            (
+                Warning::PixelsNotSquare { ratio, std, held },
+                "With the aspect held fx is 901.2",
+            ),
+            (
+                Warning::PrincipalPointOffCentre {
+                    distance,
+                    std,
+                    held,
+                },
+                "With the principal point held fx is 901.2",
+            ),
+            (
+                Warning::LensBeyondModel {
+                    certain,
+                    parameter,
+                    factor,
+                    cure,
+                },
+                "With the lens model radial3 fx is 901.2",
+            ),
+            (
+                Warning::LensOfAnotherFamily {
+                    model: "fisheye".into(),
+                    rms: 0.1,
+                    own: 2.0,
+                    focal: 901.25,
+                },
+                "With the lens model fisheye fx is 901.2",
+            ),
+        ] {
+            assert_eq!(warning.alternative().unwrap().to_string(), expected);
+            assert!(warning.to_string().ends_with(expected), "{warning}");
+        }
+        let untried = Warning::PixelsNotSquare {
+            ratio,
+            std,
+            held: None,
+        };
+        assert_eq!(untried.alternative(), None);
     }
 }

@@ -28,6 +28,7 @@ const ODD_CENTRE: f64 = 0.12;
 
 /// What was chosen.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Choice {
     /// One for each plane, in the order of the planes' first figures.
     pub verdicts: Vec<Verdict>,
@@ -37,6 +38,7 @@ pub struct Choice {
 
 /// What became of a candidate plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Verdict {
     /// Index of its first figure.
     pub figure: usize,

@@ -1,0 +1,88 @@
+//! From a picture to a camera, by the lines of the example; and photographs that do not fit.
+
+#[path = "../examples/picture.rs"]
+#[allow(dead_code)] // its `main`
+mod example;
+
+use trisquare::synthetic::{Scene, SceneOptions};
+use trisquare::{
+    Error, ImageSize, Lens, Options, Photographs, PictureTone, PlaneEdges, Polarity, Stage, Tone,
+    calibrate_photographs, pixels_to_keep,
+};
+
+const SIZE: ImageSize = ImageSize {
+    width: 640,
+    height: 480,
+};
+
+/// Normal errors beyond so many standard deviations occur once in fifteen thousand draws.
+const SURE: f64 = 4.0;
+
+fn scene(seed: u64) -> Scene {
+    let options = SceneOptions {
+        size: SIZE,
+        ..SceneOptions::default()
+    };
+    Scene::random(seed, options)
+}
+
+#[test]
+fn the_example_finds_the_camera_of_its_picture() {
+    for seed in 1..4 {
+        let scene = scene(seed);
+        let found = example::calibration_of(&scene).unwrap();
+        assert_eq!(found.stage, Stage::Pixels, "seed {seed}: {found:?}");
+        let truth = scene.camera.parameters();
+        let estimates = found.estimates();
+        assert_eq!(estimates.len(), truth.len());
+        for (estimate, truth) in estimates.iter().zip(truth) {
+            let error = estimate.value - truth;
+            match estimate.std {
+                Some(std) => assert!(error.abs() < SURE * std, "seed {seed}: {estimate:?}"),
+                None => assert_eq!(error, 0.0),
+            }
+        }
+        assert!(estimates[0].std.unwrap() < 0.002 * estimates[0].value);
+    }
+}
+
+fn refused(edges: &[PlaneEdges], size: ImageSize, photographs: &Photographs<'_>) -> String {
+    match calibrate_photographs(edges, size, &Options::default(), Some(photographs)) {
+        Err(Error::InvalidArgument(message)) => message,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn photographs_that_do_not_fit_the_figures_are_refused() {
+    let scene = scene(1);
+    let mut edges = scene.edges(1, 0.05, 4.0);
+    for figure in &mut edges {
+        figure.polarity = Some(Polarity::DarkInside);
+    }
+    let kept = pixels_to_keep(&scene.picture(2, 0.6, 2.0), &edges);
+    let tones = [PictureTone::Known(Tone::Srgb)];
+    let own = Photographs {
+        pictures: &[&kept],
+        tones: &tones,
+    };
+    let found = calibrate_photographs(&edges, SIZE, &Options::default(), Some(&own)).unwrap();
+    assert_eq!(found.stage, Stage::Pixels);
+
+    let none = Photographs {
+        pictures: &[],
+        tones: &[],
+    };
+    let untold = Photographs { tones: &[], ..own };
+    let invalid = Photographs {
+        tones: &[PictureTone::Known(Tone::Gamma(-1.0))],
+        ..own
+    };
+    assert!(refused(&edges, SIZE, &none).contains("figure 0 is in the picture of index 0"));
+    assert!(refused(&edges, SIZE, &untold).contains("1 pictures come with 0 tone curves"));
+    assert!(refused(&edges, SIZE, &invalid).contains("gamma"));
+    let larger = ImageSize { width: 641, ..SIZE };
+    assert!(refused(&edges, larger, &own).contains("640 x 480 pixels, not 641 x 480"));
+    edges[2].image = 1;
+    assert!(refused(&edges, SIZE, &own).contains("figure 2 is in the picture of index 1"));
+}
