@@ -63,34 +63,34 @@ fn every_warning_with_a_text_is() {
     for warning in [
         Warning::NoSquares {
             displacement: 1.5,
-            parameter: "fx",
+            parameter: "fx".into(),
             factor: 3.0,
         },
         Warning::SidesErrTogether {
             plane: 0,
             displacement: 0.1,
             height: None,
-            parameter: "k1",
+            parameter: "k1".into(),
             factor: 1.5,
         },
         Warning::LensBeyondModel {
             certain: true,
-            parameter: "cx",
+            parameter: "cx".into(),
             factor: 2.0,
             cure: Some(("radial3".into(), 901.5)),
         },
         Warning::PixelsNotUsed {
-            reason: "they are less certain than the edge samples",
+            reason: "they are less certain than the edge samples".into(),
         },
         Warning::BarelyDetermined {
-            parameter: "cy",
+            parameter: "cy".into(),
             std: 40.0,
             part: 0.05,
-            of: "the width",
+            of: "the width".into(),
         },
         Warning::RelationContradicted {
             planes: [0, 2],
-            stand: "right angles",
+            stand: "right angles".into(),
             degrees: 1.5,
             std: 0.1,
         },
@@ -102,7 +102,7 @@ fn every_warning_with_a_text_is() {
 }
 
 #[test]
-fn what_the_lens_does_not_have_and_long_texts_are_refused() {
+fn what_the_lens_does_not_have_is_refused() {
     let scene = Scene::random(1, SceneOptions::default());
     let text = serde_json::to_string(&calibration_of(&scene)).unwrap();
     let unknown = text.replacen("[\"fx\",", "[\"fz\",", 1);
@@ -110,10 +110,4 @@ fn what_the_lens_does_not_have_and_long_texts_are_refused() {
     let refused = serde_json::from_str::<Calibration>(&unknown).unwrap_err();
     assert!(refused.to_string().contains("fz"), "{refused}");
     assert!(serde_json::from_str::<Calibration<Equidistant>>(&text).is_err());
-
-    let warning = format!(
-        "{{\"PixelsNotUsed\":{{\"reason\":\"{}\"}}}}",
-        "a".repeat(300)
-    );
-    assert!(serde_json::from_str::<Warning>(&warning).is_err());
 }

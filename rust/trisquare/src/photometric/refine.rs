@@ -69,7 +69,9 @@ pub(crate) fn improve<L: Lens>(
         }
         Err(Refusal::NotApplicable) => {}
         Err(Refusal::Reason(reason)) => {
-            calibration.warnings.push(Warning::PixelsNotUsed { reason });
+            calibration.warnings.push(Warning::PixelsNotUsed {
+                reason: reason.into(),
+            });
         }
     }
     None

@@ -1,9 +1,10 @@
 //! Where a result comes from, and what a user should know of it.
 
+use std::borrow::Cow;
 use std::fmt;
 
-/// A text of the crate; named, since serde would borrow a plain reference from what it reads.
-type Text = &'static str;
+/// A text of the crate, or one that was read back.
+type Text = Cow<'static, str>;
 
 /// A plane that disagrees with the rest.
 #[derive(Debug, Clone, PartialEq)]
@@ -101,10 +102,6 @@ pub enum Warning {
         /// How far, px.
         displacement: f64,
         /// The parameter that suffers most.
-        #[cfg_attr(
-            feature = "serde",
-            serde(deserialize_with = "super::stored::static_text")
-        )]
         parameter: Text,
         /// Its standard deviation over what it would be if the squares were true.
         factor: f64,
@@ -133,10 +130,6 @@ pub enum Warning {
         /// From the lowest to the highest place of its relief, over its extent, if it has one.
         height: Option<f64>,
         /// The parameter that suffers most.
-        #[cfg_attr(
-            feature = "serde",
-            serde(deserialize_with = "super::stored::static_text")
-        )]
         parameter: Text,
         /// Its standard deviation over what independent noise alone would give.
         factor: f64,
@@ -153,10 +146,6 @@ pub enum Warning {
         /// Whether nothing else explains that as well.
         certain: bool,
         /// The parameter that suffers most.
-        #[cfg_attr(
-            feature = "serde",
-            serde(deserialize_with = "super::stored::static_text")
-        )]
         parameter: Text,
         /// Its standard deviation over what it would be if the lens were of its model.
         factor: f64,
@@ -183,10 +172,6 @@ pub enum Warning {
     #[error("the fit to the pixels was not taken: {reason}")]
     PixelsNotUsed {
         /// What spoke against it.
-        #[cfg_attr(
-            feature = "serde",
-            serde(deserialize_with = "super::stored::static_text")
-        )]
         reason: Text,
     },
     /// The lines of the scene tell nothing, or another lens than the planes.
@@ -236,20 +221,12 @@ pub enum Warning {
     )]
     BarelyDetermined {
         /// The parameter that is known worst.
-        #[cfg_attr(
-            feature = "serde",
-            serde(deserialize_with = "super::stored::static_text")
-        )]
         parameter: Text,
         /// Its standard deviation, pixels.
         std: f64,
         /// The same as a part...
         part: f64,
         /// ... of the focal length or of the width.
-        #[cfg_attr(
-            feature = "serde",
-            serde(deserialize_with = "super::stored::static_text")
-        )]
         of: Text,
     },
     /// Samples that the picture cannot show.
@@ -289,10 +266,6 @@ pub enum Warning {
         /// Indices of the planes.
         planes: [usize; 2],
         /// How they are said to stand.
-        #[cfg_attr(
-            feature = "serde",
-            serde(deserialize_with = "super::stored::static_text")
-        )]
         stand: Text,
         /// How far they are from that, degrees.
         degrees: f64,
@@ -512,7 +485,7 @@ mod tests {
             (
                 Warning::LensBeyondModel {
                     certain,
-                    parameter,
+                    parameter: parameter.into(),
                     factor,
                     cure,
                 },

@@ -42,7 +42,7 @@ fn contradicted<L: Lens>(untold: &Calibration<L>, related: &Related) -> Option<W
     let std = covariance.trace().sqrt().to_degrees();
     (normal_deviate(square, gaps.len() as f64) > EVIDENT).then(|| Warning::RelationContradicted {
         planes: related.planes,
-        stand: related.relation.words(),
+        stand: related.relation.words().into(),
         degrees: gaps.norm().min(1.0).asin().to_degrees(),
         std,
     })

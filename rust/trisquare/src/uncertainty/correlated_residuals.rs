@@ -89,7 +89,7 @@ impl ResidualCorrelation {
                 plane,
                 displacement: self.displacements[plane],
                 height: risen.map(|it| it.1),
-                parameter,
+                parameter: parameter.into(),
                 factor,
             });
         }

@@ -76,10 +76,10 @@ pub(crate) fn poorly_known<L: Lens>(found: &Calibration<L>, fixed: Fixed) -> Vec
     let worst = parts.max_by(|a, b| a.2.total_cmp(&b.2));
     let open = worst.filter(|(_, _, part, _)| *part > largest_std(fixed));
     let open = open.map(|(parameter, std, part, of)| Warning::BarelyDetermined {
-        parameter,
+        parameter: parameter.into(),
         std,
         part,
-        of,
+        of: of.into(),
     });
     let missing = missing(found);
     let ends = (missing > LEAST_MISSING).then_some(Warning::LensEndsInPicture { missing });

@@ -222,7 +222,7 @@ impl<L: Lens> Calibration<L> {
         let (parameter, factor) = self.raise(&(change * change.transpose()))?;
         Some(Warning::LensBeyondModel {
             certain,
-            parameter,
+            parameter: parameter.into(),
             factor,
             cure,
         })
@@ -234,7 +234,7 @@ impl<L: Lens> Calibration<L> {
         let (parameter, factor) = self.raise(&doubt)?;
         Some(Warning::NoSquares {
             displacement: found.displacement,
-            parameter,
+            parameter: parameter.into(),
             factor,
         })
     }
