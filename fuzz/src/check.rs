@@ -92,6 +92,7 @@ pub fn refusal(error: &Error) -> Outcome {
         ErrorKind::NotEnoughData => "NotEnoughData",
         ErrorKind::DegenerateGeometry => "DegenerateGeometry",
         ErrorKind::Convergence => "Convergence",
+        _ => "of another kind",
     }
 }
 

@@ -7,7 +7,7 @@ use trisquare::internals::cdf;
 use trisquare::synthetic::Scene;
 use trisquare::{
     EdgeSpan, ImageSize, Method, NoEdge, Photographs, Picture, PictureTone, PlaneEdges, Polarity,
-    SpanEdges, Tone, calibrate_photographs as solve,
+    SpanEdges, Tone, calibrate_photographs as solve, pixels_to_keep,
 };
 
 use crate::bytes::Bytes;
@@ -82,6 +82,7 @@ pub(crate) fn measured_spans(found: &[Result<SpanEdges, NoEdge>]) -> Outcome {
             Err(NoEdge::Inconsistent) => "Inconsistent",
             Err(NoEdge::Unmeasurable) => "Unmeasurable",
             Err(NoEdge::Cramped) => "Cramped",
+            Err(_) => "of another kind",
         };
         if outcome == "Ok" {
             break;
@@ -118,7 +119,8 @@ pub fn calibrate_photographs(data: &[u8]) -> Outcome {
     if bytes.once_in(4) {
         damage(&mut figures, SIZE, bytes);
     }
-    let pictures = vec![&picture; 1 + bytes.below(2)];
+    let kept = pixels_to_keep(&picture, &figures);
+    let pictures = vec![&kept; 1 + bytes.below(2)];
     let tones: Vec<_> = pictures.iter().map(|_| picture_tone(tone, bytes)).collect();
     let photographs = Photographs {
         pictures: &pictures,
@@ -206,6 +208,7 @@ fn any_span(size: ImageSize, bytes: &mut Bytes<'_>) -> EdgeSpan {
             true => [10.0 * bytes.coefficient(), 10.0 * bytes.coefficient()],
             false => [f64::INFINITY; 2],
         },
+        is_beside_others: bytes.once_in(4),
     }
 }
 
