@@ -285,7 +285,7 @@ def calibrate_edges(
     NotEnoughPlanesError, NotEnoughDataError, DegenerateGeometryError, ConvergenceError
         If the planes cannot answer; the message says why and what would help.
     TypeError, ValueError
-        For bad arguments, samples outside the picture among them.
+        For bad arguments.
 
     Examples
     --------
