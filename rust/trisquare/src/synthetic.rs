@@ -165,7 +165,7 @@ impl<L: Lens> Scene<L> {
     pub fn picture(&self, seed: u64, blur: f64, noise: f64) -> Picture {
         let mut rng = StdRng::seed_from_u64(seed);
         let blur = (blur * blur + BOX_VARIANCE).sqrt();
-        let sides: Vec<[Vector3<f64>; 4]> = self.poses.iter().filter_map(sides_seen).collect();
+        let sides: Vec<[Vector3<f64>; 4]> = self.poses.iter().map(sides_seen).collect();
         let [width, height] = [self.size.width, self.size.height];
         let mut values = Vec::with_capacity(width as usize * height as usize);
         for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
@@ -217,17 +217,9 @@ impl<L: Lens> Scene<L> {
     }
 }
 
-/// The sides of a unit square as planes through the camera centre, positive inside: `l ~ H^-T
-/// l_plane`, `H = [r1 r2 t]`.
-fn sides_seen(pose: &Pose) -> Option<[Vector3<f64>; 4]> {
-    let axes = pose.rotation.fixed_columns::<2>(0);
-    let homography = Matrix3::from_columns(&[
-        axes.column(0).into(),
-        axes.column(1).into(),
-        pose.translation,
-    ]);
-    let map = homography.try_inverse()?.transpose();
-    Some(rectangle_lines(1.0, 1.0).map(|side| map * side.coefficients()))
+/// The sides of a unit square as planes through the camera centre, positive inside.
+fn sides_seen(pose: &Pose) -> [Vector3<f64>; 4] {
+    rectangle_lines(1.0, 1.0).map(|side| pose.line_map() * side.coefficients())
 }
 
 /// Corner `i` of the unit square at the origin.
