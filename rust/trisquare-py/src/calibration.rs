@@ -130,7 +130,8 @@ pub struct ToneFit {
 /// from the largest set of planes that one camera sees as true squares.
 ///
 /// `side_errors` are, of each picture, the standard deviation (px) of an error that the samples of
-/// a side share; many planes are fitted in so many `threads`; `orthogonal` and `parallel` are pairs of the planes that are used.
+/// a side share; many planes are fitted in so many `threads`; `orthogonal` and `parallel` are pairs
+/// of the planes that are used.
 #[pyfunction]
 #[pyo3(signature = (figures, image_size, *, choosing, method, model, fixed, initial, pictures, tones, threads=1, side_errors=Vec::new(), orthogonal=Vec::new(), parallel=Vec::new(), free=Vec::new()))]
 #[allow(clippy::too_many_arguments)] // the keywords of the Python function
@@ -160,11 +161,7 @@ pub fn calibrate<'py>(
     let pictures: Option<Vec<&trisquare::KeptPixels>> = pictures
         .as_ref()
         .map(|all| all.iter().map(|p| &p.pixels).collect());
-    let pictures = pictures.as_deref();
-    if pictures.is_some_and(|all| all.len() != tones.len()) {
-        return Err(PyValueError::new_err("every picture needs its tone curve"));
-    }
-    let photographs = pictures.map(|pictures| Photographs {
+    let photographs = pictures.as_deref().map(|pictures| Photographs {
         pictures,
         tones: &tones,
     });
