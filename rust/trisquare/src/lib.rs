@@ -19,8 +19,9 @@
 //!    these into scope. [`UndistortionMap`] maps whole pictures, [`ProjectionUncertainty`] says how
 //!    well a ray is known.
 //!
-//! The example `picture` is steps 1 to 7 without 5, `edges` begins at 4. [`predict`] says beforehand how well
-//! planes would determine a camera. [`nalgebra`] is the version whose vectors the crate takes.
+//! The example `picture` is steps 1 to 7 without 5, `edges` begins at 4. [`predict`] says beforehand
+//! how well planes would determine a camera. [`nalgebra`] is the version whose vectors the crate
+//! takes.
 //!
 //! # Conventions
 //!

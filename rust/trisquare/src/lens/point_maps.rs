@@ -92,7 +92,8 @@ fn check_finite<const D: usize>(points: &[SVector<f64, D>]) -> Result<(), Error>
 /// A map of many points.
 ///
 /// # Errors
-/// [`Error::NotFinite`], or [`Error::BeyondValidRadius`] with the first point that has none, and how many have none.
+/// [`Error::NotFinite`], or [`Error::BeyondValidRadius`] with the first point that has none, and how
+/// many have none.
 pub(crate) fn of_all<L: Lens, const D: usize, Q>(
     lens: &L,
     points: &[SVector<f64, D>],

@@ -1,14 +1,13 @@
-//! The same for each of many things: in turn, or in the threads of a pool.
+//! The same work for each of many things: in turn, or in the threads of a pool.
 
 /// Fewer things are done in turn: a thread would take longer to wake than to do its part.
 #[cfg(feature = "rayon")]
 const LEAST: usize = 16;
 
-/// What becomes of each of so many things, in their order; `None` if there is one that nothing
-/// becomes of.
+/// The results of `work` for the indices from 0 to `count`, in order; `None` if one of them is.
 ///
-/// With the feature `rayon`, and called in a thread of one of its pools, many things are shared
-/// among the threads of that pool. The results are the same, to the bit.
+/// With the feature `rayon`, and called in a thread of one of its pools, the threads of that pool
+/// share the work. The results are the same, to the bit.
 pub(crate) fn each<T: Send>(
     count: usize,
     work: impl Fn(usize) -> Option<T> + Sync + Send,
@@ -26,7 +25,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_that_nothing_becomes_of_leaves_nothing() {
+    fn one_without_a_result_leaves_none() {
         assert_eq!(each(3, Some), Some(vec![0, 1, 2]));
         assert_eq!(each(100, |i| (i != 70).then_some(i)), None);
     }

@@ -42,7 +42,7 @@ pub(crate) struct PixelSystem {
     pub spread: Spread,
 }
 
-/// The part of one plane.
+/// What the figures of one plane add to a [`PixelSystem`].
 struct PlaneSystem {
     cost: f64,
     block: Block,
@@ -142,15 +142,16 @@ impl PixelFit<'_> {
             return None;
         }
         let planes = each(state.view.planes.len(), |p| self.of_plane(state, p))?;
+        let mut spread = Spread::default();
+        planes.iter().for_each(|plane| spread.merge(&plane.spread));
         let mut sum = PixelSystem {
             cost: planes.iter().map(|plane| plane.cost).sum(),
-            spread: Spread::default(),
-            system: ArrowSystem::of(self.shared_count(), std::iter::empty()),
+            system: ArrowSystem::of(
+                self.shared_count(),
+                planes.into_iter().map(|plane| plane.block),
+            ),
+            spread,
         };
-        for plane in planes {
-            sum.spread.merge(&plane.spread);
-            sum.system.blocks.push(plane.block);
-        }
         self.add_priors(state, &mut sum);
         state.view.tie(&mut sum.system);
         Some(sum)
