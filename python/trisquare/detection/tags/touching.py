@@ -6,6 +6,7 @@ dark. The corners, which are saddles, are then located without a threshold.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import cv2
@@ -29,6 +30,11 @@ its border."""
 
 COARSE = 3
 """Pixels to one of the pictures of darkest and lightest: the threshold need not be finer."""
+
+LARGEST_SEARCHED = 3000
+"""Pixels of the longest side of the picture in which outlines are followed: a larger picture is
+reduced, in which a photograph's grain has fewer outlines. Corners are located in the picture
+itself."""
 
 SAME = 3.0
 """Pixels between the middles of a tag that is found twice."""
@@ -78,9 +84,12 @@ def find_touching_tags(
     """
     found: list[int] = []
     corners: list[FloatArray] = []
-    lowest, highest = _extremes(grey)
+    scale = math.ceil(max(grey.shape) / LARGEST_SEARCHED)
+    searched = grey if scale == 1 else _reduced(grey, scale)
+    lowest, highest = _extremes(searched)
     for parting in PARTINGS:
-        quads = on_saddles(grey, _dark_quads(grey, lowest, highest, parting))
+        outlines = (_dark_quads(searched, lowest, highest, parting) + 0.5) * scale - 0.5
+        quads = on_saddles(grey, outlines)
         numbers, turns, correlation = agreement(grey, quads, name, border)
         read = np.flatnonzero(correlation >= LEAST_CORRELATION)
         own = [np.roll(quads[index], turns[index], axis=0) for index in read]
@@ -145,7 +154,12 @@ def _extremes(grey: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.ui
     reach = max(LEAST_REACH, round(REACH * max(grey.shape))) // COARSE
     around = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
     # Averaged, lest the noise of a plain ground look like a contrast.
-    size = tuple(max(side // COARSE, 1) for side in grey.shape[::-1])
-    small = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
+    small = _reduced(grey, COARSE)
     lowest, highest = cv2.erode(small, around), cv2.dilate(small, around)
     return np.asarray(lowest, dtype=np.uint8), np.asarray(highest, dtype=np.uint8)
+
+
+def _reduced(grey: NDArray[np.uint8], scale: int) -> NDArray[np.uint8]:
+    """Average over squares of `scale` x `scale` pixels."""
+    size = tuple(max(side // scale, 1) for side in grey.shape[::-1])
+    return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
