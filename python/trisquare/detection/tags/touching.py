@@ -160,6 +160,8 @@ def _extremes(grey: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.ui
 
 
 def _reduced(grey: NDArray[np.uint8], scale: int) -> NDArray[np.uint8]:
-    """Average over squares of `scale` x `scale` pixels."""
-    size = tuple(max(side // scale, 1) for side in grey.shape[::-1])
-    return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    """Average over squares of `scale` x `scale` pixels; what is over at the rims is left out."""
+    height, width = (max(side // scale, 1) for side in grey.shape)
+    whole = grey[: height * scale, : width * scale]
+    small = cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA)
+    return np.asarray(small, dtype=np.uint8)

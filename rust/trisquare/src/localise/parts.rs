@@ -81,20 +81,38 @@ struct Seen {
     to_dark: f64,
 }
 
-/// The odd rows against the even ones; `None` if too few sides tell it.
+/// An enlarged picture shows its odd columns elsewhere as well, which its interpolation explains: a
+/// displacement of the rows that is that of the columns to within this part of it.
+const ALIKE: f64 = 0.5;
+
+/// The odd rows against the even ones; `None` if too few sides tell it, or where the odd columns
+/// are displaced alike, as in an enlarged picture.
 pub(super) fn rows<'a>(
     reader: &GreyReader<'_>,
+    previews: impl Iterator<Item = &'a Preview> + Clone,
+) -> Option<PartDisplacement> {
+    let rows = odd_against_even(reader, previews.clone(), |[_, y]| y)?;
+    let columns = odd_against_even(reader, previews, |[x, _]| x);
+    let differs = |columns: PartDisplacement| {
+        (columns.shift.yx() - rows.shift).norm() > ALIKE * rows.shift.norm()
+    };
+    columns.is_none_or(differs).then_some(rows)
+}
+
+/// The pixels of odd number, of rows or columns, against those of even number.
+fn odd_against_even<'a>(
+    reader: &GreyReader<'_>,
     previews: impl Iterator<Item = &'a Preview>,
+    number: impl Fn([usize; 2]) -> usize,
 ) -> Option<PartDisplacement> {
     displacement(previews.filter_map(|preview| {
         let side = &preview.side;
         let mut parts = [PartSums::default(), PartSums::default()];
         for pixel in single_pixels(preview) {
-            let [_, y] = pixel_place(side, pixel);
             // What is left of the side's own model, to first order.
             let p = side.predict(reader.curve(), pixel, 0.0);
             let terms = [p.by_base, p.by_base * pixel.s, p.by_contrast, p.by_offset];
-            parts[y % 2].add(&SVector::from(terms), p.residual);
+            parts[number(pixel_place(side, pixel)) % 2].add(&SVector::from(terms), p.residual);
         }
         let offset = |part: &PartSums| {
             let (solution, variance) = part.solve()?;
