@@ -31,6 +31,12 @@ UNTOLD: dict[str, dict[str, Any]] = {
 }
 UNTOLD_TARGETS = 1.15, 0.015  # error / std; % of fx
 
+PHONE_SEED = 1205
+PHONE_SCENES = 20
+PHONE_TARGET = 1.3
+PHONE_QUALITIES = (88, 96)  # of JPEG
+PHONE = simulate.TrueCamera(1500.0, 1500.0, 1005.0, 745.0, (0.08, -0.15, 0, 0, 0), (2000, 1500))
+
 
 def measure() -> list[Row]:
     """Print for each curve the bias of fx, and its spread beside that of the known curve."""
@@ -49,7 +55,7 @@ def measure() -> list[Row]:
         ratios.append(float(np.sqrt(np.mean(ratio**2))))
         error_ratios.append(error_ratio)
         covered.append(inside)
-    untold = _untold_rows()
+    untold = [*_untold_rows(), _phone_row()]
     worst = max(biases, key=abs)
     name = f'tone="auto" on pictures of {len(TONES)} tone curves, {SCENES} each'
     return [
@@ -101,6 +107,29 @@ def _untold_rows() -> list[Row]:
             )
         )
     return rows
+
+
+def _phone_row() -> Row:
+    """Calibrate colour pictures of the folded corner as a phone writes them, without any option."""
+    ratios = []
+    for seed in range(PHONE_SCENES):
+        rng = np.random.default_rng([PHONE_SEED, seed])
+        scene = simulate.corner_scene(rng, camera=PHONE)
+        quality = int(rng.integers(*PHONE_QUALITIES))
+        picture = simulate.render(
+            scene, rng, tone="srgb", clutter=12, colour=True, jpeg_quality=quality
+        )
+        found = ts.calibrate(picture)
+        ratios.append(errors(found, scene.camera) / by_name(found.std))
+    each = np.sqrt(np.mean(np.square(ratios), axis=0))
+    shown = ", ".join(f"{name} {ratio:.2f}" for name, ratio in zip(NAMES, each, strict=True))
+    return Row(
+        f"no options, colour corners of 3 megapixels, JPEG {PHONE_QUALITIES[0]} to "
+        f"{PHONE_QUALITIES[1] - 1}, {PHONE_SCENES} scenes: error / std rms, worst parameter",
+        f"{each.max():.2f} ({shown})",
+        f"<= {PHONE_TARGET}",
+        bool(each.max() <= PHONE_TARGET),
+    )
 
 
 def _scores(tone: ToneCurve) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:

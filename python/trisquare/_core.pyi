@@ -186,6 +186,8 @@ class ToneEstimate:
     @property
     def misfit(self) -> float: ...
     @property
+    def misfit_shift(self) -> float: ...
+    @property
     def shift_std(self) -> float | None: ...
     @property
     def contradiction(self) -> float: ...
@@ -322,7 +324,7 @@ def calibrate(
     fixed: Sequence[str],
     initial: _Camera | None,
     pictures: Sequence[KeptPixels] | None,
-    tones: Sequence[str | float | tuple[float, float, float | None]],
+    tones: Sequence[str | float | tuple[float, float, bool, float]],
     threads: int = ...,
     side_errors: Sequence[float] = ...,
     orthogonal: Sequence[tuple[int, int]] = ...,

@@ -53,6 +53,21 @@ def test_where_no_curve_fits_the_edges_share_one_shift():
     assert_within(result, SCENE, 5)
 
 
+@pytest.mark.slow
+def test_what_jpeg_does_to_profiles_is_in_the_standard_deviations():
+    # The curve that fits compressed profiles best moves edges by more than its own deviation says.
+    camera = simulate.TrueCamera(1500, 1500, 1005, 745, (0.08, -0.15, 0, 0, 0), (2000, 1500))
+    errors = []
+    for seed in range(8):
+        rng = np.random.default_rng([93, seed])
+        scene = simulate.corner_scene(rng, camera=camera)
+        picture = simulate.render(scene, rng, tone="srgb", clutter=12, jpeg_quality=92)
+        result = ts.calibrate(picture)
+        assert result.tone_std is not None
+        errors.append((result.camera.distortion[0] - 0.08) / result.std["k1"])
+    assert np.sqrt(np.mean(np.square(errors))) < 1.6
+
+
 def test_pictures_of_one_camera_have_a_tone_each():
     other = squares(93, camera=SCENE.camera)
     second = simulate.render(other, np.random.default_rng(94), tone=1.4)

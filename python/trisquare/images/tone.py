@@ -11,7 +11,7 @@ import trisquare._core as _core
 CONTRADICTED = 5.0
 """Standard deviations of the effective gamma from which the profiles contradict a stated curve."""
 
-CoreTone: TypeAlias = "str | float | tuple[float, float, float | None]"
+CoreTone: TypeAlias = "str | float | tuple[float, float, bool, float]"
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,9 +20,9 @@ class PictureTone:
 
     Parameters
     ----------
-    curve : str, float or (float, float, float or None)
-        As the core takes it: a name, a gamma, or of an estimated curve gamma, toe and the standard
-        deviation of the shift that is left where no curve fits, in pixels.
+    curve : str, float or (float, float, bool, float)
+        As the core takes it: a name, a gamma, or of an estimated curve gamma, toe, whether it is to
+        be estimated further, and the standard deviation of the shift that it leaves, in pixels.
     value : str or float
         As results report it; of an estimated curve the pure gamma that codes mid-grey alike.
     std : float or None
@@ -50,8 +50,9 @@ class PictureTone:
     def estimated(cls, estimate: _core.ToneEstimate) -> PictureTone:
         """Return what the profiles of a picture's edges have told."""
         shift_std = estimate.shift_std
+        left = estimate.misfit_shift if shift_std is None else shift_std
         return cls(
-            (estimate.gamma, estimate.toe, shift_std),
+            (estimate.gamma, estimate.toe, shift_std is None, left),
             estimate.effective_gamma,
             estimate.std,
             None if shift_std is None else (0.0, shift_std),
@@ -64,9 +65,9 @@ class PictureTone:
 
     def of_board(self) -> PictureTone:
         """Return the same for a board, whose own zigzag tells and takes away every shift."""
-        if self.shift is None or not isinstance(self.curve, tuple):
+        if not isinstance(self.curve, tuple):
             return self
-        return replace(self, curve=(*self.curve[:2], None), shift=None)
+        return replace(self, curve=(*self.curve[:2], True, 0.0), shift=None)
 
 
 def contradiction_text(tones: Mapping[int, PictureTone]) -> str | None:

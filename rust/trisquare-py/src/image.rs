@@ -92,13 +92,19 @@ fn contiguous<T: Copy, D: Dimension>(
     Ok((width, height, channels, values))
 }
 
-/// As [`tone`], or the gamma and the toe of a curve to be estimated and, where no curve fits, the
-/// standard deviation of the shift that is left.
+/// As [`tone`]; or gamma, toe, whether these are to be estimated, and the standard deviation of the
+/// shift that is left, which may be 0 if they are.
 pub fn picture_tone(value: &Bound<'_, PyAny>) -> PyResult<PictureTone> {
-    let found = match value.extract::<(f64, f64, Option<f64>)>() {
+    let found = match value.extract::<(f64, f64, bool, f64)>() {
         Err(_) => PictureTone::Known(tone(value)?),
-        Ok((gamma, toe, None)) => PictureTone::Estimated(PowerCurve { gamma, toe }),
-        Ok((gamma, toe, Some(std))) => PictureTone::Shifted(PowerCurve { gamma, toe }, std),
+        Ok((gamma, toe, is_free, shift_std)) => {
+            let curve = PowerCurve { gamma, toe };
+            match is_free {
+                true if shift_std == 0.0 => PictureTone::Estimated(curve),
+                true => PictureTone::Approximated(curve, shift_std),
+                false => PictureTone::Shifted(curve, shift_std),
+            }
+        }
     };
     if !found.is_valid() {
         return Err(PyValueError::new_err("an estimated tone curve is not one"));
@@ -168,6 +174,7 @@ pub struct ToneEstimate {
     std: f64,
     sides: usize,
     misfit: f64,
+    misfit_shift: f64,
     shift_std: Option<f64>,
     /// How far a stated curve is from this one, in standard deviations.
     contradiction: f64,
@@ -263,6 +270,7 @@ fn tone_estimate(found: &trisquare::ToneEstimate, stated: Option<Tone>) -> ToneE
         std: found.effective_gamma_std(),
         sides: found.sides,
         misfit: found.misfit,
+        misfit_shift: found.misfit_shift,
         shift_std: found.shift_std,
     }
 }

@@ -14,6 +14,9 @@ pub enum PictureTone {
     Known(Tone),
     /// By a curve that is to be estimated, from this one on.
     Estimated(PowerCurve),
+    /// By a curve that is to be estimated but does not quite describe it, as after JPEG: its edges
+    /// lie off by a little, as those of [`Shifted`](Self::Shifted) do.
+    Approximated(PowerCurve, f64),
     /// By something that no curve describes: with this one its edges lie off, all by the same
     /// distance towards the dark, which is zero up to the given standard deviation, pixels.
     Shifted(PowerCurve, f64),
@@ -25,7 +28,9 @@ impl PictureTone {
     pub fn tone(&self) -> Tone {
         match *self {
             Self::Known(tone) => tone,
-            Self::Estimated(curve) | Self::Shifted(curve, _) => Tone::Power(curve),
+            Self::Estimated(curve) | Self::Approximated(curve, _) | Self::Shifted(curve, _) => {
+                Tone::Power(curve)
+            }
         }
     }
 
@@ -33,7 +38,15 @@ impl PictureTone {
     #[must_use]
     pub fn is_valid(&self) -> bool {
         let positive = |std: f64| std > 0.0 && std.is_finite();
-        self.tone().is_valid() && !matches!(*self, Self::Shifted(_, std) if !positive(std))
+        self.tone().is_valid() && self.shift_std().is_none_or(positive)
+    }
+
+    /// Standard deviation of the distance by which all edges may lie off, pixels.
+    fn shift_std(&self) -> Option<f64> {
+        match *self {
+            Self::Known(_) | Self::Estimated(_) => None,
+            Self::Approximated(_, std) | Self::Shifted(_, std) => Some(std),
+        }
     }
 }
 
@@ -66,11 +79,12 @@ impl PictureState {
     }
 
     pub fn has_free_curve(&self) -> bool {
-        matches!(self.given, PictureTone::Estimated(_))
+        use PictureTone::{Approximated, Estimated};
+        matches!(self.given, Estimated(_) | Approximated(..))
     }
 
     pub fn has_free_shift(&self) -> bool {
-        matches!(self.given, PictureTone::Shifted(..))
+        self.given.shift_std().is_some()
     }
 
     /// The estimated curve.
@@ -88,34 +102,26 @@ impl PictureState {
             information: [1.0; PICTURE_PARAMETERS],
             gradient: [0.0; PICTURE_PARAMETERS],
         };
-        match self.given {
-            PictureTone::Known(_) => {}
-            PictureTone::Estimated(_) => {
-                if let Some(power) = self.power() {
-                    let usual = TonePrior::at(&power);
-                    prior.information[..TONE_PARAMETERS].copy_from_slice(&usual.information);
-                    prior.gradient[..TONE_PARAMETERS].copy_from_slice(&usual.gradient);
-                }
-            }
-            PictureTone::Shifted(_, std) => {
-                let information = 1.0 / (std * std);
-                prior.information[TONE_PARAMETERS] = information;
-                prior.gradient[TONE_PARAMETERS] = -information * self.shift;
-            }
+        if let Some(power) = self.power().filter(|_| self.has_free_curve()) {
+            let usual = TonePrior::at(&power);
+            prior.information[..TONE_PARAMETERS].copy_from_slice(&usual.information);
+            prior.gradient[..TONE_PARAMETERS].copy_from_slice(&usual.gradient);
+        }
+        if let Some(std) = self.given.shift_std() {
+            let information = 1.0 / (std * std);
+            prior.information[TONE_PARAMETERS] = information;
+            prior.gradient[TONE_PARAMETERS] = -information * self.shift;
         }
         prior
     }
 
     pub fn moved(&self, step: &[f64]) -> Self {
         let mut next = self.clone();
-        match self.given {
-            PictureTone::Known(_) => {}
-            PictureTone::Estimated(_) => {
-                if let Some(power) = self.power() {
-                    next.curve = Tone::Power(power.moved(&[step[0], step[1]])).curve();
-                }
-            }
-            PictureTone::Shifted(..) => next.shift += step[TONE_PARAMETERS],
+        if let Some(power) = self.power().filter(|_| self.has_free_curve()) {
+            next.curve = Tone::Power(power.moved(&[step[0], step[1]])).curve();
+        }
+        if self.has_free_shift() {
+            next.shift += step[TONE_PARAMETERS];
         }
         next
     }

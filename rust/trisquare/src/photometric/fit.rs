@@ -201,7 +201,7 @@ impl PixelFit<'_> {
             Some(ToneFit {
                 curve: picture.power()?,
                 covariance: curve.then_some(block),
-                shift: shift.then(|| (picture.shift, covariance[(last, last)].sqrt())),
+                shift: (shift && !curve).then(|| (picture.shift, covariance[(last, last)].sqrt())),
             })
         });
         fits.collect()
@@ -281,6 +281,7 @@ mod tests {
         toe: 0.03,
     };
     const ESTIMATED: PictureTone = PictureTone::Estimated(CURVE);
+    const APPROXIMATED: PictureTone = PictureTone::Approximated(CURVE, 0.05);
     const SHIFTED: PictureTone = PictureTone::Shifted(CURVE, 0.05);
 
     fn free() -> FreeParameters {
@@ -394,6 +395,7 @@ mod tests {
     #[test]
     fn gradient_agrees_with_central_differences() {
         check_gradient(ESTIMATED);
+        check_gradient(APPROXIMATED);
         check_gradient(SHIFTED);
     }
 
