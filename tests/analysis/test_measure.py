@@ -1,6 +1,7 @@
 """Lengths, angles and areas on planes: against the truth, and against their own deviations."""
 
 import json
+import re
 from dataclasses import replace
 
 import cv2
@@ -174,6 +175,30 @@ def test_one_square_is_enough_for_a_known_camera(scene):
     assert np.all(np.abs(errors) < 4 * found.lengths_std)
     with pytest.raises(TypeError, match="camera must be"):
         ts.locate(picture, camera_of(scene).K)
+
+
+def test_a_camera_that_did_not_take_the_picture_is_told(run, files, photograph, tmp_path, caplog):
+    photo, camera = files
+    result = ts.Calibration.load(camera)
+    straight, pinhole = tmp_path / "straight.png", tmp_path / "pinhole.json"
+    cv2.imwrite(str(straight), ts.undistort(photograph, result.camera))
+    result.camera.undistorted().save(pinhole)
+    points = ("600,400", "700,450")
+    for picture, taken_by in ((photo, camera), (straight, pinhole)):
+        code, _, err = run("measure", picture, "--camera", taken_by, *points)
+        assert (code, "miss what this camera would see" in err) == (0, False)
+    code, _, err = run("measure", straight, "--camera", camera, *points)
+    assert code == 0
+    pattern = (
+        r"warning: plane 0: the edges of the square miss what .* by ([\d.]+) px rms, (\d+) times"
+    )
+    found = re.search(pattern, err)
+    assert found, err
+    (plane, *others) = ts.locate(straight, result)
+    assert float(found[1]) == pytest.approx(plane.rms, rel=0.05)
+    assert int(found[2]) > 10
+    assert [record.levelname for record in caplog.records] == ["WARNING"] * (1 + len(others))
+    assert "plane 0: the edges of the square miss" in caplog.text
 
 
 def test_the_view_from_above_is_to_scale(photograph, scene):

@@ -15,7 +15,7 @@ from trisquare._support.number_text import with_its_std
 from trisquare._support.writing import write_atomically
 from trisquare.analysis.measure import CLICKED_STD, FAR, Measurement, check_inside, measure
 from trisquare.analysis.rectify import rectify as rectified
-from trisquare.calibration.locate import locate
+from trisquare.calibration.locate import located
 from trisquare.camera.camera import Camera
 from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.framework import reading
@@ -102,7 +102,7 @@ def measure_command(
         raise ValueError("; ".join([str(error), *warnings])) from error
     lens = camera_of(known)
     with progress_bar("measuring", quiet), reading():
-        planes = locate(picture, known, targets=targets, outlines=outline)
+        planes, doubts = located(picture, known, targets=targets, outlines=outline)
     chosen = _chosen(planes, plane)
     x, y = chosen.corners.mean(axis=0)
     heading = f"on plane {plane}, a {chosen.kind} around ({x:.0f}, {y:.0f})"
@@ -110,6 +110,8 @@ def measure_command(
         heading += " (in sides; say --side)"
     elif given is None:
         heading += f", side {length.value:g} {length.unit} as calibrated"
+    if doubts[plane] is not None:
+        warnings.append(f"plane {plane}: {doubts[plane]}")
     lines = [heading]
     members: dict[str, Any] = {
         "format": MEASUREMENT_FORMAT,
