@@ -124,7 +124,7 @@ def check_sheet(
     kind: TargetKind = "both",
     *,
     page: str = "A4",
-    side: float | None = None,
+    side: str | float | None = None,
     ruler: float | None = None,
 ) -> SheetCheck:
     """Judge a printed sheet by the calibration from its photograph.

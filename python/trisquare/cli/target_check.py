@@ -8,7 +8,7 @@ from pathlib import Path
 
 import typer
 
-from trisquare._support.lengths import metres
+from trisquare._support.lengths import length_in
 from trisquare.analysis.sheet_check import Finding, SheetCheck, check_sheet
 from trisquare.calibration.calibrate import calibrate
 from trisquare.cli.console import answer, progress_bar
@@ -39,7 +39,7 @@ def check_photograph(
         If something is not ok.
     """
     printed_target(kind, page=page, side=side)  # says what is wrong before the photograph is read
-    length = metres(ruler, "--ruler")
+    length = length_in("m", ruler, "--ruler")
     with progress_bar("measuring", quiet, then="fitting") as progress, reading():
         calibration = calibrate(photo, progress=progress)
     measured = None if length is None else 1000.0 * length
