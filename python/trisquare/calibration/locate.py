@@ -23,6 +23,9 @@ Paper that is not flat gives up to 1.5 times what another sheet of it gave at ca
 that was undistorted gives 3 times in the corners of a weak lens, and 100 times of a strong one.
 """
 
+SMALLEST_MISFIT = 0.3
+"""Pixels, below which a user is not told: a tone curve other than sRGB displaces edges by 0.1."""
+
 NORMAL_MEDIAN = 0.6745
 """Of the absolute values of normal draws, in standard deviations."""
 
@@ -105,7 +108,9 @@ def located(
     expected = max(1.0, camera.noise_scale) if isinstance(camera, Calibration) else 1.0
     misfits = (_misfit(found, index) for index in range(len(found.planes)))
     doubts = (
-        _doubt(plane, misfit) if misfit > LARGEST_MISFIT * expected else None
+        _doubt(plane, misfit)
+        if misfit > LARGEST_MISFIT * expected and plane.rms > SMALLEST_MISFIT
+        else None
         for plane, misfit in zip(found.planes, misfits, strict=True)
     )
     return Located(found.planes, tuple(doubts))
