@@ -35,6 +35,7 @@ MEASUREMENT_FORMAT = "trisquare-measurement/1"
 EXAMPLES = (
     "trisquare measure photo.jpg --camera camera.json --side 50mm 312,440 518,402",
     "trisquare measure photo.jpg --camera camera.json --plane 2 90,80 130,85 120,140",
+    "trisquare measure later.jpg --camera camera.json --side 50mm 312,440 518,402",
     "trisquare measure photo.jpg --camera camera.json --rectify above.png",
 )
 
@@ -77,7 +78,8 @@ def measure_command(
 ) -> None:
     """Measure lengths, angles and areas on the plane of a square.
 
-    The square is found in the photograph again, before the camera that is given; all that is
+    PHOTO is the one that the camera was calibrated with, or any other that it has taken, in which
+    one square is enough: lay it beside the thing, on the same plane. The square is found in the photograph again, before the camera that is given; all that is
     uncertain about the pixels, its pose and the camera is in the standard deviations.
     """
     if camera is None:
