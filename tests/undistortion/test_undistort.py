@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from scenes import IMAGE_SIZE, edges_of, squares
 
 import trisquare as ts
 from trisquare import Camera, Undistorter, simulate
@@ -177,6 +178,17 @@ def view_is_even(lens, view, balance):
 
 def rendered(scene):
     return simulate.render(scene, np.random.default_rng(6), noise=0.0)
+
+
+def test_a_calibration_stands_for_its_camera():
+    result = ts.calibrate_edges(edges_of(squares(11)), IMAGE_SIZE)
+    picture = np.random.default_rng(1).integers(0, 256, IMAGE_SIZE[::-1], np.uint8)
+    for options in ({}, {"balance": 1}, {"rescale": True}):
+        from_result = ts.undistort(picture, result, **options)
+        assert np.array_equal(from_result, ts.undistort(picture, result.camera, **options))
+    assert ts.Undistorter(result).camera is result.camera
+    with pytest.raises(TypeError, match="camera must be a Calibration or a Camera, not ndarray"):
+        ts.undistort(picture, result.camera.K)
 
 
 def test_straight_lines_become_straight():

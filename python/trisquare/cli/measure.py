@@ -79,8 +79,9 @@ def measure_command(
     """Measure lengths, angles and areas on the plane of a square.
 
     PHOTO is the one that the camera was calibrated with, or any other that it has taken, in which
-    one square is enough: lay it beside the thing, on the same plane. The square is found in the photograph again, before the camera that is given; all that is
-    uncertain about the pixels, its pose and the camera is in the standard deviations.
+    one square is enough: lay it beside the thing, on the same plane. The square is found in the
+    photograph again, before the camera that is given; all that is uncertain about the pixels, its
+    pose and the camera is in the standard deviations.
     """
     if camera is None:
         raise ValueError("say which camera took the photograph: --camera camera.json")
