@@ -346,6 +346,30 @@ def test_command_says_that_points_are_those_of_the_stored_picture(run, files, sc
     assert "orientation" not in run("measure", photo, *outside)[2]
 
 
+def test_a_view_from_above_of_few_pixels_is_told(run, files, tmp_path):
+    photo, camera = files
+    above = tmp_path / "above.png"
+    options = ("--camera", camera, "--rectify", above, "--resolution", 5)
+    code, _, err = run("measure", photo, *options)
+    assert code == 0
+    width, height = cv2.imread(str(above)).shape[1::-1]
+    assert err.splitlines() == [
+        f"warning: {above}: is {width} x {height} pixels only: --resolution is in pixels per side "
+        "of the square, as no side is known (--side)"
+    ]
+    assert run("measure", photo, *options, "--side", "84mm")[2] == ""
+
+
+def test_a_measurement_shows_as_many_digits_as_are_known(scene, result):
+    found = ts.measure(result.planes[0], seen(scene, TRIANGLE[:2]), result, side=50)
+    length, std = re.search(r"lengths ([\d.]+) \+- ([\d.]+), in the unit", repr(found)).groups()
+    assert len(length.partition(".")[2]) == len(std.partition(".")[2])
+    assert float(length) == pytest.approx(found.lengths[0], abs=float(std))
+    for wrong in (0, None):
+        with pytest.raises(TypeError, match=r"such as result.planes\[0\], not"):
+            ts.measure(wrong, TRIANGLE, result)
+
+
 def test_the_extrapolation_is_by_the_distance_of_the_corners(scene, exact):
     """Corners of a unit square are 0.71 sides from its middle."""
     plane = exact.planes[0]

@@ -23,6 +23,7 @@ from trisquare._support.arrays import (
     real_array,
 )
 from trisquare._support.lengths import length_in
+from trisquare._support.number_text import with_its_std
 from trisquare.camera.camera import Camera, camera_for_core
 from trisquare.results.calibration import Calibration
 from trisquare.results.camera_of import camera_of, uncertain_camera
@@ -132,10 +133,13 @@ class Measurement(RebuiltByConstructor):
 
     def __repr__(self) -> str:
         said = [
-            f"{length:.6g} +- {std:.2g}"
+            " +- ".join(with_its_std(length, std))
             for length, std in zip(self.lengths, self.lengths_std, strict=True)
         ]
-        return f"<Measurement of {len(self.points)} points: lengths {', '.join(said)}>"
+        return (
+            f"<Measurement of {len(self.points)} points: lengths {', '.join(said)}, in the unit of "
+            "the side>"
+        )
 
 
 def measure(
@@ -186,6 +190,10 @@ def measure(
     >>> print(f"{found.lengths[0]:.1f} +- {found.lengths_std[0]:.1f} mm")
     93.8 +- 0.2 mm
     """
+    if not isinstance(plane, Plane):
+        raise TypeError(
+            f"plane must be a Plane, such as result.planes[0], not {type(plane).__name__}"
+        )
     pixels = real_array(points, "points", (None, 2))
     if len(pixels) < 2:
         raise ValueError(f"a length needs two points or more, not {len(pixels)}")

@@ -32,6 +32,9 @@ from trisquare.results.plane import Plane
 
 MEASUREMENT_FORMAT = "trisquare-measurement/1"
 
+LEAST_SHOWN = 64
+"""Pixels: a smaller view from above shows nothing, and was asked for by mistake."""
+
 EXAMPLES = (
     "trisquare measure photo.jpg --camera camera.json --side 50mm 312,440 518,402",
     "trisquare measure photo.jpg --camera camera.json --plane 2 90,80 130,85 120,140",
@@ -51,8 +54,8 @@ def measure_command(
     camera: Path | None = option(
         None,
         "FILE",
-        "The camera that took it: a calibration's JSON, or any format that convert reads (then "
-        "taken as exact).",
+        "The camera that took it, which must be said: a calibration's JSON, or any format that "
+        "convert reads (then taken as exact).",
     ),
     plane: int = option(0, "N", "Which of the photograph's planes; the first is 0."),
     side: str | None = option(
@@ -133,6 +136,13 @@ def measure_command(
         scale = None if resolution is None else resolution * length.value
         view = rectified(picture, chosen, lens, resolution=scale)
         write_atomically({rectify: encode_image(view.image, rectify)})
+        width, height = view.image.shape[1::-1]
+        if max(width, height) < LEAST_SHOWN:
+            per = "side of the square, as no side is known (--side)"
+            warnings.append(
+                f"{rectify}: is {width} x {height} pixels only: --resolution is in pixels per "
+                + (length.unit or per)
+            )
         resolution = view.resolution / length.value
         unit = length.unit or ("side" if length.value == 1 else "unit")
         lines += [f"from above: {resolution:.6g} px to a {unit}", f"wrote {rectify}"]
