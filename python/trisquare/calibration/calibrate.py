@@ -358,7 +358,11 @@ def _calibration(
         warnings.append(CalibrationWarning(text, "tone_contradicted", "high"))
     faults = dict(zip(gathered.images, gathered.faults, strict=False))
     warnings += [CalibrationWarning(*own) for own in fault_warnings(faults, tone_of_image)]
-    untold = {i: own for i, own in tone_of_image.items() if not faults[i].is_shifted}
+    # Of a picture that nothing was measured in, such as a repeated one, there is no curve to tell.
+    measured = {figure.image for figure in gathered.figures}
+    untold = {
+        i: own for i, own in tone_of_image.items() if i in measured and not faults[i].is_shifted
+    }
     if text := shift_text(untold):
         warnings.append(CalibrationWarning(text, "no_tone_curve", "low"))
     warnings += [CalibrationWarning(*warning) for warning in found.warnings]
