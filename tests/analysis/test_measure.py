@@ -1,6 +1,7 @@
 """Lengths, angles and areas on planes: against the truth, and against their own deviations."""
 
 import json
+import re
 from dataclasses import replace
 
 import cv2
@@ -176,6 +177,37 @@ def test_one_square_is_enough_for_a_known_camera(scene):
         ts.locate(picture, camera_of(scene).K)
 
 
+def test_a_camera_that_took_another_picture_is_told(
+    run, files, photograph, scene, tmp_path, caplog
+):
+    photo, camera = files
+    result = ts.Calibration.load(camera)
+    straight, pinhole = tmp_path / "straight.png", tmp_path / "pinhole.json"
+    cv2.imwrite(str(straight), ts.undistort(photograph, result.camera))
+    result.camera.undistorted().save(pinhole)
+    points = ("600,400", "700,450")
+    for picture, taken_by in ((photo, camera), (straight, pinhole)):
+        code, _, err = run("measure", picture, "--camera", taken_by, *points)
+        assert (code, "miss what this camera would see" in err) == (0, False)
+    code, _, err = run("measure", straight, "--camera", camera, *points)
+    assert code == 0
+    # Another tone curve displaces edges by more than their noise, and is no other camera.
+    frames = simulate.random_scene(np.random.default_rng(5), camera=scene.camera, kind="frame")
+    linear = simulate.render(frames, np.random.default_rng(2), tone="linear")
+    assert max(plane.rms for plane in ts.locate(linear, result)) > 0.02
+    assert caplog.text == ""
+    pattern = (
+        r"warning: plane 0: the edges of the square miss what .* by ([\d.]+) px rms, (\d+) times"
+    )
+    found = re.search(pattern, err)
+    assert found, err
+    planes = ts.locate(straight, result)
+    assert float(found[1]) == pytest.approx(planes[0].rms, rel=0.05)
+    assert int(found[2]) > 10
+    assert {record.levelname for record in caplog.records} == {"WARNING"}
+    assert "plane 0: the edges of the square miss" in caplog.text
+
+
 def test_the_view_from_above_is_to_scale(photograph, scene):
     result = ts.calibrate(photograph)
     view = ts.rectify(photograph, result.planes[0], result.camera, resolution=200, margin=0.2)
@@ -312,6 +344,30 @@ def test_command_says_that_points_are_those_of_the_stored_picture(run, files, sc
     assert "point 2, (700, 1100), is outside the picture of 1280 x 960" in err
     assert "orientation tag (turned clockwise by 90 degrees) is ignored" in err
     assert "orientation" not in run("measure", photo, *outside)[2]
+
+
+def test_a_view_from_above_of_few_pixels_is_told(run, files, tmp_path):
+    photo, camera = files
+    above = tmp_path / "above.png"
+    options = ("--camera", camera, "--rectify", above, "--resolution", 5)
+    code, _, err = run("measure", photo, *options)
+    assert code == 0
+    width, height = cv2.imread(str(above)).shape[1::-1]
+    assert err.splitlines() == [
+        f"warning: {above}: is {width} x {height} pixels only: --resolution is in pixels per side "
+        "of the square, as no side is known (--side)"
+    ]
+    assert run("measure", photo, *options, "--side", "84mm")[2] == ""
+
+
+def test_a_measurement_shows_as_many_digits_as_are_known(scene, result):
+    found = ts.measure(result.planes[0], seen(scene, TRIANGLE[:2]), result, side=50)
+    length, std = re.search(r"lengths ([\d.]+) \+- ([\d.]+), in the unit", repr(found)).groups()
+    assert len(length.partition(".")[2]) == len(std.partition(".")[2])
+    assert float(length) == pytest.approx(found.lengths[0], abs=float(std))
+    for wrong in (0, None):
+        with pytest.raises(TypeError, match=r"such as result.planes\[0\], not"):
+            ts.measure(wrong, TRIANGLE, result)
 
 
 def test_the_extrapolation_is_by_the_distance_of_the_corners(scene, exact):

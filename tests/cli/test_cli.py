@@ -380,7 +380,8 @@ def test_the_demo_shows_the_truth(tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
     result = Calibration.from_json((tmp_path / "results" / "camera.json").read_text())
     names = ["photo.png", "camera.json", "overlay.png", "report.html"]
-    assert done.stdout.endswith("".join(f"wrote results/{name}\n" for name in names))
+    told, next_steps = done.stdout.split("next:\n")
+    assert told.endswith("".join(f"wrote results/{name}\n" for name in names))
     overlay, photo = (cv2.imread(str(tmp_path / "results" / name)) for name in names[2::-2])
     assert overlay.shape == photo.shape
     assert "photo.png" in (tmp_path / "results" / "report.html").read_text()
@@ -389,6 +390,13 @@ def test_the_demo_shows_the_truth(tmp_path):
     assert set(shown) == set(result.std)
     for estimate, std, truth, _, _ in shown.values():
         assert abs(estimate - truth) < 4 * std
+    lines = [line.split() for line in next_steps.splitlines()]
+    undistort, measure = (line[1:] for line in lines[:2])
+    assert trisquare(*undistort, folder=tmp_path).returncode == 0
+    assert (tmp_path / "results" / "straight.png").exists()
+    members = json.loads(trisquare(*measure, "--json", folder=tmp_path).stdout)
+    (true,) = re.findall(r"([\d.]+) mm is the truth", next_steps)
+    assert abs(members["lengths"][0] - float(true)) < members["lengths_std"][0]
 
 
 @pytest.mark.parametrize("content", [None, b"", b"no picture"], ids=["missing", "empty", "text"])

@@ -50,7 +50,7 @@ def given(tmp_path_factory):
         camera.fx, camera.fy, camera.cx, camera.cy, camera.distortion, (width, height)
     )
     rng = np.random.default_rng(5)
-    for name in ("two.jpg", "three.jpg"):
+    for name in ("two.jpg", "three.jpg", "later.jpg"):
         scene = simulate.random_scene(rng, camera=truth, kind="frame")
         cv2.imwrite(str(folder / name), simulate.render(scene, rng))
     corner = simulate.render(simulate.corner_scene(rng), rng)

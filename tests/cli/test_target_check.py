@@ -1,6 +1,7 @@
 """`trisquare target --check`: lines, JSON, exit codes and refusals."""
 
 import json
+from importlib import resources
 
 import cv2
 import numpy as np
@@ -80,6 +81,14 @@ def test_a_sheet_that_is_folded_wrongly(run, folder):
     assert run("target", "--check", "folded.png", "-q") == (6, "", "")
 
 
+def test_flat_sheets_that_are_taken_for_the_corner(run, tmp_path):
+    demo = tmp_path / "demo.png"
+    demo.write_bytes((resources.files("trisquare") / "data" / "demo.png").read_bytes())
+    code, out, _ = run("target", "--check", demo)
+    assert (code, out.count("Of the three flat sheets say --kind flat")) == (6, 3)
+    assert "folded" not in run("target", "--check", demo, "--kind", "flat")[1]
+
+
 def test_json_tells_the_same(run, folder):
     code, out, err = run("target", "--check", "folded.png", "--json")
     assert (code, err) == (6, "")
@@ -101,7 +110,11 @@ def test_json_tells_the_same(run, folder):
 @pytest.mark.parametrize(
     ("arguments", "exit_code", "words"),
     [
-        (("--check", "hidden.png"), 3, "plane"),
+        (
+            ("--check", "hidden.png"),
+            3,
+            "all three figures of the sheet must be",
+        ),
         (("--check", "none.png"), 3, "no square"),
         (("--check", "good.png", "--kind", "boards"), 3, "3 chessboards"),
         (("--check", "missing.png"), 5, "missing.png"),

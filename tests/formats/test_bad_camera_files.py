@@ -276,7 +276,9 @@ def test_what_is_no_text_or_too_large_is_refused(tmp_path):
         "distortion_model: a\ncamera_matrix: b\n" + "# long\n" * 10**6
     )
     assert "longer than" in refusal(tmp_path / "long.yaml")
-    assert "no camera file of a format that is known" in load_text(tmp_path, "notes", "Hello\n")
+    refused = load_text(tmp_path, "notes", "Hello\n")
+    assert "no camera file of a format that is known" in refused
+    assert refused.endswith("say which: format=, or trisquare convert --from")
 
 
 def test_what_cannot_be_opened_is_an_os_error(tmp_path):

@@ -147,6 +147,8 @@ def test_folders_and_quoted_patterns_are_inputs(run, folder, named):
     assert {plane.image for plane in result.planes} == {0}
     (warning,) = (each for each in result.warnings if each.code == "repeated_picture")
     assert "(b.png)" in warning
+    untold = [each for each in result.warnings if each.code == "no_tone_curve"]
+    assert not any("picture 1" in each for each in untold)  # nothing was measured in it
 
 
 @pytest.mark.parametrize(

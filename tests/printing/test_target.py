@@ -249,9 +249,9 @@ def test_the_same_target_is_the_same_file(tmp_path):
         (("boards",), {"side": 91.5}, ValueError, "three chessboards on A4 can be 91 mm"),
         ((), {"side": 90.0}, ValueError, "too small"),
         ((), {"side": 9.9}, ValueError, "at least 10 mm"),
-        ((), {"side": -50.0}, ValueError, "at least 10 mm"),
+        ((), {"side": -50.0}, ValueError, "side must be positive"),
         ((), {"side": np.nan}, ValueError, "side"),
-        ((), {"side": "80"}, TypeError, "side"),
+        ((), {"side": "80"}, ValueError, "side needs a unit"),
         ((), {"side": True}, TypeError, "side"),
     ],
 )
@@ -274,7 +274,7 @@ def test_the_command_writes_and_reports(run, tmp_path):
     code, out, err = run("target", "-o", path, "--kind", "boards")
     assert (code, err) == (0, "")
     assert "a corner of three chessboards, side 91 mm, 18 x 18 cells" in out
-    code, out, err = run("target", "-o", path, "--kind", "corner", "--side", "50", "-q")
+    code, out, err = run("target", "-o", path, "--kind", "corner", "--side", "5cm", "-q")
     assert (code, out, err) == (0, "", "")
     assert path.read_bytes() == ts.printed_target("corner", side=50.0).to_pdf()
 

@@ -1,6 +1,7 @@
 """The notebook runs, comes to the truth, and is committed without outputs."""
 
 import re
+from importlib import resources
 
 import nbformat
 import pytest
@@ -25,17 +26,36 @@ def test_it_is_committed_without_outputs(notebook):
     assert all(cell.outputs == [] and cell.execution_count is None for cell in cells)
 
 
-@pytest.mark.slow
-def test_it_runs_and_comes_to_the_truth(notebook):
+def run(notebook):
+    """Execute it; return what its cells print, and how many pictures they show."""
     pytest.importorskip("ipykernel", reason="needs Python 3.11")
     NotebookClient(notebook, timeout=120, kernel_name="python3").execute()
     outputs = [output for cell in code_cells(notebook) for output in cell.outputs]
     texts = "".join(output.text for output in outputs if "text" in output)
-    pictures = [output for output in outputs if "image/png" in output.get("data", {})]
-    assert len(pictures) == 4
+    return texts, sum("image/png" in output.get("data", {}) for output in outputs)
+
+
+@pytest.mark.slow
+def test_it_runs_and_comes_to_the_truth(notebook):
+    texts, pictures = run(notebook)
+    assert pictures == 4
     errors = [float(text) for text in re.findall(r"([+-][\d.]+) standard deviations", texts)]
     assert len(errors) == 4
     assert max(map(abs, errors)) < 4
     lengths = re.findall(r"([\d.]+) \+- ([\d.]+) mm", texts)
     for (length, std), true in zip(lengths, (118.794, 71.276), strict=True):
         assert abs(float(length) - true) < 4 * float(std)
+
+
+@pytest.mark.slow
+def test_it_runs_as_it_stands_with_a_photograph_of_ones_own(notebook):
+    first = code_cells(notebook)[0]
+    with resources.as_file(resources.files("trisquare") / "data" / "demo.png") as path:
+        assert "own = None" in first.source
+        first.source = first.source.replace("own = None", f"own = {str(path)!r}")
+        texts, pictures = run(notebook)
+    assert pictures == 4
+    assert not re.search(r"px, [+-][\d.]+ standard deviations", texts)
+    lengths = re.findall(r"([\d.]+) \+- ([\d.]+) mm", texts)
+    ((length, std),) = lengths
+    assert abs(float(length) - 84 * 2**0.5) < 4 * float(std)

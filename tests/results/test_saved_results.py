@@ -110,10 +110,37 @@ def test_a_stated_side_makes_poses_and_lengths_metric():
 
 @pytest.mark.parametrize(
     ("side", "metres"),
-    [("8.4 cm", 0.084), ("1in", 0.0254), (" 2 m ", 2.0), (0.3, 0.3), ("1e3um", 1e-3)],
+    [
+        ("8.4 cm", 0.084),
+        ("1in", 0.0254),
+        (" 2 m ", 2.0),
+        ("28µm", 28e-6),
+        ("28 μm", 28e-6),
+        (0.3, 0.3),
+        ("1e3um", 1e-3),
+    ],
 )
 def test_sides_are_texts_with_a_unit_or_metres(side, metres):
     assert calibrated(side=side).planes[2].side == pytest.approx(metres)
+
+
+def test_a_side_is_written_alike_wherever_it_is_given():
+    result = calibrated()
+    plane = result.planes[0]
+    np.testing.assert_array_equal(plane.cam_from_plane("84mm"), plane.cam_from_plane(0.084))
+    lengths = ts.measure(plane, plane.corners, result, side="84mm").lengths
+    np.testing.assert_allclose(lengths, 0.084, rtol=1e-3)
+    in_mm = ts.printed_target("flat", side=120.0)
+    for side in ("120mm", "12 cm", "0.12m"):
+        assert ts.printed_target("flat", side=side).pages[0].frames[0].side == pytest.approx(120)
+    assert ts.printed_target("flat", side="120mm") == in_mm
+    for refused in (
+        lambda: plane.cam_from_plane("84"),
+        lambda: ts.measure(plane, plane.corners, result, side="84"),
+        lambda: ts.printed_target("flat", side="84"),
+    ):
+        with pytest.raises(ValueError, match=r"side needs a unit, one of um, .*: 84mm"):
+            refused()
 
 
 @pytest.mark.parametrize(
@@ -121,7 +148,7 @@ def test_sides_are_texts_with_a_unit_or_metres(side, metres):
     [
         ("84", "side needs a unit, one of um, mm, cm, m, km, in, ft: 84mm"),
         ("84 mn", "unknown unit 'mn': did you mean 'm"),
-        ("long", "a length is written 50mm, not 'long'"),
+        ("long", r"a length is written 50mm \(units: um, mm, cm, m, km, in, ft\), not 'long'"),
         ("-3mm", "a length is written 50mm"),
         (0.0, "side must be positive"),
         (np.nan, "side holds NaN"),

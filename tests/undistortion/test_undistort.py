@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from scenes import IMAGE_SIZE, edges_of, squares
 
 import trisquare as ts
 from trisquare import Camera, Undistorter, simulate
@@ -179,6 +180,17 @@ def rendered(scene):
     return simulate.render(scene, np.random.default_rng(6), noise=0.0)
 
 
+def test_a_calibration_stands_for_its_camera():
+    result = ts.calibrate_edges(edges_of(squares(11)), IMAGE_SIZE)
+    picture = np.random.default_rng(1).integers(0, 256, IMAGE_SIZE[::-1], np.uint8)
+    for options in ({}, {"balance": 1}, {"rescale": True}):
+        from_result = ts.undistort(picture, result, **options)
+        assert np.array_equal(from_result, ts.undistort(picture, result.camera, **options))
+    assert ts.Undistorter(result).camera is result.camera
+    with pytest.raises(TypeError, match="camera must be a Calibration or a Camera, not ndarray"):
+        ts.undistort(picture, result.camera.K)
+
+
 def test_straight_lines_become_straight():
     """A rendered scene undistorted is the scene rendered without distortion."""
     scene = simulate.random_scene(np.random.default_rng(5))
@@ -266,7 +278,11 @@ def test_a_cropped_or_turned_picture_is_no_scaled_one(size):
         lambda: ts.undistort(picture, camera()),
     ):
         turned = size == (240, 320)
-        remedy = "seem turned.*IMREAD_IGNORE_ORIENTATION" if turned else "trisquare calibrate video"
+        remedy = (
+            "seem turned.*as the camera wrote.*IMREAD_IGNORE"
+            if turned
+            else "trisquare calibrate video"
+        )
         with pytest.raises(ValueError, match=f"another aspect ratio.*320 x 240: .*{remedy}"):
             call()
 

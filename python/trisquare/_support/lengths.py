@@ -20,6 +20,9 @@ METRES = {
 }
 """Of each unit."""
 
+MICROMETRES = str.maketrans({"µ": "u", "μ": "u"})
+"""The micro sign and the Greek letter, which people write for the ``u``."""
+
 LENGTH = re.compile(r"([0-9.eE+-]+)\s*([A-Za-z]*)")
 
 
@@ -39,13 +42,14 @@ class Length:
         ValueError
             If it is no positive number with a known unit or none.
         """
-        found = LENGTH.fullmatch(text.strip())
+        found = LENGTH.fullmatch(text.strip().translate(MICROMETRES))
         try:
             value = float(found[1]) if found else math.nan
         except ValueError:
             value = math.nan
         if found is None or not 0 < value < math.inf:
-            raise ValueError(f"a length is written 50mm, not {text!r}")
+            units = ", ".join(METRES)
+            raise ValueError(f"a length is written 50mm (units: {units}), not {text!r}")
         if found[2] not in ("", *METRES):
             raise unknown("unit", found[2], METRES)
         return cls(value, found[2])
@@ -55,13 +59,19 @@ class Length:
         """Return a length in metres, or in millimetres if it is shorter than a metre."""
         return cls(value, "m") if value >= 1 else cls(1000.0 * value, "mm")
 
+    def of_unit(self, unit: str) -> float:
+        """Return the number of `unit` that it is; a number alone is of that unit already."""
+        if self.unit in ("", unit):
+            return self.value
+        return self.value * METRES[self.unit] / METRES[unit]
+
     def after(self, number: str, power: str = "") -> str:
         """Write a number in this unit."""
         return f"{number} {self.unit}{power}" if self.unit else number
 
 
-def metres(length: str | float | None, name: str) -> float | None:
-    """Return a length in metres: a text such as ``"84mm"``, or a number of metres.
+def length_in(unit: str, length: str | float | None, name: str) -> float | None:
+    """Return a length in a unit: a text such as ``"84mm"``, or a number of that unit.
 
     Raises
     ------
@@ -78,4 +88,4 @@ def metres(length: str | float | None, name: str) -> float | None:
     stated = Length.parse(length)
     if not stated.unit:
         raise ValueError(f"{name} needs a unit, one of {', '.join(METRES)}: {stated.value:g}mm")
-    return stated.value * METRES[stated.unit]
+    return stated.of_unit(unit)

@@ -21,8 +21,9 @@ from trisquare._support.arrays import (
     RebuiltByConstructor,
     not_negative,
     real_array,
-    real_number,
 )
+from trisquare._support.lengths import length_in
+from trisquare._support.number_text import with_its_std
 from trisquare.camera.camera import Camera, camera_for_core
 from trisquare.results.calibration import Calibration
 from trisquare.results.camera_of import camera_of, uncertain_camera
@@ -132,10 +133,13 @@ class Measurement(RebuiltByConstructor):
 
     def __repr__(self) -> str:
         said = [
-            f"{length:.6g} +- {std:.2g}"
+            " +- ".join(with_its_std(length, std))
             for length, std in zip(self.lengths, self.lengths_std, strict=True)
         ]
-        return f"<Measurement of {len(self.points)} points: lengths {', '.join(said)}>"
+        return (
+            f"<Measurement of {len(self.points)} points: lengths {', '.join(said)}, in the unit of "
+            "the side>"
+        )
 
 
 def measure(
@@ -143,7 +147,7 @@ def measure(
     points: npt.ArrayLike,
     camera: Calibration | Camera,
     *,
-    side: float | None = None,
+    side: str | float | None = None,
     point_std: float = CLICKED_STD,
 ) -> Measurement:
     """Measure lengths, angles and the area between points seen on the plane.
@@ -157,9 +161,10 @@ def measure(
     camera : Calibration or Camera
         That took it: the calibration that the plane belongs to, or the camera that it was
         located with. A `Camera` is taken as exact.
-    side : float, optional
-        Length of the square's side (of a board: of a cell), in any unit; by default the plane's
-        own `side` in metres, or 1 where that is not known.
+    side : str or float, optional
+        Length of the square's side (of a board: of a cell): a text such as ``"84mm"``, and lengths
+        are in metres; or a number in any unit, and lengths are in that. By default the plane's own
+        `side` in metres, or 1 where that is not known.
     point_std : float
         One standard deviation of each pixel's coordinates; half a pixel is what one points
         at by hand, `detect` and `cv2.cornerSubPix` are better.
@@ -185,11 +190,16 @@ def measure(
     >>> print(f"{found.lengths[0]:.1f} +- {found.lengths_std[0]:.1f} mm")
     93.8 +- 0.2 mm
     """
+    if not isinstance(plane, Plane):
+        raise TypeError(
+            f"plane must be a Plane, such as result.planes[0], not {type(plane).__name__}"
+        )
     pixels = real_array(points, "points", (None, 2))
     if len(pixels) < 2:
         raise ValueError(f"a length needs two points or more, not {len(pixels)}")
-    length = plane.stated_side if side is None else real_number(side, "side")
-    if not 0 < length < LARGEST:
+    stated = length_in("m", side, "side")
+    length = plane.stated_side if stated is None else stated
+    if not length < LARGEST:
         raise ValueError(f"side must be positive and less than {LARGEST:g}, not {length:g}")
     lens = camera_of(camera)
     check_inside(pixels, lens.image_size)

@@ -12,6 +12,8 @@ import trisquare._core as _core
 from trisquare._support.arrays import FloatArray, RebuiltByConstructor, real_array, real_number
 from trisquare._support.rotations import rotation_matrix, tilt_degrees, tilted
 from trisquare.camera.camera import Camera, camera_for_core
+from trisquare.results.calibration import Calibration
+from trisquare.results.camera_of import camera_of
 
 UNIT_SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
 
@@ -65,7 +67,7 @@ class PlannedSquare(RebuiltByConstructor):
     @classmethod
     def at(
         cls,
-        camera: Camera,
+        camera: Calibration | Camera,
         centre: tuple[float, float],
         side: float,
         *,
@@ -78,7 +80,7 @@ class PlannedSquare(RebuiltByConstructor):
 
         Parameters
         ----------
-        camera : Camera
+        camera : Calibration or Camera
             The camera, or a guess.
         centre : (float, float)
             Where its centre will be seen, pixels.
@@ -106,8 +108,7 @@ class PlannedSquare(RebuiltByConstructor):
         >>> print(f"{planned.translation[2]:.1f} sides away")
         2.6 sides away
         """
-        if not isinstance(camera, Camera):
-            raise TypeError(f"camera must be a Camera, not {type(camera).__name__}")
+        camera = camera_of(camera)
         length = real_number(side, "side")
         if length <= 0.0:
             raise ValueError(f"side must be positive, not {length}")

@@ -19,6 +19,8 @@ from trisquare.analysis.plan import PlannedSquare, StandingPlane, posed, predict
 from trisquare.camera.camera import Camera, camera_parameters
 from trisquare.camera.lens_models import BROWN, COEFFICIENTS, MODELS, is_fisheye
 from trisquare.camera.settings import checked_fix, checked_free
+from trisquare.results.calibration import Calibration
+from trisquare.results.camera_of import camera_of
 
 __all__ = ["PlannedSquare", "Prediction", "predict"]
 
@@ -94,7 +96,7 @@ def _has(own: str, model: str) -> bool:
 
 
 def predict(
-    camera: Camera,
+    camera: Calibration | Camera,
     planes: Iterable[StandingPlane],
     sigma: float = PRINTED_SIGMA,
     *,
@@ -111,7 +113,7 @@ def predict(
 
     Parameters
     ----------
-    camera : Camera
+    camera : Calibration or Camera
         A guess of the camera: the standard deviations depend on it but weakly.
     planes : iterable of PlannedSquare, Plane or simulate.Target
         Where the squares will stand. Squares of several photographs simply add up.
@@ -152,8 +154,7 @@ def predict(
     >>> round(prediction.std["fx"], 1)
     5.9
     """
-    if not isinstance(camera, Camera):
-        raise TypeError(f"camera must be a Camera, not {type(camera).__name__}")
+    camera = camera_of(camera)
     if model is not None and model not in MODELS:
         raise unknown("model", model, MODELS)
     kin = [name for name in MODELS if _has(camera.model, name)]

@@ -108,7 +108,9 @@ def rectify(
     (201, 201)
     """
     if not isinstance(plane, Plane):
-        raise TypeError(f"plane must be a Plane, not {type(plane).__name__}")
+        raise TypeError(
+            f"plane must be a Plane, such as result.planes[0], not {type(plane).__name__}"
+        )
     lens = camera_of(camera)
     picture = load_picture(image)
     size = picture_size(picture)

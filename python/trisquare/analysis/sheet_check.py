@@ -124,7 +124,7 @@ def check_sheet(
     kind: TargetKind = "both",
     *,
     page: str = "A4",
-    side: float | None = None,
+    side: str | float | None = None,
     ruler: float | None = None,
 ) -> SheetCheck:
     """Judge a printed sheet by the calibration from its photograph.
@@ -233,7 +233,7 @@ def _folded(found: Departures, faces: Sequence[int]) -> Iterator[Finding]:
             "cannot tell": _flatten_first(bent),
         }[verdict]
         if verdict == "not ok" and min(offs.values()).value > MOST_FOLD_ERROR:
-            advice = "is it the folded corner? The three flat sheets are another kind"
+            advice = "is it the folded corner? Of the three flat sheets say --kind flat"
         yield Finding("folded", pair, verdict, *angle, MOST_FOLD_ERROR, "degrees", text, advice)
 
 

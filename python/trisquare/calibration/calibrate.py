@@ -9,7 +9,7 @@ import numpy as np
 
 import trisquare._core as _core
 from trisquare._support.arrays import size_of_image
-from trisquare._support.lengths import metres
+from trisquare._support.lengths import length_in
 from trisquare._support.threads import thread_count
 from trisquare.calibration.explain_failure import add_reasons, rejected_shapes
 from trisquare.calibration.gather import LOG, Gathered, gather
@@ -218,7 +218,7 @@ def calibrate_photographs(
         raise TypeError(f"lines must be True or False, not {type(lines).__name__}")
     if lines and settings.method == "linear":
         raise ValueError('lines=True needs method="ml": the linear steps have no place for lines')
-    length = metres(side, "side")
+    length = length_in("m", side, "side")
     threads = thread_count(threads, len(photographs))
     camera_held = {"focal", "principal_point", "distortion"} <= set(settings.fixed)
     sought = Sought.check(
@@ -295,7 +295,7 @@ def calibrate_edges(
     (902, 'edges')
     """
     settings = Settings.check(method, model, fix, initial, free, orthogonal, parallel)
-    length = metres(side, "side")
+    length = length_in("m", side, "side")
     figures = list(edges)
     for figure in figures:
         if not isinstance(figure, PlaneEdges):
@@ -358,7 +358,11 @@ def _calibration(
         warnings.append(CalibrationWarning(text, "tone_contradicted", "high"))
     faults = dict(zip(gathered.images, gathered.faults, strict=False))
     warnings += [CalibrationWarning(*own) for own in fault_warnings(faults, tone_of_image)]
-    untold = {i: own for i, own in tone_of_image.items() if not faults[i].is_shifted}
+    # Of a picture that nothing was measured in, such as a repeated one, there is no curve to tell.
+    measured = {figure.image for figure in gathered.figures}
+    untold = {
+        i: own for i, own in tone_of_image.items() if i in measured and not faults[i].is_shifted
+    }
     if text := shift_text(untold):
         warnings.append(CalibrationWarning(text, "no_tone_curve", "low"))
     warnings += [CalibrationWarning(*warning) for warning in found.warnings]

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
+
 from trisquare.calibration.calibrate import calibrate
+from trisquare.calibration.gather import LOG
 from trisquare.camera.camera import Camera
 from trisquare.images.pixels import ImageSource, Outlines, Tone
 from trisquare.results.calibration import Calibration
@@ -10,6 +15,26 @@ from trisquare.results.camera_of import camera_of
 from trisquare.results.plane import Plane
 
 __all__ = ["locate"]
+
+LARGEST_MISFIT = 4.0
+"""Residuals over their noise, and over what they were at calibration, from which on a user is told.
+
+Paper that is not flat gives up to 1.5 times what another sheet of it gave at calibration. A picture
+that was undistorted gives 3 times in the corners of a weak lens, and 100 times of a strong one.
+"""
+
+SMALLEST_MISFIT = 0.3
+"""Pixels, below which a user is not told: a tone curve other than sRGB displaces edges by 0.1."""
+
+NORMAL_MEDIAN = 0.6745
+"""Of the absolute values of normal draws, in standard deviations."""
+
+
+class Located(NamedTuple):
+    """The planes that a known camera sees, and of each what speaks against it, if anything does."""
+
+    planes: tuple[Plane, ...]
+    doubts: tuple[str | None, ...]
 
 
 def locate(
@@ -23,7 +48,8 @@ def locate(
     """Find the squares in a photograph, and where they stand before the camera that took it.
 
     As `calibrate`, with the camera held: one square is enough. The photograph may be one of those
-    that the camera was calibrated from, or another of the same camera.
+    that the camera was calibrated from, or another of the same camera. The logger ``trisquare``
+    warns of squares that this camera cannot have seen so, as in a picture that was undistorted.
 
     Parameters
     ----------
@@ -53,6 +79,22 @@ def locate(
     >>> plane.translation.round(2).tolist()
     [-1.04, -0.57, 2.33]
     """
+    found = located(image, camera, targets=targets, tone=tone, outlines=outlines)
+    for index, doubt in enumerate(found.doubts):
+        if doubt is not None:
+            LOG.warning("plane %d: %s", index, doubt)
+    return found.planes
+
+
+def located(
+    image: ImageSource,
+    camera: Calibration | Camera,
+    *,
+    targets: str = "auto",
+    tone: Tone = None,
+    outlines: Outlines | None = None,
+) -> Located:
+    """Find what `locate` finds, and say which squares the camera does not explain."""
     held = camera_of(camera)
     found = calibrate(
         image,
@@ -63,4 +105,32 @@ def locate(
         targets=targets,
         outlines=outlines,
     )
-    return found.planes
+    expected = max(1.0, camera.noise_scale) if isinstance(camera, Calibration) else 1.0
+    misfits = (_misfit(found, index) for index in range(len(found.planes)))
+    doubts = (
+        _doubt(plane, misfit)
+        if misfit > LARGEST_MISFIT * expected and plane.rms > SMALLEST_MISFIT
+        else None
+        for plane, misfit in zip(found.planes, misfits, strict=True)
+    )
+    return Located(found.planes, tuple(doubts))
+
+
+def _misfit(found: Calibration, index: int) -> float:
+    """Return how large a plane's residuals are over their noise, but for those of hidden parts."""
+    over_noise = []
+    for edges, residuals in zip(found.edges, found.residuals, strict=True):
+        if residuals.plane == index:
+            assert edges.std is not None  # of measured edges it is known
+            over_noise += [
+                own / std for own, std in zip(residuals.distances, edges.std, strict=True)
+            ]
+    return float(np.median(np.abs(np.concatenate(over_noise)))) / NORMAL_MEDIAN
+
+
+def _doubt(plane: Plane, misfit: float) -> str:
+    return (
+        f"the edges of the {plane.kind} miss what this camera would see by {plane.rms:.2g} px rms, "
+        f"{misfit:.0f} times their noise: is the picture as this camera took it (not undistorted, "
+        f"not cropped, the same zoom), and is the {plane.kind} flat and true?"
+    )

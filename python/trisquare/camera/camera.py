@@ -361,8 +361,9 @@ class Camera(RebuiltByConstructor):
         width, height = size
         if (height, width) == self.image_size:
             return (
-                "they seem turned; load them as they are stored, without turning them "
-                "(cv2.IMREAD_IGNORE_ORIENTATION)"
+                "they seem turned: take the files as the camera wrote them, which no other program "
+                "has turned (loaded by cv2.imread, with cv2.IMREAD_IGNORE_ORIENTATION), or turn "
+                "them back by 90 degrees"
             )
         return (
             "they are not its pictures scaled; calibrate what the camera records in that "

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json as json_text
+import shlex
+from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
 
@@ -17,9 +19,13 @@ from trisquare.drawing.overlay import draw_overlay
 from trisquare.images.encoding import encode_image
 from trisquare.images.photographs import Photographs
 from trisquare.report import check_extra, report_page
+from trisquare.results.plane import Plane
 
 DEMO_FORMAT = "trisquare-demo-result/1"
 TRUTH_FORMAT = "trisquare-demo/1"
+
+SIDE = 84.0
+"""Of the frames of the printed corner on A4, millimetres."""
 
 EXAMPLES = ("trisquare demo", "trisquare demo -o results --json")
 
@@ -66,5 +72,20 @@ def demo_command(
         "written": [str(path) for path in (photo, *files)],
     }
     written = [f"wrote {path}" for path in (photo, *files)]
-    lines = [*comparison_report(calibration, truth), *notes, *written]
+    next_steps = _next_steps(photo, camera, calibration.planes[0])
+    lines = [*comparison_report(calibration, truth), *notes, *written, *next_steps]
     answer(json, quiet, members, lines, warning_lines(calibration))
+
+
+def _next_steps(photo: Path, camera: Path, frame: Plane) -> Iterator[str]:
+    """Say what else can be done with the photograph: of a length the truth is known."""
+    first, _, opposite, _ = frame.corners
+    points = ["{:.1f},{:.1f}".format(*corner) for corner in (first, opposite)]
+    known = [str(photo), "--camera", str(camera)]
+    straight = str(photo.with_name("straight.png"))
+    yield "next:"
+    yield "  " + shlex.join(["trisquare", "undistort", *known, "-o", straight])
+    yield "  " + shlex.join(["trisquare", "measure", *known, "--side", f"{SIDE:g}mm", *points])
+    yield f"    the diagonal of a frame of {SIDE:g} mm: {2**0.5 * SIDE:.2f} mm is the truth"
+    yield "  trisquare calibrate PHOTO -o camera.json --report report.html"
+    yield "    the same of a photograph of your own"

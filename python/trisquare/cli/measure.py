@@ -15,7 +15,7 @@ from trisquare._support.number_text import with_its_std
 from trisquare._support.writing import write_atomically
 from trisquare.analysis.measure import CLICKED_STD, FAR, Measurement, check_inside, measure
 from trisquare.analysis.rectify import rectify as rectified
-from trisquare.calibration.locate import locate
+from trisquare.calibration.locate import located
 from trisquare.camera.camera import Camera
 from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.framework import reading
@@ -32,9 +32,13 @@ from trisquare.results.plane import Plane
 
 MEASUREMENT_FORMAT = "trisquare-measurement/1"
 
+LEAST_SHOWN = 64
+"""Pixels: a smaller view from above shows nothing, and was asked for by mistake."""
+
 EXAMPLES = (
     "trisquare measure photo.jpg --camera camera.json --side 50mm 312,440 518,402",
     "trisquare measure photo.jpg --camera camera.json --plane 2 90,80 130,85 120,140",
+    "trisquare measure later.jpg --camera camera.json --side 50mm 312,440 518,402",
     "trisquare measure photo.jpg --camera camera.json --rectify above.png",
 )
 
@@ -50,8 +54,8 @@ def measure_command(
     camera: Path | None = option(
         None,
         "FILE",
-        "The camera that took it: a calibration's JSON, or any format that convert reads (then "
-        "taken as exact).",
+        "The camera that took it, which must be said: a calibration's JSON, or any format that "
+        "convert reads (then taken as exact).",
     ),
     plane: int = option(0, "N", "Which of the photograph's planes; the first is 0."),
     side: str | None = option(
@@ -77,8 +81,10 @@ def measure_command(
 ) -> None:
     """Measure lengths, angles and areas on the plane of a square.
 
-    The square is found in the photograph again, before the camera that is given; all that is
-    uncertain about the pixels, its pose and the camera is in the standard deviations.
+    PHOTO is the one that the camera was calibrated with, or any other that it has taken, in which
+    one square is enough: lay it beside the thing, on the same plane. The square is found in the
+    photograph again, before the camera that is given; all that is uncertain about the pixels, its
+    pose and the camera is in the standard deviations.
     """
     if camera is None:
         raise ValueError("say which camera took the photograph: --camera camera.json")
@@ -102,7 +108,7 @@ def measure_command(
         raise ValueError("; ".join([str(error), *warnings])) from error
     lens = camera_of(known)
     with progress_bar("measuring", quiet), reading():
-        planes = locate(picture, known, targets=targets, outlines=outline)
+        planes, doubts = located(picture, known, targets=targets, outlines=outline)
     chosen = _chosen(planes, plane)
     x, y = chosen.corners.mean(axis=0)
     heading = f"on plane {plane}, a {chosen.kind} around ({x:.0f}, {y:.0f})"
@@ -110,6 +116,8 @@ def measure_command(
         heading += " (in sides; say --side)"
     elif given is None:
         heading += f", side {length.value:g} {length.unit} as calibrated"
+    if doubts[plane] is not None:
+        warnings.append(f"plane {plane}: {doubts[plane]}")
     lines = [heading]
     members: dict[str, Any] = {
         "format": MEASUREMENT_FORMAT,
@@ -128,6 +136,13 @@ def measure_command(
         scale = None if resolution is None else resolution * length.value
         view = rectified(picture, chosen, lens, resolution=scale)
         write_atomically({rectify: encode_image(view.image, rectify)})
+        width, height = view.image.shape[1::-1]
+        if max(width, height) < LEAST_SHOWN:
+            per = "side of the square, as no side is known (--side)"
+            warnings.append(
+                f"{rectify}: is {width} x {height} pixels only: --resolution is in pixels per "
+                + (length.unit or per)
+            )
         resolution = view.resolution / length.value
         unit = length.unit or ("side" if length.value == 1 else "unit")
         lines += [f"from above: {resolution:.6g} px to a {unit}", f"wrote {rectify}"]

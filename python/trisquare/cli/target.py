@@ -7,6 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import cast
 
+from trisquare._support.lengths import Length
 from trisquare.cli.console import answer
 from trisquare.cli.options import JSON, QUIET, option
 from trisquare.printing.layout import PAGES, PrintedBoard, described
@@ -17,7 +18,7 @@ TARGET_FORMAT = "trisquare-target/1"
 EXAMPLES = (
     "trisquare target",
     "trisquare target --kind corner --page Letter -o target.pdf",
-    "trisquare target --kind flat --side 120 --json",
+    "trisquare target --kind flat --side 120mm --json",
     "trisquare target --check corner.jpg --ruler 99.5mm",
 )
 
@@ -36,8 +37,11 @@ def target_command(
         "of three chessboards; flat: three sheets with a frame each; both: corner and flat.",
         offer=KINDS,
     ),
-    side: float | None = option(
-        None, "MM", "Side of each frame or board; by default the largest that fits."
+    side: str | None = option(
+        None,
+        "LENGTH",
+        "Side of each frame or board, such as 84mm, or a number of mm; by default the largest that "
+        "fits.",
     ),
     check: Path | None = option(
         None,
@@ -57,17 +61,18 @@ def target_command(
     """
     # The library says what is wrong with a kind that it does not know.
     known_kind = cast(TargetKind, kind)
+    length = None if side is None else Length.parse(side).of_unit("mm")
     if check is not None:
         from trisquare.cli.target_check import check_photograph  # imports OpenCV
 
         if output is not None:
             raise ValueError("--check writes no PDF, and --output names one: give one of them")
-        check_photograph(check, known_kind, page, side, ruler, json=json, quiet=quiet)
+        check_photograph(check, known_kind, page, length, ruler, json=json, quiet=quiet)
         return
     if ruler is not None:
         raise ValueError("--ruler is for a sheet that is checked: give --check PHOTO with it")
     output = DEFAULT_OUTPUT if output is None else output
-    target = printed_target(known_kind, page=page, side=side)
+    target = printed_target(known_kind, page=page, side=length)
     target.save(output)
     members = {"format": TARGET_FORMAT, "output": str(output), **asdict(target)}
     answer(json, quiet, members, _lines(target, output))

@@ -8,12 +8,13 @@ from pathlib import Path
 
 import typer
 
-from trisquare._support.lengths import metres
+from trisquare._support.lengths import length_in
 from trisquare.analysis.sheet_check import Finding, SheetCheck, check_sheet
 from trisquare.calibration.calibrate import calibrate
 from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.framework import NOT_ALL_PASSED_EXIT, reading
 from trisquare.cli.tables import warning_lines
+from trisquare.errors import NotEnoughPlanesError
 from trisquare.printing.target import TargetKind, printed_target
 from trisquare.results.calibration import Calibration
 from trisquare.results.calibration_warning import warning_members
@@ -39,9 +40,13 @@ def check_photograph(
         If something is not ok.
     """
     printed_target(kind, page=page, side=side)  # says what is wrong before the photograph is read
-    length = metres(ruler, "--ruler")
+    length = length_in("m", ruler, "--ruler")
     with progress_bar("measuring", quiet, then="fitting") as progress, reading():
-        calibration = calibrate(photo, progress=progress)
+        try:
+            calibration = calibrate(photo, progress=progress)
+        except NotEnoughPlanesError as error:
+            error.args = (f"all three figures of the sheet must be in the photograph: {error}",)
+            raise
     measured = None if length is None else 1000.0 * length
     check = check_sheet(calibration, kind, page=page, side=side, ruler=measured)
     members = {

@@ -68,7 +68,7 @@ def format_of_document(document: Document) -> Format:
             raise ValueError("the file is empty")
         raise ValueError(
             f"no camera file of a format that is known ({', '.join(FORMAT_NAMES)}); if it is one "
-            "of them all the same, say which with format= (--from)"
+            "of them all the same, say which: format=, or trisquare convert --from"
         )
     return promised
 

@@ -19,7 +19,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from trisquare._support.arrays import FloatArray, real_number
+from trisquare._support.arrays import FloatArray
 from trisquare.printing.folding import seen_from_front
 
 Point: TypeAlias = tuple[float, float]
@@ -307,15 +307,14 @@ def _checked_side(side: float | None, room: float, margin: float, what: str) -> 
     largest = float(np.floor(min(room / (1.0 + 2.0 * margin), room - 2.0 * UNPRINTABLE)))
     if side is None:
         return largest
-    length = real_number(side, "side")
-    if length > largest:
+    if side > largest:
         raise ValueError(
             f"the page is too small: {what} can be {largest:g} mm wide with its light margin, "
-            f"not {length:g} mm"
+            f"not {side:g} mm"
         )
-    if length < LEAST_SIDE:
-        raise ValueError(f"side must be at least {LEAST_SIDE:g} mm, not {length:g} mm")
-    return length
+    if side < LEAST_SIDE:
+        raise ValueError(f"side must be at least {LEAST_SIDE:g} mm, not {side:g} mm")
+    return side
 
 
 def _heading(page: str, figure: PrintedFigure, what: str) -> str:

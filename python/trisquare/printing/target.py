@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from trisquare._core import __version__
+from trisquare._support.lengths import length_in
 from trisquare._support.suggestions import unknown
 from trisquare.printing.layout import (
     PAGES,
@@ -95,7 +96,7 @@ class PrintedTarget:
 
 
 def printed_target(
-    kind: TargetKind = "both", *, page: str = "A4", side: float | None = None
+    kind: TargetKind = "both", *, page: str = "A4", side: str | float | None = None
 ) -> PrintedTarget:
     """Lay out three framed squares, or three chessboards, for printing.
 
@@ -107,9 +108,10 @@ def printed_target(
         or the first and the last of these.
     page : {"A4", "A3", "Letter"}
         The paper, upright.
-    side : float, optional
-        Of each frame or board, millimetres; by default the largest whole number that leaves it its
-        light margin: on A4 84 for the corner's frames, 91 for its boards, 169 for a flat frame.
+    side : str or float, optional
+        Of each frame or board: a text such as ``"84mm"``, or millimetres; by default the largest
+        whole number of these that leaves it its light margin: on A4 84 for the corner's frames, 91
+        for its boards, 169 for a flat frame.
 
     Returns
     -------
@@ -134,8 +136,9 @@ def printed_target(
     name = next((known for known in PAGES if known.lower() == page.strip().lower()), None)
     if name is None:
         raise unknown("page", page, PAGES)
+    length = length_in("mm", side, "side")
     if kind == "boards":
-        return PrintedTarget(name, (corner_page(name, side, PrintedBoard),))
-    corner = [] if kind == "flat" else [corner_page(name, side)]
-    flat = [] if kind == "corner" else flat_pages(name, side)
+        return PrintedTarget(name, (corner_page(name, length, PrintedBoard),))
+    corner = [] if kind == "flat" else [corner_page(name, length)]
+    flat = [] if kind == "corner" else flat_pages(name, length)
     return PrintedTarget(name, (*corner, *flat))

@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from trisquare._support.arrays import FloatArray, real_number
+from trisquare._support.arrays import FloatArray
+from trisquare._support.lengths import length_in
 from trisquare._support.records import INDEX, NUMBER, TEXT, Kind, Record, array, member, record
 from trisquare._support.rotations import rotation_matrix, rotation_vector
 from trisquare.results.pose_uncertainty import PoseUncertainty
@@ -88,20 +89,21 @@ class Plane(Record):
         """`translation`, as OpenCV calls it, shape (3,): in metres where `side` is known."""
         return self.cam_from_plane()[:3, 3]
 
-    def cam_from_plane(self, side: float | None = None) -> FloatArray:
+    def cam_from_plane(self, side: str | float | None = None) -> FloatArray:
         """Return the pose as a homogeneous matrix, shape (4, 4).
 
         Parameters
         ----------
-        side : float, optional
-            Length of what `translation` has as its unit, mostly the square's side, in any unit;
-            the matrix then takes points of the plane in that unit. By default the plane's own
+        side : str or float, optional
+            Length of what `translation` has as its unit, mostly the square's side: a text such as
+            ``"84mm"``, which is taken in metres, or a number in any unit; the matrix then takes
+            points of the plane in that unit. By default the plane's own
             `side` in metres, or 1 where that is not known.
 
         Raises
         ------
         TypeError, ValueError
-            If `side` is not a positive number.
+            If `side` is no positive length.
 
         Examples
         --------
@@ -109,9 +111,8 @@ class Plane(Record):
         >>> (pose @ [0, 0, 0, 1]).round().tolist()
         [-88.0, -48.0, 196.0, 1.0]
         """
-        length = self.stated_side if side is None else real_number(side, "side")
-        if length <= 0:
-            raise ValueError(f"side must be positive, not {length:g}")
+        stated = length_in("m", side, "side")
+        length = self.stated_side if stated is None else stated
         pose = np.eye(4)
         pose[:3, :3] = self.rotation
         pose[:3, 3] = length * self.translation

@@ -15,6 +15,8 @@ from trisquare.camera.lens_models import is_fisheye
 from trisquare.camera.panorama import Panorama, view_for_core
 from trisquare.images.pixels import Image, ImageSource, picture_size
 from trisquare.images.reading import load_picture
+from trisquare.results.calibration import Calibration
+from trisquare.results.camera_of import camera_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -43,7 +45,7 @@ class Undistorter:
 
     Parameters
     ----------
-    camera : Camera
+    camera : Calibration or Camera
         The camera of the pictures.
     balance : float
         From 0, where the new picture holds nothing but the photograph (no black border), to 1,
@@ -67,11 +69,12 @@ class Undistorter:
 
     def __init__(
         self,
-        camera: Camera,
+        camera: Calibration | Camera,
         balance: float = 0.0,
         *,
         new_camera: Camera | Panorama | None = None,
     ) -> None:
+        camera = camera_of(camera)
         _check_view(camera, "camera", Camera)
         if new_camera is None:
             new_camera = camera.undistorted(balance)
@@ -207,7 +210,7 @@ def _refuse_size(found: tuple[int, int], camera: Camera) -> NoReturn:
 
 def undistort(
     image: ImageSource,
-    camera: Camera,
+    camera: Calibration | Camera,
     balance: float = 0.0,
     *,
     new_camera: Camera | Panorama | None = None,
@@ -223,7 +226,7 @@ def undistort(
     ----------
     image : path, bytes, binary file, PIL.Image.Image or ndarray, shape (H, W[, 3 or 4])
         A picture of the camera, grey or BGR.
-    camera : Camera
+    camera : Calibration or Camera
         The camera that took it.
     balance : float
         From 0, no black border, to 1, all of the photograph.
@@ -253,7 +256,9 @@ def undistort(
     >>> ts.undistort("photo.jpg", camera).shape
     (960, 1280)
     """
+    taken_by = camera_of(camera)
     picture = load_picture(image)
-    taken_by = camera.rescaled(picture_size(picture)) if rescale else camera
+    if rescale:
+        taken_by = taken_by.rescaled(picture_size(picture))
     undistorter = Undistorter(taken_by, balance, new_camera=new_camera)
     return undistorter.undistort(picture, interpolation=interpolation)

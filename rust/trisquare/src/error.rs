@@ -69,7 +69,8 @@ pub enum Error {
     /// Fewer planes than the free parameters need.
     #[error(
         "{found} plane(s) given, but the free parameters of the camera ({free}) need {needed}: \
-         show more squares in different directions, or fix some parameters"
+         show more squares in different directions (three tell them well), or fix parameters whose \
+         values are known"
     )]
     NotEnoughPlanes {
         /// Planes given.

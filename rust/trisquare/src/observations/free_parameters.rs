@@ -113,6 +113,21 @@ impl FreeParameters {
         }
     }
 
+    /// What of the camera matrix is held, where something of it usually is free.
+    pub fn held(&self) -> Vec<&'static str> {
+        let is_free = |column: usize| self.columns.contains(&column);
+        let mut held = Vec::new();
+        if !is_free(2) {
+            held.push("principal point");
+        }
+        match (is_free(0), is_free(1)) {
+            (false, _) => held.push("focal length"),
+            (true, false) => held.push("aspect"),
+            (true, true) => {}
+        }
+        held
+    }
+
     /// The same with the centre of distortion freed from the principal point.
     pub fn with_free_centre(&self) -> Self {
         let mut freed = self.clone();

@@ -83,13 +83,16 @@ pub enum Warning {
         distance: f64,
     },
     /// The planes cannot all be true squares seen by one camera.
-    #[error(
-        "the planes contradict each other: {factor:.1} times more than their sides' own \
-         straightness lets expect; one of them may be no true, flat square"
-    )]
+    #[error("{}", contradiction(*.factor, *.planes, .held))]
     PlanesContradict {
         /// How far the sides are from where one camera would show them, over what is expected.
         factor: f64,
+        /// How many planes there are.
+        #[cfg_attr(feature = "serde", serde(default = "several"))]
+        planes: usize,
+        /// What of the camera is held: `"principal point"`, `"focal length"`, `"aspect"`.
+        #[cfg_attr(feature = "serde", serde(default))]
+        held: Vec<Text>,
     },
     /// The squares are none, or the lens does what its model cannot: sides do not lie where one
     /// camera would show those of true squares.
@@ -357,6 +360,28 @@ fn lines_not_used(sigmas: Option<f64>) -> String {
     }
 }
 
+/// What a stored warning says that does not tell how many planes there were.
+#[cfg(feature = "serde")]
+fn several() -> usize {
+    2
+}
+
+/// What planes contradict, and what may be wrong: one plane contradicts what is held alone.
+fn contradiction(factor: f64, planes: usize, held: &[Text]) -> String {
+    let (what, which) = match planes {
+        1 => ("the plane contradicts the camera", "it"),
+        _ => ("the planes contradict each other", "one of them"),
+    };
+    let suspected = match held {
+        [] => String::new(),
+        _ => format!(", or what is held ({}) is wrong", held.join(", ")),
+    };
+    format!(
+        "{what}: {factor:.1} times more than the sides' own straightness lets expect; {which} may \
+         be no true, flat square{suspected}"
+    )
+}
+
 /// What makes sides err together.
 fn cause_of_errors(height: Option<f64>) -> String {
     match height {
@@ -462,6 +487,35 @@ impl Warning {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn one_plane_contradicts_what_is_held() {
+        let held = vec!["principal point".into(), "aspect".into()];
+        let (factor, planes) = (12.34, 1);
+        let warning = Warning::PlanesContradict {
+            factor,
+            planes,
+            held,
+        };
+        assert_eq!(
+            warning.to_string(),
+            "the plane contradicts the camera: 12.3 times more than the sides' own straightness \
+             lets expect; it may be no true, flat square, or what is held (principal point, \
+             aspect) is wrong"
+        );
+        let (planes, held) = (3, Vec::new());
+        let warning = Warning::PlanesContradict {
+            factor,
+            planes,
+            held,
+        };
+        let text = warning.to_string();
+        assert!(text.starts_with("the planes contradict each other: 12.3 times"));
+        assert!(
+            text.ends_with("one of them may be no true, flat square"),
+            "{text}"
+        );
+    }
 
     #[test]
     fn a_message_ends_with_the_setting_that_it_advises() {

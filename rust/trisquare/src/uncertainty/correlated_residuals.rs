@@ -68,6 +68,8 @@ impl ResidualCorrelation {
         if self.between_plane_variance_ratio > WORTH_TELLING {
             warnings.push(Warning::PlanesContradict {
                 factor: self.between_plane_variance_ratio.sqrt(),
+                planes: self.displacements.len(),
+                held: free.held().into_iter().map(Into::into).collect(),
             });
         }
         // Planes that contradict each other raise all deviations at least as much.
