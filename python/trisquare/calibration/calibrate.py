@@ -69,7 +69,8 @@ def calibrate(
     image : path, bytes, binary file, PIL.Image.Image or ndarray, or several of them
         Arrays are uint8, uint16 or float32 of shape (H, W), (H, W, 3) or (H, W, 4), grey, BGR or
         BGRA, whose alpha is dropped. A folder stands for the pictures in it, a pattern such as
-        ``"frames/*.png"`` for the files that match, bytes for a file's content. Several photographs
+        ``"frames/*.png"`` for the files that match, in the order of their names (``2.jpg`` before
+        ``10.jpg``), bytes for a file's content. Several photographs
         must be of one camera and size; their planes are pooled. One in which nothing is found is
         named in `warnings` and left out, as is one that is given twice. A file's orientation tag
         is ignored, with a warning: the result refers to the picture as it is stored.
