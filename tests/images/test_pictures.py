@@ -1,6 +1,7 @@
 """From pictures to results: pixel types, views, colours, several pictures, chessboards."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from itertools import product
 
 import cv2
@@ -96,7 +97,11 @@ def test_the_edges_of_a_picture_are_enough():
 def test_a_path_is_as_good_as_its_picture(tmp_path):
     cv2.imwrite(str(tmp_path / "photo.png"), PHOTO)
     for path in (tmp_path / "photo.png", str(tmp_path / "photo.png")):
-        assert ts.calibrate(path, tone="linear").to_json() == RESULT.to_json()
+        result = ts.calibrate(path, tone="linear")
+        assert result == RESULT
+        # The name of its file is all that differs.
+        assert (result.pictures, RESULT.pictures) == (("photo.png",), ())
+        assert replace(result, pictures=()).to_json() == RESULT.to_json()
 
 
 def views_of(photo):

@@ -240,10 +240,14 @@ def calibrate_photographs(
         LOG.info("fitting a %s camera to %d figures", settings.model, len(gathered.figures))
         outcome = _ask_core(edges, gathered, settings, choosing, threads)
         if outcome.verdicts:
-            gathered.figures, others, remarks = chosen_by(outcome, gathered.figures, gathered.quads)
+            gathered.figures, others, remarks = chosen_by(
+                outcome, gathered.figures, gathered.quads, gathered.names
+            )
             gathered.rejected += others
             gathered.warnings += remarks
-        calibration = _calibration(outcome.solution(), gathered, settings, length)
+        calibration = _calibration(
+            outcome.solution(), gathered, settings, length, photographs.file_names
+        )
     except TrisquareError as error:
         add_reasons(error, gathered)
         raise
@@ -343,7 +347,11 @@ def _ask_core(
 
 
 def _calibration(
-    found: _core.Solution, gathered: Gathered, settings: Settings, side: float | None
+    found: _core.Solution,
+    gathered: Gathered,
+    settings: Settings,
+    side: float | None,
+    pictures: tuple[str, ...] = (),
 ) -> Calibration:
     """Return what the core found as a result."""
     figures = [*gathered.figures, *gathered.lines]
@@ -355,12 +363,14 @@ def _calibration(
     tone, tone_std = pooled(tones)
     tone_of_image = dict(zip(images, tones, strict=False))
     warnings = []
-    if text := contradiction_text(tone_of_image):
+    if text := contradiction_text(tone_of_image, gathered.names):
         warnings.append(CalibrationWarning(text, "tone_contradicted", "high"))
     faults = dict(zip(gathered.images, gathered.faults, strict=False))
-    warnings += [CalibrationWarning(*own) for own in fault_warnings(faults, tone_of_image)]
+    warnings += [
+        CalibrationWarning(*own) for own in fault_warnings(faults, tone_of_image, gathered.names)
+    ]
     untold = {i: own for i, own in tone_of_image.items() if not faults[i].is_shifted}
-    if text := shift_text(untold):
+    if text := shift_text(untold, gathered.names):
         warnings.append(CalibrationWarning(text, "no_tone_curve", "low"))
     warnings += [CalibrationWarning(*warning) for warning in found.warnings]
     correlation = found.correlation
@@ -415,6 +425,7 @@ def _calibration(
             for own in found.residuals
         ),
         lines=_scene_lines(found, figures),
+        pictures=pictures,
     )
 
 

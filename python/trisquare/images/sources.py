@@ -93,8 +93,8 @@ def _files(path: str | os.PathLike[str]) -> Iterable[str | os.PathLike[str]]:
             raise ImageError(f"{name}: the folder holds no picture")
         return sorted(found, key=natural_order)
     if glob.has_magic(name) and not os.path.lexists(name):
-        found = glob.glob(name, recursive=True)
-        matching = [Path(each) for each in sorted(found, key=natural_order)]
+        names = sorted(glob.glob(name, recursive=True), key=natural_order)
+        matching = [Path(each) for each in names]
         if not matching:
             raise MissingImageError(f"{name}: no file matches")
         return matching
