@@ -12,6 +12,7 @@ import re
 import shlex
 import subprocess
 import sys
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -35,6 +36,7 @@ FIRST, SECOND = (
     for corner in SCENE.image_points(0, np.array([[-0.5, -0.5], [0.5, -0.5]]))
 )
 LINES = plumb_scene(np.random.default_rng(3), IMAGE_SIZE, -0.15).picture
+FORMATS_PAGE = Path(__file__).parents[2] / "docs" / "formats.md"
 TAKEN = ("photo.png", "--camera", "camera.json")
 
 WORKING = {
@@ -231,11 +233,22 @@ def test_options_are_named_alike(name):
 # What a command prints.
 
 
+def documented_keys(stated):
+    """The keys that docs/formats.md lists of a format in its table's first column."""
+    text = FORMATS_PAGE.read_text("utf-8")
+    heading = "## A calibration" if stated == "trisquare/1" else f"**`{stated}`**"
+    assert heading in text, stated
+    table = text.partition(heading)[2].partition("| --- | --- |\n")[2].partition("\n\n")[0]
+    return {key for row in table.splitlines() for key in re.findall("`(\\w+)`", row.split("|")[1])}
+
+
 @pytest.mark.parametrize("name", SUMMARIES)
 def test_json_stands_alone_and_quiet_is_silent(run, folder, name):
     code, out, err = run(name, *WORKING[name], "--json")
     assert (code, err) == (0, "")
-    assert re.fullmatch(r"trisquare[a-z-]*/\d+", json.loads(out)["format"])
+    members = json.loads(out)
+    assert re.fullmatch(r"trisquare[a-z-]*/\d+", members["format"])
+    assert set(members) - {"format"} <= documented_keys(members["format"])
     written = set(held(folder))
     assert run(name, *WORKING[name], "-q") == (0, "", "")
     assert set(held(folder)) == written
