@@ -8,7 +8,13 @@ from rich.text import Text
 from trisquare._support.number_text import decimals_shown, with_its_std
 from trisquare.camera.camera import Camera, camera_parameters
 from trisquare.cli.console import line_of, new_table
-from trisquare.report.content import distance_unit, log_odds, parameter_texts, plane_texts, unit_of
+from trisquare.report.content import (
+    distance_unit,
+    evidence_text,
+    parameter_texts,
+    plane_texts,
+    unit_of,
+)
 from trisquare.results.calibration import Calibration
 from trisquare.results.calibration_warning import CalibrationWarning
 from trisquare.results.rejected import is_reported
@@ -79,10 +85,10 @@ def comparison_report(calibration: Calibration, truth: Camera) -> list[Renderabl
 
 def _summary(calibration: Calibration) -> Text:
     width, height = calibration.camera.image_size
-    others = log_odds(calibration)
-    evidence = f" (by evidence; log odds of the others: {others})" if others else ""
+    evidence = evidence_text(calibration)
+    chosen = f", {evidence}" if evidence else ""
     return line_of(
-        f"{width} x {height}, model {calibration.camera.model}{evidence}, "
+        f"{width} x {height}, model {calibration.camera.model}{chosen}, "
         f"method {calibration.method} ({calibration.stage}): rms {calibration.rms:.4f} px, "
         f"noise scale {calibration.noise_scale:.2f}"
     )
