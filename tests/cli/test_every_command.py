@@ -25,7 +25,7 @@ from terminals import COMMAND, on_terminal
 import trisquare as ts
 from trisquare import cli as commands
 from trisquare import simulate
-from trisquare.cli.framework import EXIT_CODES_HELP, SUMMARIES, load_command
+from trisquare.cli.framework import ELSEWHERE, EXIT_CODES_HELP, SUMMARIES, load_command
 
 IMAGE_SIZE = (640, 480)
 SCENE = squares(11, image_size=IMAGE_SIZE)
@@ -291,6 +291,19 @@ def test_the_name_that_was_meant_is_suggested(run, folder, arguments, meant):
     outcome = run(*arguments)
     assert_refused(outcome, 2, folder, before)
     assert f"id you mean {meant!r}?" in outcome[2]
+
+
+@pytest.mark.parametrize("name", ELSEWHERE)
+def test_a_function_s_name_leads_to_its_option(run, folder, name):
+    code, out, err = run(name, "photo.png")
+    assert (code, out) == (2, "")
+    assert f"No such command '{name}': it is 'trisquare {ELSEWHERE[name]}'." in " ".join(
+        err.split()
+    )
+    assert hasattr(ts, name if name != "report" else "write_report")
+    command, *_, option = [word for word in ELSEWHERE[name].split() if not word.isupper()]
+    options = {own for each in load_command(command).params for own in each.opts}
+    assert option in options
 
 
 def test_what_is_unlike_everything_suggests_nothing(run, folder):

@@ -64,6 +64,7 @@ def load_text(folder, name, text, **options):
         ("camera.json", "trisquare-camera/1", "trisquare-camera/2", "newer than this trisquare"),
         ("camera.json", "trisquare-camera/1", "trisquare/17", "newer than this trisquare"),
         ("camera.json", "trisquare-camera/1", "trisquare-plan/1", '"format" must be'),
+        ("camera.json", '"format"', '"kind"', "missing: the JSON of trisquare, of OpenCV and of"),
         ("camera.json", "[1280, 960]", "[1280.5, 960]", '"image_size" must be a list of whole'),
         ("camera.json", '"brown"', '"green"', "model must be one of"),
         ("camera.yaml", "rows: 3", "rows: 4", '"camera_matrix.data" has 9 numbers, not 4 x 3'),
@@ -284,6 +285,8 @@ def test_what_is_no_text_or_too_large_is_refused(tmp_path):
     assert "not a text file" in refusal(tmp_path / "zeros.yaml")
     (tmp_path / "latin.yaml").write_bytes(b"camera_name: caf\xe9\n")
     assert "not a text file" in refusal(tmp_path / "latin.yaml")
+    (tmp_path / "cameras.bin").write_bytes(b"\x01" + bytes(7) + b"\x04" + bytes(60))
+    assert "not a text file, which COLMAP makes of it: " in refusal(tmp_path / "cameras.bin")
     (tmp_path / "long.yaml").write_text(
         "distortion_model: a\ncamera_matrix: b\n" + "# long\n" * 10**6
     )
