@@ -91,7 +91,8 @@ def calibrate(
         fit; the rejected ones are in ``alternatives``, and what they would say stays, by their
         probabilities, in the covariance. It needs ``method="ml"`` and a free distortion.
     fix : names among "aspect", "principal_point", "focal", "distortion"
-        Held at the values of `initial`, or else at aspect 1, the image centre, and zero.
+        Held at the values of `initial`, or else at aspect 1, the image centre, and zero. The model
+        of a distortion that is held is that of `initial`.
     free : "skew", optional
         What is estimated although it is held otherwise, at the value of `initial` or zero: the
         skew, ``K[0, 1]``. It needs ``method="ml"`` and, with nothing else held, three planes.
@@ -379,7 +380,7 @@ def _calibration(
             found.camera_matrix,
             found.distortion,
             gathered.image_size,
-            found.model,
+            settings.model_of(found.model),
             valid_radius=found.valid_radius,
         ),
         std=found.std,
