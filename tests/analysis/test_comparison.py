@@ -160,6 +160,38 @@ def test_what_is_the_same_is_said_with_its_p(result):
     assert comparison.verdict.endswith(f"to be expected, p = {comparison.p_value:.2g}")
 
 
+def test_a_difference_beyond_the_targets_is_said_to_be_there(run, result, tmp_path):
+    corners = np.concatenate([plane.corners for plane in result.planes])
+    assert (corners > 0).all()
+    assert (corners < np.array(IMAGE_SIZE) - 1).all()
+    longer = replace(result, camera=replace(result.camera, K=result.camera.K * [[1.01], [1], [1]]))
+    outer = ts.compare(result, longer)
+    assert outer.same is False
+    assert outer.worst_at[0] in (0, IMAGE_SIZE[0] - 1)
+    assert outer.worst_beyond_targets is True
+    x, y = outer.worst_at
+    assert f"at ({x:.0f}, {y:.0f}), which lies beyond the targets; " in outer.verdict
+    # A frame about the whole picture, which leaves nothing to extrapolate.
+    frame = np.array([[-1, -1], [1280, -1], [1280, 960], [-1, 960]])
+    framed = [
+        replace(own, planes=tuple(replace(plane, corners=frame) for plane in own.planes))
+        for own in (result, longer)
+    ]
+    assert ts.compare(*framed).worst_beyond_targets is False
+    assert "beyond the targets" not in ts.compare(*framed).verdict
+    # The targets of one of them are not there.
+    assert ts.compare(framed[0], longer).worst_beyond_targets is True
+    assert ts.compare(result.camera, longer.camera).worst_beyond_targets is None
+    result.save(tmp_path / "a.json")
+    longer.save(tmp_path / "b.json")
+    code, out, _ = run("compare", tmp_path / "a.json", tmp_path / "b.json")
+    assert code == 0
+    assert "\np assumes photographs of their own for each camera; paper" in out
+    assert "p assumes" not in run("compare", tmp_path / "a.json", tmp_path / "a.json")[1]
+    _, out, _ = run("compare", tmp_path / "a.json", tmp_path / "b.json", "--json")
+    assert json.loads(out)["worst_beyond_targets"] is True
+
+
 def test_comparisons_are_read_only_also_after_pickling(result):
     for comparison in (
         found := ts.compare(result, result.camera),

@@ -92,6 +92,7 @@ def test_a_principal_point_off_the_centre_is_not_to_be_held_there(offset):
     result = result_of(with_camera(scene, cx=cx, cy=cy))
     texts = [planned.change for planned in changes_of(result, planes_of(result))]
     assert any("the principal point, if it is known" in text for text in texts)
+    assert "moving plane 0 nearer to the corner of the picture" in texts  # as the tables count them
     assert any("for it is not the image centre" in text for text in texts) == (offset > 0)
 
 

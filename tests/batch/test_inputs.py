@@ -44,6 +44,16 @@ def test_photographs_and_folders(tmp_path):
     assert list(found(tmp_path, "in/**/1.*")) == ["1"]
 
 
+def test_numbers_in_names_are_numbers(tmp_path):
+    touch(tmp_path, *(f"in/c{n}/{n}.png" for n in (10, 9, 1)), "in/c9/11.png", "in/c9/2.png")
+    assert list(found(tmp_path, "in/*/*.png")) == ["1", "2", "9", "11", "10"]
+    assert list(found(tmp_path, "in").items()) == [
+        ("c1", ["in/c1/1.png"]),
+        ("c9", ["in/c9/2.png", "in/c9/9.png", "in/c9/11.png"]),
+        ("c10", ["in/c10/10.png"]),
+    ]
+
+
 def test_a_folder_without_pictures_is_named_and_the_rest_goes_on(tmp_path):
     touch(tmp_path, "empty/notes.txt", "full/a.png")
     assert found(tmp_path, "empty", "full") == {

@@ -116,6 +116,15 @@ def test_verdicts(record, status, retake):
         assert text.startswith(retake)
 
 
+@pytest.mark.parametrize("text", ["the planes are parallel: tilt", "the distortion turns back"])
+def test_what_degenerates_is_left_to_the_error_to_say(text):
+    """One class of error has several causes, and advice on one is wrong for the others."""
+    record = failed("a", "DegenerateGeometryError", text)
+    (retake,) = verdict(record, Fleet.of([record]), []).retake
+    cure = "the photographs do not determine the camera"
+    assert retake == f"{cure} (DegenerateGeometryError: {text})"
+
+
 CAMERAS = [*fleet_of(20, 1.0), camera("far", 1100.0), failed("<b>bad</b>"), failed("o\udcff")]
 LIMITS = [Requirement("fx", None, 1050.0)]
 

@@ -326,6 +326,23 @@ def test_knowing_more_makes_the_rest_more_certain():
     assert std[-1] < 0.8 * std[0]
 
 
+@pytest.mark.parametrize("asked", ["radial2", "brown"])
+@pytest.mark.parametrize("held", ["none", "radial1", "brown"])
+def test_a_held_distortion_keeps_the_name_of_its_model(asked, held):
+    """The fit's own would deny coefficients that are held at values other than zero."""
+    distortion = {"none": [0] * 5, "radial1": [-0.2, 0, 0, 0, 0], "brown": [-0.2, 0, 2e-3, 0, 0]}
+    K = [[1000.0, 0, 648], [0, 1003, 473], [0, 0, 1]]
+    known = ts.Camera(K, distortion[held], IMAGE_SIZE, held)
+    true = simulate.TrueCamera(1000.0, 1003.0, 648.0, 473.0, distortion[held], IMAGE_SIZE)
+    edges = edges_of(squares(5, camera=true), 0.05)
+    result = ts.calibrate_edges(edges, IMAGE_SIZE, model=asked, fix="distortion", initial=known)
+    assert result.camera.model == held
+    assert result.parameters == ("fx", "fy", "cx", "cy")
+    np.testing.assert_array_equal(result.camera.distortion, known.distortion)
+    assert result.camera.valid_radius == known.valid_radius
+    assert ts.calibrate_edges(edges, IMAGE_SIZE, model=asked, initial=known).camera.model == asked
+
+
 def test_an_initial_camera_alone_changes_nothing():
     scene = squares(10)
     edges = edges_of(scene, 0.1)

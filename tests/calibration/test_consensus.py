@@ -37,7 +37,7 @@ def chosen_among(figures, size, quads, fixed=()):
         pictures=None,
         tones=[],
     )
-    return chosen_by(outcome, figures, quads)
+    return chosen_by(outcome, figures, quads, ["picture 0"])
 
 
 def chosen(figures, quads=None, fixed=()):

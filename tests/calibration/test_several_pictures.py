@@ -1,6 +1,7 @@
 """Several photographs of one camera: pooled, and each named where something is wrong with it."""
 
 import json
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -9,6 +10,7 @@ from scenes import squares
 
 import trisquare as ts
 from trisquare import simulate
+from trisquare.cli.tables import warning_lines
 
 FIRST = squares(51)
 SECOND = squares(52, camera=FIRST.camera)
@@ -33,11 +35,37 @@ def test_a_picture_without_squares_is_named_and_left_out(run, tmp_path, paths):
     assert [plane.image for plane in result.planes] == [0, 0, 0, 2, 2, 2]
     assert any(text.startswith("picture 1 (c.png): no square") for text in result.warnings)
     assert result.camera.fx == ts.calibrate(PICTURES).camera.fx
+    assert result.pictures == ("a.png", "c.png", "b.png")
     over = tmp_path / "over.png"
     code, out, _ = run("calibrate", paths["a"], paths["c"], "--overlay", over, "--json")
     assert code == 0
     assert len(json.loads(out)["planes"]) == 3
+    assert json.loads(out)["pictures"] == ["a.png", "c.png"]
     assert (tmp_path / "over-2.png").exists()
+
+
+def test_files_are_named_where_pictures_are_counted(run, tmp_path, paths):
+    """A user looks for a photograph on the disk, not for an index."""
+    code, out, err = run("calibrate", paths["b"], paths["c"], paths["a"], "--tone", "1.1", "-v")
+    assert code == 0
+    assert "\nimages: 0 b.png, 1 c.png, 2 a.png\n" in out
+    assert "picture 0 (b.png): a gamma of about 2." in err
+    assert "picture 2 (a.png): a gamma of about 2." in err
+    result = ts.calibrate([paths["a"], PICTURES[1]])
+    assert result.pictures == ("a.png", "")
+    assert ts.Calibration.from_json(result.to_json()).pictures == result.pictures
+    assert result == ts.calibrate(PICTURES)
+    assert hash(result) == hash(ts.calibrate(PICTURES))
+
+
+def test_a_warning_about_a_plane_says_in_which_file_it_is():
+    result = ts.calibrate([PICTURES[0], PICTURES[1]])
+    about = ts.CalibrationWarning("bent", "side_rejected", plane=4)
+    told = replace(result, warnings=(about,), pictures=("a.png", "b.png"))
+    (line,) = warning_lines(told)
+    assert line == "warning: bent [side_rejected; plane 4 is in image 1 (b.png)]"
+    (line,) = warning_lines(replace(told, pictures=()))
+    assert line == "warning: bent [side_rejected]"
 
 
 def test_a_picture_given_twice_counts_once(paths):

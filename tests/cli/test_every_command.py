@@ -12,6 +12,7 @@ import re
 import shlex
 import subprocess
 import sys
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -24,7 +25,7 @@ from terminals import COMMAND, on_terminal
 import trisquare as ts
 from trisquare import cli as commands
 from trisquare import simulate
-from trisquare.cli.framework import EXIT_CODES_HELP, SUMMARIES, load_command
+from trisquare.cli.framework import ELSEWHERE, EXIT_CODES_HELP, SUMMARIES, load_command
 
 IMAGE_SIZE = (640, 480)
 SCENE = squares(11, image_size=IMAGE_SIZE)
@@ -35,6 +36,7 @@ FIRST, SECOND = (
     for corner in SCENE.image_points(0, np.array([[-0.5, -0.5], [0.5, -0.5]]))
 )
 LINES = plumb_scene(np.random.default_rng(3), IMAGE_SIZE, -0.15).picture
+FORMATS_PAGE = Path(__file__).parents[2] / "docs" / "formats.md"
 TAKEN = ("photo.png", "--camera", "camera.json")
 
 WORKING = {
@@ -231,11 +233,22 @@ def test_options_are_named_alike(name):
 # What a command prints.
 
 
+def documented_keys(stated):
+    """The keys that docs/formats.md lists of a format in its table's first column."""
+    text = FORMATS_PAGE.read_text("utf-8")
+    heading = "## A calibration" if stated == "trisquare/1" else f"**`{stated}`**"
+    assert heading in text, stated
+    table = text.partition(heading)[2].partition("| --- | --- |\n")[2].partition("\n\n")[0]
+    return {key for row in table.splitlines() for key in re.findall("`(\\w+)`", row.split("|")[1])}
+
+
 @pytest.mark.parametrize("name", SUMMARIES)
 def test_json_stands_alone_and_quiet_is_silent(run, folder, name):
     code, out, err = run(name, *WORKING[name], "--json")
     assert (code, err) == (0, "")
-    assert re.fullmatch(r"trisquare[a-z-]*/\d+", json.loads(out)["format"])
+    members = json.loads(out)
+    assert re.fullmatch(r"trisquare[a-z-]*/\d+", members["format"])
+    assert set(members) - {"format"} <= documented_keys(members["format"])
     written = set(held(folder))
     assert run(name, *WORKING[name], "-q") == (0, "", "")
     assert set(held(folder)) == written
@@ -278,6 +291,19 @@ def test_the_name_that_was_meant_is_suggested(run, folder, arguments, meant):
     outcome = run(*arguments)
     assert_refused(outcome, 2, folder, before)
     assert f"id you mean {meant!r}?" in outcome[2]
+
+
+@pytest.mark.parametrize("name", ELSEWHERE)
+def test_a_function_s_name_leads_to_its_option(run, folder, name):
+    code, out, err = run(name, "photo.png")
+    assert (code, out) == (2, "")
+    assert f"No such command '{name}': it is 'trisquare {ELSEWHERE[name]}'." in " ".join(
+        err.split()
+    )
+    assert hasattr(ts, name if name != "report" else "write_report")
+    command, *_, option = [word for word in ELSEWHERE[name].split() if not word.isupper()]
+    options = {own for each in load_command(command).params for own in each.opts}
+    assert option in options
 
 
 def test_what_is_unlike_everything_suggests_nothing(run, folder):

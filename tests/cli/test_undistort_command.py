@@ -194,6 +194,32 @@ def test_what_is_wrong_is_one_line_and_writes_nothing(
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
 
+def test_jpeg_is_written_as_well_as_the_help_says(undistort, folder):
+    written = ts.undistort(PHOTO, CAMERA)
+    assert undistort("photo.png", "--camera", "camera.json", "-o", "out.jpg", "-q") == (0, "", "")
+    expected = cv2.imencode(".jpg", written, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
+    assert (folder / "out.jpg").read_bytes() == expected
+
+
+def test_what_the_lens_does_not_reach_is_said(undistort, folder):
+    """The polynomial turns back within the picture: its corners have no direction."""
+    camera = ts.Camera(CAMERA.K, [-0.45, 0, 0, 0, 0], IMAGE_SIZE, "radial1")
+    pixels = np.stack(np.meshgrid(*map(np.arange, IMAGE_SIZE)), axis=-1).reshape(-1, 2)
+    beyond = np.hypot(*(pixels - camera.K[:2, 2]).T) > camera.valid_radius_px
+    part = 100 * beyond.mean()
+    assert 2 < part < 40
+    camera.save(folder / "short.json")
+    words = ("photo.png", "--camera", "short.json", "-o", "out.png", "--json", "--balance")
+    code, out, _ = undistort(*words, 1)
+    (warning,) = json.loads(out)["warnings"]
+    assert code == 0
+    assert abs(float(warning.split()[0]) - part) < 0.6
+    assert warning.split(None, 1)[1].startswith("% of the photograph is left out: it lies beyond")
+    # With no black pixel there is nothing to wonder about; nor is there with a lens that reaches.
+    assert json.loads(undistort(*words, 0)[1])["warnings"] == []
+    assert json.loads(undistort(*words, 1, "--camera", "camera.json")[1])["warnings"] == []
+
+
 @pytest.mark.parametrize("suffix", [".jpg", ".png", ".tif"])
 def test_the_orientation_tag_is_kept_or_missed(undistort, folder, suffix):
     """A picture that was shown upright is shown upright again."""

@@ -64,6 +64,7 @@ def load_text(folder, name, text, **options):
         ("camera.json", "trisquare-camera/1", "trisquare-camera/2", "newer than this trisquare"),
         ("camera.json", "trisquare-camera/1", "trisquare/17", "newer than this trisquare"),
         ("camera.json", "trisquare-camera/1", "trisquare-plan/1", '"format" must be'),
+        ("camera.json", '"format"', '"kind"', "missing: the JSON of trisquare, of OpenCV and of"),
         ("camera.json", "[1280, 960]", "[1280.5, 960]", '"image_size" must be a list of whole'),
         ("camera.json", '"brown"', '"green"', "model must be one of"),
         ("camera.yaml", "rows: 3", "rows: 4", '"camera_matrix.data" has 9 numbers, not 4 x 3'),
@@ -120,6 +121,18 @@ def load_text(folder, name, text, **options):
         ("lensfun.xml", "<cropfactor>1.0", "<cropfactor>1e200", "numbers that are too large"),
         ("lensfun.xml", "1279:959", "1279:0", '"aspect-ratio" must be written 3:2'),
         ("lensfun.xml", "<distortion", "<contortion", "no <lens> with a <distortion>"),
+        ("metashape.xml", "frame", "spherical", "'spherical'; of Metashape's these are read"),
+        ("metashape.xml", "<width>1280", "<width>1280.5", '"width" and "height" must be whole'),
+        ("metashape.xml", "<width>1280", "<width>0", "image_size must be positive"),
+        ("metashape.xml", "<f>1001.5</f>", "", '"f" is missing'),
+        ("metashape.xml", "<f>1001.5</f>", "<fx>9</fx>", "PhotoScan before 1.2"),
+        ("metashape.xml", "<f>1001.5", "<f>-1001.25", "positive fx"),
+        ("metashape.xml", "<f>1001.5", "<f>1e999", '"f" must be a finite number'),
+        ("metashape.xml", "<k1>", "<k1>x", '"k1" must be a finite number'),
+        ("metashape.xml", "<k4>0.0", "<k4>0.1</k4><p4>0.2</p4><k4>", '"p4" is 0.2; of a frame'),
+        ("metashape.xml", "frame", "fisheye", '"p1" is -0.002; of a fisheye it must be 0'),
+        ("metashape.xml", "<b2>0.0", "<b2>0.5</b2><b2>", ""),
+        ("metashape.xml", "<calibration>", "<calibrations>", "not XML"),
         ("left.cameramodel", "1000.5, ", "", '"intrinsics" must have shape (8)'),
         ("left.cameramodel", "1000.5", "nan", "not a dictionary of names and numbers"),
         ("left.cameramodel", "OPENCV4", "SPLINED_STEREOGRAPHIC_order=3", "these can be read"),
@@ -272,6 +285,8 @@ def test_what_is_no_text_or_too_large_is_refused(tmp_path):
     assert "not a text file" in refusal(tmp_path / "zeros.yaml")
     (tmp_path / "latin.yaml").write_bytes(b"camera_name: caf\xe9\n")
     assert "not a text file" in refusal(tmp_path / "latin.yaml")
+    (tmp_path / "cameras.bin").write_bytes(b"\x01" + bytes(7) + b"\x04" + bytes(60))
+    assert "not a text file, which COLMAP makes of it: " in refusal(tmp_path / "cameras.bin")
     (tmp_path / "long.yaml").write_text(
         "distortion_model: a\ncamera_matrix: b\n" + "# long\n" * 10**6
     )

@@ -12,5 +12,6 @@ FILES = {
     "left.cameramodel": "mrcal",
     "lens.pto": "hugin",
     "lensfun.xml": "lensfun",
+    "metashape.xml": "metashape",
 }
 PANORAMA = ("hugin", "lensfun")

@@ -17,6 +17,7 @@ import trisquare as ts
 from trisquare import simulate
 from trisquare.images.foreign import foreign_kind
 from trisquare.images.reading import load_picture
+from trisquare.images.sources import sources_of
 
 SIZE = (640, 480)
 SCENE = simulate.random_scene(np.random.default_rng(11), image_size=SIZE)
@@ -149,6 +150,16 @@ def test_folders_and_quoted_patterns_are_inputs(run, folder, named):
     assert "(b.png)" in warning
     untold = [each for each in result.warnings if each.code == "no_tone_curve"]
     assert not any("picture 1" in each for each in untold)  # nothing was measured in it
+
+
+@pytest.mark.parametrize("named", ["order", "order/*.png"])
+def test_numbers_in_names_are_numbers(tmp_path, monkeypatch, named):
+    monkeypatch.chdir(tmp_path)
+    ordered = ["2.png", "10.png", "a01b3.png", "a1b3.png", "a1b9.png", "a1b20.png", "b.png"]
+    Path("order").mkdir()
+    for name in reversed(ordered):
+        Path("order", name).touch()
+    assert [Path(str(path)).name for path in sources_of(named)] == ordered
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """`straighten`: how well it undoes a known lens, and what it refuses."""
 
 import pickle
+import re
 
 import cv2
 import numpy as np
@@ -134,6 +135,25 @@ def test_a_picture_of_another_size_is_refused(found):
         found.undistort(NOISE[:-1])
     with pytest.raises(ValueError, match="balance"):
         found.undistort(NOISE, 1.5)
+
+
+@pytest.mark.parametrize("k1", [0.0, -0.25])
+def test_a_held_centre_is_said_without_a_deviation(run, tmp_path, k1):
+    seed, centre = (5, None) if k1 == 0.0 else (4, np.array([505.0, 340.0]))
+    scene = plumb_scene(np.random.default_rng(seed), SIZE, k1, centre=centre)
+    photo = tmp_path / "photo.png"
+    photo.write_bytes(encode_image(scene.picture, photo))
+    code, out, _ = run("straighten", photo, "-o", tmp_path / "out.png")
+    assert code == 0
+    (line,) = (line for line in out.splitlines() if line.startswith("centre of distortion"))
+    if k1 == 0.0:
+        assert re.fullmatch(
+            r"centre of distortion, px: cx 479\.5, cy 359\.5, held at the picture's centre: the "
+            r"lines tell it only to \d+ and \d+ px",
+            line,
+        )
+    else:
+        assert re.fullmatch(r"[^:]+: cx 5\S+ \+- \S+, cy 3\S+ \+- \S+", line)
 
 
 def test_command_keeps_the_orientation_tag(run, tmp_path):

@@ -65,12 +65,17 @@ class Comparison(RebuiltByConstructor):
         calibrations of one camera, pixels, infinite likewise; None if neither states one.
     p_value : float or None
         How often two calibrations of one camera, each from photographs of its own, differ at
-        least so much (chi-squared); of the same photographs it is too large.
+        least so much (chi-squared). Of the same photographs it is too large. Of targets on paper
+        it is too small: paper is not flat, and over sets of photographs of one camera the results
+        spread more than they state (docs/how-exact.md).
     degrees_of_freedom : int
         Of the chi-squared: independent differences that the uncertainties allow.
     unexplained : float
         Root mean square, pixels, of the difference of a shape that no change of the uncertain
         parameters makes; 0 if no uncertainty is stated.
+    targets : sequence of ndarray, shape (N, 2)
+        Corners of the planes that each camera was calibrated from, pixels; of those alone whose
+        planes are known.
 
     Examples
     --------
@@ -89,6 +94,7 @@ class Comparison(RebuiltByConstructor):
     p_value: float | None
     degrees_of_freedom: int
     unexplained: float
+    targets: tuple[FloatArray, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("rotation", "x", "y", "difference", "std"):
@@ -124,6 +130,16 @@ class Comparison(RebuiltByConstructor):
         """The pixel of the largest distance."""
         row, column = np.argwhere(self.distance == self.worst)[0]
         return float(self.x[column]), float(self.y[row])
+
+    @property
+    def worst_beyond_targets(self) -> bool | None:
+        """Whether the targets of one of the cameras do not reach round the pixel of `worst_at`.
+
+        The distortion is extrapolated there. None if the planes of neither are known.
+        """
+        if not self.targets:
+            return None
+        return any(not _is_enclosed(self.worst_at, corners) for corners in self.targets)
 
     @property
     def worst_in_stds(self) -> float | None:
@@ -174,6 +190,8 @@ class Comparison(RebuiltByConstructor):
             f"{two_digits(self.rms)} px apart (rms over the picture), "
             f"{two_digits(self.worst)} px at most, at ({x:.0f}, {y:.0f})"
         )
+        if self.worst_beyond_targets and self.worst > AGREEING:
+            apart += ", which lies beyond the targets"
         expected, stds, p_value = self.expected_rms, self.worst_in_stds, self.p_value
         if expected is None or stds is None or p_value is None:
             return f"{apart}; neither states its uncertainty, so what that means is not known"
@@ -205,8 +223,9 @@ def compare(first: Calibration | Camera, second: Calibration | Camera) -> Compar
     ----------
     first, second : Calibration or Camera
         Of pictures of one size. A `Calibration` brings its uncertainty, in which what was held
-        counts as exact; a `Camera` is taken as exact. Two calibrations from the same photographs
-        share their errors, and differ by less than is said to be expected.
+        counts as exact; a `Camera` is taken as exact. They are taken to be from different
+        photographs: from the same ones they share their errors, and differ by less than is said to
+        be expected.
 
     Returns
     -------
@@ -238,7 +257,20 @@ def compare(first: Calibration | Camera, second: Calibration | Camera) -> Compar
     difference = difference.reshape(len(y), len(x), 2)
     if std is not None:
         std = std.reshape(len(y), len(x))
-    return Comparison(a, b, rotation, x, y, difference, std, p_value, freedom, unexplained)
+    targets = tuple(
+        np.concatenate([plane.corners for plane in camera.planes])
+        for camera in (first, second)
+        if isinstance(camera, Calibration) and camera.planes
+    )
+    return Comparison(a, b, rotation, x, y, difference, std, p_value, freedom, unexplained, targets)
+
+
+def _is_enclosed(pixel: tuple[float, float], corners: FloatArray) -> bool:
+    """Whether a pixel is within the convex hull of corners: no half plane about it lacks one."""
+    x, y = (corners - pixel).T
+    angles = np.sort(np.arctan2(y, x))
+    gaps = np.diff(angles, append=angles[0] + 2.0 * np.pi)
+    return bool(gaps.max() <= np.pi)
 
 
 def _rms(values: FloatArray) -> float:

@@ -117,7 +117,7 @@ def changes_of(calibration: Calibration, planes: tuple[PosedPlane, ...]) -> Iter
         dx, dy = np.sign([x, y]) * NEARER * camera.image_size / [camera.fx, camera.fy]
         moved = plane._replace(translation=np.array([x + dx * z, y + dy * z, z]))
         yield WhatIf(
-            f"moving square {number} nearer to the corner of the picture",
+            f"moving plane {number} nearer to the corner of the picture",
             "the squares leave the picture's corners empty",
             (*planes[:number], moved, *planes[number + 1 :]),
             fixed,

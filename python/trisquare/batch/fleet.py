@@ -29,7 +29,8 @@ CURES = {
     "DetectionError": "no target was found: sharper, brighter, larger targets, or --targets",
     "NotEnoughPlanesError": "too few targets: show three squares that are tilted differently",
     "NotEnoughDataError": "too little of the targets is seen: let them fill the picture",
-    "DegenerateGeometryError": "the targets face the same way: tilt them differently",
+    # Of several causes, parallel targets and a rich lens model among them: the error's text tells.
+    "DegenerateGeometryError": "the photographs do not determine the camera",
     "ConvergenceError": "the targets do not fit one camera: are they flat squares?",
     "TimeLimitError": "the picture takes too long: a hostile file, or --max-seconds is too little",
     "WorkerDiedError": "the process died of it: a hostile file, or too little memory",

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from trisquare._support.natural_order import natural_order
 from trisquare.batch.jobs import Job, faulty_job
 from trisquare.batch.manifest import MANIFESTS, manifest_jobs
 from trisquare.images.sources import PICTURE_SUFFIXES
@@ -39,7 +40,8 @@ def find_jobs(
     Yields
     ------
     Job
-        In the order of the inputs, within folders by name. What is wrong with one item is a job
+        In the order of the inputs, within folders by name, in which numbers count: ``2.jpg`` comes
+        before ``10.jpg``. What is wrong with one item is a job
         with a `fault`.
 
     Raises
@@ -99,17 +101,19 @@ def _matching(given: str) -> list[str]:
         return [given]
     import glob  # needed for patterns alone
 
-    found = sorted(glob.glob(given, recursive=True)) if glob.has_magic(given) else []
+    found = glob.glob(given, recursive=True) if glob.has_magic(given) else []
     if not found:
         raise FileNotFoundError(f"{given}: there is no such file or folder")
-    return found
+    return sorted(found, key=natural_order)
 
 
 def _photographs(folder: str) -> Iterator[tuple[str, list[str]]]:
     """Yield a folder and those below it, each with the photographs directly in it."""
     for path, folders, files in os.walk(folder):
-        folders[:] = sorted(name for name in folders if not name.startswith("."))
-        names = (name for name in sorted(files) if not name.startswith("."))
+        folders[:] = (name for name in folders if not name.startswith("."))
+        folders.sort(key=natural_order)
+        shown = (name for name in files if not name.startswith("."))
+        names = sorted(shown, key=natural_order)
         pictures = [name for name in names if Path(name).suffix.lower() in PICTURE_SUFFIXES]
         yield path, [os.path.join(path, name) for name in pictures]
 

@@ -69,7 +69,8 @@ def calibrate(
     image : path, bytes, binary file, PIL.Image.Image or ndarray, or several of them
         Arrays are uint8, uint16 or float32 of shape (H, W), (H, W, 3) or (H, W, 4), grey, BGR or
         BGRA, whose alpha is dropped. A folder stands for the pictures in it, a pattern such as
-        ``"frames/*.png"`` for the files that match, bytes for a file's content. Several photographs
+        ``"frames/*.png"`` for the files that match, in the order of their names (``2.jpg`` before
+        ``10.jpg``), bytes for a file's content. Several photographs
         must be of one camera and size; their planes are pooled. One in which nothing is found is
         named in `warnings` and left out, as is one that is given twice. A file's orientation tag
         is ignored, with a warning: the result refers to the picture as it is stored.
@@ -90,7 +91,8 @@ def calibrate(
         fit; the rejected ones are in ``alternatives``, and what they would say stays, by their
         probabilities, in the covariance. It needs ``method="ml"`` and a free distortion.
     fix : names among "aspect", "principal_point", "focal", "distortion"
-        Held at the values of `initial`, or else at aspect 1, the image centre, and zero.
+        Held at the values of `initial`, or else at aspect 1, the image centre, and zero. The model
+        of a distortion that is held is that of `initial`.
     free : "skew", optional
         What is estimated although it is held otherwise, at the value of `initial` or zero: the
         skew, ``K[0, 1]``. It needs ``method="ml"`` and, with nothing else held, three planes.
@@ -239,10 +241,14 @@ def calibrate_photographs(
         LOG.info("fitting a %s camera to %d figures", settings.model, len(gathered.figures))
         outcome = _ask_core(edges, gathered, settings, choosing, threads)
         if outcome.verdicts:
-            gathered.figures, others, remarks = chosen_by(outcome, gathered.figures, gathered.quads)
+            gathered.figures, others, remarks = chosen_by(
+                outcome, gathered.figures, gathered.quads, gathered.names
+            )
             gathered.rejected += others
             gathered.warnings += remarks
-        calibration = _calibration(outcome.solution(), gathered, settings, length)
+        calibration = _calibration(
+            outcome.solution(), gathered, settings, length, photographs.file_names
+        )
     except TrisquareError as error:
         add_reasons(error, gathered)
         raise
@@ -342,7 +348,11 @@ def _ask_core(
 
 
 def _calibration(
-    found: _core.Solution, gathered: Gathered, settings: Settings, side: float | None
+    found: _core.Solution,
+    gathered: Gathered,
+    settings: Settings,
+    side: float | None,
+    pictures: tuple[str, ...] = (),
 ) -> Calibration:
     """Return what the core found as a result."""
     figures = [*gathered.figures, *gathered.lines]
@@ -354,16 +364,18 @@ def _calibration(
     tone, tone_std = pooled(tones)
     tone_of_image = dict(zip(images, tones, strict=False))
     warnings = []
-    if text := contradiction_text(tone_of_image):
+    if text := contradiction_text(tone_of_image, gathered.names):
         warnings.append(CalibrationWarning(text, "tone_contradicted", "high"))
     faults = dict(zip(gathered.images, gathered.faults, strict=False))
-    warnings += [CalibrationWarning(*own) for own in fault_warnings(faults, tone_of_image)]
+    warnings += [
+        CalibrationWarning(*own) for own in fault_warnings(faults, tone_of_image, gathered.names)
+    ]
     # Of a picture that nothing was measured in, such as a repeated one, there is no curve to tell.
     measured = {figure.image for figure in gathered.figures}
     untold = {
         i: own for i, own in tone_of_image.items() if i in measured and not faults[i].is_shifted
     }
-    if text := shift_text(untold):
+    if text := shift_text(untold, gathered.names):
         warnings.append(CalibrationWarning(text, "no_tone_curve", "low"))
     warnings += [CalibrationWarning(*warning) for warning in found.warnings]
     correlation = found.correlation
@@ -372,7 +384,7 @@ def _calibration(
             found.camera_matrix,
             found.distortion,
             gathered.image_size,
-            found.model,
+            settings.model_of(found.model),
             valid_radius=found.valid_radius,
         ),
         std=found.std,
@@ -418,6 +430,7 @@ def _calibration(
             for own in found.residuals
         ),
         lines=_scene_lines(found, figures),
+        pictures=pictures,
     )
 
 

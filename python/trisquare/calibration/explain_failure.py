@@ -22,7 +22,7 @@ def add_reasons(error: TrisquareError, gathered: Gathered) -> None:
     texts = [str(error)]
     for heading, things in (("found", error.found), ("not used", error.rejected)):
         if things:
-            texts.append(f"{heading}: {_named(things, len(gathered.pictures) > 1)}")
+            texts.append(f"{heading}: {_named(things, gathered.names)}")
     error.args = ("; ".join(texts),)
 
 
@@ -37,8 +37,11 @@ def rejected_shapes(gathered: Gathered) -> list[Rejected]:
     ]
 
 
-def _named(candidates: Sequence[PartialDetection | Rejected], several: bool) -> str:
-    """Name targets by their places, those of one kind and reason together."""
+def _named(candidates: Sequence[PartialDetection | Rejected], pictures: Sequence[str]) -> str:
+    """Name targets by their places, those of one kind and reason together.
+
+    `pictures` is what messages call every picture.
+    """
     groups: dict[tuple[str, str, int], list[str]] = {}
     for candidate in candidates:
         x, y = candidate.corners.mean(axis=0).tolist()
@@ -49,7 +52,7 @@ def _named(candidates: Sequence[PartialDetection | Rejected], several: bool) -> 
     for (kind, reason, image), places in list(groups.items())[:MOST_NAMED]:
         article = "an" if kind[:1] in "aeiou" else "a"
         name = f"{article} {kind}" if len(places) == 1 else f"{kind}s"
-        picture = f" of picture {image}" if several else ""
+        picture = f" of {pictures[image]}" if len(pictures) > 1 else ""
         texts.append(f"{name} around {listed(places, MOST_NAMED)}{picture}{reason}")
     unnamed = sum(len(places) for places in list(groups.values())[MOST_NAMED:])
     return listed([*texts, f"{unnamed} more"] if unnamed else texts)

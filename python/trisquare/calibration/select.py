@@ -27,11 +27,15 @@ class Chosen(NamedTuple):
 
 
 def chosen_by(
-    outcome: _core.Outcome, figures: Sequence[PlaneEdges], quads: Mapping[int, FloatArray]
+    outcome: _core.Outcome,
+    figures: Sequence[PlaneEdges],
+    quads: Mapping[int, FloatArray],
+    names: Sequence[str],
 ) -> Chosen:
     """Read which planes the core kept: the largest set that one camera sees as true squares.
 
-    It chose among the `figures`; `quads` has the corners, shape (4, 2), of every plane.
+    It chose among the `figures`; `quads` has the corners, shape (4, 2), of every plane, and
+    `names` what messages call every picture.
     """
     verdicts, doubt = outcome.verdicts, outcome.doubt
     dropped = {figures[one.figure].plane: one for one in verdicts if not one.kept}
@@ -47,7 +51,7 @@ def chosen_by(
     smallest = min((float(quad_areas(quads[plane])) for plane in planes), default=0.0)
     larger = sum(quad_areas(one.corners) > smallest for one in rejected)
     warnings = []
-    if text := _pictures_disagree(kept, rejected):
+    if text := _pictures_disagree(kept, rejected, names):
         warnings.append(CalibrationWarning(text, "pictures_disagree", "high"))
     chosen = f"of {len(verdicts)} planes found, {len(planes)} are squares that one camera explains"
     if doubt is not None:
@@ -62,15 +66,17 @@ def chosen_by(
     return Chosen(kept, rejected, warnings)
 
 
-def _pictures_disagree(kept: Sequence[PlaneEdges], rejected: Sequence[Rejected]) -> str:
+def _pictures_disagree(
+    kept: Sequence[PlaneEdges], rejected: Sequence[Rejected], names: Sequence[str]
+) -> str:
     """Return which pictures show nothing that the camera of the others explains, if any do."""
     used = {figure.image for figure in kept}
     unused = sorted({one.image for one in rejected} - used)
     if not unused or len(rejected) < LEAST_REJECTED:
         return ""
-    named = ", ".join(str(image) for image in unused)
+    named = ", ".join(names[image] for image in unused)
     return (
-        f"no camera explains all pictures: {len(rejected)} planes, with all of picture {named} "
-        f"(counted from 0), are left out. Was another zoom, focus or camera used? Calibrate "
+        f"no camera explains all pictures: {len(rejected)} planes, with all of {named}, "
+        "are left out. Was another zoom, focus or camera used? Calibrate "
         "those pictures on their own"
     )

@@ -28,6 +28,10 @@ ROTATIONS = ("fitted", "held")
 MOST_PLACES = 10**9
 
 
+CELLS = 100
+"""Across and down the picture, where parts of it are counted."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ProjectionMap(RebuiltByConstructor):
     """Standard deviations of projections over the picture.
@@ -144,6 +148,19 @@ def picture_grid(
     return x, y
 
 
+def known_part(camera: Camera) -> float:
+    """Return the part of the picture, from 0 to 1, within the camera's valid radius."""
+    # In the middles of cells: a grid from border to border counts the borders twice.
+    places = (np.arange(CELLS) + 0.5) / CELLS
+    x, y = (side * places - 0.5 for side in camera.image_size)
+    pixels = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    return float(_has_direction(camera, pixels).mean())
+
+
+def _has_direction(camera: Camera, pixels: FloatArray) -> npt.NDArray[np.bool_]:
+    return np.array(_core.can_unproject(camera_for_core(camera), pixels), dtype=bool)
+
+
 def projection_map(
     camera: Camera,
     parameters: Sequence[str],
@@ -163,7 +180,7 @@ def projection_map(
         raise unknown("rotation", rotation, ROTATIONS)
     x, y = picture_grid(camera.image_size, step)
     pixels = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    known = np.array(_core.can_unproject(camera_for_core(camera), pixels), dtype=bool)
+    known = _has_direction(camera, pixels)
     std = np.full(len(pixels), np.inf)
     if rotation == "held":
         covariances = projection_covariance(

@@ -78,6 +78,15 @@ class Settings:
         pairs = checked_pairs("orthogonal", orthogonal), checked_pairs("parallel", parallel)
         return cls(method, model, names, initial, freed, *pairs)
 
+    def model_of(self, fitted: str) -> str:
+        """Return the model of a result: of a held distortion that of the camera it comes from.
+
+        That of the fit may leave out coefficients that are held at values other than zero.
+        """
+        if self.initial is None or "distortion" not in self.fixed:
+            return fitted
+        return self.initial.model
+
     def initial_camera(self, image_size: tuple[int, int]) -> CoreCamera | None:
         """Return the initial camera as the core takes it; it must be of the pictures' size."""
         if self.initial is None:

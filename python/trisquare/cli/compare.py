@@ -19,6 +19,8 @@ from trisquare.drawing.difference_map import draw_comparison
 from trisquare.images.encoding import encode_image
 from trisquare.results.camera_of import camera_of
 
+ASSUMED = "photographs of their own for each camera; paper that is not flat makes it too small"
+
 COMPARISON_FORMAT = "trisquare-comparison/1"
 
 EXAMPLES = (
@@ -42,6 +44,9 @@ def compare_command(
 
     The rotation between the two cameras that fits best is taken out first: a camera matrix cannot
     tell it from a turn of the camera.
+
+    p says how often two calibrations of one camera differ at least so much, if each has photographs
+    of its own. Paper that is not flat makes p too small: see "How exact is it".
     """
     check_outputs([first, second], [map_file])
     known = read_camera(first)
@@ -61,6 +66,7 @@ def _members(comparison: Comparison) -> dict[str, Any]:
         "rms_px": comparison.rms,
         "worst_px": comparison.worst,
         "worst_at": list(comparison.worst_at),
+        "worst_beyond_targets": comparison.worst_beyond_targets,
         "worst_in_stds": comparison.worst_in_stds,
         "expected_rms_px": comparison.expected_rms,
         "unexplained_px": comparison.unexplained,
@@ -85,6 +91,8 @@ def _finite_or_none(grid: FloatArray) -> list[list[float | None]]:
 
 def _lines(comparison: Comparison) -> Iterator[str]:
     yield comparison.verdict
+    if comparison.same is False:
+        yield f"p assumes {ASSUMED}"
     yield f"rotation between them: {two_digits(comparison.angle)} degrees (taken out)"
     if comparison.coverage < 1:
         yield f"compared over {100 * comparison.coverage:.0f} % of the picture"

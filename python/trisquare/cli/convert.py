@@ -42,7 +42,7 @@ def convert_command(
         "FORMAT",
         "Format of OUT; by default the one its name stands for: trisquare for .json, opencv for "
         ".yaml and .xml, and the programs' own for camera_info.yaml, camchain.yaml, cameras.txt, "
-        "transforms.json, .cameramodel and .pto.",
+        "transforms.json, lensfun.xml, metashape.xml, .cameramodel and .pto.",
         "--to",
         offer=FORMAT_NAMES,
     ),

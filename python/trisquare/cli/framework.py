@@ -100,6 +100,15 @@ class HelpfulCommand(HelpEndingWithExamples, TyperCommand):
         return super().invoke(ctx)
 
 
+ELSEWHERE = {
+    "detect": "calibrate PHOTO --debug-image FILE",
+    "diagnose": "calibrate PHOTO --diagnose",
+    "rectify": "measure PHOTO --camera FILE --rectify FILE",
+    "report": "calibrate PHOTO --report FILE",
+}
+"""What the library has as functions, and the commands as options."""
+
+
 class CommandGroup(HelpEndingWithExamples, TyperGroup):
     """`trisquare` itself: knows all commands by name and summary, and loads those that run."""
 
@@ -119,6 +128,8 @@ class CommandGroup(HelpEndingWithExamples, TyperGroup):
         """Put the command itself in the place of its summary."""
         name = args[0]
         meant = None if name in SUMMARIES or name.startswith("-") else nearest_name(name, SUMMARIES)
+        if name in ELSEWHERE and not ctx.resilient_parsing:
+            ctx.fail(f"No such command {name!r}: it is 'trisquare {ELSEWHERE[name]}'.")
         if meant is not None and not ctx.resilient_parsing:
             ctx.fail(f"No such command {name!r}. Did you mean {meant!r}?")
         if name in SUMMARIES and not isinstance(self.commands[name], HelpfulCommand):

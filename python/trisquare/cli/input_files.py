@@ -103,4 +103,5 @@ def rescaled(camera: Calibration | Camera, image_size: tuple[int, int]) -> Calib
         coherence=None,
         edges=(),
         residuals=(),
+        pictures=(),
     )

@@ -35,7 +35,8 @@ def flag(text: str, *names: str, **more: Any) -> Any:
 PHOTOS = argument(
     ...,
     "PHOTO",
-    "One photograph, or several of the same camera; or a folder, or a pattern such as '*.jpg'.",
+    "One photograph, or several of the same camera; or a folder, or a pattern such as '*.jpg', by "
+    "the order of names (2.jpg before 10.jpg).",
 )
 JSON = flag("Print JSON instead of text, and nothing else.", "--json")
 QUIET = flag("Print nothing but errors.", "--quiet", "-q")

@@ -8,8 +8,15 @@ from rich.text import Text
 from trisquare._support.number_text import decimals_shown, with_its_std
 from trisquare.camera.camera import Camera, camera_parameters
 from trisquare.cli.console import line_of, new_table
-from trisquare.report.content import distance_unit, log_odds, parameter_texts, plane_texts, unit_of
+from trisquare.report.content import (
+    distance_unit,
+    evidence_text,
+    parameter_texts,
+    plane_texts,
+    unit_of,
+)
 from trisquare.results.calibration import Calibration
+from trisquare.results.calibration_warning import CalibrationWarning
 from trisquare.results.rejected import is_reported
 
 MOST_REJECTED = 10
@@ -32,8 +39,28 @@ def calibration_report(calibration: Calibration) -> list[RenderableType]:
     for number, plane in enumerate(calibration.planes):
         texts = plane_texts(plane, unit)
         planes.add_row(str(number), line_of(plane.kind), str(plane.image), *texts)
-    told = [*_aspects(calibration), *_lines(calibration), *_rejected(calibration)]
+    told = [
+        *_images(calibration),
+        *_aspects(calibration),
+        *_lines(calibration),
+        *_rejected(calibration),
+    ]
     return [parameters, planes, _summary(calibration), *told]
+
+
+def _images(calibration: Calibration) -> list[Text]:
+    """Lay out which file is which of several pictures: a column has no place for long names."""
+    names = calibration.pictures
+    if len(names) < 2:
+        return []
+    listed = ", ".join(f"{index} {name}" for index, name in enumerate(names) if name)
+    return [line_of(f"images: {listed}")]
+
+
+def _picture(calibration: Calibration, index: int) -> str:
+    """Return a picture's index, and of several its file's name beside it."""
+    names = calibration.pictures
+    return f"{index} ({names[index]})" if len(names) > 1 and names[index] else str(index)
 
 
 def comparison_report(calibration: Calibration, truth: Camera) -> list[RenderableType]:
@@ -58,10 +85,10 @@ def comparison_report(calibration: Calibration, truth: Camera) -> list[Renderabl
 
 def _summary(calibration: Calibration) -> Text:
     width, height = calibration.camera.image_size
-    others = log_odds(calibration)
-    evidence = f" (by evidence; log odds of the others: {others})" if others else ""
+    evidence = evidence_text(calibration)
+    chosen = f", {evidence}" if evidence else ""
     return line_of(
-        f"{width} x {height}, model {calibration.camera.model}{evidence}, "
+        f"{width} x {height}, model {calibration.camera.model}{chosen}, "
         f"method {calibration.method} ({calibration.stage}): rms {calibration.rms:.4f} px, "
         f"noise scale {calibration.noise_scale:.2f}"
     )
@@ -96,7 +123,7 @@ def _rejected(calibration: Calibration) -> list[Text]:
     for candidate in untold[:MOST_REJECTED]:
         x, y = candidate.corners.mean(axis=0).tolist()
         residual = "" if candidate.residual is None else f", {candidate.residual:.3g} px"
-        place = f"({x:.0f}, {y:.0f}) of image {candidate.image}"
+        place = f"({x:.0f}, {y:.0f}) of image {_picture(calibration, candidate.image)}"
         lines.append(f"not used: {candidate.kind} around {place}: {candidate.reason}{residual}")
     if len(untold) > MOST_REJECTED:
         lines.append(f"not used: {len(untold) - MOST_REJECTED} more")
@@ -107,8 +134,16 @@ def warning_lines(calibration: Calibration, *, verbose: bool = True) -> list[str
     """Return a line with its code for each warning, unless `verbose` only for the most severe."""
     most = None if verbose else MOST_WARNINGS
     told = calibration.warnings[:most]
-    lines = [f"warning: {warning} [{warning.code}]" for warning in told]
+    lines = [f"warning: {warning} [{_about(calibration, warning)}]" for warning in told]
     more = len(calibration.warnings) - len(lines)
     if more:
         lines.append(f"and {more} more: --verbose")
     return lines
+
+
+def _about(calibration: Calibration, warning: CalibrationWarning) -> str:
+    """Return a warning's code, and of several pictures the one in which its plane is."""
+    if warning.plane is None or len(calibration.pictures) < 2:
+        return warning.code
+    image = calibration.planes[warning.plane].image
+    return f"{warning.code}; plane {warning.plane} is in image {_picture(calibration, image)}"

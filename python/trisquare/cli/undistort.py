@@ -16,6 +16,7 @@ from trisquare._support.writing import making_folder, write_in_turn
 from trisquare.camera.camera import Camera
 from trisquare.camera.members import camera_members
 from trisquare.camera.panorama import HIGHEST_LATITUDES, Panorama
+from trisquare.camera.projection_uncertainty import known_part
 from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.input_files import camera_alone, photographs_named
 from trisquare.cli.options import JSON, PHOTOS, QUIET, flag, option
@@ -88,6 +89,10 @@ def undistort_command(
     quiet: bool = QUIET,
 ) -> None:
     """Remove the lens distortion from photographs and videos; none is written unless all can be.
+
+    Of a photograph's Exif block the orientation tag alone is kept, in JPEG and PNG: its focal
+    length and its preview are not the new picture's. JPEG has quality 95; PNG and TIFF lose
+    nothing.
 
     A video keeps the mean rate and the number of its frames, and its sound where ffmpeg is on the
     PATH.
@@ -186,6 +191,15 @@ def undistort_command(
             check_video_name(path)
         undistorter_of(lens.image_size)  # what is wrong with the view is not the photograph's fault
         write_in_turn(undistorted())
+    unknown_part = 1.0 - known_part(lens)
+    # Without a black pixel the view is narrow because that was asked for.
+    has_black = any(own["valid_rectangle"][2:] != own["image_size"] for own in pictures)
+    if unknown_part > 0.0 and has_black:
+        warnings.append(
+            f"{100.0 * unknown_part:.2g} % of the photograph is left out: it lies beyond the "
+            "camera's valid radius, where the lens is not known; calibrate with targets nearer to "
+            "the corners, or with fewer coefficients"
+        )
     members = {
         "format": UNDISTORTION_FORMAT,
         "view": view,

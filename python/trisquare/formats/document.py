@@ -13,6 +13,12 @@ from trisquare.formats.yaml_text import parse_yaml
 MOST_BYTES = 64 << 20
 """No camera file comes near, but one that lists ten thousand pictures."""
 
+BINARY_FILES = {
+    "cameras.bin": ", which COLMAP makes of it: colmap model_converter --input_path FOLDER "
+    "--output_path FOLDER --output_type TXT"
+}
+"""Names of files that programs write without text, and how text is made of them."""
+
 
 @dataclass(frozen=True)
 class Document:
@@ -48,13 +54,15 @@ class Document:
             raise type(error)(f"{shown}: {error.strerror or error}") from error
         if len(content) > MOST_BYTES:
             raise ValueError(f"{shown}: larger than {MOST_BYTES >> 20} MB, which no camera file is")
+        name = PurePath(shown).name.lower()
+        not_text = f"{shown}: not a text file{BINARY_FILES.get(name, '')}"
         if b"\0" in content:
-            raise ValueError(f"{shown}: not a text file")
+            raise ValueError(not_text)
         try:
             text = content.decode("utf-8-sig")
         except UnicodeDecodeError as error:
-            raise ValueError(f"{shown}: not a text file") from error
-        return cls(text, PurePath(shown).name.lower())
+            raise ValueError(not_text) from error
+        return cls(text, name)
 
     @property
     def suffix(self) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -58,7 +59,7 @@ def load_camera(
     with naming(path):
         found = format_of_document(document) if known is None else known
         try:
-            chosen, lens = _chosen(found.read(document, size), name)
+            chosen, lens = _chosen(found.read(document, size), name, path)
         except ArithmeticError as error:
             raise ValueError("holds numbers that are too large or too small") from error
         if size is not None and lens.image_size != size:
@@ -82,17 +83,24 @@ def load_camera(
     return Loaded(camera, found.name, chosen, stand_in)
 
 
-def _chosen(cameras: Cameras, name: str | None) -> tuple[str, Lens]:
+def _chosen(cameras: Cameras, name: str | None, path: PathLike) -> tuple[str, Lens]:
     if name is not None:
         if string(name, "name") not in cameras:
             raise ValueError(f"there is no camera {name!r}, but {_listed(cameras)}")
         return name, cameras[name]()
     if len(cameras) > 1:
         raise ValueError(
-            f"there are {len(cameras)} cameras, {_listed(cameras)}: say which with name= (--camera)"
+            f"there are {len(cameras)} cameras, {_listed(cameras)}: say which with name=, or take "
+            f"one out: {_extraction(path, next(iter(cameras)))}"
         )
     ((only, read),) = cameras.items()
     return only, read()
+
+
+def _extraction(path: PathLike, name: str) -> str:
+    """Return the command that takes one of several cameras out: no other has ``--camera``."""
+    words = ["trisquare", "convert", os.fspath(path), "one.json", "--camera", name]
+    return shlex.join(words)
 
 
 def _listed(cameras: Cameras) -> str:

@@ -36,6 +36,10 @@ def read(document: Document, image_size: ImageSize | None) -> Cameras:
 
 
 def _camera(members: JsonFields) -> Camera:
+    if not members.has("format"):
+        raise ValueError(
+            '"format" is missing: the JSON of trisquare, of OpenCV and of nerfstudio is read'
+        )
     found = members.text("format")
     if found not in (CAMERA_FORMAT, CALIBRATION_FORMAT):
         version = VERSIONED.fullmatch(found)

@@ -8,6 +8,7 @@ from trisquare.formats import (
     hugin,
     kalibr,
     lensfun,
+    metashape,
     mrcal,
     native_json,
     nerfstudio,
@@ -27,6 +28,7 @@ FORMATS = (
     nerfstudio.FORMAT,
     hugin.FORMAT,
     lensfun.FORMAT,
+    metashape.FORMAT,
     colmap.FORMAT,
 )
 FORMAT_NAMES = tuple(known.name for known in FORMATS)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,13 +104,16 @@ class PictureFaults:
 
 
 def fault_warnings(
-    faults: Mapping[int, PictureFaults], tones: Mapping[int, PictureTone]
+    faults: Mapping[int, PictureFaults], tones: Mapping[int, PictureTone], names: Sequence[str]
 ) -> list[tuple[str, str, str]]:
-    """Return text, code and severity of what is wrong with the pictures, by index."""
+    """Return text, code and severity of what is wrong with the pictures, by index.
+
+    `names` is what messages call each of all pictures.
+    """
     texts: dict[str, list[str]] = {}
     for image, own in faults.items():
         for code, text in _texts(own, tones[image]).items():
-            texts.setdefault(code, []).append(f"picture {image}: {text}")
+            texts.setdefault(code, []).append(f"{names[image]}: {text}")
     mixed = any(own.colour_shift is not None and not own.is_green for own in faults.values())
     return [
         (

@@ -75,6 +75,12 @@ class Photographs:
     def __len__(self) -> int:
         return len(self.sources)
 
+    @property
+    def file_names(self) -> tuple[str, ...]:
+        """What tells each of several from the others; empty if none comes from a file."""
+        names = tuple(_file_name(source) for source in self.sources)
+        return names if len(names) > 1 and any(names) else ()
+
     def __iter__(self) -> Iterator[Photograph]:
         """Yield the photographs in their order.
 
@@ -152,11 +158,17 @@ def _load(
 
 
 def _name(index: int, source: ImageSource) -> str:
+    file_name = _file_name(source)
+    return f"picture {index} ({file_name})" if file_name else f"picture {index}"
+
+
+def _file_name(source: ImageSource) -> str:
+    """Return the name of a picture's file without its folder; nothing if it has none."""
     if isinstance(source, str | os.PathLike):
-        return f"picture {index} ({os.path.basename(source)})"
+        return os.path.basename(source)
     if isinstance(source, VideoFrame):
-        return f"picture {index} (frame {source.number} of {os.path.basename(source.video)})"
-    return f"picture {index}"
+        return f"frame {source.number} of {os.path.basename(source.video)}"
+    return ""
 
 
 def _fingerprint(pixels: Image) -> int:

@@ -10,6 +10,7 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
+from trisquare._support.natural_order import natural_order
 from trisquare.errors import ImageError, MissingImageError
 from trisquare.images.pixels import ImageSource, PillowImage
 
@@ -28,7 +29,8 @@ def sources_of(image: ImageSource | Iterable[ImageSource]) -> list[ImageSource]:
     """Return the pictures, one or several, as a list.
 
     A folder stands for the pictures directly in it, a pattern such as ``frame-*.png`` for the files
-    that match, both by name. Open files are read, since that can be done only once.
+    that match, both in the order of their names, in which numbers count: ``2.jpg`` comes before
+    ``10.jpg``. Open files are read, since that can be done only once.
 
     Raises
     ------
@@ -89,9 +91,10 @@ def _files(path: str | os.PathLike[str]) -> Iterable[str | os.PathLike[str]]:
         found = [each for each in Path(name).iterdir() if each.suffix.lower() in PICTURE_SUFFIXES]
         if not found:
             raise ImageError(f"{name}: the folder holds no picture")
-        return sorted(found)
+        return sorted(found, key=natural_order)
     if glob.has_magic(name) and not os.path.lexists(name):
-        matching = [Path(each) for each in sorted(glob.glob(name, recursive=True))]
+        names = sorted(glob.glob(name, recursive=True), key=natural_order)
+        matching = [Path(each) for each in names]
         if not matching:
             raise MissingImageError(f"{name}: no file matches")
         return matching

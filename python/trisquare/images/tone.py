@@ -70,10 +70,13 @@ class PictureTone:
         return replace(self, curve=(*self.curve[:2], True, 0.0), shift=None)
 
 
-def contradiction_text(tones: Mapping[int, PictureTone]) -> str | None:
-    """Say in which pictures, by index, the profiles contradict the stated tone curve, if in any."""
+def contradiction_text(tones: Mapping[int, PictureTone], names: Sequence[str]) -> str | None:
+    """Say in which pictures, by index, the profiles contradict the stated tone curve, if in any.
+
+    `names` is what messages call each of all pictures.
+    """
     asked = [
-        f"picture {index}: a gamma of about {tone.contradicting:.1f}"
+        f"{names[index]}: a gamma of about {tone.contradicting:.1f}"
         for index, tone in tones.items()
         if tone.contradicting is not None
     ]
@@ -85,10 +88,13 @@ def contradiction_text(tones: Mapping[int, PictureTone]) -> str | None:
     )
 
 
-def shift_text(tones: Mapping[int, PictureTone]) -> str | None:
-    """Say in which pictures, by index, the profiles fit no tone curve, if in any."""
+def shift_text(tones: Mapping[int, PictureTone], names: Sequence[str]) -> str | None:
+    """Say in which pictures, by index, the profiles fit no tone curve, if in any.
+
+    `names` is as in `contradiction_text`.
+    """
     shifts = [
-        f"picture {index}: {tone.shift[0]:+.3f} +- {tone.shift[1]:.3f} px"
+        f"{names[index]}: {tone.shift[0]:+.3f} +- {tone.shift[1]:.3f} px"
         for index, tone in tones.items()
         if tone.shift is not None
     ]

@@ -21,6 +21,10 @@ from trisquare.images.exif import StatedFocalLength
 from trisquare.results.calibration import Calibration
 from trisquare.results.plane import Plane
 
+WORTH_A_MENTION = 1.0
+"""Natural logarithm of odds below which evidence is "not worth more than a bare mention" (R. Kass &
+A. Raftery, *J. American Statistical Association* 90 (1995) 773-795)."""
+
 _INTRINSICS = {
     "fx": "focal length along x",
     "fy": "focal length along y",
@@ -150,8 +154,8 @@ def settings(calibration: Calibration) -> list[tuple[str, str]]:
     """Return what was asked for, and what it was computed with."""
     methods = {"ml": "maximum likelihood (ml)", "linear": "the three linear steps (linear)"}
     method = methods.get(calibration.method, calibration.method)
-    others = log_odds(calibration)
-    chosen = f", by evidence (log odds of the others: {others})" if others else ""
+    evidence = evidence_text(calibration)
+    chosen = f", {evidence}" if evidence else ""
     reported_by = (
         f"trisquare {__version__}, Python {platform.python_version()}, "
         f"NumPy {np.__version__}, OpenCV {cv2.__version__}, "
@@ -168,9 +172,15 @@ def settings(calibration: Calibration) -> list[tuple[str, str]]:
     ]
 
 
-def log_odds(calibration: Calibration) -> str:
-    """Return the models that were not chosen, with what speaks against each."""
-    return ", ".join(f"{o.model} {o.log_evidence:.1f}" for o in calibration.alternatives)
+def evidence_text(calibration: Calibration) -> str:
+    """Return what speaks against the models that were not chosen; nothing where none was."""
+    others = calibration.alternatives
+    if not others:
+        return ""
+    odds = ", ".join(f"{other.model} {other.log_evidence:.1f}" for other in others)
+    equals = [other.model for other in others if other.log_evidence > -WORTH_A_MENTION]
+    tie = f"; {' and '.join(equals)} would do as well" if equals else ""
+    return f"by evidence (natural log odds of the others: {odds}{tie})"
 
 
 def _today() -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -61,8 +61,8 @@ RESULT_FORMAT = "trisquare/1"
 
 JSON_ORDER = (
     *("software", "method", "stage", "tone", "tone_std", "fixed", "image_size", "camera"),
-    *("std", "parameters", "covariance", "rms_px", "noise_scale", "planes", "warnings"),
-    *("lines", "alternatives", "coherence", "rejected"),
+    *("std", "parameters", "covariance", "rms_px", "noise_scale", "planes", "pictures"),
+    *("warnings", "lines", "alternatives", "coherence", "rejected"),
 )
 """Members of a result; the measured edges and their residuals follow if they are asked for."""
 
@@ -139,6 +139,10 @@ class Calibration(Record):
         `edges`; empty where these are.
     lines : sequence of SceneLine
         The lines of the scene that were given or found, used or rejected; they are no `edges`.
+    pictures : sequence of str
+        Names of the photographs' files, without their folders, in the order that the `image` of
+        planes, lines and `rejected` counts; of a video's frame ``"frame 7 of clip.mp4"``, of what
+        is no file nothing. Empty of one photograph, and if none is a file.
 
     Examples
     --------
@@ -175,6 +179,7 @@ class Calibration(Record):
         default=(), metadata=member(records(FigureResiduals))
     )
     lines: tuple[SceneLine, ...] = field(default=(), metadata=member(records(SceneLine)))
+    pictures: tuple[str, ...] = field(default=(), metadata=member(TEXTS))
 
     def __post_init__(self) -> None:
         if not isinstance(self.camera, Camera):
@@ -194,13 +199,17 @@ class Calibration(Record):
             raise ValueError(f"residuals must be of one of the {len(self.planes)} planes")
 
     def __eq__(self, other: object) -> bool:
-        """Whether the JSON is the same: all but the measured edges and their residuals."""
+        """Whether all is the same but the measured edges, their residuals, and names of files."""
         if not isinstance(other, Calibration):
             return NotImplemented
-        return self.to_json() == other.to_json()
+        return self._stated() == other._stated()
 
     def __hash__(self) -> int:
-        return hash(self.to_json())
+        return hash(self._stated())
+
+    def _stated(self) -> str:
+        """Return what must agree for two results to be equal."""
+        return replace(self, pictures=()).to_json()
 
     def __repr__(self) -> str:
         width, height = self.camera.image_size

@@ -1,0 +1,43 @@
+"""Camera files of other programs as inputs of commands: what their errors tell to do."""
+
+import shlex
+import shutil
+
+import cv2
+import numpy as np
+import pytest
+
+import trisquare as ts
+
+TWO_CAMERAS = "1 PINHOLE 640 480 500 501 320 240\n2 RADIAL 640 480 510 320 240 -0.1 0.01\n"
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "two cameras.txt").write_text(TWO_CAMERAS)
+    cv2.imwrite("photo.png", np.full((480, 640), 128, np.uint8))
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("undistort", "photo.png", "-o", "out.png", "--camera", "two cameras.txt"),
+        ("compare", "two cameras.txt", "two cameras.txt"),
+        ("calibrate", "photo.png", "--initial", "two cameras.txt"),
+        ("convert", "two cameras.txt", "camera.yaml"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_one_camera_of_several_is_taken_out_as_the_error_says(run, folder, words):
+    code, out, err = run(*words)
+    assert (code, out) == (2, "")
+    assert "two cameras.txt: there are 2 cameras, 1, 2: " in err
+    program, *told = shlex.split(err.partition("take one out: ")[2])
+    assert program == "trisquare"
+    assert run(*told)[0] == 0
+    assert ts.Camera.load("one.json").fy == 501
+    if words[0] == "undistort":
+        shutil.copy("one.json", "two cameras.txt")
+        assert run(*words)[0] == 0
