@@ -104,6 +104,7 @@ def test_a_board_s_bow_is_measured_although_the_calibration_takes_it_out():
     assert verdicts(check)["flat"] == ["ok"] * 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", first_quick(range(4), 1))
 @pytest.mark.parametrize("kind", ["corner", "flat"])
 @pytest.mark.parametrize("stretch", [0.01, -0.01])
@@ -117,6 +118,7 @@ def test_a_stretched_print_is_told_whatever_the_camera_s_pixels(kind, stretch, s
     assert "100 %" in finding.advice
 
 
+@pytest.mark.slow
 def test_a_face_bent_too_far_leaves_angles_and_stretch_untold():
     scene, rng = drawn(500)
     check = checked(with_bent_face(scene, 1, 0.02, 0.3), rng)
@@ -178,6 +180,7 @@ def test_boards_with_other_numbers_of_cells_are_not_the_sheet(cells):
         checked(*boards_of(cells))
 
 
+@pytest.mark.slow
 def test_a_board_that_is_found_in_part_is_the_sheet_s():
     scene, rng = drawn(4, "boards")
     picture = simulate.render(scene, rng, noise=2.0, tone="srgb", jpeg_quality=92)

@@ -47,6 +47,7 @@ def test_what_is_wrong_is_named(name: str) -> None:
     assert len(silent) <= 1, silent
 
 
+@pytest.mark.slow
 def test_a_straight_side_in_the_wrong_place_is_not_called_bent() -> None:
     """Sheared squares have straight sides, whose images are curved where their lines' are not."""
     for seed in range(4):

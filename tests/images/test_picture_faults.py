@@ -52,6 +52,7 @@ def test_an_undamaged_picture_is_not_warned_of(fault):
     assert_within(result, SCENE, 4)
 
 
+@pytest.mark.slow
 def test_colours_and_rows_that_disagree_cost_no_more_than_what_is_left_out():
     whole = ts.calibrate(photo(UNDAMAGED))
     for code in ("chromatic_aberration", "interlaced"):
@@ -87,6 +88,7 @@ def test_blooming_is_told_as_overexposed_and_carried(seed):
     assert abs(errors_in_std(result, scene)["fx"]) < 4
 
 
+@pytest.mark.slow
 def test_pixels_are_not_fitted_where_paper_is_bent_everywhere():
     scene = with_relief(squares(143), np.random.default_rng(143), 0.01)
     result = ts.calibrate(photo(UNDAMAGED, 144, scene))

@@ -38,6 +38,7 @@ def names(tmp_path_factory):
     return photo, {"ts": ts, "np": np, "result": result, "camera": result.camera}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(CALLED))
 def test_an_example_runs(name, names, tmp_path, monkeypatch):
     photo, given = names

@@ -43,6 +43,7 @@ def test_no_line_of_the_page_is_a_comment(experiments):
     assert [line for line in lines if line.startswith("%")] == []
 
 
+@pytest.mark.slow
 def test_the_plots_are_drawn_from_the_results(experiments):
     found = experiments["results"].read()
     for name, svg in experiments["plots"].drawn(found).items():
