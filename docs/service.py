@@ -18,6 +18,7 @@ from typing import Any
 from fastapi import FastAPI, Request, Response
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 
 import trisquare as ts
 
@@ -37,6 +38,12 @@ LIMITS: dict[str, Any] = {
     "max_memory": 1e9,  # bytes beside the 80 MB that a process has from the start; on Linux
 }
 """Of one calibration."""
+
+OPTIONS = ("model", "tone", "targets")
+"""What a client may choose: others name files, which are the server's."""
+
+HELP = "faq.html"
+"""Where this service has the page that explains the codes."""
 
 
 @asynccontextmanager
@@ -61,7 +68,7 @@ class RefusedError(Exception):
 @app.exception_handler(RefusedError)
 async def refused(request: Request, error: RefusedError) -> JSONResponse:
     """Answer with an error in the shape of all JSON of trisquare."""
-    members = {"code": error.code, "text": error.text, "help": f"faq.html#{error.code.lower()}"}
+    members = {"code": error.code, "text": error.text, "help": f"{HELP}#{error.code.lower()}"}
     headers = {"Retry-After": "5"} if error.code == "BusyError" else None
     return JSONResponse({"error": members}, ts.http_status(error.code), headers)
 
@@ -71,6 +78,12 @@ async def unknown(request: Request, error: HTTPException) -> JSONResponse:
     """Answer likewise where there is no such address or method."""
     code = {404: "NotFoundError", 405: "MethodError"}.get(error.status_code, "InternalError")
     return await refused(request, RefusedError(code, str(error.detail)))
+
+
+@app.exception_handler(Exception)
+async def failed(request: Request, error: Exception) -> JSONResponse:
+    """Answer likewise where the service itself is at fault; the log has the traceback."""
+    return await refused(request, RefusedError("InternalError", "the service has failed"))
 
 
 @app.get("/health")
@@ -87,6 +100,10 @@ async def calibrations(
     targets: str = "squares",
 ) -> Response:
     """Calibrate the camera that took the photograph in the request's body."""
+    if others := sorted(set(request.query_params) - set(OPTIONS)):
+        raise RefusedError("ValueError", f"unknown: {others[0]}; known: {', '.join(OPTIONS)}")
+    if request.headers.get("content-type", "").startswith(("multipart/", "application/json")):
+        raise RefusedError("ImageError", "send the photograph's file as the body, and nothing else")
     if targets.lower().endswith(".json"):
         raise RefusedError("ValueError", "a layout's file is the server's: name a board")
     state = request.app.state
@@ -108,10 +125,13 @@ async def calibrations(
 async def _body(request: Request) -> bytes:
     """Receive a photograph, and no more than is allowed."""
     received = bytearray()
-    async for part in request.stream():
-        received += part
-        if len(received) > MOST_BYTES:
-            raise RefusedError("TooLargeError", f"a photograph may have {MOST_BYTES >> 20} MB")
+    try:
+        async for part in request.stream():
+            received += part
+            if len(received) > MOST_BYTES:
+                raise RefusedError("TooLargeError", f"a photograph may have {MOST_BYTES >> 20} MB")
+    except ClientDisconnect as error:
+        raise RefusedError("AbandonedError", "the client left") from error
     return bytes(received)
 
 

@@ -64,6 +64,8 @@ def test_arguments_reach_the_calibration(client):
     answer = client.post("/calibrations?model=none&tone=linear", content=DEMO)
     found = ts.Calibration.from_json(answer.text)
     assert (found.camera.model, found.tone) == ("none", "linear")
+    answer = client.post("/calibrations?tone=2.2", content=DEMO)
+    assert ts.Calibration.from_json(answer.text).tone == 2.2
 
 
 @pytest.mark.parametrize(
@@ -76,6 +78,7 @@ def test_arguments_reach_the_calibration(client):
         ("", encoded(np.zeros((1, 1), np.uint8)), 422, "DetectionError", "no square"),
         ("?model=fishbowl", DEMO, 400, "ValueError", "fishbowl"),
         ("?tone=bright", DEMO, 400, "ValueError", "bright"),
+        ("?modle=auto", DEMO, 400, "ValueError", "unknown: modle; known: model, tone, targets"),
         ("?targets=/etc/secret.JSON", DEMO, 400, "ValueError", "name a board"),
     ],
 )
@@ -86,6 +89,24 @@ def test_what_is_wrong_is_said(client, query, content, status, error, said):
     assert found == {"code": error, "text": found["text"], "help": f"faq.html#{error.lower()}"}
     assert said in found["text"]
     assert "/tmp" not in found["text"]
+
+
+def test_a_form_is_not_the_photograph_s_file(client):
+    answer = client.post("/calibrations", files={"file": DEMO})
+    assert answer.status_code == 415
+    assert "as the body" in answer.json()["error"]["text"]
+
+
+def test_a_fault_of_the_service_is_an_error_like_the_others():
+    def full(*args):
+        raise OSError("no space left on device")
+
+    service = runpy.run_path(str(RECIPE))
+    service["calibrations"].__globals__["_calibrated"] = full
+    with TestClient(service["app"], raise_server_exceptions=False) as client:
+        answer = client.post("/calibrations", content=DEMO)
+    assert answer.status_code == 500
+    assert answer.json()["error"]["code"] == "InternalError"
 
 
 def test_a_photograph_that_is_too_large_is_not_even_received(client, service):

@@ -30,7 +30,6 @@ from trisquare.batch.summary import (
 )
 from trisquare.camera.lens_models import MODELS
 from trisquare.camera.settings import AUTO, METHODS, Settings
-from trisquare.cli.calibrate import tone_named
 from trisquare.cli.console import answer
 from trisquare.cli.framework import NOT_ALL_PASSED_EXIT, reading
 from trisquare.cli.input_files import camera_alone
@@ -205,7 +204,7 @@ def _options(
 
     known = None if initial is None else camera_alone(initial)
     settings = Settings.check(method, model, listed_names(fix), known, listed_names(free), (), ())
-    curve = checked_tone(tone_named(tone))
+    curve = checked_tone(tone)
     with reading():
         TargetKinds.parse(targets)
     if frames is not None and frames < 1:

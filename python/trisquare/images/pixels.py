@@ -64,7 +64,7 @@ def picture_size(picture: Image) -> tuple[int, int]:
 
 
 def checked_tone(tone: Tone) -> str | float | None:
-    """Return a tone curve that is one.
+    """Return a tone curve that is one; a gamma may be written as text.
 
     Raises
     ------
@@ -73,11 +73,13 @@ def checked_tone(tone: Tone) -> str | float | None:
     """
     if tone is None or (isinstance(tone, str) and tone in TONE_CURVES):
         return tone
-    if isinstance(tone, str):
-        raise unknown("tone curve", tone, TONE_CURVES, "auto, srgb, linear, or a gamma")
-    if isinstance(tone, bool) or not isinstance(tone, int | float | np.number):
+    if isinstance(tone, bool) or not isinstance(tone, str | int | float | np.number):
         raise TypeError(f"tone must be a name or a gamma, not {type(tone).__name__}")
-    gamma = float(tone)
+    try:
+        gamma = float(tone)
+    except ValueError:
+        choices = "auto, srgb, linear, or a gamma"
+        raise unknown("tone curve", str(tone), TONE_CURVES, choices) from None
     if not (np.isfinite(gamma) and gamma > 0):
         raise ValueError(f"a gamma must be positive and finite, not {gamma}")
     return gamma
