@@ -209,7 +209,7 @@ def calibrate_command(
             initial=known,
             orthogonal=parse_pairs(orthogonal),
             parallel=parse_pairs(parallel),
-            tone=tone,
+            tone=tone_named(tone),
             targets=targets,
             outlines=outline,
             lines=lines,
@@ -242,3 +242,11 @@ def calibrate_command(
     warnings = warning_lines(calibration, verbose=verbose)
     answer(json, quiet, calibration.to_json().rstrip(), parts, warnings)
     outputs.raise_first_failure()
+
+
+def tone_named(text: str | None) -> str | float | None:
+    """Return the tone curve that the option names: a gamma is a number."""
+    try:
+        return text if text is None else float(text)
+    except ValueError:
+        return text

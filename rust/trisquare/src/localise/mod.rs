@@ -124,7 +124,9 @@ pub fn localise_with_unknown_tone(picture: &Picture, spans: &[EdgeSpan]) -> Loca
         let mut localiser = Localiser::new(picture, Tone::Power(first.curve));
         localiser.tells_tone = true;
         let measured = localiser.measure_all(spans, &previews);
-        let (edges, estimate) = displacement::corrected(first.curve, measured);
+        let (edges, mut estimate) = displacement::corrected(first.curve, measured);
+        // A misfit that some pixels do not show is chance, or a single side's.
+        estimate.misfit_shift = estimate.misfit_shift.min(first.misfit_shift);
         if estimate.shift_std.is_none() {
             return (edges, estimate, faults);
         }
