@@ -61,7 +61,7 @@ def test_what_jpeg_does_to_profiles_is_in_the_standard_deviations():
     for seed in range(8):
         rng = np.random.default_rng([93, seed])
         scene = simulate.corner_scene(rng, camera=camera)
-        picture = simulate.render(scene, rng, tone="srgb", clutter=12, jpeg_quality=92)
+        picture = simulate.render(scene, rng, tone="srgb", clutter=12, colour=True, jpeg_quality=92)
         result = ts.calibrate(picture)
         assert result.tone_std is not None
         errors.append((result.camera.distortion[0] - 0.08) / result.std["k1"])
