@@ -42,6 +42,7 @@ export class Camera {
     this.video.srcObject = this.#stream;
     await this.video.play();
     this.#last = null;
+    this.found = null; // of an earlier opening
     this.#search();
     this.#predict();
   }
@@ -70,7 +71,8 @@ export class Camera {
         const blob = await new Promise((resolve) => frame.toBlob(resolve, "image/jpeg", 0.9));
         try {
           const found = await ask("find", [["picture", blob, "preview.jpg"]], { targets: "squares" });
-          if (this.isOpen) this.#show(found);
+          // Opened again meanwhile, it may not have a size yet.
+          if (this.isOpen && this.video.videoWidth) this.#show(found);
         } catch (error) {
           if (this.isOpen) this.#say(error.message);
         }
@@ -107,7 +109,7 @@ export class Camera {
 
   async #predict() {
     while (this.isOpen) {
-      if (this.found) {
+      if (this.found && this.video.videoWidth) {
         const image_size = [this.video.videoWidth, this.video.videoHeight];
         try {
           const guidance = await askJson("predict", { image_size, outlines: this.found });
