@@ -14,6 +14,9 @@ import numpy.typing as npt
 T = TypeVar("T")
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 
+NORMAL_MEDIAN = 0.6745
+"""Median of the absolute values of normal draws, in standard deviations."""
+
 # No camera comes near; float64 resolves 1e-7 px so far out.
 LARGEST_SIDE = 10**9
 # Of a correlation: covariances come from inverting information that may be ill-conditioned.

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 import trisquare._core as _core
-from trisquare._support.arrays import FloatArray
+from trisquare._support.arrays import NORMAL_MEDIAN, FloatArray
 from trisquare.camera.camera import Camera, camera_for_core
 from trisquare.camera.lens_models import COEFFICIENTS
 from trisquare.printing.folding import FOLDS
@@ -33,9 +33,6 @@ ROUNDS = 6
 
 HUBER = 1.345
 """Standard deviations from which residuals weigh less; 95 % efficient (Huber 1964)."""
-
-NORMAL_MAD = 0.6745
-"""Median absolute deviation of a normal distribution, in standard deviations."""
 
 BLOCK = 8
 """Samples whose residuals are summed, to see whether neighbours err together."""
@@ -244,7 +241,7 @@ def _solve(
         information = (jacobian.T * weights) @ jacobian + sigma**2 * prior
         change = np.linalg.solve(information, jacobian.T @ (weights * wanted))
         left = np.abs(wanted - jacobian @ change)
-        sigma = float(np.median(left)) / NORMAL_MAD
+        sigma = float(np.median(left)) / NORMAL_MEDIAN
         weights = np.minimum(1.0, HUBER * sigma / np.maximum(left, HUBER * sigma))
     cost = float(np.sum(weights * left**2))
     variance = cost / (len(wanted) - columns) * _together(weights * (wanted - jacobian @ change))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
+from trisquare._support.arrays import NORMAL_MEDIAN, FloatArray
 from trisquare.calibration.calibrate import calibrate
 from trisquare.calibration.gather import LOG
 from trisquare.camera.camera import Camera
@@ -25,9 +27,6 @@ that was undistorted gives 3 times in the corners of a weak lens, and 100 times 
 
 SMALLEST_MISFIT = 0.3
 """Pixels, below which a user is not told: a tone curve other than sRGB displaces edges by 0.1."""
-
-NORMAL_MEDIAN = 0.6745
-"""Of the absolute values of normal draws, in standard deviations."""
 
 
 class Located(NamedTuple):
@@ -106,26 +105,24 @@ def located(
         outlines=outlines,
     )
     expected = max(1.0, camera.noise_scale) if isinstance(camera, Calibration) else 1.0
-    misfits = (_misfit(found, index) for index in range(len(found.planes)))
     doubts = (
         _doubt(plane, misfit)
         if misfit > LARGEST_MISFIT * expected and plane.rms > SMALLEST_MISFIT
         else None
-        for plane, misfit in zip(found.planes, misfits, strict=True)
+        for plane, misfit in zip(found.planes, _misfits(found), strict=True)
     )
     return Located(found.planes, tuple(doubts))
 
 
-def _misfit(found: Calibration, index: int) -> float:
-    """Return how large a plane's residuals are over their noise, but for those of hidden parts."""
-    over_noise = []
+def _misfits(found: Calibration) -> Iterator[float]:
+    """Yield how large each plane's residuals are over their noise, but for hidden parts."""
+    over_noise: list[list[FloatArray]] = [[] for _ in found.planes]
     for edges, residuals in zip(found.edges, found.residuals, strict=True):
-        if residuals.plane == index:
-            assert edges.std is not None  # of measured edges it is known
-            over_noise += [
-                own / std for own, std in zip(residuals.distances, edges.std, strict=True)
-            ]
-    return float(np.median(np.abs(np.concatenate(over_noise)))) / NORMAL_MEDIAN
+        assert edges.std is not None  # of measured edges it is known
+        sides = zip(residuals.distances, edges.std, strict=True)
+        over_noise[residuals.plane] += [own / std for own, std in sides]
+    for own in over_noise:
+        yield float(np.median(np.abs(np.concatenate(own)))) / NORMAL_MEDIAN
 
 
 def _doubt(plane: Plane, misfit: float) -> str:

@@ -46,7 +46,7 @@ from trisquare.cli.options import (
     listed_names,
     option,
 )
-from trisquare.images.pixels import TONE_CURVES
+from trisquare.images.pixels import TONE_CURVES, checked_tone
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -200,7 +200,6 @@ def _options(
 ) -> dict[str, Any]:
     """Return what all cameras have in common, checked: a wrong name is not to fail each of them."""
     from trisquare.detection.kinds import TargetKinds
-    from trisquare.images.pixels import checked_tone
 
     known = None if initial is None else camera_alone(initial)
     settings = Settings.check(method, model, listed_names(fix), known, listed_names(free), (), ())

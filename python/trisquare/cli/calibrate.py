@@ -46,7 +46,7 @@ from trisquare.formats.registry import ENDINGS, format_of_name
 from trisquare.images.frame_choice import with_frames
 from trisquare.images.limits import PictureLimits
 from trisquare.images.photographs import Photographs
-from trisquare.images.pixels import TONE_CURVES, Image
+from trisquare.images.pixels import TONE_CURVES, Image, checked_tone
 from trisquare.images.video import is_video
 from trisquare.report import check_extra, report_page
 
@@ -209,7 +209,7 @@ def calibrate_command(
             initial=known,
             orthogonal=parse_pairs(orthogonal),
             parallel=parse_pairs(parallel),
-            tone=tone_named(tone),
+            tone=checked_tone(tone),
             targets=targets,
             outlines=outline,
             lines=lines,
@@ -242,11 +242,3 @@ def calibrate_command(
     warnings = warning_lines(calibration, verbose=verbose)
     answer(json, quiet, calibration.to_json().rstrip(), parts, warnings)
     outputs.raise_first_failure()
-
-
-def tone_named(text: str | None) -> str | float | None:
-    """Return the tone curve that the option names: a gamma is a number."""
-    try:
-        return text if text is None else float(text)
-    except ValueError:
-        return text

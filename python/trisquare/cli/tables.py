@@ -51,7 +51,7 @@ def calibration_report(calibration: Calibration) -> list[RenderableType]:
 def _images(calibration: Calibration) -> list[Text]:
     """Lay out which file is which of several pictures: a column has no place for long names."""
     names = calibration.pictures
-    if len(names) < 2:
+    if not names:
         return []
     listed = ", ".join(f"{index} {name}" for index, name in enumerate(names) if name)
     return [line_of(f"images: {listed}")]
@@ -60,7 +60,7 @@ def _images(calibration: Calibration) -> list[Text]:
 def _picture(calibration: Calibration, index: int) -> str:
     """Return a picture's index, and of several its file's name beside it."""
     names = calibration.pictures
-    return f"{index} ({names[index]})" if len(names) > 1 and names[index] else str(index)
+    return f"{index} ({names[index]})" if names and names[index] else str(index)
 
 
 def comparison_report(calibration: Calibration, truth: Camera) -> list[RenderableType]:
@@ -143,7 +143,7 @@ def warning_lines(calibration: Calibration, *, verbose: bool = True) -> list[str
 
 def _about(calibration: Calibration, warning: CalibrationWarning) -> str:
     """Return a warning's code, and of several pictures the one in which its plane is."""
-    if warning.plane is None or len(calibration.pictures) < 2:
+    if warning.plane is None or not calibration.pictures:
         return warning.code
     image = calibration.planes[warning.plane].image
     return f"{warning.code}; plane {warning.plane} is in image {_picture(calibration, image)}"

@@ -20,14 +20,13 @@ import math
 import xml.etree.ElementTree as ElementTree
 from functools import partial
 
-from trisquare._support.arrays import real_number
 from trisquare.camera.camera import Camera
 from trisquare.formats.approximation import Family, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize, only
 from trisquare.formats.document import Document
 from trisquare.formats.other_lenses import camera_matrix, camera_of
 from trisquare.formats.panotools import PanoFamily, PanoLens
-from trisquare.formats.xml_text import parse_xml
+from trisquare.formats.xml_text import number_in, parse_xml
 
 FULL_FRAME_DIAGONAL = math.hypot(36.0, 24.0)
 """Of a crop factor of 1, millimetres."""
@@ -64,9 +63,9 @@ def _lens(
     if lens.findtext("type", "rectilinear").strip() != "rectilinear":
         raise ValueError('"type" is not rectilinear: no other is read')
     width, height = image_size
-    crop = _number(lens.findtext("cropfactor"), "cropfactor")
+    crop = number_in(lens.findtext("cropfactor"), "cropfactor")
     key = "real-focal" if distortion.get("real-focal") is not None else "focal"
-    millimetres = _number(distortion.get(key), key)
+    millimetres = number_in(distortion.get(key), key)
     if not (crop > 0 and millimetres > 0):
         raise ValueError(f'"cropfactor" and "{key}" must be positive')
     diagonal = math.hypot(width - 1, height - 1)
@@ -74,13 +73,13 @@ def _lens(
     half = 0.5 * diagonal / math.hypot(1.0, _aspect(lens.findtext("aspect-ratio")))
     moved = lens.find("center")
     x, y = (
-        0.5 * (side - 1) + half * _number("0" if moved is None else moved.get(axis, "0"), axis)
+        0.5 * (side - 1) + half * number_in("0" if moved is None else moved.get(axis, "0"), axis)
         for side, axis in ((width, "x"), (height, "y"))
     )
     model = distortion.get("model", "")
     if model not in TERMS:
         raise ValueError(f'"model" is {model!r}; of lensfun\'s these are read: {", ".join(TERMS)}')
-    terms = {key: _number(distortion.get(key, "0"), key) for key in TERMS[model]}
+    terms = {key: number_in(distortion.get(key, "0"), key) for key in TERMS[model]}
     if model == "poly5":
         step = (focal / half) ** 2
         named = {"k1": terms["k1"] * step, "k2": terms["k2"] * step**2}
@@ -93,20 +92,11 @@ def _lens(
     return PanoLens(pinhole, a, b, c, half, (x, y), image_size).as_seen("lensfun's ptlens")
 
 
-def _number(text: str | None, name: str) -> float:
-    if text is None:
-        raise ValueError(f'"{name}" is missing')
-    try:
-        return real_number(float(text), name)
-    except ValueError as error:
-        raise ValueError(f'"{name}" must be a finite number, not {text!r}') from error
-
-
 def _aspect(text: str | None) -> float:
     """Return the longer side over the shorter one of ``3:2`` or ``1.5``."""
     if text is None:
         return DEFAULT_ASPECT
-    sides = [_number(part, "aspect-ratio") for part in text.split(":")]
+    sides = [number_in(part, "aspect-ratio") for part in text.split(":")]
     if len(sides) > 2 or not min(sides) > 0:
         raise ValueError(f'"aspect-ratio" must be written 3:2 or 1.5, not {text!r}')
     ratio = sides[0] / (sides[1] if len(sides) == 2 else 1.0)

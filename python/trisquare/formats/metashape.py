@@ -18,14 +18,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from trisquare._support.arrays import real_number, size_of_image
+from trisquare._support.arrays import size_of_image
 from trisquare.camera.camera import Camera, camera_parameters
 from trisquare.camera.lens_models import is_fisheye
 from trisquare.formats.approximation import ANY_BROWN, ANY_FISHEYE, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize, only
 from trisquare.formats.document import Document
 from trisquare.formats.other_lenses import ForeignLens, camera_of, fisheye_of
-from trisquare.formats.xml_text import parse_xml
+from trisquare.formats.xml_text import number_in, parse_xml
 
 RADIAL = ("k1", "k2", "k3", "k4")
 OPTIONAL = ("cx", "cy", "b1", "b2", *RADIAL, "p1", "p2", "p3", "p4")
@@ -50,11 +50,13 @@ def _camera(calibration: ElementTree.Element) -> Lens:
         )
     if calibration.find("f") is None and calibration.find("fx") is not None:
         raise ValueError('"f" is missing: files of PhotoScan before 1.2, with "fx", are not read')
-    width, height, f = (_number(calibration, key) for key in ("width", "height", "f"))
+    width, height, f = (
+        number_in(calibration.findtext(key), key) for key in ("width", "height", "f")
+    )
     if not (width.is_integer() and height.is_integer()):
         raise ValueError(f'"width" and "height" must be whole numbers, not {width:g}, {height:g}')
     size = size_of_image((int(width), int(height)))
-    values = {key: _number(calibration, key, "0") for key in OPTIONAL}
+    values = {key: number_in(calibration.findtext(key, "0"), key) for key in OPTIONAL}
     cx, cy = values["cx"] + 0.5 * (width - 1), values["cy"] + 0.5 * (height - 1)
     K = np.array([[f + values["b1"], values["b2"], cx], [0.0, f, cy], [0.0, 0.0, 1.0]])
     unread = ("p3", "p4") if projection == "frame" else ("p1", "p2", "p3", "p4")
@@ -70,16 +72,6 @@ def _camera(calibration: ElementTree.Element) -> Lens:
     if values["b2"]:
         raise ValueError('"k4" and "b2" are not read together: one of them must be 0')
     return ForeignLens("Metashape's frame with k4", K, size, " ".join(named), list(named.values()))
-
-
-def _number(calibration: ElementTree.Element, key: str, default: str | None = None) -> float:
-    text = calibration.findtext(key, default)
-    if text is None:
-        raise ValueError(f'"{key}" is missing')
-    try:
-        return real_number(float(text), key)
-    except ValueError as error:
-        raise ValueError(f'"{key}" must be a finite number, not {text!r}') from error
 
 
 def write(camera: Camera, suffix: str) -> str:

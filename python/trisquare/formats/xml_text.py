@@ -6,6 +6,8 @@ import xml.etree.ElementTree as ElementTree
 from typing import Any
 from xml.parsers import expat
 
+from trisquare._support.arrays import real_number
+
 
 def parse_xml(text: str) -> ElementTree.Element:
     """Parse a text; nothing outside it is fetched.
@@ -26,6 +28,22 @@ def parse_xml(text: str) -> ElementTree.Element:
         return builder.close()
     except expat.ExpatError as error:
         raise ValueError(f"not XML: {error}") from error
+
+
+def number_in(text: str | None, name: str) -> float:
+    """Return the number that an element or attribute has as its text.
+
+    Raises
+    ------
+    ValueError
+        If there is none (`text` is None), or no finite number.
+    """
+    if text is None:
+        raise ValueError(f'"{name}" is missing')
+    try:
+        return real_number(float(text), name)
+    except ValueError as error:
+        raise ValueError(f'"{name}" must be a finite number, not {text!r}') from error
 
 
 def _refuse_entity(*_: Any) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from trisquare._support.arrays import FloatArray
+from trisquare._support.arrays import NORMAL_MEDIAN, FloatArray
 from trisquare.analysis.comparison import two_digits
 from trisquare.report.plot_style import FAINT, GROUND, INK, PLOT_HEIGHT, PLOT_WIDTH, plane_colour
 
@@ -106,7 +106,7 @@ def residuals_by_radius(
     errors = [outward[group].std() / np.sqrt(len(group)) for group in groups]
     middles = [radius[group].mean() for group in groups]
     axes.errorbar(middles, means, yerr=errors, color=INK, linewidth=1.5, marker="o", markersize=4.0)
-    spread = float(np.median(np.abs(outward))) / 0.6745
+    spread = float(np.median(np.abs(outward))) / NORMAL_MEDIAN
     reach = max(SHOWN_SPREAD * spread, 1.3 * float(np.abs(means).max()), 1e-9)
     axes.set_ylim(-reach, reach)
     return figure, int((np.abs(outward) > reach).sum())

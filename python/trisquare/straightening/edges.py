@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 import trisquare._core as _core
-from trisquare._support.arrays import FloatArray
+from trisquare._support.arrays import NORMAL_MEDIAN, FloatArray
 from trisquare.detection.grey import grey_bytes
 from trisquare.images.pixels import Image, picture_size
 
@@ -118,6 +118,6 @@ def _gradient_noise(grey: npt.NDArray[np.uint8]) -> float:
         return 0.0
     kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32)
     differences = cv2.filter2D(grey.astype(np.float32), -1, kernel)[1:-1, 1:-1]
-    pixel_noise = float(np.median(np.abs(differences))) / 0.6745 / 6.0
+    pixel_noise = float(np.median(np.abs(differences))) / NORMAL_MEDIAN / 6.0
     # Of a Gaussian's derivative on white noise.
     return pixel_noise / (float(np.sqrt(8 * np.pi)) * SMOOTHING**2)

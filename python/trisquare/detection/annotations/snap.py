@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trisquare._support.arrays import FloatArray
+from trisquare._support.arrays import NORMAL_MEDIAN, FloatArray
 from trisquare.detection.annotations.outlines import AnnotatedOutline, AnnotatedSquare
 from trisquare.detection.candidates import Outline, SquareOutline
 from trisquare.detection.sampling import sample
@@ -60,9 +60,6 @@ through mere noise it is below one."""
 
 FARTHEST_CORNER = 4.0
 """Reaches from a drawn corner to where the snapped sides meet: at an acute corner more than one."""
-
-MEDIAN_OF_NORMAL = 0.6745
-"""Median of a normal variable's size, over its standard deviation."""
 
 ENDING = 6
 """Positions over which a side's direction at its end is read, an eighth of it."""
@@ -174,7 +171,7 @@ def _read_side(picture: NDArray[np.uint8], polyline: FloatArray) -> _Side:
     sums = np.cumsum(np.pad(values, ((0, 0), (1, 0))), axis=1)
     means = (sums[:, FILTER:] - sums[:, :-FILTER]) / FILTER  # of the pixels from each on
     steps = means[:, FILTER + 1 :] - means[:, : -FILTER - 1]
-    needed = max(MIN_STEP, MIN_STEP_NOISES * float(np.median(np.abs(steps))) / MEDIAN_OF_NORMAL)
+    needed = max(MIN_STEP, MIN_STEP_NOISES * float(np.median(np.abs(steps))) / NORMAL_MEDIAN)
     return _Side(points, outward, along, steps, reach, needed)
 
 
