@@ -2,10 +2,13 @@
 
 import ast
 import pickle
+import re
 import subprocess
 import sys
 import typing
+from collections import defaultdict
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
@@ -75,3 +78,25 @@ def test_public_classes_name_the_package_and_their_annotations_resolve(name):
     assert public.__module__ == "trisquare"
     assert pickle.loads(pickle.dumps(public)) is public
     typing.get_type_hints(public)
+
+
+def test_the_drawing_of_the_rooms_has_the_rows_that_the_checks_hold():
+    root = ROOT.parents[1]
+    drawing = ElementTree.parse(root / "docs" / "rooms.svg").iterfind(".//{*}text")
+    drawn = {"python": defaultdict(list), "crate": defaultdict(list)}
+    for text in drawing:
+        if text.get("class") is None:
+            side = "python" if float(text.get("x")) < 500.0 else "crate"
+            drawn[side][float(text.get("y"))].append(text.text.removesuffix(".py"))
+    in_python = [set(drawn["python"][y]) for y in sorted(drawn["python"])]
+    in_crate = [set(drawn["crate"][y]) for y in sorted(drawn["crate"])]
+
+    contracts = (root / "pyproject.toml").read_text("utf-8").split("layers = [", 2)[1]
+    rows = re.findall(r'^ +"(.+)",$', contracts.split("]")[0], re.MULTILINE)
+    held = [set(row.split(" | ")) for row in rows]
+    assert in_python[:-1] == held
+    assert in_python[-1] == {"_core: rust/trisquare-py (checks, converts)"}
+
+    source = (root / "rust" / "trisquare" / "tests" / "layers.rs").read_text("utf-8")
+    rows = re.findall(r"^    &\[(.+)\],$", source, re.MULTILINE)
+    assert in_crate == [set(re.findall(r'"(\w+)"', row)) for row in rows]
