@@ -21,9 +21,10 @@ import trisquare._core as _core
 from trisquare._support.arrays import FloatArray, RebuiltByConstructor
 from trisquare._support.number_text import decimals_shown
 from trisquare.camera.camera import Camera
+from trisquare.camera.camera_of import camera_of
 from trisquare.camera.projection_uncertainty import picture_grid
 from trisquare.results.calibration import Calibration
-from trisquare.results.camera_of import camera_of, uncertain_camera
+from trisquare.results.uncertain_camera import uncertain_camera
 
 __all__ = ["Comparison", "compare"]
 

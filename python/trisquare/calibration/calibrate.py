@@ -45,7 +45,7 @@ def calibrate(
     model: str = "radial2",
     fix: str | Iterable[str] = (),
     free: str | Iterable[str] = (),
-    initial: Camera | None = None,
+    initial: Calibration | Camera | None = None,
     orthogonal: Iterable[PlanePair] = (),
     parallel: Iterable[PlanePair] = (),
     tone: Tone = None,
@@ -96,7 +96,7 @@ def calibrate(
     free : "skew", optional
         What is estimated although it is held otherwise, at the value of `initial` or zero: the
         skew, ``K[0, 1]``. It needs ``method="ml"`` and, with nothing else held, three planes.
-    initial : Camera, optional
+    initial : Calibration or Camera, optional
         Values for what is fixed; "focal" needs them. What is free starts from them as well, where
         the planes alone give no start.
     orthogonal, parallel : sequence of (int, int)
@@ -197,7 +197,7 @@ def calibrate_photographs(
     model: str,
     fix: str | Iterable[str],
     free: str | Iterable[str],
-    initial: Camera | None,
+    initial: Calibration | Camera | None,
     orthogonal: Iterable[PlanePair],
     parallel: Iterable[PlanePair],
     tone: Tone,
@@ -265,7 +265,7 @@ def calibrate_edges(
     model: str = "radial2",
     fix: str | Iterable[str] = (),
     free: str | Iterable[str] = (),
-    initial: Camera | None = None,
+    initial: Calibration | Camera | None = None,
     orthogonal: Iterable[PlanePair] = (),
     parallel: Iterable[PlanePair] = (),
     side: str | float | None = None,

@@ -252,7 +252,7 @@ def _guidance(
 
 
 def _camera_of_members(members: Mapping[str, Any]) -> Any:
-    from trisquare.results.camera_of import camera_of
+    from trisquare.camera.camera_of import camera_of
 
     Path("camera.json").write_text(json.dumps(members), "utf-8")
     return camera_of(_known("camera.json"))
@@ -272,8 +272,8 @@ def _overlay(task: Task, limits: JobLimits) -> Made:
 
 def _undistort(task: Task, limits: JobLimits) -> Made:
     from trisquare._support.arrays import real_number
+    from trisquare.camera.camera_of import camera_of
     from trisquare.images.encoding import encode_image
-    from trisquare.results.camera_of import camera_of
     from trisquare.undistortion.undistort import Undistorter
 
     picture = _picture(task, limits)
@@ -304,9 +304,9 @@ def _report(task: Task, limits: JobLimits) -> Made:
 
 
 def _convert(task: Task, limits: JobLimits) -> Made:
+    from trisquare.camera.camera_of import camera_of
     from trisquare.formats.load_save import written
     from trisquare.formats.registry import format_called
-    from trisquare.results.camera_of import camera_of
 
     known = format_called(task.options["format"])
     camera = camera_of(_known(_file(task, "camera")))
