@@ -189,9 +189,9 @@ pub enum Warning {
     },
     /// The pixels of the camera do not come out as squares.
     #[error(
-        "fy / fx is {ratio:.4} +- {std:.4}, but nearly every camera's pixels are square: are the \
-         targets rectangles, or was the picture stretched?{}",
-        held_focal(Setting::AspectHeld, *.held)
+        "fy / fx is {}, but nearly every camera's pixels are square: are the targets rectangles, or \
+         was the picture stretched?{}",
+        with_its_std(*.ratio, *.std), held_focal(Setting::AspectHeld, *.held)
     )]
     PixelsNotSquare {
         /// `fy / fx`.
@@ -203,10 +203,9 @@ pub enum Warning {
     },
     /// The principal point comes out far from the centre of the picture.
     #[error(
-        "the principal point is {distance:.0} +- {std:.0} px from the centre of the picture, \
-         farther than nearly every camera's: was the picture cropped, or are the targets no \
-         squares?{}",
-        held_focal(Setting::PrincipalPointHeld, *.held)
+        "the principal point is {} px from the centre of the picture, farther than nearly every \
+         camera's: was the picture cropped, or are the targets no squares?{}",
+        with_its_std(*.distance, *.std), held_focal(Setting::PrincipalPointHeld, *.held)
     )]
     PrincipalPointOffCentre {
         /// From the principal point to the centre of the picture, pixels.
@@ -261,9 +260,9 @@ pub enum Warning {
     },
     /// Planes stand otherwise than they are said to.
     #[error(
-        "planes {} and {} are {degrees:.2} +- {std:.2} degrees from {stand} where nothing is asked \
-         of them: leave the relation out",
-        .planes[0], .planes[1]
+        "planes {} and {} are {} degrees from {stand} where nothing is asked of them: leave the \
+         relation out",
+        .planes[0], .planes[1], with_its_std(*.degrees, *.std)
     )]
     RelationContradicted {
         /// Indices of the planes.
@@ -331,6 +330,15 @@ fn held_focal(setting: Setting<'_>, held: Option<f64>) -> String {
     held.map_or_else(String::new, |focal| {
         format!(" {}", Alternative { setting, focal })
     })
+}
+
+/// A value and its standard deviation, with two significant digits of the latter.
+fn with_its_std(value: f64, std: f64) -> String {
+    let decimals = match std > 0.0 {
+        true => (1.0 - std.log10().floor()).clamp(0.0, 12.0) as usize,
+        false => 6,
+    };
+    format!("{value:.decimals$} +- {std:.decimals$}")
 }
 
 /// By how much a standard deviation was raised; nothing where that rounds to once.
@@ -513,6 +521,29 @@ mod tests {
         assert!(text.starts_with("the planes contradict each other: 12.3 times"));
         assert!(
             text.ends_with("one of them may be no true, flat square"),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn a_standard_deviation_has_two_digits_and_its_value_as_many_decimals() {
+        for (value, std, expected) in [
+            (78.26, 0.4321, "78.26 +- 0.43"),
+            (1.012_345, 0.000_031, "1.012345 +- 0.000031"),
+            (812.3, 54.6, "812 +- 55"),
+            (5.0, 0.0, "5.000000 +- 0.000000"),
+        ] {
+            assert_eq!(with_its_std(value, std), expected);
+        }
+        let (distance, std, held) = (78.26, 0.4321, None);
+        let text = Warning::PrincipalPointOffCentre {
+            distance,
+            std,
+            held,
+        }
+        .to_string();
+        assert!(
+            text.contains("is 78.26 +- 0.43 px from the centre"),
             "{text}"
         );
     }
