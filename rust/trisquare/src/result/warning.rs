@@ -97,9 +97,9 @@ pub enum Warning {
     /// The squares are none, or the lens does what its model cannot: sides do not lie where one
     /// camera would show those of true squares.
     #[error(
-        "the targets are no true, flat squares, or the lens is beyond its model: their sides lie \
+        "the targets are no true, flat squares, or the lens is beyond its model{}: their sides lie \
          {displacement:.1} px off{}",
-        raised(.parameter, *.factor)
+        or_held(.held), raised(.parameter, *.factor)
     )]
     NoSquares {
         /// How far, px.
@@ -108,6 +108,9 @@ pub enum Warning {
         parameter: Text,
         /// Its standard deviation over what it would be if the squares were true.
         factor: f64,
+        /// What of the camera is held, as of [`Warning::PlanesContradict`].
+        #[cfg_attr(feature = "serde", serde(default))]
+        held: Vec<Text>,
     },
     /// Groups of planes give answers that differ more than their samples let expect.
     #[error(
@@ -380,14 +383,19 @@ fn contradiction(factor: f64, planes: usize, held: &[Text]) -> String {
         1 => ("the plane contradicts the camera", "it"),
         _ => ("the planes contradict each other", "one of them"),
     };
-    let suspected = match held {
-        [] => String::new(),
-        _ => format!(", or what is held ({}) is wrong", held.join(", ")),
-    };
+    let suspected = or_held(held);
     format!(
         "{what}: {factor:.1} times more than the sides' own straightness lets expect; {which} may \
          be no true, flat square{suspected}"
     )
+}
+
+/// What else may be wrong where something is held.
+fn or_held(held: &[Text]) -> String {
+    match held {
+        [] => String::new(),
+        _ => format!(", or what is held ({}) is wrong", held.join(", ")),
+    }
 }
 
 /// What makes sides err together.
@@ -522,6 +530,17 @@ mod tests {
         assert!(
             text.ends_with("one of them may be no true, flat square"),
             "{text}"
+        );
+        let warning = Warning::NoSquares {
+            displacement: 0.14,
+            parameter: "fx".into(),
+            factor: 1.0,
+            held: vec!["aspect".into()],
+        };
+        assert_eq!(
+            warning.to_string(),
+            "the targets are no true, flat squares, or the lens is beyond its model, or what is held \
+             (aspect) is wrong: their sides lie 0.1 px off"
         );
     }
 
