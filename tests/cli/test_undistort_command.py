@@ -71,6 +71,8 @@ def test_the_new_camera_is_written(undistort, folder, name):
     assert (code, err) == (0, "")
     assert f"wrote {name}\n" in out
     assert ts.Camera.load(folder / name) == CAMERA.undistorted(0.5)
+    assert "--new-camera" not in out
+    assert "(--new-camera FILE keeps it)\n" in undistort(*arguments)[1]
     answer = json.loads(undistort(*arguments, "--new-camera", name, "--json")[1])
     assert answer["new_camera"] == name
     assert json.loads(undistort(*arguments, "--json")[1])["new_camera"] is None

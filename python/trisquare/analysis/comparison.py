@@ -208,7 +208,7 @@ class Comparison(RebuiltByConstructor):
         size = f"up to {two_digits(stds)} standard deviations"
         if stds < REMARKABLE:
             size = f"{size}, but in ways that are better known than any one place"
-        said = f"they differ: {apart}; {size}, {p}"
+        said = f"they differ by more than they state: {apart}; {size}, {p}"
         if self.unexplained <= expected:
             return said
         return f"{said}; {two_digits(self.unexplained)} px (rms) that no uncertain parameter makes"

@@ -19,7 +19,10 @@ from trisquare.cli.pictures_drawn import check_outputs
 from trisquare.drawing.difference_map import draw_comparison
 from trisquare.images.encoding import encode_image
 
-ASSUMED = "photographs of their own for each camera; paper that is not flat makes it too small"
+ASSUMED = (
+    "photographs of their own for each camera, and flat targets: printed paper is not flat, and "
+    "results of one camera spread up to twice as much over it as they state"
+)
 
 COMPARISON_FORMAT = "trisquare-comparison/1"
 
