@@ -14,7 +14,7 @@ from typing import Any
 from trisquare._support.suggestions import unknown
 from trisquare.batch.limits import JobLimits
 from trisquare.batch.worker import Answer, failure
-from trisquare.errors import TrisquareError
+from trisquare.errors import TrisquareError, error_members
 
 CALIBRATION_OPTIONS = ("method", "model", "fix", "free", "tone", "targets", "lines")
 
@@ -68,11 +68,8 @@ def perform(task: Task, limits: JobLimits) -> Answer:
     try:
         members, content = do(task, limits)
     except TrisquareError as error:
-        from trisquare._support.records import record_members
-
         record = failure(task, type(error).__name__, str(error))
-        record["error"]["found"] = [record_members(one) for one in error.found]
-        record["error"]["rejected"] = [record_members(one) for one in error.rejected]
+        record["error"] |= {"found": [], "rejected": []} | error_members(error)
         return record, None
     if content is not None:
         Path(CONTENT).write_bytes(content)
