@@ -44,6 +44,12 @@ def test_photographs_and_folders(tmp_path):
     assert list(found(tmp_path, "in/**/1.*")) == ["1"]
 
 
+def test_one_input_needs_no_list(tmp_path):
+    touch(tmp_path, "a.png")
+    for one in (tmp_path / "a.png", str(tmp_path / "a.png")):
+        assert [job.name for job in ts.find_jobs(one)] == ["a"]
+
+
 def test_videos_in_folders_count_where_frames_are_asked_for(tmp_path):
     touch(tmp_path, "in/clip.MP4", "in/a.png", "in/left/2.avi", "in/left/1.png", "in/notes.txt")
     still = {"a": ["in/a.png"], "left": ["in/left/1.png"]}

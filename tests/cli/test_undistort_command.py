@@ -165,7 +165,11 @@ def test_several_photographs_of_several_sizes(undistort, folder):
         ("photo.png -o out.png", 2, "--camera"),
         ("photo.png --camera camera.json", 2, "--output"),
         ("photo.png --camera gone.json -o out.png", 5, "gone.json"),
-        ("photo.png --camera photo.png -o out.png", 2, "photo.png: not a text file"),
+        (
+            "photo.png --camera photo.png -o out.png",
+            2,
+            "photo.png: not a text file, as",
+        ),
         ("gone.png --camera camera.json -o out.png", 5, "gone.png"),
         ("photo.png camera.json --camera camera.json -o out.png", 5, "camera.json"),
         ("photo.png small.png --camera camera.json -o out.png", 2, "small.png: the picture is 32"),

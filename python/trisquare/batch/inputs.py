@@ -17,7 +17,7 @@ FIELD = re.compile(r"\\\{(\w+)\\\}|(\\\*)|(\\\?)")
 
 
 def find_jobs(
-    inputs: Iterable[str | os.PathLike[str]],
+    inputs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
     camera: str | None = None,
     options: Mapping[str, Any] | None = None,
 ) -> Iterator[Job]:
@@ -25,7 +25,7 @@ def find_jobs(
 
     Parameters
     ----------
-    inputs : iterable of path
+    inputs : path, or iterable of path
         A photograph is a camera of its own, and so is each one directly in a folder that is named
         here; a folder below that one is a camera with all its photographs, named by its path.
         With the option ``frames`` the videos of folders count among them.
@@ -58,7 +58,8 @@ def find_jobs(
     ['photo']
     """
     shared = dict(options or {})
-    paths = [path for given in inputs for path in _matching(os.fspath(given))]
+    named = [inputs] if isinstance(inputs, str | os.PathLike) else inputs
+    paths = [path for given in named for path in _matching(os.fspath(given))]
     if camera is not None:
         yield from _grouped(paths, camera_pattern(camera), camera, shared)
         return

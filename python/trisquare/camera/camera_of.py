@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Protocol
 
 from trisquare.camera.camera import Camera
@@ -26,4 +27,5 @@ def camera_of(given: HasCamera | Camera, name: str = "camera") -> Camera:
     camera = given if isinstance(given, Camera) else getattr(given, "camera", None)
     if isinstance(camera, Camera):
         return camera
-    raise TypeError(f"{name} must be a Calibration or a Camera, not {type(given).__name__}")
+    hint = ": read a file by Camera.load" if isinstance(given, str | os.PathLike) else ""
+    raise TypeError(f"{name} must be a Calibration or a Camera, not {type(given).__name__}{hint}")
