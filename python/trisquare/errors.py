@@ -86,7 +86,9 @@ def error_members(error: BaseException) -> dict[str, Any]:
     dict
         ``code``, the name of its class, or of the nearest base that the documentation explains;
         ``text``, one line; ``help``, where the documentation explains it. An exception that the
-        documentation does not explain is an ``InternalError``.
+        documentation does not explain is an ``InternalError``. Of a `TrisquareError` that knows
+        them also ``found`` and ``rejected``, the targets and the shapes that were not used, each
+        with ``kind``, ``image`` and ``corners``, and of the latter ``reason``.
 
     Examples
     --------
@@ -101,7 +103,11 @@ def error_members(error: BaseException) -> dict[str, Any]:
     text = str(error) or type(error).__name__
     if code == InternalError.__name__ and not isinstance(error, InternalError):
         text = f"{type(error).__name__}: {text}"
-    return code_members(code, text)
+    members = code_members(code, text)
+    if isinstance(error, TrisquareError):
+        shapes = {"found": error.found, "rejected": error.rejected}
+        members |= {key: [one.members() for one in own] for key, own in shapes.items() if own}
+    return members
 
 
 def code_members(code: str, text: str) -> dict[str, Any]:

@@ -142,7 +142,8 @@ def test_cameras_that_are_hardly_known_are_not_told_to_be_the_same(run, result, 
         assert comparison.verdict.startswith("the same" if same else "cannot tell: ")
         # A difference is told however vague the rest is: p says that no noise makes it.
         assert replace(comparison, p_value=0.01).same is False
-        assert replace(comparison, p_value=0.01).verdict.startswith("they differ")
+        verdict = replace(comparison, p_value=0.01).verdict
+        assert verdict.startswith("they differ by more than they state: ")
     assert ts.compare(vague, vague).same is True
     vague.save(tmp_path / "vague.json")
     other.save(tmp_path / "other.json")
@@ -186,7 +187,7 @@ def test_a_difference_beyond_the_targets_is_said_to_be_there(run, result, tmp_pa
     longer.save(tmp_path / "b.json")
     code, out, _ = run("compare", tmp_path / "a.json", tmp_path / "b.json")
     assert code == 0
-    assert "\np assumes photographs of their own for each camera; paper" in out
+    assert "\np assumes photographs of their own for each camera, and flat targets: print" in out
     assert "p assumes" not in run("compare", tmp_path / "a.json", tmp_path / "a.json")[1]
     _, out, _ = run("compare", tmp_path / "a.json", tmp_path / "b.json", "--json")
     assert json.loads(out)["worst_beyond_targets"] is True

@@ -187,3 +187,8 @@ def test_chessboards_and_planes_that_cannot_be_planned_are_diagnosed():
     without = {"planes": lattice[:1], "edges": (), "residuals": ()}
     alone = diagnose(ts.Calibration(**members | without))
     assert alone["fx"].std == result.std["fx"]
+
+
+def test_a_camera_alone_is_refused():
+    with pytest.raises(TypeError, match="calibration must be a Calibration, not Camera"):
+        diagnose(result_of(squares(4)).camera)

@@ -44,6 +44,26 @@ def test_photographs_and_folders(tmp_path):
     assert list(found(tmp_path, "in/**/1.*")) == ["1"]
 
 
+def test_one_input_needs_no_list(tmp_path):
+    touch(tmp_path, "a.png")
+    for one in (tmp_path / "a.png", str(tmp_path / "a.png")):
+        assert [job.name for job in ts.find_jobs(one)] == ["a"]
+
+
+def test_videos_in_folders_count_where_frames_are_asked_for(tmp_path):
+    touch(tmp_path, "in/clip.MP4", "in/a.png", "in/left/2.avi", "in/left/1.png", "in/notes.txt")
+    still = {"a": ["in/a.png"], "left": ["in/left/1.png"]}
+    assert found(tmp_path, "in") == still
+    assert found(tmp_path, "in", options={"frames": 10}) == {
+        "a": ["in/a.png"],
+        "clip": ["in/clip.MP4"],
+        "left": ["in/left/1.png", "in/left/2.avi"],
+    }
+    grouped = {"a": ["in/a.png"], "clip": ["in/clip.MP4"]}
+    by_name = found(tmp_path, "in", camera="{name}.*", options={"frames": 10})
+    assert {name: by_name[name] for name in grouped} == grouped
+
+
 def test_numbers_in_names_are_numbers(tmp_path):
     touch(tmp_path, *(f"in/c{n}/{n}.png" for n in (10, 9, 1)), "in/c9/11.png", "in/c9/2.png")
     assert list(found(tmp_path, "in/*/*.png")) == ["1", "2", "9", "11", "10"]

@@ -41,7 +41,16 @@ def test_a_process_that_dies_takes_its_own_job_only():
     assert sorted(found) == sorted(names)
     for name, record in found.items():
         assert code_of(record) == ("WorkerDiedError" if name.startswith("die") else "done")
-    assert "SIGKILL" in found["die-1"]["error"]["text"]
+    text = found["die-1"]["error"]["text"]
+    assert text.startswith("its process died 2 times (SIGKILL); mostly the system ends one so")
+    assert text.endswith("of which max_memory allows 4 GB")
+
+
+def test_every_job_is_logged_once(caplog):
+    with caplog.at_level("INFO", logger="trisquare"):
+        found = outcomes(jobs_of("a", "die-1"))
+    told = sorted(record.getMessage() for record in caplog.records)
+    assert told == ["a: done", f"die-1: WorkerDiedError: {found['die-1']['error']['text']}"]
 
 
 def test_a_job_whose_process_died_has_a_second_chance(tmp_path):

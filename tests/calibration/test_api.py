@@ -343,6 +343,24 @@ def test_a_held_distortion_keeps_the_name_of_its_model(asked, held):
     assert ts.calibrate_edges(edges, IMAGE_SIZE, model=asked, initial=known).camera.model == asked
 
 
+def test_a_result_stands_for_its_camera():
+    edges = edges_of(squares(10), 0.1)
+    known = ts.calibrate_edges(edges, IMAGE_SIZE)
+    by_result, by_camera = (
+        ts.calibrate_edges(edges, IMAGE_SIZE, fix=("focal", "distortion"), initial=initial)
+        for initial in (known, known.camera)
+    )
+    assert by_result == by_camera
+    assert by_result.camera.fx == known.camera.fx
+    assert by_result.parameters == ("cx", "cy")
+    of_result, of_camera = (ts.Panorama.of(it, "cylinder") for it in (known, known.camera))
+    assert (of_result.focal, of_result.image_size) == (of_camera.focal, of_camera.image_size)
+    by_result, by_camera = (
+        ts.Job("a", ("a.png",), {"initial": it}).key for it in (known, known.camera)
+    )
+    assert by_result == by_camera
+
+
 def test_an_initial_camera_alone_changes_nothing():
     scene = squares(10)
     edges = edges_of(scene, 0.1)

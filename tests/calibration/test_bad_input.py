@@ -93,6 +93,7 @@ def solve(figures=EDGES, size=IMAGE_SIZE, **options):
         (lambda: solve(fix=3), TypeError, None),
         (lambda: solve(fix="focal"), ValueError, "initial"),
         (lambda: solve(initial=INITIAL.K), TypeError, "Camera"),
+        (lambda: solve(initial="known.json"), TypeError, r"not str: read a file by Camera\.load"),
         (
             lambda: solve(size=(640, 480), initial=INITIAL),
             ValueError,

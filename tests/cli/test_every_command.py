@@ -90,6 +90,7 @@ WRITTEN = (
     ("undistort", *TAKEN, "-o", "OUT.png"),
     ("straighten", "lines.png", "-o", "OUT.png"),
     ("straighten", "lines.png", "-o", "new.png", "--overlay", "OUT.png"),
+    ("straighten", "lines.png", "-o", "new.png", "--focal", "900", "--save-camera", "OUT.json"),
     ("convert", "camera.json", "OUT.yaml"),
 )
 OVERWRITING = (
@@ -110,6 +111,7 @@ OVERWRITING = (
     ("undistort", "photo.png", "--camera", "link.png", "-o", "photo.png"),
     ("straighten", "photo.png", "-o", "photo.png"),
     ("straighten", "photo.png", "-o", "new.png", "--overlay", "new.png"),
+    ("straighten", "photo.png", "-o", "new.png", "--focal", "900", "--save-camera", "photo.png"),
     ("convert", "camera.json", "camera.json"),
     ("convert", "camera.json", "./camera.json", "--to", "ros"),
     ("demo", "-o", "photo.png"),

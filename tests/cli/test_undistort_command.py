@@ -71,6 +71,8 @@ def test_the_new_camera_is_written(undistort, folder, name):
     assert (code, err) == (0, "")
     assert f"wrote {name}\n" in out
     assert ts.Camera.load(folder / name) == CAMERA.undistorted(0.5)
+    assert "--new-camera" not in out
+    assert "(--new-camera FILE keeps it)\n" in undistort(*arguments)[1]
     answer = json.loads(undistort(*arguments, "--new-camera", name, "--json")[1])
     assert answer["new_camera"] == name
     assert json.loads(undistort(*arguments, "--json")[1])["new_camera"] is None
@@ -147,7 +149,7 @@ def test_several_photographs_of_several_sizes(undistort, folder):
     assert code == 0
     expected = [ts.undistort(PHOTO, CAMERA, interpolation="cubic")]
     expected += [ts.undistort(small, CAMERA, rescale=True, interpolation="cubic"), expected[0]]
-    for number, picture in enumerate(expected, 1):
+    for number, picture in enumerate(expected):
         np.testing.assert_array_equal(read(folder / f"out-{number}.png"), picture)
     sizes = [picture["image_size"] for picture in json.loads(out)["pictures"]]
     assert sizes == [[640, 480], [320, 240], [640, 480]]
@@ -163,7 +165,11 @@ def test_several_photographs_of_several_sizes(undistort, folder):
         ("photo.png -o out.png", 2, "--camera"),
         ("photo.png --camera camera.json", 2, "--output"),
         ("photo.png --camera gone.json -o out.png", 5, "gone.json"),
-        ("photo.png --camera photo.png -o out.png", 2, "photo.png: not a text file"),
+        (
+            "photo.png --camera photo.png -o out.png",
+            2,
+            "photo.png: not a text file, as",
+        ),
         ("gone.png --camera camera.json -o out.png", 5, "gone.png"),
         ("photo.png camera.json --camera camera.json -o out.png", 5, "camera.json"),
         ("photo.png small.png --camera camera.json -o out.png", 2, "small.png: the picture is 32"),

@@ -577,6 +577,72 @@ def test_metashape_s_cameras_are_what_its_manual_says(tmp_path, projection, mode
     assert again.model == camera.model
 
 
+METASHAPE_EXPORT = """\
+<?xml version="1.0" encoding="UTF-8"?>
+<document version="2.0.0">
+  <chunk label="Chunk 1" enabled="true">
+    <sensors next_id="1">{sensors}
+    </sensors>
+    <cameras next_id="1" next_group_id="0">
+      <camera id="0" sensor_id="0" component_id="0" label="DJI_0001">
+        <transform>1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1</transform>
+      </camera>
+    </cameras>
+  </chunk>
+</document>
+"""
+METASHAPE_SENSOR = """
+      <sensor id="{number}" label="{label}" type="frame">
+        <resolution width="1920" height="1080"/>
+        <property name="focal_length" value="10.26"/>
+        <calibration type="frame" class="initial">
+          <resolution width="1920" height="1080"/>
+          <f>1400</f>
+        </calibration>
+        <calibration type="frame" class="{kind}">
+          <resolution width="1920" height="1080"/>
+          <f>{f}</f>
+          <cx>-24.125</cx>
+          <k1>-0.0625</k1>
+          <p1>0.00390625</p1>
+        </calibration>
+      </sensor>"""
+
+
+def exported_by_metashape(path, *labels, kind="adjusted"):
+    sensors = "".join(
+        METASHAPE_SENSOR.format(number=number, label=label, kind=kind, f=1430.5 + number)
+        for number, label in enumerate(labels)
+    )
+    path.write_text(METASHAPE_EXPORT.format(sensors=sensors))
+    return path
+
+
+def test_sensors_of_metashape_s_exported_cameras_are_read(tmp_path):
+    path = exported_by_metashape(tmp_path / "cameras.xml", "FC6310")
+    loaded = load_camera(path)
+    camera = loaded.camera
+    assert (loaded.format, camera.image_size) == ("metashape", (1920, 1080))
+    assert (camera.fx, camera.cx, camera.cy) == (1430.5, 959.5 - 24.125, 539.5)
+    np.testing.assert_array_equal(camera.distortion, [-0.0625, 0, 0, 0.00390625, 0])
+
+    exported_by_metashape(path, "wide", "tele (24mm)")
+    with pytest.raises(ValueError, match=r"wide.*tele \(24mm\)"):
+        Camera.load(path)
+    assert Camera.load(path, name="tele (24mm)").fx == 1431.5
+    exported_by_metashape(path, "FC6310", "FC6310")
+    assert Camera.load(path, name="sensor 1").fx == 1431.5
+
+
+def test_exported_cameras_without_a_calibration_are_refused(tmp_path):
+    path = exported_by_metashape(tmp_path / "cameras.xml", "FC6310", kind="other")
+    with pytest.raises(ValueError, match="'FC6310' has no adjusted calibration: align its"):
+        Camera.load(path)
+    exported_by_metashape(path)
+    with pytest.raises(ValueError, match="no sensor: export the cameras, File > Export"):
+        Camera.load(path)
+
+
 def test_a_frame_of_metashape_s_with_k4_is_read_as_the_nearest(tmp_path):
     path = tmp_path / "sensor.xml"
     text = METASHAPE_FILE.format(projection="frame", further="<k4>0.004</k4><p1>0.001</p1>")

@@ -1,4 +1,4 @@
-"""The documentation as a browser shows it, built without the notebook's outputs."""
+"""The documentation as a browser shows it, with the notebook's outputs."""
 
 import re
 import subprocess
@@ -31,8 +31,8 @@ SCREENS = ((1200, "light"), (390, "dark"))
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     folder = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "sphinx", "-q", "-D", "nb_execution_mode=off"]
-    subprocess.run([*command, "-d", folder / "doctrees", DOCS, folder / "html"], check=True)
+    command = [sys.executable, "-m", "sphinx", "-q", "-d", folder / "doctrees"]
+    subprocess.run([*command, DOCS, folder / "html"], check=True)
     return folder / "html"
 
 
@@ -51,6 +51,16 @@ def test_axe_finds_nothing_serious(browser, site, name):
         assert serious_findings(browser) == []
         assert browser.evaluate("document.documentElement.scrollWidth") <= width
     assert browser.complaints == []
+
+
+def test_a_reader_of_the_notebook_sees_what_its_cells_give(site):
+    text = (site / "notebook.html").read_text("utf-8")
+    outputs = re.findall(r'<div class="output .*?</div>\n', text, re.DOTALL)
+    assert any(re.search(r"fx [+-]\d\.\d+ px, [+-]\d\.\d standard", it) for it in outputs)
+    pictures = re.findall(r"<img[^>]*>", text.split("<article")[1])
+    assert [re.search(r'alt="(.*?)"', it)[1].split()[0] for it in pictures] == [
+        *("The", "Residuals", "Standard", "The")
+    ]
 
 
 def test_a_page_with_a_fault_is_found(browser, tmp_path):

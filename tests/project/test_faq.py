@@ -1,6 +1,7 @@
 """Every code of an error or a warning has its section, and every section is of a code."""
 
 import ast
+import json
 import re
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from trisquare.cli.app import EXIT_CODES
 from trisquare.errors import HTTP_STATUSES, code_members, error_members, help_of, http_status
 from trisquare.images.faults import _ADVICE
 from trisquare.results.calibration_warning import SEVERITIES
+from trisquare.results.partial_detection import PartialDetection
 
 PACKAGE = Path(ts.__file__).parent
 SECTION = re.compile(r"^### `(\w+)`\n\n(.*?)(?=^##|\Z)", re.MULTILINE | re.DOTALL)
@@ -101,6 +103,19 @@ def test_every_error_is_told_in_one_shape(error, code, text):
     assert ts.error_members(error) == code_members(code, text)
     assert error_members(error)["help"] == help_of(code)
     assert http_status(code) == HTTP_STATUSES[code]
+
+
+def test_an_error_tells_the_shapes_that_it_knows():
+    corners = [[1.0, 2.0], [9.0, 2.0], [9.0, 8.0], [1.0, 8.0]]
+    error = ts.DetectionError("nothing")
+    error.found = (PartialDetection("frame", 0, corners),)
+    error.rejected = (ts.Rejected("square", 1, corners, "too small"),)
+    members = json.loads(json.dumps(error_members(error)))
+    assert members == {
+        **code_members("DetectionError", "nothing"),
+        "found": [{"kind": "frame", "image": 0, "corners": corners}],
+        "rejected": [{"kind": "square", "image": 1, "corners": corners, "reason": "too small"}],
+    }
 
 
 def test_an_unknown_code_is_a_fault_of_the_service():

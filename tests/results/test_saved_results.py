@@ -121,7 +121,19 @@ def test_a_stated_side_makes_poses_and_lengths_metric():
     ],
 )
 def test_sides_are_texts_with_a_unit_or_metres(side, metres):
-    assert calibrated(side=side).planes[2].side == pytest.approx(metres)
+    result = calibrated(side=side)
+    assert result.planes[2].side == pytest.approx(metres)
+    assert "large_side" not in [warning.code for warning in result.warnings]
+
+
+def test_a_number_that_is_hardly_one_of_metres_is_warned_of():
+    result = calibrated(side=84)
+    assert result.planes[0].side == 84.0
+    (warning,) = [it for it in result.warnings if it.code == "large_side"]
+    assert warning.severity == "medium"
+    assert 'side=84 is 84 m, as a number is in metres: for millimetres say "84mm"' in warning
+    for stated in ("84m", 9.9, None):
+        assert "large_side" not in [it.code for it in calibrated(side=stated).warnings]
 
 
 def test_a_side_is_written_alike_wherever_it_is_given():

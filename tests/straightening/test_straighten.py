@@ -1,5 +1,6 @@
 """`straighten`: how well it undoes a known lens, and what it refuses."""
 
+import json
 import pickle
 import re
 
@@ -154,6 +155,26 @@ def test_a_held_centre_is_said_without_a_deviation(run, tmp_path, k1):
         )
     else:
         assert re.fullmatch(r"[^:]+: cx 5\S+ \+- \S+, cy 3\S+ \+- \S+", line)
+
+
+def test_command_writes_the_camera_for_further_pictures(run, tmp_path):
+    picture = plumb_scene(np.random.default_rng(3), (640, 480), -0.15).picture
+    photo, output, file = (tmp_path / name for name in ("photo.png", "out.png", "camera.json"))
+    photo.write_bytes(encode_image(picture, photo))
+    words = ("straighten", photo, "-o", output, "--save-camera", file)
+    code, _, err = run(*words)
+    assert code == 2
+    assert "--save-camera and --focal go together: straight lines do not tell" in err
+    code, _, err = run(*words[:-1], tmp_path / "camera.cam", "--focal", "600")
+    assert (code, "let it end with one of" in err) == (2, True)
+    assert not output.exists()
+
+    code, out, _ = run(*words, "--focal", "600", "--json")
+    assert (code, json.loads(out)["camera_file"]) == (0, str(file))
+    camera = ts.Camera.load(file)
+    expected = ts.straighten(picture).camera.camera(600.0)
+    assert (camera.fx, camera.fy) == (600.0, 600.0)
+    np.testing.assert_array_equal(camera.distortion, expected.distortion)
 
 
 def test_command_keeps_the_orientation_tag(run, tmp_path):

@@ -122,7 +122,7 @@ def test_bad_views_are_refused(make, message):
 def test_what_is_no_view_is_refused():
     with pytest.raises(TypeError, match="new_camera must be a Camera or a Panorama, not str"):
         Undistorter(FISHEYE, new_camera="wide")
-    with pytest.raises(TypeError, match="camera must be a Camera, not str"):
+    with pytest.raises(TypeError, match="camera must be a Calibration or a Camera, not str"):
         Panorama.of("wide")
 
 

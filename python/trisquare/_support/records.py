@@ -109,6 +109,10 @@ class Record(RebuiltByConstructor):
     def __post_init__(self) -> None:
         check_members(self)
 
+    def members(self) -> dict[str, Any]:
+        """Return it as a JSON object, as all JSON of trisquare has it."""
+        return record_members(self)
+
 
 def check_members(record: Record) -> None:
     """Check all fields of a record that have a kind."""

@@ -21,9 +21,10 @@ import trisquare._core as _core
 from trisquare._support.arrays import FloatArray, RebuiltByConstructor
 from trisquare._support.number_text import decimals_shown
 from trisquare.camera.camera import Camera
+from trisquare.camera.camera_of import camera_of
 from trisquare.camera.projection_uncertainty import picture_grid
 from trisquare.results.calibration import Calibration
-from trisquare.results.camera_of import camera_of, uncertain_camera
+from trisquare.results.uncertain_camera import uncertain_camera
 
 __all__ = ["Comparison", "compare"]
 
@@ -207,7 +208,7 @@ class Comparison(RebuiltByConstructor):
         size = f"up to {two_digits(stds)} standard deviations"
         if stds < REMARKABLE:
             size = f"{size}, but in ways that are better known than any one place"
-        said = f"they differ: {apart}; {size}, {p}"
+        said = f"they differ by more than they state: {apart}; {size}, {p}"
         if self.unexplained <= expected:
             return said
         return f"{said}; {two_digits(self.unexplained)} px (rms) that no uncertain parameter makes"

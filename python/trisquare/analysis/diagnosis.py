@@ -116,12 +116,19 @@ def diagnose(calibration: Calibration) -> Diagnosis:
     Diagnosis
         By the names in ``calibration.parameters``.
 
+    Raises
+    ------
+    TypeError
+        If it is no calibration: a `Camera` alone has no uncertainty.
+
     Examples
     --------
     >>> diagnosis = ts.diagnose(result)
     >>> print(diagnosis["fx"].limits)
     the squares are small, and it is strongly correlated with fy (+0.99)
     """
+    if not isinstance(calibration, Calibration):
+        raise TypeError(f"calibration must be a Calibration, not {type(calibration).__name__}")
     ratios = gains(calibration)
     names = calibration.parameters
     return Diagnosis({name: _diagnose(calibration, name, ratios) for name in names})

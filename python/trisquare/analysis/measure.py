@@ -25,9 +25,10 @@ from trisquare._support.arrays import (
 from trisquare._support.lengths import length_in
 from trisquare._support.number_text import with_its_std
 from trisquare.camera.camera import Camera, camera_for_core
+from trisquare.camera.camera_of import camera_of
 from trisquare.results.calibration import Calibration
-from trisquare.results.camera_of import camera_of, uncertain_camera
 from trisquare.results.plane import Plane
+from trisquare.results.uncertain_camera import uncertain_camera
 
 __all__ = ["Measurement", "measure"]
 

@@ -12,8 +12,8 @@ import trisquare._core as _core
 from trisquare._support.arrays import FloatArray, RebuiltByConstructor, real_array, real_number
 from trisquare._support.rotations import rotation_matrix, tilt_degrees, tilted
 from trisquare.camera.camera import Camera, camera_for_core
+from trisquare.camera.camera_of import camera_of
 from trisquare.results.calibration import Calibration
-from trisquare.results.camera_of import camera_of
 
 UNIT_SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
 

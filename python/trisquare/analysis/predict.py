@@ -17,10 +17,10 @@ from trisquare._support.arrays import (
 from trisquare._support.suggestions import unknown
 from trisquare.analysis.plan import PlannedSquare, StandingPlane, posed, predicted
 from trisquare.camera.camera import Camera, camera_parameters
+from trisquare.camera.camera_of import camera_of
 from trisquare.camera.lens_models import BROWN, COEFFICIENTS, MODELS, is_fisheye
 from trisquare.camera.settings import checked_fix, checked_free
 from trisquare.results.calibration import Calibration
-from trisquare.results.camera_of import camera_of
 
 __all__ = ["PlannedSquare", "Prediction", "predict"]
 

@@ -10,10 +10,10 @@ import numpy as np
 from trisquare._support.arrays import FloatArray, not_negative, real_number
 from trisquare.analysis.plan import onto_plane
 from trisquare.camera.camera import Camera
+from trisquare.camera.camera_of import camera_of
 from trisquare.images.pixels import Image, ImageSource, picture_size
 from trisquare.images.reading import load_picture
 from trisquare.results.calibration import Calibration
-from trisquare.results.camera_of import camera_of
 from trisquare.results.plane import Plane
 
 __all__ = ["TopView", "rectify"]

@@ -11,13 +11,13 @@ from typing import Any
 from trisquare._support.natural_order import natural_order
 from trisquare.batch.jobs import Job, faulty_job
 from trisquare.batch.manifest import MANIFESTS, manifest_jobs
-from trisquare.images.sources import PICTURE_SUFFIXES
+from trisquare.images.sources import PICTURE_SUFFIXES, VIDEO_SUFFIXES
 
 FIELD = re.compile(r"\\\{(\w+)\\\}|(\\\*)|(\\\?)")
 
 
 def find_jobs(
-    inputs: Iterable[str | os.PathLike[str]],
+    inputs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
     camera: str | None = None,
     options: Mapping[str, Any] | None = None,
 ) -> Iterator[Job]:
@@ -25,9 +25,10 @@ def find_jobs(
 
     Parameters
     ----------
-    inputs : iterable of path
+    inputs : path, or iterable of path
         A photograph is a camera of its own, and so is each one directly in a folder that is named
         here; a folder below that one is a camera with all its photographs, named by its path.
+        With the option ``frames`` the videos of folders count among them.
         Patterns such as ``line?/*.jpg`` stand for what they match. Of a manifest, ``.csv`` or
         ``.jsonl``, each record is a camera.
     camera : str, optional
@@ -57,7 +58,8 @@ def find_jobs(
     ['photo']
     """
     shared = dict(options or {})
-    paths = [path for given in inputs for path in _matching(os.fspath(given))]
+    named = [inputs] if isinstance(inputs, str | os.PathLike) else inputs
+    paths = [path for given in named for path in _matching(os.fspath(given))]
     if camera is not None:
         yield from _grouped(paths, camera_pattern(camera), camera, shared)
         return
@@ -107,20 +109,26 @@ def _matching(given: str) -> list[str]:
     return sorted(found, key=natural_order)
 
 
-def _photographs(folder: str) -> Iterator[tuple[str, list[str]]]:
-    """Yield a folder and those below it, each with the photographs directly in it."""
+def _photographs(folder: str, options: Mapping[str, Any]) -> Iterator[tuple[str, list[str]]]:
+    """Yield a folder and those below it, each with the photographs directly in it.
+
+    Videos are among them where the options ask for frames: else they would be failures.
+    """
+    suffixes = PICTURE_SUFFIXES
+    if options.get("frames") is not None:
+        suffixes |= VIDEO_SUFFIXES
     for path, folders, files in os.walk(folder):
         folders[:] = (name for name in folders if not name.startswith("."))
         folders.sort(key=natural_order)
         shown = (name for name in files if not name.startswith("."))
         names = sorted(shown, key=natural_order)
-        pictures = [name for name in names if Path(name).suffix.lower() in PICTURE_SUFFIXES]
+        pictures = [name for name in names if Path(name).suffix.lower() in suffixes]
         yield path, [os.path.join(path, name) for name in pictures]
 
 
 def _folder_jobs(folder: str, options: Mapping[str, Any]) -> Iterator[Job]:
     is_empty = True
-    for path, pictures in _photographs(folder):
+    for path, pictures in _photographs(folder, options):
         if not pictures:
             continue
         is_empty = False
@@ -142,7 +150,9 @@ def _grouped(
         if is_manifest(path):
             raise ValueError(f"{path}: a manifest names its cameras itself: leave out {text!r}")
         whole = os.path.isdir(path)
-        pictures = (own for _, found in _photographs(path) for own in found) if whole else [path]
+        pictures = (
+            (own for _, found in _photographs(path, options) for own in found) if whole else [path]
+        )
         for picture in pictures:
             seen = Path(picture).relative_to(path).as_posix() if whole else Path(picture).as_posix()
             found = pattern.fullmatch("/".join(seen.split("/")[-1 - text.count("/") :]))

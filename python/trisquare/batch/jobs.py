@@ -52,9 +52,9 @@ class Job:
         Files; videos as well, with the option ``frames``.
     options : mapping of str to object
         Arguments of `calibrate` by their names: ``method``, ``model``, ``fix``, ``free``,
-        ``initial`` (a `Camera`, or a camera file), ``orthogonal``, ``parallel``, ``tone``,
-        ``targets``, ``outlines`` (a file, or its content), ``lines``, ``side`` and ``frames`` (of
-        each video among the photographs; without one it says nothing).
+        ``initial`` (a `Calibration`, a `Camera`, or a camera file), ``orthogonal``, ``parallel``,
+        ``tone``, ``targets``, ``outlines`` (a file, or its content), ``lines``, ``side`` and
+        ``frames`` (of each video among the photographs; without one it says nothing).
     origin : str
         Where it was read, as messages say it.
     fault : str, optional
@@ -166,6 +166,7 @@ def _plain(value: Any) -> Any:
     """Return an option's value as JSON has it."""
     if isinstance(value, os.PathLike):
         return os.fspath(value)
-    if isinstance(value, Camera):
-        return [value.model, value.image_size, value.K.tolist(), value.distortion.tolist()]
+    camera = getattr(value, "camera", value)  # of a calibration
+    if isinstance(camera, Camera):
+        return [camera.model, camera.image_size, camera.K.tolist(), camera.distortion.tolist()]
     return value

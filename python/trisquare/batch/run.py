@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from trisquare._support.writing import PathLike
     from trisquare.batch.store import Store
     from trisquare.batch.worker import Answer
+
+LOG = logging.getLogger("trisquare")
 
 WINDOW = 256
 """Jobs that are submitted at a time: enough for a hundred processes, and no memory to speak of."""
@@ -115,7 +118,8 @@ def calibrate_many(
     Yields
     ------
     JobResult
-        As they are done, in any order. Whatever goes wrong with a job is in its result.
+        As they are done, in any order. Whatever goes wrong with a job is in its result. The logger
+        ``trisquare`` has a line for each, of the level INFO.
 
     Raises
     ------
@@ -291,4 +295,6 @@ def _stored(job: Job, key: str, answer: Answer, store: Store | None) -> JobResul
     record, json = answer
     if store is not None:
         record = store.add(job, key, answer)
+    error = record.get("error")
+    LOG.info("%s: %s", job.name, "done" if error is None else "{code}: {text}".format(**error))
     return JobResult(job, record, json)

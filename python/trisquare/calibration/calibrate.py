@@ -37,6 +37,9 @@ from trisquare.results.residual_correlation import ResidualCorrelation
 from trisquare.results.residuals import FigureResiduals
 from trisquare.results.scene_line import SceneLine
 
+LARGE_SIDE = 10.0
+"""Metres from which on a side that is a number alone is doubted: it may be of millimetres."""
+
 
 def calibrate(
     image: ImageSource | Sequence[ImageSource],
@@ -45,7 +48,7 @@ def calibrate(
     model: str = "radial2",
     fix: str | Iterable[str] = (),
     free: str | Iterable[str] = (),
-    initial: Camera | None = None,
+    initial: Calibration | Camera | None = None,
     orthogonal: Iterable[PlanePair] = (),
     parallel: Iterable[PlanePair] = (),
     tone: Tone = None,
@@ -96,7 +99,7 @@ def calibrate(
     free : "skew", optional
         What is estimated although it is held otherwise, at the value of `initial` or zero: the
         skew, ``K[0, 1]``. It needs ``method="ml"`` and, with nothing else held, three planes.
-    initial : Camera, optional
+    initial : Calibration or Camera, optional
         Values for what is fixed; "focal" needs them. What is free starts from them as well, where
         the planes alone give no start.
     orthogonal, parallel : sequence of (int, int)
@@ -119,7 +122,7 @@ def calibrate(
     side : str or float, optional
         Length of the squares' sides (of a board: of a cell), such as ``"84mm"``, or in metres. The
         planes of the result then have it as `side`, and their poses are metric. All targets
-        must be of this size.
+        must be of this size. A number from 10 on is warned of: mostly it is of millimetres.
     frames : int, optional
         How many frames to take of each video among the paths: sharp ones that differ from one
         another, each one photograph of the camera. They are held in memory. Without it a video is
@@ -197,7 +200,7 @@ def calibrate_photographs(
     model: str,
     fix: str | Iterable[str],
     free: str | Iterable[str],
-    initial: Camera | None,
+    initial: Calibration | Camera | None,
     orthogonal: Iterable[PlanePair],
     parallel: Iterable[PlanePair],
     tone: Tone,
@@ -246,6 +249,7 @@ def calibrate_photographs(
             )
             gathered.rejected += others
             gathered.warnings += remarks
+        gathered.warnings += _doubts_of_side(side)
         calibration = _calibration(
             outcome.solution(), gathered, settings, length, photographs.file_names
         )
@@ -265,7 +269,7 @@ def calibrate_edges(
     model: str = "radial2",
     fix: str | Iterable[str] = (),
     free: str | Iterable[str] = (),
-    initial: Camera | None = None,
+    initial: Calibration | Camera | None = None,
     orthogonal: Iterable[PlanePair] = (),
     parallel: Iterable[PlanePair] = (),
     side: str | float | None = None,
@@ -313,9 +317,19 @@ def calibrate_edges(
         figure if figure.plane is None else changed_edges(figure, plane=number[figure.plane])
         for figure in figures
     ]
-    given = Gathered(size_of_image(image_size), figures)
+    given = Gathered(size_of_image(image_size), figures, warnings=_doubts_of_side(side))
     outcome = _ask_core(counted, given, settings, choosing=False)
     return _calibration(outcome.solution(), given, settings, length)
+
+
+def _doubts_of_side(side: str | float | None) -> list[CalibrationWarning]:
+    """Return a warning of a number that is hardly one of metres; a text states its unit."""
+    if side is None or isinstance(side, str) or side < LARGE_SIDE:
+        return []
+    text = (
+        f'side={side:g} is {side:g} m, as a number is in metres: for millimetres say "{side:g}mm"'
+    )
+    return [CalibrationWarning(text, "large_side", "medium")]
 
 
 def _ask_core(

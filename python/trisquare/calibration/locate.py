@@ -11,9 +11,9 @@ from trisquare._support.arrays import NORMAL_MEDIAN, FloatArray
 from trisquare.calibration.calibrate import calibrate
 from trisquare.calibration.gather import LOG
 from trisquare.camera.camera import Camera
+from trisquare.camera.camera_of import camera_of
 from trisquare.images.pixels import ImageSource, Outlines, Tone
 from trisquare.results.calibration import Calibration
-from trisquare.results.camera_of import camera_of
 from trisquare.results.plane import Plane
 
 __all__ = ["locate"]

@@ -19,6 +19,7 @@ from trisquare._support.arrays import (
 )
 from trisquare._support.suggestions import unknown
 from trisquare.camera.camera import Camera, camera_for_core, field_of_view
+from trisquare.camera.camera_of import HasCamera, camera_of
 
 # How far from the horizon each projection shows: a cylinder shows latitudes by their tangent.
 HIGHEST_LATITUDES = {"cylinder": math.radians(60.0), "equirectangular": math.pi / 2}
@@ -74,13 +75,16 @@ class Panorama(RebuiltByConstructor):
 
     @classmethod
     def of(
-        cls, camera: Camera, projection: str = "equirectangular", field: float | None = None
+        cls,
+        camera: HasCamera | Camera,
+        projection: str = "equirectangular",
+        field: float | None = None,
     ) -> Panorama:
         """Return a panorama of a camera's pictures, with their scale at the axis.
 
         Parameters
         ----------
-        camera : Camera
+        camera : Calibration or Camera
             The camera of the pictures.
         projection : {"equirectangular", "cylinder"}
             As for `Panorama`.
@@ -103,8 +107,7 @@ class Panorama(RebuiltByConstructor):
         >>> laid_out.shape == panorama.image_size[::-1]
         True
         """
-        if not isinstance(camera, Camera):
-            raise TypeError(f"camera must be a Camera, not {type(camera).__name__}")
+        camera = camera_of(camera)
         _check_projection(projection)
         longitudes, latitudes = _ends_seen(camera, axis=0), _ends_seen(camera, axis=1)
         if field is not None:

@@ -8,6 +8,7 @@ from numbers import Integral
 
 from trisquare._support.suggestions import nearest_name, unknown
 from trisquare.camera.camera import Camera, CoreCamera, camera_for_core
+from trisquare.camera.camera_of import HasCamera, camera_of
 from trisquare.camera.lens_models import COEFFICIENTS, MODELS
 
 # The model that stands for the choice among all of them by evidence.
@@ -37,7 +38,7 @@ class Settings:
         method: str,
         model: str,
         fix: str | Iterable[str],
-        initial: Camera | None,
+        initial: HasCamera | Camera | None,
         free: str | Iterable[str],
         orthogonal: Iterable[PlanePair],
         parallel: Iterable[PlanePair],
@@ -58,9 +59,8 @@ class Settings:
             if value not in known:
                 raise unknown(name, value, known)
         names, freed = checked_fix(fix), checked_free(free)
-        if initial is not None and not isinstance(initial, Camera):
-            raise TypeError(f"initial must be a Camera, not {type(initial).__name__}")
-        if "focal" in names and initial is None:
+        held = None if initial is None else camera_of(initial, "initial")
+        if "focal" in names and held is None:
             raise ValueError(
                 "to fix the focal length, give its value by a camera: initial= (--initial)"
             )
@@ -68,15 +68,15 @@ class Settings:
             raise ValueError(
                 'model="auto" needs method="ml" and a free distortion: otherwise name a model'
             )
-        if initial is not None and "distortion" in names and model not in _alike(initial):
+        if held is not None and "distortion" in names and model not in _alike(held):
             raise ValueError(
-                f"the distortion of a {initial.model} lens cannot be held in a {model} lens: "
-                f"choose model={initial.model!r}"
+                f"the distortion of a {held.model} lens cannot be held in a {model} lens: "
+                f"choose model={held.model!r}"
             )
         if freed and method == "linear":
             raise ValueError('free="skew" needs method="ml": the linear steps take it as zero')
         pairs = checked_pairs("orthogonal", orthogonal), checked_pairs("parallel", parallel)
-        return cls(method, model, names, initial, freed, *pairs)
+        return cls(method, model, names, held, freed, *pairs)
 
     def model_of(self, fitted: str) -> str:
         """Return the model of a result: of a held distortion that of the camera it comes from.

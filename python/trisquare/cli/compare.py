@@ -11,15 +11,18 @@ import numpy as np
 from trisquare._support.arrays import FloatArray
 from trisquare._support.writing import write_atomically
 from trisquare.analysis.comparison import Comparison, compare, two_digits
+from trisquare.camera.camera_of import camera_of
 from trisquare.cli.console import answer
 from trisquare.cli.input_files import of_size, read_camera
 from trisquare.cli.options import JSON, QUIET, argument, flag, option
 from trisquare.cli.pictures_drawn import check_outputs
 from trisquare.drawing.difference_map import draw_comparison
 from trisquare.images.encoding import encode_image
-from trisquare.results.camera_of import camera_of
 
-ASSUMED = "photographs of their own for each camera; paper that is not flat makes it too small"
+ASSUMED = (
+    "photographs of their own for each camera, and flat targets: printed paper is not flat, and "
+    "results of one camera spread up to twice as much over it as they state"
+)
 
 COMPARISON_FORMAT = "trisquare-comparison/1"
 

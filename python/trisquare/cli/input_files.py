@@ -11,12 +11,12 @@ import numpy as np
 
 from trisquare._support.paths import naming, read_text
 from trisquare.camera.camera import Camera
+from trisquare.camera.camera_of import camera_of
 from trisquare.cli.framework import reading
 from trisquare.formats import load_camera
 from trisquare.formats.native_json import CALIBRATION_FORMAT
 from trisquare.images.sources import sources_of
 from trisquare.results.calibration import Calibration
-from trisquare.results.camera_of import camera_of
 
 
 def read_camera(path: Path) -> Calibration | Camera:

@@ -17,6 +17,7 @@ from trisquare.analysis.measure import CLICKED_STD, FAR, Measurement, check_insi
 from trisquare.analysis.rectify import rectify as rectified
 from trisquare.calibration.locate import located
 from trisquare.camera.camera import Camera
+from trisquare.camera.camera_of import camera_of
 from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.framework import reading
 from trisquare.cli.input_files import of_size, read_camera
@@ -27,7 +28,6 @@ from trisquare.images.encoding import encode_image
 from trisquare.images.pixels import picture_size
 from trisquare.images.reading import read_photograph
 from trisquare.results.calibration import Calibration
-from trisquare.results.camera_of import camera_of
 from trisquare.results.plane import Plane
 
 MEASUREMENT_FORMAT = "trisquare-measurement/1"

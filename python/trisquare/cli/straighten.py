@@ -14,6 +14,8 @@ from trisquare.cli.console import answer
 from trisquare.cli.options import JSON, QUIET, argument, option
 from trisquare.cli.pictures_drawn import check_depth, check_outputs
 from trisquare.drawing.straight_lines import draw_straight_lines
+from trisquare.formats.load_save import written
+from trisquare.formats.registry import ENDINGS, format_of_name
 from trisquare.images.encoding import encode_image, encode_turned
 from trisquare.images.reading import read_photograph
 from trisquare.straightening.straighten import Straightened, straighten
@@ -24,7 +26,10 @@ STRAIGHTENING_FORMAT = "trisquare-straightening/1"
 EXAMPLES = (
     "trisquare straighten photo.jpg -o straight.jpg",
     "trisquare straighten photo.jpg -o straight.png --overlay lines.png --balance 1",
+    "trisquare straighten photo.jpg -o straight.png --save-camera camera.json --focal 1100",
 )
+
+OTHER_ENDING = f"let it end with one of {', '.join(ENDINGS)}"
 
 
 def straighten_command(
@@ -37,11 +42,27 @@ def straighten_command(
     interpolation: str = option(
         "linear", "HOW", "linear, nearest, cubic or lanczos.", offer=INTERPOLATIONS
     ),
+    save_camera: Path | None = option(
+        None,
+        "FILE",
+        "Write the camera of the photograph to this file, in the format of its name, as convert "
+        "does; for undistort and others. Needs --focal.",
+    ),
+    focal: float | None = option(
+        None, "PX", "Focal length of the camera that is written: straight lines do not tell it."
+    ),
     json: bool = JSON,
     quiet: bool = QUIET,
 ) -> None:
     """Remove the lens distortion from a photograph by its straight lines, without a target."""
-    check_outputs([photo], [output, overlay])
+    check_outputs([photo], [output, overlay], [save_camera])
+    if (save_camera is None) != (focal is None):
+        raise ValueError(
+            "--save-camera and --focal go together: straight lines do not tell the focal length, "
+            "which is in pixels"
+        )
+    if save_camera is not None:
+        format_of_name(save_camera.name, OTHER_ENDING)
     if interpolation not in INTERPOLATIONS:
         raise unknown("interpolation", interpolation, INTERPOLATIONS)
     picture, tag = read_photograph(photo)
@@ -55,10 +76,18 @@ def straighten_command(
     if overlay is not None:
         drawn = draw_straight_lines(picture, found.used, found.rejected, f"rms {found.rms:.2f} px")
         files[overlay] = encode_image(drawn, overlay)
+    if save_camera is not None and focal is not None:
+        known = format_of_name(save_camera.name, OTHER_ENDING)
+        lens, suffix = found.camera.camera(focal), save_camera.suffix.lower()
+        files[save_camera] = written(lens, known, suffix, approximate=False)[0].encode()
     write_atomically(files)
     members: dict[str, Any] = {"format": STRAIGHTENING_FORMAT}
     members |= {"photo": str(photo), "output": str(output)}
-    members |= _members(found) | {"warnings": warnings}
+    members |= _members(found)
+    members |= {
+        "camera_file": None if save_camera is None else str(save_camera),
+        "warnings": warnings,
+    }
     answer(json, quiet, members, _lines(found, files), (f"warning: {each}" for each in warnings))
 
 
@@ -107,6 +136,6 @@ def _lines(found: Straightened, files: Mapping[PathLike, bytes]) -> Iterator[str
         *(float((each[largest] ** 2).sum()) ** 0.5 for each in (map_.displacement, map_.std))
     )
     yield f"largest displacement {moved} +- {its_std} px"
-    yield "focal length: unknown, straight lines do not tell it"
+    yield "focal length: unknown, straight lines do not tell it (--save-camera FILE --focal PX)"
     for path in files:
         yield f"wrote {path}"

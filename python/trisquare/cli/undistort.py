@@ -52,8 +52,8 @@ def undistort_command(
     output: str = option(
         ...,
         "FILE",
-        "Write the picture to this file. With several photographs, FILE.png becomes FILE-1.png, "
-        "FILE-2.png, ...; in a folder (FOLDER/ is made), each keeps its own name. Videos are "
+        "Write the picture to this file. With several photographs, FILE.png becomes FILE-0.png, "
+        "FILE-1.png, ...; in a folder (FOLDER/ is made), each keeps its own name. Videos are "
         "written as .mp4, .mov or .avi.",
         "--output",
         "-o",
@@ -209,7 +209,9 @@ def undistort_command(
         "new_camera": None if new_camera is None else str(new_camera),
         "warnings": warnings,
     }
-    lines = [*_lines(pictures), *([] if new_camera is None else [f"wrote {new_camera}"])]
+    lines = list(_lines(pictures, is_camera_kept=new_camera is not None))
+    if new_camera is not None:
+        lines.append(f"wrote {new_camera}")
     answer(json, quiet, members, lines, (f"warning: {each}" for each in warnings))
 
 
@@ -245,7 +247,7 @@ def _view_members(view: Camera | Panorama) -> dict[str, Any]:
     return {"panorama": {name: getattr(view, name) for name in names}}
 
 
-def _lines(pictures: Sequence[dict[str, Any]]) -> Iterator[str]:
+def _lines(pictures: Sequence[dict[str, Any]], *, is_camera_kept: bool) -> Iterator[str]:
     """Say what was written, and of which camera, once for those that have the same."""
     before = None
     for picture in pictures:
@@ -256,7 +258,9 @@ def _lines(pictures: Sequence[dict[str, Any]]) -> Iterator[str]:
             names = ("fx", "fy", "focal", "cx", "cy")
             numbers = ", ".join(f"{it} {camera[it]:.6g}" for it in names if it in camera)
             what = camera.get("projection", "new camera")
-            yield f"{what}, without distortion: {width} x {height}, {numbers}"
+            is_lost = not is_camera_kept and "projection" not in camera
+            hint = " (--new-camera FILE keeps it)" if is_lost else ""
+            yield f"{what}, without distortion: {width} x {height}, {numbers}{hint}"
             yield (
                 f"no black pixel in the rectangle from ({x}, {y}) of {valid_width} x {valid_height}"
             )

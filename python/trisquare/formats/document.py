@@ -55,7 +55,7 @@ class Document:
         if len(content) > MOST_BYTES:
             raise ValueError(f"{shown}: larger than {MOST_BYTES >> 20} MB, which no camera file is")
         name = PurePath(shown).name.lower()
-        not_text = f"{shown}: not a text file{BINARY_FILES.get(name, '')}"
+        not_text = f"{shown}: not a text file{BINARY_FILES.get(name, ', as camera files are')}"
         if b"\0" in content:
             raise ValueError(not_text)
         try:

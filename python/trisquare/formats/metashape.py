@@ -7,6 +7,10 @@ manual, appendix "Camera models": ``projection``, ``width``, ``height``, ``f``, 
 ``b1`` fx - fy and ``b2`` the skew; k1 to k3 are OpenCV's, and ``p1`` and ``p2`` are OpenCV's p2
 and p1. A fisheye's polynomial is that of the angle, with k1 to k4, as OpenCV's is.
 
+*File > Export > Export Cameras* writes a ``<document>`` with the calibrations of all sensors: the
+same numbers, ``width`` and ``height`` as attributes of ``resolution``, the projection as ``type``.
+Those whose ``class`` is ``adjusted`` are read, by their sensors' labels.
+
 Written: ``frame`` with k1 to k3, p1 and p2, and ``fisheye`` with k1 to k4. Read: these; a frame
 with k4 as the nearest. Not read: other projections, p3 and p4, and a fisheye with p1 or p2.
 """
@@ -14,7 +18,9 @@ with k4 as the nearest. Not read: other projections, p3 and p4, and a fisheye wi
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -32,31 +38,64 @@ OPTIONAL = ("cx", "cy", "b1", "b2", *RADIAL, "p1", "p2", "p3", "p4")
 
 
 def recognises(document: Document) -> bool:
-    """Whether it is XML with a calibration of a projection."""
+    """Whether it is XML with a calibration of a projection, or with a chunk of cameras."""
     start = document.text[:4096]
-    return document.starts_with("<") and "<calibration" in start and "<projection" in start
+    return document.starts_with("<") and (
+        ("<calibration" in start and "<projection" in start)
+        or ("<document" in start and "<chunk" in start)
+    )
 
 
 def read(document: Document, image_size: ImageSize | None) -> Cameras:
-    """Read a camera."""
-    return only(lambda: _camera(parse_xml(document.text)))
+    """Read a camera, or those of all sensors."""
+    if "<document" not in document.text[:4096]:
+        return only(lambda: _camera(_texts(parse_xml(document.text))))
+    sensors = list(parse_xml(document.text).iter("sensor"))
+    if not sensors:
+        raise ValueError(
+            "no sensor: export the cameras, File > Export > Export Cameras, or save one "
+            "calibration, Tools > Camera Calibration > Save"
+        )
+    labels = [sensor.get("label", "") for sensor in sensors]
+    names = labels if len({*labels}) == len(labels) else [f"sensor {i}" for i in range(len(labels))]
+    return {
+        name: partial(_camera_of_sensor, sensor)
+        for name, sensor in zip(names, sensors, strict=True)
+    }
 
 
-def _camera(calibration: ElementTree.Element) -> Lens:
-    projection = calibration.findtext("projection", "").strip()
+def _camera_of_sensor(sensor: ElementTree.Element) -> Lens:
+    calibration = sensor.find("calibration[@class='adjusted']")
+    if calibration is None:
+        raise ValueError(
+            f"the sensor {sensor.get('label', '')!r} has no adjusted calibration: align its "
+            "photographs first"
+        )
+    texts = _texts(calibration)
+    resolution = calibration.find("resolution")
+    if resolution is not None:
+        texts |= resolution.attrib
+    return _camera({**texts, "projection": calibration.get("type", "")})
+
+
+def _texts(calibration: ElementTree.Element) -> dict[str, str]:
+    """Return the text of each element, of those of one name that of the first."""
+    return {child.tag: child.text or "" for child in reversed(calibration)}
+
+
+def _camera(texts: Mapping[str, str]) -> Lens:
+    projection = texts.get("projection", "").strip()
     if projection not in ("frame", "fisheye"):
         raise ValueError(
             f'"projection" is {projection!r}; of Metashape\'s these are read: frame, fisheye'
         )
-    if calibration.find("f") is None and calibration.find("fx") is not None:
+    if "f" not in texts and "fx" in texts:
         raise ValueError('"f" is missing: files of PhotoScan before 1.2, with "fx", are not read')
-    width, height, f = (
-        number_in(calibration.findtext(key), key) for key in ("width", "height", "f")
-    )
+    width, height, f = (number_in(texts.get(key), key) for key in ("width", "height", "f"))
     if not (width.is_integer() and height.is_integer()):
         raise ValueError(f'"width" and "height" must be whole numbers, not {width:g}, {height:g}')
     size = size_of_image((int(width), int(height)))
-    values = {key: number_in(calibration.findtext(key, "0"), key) for key in OPTIONAL}
+    values = {key: number_in(texts.get(key, "0"), key) for key in OPTIONAL}
     cx, cy = values["cx"] + 0.5 * (width - 1), values["cy"] + 0.5 * (height - 1)
     K = np.array([[f + values["b1"], values["b2"], cx], [0.0, f, cy], [0.0, 0.0, 1.0]])
     unread = ("p3", "p4") if projection == "frame" else ("p1", "p2", "p3", "p4")

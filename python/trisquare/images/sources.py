@@ -24,6 +24,14 @@ PICTURE_SUFFIXES = frozenset(
 )
 """Files in folders that are taken for photographs, capitals aside."""
 
+VIDEO_SUFFIXES = frozenset(
+    (
+        *(".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm", ".mpg", ".mpeg", ".mts", ".m2ts"),
+        *(".3gp", ".wmv", ".flv", ".ogv"),
+    )
+)
+"""The same of videos, where frames of them are asked for."""
+
 
 def sources_of(image: ImageSource | Iterable[ImageSource]) -> list[ImageSource]:
     """Return the pictures, one or several, as a list.

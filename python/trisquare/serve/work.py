@@ -14,7 +14,7 @@ from typing import Any
 from trisquare._support.suggestions import unknown
 from trisquare.batch.limits import JobLimits
 from trisquare.batch.worker import Answer, failure
-from trisquare.errors import TrisquareError
+from trisquare.errors import TrisquareError, error_members
 
 CALIBRATION_OPTIONS = ("method", "model", "fix", "free", "tone", "targets", "lines")
 
@@ -68,11 +68,8 @@ def perform(task: Task, limits: JobLimits) -> Answer:
     try:
         members, content = do(task, limits)
     except TrisquareError as error:
-        from trisquare._support.records import record_members
-
         record = failure(task, type(error).__name__, str(error))
-        record["error"]["found"] = [record_members(one) for one in error.found]
-        record["error"]["rejected"] = [record_members(one) for one in error.rejected]
+        record["error"] |= {"found": [], "rejected": []} | error_members(error)
         return record, None
     if content is not None:
         Path(CONTENT).write_bytes(content)
@@ -252,7 +249,7 @@ def _guidance(
 
 
 def _camera_of_members(members: Mapping[str, Any]) -> Any:
-    from trisquare.results.camera_of import camera_of
+    from trisquare.camera.camera_of import camera_of
 
     Path("camera.json").write_text(json.dumps(members), "utf-8")
     return camera_of(_known("camera.json"))
@@ -272,8 +269,8 @@ def _overlay(task: Task, limits: JobLimits) -> Made:
 
 def _undistort(task: Task, limits: JobLimits) -> Made:
     from trisquare._support.arrays import real_number
+    from trisquare.camera.camera_of import camera_of
     from trisquare.images.encoding import encode_image
-    from trisquare.results.camera_of import camera_of
     from trisquare.undistortion.undistort import Undistorter
 
     picture = _picture(task, limits)
@@ -304,9 +301,9 @@ def _report(task: Task, limits: JobLimits) -> Made:
 
 
 def _convert(task: Task, limits: JobLimits) -> Made:
+    from trisquare.camera.camera_of import camera_of
     from trisquare.formats.load_save import written
     from trisquare.formats.registry import format_called
-    from trisquare.results.camera_of import camera_of
 
     known = format_called(task.options["format"])
     camera = camera_of(_known(_file(task, "camera")))

@@ -11,12 +11,12 @@ import numpy.typing as npt
 import trisquare._core as _core
 from trisquare._support.suggestions import unknown
 from trisquare.camera.camera import Camera, camera_for_core
+from trisquare.camera.camera_of import camera_of
 from trisquare.camera.lens_models import is_fisheye
 from trisquare.camera.panorama import Panorama, view_for_core
 from trisquare.images.pixels import Image, ImageSource, picture_size
 from trisquare.images.reading import load_picture
 from trisquare.results.calibration import Calibration
-from trisquare.results.camera_of import camera_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -65,6 +65,7 @@ fn every_warning_with_a_text_is() {
             displacement: 1.5,
             parameter: "fx".into(),
             factor: 3.0,
+            held: vec!["aspect".into()],
         },
         Warning::SidesErrTogether {
             plane: 0,

@@ -97,9 +97,9 @@ pub enum Warning {
     /// The squares are none, or the lens does what its model cannot: sides do not lie where one
     /// camera would show those of true squares.
     #[error(
-        "the targets are no true, flat squares, or the lens is beyond its model: their sides lie \
+        "the targets are no true, flat squares, or the lens is beyond its model{}: their sides lie \
          {displacement:.1} px off{}",
-        raised(.parameter, *.factor)
+        or_held(.held), raised(.parameter, *.factor)
     )]
     NoSquares {
         /// How far, px.
@@ -108,6 +108,9 @@ pub enum Warning {
         parameter: Text,
         /// Its standard deviation over what it would be if the squares were true.
         factor: f64,
+        /// What of the camera is held, as of [`Warning::PlanesContradict`].
+        #[cfg_attr(feature = "serde", serde(default))]
+        held: Vec<Text>,
     },
     /// Groups of planes give answers that differ more than their samples let expect.
     #[error(
@@ -189,9 +192,9 @@ pub enum Warning {
     },
     /// The pixels of the camera do not come out as squares.
     #[error(
-        "fy / fx is {ratio:.4} +- {std:.4}, but nearly every camera's pixels are square: are the \
-         targets rectangles, or was the picture stretched?{}",
-        held_focal(Setting::AspectHeld, *.held)
+        "fy / fx is {}, but nearly every camera's pixels are square: are the targets rectangles, or \
+         was the picture stretched?{}",
+        with_its_std(*.ratio, *.std), held_focal(Setting::AspectHeld, *.held)
     )]
     PixelsNotSquare {
         /// `fy / fx`.
@@ -203,10 +206,9 @@ pub enum Warning {
     },
     /// The principal point comes out far from the centre of the picture.
     #[error(
-        "the principal point is {distance:.0} +- {std:.0} px from the centre of the picture, \
-         farther than nearly every camera's: was the picture cropped, or are the targets no \
-         squares?{}",
-        held_focal(Setting::PrincipalPointHeld, *.held)
+        "the principal point is {} px from the centre of the picture, farther than nearly every \
+         camera's: was the picture cropped, or are the targets no squares?{}",
+        with_its_std(*.distance, *.std), held_focal(Setting::PrincipalPointHeld, *.held)
     )]
     PrincipalPointOffCentre {
         /// From the principal point to the centre of the picture, pixels.
@@ -261,9 +263,9 @@ pub enum Warning {
     },
     /// Planes stand otherwise than they are said to.
     #[error(
-        "planes {} and {} are {degrees:.2} +- {std:.2} degrees from {stand} where nothing is asked \
-         of them: leave the relation out",
-        .planes[0], .planes[1]
+        "planes {} and {} are {} degrees from {stand} where nothing is asked of them: leave the \
+         relation out",
+        .planes[0], .planes[1], with_its_std(*.degrees, *.std)
     )]
     RelationContradicted {
         /// Indices of the planes.
@@ -333,6 +335,15 @@ fn held_focal(setting: Setting<'_>, held: Option<f64>) -> String {
     })
 }
 
+/// A value and its standard deviation, with two significant digits of the latter.
+fn with_its_std(value: f64, std: f64) -> String {
+    let decimals = match std > 0.0 {
+        true => (1.0 - std.log10().floor()).clamp(0.0, 12.0) as usize,
+        false => 6,
+    };
+    format!("{value:.decimals$} +- {std:.decimals$}")
+}
+
 /// By how much a standard deviation was raised; nothing where that rounds to once.
 fn raised(parameter: &str, factor: f64) -> String {
     let times = format!("{factor:.1}");
@@ -372,14 +383,19 @@ fn contradiction(factor: f64, planes: usize, held: &[Text]) -> String {
         1 => ("the plane contradicts the camera", "it"),
         _ => ("the planes contradict each other", "one of them"),
     };
-    let suspected = match held {
-        [] => String::new(),
-        _ => format!(", or what is held ({}) is wrong", held.join(", ")),
-    };
+    let suspected = or_held(held);
     format!(
         "{what}: {factor:.1} times more than the sides' own straightness lets expect; {which} may \
          be no true, flat square{suspected}"
     )
+}
+
+/// What else may be wrong where something is held.
+fn or_held(held: &[Text]) -> String {
+    match held {
+        [] => String::new(),
+        _ => format!(", or what is held ({}) is wrong", held.join(", ")),
+    }
 }
 
 /// What makes sides err together.
@@ -513,6 +529,40 @@ mod tests {
         assert!(text.starts_with("the planes contradict each other: 12.3 times"));
         assert!(
             text.ends_with("one of them may be no true, flat square"),
+            "{text}"
+        );
+        let warning = Warning::NoSquares {
+            displacement: 0.14,
+            parameter: "fx".into(),
+            factor: 1.0,
+            held: vec!["aspect".into()],
+        };
+        assert_eq!(
+            warning.to_string(),
+            "the targets are no true, flat squares, or the lens is beyond its model, or what is held \
+             (aspect) is wrong: their sides lie 0.1 px off"
+        );
+    }
+
+    #[test]
+    fn a_standard_deviation_has_two_digits_and_its_value_as_many_decimals() {
+        for (value, std, expected) in [
+            (78.26, 0.4321, "78.26 +- 0.43"),
+            (1.012_345, 0.000_031, "1.012345 +- 0.000031"),
+            (812.3, 54.6, "812 +- 55"),
+            (5.0, 0.0, "5.000000 +- 0.000000"),
+        ] {
+            assert_eq!(with_its_std(value, std), expected);
+        }
+        let (distance, std, held) = (78.26, 0.4321, None);
+        let text = Warning::PrincipalPointOffCentre {
+            distance,
+            std,
+            held,
+        }
+        .to_string();
+        assert!(
+            text.contains("is 78.26 +- 0.43 px from the centre"),
             "{text}"
         );
     }

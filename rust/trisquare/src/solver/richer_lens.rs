@@ -52,7 +52,7 @@ impl<L: Lens> JointProblem<'_, L> {
         if let Some(found) = no_squares {
             let contradicts = |it: &Warning| matches!(it, Warning::PlanesContradict { .. });
             calibration.warnings.retain(|it| !contradicts(it));
-            first.extend(calibration.allow_for_no_squares(found));
+            first.extend(calibration.allow_for_no_squares(found, &self.free));
         }
         if let Some(doubt) = doubt {
             let certain = no_squares.is_none();

@@ -228,14 +228,19 @@ impl<L: Lens> Calibration<L> {
         })
     }
 
-    /// The same for squares that are none.
-    pub(crate) fn allow_for_no_squares(&mut self, found: &NoSquares) -> Option<Warning> {
+    /// The same for squares that are none, or for what is held at a wrong value.
+    pub(crate) fn allow_for_no_squares(
+        &mut self,
+        found: &NoSquares,
+        free: &FreeParameters,
+    ) -> Option<Warning> {
         let doubt = &found.covariance + &found.change * found.change.transpose();
         let (parameter, factor) = self.raise(&doubt)?;
         Some(Warning::NoSquares {
             displacement: found.displacement,
             parameter: parameter.into(),
             factor,
+            held: free.held().into_iter().map(Into::into).collect(),
         })
     }
 

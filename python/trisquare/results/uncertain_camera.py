@@ -1,4 +1,4 @@
-"""A camera that is known: with its uncertainty, or as if it were exact."""
+"""A camera for the compiled core with its uncertainty, or as if it were exact."""
 
 from __future__ import annotations
 
@@ -10,24 +10,8 @@ from trisquare._support.arrays import FloatArray
 from trisquare.camera.camera import Camera, CoreCamera, camera_for_core
 from trisquare.results.calibration import Calibration
 
-# A camera for the compiled core with its uncertainty: its free parameters, whether fy follows fx,
-# and the parameters' covariance.
+# Its free parameters, whether fy follows fx, and the parameters' covariance.
 UncertainCamera: TypeAlias = "tuple[CoreCamera, list[str], bool, FloatArray]"
-
-
-def camera_of(camera: Calibration | Camera, name: str = "camera") -> Camera:
-    """Return the camera itself, of a calibration its estimate.
-
-    Raises
-    ------
-    TypeError
-        If it is neither; the message calls it `name`.
-    """
-    if isinstance(camera, Calibration):
-        return camera.camera
-    if isinstance(camera, Camera):
-        return camera
-    raise TypeError(f"{name} must be a Calibration or a Camera, not {type(camera).__name__}")
 
 
 def uncertain_camera(camera: Calibration | Camera) -> UncertainCamera:
