@@ -217,7 +217,7 @@ def test_several_photographs_have_an_overlay_each(run, photo, asked, tmp_path):
     calibration = true_calibration(2, warnings=["a warning"])
     for index in (0, 1):
         drawn = draw_overlay(PHOTO, calibration, index=index)
-        written = cv2.imread(str(tmp_path / f"over-{index}.png"))
+        written = cv2.imread(str(tmp_path / f"over-{index + 1}.png"))
         np.testing.assert_array_equal(written, drawn)
     assert not (tmp_path / "over.png").exists()
 

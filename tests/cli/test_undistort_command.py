@@ -149,7 +149,7 @@ def test_several_photographs_of_several_sizes(undistort, folder):
     assert code == 0
     expected = [ts.undistort(PHOTO, CAMERA, interpolation="cubic")]
     expected += [ts.undistort(small, CAMERA, rescale=True, interpolation="cubic"), expected[0]]
-    for number, picture in enumerate(expected):
+    for number, picture in enumerate(expected, 1):
         np.testing.assert_array_equal(read(folder / f"out-{number}.png"), picture)
     sizes = [picture["image_size"] for picture in json.loads(out)["pictures"]]
     assert sizes == [[640, 480], [320, 240], [640, 480]]

@@ -199,7 +199,7 @@ def test_a_camera_is_calibrated_from_frames_of_a_video(run, views):
     assert found.camera == ts.calibrate([frame.pixels for frame in frames]).camera
     assert found == ts.calibrate("views.avi", frames=3)
     assert abs(found.camera.fx / CAMERA.fx - 1) < 0.01
-    assert [f"wrote o-{number}.png" in out for number in range(4)] == [True] * 3 + [False]
+    assert [f"wrote o-{number}.png" in out for number in (1, 2, 3, 4)] == [True] * 3 + [False]
 
 
 def test_a_video_with_fewer_frames_and_a_photograph(run, views):

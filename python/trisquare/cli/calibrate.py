@@ -80,7 +80,7 @@ def calibrate_command(
         None,
         "FILE",
         "Draw the measured edges and their residuals over the photograph. With several "
-        "photographs, FILE.png becomes FILE-0.png, FILE-1.png, ...",
+        "photographs, FILE.png becomes FILE-1.png, FILE-2.png, ...",
     ),
     debug_image: Path | None = option(
         None,

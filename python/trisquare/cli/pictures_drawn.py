@@ -23,15 +23,12 @@ DEEP_FORMATS = {
 
 
 def numbered_paths(path: Path | None, photos: int) -> list[Path]:
-    """One path for each photograph: FILE.png itself, or FILE-0.png, FILE-1.png, ...
-
-    Messages and results count pictures from 0, too.
-    """
+    """One path for each photograph: FILE.png itself, or FILE-1.png, FILE-2.png, ..."""
     if path is None:
         return []
     if photos == 1:
         return [path]
-    return [path.with_name(f"{path.stem}-{number}{path.suffix}") for number in range(photos)]
+    return [path.with_name(f"{path.stem}-{number}{path.suffix}") for number in range(1, photos + 1)]
 
 
 def check_outputs(

@@ -52,8 +52,8 @@ def undistort_command(
     output: str = option(
         ...,
         "FILE",
-        "Write the picture to this file. With several photographs, FILE.png becomes FILE-0.png, "
-        "FILE-1.png, ...; in a folder (FOLDER/ is made), each keeps its own name. Videos are "
+        "Write the picture to this file. With several photographs, FILE.png becomes FILE-1.png, "
+        "FILE-2.png, ...; in a folder (FOLDER/ is made), each keeps its own name. Videos are "
         "written as .mp4, .mov or .avi.",
         "--output",
         "-o",
