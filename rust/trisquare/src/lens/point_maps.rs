@@ -105,6 +105,11 @@ pub(crate) fn of_all<L: Lens, const D: usize, Q>(
     if found.len() == points.len() {
         return Ok(found);
     }
+    if !lens.parameters().iter().all(|value| value.is_finite()) {
+        return Err(Error::NotFinite {
+            what: "the parameters of the lens",
+        });
+    }
     let first = found.len();
     let others = &points[first + 1..];
     Err(Error::BeyondValidRadius {
