@@ -74,7 +74,7 @@ fn fisheye_of(
         ..Options::new()
     };
     let found: Calibration<Fisheye> = calibrate(edges, size, &options)?;
-    let ray = found.camera.unproject(pixel); // of length 1; beside the camera its z is negative
+    let ray = found.camera.unproject(pixel); // of length 1; beyond 90 degrees z is negative
     let degrees = ray.map(|ray| ray.z.acos().to_degrees());
     Ok((found, degrees))
 }
