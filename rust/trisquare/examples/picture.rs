@@ -33,11 +33,17 @@ fn camera_of(
     let spans = squares.iter().enumerate();
     let spans: Vec<_> = spans.flat_map(|(i, c)| sides_between(c, 4 * i)).collect();
     let (sides, _, _) = localise(picture, &spans, tone);
-    let sides = sides.into_iter().collect::<Result<Vec<_>, _>>()?;
 
-    // 2. Sort them by square.
+    // 2. Sort them by square, without squares of which a side could not be measured.
     let mut edges = Vec::new();
-    for sides in sides.chunks(4) {
+    for (i, sides) in sides.chunks(4).enumerate() {
+        let sides: Vec<_> = match sides.iter().map(Result::as_ref).collect() {
+            Ok(sides) => sides,
+            Err(reason) => {
+                eprintln!("square {i} is left out: {reason}");
+                continue;
+            }
+        };
         let points = sides.iter().map(|side| side.points.clone()).collect();
         let mut square = PlaneEdges::square(points)?;
         square.std = Some(sides.iter().map(|side| side.std.clone()).collect());

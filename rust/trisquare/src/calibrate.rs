@@ -1,6 +1,7 @@
 //! The stages, in order, and nothing else.
 
 use std::rc::Rc;
+use std::slice;
 
 use crate::error::{Error, ErrorKind};
 use crate::image_size::ImageSize;
@@ -23,8 +24,14 @@ use crate::uncertainty::{
 /// The paper's three steps (Zhou et al. 2013) and, unless `options.method` is linear, joint
 /// maximum likelihood over all of them. Pixels; standard deviations are one sigma.
 ///
+/// Two planes in different directions are the least that determine focal lengths and principal point,
+/// three tell them well; one does where the principal point or the focal length is held. Figures in
+/// several pictures of one camera, all of one size, have the index of theirs as
+/// [`image`](PlaneEdges::image).
+///
 /// # Errors
-/// Every variant of [`Error`] says what is wrong and what would help.
+/// Every variant of [`Error`] says what is wrong and what would help. Where the geometry is refused
+/// and a figure lies wholly outside the picture, that is said instead: its size is mistaken.
 pub fn calibrate<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
@@ -51,9 +58,15 @@ pub fn calibrate_photographs<L: Lens>(
 ) -> Result<Calibration<L>, Error> {
     let found = run(edges, size, options, photographs, Purpose::Answer);
     found.map_err(|error| {
+        if !is_of_geometry(&error) {
+            return error;
+        }
+        if let Some(mistaken) = mistaken_size(edges, size) {
+            return mistaken;
+        }
         let contradicted = match sort_by_plane(edges) {
-            Ok(planes) if is_of_geometry(&error) => contradicted(edges, &planes, size, options),
-            _ => Vec::new(),
+            Ok(planes) => contradicted(edges, &planes, size, options),
+            Err(_) => Vec::new(),
         };
         match contradicted.first() {
             Some(warning) => Error::ContradictedRelation(warning.to_string()),
@@ -216,6 +229,20 @@ fn outside_picture(edges: &[PlaneEdges], size: ImageSize) -> Option<Warning> {
         first: first.into(),
         size: [size.width, size.height],
     })
+}
+
+/// Of figures of which one is wholly outside the picture: no camera has seen them in it.
+fn mistaken_size(edges: &[PlaneEdges], size: ImageSize) -> Option<Error> {
+    let is_outside = |figure: &PlaneEdges| {
+        let outside = samples_outside(slice::from_ref(figure), size);
+        outside.is_some_and(|(_, samples, _)| samples == figure.sample_count())
+    };
+    let figure = edges.iter().position(is_outside)?;
+    let ImageSize { width, height } = size;
+    Some(Error::InvalidArgument(format!(
+        "figure {figure} lies wholly outside the picture of {width} x {height} pixels: is that its \
+         size, width before height?"
+    )))
 }
 
 /// Whether planes that do not stand as they are said to may be why there is no camera.

@@ -17,6 +17,17 @@ pub enum Error {
         what: &'static str,
     },
 
+    /// A sample of an edge has a coordinate that is NaN or infinite.
+    #[error("sample {sample} of line {line} of figure {figure} must be finite")]
+    SampleNotFinite {
+        /// Index of the figure; 0 where the figure is only being made.
+        figure: usize,
+        /// Index of the line in the figure.
+        line: usize,
+        /// Index of the sample on the line.
+        sample: usize,
+    },
+
     /// Points that the lens model says nothing about.
     #[error(
         "{count} point(s), the first of index {first}, lie beyond the valid radius: the \
@@ -81,7 +92,8 @@ pub enum Error {
         free: String,
     },
 
-    /// Lines of the scene, and no plane.
+    /// Lines of the scene, and no plane: [`fit_distortion`](crate::fit_distortion) finds what they
+    /// tell.
     #[error(
         "{lines} line(s) of the scene and no plane: lines tell of the lens's distortion alone, the \
          rest of the camera needs squares"
@@ -92,7 +104,7 @@ pub enum Error {
     },
 
     /// A plane is described by too few lines.
-    #[error("plane figure {figure} has {found} line(s), but a homography needs {needed}")]
+    #[error("figure {figure} has {found} side(s) or line(s), but its homography needs {needed}")]
     TooFewLines {
         /// Index of the figure.
         figure: usize,
@@ -246,6 +258,7 @@ impl Error {
         match self {
             Error::InvalidArgument(_)
             | Error::NotFinite { .. }
+            | Error::SampleNotFinite { .. }
             | Error::BeyondValidRadius { .. }
             | Error::BehindCamera { .. }
             | Error::CrossedSides { .. }

@@ -120,6 +120,11 @@ fn telling(edges: &[PlaneEdges]) -> Vec<PlaneEdges> {
 
 /// Warns first of all where a calibration with a distorted pinhole has what a fisheye explains
 /// better than any of its models.
+///
+/// [`calibrate`](crate::calibrate) does not look for that by itself, which takes fits with the models
+/// of both lenses: call this after it where the lens may be a fisheye, with the same edges, size and
+/// options. Without warnings that make it look it costs nothing. [`calibrate_by_family`] chooses the
+/// lens instead.
 pub fn heed_fisheye<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,

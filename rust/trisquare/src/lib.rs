@@ -16,12 +16,13 @@
 //! 7. [`Calibration::estimates`] pairs the camera's parameters with their standard deviations;
 //!    `planes`, `covariance` and `warnings` have the rest.
 //! 8. The trait [`Lens`] projects a point and follows a pixel back, [`PointMaps`] many of them: bring
-//!    these into scope. [`UndistortionMap`] maps whole pictures, [`ProjectionUncertainty`] says how
-//!    well a ray is known.
+//!    these into scope. [`UndistortedView::undistorted`] is the pinhole of pictures without distortion,
+//!    [`UndistortionMap`] their map for OpenCV; [`Calibration::projection_uncertainty`] says how well
+//!    a ray is known.
 //!
-//! The example `picture` is steps 1 to 7 without 5, `edges` begins at 4. [`predict`] says beforehand
-//! how well planes would determine a camera. [`nalgebra`] is the version whose vectors the crate
-//! takes.
+//! The example `picture` is steps 1 to 7 without 5, `edges` begins at 4, `undistort` is 8. Straight lines
+//! without squares have [`fit_distortion`] alone. [`predict`] says beforehand how well planes would
+//! determine a camera. [`nalgebra`] is the version whose vectors the crate takes.
 //!
 //! # Conventions
 //!

@@ -422,6 +422,15 @@ fn samples_outside_the_picture_are_warned_of() {
     assert_eq!((found, samples), (figure, beyond(&edges[figure])));
     assert!(first[0] > 961.0);
     assert_eq!(size, [960, 1280]);
+    // A size that cannot be is named before the geometry, which that spoils.
+    let none = ImageSize {
+        width: 1,
+        height: 1,
+    };
+    match calibrate(&edges, none, &Options::default()) {
+        Err(Error::InvalidArgument(message)) => assert!(message.contains("1 x 1"), "{message}"),
+        other => panic!("{other:?}"),
+    }
     // What measuring errs by at the border is none.
     let mut at_the_border = edges.clone();
     let mut line = PlaneEdges::line(

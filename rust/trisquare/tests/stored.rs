@@ -9,7 +9,8 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use trisquare::synthetic::{Scene, SceneOptions};
 use trisquare::{
-    Calibration, Lens, ModelChoice, Options, Warning, calibrate, calibrate_by_evidence,
+    Brown, Calibration, Fisheye, FisheyeModel, Lens, ModelChoice, Options, Warning, calibrate,
+    calibrate_by_evidence,
 };
 
 fn stored_and_read<T: Serialize + DeserializeOwned>(value: &T) -> T {
@@ -46,6 +47,20 @@ fn a_calibration_of_any_lens_is() {
     let scene = Scene::seen_by(camera, 3, SceneOptions::default());
     let found = calibration_of(&scene);
     assert_eq!(stored_and_read(&found), found);
+}
+
+#[test]
+fn options_of_any_lens_are() {
+    let held = Options {
+        model: FisheyeModel::Fisheye2,
+        initial: Some(Fisheye::new([
+            400.0, 401.0, 640.0, 480.0, 0.1, 0.0, 0.0, 0.0,
+        ])),
+        ..Options::new()
+    };
+    assert_eq!(stored_and_read(&held), held);
+    let plain = Options::<Brown>::default();
+    assert_eq!(stored_and_read(&plain), plain);
 }
 
 #[test]

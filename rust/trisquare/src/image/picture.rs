@@ -14,7 +14,10 @@ pub enum PictureError {
         channels: usize,
     },
     /// The number of values is not `width * height * channels`, or it is zero.
-    #[error("{width} x {height} pixels of {channels} channels do not match {count} values")]
+    #[error(
+        "a picture of {width} x {height} pixels with {channels} channel(s) needs as many values, and at \
+         least one, not {count}"
+    )]
     Size {
         /// Pixels in a row.
         width: usize,

@@ -92,8 +92,8 @@ fn check_finite<const D: usize>(points: &[SVector<f64, D>]) -> Result<(), Error>
 /// A map of many points.
 ///
 /// # Errors
-/// [`Error::NotFinite`], or [`Error::BeyondValidRadius`] with the first point that has none, and how
-/// many have none.
+/// [`Error::NotFinite`], of the lens as well where points have none, or [`Error::BeyondValidRadius`]
+/// with the first point that has none, and how many have none.
 pub(crate) fn of_all<L: Lens, const D: usize, Q>(
     lens: &L,
     points: &[SVector<f64, D>],
@@ -104,6 +104,11 @@ pub(crate) fn of_all<L: Lens, const D: usize, Q>(
     found.extend(points.iter().map_while(&map));
     if found.len() == points.len() {
         return Ok(found);
+    }
+    if !lens.parameters().iter().all(|value| value.is_finite()) {
+        return Err(Error::NotFinite {
+            what: "the parameters of the lens",
+        });
     }
     let first = found.len();
     let others = &points[first + 1..];
@@ -182,6 +187,16 @@ mod tests {
                 is_refused(lens.project_points(&[Vector3::z(), other]));
             }
         }
+    }
+
+    #[test]
+    fn a_lens_that_is_not_finite_is_refused() {
+        let mut parameters = lens().parameters();
+        parameters[1] = f64::NAN;
+        let found = lens().with_parameters(&parameters);
+        let found = found.project_points(&[Vector3::new(0.1, 0.2, 1.0)]);
+        let what = "the parameters of the lens";
+        assert_eq!(found, Err(Error::NotFinite { what }));
     }
 
     #[test]

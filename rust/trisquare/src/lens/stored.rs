@@ -1,7 +1,7 @@
 //! How a lens is stored by serde: its parameters by name, and the radius up to which it is trusted.
 //!
 //! What a lens computes from its parameters is not stored but computed again. JSON has no infinity:
-//! the radius of a lens that is trusted everywhere is left out.
+//! the radius of a lens that is trusted everywhere is null; it may be left out as well.
 //!
 //! A struct that holds any lens names this module: `#[serde(with = "trisquare::lens::stored")]`.
 
@@ -17,7 +17,7 @@ use super::{Brown, Fisheye, Lens, OpenCvLens, OpenCvModel};
 struct Stored {
     /// Values by their names, see [`Lens::parameter_names`].
     parameters: BTreeMap<String, f64>,
-    /// In the lens's own measure, see [`Lens::valid_radius`]; absent if it is infinite.
+    /// In the lens's own measure, see [`Lens::valid_radius`]; null if it is infinite.
     valid_radius: Option<f64>,
 }
 
@@ -38,7 +38,8 @@ pub fn serialize<L: Lens, S: Serializer>(lens: &L, serializer: S) -> Result<S::O
 /// Reads a lens back.
 ///
 /// # Errors
-/// Those of the deserializer, and one if the parameters are those of another lens.
+/// Those of the deserializer, and one if the parameters are those of another lens or not finite, or
+/// a focal length is not positive.
 pub fn deserialize<'de, L: Lens, D: Deserializer<'de>>(deserializer: D) -> Result<L, D::Error> {
     let stored = Stored::deserialize(deserializer)?;
     let names = L::parameter_names();
@@ -53,8 +54,48 @@ pub fn deserialize<'de, L: Lens, D: Deserializer<'de>>(deserializer: D) -> Resul
             found.join(", ")
         ))
     })?;
+    if !values.iter().all(|value| value.is_finite()) {
+        return Err(D::Error::custom("the parameters of a lens must be finite"));
+    }
+    let radius = stored.valid_radius.unwrap_or(f64::INFINITY);
+    if !(values[..2].iter().all(|focal| *focal > 0.0) && radius >= 0.0) {
+        return Err(D::Error::custom(
+            "the focal lengths of a lens must be positive, and its valid radius not negative",
+        ));
+    }
     let lens = L::from_camera_matrix(&Matrix3::identity()).with_parameters(&values);
-    Ok(lens.within(stored.valid_radius.unwrap_or(f64::INFINITY)))
+    Ok(lens.within(radius))
+}
+
+/// A lens that may be absent: `#[serde(with = "trisquare::lens::stored::option")]`.
+pub mod option {
+    use super::{Deserialize, Deserializer, Lens, Serialize, Serializer};
+
+    #[derive(Serialize, Deserialize)]
+    #[serde(bound = "")]
+    struct Own<L: Lens>(#[serde(with = "super")] L);
+
+    /// Stores a lens, or that there is none.
+    ///
+    /// # Errors
+    /// Those of the serializer.
+    pub fn serialize<L: Lens, S: Serializer>(
+        lens: &Option<L>,
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        lens.map(Own).serialize(serializer)
+    }
+
+    /// Reads it back.
+    ///
+    /// # Errors
+    /// As [`super::deserialize`].
+    pub fn deserialize<'de, L: Lens, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Option<L>, D::Error> {
+        let own = Option::<Own<L>>::deserialize(deserializer)?;
+        Ok(own.map(|Own(lens)| lens))
+    }
 }
 
 /// Lets a lens be stored by itself, too.
@@ -140,6 +181,16 @@ mod tests {
         let fewer = text.replace("\"p2\":1.0,", "");
         assert_ne!(fewer, text);
         assert!(serde_json::from_str::<Brown>(&fewer).is_err());
+        for (own, wrong) in [
+            ("\"fx\":1.0", "\"fx\":0.0"),
+            ("\"fy\":1.0", "\"fy\":-1.0"),
+            ("\"valid_radius\":", "\"valid_radius\":-"),
+        ] {
+            let changed = text.replace(own, wrong);
+            assert_ne!(changed, text);
+            let refused = serde_json::from_str::<Brown>(&changed).unwrap_err();
+            assert!(refused.to_string().contains("positive"), "{refused}");
+        }
         let no_number = text.replace("\"fx\":1.0", "\"fx\":null");
         assert_ne!(no_number, text);
         assert!(serde_json::from_str::<Brown>(&no_number).is_err());

@@ -54,7 +54,7 @@ pub trait UndistortedView: Lens {
     ///
     /// # Errors
     /// [`Error::InvalidArgument`] if `balance` is not from 0 to 1, the picture is empty or a single
-    /// line of pixels, or (nearly) none of it can be undistorted.
+    /// line of two or more pixels, or (nearly) none of it can be undistorted.
     fn undistorted(&self, size: ImageSize, balance: f64) -> Result<DefaultLens, Error> {
         size.check()?;
         if !(0.0..=1.0).contains(&balance) {

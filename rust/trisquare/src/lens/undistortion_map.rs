@@ -21,12 +21,14 @@ const LARGEST: i32 = i16::MAX as i32 - 1;
 /// Where an undistorted picture's pixels lie in the photograph, row by row.
 ///
 /// OpenCV's fixed-point map (`CV_16SC2` and `CV_16UC1` of its `remap`): whole pixels, and 1/32 of
-/// them in x plus 32 times those in y.
+/// them in x plus 32 times those in y. Without OpenCV, [`Lens::project`] of the rays of the
+/// [`undistorted`](super::UndistortedView::undistorted) view says the same in floating point: see
+/// the example `undistort`.
 #[derive(Debug)]
 pub struct UndistortionMap<'a> {
-    /// Whole pixels, `(x, y)` in turn.
+    /// Whole pixels, `(x, y)` in turn: two for each pixel of the view.
     pub whole: &'a mut [i16],
-    /// Parts of pixels.
+    /// Parts of pixels, one for each pixel of the view.
     pub parts: &'a mut [u16],
     /// Whether the pixel lies in the photograph, and within the valid radius.
     pub valid: &'a mut [bool],
@@ -36,7 +38,7 @@ impl UndistortionMap<'_> {
     /// Fills the map of what a pinhole sees of a camera's photograph.
     ///
     /// # Errors
-    /// [`Error::InvalidArgument`] if the map's size is not `view_size`.
+    /// [`Error::InvalidArgument`] if the lengths of the slices are not those of `view_size`.
     pub fn fill(
         &mut self,
         camera: &impl Lens,
@@ -62,9 +64,13 @@ impl UndistortionMap<'_> {
         let pixels = width * view_size.height as usize;
         let lengths = [self.whole.len() / 2, self.parts.len(), self.valid.len()];
         if lengths != [pixels; 3] || pixels == 0 {
-            return Err(Error::InvalidArgument(
-                "the map must have the size of the view".into(),
-            ));
+            return Err(Error::InvalidArgument(format!(
+                "the map of a view of {pixels} pixels needs twice as many whole pixels, as many \
+                     parts and as many flags, and at least one, not {}, {} and {}",
+                self.whole.len(),
+                self.parts.len(),
+                self.valid.len()
+            )));
         }
         let rows = self
             .whole

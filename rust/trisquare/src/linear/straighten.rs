@@ -31,6 +31,11 @@ const CENTRE_STD_LIMIT: f64 = 0.05;
 const MIN_NOISE: f64 = 0.01;
 
 /// The map from observed to ideal pixels that makes curves straight.
+///
+/// With `q` the observed pixel's distance from the centre in units of `S`, half the image diagonal,
+/// the ideal one is `q (1 + a1 |q|^2 + a2 |q|^4 + a3 |q|^6)`. A straight line tells no focal length, and
+/// undistorted pictures need none: [`from_straightening`](crate::Lens::from_straightening) makes a
+/// lens of any focal length of it, by [`Self::ideal_radius`]; the example `undistort` does.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Straightening {
@@ -63,7 +68,7 @@ impl Straightening {
     }
 
     /// The ideal radius of an observed one, both in pixels from the centre.
-    pub(crate) fn ideal_radius(&self, observed: f64) -> f64 {
+    pub fn ideal_radius(&self, observed: f64) -> f64 {
         let square = (observed / self.radius).powi(2);
         observed * self.factor(square).0
     }
@@ -110,7 +115,7 @@ struct Bend {
 /// better than 5 % of the width. Points in pixels.
 ///
 /// # Errors
-/// [`Error::InvalidArgument`] for a number of coefficients outside 1 to 3,
+/// [`Error::InvalidArgument`] for a number of coefficients outside 1 to 3 or an empty picture,
 /// [`Error::TooFewSamples`], [`Error::NotFinite`], [`Error::TooFewDegreesOfFreedom`], or
 /// [`Error::NotConverged`].
 pub fn fit_distortion(
@@ -119,6 +124,7 @@ pub fn fit_distortion(
     coefficients: usize,
     centre: Option<Vector2<f64>>,
 ) -> Result<Straightening, Error> {
+    size.check()?;
     check(curves, coefficients, centre.as_ref())?;
     let start = Straightening {
         coefficients: vec![0.0; coefficients],
@@ -170,11 +176,16 @@ fn check(
         });
     }
     for (line, curve) in curves.iter().enumerate() {
-        if curve.len() < 2 {
+        // Samples in one place are one.
+        let found = match curve.iter().any(|point| *point != curve[0]) {
+            true => curve.len(),
+            false => curve.len().min(1),
+        };
+        if found < 2 {
             return Err(Error::TooFewSamples {
                 figure: 0,
                 line,
-                found: curve.len(),
+                found,
                 needed: 2,
             });
         }
@@ -402,8 +413,12 @@ mod tests {
             (vec![line.clone()], 0),
             (vec![line.clone()], 4),
             (vec![vec![Vector2::new(f64::NAN, 1.0); 9]], 2),
+            (vec![line.clone(), vec![Vector2::new(3.0, 1.0); 9]], 2),
         ] {
             assert!(fit_distortion(&curves, SIZE, coefficients, None).is_err());
         }
+        let empty = ImageSize { width: 0, ..SIZE };
+        let refused = fit_distortion(&[line.clone(), line], empty, 1, None);
+        assert!(matches!(refused, Err(Error::InvalidArgument(_))));
     }
 }

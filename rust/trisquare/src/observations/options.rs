@@ -43,8 +43,27 @@ impl Default for Fixed {
 
 /// Everything a caller may decide about a calibration, and with which lens.
 ///
-/// `Options::default()` calibrates the default lens, `Options::<L>::new()` any other.
+/// `Options::default()` calibrates the default lens, `Options::<L>::new()` any other; what differs is
+/// named:
+///
+/// ```
+/// use trisquare::{Fisheye, FisheyeModel, Fixed, Options};
+///
+/// let options = Options::<Fisheye> {
+///     model: FisheyeModel::Fisheye2,
+///     fixed: Fixed { aspect: true, ..Fixed::default() },
+///     ..Options::new()
+/// };
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(bound(
+        serialize = "L::Model: serde::Serialize",
+        deserialize = "L::Model: serde::Deserialize<'de>"
+    ))
+)]
 pub struct Options<L: Lens = DefaultLens> {
     /// Maximum likelihood or the three linear steps alone.
     pub method: Method,
@@ -53,6 +72,10 @@ pub struct Options<L: Lens = DefaultLens> {
     /// The parameters held.
     pub fixed: Fixed,
     /// The camera whose values the held parameters keep.
+    #[cfg_attr(
+        feature = "serde",
+        serde(default, with = "crate::lens::stored::option")
+    )]
     pub initial: Option<L>,
 }
 

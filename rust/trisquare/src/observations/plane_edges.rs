@@ -102,8 +102,9 @@ impl PlaneEdges {
     /// its X axis runs along side 0 and its Z axis away from the camera; the side is the unit.
     ///
     /// # Errors
-    /// [`Error::TooFewLines`], [`Error::TooFewSamples`], [`Error::NotFinite`], and
-    /// [`Error::CrossedSides`] if the sides do not follow each other round the square.
+    /// [`Error::TooFewLines`], [`Error::TooFewSamples`], [`Error::SampleNotFinite`], which name the
+    /// figure 0; [`Error::InvalidArgument`] for more than four sides; and [`Error::CrossedSides`] if
+    /// the sides do not follow each other round the square.
     pub fn square(sides: Vec<Vec<Vector2<f64>>>) -> Result<Self, Error> {
         Self::rectangle(sides, 1.0)
     }
@@ -149,7 +150,7 @@ impl PlaneEdges {
     ///
     /// # Errors
     /// [`Error::TooFewParallels`] for fewer than two lines of a family, [`Error::CrossedParallels`],
-    /// [`Error::TooFewSamples`], and [`Error::NotFinite`].
+    /// [`Error::TooFewSamples`], and [`Error::SampleNotFinite`].
     pub fn families(
         along_x: Vec<Vec<Vector2<f64>>>,
         along_y: Vec<Vec<Vector2<f64>>>,
@@ -377,12 +378,15 @@ fn check_samples(figure: usize, line: usize, points: &[Vector2<f64>]) -> Result<
             needed: 2,
         });
     }
-    if !points.iter().all(|p| p.x.is_finite() && p.y.is_finite()) {
-        return Err(Error::NotFinite {
-            what: "sample points",
-        });
+    let is_finite = |point: &Vector2<f64>| point.iter().all(|v| v.is_finite());
+    match points.iter().position(|point| !is_finite(point)) {
+        Some(sample) => Err(Error::SampleNotFinite {
+            figure,
+            line,
+            sample,
+        }),
+        None => Ok(()),
     }
-    Ok(())
 }
 
 /// Samples that no picture of this size shows: mostly it is that of another picture, or width and
@@ -423,7 +427,13 @@ enum SideOrder {
 
 impl SideOrder {
     fn of(sides: &[Vec<Vector2<f64>>]) -> Result<Self, Error> {
-        if sides.len() != 4 {
+        if sides.len() > 4 {
+            return Err(Error::InvalidArgument(format!(
+                "a square or a rectangle has 4 sides, not {}",
+                sides.len()
+            )));
+        }
+        if sides.len() < 4 {
             return Err(Error::TooFewLines {
                 figure: 0,
                 found: sides.len(),
@@ -532,7 +542,14 @@ mod tests {
         assert!(matches!(shared.check(0), Err(Error::InvalidArgument(_))));
         let mut nan = line;
         nan.points[0][1].y = f64::NAN;
-        assert!(matches!(nan.check(0), Err(Error::NotFinite { .. })));
+        assert!(matches!(
+            nan.check(7),
+            Err(Error::SampleNotFinite {
+                figure: 7,
+                line: 0,
+                sample: 1
+            })
+        ));
     }
 
     #[test]
@@ -547,11 +564,19 @@ mod tests {
             PlaneEdges::square(sides()[..3].to_vec()),
             Err(Error::TooFewLines { found: 3, .. })
         ));
+        assert!(matches!(
+            PlaneEdges::square([sides(), sides()].concat()),
+            Err(Error::InvalidArgument(message)) if message.contains("not 8")
+        ));
         let mut nan = sides();
         nan[2][3].x = f64::NAN;
         assert!(matches!(
             PlaneEdges::square(nan),
-            Err(Error::NotFinite { .. })
+            Err(Error::SampleNotFinite {
+                figure: 0,
+                line: 2,
+                sample: 3
+            })
         ));
         let mut edges = PlaneEdges::square(sides()).unwrap();
         edges.std = Some(vec![vec![1.0; 9]; 3]);

@@ -119,7 +119,8 @@ pub struct Estimate {
     pub name: &'static str,
     /// Its value: pixels of the camera matrix, no unit of a distortion coefficient.
     pub value: f64,
-    /// One standard deviation of it; `None` where it was held.
+    /// One standard deviation of it; `None` where it was held. The 95 % interval is the value plus
+    /// and minus 1.96 of them.
     pub std: Option<f64>,
 }
 

@@ -418,7 +418,8 @@ fn richer_focal(cure: Option<&(String, f64)>) -> String {
 }
 
 impl Warning {
-    /// A name that programs may rely on.
+    /// A name that programs may rely on, the same as in Python. Each has its section in `docs/faq.md` of
+    /// the repository: what it means, why it comes, and what to do.
     #[must_use]
     pub fn code(&self) -> &'static str {
         match self {

@@ -135,6 +135,20 @@ impl<'a, L: Lens> ProjectionUncertainty<'a, L> {
 }
 
 impl<L: Lens> Calibration<L> {
+    /// The uncertainty of projections with this camera.
+    ///
+    /// # Errors
+    /// [`Error::NotFinite`] for a covariance that is not.
+    pub fn projection_uncertainty(&self) -> Result<ProjectionUncertainty<'_, L>, Error> {
+        let covariance = self.covariance.clone();
+        ProjectionUncertainty::new(
+            &self.camera,
+            &self.parameters,
+            self.aspect_fixed,
+            covariance,
+        )
+    }
+
     /// How far, in pixels (rms), the projections of the directions seen at pixels may be off.
     ///
     /// `sqrt(trace(J C J^T))`: see [`ProjectionUncertainty`].
@@ -142,14 +156,7 @@ impl<L: Lens> Calibration<L> {
     /// # Errors
     /// [`Error::BeyondValidRadius`].
     pub fn projection_std(&self, pixels: &[Vector2<f64>]) -> Result<Vec<f64>, Error> {
-        let covariance = self.covariance.clone();
-        let uncertainty = ProjectionUncertainty::new(
-            &self.camera,
-            &self.parameters,
-            self.aspect_fixed,
-            covariance,
-        )?;
-        let found = uncertainty.at_pixels(pixels)?;
+        let found = self.projection_uncertainty()?.at_pixels(pixels)?;
         // Rounding may leave a trace that vanishes a little below zero.
         Ok(found.iter().map(|c| c.trace().max(0.0).sqrt()).collect())
     }
