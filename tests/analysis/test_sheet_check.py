@@ -47,7 +47,7 @@ def good():
 
 @pytest.mark.parametrize(
     ("kind", "seed"),
-    first_quick([("corner", 0), ("corner", 1), ("corner", 2), ("corner", 3), ("boards", 4)], 2),
+    first_quick([("corner", 0), ("corner", 1), ("corner", 2), ("boards", 4)]),
 )
 def test_a_good_sheet_is_ok(kind, seed):
     check = checked(*drawn(seed, kind), ruler=100.1)
@@ -65,8 +65,8 @@ def test_a_good_sheet_is_ok(kind, seed):
         assert not finding.advice
 
 
-@pytest.mark.parametrize("seed", first_quick(range(4), 1))
-@pytest.mark.parametrize(("face", "off"), [(1, 10.0), (2, -10.0)])
+@pytest.mark.parametrize("seed", first_quick(range(4)))
+@pytest.mark.parametrize(("face", "off"), first_quick([(1, 10.0), (2, -10.0)]))
 def test_a_fold_that_is_off_is_measured(face, off, seed):
     scene, rng = drawn(100 + seed)
     check = checked(folded_off(scene, PAGES["corner"], face, off), rng)
@@ -79,8 +79,8 @@ def test_a_fold_that_is_off_is_measured(face, off, seed):
     assert "dashed lines" in wrong.advice
 
 
-@pytest.mark.parametrize("seed", first_quick(range(4), 1))
-@pytest.mark.parametrize("bow", [0.004, -0.004])
+@pytest.mark.parametrize("seed", first_quick(range(3)))
+@pytest.mark.parametrize("bow", first_quick([0.004, -0.004]))
 def test_a_bent_face_is_named_and_its_bow_measured(bow, seed):
     scene, rng = drawn(200 + seed)
     face = seed % 3
@@ -105,7 +105,7 @@ def test_a_board_s_bow_is_measured_although_the_calibration_takes_it_out():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", first_quick(range(4), 1))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("kind", ["corner", "flat"])
 @pytest.mark.parametrize("stretch", [0.01, -0.01])
 def test_a_stretched_print_is_told_whatever_the_camera_s_pixels(kind, stretch, seed):
@@ -211,7 +211,7 @@ def test_the_stated_deviations_are_those_of_repeated_photographs():
     scene, _ = drawn(800)
     found = [
         departures(calibrated(scene, np.random.default_rng(seed)), [0, 1, 2], 1.0, is_corner=True)
-        for seed in range(30)
+        for seed in range(20)
     ]
     for pair in found[0].angles:
         values = [own.angles[pair].value for own in found]

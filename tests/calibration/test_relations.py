@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from quick import first_quick
 from scenes import squares
 
 import trisquare as ts
@@ -80,10 +81,12 @@ def test_planes_that_stand_otherwise_are_named():
 
 @pytest.mark.parametrize(
     ("seed", "relations", "text"),
-    [
-        (3, {"parallel": [(2, 1)]}, r"planes 2 and 1 are .* from parallel"),
-        (12, {"orthogonal": [(0, 1)]}, r"planes 0 and 1 are .* from right angles"),
-    ],
+    first_quick(
+        [
+            (3, {"parallel": [(2, 1)]}, r"planes 2 and 1 are .* from parallel"),
+            (12, {"orthogonal": [(0, 1)]}, r"planes 0 and 1 are .* from right angles"),
+        ]
+    ),
 )
 def test_a_refusal_names_planes_that_stand_otherwise(seed, relations, text):
     scene = squares(seed)
