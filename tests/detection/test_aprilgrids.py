@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+from quick import first_quick
 
 import trisquare as ts
 from trisquare import simulate
@@ -64,7 +65,7 @@ def test_photograph_shows_what_render_does():
     assert error[exact < 0.8].std() < 1.0
 
 
-@pytest.mark.parametrize("drawn", ["box", "poses"])
+@pytest.mark.parametrize("drawn", first_quick(["box", "poses"]))
 def test_every_tag_is_read_where_it_is(drawn, request):
     scene, picture = request.getfixturevalue(drawn)
     grids = find_aprilgrids(picture)
@@ -80,6 +81,7 @@ def test_every_tag_is_read_where_it_is(drawn, request):
         assert grid.gap == pytest.approx(scene.targets[0].gap)
 
 
+@pytest.mark.slow
 def test_more_small_tags_are_read_along_the_grid_than_alone():
     rng = np.random.default_rng(33)
     scene = aprilgrid_box_scene(rng, (6, 6))
@@ -90,7 +92,7 @@ def test_more_small_tags_are_read_along_the_grid_than_alone():
     assert along >= 0.95 * 108
 
 
-@pytest.mark.parametrize("drawn", ["box", "poses"])
+@pytest.mark.parametrize("drawn", first_quick(["box", "poses"]))
 def test_grids_calibrate_a_camera_untold(drawn, request):
     scene, picture = request.getfixturevalue(drawn)
     result = ts.calibrate(picture, tone="linear")
@@ -102,6 +104,7 @@ def test_grids_calibrate_a_camera_untold(drawn, request):
     assert not result.rejected
 
 
+@pytest.mark.slow
 def test_blur_does_not_change_the_gap_of_a_grid_of_small_slanted_tags():
     rng = np.random.default_rng([57, 24])
     scene = aprilgrid_box_scene(rng, (6, 6))

@@ -426,6 +426,7 @@ def test_pictures_of_nothing_show_no_tags(targets, shape):
 
 
 @pytest.mark.skipif(not CUBE.is_dir(), reason="there is no ../shared/data/charuco-cube")
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [7, 8])
 def test_a_real_charuco_cube(number):
     """The reference is 5145 +- 13, from 24 pictures by Zhang's method."""

@@ -30,7 +30,7 @@ def boards(case):
 
 
 @pytest.mark.parametrize(
-    "kind", first_quick(["touching boards", "cut by the border", "partly hidden"], 2)
+    "kind", first_quick(["touching boards", "cut by the border", "partly hidden"])
 )
 def test_crossings_in_sight_are_where_the_truth_has_them(kind):
     case = case_of(kind)
@@ -99,6 +99,7 @@ def test_a_rim_of_paper_is_as_wide_as_asked():
     assert picture[65, 65] < 60 < 180 < picture[65, 85]
 
 
+@pytest.mark.slow
 def test_the_same_seed_draws_the_same_picture():
     case = case_of("tags")
     rng = np.random.default_rng([81, KINDS.index("tags")])

@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from quick import first_quick
 
 import trisquare as ts
 from trisquare import simulate
@@ -215,7 +216,7 @@ def test_the_drawing_shows_the_folded_corner_in_free_room(page, side, kind):
 
 @pytest.mark.parametrize("page", PAGES)
 @pytest.mark.parametrize("kind", ["corner", "boards"])
-@pytest.mark.parametrize("dpi", [100, 200])
+@pytest.mark.parametrize("dpi", first_quick([100, 200]))
 def test_the_drawing_is_no_target(tmp_path, page, kind, dpi):
     target = ts.printed_target(kind, page=page)
     picture = rastered(target.to_pdf(), tmp_path, dpi=dpi)

@@ -118,7 +118,8 @@ def test_sides_and_tilts_may_be_given(count):
         assert 30.0 <= np.degrees(np.arccos(target.rotation[2, 2])) <= 31.0
 
 
-def test_squares_that_do_not_fit_are_refused():
+def test_squares_that_do_not_fit_are_refused(monkeypatch):
+    monkeypatch.setattr("trisquare.simulate.scenes.MOST_DRAWS", 100)
     with pytest.raises(ValueError, match="no 3 squares fit"):
         random_scene(np.random.default_rng(0), sides=(2.0, 2.0))
 
