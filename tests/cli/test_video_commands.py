@@ -28,11 +28,19 @@ VIEWS = [
 FRAMES = moving(12, SIZE)
 
 
+@pytest.fixture(scope="module")
+def given(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("given")
+    CAMERA.save(folder / "camera.json")
+    write_frames(folder / "clip.mp4", FRAMES, 29.97)
+    cv2.imwrite(str(folder / "photo.png"), FRAMES[0])
+    return folder
+
+
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
-    CAMERA.save(tmp_path / "camera.json")
-    write_frames(tmp_path / "clip.mp4", FRAMES, 29.97)
-    cv2.imwrite(str(tmp_path / "photo.png"), FRAMES[0])
+def folder(given, tmp_path, monkeypatch):
+    for path in given.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
