@@ -169,7 +169,7 @@ def test_a_quick_run_writes_page_plots_and_numbers(tmp_path, experiments):
     written = {path.name for path in (tmp_path / "experiments").glob("*.svg")}
     shown = {f"{name}.svg" for name in experiments["plots"].drawn(found)}
     assert written == shown | ({"gallery.svg"} if found["gallery"] else set())
-    # Four scenes of the usual kind, from edge points that are known to 0.01 px.
+    # Two scenes of the usual kind, from edge points that are known to 0.01 px.
     usual = found["sweeps"]["noise"][0]["edges"]
-    assert usual["answered"] == usual["scenes"] == 4
+    assert usual["answered"] == usual["scenes"] == 2
     assert 0.0 < experiments["page"].pixel_rms(usual) < 1.0
