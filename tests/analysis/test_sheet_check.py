@@ -173,7 +173,8 @@ def boards_of(cells):
     return simulate.corner_scene(rng, page=page), rng
 
 
-@pytest.mark.parametrize("cells", first_quick([8, 22], 1))
+@pytest.mark.slow
+@pytest.mark.parametrize("cells", [8, 22])
 def test_boards_with_other_numbers_of_cells_are_not_the_sheet(cells):
     shown = f"chessboards of .*{cells} x {cells}.* cells, .* have 18 x 18"
     with pytest.raises(ts.NotEnoughPlanesError, match=shown):

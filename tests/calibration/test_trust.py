@@ -172,7 +172,7 @@ def test_sides_that_err_together_raise_the_std_and_are_told(scenes):
     assert np.mean(squares_of_errors) < 2.0**2
 
 
-@pytest.mark.parametrize("shape", ["rectangle", "trapezium"])
+@pytest.mark.parametrize("shape", first_quick(["rectangle", "trapezium"]))
 @pytest.mark.parametrize("count", first_quick([4, 5]))
 @pytest.mark.parametrize("seed", first_quick(range(4)))
 def test_a_false_square_among_four_is_named_and_left_out(shape, count, seed):

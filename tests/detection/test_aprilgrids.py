@@ -145,17 +145,17 @@ def test_a_wrong_layout_is_refused_and_says_why(box, targets, why):
         ts.detect(box[1], targets=targets)
 
 
-def test_a_grid_that_is_turned_or_partly_hidden_is_found(box):
+@pytest.mark.parametrize("turns", first_quick([1, 2]))
+def test_a_grid_that_is_turned_or_partly_hidden_is_found(box, turns):
     _, picture = box
     hidden = picture.copy()
     tags = find_aprilgrids(picture)[0].tags
     inner = next(tag for tag in tags if tag.number % 16 == 5)
     cv2.fillPoly(hidden, [np.rint(inner.corners).astype(np.int32)], (230.0,))
-    for turns in (1, 2):
-        turned = np.ascontiguousarray(np.rot90(hidden, turns))
-        found = find_aprilgrids(turned)
-        assert sorted(len(grid.tags) for grid in found) == [15, 16, 16]
-        assert len(search(turned, TargetKinds.parse("auto")).targets) == 3
+    turned = np.ascontiguousarray(np.rot90(hidden, turns))
+    found = find_aprilgrids(turned)
+    assert sorted(len(grid.tags) for grid in found) == [15, 16, 16]
+    assert len(search(turned, TargetKinds.parse("auto")).targets) == 3
 
 
 def test_lone_tags_and_pictures_of_nothing_are_no_grid():
