@@ -35,7 +35,6 @@ FIRST, SECOND = (
     "{:.0f},{:.0f}".format(*corner)
     for corner in SCENE.image_points(0, np.array([[-0.5, -0.5], [0.5, -0.5]]))
 )
-LINES = plumb_scene(np.random.default_rng(3), IMAGE_SIZE, -0.15).picture
 FORMATS_PAGE = Path(__file__).parents[2] / "docs" / "formats.md"
 TAKEN = ("photo.png", "--camera", "camera.json")
 
@@ -119,7 +118,8 @@ OVERWRITING = (
 @pytest.fixture(scope="module")
 def files():
     """What the files of each test's folder hold."""
-    photo, lines = (cv2.imencode(".png", picture)[1].tobytes() for picture in (PHOTO, LINES))
+    straight = plumb_scene(np.random.default_rng(3), IMAGE_SIZE, -0.15).picture
+    photo, lines = (cv2.imencode(".png", picture)[1].tobytes() for picture in (PHOTO, straight))
     camera = CALIBRATION.to_json().encode()
     return {"photo.png": photo, "lines.png": lines, "camera.json": camera}
 
