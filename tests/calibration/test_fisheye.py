@@ -80,6 +80,7 @@ def test_squares_are_found_in_a_circle_of_light_among_clutter():
     assert abs(result.camera.fx - scene.camera.fx) < 4.5 * result.std["fx"]
 
 
+@pytest.mark.slow
 def test_evidence_takes_a_fisheye_for_what_it_is(wide):
     _, result = wide
     found = ts.calibrate_edges(result.edges, image_size=SIZE, model="auto")

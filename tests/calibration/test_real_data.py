@@ -112,7 +112,8 @@ def test_three_boards_of_which_a_third_is_left_out_lead_to_no_wrong_optimum():
         assert abs(value - 1637) < 3.0 * result.std[name] + 13.0
 
 
-@pytest.mark.parametrize("number", first_quick([7, 8]))
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [7, 8])
 def test_three_faces_of_a_charuco_cube(number):
     result = ts.calibrate(DATA / "charuco-cube" / "cam0" / f"{number}.jpg")
     assert abs(result.camera.fx - 5145) < 3.0 * result.std["fx"]

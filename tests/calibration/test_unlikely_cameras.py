@@ -60,6 +60,7 @@ def test_a_lens_whose_polynomial_turns_back_within_the_picture_is_named():
     assert "lens_ends_in_picture" not in codes(whole)
 
 
+@pytest.mark.slow
 def test_a_camera_that_errors_of_the_planes_leave_open_is_named():
     """Geometry that is sound, of squares whose sides are bent by more than their noise."""
     rng = np.random.default_rng(17)

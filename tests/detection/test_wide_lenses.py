@@ -24,7 +24,7 @@ def test_boards_are_found_whole(degrees):
     assert all(lattice.present.all() for lattice in lattices)
 
 
-@pytest.mark.parametrize(("name", "degrees"), [("7X7_1000", 140.0), ("4X4_50", 190.0)])
+@pytest.mark.parametrize(("name", "degrees"), first_quick([("4X4_50", 190.0), ("7X7_1000", 140.0)]))
 def test_tags_are_read(name, degrees):
     rng = np.random.default_rng(1)
     scene, numbers = wide_tag_scene(rng, simulate.fisheye(degrees), name)

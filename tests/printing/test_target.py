@@ -483,6 +483,7 @@ def test_a_photograph_of_the_folded_sheet_calibrates(tmp_path):
     assert_calibrated(photographed(papers, rng), CAMERA, right_angles=True)
 
 
+@pytest.mark.slow
 def test_a_photograph_of_the_flat_sheets_calibrates(tmp_path):
     """The very PDF, with its ruler and its text in the picture."""
     target = ts.printed_target("flat", side=150.0)

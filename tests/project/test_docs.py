@@ -22,7 +22,7 @@ from trisquare.detection.sheets.layout import parse_layout
 from trisquare.formats.registry import FORMATS
 
 FRAMES = 3
-LONG = ("batch.md", "start.md")
+LONG = ("batch.md", "report.md", "start.md")
 """Pages whose commands take seconds."""
 
 

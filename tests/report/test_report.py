@@ -514,7 +514,7 @@ def test_a_missing_extra_is_told_before_anything_is_computed(run, tmp_path, monk
     assert not report.exists()
 
 
-def test_the_command_writes_a_report_that_says_how_to_repeat_it(run, tmp_path):
+def test_the_command_writes_a_report_that_says_how_to_repeat_it(undrawn, run, tmp_path):
     photograph, report = tmp_path / "a photo.png", tmp_path / "out.html"
     photograph.write_bytes(DEMO.read_bytes())
     options = ["--free", "skew", "--model", "brown", "--json"]

@@ -116,7 +116,7 @@ def test_pictures_without_lines_are_refused(picture):
         ts.straighten(picture)
 
 
-@pytest.mark.parametrize("draw", [circles, arches, spokes])
+@pytest.mark.parametrize("draw", first_quick([arches, circles, spokes]))
 @pytest.mark.parametrize("k1", first_quick([0.0, -0.15]))
 def test_curves_and_lines_through_the_centre_are_refused(draw, k1):
     scene = plumb_scene(np.random.default_rng(6), SIZE, k1, draw)
