@@ -135,15 +135,26 @@ def test_a_bar_shows_how_much_of_the_video_is_done(folder):
     assert "undistorting" in on_terminal(words, "stderr", {**os.environ, "TERM": "xterm"})
 
 
-def damage(folder):
-    """Videos and names that are wrong, beside the whole one."""
-    encoded = (folder / "clip.mp4").read_bytes()
-    (folder / "cut.mp4").write_bytes(encoded[: len(encoded) // 2])
-    write_frames(folder / "long.avi", moving(60, SIZE, 1))
-    encoded = (folder / "long.avi").read_bytes()
-    (folder / "cut.avi").write_bytes(encoded[: len(encoded) // 2])
-    encoder = cv2.VideoWriter.fourcc(*"MJPG")
-    cv2.VideoWriter("empty.avi", encoder, 10, SIZE).release()
+@pytest.fixture(scope="module")
+def damaged(given, tmp_path_factory):
+    """What videos hold that are cut, or empty."""
+    long, empty = (tmp_path_factory.mktemp("videos") / name for name in ("long.avi", "empty.avi"))
+    write_frames(long, moving(60, SIZE, 1))
+    cv2.VideoWriter(str(empty), cv2.VideoWriter.fourcc(*"MJPG"), 10, SIZE).release()
+    whole, encoded = (given / "clip.mp4").read_bytes(), long.read_bytes()
+    return {
+        "cut.mp4": whole[: len(whole) // 2],
+        "cut.avi": encoded[: len(encoded) // 2],
+        **({"empty.avi": empty.read_bytes()} if empty.exists() else {}),
+    }
+
+
+@pytest.fixture
+def faulty(folder, damaged):
+    """The folder with videos that are wrong beside the whole one."""
+    for name, content in damaged.items():
+        (folder / name).write_bytes(content)
+    return folder
 
 
 UNDISTORT = "--camera camera.json -o"
@@ -177,18 +188,16 @@ UNDISTORT = "--camera camera.json -o"
         ("measure clip.mp4 --camera camera.json 1,1 2,2", 5, "clip.mp4: a video"),
     ],
 )
-def test_what_is_wrong_is_one_line_and_writes_nothing(run, folder, arguments, exit_code, said):
-    damage(folder)
-    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+def test_what_is_wrong_is_one_line_and_writes_nothing(run, faulty, arguments, exit_code, said):
+    before = {path.name: path.read_bytes() for path in faulty.iterdir()}
     code, out, err = run(*arguments.split())
     assert (code, out) == (exit_code, "")
     assert said in error_text(err, as_json=False)
-    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    assert {path.name: path.read_bytes() for path in faulty.iterdir()} == before
 
 
 @pytest.mark.parametrize("name", ["cut.mp4", "cut.avi"])
-def test_ffmpeg_adds_no_lines_of_its_own(folder, name):
-    damage(folder)
+def test_ffmpeg_adds_no_lines_of_its_own(faulty, name):
     unset = {k: v for k, v in os.environ.items() if k != "OPENCV_FFMPEG_LOGLEVEL"}
     words = ("undistort", name, "--camera", "camera.json", "-o", "out.mp4")
     done = subprocess.run([*COMMAND, *words], env=unset, capture_output=True, text=True)

@@ -247,7 +247,7 @@ def misfit(figures):
             ("charuco:7x5:0.75:4X4_1000", "are not where"),
             ("aruco:4x2:0.2:4X4_1000", "are not where"),
         ],
-        3,
+        2,
     ),
 )
 def test_a_wrong_layout_is_refused_and_says_why(box, targets, why):
