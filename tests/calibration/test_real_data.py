@@ -84,6 +84,7 @@ def test_three_boards_in_a_corner(side):
     assert cornered.camera.fy / cornered.camera.fx == pytest.approx(1.0, abs=0.01)
 
 
+@pytest.mark.slow
 def test_three_boards_of_which_a_third_is_left_out_lead_to_no_wrong_optimum():
     """From the conic's start alone these lines led to focal lengths of 1707 and 2036 px."""
     edges = ts.detect(DATA / "ortho-corner" / "right_calib.jpg")

@@ -423,6 +423,7 @@ def test_no_input_is_overwritten(run, folder, arguments):
     assert_refused(run(*arguments), 2, folder, before)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="needs names of any bytes")
 def test_names_need_not_be_text(run, folder):
     """OpenCV crashes on them."""

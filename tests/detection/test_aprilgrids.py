@@ -120,6 +120,7 @@ def test_blur_does_not_change_the_gap_of_a_grid_of_small_slanted_tags():
     assert abs(result.camera.fx - scene.camera.fx) < 4.0 * result.std["fx"] < 8.0
 
 
+@pytest.mark.slow
 def test_a_stated_layout_gives_what_none_does(box):
     _, picture = box
     untold = ts.detect(picture, tone="linear")

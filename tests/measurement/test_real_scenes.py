@@ -57,7 +57,8 @@ def test_boards_of_a_corner_are_perpendicular_and_share_their_folds():
             assert (gaps < 1e-9).sum() == 2  # the two ends of one fold
 
 
-@pytest.mark.parametrize("kind", first_quick(["cut by the border", "partly hidden"]))
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["cut by the border", "partly hidden"])
 def test_part_of_the_crossings_is_out_of_sight(kind):
     case = case_of(kind)
     crossings = np.concatenate(

@@ -470,6 +470,7 @@ def box(left, top, right, bottom):
     return [(left, top), (right, top), (right, bottom), (left, bottom)]
 
 
+@pytest.mark.slow
 def test_a_photograph_of_the_folded_sheet_calibrates(tmp_path):
     """The very PDF, with its folds and cuts, folded in front of a camera."""
     target = ts.printed_target("corner")
