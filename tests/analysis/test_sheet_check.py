@@ -65,7 +65,7 @@ def test_a_good_sheet_is_ok(kind, seed):
         assert not finding.advice
 
 
-@pytest.mark.parametrize("seed", first_quick(range(4)))
+@pytest.mark.parametrize("seed", first_quick(range(2)))
 @pytest.mark.parametrize(("face", "off"), first_quick([(1, 10.0), (2, -10.0)]))
 def test_a_fold_that_is_off_is_measured(face, off, seed):
     scene, rng = drawn(100 + seed)
@@ -80,9 +80,8 @@ def test_a_fold_that_is_off_is_measured(face, off, seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("bow", [0.004, -0.004])
-def test_a_bent_face_is_named_and_its_bow_measured(bow, seed):
+@pytest.mark.parametrize(("seed", "bow"), [(0, 0.004), (1, -0.004), (2, 0.004)])
+def test_a_bent_face_is_named_and_its_bow_measured(seed, bow):
     scene, rng = drawn(200 + seed)
     face = seed % 3
     middle = scene.image_points(face, np.zeros((1, 2)))[0]
@@ -106,11 +105,10 @@ def test_a_board_s_bow_is_measured_although_the_calibration_takes_it_out():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("kind", ["corner", "flat"])
 @pytest.mark.parametrize("stretch", [0.01, -0.01])
-def test_a_stretched_print_is_told_whatever_the_camera_s_pixels(kind, stretch, seed):
-    scene, rng = drawn(400 + seed, kind)
+def test_a_stretched_print_is_told_whatever_the_camera_s_pixels(kind, stretch):
+    scene, rng = drawn(400, kind)
     scene = replace(scene, camera=replace(scene.camera, fy=1.004 * scene.camera.fx))
     check = checked(stretched(scene, stretch), rng, kind)
     (finding,) = (finding for finding in check.findings if finding.check == "stretched")

@@ -114,9 +114,8 @@ def test_three_boards_of_which_a_third_is_left_out_lead_to_no_wrong_optimum():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [7, 8])
-def test_three_faces_of_a_charuco_cube(number):
-    result = ts.calibrate(DATA / "charuco-cube" / "cam0" / f"{number}.jpg")
+def test_three_faces_of_a_charuco_cube():
+    result = ts.calibrate(DATA / "charuco-cube" / "cam0" / "7.jpg")
     assert abs(result.camera.fx - 5145) < 3.0 * result.std["fx"]
     assert abs(result.camera.fy - 5145) < 3.0 * result.std["fy"]
     assert result.std["fx"] < 0.03 * 5145

@@ -174,7 +174,7 @@ def test_sides_that_err_together_raise_the_std_and_are_told(scenes):
 
 @pytest.mark.parametrize("shape", first_quick(["rectangle", "trapezium"]))
 @pytest.mark.parametrize("count", first_quick([4, 5]))
-@pytest.mark.parametrize("seed", first_quick(range(4)))
+@pytest.mark.parametrize("seed", first_quick(range(3)))
 def test_a_false_square_among_four_is_named_and_left_out(shape, count, seed):
     plane = seed % count
     scene = with_false_target(squares(seed, count=count), plane, false_shape(shape))
