@@ -40,8 +40,9 @@ help:
 demo: $(READY)
 	$(VENV_PYTHON) -m trisquare demo
 
-# One process per processor; one that is done takes over tests of another.
-PYTEST = $(VENV_PYTHON) -m pytest -n auto --dist worksteal --durations=10
+# One process per processor; one that is done takes over tests of another. Many of them start
+# further ones: byte code is kept whatever the environment says, or each would compile all again.
+PYTEST = PYTHONDONTWRITEBYTECODE= $(VENV_PYTHON) -m pytest -n auto --dist worksteal --durations=10
 
 # `make test ROOM=lens`: the tests of one room, which is a folder of tests/, or a module of the
 # crate, or both.

@@ -40,7 +40,7 @@ class Scenes(NamedTuple):
     cameras: int = 12  # of the lengths
 
 
-QUICK = Scenes(edges=4, pictures=1, boards=0, corners=2, cameras=1)
+QUICK = Scenes(edges=2, pictures=1, boards=0, corners=1, cameras=1)
 
 
 def main(arguments: Sequence[str]) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from quick import first_quick
 from scenes import IMAGE_SIZE, edges_of, squares
 
 import trisquare as ts
@@ -178,7 +179,7 @@ def small_figures(seed):
     return figures
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", first_quick([3, 0, 1, 2]))
 def test_small_figures_of_much_noise_take_no_minute(seed):
     figures = small_figures(seed)
     begun = time.process_time()

@@ -47,7 +47,7 @@ def good():
 
 @pytest.mark.parametrize(
     ("kind", "seed"),
-    first_quick([("corner", 0), ("corner", 1), ("corner", 2), ("corner", 3), ("boards", 4)], 2),
+    first_quick([("corner", 0), ("corner", 1), ("corner", 2), ("boards", 4)]),
 )
 def test_a_good_sheet_is_ok(kind, seed):
     check = checked(*drawn(seed, kind), ruler=100.1)
@@ -65,8 +65,8 @@ def test_a_good_sheet_is_ok(kind, seed):
         assert not finding.advice
 
 
-@pytest.mark.parametrize("seed", first_quick(range(4), 1))
-@pytest.mark.parametrize(("face", "off"), [(1, 10.0), (2, -10.0)])
+@pytest.mark.parametrize("seed", first_quick(range(2)))
+@pytest.mark.parametrize(("face", "off"), first_quick([(1, 10.0), (2, -10.0)]))
 def test_a_fold_that_is_off_is_measured(face, off, seed):
     scene, rng = drawn(100 + seed)
     check = checked(folded_off(scene, PAGES["corner"], face, off), rng)
@@ -79,9 +79,9 @@ def test_a_fold_that_is_off_is_measured(face, off, seed):
     assert "dashed lines" in wrong.advice
 
 
-@pytest.mark.parametrize("seed", first_quick(range(4), 1))
-@pytest.mark.parametrize("bow", [0.004, -0.004])
-def test_a_bent_face_is_named_and_its_bow_measured(bow, seed):
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "bow"), [(0, 0.004), (1, -0.004), (2, 0.004)])
+def test_a_bent_face_is_named_and_its_bow_measured(seed, bow):
     scene, rng = drawn(200 + seed)
     face = seed % 3
     middle = scene.image_points(face, np.zeros((1, 2)))[0]
@@ -105,11 +105,10 @@ def test_a_board_s_bow_is_measured_although_the_calibration_takes_it_out():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", first_quick(range(4), 1))
 @pytest.mark.parametrize("kind", ["corner", "flat"])
 @pytest.mark.parametrize("stretch", [0.01, -0.01])
-def test_a_stretched_print_is_told_whatever_the_camera_s_pixels(kind, stretch, seed):
-    scene, rng = drawn(400 + seed, kind)
+def test_a_stretched_print_is_told_whatever_the_camera_s_pixels(kind, stretch):
+    scene, rng = drawn(400, kind)
     scene = replace(scene, camera=replace(scene.camera, fy=1.004 * scene.camera.fx))
     check = checked(stretched(scene, stretch), rng, kind)
     (finding,) = (finding for finding in check.findings if finding.check == "stretched")
@@ -173,7 +172,8 @@ def boards_of(cells):
     return simulate.corner_scene(rng, page=page), rng
 
 
-@pytest.mark.parametrize("cells", first_quick([8, 22], 1))
+@pytest.mark.slow
+@pytest.mark.parametrize("cells", [8, 22])
 def test_boards_with_other_numbers_of_cells_are_not_the_sheet(cells):
     shown = f"chessboards of .*{cells} x {cells}.* cells, .* have 18 x 18"
     with pytest.raises(ts.NotEnoughPlanesError, match=shown):

@@ -22,6 +22,12 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.fixture
+def batch(run):
+    """Run the command with one process, which is what most of its time is for."""
+    return lambda *arguments: run("batch", *arguments, "--jobs", 1)
+
+
 def test_a_folder_of_pictures(run, folder):
     code, out, err = run("batch", "in", "-o", "results", "--parquet", "--jobs", 2)
     assert (code, err) == (0, "")
@@ -42,14 +48,14 @@ def test_a_folder_of_pictures(run, folder):
     assert run("compare", "results/cameras/a.json", "results/cameras/a.json")[0] == 0
 
 
-def test_options_are_for_all_and_a_manifest_s_own_come_first(run, folder):
+def test_options_are_for_all_and_a_manifest_s_own_come_first(batch, folder):
     records = [
         {"name": "own", "photographs": "in/a.png", "model": "brown"},
         {"name": "shared", "photographs": ["in/b.png"]},
     ]
     (folder / "list.jsonl").write_text("".join(json.dumps(own) + "\n" for own in records))
     options = ("--model", "radial1", "--fix", "aspect", "--tone", "2.2")
-    assert run("batch", "list.jsonl", "-o", "out", *options)[0] == 0
+    assert batch("list.jsonl", "-o", "out", *options)[0] == 0
     found = {
         name: ts.Calibration.from_json((folder / f"out/cameras/{name}.json").read_text())
         for name in ("own", "shared")
@@ -59,10 +65,10 @@ def test_options_are_for_all_and_a_manifest_s_own_come_first(run, folder):
     assert {own.tone for own in found.values()} == {2.2}
 
 
-def test_a_camera_to_hold_is_for_all(run, folder):
+def test_a_camera_to_hold_is_for_all(batch, folder):
     ts.calibrate("in/a.png").save("known.json")
     options = ("--initial", "known.json", "--fix", "focal")
-    assert run("batch", "in", "-o", "out", *options)[0] == 0
+    assert batch("in", "-o", "out", *options)[0] == 0
     known = ts.Calibration.load("known.json").camera
     for name in ("a", "b"):
         found = ts.Calibration.load(f"out/cameras/{name}.json")
@@ -70,46 +76,46 @@ def test_a_camera_to_hold_is_for_all(run, folder):
         assert found.fixed == ("focal",)
 
 
-def test_videos_are_cameras_among_photographs(run, folder):
+def test_videos_are_cameras_among_photographs(batch, folder):
     picture = cv2.imread(str(folder / "in" / "a.png"))
     write_frames(folder / "clip.avi", [picture] * 3)
     inputs = ("clip.avi", "in/b.png", "-o", "out")
-    code, out, _ = run("batch", *inputs)
+    code, out, _ = batch(*inputs)
     assert code == 6
     assert "batch choose frames of it with --frames 10" in " ".join(out.split())
-    assert run("batch", *inputs, "--frames", "2", "--retry")[0] == 0
+    assert batch(*inputs, "--frames", "2", "--retry")[0] == 0
     clip, photo = (ts.Calibration.load(f"out/cameras/{name}.json") for name in ("clip", "b"))
     assert clip.camera.fx == ts.calibrate("clip.avi", frames=2).camera.fx
     assert photo.camera.fx == ts.calibrate("in/b.png").camera.fx
-    assert run("batch", *inputs, "--frames", "0")[0] == 2
+    assert batch(*inputs, "--frames", "0")[0] == 2
 
 
 @pytest.mark.parametrize(("cell", "status"), [("2", "done"), ("-1", "failed"), ("two", "failed")])
-def test_a_manifest_has_the_frames_of_a_video(run, folder, cell, status):
+def test_a_manifest_has_the_frames_of_a_video(batch, folder, cell, status):
     write_frames(folder / "clip.avi", [cv2.imread(str(folder / "in" / "a.png"))] * 2)
     (folder / "list.csv").write_text(f"name,photographs,frames\nleft,clip.avi,{cell}\n")
-    run("batch", "list.csv", "-o", "out")
+    batch("list.csv", "-o", "out")
     (record,) = map(json.loads, (folder / "out" / "results.jsonl").read_text().splitlines())
     assert record["status"] == status
     if status == "failed":
         assert "frames must be" in record["error"]["text"]
 
 
-def test_limits_for_production_decide_the_exit_code(run, folder):
+def test_limits_for_production_decide_the_exit_code(batch, folder):
     (folder / "limits.toml").write_text("[std.fx]\nmost = 1e-9\n")
-    code, out, _ = run("batch", "in", "-o", "out", "--limits", "limits.toml")
+    code, out, _ = batch("in", "-o", "out", "--limits", "limits.toml")
     assert code == 6
     assert "0 passed, 2 beyond the limits, 0 failed" in out
     assert "a: beyond limits: std.fx" in out
     (folder / "limits.toml").write_text("[std.fx]\nmost = 1e9\n")
-    assert run("batch", "in", "-o", "out", "--limits", "limits.toml", "-q") == (0, "", "")
+    assert batch("in", "-o", "out", "--limits", "limits.toml", "-q") == (0, "", "")
     assert "Limits" in (folder / "out/summary.html").read_text()
 
 
-def test_what_fails_is_told_and_the_rest_goes_on(run, folder):
+def test_what_fails_is_told_and_the_rest_goes_on(batch, folder):
     (folder / "in" / "bad\x1b[31m.png").write_text("hello")
     (folder / "empty").mkdir()
-    code, out, err = run("batch", "in", "empty", "-o", "out")
+    code, out, err = batch("in", "empty", "-o", "out")
     assert (code, err) == (6, "")
     assert "4 cameras (4 done now): 2 passed, 0 beyond the limits, 2 failed" in out
     assert "\x1b" not in out
@@ -120,14 +126,14 @@ def test_what_fails_is_told_and_the_rest_goes_on(run, folder):
     assert names == ["a", "b", "bad\x1b[31m", "empty"]
 
 
-def test_cameras_that_are_no_longer_given_do_not_count(run, folder):
+def test_cameras_that_are_no_longer_given_do_not_count(batch, folder):
     """As after a camera was retired, or a wrong line of a manifest was mended."""
     (folder / "in" / "bad.png").write_text("hello")
-    assert run("batch", "in", "-o", "out")[0] == 6
+    assert batch("in", "-o", "out")[0] == 6
     records = (folder / "out/results.jsonl").read_text()
     (folder / "in" / "bad.png").unlink()
     (folder / "in" / "a.png").unlink()
-    code, out, err = run("batch", "in", "-o", "out")
+    code, out, err = batch("in", "-o", "out")
     assert (code, err) == (0, "")
     assert "1 camera (0 done now): 1 passed, 0 beyond the limits, 0 failed" in out
     assert "2 more cameras of earlier runs" in out
@@ -145,7 +151,7 @@ def test_cameras_that_are_no_longer_given_do_not_count(run, folder):
     page = (folder / "out/summary.html").read_text()
     assert "2 more of earlier runs" in page
     assert "bad" not in page
-    answer = json.loads(run("batch", "in", "-o", "out", "--json")[1])
+    answer = json.loads(batch("in", "-o", "out", "--json")[1])
     assert (answer["cameras"], answer["earlier"], answer["all_passed"]) == (1, 2, True)
 
 
@@ -181,38 +187,38 @@ def test_wrong_commands_write_nothing(run, folder, arguments, code, message):
     assert not (folder / "out").exists()
 
 
-def test_names_in_errors_do_not_steer_the_terminal(run, folder):
-    code, _, err = run("batch", "\x1b[31mmissing\x9b", "-o", "out")
+def test_names_in_errors_do_not_steer_the_terminal(batch, folder):
+    code, _, err = batch("\x1b[31mmissing\x9b", "-o", "out")
     assert code == 5
     assert "\\x1b[31mmissing\\x9b: there is no such file" in err
     assert "\x1b" not in err
 
 
-def test_a_second_run_is_refused(run, folder):
+def test_a_second_run_is_refused(batch, folder):
     from trisquare.batch.limits import JobLimits
     from trisquare.batch.store import Store
 
     with Store("out", JobLimits.stated()):
-        code, _, err = run("batch", "in", "-o", "out")
+        code, _, err = batch("in", "-o", "out")
     assert code == 2
     assert "out: another run writes to this folder" in err
 
 
-def test_pictures_may_be_limited(run, folder):
+def test_pictures_may_be_limited(batch, folder):
     most = ("--max-pixels", "0.1M")
-    code, out, _ = run("batch", "in/a.png", "-o", "out", *most)
+    code, out, _ = batch("in/a.png", "-o", "out", *most)
     assert code == 6
     assert "480 x 360 pixels, more than the 100000 that max_pixels allows" in out
     # Nothing has changed, and then the limit has.
-    assert "(0 done now)" in run("batch", "in/a.png", "-o", "out", *most)[1]
-    assert run("batch", "in/a.png", "-o", "out", "--max-pixels", "1M")[0] == 0
+    assert "(0 done now)" in batch("in/a.png", "-o", "out", *most)[1]
+    assert batch("in/a.png", "-o", "out", "--max-pixels", "1M")[0] == 0
 
 
-def test_failures_are_done_again_when_asked(run, folder):
+def test_failures_are_done_again_when_asked(batch, folder):
     (folder / "in" / "bad.png").write_text("hello")
-    assert "(3 done now)" in run("batch", "in", "-o", "out")[1]
-    assert "(0 done now)" in run("batch", "in", "-o", "out")[1]
-    assert "(1 done now)" in run("batch", "in", "-o", "out", "--retry")[1]
+    assert "(3 done now)" in batch("in", "-o", "out")[1]
+    assert "(0 done now)" in batch("in", "-o", "out")[1]
+    assert "(1 done now)" in batch("in", "-o", "out", "--retry")[1]
 
 
 @pytest.mark.slow

@@ -253,6 +253,7 @@ def test_a_folder_that_cannot_be_made_is_told(tmp_path):
         Store(tmp_path / "file" / "results", LIMITS)
 
 
+@pytest.mark.slow
 def test_a_run_that_is_killed_goes_on_to_the_same_bytes(tmp_path):
     """Killed again and again at other moments, always by kill -9."""
     names = [f"cam{number}.png" for number in range(12)]

@@ -217,6 +217,7 @@ def test_outliers_do_not_pull_the_answer():
     assert_within(ts.calibrate_edges(edges, IMAGE_SIZE), scene, 4.5)
 
 
+@pytest.mark.slow
 def test_a_square_that_is_none_is_named():
     scene = squares(8, count=6)
     edges = edges_of(scene, 0.05, 8)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from quick import first_quick
 
 import trisquare as ts
 from trisquare.detection.kinds import TargetKinds
@@ -64,7 +65,7 @@ def test_the_shorter_side_is_the_unit_and_either_way_up_is_one_rectangle():
             assert np.linalg.norm(plane.translation) == pytest.approx(distance, rel=0.02)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", first_quick(range(4)))
 def test_an_unknown_aspect_is_estimated_with_its_std(seed):
     scene, points = rectangles(seed, aspect=1.3)
     result = ts.calibrate_edges(edges_of(points, None), SIZE, fix=HELD)
@@ -103,7 +104,7 @@ def test_three_rectangles_of_unknown_aspect_leave_the_camera_open():
         ts.calibrate_edges(edges_of(points, None), SIZE)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", first_quick([1, 0, 2, 3]))
 def test_rectangles_given_as_squares_are_told(seed):
     _, points = rectangles(seed, aspect=A4)
     try:
@@ -127,7 +128,7 @@ def test_an_aspect_that_is_none_is_refused(aspect):
         ts.PlaneEdges.rectangle(points[0], aspect)
 
 
-@pytest.mark.parametrize("dark", [True, False])
+@pytest.mark.parametrize("dark", first_quick([True, False]))
 def test_sheets_of_a4_are_found_whichever_way_up(dark):
     picture, scene, _ = photo_of_sheets(np.random.default_rng(145), dark=dark, rim=None)
     result = ts.calibrate(picture, targets="a4")
@@ -138,7 +139,7 @@ def test_sheets_of_a4_are_found_whichever_way_up(dark):
         assert long > 0.6 * short
 
 
-@pytest.mark.parametrize("seed", [0, 2, 10])
+@pytest.mark.parametrize("seed", first_quick([0, 2, 10]))
 def test_bare_sheets_right_on_the_clutter_are_found_and_measured(seed):
     picture, scene, _ = photo_of_sheets(np.random.default_rng([73, seed]))
     result = ts.calibrate(picture, targets="a4")

@@ -78,6 +78,7 @@ def test_planes_that_stand_otherwise_are_named():
     assert abs(float(str(warning).split(" are ")[1].split(" ")[0]) - off) < 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "relations", "text"),
     [

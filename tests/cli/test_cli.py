@@ -375,26 +375,27 @@ def test_a_photograph_is_calibrated(photo, tmp_path):
         assert abs(error) < 4 * result.std[name]
 
 
-def test_the_demo_shows_the_truth(tmp_path):
-    done = trisquare("demo", "--output", "results", folder=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
+def test_the_demo_shows_the_truth(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, out, err = run("demo", "--output", "results")
+    assert (code, err) == (0, "")
     result = Calibration.from_json((tmp_path / "results" / "camera.json").read_text())
     names = ["photo.png", "camera.json", "overlay.png", "report.html"]
-    told, next_steps = done.stdout.split("next:\n")
+    told, next_steps = out.split("next:\n")
     assert told.endswith("".join(f"wrote results/{name}\n" for name in names))
     overlay, photo = (cv2.imread(str(tmp_path / "results" / name)) for name in names[2::-2])
     assert overlay.shape == photo.shape
     assert "photo.png" in (tmp_path / "results" / "report.html").read_text()
-    rows = [line.split() for line in done.stdout.splitlines() if line.split()]
+    rows = [line.split() for line in out.splitlines() if line.split()]
     shown = {row[0]: list(map(float, row[-5:])) for row in rows if row[0] in result.std}
     assert set(shown) == set(result.std)
     for estimate, std, truth, _, _ in shown.values():
         assert abs(estimate - truth) < 4 * std
     lines = [line.split() for line in next_steps.splitlines()]
     undistort, measure = (line[1:] for line in lines[:2])
-    assert trisquare(*undistort, folder=tmp_path).returncode == 0
+    assert run(*undistort)[0] == 0
     assert (tmp_path / "results" / "straight.png").exists()
-    members = json.loads(trisquare(*measure, "--json", folder=tmp_path).stdout)
+    members = json.loads(run(*measure, "--json")[1])
     (true,) = re.findall(r"([\d.]+) mm is the truth", next_steps)
     assert abs(members["lengths"][0] - float(true)) < members["lengths_std"][0]
 

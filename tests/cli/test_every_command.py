@@ -35,7 +35,6 @@ FIRST, SECOND = (
     "{:.0f},{:.0f}".format(*corner)
     for corner in SCENE.image_points(0, np.array([[-0.5, -0.5], [0.5, -0.5]]))
 )
-LINES = plumb_scene(np.random.default_rng(3), IMAGE_SIZE, -0.15).picture
 FORMATS_PAGE = Path(__file__).parents[2] / "docs" / "formats.md"
 TAKEN = ("photo.png", "--camera", "camera.json")
 
@@ -119,16 +118,19 @@ OVERWRITING = (
 
 
 @pytest.fixture(scope="module")
-def encoded():
-    return cv2.imencode(".png", PHOTO)[1].tobytes()
+def files():
+    """What the files of each test's folder hold."""
+    straight = plumb_scene(np.random.default_rng(3), IMAGE_SIZE, -0.15).picture
+    photo, lines = (cv2.imencode(".png", picture)[1].tobytes() for picture in (PHOTO, straight))
+    camera = CALIBRATION.to_json().encode()
+    return {"photo.png": photo, "lines.png": lines, "camera.json": camera}
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch, encoded):
-    (tmp_path / "photo.png").write_bytes(encoded)
-    cv2.imwrite(str(tmp_path / "lines.png"), LINES)
+def folder(tmp_path, monkeypatch, files):
+    for name, content in files.items():
+        (tmp_path / name).write_bytes(content)
     (tmp_path / "link.png").symlink_to("photo.png")
-    (tmp_path / "camera.json").write_text(CALIBRATION.to_json())
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -423,6 +425,7 @@ def test_no_input_is_overwritten(run, folder, arguments):
     assert_refused(run(*arguments), 2, folder, before)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="needs names of any bytes")
 def test_names_need_not_be_text(run, folder):
     """OpenCV crashes on them."""
@@ -474,10 +477,10 @@ def test_names_that_cannot_be_encoded_are_escaped(folder, encoding):
     ],
     ids=" ".join,
 )
-def test_control_characters_of_names_do_not_reach_a_terminal(run, folder, encoded, arguments):
+def test_control_characters_of_names_do_not_reach_a_terminal(run, folder, files, arguments):
     """They would colour, clear or retitle it, or end the line and say what was not done."""
     name = "a\x1b[31m\x1b]0;title\x07\u202e\rb\nwrote all.png"
-    (folder / name).write_bytes(encoded)
+    (folder / name).write_bytes(files["photo.png"])
     code, out, err = run(*with_argument(arguments, "NAME", name))
     assert code in (0, 2, 5)
     assert not re.search("[\x00-\x09\x0b-\x1f\x7f\u202e]", out + err)
@@ -497,7 +500,7 @@ def test_a_negative_coordinate_is_no_option(run, folder):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".tif", ".bmp", ".pgm"])
-def test_opencv_adds_nothing_to_the_line(folder, encoded, suffix):
+def test_opencv_adds_nothing_to_the_line(folder, files, suffix):
     """In a process of its own, where OpenCV is not loaded before the command is."""
     picture = cv2.imencode(suffix, PHOTO)[1].tobytes()
     (folder / f"cut{suffix}").write_bytes(picture[: len(picture) // 2])

@@ -29,13 +29,13 @@ def photographs():
         (x, y), radius = cv2.minEnclosingCircle(corners.astype(np.float32))
         cv2.circle(shown["hidden"], (round(x), round(y)), round(0.7 * radius), 90, -1)
     shown["none"] = np.clip(128 + 20 * rng.standard_normal((480, 640)), 0, 255).astype(np.uint8)
-    return shown
+    return {name: cv2.imencode(".png", it)[1].tobytes() for name, it in shown.items()}
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch, photographs):
-    for name, picture in photographs.items():
-        cv2.imwrite(str(tmp_path / f"{name}.png"), picture)
+    for name, content in photographs.items():
+        (tmp_path / f"{name}.png").write_bytes(content)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

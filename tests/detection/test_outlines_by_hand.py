@@ -166,6 +166,7 @@ def test_nothing_else_is_searched():
         ts.calibrate(PHOTO, outlines=own_file(drawn(SCENE)[:1]))
 
 
+@pytest.mark.slow
 def test_several_pictures_are_told_apart_by_name_or_index(tmp_path):
     paths = [tmp_path / "a.png", tmp_path / "b.png", tmp_path / "c.png"]
     scene = squares(34, camera=SCENE.camera)

@@ -247,7 +247,7 @@ def misfit(figures):
             ("charuco:7x5:0.75:4X4_1000", "are not where"),
             ("aruco:4x2:0.2:4X4_1000", "are not where"),
         ],
-        3,
+        2,
     ),
 )
 def test_a_wrong_layout_is_refused_and_says_why(box, targets, why):
@@ -426,10 +426,10 @@ def test_pictures_of_nothing_show_no_tags(targets, shape):
 
 
 @pytest.mark.skipif(not CUBE.is_dir(), reason="there is no ../shared/data/charuco-cube")
-@pytest.mark.parametrize("number", [7, 8])
-def test_a_real_charuco_cube(number):
+@pytest.mark.slow
+def test_a_real_charuco_cube():
     """The reference is 5145 +- 13, from 24 pictures by Zhang's method."""
-    photograph = str(CUBE / "cam0" / f"{number}.jpg")
+    photograph = str(CUBE / "cam0" / "8.jpg")
     result = ts.calibrate(photograph, targets="charuco:10x10:0.75:6X6_1000")
     assert len(result.planes) == 3
     assert abs(result.camera.fx - 5145.0) < 3.0 * result.std["fx"] < 0.15 * 5145.0

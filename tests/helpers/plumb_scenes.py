@@ -1,5 +1,6 @@
 """Pictures of straight and of curved edges, seen through a lens that is known."""
 
+from functools import cache
 from typing import NamedTuple
 
 import cv2
@@ -28,11 +29,20 @@ class PlumbScene(NamedTuple):
 def undistorted(points, K, distortion):
     """Undistort pixels, shape (N, 2), by a table of radii up to the fold."""
     k1 = distortion[0]
-    ideal = np.linspace(0, 0.999 / np.sqrt(-3 * k1) if k1 < 0 else 1.5, 200_000)
+    ideal = np.linspace(0, 0.999 / np.sqrt(-3 * k1) if k1 < 0 else 1.5, 20_000)
     off = (points - K[:2, 2]) / K[0, 0]
-    observed = np.linalg.norm(off, axis=-1)
+    observed = np.hypot(off[..., 0], off[..., 1])
     radius = np.interp(observed, ideal * (1 + k1 * ideal**2), ideal)
     return K[:2, 2] + K[0, 0] * off * (radius / np.maximum(observed, 1e-12))[..., None]
+
+
+@cache
+def ideal_pixels(size, focal, cx, cy, k1):
+    """Undistorted places of the pixels of a picture drawn `SUPERSAMPLING` times as large."""
+    K = np.array([[focal, 0, cx], [0, focal, cy], [0, 0, 1.0]])
+    x, y = ((np.arange(side * SUPERSAMPLING) + 0.5) / SUPERSAMPLING - 0.5 for side in size)
+    pixels = np.stack(np.meshgrid(x, y), axis=-1)
+    return undistorted(pixels, K, np.array([k1, 0, 0, 0, 0.0])).astype(np.float32)
 
 
 def quads(rng, canvas, count=24):
@@ -113,10 +123,8 @@ def plumb_scene(rng, size, k1, draw=windows, centre=None, noise=2.0):
     canvas_size = np.rint(np.array(size) * scale * MARGIN).astype(int)
     canvas = np.full((canvas_size[1], canvas_size[0], 3), 150, np.uint8)
     draw(rng, canvas)
-    x, y = ((np.arange(side * scale) + 0.5) / scale - 0.5 for side in size)
-    pixels = np.stack(np.meshgrid(x, y), axis=-1)
-    ideal = undistorted(pixels, K, distortion)
-    source = ((ideal - middle) * scale + (canvas_size - 1) / 2).astype(np.float32)
+    ideal = ideal_pixels(size, focal, float(cx), float(cy), k1)
+    source = (ideal - np.float32(middle)) * scale + np.float32((canvas_size - 1) / 2)
     seen = cv2.remap(canvas, source[..., 0], source[..., 1], cv2.INTER_LINEAR)
     blurred = cv2.GaussianBlur(seen, (0, 0), BLUR)
     small = cv2.resize(blurred, size, interpolation=cv2.INTER_AREA)

@@ -30,7 +30,7 @@ def boards(case):
 
 
 @pytest.mark.parametrize(
-    "kind", first_quick(["touching boards", "cut by the border", "partly hidden"], 2)
+    "kind", first_quick(["touching boards", "cut by the border", "partly hidden"])
 )
 def test_crossings_in_sight_are_where_the_truth_has_them(kind):
     case = case_of(kind)
@@ -57,7 +57,8 @@ def test_boards_of_a_corner_are_perpendicular_and_share_their_folds():
             assert (gaps < 1e-9).sum() == 2  # the two ends of one fold
 
 
-@pytest.mark.parametrize("kind", first_quick(["cut by the border", "partly hidden"]))
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["cut by the border", "partly hidden"])
 def test_part_of_the_crossings_is_out_of_sight(kind):
     case = case_of(kind)
     crossings = np.concatenate(
@@ -99,6 +100,7 @@ def test_a_rim_of_paper_is_as_wide_as_asked():
     assert picture[65, 65] < 60 < 180 < picture[65, 85]
 
 
+@pytest.mark.slow
 def test_the_same_seed_draws_the_same_picture():
     case = case_of("tags")
     rng = np.random.default_rng([81, KINDS.index("tags")])
@@ -111,7 +113,7 @@ def test_the_same_seed_draws_the_same_picture():
     assert 0.5 * case.settings["noise"] < wrong < 3.0 * case.settings["noise"] + 10.0
 
 
-@pytest.mark.parametrize("kind", ["among rectangles", "tags"])
+@pytest.mark.parametrize("kind", first_quick(["tags", "among rectangles"]))
 def test_scenes_without_plain_boards_are_three_planes_to_calibrate_from(kind):
     case = case_of(kind)
     assert len(case.scene.targets) == 3

@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from quick import first_quick
 
 import trisquare as ts
 from trisquare import simulate
@@ -215,7 +216,7 @@ def test_the_drawing_shows_the_folded_corner_in_free_room(page, side, kind):
 
 @pytest.mark.parametrize("page", PAGES)
 @pytest.mark.parametrize("kind", ["corner", "boards"])
-@pytest.mark.parametrize("dpi", [100, 200])
+@pytest.mark.parametrize("dpi", first_quick([100, 200]))
 def test_the_drawing_is_no_target(tmp_path, page, kind, dpi):
     target = ts.printed_target(kind, page=page)
     picture = rastered(target.to_pdf(), tmp_path, dpi=dpi)
@@ -386,7 +387,7 @@ def assert_calibrated(picture, truth, *, right_angles=False):
         assert np.degrees(np.abs(np.arcsin(cosines))).max() < 0.05
 
 
-@pytest.mark.parametrize("seed", [7001, 7002])
+@pytest.mark.parametrize("seed", first_quick([7001, 7002]))
 def test_the_folded_corner_calibrates(seed):
     rng = np.random.default_rng(seed)
     scene = simulate.corner_scene(rng)
@@ -469,6 +470,7 @@ def box(left, top, right, bottom):
     return [(left, top), (right, top), (right, bottom), (left, bottom)]
 
 
+@pytest.mark.slow
 def test_a_photograph_of_the_folded_sheet_calibrates(tmp_path):
     """The very PDF, with its folds and cuts, folded in front of a camera."""
     target = ts.printed_target("corner")
@@ -482,6 +484,7 @@ def test_a_photograph_of_the_folded_sheet_calibrates(tmp_path):
     assert_calibrated(photographed(papers, rng), CAMERA, right_angles=True)
 
 
+@pytest.mark.slow
 def test_a_photograph_of_the_flat_sheets_calibrates(tmp_path):
     """The very PDF, with its ruler and its text in the picture."""
     target = ts.printed_target("flat", side=150.0)

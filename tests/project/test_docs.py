@@ -22,6 +22,8 @@ from trisquare.detection.sheets.layout import parse_layout
 from trisquare.formats.registry import FORMATS
 
 FRAMES = 3
+LONG = ("batch.md", "report.md", "start.md")
+"""Pages whose commands take seconds."""
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +66,14 @@ def folder(given, tmp_path, monkeypatch):
     return tmp_path
 
 
-@pytest.mark.parametrize("name", [name for name in PAGES if name != "tutorial.md"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow if name in LONG else ())
+        for name in PAGES
+        if name != "tutorial.md"
+    ],
+)
 def test_what_a_page_shows_runs(name, folder, capsys):
     run_page(name, capsys)
 

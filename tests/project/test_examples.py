@@ -1,11 +1,8 @@
-"""Every function, class and method that a user calls has an example, and the examples run."""
+"""Every function, class and method that a user calls has an example."""
 
 import doctest
 import inspect
-import shutil
-from importlib import resources
 
-import numpy as np
 import pytest
 
 import trisquare as ts
@@ -29,36 +26,12 @@ def called():
 CALLED = called()
 
 
-@pytest.fixture(scope="module")
-def names(tmp_path_factory):
-    """Calibrate the demo's photograph once for all examples."""
-    photo = tmp_path_factory.mktemp("examples") / "photo.jpg"
-    photo.write_bytes((resources.files("trisquare") / "data" / "demo.png").read_bytes())
-    result = ts.calibrate(photo)
-    return photo, {"ts": ts, "np": np, "result": result, "camera": result.camera}
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(CALLED))
-def test_an_example_runs(name, names, tmp_path, monkeypatch):
-    photo, given = names
-    monkeypatch.chdir(tmp_path)
-    shutil.copy(photo, "photo.jpg")
-    finder = doctest.DocTestFinder(recurse=False)
-    (example,) = finder.find(CALLED[name], name, globs=dict(given))
-    assert example.examples, "no example"
-    told = []
-    doctest.DocTestRunner().run(example, out=told.append)
-    assert not told, "".join(told)
+def test_there_is_an_example(name):
+    """`test_fresh_interpreter.py` runs it."""
+    assert doctest.DocTestParser().get_examples(CALLED[name].__doc__)
 
 
 def test_methods_are_among_them():
     assert {"Camera.load", "Calibration.to_json", "PlaneEdges.square"} < set(CALLED)
     assert len(CALLED) > 90
-
-
-def test_a_wrong_example_is_told():
-    example = doctest.DocTestParser().get_doctest(">>> 1 + 1\n3\n", {}, "wrong", None, 0)
-    told = []
-    doctest.DocTestRunner().run(example, out=told.append)
-    assert told

@@ -64,10 +64,21 @@ def test_the_plots_are_small_and_follow_the_scheme():
         assert not re.findall(r"#[0-9a-f]{6}", svg.partition("</style>")[2]), name
 
 
-def test_a_change_of_a_number_is_seen(experiments):
+def with_another_number(experiments):
+    """The results, one of them changed, which one plot shows."""
     found = experiments["results"].read()
     found["sweeps"]["tilt"][-1]["edges"]["cx"]["rms"] *= 1.5
+    return found
+
+
+def test_a_change_of_a_number_is_seen(experiments):
+    found = with_another_number(experiments)
     assert experiments["page"].text(found) != (DOCS / "experiments.md").read_text("utf-8")
+
+
+@pytest.mark.slow
+def test_a_change_of_a_number_is_drawn(experiments):
+    found = with_another_number(experiments)
     changed = [
         name
         for name, svg in experiments["plots"].drawn(found).items()
@@ -76,14 +87,24 @@ def test_a_change_of_a_number_is_seen(experiments):
     assert changed == ["tilt"]
 
 
-def test_what_is_absent_is_said(experiments):
+def without_photographs(experiments):
+    """The results where no photographs were there."""
     found = experiments["results"].read()
     found["gallery"], found["lengths"]["real"] = [], {}
+    return found
+
+
+def test_what_is_absent_is_said(experiments):
+    found = without_photographs(experiments)
     page = experiments["page"].text(found)
     assert "gallery.svg" not in page
     assert page.count("their photographs were not there") == 1
     assert "Left out: the photographs were not there." in page
-    experiments["plots"].drawn(found)
+
+
+@pytest.mark.slow
+def test_plots_are_drawn_without_what_is_absent(experiments):
+    assert experiments["plots"].drawn(without_photographs(experiments))
 
 
 def test_errors_are_summed_up(experiments):
@@ -148,7 +169,7 @@ def test_a_quick_run_writes_page_plots_and_numbers(tmp_path, experiments):
     written = {path.name for path in (tmp_path / "experiments").glob("*.svg")}
     shown = {f"{name}.svg" for name in experiments["plots"].drawn(found)}
     assert written == shown | ({"gallery.svg"} if found["gallery"] else set())
-    # Four scenes of the usual kind, from edge points that are known to 0.01 px.
+    # Two scenes of the usual kind, from edge points that are known to 0.01 px.
     usual = found["sweeps"]["noise"][0]["edges"]
-    assert usual["answered"] == usual["scenes"] == 4
+    assert usual["answered"] == usual["scenes"] == 2
     assert 0.0 < experiments["page"].pixel_rms(usual) < 1.0

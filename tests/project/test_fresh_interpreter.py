@@ -4,9 +4,12 @@ import json
 import os
 import subprocess
 import sys
+from importlib import resources
 
 import pytest
-from test_examples import CALLED, names  # noqa: F401 (a fixture)
+from test_examples import CALLED
+
+import trisquare as ts
 
 SCRIPT = """
 import doctest, json, os, sys
@@ -40,12 +43,18 @@ def run(examples, folder):
 
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs a system that forks")
-def test_every_example_loads_what_it_needs(names, tmp_path):  # noqa: F811
-    photo, given = names
-    (tmp_path / "photo.jpg").write_bytes(photo.read_bytes())
-    (tmp_path / "given.json").write_text(given["result"].to_json(edges=True))
+def test_every_example_loads_what_it_needs(tmp_path):
+    photo = tmp_path / "photo.jpg"
+    photo.write_bytes((resources.files("trisquare") / "data" / "demo.png").read_bytes())
+    (tmp_path / "given.json").write_text(ts.calibrate(photo).to_json(edges=True))
     done = run({name: public.__doc__ for name, public in CALLED.items()}, tmp_path)
     assert done.returncode == 0, done.stderr + done.stdout
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs a system that forks")
+def test_a_wrong_example_is_told(tmp_path):
+    done = run({"right": ">>> 1 + 2\n3\n", "wrong": ">>> 1 + 1\n3\n"}, tmp_path)
+    assert (done.returncode, done.stderr) == (1, "wrong\n")
 
 
 def test_cameras_are_saved_and_loaded_before_anything_else_is(tmp_path):

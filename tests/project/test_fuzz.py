@@ -26,9 +26,10 @@ FILES = {
 def test_a_case_is_always_the_same_and_never_too_large(name):
     whole = FILES[name].encode()
     first, again = (
-        [damaged(whole, name, random.Random(f"{seed}")) for seed in range(300)] for _ in range(2)
+        [damaged(whole, name, random.Random(f"{seed}")) for seed in range(count)]
+        for count in (300, 50)
     )
-    assert first == again
+    assert first[:50] == again
     assert max(map(len, first)) <= MOST_BYTES
     assert sum(file == whole for file in first) < 30
 

@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +34,7 @@ CALIBRATIONS = 500
 BUSY_ROUNDS = 50
 
 
+@cache
 def rendered(seed, kind="square", **options):
     rng = np.random.default_rng(seed)
     camera = simulate.random_camera(rng, SMALL)
@@ -48,20 +50,23 @@ def one_plane(photo):
     return ts.calibrate(photo, targets="chessboard:6x5", fix=held)
 
 
+def one_picture(edges):
+    return ts.calibrate_edges(edges, IMAGE_SIZE)
+
+
 # What eight callers may ask for at once: every kind of target, pixel and entry point.
-PHOTO = rendered(70)
 EDGES = [
     edges_of(squares(seed, kind=kind), 0.1, seed) for seed, kind in ((76, "square"), (77, "frame"))
 ]
-PHOTOS = {
-    "squares": (ts.calibrate, PHOTO),
-    "frames": (ts.calibrate, rendered(71, "frame", tone="srgb")),
-    "in colour": (ts.calibrate, rendered(72, colour=True, shading=0.3)),
-    "float32": (ts.calibrate, rendered(73, "frame", dtype=np.float32)),
-    "chessboard": (one_plane, rendered(74, "chessboard")),
-    "two pictures": (ts.calibrate, [PHOTO, PHOTO[::-1, ::-1]]),
-    "edges of squares": (lambda edges: ts.calibrate_edges(edges, IMAGE_SIZE), EDGES[0]),
-    "edges of frames": (lambda edges: ts.calibrate_edges(edges, IMAGE_SIZE), EDGES[1]),
+ASKED = {
+    "squares": lambda: (ts.calibrate, rendered(70)),
+    "frames": lambda: (ts.calibrate, rendered(71, "frame", tone="srgb")),
+    "in colour": lambda: (ts.calibrate, rendered(72, colour=True, shading=0.3)),
+    "float32": lambda: (ts.calibrate, rendered(73, "frame", dtype=np.float32)),
+    "chessboard": lambda: (one_plane, rendered(74, "chessboard")),
+    "two pictures": lambda: (ts.calibrate, [rendered(70), rendered(70)[::-1, ::-1]]),
+    "edges of squares": lambda: (one_picture, EDGES[0]),
+    "edges of frames": lambda: (one_picture, EDGES[1]),
 }
 
 
@@ -86,8 +91,8 @@ def in_threads(calls):
 
 
 def test_eight_threads_give_the_bits_of_one():
-    assert len(PHOTOS) == THREADS
-    jobs = list(PHOTOS.values())
+    assert len(ASKED) == THREADS
+    jobs = [asked() for asked in ASKED.values()]
     alone = [bits(call(given)) for call, given in jobs]
     assert len(set(alone)) == THREADS  # they are different pictures
     for first in range(ROUNDS):
@@ -96,17 +101,17 @@ def test_eight_threads_give_the_bits_of_one():
         assert found == alone[first:] + alone[:first]
 
 
-@pytest.mark.parametrize("name", PHOTOS)
+@pytest.mark.parametrize("name", ASKED)
 def test_the_same_input_gives_the_same_bits(name):
-    call, given = PHOTOS[name]
+    call, given = ASKED[name]()
     assert bits(call(given)) == bits(call(given))
 
 
 def test_threads_may_share_one_array():
-    shared = PHOTO.copy()
+    shared = rendered(70).copy()
     found = in_threads([lambda: bits(ts.calibrate(shared))] * THREADS)
-    assert set(found) == {bits(ts.calibrate(PHOTO))}
-    np.testing.assert_array_equal(shared, PHOTO)
+    assert set(found) == {bits(ts.calibrate(rendered(70)))}
+    np.testing.assert_array_equal(shared, rendered(70))
     shared[:] = 0  # and it is writeable again
 
 
@@ -116,7 +121,7 @@ def test_threads_may_share_figures():
 
 
 def test_what_a_caller_does_to_his_arrays_afterwards_changes_nothing():
-    photo = PHOTO.copy()
+    photo = rendered(70).copy()
     sides = [np.array(points) for points in EDGES[0][0].points]
     result, figures, square = ts.calibrate(photo), ts.detect(photo), ts.PlaneEdges.square(sides)
     picture = _core.Picture(photo)
@@ -148,7 +153,7 @@ def test_the_core_lets_other_threads_run(name, monkeypatch):
     curves = [points for figure in dense for points in figure.points]
     calls = {
         "calibrate": lambda: ts.calibrate_edges(dense, IMAGE_SIZE),
-        "localise": lambda: ts.calibrate(PHOTO),
+        "localise": lambda: ts.calibrate(rendered(70)),
         "fit_distortion": lambda: ts.fit_distortion(curves, IMAGE_SIZE),
     }
 

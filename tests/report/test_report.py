@@ -115,7 +115,7 @@ FOCAL, EQUIVALENT, WIDTH, HEIGHT, RESOLUTION, UNIT = 0x920A, 0xA405, 0xA002, 0xA
 
 
 @pytest.mark.parametrize("tags", [{EQUIVALENT: 31}, {RESOLUTION: IFDRational(2000), UNIT: 3}])
-def test_the_focal_length_is_said_in_millimetres(calibration, tmp_path, tags):
+def test_the_focal_length_is_said_in_millimetres(undrawn, calibration, tmp_path, tags):
     """By the resolution in the focal plane with its std, or about; by photographs of two lenses."""
     camera = calibration.camera
     width, height = camera.image_size
@@ -139,11 +139,24 @@ def test_the_focal_length_is_said_in_millimetres(calibration, tmp_path, tags):
         assert float(std) == pytest.approx(calibration.std["fx"] / 200, rel=0.06)
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Leave out the plots, which take most of a report's time: for tests of its words."""
+    names = ("by_side", "by_radius", "beyond_scale", "uncertainty")
+    monkeypatch.setattr("trisquare.report.page._plots", lambda *_: dict.fromkeys(names))
+
+
+@pytest.fixture(scope="module")
+def bare_page(calibration):
+    """The report without a photograph."""
+    return report_page(calibration)
+
+
 def test_without_exif_nothing_is_said_in_millimetres(demo, page):
     assert "millimetres" not in Page(page).text
 
 
-def test_the_page_says_when_it_was_made(calibration, monkeypatch):
+def test_the_page_says_when_it_was_made(undrawn, calibration, monkeypatch):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
     assert "2023-11-14" in Page(report_page(calibration)).text
 
@@ -199,7 +212,7 @@ def test_whatever_names_and_messages_hold_is_text(calibration, tmp_path):
     assert photograph.name in found.text
 
 
-def test_a_name_that_is_no_text_can_be_told(calibration, tmp_path):
+def test_a_name_that_is_no_text_can_be_told(undrawn, calibration, tmp_path):
     photograph = tmp_path / "caf\udce9.png"
     width, height = calibration.camera.image_size
     encoded = cv2.imencode(".png", np.zeros((height, width), np.uint8))[1]
@@ -343,7 +356,7 @@ def test_the_scene_holds_where_camera_and_planes_stand(calibration):
     np.testing.assert_allclose(pixels[:, :2] / pixels[:, 2:], expected, atol=0.1)
 
 
-def test_planes_behind_the_camera_are_not_in_the_scene(calibration):
+def test_planes_behind_the_camera_are_not_in_the_scene(undrawn, calibration):
     turned = [
         replace(plane, translation=plane.translation * [1, 1, -1]) for plane in calibration.planes
     ]
@@ -354,7 +367,7 @@ def test_planes_behind_the_camera_are_not_in_the_scene(calibration):
     assert b"data-scene=" not in report_page(behind)
 
 
-def test_photographs_can_be_chosen_where_there_are_several(calibration):
+def test_photographs_can_be_chosen_where_there_are_several(undrawn, calibration):
     assert b"<select>" not in report_page(calibration)
     first, *others = calibration.planes
     two = replace(calibration, planes=[first, *(replace(plane, image=1) for plane in others)])
@@ -365,11 +378,11 @@ def test_photographs_can_be_chosen_where_there_are_several(calibration):
     ]
 
 
-def test_a_report_without_pictures_or_edges(calibration, edges):
+def test_a_report_without_pictures_or_edges(calibration, bare_page):
     text = Page(report_page(replace(calibration, edges=(), residuals=()))).text
     assert "no photograph was given" in text
     assert "There are no residuals" in text
-    assert "There are no residuals" not in Page(report_page(calibration)).text
+    assert "There are no residuals" not in Page(bare_page).text
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 700), (3, 2)])
@@ -414,7 +427,7 @@ def test_a_result_that_makes_no_sense_makes_a_page_all_the_same(calibration, edg
     assert not re.search(r"[ML >](nan|inf)\b", text)
 
 
-def test_a_lens_that_reaches_nothing_is_not_undistorted(calibration):
+def test_a_lens_that_reaches_nothing_is_not_undistorted(undrawn, calibration):
     size = calibration.camera.image_size
     far = ts.Camera([[900.0, 0, -5e4], [0, 900.0, -5e4], [0, 0, 1]], [-0.3, 0, 0, 0, 0], size)
     lost = replace(calibration, camera=far, planes=[], edges=(), residuals=())
@@ -442,13 +455,13 @@ def test_pictures_are_shown_in_eight_bits_and_no_larger_than_needed():
     assert shown_pixels(bright, linear=True).tolist() == [[0, 255]]
 
 
-def test_of_several_photographs_the_first_are_shown(calibration, edges):
+def test_of_several_photographs_the_first_are_shown(undrawn, calibration):
     size = calibration.camera.image_size
     photographs = [np.zeros(size[::-1], np.uint8)] * 8
-    text = Page(report_page(calibration, photographs)).text
+    page = report_page(calibration, photographs)
+    text, content = Page(page).text, page.decode()
     assert "2 more photographs are not shown" in text
     # All but the first are folded, and the numbers come before them.
-    content = report_page(calibration, photographs).decode()
     assert [content.count(tag) for tag in ("<details open>", "<details>")] == [1, 5]
     assert content.index("<h2>The planes</h2>") < content.index("<details open>")
     assert "<details" not in report_page(calibration, photographs[:2]).decode()
@@ -479,12 +492,11 @@ def test_nobodys_own_settings_matter(calibration, edges, page, demo):
         assert dict(matplotlib.rcParams) == before
 
 
-def test_threads_do_not_disturb_each_other(calibration, edges):
+def test_threads_do_not_disturb_each_other(calibration, bare_page):
     """Settings of matplotlib belong to the process."""
-    alone = report_page(calibration)
     with ThreadPoolExecutor(2) as pool:
         pages = list(pool.map(lambda _: report_page(calibration), range(2)))
-    assert pages == [alone] * 2
+    assert pages == [bare_page] * 2
 
 
 @pytest.mark.parametrize("module", ["jinja2", "matplotlib"])
@@ -502,10 +514,10 @@ def test_a_missing_extra_is_told_before_anything_is_computed(run, tmp_path, monk
     assert not report.exists()
 
 
-def test_the_command_writes_a_report_that_says_how_to_repeat_it(run, tmp_path):
+def test_the_command_writes_a_report_that_says_how_to_repeat_it(undrawn, run, tmp_path):
     photograph, report = tmp_path / "a photo.png", tmp_path / "out.html"
     photograph.write_bytes(DEMO.read_bytes())
-    options = ["--fix", "aspect", "--model", "radial1", "--json"]
+    options = ["--free", "skew", "--model", "brown", "--json"]
     code, out, _ = run("calibrate", photograph, "--report", report, *options)
     assert code == 0
     found = Page(report.read_bytes())

@@ -343,6 +343,7 @@ def test_on_paper_both_pictures_stand_side_by_side_on_white(demo):
 
 
 @pytest.mark.skipif(shutil.which("pdftoppm") is None, reason="there is no pdftoppm (poppler-utils)")
+@pytest.mark.slow
 def test_the_printed_pages_show_pictures_and_plots(demo, tmp_path):
     (tmp_path / "report.pdf").write_bytes(demo.pdf())
     command = ["pdftoppm", "-r", "40", "-png", "report.pdf", "page"]

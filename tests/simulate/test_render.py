@@ -54,7 +54,7 @@ def test_step_matches_numeric_convolution(degrees, blur):
 
 
 @pytest.mark.parametrize("normals", [(10.0, 100.0), (10.0, 60.0), (45.0, 185.0)])
-@pytest.mark.parametrize("blur", [0.3, 0.8])
+@pytest.mark.parametrize("blur", first_quick([0.3, 0.8]))
 def test_wedge_matches_direct_integration(normals, blur):
     """Integrate the blurred wedge row by row: each row of it is a pair of steps."""
     n1, n2 = (np.array([np.cos(a), np.sin(a)]) for a in np.deg2rad(normals))
@@ -143,9 +143,7 @@ def supersampled_coverage(camera, target, rows, columns, blur, fine):
 
 @pytest.mark.parametrize(
     ("corner", "blur"),
-    first_quick(
-        [(0, 0.5), (2, 1.1), (1, 0.5), (2, 0.5), (3, 0.5), (0, 1.1), (1, 1.1), (3, 1.1)], 2
-    ),
+    first_quick([(0, 0.5), (2, 1.1), (1, 0.5), (2, 0.5), (3, 0.5), (0, 1.1), (1, 1.1), (3, 1.1)]),
 )
 def test_corner_of_bent_square_matches_supersampling(corner, blur):
     target = bent_target()

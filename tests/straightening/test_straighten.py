@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from plumb_scenes import arches, circles, plumb_scene, quads, spokes, windows
+from quick import first_quick
 
 import trisquare as ts
 from trisquare.images.encoding import encode_image
@@ -37,14 +38,15 @@ def found(scene):
 
 
 @pytest.mark.parametrize("draw", [quads, windows])
-def test_known_lenses_are_undone(draw):
+@pytest.mark.parametrize("count", first_quick([1, len(COEFFICIENTS)]))
+def test_known_lenses_are_undone(draw, count):
     good = 0
-    for number, k1 in enumerate(COEFFICIENTS):
+    for number, k1 in enumerate(COEFFICIENTS[:count]):
         scene = plumb_scene(np.random.default_rng(70 + number), SIZE, k1, draw)
         off, in_std = errors(ts.straighten(scene.picture), scene)
         good += off.mean() <= MEAN and off.max() <= WORST
         assert np.quantile(np.abs(in_std), 0.95) < 4
-    assert good >= len(COEFFICIENTS) - 1
+    assert good >= max(count - 1, 1)
 
 
 def test_the_centre_is_found_where_the_lens_is_strong():
@@ -115,8 +117,8 @@ def test_pictures_without_lines_are_refused(picture):
         ts.straighten(picture)
 
 
-@pytest.mark.parametrize("draw", [circles, arches, spokes])
-@pytest.mark.parametrize("k1", [-0.15, 0.0])
+@pytest.mark.parametrize("draw", first_quick([arches, circles, spokes]))
+@pytest.mark.parametrize("k1", first_quick([0.0, -0.15]))
 def test_curves_and_lines_through_the_centre_are_refused(draw, k1):
     scene = plumb_scene(np.random.default_rng(6), SIZE, k1, draw)
     with pytest.raises((ts.NotEnoughDataError, ts.DegenerateGeometryError)):
