@@ -49,6 +49,21 @@ def corners_of(scene):
     ]
 
 
+@pytest.mark.slow
+def test_a_slanted_blurred_grid_grows_from_the_tags_that_are_read_together():
+    """The corners of its tags are up to 5 px off: one tag alone does not lead to the next."""
+    rng = np.random.default_rng([57, 5])
+    scene = aprilgrid_box_scene(rng, (4, 4))
+    picture, _ = photograph(scene, rng, noise=2.6, blur=1.0, tone="srgb", jpeg_quality=85)
+    grids = find_aprilgrids(picture)
+    assert [len(grid.tags) >= 12 for grid in grids] == [True, True, True]
+    truth = corners_of(scene)
+    for grid in grids:
+        of_target = max(truth, key=lambda own: sum(tag.number in own for tag in grid.tags))
+        for tag in grid.tags:
+            assert np.abs(tag.corners - of_target[tag.number]).max() < 3.0
+
+
 def test_photograph_shows_what_render_does():
     rng = np.random.default_rng(5)
     whole = aprilgrid_box_scene(rng, (2, 2))

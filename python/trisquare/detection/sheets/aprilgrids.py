@@ -51,6 +51,9 @@ GAPS = (0.1, 1.0)
 OFF_AXIS = 0.15
 """Of a tag's side, by which a neighbour may seem to lie off its row, as it is small and blurred."""
 
+LEAST_CORNERS = 3
+"""Of a tag's, as near as that to where the grid's homography has them: the fourth may be blunt."""
+
 USUAL_GAPS = 0.05
 USUAL_GAP_ERROR = 0.01
 """A gap that seems to be within the error of a multiple of the former is that."""
@@ -85,6 +88,16 @@ class Print(NamedTuple):
     turns: int  # of the code against the grid
 
 
+class Pair(NamedTuple):
+    """Two tags side by side, by their indices, of which the second has the higher number."""
+
+    first: int
+    second: int
+    more: int  # by which its number is higher
+    turn: int  # quarter turns clockwise from the right of the first one's code to the second one
+    gap: float  # between them, over the first one's side
+
+
 def find_aprilgrids(grey: NDArray[np.uint8], name: str = WIDE_BORDERED) -> list[AprilGrid]:
     """Find every grid of tags with wide borders in a grey picture.
 
@@ -102,18 +115,24 @@ def find_aprilgrids(grey: NDArray[np.uint8], name: str = WIDE_BORDERED) -> list[
     numbers, corners = find_touching_tags(grey, name, WIDE_BORDER)
     if len(numbers) < LEAST_TAGS:
         return []
-    printed = _print(numbers, corners)
+    pairs = list(_pairs(numbers, corners))
+    printed = _print(pairs)
     if printed is None:
         return []
     border = WIDE_BORDER / (dictionary(name).side + 2 * WIDE_BORDER)
     grids: list[AprilGrid] = []
+    upright = np.roll(corners, printed.turns, axis=1)
     largest_first = np.argsort([-shortest_side(quad) for quad in corners])
     covered = np.zeros(len(corners), bool)
     for index in largest_first.tolist():
         if covered[index]:
             continue
-        seed = GridTag(numbers[index], (0, 0), np.roll(corners[index], printed.turns, axis=0))
-        grids.append(AprilGrid(_grown(grey, seed, printed, name), printed.gap, border))
+        seeds = [
+            GridTag(numbers[own], place, upright[own])
+            for place, own in _joined(index, pairs, printed).items()
+        ]
+        seeds = _of_one_plane(seeds, printed.gap)
+        grids.append(AprilGrid(_grown(grey, seeds, printed, name), printed.gap, border))
         covered |= _covers(grids[-1], corners)
     apart: list[AprilGrid] = []
     for grid in sorted(grids, key=lambda grid: -len(grid.tags)):
@@ -125,45 +144,86 @@ def find_aprilgrids(grey: NDArray[np.uint8], name: str = WIDE_BORDERED) -> list[
     return apart
 
 
-def _print(numbers: Sequence[int], corners: FloatArray) -> Print | None:
+def _print(pairs: Sequence[Pair]) -> Print | None:
     """Tell from pairs of neighbours how the grids are printed; None if there are none."""
-    pairs = list(_neighbours(numbers, corners))
-    rows = Counter(turn for step, turn, _ in pairs if step == 1)
+    rows = Counter(pair.turn for pair in pairs if pair.more == 1)
     if not rows:
         return None
     turns = rows.most_common(1)[0][0]
     # One row up is a quarter turn left of one to the right.
-    columns = Counter(step for step, turn, _ in pairs if step > 1 and turn == (turns + 3) % 4)
+    up = (turns + 3) % 4
+    columns = Counter(pair.more for pair in pairs if pair.more > 1 and pair.turn == up)
     cols = columns.most_common(1)[0][0] if columns else None
-    right = [(1, turns), (cols, (turns + 3) % 4)]
-    gaps = [seen for step, turn, seen in pairs if (step, turn) in right]
+    printed = Print(cols, 0.0, turns)
+    gaps = [pair.gap for pair in pairs if _step(pair, printed) is not None]
     if len(gaps) < LEAST_TAGS - 1:
         return None
     gap = float(np.median(gaps))
     usual = USUAL_GAPS * round(gap / USUAL_GAPS)
-    return Print(cols, usual if abs(gap - usual) < USUAL_GAP_ERROR else gap, turns)
+    return printed._replace(gap=usual if abs(gap - usual) < USUAL_GAP_ERROR else gap)
 
 
-def _neighbours(numbers: Sequence[int], corners: FloatArray) -> Iterator[tuple[int, int, float]]:
-    """Yield of each two tags that are side by side how they stand to each other.
+def _step(pair: Pair, printed: Print) -> tuple[int, int] | None:
+    """Columns and rows from a pair's first tag to its second, if grids printed so have it."""
+    if (pair.more, pair.turn) == (1, printed.turns):
+        return 1, 0
+    if (pair.more, pair.turn) == (printed.cols, (printed.turns + 3) % 4):
+        return 0, -1
+    return None
 
-    Namely by how much the second one's number is higher, in which direction it is (quarter turns
-    clockwise from the right of the first one's code), and the gap between them.
-    """
-    for homography, number in zip(homographies_from_unit_square(corners), numbers, strict=True):
+
+def _pairs(numbers: Sequence[int], corners: FloatArray) -> Iterator[Pair]:
+    """Yield each two tags that are side by side."""
+    for first, homography in enumerate(homographies_from_unit_square(corners)):
         inverse = np.linalg.inv(homography)
         seen = cv2.perspectiveTransform(corners.reshape(1, -1, 2), inverse).reshape(-1, 4, 2)
         middles = seen.mean(axis=1) - 0.5
-        for other, (x, y) in zip(numbers, middles.tolist(), strict=True):
+        for second, (x, y) in enumerate(middles.tolist()):
+            more = numbers[second] - numbers[first]
             far, off = max(abs(x), abs(y)), min(abs(x), abs(y))
-            if other > number and 1.0 + GAPS[0] < far < 1.0 + GAPS[1] and off < OFF_AXIS:
+            if more > 0 and 1.0 + GAPS[0] < far < 1.0 + GAPS[1] and off < OFF_AXIS:
                 turn = (0 if x > 0.0 else 2) if abs(x) > abs(y) else (1 if y > 0.0 else 3)
-                yield other - number, turn, far - 1.0
+                yield Pair(first, second, more, turn, far - 1.0)
 
 
-def _grown(grey: NDArray[np.uint8], seed: GridTag, printed: Print, name: str) -> list[GridTag]:
-    """All tags of the grid that a tag belongs to."""
-    known = {seed.place: seed}
+def _joined(seed: int, pairs: Sequence[Pair], printed: Print) -> dict[tuple[int, int], int]:
+    """Tags by their places about a seed's, as far as pairs lead from one to the next."""
+    beside: dict[int, list[tuple[int, int, int]]] = {}
+    for pair in pairs:
+        if step := _step(pair, printed):
+            right, down = step
+            beside.setdefault(pair.first, []).append((pair.second, right, down))
+            beside.setdefault(pair.second, []).append((pair.first, -right, -down))
+    joined = {(0, 0): seed}
+    following = [(seed, 0, 0)]
+    while following:
+        tag, x, y = following.pop()
+        for other, right, down in beside.get(tag, []):
+            place = (x + right, y + down)
+            if place not in joined:
+                joined[place] = other
+                following.append((other, *place))
+    return joined
+
+
+def _of_one_plane(seeds: list[GridTag], gap: float) -> list[GridTag]:
+    """Tags that lie with the first one as one homography has them; it alone if it is off that."""
+    model = _model([seed.place for seed in seeds], gap).reshape(-1, 2)
+    seen = np.array([seed.corners for seed in seeds])
+    off = OFF_AXIS * min(shortest_side(quad) for quad in seen)
+    homography, fits = cv2.findHomography(model, seen.reshape(-1, 2), cv2.RANSAC, off)
+    if homography is None:
+        return seeds[:1]
+    is_on = fits.reshape(-1, 4).sum(axis=1) >= LEAST_CORNERS
+    return [seed for seed, own in zip(seeds, is_on, strict=True) if own] if is_on[0] else seeds[:1]
+
+
+def _grown(
+    grey: NDArray[np.uint8], seeds: Sequence[GridTag], printed: Print, name: str
+) -> list[GridTag]:
+    """All tags of the grid that some of its tags belong to."""
+    known = {seed.place: seed for seed in seeds}
+    _settle(grey, known, printed.gap)
     tried: dict[tuple[int, int], int] = {}
     while wanted := _wanted(known, printed.cols, tried, len(dictionary(name).codes)):
         places, numbers = zip(*wanted.items(), strict=True)
