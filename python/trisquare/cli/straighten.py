@@ -10,12 +10,11 @@ from trisquare._support.number_text import with_its_std
 from trisquare._support.paths import naming
 from trisquare._support.suggestions import unknown
 from trisquare._support.writing import PathLike, write_atomically
+from trisquare.cli.camera_file import camera_content, camera_format
 from trisquare.cli.console import answer
 from trisquare.cli.options import JSON, QUIET, argument, option
 from trisquare.cli.pictures_drawn import check_depth, check_outputs
 from trisquare.drawing.straight_lines import draw_straight_lines
-from trisquare.formats.load_save import written
-from trisquare.formats.registry import ENDINGS, format_of_name
 from trisquare.images.encoding import encode_image, encode_turned
 from trisquare.images.reading import read_photograph
 from trisquare.straightening.straighten import Straightened, straighten
@@ -28,8 +27,6 @@ EXAMPLES = (
     "trisquare straighten photo.jpg -o straight.png --overlay lines.png --balance 1",
     "trisquare straighten photo.jpg -o straight.png --save-camera camera.json --focal 1100",
 )
-
-OTHER_ENDING = f"let it end with one of {', '.join(ENDINGS)}"
 
 
 def straighten_command(
@@ -62,7 +59,7 @@ def straighten_command(
             "which is in pixels"
         )
     if save_camera is not None:
-        format_of_name(save_camera.name, OTHER_ENDING)
+        camera_format(save_camera)
     if interpolation not in INTERPOLATIONS:
         raise unknown("interpolation", interpolation, INTERPOLATIONS)
     picture, tag = read_photograph(photo)
@@ -77,9 +74,7 @@ def straighten_command(
         drawn = draw_straight_lines(picture, found.used, found.rejected, f"rms {found.rms:.2f} px")
         files[overlay] = encode_image(drawn, overlay)
     if save_camera is not None and focal is not None:
-        known = format_of_name(save_camera.name, OTHER_ENDING)
-        lens, suffix = found.camera.camera(focal), save_camera.suffix.lower()
-        files[save_camera] = written(lens, known, suffix, approximate=False)[0].encode()
+        files[save_camera] = camera_content(found.camera.camera(focal), save_camera)
     write_atomically(files)
     members: dict[str, Any] = {"format": STRAIGHTENING_FORMAT}
     members |= {"photo": str(photo), "output": str(output)}

@@ -17,12 +17,11 @@ from trisquare.camera.camera import Camera
 from trisquare.camera.members import camera_members
 from trisquare.camera.panorama import HIGHEST_LATITUDES, Panorama
 from trisquare.camera.projection_uncertainty import known_part
+from trisquare.cli.camera_file import camera_content, camera_format
 from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.input_files import camera_alone, photographs_named
 from trisquare.cli.options import JSON, PHOTOS, QUIET, flag, option
 from trisquare.cli.pictures_drawn import check_depth, check_outputs, numbered_paths
-from trisquare.formats.load_save import written
-from trisquare.formats.registry import ENDINGS, format_of_name
 from trisquare.images.encoding import encode_turned
 from trisquare.images.pixels import picture_size
 from trisquare.images.reading import read_photograph
@@ -31,8 +30,6 @@ from trisquare.undistortion.undistort import INTERPOLATIONS, Undistorter
 from trisquare.undistortion.video import undistort_video
 
 VIEWS = ("pinhole", *HIGHEST_LATITUDES)
-
-OTHER_ENDING = f"let it end with one of {', '.join(ENDINGS)}"
 
 UNDISTORTION_FORMAT = "trisquare-undistortion/1"
 
@@ -113,7 +110,7 @@ def undistort_command(
     if new_camera is not None:
         if view != "pinhole":
             raise ValueError(f"--new-camera is for a pinhole: no format holds a {view} view")
-        format_of_name(new_camera.name, OTHER_ENDING)
+        camera_format(new_camera)
     lens = camera_alone(camera)
     pictures: list[dict[str, Any]] = []
     views: set[Camera | Panorama] = set()
@@ -224,8 +221,7 @@ def _camera_file(views: Collection[Camera | Panorama], path: Path) -> bytes:
         )
     (pinhole,) = views
     assert isinstance(pinhole, Camera)
-    known = format_of_name(path.name)
-    return written(pinhole, known, path.suffix.lower(), approximate=False)[0].encode()
+    return camera_content(pinhole, path)
 
 
 def _picture_members(photo: Path, path: Path, undistorter: Undistorter) -> dict[str, Any]:
