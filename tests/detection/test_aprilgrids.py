@@ -113,6 +113,7 @@ def test_grids_calibrate_a_camera_untold(drawn, request):
     result = ts.calibrate(picture, tone="linear")
     assert [plane.kind for plane in result.planes] == ["sheet"] * 3
     assert abs(result.camera.fx - scene.camera.fx) < 4.0 * result.std["fx"]
+    assert abs(result.camera.fx / scene.camera.fx - 1.0) < 0.005
     bound = simulate.cramer_rao_bound(scene, simulate.pixel_sigma(2.0, 175.0, 0.8))
     # JPEG's errors come on top of the noise.
     assert result.std["fx"] < 2.5 * bound["fx"]

@@ -11,7 +11,7 @@ import heapq
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import cv2
 import numpy as np
@@ -98,6 +98,10 @@ class Pair(NamedTuple):
     gap: float  # between them, over the first one's side
 
 
+Steps: TypeAlias = "dict[int, list[tuple[int, int, int]]]"
+"""Of a tag's index, those of the tags beside it, with the columns and rows to them."""
+
+
 def find_aprilgrids(grey: NDArray[np.uint8], name: str = WIDE_BORDERED) -> list[AprilGrid]:
     """Find every grid of tags with wide borders in a grey picture.
 
@@ -121,7 +125,7 @@ def find_aprilgrids(grey: NDArray[np.uint8], name: str = WIDE_BORDERED) -> list[
         return []
     border = WIDE_BORDER / (dictionary(name).side + 2 * WIDE_BORDER)
     grids: list[AprilGrid] = []
-    upright = np.roll(corners, printed.turns, axis=1)
+    steps, upright = _steps(pairs, printed), np.roll(corners, printed.turns, axis=1)
     largest_first = np.argsort([-shortest_side(quad) for quad in corners])
     covered = np.zeros(len(corners), bool)
     for index in largest_first.tolist():
@@ -129,7 +133,7 @@ def find_aprilgrids(grey: NDArray[np.uint8], name: str = WIDE_BORDERED) -> list[
             continue
         seeds = [
             GridTag(numbers[own], place, upright[own])
-            for place, own in _joined(index, pairs, printed).items()
+            for place, own in _joined(index, steps).items()
         ]
         seeds = _of_one_plane(seeds, printed.gap)
         grids.append(AprilGrid(_grown(grey, seeds, printed, name), printed.gap, border))
@@ -154,20 +158,19 @@ def _print(pairs: Sequence[Pair]) -> Print | None:
     up = (turns + 3) % 4
     columns = Counter(pair.more for pair in pairs if pair.more > 1 and pair.turn == up)
     cols = columns.most_common(1)[0][0] if columns else None
-    printed = Print(cols, 0.0, turns)
-    gaps = [pair.gap for pair in pairs if _step(pair, printed) is not None]
+    gaps = [pair.gap for pair in pairs if _step(pair, cols, turns)]
     if len(gaps) < LEAST_TAGS - 1:
         return None
     gap = float(np.median(gaps))
     usual = USUAL_GAPS * round(gap / USUAL_GAPS)
-    return printed._replace(gap=usual if abs(gap - usual) < USUAL_GAP_ERROR else gap)
+    return Print(cols, usual if abs(gap - usual) < USUAL_GAP_ERROR else gap, turns)
 
 
-def _step(pair: Pair, printed: Print) -> tuple[int, int] | None:
+def _step(pair: Pair, cols: int | None, turns: int) -> tuple[int, int] | None:
     """Columns and rows from a pair's first tag to its second, if grids printed so have it."""
-    if (pair.more, pair.turn) == (1, printed.turns):
+    if (pair.more, pair.turn) == (1, turns):
         return 1, 0
-    if (pair.more, pair.turn) == (printed.cols, (printed.turns + 3) % 4):
+    if (pair.more, pair.turn) == (cols, (turns + 3) % 4):
         return 0, -1
     return None
 
@@ -186,19 +189,24 @@ def _pairs(numbers: Sequence[int], corners: FloatArray) -> Iterator[Pair]:
                 yield Pair(first, second, more, turn, far - 1.0)
 
 
-def _joined(seed: int, pairs: Sequence[Pair], printed: Print) -> dict[tuple[int, int], int]:
-    """Tags by their places about a seed's, as far as pairs lead from one to the next."""
-    beside: dict[int, list[tuple[int, int, int]]] = {}
+def _steps(pairs: Sequence[Pair], printed: Print) -> Steps:
+    """Return the steps from each tag that has a tag beside it."""
+    steps: Steps = {}
     for pair in pairs:
-        if step := _step(pair, printed):
+        if step := _step(pair, printed.cols, printed.turns):
             right, down = step
-            beside.setdefault(pair.first, []).append((pair.second, right, down))
-            beside.setdefault(pair.second, []).append((pair.first, -right, -down))
+            steps.setdefault(pair.first, []).append((pair.second, right, down))
+            steps.setdefault(pair.second, []).append((pair.first, -right, -down))
+    return steps
+
+
+def _joined(seed: int, steps: Steps) -> dict[tuple[int, int], int]:
+    """Tags by their places about a seed's, as far as steps lead from one to the next."""
     joined = {(0, 0): seed}
     following = [(seed, 0, 0)]
     while following:
         tag, x, y = following.pop()
-        for other, right, down in beside.get(tag, []):
+        for other, right, down in steps.get(tag, []):
             place = (x + right, y + down)
             if place not in joined:
                 joined[place] = other
