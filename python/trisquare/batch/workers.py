@@ -38,6 +38,9 @@ ONE_THREAD = {
 }
 """Read by the libraries when they are loaded, or a video is opened."""
 
+KEEPS_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(2**25), "MALLOC_TRIM_THRESHOLD_": str(2**26)}
+"""Read by glibc: what a job frees is kept for the next one. New pages take 4 % of a job's time."""
+
 START = "import sys; sys.path[:] = {path!r}; from trisquare.batch.worker import serve; serve()"
 
 
@@ -140,6 +143,7 @@ class _Process:
         environment = {
             **os.environ,
             **ONE_THREAD,
+            **KEEPS_MEMORY,
             # For the formats whose headers only OpenCV reads; by it a picture is then no picture.
             "OPENCV_IO_MAX_IMAGE_PIXELS": str(min(limits.max_pixels, LARGEST_SIZE)),
             "OPENCV_LOG_LEVEL": "SILENT",
