@@ -21,9 +21,12 @@ def rotation_matrix(value: Any) -> FloatArray:
         If it is none.
     """
     rotation = real_array(value, "rotation", (3, 3))
-    with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are far too large
-        deviation = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
-    if not deviation <= ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
+    # The third row of a rotation is the cross product of the others.
+    (a, b, c), (d, e, f), third = rotation.tolist()
+    expected = (b * f - c * e, c * d - a * f, a * e - b * d)
+    errors = [own - wanted for own, wanted in zip(third, expected, strict=True)]
+    errors += [a * a + b * b + c * c - 1.0, d * d + e * e + f * f - 1.0, a * d + b * e + c * f]
+    if not all(abs(error) <= ROTATION_TOLERANCE for error in errors):
         raise ValueError("rotation must be orthonormal with determinant +1")
     return rotation
 
