@@ -70,13 +70,13 @@ pub fn calibrate_by_family(
 ) -> Result<(FamilyChoice, Option<RejectedFamily>), Error> {
     check_comparable(options)?;
     let wide_options = of_family::<_, Fisheye>(options);
-    let plain = Weighed::rejecting_once(edges, size, options);
+    let plain = Weighed::of(edges, size, options);
     if let Some(plain) = plain.as_ref().filter(|plain| is_clean(plain.fit())) {
         // Of what leaves nothing but noise no other lens can leave less.
         let choice = plain.answer(edges, size, options, photographs)?;
         return Ok((FamilyChoice::Pinhole(choice), None));
     }
-    let wide = Weighed::rejecting_once(edges, size, &wide_options);
+    let wide = Weighed::of(edges, size, &wide_options);
     let (plain, wide) = match (plain, wide) {
         (Some(plain), Some(wide)) => (plain, wide),
         (None, Some(wide)) => {

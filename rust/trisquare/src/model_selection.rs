@@ -82,7 +82,7 @@ pub fn calibrate_by_evidence<L: Lens>(
     photographs: Option<&Photographs<'_>>,
 ) -> Result<ModelChoice<L>, Error> {
     check_comparable(options)?;
-    match Weighed::rejecting_once(edges, size, options) {
+    match Weighed::of(edges, size, options) {
         Some(weighed) => weighed.answer(edges, size, options, photographs),
         // No model converges: the error of the one that was asked for tells why.
         None => {
@@ -126,26 +126,9 @@ pub(crate) struct Weighed<L: Lens> {
 }
 
 impl<L: Lens> Weighed<L> {
-    /// Each with its own outliers; `None` where no model converges.
+    /// All with the outliers of the richest that converges; `None` where none does.
     pub(crate) fn of(edges: &[PlaneEdges], size: ImageSize, options: &Options<L>) -> Option<Self> {
-        Self::among(candidates(edges, size, options, Comparison::default()))
-    }
-
-    /// All with the outliers of the richest that converges.
-    pub(crate) fn rejecting_once(
-        edges: &[PlaneEdges],
-        size: ImageSize,
-        options: &Options<L>,
-    ) -> Option<Self> {
-        Self::among(candidates(
-            edges,
-            size,
-            options,
-            Comparison::rejecting_once(),
-        ))
-    }
-
-    fn among(candidates: Vec<Candidate<L>>) -> Option<Self> {
+        let candidates = candidates(edges, size, options);
         let chosen = best(&candidates)?;
         Some(Self { candidates, chosen })
     }
@@ -211,8 +194,8 @@ fn candidates<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
     options: &Options<L>,
-    mut shared: Comparison,
 ) -> Vec<Candidate<L>> {
+    let mut shared = Comparison::rejecting_once();
     let mut fits = Vec::with_capacity(L::Model::NESTED.len());
     // The richest first: what it rejects, the others may leave out.
     for &model in L::Model::NESTED.iter().rev() {
