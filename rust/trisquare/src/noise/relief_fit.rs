@@ -65,16 +65,24 @@ pub(crate) fn account_for_relief<L: Lens>(
 ) -> Option<(Vec<ObservedPlane>, Refined<L>)> {
     let drifts = planes.iter().map(ObservedPlane::largest_tone_drift);
     let drift = drifts.fold(0.0, f64::max);
-    let mut planes = planes.to_vec();
-    for (plane, state) in planes.iter_mut().zip(&refined.view.planes) {
+    let relief = |(plane, state): (&ObservedPlane, &PlaneState)| {
         let is_asked = sheets == Sheets::All || plane.figures.iter().any(has_grid);
         let is_straight = !plane.figures.iter().any(Figure::is_round);
-        if plane.board_relief.is_none() && !plane.is_outlier() && is_asked && is_straight {
-            plane.board_relief = BoardRelief::flat(plane, &refined.view, state);
+        match plane.board_relief {
+            None if !plane.is_outlier() && is_asked && is_straight => {
+                BoardRelief::flat(plane, &refined.view, state)
+            }
+            known => known,
         }
-    }
-    if planes.iter().all(|plane| plane.board_relief.is_none()) {
+    };
+    let reliefs = planes.iter().zip(&refined.view.planes).map(relief);
+    let reliefs: Vec<Option<BoardRelief>> = reliefs.collect();
+    if reliefs.iter().all(Option::is_none) {
         return None;
+    }
+    let mut planes = planes.to_vec();
+    for (plane, relief) in planes.iter_mut().zip(reliefs) {
+        plane.board_relief = relief;
     }
     let mut found = refined.clone();
     let (variance, steepness) = spectrum(&mut errors(&planes, free, &found)?, drift, sheets)?;

@@ -48,22 +48,53 @@ pub(super) fn residuals_near<L: Lens>(
     view: &View<L>,
     curves: Option<&SideCurves>,
 ) -> Option<Residuals> {
-    let mut all = Vec::with_capacity(planes.len());
+    let own = |plane: &ObservedPlane| Vec::with_capacity(plane.samples().count());
+    let mut all: Residuals = planes.iter().map(own).collect();
+    for_each_residual(planes, view, curves, |plane, residual| {
+        all[plane].push(residual)
+    })?;
+    Some(all)
+}
+
+/// [`robust_scale`] of these.
+pub(super) fn scale_near<L: Lens>(
+    planes: &[ObservedPlane],
+    view: &View<L>,
+    curves: Option<&SideCurves>,
+) -> Option<f64> {
+    let mut normalised = Vec::with_capacity(planes.iter().map(|p| p.samples().count()).sum());
+    for_each_residual(planes, view, curves, |_, residual| {
+        if residual.counts {
+            normalised.push(residual.distance * residual.weight);
+        }
+    })?;
+    Some(median_scale(normalised.into_iter()).max(MIN_SCALE))
+}
+
+/// Gives all residuals in their order, each with the index of its plane; `None` where the lens is
+/// not invertible.
+#[inline]
+fn for_each_residual<L: Lens>(
+    planes: &[ObservedPlane],
+    view: &View<L>,
+    curves: Option<&SideCurves>,
+    mut give: impl FnMut(usize, Residual),
+) -> Option<()> {
     for (p, (plane, state)) in planes.iter().zip(&view.planes).enumerate() {
-        let mut own = Vec::with_capacity(plane.samples().count());
         for (s, (f, side)) in plane.sides_by_figure().enumerate() {
             let curve = curves.and_then(|curves| curves.get(p, s));
+            let mut add = |sample: &Sample, (distance, normal)| {
+                let residual = Residual {
+                    distance,
+                    normal,
+                    weight: sample.weight,
+                    counts: !side.is_outlier,
+                };
+                give(p, residual);
+            };
             for found in state.model_lines(&view.lens, f, side) {
                 let (model, range) = found?;
                 let line = state.line(f, &model.line);
-                let mut add = |sample: &Sample, (distance, normal)| {
-                    own.push(Residual {
-                        distance,
-                        normal,
-                        weight: sample.weight,
-                        counts: !side.is_outlier,
-                    });
-                };
                 if let Some(curve) = curve {
                     let found = curve.distances_and_normals(&view.lens, &line)?;
                     side.samples.iter().zip(found).for_each(|(s, d)| add(s, d));
@@ -78,9 +109,8 @@ pub(super) fn residuals_near<L: Lens>(
                 }
             }
         }
-        all.push(own);
     }
-    Some(all)
+    Some(())
 }
 
 /// Distances of a side's samples to the image of the line that fits these alone best; `None` where

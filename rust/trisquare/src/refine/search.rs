@@ -2,7 +2,7 @@
 //! a search among some of them, and a finish on all.
 
 use super::edge_problem::EdgeProblem;
-use super::residuals::{Residuals, residuals, residuals_near, robust_scale};
+use super::residuals::{Residuals, residuals, residuals_near, robust_scale, scale_near};
 use super::side_curve::SideCurves;
 use crate::lens::Lens;
 use crate::numeric::{ArrowSystem, Limits, Loss, Problem, Spread, Termination, minimise};
@@ -148,7 +148,7 @@ pub(crate) fn search<L: Lens>(
         decrease: LAST_DECREASE,
     };
     let mut found = Search {
-        scale: scale_of(planes, &start)?,
+        scale: scale_near(planes, &start, None)?,
         view: start,
         iterations: 0,
         termination: Termination::IterationLimit,
@@ -160,7 +160,7 @@ pub(crate) fn search<L: Lens>(
         found.iterations += minimum.iterations;
         found.termination = minimum.termination;
         found.view = minimum.state;
-        let last = std::mem::replace(&mut found.scale, scale_of(planes, &found.view)?);
+        let last = std::mem::replace(&mut found.scale, scale_near(planes, &found.view, None)?);
         let settled = round > 0 && (found.scale / last - 1.0).abs() < SCALE_TOLERANCE;
         if settled || found.termination != Termination::Converged {
             break;
@@ -217,10 +217,18 @@ fn finish_near<L: Lens>(
             continue;
         }
         // The weights must not depend on where the search came from.
-        let residuals = residuals_near(planes, &view, curves)?;
-        let next = robust_scale(&residuals);
+        let residuals = match arrived {
+            true => Some(residuals_near(planes, &view, curves)?),
+            false => None,
+        };
+        let next = match &residuals {
+            Some(residuals) => robust_scale(residuals),
+            None => scale_near(planes, &view, curves)?,
+        };
         let settled = (next / scale - 1.0).abs() < FINAL_SCALE_TOLERANCE;
-        if arrived && (settled || rescalings == MAX_RESCALINGS) {
+        if let Some(residuals) = residuals
+            && (settled || rescalings == MAX_RESCALINGS)
+        {
             let found = (view, residuals, system);
             return Some(Refined::around(found, scale, unknowns, iterations));
         }
@@ -228,9 +236,4 @@ fn finish_near<L: Lens>(
         rescalings += 1;
     }
     None
-}
-
-/// The scale of the bulk of the residuals, in units of their given standard deviations.
-fn scale_of<L: Lens>(planes: &[ObservedPlane], view: &View<L>) -> Option<f64> {
-    Some(robust_scale(&residuals(planes, view)?))
 }
