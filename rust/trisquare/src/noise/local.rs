@@ -3,9 +3,9 @@
 
 use nalgebra::Cholesky;
 
-use super::side_basis::{Basis, ORDERS};
+use super::side_basis::{Basis, ORDERS, basis_by_polynomials};
 use super::side_moments::SideMoments;
-use crate::numeric::{Loss, Spread, median_scale};
+use crate::numeric::{Loss, Spread, median_scale, polynomial_at};
 use crate::observations::ObservedPlane;
 use crate::refine::{MIN_SCALE, Refined, Residual, Residuals};
 
@@ -76,7 +76,7 @@ impl Noise {
                 let summed = SideMoments::of(side, mine, scale);
                 if !side.is_outlier {
                     let left = without_displacement(&summed, mine);
-                    neighbours.add(&summed.places, &left, scale);
+                    neighbours.add(&left, scale);
                     lost += degrees_taken(mine.len()) as f64;
                     rough.extend(left);
                 }
@@ -153,25 +153,22 @@ fn without_displacement(moments: &SideMoments, residuals: &[Residual]) -> Vec<f6
     }
     let solve = |factor: Cholesky<f64, _>| factor.solve(&moments.robust.gradient);
     let displacement = gram.cholesky().map_or(Basis::zeros(), solve);
-    moments
-        .rows
-        .iter()
-        .zip(residuals)
-        .map(|(row, residual)| (residual.distance - row.dot(&displacement)) * residual.weight)
+    let terms = basis_by_polynomials().tr_mul(&displacement);
+    let at = |place: &f64| polynomial_at(terms.as_slice(), *place);
+    let samples = moments.places.iter().zip(residuals);
+    samples
+        .map(|(place, residual)| (residual.distance - at(place)) * residual.weight)
         .collect()
 }
 
 impl Neighbours {
-    fn add(&mut self, along: &[f64], rough: &[f64], scale: f64) {
-        let mut order: Vec<usize> = (0..along.len()).collect();
-        if !along.is_sorted() {
-            order.sort_by(|a, b| along[*a].total_cmp(&along[*b]));
-        }
-        let value = |i: usize| {
-            let x = rough[order[i]] / scale;
+    /// Adds a side's samples, in their order along it.
+    fn add(&mut self, rough: &[f64], scale: f64) {
+        let value = |rough: &f64| {
+            let x = rough / scale;
             Loss::Tukey.cost_and_weight(x).1 * x
         };
-        let values: Vec<f64> = (0..order.len()).map(value).collect();
+        let values: Vec<f64> = rough.iter().map(value).collect();
         for lag in 0..=MAX_LAG.min(values.len().saturating_sub(1)) {
             let pairs = values.iter().zip(&values[lag..]);
             self.products[lag] += pairs.map(|(a, b)| a * b).sum::<f64>();

@@ -1,8 +1,11 @@
 //! Places along a side, and smooth displacements of its image.
 
-use nalgebra::{SVector, Vector2};
+use std::sync::LazyLock;
+
+use nalgebra::{SMatrix, SVector, Vector2};
 
 use crate::geometry::Line;
+use crate::numeric::{coefficients, node_places};
 use crate::observations::Sample;
 
 /// Orders of a smooth displacement: what is slower than a fifth of a side.
@@ -24,6 +27,16 @@ pub(crate) fn basis(s: f64) -> Basis {
         );
     }
     values
+}
+
+/// The basis in Chebyshev's polynomials: a row for each of its orders.
+pub(crate) fn basis_by_polynomials() -> &'static SMatrix<f64, ORDERS, ORDERS> {
+    static ROWS: LazyLock<SMatrix<f64, ORDERS, ORDERS>> = LazyLock::new(|| {
+        let at_nodes = node_places().map(|place| <[f64; ORDERS]>::from(basis(place)));
+        let found = coefficients(&at_nodes);
+        SMatrix::from_fn(|order, term| found[term][order])
+    });
+    &ROWS
 }
 
 /// The direction in which a side's samples extend; `None` where they are one point.
@@ -60,7 +73,7 @@ pub(crate) fn places_on_arc(samples: &[Sample]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::SMatrix;
+    use crate::numeric::{LANES, polynomials};
 
     #[test]
     fn basis_is_orthonormal_in_the_mean() {
@@ -71,6 +84,17 @@ mod tests {
             gram += values * values.transpose() / f64::from(steps);
         }
         assert!((gram - SMatrix::identity()).norm() < 1e-6, "{gram}");
+    }
+
+    #[test]
+    fn basis_is_its_polynomials() {
+        let places = [-1.0, -0.3, 0.2, 0.9];
+        let terms = polynomials::<ORDERS>(&places);
+        for i in 0..LANES {
+            let terms = Basis::from_fn(|m, _| terms[m][i]);
+            let found = basis_by_polynomials() * terms;
+            assert!((found - basis(places[i])).norm() < 1e-13, "{found}");
+        }
     }
 
     #[test]

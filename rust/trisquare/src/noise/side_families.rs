@@ -3,7 +3,7 @@
 use nalgebra::{Const, DMatrix, DVector, Dyn, OMatrix, SMatrix, SVector, Vector2, Vector3};
 
 use super::picture_fields::{FIELDS, PictureFields};
-use super::side_basis::{Basis, ORDERS};
+use super::side_basis::{Basis, ORDERS, basis};
 use super::side_moments::{Gram, SideMoments};
 use crate::lens::{Lens, MAX_LENS_COLUMNS};
 use crate::numeric::Block;
@@ -259,7 +259,7 @@ impl SideJacobian {
             let line = state.line(figure, &model.line);
             let mut wrt_line = SMatrix::<f64, ORDERS, 3>::zeros();
             for &index in nodes.iter().filter(|index| range.contains(index)) {
-                let row = &moments.rows[index];
+                let row = &basis(moments.places[index]);
                 let pixel = &side.samples[index].pixel;
                 let pixel_ray = lens.unproject_with_jacobian(pixel)?;
                 let distance = lens.line_distance_jacobian(&pixel_ray, &line, wanted);

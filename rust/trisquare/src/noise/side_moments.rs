@@ -2,8 +2,8 @@
 
 use nalgebra::{SMatrix, Vector2};
 
-use super::side_basis::{Basis, ORDERS, basis, direction, places, places_on_arc};
-use crate::numeric::{Loss, add_rank_one, symmetric};
+use super::side_basis::{Basis, ORDERS, basis_by_polynomials, direction, places, places_on_arc};
+use crate::numeric::{LANES, Loss, PolynomialSums, polynomials};
 use crate::observations::{Curve, Side};
 use crate::refine::Residual;
 
@@ -27,8 +27,6 @@ pub(crate) struct SideMoments {
     pub along: Vector2<f64>,
     /// Where each sample lies, from -1 to 1.
     pub places: Vec<f64>,
-    /// The basis at each sample.
-    pub rows: Vec<Basis>,
     /// With the weights of the robust loss.
     pub robust: Moments,
     /// With the samples' own weights.
@@ -37,14 +35,19 @@ pub(crate) struct SideMoments {
     pub strongest: f64,
 }
 
-/// Sums of outer products of the basis and a residual, by their lower triangle.
-type Sums = [[f64; ORDERS + 1]; ORDERS + 1];
+/// Sums from which the moments follow.
+type Sums = PolynomialSums<ORDERS, MOMENTS>;
+
+/// Polynomials at each sample from which the products of the first [`ORDERS`] follow.
+const MOMENTS: usize = 2 * ORDERS - 1;
 
 impl Moments {
     fn of(sums: &Sums) -> Self {
+        let (products, values) = sums.finish();
+        let basis = basis_by_polynomials();
         Self {
-            gram: Gram::from_fn(|i, j| symmetric(sums, i, j)),
-            gradient: Basis::from_fn(|i, _| sums[ORDERS][i]),
+            gram: basis * Gram::from_fn(|i, j| products[i][j]) * basis.transpose(),
+            gradient: basis * Basis::from(values),
         }
     }
 }
@@ -57,28 +60,39 @@ impl SideMoments {
             Curve::Line(_) => places(&side.samples, &along),
             Curve::Circle(_) => places_on_arc(&side.samples),
         };
-        let rows: Vec<Basis> = places.iter().map(|s| basis(*s)).collect();
-        let (mut robust, mut plain): (Sums, Sums) = Default::default();
-        let mut strongest = f64::MIN_POSITIVE;
-        for (row, residual) in rows.iter().zip(residuals) {
-            let to_noise = residual.weight / scale;
-            strongest = strongest.max(to_noise);
-            let value = residual.distance * to_noise;
-            let (_, weight) = Loss::Tukey.cost_and_weight(value);
-            let square = to_noise * to_noise;
-            let mut with_residual = [residual.distance; ORDERS + 1];
-            with_residual[..ORDERS].copy_from_slice(row.as_slice());
-            add_rank_one(&mut robust, &with_residual, weight * square);
-            with_residual[ORDERS] = value.clamp(-FARTHEST, FARTHEST) / to_noise;
-            add_rank_one(&mut plain, &with_residual, square);
-        }
+        let (robust, plain, strongest) = summed(&places, residuals, scale);
         Self {
             along,
             places,
-            rows,
             robust: Moments::of(&robust),
             plain: Moments::of(&plain),
             strongest,
         }
     }
+}
+
+/// The sums with the weights of the robust loss and with the samples' own, and the largest weight.
+fn summed(places: &[f64], residuals: &[Residual], scale: f64) -> (Sums, Sums, f64) {
+    let (mut robust, mut plain) = (Sums::new(), Sums::new());
+    let mut strongest = f64::MIN_POSITIVE;
+    for (places, residuals) in places.chunks(LANES).zip(residuals.chunks(LANES)) {
+        let mut at = [0.0; LANES];
+        at[..places.len()].copy_from_slice(places);
+        let [mut weights, mut values, mut plain_weights, mut plain_values] = [[0.0; LANES]; 4];
+        for (i, residual) in residuals.iter().enumerate() {
+            let to_noise = residual.weight / scale;
+            strongest = strongest.max(to_noise);
+            let value = residual.distance * to_noise;
+            let (_, weight) = Loss::Tukey.cost_and_weight(value);
+            let square = to_noise * to_noise;
+            weights[i] = weight * square;
+            values[i] = weights[i] * residual.distance;
+            plain_weights[i] = square;
+            plain_values[i] = to_noise * value.clamp(-FARTHEST, FARTHEST);
+        }
+        let terms = polynomials(&at);
+        robust.add(&terms, &weights, &values);
+        plain.add(&terms, &plain_weights, &plain_values);
+    }
+    (robust, plain, strongest)
 }

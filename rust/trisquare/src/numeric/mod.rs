@@ -12,7 +12,9 @@ mod robust;
 mod ties;
 
 pub(crate) use arrowhead::{ArrowStep, ArrowSystem, Block, Reduced};
-pub(crate) use chebyshev::{LANES, NODES, coefficients, node_places, polynomials};
+pub(crate) use chebyshev::{
+    LANES, NODES, PolynomialSums, coefficients, node_places, polynomial_at, polynomials,
+};
 pub use chi_square::chi_square_tail;
 pub(crate) use chi_square::normal_deviate;
 pub(crate) use each::each;

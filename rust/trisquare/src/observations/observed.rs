@@ -28,6 +28,7 @@ pub(crate) struct Side {
     pub curve: Curve,
     /// Index of the curve among those of its figure.
     pub number: usize,
+    /// In their order along it.
     pub samples: Vec<Sample>,
     /// How far an error that the picture's samples share displaces each, per standard deviation
     /// (px); empty if there is none.
@@ -105,13 +106,23 @@ impl Figure {
 impl ObservedPlane {
     /// The same with at most so many samples of each side, evenly spread.
     pub fn subsampled(&self, samples_per_side: usize) -> Self {
-        let mut subsampled = self.clone();
-        for side in subsampled.sides_mut() {
-            let step = side.samples.len().div_ceil(samples_per_side);
-            side.samples = side.samples.iter().step_by(step).copied().collect();
-            side.tone_drift = side.tone_drift.iter().step_by(step).copied().collect();
+        let of_side = |side: &Side| {
+            let step = side.samples.len().div_ceil(samples_per_side).max(1);
+            Side {
+                samples: side.samples.iter().step_by(step).copied().collect(),
+                tone_drift: side.tone_drift.iter().step_by(step).copied().collect(),
+                ..*side
+            }
+        };
+        let of_figure = |figure: &Figure| Figure {
+            sides: figure.sides.iter().map(of_side).collect(),
+            ..*figure
+        };
+        Self {
+            figures: self.figures.iter().map(of_figure).collect(),
+            relations: self.relations.clone(),
+            ..*self
         }
-        subsampled
     }
 
     /// Removes the tone drift, of so many standard deviations, from every sample.
@@ -336,7 +347,7 @@ fn figure(index: usize, edges: &PlaneEdges) -> Figure {
             .enumerate()
             .flat_map(|(number, (curve, points))| {
                 let stretches = match curve {
-                    Curve::Line(_) => vec![(0..points.len()).collect()],
+                    Curve::Line(_) => vec![in_order_along(points)],
                     Curve::Circle(_) => arcs(points),
                 };
                 stretches
@@ -367,6 +378,20 @@ fn side(edges: &PlaneEdges, (number, curve): (usize, Curve), stretch: &[usize]) 
             .flat_map(|drift| stretch.iter().map(|&i| drift[i]))
             .collect(),
     }
+}
+
+/// Indices of a straight side's samples, from one end to the other.
+fn in_order_along(points: &[Vector2<f64>]) -> Vec<usize> {
+    let line = Line::fit(points.iter().map(|point| (*point, 1.0)));
+    let normal = line.map_or_else(Vector2::zeros, |line| line.normal());
+    let along = normal
+        * match points {
+            [first, .., last] if normal.perp(first) > normal.perp(last) => -1.0,
+            _ => 1.0,
+        };
+    let mut places: Vec<(f64, usize)> = points.iter().map(|p| along.perp(p)).zip(0..).collect();
+    places.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    places.into_iter().map(|(_, index)| index).collect()
 }
 
 /// The samples of a circle, in order round it from its widest gap on, as arcs of as many each:

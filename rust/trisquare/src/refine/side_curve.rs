@@ -11,11 +11,10 @@ use nalgebra::{Vector2, Vector3};
 use super::line_sums::{LineSums, RESIDUAL};
 use crate::geometry::Line;
 use crate::lens::{Lens, LineImage};
-use crate::numeric::{LANES, Loss, NODES, coefficients, polynomials};
+use crate::numeric::{LANES, Loss, NODES, PolynomialSums, coefficients, polynomials};
 use crate::observations::{ObservedPlane, PlaneState, Side, View};
 
-/// Sums of weights times Chebyshev's polynomials from which the products of two polynomials through
-/// the nodes follow.
+/// Polynomials at each sample from which the products of two polynomials through the nodes follow.
 const MOMENTS: usize = 2 * NODES - 1;
 
 /// Samples from which the nodes are worth their while.
@@ -114,47 +113,16 @@ impl SideCurve {
         }
         let (rows, cosines) = (coefficients(&rows), coefficients(&cosines));
 
-        let mut cost = [0.0; LANES];
-        let mut weights = [[0.0; LANES]; MOMENTS];
-        let mut residuals = [[0.0; LANES]; NODES];
-        for samples in &self.samples {
-            let terms = polynomials::<MOMENTS>(&samples.places);
-            let (mut distance, mut slope) = ([0.0; LANES], [0.0; LANES]);
-            for m in 0..NODES {
-                for i in 0..LANES {
-                    distance[i] += rows[m][RESIDUAL] * terms[m][i];
-                    slope[i] += cosines[m][0] * terms[m][i];
-                }
-            }
-            let mut weight = [0.0; LANES];
-            for i in 0..LANES {
-                distance[i] += samples.beside[i] * slope[i];
-                let to_noise = samples.weights[i] * to_scale;
-                let (own, factor) = loss.cost_and_weight(distance[i] * to_noise);
-                cost[i] += own;
-                weight[i] = factor * to_noise * to_noise;
-            }
-            for (sum, term) in weights.iter_mut().zip(&terms) {
-                for i in 0..LANES {
-                    sum[i] += weight[i] * term[i];
-                }
-            }
-            for (sum, term) in residuals.iter_mut().zip(&terms) {
-                for i in 0..LANES {
-                    sum[i] += weight[i] * distance[i] * term[i];
-                }
-            }
-        }
-        let weights = weights.map(|lanes| lanes.iter().sum::<f64>());
-        let residuals = residuals.map(|lanes| lanes.iter().sum::<f64>());
+        let distances = rows.map(|row| row[RESIDUAL]);
+        let cosines = cosines.map(|[cosine]| cosine);
+        let (cost, sums) = weighed(&self.samples, (&distances, &cosines), (loss, to_scale));
+        let (gram, residuals) = sums.finish();
 
-        // T_i T_j = (T_(i+j) + T_|i-j|) / 2
         let mut weighted = [[0.0; N]; NODES];
         for i in 0..NODES {
             for j in 0..NODES {
-                let factor = 0.5 * (weights[i + j] + weights[i.abs_diff(j)]);
                 for c in 0..N {
-                    weighted[i][c] += factor * rows[j][c];
+                    weighted[i][c] += gram[i][j] * rows[j][c];
                 }
             }
         }
@@ -170,10 +138,7 @@ impl SideCurve {
             let sum = (0..NODES).map(|m| rows[m][i] * residuals[m]).sum();
             (products[i][RESIDUAL], products[RESIDUAL][i]) = (sum, sum);
         }
-        Some(LineSums {
-            cost: cost.iter().sum(),
-            products,
-        })
+        Some(LineSums { cost, products })
     }
 
     /// Distances of the samples to a line's image, and its unit normals there; after the last sample
@@ -207,4 +172,36 @@ impl SideCurve {
             })
         }))
     }
+}
+
+/// The cost of samples, and their weighted sums, by polynomials of their distance to a line and of
+/// how that grows across the curve.
+fn weighed(
+    samples: &[Samples],
+    (distances, cosines): (&[f64; NODES], &[f64; NODES]),
+    (loss, to_scale): (Loss, f64),
+) -> (f64, PolynomialSums<NODES, MOMENTS>) {
+    let mut cost = [0.0; LANES];
+    let mut sums = PolynomialSums::new();
+    for samples in samples {
+        let terms = polynomials::<MOMENTS>(&samples.places);
+        let (mut distance, mut slope) = ([0.0; LANES], [0.0; LANES]);
+        for m in 0..NODES {
+            for i in 0..LANES {
+                distance[i] += distances[m] * terms[m][i];
+                slope[i] += cosines[m] * terms[m][i];
+            }
+        }
+        let (mut weights, mut values) = ([0.0; LANES], [0.0; LANES]);
+        for i in 0..LANES {
+            distance[i] += samples.beside[i] * slope[i];
+            let to_noise = samples.weights[i] * to_scale;
+            let (own, factor) = loss.cost_and_weight(distance[i] * to_noise);
+            cost[i] += own;
+            weights[i] = factor * to_noise * to_noise;
+            values[i] = weights[i] * distance[i];
+        }
+        sums.add(&terms, &weights, &values);
+    }
+    (cost.iter().sum(), sums)
 }
