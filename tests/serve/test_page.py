@@ -263,6 +263,40 @@ def test_a_rejected_square_is_not_used(page, photo):
     assert len(calibrated(page)) == 6
 
 
+@pytest.fixture(scope="module")
+def board(tmp_path_factory):
+    path = tmp_path_factory.mktemp("boards") / "board.png"
+    rng = np.random.default_rng(3)
+    scene = simulate.chessboard_scene(rng, SCENE.camera)
+    cv2.imwrite(str(path), simulate.render(scene, rng))
+    return path
+
+
+@pytest.mark.slow
+def test_a_board_is_not_edited_and_is_said_to_be_left_out(page, photo, board):
+    """Four corners are not all that is known of it: as a square it would give a wrong camera."""
+    opened(page, board, photo)
+    assert len(drawn(page)) == 3
+    assert page.evaluate(SHOWN.format("left-out")) is False
+    page.evaluate("document.querySelector('#pictures button').click()")
+    page.wait_for(f"{LIST}.length === 1 && {LIST}[0] === 'Chessboard 1, found'")
+    assert len(drawn(page)) == 0
+    page.wait_for(f"{TEXT.format('expected')}.startsWith('A chessboard is found.')")
+    page.evaluate("document.querySelectorAll('#pictures button')[2].click()")
+    page.evaluate("document.querySelector('#squares input').click()")
+    assert "the chessboard of board.png" in page.evaluate(TEXT.format("left-out"))
+    for number in (1, 2):
+        page.evaluate(f"document.querySelectorAll('#squares input')[{number}].click()")
+    press(page, "calibrate")
+    page.wait_for(SHOWN.format("problem"))
+    assert page.evaluate(TEXT.format("problem")).startswith("No square is used")
+    for _ in range(3):
+        press(page, "undo")
+    assert page.evaluate(SHOWN.format("left-out")) is False
+    pooled = calibrated(page)
+    assert float(pooled["fx"][1]) < ts.calibrate(PIXELS).std["fx"]
+
+
 @pytest.mark.slow
 def test_outlines_are_saved_for_the_command_and_loaded_again(page, photo, tmp_path):
     page.send("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))

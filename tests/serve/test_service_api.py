@@ -110,6 +110,16 @@ def test_too_few_squares_are_told(client, count):
     assert ["three squares", "two more", "one more"][count] in guided["advice"]
 
 
+@pytest.mark.parametrize(("count", "is_predicted"), [(0, False), (2, False), (3, True)])
+def test_a_board_is_not_taken_for_nothing(client, count, is_predicted):
+    found = post(client, "find", PHOTO).json()["found"]
+    board = {**found[0], "kind": "chessboard"}
+    options = {"image_size": list(SIZE), "outlines": [board, *found[:count]]}
+    guided = client.post("/api/predict", json=options).json()
+    assert (guided["std"] is not None) == is_predicted
+    assert guided["advice"].startswith("A chessboard is found. ") != is_predicted
+
+
 def picture_of(answer):
     assert answer.status_code == 200, answer.text
     return cv2.imdecode(np.frombuffer(answer.content, np.uint8), cv2.IMREAD_UNCHANGED)

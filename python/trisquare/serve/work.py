@@ -217,18 +217,20 @@ def _pair(value: Any) -> tuple[int, int]:
 def _guidance(
     outlines: Any, size: tuple[int, int], options: Mapping[str, Any] | None
 ) -> dict[str, Any]:
-    from dataclasses import asdict
+    from dataclasses import asdict, replace
 
     from trisquare._support.arrays import real_array, real_number
     from trisquare.serve.guidance import SIGMA, OutlinedSquare, guide, pinhole
 
     if not isinstance(outlines, list):
         raise TypeError('"outlines" must be a list')
-    squares = []
+    squares, others = [], []
     for number, outline in enumerate(outlines):
         members = _object(outline, f"outlines[{number}]")
-        if members.get("kind", "square") not in ("square", "frame", "tag"):
-            continue  # no square, and a prediction needs squares
+        kind = members.get("kind", "square")
+        if kind not in ("square", "frame", "tag"):
+            others.append(str(kind))  # what it tells does not follow from its outline
+            continue
         where = f"outlines[{number}]"
         inner, sides = members.get("inner"), members.get("sides")
         squares.append(
@@ -245,7 +247,11 @@ def _guidance(
     elif options.get("focal") is not None:
         camera = pinhole(real_number(options["focal"], "focal"), size)
     sigma = real_number(options.get("sigma", SIGMA), "sigma")
-    return asdict(guide(squares, size, camera, sigma=sigma))
+    guidance = guide(squares, size, camera, sigma=sigma)
+    if others and guidance.std is None:
+        advice = f"A {others[0]} is found. What it tells is not predicted: calibrate to see."
+        guidance = replace(guidance, advice=advice)
+    return asdict(guidance)
 
 
 def _camera_of_members(members: Mapping[str, Any]) -> Any:

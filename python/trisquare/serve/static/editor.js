@@ -1,5 +1,7 @@
 // The photograph with its outlines, to be moved by pointer, finger and keys.
 
+import { isByCorners } from "./outlines.js";
+
 const SVG = "http://www.w3.org/2000/svg";
 const GRIP = 22; // pixels of the screen: what a finger hits
 const DOT = 7;
@@ -100,6 +102,7 @@ export class Editor {
       const label = element("text", { x, y: y + 7 * unit, "font-size": 20 * unit });
       label.textContent = index + 1;
       nodes.push(label);
+      if (!isByCorners(square)) return;
       square.corners.forEach((point, corner) => nodes.push(this.#handle(square, index, corner, point)));
     });
     if (this.#drawn?.length) {

@@ -3,7 +3,7 @@
 import { ask, askFile, askJson, jsonBlob, save, status } from "./api.js";
 import { Camera } from "./camera.js";
 import { Editor } from "./editor.js";
-import { FORMAT, Outlines, memberOf, readOutlines, squareOf } from "./outlines.js";
+import { FORMAT, Outlines, isByCorners, memberOf, readOutlines, squareOf } from "./outlines.js";
 import { Results } from "./results.js";
 
 const byId = (id) => document.getElementById(id);
@@ -131,7 +131,8 @@ async function changed(square) {
   const outlines = { format: FORMAT, squares: [memberOf(square)] };
   const corners = JSON.stringify(square.corners);
   try {
-    const { found, rejected } = await ask("find", [["picture", picture.blob, picture.name]], { outlines });
+    const options = { outlines, targets: byId("targets").value };
+    const { found, rejected } = await ask("find", [["picture", picture.blob, picture.name]], options);
     const now = picture.outlines.byId(square.id);
     if (!now || JSON.stringify(now.corners) !== corners) return; // moved on
     if (found.length) Object.assign(now, found[0], { state: "measured", reason: "" });
@@ -158,7 +159,22 @@ function update() {
     ...outlines.squares.map((square, index) => listed(square, index)),
     ...(outlines.isEdited ? [] : rejected.map(({ kind, reason }) => told(`A ${kind} was not used: ${reason}`))),
   );
+  const leftOut = pictures.flatMap(boardsLeftOut);
+  byId("left-out").hidden = !leftOut.length;
+  byId("left-out").textContent = `Outlines were changed by hand: only squares are used. Not used: ${
+    leftOut.join(", ")}. Undo or Find again uses them again.`;
   expect();
+}
+
+/** Whether the drawn squares are used and nothing else. */
+function isByHand() {
+  return pictures.some(({ outlines }) => outlines.isEdited);
+}
+
+/** What a search has found that cannot be drawn, once something is drawn. */
+function boardsLeftOut({ name, outlines }) {
+  const boards = isByHand() ? outlines.used.filter((one) => !isByCorners(one)) : [];
+  return boards.map(({ kind }) => `the ${kind} of ${name}`);
 }
 
 function told(text) {
@@ -197,7 +213,7 @@ async function expect() {
   expecting?.abort();
   expecting = new AbortController();
   const { outlines: { used }, size } = current;
-  const outlines = used.map(({ kind, corners, inner, sides }) => ({
+  const outlines = used.filter((one) => !isByHand() || isByCorners(one)).map(({ kind, corners, inner, sides }) => ({
     kind, corners, ...(inner && { inner }), ...(sides && { sides }),
   }));
   try {
@@ -252,7 +268,7 @@ function options() {
   const fix = [...document.querySelectorAll("input[name=fix]:checked")].map(({ value }) => value);
   const chosen = { model: byId("model").value, fix, targets: byId("targets").value, lines: byId("lines").checked };
   if (chosen.fix.includes("distortion")) chosen.model = "none";
-  if (pictures.some(({ outlines }) => outlines.isEdited)) {
+  if (isByHand()) {
     const drawn = pictures.map(({ outlines }, index) => ({ index, squares: outlines.members() }));
     chosen.outlines = { format: FORMAT, pictures: drawn.filter(({ squares }) => squares.length) };
   }
@@ -260,9 +276,10 @@ function options() {
 }
 
 async function calibrate() {
-  const used = [...pictures];
-  byId("calibrate").disabled = true;
+  const used = [...pictures], chosen = options();
   results.hide();
+  if (chosen.outlines?.pictures.length === 0) return fail("No square is used: draw one, tick its box, or undo.");
+  byId("calibrate").disabled = true;
   const tellRejected = (rejected) => {
     for (const picture of used) picture.rejected = [];
     for (const one of rejected) used[one.image]?.rejected.push(one);
@@ -270,7 +287,7 @@ async function calibrate() {
   };
   const answer = await working("Calibrating", async () => {
     try {
-      return await ask("calibrate", used.map(({ blob, name }) => ["picture", blob, name]), options());
+      return await ask("calibrate", used.map(({ blob, name }) => ["picture", blob, name]), chosen);
     } catch (error) {
       tellRejected(error.rejected ?? []);
       throw error;

@@ -1,13 +1,18 @@
 // The outlines of one photograph, with what was done to them, so that it can be undone.
 
 export const FORMAT = "trisquare-outlines/1";
-const SQUARES = new Set(["square", "frame", "tag", "rectangle"]);
+const BY_CORNERS = new Set(["square", "frame", "tag", "rectangle"]);
 
 let numbers = 0;
 
 /** A square as the editor has it; corners in pixels of the photograph as it is stored. */
 export function squareOf({ kind = "square", corners, inner = null, sides = null }, state) {
   return { id: ++numbers, kind, corners, inner, sides, state, reason: "", isUsed: true };
+}
+
+/** Whether four corners tell all of it: more is measured of a board, which only a search finds. */
+export function isByCorners({ kind }) {
+  return BY_CORNERS.has(kind);
 }
 
 export class Outlines {
@@ -48,14 +53,12 @@ export class Outlines {
 
   byId(id) { return this.squares.find((square) => square.id === id); }
 
-  /** Those that a calibration would use. */
-  get used() {
-    return this.squares.filter((square) => square.isUsed && SQUARES.has(square.kind));
-  }
+  /** Those that are not rejected. */
+  get used() { return this.squares.filter(({ isUsed }) => isUsed); }
 
   /** In trisquare's own format, as the option --outline reads it. */
   members() {
-    return this.used.map(memberOf);
+    return this.used.filter(isByCorners).map(memberOf);
   }
 }
 
