@@ -14,6 +14,7 @@ pytest.importorskip("starlette", reason="needs the extra serve")
 from accessibility import serious_findings
 from browser import CHROMIUM, Browser
 from scenes import squares
+from videos import write_frames
 
 import trisquare as ts
 from trisquare import simulate
@@ -367,6 +368,29 @@ def test_a_file_that_is_no_picture_is_told(page, tmp_path):
     assert page.evaluate(TEXT.format("problem")).startswith("broken.png")
     assert page.evaluate("document.getElementById('problem').getAttribute('role')") == "alert"
     page.complaints.clear()  # the browser logs that the server has refused
+
+
+@pytest.mark.slow
+def test_frames_of_a_video_are_photographs_and_every_problem_stays_told(page, photo, tmp_path):
+    broken, damaged, clip = (tmp_path / name for name in ("a.png", "b.mp4", "clip.mp4"))
+    broken.write_bytes(b"no picture")
+    damaged.write_bytes(b"no video")
+    scenes = [squares(seed, SCENE.camera, image_size=SIZE) for seed in (11, 12, 13)]
+    rng = np.random.default_rng(14)
+    write_frames(clip, [simulate.render(scene, rng) for scene in scenes])
+    page.choose_files("#files", broken, clip, damaged, photo)
+    page.wait_for("document.querySelectorAll('#pictures li').length === 4")
+    names = "[...document.querySelectorAll('#pictures [aria-current]')].map(one => one.textContent)"
+    frames = [f"clip-frame-{number}.png" for number in range(3)]
+    assert page.evaluate(names) == [*frames, "photo.png"]
+    problems = page.evaluate(TEXT.format("problem")).split("\n")
+    assert [problem.split(":")[0] for problem in problems] == ["a.png", "b.mp4"]
+    assert page.evaluate(
+        "document.getElementById('problem').getBoundingClientRect().bottom <= innerHeight"
+    )
+    page.complaints.clear()  # the browser logs that the server has refused
+    own = ts.calibrate([clip, photo], frames=10)
+    assert calibrated(page)["fx"][0] == pytest.approx(own.camera.fx, abs=own.std["fx"] / 5)
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ The files are strangers': a process that reads them may die of them, or be kille
 from __future__ import annotations
 
 import json
+import secrets
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,10 +16,14 @@ from trisquare._support.suggestions import unknown
 from trisquare.batch.limits import JobLimits
 from trisquare.batch.worker import Answer, failure
 from trisquare.errors import TrisquareError, error_members
+from trisquare.serve.limits import MOST_PICTURES
 
 CALIBRATION_OPTIONS = ("method", "model", "fix", "free", "tone", "targets", "lines")
 
 SHOWN = "image/jpeg"
+
+FRAMES = 10
+"""Of a video, where the request does not say how many."""
 
 SIDE_POINTS = 8
 """Of a measured side, that are drawn."""
@@ -296,6 +301,29 @@ def _preview(task: Task, limits: JobLimits) -> Made:
     return _jpeg(_shown(_picture(task, limits)))
 
 
+def _frames(task: Task, limits: JobLimits) -> Made:
+    """Return frames of a video as a form, as `calibrate` is sent one."""
+    from trisquare._support.arrays import whole_number
+    from trisquare.images.encoding import encode_image
+    from trisquare.images.frame_choice import choose_frames
+
+    count = whole_number(task.options.get("frames", FRAMES), "frames")
+    if not 1 <= count <= MOST_PICTURES:
+        raise ValueError(f"frames must be from 1 to {MOST_PICTURES}, not {count}")
+    chosen = choose_frames(_only(task), count, limits.of_pictures)
+    # RFC 7578; the boundary occurs in no picture.
+    boundary = secrets.token_hex(16)
+    form = b"".join(
+        f'--{boundary}\r\nContent-Disposition: form-data; name="picture"; '
+        f'filename="frame-{frame.number}.png"\r\nContent-Type: image/png\r\n\r\n'.encode()
+        + encode_image(frame.pixels, "frame.png")
+        + b"\r\n"
+        for frame in chosen
+    )
+    content = form + f"--{boundary}--\r\n".encode()
+    return _content(content, f"multipart/form-data; boundary={boundary}", "frames.form")
+
+
 def _report(task: Task, limits: JobLimits) -> Made:
     from trisquare.images.photographs import Photographs
     from trisquare.report import check_extra, report_page
@@ -340,9 +368,14 @@ def _compare(task: Task, limits: JobLimits) -> Made:
 def _picture(task: Task, limits: JobLimits) -> Any:
     from trisquare.images.reading import read_photograph
 
+    return read_photograph(_only(task), limits.of_pictures)[0]
+
+
+def _only(task: Task) -> str:
+    """Return the picture of a task that is for one."""
     if len(task.photographs) != 1:
         raise ValueError(f"give one picture, not {len(task.photographs)}")
-    return read_photograph(task.photographs[0], limits.of_pictures)[0]
+    return task.photographs[0]
 
 
 def _targets(task: Task) -> str:
@@ -418,6 +451,7 @@ TASKS: Mapping[str, tuple[Sequence[str], Callable[[Task, JobLimits], Made]]] = {
     "overlay": (("index",), _overlay),
     "undistort": (("balance", "shown"), _undistort),
     "preview": ((), _preview),
+    "frames": (("frames",), _frames),
     "report": ((), _report),
     "convert": (("format", "approximate"), _convert),
     "compare": ((), _compare),

@@ -48,6 +48,12 @@ export async function askFile(route, files, options = {}) {
   return { blob: await answer.blob(), name: name ?? route };
 }
 
+/** The same where the answer is several files: an array of them. */
+export async function askFiles(route, files, options = {}) {
+  const answer = await sent(`/api/${route}`, { method: "POST", body: form(files, options) });
+  return (await answer.formData()).getAll("picture");
+}
+
 /** Post JSON; return JSON. */
 export async function askJson(route, members, signal = undefined) {
   const headers = { "Content-Type": "application/json" };

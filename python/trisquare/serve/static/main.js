@@ -1,6 +1,6 @@
 // The page: photographs, their outlines, the calibration.
 
-import { ask, askFile, askJson, jsonBlob, save, status } from "./api.js";
+import { ask, askFile, askFiles, askJson, jsonBlob, save, status } from "./api.js";
 import { Camera } from "./camera.js";
 import { Editor } from "./editor.js";
 import { FORMAT, Outlines, isByCorners, memberOf, readOutlines, squareOf } from "./outlines.js";
@@ -21,17 +21,25 @@ function say(text) {
 function fail(text) {
   byId("problem").textContent = text;
   byId("problem").hidden = !text;
+  if (text) byId("problem").scrollIntoView({ block: "nearest" });
 }
 
 /** Do something that takes time: it is said while it lasts, and so is what fails. */
 async function working(text, act) {
   fail("");
-  say(`${text} …`);
   try {
-    return await act();
+    return await said(text, act);
   } catch (error) {
     if (error.name !== "AbortError") fail(error.message);
     return undefined;
+  }
+}
+
+/** Say what is done while it lasts. */
+async function said(text, act) {
+  say(`${text} …`);
+  try {
+    return await act();
   } finally {
     say("");
   }
@@ -58,25 +66,46 @@ const camera = new Camera(
 
 // Photographs.
 
+/** Add photographs, and frames of videos; what is wrong with one of the files does not end it. */
 async function addPictures(files) {
+  const problems = [];
+  fail("");
   for (const file of files) {
-    if (limits && file.size > limits.max_bytes) {
-      fail(`${file.name} has ${file.size} bytes, more than the ${limits.max_bytes} that are allowed.`);
-      continue;
+    try {
+      if (limits && file.size > limits.max_bytes) {
+        throw new Error(`has ${file.size} bytes, more than the ${limits.max_bytes} that are allowed.`);
+      }
+      const frames = isVideo(file) ? await said(`Choosing frames of ${file.name}`, () => framesOf(file)) : [file];
+      for (const picture of frames) await said(`Reading ${picture.name}`, () => addPicture(picture));
+    } catch ({ message }) {
+      problems.push(message.includes(file.name) ? message : `${file.name}: ${message}`);
+      fail(problems.join("\n"));
     }
-    await working(`Reading ${file.name}`, async () => {
-      const picture = { name: file.name, blob: file, outlines: new Outlines(), rejected: [] };
-      const [preview, found] = await Promise.all([
-        askFile("preview", [["picture", file, file.name]]), found_in(picture),
-      ]);
-      picture.bitmap = await createImageBitmap(preview.blob);
-      picture.size = found.image_size;
-      take(picture, found);
-      pictures.push(picture);
-      results.hide();
-      show(picture);
-    });
   }
+}
+
+async function addPicture(file) {
+  const picture = { name: file.name, blob: file, outlines: new Outlines(), rejected: [] };
+  const [preview, found] = await Promise.all([
+    askFile("preview", [["picture", file, file.name]]), found_in(picture),
+  ]);
+  picture.bitmap = await createImageBitmap(preview.blob);
+  picture.size = found.image_size;
+  take(picture, found);
+  pictures.push(picture);
+  results.hide();
+  show(picture);
+}
+
+function isVideo({ name, type }) {
+  return type.startsWith("video/") || !!limits?.videos.some((ending) => name.toLowerCase().endsWith(ending));
+}
+
+/** Photographs out of a video: sharp ones that differ. */
+async function framesOf(video) {
+  const frames = await askFiles("frames", [["picture", video, video.name]]);
+  const name = video.name.replace(/\.\w+$/, "");
+  return frames.map((frame) => new File([frame], `${name}-${frame.name}`, { type: frame.type }));
 }
 
 function found_in(picture) {
