@@ -41,9 +41,15 @@ def test_a_process_that_dies_takes_its_own_job_only():
     assert sorted(found) == sorted(names)
     for name, record in found.items():
         assert code_of(record) == ("WorkerDiedError" if name.startswith("die") else "done")
-    text = found["die-1"]["error"]["text"]
-    assert text.startswith("its process died 2 times (SIGKILL); mostly the system ends one so")
-    assert text.endswith("of which max_memory allows 4 GB")
+    assert found["die-1"]["error"]["text"] == (
+        "its process died 2 times (SIGKILL). The usual cause is too little memory: max_memory "
+        "allows 4 GB"
+    )
+
+
+def test_a_process_that_ends_otherwise_is_not_said_to_lack_memory():
+    found = outcomes(jobs_of("exit-1"))
+    assert found["exit-1"]["error"]["text"] == "its process died 2 times (exit code 3)"
 
 
 def test_every_job_is_logged_once(caplog):
