@@ -176,7 +176,10 @@ def test_a_manifest_as_csv(tmp_path):
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ("{", "not JSON"),
+        (
+            '{"name": ',
+            "not JSON: Expecting value (column 9)",
+        ),  # line 1 would not be that of the file
         ("[" * 100_000, "too deeply"),
         ("[1]", "must be an object"),
         ('{"photographs": ["a.png"]}', '"name" is missing'),
