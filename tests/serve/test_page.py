@@ -318,6 +318,56 @@ def test_outlines_are_saved_for_the_command_and_loaded_again(page, photo, tmp_pa
         assert min(gap(corners, truth) for truth in TRUTH) < 0.5
 
 
+OUTLINES = {"format": "trisquare-outlines/1"}
+SQUARE = {"corners": [[100, 100], [200, 100], [200, 200], [100, 200]]}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"\x89PNG", "not JSON"),
+        (None, "not of the format"),
+        ({"squares": [SQUARE]}, "not of the format"),
+        (OUTLINES, "not a list of squares"),
+        ({**OUTLINES, "pictures": [None]}, "not a list of squares"),
+        ({**OUTLINES, "squares": [None]}, "not four corners"),
+        ({**OUTLINES, "squares": [{"sides": 3}]}, "not four corners"),
+        ({**OUTLINES, "squares": [{"corners": [[1, 2], [3, 4]]}]}, "not four corners"),
+        ({**OUTLINES, "file": "other.png", "squares": [SQUARE]}, "other.png"),
+        ({**OUTLINES, "pictures": [{"index": 7, "squares": [SQUARE]}]}, "picture 7"),
+        ({**OUTLINES, "width": 64, "squares": [SQUARE]}, "but photo.png has 640 x 480"),
+    ],
+)
+def test_outlines_that_are_none_of_these_photographs_change_nothing(
+    page, photo, tmp_path, content, said
+):
+    opened(page, photo)
+    before = drawn(page)
+    path = tmp_path / "outlines.json"
+    path.write_bytes(content if isinstance(content, bytes) else json.dumps(content).encode())
+    page.choose_files("#load-outlines", path)
+    page.wait_for(SHOWN.format("problem"))
+    problem = page.evaluate(TEXT.format("problem"))
+    assert problem.startswith("outlines.json: ")
+    assert said in problem
+    np.testing.assert_array_equal(drawn(page), before)
+    assert page.evaluate("document.getElementById('undo').disabled") is True
+
+
+@pytest.mark.slow
+def test_outlines_without_a_name_are_of_the_photograph_that_is_shown(page, photo, tmp_path):
+    other = tmp_path / "again.png"
+    cv2.imwrite(str(other), PIXELS)
+    opened(page, photo, other)
+    path = tmp_path / "outlines.json"
+    path.write_text(json.dumps({**OUTLINES, "squares": [{"corners": TRUTH[0].tolist()}]}))
+    page.choose_files("#load-outlines", path)
+    page.wait_for(f"{LIST}.length === 1 && {LIST}[0].endsWith('measured')")
+    page.evaluate("document.querySelector('#pictures button').click()")
+    assert len(drawn(page)) == 3
+
+
 def awaited(path):
     """Return the text of a file that a browser writes."""
     end = time.monotonic() + 30

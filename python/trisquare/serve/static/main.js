@@ -109,7 +109,11 @@ async function framesOf(video) {
 }
 
 function found_in(picture) {
-  return ask("find", [["picture", picture.blob, picture.name]], { targets: byId("targets").value });
+  return ask("find", [["picture", picture.blob, picture.name]], { targets: targets() });
+}
+
+function targets() {
+  return byId("targets").value.trim() || "auto";
 }
 
 function take(picture, { found, rejected }) {
@@ -155,12 +159,15 @@ function button(text, act) {
 async function changed(square) {
   if (editor.isDrawing && square === null) editor.draw(false);
   update();
-  if (!square) return;
-  const picture = current;
+  if (square) await measure(current, square);
+}
+
+/** Measure the edges at a square, which moves onto them. */
+async function measure(picture, square) {
   const outlines = { format: FORMAT, squares: [memberOf(square)] };
   const corners = JSON.stringify(square.corners);
   try {
-    const options = { outlines, targets: byId("targets").value };
+    const options = { outlines, targets: targets() };
     const { found, rejected } = await ask("find", [["picture", picture.blob, picture.name]], options);
     const now = picture.outlines.byId(square.id);
     if (!now || JSON.stringify(now.corners) !== corners) return; // moved on
@@ -242,7 +249,8 @@ async function expect() {
   expecting?.abort();
   expecting = new AbortController();
   const { outlines: { used }, size } = current;
-  const outlines = used.filter((one) => !isByHand() || isByCorners(one)).map(({ kind, corners, inner, sides }) => ({
+  const isExpected = (one) => one.state !== "refused" && (!isByHand() || isByCorners(one));
+  const outlines = used.filter(isExpected).map(({ kind, corners, inner, sides }) => ({
     kind, corners, ...(inner && { inner }), ...(sides && { sides }),
   }));
   try {
@@ -273,29 +281,44 @@ function saveOutlines() {
 async function loadOutlines(input) {
   const [file] = input.files;
   if (!file) return;
+  fail("");
   try {
     const drawn = readOutlines(await file.text());
-    drawn.forEach((own, place) => {
-      const at = own.file ? pictures.findIndex(({ name }) => name === own.file) : own.index ?? place;
-      const picture = pictures[at] ?? (drawn.length === 1 ? current : null);
-      if (!picture) return;
+    const loaded = drawn.map((own) => [pictureOf(own, drawn.length), own]).filter(([picture]) => picture);
+    if (!loaded.length) {
+      const names = drawn.map(({ file: name, index }) => name ?? `picture ${index ?? "without a name"}`);
+      throw new Error(`The outlines are of other photographs than these: ${names.join(", ")}.`);
+    }
+    for (const [picture, own] of loaded) {
       picture.outlines.remember();
       picture.outlines.squares = own.squares.map((one) => squareOf(one, "drawn"));
-    });
-    fail("");
+    }
     update();
-    for (const square of current.outlines.squares) await changed(square);
+    for (const [picture] of loaded) {
+      for (const square of picture.outlines.squares) await measure(picture, square);
+    }
   } catch (error) {
     fail(`${file.name}: ${error.message}`);
   }
   input.value = "";
 }
 
+/** The photograph that outlines are of: by its name, by its place, or else the one that is shown. */
+function pictureOf({ file, index, width, height }, count) {
+  const name = file?.split(/[\\/]/).at(-1);
+  const picture = file ? pictures.find((one) => one.name === name)
+    : index === undefined && count === 1 ? current : pictures[index];
+  const own = picture?.size.join(" x ");
+  const stated = picture && [width ?? picture.size[0], height ?? picture.size[1]].join(" x ");
+  if (stated !== own) throw new Error(`The outlines are of a picture of ${stated} pixels, but ${picture.name} has ${own}.`);
+  return picture;
+}
+
 // Calibration.
 
 function options() {
   const fix = [...document.querySelectorAll("input[name=fix]:checked")].map(({ value }) => value);
-  const chosen = { model: byId("model").value, fix, targets: byId("targets").value, lines: byId("lines").checked };
+  const chosen = { model: byId("model").value, fix, targets: targets(), lines: byId("lines").checked };
   if (chosen.fix.includes("distortion")) chosen.model = "none";
   if (isByHand()) {
     const drawn = pictures.map(({ outlines }, index) => ({ index, squares: outlines.members() }));

@@ -66,26 +66,34 @@ export function memberOf({ corners, inner }) {
   return inner ? { corners, inner: { corners: inner } } : { corners };
 }
 
-/** Read a file of outlines: [{file, index, squares}] with corners alone. */
+/** Read a file of outlines: [{file, index, width, height, squares}], the squares by their corners. */
 export function readOutlines(text) {
-  const members = JSON.parse(text);
-  if (members.format !== FORMAT) throw new Error(`The file is not of the format ${FORMAT}.`);
-  const pictures = members.pictures ?? [members];
+  let members = null;
+  try {
+    members = JSON.parse(text);
+  } catch {
+    throw new Error("The file is not JSON.");
+  }
+  if (members?.format !== FORMAT) throw new Error(`The file is not of the format ${FORMAT}.`);
+  const pictures = [members.pictures ?? members].flat();
+  if (!pictures.every((picture) => Array.isArray(picture?.squares))) {
+    throw new Error("The file has not a list of squares for each picture.");
+  }
   return pictures.map((picture) => ({
-    file: picture.file,
-    index: picture.index,
+    ...picture,
     squares: picture.squares.map((square) => ({
-      kind: square.inner ? "frame" : "square",
+      kind: square?.inner ? "frame" : "square",
       corners: cornersOf(square),
-      inner: square.inner ? cornersOf(square.inner) : null,
+      inner: square?.inner ? cornersOf(square.inner) : null,
     })),
   }));
 }
 
 function cornersOf(outline) {
-  const corners = outline.corners ?? outline.sides?.map((side) => side[0]) ?? outline.polygon;
+  const starts = Array.isArray(outline?.sides) ? outline.sides.map((side) => side?.[0]) : outline?.polygon;
+  const corners = outline?.corners ?? starts;
   const isFine = Array.isArray(corners) && corners.length === 4
-    && corners.every((point) => point.length === 2 && point.every(Number.isFinite));
+    && corners.every((point) => point?.length === 2 && point.every?.(Number.isFinite));
   if (!isFine) throw new Error("A square in the file has not four corners.");
   return corners;
 }
