@@ -53,6 +53,7 @@ export class Editor {
     this.#settle();
     this.#picture = picture;
     this.#drawn = null;
+    this.stage.classList.remove("drawing");
     const { bitmap, size: [width, height] } = picture;
     Object.assign(this.canvas, { width: bitmap.width, height: bitmap.height });
     this.canvas.getContext("2d").drawImage(bitmap, 0, 0);
