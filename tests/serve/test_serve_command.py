@@ -55,6 +55,14 @@ def test_it_serves_this_machine_alone_and_only_with_the_token():
         error.value.close()
 
 
+def test_the_address_of_all_networks_is_one_that_can_be_opened():
+    with served("--host", "0.0.0.0") as address:
+        assert "//0.0.0.0:" not in address
+        direct = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+        with direct.open(address, timeout=30) as answer:
+            assert b"Calibrate a camera" in answer.read()
+
+
 def test_every_run_has_another_token():
     with served() as first, served() as second:
         tokens = {address.split("token=")[1] for address in (first, second)}
