@@ -421,6 +421,17 @@ def test_a_file_that_is_no_picture_is_told(page, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("name", ["large.png", "large.mp4"])
+def test_what_is_too_large_is_not_even_sent(page, tmp_path, name):
+    with open(tmp_path / name, "wb") as file:
+        file.truncate(250_000_000)
+    page.choose_files("#files", tmp_path / name)
+    page.wait_for(SHOWN.format("problem"))
+    told = f"{name}: 250 MB are more than the 200 MB that can be sent at a time."
+    assert page.evaluate(TEXT.format("problem")) == told
+
+
+@pytest.mark.slow
 def test_frames_of_a_video_are_photographs_and_every_problem_stays_told(page, photo, tmp_path):
     broken, damaged, clip = (tmp_path / name for name in ("a.png", "b.mp4", "clip.mp4"))
     broken.write_bytes(b"no picture")
@@ -435,9 +446,15 @@ def test_frames_of_a_video_are_photographs_and_every_problem_stays_told(page, ph
     assert page.evaluate(names) == [*frames, "photo.png"]
     problems = page.evaluate(TEXT.format("problem")).split("\n")
     assert [problem.split(":")[0] for problem in problems] == ["a.png", "b.mp4"]
-    assert page.evaluate(
-        "document.getElementById('problem').getBoundingClientRect().bottom <= innerHeight"
-    )
+    for place in ("0", "document.body.scrollHeight"):  # in sight from both ends of the page
+        top, bottom = page.evaluate(
+            f"scrollTo(0, {place}), (({{top, bottom}}) => [top, innerHeight - bottom])"
+            "(document.getElementById('problem').getBoundingClientRect())"
+        )
+        assert min(top, bottom) >= 0
+    press(page, "close-problem")
+    assert page.evaluate(SHOWN.format("problem")) is False
+    assert page.evaluate("document.getElementById('close-problem').checkVisibility()") is False
     page.complaints.clear()  # the browser logs that the server has refused
     own = ts.calibrate([clip, photo], frames=10)
     assert calibrated(page)["fx"][0] == pytest.approx(own.camera.fx, abs=own.std["fx"] / 5)

@@ -21,7 +21,6 @@ function say(text) {
 function fail(text) {
   byId("problem").textContent = text;
   byId("problem").hidden = !text;
-  if (text) byId("problem").scrollIntoView({ block: "nearest" });
 }
 
 /** Do something that takes time: it is said while it lasts, and so is what fails. */
@@ -72,9 +71,6 @@ async function addPictures(files) {
   fail("");
   for (const file of files) {
     try {
-      if (limits && file.size > limits.max_bytes) {
-        throw new Error(`has ${file.size} bytes, more than the ${limits.max_bytes} that are allowed.`);
-      }
       const frames = isVideo(file) ? await said(`Choosing frames of ${file.name}`, () => framesOf(file)) : [file];
       for (const picture of frames) await said(`Reading ${picture.name}`, () => addPicture(picture));
     } catch ({ message }) {
@@ -359,6 +355,7 @@ byId("files").onchange = async ({ target }) => {
   await addPictures([...target.files]);
   target.value = "";
 };
+byId("close-problem").onclick = () => fail("");
 byId("open-camera").onclick = () => {
   fail("");
   camera.open();
