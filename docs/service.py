@@ -51,6 +51,7 @@ async def lifespan(app: FastAPI) -> AsyncIterator[None]:
     """Keep one pool while the service runs: a process stands beside each of its threads."""
     with ThreadPoolExecutor(PROCESSES) as pool:
         app.state.pool, app.state.accepted = pool, 0
+        app.state.turns = asyncio.Semaphore(PROCESSES)
         yield
 
 
@@ -113,7 +114,10 @@ async def calibrations(
     try:
         photo = await _body(request)
         options = {"model": model, "tone": tone, "targets": targets}
-        result = await asyncio.to_thread(_calibrated, state.pool, photo, options)
+        async with state.turns:
+            if await request.is_disconnected():  # while it waited
+                raise RefusedError("AbandonedError", "the client left")
+            result = await asyncio.to_thread(_calibrated, state.pool, photo, options)
     finally:
         state.accepted -= 1
     if result.json is None:

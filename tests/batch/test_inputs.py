@@ -75,11 +75,10 @@ def test_numbers_in_names_are_numbers(tmp_path):
 
 
 def test_a_folder_without_pictures_is_named_and_the_rest_goes_on(tmp_path):
-    touch(tmp_path, "empty/notes.txt", "full/a.png")
-    assert found(tmp_path, "empty", "full") == {
-        "empty": "no photograph is in this folder",
-        "a": ["full/a.png"],
-    }
+    touch(tmp_path, "empty/notes.txt", "full/a.png", "clips/b/c.mp4")
+    told = found(tmp_path, "empty", "full", "clips")
+    assert "--frames" in told.pop("clips")
+    assert told == {"empty": "no photograph is in this folder", "a": ["full/a.png"]}
 
 
 def test_a_column_of_any_length_is_named_in_short(tmp_path):
@@ -177,7 +176,10 @@ def test_a_manifest_as_csv(tmp_path):
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ("{", "not JSON"),
+        (
+            '{"name": ',
+            "not JSON: Expecting value (column 9)",
+        ),  # line 1 would not be that of the file
         ("[" * 100_000, "too deeply"),
         ("[1]", "must be an object"),
         ('{"photographs": ["a.png"]}', '"name" is missing'),

@@ -41,9 +41,15 @@ def test_a_process_that_dies_takes_its_own_job_only():
     assert sorted(found) == sorted(names)
     for name, record in found.items():
         assert code_of(record) == ("WorkerDiedError" if name.startswith("die") else "done")
-    text = found["die-1"]["error"]["text"]
-    assert text.startswith("its process died 2 times (SIGKILL); mostly the system ends one so")
-    assert text.endswith("of which max_memory allows 4 GB")
+    assert found["die-1"]["error"]["text"] == (
+        "its process died 2 times (SIGKILL). The usual cause is too little memory: max_memory "
+        "allows 4 GB"
+    )
+
+
+def test_a_process_that_ends_otherwise_is_not_said_to_lack_memory():
+    found = outcomes(jobs_of("exit-1"))
+    assert found["exit-1"]["error"]["text"] == "its process died 2 times (exit code 3)"
 
 
 def test_every_job_is_logged_once(caplog):
@@ -75,7 +81,7 @@ def test_a_job_that_takes_too_long_is_given_up():
 def test_a_job_that_eats_memory_is_given_up():
     found = outcomes(jobs_of("eat-1", "a"), max_memory=2e8)
     assert code_of(found["a"]) == "done"
-    assert code_of(found["eat-1"]) == "MemoryError"
+    assert found["eat-1"]["error"]["text"] == "not enough memory (max_memory allows 0.2 GB)"
 
 
 @pytest.mark.parametrize("kind", ["threads", "processes"])

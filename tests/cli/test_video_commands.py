@@ -230,6 +230,26 @@ def test_a_video_with_fewer_frames_and_a_photograph(run, folder):
     assert {plane["image"] for plane in json.loads(out)["planes"]} == {0, 1, 2, 3}
 
 
+def test_videos_of_a_folder_are_taken_where_frames_are(run, folder):
+    (folder / "session").mkdir()
+    code, _, err = run("calibrate", "session", "--frames", 3)
+    assert (code, "holds no picture" in err) == (5, True)
+    write_frames(folder / "session" / "b.avi", VIEWS)
+    found = ts.calibrate("session", frames=3)
+    assert found.camera == ts.calibrate("session/b.avi", frames=3).camera
+    code, _, err = run("calibrate", "session")
+    told = "session: the folder holds no picture; name its video itself, as session/b.avi"
+    assert (code, error_text(err).strip()) == (5, told)
+    cv2.imwrite("session/a.png", VIEWS[0])
+    assert {plane.image for plane in ts.calibrate("session", fix="aspect").planes} == {0}
+    assert (
+        run("calibrate", "session", "--frames", 3, "-o", "found.json", "--overlay", "o.png")[0] == 0
+    )
+    with_both = ts.Calibration.load(folder / "found.json")
+    assert with_both == ts.calibrate(["session/a.png", "session/b.avi"], frames=3)
+    assert len(list(folder.glob("o-*.png"))) == 4
+
+
 def test_warnings_name_the_frame(views):
     write_frames(views / "more.avi", [*VIEWS, *FRAMES[:1]])
     found = ts.calibrate(["more.avi"], frames=4)

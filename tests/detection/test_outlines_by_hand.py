@@ -9,6 +9,7 @@ from itertools import combinations
 import cv2
 import numpy as np
 import pytest
+from quick import first_quick
 from scenes import squares
 
 import trisquare as ts
@@ -167,6 +168,37 @@ def test_nothing_else_is_searched():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("targets", first_quick(["a4", "rectangle"]))
+def test_outlines_are_of_the_rectangles_that_are_sought(targets):
+    """Taken for squares, these sheets would give a focal length that is off by a third."""
+    rng = np.random.default_rng(2)
+    scene = simulate.random_scene(rng, image_size=SIZE, aspect=2.0**0.5)
+    picture = simulate.render(scene, rng)
+    outlines = [outlines[0] for outlines in drawn(scene)]
+    options = {"targets": targets, "fix": "aspect"}
+    result = ts.calibrate(picture, outlines=outlines, **options)
+    assert [plane.kind for plane in result.planes] == ["rectangle"] * 3
+    searched = ts.calibrate(picture, **options)
+    for name in ("fx", "cx", "cy"):
+        gap = getattr(result.camera, name) - getattr(searched.camera, name)
+        assert abs(gap) < 0.2 * searched.std[name], name
+
+
+def test_a_frame_is_no_sheet_of_paper():
+    with pytest.raises(ts.TrisquareError, match="frame") as refused:
+        ts.calibrate(FRAMED, targets="a4", outlines=own_file(drawn(FRAMES)))
+    assert {one.kind for one in refused.value.rejected} == {"frame"}
+
+
+@pytest.mark.parametrize("targets", ["chessboard:9x6", "charuco:10x10:0.75"])
+def test_outlines_of_boards_are_refused(targets):
+    """A board is no square: what is drawn round it would give a wrong camera."""
+    with pytest.raises(ValueError, match="names a board"):
+        ts.calibrate(PHOTO, targets=targets, outlines=own_file(drawn(SCENE)))
+    with pytest.raises(ValueError, match="names a board"):
+        ts.detect(PHOTO, targets=targets, outlines=own_file(drawn(SCENE)))
+
+
 def test_several_pictures_are_told_apart_by_name_or_index(tmp_path):
     paths = [tmp_path / "a.png", tmp_path / "b.png", tmp_path / "c.png"]
     scene = squares(34, camera=SCENE.camera)

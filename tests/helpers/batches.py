@@ -52,6 +52,8 @@ def quick(job, limits):
     kind = job.name.partition("-")[0]
     if kind == "die":
         os.kill(os.getpid(), signal.SIGKILL)
+    if kind == "exit":
+        os._exit(3)
     if kind == "once":  # dies the first time only
         try:
             os.close(os.open(job.photographs[0], os.O_CREAT | os.O_EXCL))

@@ -1,10 +1,12 @@
 """The documentation's service, run as it stands there."""
 
+import asyncio
 import runpy
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from importlib import resources
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -145,6 +147,42 @@ def test_an_unknown_address_or_method_is_told_likewise(client, method, path, sta
 
 def test_its_health_is_told(client):
     assert client.get("/health").json() == {"version": ts.__version__, "accepted": 0}
+
+
+@pytest.mark.parametrize("leaves", [True, False])
+def test_a_client_that_leaves_before_its_turn_is_not_computed_for(leaves):
+    service = runpy.run_path(str(RECIPE))
+    computed, sent = [], []
+    done = SimpleNamespace(json="{}")
+    service["calibrations"].__globals__["_calibrated"] = lambda *of: computed.append(of) or done
+    app = service["app"]
+    scope = {"type": "http", "method": "POST", "path": "/calibrations", "headers": []}
+    scope["query_string"] = b""
+    messages = [{"type": "http.request", "body": DEMO}]
+
+    async def receive():
+        if not messages:
+            await asyncio.Event().wait()  # the client waits, too
+        return messages.pop(0)
+
+    async def send(message):
+        sent.append(message)
+
+    async def answered():
+        async with app.router.lifespan_context(app):
+            for _ in range(service["PROCESSES"]):  # all turns are taken
+                await app.state.turns.acquire()
+            asking = asyncio.create_task(app(scope, receive, send))
+            while messages:
+                await asyncio.sleep(0)
+            if leaves:
+                messages.append({"type": "http.disconnect"})
+            app.state.turns.release()
+            await asking
+            return app.state.accepted
+
+    assert asyncio.run(answered()) == 0
+    assert (sent[0]["status"], len(computed)) == ((499, 0) if leaves else (200, 1))
 
 
 def test_a_full_service_says_when_to_come_again(client, service):

@@ -14,6 +14,7 @@ pytest.importorskip("starlette", reason="needs the extra serve")
 from accessibility import serious_findings
 from browser import CHROMIUM, Browser
 from scenes import squares
+from videos import write_frames
 
 import trisquare as ts
 from trisquare import simulate
@@ -263,6 +264,40 @@ def test_a_rejected_square_is_not_used(page, photo):
     assert len(calibrated(page)) == 6
 
 
+@pytest.fixture(scope="module")
+def board(tmp_path_factory):
+    path = tmp_path_factory.mktemp("boards") / "board.png"
+    rng = np.random.default_rng(3)
+    scene = simulate.chessboard_scene(rng, SCENE.camera)
+    cv2.imwrite(str(path), simulate.render(scene, rng))
+    return path
+
+
+@pytest.mark.slow
+def test_a_board_is_not_edited_and_is_said_to_be_left_out(page, photo, board):
+    """Four corners are not all that is known of it: as a square it would give a wrong camera."""
+    opened(page, board, photo)
+    assert len(drawn(page)) == 3
+    assert page.evaluate(SHOWN.format("left-out")) is False
+    page.evaluate("document.querySelector('#pictures button').click()")
+    page.wait_for(f"{LIST}.length === 1 && {LIST}[0] === 'Chessboard 1, found'")
+    assert len(drawn(page)) == 0
+    page.wait_for(f"{TEXT.format('expected')}.startsWith('A chessboard is found.')")
+    page.evaluate("document.querySelectorAll('#pictures button')[2].click()")
+    page.evaluate("document.querySelector('#squares input').click()")
+    assert "the chessboard of board.png" in page.evaluate(TEXT.format("left-out"))
+    for number in (1, 2):
+        page.evaluate(f"document.querySelectorAll('#squares input')[{number}].click()")
+    press(page, "calibrate")
+    page.wait_for(SHOWN.format("problem"))
+    assert page.evaluate(TEXT.format("problem")).startswith("No square is used")
+    for _ in range(3):
+        press(page, "undo")
+    assert page.evaluate(SHOWN.format("left-out")) is False
+    pooled = calibrated(page)
+    assert float(pooled["fx"][1]) < ts.calibrate(PIXELS).std["fx"]
+
+
 @pytest.mark.slow
 def test_outlines_are_saved_for_the_command_and_loaded_again(page, photo, tmp_path):
     page.send("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
@@ -281,6 +316,56 @@ def test_outlines_are_saved_for_the_command_and_loaded_again(page, photo, tmp_pa
     np.testing.assert_allclose(drawn(page)[:, 0].mean(), before[:, 0].mean(), atol=300)
     for corners in drawn(page):
         assert min(gap(corners, truth) for truth in TRUTH) < 0.5
+
+
+OUTLINES = {"format": "trisquare-outlines/1"}
+SQUARE = {"corners": [[100, 100], [200, 100], [200, 200], [100, 200]]}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"\x89PNG", "not JSON"),
+        (None, "not of the format"),
+        ({"squares": [SQUARE]}, "not of the format"),
+        (OUTLINES, "not a list of squares"),
+        ({**OUTLINES, "pictures": [None]}, "not a list of squares"),
+        ({**OUTLINES, "squares": [None]}, "not four corners"),
+        ({**OUTLINES, "squares": [{"sides": 3}]}, "not four corners"),
+        ({**OUTLINES, "squares": [{"corners": [[1, 2], [3, 4]]}]}, "not four corners"),
+        ({**OUTLINES, "file": "other.png", "squares": [SQUARE]}, "other.png"),
+        ({**OUTLINES, "pictures": [{"index": 7, "squares": [SQUARE]}]}, "picture 7"),
+        ({**OUTLINES, "width": 64, "squares": [SQUARE]}, "but photo.png has 640 x 480"),
+    ],
+)
+def test_outlines_that_are_none_of_these_photographs_change_nothing(
+    page, photo, tmp_path, content, said
+):
+    opened(page, photo)
+    before = drawn(page)
+    path = tmp_path / "outlines.json"
+    path.write_bytes(content if isinstance(content, bytes) else json.dumps(content).encode())
+    page.choose_files("#load-outlines", path)
+    page.wait_for(SHOWN.format("problem"))
+    problem = page.evaluate(TEXT.format("problem"))
+    assert problem.startswith("outlines.json: ")
+    assert said in problem
+    np.testing.assert_array_equal(drawn(page), before)
+    assert page.evaluate("document.getElementById('undo').disabled") is True
+
+
+@pytest.mark.slow
+def test_outlines_without_a_name_are_of_the_photograph_that_is_shown(page, photo, tmp_path):
+    other = tmp_path / "again.png"
+    cv2.imwrite(str(other), PIXELS)
+    opened(page, photo, other)
+    path = tmp_path / "outlines.json"
+    path.write_text(json.dumps({**OUTLINES, "squares": [{"corners": TRUTH[0].tolist()}]}))
+    page.choose_files("#load-outlines", path)
+    page.wait_for(f"{LIST}.length === 1 && {LIST}[0].endsWith('measured')")
+    page.evaluate("document.querySelector('#pictures button').click()")
+    assert len(drawn(page)) == 3
 
 
 def awaited(path):
@@ -333,6 +418,46 @@ def test_a_file_that_is_no_picture_is_told(page, tmp_path):
     assert page.evaluate(TEXT.format("problem")).startswith("broken.png")
     assert page.evaluate("document.getElementById('problem').getAttribute('role')") == "alert"
     page.complaints.clear()  # the browser logs that the server has refused
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["large.png", "large.mp4"])
+def test_what_is_too_large_is_not_even_sent(page, tmp_path, name):
+    with open(tmp_path / name, "wb") as file:
+        file.truncate(250_000_000)
+    page.choose_files("#files", tmp_path / name)
+    page.wait_for(SHOWN.format("problem"))
+    told = f"{name}: 250 MB are more than the 200 MB that can be sent at a time."
+    assert page.evaluate(TEXT.format("problem")) == told
+
+
+@pytest.mark.slow
+def test_frames_of_a_video_are_photographs_and_every_problem_stays_told(page, photo, tmp_path):
+    broken, damaged, clip = (tmp_path / name for name in ("a.png", "b.mp4", "clip.mp4"))
+    broken.write_bytes(b"no picture")
+    damaged.write_bytes(b"no video")
+    scenes = [squares(seed, SCENE.camera, image_size=SIZE) for seed in (11, 12, 13)]
+    rng = np.random.default_rng(14)
+    write_frames(clip, [simulate.render(scene, rng) for scene in scenes])
+    page.choose_files("#files", broken, clip, damaged, photo)
+    page.wait_for("document.querySelectorAll('#pictures li').length === 4")
+    names = "[...document.querySelectorAll('#pictures [aria-current]')].map(one => one.textContent)"
+    frames = [f"clip-frame-{number}.png" for number in range(3)]
+    assert page.evaluate(names) == [*frames, "photo.png"]
+    problems = page.evaluate(TEXT.format("problem")).split("\n")
+    assert [problem.split(":")[0] for problem in problems] == ["a.png", "b.mp4"]
+    for place in ("0", "document.body.scrollHeight"):  # in sight from both ends of the page
+        top, bottom = page.evaluate(
+            f"scrollTo(0, {place}), (({{top, bottom}}) => [top, innerHeight - bottom])"
+            "(document.getElementById('problem').getBoundingClientRect())"
+        )
+        assert min(top, bottom) >= 0
+    press(page, "close-problem")
+    assert page.evaluate(SHOWN.format("problem")) is False
+    assert page.evaluate("document.getElementById('close-problem').checkVisibility()") is False
+    page.complaints.clear()  # the browser logs that the server has refused
+    own = ts.calibrate([clip, photo], frames=10)
+    assert calibrated(page)["fx"][0] == pytest.approx(own.camera.fx, abs=own.std["fx"] / 5)
 
 
 @pytest.mark.slow

@@ -9,6 +9,7 @@ import sys
 import urllib.error
 import urllib.request
 from contextlib import contextmanager
+from importlib import resources
 
 import pytest
 
@@ -54,11 +55,40 @@ def test_it_serves_this_machine_alone_and_only_with_the_token():
         error.value.close()
 
 
+def test_the_address_of_all_networks_is_one_that_can_be_opened():
+    with served("--host", "0.0.0.0") as address:
+        assert "//0.0.0.0:" not in address
+        direct = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+        with direct.open(address, timeout=30) as answer:
+            assert b"Calibrate a camera" in answer.read()
+
+
 def test_every_run_has_another_token():
     with served() as first, served() as second:
         tokens = {address.split("token=")[1] for address in (first, second)}
     assert len(tokens) == 2
     assert min(map(len, tokens)) >= 32
+
+
+def test_every_limit_is_set_by_an_option():
+    limits = ("--max-bytes", "3M", "--max-pixels", "2M", "--max-seconds", "0.02")
+    with served(*limits, "--max-memory", "1G") as address:
+        schema = address.replace("/?", "/api/schema?")
+        with urllib.request.urlopen(schema, timeout=30) as answer:
+            told = json.loads(answer.read())["info"]["description"]
+        assert "3000000 bytes" in told
+        assert "2000000 pixels" in told
+        form = b'--x\r\nContent-Disposition: form-data; name="picture"; filename="a.png"\r\n\r\n'
+        picture = (resources.files("trisquare") / "data" / "demo.png").read_bytes()
+        find = urllib.request.Request(
+            address.replace("/?", "/api/find?"),
+            form + picture + b"\r\n--x--\r\n",
+            {"Content-Type": "multipart/form-data; boundary=x"},
+        )
+        with pytest.raises(urllib.error.HTTPError, match="422") as error:
+            urllib.request.urlopen(find, timeout=60)
+        assert json.loads(error.value.read())["error"]["code"] == "TimeLimitError"
+        error.value.close()
 
 
 def test_it_ends_when_nobody_asks():
@@ -85,6 +115,8 @@ def test_a_taken_port_and_a_foreign_address_are_told():
         (("--token", "an&ampersand-is-no-letter"), "--token"),
         (("--max-bytes", "many"), "--max-bytes"),
         (("--max-pixels", "-1"), "--max-pixels"),
+        (("--max-seconds", "0"), "max_seconds"),
+        (("--max-memory", "much"), "--max-memory"),
         (("--key", "key.pem"), "belong together"),
     ],
 )

@@ -4,6 +4,7 @@ import json
 import struct
 import threading
 import zlib
+from email import message_from_bytes
 from importlib import resources
 
 import cv2
@@ -16,11 +17,13 @@ pytest.importorskip("python_multipart", reason="needs the extra serve")
 import anyio
 from scenes import squares
 from starlette.testclient import TestClient
+from videos import moving, write_frames
 
 import trisquare as ts
 from trisquare import simulate
 from trisquare.batch.limits import JobLimits
 from trisquare.errors import help_of
+from trisquare.images.frame_choice import choose_frames
 from trisquare.serve.app import create_app
 
 TOKEN = "the-token-of-the-tests"
@@ -110,6 +113,16 @@ def test_too_few_squares_are_told(client, count):
     assert ["three squares", "two more", "one more"][count] in guided["advice"]
 
 
+@pytest.mark.parametrize(("count", "is_predicted"), [(0, False), (2, False), (3, True)])
+def test_a_board_is_not_taken_for_nothing(client, count, is_predicted):
+    found = post(client, "find", PHOTO).json()["found"]
+    board = {**found[0], "kind": "chessboard"}
+    options = {"image_size": list(SIZE), "outlines": [board, *found[:count]]}
+    guided = client.post("/api/predict", json=options).json()
+    assert (guided["std"] is not None) == is_predicted
+    assert guided["advice"].startswith("A chessboard is found. ") != is_predicted
+
+
 def picture_of(answer):
     assert answer.status_code == 200, answer.text
     return cv2.imdecode(np.frombuffer(answer.content, np.uint8), cv2.IMREAD_UNCHANGED)
@@ -127,6 +140,56 @@ def test_draws_undistorts_and_reports(client, result):
     report = post(client, "report", PHOTO, result=text)
     assert report.status_code == 200, report.text
     assert "p0.png" in report.text
+
+
+def video(tmp_path, frames):
+    write_frames(tmp_path / "clip.avi", frames)
+    return (tmp_path / "clip.avi").read_bytes()
+
+
+def frames_of(answer):
+    """The names and pictures of a form, read by the standard library."""
+    assert answer.status_code == 200, answer.text
+    head = f"Content-Type: {answer.headers['content-type']}\r\n\r\n".encode()
+    form = message_from_bytes(head + answer.content)
+    assert not form.defects
+    return {
+        part.get_filename(): cv2.imdecode(
+            np.frombuffer(part.get_payload(decode=True), np.uint8), cv2.IMREAD_UNCHANGED
+        )
+        for part in form.get_payload()
+    }
+
+
+def test_chooses_frames_of_a_video(client, tmp_path):
+    content = video(tmp_path, moving(8))
+    for count in (1, 3):
+        own = choose_frames(tmp_path / "clip.avi", count)
+        found = frames_of(post(client, "frames", content, options={"frames": count}))
+        assert list(found) == [f"frame-{frame.number}.png" for frame in own]
+        for frame, pixels in zip(own, found.values(), strict=True):
+            np.testing.assert_array_equal(pixels, frame.pixels)
+    assert len(frames_of(post(client, "frames", content))) == 8
+
+
+@pytest.mark.parametrize(
+    ("frames", "status"),
+    [(0, 400), (101, 400), (True, 400), ("3", 400), (None, 400), (2, 200)],
+)
+def test_the_number_of_frames_is_checked(client, tmp_path, frames, status):
+    answer = post(client, "frames", video(tmp_path, moving(2)), options={"frames": frames})
+    assert answer.status_code == status, answer.text
+
+
+def test_what_is_no_whole_video_has_no_frames(client, tmp_path):
+    content = video(tmp_path, moving(8))
+    for wrong in (PHOTO, b"", content[:200], content[: len(content) // 2]):
+        error = error_of(post(client, "frames", wrong), 415)
+        assert error["code"] == "ImageError"
+    large = video(tmp_path, [np.zeros((1500, 2100), np.uint8)])
+    assert "max_pixels" in error_of(post(client, "frames", large), 415)["text"]
+    assert error_of(post(client, "frames", content, content), 400)
+    assert error_of(post(client, "frames"), 400)
 
 
 @pytest.mark.parametrize(

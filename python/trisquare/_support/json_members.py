@@ -146,7 +146,10 @@ def parse_json(text: str | bytes) -> Any:
         return json.loads(text, parse_constant=refuse_constant)
     except RecursionError as error:
         raise ValueError("the JSON text is nested too deeply") from error
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+    except json.JSONDecodeError as error:
+        line = f"line {error.lineno}, " if "\n" in error.doc else ""
+        raise ValueError(f"not JSON: {error.msg} ({line}column {error.colno})") from error
+    except UnicodeDecodeError as error:
         raise ValueError(f"not JSON: {error}") from error
 
 

@@ -138,7 +138,10 @@ def _folder_jobs(folder: str, options: Mapping[str, Any]) -> Iterator[Job]:
             name = Path(path).relative_to(folder).as_posix()
             yield Job(name, tuple(pictures), options, path)
     if is_empty:
-        yield faulty_job(folder, "no photograph is in this folder", folder)
+        text = "no photograph is in this folder"
+        if any(videos for _, videos in _photographs(folder, {**options, "frames": 1})):
+            text += ", but videos are: --frames 10 (frames=10) takes photographs out of them"
+        yield faulty_job(folder, text, folder)
 
 
 def _grouped(

@@ -93,7 +93,7 @@ def _json_records(path: str) -> Iterator[tuple[int, Any]]:
                 return
             if line.strip():
                 try:
-                    yield number, parse_json(line)
+                    yield number, parse_json(line.rstrip())
                 except ValueError as error:
                     yield number, error
 

@@ -166,7 +166,7 @@ def attempted(work: Callable[..., Answer], job: AnyJob, limits: JobLimits) -> An
         return work(job, limits)
     except MemoryError as error:
         allowed = f"max_memory allows {limits.max_memory / 1e9:.3g} GB"
-        return failure(job, "MemoryError", f"{error or 'not enough memory'} ({allowed})"), None
+        return failure(job, "MemoryError", f"{str(error) or 'not enough memory'} ({allowed})"), None
     except BaseException as error:  # a panic of the core is no Exception
         members = error_members(error)
         return failure(job, members["code"], members["text"]), None

@@ -26,11 +26,9 @@ LARGEST_SIZE = 2**62
 ENDING = 5.0
 """Seconds that a process that closed its output has to end by itself: how it ends is told."""
 
-MEMORY_ENDS = {
-    "SIGKILL": "mostly the system ends one so that takes its last memory",
-    "SIGABRT": "mostly one ends so that is refused memory",
-}
-"""How processes end that lack memory, and cannot say so themselves as a ``MemoryError``."""
+MEMORY_ENDS = ("SIGKILL", "SIGABRT")
+"""How processes end that lack memory, and cannot say so themselves as a ``MemoryError``: the system
+ends them, or they end themselves where an allocation fails."""
 
 ONE_THREAD = {
     **{f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "RAYON")},
@@ -114,7 +112,7 @@ class Workers:
         text = f"its process died {ATTEMPTS} times ({how})"
         if how in MEMORY_ENDS:
             memory = f"{self._limits.max_memory / 1e9:.3g} GB"
-            text += f"; {MEMORY_ENDS[how]}, of which max_memory allows {memory}"
+            text += f". The usual cause is too little memory: max_memory allows {memory}"
         return failure(job, "WorkerDiedError", text), None
 
     def close(self) -> None:

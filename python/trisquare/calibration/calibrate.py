@@ -124,9 +124,9 @@ def calibrate(
         planes of the result then have it as `side`, and their poses are metric. All targets
         must be of this size. A number from 10 on is warned of: mostly it is of millimetres.
     frames : int, optional
-        How many frames to take of each video among the paths: sharp ones that differ from one
-        another, each one photograph of the camera. They are held in memory. Without it a video is
-        refused.
+        How many frames to take of each video among the paths and in the folders: sharp ones that
+        differ from one another, each one photograph of the camera. They are held in memory.
+        Without it a video is refused, and those in folders are left out.
     threads : int, optional
         In how many threads several photographs are read, measured and fitted; each holds one of
         them in memory. By default as many as there are cores that this process may use. The result
@@ -167,8 +167,9 @@ def calibrate(
     ('fx', 'cx', 'cy', 'k1', 'k2')
     """
     limits = PictureLimits.stated(max_pixels, max_bytes)
+    sources = sources_of(image, with_videos=frames is not None)
     return calibrate_photographs(
-        Photographs(with_frames(sources_of(image), frames, limits), limits=limits),
+        Photographs(with_frames(sources, frames, limits), limits=limits),
         method=method,
         model=model,
         fix=fix,

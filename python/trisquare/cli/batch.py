@@ -303,9 +303,12 @@ def _report(
         f"of {counts.retake} to take again, {counts.outlying} unlike the others"
     ]
     if counts.earlier:
+        noun, are, do = (
+            ("camera", "is", "does") if counts.earlier == 1 else ("cameras", "are", "do")
+        )
         lines.append(
-            f"{counts.earlier} more cameras of earlier runs, which this one was not given, are "
-            "kept and do not count"
+            f"{counts.earlier} more {noun} of earlier runs, which this one was not given, {are} "
+            f"kept and {do} not count"
         )
     for row in failed:
         reason = row.get("beyond_limits") or row["retake"]

@@ -170,7 +170,7 @@ def calibrate_command(
         raise ValueError("--diagnose prints text and --json prints JSON: give one of them")
     if with_diagnosis and quiet:
         raise ValueError("--diagnose prints, and --quiet does not: give one of them")
-    photos = photographs_named(photos)
+    photos = photographs_named(photos, with_videos=frames is not None)
     clips = 0 if frames is None else sum(map(is_video, photos))
     most_pictures = len(photos) + clips * max(0, (frames or 0) - 1)
     overlay_paths = numbered_paths(overlay, most_pictures)

@@ -36,15 +36,17 @@ def camera_alone(path: Path) -> Camera:
         return load_camera(path).camera
 
 
-def photographs_named(paths: Iterable[Path]) -> list[Path]:
+def photographs_named(paths: Iterable[Path], *, with_videos: bool = False) -> list[Path]:
     """Return the photographs that arguments name: files, those in folders, those of patterns.
+
+    The videos in folders are among them `with_videos`.
 
     Raises
     ------
     ImageError
         If a folder holds none, or no file matches a pattern.
     """
-    return [Path(str(path)) for path in sources_of(paths)]
+    return [Path(str(path)) for path in sources_of(paths, with_videos=with_videos)]
 
 
 def of_size(

@@ -48,7 +48,9 @@ FIX = option(
     offer=FIXABLE,
 )
 FRAMES = option(
-    None, "N", "Calibrate with N frames of each video among the inputs: sharp ones that differ."
+    None,
+    "N",
+    "Calibrate with N frames of each video, those in folders included: sharp ones that differ.",
 )
 INITIAL = option(
     None,

@@ -39,6 +39,12 @@ def serve_command(
     ),
     max_bytes: str | None = option(None, "N", "Refuse larger requests (200M)."),
     max_pixels: str | None = option(None, "N", "Refuse pictures of more pixels (100M)."),
+    max_seconds: float | None = option(
+        None, "S", "Give a request up after computing for so many seconds (60)."
+    ),
+    max_memory: str | None = option(
+        None, "N", "Bytes that a request may take beside the program (2G); on Linux."
+    ),
     jobs: int | None = option(
         None,
         "N",
@@ -84,6 +90,8 @@ def serve_command(
     limits = JobLimits.stated(
         amount(max_pixels, "--max-pixels"),
         amount(max_bytes, "--max-bytes"),
+        max_seconds,
+        amount(max_memory, "--max-memory"),
         defaults=REQUEST_LIMITS,
     )
 

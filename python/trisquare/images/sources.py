@@ -33,12 +33,15 @@ VIDEO_SUFFIXES = frozenset(
 """The same of videos, where frames of them are asked for."""
 
 
-def sources_of(image: ImageSource | Iterable[ImageSource]) -> list[ImageSource]:
+def sources_of(
+    image: ImageSource | Iterable[ImageSource], *, with_videos: bool = False
+) -> list[ImageSource]:
     """Return the pictures, one or several, as a list.
 
-    A folder stands for the pictures directly in it, a pattern such as ``frame-*.png`` for the files
-    that match, both in the order of their names, in which numbers count: ``2.jpg`` comes before
-    ``10.jpg``. Open files are read, since that can be done only once.
+    A folder stands for the pictures directly in it, and `with_videos` for its videos as well; a
+    pattern such as ``frame-*.png`` for the files that match. Both are in the order of their names,
+    in which numbers count: ``2.jpg`` comes before ``10.jpg``. Open files are read, since that can
+    be done only once.
 
     Raises
     ------
@@ -49,8 +52,8 @@ def sources_of(image: ImageSource | Iterable[ImageSource]) -> list[ImageSource]:
         If a file is open as text.
     """
     if is_one_picture(image) or not isinstance(image, Iterable):
-        return _meant(image)
-    return [picture for each in image for picture in _meant(each)]
+        return _meant(image, with_videos)
+    return [picture for each in image for picture in _meant(each, with_videos)]
 
 
 def content_of(file: Any) -> bytes:
@@ -85,21 +88,24 @@ def is_pillow(source: object) -> TypeGuard[PillowImage]:
     return any(kind.__module__ == "PIL.Image" for kind in type(source).__mro__)
 
 
-def _meant(source: Any) -> list[ImageSource]:
+def _meant(source: Any, with_videos: bool) -> list[ImageSource]:
     if isinstance(source, str | os.PathLike):
-        return list(_files(source))
+        return list(_files(source, with_videos))
     if hasattr(source, "read"):
         return [content_of(source)]
     return [source]
 
 
-def _files(path: str | os.PathLike[str]) -> Iterable[str | os.PathLike[str]]:
+def _files(path: str | os.PathLike[str], with_videos: bool) -> Iterable[str | os.PathLike[str]]:
     name = os.fspath(path)
     if os.path.isdir(name):
-        found = [each for each in Path(name).iterdir() if each.suffix.lower() in PICTURE_SUFFIXES]
-        if not found:
-            raise ImageError(f"{name}: the folder holds no picture")
-        return sorted(found, key=natural_order)
+        files = sorted(Path(name).iterdir(), key=natural_order)
+        pictures = [each for each in files if each.suffix.lower() in PICTURE_SUFFIXES]
+        videos = [each for each in files if each.suffix.lower() in VIDEO_SUFFIXES]
+        if not (pictures or (videos and with_videos)):
+            other = f"; name its video itself, as {videos[0]}" if videos else ""
+            raise ImageError(f"{name}: the folder holds no picture{other}")
+        return sorted(pictures + videos, key=natural_order) if with_videos else pictures
     if glob.has_magic(name) and not os.path.lexists(name):
         names = sorted(glob.glob(name, recursive=True), key=natural_order)
         matching = [Path(each) for each in names]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.annotations.outlines import AnnotatedSquare
+from trisquare.detection.annotations.rectangles import taken_as_rectangles
 from trisquare.detection.annotations.snap import snap_to_edges
 from trisquare.detection.boards.find import find_chessboards, find_lattices
 from trisquare.detection.boards.membership import belongs_to, whole_cells
@@ -122,14 +123,30 @@ def _paint(grey: NDArray[np.uint8], cells: NDArray[np.int32]) -> None:
     part[mask > 0] = np.rint(cv2.mean(part, mask)[0])
 
 
-def search_annotated(picture: Image, annotated: Sequence[AnnotatedSquare]) -> Search:
-    """Snap annotated squares to the edges of a checked picture, or reject those without edges."""
+def search_annotated(
+    picture: Image, annotated: Sequence[AnnotatedSquare], kinds: TargetKinds
+) -> Search:
+    """Snap annotated squares to the edges of a checked picture, or reject those without edges.
+
+    Where rectangles are sought, that is what they are.
+
+    Raises
+    ------
+    ValueError
+        If boards are sought, of which more is measured than an outline.
+    """
+    if annotated and (kinds.board or kinds.layout):
+        raise ValueError(
+            "outlines are of squares or rectangles, but targets names a board, which is searched "
+            "for: leave one of them out"
+        )
     grey = grey_bytes(picture)
+    snapped = [snap_to_edges(grey, target) for target in annotated]
+    if kinds.rectangles is not None:
+        snapped = taken_as_rectangles(snapped, (grey.shape[1], grey.shape[0]), kinds.rectangles)
     found = [
-        Rejected(target.kind, 0, target.corners, snapped)
-        if isinstance(snapped := snap_to_edges(grey, target), str)
-        else Square(snapped)
-        for target in annotated
+        Rejected(target.kind, 0, target.corners, own) if isinstance(own, str) else Square(own)
+        for target, own in zip(annotated, snapped, strict=True)
     ]
     # Where outlines are drawn by hand, no search has passed anything over.
     return Search(grey, TargetKinds(), found)

@@ -53,7 +53,7 @@ def measure(
         searched = search(picture, targets)
         names = [""] * len(searched.found)
     else:
-        searched = search_annotated(picture, annotated)
+        searched = search_annotated(picture, annotated, targets)
         names = [f"{target.where}: " for target in annotated]
     rejected = [candidate for candidate in searched.found if isinstance(candidate, Rejected)]
     named = [

@@ -24,6 +24,7 @@ from trisquare.batch.limits import JobLimits
 from trisquare.camera.lens_models import MODELS
 from trisquare.errors import code_members, error_members, http_status
 from trisquare.formats.registry import FORMATS
+from trisquare.images.sources import VIDEO_SUFFIXES
 from trisquare.serve.jobs import AbandonedError, BusyError, Jobs
 from trisquare.serve.schema import api_schema
 from trisquare.serve.uploads import Upload, received
@@ -87,7 +88,7 @@ def create_app(token: str, limits: JobLimits, processes: int, **queue: int) -> S
             Route(f"/api/{name}", partial(_run, jobs, name), methods=["POST"])
             for name in (
                 *("find", "calibrate", "predict", "overlay", "undistort"),
-                *("preview", "report", "compare"),
+                *("preview", "frames", "report", "compare"),
             )
         ),
         Route("/api/convert/{format}", partial(_run, jobs, "convert"), methods=["POST"]),
@@ -183,6 +184,7 @@ def _status(limits: JobLimits) -> dict[str, Any]:
         "max_pixels": limits.max_pixels,
         "formats": [{"name": known.name, "title": known.title} for known in FORMATS],
         "models": [*MODELS, "auto"],
+        "videos": sorted(VIDEO_SUFFIXES),
     }
 
 

@@ -7,6 +7,7 @@ from typing import Any
 from trisquare._core import __version__
 from trisquare.batch.limits import JobLimits
 from trisquare.formats.registry import FORMAT_NAMES
+from trisquare.serve.limits import MOST_PICTURES
 from trisquare.serve.work import TASKS
 
 POINTS = {
@@ -39,6 +40,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "balance": {"type": "number", "minimum": 0, "maximum": 1},
     "shown": FLAG,
     "approximate": FLAG,
+    "frames": {"type": "integer", "minimum": 1, "maximum": MOST_PICTURES},
 }
 
 
@@ -111,6 +113,7 @@ MEDIA: dict[str, tuple[str, ...]] = {
     "overlay": ("image/jpeg",),
     "undistort": ("image/png", "image/tiff", "image/jpeg"),
     "preview": ("image/jpeg",),
+    "frames": ("multipart/form-data",),
     "report": ("text/html",),
     "convert": ("text/plain",),
 }
@@ -122,6 +125,7 @@ FILES: dict[str, tuple[str, ...]] = {
     "overlay": ("picture", "result"),
     "undistort": ("picture", "camera"),
     "preview": ("picture",),
+    "frames": ("picture",),
     "report": ("picture", "result"),
     "convert": ("camera",),
     "compare": ("first", "second"),
@@ -137,6 +141,7 @@ SUMMARIES = {
     "overlay": "Draw a result over its photograph.",
     "undistort": "Remove the lens distortion from a photograph.",
     "preview": "Return a photograph as a browser shows it.",
+    "frames": "Choose sharp and different frames of a video; the answer is a form of pictures.",
     "report": "Write a result as one HTML page.",
     "convert": "Write a camera in another program's format.",
     "compare": "Compare two cameras by where they project.",

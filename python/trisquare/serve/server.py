@@ -6,6 +6,7 @@ import socket
 import time
 from collections.abc import Callable
 from contextlib import closing, suppress
+from ipaddress import ip_address
 from pathlib import Path
 
 import uvicorn
@@ -13,6 +14,13 @@ from starlette.applications import Starlette
 
 BACKLOG = 128
 """Connections that wait to be accepted."""
+
+ALONE = {4: "127.0.0.1", 6: "::1"}
+"""By the version of IP: this machine without a network."""
+
+OUTSIDE = {4: "192.0.2.1", 6: "2001:db8::1"}
+"""Addresses beyond every network of one's own (RFC 5737, RFC 3849): the way there is the machine's
+way out."""
 
 
 class Server(uvicorn.Server):
@@ -59,7 +67,6 @@ def run_server(
         ssl_keyfile=key,
         timeout_graceful_shutdown=1,
     )
-    shown = f"[{host}]" if ":" in host else host
     scheme = "http" if certificate is None else "https"
     with closing(app.state.jobs):
         try:
@@ -67,8 +74,20 @@ def run_server(
         except OSError as error:
             raise ValueError(f"{certificate}: no certificate whose key is {key}") from error
         with _bound(host, port) as opened, suppress(KeyboardInterrupt):  # its usual end
-            listening(f"{scheme}://{shown}:{opened.getsockname()[1]}/?token={token}")
+            port = opened.getsockname()[1]
+            listening(f"{scheme}://{_reachable(host, opened)}:{port}/?token={token}")
             Server(config, idle).run(sockets=[opened])
+
+
+def _reachable(host: str, opened: socket.socket) -> str:
+    """Return the host as addresses name it; of all hosts of this machine, that in its network."""
+    address = ip_address(opened.getsockname()[0])
+    if address.is_unspecified:
+        host = ALONE[address.version]
+        with socket.socket(opened.family, socket.SOCK_DGRAM) as way, suppress(OSError):
+            way.connect((OUTSIDE[address.version], 9))  # which sends nothing
+            host = way.getsockname()[0]
+    return f"[{host}]" if ":" in host else host
 
 
 def _bound(host: str, port: int) -> socket.socket:

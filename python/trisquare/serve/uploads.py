@@ -13,8 +13,8 @@ from starlette.datastructures import UploadFile
 from starlette.requests import Request
 
 from trisquare.batch.jobs import safe_file_name
+from trisquare.serve.limits import MOST_PICTURES
 
-MOST_PICTURES = 100
 MOST_FIELDS = 10
 LARGEST_FIELD = 1 << 20
 """Bytes of a field that is no file."""

@@ -6,6 +6,7 @@ The files are strangers': a process that reads them may die of them, or be kille
 from __future__ import annotations
 
 import json
+import secrets
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,10 +16,14 @@ from trisquare._support.suggestions import unknown
 from trisquare.batch.limits import JobLimits
 from trisquare.batch.worker import Answer, failure
 from trisquare.errors import TrisquareError, error_members
+from trisquare.serve.limits import MOST_PICTURES
 
 CALIBRATION_OPTIONS = ("method", "model", "fix", "free", "tone", "targets", "lines")
 
 SHOWN = "image/jpeg"
+
+FRAMES = 10
+"""Of a video, where the request does not say how many."""
 
 SIDE_POINTS = 8
 """Of a measured side, that are drawn."""
@@ -217,18 +222,20 @@ def _pair(value: Any) -> tuple[int, int]:
 def _guidance(
     outlines: Any, size: tuple[int, int], options: Mapping[str, Any] | None
 ) -> dict[str, Any]:
-    from dataclasses import asdict
+    from dataclasses import asdict, replace
 
     from trisquare._support.arrays import real_array, real_number
     from trisquare.serve.guidance import SIGMA, OutlinedSquare, guide, pinhole
 
     if not isinstance(outlines, list):
         raise TypeError('"outlines" must be a list')
-    squares = []
+    squares, others = [], []
     for number, outline in enumerate(outlines):
         members = _object(outline, f"outlines[{number}]")
-        if members.get("kind", "square") not in ("square", "frame", "tag"):
-            continue  # no square, and a prediction needs squares
+        kind = members.get("kind", "square")
+        if kind not in ("square", "frame", "tag"):
+            others.append(str(kind))  # what it tells does not follow from its outline
+            continue
         where = f"outlines[{number}]"
         inner, sides = members.get("inner"), members.get("sides")
         squares.append(
@@ -245,7 +252,11 @@ def _guidance(
     elif options.get("focal") is not None:
         camera = pinhole(real_number(options["focal"], "focal"), size)
     sigma = real_number(options.get("sigma", SIGMA), "sigma")
-    return asdict(guide(squares, size, camera, sigma=sigma))
+    guidance = guide(squares, size, camera, sigma=sigma)
+    if others and guidance.std is None:
+        advice = f"A {others[0]} is found. What it tells is not predicted: calibrate to see."
+        guidance = replace(guidance, advice=advice)
+    return asdict(guidance)
 
 
 def _camera_of_members(members: Mapping[str, Any]) -> Any:
@@ -288,6 +299,29 @@ def _undistort(task: Task, limits: JobLimits) -> Made:
 def _preview(task: Task, limits: JobLimits) -> Made:
     """Return what a browser can show of a picture that it cannot read itself."""
     return _jpeg(_shown(_picture(task, limits)))
+
+
+def _frames(task: Task, limits: JobLimits) -> Made:
+    """Return frames of a video as a form, as `calibrate` is sent one."""
+    from trisquare._support.arrays import whole_number
+    from trisquare.images.encoding import encode_image
+    from trisquare.images.frame_choice import choose_frames
+
+    count = whole_number(task.options.get("frames", FRAMES), "frames")
+    if not 1 <= count <= MOST_PICTURES:
+        raise ValueError(f"frames must be from 1 to {MOST_PICTURES}, not {count}")
+    chosen = choose_frames(_only(task), count, limits.of_pictures)
+    # RFC 7578; the boundary occurs in no picture.
+    boundary = secrets.token_hex(16)
+    form = b"".join(
+        f'--{boundary}\r\nContent-Disposition: form-data; name="picture"; '
+        f'filename="frame-{frame.number}.png"\r\nContent-Type: image/png\r\n\r\n'.encode()
+        + encode_image(frame.pixels, "frame.png")
+        + b"\r\n"
+        for frame in chosen
+    )
+    content = form + f"--{boundary}--\r\n".encode()
+    return _content(content, f"multipart/form-data; boundary={boundary}", "frames.form")
 
 
 def _report(task: Task, limits: JobLimits) -> Made:
@@ -334,9 +368,14 @@ def _compare(task: Task, limits: JobLimits) -> Made:
 def _picture(task: Task, limits: JobLimits) -> Any:
     from trisquare.images.reading import read_photograph
 
+    return read_photograph(_only(task), limits.of_pictures)[0]
+
+
+def _only(task: Task) -> str:
+    """Return the picture of a task that is for one."""
     if len(task.photographs) != 1:
         raise ValueError(f"give one picture, not {len(task.photographs)}")
-    return read_photograph(task.photographs[0], limits.of_pictures)[0]
+    return task.photographs[0]
 
 
 def _targets(task: Task) -> str:
@@ -412,6 +451,7 @@ TASKS: Mapping[str, tuple[Sequence[str], Callable[[Task, JobLimits], Made]]] = {
     "overlay": (("index",), _overlay),
     "undistort": (("balance", "shown"), _undistort),
     "preview": ((), _preview),
+    "frames": (("frames",), _frames),
     "report": ((), _report),
     "convert": (("format", "approximate"), _convert),
     "compare": ((), _compare),

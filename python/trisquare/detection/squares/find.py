@@ -108,7 +108,7 @@ def find_plain_rectangles(image: NDArray[np.generic], shape: RectangleShape) -> 
     quads = quads.subset(find_rectangles(smooth, quads))
     if not len(quads):
         return []
-    turns = turns_to_longer_side(quads, size, shape)
+    turns = turns_to_longer_side(quads.corners, size, shape)
     found = zip(scale * quads.sides, quads.dark_inside.tolist(), turns.tolist(), strict=True)
     outlines = [
         SquareOutline(Outline.of(*quad), None, aspect=shape.aspect, is_beside_others=True)

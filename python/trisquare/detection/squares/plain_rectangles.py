@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from trisquare._support.arrays import FloatArray
 from trisquare.detection.squares.arc_quads import edge_shares
 from trisquare.detection.squares.framed import find_framed_squares, of_comparable_size
 from trisquare.detection.squares.quads import (
@@ -61,8 +62,8 @@ def find_rectangles(picture: NDArray[np.float32], quads: Quads) -> NDArray[np.in
 
 
 def turns_to_longer_side(
-    quads: Quads, image_size: tuple[int, int], shape: RectangleShape
+    corners: FloatArray, image_size: tuple[int, int], shape: RectangleShape
 ) -> NDArray[np.intp]:
-    """How far to roll the sides of each quad so that the longer one comes first."""
-    longer = longer_along_first_side(quads, image_size, shape.aspect)
+    """How far to roll the sides of each quad, corners (Q, 4, 2), so that the longer comes first."""
+    longer = longer_along_first_side(corners, image_size, shape.aspect)
     return np.where(longer, 0, -1)

@@ -64,13 +64,13 @@ def views_of_rectangles(
 
 
 def longer_along_first_side(
-    quads: Quads, image_size: tuple[int, int], aspect: float | None
+    corners: FloatArray, image_size: tuple[int, int], aspect: float | None
 ) -> NDArray[np.bool_]:
-    """Tell which way up rectangles are: whether side 0 is the longer, shape (Q,).
+    """Tell which way up rectangles of corners (Q, 4, 2) are: whether side 0 is the longer, (Q,).
 
     By the one focal length under which all of them come nearest to the aspect.
     """
-    corners = centred(quads.corners, image_size)
+    corners = centred(corners, image_size)
     fisheye = fisheye_rays(corners[:, :, None], FISHEYE_FOCAL_LENGTHS)[..., 0, :]
     rays = np.concatenate([_pinhole_rays(corners), fisheye])
     cosines, stretches = _shapes(rays)

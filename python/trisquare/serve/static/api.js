@@ -1,6 +1,7 @@
 // Requests to the server that this page came from.
 
 const token = new URLSearchParams(location.search).get("token") ?? "";
+let mostBytes = Infinity;
 
 /** An error that the server states: its code, its text, and what was found before. */
 export class Refusal extends Error {
@@ -26,10 +27,17 @@ async function sent(path, init) {
 }
 
 export async function status() {
-  return (await sent("/api/status", {})).json();
+  const told = await (await sent("/api/status", {})).json();
+  mostBytes = told.max_bytes;
+  return told;
 }
 
 function form(files, options) {
+  const bytes = files.reduce((sum, [, file]) => sum + file.size, 0);
+  if (bytes > mostBytes) {
+    const [size, most] = [bytes, mostBytes].map((own) => `${(own / 1e6).toPrecision(3)} MB`);
+    throw new Refusal({ code: "TooLargeError", text: `${size} are more than the ${most} that can be sent at a time.` });
+  }
   const body = new FormData();
   for (const [field, file, name] of files) body.append(field, file, name);
   body.append("options", JSON.stringify(options));
@@ -46,6 +54,12 @@ export async function askFile(route, files, options = {}) {
   const answer = await sent(`/api/${route}`, { method: "POST", body: form(files, options) });
   const name = /filename="([^"]*)"/.exec(answer.headers.get("Content-Disposition") ?? "")?.[1];
   return { blob: await answer.blob(), name: name ?? route };
+}
+
+/** The same where the answer is several files: an array of them. */
+export async function askFiles(route, files, options = {}) {
+  const answer = await sent(`/api/${route}`, { method: "POST", body: form(files, options) });
+  return (await answer.formData()).getAll("picture");
 }
 
 /** Post JSON; return JSON. */

@@ -1,5 +1,7 @@
 // The photograph with its outlines, to be moved by pointer, finger and keys.
 
+import { isByCorners } from "./outlines.js";
+
 const SVG = "http://www.w3.org/2000/svg";
 const GRIP = 22; // pixels of the screen: what a finger hits
 const DOT = 7;
@@ -51,6 +53,7 @@ export class Editor {
     this.#settle();
     this.#picture = picture;
     this.#drawn = null;
+    this.stage.classList.remove("drawing");
     const { bitmap, size: [width, height] } = picture;
     Object.assign(this.canvas, { width: bitmap.width, height: bitmap.height });
     this.canvas.getContext("2d").drawImage(bitmap, 0, 0);
@@ -100,6 +103,7 @@ export class Editor {
       const label = element("text", { x, y: y + 7 * unit, "font-size": 20 * unit });
       label.textContent = index + 1;
       nodes.push(label);
+      if (!isByCorners(square)) return;
       square.corners.forEach((point, corner) => nodes.push(this.#handle(square, index, corner, point)));
     });
     if (this.#drawn?.length) {

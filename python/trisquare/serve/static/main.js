@@ -1,9 +1,9 @@
 // The page: photographs, their outlines, the calibration.
 
-import { ask, askFile, askJson, jsonBlob, save, status } from "./api.js";
+import { ask, askFile, askFiles, askJson, jsonBlob, save, status } from "./api.js";
 import { Camera } from "./camera.js";
 import { Editor } from "./editor.js";
-import { FORMAT, Outlines, memberOf, readOutlines, squareOf } from "./outlines.js";
+import { FORMAT, Outlines, isByCorners, memberOf, readOutlines, squareOf } from "./outlines.js";
 import { Results } from "./results.js";
 
 const byId = (id) => document.getElementById(id);
@@ -26,12 +26,19 @@ function fail(text) {
 /** Do something that takes time: it is said while it lasts, and so is what fails. */
 async function working(text, act) {
   fail("");
-  say(`${text} …`);
   try {
-    return await act();
+    return await said(text, act);
   } catch (error) {
     if (error.name !== "AbortError") fail(error.message);
     return undefined;
+  }
+}
+
+/** Say what is done while it lasts. */
+async function said(text, act) {
+  say(`${text} …`);
+  try {
+    return await act();
   } finally {
     say("");
   }
@@ -58,29 +65,51 @@ const camera = new Camera(
 
 // Photographs.
 
+/** Add photographs, and frames of videos; what is wrong with one of the files does not end it. */
 async function addPictures(files) {
+  const problems = [];
+  fail("");
   for (const file of files) {
-    if (limits && file.size > limits.max_bytes) {
-      fail(`${file.name} has ${file.size} bytes, more than the ${limits.max_bytes} that are allowed.`);
-      continue;
+    try {
+      const frames = isVideo(file) ? await said(`Choosing frames of ${file.name}`, () => framesOf(file)) : [file];
+      for (const picture of frames) await said(`Reading ${picture.name}`, () => addPicture(picture));
+    } catch ({ message }) {
+      problems.push(message.includes(file.name) ? message : `${file.name}: ${message}`);
+      fail(problems.join("\n"));
     }
-    await working(`Reading ${file.name}`, async () => {
-      const picture = { name: file.name, blob: file, outlines: new Outlines(), rejected: [] };
-      const [preview, found] = await Promise.all([
-        askFile("preview", [["picture", file, file.name]]), found_in(picture),
-      ]);
-      picture.bitmap = await createImageBitmap(preview.blob);
-      picture.size = found.image_size;
-      take(picture, found);
-      pictures.push(picture);
-      results.hide();
-      show(picture);
-    });
   }
 }
 
+async function addPicture(file) {
+  const picture = { name: file.name, blob: file, outlines: new Outlines(), rejected: [] };
+  const [preview, found] = await Promise.all([
+    askFile("preview", [["picture", file, file.name]]), found_in(picture),
+  ]);
+  picture.bitmap = await createImageBitmap(preview.blob);
+  picture.size = found.image_size;
+  take(picture, found);
+  pictures.push(picture);
+  results.hide();
+  show(picture);
+}
+
+function isVideo({ name, type }) {
+  return type.startsWith("video/") || !!limits?.videos.some((ending) => name.toLowerCase().endsWith(ending));
+}
+
+/** Photographs out of a video: sharp ones that differ. */
+async function framesOf(video) {
+  const frames = await askFiles("frames", [["picture", video, video.name]]);
+  const name = video.name.replace(/\.\w+$/, "");
+  return frames.map((frame) => new File([frame], `${name}-${frame.name}`, { type: frame.type }));
+}
+
 function found_in(picture) {
-  return ask("find", [["picture", picture.blob, picture.name]], { targets: byId("targets").value });
+  return ask("find", [["picture", picture.blob, picture.name]], { targets: targets() });
+}
+
+function targets() {
+  return byId("targets").value.trim() || "auto";
 }
 
 function take(picture, { found, rejected }) {
@@ -126,12 +155,16 @@ function button(text, act) {
 async function changed(square) {
   if (editor.isDrawing && square === null) editor.draw(false);
   update();
-  if (!square) return;
-  const picture = current;
+  if (square) await measure(current, square);
+}
+
+/** Measure the edges at a square, which moves onto them. */
+async function measure(picture, square) {
   const outlines = { format: FORMAT, squares: [memberOf(square)] };
   const corners = JSON.stringify(square.corners);
   try {
-    const { found, rejected } = await ask("find", [["picture", picture.blob, picture.name]], { outlines });
+    const options = { outlines, targets: targets() };
+    const { found, rejected } = await ask("find", [["picture", picture.blob, picture.name]], options);
     const now = picture.outlines.byId(square.id);
     if (!now || JSON.stringify(now.corners) !== corners) return; // moved on
     if (found.length) Object.assign(now, found[0], { state: "measured", reason: "" });
@@ -158,7 +191,22 @@ function update() {
     ...outlines.squares.map((square, index) => listed(square, index)),
     ...(outlines.isEdited ? [] : rejected.map(({ kind, reason }) => told(`A ${kind} was not used: ${reason}`))),
   );
+  const leftOut = pictures.flatMap(boardsLeftOut);
+  byId("left-out").hidden = !leftOut.length;
+  byId("left-out").textContent = `Outlines were changed by hand: only squares are used. Not used: ${
+    leftOut.join(", ")}. Undo or Find again uses them again.`;
   expect();
+}
+
+/** Whether the drawn squares are used and nothing else. */
+function isByHand() {
+  return pictures.some(({ outlines }) => outlines.isEdited);
+}
+
+/** What a search has found that cannot be drawn, once something is drawn. */
+function boardsLeftOut({ name, outlines }) {
+  const boards = isByHand() ? outlines.used.filter((one) => !isByCorners(one)) : [];
+  return boards.map(({ kind }) => `the ${kind} of ${name}`);
 }
 
 function told(text) {
@@ -197,7 +245,8 @@ async function expect() {
   expecting?.abort();
   expecting = new AbortController();
   const { outlines: { used }, size } = current;
-  const outlines = used.map(({ kind, corners, inner, sides }) => ({
+  const isExpected = (one) => one.state !== "refused" && (!isByHand() || isByCorners(one));
+  const outlines = used.filter(isExpected).map(({ kind, corners, inner, sides }) => ({
     kind, corners, ...(inner && { inner }), ...(sides && { sides }),
   }));
   try {
@@ -228,31 +277,46 @@ function saveOutlines() {
 async function loadOutlines(input) {
   const [file] = input.files;
   if (!file) return;
+  fail("");
   try {
     const drawn = readOutlines(await file.text());
-    drawn.forEach((own, place) => {
-      const at = own.file ? pictures.findIndex(({ name }) => name === own.file) : own.index ?? place;
-      const picture = pictures[at] ?? (drawn.length === 1 ? current : null);
-      if (!picture) return;
+    const loaded = drawn.map((own) => [pictureOf(own, drawn.length), own]).filter(([picture]) => picture);
+    if (!loaded.length) {
+      const names = drawn.map(({ file: name, index }) => name ?? `picture ${index ?? "without a name"}`);
+      throw new Error(`The outlines are of other photographs than these: ${names.join(", ")}.`);
+    }
+    for (const [picture, own] of loaded) {
       picture.outlines.remember();
       picture.outlines.squares = own.squares.map((one) => squareOf(one, "drawn"));
-    });
-    fail("");
+    }
     update();
-    for (const square of current.outlines.squares) await changed(square);
+    for (const [picture] of loaded) {
+      for (const square of picture.outlines.squares) await measure(picture, square);
+    }
   } catch (error) {
     fail(`${file.name}: ${error.message}`);
   }
   input.value = "";
 }
 
+/** The photograph that outlines are of: by its name, by its place, or else the one that is shown. */
+function pictureOf({ file, index, width, height }, count) {
+  const name = file?.split(/[\\/]/).at(-1);
+  const picture = file ? pictures.find((one) => one.name === name)
+    : index === undefined && count === 1 ? current : pictures[index];
+  const own = picture?.size.join(" x ");
+  const stated = picture && [width ?? picture.size[0], height ?? picture.size[1]].join(" x ");
+  if (stated !== own) throw new Error(`The outlines are of a picture of ${stated} pixels, but ${picture.name} has ${own}.`);
+  return picture;
+}
+
 // Calibration.
 
 function options() {
   const fix = [...document.querySelectorAll("input[name=fix]:checked")].map(({ value }) => value);
-  const chosen = { model: byId("model").value, fix, targets: byId("targets").value, lines: byId("lines").checked };
+  const chosen = { model: byId("model").value, fix, targets: targets(), lines: byId("lines").checked };
   if (chosen.fix.includes("distortion")) chosen.model = "none";
-  if (pictures.some(({ outlines }) => outlines.isEdited)) {
+  if (isByHand()) {
     const drawn = pictures.map(({ outlines }, index) => ({ index, squares: outlines.members() }));
     chosen.outlines = { format: FORMAT, pictures: drawn.filter(({ squares }) => squares.length) };
   }
@@ -260,9 +324,10 @@ function options() {
 }
 
 async function calibrate() {
-  const used = [...pictures];
-  byId("calibrate").disabled = true;
+  const used = [...pictures], chosen = options();
   results.hide();
+  if (chosen.outlines?.pictures.length === 0) return fail("No square is used: draw one, tick its box, or undo.");
+  byId("calibrate").disabled = true;
   const tellRejected = (rejected) => {
     for (const picture of used) picture.rejected = [];
     for (const one of rejected) used[one.image]?.rejected.push(one);
@@ -270,7 +335,7 @@ async function calibrate() {
   };
   const answer = await working("Calibrating", async () => {
     try {
-      return await ask("calibrate", used.map(({ blob, name }) => ["picture", blob, name]), options());
+      return await ask("calibrate", used.map(({ blob, name }) => ["picture", blob, name]), chosen);
     } catch (error) {
       tellRejected(error.rejected ?? []);
       throw error;
@@ -290,6 +355,7 @@ byId("files").onchange = async ({ target }) => {
   await addPictures([...target.files]);
   target.value = "";
 };
+byId("close-problem").onclick = () => fail("");
 byId("open-camera").onclick = () => {
   fail("");
   camera.open();

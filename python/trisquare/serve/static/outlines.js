@@ -1,13 +1,18 @@
 // The outlines of one photograph, with what was done to them, so that it can be undone.
 
 export const FORMAT = "trisquare-outlines/1";
-const SQUARES = new Set(["square", "frame", "tag", "rectangle"]);
+const BY_CORNERS = new Set(["square", "frame", "tag", "rectangle"]);
 
 let numbers = 0;
 
 /** A square as the editor has it; corners in pixels of the photograph as it is stored. */
 export function squareOf({ kind = "square", corners, inner = null, sides = null }, state) {
   return { id: ++numbers, kind, corners, inner, sides, state, reason: "", isUsed: true };
+}
+
+/** Whether four corners tell all of it: more is measured of a board, which only a search finds. */
+export function isByCorners({ kind }) {
+  return BY_CORNERS.has(kind);
 }
 
 export class Outlines {
@@ -48,14 +53,12 @@ export class Outlines {
 
   byId(id) { return this.squares.find((square) => square.id === id); }
 
-  /** Those that a calibration would use. */
-  get used() {
-    return this.squares.filter((square) => square.isUsed && SQUARES.has(square.kind));
-  }
+  /** Those that are not rejected. */
+  get used() { return this.squares.filter(({ isUsed }) => isUsed); }
 
   /** In trisquare's own format, as the option --outline reads it. */
   members() {
-    return this.used.map(memberOf);
+    return this.used.filter(isByCorners).map(memberOf);
   }
 }
 
@@ -63,26 +66,34 @@ export function memberOf({ corners, inner }) {
   return inner ? { corners, inner: { corners: inner } } : { corners };
 }
 
-/** Read a file of outlines: [{file, index, squares}] with corners alone. */
+/** Read a file of outlines: [{file, index, width, height, squares}], the squares by their corners. */
 export function readOutlines(text) {
-  const members = JSON.parse(text);
-  if (members.format !== FORMAT) throw new Error(`The file is not of the format ${FORMAT}.`);
-  const pictures = members.pictures ?? [members];
+  let members = null;
+  try {
+    members = JSON.parse(text);
+  } catch {
+    throw new Error("The file is not JSON.");
+  }
+  if (members?.format !== FORMAT) throw new Error(`The file is not of the format ${FORMAT}.`);
+  const pictures = [members.pictures ?? members].flat();
+  if (!pictures.every((picture) => Array.isArray(picture?.squares))) {
+    throw new Error("The file has not a list of squares for each picture.");
+  }
   return pictures.map((picture) => ({
-    file: picture.file,
-    index: picture.index,
+    ...picture,
     squares: picture.squares.map((square) => ({
-      kind: square.inner ? "frame" : "square",
+      kind: square?.inner ? "frame" : "square",
       corners: cornersOf(square),
-      inner: square.inner ? cornersOf(square.inner) : null,
+      inner: square?.inner ? cornersOf(square.inner) : null,
     })),
   }));
 }
 
 function cornersOf(outline) {
-  const corners = outline.corners ?? outline.sides?.map((side) => side[0]) ?? outline.polygon;
+  const starts = Array.isArray(outline?.sides) ? outline.sides.map((side) => side?.[0]) : outline?.polygon;
+  const corners = outline?.corners ?? starts;
   const isFine = Array.isArray(corners) && corners.length === 4
-    && corners.every((point) => point.length === 2 && point.every(Number.isFinite));
+    && corners.every((point) => point?.length === 2 && point.every?.(Number.isFinite));
   if (!isFine) throw new Error("A square in the file has not four corners.");
   return corners;
 }
