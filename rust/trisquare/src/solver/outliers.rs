@@ -49,6 +49,10 @@ const LEAST_TRIALS: usize = 3;
 /// Sides of a square.
 const SIDES: usize = 4;
 
+/// Sides that a plane keeps: they just tell its pose. Of fewer, the rest would be fitted whatever
+/// they are.
+const LEAST_SIDES: usize = 3;
+
 /// The best camera for the sides and planes that agree, and the warnings that name the others.
 ///
 /// # Errors
@@ -231,11 +235,14 @@ fn suspected_sides<L: Lens>(solution: &Solution<L>) -> Vec<(usize, usize)> {
     }
 }
 
-/// Plane, and index over all figures of the plane, of every side of a square that counts.
+/// Plane, and index over all figures of the plane, of every side of a square that counts and that
+/// its plane can spare.
 fn sides_of_squares(planes: &[ObservedPlane]) -> impl Iterator<Item = (usize, usize)> {
     planes.iter().enumerate().flat_map(|(p, plane)| {
         let squares = plane.figures.iter().all(Figure::has_four_sides);
-        let sides = plane.sides().enumerate().filter(move |_| squares);
+        let counting = plane.sides().filter(|side| !side.is_outlier).count();
+        let spares = squares && counting > LEAST_SIDES;
+        let sides = plane.sides().enumerate().filter(move |_| spares);
         sides.filter_map(move |(s, side)| (!side.is_outlier).then_some((p, s)))
     })
 }
