@@ -159,6 +159,25 @@ def test_corner_of_bent_square_matches_supersampling(corner, blur):
     assert abs((whole[rows, columns] - brute).mean()) < 5e-5
 
 
+@pytest.mark.parametrize("side", first_quick([3.0, 7.0]))
+def test_small_leaning_cell_matches_supersampling(side):
+    """Of a cell a few blurs wide, every pixel is within reach of all four of its corners."""
+    rotation = tilted(55.0, 45.0, 5.0)
+    target = Target(rotation, np.array([-0.4, -0.3, 1.0]) * BENT.fx / side)
+    sides = target.sides()
+    first, second = (
+        ends[1] - ends[0]
+        for ends in (BENT.project(target.to_camera(np.array([s.start, s.end]))) for s in sides[:2])
+    )
+    cosine = first @ second / (np.hypot(*first) * np.hypot(*second))
+    assert abs(cosine) > 0.3, "the cell does not lean"
+    patch = quadrilateral_coverage(BENT, target, sides, 1.1)
+    brute = supersampled_coverage(BENT, target, patch.rows, patch.columns, 1.1, 16)
+    assert brute.max() > 0.1, "the window misses the cell"
+    np.testing.assert_allclose(patch.coverage, brute, rtol=0, atol=2e-3)
+    assert abs((patch.coverage - brute).mean()) < 5e-5
+
+
 def test_coverage_adds_up_to_the_projected_area():
     """Blur moves light but keeps it: total coverage is the area inside the bent outline.
 

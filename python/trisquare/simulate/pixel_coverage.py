@@ -104,7 +104,11 @@ def quadrilateral_coverage(
     profiles, distances = zip(
         *(_side_profile(curve, x, y, blur, reach) for curve in curves), strict=True
     )
-    coverage = profiles[0] * profiles[1] * profiles[2] * profiles[3]
+    # Between opposite sides lies what is beyond neither; were distances from neighbouring sides
+    # independent under the blur, the product would be right. What their correlation adds at each
+    # corner adds up: of a small cell, all four corners reach every pixel.
+    between = [np.maximum(profiles[i] + profiles[i + 2] - 1.0, 0.0) for i in range(2)]
+    coverage = between[0] * between[1]
     within = [np.abs(distance) < reach for distance in distances]
     for i in range(4):
         near = within[i - 1] & within[i]
@@ -112,7 +116,7 @@ def quadrilateral_coverage(
         distance1, normal1 = curves[i - 1].signed_distance(pixels)
         distance2, normal2 = curves[i].signed_distance(pixels)
         wedge = blurred_wedge(distance1, distance2, normal1, normal2, blur)
-        coverage[near] = wedge * profiles[i - 2][near] * profiles[i - 3][near]
+        coverage[near] += wedge - profiles[i - 1][near] * profiles[i][near]
     return Patch(rows, columns, coverage)
 
 
