@@ -404,3 +404,28 @@ fn warnings<L: Lens>(solution: &Solution<L>) -> Vec<Warning> {
     }
     warnings
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::observations::sort_by_plane;
+    use crate::synthetic::{Scene, SceneOptions};
+
+    #[test]
+    fn a_square_that_lost_a_side_keeps_the_others() {
+        let scene = Scene::random(4, SceneOptions::default());
+        let mut planes = sort_by_plane(&scene.edges(3, 0.1, 6.0)).unwrap();
+        let of_first = |planes: &[ObservedPlane]| {
+            sides_of_squares(planes)
+                .filter(|(plane, _)| *plane == 0)
+                .count()
+        };
+        assert_eq!(of_first(&planes), SIDES);
+        planes[0].sides_mut().next().unwrap().is_outlier = true;
+        assert_eq!(of_first(&planes), 0);
+        assert_eq!(
+            sides_of_squares(&planes).count(),
+            (planes.len() - 1) * SIDES
+        );
+    }
+}
