@@ -221,6 +221,7 @@ def test_a_plan_for_no_picture_is_refused(run, tmp_path, size):
         ),
         ({"focal": "long"}, '"focal"'),
         ({"focal": -3}, "positive fx"),
+        ({"format": "trisquare/1"}, "(a calibration), but 'trisquare-plan/1' is read here"),
     ],
 )
 def test_what_is_wrong_with_a_plan_begins_with_its_file(run, tmp_path, changed, message):

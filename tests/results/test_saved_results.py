@@ -46,7 +46,15 @@ def test_a_name_of_another_format_holds_the_camera_alone(tmp_path):
     path = tmp_path / "camera.yaml"
     RESULT.save(path)
     np.testing.assert_array_equal(ts.Camera.load(path).K, RESULT.camera.K)
-    with pytest.raises(ValueError, match=r"camera\.yaml: .*JSON"):
+    with pytest.raises(ValueError, match=r"camera\.yaml: .*JSON.*`Camera\.load` reads"):
+        ts.Calibration.load(path)
+
+
+def test_a_camera_without_its_uncertainties_is_no_calibration(tmp_path):
+    path = tmp_path / "camera.json"
+    RESULT.camera.save(path)
+    expected = r"\(a camera without its uncertainties\), but 'trisquare/1' is read here"
+    with pytest.raises(ValueError, match=expected):
         ts.Calibration.load(path)
 
 

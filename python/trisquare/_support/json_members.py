@@ -10,6 +10,20 @@ import numpy as np
 
 from trisquare._support.arrays import FloatArray, real_array
 
+KINDS = {
+    "trisquare/1": "a calibration",
+    "trisquare-camera/1": "a camera without its uncertainties",
+    "trisquare-edges/1": "measured edges",
+    "trisquare-outlines/1": "outlines drawn by hand",
+    "trisquare-plan/1": "a plan of a photograph",
+}
+"""What the files are that people keep."""
+
+
+def _kind_of(stated: str) -> str:
+    """Return what a format is for, in brackets."""
+    return f" ({KINDS[stated]})" if stated in KINDS else ""
+
 
 class JsonFields:
     """The members of one JSON object, read by key and by type.
@@ -31,7 +45,10 @@ class JsonFields:
             raise TypeError(f"JSON text must be a str, not {type(text).__name__}")
         fields = cls(parse_json(text))
         if (stated := fields.text("format")) != expected_format:
-            raise ValueError(f'"format" must be {expected_format!r}, not {stated!r}')
+            raise ValueError(
+                f'"format" is {stated!r}{_kind_of(stated)}, but {expected_format!r} is read '
+                f"here{_kind_of(expected_format)}"
+            )
         return fields
 
     def _key(self, key: str) -> str:

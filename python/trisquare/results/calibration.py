@@ -406,6 +406,11 @@ class Calibration(Record):
         """
         text = read_text(path)
         with naming(path):
+            if not text.lstrip().startswith("{"):
+                raise ValueError(
+                    "a calibration is JSON, as `save` writes it: `Camera.load` reads the files of "
+                    "other programs"
+                )
             return cls.from_json(text)
 
     @classmethod
