@@ -25,7 +25,7 @@ UNCERTAIN = 4.0
 """Times the fleet's median standard deviation from which a camera is badly known."""
 
 CURES = {
-    "ImageError": "the file is no whole picture, or too large: copy or take it again",
+    "ImageError": "no picture can be read from the file",
     "DetectionError": "no target was found: sharper, brighter, larger targets, or --targets",
     "NotEnoughPlanesError": "too few targets: show three squares that are tilted differently",
     "NotEnoughDataError": "too little of the targets is seen: let them fill the picture",
