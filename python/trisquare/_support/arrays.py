@@ -60,7 +60,7 @@ def real_array(
         wanted_text = ", ".join("N" if length is None else str(length) for length in shape)
         raise ValueError(f"{name} must have shape ({wanted_text}), not {given.shape}")
     array = np.array(given, dtype=np.float64, order="C")
-    # A sum of squares is finite only of finite values, and takes a quarter of the time to ask.
+    # A sum of squares is finite only of finite values, and takes less than half of the time to ask.
     if not math.isfinite(np.vdot(array, array)) and not np.isfinite(array).all():
         first = np.argwhere(~np.isfinite(array))[0].tolist()
         place = f", the first at {first}" if first else ""

@@ -44,12 +44,16 @@ class JsonFields:
         if not isinstance(text, str | bytes):
             raise TypeError(f"JSON text must be a str, not {type(text).__name__}")
         fields = cls(parse_json(text))
-        if (stated := fields.text("format")) != expected_format:
-            raise ValueError(
-                f'"format" is {stated!r}{_kind_of(stated)}, but {expected_format!r} is read '
-                f"here{_kind_of(expected_format)}"
-            )
+        fields.check_format(expected_format)
         return fields
+
+    def check_format(self, expected: str) -> None:
+        """Raise ValueError where the ``format`` member is another."""
+        if (stated := self.text("format")) != expected:
+            raise ValueError(
+                f'"format" is {stated!r}{_kind_of(stated)}, but {expected!r} is read here'
+                f"{_kind_of(expected)}"
+            )
 
     def _key(self, key: str) -> str:
         return f"{self._where}.{key}" if self._where else key

@@ -100,12 +100,13 @@ def _files(path: str | os.PathLike[str], with_videos: bool) -> Iterable[str | os
     name = os.fspath(path)
     if os.path.isdir(name):
         files = sorted(Path(name).iterdir(), key=natural_order)
-        pictures = [each for each in files if each.suffix.lower() in PICTURE_SUFFIXES]
         videos = [each for each in files if each.suffix.lower() in VIDEO_SUFFIXES]
-        if not (pictures or (videos and with_videos)):
+        wanted = PICTURE_SUFFIXES | VIDEO_SUFFIXES if with_videos else PICTURE_SUFFIXES
+        found = [each for each in files if each.suffix.lower() in wanted]
+        if not found:
             other = f"; name its video itself, as {videos[0]}" if videos else ""
             raise ImageError(f"{name}: the folder holds no picture{other}")
-        return sorted(pictures + videos, key=natural_order) if with_videos else pictures
+        return found
     if glob.has_magic(name) and not os.path.lexists(name):
         names = sorted(glob.glob(name, recursive=True), key=natural_order)
         matching = [Path(each) for each in names]

@@ -49,10 +49,9 @@ def detect(
         from the edges' profiles. By default "auto" for 8 and 16 bits and linear for floats.
     outlines : path, mapping or sequence, optional
         Coarse outlines of the squares, or of the rectangles that `targets` names, drawn by hand,
-        instead of a search. They may be 5 px off:
-        the edges are measured in the picture. A JSON file (trisquare's own format or labelme's),
-        its parsed content, or a sequence of outlines, each an array_like of shape (N, 2), four
-        corners or a closed polygon, or four polylines.
+        instead of a search. They may be 5 px off: the edges are measured in the picture. A JSON
+        file (trisquare's own format or labelme's), its parsed content, or a sequence of outlines,
+        each an array_like of shape (N, 2), four corners or a closed polygon, or four polylines.
 
     Returns
     -------

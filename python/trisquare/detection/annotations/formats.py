@@ -116,8 +116,7 @@ def annotated_pictures(members: Any) -> list[AnnotatedPicture]:
 
 def _own(fields: JsonFields) -> list[AnnotatedPicture]:
     """Read squares of one picture, or pictures with squares each."""
-    if fields.text("format") != OUTLINES_FORMAT:
-        raise ValueError(f'"format" must be {OUTLINES_FORMAT!r}, not {fields.text("format")!r}')
+    fields.check_format(OUTLINES_FORMAT)
     if not fields.has("pictures"):
         return [_own_picture(fields, "")]
     return [

@@ -217,13 +217,11 @@ fn finish_near<L: Lens>(
             continue;
         }
         // The weights must not depend on where the search came from.
-        let residuals = match arrived {
-            true => Some(residuals_near(planes, &view, curves)?),
-            false => None,
-        };
-        let next = match &residuals {
-            Some(residuals) => robust_scale(residuals),
-            None => scale_near(planes, &view, curves)?,
+        let (next, residuals) = if arrived {
+            let residuals = residuals_near(planes, &view, curves)?;
+            (robust_scale(&residuals), Some(residuals))
+        } else {
+            (scale_near(planes, &view, curves)?, None)
         };
         let settled = (next / scale - 1.0).abs() < FINAL_SCALE_TOLERANCE;
         if let Some(residuals) = residuals
