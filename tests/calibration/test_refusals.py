@@ -44,7 +44,7 @@ def refusal(scene, noise=0.1, seed=0, **options):
 
 
 @pytest.mark.parametrize("camera", [CAMERA, LONG], ids=["short", "long"])
-@pytest.mark.parametrize("noise", first_quick([1e-6, 0.5, 0.05, 0.2], 2))
+@pytest.mark.parametrize("noise", first_quick([0.5, 1e-6, 0.05, 0.2]))
 def test_parallel_squares_are_never_answered(camera, noise):
     for seed, (tilt, direction) in enumerate([(25, 20), (35, 80), (45, 130), (30, 200), (50, 310)]):
         scene = placed([tilt] * 3, [direction] * 3, camera=camera)

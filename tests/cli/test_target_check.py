@@ -11,6 +11,7 @@ from command_errors import error_text
 import trisquare as ts
 from trisquare import simulate
 from trisquare.analysis import sheet_check
+from trisquare.cli import target_check
 from trisquare_scenes.spoilt_corner import folded_off
 
 (PAGE,) = ts.printed_target("corner").pages
@@ -32,11 +33,25 @@ def photographs():
     return {name: cv2.imencode(".png", it)[1].tobytes() for name, it in shown.items()}
 
 
+@pytest.fixture(scope="module")
+def calibrated():
+    """Calibrate as the command does, but each of `photographs` once."""
+    known = {}
+
+    def calibrate(photo, **options):
+        if photo.name not in known:
+            known[photo.name] = ts.calibrate(photo, **options)
+        return known[photo.name]
+
+    return calibrate
+
+
 @pytest.fixture
-def folder(tmp_path, monkeypatch, photographs):
+def folder(tmp_path, monkeypatch, photographs, calibrated):
     for name, content in photographs.items():
         (tmp_path / f"{name}.png").write_bytes(content)
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(target_check, "calibrate", calibrated)
     return tmp_path
 
 

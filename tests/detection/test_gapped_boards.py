@@ -11,7 +11,7 @@ from trisquare_scenes.gapped_boards import gapped_scene
 
 
 @pytest.mark.parametrize("cell", first_quick([30.0, 18.0, 50.0, 85.0]))
-@pytest.mark.parametrize("gap", [-1.8, 1.5, 2.8])
+@pytest.mark.parametrize("gap", first_quick([2.8, -1.8, 1.5], 2))
 def test_boards_with_gaps_or_overlaps_are_found_whole(gap, cell):
     rng = np.random.default_rng([85, int(cell)])
     scene = gapped_scene(rng, gap, cell=cell)

@@ -123,7 +123,7 @@ def checkerboard(size, cell):
     [
         np.zeros((1, 1), np.uint8),
         np.tile(np.arange(3000, dtype=np.uint16).astype(np.uint8), (2, 1)),
-        checkerboard(1000, 1),
+        checkerboard(500, 1),
         checkerboard(300, 8),
         grille(400, 8),
     ],
