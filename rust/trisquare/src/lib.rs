@@ -108,12 +108,9 @@ pub use uncertainty::{
 /// change in any release.
 #[doc(hidden)]
 pub mod internals {
-    pub use crate::geometry::{
-        ConicConstraint, KnownIntrinsics, Normalisation, camera_matrix, intrinsics_of, solve_conic,
-    };
     pub use crate::image::GreyBytes;
-    pub use crate::lens::{invertible_radius, largest_rectangle, monotonic_radius};
-    pub use crate::numeric::{cdf, chi_square_tail};
+    pub use crate::lens::{largest_rectangle, monotonic_radius};
+    pub use crate::numeric::cdf;
     pub use crate::planning::predict_unjudged;
     pub use crate::search::{
         ArcLimits, Candidate, GreyFloats, Lattice, ReducedPicture, SidePoints, circular_arcs,

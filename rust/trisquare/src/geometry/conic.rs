@@ -1,6 +1,6 @@
 //! Step 3: the camera matrix from the image of the absolute conic.
 
-use nalgebra::{DMatrix, Matrix3, SVector, Vector2};
+use nalgebra::{DMatrix, Matrix3, SVector, Vector2, Vector3};
 
 use crate::error::Error;
 
@@ -11,46 +11,12 @@ const MAX_SVD_SWEEPS: usize = 1000;
 /// more than the scale open.
 const RANK_TOLERANCE: f64 = 1e-9;
 
-/// Entries of a conic without skew: `w11, w13, w22, w23, w33`.
+/// Entries of a conic without skew, or coefficients of a homogeneous equation on them: `w11, w13,
+/// w22, w23, w33`.
 type ConicVector = SVector<f64, 5>;
 
-/// One homogeneous linear equation on the entries of the conic, with its weight.
-///
-/// Any source may give them: planes here; vanishing points, rectangles or cubes elsewhere.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ConicConstraint {
-    /// Coefficients of `w11, w13, w22, w23, w33`.
-    pub row: ConicVector,
-    /// Weight of the equation, after its row has been brought to unit length.
-    pub weight: f64,
-}
-
-impl ConicConstraint {
-    /// The equation `h^T omega g = 0`.
-    pub fn conjugate(h: &nalgebra::Vector3<f64>, g: &nalgebra::Vector3<f64>) -> Self {
-        Self::weighted(bilinear(h, g))
-    }
-
-    /// The two equations of a plane, `h1^T omega h2 = 0` and `h1^T omega h1 = h2^T omega h2`
-    /// (Hartley & Zisserman, 2nd ed., section 8.5).
-    pub fn of_plane(homography: &Matrix3<f64>) -> [Self; 2] {
-        let h1 = homography.column(0).into_owned();
-        let h2 = homography.column(1).into_owned();
-        let sum = h1 + h2;
-        let difference = h1 - h2;
-        [
-            Self::conjugate(&h1, &h2),
-            Self::weighted(bilinear(&sum, &difference)),
-        ]
-    }
-
-    fn weighted(row: ConicVector) -> Self {
-        Self { row, weight: 1.0 }
-    }
-}
-
 /// Coefficients of `h^T omega g`.
-fn bilinear(h: &nalgebra::Vector3<f64>, g: &nalgebra::Vector3<f64>) -> ConicVector {
+fn bilinear(h: &Vector3<f64>, g: &Vector3<f64>) -> ConicVector {
     ConicVector::new(
         h.x * g.x,
         h.x * g.z + h.z * g.x,
@@ -89,22 +55,8 @@ impl KnownIntrinsics {
 pub fn camera_matrix_from_homographies(
     homographies: &[Matrix3<f64>],
 ) -> Result<Matrix3<f64>, Error> {
-    camera_matrix(homographies, &KnownIntrinsics::default())
-}
-
-/// As [`camera_matrix_from_homographies`], with part of the camera matrix known.
-///
-/// # Errors
-/// As [`camera_matrix_from_homographies`].
-pub fn camera_matrix(
-    homographies: &[Matrix3<f64>],
-    known: &KnownIntrinsics,
-) -> Result<Matrix3<f64>, Error> {
-    let planes = homographies.iter().map(|homography| PlaneHomography {
-        homography: *homography,
-        has_any_aspect: false,
-    });
-    camera_matrix_from_planes(&planes.collect::<Vec<_>>(), known)
+    let planes = homographies.iter().map(PlaneHomography::of_square);
+    camera_matrix_from_planes(&planes.collect::<Vec<_>>(), &KnownIntrinsics::default())
 }
 
 /// A plane's homography, and whether it is that of a rectangle of unknown aspect.
@@ -115,14 +67,20 @@ pub(crate) struct PlaneHomography {
 }
 
 impl PlaneHomography {
-    fn constraints(
-        &self,
-        normalising: &Matrix3<f64>,
-    ) -> impl Iterator<Item = ConicConstraint> + use<> {
+    fn of_square(homography: &Matrix3<f64>) -> Self {
+        Self {
+            homography: *homography,
+            has_any_aspect: false,
+        }
+    }
+
+    /// The equations `h1^T omega h2 = 0` and, of a known aspect, `h1^T omega h1 = h2^T omega h2`
+    /// (Hartley & Zisserman, 2nd ed., section 8.5).
+    fn constraints(&self, normalising: &Matrix3<f64>) -> impl Iterator<Item = ConicVector> + use<> {
         let homography = normalising * self.homography;
-        let [right_angle, lengths] = ConicConstraint::of_plane(&homography);
-        let lengths = (!self.has_any_aspect).then_some(lengths);
-        std::iter::once(right_angle).chain(lengths)
+        let [h1, h2] = [0, 1].map(|i| homography.column(i).into_owned());
+        let lengths = (!self.has_any_aspect).then(|| bilinear(&(h1 + h2), &(h1 - h2)));
+        std::iter::once(bilinear(&h1, &h2)).chain(lengths)
     }
 }
 
@@ -137,7 +95,8 @@ pub(crate) fn aspect_of_homography(
     (aspect.is_finite() && aspect > 0.0).then_some(aspect)
 }
 
-/// As [`camera_matrix`], of planes some of which show a rectangle of unknown aspect.
+/// As [`camera_matrix_from_homographies`], of planes some of which show a rectangle of unknown
+/// aspect, and with part of the camera matrix known.
 pub(crate) fn camera_matrix_from_planes(
     planes: &[PlaneHomography],
     known: &KnownIntrinsics,
@@ -161,7 +120,7 @@ pub(crate) fn camera_matrix_from_planes(
         });
     }
     let frame = Frame::around(&homographies, known);
-    let constraints: Vec<ConicConstraint> = planes
+    let constraints: Vec<ConicVector> = planes
         .iter()
         .flat_map(|plane| plane.constraints(&frame.normalising))
         .collect();
@@ -183,7 +142,7 @@ impl Frame {
         let mut seen = Vec::with_capacity(3 * homographies.len());
         for h in homographies {
             for point in [(0.0, 0.0), (0.5, 0.0), (0.0, 0.5)] {
-                let image = h * nalgebra::Vector3::new(point.0, point.1, 1.0);
+                let image = h * Vector3::new(point.0, point.1, 1.0);
                 seen.push(image.xy() / image.z);
             }
         }
@@ -236,10 +195,7 @@ impl Frame {
 ///
 /// # Errors
 /// [`Error::UndeterminedConic`] if the constraints leave more than the scale open.
-pub fn solve_conic(
-    constraints: &[ConicConstraint],
-    known: &KnownIntrinsics,
-) -> Result<[f64; 5], Error> {
+fn solve_conic(constraints: &[ConicVector], known: &KnownIntrinsics) -> Result<[f64; 5], Error> {
     // Columns of the basis: what the remaining unknowns move.
     let mut basis: Vec<ConicVector> = Vec::with_capacity(5);
     let unit = |i: usize| ConicVector::ith(i, 1.0);
@@ -257,10 +213,10 @@ pub fn solve_conic(
     let rows = constraints.len().max(basis.len());
     let mut design = DMatrix::zeros(rows, basis.len());
     for (i, constraint) in constraints.iter().enumerate() {
-        let norm = constraint.row.norm();
+        let norm = constraint.norm();
         if norm > 0.0 {
             for (j, direction) in basis.iter().enumerate() {
-                design[(i, j)] = constraint.row.dot(direction) * constraint.weight / norm;
+                design[(i, j)] = constraint.dot(direction) / norm;
             }
         }
     }
@@ -293,7 +249,7 @@ pub fn solve_conic(
 ///
 /// # Errors
 /// [`Error::IndefiniteConic`] if `omega` is not definite.
-pub fn intrinsics_of(conic: &[f64; 5]) -> Result<[f64; 4], Error> {
+fn intrinsics_of(conic: &[f64; 5]) -> Result<[f64; 4], Error> {
     let [w11, w13, w22, w23, w33] = *conic;
     let (cx, cy) = (-w13 / w11, -w23 / w22);
     let lambda = w33 - w13 * w13 / w11 - w23 * w23 / w22;
@@ -309,7 +265,7 @@ pub fn intrinsics_of(conic: &[f64; 5]) -> Result<[f64; 4], Error> {
 mod tests {
     use super::super::pose::Pose;
     use super::*;
-    use nalgebra::{Rotation3, Vector3};
+    use nalgebra::Rotation3;
 
     fn homographies(camera: &Matrix3<f64>, angles: &[(f64, f64)]) -> Vec<Matrix3<f64>> {
         angles
@@ -342,17 +298,18 @@ mod tests {
             camera_matrix_from_homographies(&planes),
             Err(Error::NotEnoughPlanes { needed: 2, .. })
         ));
+        let planes: Vec<_> = planes.iter().map(PlaneHomography::of_square).collect();
         let known = KnownIntrinsics {
             aspect: None,
             principal_point: Some(Vector2::new(650.0, 470.0)),
         };
-        let found = camera_matrix(&planes, &known).unwrap();
+        let found = camera_matrix_from_planes(&planes, &known).unwrap();
         assert!((found - camera()).norm() < 1e-9 * camera().norm());
         let known = KnownIntrinsics {
             aspect: Some(1190.0 / 1200.0),
             ..known
         };
-        let found = camera_matrix(&planes, &known).unwrap();
+        let found = camera_matrix_from_planes(&planes, &known).unwrap();
         assert!((found - camera()).norm() < 1e-9 * camera().norm());
     }
 

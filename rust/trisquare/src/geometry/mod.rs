@@ -10,14 +10,13 @@ mod pose;
 pub(crate) use circles::{
     area, concentric_homography, fit_circle, fit_ellipse, separate_homography,
 };
-pub use conic::{
-    ConicConstraint, KnownIntrinsics, camera_matrix, camera_matrix_from_homographies,
-    intrinsics_of, solve_conic,
+pub use conic::camera_matrix_from_homographies;
+pub(crate) use conic::{
+    KnownIntrinsics, PlaneHomography, aspect_of_homography, camera_matrix_from_planes,
 };
-pub(crate) use conic::{PlaneHomography, aspect_of_homography, camera_matrix_from_planes};
 pub use homography::homography_from_lines;
 pub(crate) use homography::{MIN_LINES, normalised_homography};
 pub use line::Line;
 pub(crate) use line::line_of_rays;
-pub use normalisation::Normalisation;
+pub(crate) use normalisation::Normalisation;
 pub use pose::Pose;

@@ -88,15 +88,11 @@ pub enum Distortion {
     /// OpenCV's rational, thin-prism and tilted-sensor model: `k1, k2, p1, p2, k3, k4, k5, k6, s1,
     /// s2, s3, s4, tau_x, tau_y`, the angles in radians (OpenCV's documentation of `calib3d`).
     OpenCv([f64; 14]),
-    /// The observed radius is a polynomial of the angle from the axis,
-    /// `theta (1 + k1 theta^2 + k2 theta^4 + ...)` (J. Kannala & S. S. Brandt, IEEE PAMI 28 (2006)
-    /// 1335-1340): the fisheye of OpenCV, Kalibr's `equidistant`, COLMAP's `OPENCV_FISHEYE`.
-    KannalaBrandt(Vec<f64>),
 }
 
 impl Distortion {
-    /// A distortion by its model's name: `"opencv"`, whose last coefficients may be missing,
-    /// `"kannala_brandt"`, or the names of coefficients as in [`DistortionTerm::of_names`].
+    /// A distortion by its model's name: `"opencv"`, whose last coefficients may be missing, or the
+    /// names of coefficients as in [`DistortionTerm::of_names`].
     ///
     /// # Errors
     /// [`Error::InvalidArgument`] for another name or too many or too few coefficients,
@@ -118,7 +114,6 @@ impl Distortion {
                 given.copy_from_slice(coefficients);
                 Ok(Self::OpenCv(all))
             }
-            "kannala_brandt" => Ok(Self::KannalaBrandt(coefficients.to_vec())),
             names => {
                 let terms = DistortionTerm::of_names(names)?;
                 let fits = terms.len() == coefficients.len();
@@ -176,19 +171,6 @@ impl Distortion {
                 },
             ),
             Self::OpenCv(coefficients) => opencv(coefficients, ideal),
-            Self::KannalaBrandt(coefficients) => {
-                let radius = ideal.norm();
-                let angle = radius.atan();
-                let (mut seen, mut slope, mut power) = (angle, 1.0, angle);
-                for (i, k) in coefficients.iter().enumerate() {
-                    power *= angle * angle;
-                    seen += k * power;
-                    slope += (2 * i + 3) as f64 * k * power / angle.max(f64::MIN_POSITIVE);
-                }
-                let factor = if radius > 0.0 { seen / radius } else { 1.0 };
-                let slope = slope / (1.0 + radius * radius);
-                (ideal * factor, radial_jacobian(ideal, factor, slope))
-            }
         }
     }
 }
@@ -285,8 +267,6 @@ mod tests {
             ("c b a", &[0.02, -0.04, 0.01]),
             ("opencv", &opencv),
             ("opencv", &opencv[..8]),
-            ("kannala_brandt", &[0.05, -0.02, 0.01, -1e-3]),
-            ("kannala_brandt", &[]),
             ("", &[]),
         ]
         .map(|(model, coefficients)| Distortion::of_model(model, coefficients).unwrap())
@@ -336,14 +316,10 @@ mod tests {
     }
 
     #[test]
-    fn beyond_a_fold_or_a_right_angle_there_is_nothing() {
+    fn beyond_a_fold_there_is_nothing() {
         let barrel = Distortion::of_model("k1", &[-0.5]).unwrap();
         assert!(barrel.undistort(&Vector2::new(0.54, 0.0)).is_some());
         assert!(barrel.undistort(&Vector2::new(0.55, 0.0)).is_none());
-        let fisheye = Distortion::of_model("kannala_brandt", &[0.0; 4]).unwrap();
-        let wide = fisheye.undistort(&Vector2::new(0.0, 1.48)).unwrap();
-        assert!((wide.y - 1.48_f64.tan()).abs() < 1e-8 * wide.y);
-        assert!(fisheye.undistort(&Vector2::new(0.0, 1.58)).is_none());
         for observed in [f64::NAN, f64::INFINITY] {
             assert!(barrel.undistort(&Vector2::new(observed, 0.0)).is_none());
         }

@@ -213,7 +213,7 @@ impl Problem for Fit<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Brown, Distortion, Lens};
+    use super::super::{Brown, Fisheye, Lens, PointMaps};
     use super::*;
 
     const SIZE: ImageSize = ImageSize {
@@ -255,10 +255,9 @@ mod tests {
 
     #[test]
     fn the_nearest_lens_has_no_neighbour_that_is_nearer() {
-        let fisheye = Distortion::of_model("kannala_brandt", &[0.02, -0.01, 0.0, 0.0]).unwrap();
         let (focal, centre) = start();
-        let ideal =
-            |pixel: &Vector2<f64>| fisheye.undistort(&(pixel - centre).component_div(&focal));
+        let fisheye = Fisheye::new([focal.x, focal.y, centre.x, centre.y, 0.02, -0.01, 0.0, 0.0]);
+        let ideal = |pixel: &Vector2<f64>| fisheye.ideal_point(pixel);
         for (square, names) in [(true, "c b a"), (false, "k1 k2"), (true, "")] {
             let family = family(square, names);
             let found = family.nearest(SIZE, focal, centre, ideal).unwrap();
