@@ -18,6 +18,11 @@ def with_its_std(value: float, std: float) -> tuple[str, str]:
     return f"{value:.{decimals}f}", f"{std:.{decimals}f}"
 
 
+def plus_minus(value: float, std: float) -> str:
+    """Write a number and its standard deviation as one text, "1.23 +- 0.04"."""
+    return " +- ".join(with_its_std(value, std))
+
+
 def listed(texts: Sequence[str], most: int | None = None) -> str:
     """Join texts as "a, b and c"; beyond the first `most` as "a, b and 5 more"."""
     shown = list(texts[:most])

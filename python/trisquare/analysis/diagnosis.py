@@ -14,7 +14,7 @@ from types import MappingProxyType
 import numpy as np
 
 from trisquare._support.arrays import RebuiltByConstructor
-from trisquare._support.number_text import with_its_std
+from trisquare._support.number_text import plus_minus
 from trisquare.analysis.what_if import WhatIf, contradicted_aspect, gains
 from trisquare.results.calibration import Calibration
 
@@ -176,6 +176,6 @@ def _diagnose(
     remedies = remedies or [nothing]
     contradicted = contradicted_aspect(calibration)
     if contradicted is not None and name in ("fx", "fy"):
-        ratio, ratio_std = with_its_std(*contradicted)
-        remedies.append(f"fixing the aspect at 1 is no remedy: fy / fx is {ratio} +- {ratio_std}")
+        ratio = plus_minus(*contradicted)
+        remedies.append(f"fixing the aspect at 1 is no remedy: fy / fx is {ratio}")
     return ParameterDiagnosis(std, correlation, ", and ".join(limits[:2]), "; ".join(remedies))

@@ -23,7 +23,7 @@ from trisquare._support.arrays import (
     real_array,
 )
 from trisquare._support.lengths import length_in
-from trisquare._support.number_text import with_its_std
+from trisquare._support.number_text import plus_minus
 from trisquare.camera.camera import Camera, camera_for_core
 from trisquare.camera.camera_of import camera_of
 from trisquare.results.calibration import Calibration
@@ -134,7 +134,7 @@ class Measurement(RebuiltByConstructor):
 
     def __repr__(self) -> str:
         said = [
-            " +- ".join(with_its_std(length, std))
+            plus_minus(length, std)
             for length, std in zip(self.lengths, self.lengths_std, strict=True)
         ]
         return (

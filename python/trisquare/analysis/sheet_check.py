@@ -8,7 +8,8 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from trisquare._support.number_text import listed, with_its_std
+from trisquare._support.convex_quads import quad_areas
+from trisquare._support.number_text import listed, plus_minus
 from trisquare.analysis.departures import Departures, Estimate, departures
 from trisquare.errors import NotEnoughPlanesError
 from trisquare.printing.layout import RULER, PrintedBoard
@@ -174,13 +175,9 @@ def check_sheet(
 
 def _planes_of(calibration: Calibration, kinds: Sequence[str]) -> tuple[int, ...]:
     """Return the three largest planes of these kinds, by their areas in the picture, in order."""
-
-    def area(number: int) -> float:
-        x, y = calibration.planes[number].corners.T
-        return abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
-
     fitting = [at for at, plane in enumerate(calibration.planes) if plane.kind in kinds]
-    return tuple(sorted(sorted(fitting, key=area, reverse=True)[:3]))
+    areas = {at: float(quad_areas(calibration.planes[at].corners)) for at in fitting}
+    return tuple(sorted(sorted(fitting, key=areas.__getitem__, reverse=True)[:3]))
 
 
 def _cells_of(calibration: Calibration, face: int) -> tuple[int, int]:
@@ -225,7 +222,7 @@ def _folded(found: Departures, faces: Sequence[int]) -> Iterator[Finding]:
     bent = _bent_faces(found, faces)
     for pair, angle in found.angles.items():
         verdict: Verdict = "cannot tell" if bent else _verdict([offs[pair]], MOST_FOLD_ERROR)
-        text = f"faces {pair[0]} and {pair[1]} meet at {_with_std(angle)} degrees"
+        text = f"faces {pair[0]} and {pair[1]} meet at {plus_minus(*angle)} degrees"
         advice = {
             "ok": "",
             "not ok": "fold along the dashed lines against a book's corner and glue the tab; a "
@@ -245,7 +242,7 @@ def _flat(
         verdict = _verdict([bow], limit)
         arch = Estimate(side * bow.value, side * bow.std)
         text = (
-            f"face {face} is bent by {_with_std(arch)} mm over its side of {side:g} mm, of which "
+            f"face {face} is bent by {plus_minus(*arch)} mm over its side of {side:g} mm, of which "
             f"{side * limit:.2g} mm may be"
         )
         advice = {
@@ -260,7 +257,7 @@ def _stretched(found: Departures, faces: Sequence[int]) -> Finding:
     bent = _bent_faces(found, faces)
     verdict: Verdict = "cannot tell" if bent else _verdict(found.stretches, MOST_STRETCH)
     best = Estimate(*(100.0 * number for number in found.stretches[0]))
-    text = f"the print is stretched along one axis of the paper by {_with_std(best)} %"
+    text = f"the print is stretched along one axis of the paper by {plus_minus(*best)} %"
     advice = {
         "ok": "",
         "not ok": "print at 100 %, without fitting to the page, or on another printer",
@@ -288,12 +285,10 @@ def _size(side: float, ruler: float | None) -> Finding:
     verdict = _verdict([Estimate(abs(scale.value - 1.0), scale.std)], MOST_SCALE_ERROR)
     true = Estimate(side * scale.value, side * scale.std)
     per_cent = Estimate(100.0 * scale.value, 100.0 * scale.std)
-    text = f"by the ruler the print is at {_with_std(per_cent)} %, its side {_with_std(true)} mm"
+    text = (
+        f"by the ruler the print is at {plus_minus(*per_cent)} %, its side {plus_minus(*true)} mm"
+    )
     advice = f"print at 100 %, or calibrate with --side {true.value:.4g}mm: the camera is the same"
     if verdict == "ok":
         advice = ""
     return Finding("size", (), verdict, *per_cent, limit, "%", text, advice)
-
-
-def _with_std(estimate: Estimate) -> str:
-    return " +- ".join(with_its_std(*estimate))

@@ -8,7 +8,6 @@ import re
 from collections.abc import Iterator
 from operator import itemgetter
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from trisquare._support.writing import PathLike, replacing, write_atomically, writing
@@ -67,12 +66,7 @@ class Store:
     def __enter__(self) -> Store:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._close()
         os.close(self._lock)  # which releases it
 

@@ -309,11 +309,11 @@ class Camera(RebuiltByConstructor):
             width, height = self.image_size
             fx = 0.5 * width / math.tan(0.5 * math.radians(field_of_view(field, 160.0)))
             fy, cx, cy = fx * self.fy / self.fx, 0.5 * (width - 1), 0.5 * (height - 1)
-            return _pinhole(fx, fy, cx, cy, self.image_size)
-        fx, fy, cx, cy = _core.undistorted_view(
-            camera_for_core(self), self.image_size, real_number(balance, "balance")
-        )
-        return _pinhole(fx, fy, cx, cy, self.image_size)
+        else:
+            fx, fy, cx, cy = _core.undistorted_view(
+                camera_for_core(self), self.image_size, real_number(balance, "balance")
+            )
+        return Camera(camera_matrix(fx, fy, cx, cy), np.zeros(5), self.image_size, "none")
 
     def rescaled(self, image_size: tuple[int, int]) -> Camera:
         """Return the camera of this camera's pictures scaled to another size.
@@ -503,9 +503,16 @@ def field_of_view(field: float, most: float) -> float:
     return field
 
 
-def _pinhole(fx: float, fy: float, cx: float, cy: float, image_size: tuple[int, int]) -> Camera:
-    K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-    return Camera(K, np.zeros(5), image_size, "none")
+def camera_matrix(fx: float, fy: float, cx: float, cy: float, skew: float = 0.0) -> FloatArray:
+    """Return K, ``[[fx, skew, cx], [0, fy, cy], [0, 0, 1]]``."""
+    return np.array([[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+
+
+def centred_pinhole(focal: float, image_size: tuple[int, int]) -> Camera:
+    """Return a camera without distortion that looks through the centre of its pictures."""
+    width, height = image_size
+    K = camera_matrix(focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))
+    return Camera(K, np.zeros(5), (width, height))
 
 
 def camera_for_core(camera: Camera) -> CoreCamera:

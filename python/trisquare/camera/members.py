@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 from trisquare._support.arrays import size_of_image
 from trisquare._support.json_members import JsonFields
-from trisquare.camera.camera import Camera
+from trisquare.camera.camera import Camera, camera_matrix
 from trisquare.camera.lens_models import COEFFICIENTS, MODELS
 
 
@@ -36,7 +34,7 @@ def camera_from_members(members: JsonFields, image_size: tuple[int, ...]) -> Cam
     if model not in COEFFICIENTS:
         raise ValueError(f"model must be one of {MODELS}, not {model!r}")
     return Camera(
-        K=np.array([[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]),
+        K=camera_matrix(fx, fy, cx, cy, skew),
         distortion=members.array("distortion", (len(COEFFICIENTS[model]),)),
         image_size=size_of_image(image_size),
         model=model,

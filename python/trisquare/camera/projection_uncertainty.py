@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,7 @@ import numpy.typing as npt
 import trisquare._core as _core
 from trisquare._support.arrays import FloatArray, RebuiltByConstructor, real_array, real_number
 from trisquare._support.suggestions import unknown
-from trisquare.camera.camera import Camera, camera_for_core
+from trisquare.camera.camera import Camera, CoreCamera, camera_for_core
 
 # Columns of a map that is drawn without a step of its own.
 DEFAULT_COLUMNS = 32
@@ -30,6 +30,9 @@ MOST_PLACES = 10**9
 
 CELLS = 100
 """Across and down the picture, where parts of it are counted."""
+
+UncertainCamera: TypeAlias = "tuple[CoreCamera, list[str], bool, FloatArray]"
+"""A camera for the core, its free parameters, whether fy follows fx, the parameters' covariance."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,13 +77,18 @@ class ProjectionMap(RebuiltByConstructor):
         return f"<ProjectionMap {columns} x {rows}: std {low:.3g} to {high:.3g} px>"
 
 
-def projection_covariance(
+def uncertain(
     camera: Camera,
-    parameters: Sequence[str],
-    aspect_fixed: bool,
-    covariance: FloatArray,
-    points: npt.ArrayLike,
-) -> FloatArray:
+    parameters: Sequence[str] = (),
+    fixed: Sequence[str] = (),
+    covariance: FloatArray | None = None,
+) -> UncertainCamera:
+    """Return what the compiled core takes for a camera with its uncertainty; by default exact."""
+    known = np.zeros((0, 0)) if covariance is None else covariance
+    return camera_for_core(camera), list(parameters), "aspect" in fixed, known
+
+
+def projection_covariance(camera: UncertainCamera, points: npt.ArrayLike) -> FloatArray:
     """Return the covariances of the projections of the directions seen at pixels.
 
     For the direction ``u`` seen at a pixel, held fixed in the camera's frame, it is ``J C J^T``
@@ -88,14 +96,8 @@ def projection_covariance(
 
     Parameters
     ----------
-    camera : Camera
+    camera : UncertainCamera
         The estimate.
-    parameters : sequence of str
-        Names of the free parameters.
-    aspect_fixed : bool
-        Whether ``fy`` follows ``fx``.
-    covariance : ndarray, shape (n, n)
-        Of the free parameters.
     points : array_like, shape (N, 2)
         Pixels of the photograph.
 
@@ -109,10 +111,7 @@ def projection_covariance(
     ValueError
         If a pixel lies beyond the radius up to which the distortion is invertible.
     """
-    pixels = real_array(points, "points", (None, 2))
-    return _core.projection_covariance(
-        (camera_for_core(camera), list(parameters), aspect_fixed, covariance), pixels
-    )
+    return _core.projection_covariance(camera, real_array(points, "points", (None, 2)))
 
 
 def rms_displacement(covariances: FloatArray) -> FloatArray:
@@ -162,12 +161,7 @@ def _has_direction(camera: Camera, pixels: FloatArray) -> npt.NDArray[np.bool_]:
 
 
 def projection_map(
-    camera: Camera,
-    parameters: Sequence[str],
-    aspect_fixed: bool,
-    covariance: FloatArray,
-    step: float | None,
-    rotation: str,
+    camera: Camera, known: UncertainCamera, step: float | None, rotation: str
 ) -> ProjectionMap:
     """Return the standard deviations on a grid over the picture, at most `step` pixels apart.
 
@@ -180,19 +174,12 @@ def projection_map(
         raise unknown("rotation", rotation, ROTATIONS)
     x, y = picture_grid(camera.image_size, step)
     pixels = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    known = _has_direction(camera, pixels)
+    seen = _has_direction(camera, pixels)
     std = np.full(len(pixels), np.inf)
     if rotation == "held":
-        covariances = projection_covariance(
-            camera, parameters, aspect_fixed, covariance, pixels[known]
-        )
-        std[known] = rms_displacement(covariances)
-    elif known.any():
+        std[seen] = rms_displacement(projection_covariance(known, pixels[seen]))
+    elif seen.any():
         # Against the estimate taken as exact, so that only its own uncertainty counts.
-        lens = camera_for_core(camera)
-        uncertain = lens, list(parameters), aspect_fixed, covariance
-        nothing: FloatArray = np.zeros((0, 0))
-        exact: tuple[Any, ...] = lens, [], False, nothing
-        test = _core.compare_projections(uncertain, exact, pixels[known])[2]
-        std[known] = 0.0 if test is None else test[0]
+        test = _core.compare_projections(known, uncertain(camera), pixels[seen])[2]
+        std[seen] = 0.0 if test is None else test[0]
     return ProjectionMap(x, y, std.reshape(len(y), len(x)))

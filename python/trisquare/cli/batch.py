@@ -39,6 +39,8 @@ from trisquare.cli.options import (
     FREE,
     INITIAL,
     JSON,
+    MAX_BYTES,
+    MAX_PIXELS,
     QUIET,
     amount,
     argument,
@@ -122,10 +124,8 @@ def batch_command(
     targets: str = option("auto", "TARGETS", "Targets to search for, as in trisquare calibrate."),
     frames: int | None = FRAMES,
     lines: bool = flag("Use the scene's own straight edges as well.", "--lines"),
-    max_pixels: str | None = option(
-        None, "N", "Refuse pictures of more pixels, by their header (500M)."
-    ),
-    max_bytes: str | None = option(None, "N", "Refuse larger files (2G)."),
+    max_pixels: str | None = MAX_PIXELS,
+    max_bytes: str | None = MAX_BYTES,
     max_seconds: float | None = option(None, "S", "Give a camera up after so many seconds (300)."),
     max_memory: str | None = option(
         None, "N", "Bytes that a camera may take beside the program (4G); on Linux."

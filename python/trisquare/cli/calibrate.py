@@ -24,6 +24,8 @@ from trisquare.cli.options import (
     FREE,
     INITIAL,
     JSON,
+    MAX_BYTES,
+    MAX_PIXELS,
     ORTHOGONAL,
     PARALLEL,
     PHOTOS,
@@ -156,10 +158,8 @@ def calibrate_command(
         "--jobs",
         "-j",
     ),
-    max_pixels: str | None = option(
-        None, "N", "Refuse pictures of more pixels, by their header (500M)."
-    ),
-    max_bytes: str | None = option(None, "N", "Refuse larger files (2G)."),
+    max_pixels: str | None = MAX_PIXELS,
+    max_bytes: str | None = MAX_BYTES,
     with_diagnosis: bool = flag(
         "Show what limits each parameter, and what would improve it.", "--diagnose"
     ),

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from trisquare._support.paths import naming, read_text
+from trisquare._support.paths import naming
+from trisquare.calibration.known_camera import known_camera
 from trisquare.camera.camera import Camera
 from trisquare.camera.camera_of import camera_of
 from trisquare.cli.framework import reading
 from trisquare.formats import load_camera
-from trisquare.formats.native_json import CALIBRATION_FORMAT
 from trisquare.images.sources import sources_of
 from trisquare.results.calibration import Calibration
 
@@ -22,12 +21,7 @@ from trisquare.results.calibration import Calibration
 def read_camera(path: Path) -> Calibration | Camera:
     """Read a calibration with its uncertainty, or the camera that a file of any format holds."""
     with reading():
-        loaded = load_camera(path)
-        text = read_text(path) if loaded.format == "trisquare" else "{}"
-    if json.loads(text).get("format") != CALIBRATION_FORMAT:
-        return loaded.camera
-    with naming(path):
-        return Calibration.from_json(text)
+        return known_camera(path)
 
 
 def camera_alone(path: Path) -> Camera:

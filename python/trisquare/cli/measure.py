@@ -11,7 +11,7 @@ import numpy as np
 from trisquare._support.arrays import FloatArray
 from trisquare._support.convex_quads import separated
 from trisquare._support.lengths import METRES, Length
-from trisquare._support.number_text import with_its_std
+from trisquare._support.number_text import plus_minus
 from trisquare._support.writing import write_atomically
 from trisquare.analysis.measure import CLICKED_STD, FAR, Measurement, check_inside, measure
 from trisquare.analysis.rectify import rectify as rectified
@@ -221,12 +221,8 @@ def _doubts(
 
 def _lines(measured: Measurement, length: Length) -> Iterator[str]:
     for i, (value, std) in enumerate(zip(measured.lengths, measured.lengths_std, strict=True)):
-        yield f"length {i + 1} to {i + 2}: {length.after(_with_std(value, std))}"
+        yield f"length {i + 1} to {i + 2}: {length.after(plus_minus(value, std))}"
     for i, (value, std) in enumerate(zip(measured.angles, measured.angles_std, strict=True)):
-        yield f"angle at {i + 2}: {_with_std(value, std)} degrees"
+        yield f"angle at {i + 2}: {plus_minus(value, std)} degrees"
     if measured.area is not None and measured.area_std is not None:
-        yield f"area: {length.after(_with_std(measured.area, measured.area_std), '^2')}"
-
-
-def _with_std(value: float, std: float) -> str:
-    return " +- ".join(with_its_std(value, std))
+        yield f"area: {length.after(plus_minus(measured.area, measured.area_std), '^2')}"

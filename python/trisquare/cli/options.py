@@ -62,13 +62,15 @@ FREE = option(
     None, "WHAT", "Estimate the skew, which is held at zero otherwise: skew.", offer=FREEABLE
 )
 
-
 ORTHOGONAL = option(
     None,
     "PLANES",
     "Two planes that are at right angles, as 0,1: their numbers in the result; repeatable.",
 )
 PARALLEL = option(None, "PLANES", "Two planes that are parallel, likewise.")
+MAX_PIXELS = option(None, "N", "Refuse pictures of more pixels, by their header (500M).")
+MAX_BYTES = option(None, "N", "Refuse larger files (2G).")
+BALANCE = option(0.0, "0..1", "From 0 (no black border) to 1 (all of the photograph).")
 
 
 def amount(text: str | None, name: str) -> float | None:

@@ -15,7 +15,7 @@ from trisquare._support.paths import naming, read_text
 from trisquare._support.rotations import tilt_degrees
 from trisquare.analysis.plan import PlannedSquare
 from trisquare.analysis.predict import PRINTED_SIGMA, Prediction, predict
-from trisquare.camera.camera import Camera, camera_parameters, named_numbers
+from trisquare.camera.camera import Camera, camera_parameters, centred_pinhole, named_numbers
 from trisquare.camera.lens_models import MODELS
 from trisquare.camera.settings import FIXABLE
 from trisquare.cli.console import answer, new_table
@@ -129,9 +129,7 @@ def _pinhole(
         raise ValueError("give the size of the picture (--size 1280x960), a --camera or a PLAN")
     if focal is None:
         focal = float(width) if written is None else written.number_or("focal", width)
-    centre = (0.5 * (width - 1), 0.5 * (height - 1))
-    K = np.array([[focal, 0.0, centre[0]], [0.0, focal, centre[1]], [0.0, 0.0, 1.0]])
-    return Camera(K, np.zeros(5), (width, height))
+    return centred_pinhole(focal, (width, height))
 
 
 def _square(text: str, camera: Camera, frame: float | None) -> PlannedSquare:

@@ -12,7 +12,7 @@ from trisquare._support.suggestions import unknown
 from trisquare._support.writing import PathLike, write_atomically
 from trisquare.cli.camera_file import camera_content, camera_format
 from trisquare.cli.console import answer
-from trisquare.cli.options import JSON, QUIET, argument, option
+from trisquare.cli.options import BALANCE, JSON, QUIET, argument, option
 from trisquare.cli.pictures_drawn import check_depth, check_outputs
 from trisquare.drawing.straight_lines import draw_straight_lines
 from trisquare.images.encoding import encode_image, encode_turned
@@ -35,7 +35,7 @@ def straighten_command(
     overlay: Path | None = option(
         None, "FILE", "Draw the lines used (green) and the edges rejected (red) to this file."
     ),
-    balance: float = option(0.0, "0..1", "From 0 (no black border) to 1 (all of the photograph)."),
+    balance: float = BALANCE,
     interpolation: str = option(
         "linear", "HOW", "linear, nearest, cubic or lanczos.", offer=INTERPOLATIONS
     ),

@@ -20,7 +20,7 @@ from trisquare.camera.projection_uncertainty import known_part
 from trisquare.cli.camera_file import camera_content, camera_format
 from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.input_files import camera_alone, photographs_named
-from trisquare.cli.options import JSON, PHOTOS, QUIET, flag, option
+from trisquare.cli.options import BALANCE, JSON, PHOTOS, QUIET, flag, option
 from trisquare.cli.pictures_drawn import check_depth, check_outputs, numbered_paths
 from trisquare.images.encoding import encode_turned
 from trisquare.images.pixels import picture_size
@@ -55,7 +55,7 @@ def undistort_command(
         "--output",
         "-o",
     ),
-    balance: float = option(0.0, "0..1", "From 0 (no black border) to 1 (all of the photograph)."),
+    balance: float = BALANCE,
     view: str = option(
         "pinhole",
         "VIEW",

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from trisquare._support.arrays import FloatArray
-from trisquare._support.number_text import with_its_std
+from trisquare._support.number_text import plus_minus
 from trisquare.analysis.residuals import MeasuredSide, measured_sides
 from trisquare.camera.camera import camera_parameters
 from trisquare.drawing.canvas import (
@@ -163,8 +163,8 @@ def _legend_entries(calibration: Calibration) -> list[tuple[str, Colour]]:
     entries = []
     for name, value in camera_parameters(calibration.camera).items():
         if name in calibration.std:
-            texts = with_its_std(value, calibration.std[name])
-            entries.append((f"{name}  {' +- '.join(texts)}", TEXT_COLOUR))
+            text = plus_minus(value, calibration.std[name])
+            entries.append((f"{name}  {text}", TEXT_COLOUR))
     entries.append(("+ principal point", CENTRE_COLOUR))
     if calibration.warnings:
         entries.append((f"{len(calibration.warnings)} warning(s)", RESIDUAL_COLOUR))

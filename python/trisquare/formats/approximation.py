@@ -8,9 +8,15 @@ from typing import Any, TypeAlias
 
 import trisquare._core as _core
 from trisquare.camera.approximation import Approximation
-from trisquare.camera.camera import Camera, CoreCamera, camera_for_core, camera_parameters
+from trisquare.camera.camera import (
+    Camera,
+    CoreCamera,
+    camera_for_core,
+    camera_matrix,
+    camera_parameters,
+)
 from trisquare.camera.lens_models import BROWN, COEFFICIENTS, FISHEYE, RATIONAL, THIN_PRISM
-from trisquare.formats.other_lenses import ForeignLens, camera_matrix, camera_of
+from trisquare.formats.other_lenses import ForeignLens, camera_of
 
 Lens: TypeAlias = "Camera | ForeignLens"
 

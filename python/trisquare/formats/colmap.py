@@ -18,12 +18,12 @@ from collections.abc import Sequence
 from functools import partial
 
 from trisquare._support.arrays import real_number
-from trisquare.camera.camera import Camera
+from trisquare.camera.camera import Camera, camera_matrix
 from trisquare.camera.lens_models import FISHEYE, RATIONAL
 from trisquare.formats.approximation import Family, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize
 from trisquare.formats.document import Document
-from trisquare.formats.other_lenses import camera_matrix, camera_of, fisheye_of, opencv_lens
+from trisquare.formats.other_lenses import camera_of, fisheye_of, opencv_lens
 
 HALF_PIXEL = 0.5
 """From trisquare's origin to COLMAP's."""

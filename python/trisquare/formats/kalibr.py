@@ -15,12 +15,12 @@ import re
 from functools import partial
 
 from trisquare._support.json_members import JsonFields
-from trisquare.camera.camera import Camera
+from trisquare.camera.camera import Camera, camera_matrix
 from trisquare.camera.lens_models import FISHEYE, is_fisheye
 from trisquare.formats.approximation import Family, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize, size_member
 from trisquare.formats.document import Document
-from trisquare.formats.other_lenses import camera_matrix, fisheye_of, opencv_lens
+from trisquare.formats.other_lenses import fisheye_of, opencv_lens
 from trisquare.formats.ros import yaml_real
 
 CAMERA_NAME = re.compile(r"cam\d{1,4}")

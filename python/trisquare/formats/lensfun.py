@@ -20,11 +20,11 @@ import math
 import xml.etree.ElementTree as ElementTree
 from functools import partial
 
-from trisquare.camera.camera import Camera
+from trisquare.camera.camera import Camera, camera_matrix
 from trisquare.formats.approximation import Family, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize, only
 from trisquare.formats.document import Document
-from trisquare.formats.other_lenses import camera_matrix, camera_of
+from trisquare.formats.other_lenses import camera_of
 from trisquare.formats.panotools import PanoFamily, PanoLens
 from trisquare.formats.xml_text import number_in, parse_xml
 

@@ -22,10 +22,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
-
 from trisquare._support.arrays import size_of_image
-from trisquare.camera.camera import Camera, camera_parameters
+from trisquare.camera.camera import Camera, camera_matrix, camera_parameters
 from trisquare.camera.lens_models import is_fisheye
 from trisquare.formats.approximation import ANY_BROWN, ANY_FISHEYE, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize, only
@@ -97,7 +95,7 @@ def _camera(texts: Mapping[str, str]) -> Lens:
     size = size_of_image((int(width), int(height)))
     values = {key: number_in(texts.get(key, "0"), key) for key in OPTIONAL}
     cx, cy = values["cx"] + 0.5 * (width - 1), values["cy"] + 0.5 * (height - 1)
-    K = np.array([[f + values["b1"], values["b2"], cx], [0.0, f, cy], [0.0, 0.0, 1.0]])
+    K = camera_matrix(f + values["b1"], f, cx, cy, values["b2"])
     unread = ("p3", "p4") if projection == "frame" else ("p1", "p2", "p3", "p4")
     for key in unread:
         if values[key]:

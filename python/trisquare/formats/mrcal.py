@@ -15,12 +15,12 @@ from __future__ import annotations
 import re
 
 from trisquare._support.json_members import JsonFields, parse_json
-from trisquare.camera.camera import Camera
+from trisquare.camera.camera import Camera, camera_matrix
 from trisquare.camera.lens_models import RATIONAL, THIN_PRISM
 from trisquare.formats.approximation import Family, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize, only, size_member
 from trisquare.formats.document import Document
-from trisquare.formats.other_lenses import camera_matrix, opencv_lens
+from trisquare.formats.other_lenses import opencv_lens
 
 COEFFICIENTS = {
     "LENSMODEL_PINHOLE": 0,

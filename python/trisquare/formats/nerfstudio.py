@@ -21,13 +21,13 @@ from functools import partial
 import numpy as np
 
 from trisquare._support.json_members import JsonFields, dump_members
-from trisquare.camera.camera import Camera, camera_parameters
+from trisquare.camera.camera import Camera, camera_matrix, camera_parameters
 from trisquare.camera.lens_models import is_fisheye
 from trisquare.formats.approximation import ANY_BROWN, ANY_FISHEYE, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize, only
 from trisquare.formats.colmap import HALF_PIXEL
 from trisquare.formats.document import Document
-from trisquare.formats.other_lenses import ForeignLens, camera_matrix, camera_of, fisheye_of
+from trisquare.formats.other_lenses import ForeignLens, camera_of, fisheye_of
 
 COEFFICIENTS = ("k1", "k2", "k3", "k4", "p1", "p2")
 PINHOLE_MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL")

@@ -65,11 +65,6 @@ def camera_of(
     return Camera(K, np.array([k1, k2, p1, p2, k3]), image_size, model)
 
 
-def camera_matrix(fx: float, fy: float, cx: float, cy: float) -> FloatArray:
-    """Return K, ``[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]``."""
-    return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-
-
 def check_opencv_matrix(K: FloatArray) -> None:
     """Say what is wrong with a camera matrix of OpenCV's, which has no skew.
 

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from trisquare._support.arrays import FloatArray
-from trisquare.camera.camera import Camera
+from trisquare.camera.camera import Camera, camera_matrix
 from trisquare.formats.approximation import Family, Lens
-from trisquare.formats.other_lenses import ForeignLens, camera_matrix, camera_of
+from trisquare.formats.other_lenses import ForeignLens, camera_of
 
 # What polynomials' roots may have of an imaginary part by rounding.
 REAL = 1e-9

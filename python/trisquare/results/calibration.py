@@ -42,9 +42,11 @@ from trisquare.camera.file_formats import registered_files
 from trisquare.camera.members import camera_from_members, camera_members
 from trisquare.camera.projection_uncertainty import (
     ProjectionMap,
+    UncertainCamera,
     projection_covariance,
     projection_map,
     rms_displacement,
+    uncertain,
 )
 from trisquare.edges import PlaneEdges, edges_from_members, edges_members
 from trisquare.results.calibration_warning import WARNINGS, CalibrationWarning
@@ -259,9 +261,7 @@ class Calibration(Record):
         >>> result.projection_covariance([[100, 80], [640, 480]]).shape
         (2, 2, 2)
         """
-        return projection_covariance(
-            self.camera, self.parameters, self._aspect_fixed, self.covariance, points
-        )
+        return projection_covariance(self._uncertain, points)
 
     def projection_std(self, points: npt.ArrayLike) -> FloatArray:
         """Return how far the projections of the directions seen at pixels may be off.
@@ -316,14 +316,11 @@ class Calibration(Record):
         >>> uncertainty.std.shape == (len(uncertainty.y), len(uncertainty.x))
         True
         """
-        return projection_map(
-            self.camera, self.parameters, self._aspect_fixed, self.covariance, step, rotation
-        )
+        return projection_map(self.camera, self._uncertain, step, rotation)
 
     @property
-    def _aspect_fixed(self) -> bool:
-        """Whether ``fy`` follows ``fx``."""
-        return "aspect" in self.fixed and "fx" in self.parameters
+    def _uncertain(self) -> UncertainCamera:
+        return uncertain(self.camera, self.parameters, self.fixed, self.covariance)
 
     def to_json(self, *, edges: bool = False) -> str:
         """Return the result as JSON text that `from_json` reads back exactly.

@@ -15,7 +15,7 @@ from trisquare._support.arrays import (
     real_number,
     size_of_image,
 )
-from trisquare.camera.camera import Camera
+from trisquare.camera.camera import Camera, camera_matrix
 from trisquare.errors import LensModelError
 from trisquare.straightening.radial import FAMILIES, RadialLens
 
@@ -286,7 +286,7 @@ class UnscaledCamera(RebuiltByConstructor):
         focal = real_number(focal_length, "focal_length")
         if focal <= 0:
             raise ValueError(f"focal_length must be positive, not {focal}")
-        K = np.array([[focal, 0, self.centre[0]], [0, focal, self.centre[1]], [0, 0, 1]])
+        K = camera_matrix(focal, focal, *self.centre.tolist())
         unit = focal / self.radius
         if self.family == "polynomial":
             k1, k2 = self.coefficients * unit ** np.array([2, 4])
