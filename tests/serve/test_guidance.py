@@ -7,8 +7,8 @@ from scenes import squares
 
 import trisquare as ts
 from trisquare import simulate
-from trisquare.camera.camera import Camera
-from trisquare.serve.guidance import OutlinedSquare, guide, pinhole
+from trisquare.camera.camera import Camera, centred_pinhole
+from trisquare.serve.guidance import OutlinedSquare, guide
 
 SIZE = (1280, 960)
 CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
@@ -56,7 +56,7 @@ def test_the_prediction_is_what_the_photograph_then_tells(seed):
 
 def test_what_is_advised_does_help():
     """Two good squares and one that faces the camera: it is to be tilted, and that is right."""
-    camera = pinhole(1100.0, SIZE)
+    camera = centred_pinhole(1100.0, SIZE)
     good = [((990, 300), 380, 38, 120), ((640, 690), 380, 38, 240)]
     found = guide(standing(camera, ((270, 290), 380, 3, 0), *good), SIZE, camera)
     assert found.advice.startswith(("Tilt the left square", "Good; better still: tilt the left"))
@@ -72,14 +72,16 @@ def test_what_is_advised_does_help():
 def test_the_edge_that_is_named_is_the_one_that_moves_away(direction, edge):
     from trisquare.serve.guidance import AWAY
 
-    plan = ts.PlannedSquare.at(pinhole(1000.0, SIZE), (640, 480), 200, tilt=20, direction=direction)
+    plan = ts.PlannedSquare.at(
+        centred_pinhole(1000.0, SIZE), (640, 480), 200, tilt=20, direction=direction
+    )
     middles = {"upper": (0, -0.5), "lower": (0, 0.5), "left": (-0.5, 0), "right": (0.5, 0)}
     depth = {name: (plan.rotation @ [*at, 0.0])[2] for name, at in middles.items()}
     assert max(depth, key=depth.get) == edge == AWAY[direction]
 
 
 def test_squares_that_face_the_camera_determine_nothing():
-    camera = pinhole(1000.0, SIZE)
+    camera = centred_pinhole(1000.0, SIZE)
     places = [((300, 300), 250, 0, 0), ((950, 300), 250, 0, 0), ((640, 700), 250, 0, 0)]
     found = guide(standing(camera, *places), SIZE, camera)
     assert found.std is None
@@ -96,7 +98,7 @@ def test_more_squares_are_asked_for(count):
 
 def test_a_known_camera_is_taken_and_scaled():
     scene = squares(4, image_size=SIZE)
-    camera = pinhole(scene.camera.fx / 2, (640, 480))
+    camera = centred_pinhole(scene.camera.fx / 2, (640, 480))
     found = guide(outlined(scene), SIZE, camera)
     assert found.focal == pytest.approx(scene.camera.fx, rel=1e-9)
 

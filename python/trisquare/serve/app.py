@@ -27,8 +27,8 @@ from trisquare.formats.registry import FORMATS
 from trisquare.images.sources import VIDEO_SUFFIXES
 from trisquare.serve.jobs import AbandonedError, BusyError, Jobs
 from trisquare.serve.schema import api_schema
+from trisquare.serve.tasks import CONTENT, Task
 from trisquare.serve.uploads import Upload, received
-from trisquare.serve.work import CONTENT, Task
 
 UPLOAD_SECONDS = 300.0
 """That a request may take to arrive."""

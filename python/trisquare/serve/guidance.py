@@ -16,11 +16,12 @@ from typing import NamedTuple
 import numpy as np
 
 from trisquare._support.arrays import FloatArray
+from trisquare._support.convex_quads import quad_areas
 from trisquare._support.rotations import tilted
 from trisquare.analysis.plan import PlannedSquare, posed, predicted
 from trisquare.analysis.predict import predict
 from trisquare.calibration.calibrate import calibrate_edges
-from trisquare.camera.camera import Camera
+from trisquare.camera.camera import Camera, centred_pinhole
 from trisquare.edges import PlaneEdges
 from trisquare.errors import DegenerateGeometryError, NotEnoughPlanesError, TrisquareError
 from trisquare.results.calibration import Calibration
@@ -168,7 +169,7 @@ def _standing(
             return guess.camera, [
                 _planned(*pair) for pair in zip(squares, guess.planes, strict=True)
             ]
-        camera = pinhole(GUESSED_FOCAL * image_size[0], image_size)
+        camera = centred_pinhole(GUESSED_FOCAL * image_size[0], image_size)
     planes = []
     held = ("focal", "principal_point", "distortion")
     for square, figure in zip(squares, figures, strict=True):
@@ -204,14 +205,6 @@ def _planned(square: OutlinedSquare, plane: Plane) -> PlannedSquare:
     return PlannedSquare(plane.rotation, plane.translation, inner)
 
 
-def pinhole(focal: float, image_size: tuple[int, int]) -> Camera:
-    """Return a camera without distortion that looks through the centre of its pictures."""
-    width, height = image_size
-    centre = 0.5 * (width - 1), 0.5 * (height - 1)
-    K = np.array([[focal, 0.0, centre[0]], [0.0, focal, centre[1]], [0.0, 0.0, 1.0]])
-    return Camera(K, np.zeros(5), (width, height))
-
-
 def _edges(square: OutlinedSquare) -> PlaneEdges:
     if square.sides is not None:
         return PlaneEdges.square(square.sides)
@@ -225,13 +218,8 @@ def _edges(square: OutlinedSquare) -> PlaneEdges:
 def _hole(square: OutlinedSquare) -> float:
     """Return the side of a frame's hole over its own, by their areas."""
     assert square.inner is not None
-    ratio = math.sqrt(_area(square.inner) / _area(square.corners))
+    ratio = math.sqrt(float(quad_areas(square.inner) / quad_areas(square.corners)))
     return min(max(ratio, 0.05), 0.95)
-
-
-def _area(corners: FloatArray) -> float:
-    (ax, ay), (bx, by) = corners[2] - corners[0], corners[3] - corners[1]
-    return 0.5 * abs(float(ax * by - ay * bx))
 
 
 def _best_change(

@@ -15,7 +15,8 @@ from anyio.to_thread import run_sync
 
 from trisquare.batch.limits import JobLimits
 from trisquare.batch.workers import Workers
-from trisquare.serve.work import Task, perform
+from trisquare.serve.tasks import Task
+from trisquare.serve.work import perform
 
 MOST_ACCEPTED = 64
 """Requests that are received, wait or are done at a time; whoever comes next is told so."""

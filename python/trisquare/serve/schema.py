@@ -8,7 +8,7 @@ from trisquare._core import __version__
 from trisquare.batch.limits import JobLimits
 from trisquare.formats.registry import FORMAT_NAMES
 from trisquare.serve.limits import MOST_PICTURES
-from trisquare.serve.work import TASKS
+from trisquare.serve.tasks import TASKS
 
 POINTS = {
     "type": "array",
@@ -189,7 +189,7 @@ def _path(name: str) -> str:
 
 
 def _operation(name: str) -> dict[str, Any]:
-    known = [option for option in TASKS[name][0] if option != "format"]
+    known = [option for option in TASKS[name] if option != "format"]
     options = {
         "type": "object",
         "additionalProperties": False,

@@ -1,0 +1,48 @@
+"""What may be asked of the processes behind the routes: tasks, and the options that each knows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+CALIBRATION_OPTIONS = ("method", "model", "fix", "free", "tone", "targets", "lines")
+
+TASKS: Mapping[str, Sequence[str]] = {
+    "find": ("targets", "outlines", "guide"),
+    "calibrate": (*CALIBRATION_OPTIONS, "outlines"),
+    "predict": ("image_size", "outlines", "camera", "focal", "sigma"),
+    "overlay": ("index",),
+    "undistort": ("balance", "shown"),
+    "preview": (),
+    "frames": ("frames",),
+    "report": (),
+    "convert": ("format", "approximate"),
+    "compare": (),
+}
+"""The options that each task knows."""
+
+CONTENT = "answer.bin"
+"""The file in the task's folder that holds an answer which is a file."""
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A request.
+
+    Attributes
+    ----------
+    name : str
+        One of `TASKS`.
+    photographs : tuple of str
+        Names of files in the folder.
+    options : mapping of str to object
+        From JSON, unchecked.
+    files : mapping of str to str
+        Names of other files, by their fields.
+    """
+
+    name: str
+    photographs: tuple[str, ...]
+    options: Mapping[str, Any]
+    files: Mapping[str, str]
