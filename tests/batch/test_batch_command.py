@@ -227,7 +227,9 @@ def test_ten_thousand_unreadable_files(run, folder):
     for number in range(10_000):
         (folder / "many" / f"{number}.jpg").write_bytes(b"\xff\xd8\xffno picture")
     code, out, err = run("batch", "many", "in", "-o", "out")
-    assert (code, err) == (6, "")
+    assert code == 6
+    # Nothing is said of each: a busy machine prints its progress once a minute.
+    assert err.count("\n") <= 5
     assert "10002 cameras (10002 done now): 2 passed, 0 beyond the limits, 10000 failed" in out
     assert out.count("\n") < 20
     assert (folder / "out/summary.html").stat().st_size < 1e6
