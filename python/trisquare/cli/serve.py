@@ -35,7 +35,7 @@ def serve_command(
     token: str | None = option(
         None,
         "TEXT",
-        "What every request must bring, 16 letters or more; by default another one each time.",
+        "Token that every request must carry, 16 letters or more; by default a new random one.",
     ),
     max_bytes: str | None = option(None, "N", "Refuse larger requests (200M)."),
     max_pixels: str | None = option(None, "N", "Refuse pictures of more pixels (100M)."),

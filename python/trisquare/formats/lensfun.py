@@ -87,7 +87,7 @@ def _lens(
     a, b, c = terms.get("a", 0.0), terms.get("b", terms.get("k1", 0.0)), terms.get("c", 0.0)
     scale = 1.0 - a - b - c
     if not scale > 0:
-        raise ValueError(f"a, b and c (or k1) add up to {1 - scale:g}; they must to less than 1")
+        raise ValueError(f"a, b and c (or k1) add up to {1 - scale:g}; the sum must be less than 1")
     pinhole = focal / scale if key == "real-focal" else focal
     return PanoLens(pinhole, a, b, c, half, (x, y), image_size).as_seen("lensfun's ptlens")
 

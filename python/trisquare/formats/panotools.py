@@ -61,7 +61,7 @@ class PanoLens:
         """
         scale = 1.0 - self.a - self.b - self.c
         if not scale > 0:
-            raise ValueError(f"a, b and c add up to {1 - scale:g}; they must to less than 1")
+            raise ValueError(f"a, b and c add up to {1 - scale:g}; the sum must be less than 1")
         # Of the radius as a pinhole's of the focal length in the centre would have it.
         step = self.focal / self.half
         bend = (self.c * step / scale, self.b * step**2 / scale, self.a * step**3 / scale)

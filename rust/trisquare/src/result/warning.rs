@@ -142,8 +142,8 @@ pub enum Warning {
     },
     /// The lens does what its model cannot.
     #[error(
-        "the lens {} beyond its model: all planes miss their lines alike, by their places in the \
-         picture{}.{}",
+        "the lens {} beyond its model: residuals depend on the place in the picture, alike on all \
+         planes{}.{}",
         if *.certain { "is" } else { "may be" },
         raised(.parameter, *.factor),
         richer_focal(.cure.as_ref())
@@ -175,7 +175,7 @@ pub enum Warning {
         focal: f64,
     },
     /// The pixels did not follow the model closely enough to be used.
-    #[error("the fit to the pixels was not taken: {reason}")]
+    #[error("the fit to the pixels was not used: {reason}")]
     PixelsNotUsed {
         /// What spoke against it.
         reason: Text,
