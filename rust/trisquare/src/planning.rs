@@ -16,6 +16,7 @@ use crate::observations::{
     Sample, Side, View,
 };
 use crate::refine::EdgeProblem;
+use crate::result::deviations;
 use crate::uncertainty::{
     Conditioning, add_remedies, check_plane_count, covariance, judged_parameters,
 };
@@ -80,15 +81,7 @@ pub struct Prediction {
 impl Prediction {
     /// One standard deviation of every free parameter (and of `fy` where it follows `fx`).
     pub fn std(&self) -> Vec<(&'static str, f64)> {
-        let mut all = Vec::with_capacity(self.parameters.len() + 1);
-        for (i, name) in self.parameters.iter().enumerate() {
-            let std = self.covariance[(i, i)].sqrt();
-            all.push((*name, std));
-            if let (&"fx", Some(aspect)) = (name, self.aspect) {
-                all.push(("fy", std * aspect));
-            }
-        }
-        all
+        deviations(&self.parameters, &self.covariance, self.aspect)
     }
 }
 

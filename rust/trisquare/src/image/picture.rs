@@ -59,9 +59,7 @@ impl Picture {
         channels: usize,
         values: Vec<u8>,
     ) -> Result<Self, PictureError> {
-        check(width, height, channels, values.len())?;
-        let pixels = Pixels::U8(values);
-        Ok(Self::of([width, height, channels], pixels))
+        Self::of([width, height, channels], values.len(), Pixels::U8(values))
     }
 
     /// A picture of 16-bit values, 65535 being 1.
@@ -74,9 +72,7 @@ impl Picture {
         channels: usize,
         values: Vec<u16>,
     ) -> Result<Self, PictureError> {
-        check(width, height, channels, values.len())?;
-        let pixels = Pixels::U16(values);
-        Ok(Self::of([width, height, channels], pixels))
+        Self::of([width, height, channels], values.len(), Pixels::U16(values))
     }
 
     /// A picture of floating-point values, used as they are; those not finite count as missing.
@@ -89,20 +85,20 @@ impl Picture {
         channels: usize,
         values: Vec<f32>,
     ) -> Result<Self, PictureError> {
-        check(width, height, channels, values.len())?;
-        let pixels = Pixels::F32(values);
-        Ok(Self::of([width, height, channels], pixels))
+        Self::of([width, height, channels], values.len(), Pixels::F32(values))
     }
 
-    fn of([width, height, channels]: [usize; 3], pixels: Pixels) -> Self {
-        Self {
+    fn of(size: [usize; 3], count: usize, pixels: Pixels) -> Result<Self, PictureError> {
+        let [width, height, channels] = size;
+        check(width, height, channels, count)?;
+        Ok(Self {
             width,
             height,
             channels,
             has_two_levels: pixels.are_black_or_white(),
             has_even_rows_only: false,
             pixels,
-        }
+        })
     }
 
     /// The same in green light alone; `None` of a grey picture.

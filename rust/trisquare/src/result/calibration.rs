@@ -196,15 +196,25 @@ impl<L: Lens> Calibration<L> {
     /// order of the covariance: neither that of the camera's parameters nor as many. With their
     /// values: [`Self::estimates`].
     pub fn std(&self) -> Vec<(&'static str, f64)> {
-        let mut all = Vec::with_capacity(self.parameters.len() + 1);
-        for (i, name) in self.parameters.iter().enumerate() {
-            let std = self.covariance[(i, i)].sqrt();
-            all.push((*name, std));
-            if *name == "fx" && self.aspect_fixed {
-                let focal = self.camera.focal();
-                all.push(("fy", std * (focal.y / focal.x)));
-            }
-        }
-        all
+        let focal = self.camera.focal();
+        let aspect = self.aspect_fixed.then_some(focal.y / focal.x);
+        deviations(&self.parameters, &self.covariance, aspect)
     }
+}
+
+/// One standard deviation of every parameter, and of `fy` where it is `aspect` times `fx`.
+pub(crate) fn deviations(
+    parameters: &[&'static str],
+    covariance: &DMatrix<f64>,
+    aspect: Option<f64>,
+) -> Vec<(&'static str, f64)> {
+    let mut all = Vec::with_capacity(parameters.len() + 1);
+    for (i, name) in parameters.iter().enumerate() {
+        let std = covariance[(i, i)].sqrt();
+        all.push((*name, std));
+        if let (&"fx", Some(aspect)) = (name, aspect) {
+            all.push(("fy", std * aspect));
+        }
+    }
+    all
 }

@@ -6,6 +6,7 @@ mod residual_correlation;
 mod stored;
 mod warning;
 
+pub(crate) use calibration::deviations;
 pub use calibration::{
     Aspect, Calibration, CircleRadius, Estimate, FigureResiduals, Plane, PoseUncertainty,
     SceneLine, SideResiduals,
