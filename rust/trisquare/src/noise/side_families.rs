@@ -296,13 +296,16 @@ impl SideJacobian {
     }
 }
 
-/// Samples nearest to the Chebyshev points of the side.
+/// Samples nearest to the Chebyshev points of the side, of places in their order along it.
 fn nodes(places: &[f64]) -> Vec<usize> {
+    let rises = places.first() <= places.last();
     let nearest = |j: usize| {
         let angle = std::f64::consts::PI * (j as f64 + 0.5) / NODES as f64;
         let place = angle.cos();
         let distance = |i: &usize| (places[*i] - place).abs();
-        (0..places.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        let after = places.partition_point(|own| (*own < place) == rises);
+        let beside = after.saturating_sub(1)..places.len().min(after + 1);
+        beside.min_by(|a, b| distance(a).total_cmp(&distance(b)))
     };
     (0..NODES).filter_map(nearest).collect()
 }
@@ -310,4 +313,27 @@ fn nodes(places: &[f64]) -> Vec<usize> {
 /// Variance of the displacement's order `k`, in units of `tau^2`.
 pub(crate) fn spectrum(order: usize) -> f64 {
     (1.0 + (0.5 * order as f64).powi(2)).powf(-1.5)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nodes_are_the_samples_nearest_to_their_places_whichever_way_these_run() {
+        let rising: Vec<f64> = (0..40)
+            .map(|i| (f64::from(i) / 19.5 - 1.0).powi(3))
+            .collect();
+        let falling: Vec<f64> = rising.iter().rev().copied().collect();
+        for places in [&rising[..], &falling, &rising[..3], &rising[..1], &[]] {
+            let found = nodes(places);
+            assert_eq!(found.len(), if places.is_empty() { 0 } else { NODES });
+            for (j, index) in found.into_iter().enumerate() {
+                let node = (std::f64::consts::PI * (j as f64 + 0.5) / NODES as f64).cos();
+                let distances = places.iter().map(|place| (place - node).abs());
+                let least = distances.fold(f64::INFINITY, f64::min);
+                assert_eq!((places[index] - node).abs(), least);
+            }
+        }
+    }
 }
