@@ -96,8 +96,12 @@ fn for_each_residual<L: Lens>(
                 let (model, range) = found?;
                 let line = state.line(f, &model.line);
                 if let Some(curve) = curve {
-                    let found = curve.distances_and_normals(&view.lens, &line)?;
-                    side.samples.iter().zip(found).for_each(|(s, d)| add(s, d));
+                    let mut samples = side.samples.iter();
+                    curve.for_each_distance(&view.lens, &line, |distance, normal| {
+                        if let Some(sample) = samples.next() {
+                            add(sample, (distance, normal));
+                        }
+                    })?;
                     continue;
                 }
                 for sample in &side.samples[range] {

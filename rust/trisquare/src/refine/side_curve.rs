@@ -14,8 +14,12 @@ use crate::lens::{Lens, LineImage};
 use crate::numeric::{LANES, Loss, NODES, PolynomialSums, coefficients, polynomials};
 use crate::observations::{ObservedPlane, PlaneState, Side, View};
 
-/// Polynomials at each sample from which the products of two polynomials through the nodes follow.
-const MOMENTS: usize = 2 * NODES - 1;
+/// Terms of the derivatives along a side: what is left of them turns a step by less than a part in a
+/// thousand, and moves no optimum.
+const TERMS: usize = 7;
+
+/// Polynomials at each sample from which the products of two derivatives follow.
+const MOMENTS: usize = 2 * TERMS - 1;
 
 /// Samples from which the nodes are worth their while.
 const LEAST_SAMPLES: usize = 3 * NODES;
@@ -118,16 +122,16 @@ impl SideCurve {
         let (cost, sums) = weighed(&self.samples, (&distances, &cosines), (loss, to_scale));
         let (gram, residuals) = sums.finish();
 
-        let mut weighted = [[0.0; N]; NODES];
-        for i in 0..NODES {
-            for j in 0..NODES {
+        let mut weighted = [[0.0; N]; TERMS];
+        for i in 0..TERMS {
+            for j in 0..TERMS {
                 for c in 0..N {
                     weighted[i][c] += gram[i][j] * rows[j][c];
                 }
             }
         }
         let mut products = [[0.0; N]; N];
-        for m in 0..NODES {
+        for m in 0..TERMS {
             for i in 0..N {
                 for j in 0..N {
                     products[i][j] += rows[m][i] * weighted[m][j];
@@ -135,42 +139,47 @@ impl SideCurve {
             }
         }
         for i in 0..N {
-            let sum = (0..NODES).map(|m| rows[m][i] * residuals[m]).sum();
+            let sum = (0..TERMS).map(|m| rows[m][i] * residuals[m]).sum();
             (products[i][RESIDUAL], products[RESIDUAL][i]) = (sum, sum);
         }
         Some(LineSums { cost, products })
     }
 
-    /// Distances of the samples to a line's image, and its unit normals there; after the last sample
-    /// some of none may follow. `None` where the lens is not invertible.
-    pub fn distances_and_normals<L: Lens>(
+    /// Gives the distances of the samples to a line's image, and its unit normals there; after the
+    /// last sample some of none may follow. `None` where the lens is not invertible.
+    #[inline]
+    pub fn for_each_distance<L: Lens>(
         &self,
         lens: &L,
         line: &Vector3<f64>,
-    ) -> Option<impl Iterator<Item = (f64, Vector2<f64>)>> {
-        let mut values = [[0.0; 3]; NODES];
+        mut give: impl FnMut(f64, Vector2<f64>),
+    ) -> Option<()> {
+        let mut values = [[0.0; 4]; NODES];
         for (own, node) in values.iter_mut().zip(&self.nodes) {
             let ray = lens.unproject_with_jacobian(node)?;
             let (distance, normal) = lens.line_distance_and_normal(&ray, line);
-            *own = [distance, normal.x, normal.y];
+            *own = [distance, normal.dot(&self.across), normal.x, normal.y];
         }
         let values = coefficients(&values);
-        Some(self.samples.iter().flat_map(move |samples| {
+        for samples in &self.samples {
             let terms = polynomials::<NODES>(&samples.places);
-            let mut at = [[0.0; LANES]; 3];
-            for (values, terms) in values.iter().zip(&terms) {
-                for (sum, value) in at.iter_mut().zip(values) {
+            // One by one: who asks for no normal computes none.
+            let at = |which: usize| {
+                let mut sums = [0.0; LANES];
+                for (values, terms) in values.iter().zip(&terms) {
                     for i in 0..LANES {
-                        sum[i] += value * terms[i];
+                        sums[i] += values[which] * terms[i];
                     }
                 }
+                sums
+            };
+            let [distances, cosines, x, y] = [at(0), at(1), at(2), at(3)];
+            for i in 0..LANES {
+                let distance = distances[i] + samples.beside[i] * cosines[i];
+                give(distance, Vector2::new(x[i], y[i]));
             }
-            (0..LANES).map(move |i| {
-                let normal = Vector2::new(at[1][i], at[2][i]);
-                let distance = at[0][i] + samples.beside[i] * normal.dot(&self.across);
-                (distance, normal)
-            })
-        }))
+        }
+        Some(())
     }
 }
 
@@ -180,7 +189,7 @@ fn weighed(
     samples: &[Samples],
     (distances, cosines): (&[f64; NODES], &[f64; NODES]),
     (loss, to_scale): (Loss, f64),
-) -> (f64, PolynomialSums<NODES, MOMENTS>) {
+) -> (f64, PolynomialSums<TERMS, MOMENTS>) {
     let mut cost = [0.0; LANES];
     let mut sums = PolynomialSums::new();
     for samples in samples {
