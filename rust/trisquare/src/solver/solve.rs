@@ -29,6 +29,21 @@ pub(crate) struct Solution<L> {
     pub noise: Option<Noise>,
 }
 
+/// An optimum, and what its residuals say of their noise where that was asked.
+pub(super) struct Optimum<L> {
+    pub refined: Refined<L>,
+    pub noise: Option<Noise>,
+}
+
+impl<L> From<Refined<L>> for Optimum<L> {
+    fn from(refined: Refined<L>) -> Self {
+        Self {
+            refined,
+            noise: None,
+        }
+    }
+}
+
 impl<L> Solution<L> {
     /// Planes as they were given, with the outliers of this solution.
     pub fn with_its_outliers(&self, planes: &[ObservedPlane]) -> Vec<ObservedPlane> {
@@ -47,14 +62,18 @@ impl<L: Lens> JointProblem<'_, L> {
     pub fn tried(&self, planes: &[ObservedPlane]) -> Option<Refined<L>> {
         match self.work.is_spent() {
             true => None,
-            false => Starts::of(self, planes).ok()?.tried().ok(),
+            false => Some(Starts::of(self, planes).ok()?.tried().ok()?.refined),
         }
     }
 
     /// The answer of the method asked for.
     pub fn optimum(&self, planes: &[ObservedPlane]) -> Result<Refined<L>, Failure<L>> {
+        Ok(self.optimum_with_noise(planes)?.refined)
+    }
+
+    fn optimum_with_noise(&self, planes: &[ObservedPlane]) -> Result<Optimum<L>, Failure<L>> {
         if let Some(found) = self.optimum_of_many(planes) {
-            return Ok(found);
+            return Ok(found.into());
         }
         let starts = Starts::of(self, planes)?;
         // Many planes leave a poorer model's optimum in no doubt: a search from there is enough.
@@ -66,10 +85,10 @@ impl<L: Lens> JointProblem<'_, L> {
 
     /// The same, with what is known of it.
     pub fn solve(&self, planes: &[ObservedPlane]) -> Result<Solution<L>, Failure<L>> {
-        let refined = self.optimum(planes)?;
+        let found = self.optimum_with_noise(planes)?;
         match self.options.method {
-            Method::MaximumLikelihood => self.converge(planes, refined),
-            Method::Linear => self.independent_solution(planes, refined),
+            Method::MaximumLikelihood => self.converge_with(planes, found, Sheets::Boards),
+            Method::Linear => self.independent_solution(planes, found.refined),
         }
     }
 
@@ -80,7 +99,7 @@ impl<L: Lens> JointProblem<'_, L> {
         planes: &[ObservedPlane],
         refined: Refined<L>,
     ) -> Result<Solution<L>, Failure<L>> {
-        self.converge_with(planes, refined, Sheets::Boards)
+        self.converge_with(planes, refined.into(), Sheets::Boards)
     }
 
     /// A solution of the same planes whose squares are not on flat sheets either, `planes` as they
@@ -88,7 +107,8 @@ impl<L: Lens> JointProblem<'_, L> {
     pub fn with_relief(&self, planes: &[ObservedPlane], flat: &Solution<L>) -> Option<Solution<L>> {
         let planes = flat.with_its_outliers(planes);
         let refined = self.again(&planes, &flat.refined)?;
-        let mut found = self.converge_with(&planes, refined, Sheets::All).ok()?;
+        let found = self.converge_with(&planes, refined.into(), Sheets::All);
+        let mut found = found.ok()?;
         let flat = &flat.correlated.residual_correlation;
         let own = &mut found.correlated.residual_correlation;
         // A relief that the fit takes out is an error of the sides all the same.
@@ -100,13 +120,13 @@ impl<L: Lens> JointProblem<'_, L> {
     fn converge_with(
         &self,
         planes: &[ObservedPlane],
-        mut refined: Refined<L>,
+        Optimum { mut refined, noise }: Optimum<L>,
         sheets: Sheets,
     ) -> Result<Solution<L>, Failure<L>> {
         if refined.is_exact() {
             return self.independent_solution(planes, refined);
         }
-        let mut noise = Noise::of_optimum(planes, &refined);
+        let mut noise = noise.unwrap_or_else(|| Noise::of_optimum(planes, &refined));
         let mut planes = planes.to_vec();
         if let Some(weighed) = weighed_by_noise(&planes, &noise)
             && let Some(again) = self.again(&weighed, &refined)

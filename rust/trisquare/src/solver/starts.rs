@@ -3,6 +3,7 @@
 use nalgebra::Matrix3;
 
 use super::problem::{Failure, JointProblem, Poorer};
+use super::solve::Optimum;
 use crate::error::Error;
 use crate::lens::Lens;
 use crate::linear::{
@@ -23,10 +24,10 @@ const START_SAMPLES_PER_SIDE: usize = 16;
 const BEATEN: f64 = 0.98;
 
 /// Keeps the optimum with the smaller residuals.
-fn keep_better<L>(best: &mut Option<Refined<L>>, found: Refined<L>) {
+fn keep_better<L>(best: &mut Option<Optimum<L>>, found: Optimum<L>) {
     if best
         .as_ref()
-        .is_none_or(|b| found.noise_scale < b.noise_scale)
+        .is_none_or(|b| found.refined.noise_scale < b.refined.noise_scale)
     {
         *best = Some(found);
     }
@@ -128,16 +129,20 @@ impl<'a, L: Lens> Starts<'a, L> {
     }
 
     /// The answer of the method asked for.
-    pub fn optimum(&self) -> Result<Refined<L>, Failure<L>> {
+    pub fn optimum(&self) -> Result<Optimum<L>, Failure<L>> {
         match self.problem.options.method {
-            Method::Linear => self.linear().map_err(|error| self.why_not_linear(error)),
+            Method::Linear => match self.linear() {
+                Ok(found) => Ok(found.into()),
+                Err(error) => Err(self.why_not_linear(error)),
+            },
             Method::MaximumLikelihood => self.better(self.refine(), self.beyond_poorer()),
         }
     }
 
     /// The same from one start, if that answers: planes are left out in turn with it.
-    pub fn tried(&self) -> Result<Refined<L>, Failure<L>> {
-        self.beyond_poorer().map_or_else(|| self.optimum(), Ok)
+    pub fn tried(&self) -> Result<Optimum<L>, Failure<L>> {
+        let nested = self.beyond_poorer();
+        nested.map_or_else(|| self.optimum(), |found| Ok(found.into()))
     }
 
     /// The optimum of the next poorer model and from there that of the model, which therefore fits
@@ -152,25 +157,25 @@ impl<'a, L: Lens> Starts<'a, L> {
     /// Of two optima the one that sees all of the picture, or else the one that costs less.
     fn better(
         &self,
-        own: Result<Refined<L>, Failure<L>>,
+        own: Result<Optimum<L>, Failure<L>>,
         nested: Option<Refined<L>>,
-    ) -> Result<Refined<L>, Failure<L>> {
+    ) -> Result<Optimum<L>, Failure<L>> {
         let Some(nested) = nested else {
             return own;
         };
         let Ok(own) = own else {
-            return Ok(nested);
+            return Ok(nested.into());
         };
         let sees = |of: &Refined<L>| of.view.lens.sees_all_of(self.problem.size);
-        let keeps_own = match (sees(&own), sees(&nested)) {
+        let keeps_own = match (sees(&own.refined), sees(&nested)) {
             (true, false) => true,
             (false, true) => false,
             _ => {
                 let cost = |of: &Refined<L>| of.cost_at(self.planes, &self.problem.free, &nested);
-                cost(&own) < cost(&nested)
+                cost(&own.refined) < cost(&nested)
             }
         };
-        Ok(if keeps_own { own } else { nested })
+        Ok(if keeps_own { own } else { nested.into() })
     }
 
     /// The linear steps' own answer.
@@ -189,8 +194,8 @@ impl<'a, L: Lens> Starts<'a, L> {
         match self.refine() {
             Err(found @ Failure::IllConditioned(_)) => found,
             Err(_) => error.into(),
-            Ok(refined) => {
-                let refusal = self.problem.refusal(self.planes, &refined);
+            Ok(found) => {
+                let refusal = self.problem.refusal(self.planes, &found.refined);
                 refusal.unwrap_or_else(|| error.into())
             }
         }
@@ -224,9 +229,9 @@ impl<'a, L: Lens> Starts<'a, L> {
             |start: Result<_, _>| self.finish(self.search(&self.problem.free, start.ok()?)?);
         let mut best = None;
         for refined in self.starts().filter_map(optimum).take(count) {
-            keep_better(&mut best, refined);
+            keep_better(&mut best, refined.into());
         }
-        best
+        best.map(|best| best.refined)
     }
 
     /// Joint maximum likelihood from the conic's camera matrix, or from the first fallback that
@@ -237,12 +242,12 @@ impl<'a, L: Lens> Starts<'a, L> {
     /// leaves much more than noise may be wrong, too, where the robust loss gave up a part of the
     /// samples for the rest: it has to stand against that of another start, or of all that the lens's
     /// law gives.
-    fn refine(&self) -> Result<Refined<L>, Failure<L>> {
+    fn refine(&self) -> Result<Optimum<L>, Failure<L>> {
         let starts = self.starts();
         let rivals = lenses_of_the_law(self.problem).count().max(1);
         let mut found_before = 0;
         let mut unsettled: Option<Search<L>> = None;
-        let mut best: Option<Refined<L>> = None;
+        let mut best: Option<Optimum<L>> = None;
         for start in starts {
             // One is tried in any case.
             let tried = best.is_some() || unsettled.is_some();
@@ -259,11 +264,13 @@ impl<'a, L: Lens> Starts<'a, L> {
             };
             match self.finish(found.clone()) {
                 Some(refined) => {
+                    let mut found = Optimum::from(refined);
                     // A doubtful geometry asks for all starts, large residuals for rivals.
-                    let enough = found_before >= rivals || !self.is_strained(&refined);
+                    let enough = found_before >= rivals || !self.is_strained(&mut found);
                     found_before += 1;
-                    keep_better(&mut best, refined);
-                    if enough && let Some(sound) = best.take_if(|b| !self.is_doubtful(b)) {
+                    keep_better(&mut best, found);
+                    let is_sound = |best: &mut Optimum<L>| !self.is_doubtful(&best.refined);
+                    if enough && let Some(sound) = best.take_if(is_sound) {
                         return Ok(sound);
                     }
                 }
@@ -275,11 +282,11 @@ impl<'a, L: Lens> Starts<'a, L> {
             .clone()
             .and_then(|c| self.search(&self.problem.free, c.view));
         if let Some(refined) = again.and_then(|found| self.finish(found)) {
-            keep_better(&mut best, refined);
+            keep_better(&mut best, refined.into());
         }
-        let beaten = |b: &Refined<L>| {
+        let beaten = |b: &Optimum<L>| {
             let held = centred.as_ref().and_then(|c| self.around(c.view.clone()));
-            held.is_some_and(|held| held.noise_scale < BEATEN * b.noise_scale)
+            held.is_some_and(|held| held.noise_scale < BEATEN * b.refined.noise_scale)
         };
         best.filter(|b| !beaten(b))
             .ok_or_else(|| self.no_convergence(centred.or(unsettled)))
@@ -365,8 +372,9 @@ impl<'a, L: Lens> Starts<'a, L> {
     }
 
     /// Whether the sides are much farther from their lines than noise explains.
-    fn is_strained(&self, refined: &Refined<L>) -> bool {
-        let noise = Noise::of_optimum(self.planes, refined);
-        Misfit::of(self.planes, &refined.view, &self.problem.free, &noise).mean() > STRAINED
+    fn is_strained(&self, found: &mut Optimum<L>) -> bool {
+        let Optimum { refined, noise } = found;
+        let noise = noise.insert(Noise::of_optimum(self.planes, refined));
+        Misfit::of(self.planes, &refined.view, &self.problem.free, noise).mean() > STRAINED
     }
 }
