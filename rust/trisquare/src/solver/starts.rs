@@ -1,5 +1,8 @@
 //! From the planes of a scene to the best camera: linear steps, starts, and the joint optimum.
 
+use std::cell::OnceCell;
+use std::iter;
+
 use nalgebra::Matrix3;
 
 use super::problem::{Failure, JointProblem, Poorer};
@@ -50,12 +53,18 @@ fn lenses_of_the_law<L: Lens>(problem: &JointProblem<'_, L>) -> impl Iterator<It
     guessed.map(|camera_matrix| L::from_camera_matrix(&camera_matrix))
 }
 
-/// What every start shares: the paper's steps 1 and 2.
+/// Where the searches for an optimum begin.
 pub(crate) struct Starts<'a, L: Lens> {
     problem: &'a JointProblem<'a, L>,
     planes: &'a [ObservedPlane],
     /// The same with fewer samples: from these the search starts.
     some: Vec<ObservedPlane>,
+    /// Once they are asked for.
+    linear_steps: OnceCell<Result<LinearSteps<L>, Error>>,
+}
+
+/// The paper's steps 1 and 2.
+struct LinearSteps<L> {
     undistortion: Undistortion<L>,
     homographies: Homographies,
 }
@@ -70,34 +79,52 @@ impl<'a, L: Lens> Starts<'a, L> {
             Method::MaximumLikelihood => START_SAMPLES_PER_SIDE,
         };
         let some: Vec<_> = planes.iter().map(|p| p.subsampled(sample_limit)).collect();
-        let straightened = || -> Result<_, Error> {
-            let undistortion = Undistortion::estimate(&some, problem.size, problem.options)?;
-            Ok((Homographies::estimate(&some, &undistortion)?, undistortion))
-        };
-        let (homographies, undistortion) = straightened().or_else(|error| {
-            let mut by_law = lenses_of_the_law(problem);
-            let found = by_law.find_map(|lens| {
-                let undistortion = Undistortion::Known(lens);
-                let homographies = Homographies::estimate(&some, &undistortion).ok()?;
-                Some((homographies, undistortion))
-            });
-            found.ok_or(error)
-        })?;
-        Ok(Self {
+        let starts = Self {
             problem,
             planes,
             some,
-            undistortion,
-            homographies,
-        })
+            linear_steps: OnceCell::new(),
+        };
+        // Where the lens's law gives starts, polynomials may never be needed.
+        if lenses_of_the_law(problem).next().is_none() {
+            starts.linear_steps()?;
+        }
+        Ok(starts)
     }
 
+    fn linear_steps(&self) -> Result<&LinearSteps<L>, Error> {
+        let (problem, some) = (self.problem, &self.some);
+        let steps = |undistortion| {
+            Ok(LinearSteps {
+                homographies: Homographies::estimate(some, &undistortion)?,
+                undistortion,
+            })
+        };
+        let found = self.linear_steps.get_or_init(|| {
+            let straightened = Undistortion::estimate(some, problem.size, problem.options);
+            straightened.and_then(steps).or_else(|error| {
+                let by_law = lenses_of_the_law(problem).map(Undistortion::Known);
+                by_law.filter_map(|own| steps(own).ok()).next().ok_or(error)
+            })
+        });
+        found.as_ref().map_err(Clone::clone)
+    }
+
+    /// The view that a camera matrix implies.
     fn view(&self, camera_matrix: &Matrix3<f64>) -> Result<View<L>, Error> {
+        self.view_of(camera_matrix, self.linear_steps()?)
+    }
+
+    fn view_of(
+        &self,
+        camera_matrix: &Matrix3<f64>,
+        steps: &LinearSteps<L>,
+    ) -> Result<View<L>, Error> {
         let view = first_view(
             camera_matrix,
-            &self.homographies,
+            &steps.homographies,
             self.planes,
-            &self.undistortion,
+            &steps.undistortion,
             self.problem.size,
             self.problem.options,
         )?;
@@ -110,18 +137,14 @@ impl<'a, L: Lens> Starts<'a, L> {
     }
 
     /// The view that a lens implies.
-    fn view_by(&self, lens: L) -> Option<View<L>> {
+    fn view_by(&self, lens: L) -> Result<View<L>, Error> {
         let undistortion = Undistortion::Known(lens);
-        let homographies = Homographies::estimate(&self.some, &undistortion).ok()?;
-        let view = first_view(
-            &lens.camera_matrix(),
-            &homographies,
-            self.planes,
-            &undistortion,
-            self.problem.size,
-            self.problem.options,
-        );
-        view.ok()
+        let homographies = Homographies::estimate(&self.some, &undistortion)?;
+        let steps = LinearSteps {
+            undistortion,
+            homographies,
+        };
+        self.view_of(&lens.camera_matrix(), &steps)
     }
 
     fn samples(&self) -> impl Iterator<Item = &Sample> {
@@ -150,7 +173,7 @@ impl<'a, L: Lens> Starts<'a, L> {
     fn beyond_poorer(&self) -> Option<Refined<L>> {
         let problem = self.problem;
         let Poorer { lens, free } = problem.poorer.clone()?;
-        let found = problem.searched(&self.some, &free, self.view_by(lens)?)?;
+        let found = problem.searched(&self.some, &free, self.view_by(lens).ok()?)?;
         self.finish(problem.searched(&self.some, &problem.free, found.view)?)
     }
 
@@ -202,25 +225,26 @@ impl<'a, L: Lens> Starts<'a, L> {
     }
 
     fn conic_camera_matrix(&self) -> Result<Matrix3<f64>, Error> {
-        conic_camera_matrix(&self.homographies, self.problem.size, self.problem.options)
+        let homographies = &self.linear_steps()?.homographies;
+        conic_camera_matrix(homographies, self.problem.size, self.problem.options)
     }
 
     fn fallback_camera_matrices(&self, options: &Options<L>) -> Vec<Matrix3<f64>> {
-        fallback_camera_matrices(&self.homographies, self.problem.size, options)
+        self.linear_steps().map_or_else(
+            |_| Vec::new(),
+            |steps| fallback_camera_matrices(&steps.homographies, self.problem.size, options),
+        )
     }
 
     /// The views from which a search may begin, the likeliest first.
     fn starts(&self) -> impl Iterator<Item = Result<View<L>, Error>> {
-        let fallbacks = self.fallback_camera_matrices(self.problem.options);
-        let by_law = lenses_of_the_law(self.problem).filter_map(|lens| self.view_by(lens));
-        let conic = self.conic_camera_matrix().into_iter();
-        let starts = conic.map(|camera_matrix| self.view(&camera_matrix));
-        let starts = starts.chain(by_law.map(Ok));
-        starts.chain(
-            fallbacks
-                .into_iter()
-                .map(|camera_matrix| self.view(&camera_matrix)),
-        )
+        let by_law = lenses_of_the_law(self.problem).map(|lens| self.view_by(lens));
+        let linear = || {
+            let fallbacks = self.fallback_camera_matrices(self.problem.options);
+            let all = self.conic_camera_matrix().into_iter().chain(fallbacks);
+            all.map(|camera_matrix| self.view(&camera_matrix))
+        };
+        by_law.chain(iter::once_with(linear).flatten())
     }
 
     /// The best of the first so many optima, however doubtful.
@@ -234,8 +258,8 @@ impl<'a, L: Lens> Starts<'a, L> {
         best.map(|best| best.refined)
     }
 
-    /// Joint maximum likelihood from the conic's camera matrix, or from the first fallback that
-    /// converges where that one does not.
+    /// Joint maximum likelihood from the first start that converges: a lens that bends directions
+    /// begins by its law, others by the conic's camera matrix.
     ///
     /// A doubtful answer may be a wrong optimum, with the principal point far off and the planes
     /// turned to match: then all starts are tried and the one that fits best is taken. One that
@@ -288,6 +312,9 @@ impl<'a, L: Lens> Starts<'a, L> {
             let held = centred.as_ref().and_then(|c| self.around(c.view.clone()));
             held.is_some_and(|held| held.noise_scale < BEATEN * b.refined.noise_scale)
         };
+        if best.is_none() && unsettled.is_none() {
+            self.linear_steps()?;
+        }
         best.filter(|b| !beaten(b))
             .ok_or_else(|| self.no_convergence(centred.or(unsettled)))
     }
