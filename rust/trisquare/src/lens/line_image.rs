@@ -20,7 +20,8 @@ pub(crate) struct LineImage {
     chord: Line,
     along: Vector2<f64>,
     middle: f64,
-    half: f64,
+    /// One over half the length.
+    per_half: f64,
     /// Of the curve over the chord.
     heights: [f64; NODES],
 }
@@ -58,7 +59,7 @@ impl LineImage {
             chord,
             along,
             middle,
-            half,
+            per_half: 1.0 / half,
             heights,
         })
     }
@@ -71,7 +72,7 @@ impl LineImage {
     /// Where a pixel lies along the chord, from -1 to 1.
     #[inline]
     pub fn place(&self, pixel: &Vector2<f64>) -> f64 {
-        (self.along.dot(pixel) - self.middle) / self.half
+        (self.along.dot(pixel) - self.middle) * self.per_half
     }
 
     /// How far (px) pixels lie across the chord from the curve, given the polynomials at their places.
@@ -94,7 +95,8 @@ impl LineImage {
     }
 }
 
-/// The pixel of a line's image that lies across from a start.
+/// The pixel of a line's image that lies across from a start: the last step is from within the
+/// tolerance, and leaves its square.
 fn pixel_on_image<L: Lens>(
     (lens, line): (&L, &Vector3<f64>),
     start: Vector2<f64>,
@@ -105,14 +107,14 @@ fn pixel_on_image<L: Lens>(
     for _ in 0..MAX_STEPS {
         let ray = lens.unproject_with_jacobian(&pixel)?;
         let (distance, normal) = lens.line_distance_and_normal(&ray, line);
-        if distance.abs() <= tolerance {
-            return Some(pixel);
-        }
         let cosine = normal.dot(&across);
         if cosine.abs() < LEAST_COSINE {
             return None;
         }
         pixel -= across * (distance / cosine);
+        if distance.abs() <= tolerance {
+            return Some(pixel);
+        }
     }
     None
 }

@@ -57,6 +57,9 @@ impl Width {
     }
 }
 
+/// Pixels of a row that are looked at together.
+const RUN: usize = 16;
+
 /// Spacing (px) of the points at which a side's image is traced.
 const TRACE_SPACING: f64 = 4.0;
 
@@ -304,7 +307,7 @@ impl Outline {
         let map = DistanceMap::around(&self.trace, low, high, reader.kept(), width);
         let (stretches, stretch_sides) = self.stretches();
         let inward = self.inward_normals();
-        let own = |(x, y, mark): (usize, usize, &Mark)| {
+        let own = |x: usize, y: usize, mark: &Mark| {
             let place = Vector2::new(x as f64, y as f64);
             let nearest = usize::from(mark.nearest);
             let point = &self.trace[nearest];
@@ -326,7 +329,7 @@ impl Outline {
             })
         };
         let mut pixels = Vec::with_capacity(map.expected_count(self.trace.len(), reach));
-        pixels.extend(map.pixels_within(reach).filter_map(own));
+        map.for_each_within(reach, |x, y, mark| pixels.extend(own(x, y, mark)));
         PixelFigure {
             image: 0,
             plane,
@@ -509,15 +512,24 @@ impl DistanceMap {
         ((along * across) as usize).min(self.marks.len())
     }
 
-    fn pixels_within(&self, reach: f64) -> impl Iterator<Item = (usize, usize, &Mark)> {
+    /// Gives the pixels that are used: all near the outline, beyond every second one.
+    fn for_each_within(&self, reach: f64, mut give: impl FnMut(usize, usize, &Mark)) {
         let (dense, sparse) = (self.full_density.powi(2) as f32, (reach * reach) as f32);
-        let rows = self.marks.chunks_exact(self.width.max(1)).enumerate();
-        rows.flat_map(move |(y, row)| {
-            let marked = row.iter().enumerate();
-            let used = marked.filter(move |(x, mark)| {
-                mark.square <= dense || mark.square <= sparse && (x + y).is_multiple_of(2)
-            });
-            used.map(move |(x, mark)| (self.x0 + x, self.y0 + y, mark))
-        })
+        for (y, row) in self.marks.chunks_exact(self.width.max(1)).enumerate() {
+            for (run, marks) in row.chunks(RUN).enumerate() {
+                // Most of a bounding box lies far from the outline.
+                if !marks.iter().any(|mark| mark.square <= sparse) {
+                    continue;
+                }
+                for (i, mark) in marks.iter().enumerate() {
+                    let x = run * RUN + i;
+                    let is_used =
+                        mark.square <= dense || mark.square <= sparse && (x + y).is_multiple_of(2);
+                    if is_used {
+                        give(self.x0 + x, self.y0 + y, mark);
+                    }
+                }
+            }
+        }
     }
 }

@@ -47,7 +47,7 @@ pub(super) fn fit_exposures<L: Lens>(
 ) -> Option<(Vec<Exposure>, Vec<f64>)> {
     let distances = each(pixels.figures.len(), |index| {
         let scene = pixels.scene(view, &guess[index], pictures, index)?;
-        all_distances(&scene, &pixels.figures[index])
+        all_distances(&scene, &pixels.figures[index], |_| true)
     })?;
     let mut problem = HeldGeometry {
         pixels,

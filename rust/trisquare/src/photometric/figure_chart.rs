@@ -2,7 +2,7 @@
 //! side.
 //!
 //! Along the image of a side they are polynomials through its nodes; across it, over the few pixels
-//! that it blurs, the distance is a parabola, and its derivatives hardly change.
+//! that it blurs, the distance is a parabola from zero on, and its derivatives hardly change.
 
 use nalgebra::{DMatrix, Vector2};
 
@@ -14,8 +14,8 @@ use crate::lens::{Lens, LineImage, MAX_LENS_COLUMNS};
 use crate::numeric::{LANES, NODES, coefficients, polynomials};
 use crate::observations::FreeParameters;
 
-/// Terms of the derivatives along a side: a part in ten thousand of them is left, which changes a
-/// step by as little.
+/// Terms of the derivatives along a side, those across it among them: a part in ten thousand of them
+/// is left, which changes a step by as little.
 pub(super) const TERMS: usize = 6;
 
 /// How far (px) a polynomial may miss the image of a side.
@@ -33,8 +33,8 @@ pub(super) struct FigureChart {
 
 struct SideChart {
     image: LineImage,
-    /// Of the distance: its value on the curve, its slope and half its curvature across.
-    distances: [[f64; 3]; NODES],
+    /// Of the distance, which is none on the curve: its slope and half its curvature across.
+    slopes: [[f64; 2]; TERMS],
 }
 
 impl FigureChart {
@@ -49,24 +49,24 @@ impl FigureChart {
             let beyond = PLATEAU * scene.figure.widest_blur + SLACK;
             let image = LineImage::over(line, chord, ends.into_iter(), (beyond, TOLERANCE))?;
             let across = image.across();
-            let mut distances = [[0.0; 3]; NODES];
-            for (own, node) in distances.iter_mut().zip(&image.nodes) {
+            let mut slopes = [[0.0; 2]; NODES];
+            for (own, node) in slopes.iter_mut().zip(&image.nodes) {
                 let at = |beside: f64| {
                     let ray = scene
                         .lens
                         .unproject_with_jacobian(&(node + across * beside))?;
                     Some(scene.lens.line_distance(&ray, line.1))
                 };
-                let [low, middle, high] = [at(-height)?, at(0.0)?, at(height)?];
+                let [low, high] = [at(-height)?, at(height)?];
                 *own = [
-                    middle,
                     (high - low) / (2.0 * height),
-                    (high + low - 2.0 * middle) / (2.0 * height * height),
+                    (high + low) / (2.0 * height * height),
                 ];
             }
+            let slopes = coefficients(&slopes);
             Some(SideChart {
                 image,
-                distances: coefficients(&distances),
+                slopes: std::array::from_fn(|m| slopes[m]),
             })
         };
         Some(Self {
@@ -91,8 +91,8 @@ impl FigureChart {
             let beside = side
                 .image
                 .beside(pixels.iter().map(BandPixel::place), &terms);
-            let mut sums = [[0.0; LANES]; 3];
-            for (coefficients, term) in side.distances.iter().zip(&terms) {
+            let mut sums = [[0.0; LANES]; 2];
+            for (coefficients, term) in side.slopes.iter().zip(&terms) {
                 for (sum, coefficient) in sums.iter_mut().zip(coefficients) {
                     for i in 0..LANES {
                         sum[i] += coefficient * term[i];
@@ -100,7 +100,7 @@ impl FigureChart {
                 }
             }
             for i in 0..pixels.len() {
-                let distance = sums[0][i] + beside[i] * (sums[1][i] + beside[i] * sums[2][i]);
+                let distance = beside[i] * (sums[0][i] + beside[i] * sums[1][i]);
                 found[i][s] = distance + self.shift;
             }
         }
@@ -137,16 +137,20 @@ impl FigureChart {
     }
 }
 
-/// Distances (px) of all pixels of a figure to the sides near them.
+/// Distances (px) of the pixels of a figure to the sides near them; zeros where none are asked for.
 pub(super) fn all_distances<L: Lens>(
     scene: &Scene<'_, L>,
     figure: &PixelFigure,
+    is_asked: impl Fn(&BandPixel) -> bool,
 ) -> Option<Vec<[f64; 4]>> {
     let chart = FigureChart::of(scene)?;
-    let chunks = figure.pixels.chunks(LANES);
-    let found = chunks.flat_map(|pixels| {
-        let distances = chart.distances(pixels);
-        distances.into_iter().take(pixels.len())
-    });
-    Some(found.collect())
+    let mut found = Vec::with_capacity(figure.pixels.len());
+    for pixels in figure.pixels.chunks(LANES) {
+        let distances = match pixels.iter().any(&is_asked) {
+            true => chart.distances(pixels),
+            false => [[0.0; 4]; LANES],
+        };
+        found.extend_from_slice(&distances[..pixels.len()]);
+    }
+    Some(found)
 }

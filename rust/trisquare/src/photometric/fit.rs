@@ -337,7 +337,7 @@ mod tests {
             let scene = fit
                 .scene(&state.view, &state.exposures[index], &state.pictures, index)
                 .unwrap();
-            let distances = all_distances(&scene, &figures[index]).unwrap();
+            let distances = all_distances(&scene, &figures[index], |_| true).unwrap();
             let pixels = figures[index].pixels.iter().zip(&distances);
             let shades =
                 pixels.map(|(p, distances)| scene.shade(p, scene.may_cut(p).then_some(distances)));

@@ -74,7 +74,7 @@ fn disturbed_of_figure<L: Lens>(
     let scene = fit.scene(view, exposure, pictures, index)?;
     let figure = scene.figure;
     let mut sums = vec![[(0.0, 0.0); ZONES]; figure.stretch_sides.len()];
-    let distances = all_distances(&scene, figure)?;
+    let distances = all_distances(&scene, figure, |pixel| scene.may_cut(pixel))?;
     let pixels = figure.pixels.iter().zip(&distances);
     for (pixel, distances) in pixels.filter(|(pixel, _)| pixel.depth().abs() < JUDGED) {
         let distances = scene.may_cut(pixel).then_some(distances);

@@ -35,6 +35,9 @@ pub(super) struct Scene<'a, L> {
     /// One over the blur and over the figure's size: every pixel asks for them.
     per_blur: f64,
     per_size: f64,
+    /// What of the picture is free.
+    has_free_curve: bool,
+    has_free_shift: bool,
 }
 
 /// The model at one pixel.
@@ -93,6 +96,8 @@ impl<'a, L: Lens> Scene<'a, L> {
             kurtosis,
             per_blur: 1.0 / exposure.blur,
             per_size: 1.0 / figure.size,
+            has_free_curve: picture.has_free_curve(),
+            has_free_shift: picture.has_free_shift(),
         })
     }
 
@@ -165,14 +170,14 @@ impl<'a, L: Lens> Scene<'a, L> {
     /// Derivatives by the parameters that the picture's pixels share.
     pub fn wrt_picture(&self, shade: &Shade) -> [f64; PICTURE_PARAMETERS] {
         let mut all = [0.0; PICTURE_PARAMETERS];
-        if self.picture.has_free_curve() && !shade.is_silent {
+        if self.has_free_curve && !shade.is_silent {
             let at_pixel = self.curve.sensitivity(shade.light * shade.reflected);
             for (i, [ground, contrast]) in self.translation.iter().enumerate() {
                 let reflected = ground + contrast * shade.coverage.value;
                 all[i] = at_pixel[i] + shade.slope * shade.light * reflected;
             }
         }
-        if self.picture.has_free_shift() {
+        if self.has_free_shift {
             let cuts = &shade.coverage.cuts[..shade.coverage.cut_count];
             let by_distance: f64 = cuts
                 .iter()
