@@ -1,10 +1,9 @@
 //! Chessboards: the lattices that are found, and the lines of one.
 
-use std::convert::Infallible;
 use std::sync::LazyLock;
 
 use nalgebra::{Matrix3, Vector2};
-use trisquare::internals::{Candidate, GreyBytes, ReducedPicture};
+use trisquare::internals::GreyBytes;
 use trisquare::synthetic::Scene;
 use trisquare::{EdgeSpan, ImageSize, Lens, Pose};
 
@@ -50,11 +49,6 @@ impl Board {
 
     fn crossing(&self, row: usize, column: usize) -> Vector2<f64> {
         self.view.see(0, self.place(row, column))
-    }
-
-    fn crossings(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
-        let inner = self.cells;
-        (1..inner).flat_map(move |row| (1..inner).map(move |column| (row, column)))
     }
 
     /// Light to dark, with steps as soft as a cell is small; grey beyond.
@@ -132,22 +126,18 @@ pub fn find_lattices(data: &[u8]) -> Outcome {
     }
     let pictures: Vec<_> = reduced
         .iter()
-        .enumerate()
-        .map(|(halvings, (width, height, values))| ReducedPicture {
-            picture: GreyBytes::new(*width, *height, values).expect("the values fill the size"),
-            candidates: candidates(&board, 0.5f64.powi(halvings as i32), bytes),
-        })
+        .map(|(width, height, values)| GreyBytes::new(*width, *height, values))
+        .map(|picture| picture.expect("the values fill the size"))
         .rev()
         .collect();
     // The last one is the photograph itself, or half as fine, or has nothing to do with it.
-    let whole = pictures[pictures.len() - 1].clone();
+    let whole = pictures[pictures.len() - 1];
     let searched = match bytes.below(4) {
         0 => &pictures[..pictures.len() - 1],
         1 => &pictures[pictures.len() - 1..],
         _ => &pictures[..],
     };
-    let closer = || Ok::<_, Infallible>(whole.candidates.clone());
-    let Ok(found) = trisquare::internals::find_lattices(&whole.picture, searched, closer);
+    let found = trisquare::internals::find_lattices(&whole, searched);
     for lattice in &found {
         assert!(lattice.count() >= 9 && lattice.size().iter().min() >= Some(&3));
         for (site, point) in lattice.found() {
@@ -160,33 +150,6 @@ pub fn find_lattices(data: &[u8]) -> Outcome {
         0 => "no lattice",
         _ => "Ok",
     }
-}
-
-/// A board's crossings to the pixel, some of them damaged, or any pixels.
-fn candidates(board: &Board, scale: f64, bytes: &mut Bytes<'_>) -> Vec<Candidate> {
-    let mut pixels: Vec<[usize; 2]> = board
-        .crossings()
-        .map(|(row, column)| board.crossing(row, column) * scale)
-        .map(|point| [point.x, point.y].map(|at| at.round() as usize))
-        .collect();
-    for _ in 0..bytes.below(6) {
-        let at = bytes.below(pixels.len());
-        let wrong = [
-            bytes.below(SIZE.width as usize),
-            bytes.below(SIZE.height as usize),
-        ];
-        match bytes.below(4) {
-            0 => pixels[at] = wrong,
-            1 => pixels.push(pixels[at]),
-            2 => pixels.push(wrong),
-            _ => pixels.push([bytes.seed() as usize, wrong[1]]),
-        }
-    }
-    let candidate = |pixel| Candidate {
-        pixel,
-        strength: bytes.coefficient(),
-    };
-    pixels.into_iter().map(candidate).collect()
 }
 
 /// Every second pixel.

@@ -1,6 +1,6 @@
 """The compiled core of trisquare."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, Final, Protocol, TypeAlias, final, type_check_only
 
 import numpy as np
@@ -31,9 +31,11 @@ __all__ = [
     "family_lines",
     "fill_undistortion_map",
     "find_arcs",
+    "find_four_cornered",
+    "find_four_sided",
     "find_lattices",
     "fit_distortion",
-    "fit_side_cubics",
+    "fit_sides",
     "homography_from_lines",
     "largest_rectangle",
     "localise",
@@ -130,9 +132,6 @@ class Picture:
 @final
 class KeptPixels:
     """The pixels of a picture near the outlines that were measured in it."""
-
-_Candidates: TypeAlias = tuple[NDArray[np.int64], NDArray[np.float64]]
-"""Pixels (column, row), shape (N, 2), and how strongly the grey levels are curved there, (N,)."""
 
 @final
 class Lattice:
@@ -363,18 +362,22 @@ def find_arcs(
     shortest: int,
     smallest_radius: float,
 ) -> list[NDArray[np.float64]]: ...
+def find_four_cornered(mask: NDArray[np.uint8], least_side: int) -> NDArray[np.int32]: ...
+def find_four_sided(
+    picture: NDArray[np.uint8], levels: Sequence[int], least_side: float, margin: int
+) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.bool_]]: ...
 def find_lattices(
     photograph: NDArray[np.uint8],
-    pictures: Sequence[tuple[NDArray[np.uint8], _Candidates]],
-    candidates: Callable[[], _Candidates],
+    pictures: Sequence[NDArray[np.uint8]],
 ) -> list[Lattice]: ...
-def fit_side_cubics(
-    basis: NDArray[np.float64],
-    offsets: NDArray[np.float64],
-    used: NDArray[np.bool_],
-    lengths: NDArray[np.float64],
-    trimmed: bool,
-) -> NDArray[np.float64]: ...
+def fit_sides(
+    picture: NDArray[np.uint8],
+    rough: NDArray[np.float64],
+    is_dark: NDArray[np.bool_],
+    least_inliers: float,
+    least_inliers_hidden: float,
+    most_cosine: float,
+) -> tuple[NDArray[np.uintp], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]: ...
 def localise(
     picture: Picture, spans: Sequence[_Span], tone: str | float | None
 ) -> tuple[list[SideSamples | str], ToneEstimate, PictureFaults]: ...

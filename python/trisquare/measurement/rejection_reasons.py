@@ -95,7 +95,7 @@ def _dropped_by_stages(picture: NDArray[np.uint8]) -> Iterator[tuple[FloatArray,
     """Yield corners (4, 2) of the quads that each stage of `find_squares` drops, and why."""
     smooth = picture.astype(np.float32)
     rough = find_quads(picture, smooth)
-    fitted = fit_sides(smooth, rough)
+    fitted = fit_sides(picture, rough)
     views = views_of_rectangles(fitted, image_size=(picture.shape[1], picture.shape[0]))
     squares = find_framed_squares(smooth, views)
     used = {index for square in squares for index in (square.outer, square.inner)}

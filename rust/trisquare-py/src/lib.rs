@@ -44,5 +44,7 @@ mod _core {
     #[pymodule_export]
     use crate::planning::{Prediction, predict};
     #[pymodule_export]
-    use crate::search::{Lattice, find_arcs, find_lattices, fit_side_cubics};
+    use crate::search::{
+        Lattice, find_arcs, find_four_cornered, find_four_sided, find_lattices, fit_sides,
+    };
 }

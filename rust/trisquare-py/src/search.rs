@@ -1,22 +1,20 @@
-//! The search for boards, cubics along the sides of squares, and the edges of a picture as arcs.
+//! The search for boards, contours with four sides, smooth sides, and edges as arcs.
 
-use nalgebra::Vector4;
+use nalgebra::Vector2;
+use numpy::ndarray::{Array2, Array3, Array4};
 use numpy::{
-    PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
-    PyUntypedArrayMethods,
+    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArray4, PyArrayMethods, PyReadonlyArray1,
+    PyReadonlyArray2, PyReadonlyArray4, PyUntypedArrayMethods,
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use trisquare::internals::{
-    ArcLimits, Candidate, GreyBytes, GreyFloats, ReducedPicture, SidePoints, circular_arcs,
-    edge_chains, trimmed_cubics,
+    ArcLimits, GreyBytes, GreyFloats, POINTS_PER_SIDE, SideLimits, Sides, circular_arcs,
+    edge_chains, four_cornered, four_sided,
 };
 
 use crate::arrays;
 use crate::errors::detached;
-
-/// Pixels (column, row), shape (N, 2), and how strongly the grey levels are curved there, (N,).
-type Candidates<'py> = (PyReadonlyArray2<'py, i64>, PyReadonlyArray1<'py, f64>);
 
 /// Crossings of a chessboard's grid lines in rows and columns.
 #[pyclass(frozen, module = "trisquare._core")]
@@ -44,60 +42,75 @@ impl Lattice {
 
 /// Finds every lattice of 3 x 3 crossings and more in a grey photograph, the largest first.
 ///
-/// The reduced pictures come from coarse to fine, each with its candidates; `candidates` returns
-/// those of the photograph itself, if the search needs them.
+/// The reduced pictures come from coarse to fine.
 #[pyfunction]
-#[pyo3(signature = (photograph, pictures, candidates))]
+#[pyo3(signature = (photograph, pictures))]
 pub fn find_lattices(
     py: Python<'_>,
     photograph: PyReadonlyArray2<'_, u8>,
-    pictures: Vec<(PyReadonlyArray2<'_, u8>, Candidates<'_>)>,
-    candidates: Py<PyAny>,
+    pictures: Vec<PyReadonlyArray2<'_, u8>>,
 ) -> PyResult<Vec<Lattice>> {
-    let bytes: Vec<Vec<u8>> = pictures
-        .iter()
-        .map(|(picture, _)| bytes_of(picture))
-        .collect();
-    let reduced = pictures
-        .iter()
-        .zip(&bytes)
-        .map(|((picture, candidates), bytes)| {
-            Ok(ReducedPicture {
-                picture: grey(picture, bytes)?,
-                candidates: candidates_of(candidates)?,
-            })
-        });
+    let bytes: Vec<Vec<u8>> = pictures.iter().map(bytes_of).collect();
+    let reduced = pictures.iter().zip(&bytes);
+    let reduced = reduced.map(|(picture, bytes)| grey(picture, bytes));
     let reduced = reduced.collect::<PyResult<Vec<_>>>()?;
     let whole = bytes_of(&photograph);
     let whole = grey(&photograph, &whole)?;
-    let found = detached(py, || {
-        trisquare::internals::find_lattices(&whole, &reduced, || {
-            Python::attach(|py| candidates_of(&candidates.call0(py)?.extract(py)?))
-        })
-    })??;
+    let found = detached(py, || trisquare::internals::find_lattices(&whole, &reduced))?;
     Ok(found.into_iter().map(Lattice).collect())
 }
 
-fn candidates_of((pixels, strengths): &Candidates<'_>) -> PyResult<Vec<Candidate>> {
-    if pixels.shape() != [strengths.len(), 2] {
-        return Err(PyValueError::new_err(
-            "a pixel has two coordinates and a strength",
-        ));
-    }
-    let (pixels, strengths) = (pixels.as_array(), strengths.as_array());
-    let candidate = |(pixel, strength): (_, &f64)| {
-        let pixel: numpy::ndarray::ArrayView1<'_, i64> = pixel;
-        Ok(Candidate {
-            pixel: [usize::try_from(pixel[0])?, usize::try_from(pixel[1])?],
-            strength: *strength,
-        })
-    };
-    pixels
-        .rows()
-        .into_iter()
-        .zip(strengths)
-        .map(candidate)
-        .collect()
+/// Sides of quads, shape (Q, 4, N, 2), the levels at which they were seen, shape (Q,), and which of
+/// them are dark inside, shape (Q,).
+type FourSided<'py> = (
+    Bound<'py, PyArray4<f64>>,
+    Bound<'py, PyArray1<u8>>,
+    Bound<'py, PyArray1<bool>>,
+);
+
+/// Finds the contours with four corners at some levels of a grey picture.
+///
+/// Their sides are about `least_side` long at least, and they are `margin` pixels from the border.
+#[pyfunction]
+#[pyo3(signature = (picture, levels, least_side, margin))]
+pub fn find_four_sided<'py>(
+    py: Python<'py>,
+    picture: PyReadonlyArray2<'py, u8>,
+    levels: Vec<u8>,
+    least_side: f64,
+    margin: i32,
+) -> PyResult<FourSided<'py>> {
+    let values = bytes_of(&picture);
+    let picture = grey(&picture, &values)?;
+    let found = detached(py, || four_sided(&picture, &levels, least_side, margin))?;
+    let sides = Array4::from_shape_fn(
+        (found.len(), 4, POINTS_PER_SIDE, 2),
+        |(q, side, point, k)| found[q].sides[side][point][k],
+    );
+    let levels = found.iter().map(|quad| quad.level);
+    let is_dark = found.iter().map(|quad| quad.is_dark);
+    Ok((
+        sides.into_pyarray(py),
+        PyArray1::from_iter(py, levels),
+        PyArray1::from_iter(py, is_dark),
+    ))
+}
+
+/// Finds the four corners, shape (Q, 4, 2), of the regions of a mask that have as many.
+///
+/// The regions' boxes are `least_side` wide at least.
+#[pyfunction]
+#[pyo3(signature = (mask, least_side))]
+pub fn find_four_cornered<'py>(
+    py: Python<'py>,
+    mask: PyReadonlyArray2<'py, u8>,
+    least_side: i32,
+) -> PyResult<Bound<'py, PyArray3<i32>>> {
+    let values = bytes_of(&mask);
+    let mask = grey(&mask, &values)?;
+    let found = detached(py, || four_cornered(&mask, least_side))?;
+    let corners = Array3::from_shape_fn((found.len(), 4, 2), |(q, corner, k)| found[q][corner][k]);
+    Ok(corners.into_pyarray(py))
 }
 
 /// The values of a grey picture in row order.
@@ -114,41 +127,71 @@ fn grey<'a>(picture: &PyReadonlyArray2<'_, u8>, values: &'a [u8]) -> PyResult<Gr
     picture.ok_or_else(|| PyValueError::new_err("the picture is empty"))
 }
 
-/// Coefficients, shape (S, 4), of cubics through offsets, shape (S, N), given their bases, shape
-/// (S, N, 4), which of them count, and the lengths of the chords; `trimmed` leaves out strays.
+/// The quads whose sides are smooth edges, shape (G,); their sides, shape (G, 4, N, 2), the steps
+/// across these, shape (G, 4), and where they are in sight, shape (G, 4, N).
+type FittedSides<'py> = (
+    Bound<'py, PyArray1<usize>>,
+    Bound<'py, PyArray4<f64>>,
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray3<bool>>,
+);
+
+/// Measures the sides of rough quads, shape (Q, 4, N, 2), that are dark inside or not, shape (Q,).
+///
+/// Of a side's points a share of `least_inliers` must lie on its curve, of the weakest side's
+/// `least_inliers_hidden`; the cosine at a corner is `most_cosine` at most.
 #[pyfunction]
-#[pyo3(signature = (basis, offsets, used, lengths, trimmed))]
-pub fn fit_side_cubics<'py>(
+#[pyo3(signature = (picture, rough, is_dark, least_inliers, least_inliers_hidden, most_cosine))]
+pub fn fit_sides<'py>(
     py: Python<'py>,
-    basis: PyReadonlyArray3<'py, f64>,
-    offsets: PyReadonlyArray2<'py, f64>,
-    used: PyReadonlyArray2<'py, bool>,
-    lengths: PyReadonlyArray1<'py, f64>,
-    trimmed: bool,
-) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let (sides, points) = (offsets.shape()[0], offsets.shape()[1]);
-    let alike = basis.shape() == [sides, points, 4]
-        && used.shape() == [sides, points]
-        && lengths.shape() == [sides];
-    if !alike {
-        return Err(PyValueError::new_err("sides have their points alike"));
+    picture: PyReadonlyArray2<'py, u8>,
+    rough: PyReadonlyArray4<'py, f64>,
+    is_dark: PyReadonlyArray1<'py, bool>,
+    least_inliers: f64,
+    least_inliers_hidden: f64,
+    most_cosine: f64,
+) -> PyResult<FittedSides<'py>> {
+    if rough.shape() != [is_dark.len(), 4, POINTS_PER_SIDE, 2] {
+        return Err(PyValueError::new_err("a quad has four sides and a sign"));
     }
-    let (basis, offsets) = (basis.as_array(), offsets.as_array());
-    let (used, lengths) = (used.as_array(), lengths.as_array());
-    let side = |side: usize| SidePoints {
-        basis: (0..points)
-            .map(|point| Vector4::from_fn(|k, _| basis[[side, point, k]]))
-            .collect(),
-        offsets: (0..points).map(|point| offsets[[side, point]]).collect(),
-        used: (0..points).map(|point| used[[side, point]]).collect(),
-        length: lengths[side],
+    let limits = SideLimits {
+        least_inliers,
+        least_inliers_hidden,
+        most_cosine,
     };
-    let all: Vec<SidePoints> = (0..sides).map(side).collect();
-    let cubics: Vec<_> = detached(py, || match trimmed {
-        true => trimmed_cubics(&all),
-        false => all.iter().map(SidePoints::cubic).collect(),
+    let rough = rough.as_array();
+    let sides_of = |quad: usize| -> Sides {
+        std::array::from_fn(|side| {
+            std::array::from_fn(|point| Vector2::from_fn(|k, _| rough[[quad, side, point, k]]))
+        })
+    };
+    let signs = is_dark.as_array();
+    let quads: Vec<_> = (0..signs.len())
+        .map(|quad| (sides_of(quad), signs[quad]))
+        .collect();
+    let values = bytes_of(&picture);
+    let picture = grey(&picture, &values)?;
+    let fitted: Vec<_> = detached(py, || {
+        let fit = |(quad, (sides, is_dark)): (usize, &(Sides, bool))| {
+            let fitted = trisquare::internals::fit_sides(&picture, sides, *is_dark, &limits)?;
+            Some((quad, fitted))
+        };
+        quads.iter().enumerate().filter_map(fit).collect()
     })?;
-    Ok(arrays::from_points(py, &cubics))
+    let count = fitted.len();
+    let sides = Array4::from_shape_fn((count, 4, POINTS_PER_SIDE, 2), |(q, side, point, k)| {
+        fitted[q].1.sides[side][point][k]
+    });
+    let contrasts = Array2::from_shape_fn((count, 4), |(q, side)| fitted[q].1.contrasts[side]);
+    let seen = Array3::from_shape_fn((count, 4, POINTS_PER_SIDE), |(q, side, point)| {
+        fitted[q].1.seen[side][point]
+    });
+    Ok((
+        PyArray1::from_iter(py, fitted.iter().map(|(quad, _)| *quad)),
+        sides.into_pyarray(py),
+        contrasts.into_pyarray(py),
+        seen.into_pyarray(py),
+    ))
 }
 
 /// Arcs of circles among the edges of a grey picture, each of shape (N, 2), in pixels.

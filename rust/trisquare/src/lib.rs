@@ -113,7 +113,7 @@ pub mod internals {
     pub use crate::numeric::cdf;
     pub use crate::planning::predict_unjudged;
     pub use crate::search::{
-        ArcLimits, Candidate, GreyFloats, Lattice, ReducedPicture, SidePoints, circular_arcs,
-        edge_chains, find_lattices, trimmed_cubics,
+        ArcLimits, FittedQuad, FourSided, GreyFloats, Lattice, POINTS_PER_SIDE, SideLimits, Sides,
+        circular_arcs, edge_chains, find_lattices, fit_sides, four_cornered, four_sided,
     };
 }

@@ -1,7 +1,7 @@
 """Chessboard-like lattices of a picture, one per plane.
 
-OpenCV reduces the picture and tells where its grey levels are curved as at a saddle; the core links
-those places to lattices, from coarse to fine.
+OpenCV reduces the picture; the core finds where its grey levels are curved as at a saddle, and
+links those places to lattices, from coarse to fine.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import trisquare._core as _core
-from trisquare.detection.boards.saddles import find_candidates
 from trisquare.detection.candidates import Lattice
 from trisquare.detection.grey import MIN_PICTURE, grey_bytes
 
@@ -39,9 +38,7 @@ def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
     list of Lattice
         From the one of most crossings to the one of fewest; empty if there is none.
     """
-    pictures = [(picture, find_candidates(picture)) for picture in _pictures(grey)]
-    found = _core.find_lattices(grey, pictures, lambda: find_candidates(grey))
-    return [_lattice(lattice.crossings) for lattice in found]
+    return [_lattice(found.crossings) for found in _core.find_lattices(grey, _pictures(grey))]
 
 
 def find_chessboards(image: NDArray[np.generic], cols: int, rows: int) -> list[Lattice]:

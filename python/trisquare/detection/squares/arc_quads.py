@@ -16,8 +16,14 @@ import trisquare._core as _core
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.candidates import MIN_CONTRAST
 from trisquare.detection.sampling import sample
-from trisquare.detection.squares.notched_quads import FRACTIONS, POINTS_PER_SIDE
-from trisquare.detection.squares.quads import BORDER, CLEARANCE, MIN_SIDE, Quads
+from trisquare.detection.squares.quads import (
+    BORDER,
+    CLEARANCE,
+    FRACTIONS,
+    MIN_SIDE,
+    POINTS_PER_SIDE,
+    Quads,
+)
 
 WEAKEST, STRONGEST = 2.5, 5.0
 """Grey levels a pixel: the gradient of an edge everywhere, and at its strongest point; a step of

@@ -103,7 +103,7 @@ def find_plain_rectangles(image: NDArray[np.generic], shape: RectangleShape) -> 
     smooth = picture.astype(np.float32)
     size = (picture.shape[1], picture.shape[0])
     rough = find_arc_quads(smooth).followed_by(find_quads(picture, smooth))
-    quads = views_of_rectangles(fit_sides(smooth, rough, LEAST_INLIERS), size, shape.aspect)
+    quads = views_of_rectangles(fit_sides(picture, rough, LEAST_INLIERS), size, shape.aspect)
     quads = best_at_corners(smooth, quads)
     quads = quads.subset(find_rectangles(smooth, quads))
     if not len(quads):
@@ -126,7 +126,7 @@ def _squares_of(
     """
     smooth = picture.astype(np.float32)
     coarse = find_quads(picture, smooth)
-    quads = fit_sides(smooth, coarse)
+    quads = fit_sides(picture, coarse)
     quads = views_of_rectangles(quads, image_size=(picture.shape[1], picture.shape[0]))
 
     def read_tags(indices: NDArray[np.intp]) -> list[Tag | None]:

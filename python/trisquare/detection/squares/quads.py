@@ -16,12 +16,16 @@ import numpy as np
 from cv2.typing import MatLike
 from numpy.typing import NDArray
 
+import trisquare._core as _core
 from trisquare._support.arrays import FloatArray
 from trisquare._support.convex_quads import quad_areas
 from trisquare.detection.candidates import MIN_CONTRAST
 from trisquare.detection.grey import RANGE_PERCENTILES
 from trisquare.detection.sampling import sample
-from trisquare.detection.squares.notched_quads import FRACTIONS, POINTS_PER_SIDE, sides_of_bitten
+
+POINTS_PER_SIDE = 32
+FRACTIONS = np.linspace(0.0, 1.0, POINTS_PER_SIDE)
+"""Places along a side at which outlines are sampled, corner to corner; as many as in the core."""
 
 LEVELS = 14
 """Thresholds over the picture's range: one every 18 grey levels or fewer, so that the lowest
@@ -42,29 +46,6 @@ one in three is near enough to the middle of a figure's contrast."""
 MIN_SIDE = 12.0
 """Shortest side, in pixels of the searched picture: the ends of a side are lost to the corners'
 blur, and a curve needs some ten pixels between them."""
-
-MIN_AREA = 0.4 * MIN_SIDE**2
-"""A rhombus of 25 degrees with sides of that length."""
-
-MIN_CONTOUR_POINTS = int(4 * MIN_SIDE / np.sqrt(2.0))
-"""An 8-connected contour has at least length / sqrt(2) points."""
-
-MIN_COMPACTNESS = 0.02
-"""Area over the squared number of contour points: 1/16 for an upright square, 1/8 for one on
-its tip, 0.026 for a rhombus of 25 degrees; ragged texture has far less."""
-
-MIN_BITTEN_COMPACTNESS = 0.008
-"""The same with a notch or, in a frame that is cut through, with the hole's outline as well."""
-
-MIN_BITTEN_POINTS = 100
-"""A contour with a piece missing is mended only if it is worth it: sides of 25 px."""
-
-APPROXIMATION_STEPS = (0.02, 0.035, 0.05)
-"""Tolerances of the polygon, over the contour's length: a sagitta of 4 % of a side is 1 % of
-the length, and the last step still keeps a rhombus of 25 degrees apart from a line."""
-
-AREA_SLACK = 0.3
-"""Relative difference between contour and polygon; sides that all bulge by 10 % make 27 %."""
 
 CLEARANCE = 3.5
 """Pixels from a contour to where the edge's blur has ended; contours are up to 1.5 px off."""
@@ -164,14 +145,9 @@ def find_quads(picture: NDArray[np.uint8], smooth: NDArray[np.float32]) -> Quads
         Of both polarities, nested ones included, none touching the border; up to about a pixel
         and a half off the edges.
     """
-    found = [
-        (sides, level, dark_inside)
-        for level in _levels(picture)
-        for sides, dark_inside in _quads_at_level(picture, level)
-    ]
-    sides = np.array([quad[0] for quad in found], dtype=np.float64)
-    quads = Quads.rough(sides, np.array([quad[2] for quad in found], dtype=bool))
-    return _with_edges(smooth, quads, np.array([quad[1] for quad in found], np.float64))
+    found = _core.find_four_sided(picture, _levels(picture), MIN_SIDE, BORDER)
+    sides, levels, dark_inside = found
+    return _with_edges(smooth, Quads.rough(sides, dark_inside), levels.astype(np.float64))
 
 
 def without_repeats(quads: Quads) -> Quads:
@@ -245,61 +221,6 @@ def _spread(run: NDArray[np.intp]) -> NDArray[np.intp]:
     """At most `LEVELS_BETWEEN_PLATEAUS` of a run of levels, evenly spread over it."""
     kept = min(len(run), LEVELS_BETWEEN_PLATEAUS)
     return run[((np.arange(kept) + 0.5) * len(run) / kept).astype(np.intp)]
-
-
-def _quads_at_level(
-    picture: NDArray[np.uint8], level: int
-) -> list[tuple[NDArray[np.generic], bool]]:
-    """Sides of the regions above `level` and of the holes in them, and whether it is a hole."""
-    mask = cv2.threshold(picture, level, 255, cv2.THRESH_BINARY)[1]
-    contours, _ = cv2.findContours(mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
-    height, width = picture.shape
-    quads: list[tuple[NDArray[np.generic], bool]] = []
-    for contour in contours:
-        count = len(contour)
-        if count < MIN_CONTOUR_POINTS:
-            continue
-        # Outlines of light regions run anticlockwise on the screen (negative), holes clockwise.
-        area = cv2.contourArea(contour, oriented=True)
-        if abs(area) < max(MIN_BITTEN_COMPACTNESS * count**2, MIN_AREA):
-            continue
-        x, y, box_width, box_height = cv2.boundingRect(contour)
-        if min(x, y, width - x - box_width, height - y - box_height) < BORDER:
-            continue
-        sides: NDArray[np.generic] | None = None
-        if abs(area) >= MIN_COMPACTNESS * count**2:
-            polygon = _four_corners(contour, area)
-            sides = None if polygon is None else _sides(contour, polygon)
-        if sides is None and count >= MIN_BITTEN_POINTS:
-            sides = sides_of_bitten(contour, area)
-        if sides is not None:
-            quads.append((sides, True) if area > 0.0 else (sides[::-1, ::-1], False))
-    return quads
-
-
-def _four_corners(contour: MatLike, area: float) -> MatLike | None:
-    """Corners of a contour, shape (4, 1, 2), or None if it has not four."""
-    for step in APPROXIMATION_STEPS:
-        polygon = cv2.approxPolyDP(contour, step * len(contour), closed=True)
-        if len(polygon) <= 4:
-            break
-    if len(polygon) != 4 or not cv2.isContourConvex(polygon):
-        return None
-    if abs(cv2.contourArea(polygon) - abs(area)) > AREA_SLACK * abs(area):
-        return None
-    return polygon
-
-
-def _sides(contour: MatLike, polygon: MatLike) -> NDArray[np.int32]:
-    """Contour points at equal steps from corner to corner, shape (4, POINTS_PER_SIDE, 2)."""
-    count = len(contour)
-    # A point as one 64-bit number is found by one comparison.
-    keys, wanted = contour.view(np.int64).ravel(), polygon.view(np.int64).ravel()
-    corners = np.sort((keys == wanted[:, None]).argmax(axis=1))
-    steps = np.append(corners[1:], corners[0] + count) - corners
-    indices = corners[:, None] + steps[:, None] * FRACTIONS
-    sides: NDArray[np.int32] = contour[(indices + 0.5).astype(np.intp) % count, 0]
-    return sides
 
 
 def _with_edges(smooth: NDArray[np.float32], quads: Quads, levels: FloatArray) -> Quads:

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+import trisquare._core as _core
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.candidates import MIN_CONTRAST
 from trisquare.detection.tags.decode import agreement
@@ -38,12 +39,6 @@ itself."""
 
 SAME = 3.0
 """Pixels between the middles of a tag that is found twice."""
-
-CORNER_TOLERANCE = 0.06
-"""Over an outline's length, how far a quad may be from it."""
-
-LEAST_FILLED = 0.8
-"""Of a quad, the share that its outline encloses."""
 
 
 class Parting(NamedTuple):
@@ -134,19 +129,7 @@ def _dark_quads(
     dark = cv2.compare(grey, threshold, cv2.CMP_LT)
     if parting.eroded:
         dark = cv2.erode(dark, np.ones((2 * parting.eroded + 1,) * 2, np.uint8))
-    # As a list: sorting holes by what they are in takes the square of their number.
-    contours, _ = cv2.findContours(dark, cv2.RETR_LIST, cv2.CHAIN_APPROX_SIMPLE)
-    quads = []
-    for contour in contours:
-        if min(cv2.boundingRect(contour)[2:]) < SMALLEST_SIDE:
-            continue  # a speck
-        if cv2.contourArea(contour, True) > 0.0:
-            continue  # a hole, which is followed the other way round
-        hull = cv2.convexHull(contour)
-        quad = cv2.approxPolyDP(hull, CORNER_TOLERANCE * cv2.arcLength(hull, True), True)
-        if len(quad) == 4 and cv2.contourArea(contour) > LEAST_FILLED * cv2.contourArea(quad):
-            quads.append(quad[::-1, 0] if cv2.contourArea(quad, True) < 0.0 else quad[:, 0])
-    corners = np.array(quads, dtype=np.float64).reshape(-1, 4, 2)
+    corners = _core.find_four_cornered(np.asarray(dark, np.uint8), int(SMALLEST_SIDE))
     outward = corners - corners.mean(axis=1, keepdims=True)
     outward /= np.linalg.norm(outward, axis=2, keepdims=True)
     return np.asarray(corners + parting.moved * outward)
@@ -156,8 +139,11 @@ def _extremes(grey: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.ui
     """Return the darkest and the lightest around, `COARSE` pixels to one."""
     reach = max(LEAST_REACH, round(REACH * max(grey.shape))) // COARSE
     around = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
-    # Averaged, lest the noise of a plain ground look like a contrast.
-    small = _reduced(grey, COARSE)
+    # Averaged, lest the noise of a plain ground look like a contrast: all means take less time than
+    # OpenCV needs for every third one.
+    height, width = (side // COARSE for side in grey.shape)
+    middle = slice(COARSE // 2, None, COARSE)
+    small = np.ascontiguousarray(cv2.blur(grey, (COARSE, COARSE))[middle, middle][:height, :width])
     lowest, highest = cv2.erode(small, around), cv2.dilate(small, around)
     return np.asarray(lowest, dtype=np.uint8), np.asarray(highest, dtype=np.uint8)
 

@@ -6,6 +6,7 @@
 
 use std::cmp::Reverse;
 
+use super::candidates::candidates;
 use super::lattice::Lattice;
 use super::level::Level;
 use super::outline::Outline;
@@ -18,45 +19,39 @@ use crate::image::GreyBytes;
 /// Pictures that are searched, at most; the others, which are the coarsest, are left out.
 const MOST_PICTURES: usize = 16;
 
-/// A picture to search, and where its crossings may be.
-#[derive(Debug, Clone)]
-pub struct ReducedPicture<'a> {
-    /// A photograph, reduced or as it is.
-    pub picture: GreyBytes<'a>,
-    /// Pixels whose grey levels are curved as at a saddle.
-    pub candidates: Vec<Candidate>,
-}
-
 /// Finds every lattice of 3 x 3 crossings and more in a photograph, from that of most crossings to
 /// that of fewest, in pixels of the photograph.
 ///
 /// The `pictures` are the photograph reduced, each twice as fine as the one before; the last one is
 /// the photograph itself or half as fine. If half as fine, and if it shows crossings which make no
-/// lattice, as the rims of markers fade in it, the whole is searched as well, for the `candidates`
-/// in it.
-///
-/// # Errors
-/// What `candidates` fails with.
-pub fn find_lattices<E>(
+/// lattice, as the rims of markers fade in it, the whole is searched as well.
+#[must_use]
+pub fn find_lattices(photograph: &GreyBytes<'_>, pictures: &[GreyBytes<'_>]) -> Vec<Lattice> {
+    find_at_candidates(photograph, pictures, candidates)
+}
+
+/// The same with the places of a picture where its crossings may be.
+fn find_at_candidates(
     photograph: &GreyBytes<'_>,
-    pictures: &[ReducedPicture<'_>],
-    candidates: impl FnOnce() -> Result<Vec<Candidate>, E>,
-) -> Result<Vec<Lattice>, E> {
+    pictures: &[GreyBytes<'_>],
+    candidates: impl Fn(&GreyBytes<'_>) -> Vec<Candidate>,
+) -> Vec<Lattice> {
     let pictures = &pictures[pictures.len().saturating_sub(MOST_PICTURES)..];
     let Some(finest) = pictures.last() else {
-        return Ok(Vec::new());
+        return Vec::new();
     };
-    let is_halved = finest.picture.size() != photograph.size();
+    let is_halved = finest.size() != photograph.size();
     let mut seen = Photograph {
         grey: *photograph,
         scale: f64::from(u32::from(is_halved) + 1) * 2f64.powi(pictures.len() as i32 - 1),
     };
     let mut lattices: Vec<Lattice> = Vec::new();
-    let mut level = Level::of(&pictures[0]);
-    for (number, reduced) in pictures.iter().enumerate() {
+    let level_of = |picture| Level::of(picture, &candidates(picture));
+    let mut level = level_of(&pictures[0]);
+    for (number, picture) in pictures.iter().enumerate() {
         if number > 0 {
             seen.scale *= 0.5;
-            level = Level::of(reduced);
+            level = level_of(picture);
             lattices = lattices
                 .iter()
                 .map(|it| it.doubled(&level.picture))
@@ -69,11 +64,7 @@ pub fn find_lattices<E>(
         lattices.retain(|lattice| lattice.is_board(seen.scale));
     }
     if is_halved && level.shows_more(&lattices) {
-        let whole = Level {
-            picture: *photograph,
-            crossings: crossings_at(photograph, &candidates()?),
-        };
-        lattices = looked_closer(lattices, &whole);
+        lattices = looked_closer(lattices, &level_of(photograph));
     }
     lattices.retain(|lattice| seen.has_edges(lattice));
     let lattices = extended(&lattices, &level.picture, &seen, |_| true);
@@ -86,17 +77,17 @@ pub fn find_lattices<E>(
     };
     let mut found: Vec<_> = found.filter(is_sound).collect();
     found.sort_by_key(|lattice| Reverse(lattice.count()));
-    Ok(found
+    found
         .iter()
         .map(|lattice| lattice.scaled(seen.scale))
-        .collect())
+        .collect()
 }
 
 impl<'a> Level<'a> {
-    fn of(reduced: &ReducedPicture<'a>) -> Self {
+    fn of(picture: &GreyBytes<'a>, candidates: &[Candidate]) -> Self {
         Self {
-            picture: reduced.picture,
-            crossings: crossings_at(&reduced.picture, &reduced.candidates),
+            picture: *picture,
+            crossings: crossings_at(picture, candidates),
         }
     }
 }
@@ -153,7 +144,7 @@ fn looked_closer(known: Vec<Lattice>, whole: &Level<'_>) -> Vec<Lattice> {
 
 #[cfg(test)]
 mod tests {
-    use std::convert::Infallible;
+    use std::cell::Cell;
 
     use nalgebra::Vector2;
 
@@ -195,20 +186,13 @@ mod tests {
         (values, sites.map(candidate).collect())
     }
 
-    fn no_candidates() -> Result<Vec<Candidate>, Infallible> {
-        unreachable!("the photograph itself was searched")
-    }
-
     #[test]
     fn a_board_is_found_whole_with_all_its_crossings_or_some_that_are_too_faint() {
         let (values, candidates) = board(5);
         let picture = GreyBytes::new(SIZE, SIZE, &values).unwrap();
         for missing in [0, 3] {
-            let reduced = ReducedPicture {
-                picture,
-                candidates: candidates[missing..].to_vec(),
-            };
-            let Ok(found) = find_lattices(&picture, &[reduced], no_candidates);
+            let some = |_: &GreyBytes<'_>| candidates[missing..].to_vec();
+            let found = find_at_candidates(&picture, &[picture], some);
             let [lattice] = &found[..] else {
                 panic!("{found:?}")
             };
@@ -234,16 +218,18 @@ mod tests {
     #[test]
     fn a_photograph_is_searched_itself_if_its_half_shows_crossings_without_a_lattice() {
         for (rows, is_lattice) in [(2, false), (5, true)] {
-            let (values, candidates) = board(rows);
+            let (values, known) = board(rows);
             let whole = doubled(&values);
-            let reduced = ReducedPicture {
-                picture: GreyBytes::new(SIZE, SIZE, &values).unwrap(),
-                candidates,
-            };
+            let halved = GreyBytes::new(SIZE, SIZE, &values).unwrap();
             let photograph = GreyBytes::new(2 * SIZE, 2 * SIZE, &whole).unwrap();
-            let found = find_lattices(&photograph, &[reduced], || Err("asked"));
-            assert_eq!(found.is_ok(), is_lattice);
-            let mut points = found.iter().flatten().flat_map(Lattice::points);
+            let looked_closer = Cell::new(false);
+            let candidates = |picture: &GreyBytes<'_>| {
+                looked_closer.set(picture.size() == photograph.size());
+                known.clone()
+            };
+            let found = find_at_candidates(&photograph, &[halved], candidates);
+            assert_eq!(looked_closer.get(), !is_lattice);
+            let mut points = found.iter().flat_map(Lattice::points);
             assert_eq!(is_lattice, points.any(|point| point.x > 1.2 * SIZE as f64));
         }
     }
@@ -252,12 +238,16 @@ mod tests {
     fn nothing_is_found_in_nothing() {
         let flat = vec![100; SIZE * SIZE];
         let picture = GreyBytes::new(SIZE, SIZE, &flat).unwrap();
-        assert_eq!(find_lattices(&picture, &[], no_candidates), Ok(Vec::new()));
-        let reduced = ReducedPicture {
-            picture,
-            candidates: board(5).1,
-        };
-        let Ok(found) = find_lattices(&picture, &[reduced], no_candidates);
-        assert!(found.is_empty());
+        assert!(find_lattices(&picture, &[]).is_empty());
+        let anywhere = |_: &GreyBytes<'_>| board(5).1;
+        assert!(find_at_candidates(&picture, &[picture], anywhere).is_empty());
+    }
+
+    #[test]
+    fn a_board_is_found_in_its_picture_alone() {
+        let (values, _) = board(5);
+        let picture = GreyBytes::new(SIZE, SIZE, &values).unwrap();
+        let found = find_lattices(&picture, &[picture]);
+        assert_eq!(found.iter().map(Lattice::count).collect::<Vec<_>>(), [30]);
     }
 }

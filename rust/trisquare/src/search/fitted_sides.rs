@@ -1,0 +1,446 @@
+//! Smooth curved sides through rough quads, measured on the grey picture itself.
+//!
+//! Contour pixels lie up to a pixel beside the edge and jump with the noise. A cubic through the edge
+//! positions along a side removes both, and tells apart what only looks four-cornered at one threshold:
+//! its edge is not there, or has the wrong sign, or is no smooth curve.
+
+use nalgebra::{Vector2, Vector4};
+
+use super::four_corners::{POINTS_PER_SIDE, Sides, fraction};
+use super::side_cubics::{SidePoints, trimmed_cubics};
+use crate::image::GreyBytes;
+use crate::numeric::median;
+
+/// Grey levels: a contrast of 60 in the weak half of strongly uneven light, and blurred.
+const MIN_CONTRAST: f64 = 14.0;
+
+/// Left out at each end of a side, where two edges blend; as a fraction it is kept within bounds.
+const END_MARGIN_PIXELS: f64 = 3.0;
+const END_MARGIN_FRACTIONS: [f64; 2] = [0.06, 0.25];
+
+/// Pixels to both sides of an edge, along the outward normal, that tell where it is, and the outermost
+/// of them, that tell the grey levels beside it.
+const REACH: i32 = 3;
+const PROFILE: usize = 2 * REACH as usize + 1;
+const BESIDE: usize = 2;
+/// Least contrast that a share of it is told of, and how far a share may be beyond 0 and 1.
+const LEAST_DIVISOR: f64 = 1.0;
+const MOST_BEYOND: f64 = 0.25;
+
+/// A contour may miss the edge by more than the profile sees near a corner; each round follows the
+/// edge further there, until none moves a curve further than this many pixels.
+const ROUNDS: usize = 3;
+const SETTLED: f64 = 0.1;
+
+/// Of a side's median contrast, that an edge point must have.
+const MIN_RELATIVE_CONTRAST: f64 = 0.4;
+
+/// Pixels from the curve to the edge, beyond which a point does not belong to it.
+const MAX_RESIDUAL: f64 = 0.75;
+
+/// Over the chord: a fisheye bends a long side by 15 %, a quarter circle has 0.21.
+const MAX_SAGITTA: f64 = 0.16;
+
+/// Over the chord, from the rough corner to where the sides really meet.
+const MAX_CORNER_SHIFT: f64 = 0.25;
+
+/// Squared pixels; two sides so parallel do not meet, and are refused by their angle.
+const LEAST_CROSS: f64 = 1e-3;
+
+/// Two almost straight curves meet in two.
+const NEWTON_STEPS: usize = 3;
+
+/// What must be true of a quad's sides.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SideLimits {
+    /// Share of a side's points that must lie on its curve, with the side's own contrast.
+    pub least_inliers: f64,
+    /// The same of the one side that something may hide in part.
+    pub least_inliers_hidden: f64,
+    /// Cosine between two sides at their corner, at most.
+    pub most_cosine: f64,
+}
+
+/// A quad whose four sides are smooth edges, within a few tenths of a pixel of them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FittedQuad {
+    /// In the order of the rough ones.
+    pub sides: Sides,
+    /// Steps in grey levels across the sides, positive.
+    pub contrasts: [f64; 4],
+    /// Where a side's edge is in sight; elsewhere something lies over it.
+    pub seen: [[bool; POINTS_PER_SIDE]; 4],
+}
+
+/// Measures the sides of a quad, which are clockwise on the screen and about a pixel and a half off;
+/// `None` unless all are smooth edges of its sign.
+#[must_use]
+pub fn fit_sides(
+    picture: &GreyBytes<'_>,
+    rough: &Sides,
+    is_dark: bool,
+    limits: &SideLimits,
+) -> Option<FittedQuad> {
+    let frames: [Frame; 4] =
+        std::array::from_fn(|k| Frame::between(rough[k][0], rough[(k + 1) % 4][0]));
+    let places = frames.map(|frame| frame.inner_places());
+    let started = started(rough, &frames, &places);
+    let mut sides: Vec<Edge> = (0..4)
+        .map(|k| Edge::at(frames[k], places[k], started[k]))
+        .collect();
+    for _ in 0..ROUNDS {
+        let before: Vec<_> = sides.iter().map(|side| side.curve).collect();
+        measure(picture, is_dark, &mut sides);
+        let moved = sides.iter().zip(&before).flat_map(|(side, before)| {
+            side.curve
+                .iter()
+                .zip(before)
+                .map(|(now, then)| (now - then).abs())
+        });
+        if moved.fold(0.0, f64::max) < SETTLED {
+            break;
+        }
+    }
+    let meetings: [Meeting; 4] =
+        std::array::from_fn(|k| Meeting::of(&sides[(k + 3) % 4], &sides[k]));
+    let inliers: Vec<f64> = sides.iter().map(Edge::inliers).collect();
+    let weakest = (1..4).fold(0, |least, k| {
+        if inliers[k] < inliers[least] {
+            k
+        } else {
+            least
+        }
+    });
+    let mut quad = FittedQuad {
+        sides: *rough,
+        contrasts: std::array::from_fn(|k| sides[k].contrast),
+        seen: std::array::from_fn(|k| match k == weakest {
+            true => sides[k].is_on_curve,
+            false => [true; POINTS_PER_SIDE],
+        }),
+    };
+    for (k, side) in sides.iter().enumerate() {
+        let (first, last) = (meetings[k].on_second, meetings[(k + 1) % 4].on_first);
+        let place = |point: usize| first + (last - first) * fraction(point);
+        let offsets: [f64; POINTS_PER_SIDE] =
+            std::array::from_fn(|point| side.offset(place(point)));
+        quad.sides[k] = std::array::from_fn(|point| side.frame.point(place(point), offsets[point]));
+        let middle = 0.5 * (offsets[0] + offsets[POINTS_PER_SIDE - 1]);
+        let sagitta = offsets
+            .iter()
+            .map(|it| (it - middle).abs())
+            .fold(0.0, f64::max);
+        let least_inliers = match k == weakest {
+            true => limits.least_inliers_hidden,
+            false => limits.least_inliers,
+        };
+        let is_good = inliers[k] >= least_inliers
+            && side.contrast >= MIN_CONTRAST
+            && sagitta <= MAX_SAGITTA * side.frame.length
+            && meetings[k].cosine.abs() <= limits.most_cosine
+            && first.abs() < MAX_CORNER_SHIFT
+            && (last - 1.0).abs() < MAX_CORNER_SHIFT;
+        if !is_good {
+            return None;
+        }
+    }
+    Some(quad)
+}
+
+/// Cubics through the rough points of sides, off their corners.
+fn started(
+    rough: &Sides,
+    frames: &[Frame; 4],
+    places: &[[f64; POINTS_PER_SIDE]; 4],
+) -> Vec<Vector4<f64>> {
+    let points = |k: usize| {
+        let seen = rough[k].map(|point| frames[k].coordinates(point));
+        let inner = places[k][0]..places[k][POINTS_PER_SIDE - 1];
+        SidePoints {
+            basis: seen.iter().map(|it| powers(it.x)).collect(),
+            offsets: seen.iter().map(|it| it.y).collect(),
+            used: seen
+                .iter()
+                .map(|it| it.x > inner.start && it.x < inner.end)
+                .collect(),
+            length: frames[k].length,
+        }
+    };
+    trimmed_cubics(&(0..4).map(points).collect::<Vec<_>>())
+}
+
+/// Puts the curves of a quad's sides through the edge that is found beside them.
+fn measure(picture: &GreyBytes<'_>, is_dark: bool, sides: &mut [Edge]) {
+    let sign = if is_dark { 1.0 } else { -1.0 };
+    let mut measured: Vec<SidePoints> = Vec::new();
+    for side in sides.iter_mut() {
+        let edges: [_; POINTS_PER_SIDE] = std::array::from_fn(|k| {
+            let (step, contrast) = side.frame.edge(picture, side.places[k], side.curve[k]);
+            (side.curve[k] + step, sign * contrast)
+        });
+        side.contrast = median(edges.iter().map(|edge| edge.1).collect()).unwrap_or(f64::NAN);
+        let least = MIN_RELATIVE_CONTRAST * side.contrast.max(MIN_CONTRAST);
+        measured.push(SidePoints {
+            basis: side.places.iter().map(|place| powers(*place)).collect(),
+            offsets: edges.iter().map(|edge| edge.0).collect(),
+            used: edges.iter().map(|edge| edge.1 > least).collect(),
+            length: side.frame.length,
+        });
+    }
+    let trimmed = trimmed_cubics(&measured);
+    for ((side, mut points), cubic) in sides.iter_mut().zip(measured).zip(trimmed) {
+        side.is_on_curve = std::array::from_fn(|k| {
+            let off = points.offsets[k] - points.basis[k].dot(&cubic);
+            points.used[k] && off.abs() < MAX_RESIDUAL
+        });
+        points.used = side.is_on_curve.to_vec();
+        side.bend(points.cubic());
+    }
+}
+
+/// A side's chord: position 0 to 1 along, offset in pixels outward.
+#[derive(Debug, Clone, Copy)]
+struct Frame {
+    start: Vector2<f64>,
+    direction: Vector2<f64>,
+    outward: Vector2<f64>,
+    length: f64,
+}
+
+impl Frame {
+    /// Of a quad whose corners go clockwise on the screen.
+    fn between(start: Vector2<f64>, end: Vector2<f64>) -> Self {
+        let length = (end - start).norm();
+        let direction = (end - start) / length;
+        Self {
+            start,
+            direction,
+            outward: Vector2::new(direction.y, -direction.x),
+            length,
+        }
+    }
+
+    fn point(&self, place: f64, offset: f64) -> Vector2<f64> {
+        self.start + self.direction * (place * self.length) + self.outward * offset
+    }
+
+    /// Position and offset.
+    fn coordinates(&self, point: Vector2<f64>) -> Vector2<f64> {
+        let relative = point - self.start;
+        Vector2::new(
+            relative.dot(&self.direction) / self.length,
+            relative.dot(&self.outward),
+        )
+    }
+
+    /// Positions that are spread over the chord without its ends.
+    fn inner_places(&self) -> [f64; POINTS_PER_SIDE] {
+        let [least, most] = END_MARGIN_FRACTIONS;
+        let margin = (END_MARGIN_PIXELS / self.length).clamp(least, most);
+        std::array::from_fn(|point| margin + (1.0 - 2.0 * margin) * fraction(point))
+    }
+
+    /// Where the edge is, outward from a place in pixels, and its step from inside to outside.
+    ///
+    /// The profile's sum counts how many of its pixels are on the outer side; unlike a steepest
+    /// gradient this is unbiased by noise and needs no interpolation.
+    fn edge(&self, picture: &GreyBytes<'_>, place: f64, offset: f64) -> (f64, f64) {
+        let profile: [f64; PROFILE] = std::array::from_fn(|k| {
+            picture.at(self.point(place, offset + f64::from(k as i32 - REACH)))
+        });
+        let mean = |levels: &[f64]| levels.iter().sum::<f64>() / BESIDE as f64;
+        let (inside, outside) = (mean(&profile[..BESIDE]), mean(&profile[PROFILE - BESIDE..]));
+        let contrast = outside - inside;
+        let divisor = if contrast.abs() < LEAST_DIVISOR {
+            LEAST_DIVISOR
+        } else {
+            contrast
+        };
+        let share =
+            |level: &f64| ((level - inside) / divisor).clamp(-MOST_BEYOND, 1.0 + MOST_BEYOND);
+        let outer: f64 = profile.iter().map(share).sum();
+        (0.5 * PROFILE as f64 - outer, contrast)
+    }
+}
+
+/// A side's curve, and what is seen along it.
+#[derive(Debug, Clone)]
+struct Edge {
+    frame: Frame,
+    /// Of its points along the chord.
+    places: [f64; POINTS_PER_SIDE],
+    cubic: Vector4<f64>,
+    /// Offsets of the cubic at the places.
+    curve: [f64; POINTS_PER_SIDE],
+    is_on_curve: [bool; POINTS_PER_SIDE],
+    /// Step in grey levels, positive if it is of the quad's sign.
+    contrast: f64,
+}
+
+impl Edge {
+    fn at(frame: Frame, places: [f64; POINTS_PER_SIDE], cubic: Vector4<f64>) -> Self {
+        let mut edge = Self {
+            frame,
+            places,
+            cubic,
+            curve: [0.0; POINTS_PER_SIDE],
+            is_on_curve: [false; POINTS_PER_SIDE],
+            contrast: 0.0,
+        };
+        edge.bend(cubic);
+        edge
+    }
+
+    fn bend(&mut self, cubic: Vector4<f64>) {
+        self.cubic = cubic;
+        self.curve = self.places.map(|place| self.offset(place));
+    }
+
+    /// Share of its points that lie on its curve.
+    fn inliers(&self) -> f64 {
+        self.is_on_curve.iter().filter(|is_on| **is_on).count() as f64 / POINTS_PER_SIDE as f64
+    }
+
+    fn offset(&self, place: f64) -> f64 {
+        powers(place).dot(&self.cubic)
+    }
+
+    fn point(&self, place: f64) -> Vector2<f64> {
+        self.frame.point(place, self.offset(place))
+    }
+
+    /// The curve's points differentiated by position.
+    fn tangent(&self, place: f64) -> Vector2<f64> {
+        let centred = 2.0 * place - 1.0;
+        let slope =
+            self.cubic[1] + 2.0 * self.cubic[2] * centred + 3.0 * self.cubic[3] * centred * centred;
+        self.frame.direction * self.frame.length + self.frame.outward * (2.0 * slope)
+    }
+}
+
+/// Where two sides that follow each other meet: positions on both, and the cosine between them.
+struct Meeting {
+    on_first: f64,
+    on_second: f64,
+    cosine: f64,
+}
+
+impl Meeting {
+    /// Newton's method on the two positions, from the ends of the chords.
+    fn of(first: &Edge, second: &Edge) -> Self {
+        let (mut on_first, mut on_second, mut cosine) = (1.0, 0.0, 0.0);
+        for _ in 0..NEWTON_STEPS {
+            let gap = first.point(on_first) - second.point(on_second);
+            let (there, here) = (first.tangent(on_first), second.tangent(on_second));
+            let cross = there.perp(&here);
+            let divisor = if cross.abs() < LEAST_CROSS {
+                LEAST_CROSS
+            } else {
+                cross
+            };
+            // on_first * there - on_second * here = -gap, by Cramer's rule.
+            on_first -= gap.perp(&here) / divisor;
+            on_second -= gap.perp(&there) / divisor;
+            on_second = on_second.clamp(-0.5, 0.5);
+            on_first = on_first.clamp(0.5, 1.5);
+            cosine = here.dot(&there) / (here.norm() * there.norm());
+        }
+        Self {
+            on_first,
+            on_second,
+            cosine,
+        }
+    }
+}
+
+/// Cubic basis about the middle of the chord.
+fn powers(place: f64) -> Vector4<f64> {
+    let centred = 2.0 * place - 1.0;
+    Vector4::new(1.0, centred, centred * centred, centred.powi(3))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: usize = 80;
+    const LIMITS: SideLimits = SideLimits {
+        least_inliers: 0.85,
+        least_inliers_hidden: 0.65,
+        most_cosine: 0.9,
+    };
+    const CORNERS: [[f64; 2]; 4] = [[18.3, 20.6], [61.7, 17.4], [58.9, 60.2], [21.2, 57.8]];
+
+    /// A dark quad, blurred by a pixel or so, and what else is on it.
+    fn picture(covers: impl Fn(usize, usize) -> bool) -> Vec<u8> {
+        let frames = frames();
+        let level = |index: usize| {
+            let (x, y) = (index % SIZE, index / SIZE);
+            if covers(x, y) {
+                return 180;
+            }
+            let point = Vector2::new(x as f64, y as f64);
+            let outside = frames.map(|frame| frame.coordinates(point).y);
+            let nearest = outside.into_iter().fold(f64::NEG_INFINITY, f64::max);
+            (60.0 + 120.0 * (0.5 + 0.5 * nearest).clamp(0.0, 1.0)).round() as u8
+        };
+        (0..SIZE * SIZE).map(level).collect()
+    }
+
+    fn frames() -> [Frame; 4] {
+        let corner = |k: usize| Vector2::from(CORNERS[k % 4]);
+        std::array::from_fn(|k| Frame::between(corner(k), corner(k + 1)))
+    }
+
+    /// A pixel off to and fro, as contours are.
+    fn rough() -> Sides {
+        frames().map(|frame| std::array::from_fn(|k| frame.point(fraction(k), [1.0, -0.6][k % 2])))
+    }
+
+    #[test]
+    fn sides_are_put_on_their_edges() {
+        let values = picture(|_, _| false);
+        let picture = GreyBytes::new(SIZE, SIZE, &values).unwrap();
+        let quad = fit_sides(&picture, &rough(), true, &LIMITS).unwrap();
+        for (side, corner) in quad.sides.iter().zip(CORNERS) {
+            assert!(
+                (side[0] - Vector2::from(corner)).amax() < 0.1,
+                "{:?}",
+                side[0]
+            );
+        }
+        for (frame, side) in frames().iter().zip(&quad.sides) {
+            assert!(
+                side.iter()
+                    .all(|point| frame.coordinates(*point).y.abs() < 0.1)
+            );
+        }
+        assert!(
+            quad.contrasts
+                .iter()
+                .all(|step| (step - 120.0).abs() < 10.0)
+        );
+        assert!(quad.seen.iter().flatten().all(|seen| *seen));
+        // Neither the wrong sign nor a plain ground has such edges.
+        assert_eq!(fit_sides(&picture, &rough(), false, &LIMITS), None);
+        let plain = vec![100; SIZE * SIZE];
+        let plain = GreyBytes::new(SIZE, SIZE, &plain).unwrap();
+        assert_eq!(fit_sides(&plain, &rough(), true, &LIMITS), None);
+    }
+
+    #[test]
+    fn a_quarter_of_one_side_may_be_hidden_and_no_more() {
+        for (width, is_good) in [(9, true), (25, false)] {
+            let values = picture(|x, y| (30..30 + width).contains(&x) && y < 30);
+            let picture = GreyBytes::new(SIZE, SIZE, &values).unwrap();
+            let quad = fit_sides(&picture, &rough(), true, &LIMITS);
+            assert_eq!(quad.is_some(), is_good, "{width}");
+            for quad in quad {
+                let hidden = |side: usize| quad.seen[side].iter().filter(|seen| !**seen).count();
+                assert!((4..12).contains(&hidden(0)), "{}", hidden(0));
+                assert_eq!(hidden(1) + hidden(2) + hidden(3), 0);
+                assert!((quad.sides[0][0] - Vector2::from(CORNERS[0])).amax() < 0.3);
+            }
+        }
+    }
+}
