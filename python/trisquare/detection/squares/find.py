@@ -37,12 +37,7 @@ from trisquare.detection.squares.side_curves import fit_sides
 from trisquare.detection.tags.decode import decode_tags
 from trisquare.detection.tags.families import TagSearch
 from trisquare.detection.tags.find import detect_markers
-
-SETTLING_REACH = 2
-"""Pixels on either side of a corner: cells of the smallest tags that are read are as large."""
-
-SETTLED = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 10, 0.05)
-"""Iterations and pixels after which a corner is where it is."""
+from trisquare.detection.tags.small import dictionaries_of_small_tags, settled
 
 
 def find_squares(
@@ -81,8 +76,8 @@ def find_squares(
         known = _corners(squares)
         squares += [other for other in others if not is_among(other.outer.corners, known)]
     names = {square.tag.dictionary for square in squares if square.tag is not None}
-    if tag_search is not None and not all(is_known(quad) for quad in unread):
-        names |= _dictionaries_of_small_tags(grey, tag_search)
+    if tag_search is not None and (unknown := [quad for quad in unread if not is_known(quad)]):
+        names |= dictionaries_of_small_tags(grey, unknown, tag_search)
     further = _further_tags(grey, squares, names)
     # What stands within a tag, or holds one, is a cell or the sheet.
     known = _corners(further)
@@ -157,18 +152,6 @@ def _squares_of(
     return squares, corners[unread]
 
 
-def _dictionaries_of_small_tags(grey: NDArray[np.uint8], tag_search: TagSearch) -> set[str]:
-    """Name the dictionaries of tags that are read in the photograph itself.
-
-    In the working picture the sides of a tag of less than 40 pixels are too short to be fitted.
-    """
-    # OpenCV's detector gives the quads that it cannot read, too: it may be told of any dictionary.
-    markers, others = detect_markers(grey, tag_search.names[0])
-    corners = _settled(grey, [marker.corners for marker in markers] + others)
-    tags = decode_tags(grey, straight_sides(corners), np.zeros(len(corners)), tag_search)
-    return {tag.dictionary for tag in tags if tag is not None}
-
-
 def _further_tags(
     grey: NDArray[np.uint8], found: list[SquareOutline], names: set[str]
 ) -> list[SquareOutline]:
@@ -179,7 +162,8 @@ def _further_tags(
     further: list[SquareOutline] = []
     tagged = [square for square in found if square.tag is not None]
     for name in sorted(names):
-        corners = _settled(grey, [marker.corners for marker in detect_markers(grey, name)[0]])
+        markers, _ = detect_markers(grey, name)
+        corners = settled(grey, np.array([marker.corners for marker in markers]))
         search = TagSearch((name,), stated=True)
         tags = decode_tags(grey, straight_sides(corners), np.zeros(len(corners)), search)
         for quad, tag in zip(corners, tags, strict=True):
@@ -190,19 +174,6 @@ def _further_tags(
     sizes = sorted(_side(square.outer) for square in (*found, *further))
     smallest = MIN_RELATIVE_SIDE * sizes[-3] if len(sizes) > 3 else 0.0
     return [square for square in further if _side(square.outer) >= smallest]
-
-
-def _settled(grey: NDArray[np.uint8], quads: list[FloatArray]) -> FloatArray:
-    """Move quads' corners onto those of the picture, shape (Q, 4, 2).
-
-    OpenCV's are corners of contours: a pixel off is half a cell of a tag of 18 pixels.
-    """
-    if not quads:
-        return np.zeros((0, 4, 2))
-    corners = np.array(quads, dtype=np.float32).reshape(-1, 1, 2)
-    window = (SETTLING_REACH, SETTLING_REACH)
-    moved = cv2.cornerSubPix(grey, corners, window, (-1, -1), SETTLED)
-    return np.asarray(moved, dtype=np.float64).reshape(-1, 4, 2)
 
 
 def _corners(squares: Sequence[SquareOutline]) -> FloatArray:

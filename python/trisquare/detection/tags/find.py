@@ -25,10 +25,15 @@ class Marker(NamedTuple):
 
 
 def detect_markers(
-    grey: NDArray[np.uint8], name: str, border: int = BORDER
+    grey: NDArray[np.uint8], name: str, border: int = BORDER, longest_side: int | None = None
 ) -> tuple[list[Marker], list[FloatArray]]:
-    """Find the markers of a dictionary, and what else has four corners."""
+    """Find the markers of a dictionary, and what else has four corners.
+
+    As large ones as in a picture of some longest side, of which this may be a part.
+    """
     parameters = cv2.aruco.DetectorParameters()
+    # The detector states the smallest in parts of the longest side.
+    parameters.minMarkerPerimeterRate *= (longest_side or max(grey.shape)) / max(grey.shape)
     parameters.markerBorderBits = border
     detector = cv2.aruco.ArucoDetector(opencv_dictionary(name), parameters)
     corners, numbers, others = detector.detectMarkers(grey)
