@@ -5,12 +5,18 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cache
+from typing import TypeVar
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 Bits = NDArray[np.bool_]
+
+Real = TypeVar("Real", np.float32, np.float64)
+
+BLOCK = 64
+"""Codes, and readings, that are multiplied at a time."""
 
 LEAST_BITS_TO_CORRECT = 25
 """One wrong bit is forgiven where codes have as many bits as this: those of 16 lie so close that
@@ -55,7 +61,7 @@ class Dictionary:
         Turned left once, a code's top left corner is the reading's bottom left one.
         """
         signs = np.where(read.reshape(-1, self.side**2), np.float32(1.0), np.float32(-1.0))
-        agreement = signs @ _turned_codes(self.name).T
+        agreement = products(signs, _turned_codes(self.name))
         best = agreement.argmax(axis=1)
         wrong = (signs.shape[1] - agreement.max(axis=1, initial=-np.inf)) / 2.0
         return [
@@ -85,7 +91,27 @@ def opencv_dictionary(name: str) -> cv2.aruco.Dictionary:
 
 @cache
 def _turned_codes(name: str) -> NDArray[np.float32]:
-    """Codes as +1 and -1 in the four ways they may be turned, shape (4 N, n * n)."""
+    """Codes as +1 and -1 in the four ways they may be turned, as `products` takes them."""
     codes = dictionary(name).codes
     turned = np.concatenate([np.rot90(codes, turns, axes=(1, 2)) for turns in range(4)])
-    return np.where(turned.reshape(len(turned), -1), np.float32(1.0), np.float32(-1.0))
+    signs = np.where(turned.reshape(len(turned), -1), np.float32(1.0), np.float32(-1.0))
+    return in_blocks(signs)
+
+
+def in_blocks(codes: NDArray[Real]) -> NDArray[Real]:
+    """Codes, shape (C, n), as `products` takes them, the last one repeated to fill a block."""
+    filled = np.concatenate([codes, np.repeat(codes[-1:], -len(codes) % BLOCK, axis=0)])
+    blocks = filled.reshape(-1, BLOCK, codes.shape[1])
+    return np.ascontiguousarray(blocks.transpose(0, 2, 1))
+
+
+def products(rows: NDArray[Real], blocks: NDArray[Real]) -> NDArray[Real]:
+    """Scalar products of rows, shape (Q, n), with codes in blocks, shape (Q, C and a few).
+
+    In small products, for which BLAS starts no threads: these take longer to start than all does.
+    """
+    parts = [
+        (rows[first : first + BLOCK] @ blocks).swapaxes(0, 1).reshape(-1, len(blocks) * BLOCK)
+        for first in range(0, max(len(rows), 1), BLOCK)
+    ]
+    return np.concatenate(parts)

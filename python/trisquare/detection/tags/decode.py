@@ -20,7 +20,7 @@ from trisquare._support.arrays import FloatArray
 from trisquare.detection.candidates import MIN_CONTRAST, Tag
 from trisquare.detection.sampling import sample, straight_sides
 from trisquare.detection.square_views import SquareViews
-from trisquare.detection.tags.codes import Bits, Dictionary, dictionary
+from trisquare.detection.tags.codes import Bits, Dictionary, dictionary, in_blocks, products
 from trisquare.detection.tags.families import WIDE_BORDERED, TagSearch
 
 BORDER = 1
@@ -161,17 +161,17 @@ def agreement(
     if expected is not None:
         codes = _normalised(book.codes[expected])
         return Agreement(expected, np.zeros_like(expected), (shades * codes).sum(axis=1))
-    correlation = shades @ _normalised_codes(name).T
+    correlation = products(shades, _normalised_codes(name))
     turns, numbers = np.divmod(correlation.argmax(axis=1), len(book.codes))
     return Agreement(numbers, turns, correlation[quads, turns * len(book.codes) + numbers])
 
 
 @cache
 def _normalised_codes(name: str) -> FloatArray:
-    """Codes in the four ways they may be turned, shape (4 N, n * n)."""
+    """Codes in the four ways they may be turned, as `products` takes them."""
     codes = dictionary(name).codes
     turned = [np.rot90(codes, turns, axes=(1, 2)) for turns in range(4)]
-    return _normalised(np.concatenate(turned))
+    return in_blocks(_normalised(np.concatenate(turned)))
 
 
 def _normalised(cells: FloatArray | Bits) -> FloatArray:
@@ -189,6 +189,8 @@ class _Hits(NamedTuple):
     @classmethod
     def of(cls, book: Dictionary, reading: _Reading, open_quads: Bits, border: int) -> _Hits:
         quads = np.flatnonzero(reading.clear & open_quads)
+        if not len(quads):
+            return cls({}, 0.0)
         codes = book.look_up(reading.bits[quads])
         tags = {
             int(quad): Tag(book.name, *code)
