@@ -163,9 +163,10 @@ def measure(
         That took it: the calibration that the plane belongs to, or the camera that it was
         located with. A `Camera` is taken as exact.
     side : str or float, optional
-        Length of the square's side (of a board: of a cell): a text such as ``"84mm"``, and lengths
-        are in metres; or a number in any unit, and lengths are in that. By default the plane's own
-        `side` in metres, or 1 where that is not known.
+        Length of the square's side (of a board: of a cell; of "a4" and the like: the shorter one,
+        see `Plane`): a text such as ``"84mm"``, and lengths are in metres; or a number in any unit,
+        and lengths are in that. By default the plane's own `side` in metres, or 1 where that is
+        not known.
     point_std : float
         One standard deviation of each pixel's coordinates; half a pixel is what one points
         at by hand, `detect` and `cv2.cornerSubPix` are better.

@@ -120,9 +120,10 @@ def calibrate(
         squares: that they are straight tells of the distortion and its centre, out to where no
         square is. They are in the result's ``lines``, used or rejected. Needs ``method="ml"``.
     side : str or float, optional
-        Length of the squares' sides (of a board: of a cell), such as ``"84mm"``, or in metres. The
-        planes of the result then have it as `side`, and their poses are metric. All targets
-        must be of this size. A number from 10 on is warned of: mostly it is of millimetres.
+        Length of the squares' sides (of a board: of a cell; of "a4" and the like: the shorter one,
+        see `Plane`), such as ``"84mm"``, or in metres. The planes of the result then have it as
+        `side`, and their poses are metric. All targets must be of this size. A number from 10 on is
+        warned of: mostly it is of millimetres.
     frames : int, optional
         How many frames to take of each video among the paths and in the folders: sharp ones that
         differ from one another, each one photograph of the camera. They are held in memory.

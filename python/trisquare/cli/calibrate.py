@@ -124,8 +124,9 @@ def calibrate_command(
     targets: str = option(
         "auto",
         "TARGETS",
-        "Targets to search for: auto, squares, tags, aruco, apriltag, or chessboard:9x6 (inner "
-        "corners of a checkerboard).",
+        "Targets to search for: auto, squares, tags, aruco, apriltag, chessboard:9x6 (inner "
+        "corners of a checkerboard), or sheets of paper and other rectangles: a4, letter, card, "
+        "16:9, rectangle:1.5, rectangle (any).",
         offer=TAG_SEARCHES,
     ),
     board: str | None = option(
@@ -149,7 +150,8 @@ def calibrate_command(
     side: str | None = option(
         None,
         "LENGTH",
-        "Length of the squares' sides (on a board: of a cell), such as 84mm, for metric poses.",
+        "Length of the squares' sides (on a board: of a cell; of a4, 16:9 and the like: the "
+        "shorter one), such as 84mm, for metric poses.",
     ),
     jobs: int | None = option(
         None,

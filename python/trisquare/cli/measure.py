@@ -61,8 +61,9 @@ def measure_command(
     side: str | None = option(
         None,
         "LENGTH",
-        "Side of the square (on a board: of a cell), such as 50mm; by default the one that the "
-        f"calibration states, or 1. Units: {', '.join(METRES)}.",
+        "Side of the square (on a board: of a cell; of a4, 16:9 and the like: the shorter one), "
+        "such as 50mm; by default the one that the calibration states, or 1. Units: "
+        f"{', '.join(METRES)}.",
     ),
     point_std: float = option(CLICKED_STD, "PX", "Standard deviation of the given pixels."),
     rectify: Path | None = option(None, "FILE", "Draw the plane from straight above, to scale."),
