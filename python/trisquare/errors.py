@@ -276,7 +276,7 @@ class LensModelError(ValueError):
     """A camera file's format has no model for a lens, or trisquare has none for what a file holds.
 
     Of the arguments alone, hence no `TrisquareError`. Choose another format, or ask for the nearest
-    lens with ``approximate=True`` (``--approximate``).
+    lens with ``approximate=True`` (``trisquare convert --approximate``).
 
     Attributes
     ----------

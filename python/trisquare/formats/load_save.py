@@ -74,7 +74,7 @@ def load_camera(
     if not approximate:
         raise LensModelError(
             f"{os.fspath(path)}: {lens.title} is none of trisquare's; the nearest is {stand_in}: "
-            "read it so with approximate=True (--approximate)",
+            "read it so with approximate=True (trisquare convert --approximate)",
             stand_in.lens,
             stand_in.rms,
             stand_in.worst,
@@ -164,7 +164,7 @@ def written(
     if not approximate:
         raise LensModelError(
             f"{cannot}; the nearest that it can is {stand_in}: write that with approximate=True "
-            "(--approximate)",
+            "(trisquare convert --approximate)",
             stand_in.lens,
             stand_in.rms,
             stand_in.worst,
