@@ -276,7 +276,8 @@ def test_a_camera_of_another_resolution_is_compared_on_request(run, result, tmp_
     result.camera.rescaled((640, 480)).save(halved)
     code, _, said = run("compare", whole, halved)
     assert code == 2
-    assert "--rescale" in said
+    sizes = "the camera's pictures are 640 x 480, not 1280 x 960: use --rescale"
+    assert f"{halved}, compared with {whole}: {sizes}" in said
     code, printed, _ = run("compare", whole, halved, "--rescale")
     assert code == 0
     assert "the same" in printed

@@ -54,7 +54,8 @@ def compare_command(
     check_outputs([first, second], [map_file])
     known = read_camera(first)
     lens = camera_of(known)
-    other = of_size(read_camera(second), lens.image_size, rescale, str(first))
+    both = f"{second}, compared with {first}"
+    other = of_size(read_camera(second), lens.image_size, rescale, both)
     comparison = compare(known, other)
     if map_file is not None:
         write_atomically({map_file: encode_image(draw_comparison(comparison), map_file)})

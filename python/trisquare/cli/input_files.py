@@ -61,8 +61,8 @@ def of_size(
     if not rescale:
         own, other = ("{} x {}".format(*size) for size in (lens.image_size, image_size))
         raise ValueError(
-            f"{what} has {other} pixels, but the camera is for {own}: use --rescale if only "
-            "the resolution differs"
+            f"{what}: the camera's pictures are {own}, not {other}: use --rescale if only the "
+            "resolution differs"
         )
     return scaled
 
