@@ -362,7 +362,7 @@ def test_a_view_from_above_of_few_pixels_is_told(run, files, tmp_path):
 
 def test_a_measurement_shows_as_many_digits_as_are_known(scene, result):
     found = ts.measure(result.planes[0], seen(scene, TRIANGLE[:2]), result, side=50)
-    length, std = re.search(r"lengths ([\d.]+) \+- ([\d.]+), in the unit", repr(found)).groups()
+    length, std = re.search(r"lengths ([\d.]+) \+- ([\d.]+)>", repr(found)).groups()
     assert len(length.partition(".")[2]) == len(std.partition(".")[2])
     assert float(length) == pytest.approx(found.lengths[0], abs=float(std))
     for wrong in (0, None):

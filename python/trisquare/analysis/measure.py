@@ -55,7 +55,9 @@ FULL_TURN = 360.0
 class Measurement(RebuiltByConstructor):
     """Points on a plane, and the lengths, angles and area between them.
 
-    Lengths are in the unit of the side that was given; angles in degrees.
+    Lengths are in the unit of `measure`: metres where the side is a text such as ``"84mm"`` or the
+    plane's own, that of the side where it is a number, and sides where none is known. Angles are in
+    degrees.
 
     Parameters
     ----------
@@ -137,10 +139,7 @@ class Measurement(RebuiltByConstructor):
             plus_minus(length, std)
             for length, std in zip(self.lengths, self.lengths_std, strict=True)
         ]
-        return (
-            f"<Measurement of {len(self.points)} points: lengths {', '.join(said)}, in the unit of "
-            "the side>"
-        )
+        return f"<Measurement of {len(self.points)} points: lengths {', '.join(said)}>"
 
 
 def measure(
