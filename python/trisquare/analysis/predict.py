@@ -80,7 +80,7 @@ class Prediction(RebuiltByConstructor):
         values = camera_parameters(self.camera)
         lines = [
             f"Prediction for a {width} x {height} camera ({self.camera.model}), "
-            f"edges known to {self.sigma:.3g} px every {self.spacing:g} px"
+            f"edges sampled every {self.spacing:g} px, each sample known to {self.sigma:.3g} px"
         ]
         lines += [
             f"  {name}  std {std:8.2g}  of {values[name]:.6g}" for name, std in self.std.items()

@@ -199,6 +199,7 @@ def _report(prediction: Prediction, planned: list[PlannedSquare]) -> list[Render
     tilts = ", ".join(f"{tilt_degrees(square.rotation):.0f}" for square in planned)
     summary = (
         f"{width} x {height}, {len(planned)} squares tilted by {tilts} degrees, "
-        f"edges known to {prediction.sigma:g} px every {prediction.spacing:g} px"
+        f"edges sampled every {prediction.spacing:g} px, each sample known to "
+        f"{prediction.sigma:g} px (--sigma)"
     )
     return [table, summary]
