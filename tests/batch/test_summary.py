@@ -86,12 +86,19 @@ def test_cameras_that_are_alike_have_no_spread():
     assert own.deviation(8.0, 0.5) == 2.0
 
 
+TOGETHER = (
+    "too few targets: show three squares that are tilted differently, or take the photographs of "
+    "one camera together"
+)
+
+
 @pytest.mark.parametrize(
     ("record", "status", "retake"),
     [
         (camera("a"), "passed", None),
         (camera("a", 1020.0), "beyond limits", None),
         (failed("a"), "failed", "no target was found"),
+        (failed("a", "NotEnoughPlanesError"), "failed", TOGETHER),
         (failed("a", "KeyError", "x"), "failed", "KeyError: x"),
         (
             camera("a", warnings=[{"code": "x", "severity": "high", "text": "blurred"}]),

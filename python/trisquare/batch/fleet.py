@@ -27,7 +27,9 @@ UNCERTAIN = 4.0
 CURES = {
     "ImageError": "no picture can be read from the file",
     "DetectionError": "no target was found: sharper, brighter, larger targets, or --targets",
-    "NotEnoughPlanesError": "too few targets: show three squares that are tilted differently",
+    "NotEnoughPlanesError": "too few targets: show three squares that are tilted differently, or "
+    "take the photographs of one camera together, by a folder below the one that is named or by "
+    "--camera",
     "NotEnoughDataError": "too little of the targets is seen: let them fill the picture",
     # Of several causes, parallel targets and a rich lens model among them: the error's text tells.
     "DegenerateGeometryError": "the photographs do not determine the camera",
