@@ -7,7 +7,7 @@
 use super::band::Pixel;
 use super::blur::{BlurShape, MOST};
 use super::pixel_noise::{robust_cost, robust_weight};
-use super::side::{LAST_STEP, Side};
+use super::side::{LAST_STEP, Prediction, Side};
 use crate::image::ToneCurve;
 
 /// Blurs (px) that are mostly the pixel's own box and the lens, and taken as normal.
@@ -63,17 +63,22 @@ impl Side {
             shape: BlurShape::with_square(square),
             ..self.clone()
         };
-        side.fit(tone, pixels, noise, (TRIAL_STEPS, LAST_STEP));
+        let mut predictions = Vec::with_capacity(pixels.len());
+        let steps = (TRIAL_STEPS, LAST_STEP);
+        side.predict_all(tone, pixels, &mut predictions);
+        side.fit(tone, pixels, &mut predictions, noise, steps);
+        side.predict_all(tone, pixels, &mut predictions);
         if square > 0.0 {
             for _ in 0..SLOPE_ROUNDS {
-                side.fit_blur_slope(tone, pixels, noise);
-                side.fit(tone, pixels, noise, (TRIAL_STEPS, LAST_STEP));
+                side.fit_blur_slope(pixels, &predictions, noise);
+                side.predict_all(tone, pixels, &mut predictions);
+                side.fit(tone, pixels, &mut predictions, noise, steps);
+                side.predict_all(tone, pixels, &mut predictions);
             }
         }
         let inverse_variance = 1.0 / (noise * noise);
-        let costs = pixels.iter().map(|pixel| {
-            let residual = side.predict(tone, pixel, 0.0).residual;
-            0.5 * robust_cost(residual * residual * inverse_variance * pixel.count)
+        let costs = pixels.iter().zip(&predictions).map(|(pixel, p)| {
+            0.5 * robust_cost(p.residual * p.residual * inverse_variance * pixel.count)
         });
         Trial {
             cost: costs.sum(),
@@ -83,11 +88,10 @@ impl Side {
 
     /// One Gauss-Newton step of how the blur changes along the side, all else held: it is nearly
     /// independent of that.
-    fn fit_blur_slope(&mut self, tone: &ToneCurve, pixels: &[Pixel], noise: f64) {
+    fn fit_blur_slope(&mut self, pixels: &[Pixel], predictions: &[Prediction], noise: f64) {
         let inverse_variance = 1.0 / (noise * noise);
         let (mut square, mut product) = (0.0, 0.0);
-        for pixel in pixels {
-            let p = self.predict(tone, pixel, 0.0);
+        for (pixel, p) in pixels.iter().zip(predictions) {
             let inverse_variance = inverse_variance * pixel.count;
             let weight = robust_weight(p.residual * p.residual * inverse_variance);
             let by_slope = p.by_blur * self.blur * pixel.s;

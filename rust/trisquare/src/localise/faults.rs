@@ -64,9 +64,8 @@ impl PictureFaults {
 
 fn is_clipped(preview: &Preview) -> bool {
     let (mut clipped, mut light) = (0.0, 0.0);
-    for pixel in &preview.pixels {
-        let side = &preview.side;
-        if side.distance(pixel) * side.contrast[0] * pixel.flip.slope > 0.0 {
+    for (pixel, p) in preview.pixels.iter().zip(&preview.predictions) {
+        if p.blurs * preview.side.contrast[0] * pixel.flip.slope > 0.0 {
             light += pixel.count;
             clipped += pixel.count * f64::from(u8::from(pixel.is_clipped));
         }

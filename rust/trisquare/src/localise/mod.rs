@@ -13,6 +13,7 @@ mod blur_shape;
 mod coarse;
 mod curve;
 mod displacement;
+mod equations;
 mod faults;
 mod flip;
 mod grid_crossings;
@@ -40,7 +41,7 @@ use measured::Measured;
 pub use motion::MotionBlur;
 pub use parts::{ColourDisplacements, PartDisplacement};
 use preview::Preview;
-use side::{BLUR_RANGE, LAST_STEP, Side};
+use side::{BLUR_RANGE, LAST_STEP, Prediction, Side};
 pub use span::{EdgeSpan, NoEdge, SpanEdges};
 use surroundings::{FAR_RATIO, far_margin, inner_end, limits, margin, near};
 pub use tone_fit::ToneEstimate;
@@ -160,6 +161,7 @@ struct Localiser<'a> {
     pixels: Vec<Pixel>,
     /// The pixels of a preview's wider band.
     wide: Vec<Pixel>,
+    predictions: Vec<Prediction>,
     residuals: Vec<f64>,
 }
 
@@ -172,6 +174,7 @@ impl<'a> Localiser<'a> {
             noise_floor: picture.rounding_noise(),
             pixels: Vec::new(),
             wide: Vec::new(),
+            predictions: Vec::new(),
             residuals: Vec::new(),
         }
     }
@@ -214,9 +217,9 @@ impl<'a> Localiser<'a> {
         let narrow = near(&side);
         let curve = side.curve.clone();
         self.gather(&band(curve, narrow, within(narrow), crossed.as_ref()))?;
+        self.predict(&side);
         let noise = self.noise_about(&side);
-        let steps = (PREVIEW_STEPS, LAST_ROUGH_STEP);
-        side.fit(self.reader.curve(), &self.pixels, noise, steps);
+        self.fit(&mut side, noise, (PREVIEW_STEPS, LAST_ROUGH_STEP));
 
         let near = near(&side).min(margin[0].max(margin[1]));
         let far = (FAR_RATIO * near).min(far_margin(&side, is_crossed));
@@ -228,17 +231,17 @@ impl<'a> Localiser<'a> {
         let is_near = |pixel: &&Pixel| side.distance(pixel).abs() <= near;
         self.pixels.clear();
         self.pixels.extend(self.wide.iter().filter(is_near));
+        self.predict(&side);
         let noise = self.noise_about(&side);
-        let steps = (PREVIEW_STEPS, LAST_STEP);
-        side.fit(self.reader.curve(), &self.pixels, noise, steps);
-        let noise = self.noise_about(&side);
+        self.fit(&mut side, noise, (PREVIEW_STEPS, LAST_STEP));
+        side.predict_all(self.reader.curve(), &self.wide, &mut self.predictions);
+        let mut noise = self.noise_about(&side);
         // A crossed line's changes of sides assume a normal blur; and what a wrong shape shifts,
         // it shifts to and fro from cell to cell.
-        let reshaped = !is_crossed && side.shape(self.reader.curve(), &self.pixels, noise);
-        let noise = match reshaped {
-            true => self.noise_about(&side),
-            false => noise,
-        };
+        if !is_crossed && side.shape(self.reader.curve(), &self.pixels, noise) {
+            side.predict_all(self.reader.curve(), &self.wide, &mut self.predictions);
+            noise = self.noise_about(&side);
+        }
         // What lies beside the edge is no noise: the patches, which have their own light, tell.
         if !span.is_beside_others {
             self.judge(&side, span.polarity, noise)?;
@@ -246,23 +249,18 @@ impl<'a> Localiser<'a> {
         if span.margin[0].min(span.margin[1]) < LEAST_MARGIN_BLURS * side.blur {
             return Err(NoEdge::Cramped);
         }
-        let reach = plateaus::reach(&side, self.reader.curve(), &self.wide, noise, near, far);
-        let pixels = self.wide_within(&side, reach);
+        let reach = plateaus::reach(&side, &self.predictions, noise, near, far);
+        let all = self.wide.iter().zip(&self.predictions);
+        let within = all.filter(|(p, _)| (-reach[0]..=reach[1]).contains(&side.distance(p)));
+        let (pixels, predictions) = within.unzip();
         Ok(Preview {
             side,
             noise,
             reach,
             hidden: coarse.hidden,
             pixels,
+            predictions,
         })
-    }
-
-    /// The pixels of the wider band that lie within reach of a side.
-    fn wide_within(&self, side: &Side, [before, after]: [f64; 2]) -> Vec<Pixel> {
-        let all = self.wide.iter();
-        all.filter(|pixel| (-before..=after).contains(&side.distance(pixel)))
-            .copied()
-            .collect()
     }
 
     /// Measures all spans, whose curves are known.
@@ -318,17 +316,14 @@ impl<'a> Localiser<'a> {
             stride: 1,
         };
         self.gather(&band)?;
-        side.fit(
-            self.reader.curve(),
-            &self.pixels,
-            *noise,
-            (FINAL_STEPS, LAST_STEP),
-        );
+        self.predict(&side);
+        self.fit(&mut side, *noise, (FINAL_STEPS, LAST_STEP));
         side.reshape(self.reader.curve(), &self.pixels, *noise);
+        self.predict(&side);
         let (samples, noise) = patches::measure(
             &side,
             self.reader.curve(),
-            &self.pixels,
+            (&self.pixels, &self.predictions),
             (*noise, self.noise_floor),
             span.is_beside_others,
             &mut self.residuals,
@@ -340,8 +335,10 @@ impl<'a> Localiser<'a> {
         let [before, after] = side.plateaus().map(|light| self.tone.encode(light));
         let share = match self.tells_tone {
             true => {
-                let pixels = (&self.pixels[..], tone_fit::pixels_of_side(spans.len()));
-                ToneShare::of(&side, self.reader.curve(), pixels, noise)
+                let stride = tone_fit::stride(self.pixels.len(), spans.len());
+                let predictions = self.predictions.iter().copied();
+                let asked = self.pixels.iter().zip(predictions).step_by(stride);
+                ToneShare::of(&side, self.reader.curve(), asked, noise)
             }
             false => None,
         };
@@ -383,13 +380,20 @@ impl<'a> Localiser<'a> {
         Ok(())
     }
 
+    /// Predicts the pixels that were gathered.
+    fn predict(&mut self, side: &Side) {
+        side.predict_all(self.reader.curve(), &self.pixels, &mut self.predictions);
+    }
+
+    /// Fits a side to these; what was predicted of them is then outdated.
+    fn fit(&mut self, side: &mut Side, noise: f64, steps: (usize, f64)) {
+        let tone = self.reader.curve();
+        side.fit(tone, &self.pixels, &mut self.predictions, noise, steps);
+    }
+
+    /// The noise that the last predictions show.
     fn noise_about(&mut self, side: &Side) -> f64 {
-        side.edge_noise(
-            self.reader.curve(),
-            &self.pixels,
-            self.noise_floor,
-            &mut self.residuals,
-        )
+        side.edge_noise(&self.predictions, self.noise_floor, &mut self.residuals)
     }
 
     /// Whether a fitted side is a step of the expected polarity, above the noise.

@@ -89,6 +89,7 @@ mod tests {
                 reach: [3.0; 2],
                 hidden: Vec::new(),
                 pixels: Vec::new(),
+                predictions: Vec::new(),
             }
         });
         sides.collect()

@@ -5,7 +5,7 @@ use nalgebra::{SMatrix, SVector, Vector2};
 
 use super::band::Pixel;
 use super::preview::Preview;
-use super::side::Side;
+use super::side::{Prediction, Side};
 use crate::image::GreyReader;
 
 /// A side's pixels tell base (constant and linear along the side), contrast and offset.
@@ -34,7 +34,7 @@ pub struct PartDisplacement {
 }
 
 /// One side's pixels of one part, as sums for what each tells of the step's parameters.
-#[derive(Default)]
+#[derive(Clone, Copy, Default)]
 struct PartSums {
     normal: SMatrix<f64, TERMS, TERMS>,
     right: SVector<f64, TERMS>,
@@ -48,6 +48,21 @@ impl PartSums {
         self.right += terms * value;
         self.squares += value * value;
         self.count += 1.0;
+    }
+
+    fn plus(&self, other: &Self) -> Self {
+        Self {
+            normal: self.normal + other.normal,
+            right: self.right + other.right,
+            squares: self.squares + other.squares,
+            count: self.count + other.count,
+        }
+    }
+
+    fn offset(&self) -> Option<Offset> {
+        let (solution, variance) = self.solve()?;
+        let value = solution[OFFSET];
+        Some(Offset { value, variance })
     }
 
     /// The parameters, and the variance of the last, the offset.
@@ -89,38 +104,37 @@ const ALIKE: f64 = 0.5;
 /// are displaced alike, as in an enlarged picture.
 pub(super) fn rows<'a>(
     reader: &GreyReader<'_>,
-    previews: impl Iterator<Item = &'a Preview> + Clone,
+    previews: impl Iterator<Item = &'a Preview>,
 ) -> Option<PartDisplacement> {
-    let rows = odd_against_even(reader, previews.clone(), |[_, y]| y)?;
-    let columns = odd_against_even(reader, previews, |[x, _]| x);
+    let (mut by_row, mut by_column) = (Vec::new(), Vec::new());
+    for preview in previews {
+        let side = &preview.side;
+        let [even, odd] = by_parity(preview);
+        let of = |first: &[PartSums; 2], second: &[PartSums; 2]| {
+            let offset = |parts: &[PartSums; 2]| parts[0].plus(&parts[1]).offset();
+            Seen::of(reader, side, offset(first)?, offset(second)?)
+        };
+        by_column.extend(of(&[even[0], odd[0]], &[even[1], odd[1]]));
+        by_row.extend(of(&even, &odd));
+    }
+    let rows = displacement(by_row.into_iter())?;
+    let columns = displacement(by_column.into_iter());
     let differs = |columns: PartDisplacement| {
         (columns.shift.yx() - rows.shift).norm() > ALIKE * rows.shift.norm()
     };
     columns.is_none_or(differs).then_some(rows)
 }
 
-/// The pixels of odd number, of rows or columns, against those of even number.
-fn odd_against_even<'a>(
-    reader: &GreyReader<'_>,
-    previews: impl Iterator<Item = &'a Preview>,
-    number: impl Fn([usize; 2]) -> usize,
-) -> Option<PartDisplacement> {
-    displacement(previews.filter_map(|preview| {
-        let side = &preview.side;
-        let mut parts = [PartSums::default(), PartSums::default()];
-        for pixel in single_pixels(preview) {
-            // What is left of the side's own model, to first order.
-            let p = side.predict(reader.curve(), pixel, 0.0);
-            let terms = [p.by_base, p.by_base * pixel.s, p.by_contrast, p.by_offset];
-            parts[number(pixel_place(side, pixel)) % 2].add(&SVector::from(terms), p.residual);
-        }
-        let offset = |part: &PartSums| {
-            let (solution, variance) = part.solve()?;
-            let value = solution[OFFSET];
-            Some(Offset { value, variance })
-        };
-        Seen::of(reader, side, offset(&parts[0])?, offset(&parts[1])?)
-    }))
+/// The pixels of even and of odd rows, each of even and of odd columns.
+fn by_parity(preview: &Preview) -> [[PartSums; 2]; 2] {
+    let mut parts = [[PartSums::default(); 2]; 2];
+    for (pixel, p) in single_pixels(preview) {
+        // What is left of the side's own model, to first order.
+        let terms = [p.by_base, p.by_base * pixel.s, p.by_contrast, p.by_offset];
+        let [x, y] = pixel_place(&preview.side, pixel);
+        parts[y % 2][x % 2].add(&SVector::from(terms), p.residual);
+    }
+    parts
 }
 
 /// Blue and red against green, and the contrast in green in parts of the greatest; `None` for grey,
@@ -137,11 +151,11 @@ pub(super) fn colours<'a>(
     for preview in previews {
         let side = &preview.side;
         let mut parts = [(); 3].map(|()| PartSums::default());
-        for pixel in single_pixels(preview) {
+        for (pixel, p) in single_pixels(preview) {
             let [x, y] = pixel_place(side, pixel);
             // The colours' light has a base and a contrast each.
-            let (step, density) = side.step_at(pixel);
-            let terms = SVector::from([1.0, pixel.s, step, -density]);
+            let (step, by_offset) = side.step_in(pixel, p);
+            let terms = SVector::from([1.0, pixel.s, step, by_offset]);
             for (part, light) in parts.iter_mut().zip(reader.lights(x, y)) {
                 part.add(&terms, light);
             }
@@ -183,9 +197,9 @@ pub struct ColourDisplacements {
 }
 
 /// The single pixels of a preview that are not clipped.
-fn single_pixels(preview: &Preview) -> impl Iterator<Item = &Pixel> {
-    let pixels = preview.pixels.iter();
-    pixels.filter(|pixel| pixel.count == 1.0 && !pixel.is_clipped)
+fn single_pixels(preview: &Preview) -> impl Iterator<Item = (&Pixel, &Prediction)> {
+    let pixels = preview.pixels.iter().zip(&preview.predictions);
+    pixels.filter(|(pixel, _)| pixel.count == 1.0 && !pixel.is_clipped)
 }
 
 /// Column and row of a single pixel.

@@ -7,7 +7,7 @@ use nalgebra::{Matrix2, Vector2};
 use super::band::Pixel;
 use super::pixel_noise;
 use super::pixel_noise::robust_weight;
-use super::side::{EDGE_BLURS, Side};
+use super::side::{Prediction, Side};
 use crate::image::ToneCurve;
 
 /// Length of a patch along the curve, pixels: longer ones would smooth what a lens does to a
@@ -73,28 +73,34 @@ struct PatchLight {
 pub(super) fn measure(
     side: &Side,
     tone: &ToneCurve,
-    pixels: &[Pixel],
+    (pixels, predictions): (&[Pixel], &[Prediction]),
     (expected_noise, floor): (f64, f64),
     own_light: bool,
     residuals: &mut Vec<f64>,
 ) -> (Samples, f64) {
     let mut patches = Patches::over(side, tone, pixels, expected_noise);
     let mut parameters = side.edge_parameters();
+    let of_side = |index: usize, _: &Pixel, _: &Patch| predictions[index];
+    let of_patch = |_: usize, pixel: &Pixel, patch: &Patch| {
+        side.predict_in_light(tone, pixel, patch.offset, patch.light.shift.into())
+    };
+    residuals.clear();
     if own_light {
         patches.have_own_light = true;
         // Far from the side's light no pixel is an outlier yet.
-        patches.update(side, tone, pixels, NO_OUTLIERS, |_| {});
+        patches.update(pixels, of_side, NO_OUTLIERS, |_| {});
         patches
             .patches
             .iter_mut()
             .for_each(|patch| patch.step = None);
         parameters = PARAMETERS_IN_LIGHT * patches.patches.len() as f64;
+        patches.update(pixels, of_patch, expected_noise, |r| residuals.push(r));
+    } else {
+        patches.update(pixels, of_side, expected_noise, |r| residuals.push(r));
     }
-    residuals.clear();
-    patches.update(side, tone, pixels, expected_noise, |r| residuals.push(r));
     let noise = pixel_noise::scale(residuals, parameters, floor);
     if patches.patches.iter().any(Patch::is_unsettled) {
-        patches.update(side, tone, pixels, noise, |_| {});
+        patches.update(pixels, of_patch, noise, |_| {});
     }
     (patches.samples(side, noise), noise)
 }
@@ -133,11 +139,12 @@ impl Patches {
     }
 
     /// One Gauss-Newton step of every unsettled patch's offset; tells the residuals at the edge.
+    ///
+    /// `prediction` gives that of a pixel, by its index, in its patch.
     fn update(
         &mut self,
-        side: &Side,
-        tone: &ToneCurve,
         pixels: &[Pixel],
+        prediction: impl Fn(usize, &Pixel, &Patch) -> Prediction,
         noise: f64,
         mut tell: impl FnMut(f64),
     ) {
@@ -154,13 +161,13 @@ impl Patches {
         }
         let inverse_variance = 1.0 / (noise * noise);
         let last = self.patches.len() - 1;
-        for pixel in pixels {
+        for (number, pixel) in pixels.iter().enumerate() {
             let index = ((pixel.foot - self.first) * self.per_s) as u32 as usize;
             let patch = &mut self.patches[index.min(last)];
             if !patch.is_unsettled() {
                 continue;
             }
-            let p = side.predict_in_light(tone, pixel, patch.offset, patch.light.shift.into());
+            let p = prediction(number, pixel, patch);
             let square = p.residual * p.residual * inverse_variance;
             let weight = robust_weight(square);
             let weighted = weight * p.by_offset;
@@ -174,7 +181,7 @@ impl Patches {
             patch.information += weighted * p.by_offset;
             patch.right += weighted * p.residual;
             patch.moment += weighted * p.by_offset * pixel.foot;
-            if p.blurs.abs() < EDGE_BLURS && !p.is_silent {
+            if p.is_at_edge() {
                 patch.squares += square.min(CHI_CAP) * noise * noise;
                 patch.edge_pixels += 1.0;
                 tell(p.residual);

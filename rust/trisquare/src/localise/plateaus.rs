@@ -1,8 +1,6 @@
 //! Where the plateaus beside an edge stop being plateaus.
 
-use super::band::Pixel;
-use super::side::Side;
-use crate::image::ToneCurve;
+use super::side::{Prediction, Side};
 
 /// A ring of pixels departs from its plateau if its mean does by so many of its deviations ...
 const RING_DEVIATIONS: f64 = 3.5;
@@ -29,8 +27,7 @@ impl Ring {
 /// frame 8 pixels thick moved a side by 0.015 pixels.
 pub(super) fn reach(
     side: &Side,
-    tone: &ToneCurve,
-    pixels: &[Pixel],
+    predictions: &[Prediction],
     noise: f64,
     near: f64,
     far: [f64; 2],
@@ -38,8 +35,7 @@ pub(super) fn reach(
     let mut rings = far.map(|far| vec![Ring::default(); (far - near).ceil().max(0.0) as usize]);
     // Cut off, so that a speck does not pass for a disturbance of the whole ring.
     let limit = RING_DEVIATIONS * noise;
-    for pixel in pixels {
-        let prediction = side.predict(tone, pixel, 0.0);
+    for prediction in predictions {
         let distance = prediction.blurs * side.blur;
         let beyond = distance.abs() - near;
         if beyond < 0.0 {

@@ -1,7 +1,7 @@
 //! What the first fit finds of a side.
 
 use super::band::Pixel;
-use super::side::Side;
+use super::side::{Prediction, Side};
 
 /// A side found by the first fit, and the noise about it.
 pub(super) struct Preview {
@@ -13,4 +13,6 @@ pub(super) struct Preview {
     pub hidden: Vec<[f64; 2]>,
     /// The pixels within reach, which tell the tone curve and the picture's faults.
     pub pixels: Vec<Pixel>,
+    /// What the side as it was found predicts of them.
+    pub predictions: Vec<Prediction>,
 }

@@ -1,20 +1,18 @@
 //! The model of one side, `v = g(b + A Phi(d / w))`, fitted to the pixels of its band. Where a blur
 //! is not normal, another distribution of variance 1 stands for `Phi`.
 
-use nalgebra::{SMatrix, SVector};
-
 use super::band::Pixel;
 use super::blur::BlurShape;
 use super::curve::{COEFFICIENTS, Curve};
+use super::equations::{Equations, Step};
 use super::pixel_noise;
-use super::pixel_noise::{robust_cost, robust_weight};
 use crate::image::ToneCurve;
 
 /// Bounds of the blur, pixels: a pixel's own box alone is 0.29, and beyond the upper one there is
 /// no edge to speak of.
 pub(super) const BLUR_RANGE: [f64; 2] = [0.3, 8.0];
 /// The edge itself: pixels within so many blurs of the curve tell the noise that matters.
-pub(super) const EDGE_BLURS: f64 = 2.0;
+const EDGE_BLURS: f64 = 2.0;
 /// A step below this many pixels ends the iteration: the next would be quadratically smaller, below
 /// a tenth of the best samples' noise, and the patches correct what it leaves.
 pub(super) const LAST_STEP: f64 = 0.02;
@@ -23,27 +21,11 @@ const MAX_SHIFT: f64 = 1.5;
 const MAX_BLUR_RATIO: f64 = 1.6;
 const FIRST_DAMPING: f64 = 1e-6;
 const DAMPING_RATIO: f64 = 30.0;
-/// Bins along the side for the normal equations, pixels, and how many there are at least.
-pub(super) const BIN_LENGTH: f64 = 8.0;
-const MIN_BINS: f64 = 24.0;
-
-/// Bins are counted from this far along, in `s`: before any pixel, even of a short extended side.
-const BIN_ORIGIN: f64 = -4.0;
 
 pub(super) const BASE: usize = COEFFICIENTS;
 pub(super) const CONTRAST: usize = BASE + 2;
 pub(super) const BLUR: usize = CONTRAST + 2;
 pub(super) const PARAMETERS: usize = BLUR + 1;
-
-/// The basic derivatives, by height, base, contrast and blur: the first parameter of each, and the
-/// degree of its polynomial in `s`.
-const BASIC: usize = 4;
-const FIRST: [usize; BASIC] = [0, BASE, CONTRAST, BLUR];
-const DEGREES: [usize; BASIC] = [COEFFICIENTS - 1, 1, 1, 0];
-const POWERS: usize = 2 * COEFFICIENTS - 1;
-
-type Normal = SMatrix<f64, PARAMETERS, PARAMETERS>;
-type Gradient = SVector<f64, PARAMETERS>;
 
 /// One side: where it runs, and what a pixel near it holds.
 #[derive(Debug, Clone)]
@@ -62,9 +44,12 @@ pub(super) struct Side {
 }
 
 /// A pixel's residual and the derivatives of its modelled value.
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Prediction {
     /// Observed less modelled.
     pub residual: f64,
+    /// Light that falls on the pixel, modelled.
+    pub light: f64,
     /// Whether the pixel is clipped and the model lies beyond it: it tells nothing, and residual and
     /// derivatives are zero.
     pub is_silent: bool,
@@ -79,6 +64,14 @@ pub(super) struct Prediction {
     pub by_offset: f64,
 }
 
+impl Prediction {
+    /// Whether the pixel tells the noise at the edge.
+    #[inline]
+    pub fn is_at_edge(&self) -> bool {
+        self.blurs.abs() < EDGE_BLURS && !self.is_silent
+    }
+}
+
 impl Side {
     /// Light on the two sides of the middle of the edge, the negative side first.
     pub fn plateaus(&self) -> [f64; 2] {
@@ -91,15 +84,15 @@ impl Side {
         (pixel.y - self.curve.height(pixel.s)) * pixel.cosine
     }
 
-    /// The part of the step that a pixel sees, and by what it falls as the edge is moved along its
-    /// normal, per pixel.
-    pub fn step_at(&self, pixel: &Pixel) -> (f64, f64) {
-        let inverse_blur = (1.0 - self.blur_slope * pixel.s) / self.blur;
-        let (step, density) = self
-            .shape
-            .step_and_density(self.distance(pixel) * inverse_blur);
-        let density = pixel.flip.slope * density * inverse_blur;
-        (pixel.flipped(step), density)
+    /// The part of the step that a pixel sees, and its derivative with respect to an offset of the
+    /// edge along its normal, as they went into a prediction that is not silent.
+    pub fn step_in(&self, pixel: &Pixel, prediction: &Prediction) -> (f64, f64) {
+        let contrast = self.contrast[0] + self.contrast[1] * pixel.s;
+        let by_light = prediction.by_base;
+        (
+            prediction.by_contrast / by_light,
+            prediction.by_offset / (by_light * contrast),
+        )
     }
 
     /// Predicts one pixel, the curve being moved by `offset` along its normal.
@@ -134,6 +127,7 @@ impl Side {
         let by_distance = by_blurs * inverse_blur_here;
         Prediction {
             residual,
+            light,
             is_silent,
             blurs,
             by_height: -by_distance * pixel.cosine,
@@ -144,22 +138,34 @@ impl Side {
         }
     }
 
+    /// Predicts all pixels.
+    pub fn predict_all(
+        &self,
+        tone: &ToneCurve,
+        pixels: &[Pixel],
+        predictions: &mut Vec<Prediction>,
+    ) {
+        predictions.clear();
+        predictions.extend(pixels.iter().map(|pixel| self.predict(tone, pixel, 0.0)));
+    }
+
     /// Damped Gauss-Newton on all parameters, `noise` being the residuals' expected scale.
     ///
     /// It ends with a step shorter than `settled` pixels, and returns whether it did within the
     /// steps allowed; the side is left at the lowest cost seen, except that a last step too small
-    /// to matter is taken unseen.
+    /// to matter is taken unseen. `predictions` are the side's of the pixels, and afterwards no longer.
     pub fn fit(
         &mut self,
         tone: &ToneCurve,
         pixels: &[Pixel],
+        predictions: &mut Vec<Prediction>,
         noise: f64,
         (max_steps, settled): (usize, f64),
     ) -> bool {
         let mut damping = FIRST_DAMPING;
-        let mut best = self.normal_equations(tone, pixels, noise);
+        let mut best = Equations::of(self, pixels, predictions, noise);
         for _ in 0..max_steps {
-            let Some(step) = solve(&best, self.curve.degree, damping) else {
+            let Some(step) = best.step(self.curve.degree, damping) else {
                 damping *= DAMPING_RATIO;
                 continue;
             };
@@ -168,7 +174,8 @@ impl Side {
                 *self = next;
                 return true;
             }
-            let equations = next.normal_equations(tone, pixels, noise);
+            next.predict_all(tone, pixels, predictions);
+            let equations = Equations::of(&next, pixels, predictions, noise);
             if equations.cost < best.cost {
                 (*self, best) = (next, equations);
                 damping = (damping / DAMPING_RATIO).max(FIRST_DAMPING);
@@ -180,7 +187,7 @@ impl Side {
     }
 
     /// Takes a step, cut to what is plausible; returns how far the edge or its blur moved, pixels.
-    pub(super) fn advance(&mut self, step: &Gradient) -> f64 {
+    pub(super) fn advance(&mut self, step: &Step) -> f64 {
         let mut moved = self.curve.clone();
         moved.coefficients = std::array::from_fn(|k| step[k]);
         let shift = moved.greatest_height();
@@ -199,55 +206,16 @@ impl Side {
         (scale * shift).max((self.blur - previous_blur).abs())
     }
 
-    fn normal_equations(&self, tone: &ToneCurve, pixels: &[Pixel], noise: f64) -> Equations {
-        let bins = (self.curve.length() / BIN_LENGTH).max(MIN_BINS);
-        let bin_of = |s: f64| (0.5 * (s - BIN_ORIGIN) * bins) as i32;
-        let inverse_variance = 1.0 / (noise * noise);
-        let mut equations = Equations::default();
-        let mut sums = BinSums::default();
-        let mut current = i32::MIN;
-        for pixel in pixels {
-            // Pixels come nearly in order along the side, so that one open bin is enough.
-            let bin = bin_of(pixel.s);
-            if bin != current {
-                equations.add(&sums);
-                sums = BinSums::default();
-                current = bin;
-            }
-            let p = self.predict(tone, pixel, 0.0);
-            let inverse_variance = inverse_variance * pixel.count;
-            let square = p.residual * p.residual * inverse_variance;
-            let weight = robust_weight(square) * inverse_variance;
-            equations.cost += robust_cost(square);
-            sums.add(
-                pixel.s,
-                weight,
-                [p.by_height, p.by_base, p.by_contrast, p.by_blur],
-                p.residual,
-            );
-        }
-        equations.add(&sums);
-        equations
-    }
-
     /// The scale of the residuals at the edge, not below `floor`.
     pub fn edge_noise(
         &self,
-        tone: &ToneCurve,
-        pixels: &[Pixel],
+        predictions: &[Prediction],
         floor: f64,
         residuals: &mut Vec<f64>,
     ) -> f64 {
         residuals.clear();
-        let limit = EDGE_BLURS * self.blur;
-        for pixel in pixels {
-            if self.distance(pixel).abs() < limit {
-                let p = self.predict(tone, pixel, 0.0);
-                if !p.is_silent {
-                    residuals.push(p.residual);
-                }
-            }
-        }
+        let at_edge = predictions.iter().filter(|p| p.is_at_edge());
+        residuals.extend(at_edge.map(|p| p.residual));
         pixel_noise::scale(residuals, self.edge_parameters(), floor)
     }
 
@@ -256,99 +224,6 @@ impl Side {
     pub fn edge_parameters(&self) -> f64 {
         self.curve.degree as f64 + 4.0
     }
-}
-
-/// Sums over a few columns of pixels: products of the four basic derivatives and the residual.
-#[derive(Default)]
-struct BinSums {
-    count: f64,
-    s: f64,
-    products: [[f64; BASIC]; BASIC],
-    right: [f64; BASIC],
-}
-
-impl BinSums {
-    #[inline]
-    fn add(&mut self, s: f64, weight: f64, derivatives: [f64; BASIC], residual: f64) {
-        self.count += 1.0;
-        self.s += s;
-        for i in 0..BASIC {
-            let weighted = weight * derivatives[i];
-            for j in i..BASIC {
-                self.products[i][j] += weighted * derivatives[j];
-            }
-            self.right[i] += weighted * residual;
-        }
-    }
-}
-
-/// The normal equations of a step, and the cost where they were taken.
-///
-/// Every parameter's derivative is a basic one times a power of `s`, which hardly varies within a
-/// bin: the sums of the bins' products with the powers hold each different entry once.
-#[derive(Default)]
-struct Equations {
-    products: [[[f64; POWERS]; BASIC]; BASIC],
-    right: [[f64; COEFFICIENTS]; BASIC],
-    cost: f64,
-}
-
-impl Equations {
-    fn add(&mut self, bin: &BinSums) {
-        if bin.count == 0.0 {
-            return;
-        }
-        let s = bin.s / bin.count;
-        let mut powers = [1.0; POWERS];
-        for k in 1..POWERS {
-            powers[k] = powers[k - 1] * s;
-        }
-        for i in 0..BASIC {
-            for j in i..BASIC {
-                for k in 0..DEGREES[i] + DEGREES[j] + 1 {
-                    self.products[i][j][k] += bin.products[i][j] * powers[k];
-                }
-            }
-            for k in 0..=DEGREES[i] {
-                self.right[i][k] += bin.right[i] * powers[k];
-            }
-        }
-    }
-
-    /// The symmetric matrix and the right-hand side, in the parameters' order.
-    fn assembled(&self) -> (Normal, Gradient) {
-        let (mut normal, mut right) = (Normal::zeros(), Gradient::zeros());
-        for i in 0..BASIC {
-            for power in 0..=DEGREES[i] {
-                let row = FIRST[i] + power;
-                right[row] = self.right[i][power];
-                for j in i..BASIC {
-                    for other_power in 0..=DEGREES[j] {
-                        let column = FIRST[j] + other_power;
-                        normal[(row, column)] = self.products[i][j][power + other_power];
-                        normal[(column, row)] = normal[(row, column)];
-                    }
-                }
-            }
-        }
-        (normal, right)
-    }
-}
-
-/// Solves for a step; the polynomial's coefficients beyond its degree stay as they are.
-fn solve(equations: &Equations, degree: usize, damping: f64) -> Option<Gradient> {
-    let (mut normal, mut right) = equations.assembled();
-    for parameter in 0..PARAMETERS {
-        normal[(parameter, parameter)] *= 1.0 + damping;
-    }
-    for unused in degree + 1..COEFFICIENTS {
-        normal.row_mut(unused).fill(0.0);
-        normal.column_mut(unused).fill(0.0);
-        normal[(unused, unused)] = 1.0;
-        right[unused] = 0.0;
-    }
-    let step = normal.cholesky()?.solve(&right);
-    step.iter().all(|value| value.is_finite()).then_some(step)
 }
 
 #[cfg(test)]
@@ -400,7 +275,9 @@ mod tests {
         let mut side = truth.clone();
         side.curve.coefficients[0] = 0.0;
         (side.contrast[0], side.blur) = (0.9, 0.7);
-        side.fit(&tone, &pixels, 1e-3, (40, 1e-6));
+        let mut predictions = Vec::new();
+        side.predict_all(&tone, &pixels, &mut predictions);
+        side.fit(&tone, &pixels, &mut predictions, 1e-3, (40, 1e-6));
         assert!((side.curve.coefficients[0] - 0.3).abs() < 1e-4);
         assert!((side.contrast[0] - 1.4).abs() < 1e-3);
         // Of a pixel far on the light side nothing more is told.

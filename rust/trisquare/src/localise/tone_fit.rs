@@ -8,10 +8,11 @@ use nalgebra::{Cholesky, Const, Matrix2, SMatrix, SVector, Vector2};
 
 use super::band::Pixel;
 use super::curve::COEFFICIENTS;
+use super::equations::BIN_LENGTH;
 use super::pixel_noise::robust_weight;
 use super::preview::Preview;
 use super::profile::Profile;
-use super::side::{BASE, BIN_LENGTH, BLUR, CONTRAST, PARAMETERS, Side};
+use super::side::{BASE, BLUR, CONTRAST, PARAMETERS, Prediction, Side};
 use super::span::NoEdge;
 use crate::image::{
     PictureTone, PowerCurve, TONE_PARAMETERS, Tone, ToneCurve, TonePrior, box_kurtosis,
@@ -69,9 +70,11 @@ const MAX_PIXELS: usize = 1500;
 /// But of each side so many at least: they tell its own parameters as well.
 const MIN_PIXELS: usize = 300;
 
-/// How many pixels of a side are asked, where the picture has so many sides.
-pub(super) fn pixels_of_side(sides: usize) -> usize {
-    (PIXELS / sides.max(1)).clamp(MIN_PIXELS, MAX_PIXELS)
+/// One in how many of a side's pixels is asked, where the picture has so many sides: wherever along
+/// the side it is, the tone is the same.
+pub(super) fn stride(pixels: usize, sides: usize) -> usize {
+    let most = (PIXELS / sides.max(1)).clamp(MIN_PIXELS, MAX_PIXELS);
+    pixels.div_ceil(most).max(1)
 }
 
 /// Columns of a pixel's row: derivatives by height, base, contrast, blur and kurtosis, by the
@@ -144,11 +147,12 @@ pub(super) struct ToneShare {
 }
 
 impl ToneShare {
-    /// From so many of the pixels at most; `None` if they leave one of the side's parameters open.
-    pub fn of(
+    /// From pixels and what the side predicts of them; `None` if they leave one of the side's
+    /// parameters open.
+    pub fn of<'a>(
         side: &Side,
         tone: &ToneCurve,
-        (pixels, most): (&[Pixel], usize),
+        pixels: impl Iterator<Item = (&'a Pixel, Prediction)>,
         noise: f64,
     ) -> Option<Self> {
         let inverse_variance = 1.0 / (noise * noise);
@@ -159,9 +163,7 @@ impl ToneShare {
         let mut current = i32::MIN;
         let mut profile = Profile::default();
         let kurtosis = box_kurtosis(&side.curve.along, side.blur);
-        // Wherever along the side they are: the tone is the same.
-        let stride = pixels.len().div_ceil(most).max(1);
-        for pixel in pixels.iter().step_by(stride) {
+        for (pixel, p) in pixels {
             let bin = (pixel.s * bins_per_s).floor() as i32;
             if bin != current && count > 0.0 {
                 spread(side, &sums, s_sum / count, &mut total);
@@ -169,11 +171,10 @@ impl ToneShare {
                 (s_sum, count) = (0.0, 0.0);
             }
             current = bin;
-            let p = side.predict(tone, pixel, 0.0);
             if p.is_silent {
                 continue;
             }
-            let [by_gamma, by_toe] = tone.sensitivity(side.light(pixel));
+            let [by_gamma, by_toe] = tone.sensitivity(p.light);
             // Edgeworth: the kurtosis adds to Phi(z) a multiple of (z^3 - 3 z) phi(z).
             let by_kurtosis = p.by_offset * side.blur * p.blurs * (p.blurs * p.blurs - 3.0);
             let lighter = side.contrast[0] * pixel.flip.slope;
@@ -344,12 +345,13 @@ pub(super) fn pool<'a>(
     (step, estimate)
 }
 
-/// Estimates the tone curve from the previews of all spans, and fits these to it.
+/// Estimates the tone curve from the previews of all spans, whose predictions are by the curve to
+/// start from, and fits their sides to it.
 pub(super) fn estimate_tone(
     start: PowerCurve,
     previews: &mut [Result<Preview, NoEdge>],
 ) -> ToneEstimate {
-    let most = pixels_of_side(previews.len());
+    let sides = previews.len();
     let mut power = start;
     let mut trust = Trust::Full;
     let mut rounds = 0;
@@ -362,10 +364,18 @@ pub(super) fn estimate_tone(
                 let Preview {
                     side,
                     pixels,
+                    predictions,
                     noise,
                     ..
                 } = preview.as_ref().ok()?;
-                ToneShare::of(side, &tone, (pixels, most), *noise)
+                let stride = stride(pixels.len(), sides);
+                let asked = pixels.iter().step_by(stride);
+                if rounds == 1 {
+                    let predictions = predictions.iter().copied().step_by(stride);
+                    return ToneShare::of(side, &tone, asked.zip(predictions), *noise);
+                }
+                let predicted = asked.map(|pixel| (pixel, side.predict(&tone, pixel, 0.0)));
+                ToneShare::of(side, &tone, predicted, *noise)
             })
             .collect();
         let (step, estimate) = pool(power, shares.iter().flatten(), trust);
@@ -395,14 +405,6 @@ pub(super) fn estimate_tone(
 }
 
 impl Side {
-    /// Light that falls on a pixel.
-    fn light(&self, pixel: &Pixel) -> f64 {
-        let blurs = self.distance(pixel) / self.blur * (1.0 - self.blur_slope * pixel.s);
-        let contrast = self.contrast[0] + self.contrast[1] * pixel.s;
-        let step = pixel.flipped(self.shape.step_and_density(blurs).0);
-        self.base[0] + self.base[1] * pixel.s + contrast * step
-    }
-
     /// The side's own step, given the tone curve's.
     ///
     /// What the curve's change does to base and contrast is far from linear where there is little
