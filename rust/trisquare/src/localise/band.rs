@@ -86,14 +86,16 @@ impl Band<'_> {
         };
         let mut greys = Vec::new();
         let mut plateaus = [Plateau::default(); 2];
-        let mut s = (first as f64 - curve.origin[u]) / (curve.along[u] * curve.half_length);
+        let clear = self.clear_columns(u, [first, last]);
+        let s_per_column = 1.0 / (curve.along[u] * curve.half_length);
+        let mut s = (first as f64 - curve.origin[u]) * s_per_column;
         for (index, number) in (first..=last).step_by(self.stride).enumerate() {
             if index % FAR_COLUMNS == 0 {
                 pixels.extend(plateaus.iter_mut().filter_map(Plateau::take));
             }
             let column = Column::crossing(curve, u, number, s);
-            s = column.s;
-            if self.hidden.iter().any(|run| run[0] < s && s < run[1]) {
+            s = column.s + self.stride as f64 * s_per_column;
+            if self.is_hidden(column.s) {
                 continue;
             }
             let Some((top, count)) = column.rows(self.reach, size[1 - u]) else {
@@ -101,9 +103,40 @@ impl Band<'_> {
             };
             let start = if u == 0 { [number, top] } else { [top, number] };
             reader.read_line(start, u == 0, count, &mut greys);
-            self.sort_column(&column, top, &greys, &mut plateaus, pixels);
+            let is_clear = clear.contains(&number);
+            self.sort_column(&column, (top, is_clear), &greys, &mut plateaus, pixels);
         }
         pixels.extend(plateaus.iter_mut().filter_map(Plateau::take));
+    }
+
+    fn is_hidden(&self, s: f64) -> bool {
+        self.hidden.iter().any(|run| run[0] < s && s < run[1])
+    }
+
+    /// The columns that neither the neighbours nor the ends cut: they lie between the first and the
+    /// last of these, since every limit cuts the band at one end.
+    fn clear_columns(&self, u: usize, [first, last]: [usize; 2]) -> std::ops::Range<usize> {
+        let curve = &self.curve;
+        let ends = self.ends.map(|x| x / curve.half_length);
+        let reach = self.reach[0].max(self.reach[1]);
+        let is_clear = |number: &usize| {
+            let s = (*number as f64 - curve.origin[u]) / (curve.along[u] * curve.half_length);
+            let column = Column::crossing(curve, u, *number, s);
+            let rows = reach * column.per_pixel;
+            [column.centre - rows, column.centre + rows]
+                .into_iter()
+                .all(|row| {
+                    let place = column.place(row);
+                    let s = curve.local(place).0;
+                    let keeps = |limit: &SearchLimit<'_>| limit.keeps(place);
+                    ends[0] <= s && s <= ends[1] && self.limits.iter().all(keeps)
+                })
+        };
+        let Some(start) = (first..=last).find(is_clear) else {
+            return 0..0;
+        };
+        let end = (start..=last).rev().find(is_clear);
+        start..end.map_or(start, |end| end + 1)
     }
 
     /// The columns that the band meets inside the picture.
@@ -123,16 +156,13 @@ impl Band<'_> {
     fn sort_column(
         &self,
         column: &Column,
-        top: usize,
+        (top, is_clear): (usize, bool),
         greys: &[Grey],
         plateaus: &mut [Plateau; 2],
         pixels: &mut Vec<Pixel>,
     ) {
         let curve = &self.curve;
         let bottom = top + greys.len() - 1;
-        let limited = !self.limits.iter().all(|limit| {
-            limit.keeps(column.place(top as f64)) && limit.keeps(column.place(bottom as f64))
-        });
         let ends = self.ends.map(|x| x / curve.half_length);
         let near = self.near * column.per_pixel;
         let crossings = self.crossings.map(|crossings| crossings.about(column.s));
@@ -145,6 +175,9 @@ impl Band<'_> {
             }
             (flip, _) => flip.unwrap_or(Flip::NONE),
         };
+        let is_cut = |row: f64, s: f64| {
+            s < ends[0] || s > ends[1] || !self.limits.iter().all(|f| f.keeps(column.place(row)))
+        };
         // Within a column the frame's coordinates are linear in the row.
         let (s_at_zero, y_at_zero) = curve.local(column.place(0.0));
         let v = 1 - column.u;
@@ -152,10 +185,7 @@ impl Band<'_> {
         for (row, &Grey { value, is_clipped }) in (top..).zip(greys) {
             let row = row as f64;
             let (s, y) = (s_at_zero + row * s_per_row, y_at_zero + row * y_per_row);
-            if s < ends[0] || s > ends[1] || !value.is_finite() {
-                continue;
-            }
-            if limited && !self.limits.iter().all(|f| f.keeps(column.place(row))) {
+            if !value.is_finite() || (!is_clear && is_cut(row, s)) {
                 continue;
             }
             let below = row - column.centre;
@@ -208,7 +238,7 @@ impl Column {
         let (along, across, v) = (curve.along, curve.across, 1 - u);
         let target = number as f64 - curve.origin[u];
         // The curve is nearly parallel to its chord, so that this contracts quickly.
-        for _ in 0..3 {
+        for _ in 0..2 {
             s = (target - curve.height(s) * across[u]) / (along[u] * curve.half_length);
         }
         let (height, slope) = curve.height_and_slope(s);

@@ -47,15 +47,16 @@ impl Side {
         true
     }
 
-    /// Settles the shape of a side that is not normal by all its pixels.
-    pub fn reshape(&mut self, tone: &ToneCurve, pixels: &[Pixel], noise: f64) {
+    /// Settles the shape of a side that is not normal by all its pixels; false if it is normal.
+    pub fn reshape(&mut self, tone: &ToneCurve, pixels: &[Pixel], noise: f64) -> bool {
         let square = self.shape.square;
         if square == 0.0 {
-            return;
+            return false;
         }
         let trials = [square - STEP, square, (square + STEP).min(MOST)]
             .map(|square| self.tried(tone, pixels, noise, square.max(0.0)));
         *self = self.best(tone, pixels, noise, trials.to_vec());
+        true
     }
 
     fn tried(&self, tone: &ToneCurve, pixels: &[Pixel], noise: f64, square: f64) -> Trial {
@@ -65,15 +66,18 @@ impl Side {
         };
         let mut predictions = Vec::with_capacity(pixels.len());
         let steps = (TRIAL_STEPS, LAST_STEP);
-        side.predict_all(tone, pixels, &mut predictions);
-        side.fit(tone, pixels, &mut predictions, noise, steps);
-        side.predict_all(tone, pixels, &mut predictions);
+        let fit = |side: &mut Side, predictions: &mut Vec<Prediction>| {
+            side.predict_all(tone, pixels, predictions);
+            side.fit(tone, pixels, predictions, noise, steps);
+            if predictions.is_empty() {
+                side.predict_all(tone, pixels, predictions);
+            }
+        };
+        fit(&mut side, &mut predictions);
         if square > 0.0 {
             for _ in 0..SLOPE_ROUNDS {
                 side.fit_blur_slope(pixels, &predictions, noise);
-                side.predict_all(tone, pixels, &mut predictions);
-                side.fit(tone, pixels, &mut predictions, noise, steps);
-                side.predict_all(tone, pixels, &mut predictions);
+                fit(&mut side, &mut predictions);
             }
         }
         let inverse_variance = 1.0 / (noise * noise);

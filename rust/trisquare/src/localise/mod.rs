@@ -252,7 +252,13 @@ impl<'a> Localiser<'a> {
         let reach = plateaus::reach(&side, &self.predictions, noise, near, far);
         let all = self.wide.iter().zip(&self.predictions);
         let within = all.filter(|(p, _)| (-reach[0]..=reach[1]).contains(&side.distance(p)));
-        let (pixels, predictions) = within.unzip();
+        let (mut pixels, mut predictions) = (Vec::new(), Vec::new());
+        pixels.reserve_exact(self.wide.len());
+        predictions.reserve_exact(self.wide.len());
+        for (pixel, prediction) in within {
+            pixels.push(*pixel);
+            predictions.push(*prediction);
+        }
         Ok(Preview {
             side,
             noise,
@@ -318,8 +324,9 @@ impl<'a> Localiser<'a> {
         self.gather(&band)?;
         self.predict(&side);
         self.fit(&mut side, *noise, (FINAL_STEPS, LAST_STEP));
-        side.reshape(self.reader.curve(), &self.pixels, *noise);
-        self.predict(&side);
+        if side.reshape(self.reader.curve(), &self.pixels, *noise) || self.predictions.is_empty() {
+            self.predict(&side);
+        }
         let (samples, noise) = patches::measure(
             &side,
             self.reader.curve(),
@@ -385,7 +392,7 @@ impl<'a> Localiser<'a> {
         side.predict_all(self.reader.curve(), &self.pixels, &mut self.predictions);
     }
 
-    /// Fits a side to these; what was predicted of them is then outdated.
+    /// Fits a side, whose predictions there are, to these; afterwards there may be none.
     fn fit(&mut self, side: &mut Side, noise: f64, steps: (usize, f64)) {
         let tone = self.reader.curve();
         side.fit(tone, &self.pixels, &mut self.predictions, noise, steps);

@@ -16,6 +16,9 @@ const EDGE_BLURS: f64 = 2.0;
 /// A step below this many pixels ends the iteration: the next would be quadratically smaller, below
 /// a tenth of the best samples' noise, and the patches correct what it leaves.
 pub(super) const LAST_STEP: f64 = 0.02;
+/// Predictions follow a step below this many pixels linearly: what that leaves is below 1e-4 of the
+/// contrast.
+const LAST_FOLLOWED_STEP: f64 = 5e-3;
 /// Steps are cut to these: pixels of position, and factor of the blur.
 const MAX_SHIFT: f64 = 1.5;
 const MAX_BLUR_RATIO: f64 = 1.6;
@@ -151,9 +154,10 @@ impl Side {
 
     /// Damped Gauss-Newton on all parameters, `noise` being the residuals' expected scale.
     ///
-    /// It ends with a step shorter than `settled` pixels, and returns whether it did within the
-    /// steps allowed; the side is left at the lowest cost seen, except that a last step too small
-    /// to matter is taken unseen. `predictions` are the side's of the pixels, and afterwards no longer.
+    /// It ends with a step shorter than `settled` pixels, or after so many; the side is left at the
+    /// lowest cost seen, except that a last step too small to matter is taken unseen. `predictions`
+    /// are the side's of the pixels, before and after; where the last step was too long to follow,
+    /// there are none afterwards.
     pub fn fit(
         &mut self,
         tone: &ToneCurve,
@@ -161,29 +165,55 @@ impl Side {
         predictions: &mut Vec<Prediction>,
         noise: f64,
         (max_steps, settled): (usize, f64),
-    ) -> bool {
+    ) {
         let mut damping = FIRST_DAMPING;
         let mut best = Equations::of(self, pixels, predictions, noise);
+        let mut are_own = true;
         for _ in 0..max_steps {
             let Some(step) = best.step(self.curve.degree, damping) else {
                 damping *= DAMPING_RATIO;
                 continue;
             };
             let mut next = self.clone();
-            if next.advance(&step) < settled {
+            let length = next.advance(&step);
+            if length < settled {
+                are_own &= length < LAST_FOLLOWED_STEP;
+                if are_own {
+                    next.adopt(self, pixels, predictions);
+                }
                 *self = next;
-                return true;
+                break;
             }
             next.predict_all(tone, pixels, predictions);
             let equations = Equations::of(&next, pixels, predictions, noise);
-            if equations.cost < best.cost {
+            are_own = equations.cost < best.cost;
+            if are_own {
                 (*self, best) = (next, equations);
                 damping = (damping / DAMPING_RATIO).max(FIRST_DAMPING);
             } else {
                 damping *= DAMPING_RATIO;
             }
         }
-        false
+        if !are_own {
+            predictions.clear();
+        }
+    }
+
+    /// Makes the predictions of a side very near to this one its own, linearly.
+    fn adopt(&self, near: &Self, pixels: &[Pixel], predictions: &mut [Prediction]) {
+        let mut moved = self.curve.clone();
+        for (own, old) in moved.coefficients.iter_mut().zip(near.curve.coefficients) {
+            *own -= old;
+        }
+        let base = [0, 1].map(|k| self.base[k] - near.base[k]);
+        let contrast = [0, 1].map(|k| self.contrast[k] - near.contrast[k]);
+        let blur = self.blur - near.blur;
+        for (pixel, p) in pixels.iter().zip(predictions) {
+            p.residual -= p.by_height * moved.height(pixel.s)
+                + p.by_base * (base[0] + base[1] * pixel.s)
+                + p.by_contrast * (contrast[0] + contrast[1] * pixel.s)
+                + p.by_blur * blur;
+        }
     }
 
     /// Takes a step, cut to what is plausible; returns how far the edge or its blur moved, pixels.
