@@ -24,8 +24,12 @@ struct ProfileBin {
 impl Profile {
     /// Adds a pixel so many blurs from its edge, on the light side if positive.
     pub fn add(&mut self, place: f64, residual: f64) {
-        let index = ((place + PROFILE_REACH) / PROFILE_BIN).floor();
-        if let Some(bin) = self.bins.get_mut(index as usize).filter(|_| index >= 0.0) {
+        let position = (place + PROFILE_REACH) * (1.0 / PROFILE_BIN);
+        if let Some(bin) = self
+            .bins
+            .get_mut(position as usize)
+            .filter(|_| position >= 0.0)
+        {
             bin.sum += residual;
             bin.squares += residual * residual;
             bin.count += 1.0;

@@ -77,6 +77,9 @@ pub(super) fn stride(pixels: usize, sides: usize) -> usize {
     pixels.div_ceil(most).max(1)
 }
 
+/// The number of the bin that begins at a side's middle, so that none has a negative number.
+const MIDDLE_BIN: f64 = 1e6;
+
 /// Columns of a pixel's row: derivatives by height, base, contrast, blur and kurtosis, by the
 /// tone's parameters, and the residual.
 const COLUMNS: usize = 5 + TONE_PARAMETERS + 1;
@@ -164,7 +167,7 @@ impl ToneShare {
         let mut profile = Profile::default();
         let kurtosis = box_kurtosis(&side.curve.along, side.blur);
         for (pixel, p) in pixels {
-            let bin = (pixel.s * bins_per_s).floor() as i32;
+            let bin = (pixel.s * bins_per_s + MIDDLE_BIN) as i32;
             if bin != current && count > 0.0 {
                 spread(side, &sums, s_sum / count, &mut total);
                 sums = [[0.0; COLUMNS]; COLUMNS];
@@ -261,16 +264,12 @@ fn spread<const N: usize>(
     total: &mut [[f64; N]; N],
 ) {
     let mut map = [(0, 1.0); N];
-    for (k, entry) in map[..COEFFICIENTS].iter_mut().enumerate() {
-        *entry = (
-            0,
-            if k <= side.curve.degree {
-                s.powi(k as i32)
-            } else {
-                0.0
-            },
-        );
+    let mut power = 1.0;
+    for entry in &mut map[..=side.curve.degree] {
+        *entry = (0, power);
+        power *= s;
     }
+    map[side.curve.degree + 1..COEFFICIENTS].fill((0, 0.0));
     map[BASE..CONTRAST].copy_from_slice(&[(1, 1.0), (1, s)]);
     map[CONTRAST..BLUR].copy_from_slice(&[(2, 1.0), (2, s)]);
     for (entry, column) in map[BLUR..].iter_mut().zip(3..COLUMNS) {
