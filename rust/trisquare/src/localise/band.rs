@@ -84,7 +84,7 @@ impl Band<'_> {
         let Some((first, last)) = self.columns(u, size[u]) else {
             return;
         };
-        let mut greys = Vec::new();
+        let (mut greys, mut flips) = (Vec::new(), Vec::new());
         let mut plateaus = [Plateau::default(); 2];
         let clear = self.clear_columns(u, [first, last]);
         let s_per_column = 1.0 / (curve.along[u] * curve.half_length);
@@ -103,8 +103,11 @@ impl Band<'_> {
             };
             let start = if u == 0 { [number, top] } else { [top, number] };
             reader.read_line(start, u == 0, count, &mut greys);
-            let is_clear = clear.contains(&number);
-            self.sort_column(&column, (top, is_clear), &greys, &mut plateaus, pixels);
+            if !clear.contains(&number) {
+                self.cut(&column, top, &mut greys);
+            }
+            self.flips(&column, top, &mut greys, &mut flips);
+            self.sort_column(&column, top, (&greys, &flips), &mut plateaus, pixels);
         }
         pixels.extend(plateaus.iter_mut().filter_map(Plateau::take));
     }
@@ -152,50 +155,76 @@ impl Band<'_> {
         (first <= last).then_some((first as usize, last as usize))
     }
 
-    /// Takes the pixels of one column that belong to the band, those far from the edge summed up.
+    /// Makes the pixels of a column that do not belong to the band unreadable.
+    fn cut(&self, column: &Column, top: usize, greys: &mut [Grey]) {
+        let ends = self.ends.map(|x| x / self.curve.half_length);
+        for (row, grey) in (top..).zip(greys) {
+            let place = column.place(row as f64);
+            let s = self.curve.local(place).0;
+            if s < ends[0] || s > ends[1] || !self.limits.iter().all(|f| f.keeps(place)) {
+                grey.value = f64::NAN;
+            }
+        }
+    }
+
+    /// What the lines that cross make of each pixel of a column; those of markers become unreadable.
+    fn flips(&self, column: &Column, top: usize, greys: &mut [Grey], flips: &mut Vec<Flip>) {
+        flips.clear();
+        let rows = (top..top + greys.len()).map(|row| row as f64);
+        let Some(crossings) = self.crossings.map(|crossings| crossings.about(column.s)) else {
+            flips.resize(greys.len(), Flip::NONE);
+            return;
+        };
+        let ends = [top, top + greys.len() - 1].map(|row| column.place(row as f64));
+        let constant = crossings.constant(ends);
+        for (row, grey) in rows.zip(greys) {
+            let distance = column.distance(row - column.centre);
+            if crossings.is_near_marker(distance) {
+                grey.value = f64::NAN;
+            }
+            flips.push(constant.unwrap_or_else(|| crossings.flip(column.place(row), distance)));
+        }
+    }
+
+    /// Takes the readable pixels of one column, those far from the edge summed up.
     fn sort_column(
         &self,
         column: &Column,
-        (top, is_clear): (usize, bool),
-        greys: &[Grey],
+        top: usize,
+        (greys, flips): (&[Grey], &[Flip]),
         plateaus: &mut [Plateau; 2],
         pixels: &mut Vec<Pixel>,
     ) {
         let curve = &self.curve;
-        let bottom = top + greys.len() - 1;
-        let ends = self.ends.map(|x| x / curve.half_length);
-        let near = self.near * column.per_pixel;
-        let crossings = self.crossings.map(|crossings| crossings.about(column.s));
-        let constant = crossings.as_ref().map_or(Some(Flip::NONE), |crossings| {
-            crossings.constant([top, bottom].map(|row| column.place(row as f64)))
-        });
-        let flip_at = |row: f64| match (constant, &crossings) {
-            (None, Some(crossings)) => {
-                crossings.flip(column.place(row), column.distance(row - column.centre))
-            }
-            (flip, _) => flip.unwrap_or(Flip::NONE),
-        };
-        let is_cut = |row: f64, s: f64| {
-            s < ends[0] || s > ends[1] || !self.limits.iter().all(|f| f.keeps(column.place(row)))
-        };
         // Within a column the frame's coordinates are linear in the row.
-        let (s_at_zero, y_at_zero) = curve.local(column.place(0.0));
+        let (s_at_top, y_at_top) = curve.local(column.place(top as f64));
         let v = 1 - column.u;
         let (s_per_row, y_per_row) = (curve.along[v] / curve.half_length, curve.across[v]);
-        for (row, &Grey { value, is_clipped }) in (top..).zip(greys) {
-            let row = row as f64;
-            let (s, y) = (s_at_zero + row * s_per_row, y_at_zero + row * y_per_row);
-            if !value.is_finite() || (!is_clear && is_cut(row, s)) {
-                continue;
+        let place = |index: usize| {
+            let row = index as f64;
+            (s_at_top + row * s_per_row, y_at_top + row * y_per_row)
+        };
+        // The first row that is near the edge, and the first beyond.
+        let near = self.near * column.per_pixel;
+        let index_of = |row: f64| ((row - top as f64).max(0.0) as usize).min(greys.len());
+        let start = index_of((column.centre - near).ceil());
+        let end = index_of((column.centre + near).floor() + 1.0).max(start);
+        for (rows, is_after) in [(0..start, false), (end..greys.len(), true)] {
+            let plateau = &mut plateaus[usize::from(is_after == column.downwards)];
+            let mut sums = *plateau;
+            for index in rows {
+                let Grey { value, is_clipped } = greys[index];
+                if value.is_finite() {
+                    let (s, y) = place(index);
+                    sums.add([s, y, value], flips[index], is_clipped);
+                }
             }
-            let below = row - column.centre;
-            if crossings
-                .as_ref()
-                .is_some_and(|crossings| crossings.is_near_marker(column.distance(below)))
-            {
-                continue;
-            }
-            if below.abs() <= near {
+            *plateau = sums;
+        }
+        for index in start..end {
+            let Grey { value, is_clipped } = greys[index];
+            if value.is_finite() {
+                let (s, y) = place(index);
                 pixels.push(Pixel {
                     s,
                     y,
@@ -203,12 +232,9 @@ impl Band<'_> {
                     cosine: column.cosine,
                     value,
                     count: 1.0,
-                    flip: flip_at(row),
+                    flip: flips[index],
                     is_clipped,
                 });
-            } else {
-                let plateau = &mut plateaus[usize::from((below > 0.0) == column.downwards)];
-                plateau.add([s, y, value], flip_at(row), is_clipped);
             }
         }
     }
@@ -238,8 +264,9 @@ impl Column {
         let (along, across, v) = (curve.along, curve.across, 1 - u);
         let target = number as f64 - curve.origin[u];
         // The curve is nearly parallel to its chord, so that this contracts quickly.
+        let per_length = 1.0 / (along[u] * curve.half_length);
         for _ in 0..2 {
-            s = (target - curve.height(s) * across[u]) / (along[u] * curve.half_length);
+            s = (target - curve.height(s) * across[u]) * per_length;
         }
         let (height, slope) = curve.height_and_slope(s);
         let cosine = 1.0 / (1.0 + slope * slope).sqrt();

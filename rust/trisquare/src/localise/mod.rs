@@ -27,6 +27,7 @@ mod plateaus;
 mod preview;
 mod profile;
 mod side;
+mod side_sums;
 mod span;
 mod surroundings;
 mod tone_fit;
@@ -343,8 +344,7 @@ impl<'a> Localiser<'a> {
         let share = match self.tells_tone {
             true => {
                 let stride = tone_fit::stride(self.pixels.len(), spans.len());
-                let predictions = self.predictions.iter().copied();
-                let asked = self.pixels.iter().zip(predictions).step_by(stride);
+                let asked = self.pixels.iter().zip(&self.predictions).step_by(stride);
                 ToneShare::of(&side, self.reader.curve(), asked, noise)
             }
             false => None,

@@ -82,7 +82,7 @@ pub(super) fn measure(
     let mut parameters = side.edge_parameters();
     let of_side = |index: usize, _: &Pixel, _: &Patch| predictions[index];
     let of_patch = |_: usize, pixel: &Pixel, patch: &Patch| {
-        side.predict_in_light(tone, pixel, patch.offset, patch.light.shift.into())
+        side.predict(tone, pixel, patch.offset, patch.light.shift.into())
     };
     residuals.clear();
     if own_light {

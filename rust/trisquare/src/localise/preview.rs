@@ -16,3 +16,13 @@ pub(super) struct Preview {
     /// What the side as it was found predicts of them.
     pub predictions: Vec<Prediction>,
 }
+
+impl Preview {
+    /// Leaves one in so many pixels.
+    pub fn thin(&mut self, stride: usize) {
+        if stride > 1 {
+            self.pixels = self.pixels.iter().copied().step_by(stride).collect();
+            self.predictions = self.predictions.iter().copied().step_by(stride).collect();
+        }
+    }
+}

@@ -24,6 +24,8 @@ const MAX_SHIFT: f64 = 1.5;
 const MAX_BLUR_RATIO: f64 = 1.6;
 const FIRST_DAMPING: f64 = 1e-6;
 const DAMPING_RATIO: f64 = 30.0;
+/// Pixels that are predicted together.
+const BLOCK: usize = 16;
 
 pub(super) const BASE: usize = COEFFICIENTS;
 pub(super) const CONTRAST: usize = BASE + 2;
@@ -67,6 +69,47 @@ pub(super) struct Prediction {
     pub by_offset: f64,
 }
 
+/// Where a pixel lies in the blur of its edge.
+#[derive(Clone, Copy, Default)]
+struct Place {
+    blurs: f64,
+    inverse_blur: f64,
+    inverse_blur_here: f64,
+}
+
+/// The light that falls on a pixel, and its derivatives.
+#[derive(Clone, Copy, Default)]
+struct Light {
+    value: f64,
+    by_contrast: f64,
+    by_blurs: f64,
+}
+
+/// A prediction, from its stages: `value` is coded, with the gain of the tone curve.
+#[inline(always)]
+fn predicted(pixel: &Pixel, place: Place, light: Light, (value, gain): (f64, f64)) -> Prediction {
+    let residual = pixel.value - value;
+    let is_silent = pixel.is_clipped && residual <= 0.0;
+    let (residual, gain) = if is_silent {
+        (0.0, 0.0)
+    } else {
+        (residual, gain)
+    };
+    let by_blurs = gain * light.by_blurs;
+    let by_distance = by_blurs * place.inverse_blur_here;
+    Prediction {
+        residual,
+        light: light.value,
+        is_silent,
+        blurs: place.blurs,
+        by_height: -by_distance * pixel.cosine,
+        by_base: gain,
+        by_contrast: gain * light.by_contrast,
+        by_blur: -by_blurs * place.blurs * place.inverse_blur,
+        by_offset: -by_distance,
+    }
+}
+
 impl Prediction {
     /// Whether the pixel tells the noise at the edge.
     #[inline]
@@ -98,50 +141,24 @@ impl Side {
         )
     }
 
-    /// Predicts one pixel, the curve being moved by `offset` along its normal.
-    #[inline(always)]
-    pub fn predict(&self, tone: &ToneCurve, pixel: &Pixel, offset: f64) -> Prediction {
-        self.predict_in_light(tone, pixel, offset, [0.0; 2])
-    }
-
-    /// The same where base and contrast are larger than the side's by so much.
-    #[inline(always)]
-    pub fn predict_in_light(
+    /// Predicts one pixel, the curve being moved by `offset` along its normal, where base and contrast
+    /// are larger than the side's by so much.
+    pub fn predict(
         &self,
         tone: &ToneCurve,
         pixel: &Pixel,
         offset: f64,
         [base, contrast]: [f64; 2],
     ) -> Prediction {
-        let inverse_blur = 1.0 / self.blur;
-        let inverse_blur_here = inverse_blur * (1.0 - self.blur_slope * pixel.s);
-        let blurs = (self.distance(pixel) - offset) * inverse_blur_here;
-        let (step, density) = self.shape.step_and_density(blurs);
-        let (step, density) = (pixel.flipped(step), pixel.flip.slope * density);
-        let contrast = self.contrast[0] + self.contrast[1] * pixel.s + contrast;
-        let light = self.base[0] + self.base[1] * pixel.s + base + contrast * step;
-        let (value, mut gain) = tone.encode_with_slope(light);
-        let mut residual = pixel.value - value;
-        let is_silent = pixel.is_clipped && residual <= 0.0;
-        if is_silent {
-            (residual, gain) = (0.0, 0.0);
-        }
-        let by_blurs = gain * contrast * density;
-        let by_distance = by_blurs * inverse_blur_here;
-        Prediction {
-            residual,
-            light,
-            is_silent,
-            blurs,
-            by_height: -by_distance * pixel.cosine,
-            by_base: gain,
-            by_contrast: gain * step,
-            by_blur: -by_blurs * blurs * inverse_blur,
-            by_offset: -by_distance,
-        }
+        let place = self.place(pixel, offset);
+        let step = self.shape.step_and_density(place.blurs);
+        let light = self.light(pixel, step, [base, contrast]);
+        predicted(pixel, place, light, tone.encode_with_slope(light.value))
     }
 
     /// Predicts all pixels.
+    ///
+    /// Each stage is done for a few of them, since one waits for the stage before.
     pub fn predict_all(
         &self,
         tone: &ToneCurve,
@@ -149,7 +166,58 @@ impl Side {
         predictions: &mut Vec<Prediction>,
     ) {
         predictions.clear();
-        predictions.extend(pixels.iter().map(|pixel| self.predict(tone, pixel, 0.0)));
+        predictions.reserve(pixels.len());
+        let mut places = [Place::default(); BLOCK];
+        let mut steps = [(0.0, 0.0); BLOCK];
+        let mut lights = [Light::default(); BLOCK];
+        let mut values = [(0.0, 0.0); BLOCK];
+        for block in pixels.chunks(BLOCK) {
+            for (place, pixel) in places.iter_mut().zip(block) {
+                *place = self.place(pixel, 0.0);
+            }
+            for (step, place) in steps.iter_mut().zip(&places[..block.len()]) {
+                *step = self.shape.step_and_density(place.blurs);
+            }
+            for ((light, step), pixel) in lights.iter_mut().zip(&steps).zip(block) {
+                *light = self.light(pixel, *step, [0.0; 2]);
+            }
+            for (value, light) in values.iter_mut().zip(&lights[..block.len()]) {
+                *value = tone.encode_with_slope(light.value);
+            }
+            let stages = places.iter().zip(&lights).zip(&values).zip(block);
+            predictions.extend(
+                stages.map(|(((place, light), value), pixel)| {
+                    predicted(pixel, *place, *light, *value)
+                }),
+            );
+        }
+    }
+
+    #[inline(always)]
+    fn place(&self, pixel: &Pixel, offset: f64) -> Place {
+        let inverse_blur = 1.0 / self.blur;
+        let inverse_blur_here = inverse_blur * (1.0 - self.blur_slope * pixel.s);
+        Place {
+            blurs: (self.distance(pixel) - offset) * inverse_blur_here,
+            inverse_blur,
+            inverse_blur_here,
+        }
+    }
+
+    #[inline(always)]
+    fn light(
+        &self,
+        pixel: &Pixel,
+        (step, density): (f64, f64),
+        [base, contrast]: [f64; 2],
+    ) -> Light {
+        let step = pixel.flipped(step);
+        let contrast = self.contrast[0] + self.contrast[1] * pixel.s + contrast;
+        Light {
+            value: self.base[0] + self.base[1] * pixel.s + base + contrast * step,
+            by_contrast: step,
+            by_blurs: contrast * pixel.flip.slope * density,
+        }
     }
 
     /// Damped Gauss-Newton on all parameters, `noise` being the residuals' expected scale.
@@ -170,7 +238,7 @@ impl Side {
         let mut best = Equations::of(self, pixels, predictions, noise);
         let mut are_own = true;
         for _ in 0..max_steps {
-            let Some(step) = best.step(self.curve.degree, damping) else {
+            let Some(step) = best.step(damping) else {
                 damping *= DAMPING_RATIO;
                 continue;
             };
@@ -279,7 +347,7 @@ mod tests {
                 flip: Flip::NONE,
                 is_clipped: false,
             };
-            let value = -truth.predict(tone, &pixel, 0.0).residual;
+            let value = -truth.predict(tone, &pixel, 0.0, [0.0; 2]).residual;
             pixel.value = value.min(1.0);
             pixel.is_clipped = value > 1.0;
             pixel
@@ -312,7 +380,7 @@ mod tests {
         assert!((side.contrast[0] - 1.4).abs() < 1e-3);
         // Of a pixel far on the light side nothing more is told.
         let last = pixels.last().unwrap();
-        let p = side.predict(&tone, last, 0.0);
+        let p = side.predict(&tone, last, 0.0, [0.0; 2]);
         assert!(p.is_silent && p.residual == 0.0 && p.by_offset == 0.0 && p.by_base == 0.0);
     }
 }

@@ -8,16 +8,15 @@ use nalgebra::{Cholesky, Const, Matrix2, SMatrix, SVector, Vector2};
 
 use super::band::Pixel;
 use super::curve::COEFFICIENTS;
-use super::equations::BIN_LENGTH;
 use super::pixel_noise::robust_weight;
 use super::preview::Preview;
 use super::profile::Profile;
-use super::side::{BASE, BLUR, CONTRAST, PARAMETERS, Prediction, Side};
+use super::side::{BASE, BLUR, PARAMETERS, Prediction, Side};
+use super::side_sums::{BIN_LENGTH, SideSums};
 use super::span::NoEdge;
 use crate::image::{
     PictureTone, PowerCurve, TONE_PARAMETERS, Tone, ToneCurve, TonePrior, box_kurtosis,
 };
-use crate::numeric::{add_rank_one, symmetric};
 
 /// A side whose dark or light comes this near to the file's limits, in deviations of its noise and
 /// at least in values, is clipped there: its profile's asymmetry is not the tone curve's.
@@ -41,8 +40,8 @@ const KURTOSIS: usize = PARAMETERS;
 /// How far the kurtosis, over 24, may be from that of the pixel's box: about half as far as the
 /// box's own at a blur of half a pixel.
 const KURTOSIS_STD: f64 = 0.01;
-/// All parameters, and the residual.
-const TOTAL: usize = OWN + TONE_PARAMETERS + 1;
+/// All parameters.
+const TOTAL: usize = OWN + TONE_PARAMETERS;
 
 /// A mean profile that departs by this part of the contrast leaves the tone curve half the
 /// information that its noise alone would: with more, it is JPEG or sharpening that is measured.
@@ -77,8 +76,8 @@ pub(super) fn stride(pixels: usize, sides: usize) -> usize {
     pixels.div_ceil(most).max(1)
 }
 
-/// The number of the bin that begins at a side's middle, so that none has a negative number.
-const MIDDLE_BIN: f64 = 1e6;
+/// Bins are counted from this one, before any pixel; the side's middle parts two.
+const FIRST_BIN: f64 = -1e6;
 
 /// Columns of a pixel's row: derivatives by height, base, contrast, blur and kurtosis, by the
 /// tone's parameters, and the residual.
@@ -155,28 +154,15 @@ impl ToneShare {
     pub fn of<'a>(
         side: &Side,
         tone: &ToneCurve,
-        pixels: impl Iterator<Item = (&'a Pixel, Prediction)>,
+        pixels: impl Iterator<Item = (&'a Pixel, &'a Prediction)>,
         noise: f64,
     ) -> Option<Self> {
         let inverse_variance = 1.0 / (noise * noise);
-        let mut total = [[0.0; TOTAL]; TOTAL];
-        let mut sums = [[0.0; COLUMNS]; COLUMNS];
-        let (mut s_sum, mut count) = (0.0, 0.0);
         let bins_per_s = side.curve.half_length / BIN_LENGTH;
-        let mut current = i32::MIN;
         let mut profile = Profile::default();
         let kurtosis = box_kurtosis(&side.curve.along, side.blur);
-        for (pixel, p) in pixels {
-            let bin = (pixel.s * bins_per_s + MIDDLE_BIN) as i32;
-            if bin != current && count > 0.0 {
-                spread(side, &sums, s_sum / count, &mut total);
-                sums = [[0.0; COLUMNS]; COLUMNS];
-                (s_sum, count) = (0.0, 0.0);
-            }
-            current = bin;
-            if p.is_silent {
-                continue;
-            }
+        let told = pixels.filter(|(_, p)| !p.is_silent);
+        let rows = told.map(|(pixel, p)| {
             let [by_gamma, by_toe] = tone.sensitivity(p.light);
             // Edgeworth: the kurtosis adds to Phi(z) a multiple of (z^3 - 3 z) phi(z).
             let by_kurtosis = p.by_offset * side.blur * p.blurs * (p.blurs * p.blurs - 3.0);
@@ -197,14 +183,10 @@ impl ToneShare {
             ];
             let inverse_variance = inverse_variance * pixel.count;
             let weight = robust_weight(p.residual * p.residual * inverse_variance);
-            add_rank_one(&mut sums, &row, weight * inverse_variance);
-            s_sum += pixel.s;
-            count += 1.0;
-        }
-        if count > 0.0 {
-            spread(side, &sums, s_sum / count, &mut total);
-        }
-        let share = Self::reduced(side, &total, is_sound(side, tone, noise))?;
+            (pixel.s, weight * inverse_variance, row)
+        });
+        let sums = SideSums::of(rows, bins_per_s, FIRST_BIN);
+        let share = Self::reduced(side, sums, is_sound(side, tone, noise))?;
         let [before, after] = side.plateaus().map(|light| tone.encode_with_slope(light).0);
         Some(Self {
             profile: profile.relative_to(after - before),
@@ -212,25 +194,17 @@ impl ToneShare {
         })
     }
 
-    fn reduced(side: &Side, total: &[[f64; TOTAL]; TOTAL], is_sound: bool) -> Option<Self> {
-        let at = |i: usize, j: usize| symmetric(total, i, j);
-        let last = TOTAL - 1;
-        let mut own = SMatrix::<f64, OWN, OWN>::from_fn(at);
-        let mut cross = SMatrix::<f64, OWN, TONE_PARAMETERS>::from_fn(|i, j| at(i, OWN + j));
-        let mut right = SVector::<f64, OWN>::from_fn(|i, _| at(i, last));
-        for unused in side.curve.degree + 1..COEFFICIENTS {
-            own.row_mut(unused).fill(0.0);
-            own.column_mut(unused).fill(0.0);
-            own[(unused, unused)] = 1.0;
-            cross.row_mut(unused).fill(0.0);
-            right[unused] = 0.0;
-        }
+    fn reduced(side: &Side, sums: SideSums<COLUMNS>, is_sound: bool) -> Option<Self> {
+        let (all, direct) = sums.assembled::<TOTAL>(side.curve.degree);
+        let mut own = all.fixed_view::<OWN, OWN>(0, 0).into_owned();
+        let cross = all.fixed_view::<OWN, TONE_PARAMETERS>(0, OWN).into_owned();
+        let mut right = direct.fixed_rows::<OWN>(0).into_owned();
         let prior = 1.0 / (KURTOSIS_STD * KURTOSIS_STD);
         own[(KURTOSIS, KURTOSIS)] += prior;
         right[KURTOSIS] += prior * box_kurtosis(&side.curve.along, side.blur);
         let factor = own.cholesky()?;
-        let square = Matrix2::from_fn(|i, j| at(OWN + i, OWN + j));
-        let direct = Vector2::from_fn(|i, _| at(OWN + i, last));
+        let square = all.fixed_view::<TONE_PARAMETERS, TONE_PARAMETERS>(OWN, OWN);
+        let direct = direct.fixed_rows::<TONE_PARAMETERS>(OWN);
         Some(Self {
             information: square - cross.tr_mul(&factor.solve(&cross)),
             gradient: direct - cross.tr_mul(&factor.solve(&right)),
@@ -253,32 +227,6 @@ impl ToneShare {
     pub fn drift(&self) -> SMatrix<f64, COEFFICIENTS, TONE_PARAMETERS> {
         let all = -self.factor.solve(&self.cross);
         all.fixed_rows::<COEFFICIENTS>(0).into_owned()
-    }
-}
-
-/// Adds the sums of a bin, every derivative times its powers of `s`.
-fn spread<const N: usize>(
-    side: &Side,
-    sums: &[[f64; COLUMNS]; COLUMNS],
-    s: f64,
-    total: &mut [[f64; N]; N],
-) {
-    let mut map = [(0, 1.0); N];
-    let mut power = 1.0;
-    for entry in &mut map[..=side.curve.degree] {
-        *entry = (0, power);
-        power *= s;
-    }
-    map[side.curve.degree + 1..COEFFICIENTS].fill((0, 0.0));
-    map[BASE..CONTRAST].copy_from_slice(&[(1, 1.0), (1, s)]);
-    map[CONTRAST..BLUR].copy_from_slice(&[(2, 1.0), (2, s)]);
-    for (entry, column) in map[BLUR..].iter_mut().zip(3..COLUMNS) {
-        *entry = (column, 1.0);
-    }
-    for (i, (column, power)) in map.iter().enumerate() {
-        for (j, (other, other_power)) in map[..=i].iter().enumerate() {
-            total[i][j] += power * other_power * symmetric(sums, *column, *other);
-        }
     }
 }
 
@@ -345,38 +293,35 @@ pub(super) fn pool<'a>(
 }
 
 /// Estimates the tone curve from the previews of all spans, whose predictions are by the curve to
-/// start from, and fits their sides to it.
+/// start from, and fits their sides to it; of their pixels those are left that were asked.
 pub(super) fn estimate_tone(
     start: PowerCurve,
     previews: &mut [Result<Preview, NoEdge>],
 ) -> ToneEstimate {
     let sides = previews.len();
+    for preview in previews.iter_mut().flatten() {
+        preview.thin(stride(preview.pixels.len(), sides));
+    }
     let mut power = start;
     let mut trust = Trust::Full;
     let mut rounds = 0;
     loop {
         rounds += 1;
         let tone = Tone::Power(power).curve();
-        let shares: Vec<Option<ToneShare>> = previews
-            .iter()
-            .map(|preview| {
-                let Preview {
-                    side,
-                    pixels,
-                    predictions,
-                    noise,
-                    ..
-                } = preview.as_ref().ok()?;
-                let stride = stride(pixels.len(), sides);
-                let asked = pixels.iter().step_by(stride);
-                if rounds == 1 {
-                    let predictions = predictions.iter().copied().step_by(stride);
-                    return ToneShare::of(side, &tone, asked.zip(predictions), *noise);
-                }
-                let predicted = asked.map(|pixel| (pixel, side.predict(&tone, pixel, 0.0)));
-                ToneShare::of(side, &tone, predicted, *noise)
-            })
-            .collect();
+        let share = |preview: &mut Result<Preview, NoEdge>| {
+            let Preview {
+                side,
+                pixels,
+                predictions,
+                noise,
+                ..
+            } = preview.as_mut().ok()?;
+            if rounds > 1 {
+                side.predict_all(&tone, pixels, predictions);
+            }
+            ToneShare::of(side, &tone, pixels.iter().zip(&*predictions), *noise)
+        };
+        let shares: Vec<Option<ToneShare>> = previews.iter_mut().map(share).collect();
         let (step, estimate) = pool(power, shares.iter().flatten(), trust);
         let cut = (MAX_STEP / step[0].abs()).min(1.0);
         let step = step * cut;
