@@ -387,6 +387,6 @@ mod tests {
             .iter()
             .map(|own| own.iter().map(|contour| contour.points.len()).collect())
             .collect();
-        assert_eq!(heights, [vec![32], vec![24], vec![], vec![]]);
+        assert_eq!(heights, [vec![34], vec![26], vec![], vec![]]);
     }
 }

@@ -291,7 +291,7 @@ mod tests {
     #[test]
     fn a_disc_a_triangle_and_what_is_at_the_border_are_no_quads() {
         let disc = |x: i32, y: i32| (x - 40).pow(2) + (y - 40).pow(2) < 400;
-        let triangle = |x: i32, y: i32| (20..60).contains(&y) && x > 40 - y / 2 && x < 40 + y / 2;
+        let triangle = |x: i32, y: i32| (20..60).contains(&y) && 2 * (x - 40).abs() < y - 20;
         let at_border = |x: i32, y: i32| (2..40).contains(&x) && (20..60).contains(&y);
         let small = |x: i32, y: i32| (40..47).contains(&x) && (40..47).contains(&y);
         for values in [drawn(disc), drawn(triangle), drawn(at_border), drawn(small)] {
