@@ -87,18 +87,26 @@ impl<L: Lens> Chooser<'_, L> {
 
     fn all_agree(&self) -> bool {
         let all: Vec<usize> = (0..self.0.planes.len()).collect();
-        // Among many, some show what is wrong as well.
+        // Among many, some show what is wrong as well, and otherwise about which camera it is.
         let step = all.len().div_ceil(MAX_FITTED);
-        let some: Vec<usize> = all.iter().copied().step_by(step).collect();
-        if step > 1 {
+        let refined = if step > 1 {
+            let some: Vec<usize> = all.iter().copied().step_by(step).collect();
             let planes: Vec<_> = some.iter().map(|i| self.0.planes[*i].clone()).collect();
-            let sketch = self.0.problem.sketched(&planes);
-            if !sketch.is_some_and(|found| self.0.agrees(&self.0.judged(&some, &planes, found))) {
+            let Some(sketch) = self.0.problem.sketched(&planes) else {
+                return false;
+            };
+            let sketch = self.0.judged(&some, &planes, sketch);
+            if !self.0.agrees(&sketch) {
                 return false;
             }
-        }
-        let refined = self.0.problem.optimum(self.0.planes);
-        refined.is_ok_and(|refined| self.0.agrees(&self.0.judged(&all, self.0.planes, refined)))
+            let lens = &sketch.refined.view.lens;
+            self.0.problem.optimum_from(lens, self.0.planes)
+        } else {
+            None
+        };
+        refined
+            .or_else(|| self.0.problem.optimum(self.0.planes).ok())
+            .is_some_and(|refined| self.0.agrees(&self.0.judged(&all, self.0.planes, refined)))
     }
 
     /// What agrees with boards as well as these among themselves, where they show the camera alone:

@@ -297,7 +297,8 @@ impl<L: Lens> Inliers<'_, L> {
         None
     }
 
-    /// Takes back what agrees in the joint fit, the most promising first.
+    /// Takes back what agrees in the joint fit, the most promising first, up to as many as are
+    /// tried one by one.
     fn with_others(&self, mut fit: Fit<L>, hypothesis: &Hypothesis) -> Fit<L> {
         let mut others: Vec<(f64, usize)> = self
             .pool
@@ -310,6 +311,9 @@ impl<L: Lens> Inliers<'_, L> {
             .collect();
         others.sort_by(|a, b| a.0.total_cmp(&b.0));
         for (_, other) in others.into_iter().take(MAX_TRIALS) {
+            if fit.members.len() >= MAX_FITTED {
+                break;
+            }
             let mut members = fit.members.clone();
             members.push(other);
             members.sort_unstable();
@@ -343,7 +347,8 @@ impl<L: Lens> Inliers<'_, L> {
         let of_all = all.iter().zip(&self.pool.places);
         let promising = of_all.filter(|(candidate, place)| {
             let square = squared_deviation(candidate, &own);
-            fit.members.contains(place) || square.is_some_and(|square| square < WORTH_A_TRIAL)
+            fit.members.binary_search(place).is_ok()
+                || square.is_some_and(|square| square < WORTH_A_TRIAL)
         });
         let mut members: Vec<usize> = promising.map(|(_, place)| *place).collect();
         let mut next = self.fit(&members, &fit.camera);

@@ -42,10 +42,14 @@ impl<L: Lens> JointProblem<'_, L> {
             return None;
         }
         let some: Vec<_> = planes.iter().step_by(step).cloned().collect();
-        let lens = self.sketched(&some)?.view.lens;
+        self.optimum_from(&self.sketched(&some)?.view.lens, planes)
+    }
+
+    /// The optimum of many planes of which some have shown the lens; `None` where it is not found so.
+    pub fn optimum_from(&self, lens: &L, planes: &[ObservedPlane]) -> Option<Refined<L>> {
         let few = planes.iter().map(|p| p.subsampled(SAMPLES_PER_SIDE));
         let few: Vec<_> = few.collect();
-        let undistortion = Undistortion::Known(lens);
+        let undistortion = Undistortion::Known(*lens);
         let homographies = Homographies::estimate(&few, &undistortion).ok()?;
         let (size, options, matrix) = (self.size, self.options, lens.camera_matrix());
         let view = first_view(&matrix, &homographies, planes, &undistortion, size, options).ok()?;
