@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from quick import first_quick
 
+import trisquare as ts
 from trisquare import simulate
-from trisquare.detection.boards.find import find_chessboards, find_lattices
+from trisquare.detection.boards.find import chessboards_among, find_lattices
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 
@@ -34,11 +35,23 @@ def test_of_boards_of_a_stated_size_all_are_found_also_in_part():
     camera = simulate.TrueCamera(1100.0, 1100.0, 640.0, 480.0)
     scene = simulate.Scene(camera, (target, *targets))
     picture = simulate.render(scene, np.random.default_rng(3), noise=2.0)
-    boards = find_chessboards(picture, 7, 5)
+    found = find_lattices(picture)
+    boards = chessboards_among(found, 7, 5)
     assert [board.present.shape for board in boards] == [(5, 7)] * 2
-    assert [board.present.shape for board in find_chessboards(picture, 5, 7)] == [(7, 5)] * 2
+    assert [board.present.shape for board in chessboards_among(found, 5, 7)] == [(7, 5)] * 2
     # Of a board of 9 x 9, less than a half is seen.
-    assert [len(find_chessboards(picture, *size)) for size in ((9, 6), (9, 9), (4, 4))] == [2, 0, 1]
+    assert [len(chessboards_among(found, *size)) for size in ((9, 6), (9, 9), (4, 4))] == [2, 0, 1]
+
+
+def test_where_no_board_has_the_stated_size_the_error_says_what_size_there_is():
+    board = simulate.Target(
+        np.eye(3), np.array([0.0, 0.0, 20.0]), "chessboard", inner_corners=(8, 6)
+    )
+    camera = simulate.TrueCamera(600.0, 600.0, 320.0, 240.0, image_size=(640, 480))
+    picture = simulate.render(simulate.Scene(camera, (board,)), np.random.default_rng(3))
+    with pytest.raises(ts.DetectionError, match="8 x 6 of its inner corners are seen") as caught:
+        ts.calibrate(picture, targets="chessboard:7x5")
+    assert [one.kind for one in caught.value.rejected] == ["chessboard"]
 
 
 @pytest.mark.parametrize(

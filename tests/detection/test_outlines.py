@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from quick import first_quick
 
-from trisquare.detection.boards.find import find_chessboards
 from trisquare.detection.candidates import Outline, SquareOutline
+from trisquare.detection.kinds import TargetKinds
 from trisquare.detection.squares.find import find_squares
+from trisquare.measurement.find import search
 from trisquare.simulate import Scene, chessboard_scene, photo_like, random_camera, random_scene
 from trisquare.simulate import render as render_scene
 from trisquare.simulate.render import render_into
@@ -257,6 +258,11 @@ def test_corners_run_clockwise_on_the_screen():
         assert (x * np.roll(y, -1) - np.roll(x, -1) * y).sum() > 0.0
 
 
+def boards_of(picture, cols, rows):
+    found = search(picture, TargetKinds(board=(cols, rows))).found
+    return [board.lattice for board in found]
+
+
 @pytest.mark.parametrize(
     "picture",
     [
@@ -273,7 +279,7 @@ def test_corners_run_clockwise_on_the_screen():
 )
 def test_pictures_without_figures(picture):
     assert find_squares(picture) == []
-    assert find_chessboards(picture, 9, 6) == []
+    assert boards_of(picture, 9, 6) == []
 
 
 @pytest.mark.slow
@@ -321,7 +327,7 @@ def test_chessboards_of_real_photographs():
     boards = json.loads(records.read_text())
     assert len(boards) == 13
     for record in boards:
-        (board,) = find_chessboards(read(PHOTOGRAPHS / "opencv-chess" / record["image"]), 9, 6)
+        (board,) = boards_of(read(PHOTOGRAPHS / "opencv-chess" / record["image"]), 9, 6)
         reference = np.array(record["corners_xy"]).reshape(6, 9, 2)
         gaps = [np.abs(board.crossings - r).max() for r in (reference, reference[::-1, ::-1])]
         assert min(gaps) < 1.0
@@ -333,7 +339,7 @@ def test_rendered_chessboards(cols, rows, seeds):
     for seed in seeds:
         rng = np.random.default_rng(seed)
         scene = chessboard_scene(rng, random_camera(rng), inner_corners=(cols, rows))
-        (board,) = find_chessboards(render_scene(scene, rng), cols, rows)
+        (board,) = boards_of(render_scene(scene, rng), cols, rows)
         truth = scene.image_points(0, scene.targets[0].board_corners()).reshape(rows, cols, 2)
         gaps = [np.abs(board.crossings - t).max() for t in (truth, truth[::-1, ::-1])]
         assert min(gaps) < 0.3

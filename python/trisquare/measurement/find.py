@@ -13,7 +13,7 @@ from trisquare._support.arrays import FloatArray
 from trisquare.detection.annotations.outlines import AnnotatedSquare
 from trisquare.detection.annotations.rectangles import taken_as_rectangles
 from trisquare.detection.annotations.snap import snap_to_edges
-from trisquare.detection.boards.find import find_chessboards, find_lattices
+from trisquare.detection.boards.find import chessboards_among, find_lattices
 from trisquare.detection.boards.membership import belongs_to, whole_cells
 from trisquare.detection.candidates import ENOUGH, Lattice
 from trisquare.detection.grey import grey_bytes, working_picture
@@ -66,7 +66,7 @@ def _found(grey: NDArray[np.uint8], targets: TargetKinds) -> Sequence[DetectedTa
     if targets.layout is not None:
         return [_of_match(found) for found in find_sheets(grey, targets.layout)]
     if targets.board is not None:
-        return [Board.of(lattice, grey) for lattice in find_chessboards(grey, *targets.board)]
+        return _boards_of_size(grey, targets.board)
     if targets.rectangles is not None:
         return [Square(found) for found in find_plain_rectangles(grey, targets.rectangles)]
     boards = (
@@ -78,6 +78,22 @@ def _found(grey: NDArray[np.uint8], targets: TargetKinds) -> Sequence[DetectedTa
     of_grids = [found.lattice for found in grids if isinstance(found, Board)]
     lattices += of_grids
     return [*boards, *grids, *_squares_beside(_without(beside, of_grids), lattices, targets)]
+
+
+def _boards_of_size(
+    grey: NDArray[np.uint8], size: tuple[int, int]
+) -> Sequence[DetectedTarget | Rejected]:
+    """Find the boards of a stated size; where there is none, say what size there is."""
+    lattices = find_lattices(grey)
+    if boards := chessboards_among(lattices, *size):
+        return [Board.of(board, grey) for board in boards]
+    others = [Board.of(lattice, grey) for lattice in lattices]
+    return [Rejected(board.kind, 0, board.quad, _its_size(board.lattice)) for board in others]
+
+
+def _its_size(lattice: Lattice) -> str:
+    rows, cols = sorted(lattice.present.shape)
+    return f"{cols} x {rows} of its inner corners are seen"
 
 
 def _of_match(found: SheetMatch | Rejected) -> DetectedTarget | Rejected:

@@ -6,13 +6,15 @@ links those places to lattices, from coarse to fine.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 import trisquare._core as _core
 from trisquare.detection.candidates import Lattice
-from trisquare.detection.grey import MIN_PICTURE, grey_bytes
+from trisquare.detection.grey import MIN_PICTURE
 
 FINEST = 1000
 """Longest side in pixels of a picture that is searched as it is; a larger one is halved once,
@@ -38,39 +40,31 @@ def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
     list of Lattice
         From the one of most crossings to the one of fewest; empty if there is none.
     """
+    if min(grey.shape) < MIN_PICTURE:
+        return []
     return [_lattice(found.crossings) for found in _core.find_lattices(grey, _pictures(grey))]
 
 
-def find_chessboards(image: NDArray[np.generic], cols: int, rows: int) -> list[Lattice]:
-    """Find the chessboards with `cols` x `rows` inner corners.
+def chessboards_among(lattices: Iterable[Lattice], cols: int, rows: int) -> list[Lattice]:
+    """Return which lattices are chessboards with `cols` x `rows` inner corners, in their order.
 
-    Parameters
-    ----------
-    image : ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
-        Grey or BGR.
-    cols, rows : int
-        Inner corners along the board's two directions.
-
-    Returns
-    -------
-    list of Lattice
-        From the one of which most is seen to the one of which least. Of each at least half of the
-        crossings are seen; its rows run along the board's where it is as large as the board. Empty
-        if the picture shows no such board.
+    Of each at least half of the crossings are seen; its rows run along the board's where it is as
+    large as the board.
     """
-    grey = grey_bytes(image)
-    if min(grey.shape) < MIN_PICTURE:
-        return []
-    found = []
-    for lattice in find_lattices(grey):
-        height, width = lattice.present.shape
-        if np.count_nonzero(lattice.present) < LEAST_SHARE * rows * cols:
-            continue
-        if height <= rows and width <= cols:
-            found.append(lattice)
-        elif height <= cols and width <= rows:
-            found.append(Lattice(np.rot90(lattice.crossings), np.rot90(lattice.present)))
-    return found
+    boards = (_of_size(lattice, cols, rows) for lattice in lattices)
+    return [board for board in boards if board is not None]
+
+
+def _of_size(lattice: Lattice, cols: int, rows: int) -> Lattice | None:
+    """Return a lattice as a board of `cols` x `rows` inner corners, or None if it is not one."""
+    height, width = lattice.present.shape
+    if np.count_nonzero(lattice.present) < LEAST_SHARE * rows * cols:
+        return None
+    if height <= rows and width <= cols:
+        return lattice
+    if height <= cols and width <= rows:
+        return Lattice(np.rot90(lattice.crossings), np.rot90(lattice.present))
+    return None
 
 
 def _pictures(grey: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
