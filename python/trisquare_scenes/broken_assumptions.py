@@ -17,7 +17,7 @@ from trisquare._support.rotations import tilted
 from trisquare.simulate.fisheye import TrueFisheye
 from trisquare.simulate.render import Image, render
 from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, rectangle
-from trisquare.simulate.scenes import random_camera, random_scene
+from trisquare.simulate.scenes import inside, random_camera, random_scene
 from trisquare_scenes.other_lenses import PrismCamera, RationalCamera
 
 NOISE = (1.0, 4.0)
@@ -127,18 +127,22 @@ def twisted(rng: np.random.Generator, target: Target) -> Target:
 def upright_rectangles(rng: np.random.Generator, damaged: bool) -> Broken:
     """Windows: rectangles of one ratio, all with their long sides nearly level."""
     ratio = rng.uniform(1.005, 1.1) if damaged else 1.0
-    scene, how = random_scene(rng), settings(rng)
-    targets = [
-        replace(
-            target,
-            rotation=tilted(rng.uniform(25, 50), first, -first + rng.uniform(-10, 10)),
-            printed=rectangle(0.5 * ratio, 0.5),
+    while True:
+        scene = random_scene(rng)
+        targets = tuple(
+            replace(
+                target,
+                rotation=tilted(rng.uniform(25, 50), first, -first + rng.uniform(-10, 10)),
+                printed=rectangle(0.5 * ratio, 0.5),
+            )
+            for target, first in zip(
+                scene.targets, rng.uniform(0, 360) + 120 * np.arange(3), strict=True
+            )
         )
-        for target, first in zip(
-            scene.targets, rng.uniform(0, 360) + 120 * np.arange(3), strict=True
-        )
-    ]
-    return Broken([render(Scene(scene.camera, tuple(targets)), rng, **how)], scene.camera.fx)
+        if all(inside(scene.camera, target) for target in targets):
+            break
+    picture = render(Scene(scene.camera, targets), rng, **settings(rng))
+    return Broken([picture], scene.camera.fx)
 
 
 def of_lens(other: Callable[[np.random.Generator, TrueCamera], TrueCamera]) -> Draw:
