@@ -175,6 +175,15 @@ def test_the_cause_that_a_warning_names_comes_first():
     assert "a warning" not in str(diagnose(result))
 
 
+def test_of_sides_that_err_together_no_lower_noise_is_advised():
+    result = result_of(squares(5))
+    members = {name: getattr(result, name) for name in result.__dataclass_fields__}
+    together = replace(result.coherence, probability=0.9, displacements=(0.2, 0.1, 0.1))
+    for diagnosis in diagnose(ts.Calibration(**members | {"coherence": together})).values():
+        assert diagnosis.limits.startswith("the samples of a side err together, by 0.2 px")
+        assert "lower noise" not in diagnosis.remedy
+
+
 def test_chessboards_and_planes_that_cannot_be_planned_are_diagnosed():
     result = result_of(squares(4))
     lattice = [

@@ -148,10 +148,12 @@ def _diagnose(
     helpful = sorted((one for one in gained if one[0] < WORTHWHILE_GAIN), key=itemgetter(0))
     cause = next((w.code for w in calibration.warnings if w.code in CAUSES), None)
     together = calibration.coherence
+    off = None
+    if cause is None and together is not None and together.probability > LIKELIER:
+        off = max(together.displacements, default=0.0)
     if cause is not None:
         limits = [CAUSES[cause]]
-    elif together is not None and together.probability > LIKELIER:
-        off = max(together.displacements, default=0.0)
+    elif off is not None:
         limits = [f"{CAUSES['correlated_residuals']}, by {off:.2g} px"]
     else:
         limits = []
@@ -169,7 +171,8 @@ def _diagnose(
         f"{what_if.change} would reduce it from {std:.2g} to {std * ratio:.2g}{unit}"
         for ratio, what_if in shown
     ]
-    nothing = "no single change of the set-up would help much; lower noise would"
+    better = "lower noise" if off is None else "flatter targets"
+    nothing = f"no single change of the set-up would help much; {better} would"
     if cause is not None:
         # The changes are predicted for noise alone, which is not what limits it.
         remedies = [f"mend first what a warning names ({cause})", *remedies[:1]]
