@@ -21,6 +21,10 @@ NEGLIGIBLE = 0.003
 MOST_SILENT = 0.01
 MOST_SILENT_OF_A_KIND = 3
 MOST_FALSE_ALARMS = 0.02
+MOST_WRONG_CAUSES = 2
+
+UNCERTAIN = ("correlated_residuals",)
+"""Warnings that leave the cause open."""
 
 
 class Outcome(NamedTuple):
@@ -33,17 +37,21 @@ class Outcome(NamedTuple):
 
 def measure(kinds: tuple[str, ...] = tuple(KINDS), seed: int = SEED) -> list[Row]:
     """Print for each kind how its pictures end, damaged and undamaged."""
-    silent, warned, refused = {}, 0, 0
+    silent, misnamed, warned, refused = {}, {}, 0, 0
+    every_cause = {code for kind in KINDS.values() for code in kind.causes} - set(UNCERTAIN)
     for number, (name, kind) in enumerate(KINDS.items()):
         if name not in kinds:
             continue
         damaged = [_outcome(kind, (seed, number, index), True) for index in range(SCENES)]
         sound = [_outcome(kind, (seed, number, index), False) for index in range(SCENES)]
         silent[name] = sum(one.wrong and not set(one.codes) & set(kind.causes) for one in damaged)
+        false_causes = every_cause - set(kind.causes)
+        misnamed[name] = sum(bool(set(one.codes[:1]) & false_causes) for one in damaged)
         warned += sum(bool(one.codes) for one in sound)
         refused += sum(one.refused for one in sound)
         print(
-            f"  {name}: silent {silent[name]}, wrong {sum(one.wrong for one in damaged)}, refused "
+            f"  {name}: silent {silent[name]}, wrong cause first {misnamed[name]}, "
+            f"wrong {sum(one.wrong for one in damaged)}, refused "
             f"{sum(one.refused for one in damaged)}; first {_counted(damaged, first=True)}; any "
             f"{_counted(damaged, first=False)}; undamaged: {_counted(sound, first=False)}, "
             f"refused {sum(one.refused for one in sound)}, wrong {sum(one.wrong for one in sound)}",
@@ -51,7 +59,9 @@ def measure(kinds: tuple[str, ...] = tuple(KINDS), seed: int = SEED) -> list[Row
         )
     count = SCENES * len(silent)
     share = sum(silent.values()) / count
-    worst = max((name for name in silent if KINDS[name].told), key=lambda name: silent[name])
+    told = [name for name in silent if KINDS[name].told]
+    worst = max(told, key=lambda name: silent[name])
+    falsest = max(told, key=lambda name: misnamed[name])
     name = f"{len(silent)} kinds of broken assumptions, {SCENES} scenes each"
     return [
         Row(
@@ -65,6 +75,12 @@ def measure(kinds: tuple[str, ...] = tuple(KINDS), seed: int = SEED) -> list[Row
             f"{silent[worst]} of {SCENES}",
             f"<= {MOST_SILENT_OF_A_KIND}",
             silent[worst] <= MOST_SILENT_OF_A_KIND,
+        ),
+        Row(
+            f"the same: wrong cause named first, worst kind ({falsest})",
+            f"{misnamed[falsest]} of {SCENES}",
+            f"<= {MOST_WRONG_CAUSES}",
+            misnamed[falsest] <= MOST_WRONG_CAUSES,
         ),
         Row(
             "the same scenes undamaged: warned; refused",

@@ -1,10 +1,14 @@
 """A lens that does what its model cannot is named, and is told from boards that are not flat."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from quick import first_quick
+from scenes import edges_of, squares
 
 import trisquare as ts
+from trisquare_scenes.broken_assumptions import twisted
 
 SIZE = (1280, 960)
 CELLS = 6
@@ -103,3 +107,13 @@ def test_pictures_that_disagree_raise_the_deviations(seed):
     assert apart.std["fx"] > 1.5 * alike.std["fx"]
     assert abs(apart.camera.fx - 640) < 4.0 * apart.std["fx"]
     assert np.all(np.linalg.eigvalsh(apart.covariance) > 0.0)
+
+
+@pytest.mark.parametrize("seed", first_quick([8, 1, 4, 9, 21]))
+def test_twisted_squares_are_no_fisheye_and_are_named_before_what_they_come_to(seed):
+    rng, scene = np.random.default_rng(seed), squares(seed)
+    targets = tuple(twisted(rng, target) for target in scene.targets)
+    edges = edges_of(replace(scene, targets=targets), noise=0.03)
+    result = ts.calibrate_edges(edges, scene.camera.image_size)
+    assert codes(result)[0] == "planes_contradict"
+    assert not any("is a fisheye" in warning for warning in result.warnings)

@@ -204,8 +204,9 @@ fn run<L: Lens>(
         if let Some(verdict) = verdict {
             problem.heed(&verdict, (&planes, &solution), &mut calibration);
         }
+        // What they come to comes after them.
         let poorly_known = poorly_known(&calibration, options.fixed);
-        calibration.warnings.splice(0..0, poorly_known);
+        calibration.warnings.extend(poorly_known);
         let contradicted = contradicted(edges, &planes, size, options);
         calibration.warnings.splice(0..0, contradicted);
         calibration

@@ -9,12 +9,13 @@ use nalgebra::DVector;
 use crate::calibrate::calibrate_photographs;
 use crate::error::Error;
 use crate::image_size::ImageSize;
-use crate::lens::{DefaultLens, DistortionModel, Fisheye, Lens, SKEW};
+use crate::lens::{DefaultLens, DistortionModel, Fisheye, INTRINSICS, Lens, SKEW};
 use crate::model_selection::{ModelChoice, Weighed, check_comparable};
-use crate::observations::{Options, PlaneEdges};
+use crate::observations::{Fixed, Options, PRIOR_SLACK, PlaneEdges, has_grid, sort_by_plane};
 use crate::photometric::Photographs;
 use crate::result::{Calibration, Warning};
 use crate::solver::step_of_some;
+use crate::uncertainty::unlikely_camera;
 
 /// Logarithm of the odds by which a fisheye must explain the samples better: one camera in twenty,
 /// or fewer, has such a lens.
@@ -94,7 +95,7 @@ pub fn calibrate_by_family(
             return Ok((FamilyChoice::Pinhole(choice), None));
         }
     };
-    let odds = preferred_odds(&wide, &plain);
+    let odds = preferred_odds(edges, &wide, &plain);
     if odds > 0.0 {
         let mut choice = wide.answer(edges, size, &wide_options, photographs)?;
         add_doubt(&mut choice.calibration, plain.fit(), -odds);
@@ -152,13 +153,15 @@ pub fn heed_fisheye<L: Lens>(
     };
     let is_relief = calibration.warnings.iter().any(rises);
     if let (Some(wide), Some(own)) = (wide, own)
-        && preferred_odds(&wide, &own) > 0.0
+        && preferred_odds(&some, &wide, &own) > 0.0
         && (is_clean(wide.fit()) || !is_relief)
     {
         let warning = Warning::LensOfAnotherFamily {
             model: wide.model().name(),
             rms: wide.fit().rms,
-            own: calibration.rms,
+            own: own
+                .fit_with(options.model)
+                .map_or(calibration.rms, |fit| fit.rms),
             focal: wide.fit().camera.focal().x,
         };
         let code = warning.code();
@@ -167,18 +170,45 @@ pub fn heed_fisheye<L: Lens>(
     }
 }
 
-/// Logarithm of the odds for a fisheye against every distorted pinhole, less the preference. Where
-/// sides err together under it as well (targets that are not flat), it has to halve the residuals:
-/// its coefficients follow these.
-fn preferred_odds<A: Lens, B: Lens>(wide: &Weighed<A>, plain: &Weighed<B>) -> f64 {
+/// Logarithm of the odds for a fisheye against every distorted pinhole, less the preference and what
+/// is unlikely of it beforehand. Where sides err together under it as well (targets that are not
+/// flat), it has to halve the residuals: its coefficients follow these.
+///
+/// Targets that are no squares are followed by coefficients that no lens has, or by a camera as
+/// hardly any is: then they are the likelier cause, unless there are boards, whose many lines hold
+/// their shape.
+fn preferred_odds<A: Lens, B: Lens>(
+    edges: &[PlaneEdges],
+    wide: &Weighed<A>,
+    plain: &Weighed<B>,
+) -> f64 {
     let fit = wide.fit();
     let mine = (wide.model().columns().iter().count(), fit);
     let against = plain.fits().map(|other| log_odds(mine, other));
-    let odds = against.fold(f64::INFINITY, f64::min) - PREFERENCE;
-    match is_clean(fit) || fit.rms < 0.5 * plain.fit().rms {
+    let odds = against.fold(f64::INFINITY, f64::min) - PREFERENCE - improbability(fit);
+    let explains = is_clean(fit) || fit.rms < 0.5 * plain.fit().rms;
+    let follows_targets =
+        || !unlikely_camera(fit, Fixed::default(), |_| None).is_empty() && !have_boards(edges);
+    match explains && !follows_targets() {
         true => odds,
         false => odds.min(0.0),
     }
+}
+
+fn have_boards(edges: &[PlaneEdges]) -> bool {
+    let planes = sort_by_plane(edges).unwrap_or_default();
+    planes.iter().flat_map(|plane| &plane.figures).any(has_grid)
+}
+
+/// Minus the logarithm of the prior density of a lens's coefficients, over that of none: normal, as
+/// wide as where a calibration is held by it.
+fn improbability<L: Lens>(fit: &Calibration<L>) -> f64 {
+    let usual = fit.camera.coefficient_priors(fit.image_size);
+    let values = fit.camera.parameters();
+    let squares = values[INTRINSICS..].iter().zip(&usual);
+    squares
+        .map(|(value, std)| 0.5 * (value / (PRIOR_SLACK * std)).powi(2))
+        .sum()
 }
 
 /// Whether the residuals of the samples show no sides that err together.

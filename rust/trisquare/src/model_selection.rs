@@ -149,6 +149,12 @@ impl<L: Lens> Weighed<L> {
         candidates.map(|one| (one.model.columns().iter().count(), &one.fit))
     }
 
+    /// The fit of a model to the edge samples, if it converged.
+    pub(crate) fn fit_with(&self, model: L::Model) -> Option<&Calibration<L>> {
+        let mut candidates = self.candidates.iter();
+        candidates.find_map(|one| (one.model == model).then_some(&one.fit))
+    }
+
     /// The calibration with that model, with the doubt about it.
     pub(crate) fn answer(
         &self,

@@ -25,7 +25,7 @@ pub(crate) struct FreeParameters {
 
 /// The coefficients beyond the default model are held to so many times what lenses are like: an
 /// unusual lens is not bent to the usual, and coefficients a hundred times any lens's are none.
-const PRIOR_SLACK: f64 = 3.0;
+pub(crate) const PRIOR_SLACK: f64 = 3.0;
 
 impl FreeParameters {
     pub fn new<L: Lens>(model: L::Model, fixed: &Fixed, aspect: f64) -> Self {

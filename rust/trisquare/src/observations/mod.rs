@@ -15,7 +15,7 @@ mod view;
 
 pub(crate) use curve::{Curve, ModelLine, Radius};
 pub use edge_shift::{CellSample, GridLineSamples, remove_edge_shift};
-pub(crate) use free_parameters::FreeParameters;
+pub(crate) use free_parameters::{FreeParameters, PRIOR_SLACK};
 pub(crate) use observed::{
     Figure, ObservedPlane, Sample, Side, directions, has_grid, lines_of_scene, sort_by_plane,
 };
