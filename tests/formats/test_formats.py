@@ -498,6 +498,25 @@ def test_colmap_itself_sees_the_same(tmp_path, model, square):
     assert_same(Camera.load(tmp_path / "cameras.txt"), camera, tolerance=2.3e-13)
 
 
+def test_colmaps_fisheye_with_thin_prisms_is_read_where_it_has_none(tmp_path):
+    pycolmap = pytest.importorskip("pycolmap", reason="pycolmap is not installed")
+    path = tmp_path / "cameras.txt"
+    model, numbers = (
+        "THIN_PRISM_FISHEYE",
+        [515, 516, 640, 480, 0.02, -0.01, 0, 0, 0.003, -4e-4, 0, 0],
+    )
+    theirs = pycolmap.Camera(model=model, width=1280, height=960, params=numbers)
+    path.write_text(f"1 {model} 1280 960 {' '.join(map(str, numbers))}\n")
+    ours = ts.Camera.load(path)
+    rays = np.random.default_rng(3).normal(size=(50, 3)) * [1, 1, 0.1] + [0, 0, 1]
+    seen = np.array([theirs.img_from_cam(ray) for ray in rays]).reshape(-1, 2)
+    np.testing.assert_allclose(ours.project(rays), seen - 0.5, atol=1e-9)
+    numbers[-2] = 0.001
+    path.write_text(f"1 {model} 1280 960 {' '.join(map(str, numbers))}\n")
+    with pytest.raises(ValueError, match=r"THIN_PRISM_FISHEYE.*sx1 0\.001"):
+        ts.Camera.load(path)
+
+
 def test_colmap_files_with_several_cameras(tmp_path):
     (tmp_path / "cameras.txt").write_text(
         "# Camera list\n"

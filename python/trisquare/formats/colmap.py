@@ -8,7 +8,7 @@ src/colmap/sensor/models.h.
 Written and read: the simplest of SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and
 FULL_OPENCV that holds the camera, or of the fisheyes SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE and
 OPENCV_FISHEYE. The last of each hold every such camera, FULL_OPENCV rational lenses as well; thin
-prisms are not held.
+prisms are not held. THIN_PRISM_FISHEYE is read where its tangential and prism terms are zero.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ FOCALS_AND_COEFFICIENTS = {
     "OPENCV_FISHEYE": (2, 4),
     "SIMPLE_RADIAL_FISHEYE": (1, 1),
     "RADIAL_FISHEYE": (1, 2),
+    "THIN_PRISM_FISHEYE": (2, 8),
 }
 """How many focal lengths, one or two, and coefficients a model has."""
 
@@ -98,6 +99,14 @@ def _camera(words: Sequence[str]) -> Lens:
     cx, cy = (number - HALF_PIXEL for number in numbers[focals : focals + 2])
     K = camera_matrix(numbers[0], numbers[focals - 1], cx, cy)
     distortion = numbers[focals + 2 :]
+    if model == "THIN_PRISM_FISHEYE":
+        k1, k2, p1, p2, k3, k4, sx1, sy1 = distortion
+        if any((p1, p2, sx1, sy1)):
+            raise ValueError(
+                f"{where}: {model} is read without tangential and prism terms only, "
+                f"not with p1 {p1:g}, p2 {p2:g}, sx1 {sx1:g}, sy1 {sy1:g}"
+            )
+        distortion = [k1, k2, k3, k4]
     if model.endswith("FISHEYE"):
         return fisheye_of(K, distortion, size)
     if model in ("SIMPLE_RADIAL", "RADIAL"):
