@@ -125,6 +125,14 @@ def test_curves_and_lines_through_the_centre_are_refused(draw, k1):
         ts.straighten(scene.picture)
 
 
+def test_arches_that_no_lens_makes_of_lines_are_named_as_curved():
+    picture = np.full(SIZE[::-1], 200, np.uint8)
+    for x in range(200, 800, 100):
+        cv2.ellipse(picture, (x, 500), (150, 200), 0, 180, 360, 30, 4, cv2.LINE_AA)
+    with pytest.raises(ts.NotEnoughDataError, match="curved no more than a lens"):
+        ts.straighten(picture)
+
+
 def test_central_lines_are_refused():
     small = plumb_scene(np.random.default_rng(7), (320, 240), 0.0).picture
     picture = np.full((1200, 1600, 3), small[0, 0], np.uint8)

@@ -207,8 +207,8 @@ def _check_count(lengths: FloatArray, what: str) -> None:
     if long < LEAST_LINES:
         raise NotEnoughDataError(
             f"{long} long {what} in the picture, but {LEAST_LINES} are needed, of {LONG:.0%} of "
-            "half the diagonal or more: take a picture with long straight edges, near its border "
-            "too"
+            "half the diagonal or more, and curved no more than a lens bends a straight line: take "
+            "a picture with long straight edges, near its border too"
         )
 
 
