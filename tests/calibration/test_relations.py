@@ -7,7 +7,7 @@ import pytest
 from scenes import squares
 
 import trisquare as ts
-from trisquare.simulate import corner_scene, edge_points, random_camera, render
+from trisquare.simulate import corner_scene, edge_points, random_camera, random_scene, render
 
 ALL = ((0, 1), (1, 2), (0, 2))
 NAMES = ("fx", "fy", "cx", "cy")
@@ -64,6 +64,16 @@ def test_parallel_planes_turn_alike_and_the_pose_s_own_covariance_allows_for_it(
         stds.append(np.sqrt(np.diag(covariance))[3:])
     ratio = np.sqrt(np.mean(np.square(errors), axis=0)) / np.mean(stds, axis=0)
     assert np.all((ratio > 0.7) & (ratio < 1.35)), ratio
+
+
+def test_planes_that_stand_otherwise_are_no_sign_of_a_fisheye():
+    rng = np.random.default_rng(6200)
+    scene = random_scene(rng)
+    sides = edge_points(scene, rng, noise=0.1)
+    edges = [ts.PlaneEdges.square(four) for four in sides]
+    result = ts.calibrate_edges(edges, scene.camera.image_size, orthogonal=[(0, 1)])
+    assert result.warnings[0].code == "relation_contradicted"
+    assert not any("fisheye" in warning for warning in result.warnings)
 
 
 def test_planes_that_stand_otherwise_are_named():

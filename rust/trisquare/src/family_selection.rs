@@ -133,8 +133,12 @@ pub fn heed_fisheye<L: Lens>(
     calibration: &mut Calibration<L>,
 ) {
     let is_fisheye = L::centre_columns().is_empty();
-    let mut warnings = calibration.warnings.iter();
-    let is_suspect = warnings.any(|warning| SYMPTOMS.contains(&warning.code()));
+    let shows = |codes: &[&str]| {
+        let mut warnings = calibration.warnings.iter();
+        warnings.any(|warning| codes.contains(&warning.code()))
+    };
+    // Planes that do not stand as they are said to explain all that does not fit.
+    let is_suspect = shows(&SYMPTOMS) && !shows(&["relation_contradicted"]);
     if is_fisheye || !is_suspect || check_comparable(options).is_err() {
         return;
     }
