@@ -8,6 +8,7 @@ from quick import first_quick
 from scenes import edges_of, squares
 
 import trisquare as ts
+from trisquare.simulate import Scene, Target, edge_points, fisheye, tilted
 
 SCENE = squares(3)
 WIDTH, HEIGHT = SCENE.camera.image_size
@@ -77,3 +78,21 @@ def test_a_camera_that_errors_of_the_planes_leave_open_is_named():
     result = ts.calibrate_edges(bent, (WIDTH, HEIGHT))
     assert "barely_determined" in codes(result)
     assert max(result.std["fx"] / result.camera.fx, result.std["cx"] / WIDTH) > 0.04
+
+
+def test_a_lens_that_is_a_guess_in_most_of_the_picture_is_named():
+    """Squares in the middle of a fisheye's picture, exactly seen: all that they show is right."""
+    lens = fisheye(150)
+    rng = np.random.default_rng(41)
+    targets = [
+        Target(tilted(35, 120 * k, 10), np.array([0.84 * x, 0.84 * y, 3.9]))
+        for k, (x, y) in enumerate([(1.0, 0.0), (-0.5, 0.87), (-0.5, -0.87)])
+    ]
+    scene = Scene(lens, tuple(targets))
+    edges = [ts.PlaneEdges.square(sides) for sides in edge_points(scene, rng, noise=0.02)]
+    for model in ("radial2", "fisheye"):
+        result = ts.calibrate_edges(edges, lens.image_size, model=model)
+        (named,) = [w for w in result.warnings if w.code == "lens_extrapolated"]
+        assert named.severity == "medium"
+    whole = ts.calibrate_edges(edges_of(SCENE, noise=0.02), (WIDTH, HEIGHT))
+    assert "lens_extrapolated" not in codes(whole)

@@ -16,7 +16,8 @@ use crate::photometric::{Photographs, improve};
 use crate::result::{Calibration, Stage, Warning};
 use crate::solver::{JointProblem, Work, reject_outliers};
 use crate::uncertainty::{
-    LensVerdict, check_plane_count, contradicted_relations, poorly_known, unlikely_camera,
+    LensVerdict, check_plane_count, contradicted_relations, extrapolated_lens, poorly_known,
+    unlikely_camera,
 };
 
 /// Calibrates a camera from edge samples of planes with known lines.
@@ -217,6 +218,11 @@ fn run<L: Lens>(
         let optimum = (&solution, fitted.as_ref());
         add_lines(&problem, optimum, &lines, &mut calibration);
         problem.check_reach(&calibration.camera)?;
+    }
+    if judging {
+        // The scene's lines tell of the lens, too.
+        let extrapolated = extrapolated_lens(&calibration);
+        calibration.warnings.extend(extrapolated);
     }
     Ok(calibration)
 }

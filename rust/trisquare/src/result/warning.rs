@@ -261,6 +261,21 @@ pub enum Warning {
         /// Part of the picture that has no lens.
         missing: f64,
     },
+    /// The lens is a guess in a part of the picture.
+    #[error(
+        "the lens is known to {limit:.0} px in {:.0} % of the picture only: beyond, where no target \
+         was, it is a guess that may be {worst:.0} px off, or more where the lens is not as its model. \
+         Targets nearer to the corners help, or a lens model with fewer coefficients",
+        100.0 * (1.0 - .unknown)
+    )]
+    LensExtrapolated {
+        /// Part of the picture where projections are not known to `limit`.
+        unknown: f64,
+        /// Standard deviation up to which they are, pixels.
+        limit: f64,
+        /// The largest standard deviation over the picture, pixels.
+        worst: f64,
+    },
     /// Planes stand otherwise than they are said to.
     #[error(
         "planes {} and {} are {} degrees from {stand} where nothing is asked of them: leave the \
@@ -436,6 +451,7 @@ impl Warning {
             Self::PrincipalPointOffCentre { .. } => "principal_point_off_centre",
             Self::BarelyDetermined { .. } => "barely_determined",
             Self::LensEndsInPicture { .. } => "lens_ends_in_picture",
+            Self::LensExtrapolated { .. } => "lens_extrapolated",
             Self::OutsidePicture { .. } => "samples_outside_picture",
             Self::RelationContradicted { .. } => "relation_contradicted",
             Self::PartlyHidden { .. } => "side_partly_hidden",
@@ -477,6 +493,7 @@ impl Warning {
             | Self::PlaneRejected { .. }
             | Self::PrincipalPointOffCentre { .. }
             | Self::LensEndsInPicture { .. }
+            | Self::LensExtrapolated { .. }
             | Self::LinesNotUsed { sigmas: Some(_) } => Severity::Medium,
             Self::PlanesVary { factor } if *factor > NOTABLE_FACTOR => Severity::Medium,
             Self::PlanesVary { .. }

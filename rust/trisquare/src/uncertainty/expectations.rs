@@ -4,9 +4,12 @@
 //! Targets that are no squares, a stretched or a cropped picture give an answer that fits as well
 //! as a true one. Only what is known of cameras tells it.
 
-use nalgebra::Vector2;
+use nalgebra::{DMatrix, Vector2};
 
+use super::comparison::compare_projections;
 use super::conditioning::largest_std;
+use super::projection::ProjectionUncertainty;
+use crate::image_size::ImageSize;
 use crate::lens::Lens;
 use crate::observations::Fixed;
 use crate::result::{Calibration, Warning};
@@ -57,6 +60,14 @@ const PLACES: u32 = 21;
 /// Part of a picture, at its corners, that a lens may miss.
 const LEAST_MISSING: f64 = 0.01;
 
+/// Places along either side at which the uncertainty of its projections is asked for.
+const COARSE_PLACES: u32 = 11;
+
+/// Standard deviation of a projection, over the picture's width, up to which it is known, and the
+/// part of a picture from which on it matters that it is not.
+const KNOWN: f64 = 0.01;
+const LEAST_UNKNOWN: f64 = 0.1;
+
 /// Warns of a camera that is known worse than what is refused before the residuals are asked, and
 /// of a lens that ends within the picture.
 pub(crate) fn poorly_known<L: Lens>(found: &Calibration<L>, fixed: Fixed) -> Vec<Warning> {
@@ -91,14 +102,43 @@ fn missing<L: Lens>(found: &Calibration<L>) -> f64 {
     if found.camera.sees_all_of(found.image_size) {
         return 0.0;
     }
-    let place = |i: u32, size: u32| (f64::from(size) - 1.0) * f64::from(i) / f64::from(PLACES - 1);
-    let size = found.image_size;
-    let places = (0..PLACES * PLACES).map(|i| {
-        let (column, row) = (i % PLACES, i / PLACES);
-        Vector2::new(place(column, size.width), place(row, size.height))
-    });
+    let places = places(found.image_size, PLACES);
     let unseen = places.filter(|pixel| found.camera.unproject(pixel).is_none());
     unseen.count() as f64 / f64::from(PLACES * PLACES)
+}
+
+/// Pixels of a grid over the picture, its rim included.
+fn places(size: ImageSize, along: u32) -> impl Iterator<Item = Vector2<f64>> {
+    let place =
+        move |i: u32, size: u32| (f64::from(size) - 1.0) * f64::from(i) / f64::from(along - 1);
+    (0..along * along).map(move |i| {
+        let (column, row) = (i % along, i / along);
+        Vector2::new(place(column, size.width), place(row, size.height))
+    })
+}
+
+/// Warns of a lens that is estimated from so small a part of the picture that the rest is a guess.
+///
+/// A lens that ends in the picture is warned of already.
+pub(crate) fn extrapolated_lens<L: Lens>(found: &Calibration<L>) -> Option<Warning> {
+    let is_of_lens = |name: &&str| !["fx", "fy", "cx", "cy", "skew"].contains(name);
+    if !found.parameters.iter().any(is_of_lens) || missing(found) > LEAST_MISSING {
+        return None;
+    }
+    let limit = KNOWN * f64::from(found.image_size.width);
+    let pixels: Vec<_> = places(found.image_size, COARSE_PLACES).collect();
+    let uncertainty = found.projection_uncertainty().ok()?;
+    let exact = ProjectionUncertainty::new(&found.camera, &[], false, DMatrix::zeros(0, 0)).ok()?;
+    // A turn of the whole camera goes unnoticed, as in the projection map.
+    let known = compare_projections(&uncertainty, &exact, &pixels).ok()?;
+    let stds: Vec<f64> = known.test?.std.into_iter().flatten().collect();
+    let unknown = stds.iter().filter(|std| **std > limit).count() as f64 / stds.len() as f64;
+    let worst = stds.iter().copied().fold(0.0, f64::max);
+    (unknown > LEAST_UNKNOWN).then_some(Warning::LensExtrapolated {
+        unknown,
+        limit,
+        worst,
+    })
 }
 
 /// The ratio `fy / fx` and its standard deviation, if it is free.
