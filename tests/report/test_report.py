@@ -23,6 +23,7 @@ from trisquare.camera.camera import camera_parameters
 from trisquare.camera.projection_uncertainty import ProjectionMap
 from trisquare.images.reading import read_image
 from trisquare.report import report_page, write_report
+from trisquare.report.content import summary
 from trisquare.report.layers import picture_layers
 from trisquare.report.pictures import LARGEST_SHOWN, shown_pixels
 from trisquare.report.plot_style import inline_svg, plotting
@@ -316,6 +317,19 @@ def test_the_map_covers_the_picture_and_not_what_the_lens_does_not_reach(calibra
         axes = uncertainty_map(calibration, ProjectionMap(known.x, known.y, half)).axes[0]
     filled = [path.get_extents() for path in axes.collections[0].get_paths() if len(path)]
     assert 0.4 * width < max(box.xmax for box in filled) <= 0.55 * width
+
+
+def test_the_part_that_the_lens_does_not_cover_is_that_of_all_pixels(calibration):
+    """The map runs from border to border: what lies beyond a corner weighs too much in it."""
+    size = 300, 200
+    K = np.array([[200.0, 0, 149.5], [0, 200, 99.5], [0, 0, 1]])
+    camera = ts.Camera(K, [-0.3, 0, 0, 0, 0], size, "radial1")
+    short = replace(calibration, camera=camera)
+    said = " ".join(summary(short, short.projection_map()))
+    x, y = np.meshgrid(*map(np.arange, size))
+    beyond = np.hypot(x - 149.5, y - 99.5) > camera.valid_radius_px
+    assert 0.05 < beyond.mean() < 0.3
+    assert f"does not cover {100 * beyond.mean():.0f} % of the picture" in said
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from trisquare._support.rotations import tilt_degrees
 from trisquare.analysis.comparison import two_digits
 from trisquare.camera.camera import Camera, camera_parameters
 from trisquare.camera.lens_models import is_fisheye
-from trisquare.camera.projection_uncertainty import ProjectionMap
+from trisquare.camera.projection_uncertainty import ProjectionMap, known_part
 from trisquare.images.exif import StatedFocalLength
 from trisquare.results.calibration import Calibration
 from trisquare.results.plane import Plane
@@ -131,7 +131,7 @@ def summary(calibration: Calibration, known: ProjectionMap) -> Iterator[str]:
             f"{median} px at the median place and to {worst} px at the worst (one standard "
             "deviation, up to a rotation of the whole camera)."
         )
-    beyond = 1.0 - len(finite) / known.std.size
+    beyond = 1.0 - known_part(camera)
     if beyond > 0.0:
         yield (
             f"The lens model does not cover {100.0 * beyond:.0f} % of the picture: nothing "
