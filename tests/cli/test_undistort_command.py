@@ -180,6 +180,7 @@ def test_several_photographs_of_several_sizes(undistort, folder):
         ("photo.png --camera camera.json -o .", 2, "overwrite"),
         ("photo.png --camera camera.json -o missing/out.png", 2, "no folder"),
         ("photo.png --camera camera.json -o out.xyz", 2, "extension"),
+        ("photo.png photo.png --camera camera.json -o out", 2, "out: write a folder as out/"),
         ("photo.png --camera camera.json -o out.png --balance 1.5", 2, "balance"),
         ("photo.png --camera camera.json -o out.png --balance nan", 2, "balance"),
         ("photo.png --camera camera.json -o out.png --interpolation x", 2, "interpolation"),

@@ -99,6 +99,11 @@ def undistort_command(
     into_folder = output.endswith(("/", os.sep)) or os.path.isdir(output)
     if into_folder:
         paths = [Path(output, photo.name) for photo in photos]
+    elif not Path(output).suffix:
+        raise ValueError(
+            f"{output}: write a folder as {output}/, and a picture with its extension, such as "
+            f"{output}.png"
+        )
     else:
         paths = numbered_paths(Path(output), len(photos))
     if interpolation not in INTERPOLATIONS:  # not to be said of the first photograph
