@@ -246,7 +246,7 @@ class ConvergenceError(TrisquareError):
     """The refinement found no minimum within its bounded number of steps.
 
     Usually the edges do not belong to squares, or one of them is grossly wrong. Look at the
-    detected outlines (``--overlay``), and remove the target that does not fit.
+    detected outlines (``--debug-image``), and remove the target that does not fit.
 
     Examples
     --------
