@@ -7,7 +7,8 @@
 use super::band::Pixel;
 use super::blur::{BlurShape, MOST};
 use super::pixel_noise::{robust_cost, robust_weight};
-use super::side::{LAST_STEP, Prediction, Side};
+use super::prediction::Prediction;
+use super::side::{LAST_STEP, Side};
 use crate::image::ToneCurve;
 
 /// Blurs (px) that are mostly the pixel's own box and the lens, and taken as normal.

@@ -3,9 +3,16 @@
 use nalgebra::{SMatrix, SVector};
 
 use super::band::Pixel;
+use super::curve::{COEFFICIENTS, Curve};
 use super::pixel_noise::{robust_cost, robust_weight};
-use super::side::{PARAMETERS, Prediction, Side};
+use super::prediction::Prediction;
 use super::side_sums::{BIN_LENGTH, SideSums};
+
+/// The first parameters of base, contrast and blur, and how many there are.
+pub(super) const BASE: usize = COEFFICIENTS;
+pub(super) const CONTRAST: usize = BASE + 2;
+pub(super) const BLUR: usize = CONTRAST + 2;
+pub(super) const PARAMETERS: usize = BLUR + 1;
 
 /// Columns of a pixel's row: derivatives by height, base, contrast and blur, and the residual.
 const COLUMNS: usize = 5;
@@ -25,9 +32,9 @@ pub(super) struct Equations {
 }
 
 impl Equations {
-    /// From what a side predicts of pixels, `noise` being the residuals' expected scale.
-    pub fn of(side: &Side, pixels: &[Pixel], predictions: &[Prediction], noise: f64) -> Self {
-        let bins_per_s = 0.5 * (side.curve.length() / BIN_LENGTH).max(MIN_BINS);
+    /// From what a side of this curve predicts of pixels, `noise` being the residuals' expected scale.
+    pub fn of(curve: &Curve, pixels: &[Pixel], predictions: &[Prediction], noise: f64) -> Self {
+        let bins_per_s = 0.5 * (curve.length() / BIN_LENGTH).max(MIN_BINS);
         let inverse_variance = 1.0 / (noise * noise);
         let mut cost = 0.0;
         let rows = pixels.iter().zip(predictions).map(|(pixel, p)| {
@@ -39,7 +46,7 @@ impl Equations {
             (pixel.s, weight, row)
         });
         let sums = SideSums::<COLUMNS>::of(rows, bins_per_s, FIRST_BIN * bins_per_s);
-        let (normal, right) = sums.assembled(side.curve.degree);
+        let (normal, right) = sums.assembled(curve.degree);
         Self {
             normal,
             right,

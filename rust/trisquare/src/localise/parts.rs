@@ -4,8 +4,9 @@
 use nalgebra::{SMatrix, SVector, Vector2};
 
 use super::band::Pixel;
+use super::prediction::Prediction;
 use super::preview::Preview;
-use super::side::{Prediction, Side};
+use super::side::Side;
 use crate::image::GreyReader;
 
 /// A side's pixels tell base (constant and linear along the side), contrast and offset.

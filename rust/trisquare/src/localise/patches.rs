@@ -7,7 +7,8 @@ use nalgebra::{Matrix2, Vector2};
 use super::band::Pixel;
 use super::pixel_noise;
 use super::pixel_noise::robust_weight;
-use super::side::{Prediction, Side};
+use super::prediction::Prediction;
+use super::side::Side;
 use crate::image::ToneCurve;
 
 /// Length of a patch along the curve, pixels: longer ones would smooth what a lens does to a

@@ -1,6 +1,7 @@
 //! Where the plateaus beside an edge stop being plateaus.
 
-use super::side::{Prediction, Side};
+use super::prediction::Prediction;
+use super::side::Side;
 
 /// A ring of pixels departs from its plateau if its mean does by so many of its deviations ...
 const RING_DEVIATIONS: f64 = 3.5;

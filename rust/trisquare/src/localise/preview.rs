@@ -1,7 +1,8 @@
 //! What the first fit finds of a side.
 
 use super::band::Pixel;
-use super::side::{Prediction, Side};
+use super::prediction::Prediction;
+use super::side::Side;
 
 /// A side found by the first fit, and the noise about it.
 pub(super) struct Preview {

@@ -4,15 +4,14 @@
 use super::band::Pixel;
 use super::blur::BlurShape;
 use super::curve::{COEFFICIENTS, Curve};
-use super::equations::{Equations, Step};
+use super::equations::{BASE, BLUR, CONTRAST, Equations, Step};
 use super::pixel_noise;
+use super::prediction::Prediction;
 use crate::image::ToneCurve;
 
 /// Bounds of the blur, pixels: a pixel's own box alone is 0.29, and beyond the upper one there is
 /// no edge to speak of.
 pub(super) const BLUR_RANGE: [f64; 2] = [0.3, 8.0];
-/// The edge itself: pixels within so many blurs of the curve tell the noise that matters.
-const EDGE_BLURS: f64 = 2.0;
 /// A step below this many pixels ends the iteration: the next would be quadratically smaller, below
 /// a tenth of the best samples' noise, and the patches correct what it leaves.
 pub(super) const LAST_STEP: f64 = 0.02;
@@ -26,11 +25,6 @@ const FIRST_DAMPING: f64 = 1e-6;
 const DAMPING_RATIO: f64 = 30.0;
 /// Pixels that are predicted together.
 const BLOCK: usize = 16;
-
-pub(super) const BASE: usize = COEFFICIENTS;
-pub(super) const CONTRAST: usize = BASE + 2;
-pub(super) const BLUR: usize = CONTRAST + 2;
-pub(super) const PARAMETERS: usize = BLUR + 1;
 
 /// One side: where it runs, and what a pixel near it holds.
 #[derive(Debug, Clone)]
@@ -46,27 +40,6 @@ pub(super) struct Side {
     /// Relative change of the inverse blur over `s`, downwards: a bent side turns in the direction
     /// of a motion. Zero while the shape is normal.
     pub blur_slope: f64,
-}
-
-/// A pixel's residual and the derivatives of its modelled value.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Prediction {
-    /// Observed less modelled.
-    pub residual: f64,
-    /// Light that falls on the pixel, modelled.
-    pub light: f64,
-    /// Whether the pixel is clipped and the model lies beyond it: it tells nothing, and residual and
-    /// derivatives are zero.
-    pub is_silent: bool,
-    /// Distance from the curve in blurs.
-    pub blurs: f64,
-    /// With respect to the curve's `y`.
-    pub by_height: f64,
-    pub by_base: f64,
-    pub by_contrast: f64,
-    pub by_blur: f64,
-    /// With respect to an offset of the edge along its normal.
-    pub by_offset: f64,
 }
 
 /// Where a pixel lies in the blur of its edge.
@@ -107,14 +80,6 @@ fn predicted(pixel: &Pixel, place: Place, light: Light, (value, gain): (f64, f64
         by_contrast: gain * light.by_contrast,
         by_blur: -by_blurs * place.blurs * place.inverse_blur,
         by_offset: -by_distance,
-    }
-}
-
-impl Prediction {
-    /// Whether the pixel tells the noise at the edge.
-    #[inline]
-    pub fn is_at_edge(&self) -> bool {
-        self.blurs.abs() < EDGE_BLURS && !self.is_silent
     }
 }
 
@@ -235,7 +200,7 @@ impl Side {
         (max_steps, settled): (usize, f64),
     ) {
         let mut damping = FIRST_DAMPING;
-        let mut best = Equations::of(self, pixels, predictions, noise);
+        let mut best = Equations::of(&self.curve, pixels, predictions, noise);
         let mut are_own = true;
         for _ in 0..max_steps {
             let Some(step) = best.step(damping) else {
@@ -253,7 +218,7 @@ impl Side {
                 break;
             }
             next.predict_all(tone, pixels, predictions);
-            let equations = Equations::of(&next, pixels, predictions, noise);
+            let equations = Equations::of(&next.curve, pixels, predictions, noise);
             are_own = equations.cost < best.cost;
             if are_own {
                 (*self, best) = (next, equations);

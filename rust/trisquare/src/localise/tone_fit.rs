@@ -8,10 +8,12 @@ use nalgebra::{Cholesky, Const, Matrix2, SMatrix, SVector, Vector2};
 
 use super::band::Pixel;
 use super::curve::COEFFICIENTS;
+use super::equations::{BASE, BLUR, PARAMETERS};
 use super::pixel_noise::robust_weight;
+use super::prediction::Prediction;
 use super::preview::Preview;
 use super::profile::Profile;
-use super::side::{BASE, BLUR, PARAMETERS, Prediction, Side};
+use super::side::Side;
 use super::side_sums::{BIN_LENGTH, SideSums};
 use super::span::NoEdge;
 use crate::image::{
