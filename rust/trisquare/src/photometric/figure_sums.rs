@@ -3,9 +3,10 @@
 //! Nearly all pixels that an edge cuts are cut by one side. The derivatives of their distances by
 //! pose and camera are polynomials along it: they are summed over `(terms, residual, picture,
 //! exposure)`, and pose and camera are brought in once per side. The few at corners are added row
-//! by row.
+//! by row. Beside the edges all derivatives are smooth functions of the place: over the pixels beside
+//! one stretch of an outline they are linear.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Vector2};
 
 use super::band::BandPixel;
 use super::exposure::EXPOSURE_PARAMETERS;
@@ -28,10 +29,65 @@ pub(super) type ExposureRow = [f64; EXPOSURE_PARAMETERS + 1];
 /// Sums of outer products of [`ExposureRow`]s.
 pub(super) type ExposureSums = [ExposureRow; EXPOSURE_PARAMETERS + 1];
 
-/// The same where the picture has parameters: `(exposure, picture, residual)`.
+/// The same with what pixels share with their picture: `(exposure, picture, residual)`.
 type PicturedRow = [f64; PICTURED];
 type PicturedSums = [PicturedRow; PICTURED];
 const PICTURED: usize = EXPOSURE_PARAMETERS + PICTURE_PARAMETERS + 1;
+
+/// The pixels beside a stretch, on one side of it, that no edge cuts.
+#[derive(Debug, Clone, Copy, Default)]
+struct FlatPixels {
+    /// Weighted sums of `(1, x, y)` by itself, by its lower triangle, `x` and `y` from the first of
+    /// them on, ...
+    squares: [f64; 6],
+    /// ... and by the residual.
+    residuals: [f64; 3],
+    first: Vector2<f64>,
+}
+
+impl FlatPixels {
+    #[inline]
+    fn add(&mut self, place: &Vector2<f64>, residual: f64, weight: f64) {
+        if self.squares[0] == 0.0 {
+            self.first = *place;
+        }
+        let beside = place - self.first;
+        let (by_x, by_y) = (weight * beside.x, weight * beside.y);
+        let of_pixel = [
+            weight,
+            by_x,
+            by_x * beside.x,
+            by_y,
+            by_y * beside.x,
+            by_y * beside.y,
+        ];
+        for (sum, own) in self.squares.iter_mut().zip(of_pixel) {
+            *sum += own;
+        }
+        for (sum, own) in self.residuals.iter_mut().zip([weight, by_x, by_y]) {
+            *sum += own * residual;
+        }
+    }
+
+    /// What sums of functions that are linear over the pixels follow from: a place with weight and
+    /// residual, and steps from there whose residuals are changes.
+    fn places_and_steps(&self) -> [(Vector2<f64>, f64, f64); 3] {
+        let [all, x, xx, y, xy, yy] = self.squares;
+        let [of_all, of_x, of_y] = self.residuals;
+        let middle = Vector2::new(x / all, y / all);
+        // About the middle, and y apart from x.
+        let (xx, xy, yy) = (xx - x * middle.x, xy - x * middle.y, yy - y * middle.y);
+        let (of_x, of_y) = (of_x - of_all * middle.x, of_y - of_all * middle.y);
+        let slope = if xx > 0.0 { xy / xx } else { 0.0 };
+        let (rest, of_rest) = (yy - slope * xy, of_y - slope * of_x);
+        let mean = |of: f64, weight: f64| if weight > 0.0 { of / weight } else { 0.0 };
+        [
+            (self.first + middle, all, mean(of_all, all)),
+            (Vector2::new(1.0, slope), xx.max(0.0), mean(of_x, xx)),
+            (Vector2::new(0.0, 1.0), rest.max(0.0), mean(of_rest, rest)),
+        ]
+    }
+}
 
 /// Sums of outer products over one figure.
 pub(super) struct FigureSums<'a> {
@@ -43,8 +99,9 @@ pub(super) struct FigureSums<'a> {
     /// Where the figure's exposure begins among its plane's own parameters.
     exposure_offset: usize,
     sides: [[[f64; CUT]; CUT]; 4],
-    plateau: ExposureSums,
-    pictured_plateau: PicturedSums,
+    plateau: PicturedSums,
+    /// Outside and inside of every stretch.
+    flats: Vec<[FlatPixels; 2]>,
     /// Derivatives of one pixel at a corner, by the plane's own parameters and the shared ones.
     corner_own: DVector<f64>,
     corner_shared: Vec<f64>,
@@ -56,6 +113,7 @@ impl<'a> FigureSums<'a> {
         shared: usize,
         jacobians: [DMatrix<f64>; 4],
         (own_count, exposure_offset): (usize, usize),
+        stretches: usize,
     ) -> Self {
         Self {
             corner_own: DVector::zeros(own_count),
@@ -65,8 +123,8 @@ impl<'a> FigureSums<'a> {
             jacobians,
             exposure_offset,
             sides: [[[0.0; CUT]; CUT]; 4],
-            plateau: ExposureSums::default(),
-            pictured_plateau: PicturedSums::default(),
+            plateau: PicturedSums::default(),
+            flats: vec![Default::default(); stretches],
         }
     }
 
@@ -138,14 +196,30 @@ impl<'a> FigureSums<'a> {
 
     /// Adds a pixel that shows the ground or the figure alone.
     #[inline]
-    pub fn add_plateau<L: Lens>(&mut self, scene: &Scene<'_, L>, shade: &Shade, weight: f64) {
-        if self.has_picture() {
-            let mut row = [shade.residual; PICTURED];
-            row[..EXPOSURE_PARAMETERS].copy_from_slice(&scene.wrt_exposure(shade));
-            row[EXPOSURE_PARAMETERS..PICTURED - 1].copy_from_slice(&scene.wrt_picture(shade));
-            add_rank_one(&mut self.pictured_plateau, &row, weight);
-        } else {
-            add_rank_one(&mut self.plateau, &scene.exposure_row(shade), weight);
+    pub fn add_flat(&mut self, pixel: &BandPixel, inside: bool, residual: f64, weight: f64) {
+        let sums = &mut self.flats[usize::from(pixel.stretch)][usize::from(inside)];
+        sums.add(&pixel.place(), residual, weight);
+    }
+
+    fn add_flats<L: Lens>(&mut self, scene: &Scene<'_, L>) {
+        for stretch in &self.flats {
+            for (sums, inside) in stretch.iter().zip([false, true]) {
+                if sums.squares[0] == 0.0 {
+                    continue;
+                }
+                let [(middle, weight, residual), steps @ ..] = sums.places_and_steps();
+                let mut row = plateau_row(scene, &middle, inside);
+                row[PICTURED - 1] = residual;
+                add_rank_one(&mut self.plateau, &row, weight);
+                for (step, weight, residual) in steps {
+                    let mut change = plateau_row(scene, &(middle + step), inside);
+                    for (own, start) in change.iter_mut().zip(&row) {
+                        *own -= start;
+                    }
+                    change[PICTURED - 1] = residual;
+                    add_rank_one(&mut self.plateau, &change, weight);
+                }
+            }
         }
     }
 
@@ -155,20 +229,17 @@ impl<'a> FigureSums<'a> {
 
     /// Adds all sums to the plane's block; `None` where the lens does not see a side.
     pub fn finish<L: Lens>(
-        self,
+        mut self,
         scene: &Scene<'_, L>,
         chart: &FigureChart,
         block: &mut Block,
     ) -> Option<()> {
+        self.add_flats(scene);
         for side in 0..4 {
             self.add_side(side, &chart.jacobian(scene, side, self.free)?, block);
         }
-        if self.has_picture() {
-            let at = (self.exposure_offset, self.free.len());
-            add_pictured(block, &self.pictured_plateau, at);
-        } else {
-            add_exposure(block, &self.plateau, self.exposure_offset);
-        }
+        let picture = self.has_picture().then_some(self.free.len());
+        add_pictured(block, &self.plateau, (self.exposure_offset, picture));
         Some(())
     }
 
@@ -208,12 +279,21 @@ impl<'a> FigureSums<'a> {
     }
 }
 
-/// Adds sums over exposure and picture, which begin there among the plane's own parameters and
-/// the shared ones.
+/// Derivatives of a plateau by exposure and picture at a place of the picture; no residual.
+fn plateau_row<L: Lens>(scene: &Scene<'_, L>, place: &Vector2<f64>, inside: bool) -> PicturedRow {
+    let shade = scene.plateau(place, inside);
+    let mut row = [0.0; PICTURED];
+    row[..EXPOSURE_PARAMETERS].copy_from_slice(&scene.wrt_exposure(&shade));
+    row[EXPOSURE_PARAMETERS..PICTURED - 1].copy_from_slice(&scene.wrt_picture(&shade));
+    row
+}
+
+/// Adds sums over exposure and picture, which begin there among the plane's own parameters and, if
+/// it has any, the shared ones.
 fn add_pictured(
     block: &mut Block,
     sums: &PicturedSums,
-    (exposure_offset, picture): (usize, usize),
+    (exposure_offset, picture): (usize, Option<usize>),
 ) {
     let exposure_only = std::array::from_fn(|i| {
         let source = |k: usize| {
@@ -226,6 +306,9 @@ fn add_pictured(
         std::array::from_fn(|j| symmetric(sums, source(i), source(j)))
     });
     add_exposure(block, &exposure_only, exposure_offset);
+    let Some(picture) = picture else {
+        return;
+    };
     for i in 0..PICTURE_PARAMETERS {
         let (row, own) = (picture + i, EXPOSURE_PARAMETERS + i);
         for k in 0..EXPOSURE_PARAMETERS {

@@ -99,7 +99,8 @@ impl PixelFit<'_> {
         let shared = block.columns.len();
         let own = (block.hessian.nrows(), exposure_offset);
         let chart = FigureChart::of(&scene)?;
-        let mut sums = FigureSums::new(self.free, shared, jacobians, own);
+        let stretches = figure.stretch_sides.len();
+        let mut sums = FigureSums::new(self.free, shared, jacobians, own, stretches);
         let to_noise = 1.0 / self.scales[index];
         for pixels in figure.pixels.chunks(LANES) {
             let distances = match pixels.iter().any(|pixel| scene.may_cut(pixel)) {
@@ -107,7 +108,17 @@ impl PixelFit<'_> {
                 false => [[0.0; 4]; LANES],
             };
             for (pixel, distances) in pixels.iter().zip(&distances) {
-                let shade = scene.shade(pixel, scene.may_cut(pixel).then_some(distances));
+                if !scene.may_cut(pixel) {
+                    let inside = pixel.depth() > 0.0;
+                    if let Some(residual) = scene.plateau_residual(pixel, inside) {
+                        let (cost, weight) = self.loss.cost_and_weight(residual * to_noise);
+                        sum.cost += cost;
+                        let weight = weight * to_noise * to_noise;
+                        sums.add_flat(pixel, inside, residual, weight);
+                    }
+                    continue;
+                }
+                let shade = scene.shade(pixel, Some(distances));
                 let (cost, weight) = self.loss.cost_and_weight(shade.residual * to_noise);
                 sum.cost += cost;
                 if shade.coverage.cut_count > 0 {
@@ -115,7 +126,11 @@ impl PixelFit<'_> {
                 }
                 let weight = weight * to_noise * to_noise;
                 match shade.coverage.cut_count {
-                    0 => sums.add_plateau(&scene, &shade, weight),
+                    0 if shade.is_silent => {}
+                    0 => {
+                        let inside = shade.coverage.value > 0.5;
+                        sums.add_flat(pixel, inside, shade.residual, weight);
+                    }
                     1 => sums.add_cut(&scene, (&chart, pixel), &shade, weight),
                     _ => sums.add_corner(&scene, pixel, &shade, weight, block)?,
                 }

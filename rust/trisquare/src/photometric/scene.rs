@@ -46,7 +46,7 @@ pub(super) struct Shade {
     pub residual: f64,
     /// Whether the pixel is clipped and the model lies beyond it: it tells nothing, and residual and
     /// derivatives are zero.
-    is_silent: bool,
+    pub is_silent: bool,
     /// Derivative of the coded value by light.
     slope: f64,
     /// Light that falls on the pixel, and the part of it that comes back.
@@ -103,14 +103,47 @@ impl<'a, L: Lens> Scene<'a, L> {
 
     /// Place in the figure, from -1/2 to 1/2: the variables of its linear shading.
     #[inline]
-    fn shading_place(&self, pixel: &BandPixel) -> Vector2<f64> {
-        (pixel.place() - self.figure.centre) * self.per_size
+    fn shading_place(&self, pixel: &Vector2<f64>) -> Vector2<f64> {
+        (pixel - self.figure.centre) * self.per_size
     }
 
     /// Whether an edge may cut the pixel; if not, it is on a plateau.
     #[inline]
     pub fn may_cut(&self, pixel: &BandPixel) -> bool {
         pixel.depth().abs() < PLATEAU * self.exposure.blur + DEPTH_SLACK
+    }
+
+    /// Modelled less observed of a pixel that no edge may cut; `None` where it is clipped and the model
+    /// lies beyond it.
+    #[inline]
+    pub fn plateau_residual(&self, pixel: &BandPixel, inside: bool) -> Option<f64> {
+        let reflected = self.plateau_reflection(inside);
+        let light = self.exposure.light(&self.shading_place(&pixel.place()));
+        let residual = self.curve.encode_with_slope(light * reflected).0 - pixel.value;
+        (!pixel.is_clipped || residual < 0.0).then_some(residual)
+    }
+
+    /// The part of the light that comes back from the figure or from its ground.
+    #[inline]
+    fn plateau_reflection(&self, inside: bool) -> f64 {
+        self.exposure.ground + if inside { self.exposure.contrast } else { 0.0 }
+    }
+
+    /// The model of a plateau at a place of the picture, where nothing was observed.
+    pub fn plateau(&self, place: &Vector2<f64>, inside: bool) -> Shade {
+        let place = self.shading_place(place);
+        let (light, reflected) = (self.exposure.light(&place), self.plateau_reflection(inside));
+        let (_, slope) = self.curve.encode_with_slope(light * reflected);
+        Shade {
+            residual: 0.0,
+            is_silent: false,
+            slope,
+            light,
+            reflected,
+            coverage: coverage::plateau(inside),
+            z: [0.0; 4],
+            place,
+        }
     }
 
     /// The figure's blur, px.
@@ -135,7 +168,7 @@ impl<'a, L: Lens> Scene<'a, L> {
                 coverage(pixel.near, &z, &self.kurtosis, &self.corners)
             }
         };
-        let place = self.shading_place(pixel);
+        let place = self.shading_place(&pixel.place());
         let light = self.exposure.light(&place);
         let reflected = self.exposure.ground + self.exposure.contrast * covered.value;
         let (value, mut slope) = self.curve.encode_with_slope(light * reflected);
