@@ -268,7 +268,7 @@ mod tests {
             holes: false,
             ..EVERYTHING
         };
-        assert_eq!(drawn(&rows, &without_holes), [region.clone()]);
+        assert_eq!(drawn(&rows, &without_holes), std::slice::from_ref(region));
     }
 
     #[test]
