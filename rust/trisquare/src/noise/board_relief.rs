@@ -18,6 +18,9 @@ const ORDERS: std::ops::RangeInclusive<usize> = 2..=4;
 /// Steps across a relief that show its height.
 const HEIGHT_PLACES: u8 = 10;
 
+/// Fixed-point steps to where a ray meets a relief: each leaves a slope's part of the error.
+const MEETING_STEPS: u8 = 4;
+
 /// How steeply variances fall with the order: those of stiff sheets, and of sheets that are rolled or
 /// twisted as wholes.
 pub(super) const STIFF: i32 = 4;
@@ -70,6 +73,27 @@ impl BoardRelief {
         let along = along.xy().normalize();
         let slid = along * (along.dot(&towards.xy()) * height / towards.z);
         Some(terms(&self.place(&(point + slid))) * (self.radius * per_height))
+    }
+
+    /// The displacement (px) of a sample from its line by the relief's heights, of a sample that has
+    /// not been moved back: not to first order, as [`Self::displacements`] is, but where the ray
+    /// meets the relief.
+    pub fn displacement<L: Lens>(
+        &self,
+        (lens, state): (&L, &PlaneState),
+        line: &Vector3<f64>,
+        wrt_line: &Vector3<f64>,
+        sample: &Sample,
+    ) -> Option<f64> {
+        let (point, distance) = on_plane(lens, state, &sample.pixel)?;
+        let towards = state.pose.rotation.tr_mul(&lens.unproject(&sample.pixel)?);
+        let mut height = 0.0;
+        for _ in 0..MEETING_STEPS {
+            let seen = point + towards.xy() * (height / towards.z);
+            height = self.radius * self.heights.dot(&terms(&self.place(&seen)));
+        }
+        let distance = distance + height / towards.z;
+        Some(height * line.dot(&state.pose.normal()) * wrt_line.norm() / distance)
     }
 
     /// From its lowest to its highest place, over its extent.

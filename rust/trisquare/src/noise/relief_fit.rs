@@ -89,22 +89,21 @@ pub(crate) fn account_for_relief<L: Lens>(
     for board_relief in planes.iter_mut().filter_map(|p| p.board_relief.as_mut()) {
         (board_relief.variance, board_relief.steepness) = (variance, steepness);
     }
+    // Always moved from where they were given: moved by step after step, samples would be off to the
+    // second order of the heights.
+    let given = planes.clone();
     for _ in 0..MAX_STEPS {
         let errors = errors(&planes, free, &found)?;
         let step = errors.marginal(&errors.strength()?.mean)?.solve(0.0)?;
+        let view = found.view.advanced(free, &step);
         for (p, plane) in planes.iter_mut().enumerate() {
-            let state = &found.view.planes[p];
-            let own = &step.blocks[p];
-            if plane.board_relief.is_some() {
-                let risen = own.rows(state.parameter_count(), TERMS).into_owned();
-                raise(
-                    plane,
-                    (&found.view.lens, state),
-                    &Heights::from_fn(|k, _| risen[k]),
-                )?;
+            let state = &view.planes[p];
+            if let Some(mut relief) = plane.board_relief {
+                let risen = step.blocks[p].rows(state.parameter_count(), TERMS);
+                relief.heights += Heights::from_fn(|k, _| risen[k]);
+                *plane = raised(&given[p], relief, (&view.lens, state))?;
             }
         }
-        let view = found.view.advanced(free, &step);
         let residuals = residuals(&planes, &view)?;
         let scale = robust_scale(&residuals);
         let (_, system) = EdgeProblem::new(&planes, judged, scale).evaluate(&view)?;
@@ -165,15 +164,15 @@ fn spectrum(errors: &mut SideErrors, drift: f64, sheets: Sheets) -> Option<(f64,
     best.1
 }
 
-/// Takes further heights of a plane's relief out of its samples.
-fn raise<L: Lens>(
-    plane: &mut ObservedPlane,
+/// A plane with another relief taken out of its samples than its own.
+fn raised<L: Lens>(
+    given: &ObservedPlane,
+    relief: BoardRelief,
     (lens, state): (&L, &PlaneState),
-    by: &Heights,
-) -> Option<()> {
-    let board_relief = plane.board_relief.as_mut()?;
-    board_relief.heights += by;
-    let board_relief = *board_relief;
+) -> Option<ObservedPlane> {
+    let own = given.board_relief?;
+    let mut plane = given.clone();
+    plane.board_relief = Some(relief);
     for (f, figure) in plane.figures.iter_mut().enumerate() {
         for side in &mut figure.sides {
             let line = state.line(f, &side.line()?);
@@ -181,17 +180,19 @@ fn raise<L: Lens>(
                 let pixel_ray = lens.unproject_with_jacobian(&sample.pixel)?;
                 let distance =
                     lens.line_distance_jacobian(&pixel_ray, &line, crate::lens::Columns::NONE);
-                let rows =
-                    board_relief.displacements((lens, state), &line, &distance.wrt_line, sample)?;
+                let by = |it: &BoardRelief| {
+                    it.displacement((lens, state), &line, &distance.wrt_line, sample)
+                };
+                let by = by(&relief)? - by(&own)?;
                 let at = |x: f64, y: f64| {
                     let moved =
                         lens.unproject_with_jacobian(&(sample.pixel + Vector2::new(x, y)))?;
                     Some(lens.line_distance(&moved, &line) - distance.value)
                 };
                 let gradient = Vector2::new(at(GRADIENT_STEP, 0.0)?, at(0.0, GRADIENT_STEP)?);
-                sample.pixel -= gradient.normalize() * rows.dot(by);
+                sample.pixel -= gradient.normalize() * by;
             }
         }
     }
-    Some(())
+    Some(plane)
 }
