@@ -4,6 +4,7 @@ mod advice;
 mod assemble;
 mod many;
 mod nested_models;
+mod optimum;
 mod outliers;
 mod problem;
 mod richer_lens;

@@ -2,6 +2,7 @@
 //! judgement.
 
 use super::many::step_of_some;
+use super::optimum::Optimum;
 use super::problem::{Failure, JointProblem};
 use super::starts::Starts;
 use crate::error::Error;
@@ -27,21 +28,6 @@ pub(crate) struct Solution<L> {
     pub correlated: Correlated,
     /// What the residuals say of their noise; nothing where they are exact, or not asked.
     pub noise: Option<Noise>,
-}
-
-/// An optimum, and what its residuals say of their noise where that was asked.
-pub(super) struct Optimum<L> {
-    pub refined: Refined<L>,
-    pub noise: Option<Noise>,
-}
-
-impl<L> From<Refined<L>> for Optimum<L> {
-    fn from(refined: Refined<L>) -> Self {
-        Self {
-            refined,
-            noise: None,
-        }
-    }
 }
 
 impl<L> Solution<L> {

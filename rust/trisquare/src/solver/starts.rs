@@ -5,8 +5,8 @@ use std::iter;
 
 use nalgebra::Matrix3;
 
+use super::optimum::Optimum;
 use super::problem::{Failure, JointProblem, Poorer};
-use super::solve::Optimum;
 use crate::error::Error;
 use crate::lens::Lens;
 use crate::linear::{
