@@ -11,13 +11,15 @@ const MAX_SVD_SWEEPS: usize = 1000;
 /// more than the scale open.
 const RANK_TOLERANCE: f64 = 1e-9;
 
-/// Entries of a conic without skew, or coefficients of a homogeneous equation on them: `w11, w13,
-/// w22, w23, w33`.
+/// Entries of a conic without skew: `w11, w13, w22, w23, w33`.
 type ConicVector = SVector<f64, 5>;
 
+/// Coefficients of one homogeneous linear equation on them, from any source.
+type ConicConstraint = ConicVector;
+
 /// Coefficients of `h^T omega g`.
-fn bilinear(h: &Vector3<f64>, g: &Vector3<f64>) -> ConicVector {
-    ConicVector::new(
+fn bilinear(h: &Vector3<f64>, g: &Vector3<f64>) -> ConicConstraint {
+    ConicConstraint::new(
         h.x * g.x,
         h.x * g.z + h.z * g.x,
         h.y * g.y,
@@ -76,7 +78,10 @@ impl PlaneHomography {
 
     /// The equations `h1^T omega h2 = 0` and, of a known aspect, `h1^T omega h1 = h2^T omega h2`
     /// (Hartley & Zisserman, 2nd ed., section 8.5).
-    fn constraints(&self, normalising: &Matrix3<f64>) -> impl Iterator<Item = ConicVector> + use<> {
+    fn constraints(
+        &self,
+        normalising: &Matrix3<f64>,
+    ) -> impl Iterator<Item = ConicConstraint> + use<> {
         let homography = normalising * self.homography;
         let [h1, h2] = [0, 1].map(|i| homography.column(i).into_owned());
         let lengths = (!self.has_any_aspect).then(|| bilinear(&(h1 + h2), &(h1 - h2)));
@@ -120,7 +125,7 @@ pub(crate) fn camera_matrix_from_planes(
         });
     }
     let frame = Frame::around(&homographies, known);
-    let constraints: Vec<ConicVector> = planes
+    let constraints: Vec<ConicConstraint> = planes
         .iter()
         .flat_map(|plane| plane.constraints(&frame.normalising))
         .collect();
@@ -195,7 +200,10 @@ impl Frame {
 ///
 /// # Errors
 /// [`Error::UndeterminedConic`] if the constraints leave more than the scale open.
-fn solve_conic(constraints: &[ConicVector], known: &KnownIntrinsics) -> Result<[f64; 5], Error> {
+fn solve_conic(
+    constraints: &[ConicConstraint],
+    known: &KnownIntrinsics,
+) -> Result<[f64; 5], Error> {
     // Columns of the basis: what the remaining unknowns move.
     let mut basis: Vec<ConicVector> = Vec::with_capacity(5);
     let unit = |i: usize| ConicVector::ith(i, 1.0);
