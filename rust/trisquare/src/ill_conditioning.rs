@@ -100,11 +100,12 @@ impl fmt::Display for IllConditioning {
         let parameter = self.parameter;
         write!(f, "{}: {parameter} is not determined ", self.cause)?;
         if self.std.is_finite() {
-            write!(f, "(predicted standard deviation {:.3} px, ", self.std)?;
+            let std = significant(self.std);
+            write!(f, "(predicted standard deviation {std} px, ")?;
         } else {
             write!(f, "(its predicted standard deviation is infinite, ")?;
         }
-        write!(f, "at most {:.3} px is accepted)", self.limit)?;
+        write!(f, "at most {} px is accepted)", significant(self.limit))?;
         let mut joint = "; ";
         for remedy in &self.remedies {
             write!(f, "{joint}{remedy}")?;
@@ -116,6 +117,12 @@ impl fmt::Display for IllConditioning {
         }
         Ok(())
     }
+}
+
+/// Writes a positive number with three significant digits, or all before its point.
+fn significant(value: f64) -> String {
+    let decimals = (2.0 - value.log10().floor()).clamp(0.0, 9.0) as usize;
+    format!("{value:.decimals$}")
 }
 
 impl fmt::Display for Cause {

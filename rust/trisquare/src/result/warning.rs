@@ -252,10 +252,9 @@ pub enum Warning {
     },
     /// The distortion cannot be inverted in a part of the picture.
     #[error(
-        "the lens is known in {:.0} % of the picture only: beyond, where no target was, its \
-         polynomial turns back. Targets nearer to the corners help, or a lens model with fewer \
-         coefficients",
-        100.0 * (1.0 - .missing)
+        "the lens is known in {} of the picture only: beyond, where no target was, its polynomial \
+         turns back. Targets nearer to the corners help, or a lens model with fewer coefficients",
+        part_of_whole(1.0 - .missing)
     )]
     LensEndsInPicture {
         /// Part of the picture that has no lens.
@@ -263,10 +262,10 @@ pub enum Warning {
     },
     /// The lens is a guess in a part of the picture.
     #[error(
-        "the lens is known to {limit:.0} px in {:.0} % of the picture only: beyond, where no target \
-         was, it is a guess that may be {worst:.0} px off, or more where the lens is not as its model. \
+        "the lens is known to {limit:.0} px in {} of the picture only: beyond, where no target was, \
+         it is a guess that may be {worst:.0} px off, or more where the lens is not as its model. \
          Targets nearer to the corners help, or a lens model with fewer coefficients",
-        100.0 * (1.0 - .unknown)
+        part_of_whole(1.0 - .unknown)
     )]
     LensExtrapolated {
         /// Part of the picture where projections are not known to `limit`.
@@ -348,6 +347,14 @@ fn held_focal(setting: Setting<'_>, held: Option<f64>) -> String {
     held.map_or_else(String::new, |focal| {
         format!(" {}", Alternative { setting, focal })
     })
+}
+
+/// Writes a part of a whole in per cent.
+fn part_of_whole(part: f64) -> String {
+    match part {
+        ..0.005 => "less than 1 %".into(),
+        _ => format!("{:.0} %", 100.0 * part),
+    }
 }
 
 /// A value and its standard deviation, with two significant digits of the latter.

@@ -107,10 +107,10 @@ fn missing<L: Lens>(found: &Calibration<L>) -> f64 {
     unseen.count() as f64 / f64::from(PLACES * PLACES)
 }
 
-/// Pixels of a grid over the picture, its rim included.
+/// Middles of the cells that a picture is divided into, so many along either side.
 fn places(size: ImageSize, along: u32) -> impl Iterator<Item = Vector2<f64>> {
     let place =
-        move |i: u32, size: u32| (f64::from(size) - 1.0) * f64::from(i) / f64::from(along - 1);
+        move |i: u32, size: u32| f64::from(size) * (f64::from(i) + 0.5) / f64::from(along) - 0.5;
     (0..along * along).map(move |i| {
         let (column, row) = (i % along, i / along);
         Vector2::new(place(column, size.width), place(row, size.height))
