@@ -99,7 +99,7 @@ def undistort_command(
     into_folder = output.endswith(("/", os.sep)) or os.path.isdir(output)
     if into_folder:
         paths = [Path(output, photo.name) for photo in photos]
-    elif not Path(output).suffix:
+    elif not (Path(output).suffix or any(videos)):
         raise ValueError(
             f"{output}: write a folder as {output}/, and a picture with its extension, such as "
             f"{output}.png"
