@@ -34,7 +34,8 @@ def test_a_picture_without_squares_is_named_and_left_out(run, tmp_path, paths):
     result = ts.calibrate([paths["a"], paths["c"], paths["b"]])
     assert [plane.image for plane in result.planes] == [0, 0, 0, 2, 2, 2]
     assert any(text.startswith("picture 1 (c.png): no square") for text in result.warnings)
-    assert result.camera.fx == ts.calibrate(PICTURES).camera.fx
+    # The picture has a tone curve among the parameters, which tells nothing but is rounded with.
+    assert result.camera.fx == pytest.approx(ts.calibrate(PICTURES).camera.fx, rel=1e-13)
     assert result.pictures == ("a.png", "c.png", "b.png")
     over = tmp_path / "over.png"
     code, out, _ = run("calibrate", paths["a"], paths["c"], "--overlay", over, "--json")
