@@ -205,7 +205,7 @@ fn run<L: Lens>(
         if let Some(verdict) = verdict {
             problem.heed(&verdict, (&planes, &solution), &mut calibration);
         }
-        // What they come to comes after them.
+        // A consequence comes after its causes.
         let poorly_known = poorly_known(&calibration, options.fixed);
         calibration.warnings.extend(poorly_known);
         let contradicted = contradicted(edges, &planes, size, options);
