@@ -306,7 +306,7 @@ def test_command_takes_the_side_that_the_calibration_states(run, files, scene, t
     [
         (["--plane", 9, "5,5", "9,9"], "there is no plane 9 in the photograph, but 0: a square"),
         (["--side", "5 parsecs", "5,5", "9,9"], "unknown unit 'parsecs'"),
-        (["--side", "-5mm", "5,5", "9,9"], "a length is written 50mm"),
+        (["--side", "-5mm", "5,5", "9,9"], "a length must be positive"),
         (["5;5", "9,9"], "a point is written X,Y"),
         (["5,5"], "two points or more"),
         ([], "two points or more"),

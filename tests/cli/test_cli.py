@@ -166,6 +166,18 @@ def test_the_table_shows_numbers_planes_and_warnings(run, photo, asked):
     assert "warning" not in out
 
 
+def test_what_a_message_advises_is_written_as_an_option(run, photo, monkeypatch):
+    advice = CalibrationWarning('With fix="principal_point" fx is 1', "other")
+    done = Calibrated(true_calibration(warnings=(advice,)), ())
+    monkeypatch.setattr(commands.calibrate, "calibrate_photographs", lambda *_, **__: done)
+    _, _, err = run("calibrate", photo)
+    assert err == "warning: With --fix principal_point fx is 1 [other]\n"
+    _, _, err = run("calibrate", photo, "--board", "chessboard:9x6")
+    assert error_text(err) == (
+        "a board without markers is not a layout: --targets chessboard:9x6\n"
+    )
+
+
 def test_texts_of_a_result_do_not_reach_a_terminal_as_they_are(run, photo, monkeypatch):
     """Names of markers' sheets and of files are among them."""
     hostile = "a\x1b[31m\u202eb\x9b2J\nwrote all"

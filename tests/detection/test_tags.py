@@ -406,7 +406,7 @@ def test_command_takes_a_board(run, tmp_path, box):
     assert len(ts.Calibration.from_json(printed).planes) == 3
     for arguments, exit_code, named in (
         (("--board", "charuco:4x4"), 2, "RATIO"),
-        (("--board", "chessboard:9x6"), 2, "unknown board"),
+        (("--board", "chessboard:9x6"), 2, "--targets chessboard:9x6"),
         (("--board", str(tmp_path / "absent.json")), 5, "absent.json"),
         (("--board", "charuco:4x4:0.75", "--targets", "tags"), 2, "one of them"),
     ):

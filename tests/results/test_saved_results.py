@@ -169,7 +169,7 @@ def test_a_side_is_written_alike_wherever_it_is_given():
         ("84", "side needs a unit, one of um, mm, cm, m, km, in, ft: 84mm"),
         ("84 mn", "unknown unit 'mn': did you mean 'm"),
         ("long", r"a length is written 50mm \(units: um, mm, cm, m, km, in, ft\), not 'long'"),
-        ("-3mm", "a length is written 50mm"),
+        ("-3mm", "a length must be positive"),
         (0.0, "side must be positive"),
         (np.nan, "side holds NaN"),
     ],

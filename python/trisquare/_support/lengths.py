@@ -47,7 +47,9 @@ class Length:
             value = float(found[1]) if found else math.nan
         except ValueError:
             value = math.nan
-        if found is None or not 0 < value < math.inf:
+        if value <= 0:
+            raise ValueError(f"a length must be positive, not {text!r}")
+        if found is None or not value < math.inf:
             units = ", ".join(METRES)
             raise ValueError(f"a length is written 50mm (units: {units}), not {text!r}")
         if found[2] not in ("", *METRES):

@@ -29,7 +29,7 @@ from trisquare._core import __version__
 from trisquare._support.suggestions import nearest_name
 from trisquare._support.terminal_text import printable
 from trisquare.cli.framework import CommandGroup, UnreadableInputError
-from trisquare.cli.options import flag
+from trisquare.cli.options import as_options, flag
 from trisquare.errors import (
     ConvergenceError,
     DegenerateGeometryError,
@@ -161,7 +161,7 @@ def _message(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror:
         # A file has a name; what has none is the stream that is printed to.
         return f"{error.filename or 'standard output'}: {error.strerror}"
-    return str(error) or type(error).__name__
+    return as_options(str(error)) or type(error).__name__
 
 
 def _fault_message(error: BaseException) -> str:

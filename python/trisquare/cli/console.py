@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from trisquare._support.terminal_text import printable
+from trisquare.cli.options import as_options
 
 
 def answer(
@@ -35,11 +36,12 @@ def answer(
     elif not quiet:
         console = Console()
         for part in parts:
-            console.print(line_of(part) if isinstance(part, str) else part, soft_wrap=True)
+            line = line_of(as_options(part)) if isinstance(part, str) else part
+            console.print(line, soft_wrap=True)
         console.file.flush()
         errors = Console(stderr=True)
         for warning in warnings:
-            errors.print(line_of(warning, "yellow"), soft_wrap=True)
+            errors.print(line_of(as_options(warning), "yellow"), soft_wrap=True)
 
 
 def line_of(text: str, style: str = "") -> Text:

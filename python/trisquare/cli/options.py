@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -10,6 +11,9 @@ import typer
 from trisquare._support.arrays import size_of_image
 from trisquare.camera.settings import FIXABLE, FREEABLE
 from trisquare.images.limits import parse_amount
+
+KEYWORD = re.compile(r"""\b(fix|free|model|method|targets|tone)=["']([^"'\s]+)["']""")
+"""A keyword of `calibrate` with its value; the option has the same name."""
 
 
 def argument(default: Any, metavar: str, text: str) -> Any:
@@ -109,6 +113,11 @@ def parse_size(text: str) -> tuple[int, int]:
     except ValueError as error:
         raise ValueError(f"a size is written 1280x960, not {text!r}") from error
     return size_of_image((width, height))
+
+
+def as_options(message: str) -> str:
+    """Write what a message advises as options: ``--fix aspect`` for ``fix="aspect"``."""
+    return KEYWORD.sub(r"--\1 \2", message)
 
 
 def listed_names(fix: Iterable[str] | None) -> tuple[str, ...]:

@@ -209,7 +209,10 @@ pub enum Error {
     },
 
     /// An iteration did not converge.
-    #[error("{stage} did not converge in {iterations} iterations (rms {rms:.3} px)")]
+    #[error(
+        "{stage} did not converge in {iterations} iterations (rms {rms:.3} px): are all targets flat \
+         and of the shape that is stated?"
+    )]
     NotConverged {
         /// The stage that gave up.
         stage: &'static str,

@@ -154,6 +154,8 @@ def parse_layout(text: str) -> Layout:
     """
     if text.lower().endswith(".json"):
         return _from_file(Path(text))
+    if text.startswith("chessboard"):
+        raise ValueError(f'a board without markers is not a layout: targets="{text}"')
     match = re.fullmatch(
         r"(charuco|aruco|apriltag|aprilgrid):(\d{1,4})x(\d{1,4}):(\d{0,6}\.?\d{0,9})(?::(\w+))?",
         text,
