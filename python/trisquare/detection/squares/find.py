@@ -30,7 +30,7 @@ from trisquare.detection.squares.plain_rectangles import (
     find_rectangles,
     turns_to_longer_side,
 )
-from trisquare.detection.squares.quads import find_quads, is_among
+from trisquare.detection.squares.quads import are_among, find_quads, is_among
 from trisquare.detection.squares.rectangle_shape import RectangleShape
 from trisquare.detection.squares.rectified import views_of_rectangles
 from trisquare.detection.squares.side_curves import fit_sides
@@ -141,13 +141,9 @@ def _squares_of(
             inner = Outline.of(sides[figure.inner], not outer.dark_inside, places)
         squares.append(SquareOutline(outer, inner, figure.tag))
     known, corners = _corners(squares), scale * coarse.corners
-    others = [
-        number
-        for number in np.flatnonzero(coarse.dark_inside).tolist()
-        if not is_among(corners[number], known)
-    ]
-    unread = np.array(others, dtype=np.intp)
-    if others:
+    unread = np.flatnonzero(coarse.dark_inside)
+    unread = unread[~are_among(corners[unread], known)]
+    if len(unread):
         unread = unread[~are_uniform(smooth, coarse.subset(unread))]
     return squares, corners[unread]
 

@@ -168,14 +168,24 @@ def without_repeats(quads: Quads) -> Quads:
 
 
 def is_among(quad: FloatArray, others: FloatArray) -> bool:
-    """Whether a quad's middle, of shape (4, 2), lies in one of others, (N, 4, 2), or theirs in it.
+    """Whether a quad's middle, shape (4, 2), lies in one of others, (N, 4, 2), or theirs in it."""
+    return bool(are_among(quad[None], others)[0])
+
+
+def are_among(quads: FloatArray, others: FloatArray) -> NDArray[np.bool_]:
+    """Of quads, shape (M, 4, 2), whether each one's middle lies in one of others, or theirs in it.
 
     Few of many are near enough to be looked at.
     """
-    middle = quad.mean(axis=0)
     low, high = others.min(axis=1) - BOX_SLACK, others.max(axis=1) + BOX_SLACK
-    near = ((middle >= low) & (middle <= high)).all(axis=1) | in_box(quad, others.mean(axis=1))
-    return any(one_in_other(quad, other) for other in others[near])
+    middles = others.mean(axis=1)
+
+    def among(quad: FloatArray) -> bool:
+        middle = quad.mean(axis=0)
+        near = ((middle >= low) & (middle <= high)).all(axis=1) | in_box(quad, middles)
+        return any(one_in_other(quad, other) for other in others[near])
+
+    return np.array([among(quad) for quad in quads], dtype=np.bool_)
 
 
 def in_box(outline: NDArray[np.floating[Any]], points: FloatArray) -> NDArray[np.bool_]:
