@@ -38,11 +38,18 @@ impl<L: Lens> JointProblem<'_, L> {
     /// The optimum of many planes; `None` where there are few, or it is not found so.
     pub(super) fn optimum_of_many(&self, planes: &[ObservedPlane]) -> Option<Refined<L>> {
         let step = step_of_some(planes.len())?;
-        if self.poorer.is_some() || self.options.method == Method::Linear {
+        if self.options.method == Method::Linear {
             return None;
         }
-        let some: Vec<_> = planes.iter().step_by(step).cloned().collect();
-        self.optimum_from(&self.sketched(&some)?.view.lens, planes)
+        let lens = match &self.poorer {
+            // They leave a poorer model's optimum in no doubt: a search from there is enough.
+            Some(poorer) => poorer.lens,
+            None => {
+                let some: Vec<_> = planes.iter().step_by(step).cloned().collect();
+                self.sketched(&some)?.view.lens
+            }
+        };
+        self.optimum_from(&lens, planes)
     }
 
     /// The optimum of many planes of which some have shown the lens; `None` where it is not found so.

@@ -19,35 +19,46 @@ const MAX_TIGHTENINGS: usize = 9;
 impl<'a, L: Lens> JointProblem<'a, L> {
     /// What is asked of some planes, beginning from what the next poorer model finds where the
     /// model is richer than the default.
-    ///
-    /// Where the distortion turns back inside the picture, beyond the samples, further coefficients
-    /// are held the tighter until it does not: with none it is the poorer one.
     pub fn of_planes(
         planes: &[ObservedPlane],
         size: ImageSize,
         options: &'a Options<L>,
         work: &Rc<Work>,
     ) -> Self {
-        let problem = |poorer: &Option<Poorer<L>>, tighter: f64| {
+        let poorer = poorer_optimum(planes, size, options, work);
+        Self::beginning_at(poorer, planes, size, options, work)
+    }
+
+    /// The same beginning from what a poorer model has found, if any has.
+    ///
+    /// Where the distortion turns back inside the picture, beyond the samples, further coefficients
+    /// are held the tighter until it does not: with none it is the poorer one.
+    pub(super) fn beginning_at(
+        poorer: Option<Poorer<L>>,
+        planes: &[ObservedPlane],
+        size: ImageSize,
+        options: &'a Options<L>,
+        work: &Rc<Work>,
+    ) -> Self {
+        let problem = |tighter: f64| {
             let problem = Self::new(size, options).within(work);
-            match poorer {
+            match &poorer {
                 Some(poorer) => problem.beyond(poorer.clone(), tighter),
                 None => problem,
             }
         };
-        let poorer = poorer_optimum(planes, size, options, work);
         let turns_back = |problem: &Self| {
             let tried = problem.is_rich().then(|| problem.tried(planes)).flatten();
             tried.is_some_and(|found| !found.view.lens.sees_all_of(size))
         };
         let mut tighter = 1.0;
-        let mut found = problem(&poorer, tighter);
+        let mut found = problem(tighter);
         for _ in 0..MAX_TIGHTENINGS {
             if !turns_back(&found) {
                 break;
             }
             tighter *= TIGHTENING;
-            found = problem(&poorer, tighter);
+            found = problem(tighter);
         }
         found
     }

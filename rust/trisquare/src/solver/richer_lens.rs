@@ -4,7 +4,7 @@ use std::rc::Rc;
 
 use nalgebra::DVector;
 
-use super::problem::JointProblem;
+use super::problem::{JointProblem, Poorer};
 use super::solve::Solution;
 use super::work::Work;
 use crate::lens::{DistortionModel, Lens};
@@ -82,20 +82,29 @@ impl<L: Lens> JointProblem<'_, L> {
             LensVerdict::Beyond(change) => Some(change.clone()),
         };
         let planes = solution.with_its_outliers(planes);
+        let mut poorer = Poorer {
+            lens: solution.refined.view.lens,
+            free: self.free.clone(),
+        };
         for &model in self.options.model.richer() {
             let options = Options {
                 model,
                 ..*self.options
             };
             let work = Rc::new(Work::for_planes(&planes));
-            let richer = JointProblem::of_planes(&planes, self.size, &options, &work);
+            let start = model.poorer().map(|_| poorer.clone());
+            let richer = JointProblem::beginning_at(start, &planes, self.size, &options, &work);
             let Ok(found) = richer.solve(&planes) else {
                 continue;
+            };
+            let lens = found.refined.view.lens;
+            poorer = Poorer {
+                lens,
+                free: richer.free.clone(),
             };
             if richer.is_ill_conditioned(&found) {
                 continue;
             }
-            let lens = found.refined.view.lens;
             let moved = || self.free.difference(&lens, &solution.refined.view.lens);
             match richer.lens_verdict(&found) {
                 Some(LensVerdict::Held) => {

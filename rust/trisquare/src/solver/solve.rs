@@ -46,10 +46,11 @@ impl<L> Solution<L> {
 impl<L: Lens> JointProblem<'_, L> {
     /// The optimum of planes that are only tried; `None` where there is none, or no work is left.
     pub fn tried(&self, planes: &[ObservedPlane]) -> Option<Refined<L>> {
-        match self.work.is_spent() {
-            true => None,
-            false => Some(Starts::of(self, planes).ok()?.tried().ok()?.refined),
+        if self.work.is_spent() {
+            return None;
         }
+        let from_one_start = || Some(Starts::of(self, planes).ok()?.tried().ok()?.refined);
+        self.optimum_of_many(planes).or_else(from_one_start)
     }
 
     /// The answer of the method asked for.
@@ -62,7 +63,6 @@ impl<L: Lens> JointProblem<'_, L> {
             return Ok(found.into());
         }
         let starts = Starts::of(self, planes)?;
-        // Many planes leave a poorer model's optimum in no doubt: a search from there is enough.
         match step_of_some(planes.len()) {
             Some(_) => starts.tried(),
             None => starts.optimum(),
