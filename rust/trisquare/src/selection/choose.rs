@@ -15,11 +15,8 @@ use super::verdict::{Choice, LEAST_BOARDS, Verdict, doubt_of_boards, doubt_of_ch
 use crate::error::Error;
 use crate::image_size::ImageSize;
 use crate::lens::Lens;
-use crate::linear::{Homographies, Undistortion, first_view};
-use crate::observations::{
-    Fixed, Method, ObservedPlane, Options, PlaneEdges, has_grid, sort_by_plane,
-};
-use crate::refine::{Residual, residuals, root_mean_square, search};
+use crate::observations::{Method, ObservedPlane, Options, PlaneEdges, has_grid, sort_by_plane};
+use crate::refine::{Residual, residuals, root_mean_square};
 use crate::solver::{JointProblem, reject_outliers};
 
 /// Samples of each side that the choice looks at: a false square shows in few.
@@ -183,31 +180,8 @@ impl<L: Lens> Chooser<'_, L> {
 
     /// How far a plane's samples are from the best square that a camera allows.
     fn residual(&self, plane: &ObservedPlane, lens: &L) -> Option<f64> {
-        let options = Options {
-            fixed: Fixed {
-                aspect: true,
-                principal_point: true,
-                focal: true,
-                distortion: true,
-                skew: true,
-            },
-            initial: Some(*lens),
-            ..*self.0.problem.options
-        };
-        let one = std::slice::from_ref(plane);
-        let known = Undistortion::Known(*lens);
-        let homographies = Homographies::estimate(one, &known).ok()?;
-        let matrix = lens.camera_matrix();
-        let start = first_view(
-            &matrix,
-            &homographies,
-            one,
-            &known,
-            self.0.problem.size,
-            &options,
-        );
-        let found = search(one, &options.free_parameters(), start.ok()?)?;
-        let residuals = residuals(one, &found.view)?;
+        let view = self.0.placed(plane, lens)?;
+        let residuals = residuals(std::slice::from_ref(plane), &view)?;
         let distance = root_mean_square(residuals.iter().flatten());
         distance.is_finite().then_some(distance)
     }

@@ -12,9 +12,9 @@ use super::joint_fit::Fit;
 use super::propose::{FOCAL_DOUBT, matrix_of, pinhole, prior, propose, triples};
 use super::squareness::Pinhole;
 use crate::lens::Lens;
-use crate::linear::first_view;
+use crate::linear::{Homographies, Undistortion, first_view};
 use crate::noise::{Misfit, Noise};
-use crate::observations::{ObservedPlane, PlaneState, View, relations_of};
+use crate::observations::{Fixed, ObservedPlane, Options, PlaneState, View, relations_of};
 use crate::refine::{Refined, search};
 use crate::solver::JointProblem;
 use crate::uncertainty::check_plane_count;
@@ -88,6 +88,7 @@ impl<L: Lens> Inliers<'_, L> {
             size,
             options,
             free,
+            judged,
             ..
         } = self.problem;
         check_plane_count(members.len(), free).ok()?;
@@ -100,37 +101,21 @@ impl<L: Lens> Inliers<'_, L> {
             *size,
             options,
         );
-        self.searched(members, &planes, view.ok()?)
+        let found = search(&planes, free, view.ok()?)?;
+        let refined = Refined::of_linear(&planes, free, judged, found.view)?;
+        Some(self.judged(members, &planes, refined))
     }
 
-    /// The joint fit of some members of another, searched from there.
-    fn refitted(&self, fit: &Fit<L>, members: &[usize]) -> Option<Fit<L>> {
+    /// The joint fit of many planes, searched from a lens that some of them have shown.
+    fn fit_of_many(&self, members: &[usize], lens: &L) -> Option<Fit<L>> {
         check_plane_count(members.len(), &self.problem.free).ok()?;
         let planes = self.planes_of(members);
-        let states = fit.members.iter().zip(&fit.refined.view.planes);
-        let kept = states.filter(|(plane, _)| members.binary_search(plane).is_ok());
-        let view = View {
-            lens: fit.refined.view.lens,
-            planes: kept.map(|(_, state)| state.clone()).collect(),
-            relations: relations_of(&planes),
-        };
-        self.searched(members, &planes, view)
+        let refined = self.problem.optimum_from(lens, &planes)?;
+        Some(self.judged(members, &planes, refined))
     }
 
     fn planes_of(&self, members: &[usize]) -> Vec<ObservedPlane> {
         members.iter().map(|i| self.planes[*i].clone()).collect()
-    }
-
-    fn searched(
-        &self,
-        members: &[usize],
-        planes: &[ObservedPlane],
-        start: View<L>,
-    ) -> Option<Fit<L>> {
-        let JointProblem { free, judged, .. } = self.problem;
-        let found = search(planes, free, start)?;
-        let refined = Refined::of_linear(planes, free, judged, found.view)?;
-        Some(self.judged(members, planes, refined))
     }
 
     pub fn judged(
@@ -327,8 +312,49 @@ impl<L: Lens> Inliers<'_, L> {
         fit
     }
 
-    /// A joint fit with all that agrees, where there are too many to be tried one by one: all at
-    /// once, and then without those that stick out.
+    /// Where a plane lies best under a known lens.
+    pub fn placed(&self, plane: &ObservedPlane, lens: &L) -> Option<View<L>> {
+        let options = Options {
+            fixed: Fixed {
+                aspect: true,
+                principal_point: true,
+                focal: true,
+                distortion: true,
+                skew: true,
+            },
+            initial: Some(*lens),
+            ..*self.problem.options
+        };
+        let one = std::slice::from_ref(plane);
+        let known = Undistortion::Known(*lens);
+        let homographies = Homographies::estimate(one, &known).ok()?;
+        let (matrix, size) = (lens.camera_matrix(), self.problem.size);
+        let start = first_view(&matrix, &homographies, one, &known, size, &options).ok()?;
+        Some(search(one, &options.free_parameters(), start)?.view)
+    }
+
+    /// Some planes, each where it lies best under a known lens; without those that it does not see.
+    fn all_placed(&self, planes: &[usize], lens: &L) -> Option<Fit<L>> {
+        let place = |plane: &usize| {
+            let state = self.placed(&self.planes[*plane], lens)?.planes.pop()?;
+            Some((*plane, state))
+        };
+        let (members, states): (Vec<usize>, Vec<PlaneState>) =
+            planes.iter().filter_map(place).unzip();
+        let planes = self.planes_of(&members);
+        let view = View {
+            lens: *lens,
+            planes: states,
+            relations: relations_of(&planes),
+        };
+        let JointProblem { free, judged, .. } = self.problem;
+        let refined = Refined::of_linear(&planes, free, judged, view)?;
+        Some(self.judged(&members, &planes, refined))
+    }
+
+    /// A joint fit with all that agrees, where there are too many to be tried one by one.
+    ///
+    /// What dozens of planes agree on shows of every other one by itself whether it is a square.
     pub fn completed(&self, fit: Fit<L>) -> Fit<L> {
         if self.pool.places.len() <= MAX_FITTED {
             return fit;
@@ -350,8 +376,10 @@ impl<L: Lens> Inliers<'_, L> {
             fit.members.binary_search(place).is_ok()
                 || square.is_some_and(|square| square < WORTH_A_TRIAL)
         });
-        let mut members: Vec<usize> = promising.map(|(_, place)| *place).collect();
-        let mut next = self.fit(&members, &fit.camera);
+        let promising: Vec<usize> = promising.map(|(_, place)| *place).collect();
+        let lens = &fit.refined.view.lens;
+        let placed = self.all_placed(&promising, lens);
+        let mut next = placed.and_then(|all| self.fit_of_many(&self.within(&all), lens));
         for _ in 0..MAX_TRIMS {
             let Some(more) = next else {
                 break;
@@ -363,7 +391,7 @@ impl<L: Lens> Inliers<'_, L> {
                     fit
                 };
             }
-            members = self.within(&more);
+            let mut members = self.within(&more);
             if members.len() == more.members.len() {
                 let mut distances = more.distances();
                 distances.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -371,7 +399,7 @@ impl<L: Lens> Inliers<'_, L> {
                 members = distances.into_iter().map(|(_, plane)| plane).collect();
                 members.sort_unstable();
             }
-            next = self.refitted(&more, &members);
+            next = self.fit_of_many(&members, &more.refined.view.lens);
         }
         fit
     }
