@@ -72,6 +72,7 @@ pub(crate) fn reject_outliers<L: Lens>(
         ..=ALL_TRIED => sides / SIDES_PER_OUTLIER,
         many => trials(many),
     };
+    let with_all_sides = solution.clone();
     let mut last_sound = None;
     for _ in 0..rounds {
         let Some(straighter) = without_bent_side(problem, &solution) else {
@@ -81,6 +82,10 @@ pub(crate) fn reject_outliers<L: Lens>(
         if before.has_weight_on_all_sides() && !problem.is_ill_conditioned(&before) {
             last_sound = Some(before);
         }
+    }
+    // Sides are to blame only where the others agree without them.
+    if solution.misfit(problem).mean() > DOUBTED {
+        (solution, last_sound) = (with_all_sides, None);
     }
     // A bent side may lead to a wrong optimum, which looks weak, and from which no step leads back.
     if solution.misfit(problem).mean() > DOUBTED && problem.is_ill_conditioned(&solution) {
