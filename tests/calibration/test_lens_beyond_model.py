@@ -8,7 +8,7 @@ from quick import first_quick
 from scenes import edges_of, squares
 
 import trisquare as ts
-from trisquare_scenes.broken_assumptions import twisted
+from trisquare_scenes.broken_assumptions import decentred, twisted
 
 SIZE = (1280, 960)
 CELLS = 6
@@ -117,3 +117,20 @@ def test_twisted_squares_are_no_fisheye_and_are_named_before_what_they_come_to(s
     result = ts.calibrate_edges(edges, scene.camera.image_size)
     assert codes(result)[0] == "planes_contradict"
     assert not any("is a fisheye" in warning for warning in result.warnings)
+
+
+def test_no_side_is_to_blame_where_the_others_disagree_without_it():
+    """Without one side of three squares a camera follows any other shapes, or another lens."""
+    rng, scene = np.random.default_rng(118), squares(118)
+    targets = tuple(twisted(rng, target) for target in scene.targets)
+    result = ts.calibrate_edges(edges_of(replace(scene, targets=targets), 0.05), SIZE)
+    assert codes(result)[0] == "planes_contradict"
+    assert "side_rejected" not in codes(result)
+
+
+@pytest.mark.parametrize("seed", [108, 120])
+def test_a_lens_is_named_before_squares_that_explain_it_less_well(seed):
+    lens = decentred(np.random.default_rng(seed), squares(seed).camera)
+    scene = squares(seed, lens)
+    result = ts.calibrate_edges(edges_of(scene, 0.05), scene.camera.image_size)
+    assert codes(result)[0] == "lens_beyond_model"

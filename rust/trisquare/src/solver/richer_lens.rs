@@ -55,8 +55,11 @@ impl<L: Lens> JointProblem<'_, L> {
             first.extend(calibration.allow_for_no_squares(found, &self.free));
         }
         if let Some(doubt) = doubt {
-            let certain = no_squares.is_none();
+            let certain = is_cured || matches!(verdict, LensVerdict::Beyond(_));
             first.extend(calibration.allow_for_lens(&doubt.change, doubt.cure, certain));
+        }
+        if no_squares.is_some_and(|found| found.lens_is_likelier) {
+            first.reverse();
         }
         calibration.warnings.splice(0..0, first);
     }
@@ -79,7 +82,7 @@ impl<L: Lens> JointProblem<'_, L> {
             }
             LensVerdict::Unclear { asked: true } => None,
             LensVerdict::NoSquares(found) => Some(found.lens.clone()?),
-            LensVerdict::Beyond(change) => Some(change.clone()),
+            LensVerdict::Beyond(change) | LensVerdict::Likely(change) => Some(change.clone()),
         };
         let planes = solution.with_its_outliers(planes);
         let mut poorer = Poorer {
@@ -113,7 +116,7 @@ impl<L: Lens> JointProblem<'_, L> {
                         cure: Some((model.name(), lens.focal().x)),
                     });
                 }
-                Some(LensVerdict::Beyond(_)) => change = Some(moved()),
+                Some(LensVerdict::Beyond(_) | LensVerdict::Likely(_)) => change = Some(moved()),
                 _ => {}
             }
         }

@@ -43,6 +43,8 @@ pub(crate) enum LensVerdict {
     /// Fields alone explain them: by how much the free parameters would change with a lens that has
     /// them, to first order.
     Beyond(DVector<f64>),
+    /// Fields explain them best, and something else nearly as well: the same.
+    Likely(DVector<f64>),
     /// Squares that are none explain them, and fields perhaps as well.
     NoSquares(NoSquares),
     /// Fields explain a part of them.
@@ -60,8 +62,10 @@ pub(crate) struct NoSquares {
     covariance: DMatrix<f64>,
     /// How far sides lie from where true squares would have them, px.
     displacement: f64,
-    /// Where fields explain the residuals about as well: the change with a lens that has them.
+    /// Where fields explain the residuals about as well: the change with a lens that has them, ...
     pub lens: Option<DVector<f64>>,
+    /// ... and whether they do so better.
+    pub lens_is_likelier: bool,
 }
 
 /// Whether the residuals ask for a lens that has the fields; `None` where that cannot be told.
@@ -106,7 +110,7 @@ pub(crate) fn beyond_lens<L: Lens>(
         });
     }
     if let Some(misshapen) = misshapen.filter(|it| it.criterion + CLEARLY < bent.flat) {
-        let as_well = beyond.relief == FLAT && beyond.criterion < shapes + CLEARLY;
+        let as_well = beyond.flat < shapes + CLEARLY;
         return Some(LensVerdict::NoSquares(NoSquares {
             change: misshapen.change(&mut errors, free)?,
             covariance: misshapen.covariance(&mut errors, free)?,
@@ -115,7 +119,11 @@ pub(crate) fn beyond_lens<L: Lens>(
                 true => Some(beyond.change(&mut errors, free)?),
                 false => None,
             },
+            lens_is_likelier: beyond.flat < shapes,
         }));
+    }
+    if beyond.flat + CLEARLY < bent.flat && beyond.flat < bent.criterion.min(shapes) {
+        return Some(LensVerdict::Likely(beyond.change(&mut errors, free)?));
     }
     Some(match bent.relief > NEARLY_FLAT {
         true => LensVerdict::Unclear { asked: false },
