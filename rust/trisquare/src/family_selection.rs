@@ -11,6 +11,7 @@ use crate::error::Error;
 use crate::image_size::ImageSize;
 use crate::lens::{DefaultLens, DistortionModel, Fisheye, INTRINSICS, Lens, SKEW};
 use crate::model_selection::{ModelChoice, Weighed, check_comparable};
+use crate::noise::ORDERS;
 use crate::observations::{Fixed, Options, PRIOR_SLACK, PlaneEdges, has_grid, sort_by_plane};
 use crate::photometric::Photographs;
 use crate::result::{Calibration, Warning};
@@ -176,7 +177,7 @@ pub fn heed_fisheye<L: Lens>(
 
 /// Logarithm of the odds for a fisheye against every distorted pinhole, less the preference and what
 /// is unlikely of it beforehand. Where sides err together under it as well (targets that are not
-/// flat), it has to halve the residuals: its coefficients follow these.
+/// flat), it has to halve the residuals of every one: its coefficients follow these.
 ///
 /// Targets that are no squares are followed by coefficients that no lens has, or by a camera as
 /// hardly any is: then they are the likelier cause, unless there are boards, whose many lines hold
@@ -190,7 +191,8 @@ fn preferred_odds<A: Lens, B: Lens>(
     let mine = (wide.model().columns().iter().count(), fit);
     let against = plain.fits().map(|other| log_odds(mine, other));
     let odds = against.fold(f64::INFINITY, f64::min) - PREFERENCE - improbability(fit);
-    let explains = is_clean(fit) || fit.rms < 0.5 * plain.fit().rms;
+    let least = plain.fits().map(|(_, other)| other.rms);
+    let explains = is_clean(fit) || fit.rms < 0.5 * least.fold(f64::INFINITY, f64::min);
     let follows_targets =
         || !unlikely_camera(fit, Fixed::default(), |_| None).is_empty() && !have_boards(edges);
     match explains && !follows_targets() {
@@ -233,17 +235,26 @@ fn of_family<A: Lens, B: Lens>(options: &Options<A>) -> Options<B> {
 }
 
 /// Logarithm of the odds of one model's fit against another's, each with its number of
-/// coefficients.
+/// coefficients. Where sides err together under the better one, they count by their smooth
+/// displacements, however many samples show them.
 fn log_odds<A: Lens, B: Lens>(
     (count, one): (usize, &Calibration<A>),
     (others, other): (usize, &Calibration<B>),
 ) -> f64 {
-    let correlation = match one.rms < other.rms {
-        true => &one.residual_correlation,
-        false => &other.residual_correlation,
-    };
     let samples: usize = one.planes.iter().map(|plane| plane.samples).sum();
-    let independent = (samples as f64 / correlation.neighbours.max(1.0)).max(1.0);
+    let sides: usize = one.residuals.iter().map(|figure| figure.sides.len()).sum();
+    let count_of = |neighbours: f64, is_clean: bool| {
+        let independent = samples as f64 / neighbours.max(1.0);
+        match is_clean {
+            true => independent,
+            false => independent.min((ORDERS * sides) as f64),
+        }
+    };
+    let independent = match one.rms < other.rms {
+        true => count_of(one.residual_correlation.neighbours, is_clean(one)),
+        false => count_of(other.residual_correlation.neighbours, is_clean(other)),
+    };
+    let independent = independent.max(1.0);
     let further = count as f64 - others as f64;
     independent * (other.rms / one.rms).ln() - 0.5 * further * independent.ln()
 }
