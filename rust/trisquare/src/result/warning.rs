@@ -502,7 +502,11 @@ impl Warning {
             | Self::LensEndsInPicture { .. }
             | Self::LensExtrapolated { .. }
             | Self::LinesNotUsed { sigmas: Some(_) } => Severity::Medium,
-            Self::PlanesVary { factor } if *factor > NOTABLE_FACTOR => Severity::Medium,
+            Self::PlanesVary { factor } | Self::SidesErrTogether { factor, .. }
+                if *factor > NOTABLE_FACTOR =>
+            {
+                Severity::Medium
+            }
             Self::PlanesVary { .. }
             | Self::SidesErrTogether { .. }
             | Self::PixelsNotUsed { .. }
@@ -567,6 +571,21 @@ mod tests {
             "the targets are no true, flat squares, or the lens is beyond its model, or what is held \
              (aspect) is wrong: their sides lie 0.1 px off"
         );
+    }
+
+    #[test]
+    fn what_raises_deviations_a_lot_is_to_be_looked_at() {
+        let together = |factor| Warning::SidesErrTogether {
+            plane: 0,
+            displacement: 0.1,
+            height: None,
+            parameter: "fx".into(),
+            factor,
+        };
+        for (factor, expected) in [(1.5, Severity::Low), (2.5, Severity::Medium)] {
+            assert_eq!(together(factor).severity(), expected);
+            assert_eq!(Warning::PlanesVary { factor }.severity(), expected);
+        }
     }
 
     #[test]
