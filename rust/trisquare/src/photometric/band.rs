@@ -7,7 +7,6 @@ use super::photographs::{Photographs, Refusal};
 use crate::geometry::Line;
 use crate::image::{KeptPixels, KeptReader};
 use crate::lens::Lens;
-use crate::numeric::each;
 use crate::observations::{ObservedPlane, PlaneEdges, PlaneState, Polarity, Side, View};
 
 /// Pixels this near (px) to an outline are used: farther ones still tell the plateaus' light.
@@ -116,9 +115,14 @@ pub(crate) struct PixelFigure {
     pub size: f64,
     /// The largest blur (px) that the band holds: 3.8 of it are an edge.
     pub widest_blur: f64,
+    /// How far (px) from the outline its pixels lie.
+    reach: f64,
+    /// Empty where they are read again for every use: see [`Bands::pixels`].
     pub pixels: Vec<BandPixel>,
     /// The side that each stretch of the outline belongs to.
     pub stretch_sides: Vec<u8>,
+    /// The stretches whose pixels are dropped; empty if none are.
+    dropped: Vec<bool>,
 }
 
 impl PixelFigure {
@@ -130,17 +134,22 @@ impl PixelFigure {
         Self {
             pixels: self.pixels.iter().filter(keep).copied().collect(),
             stretch_sides: self.stretch_sides.clone(),
+            dropped: self.dropped.clone(),
             ..*self
         }
     }
 
     /// Drops the pixels along marked stretches.
-    pub fn drop_stretches(&mut self, marked: &[bool]) {
+    pub fn drop_stretches(&mut self, marked: Vec<bool>) {
         if marked.contains(&true) {
-            self.pixels
-                .retain(|pixel| !marked[usize::from(pixel.stretch)]);
+            retain_used(&mut self.pixels, &marked);
+            self.dropped = marked;
         }
     }
+}
+
+fn retain_used(pixels: &mut Vec<BandPixel>, dropped: &[bool]) {
+    pixels.retain(|pixel| !dropped[usize::from(pixel.stretch)]);
 }
 
 /// The corners of the upright rectangle around points.
@@ -151,52 +160,87 @@ pub(super) fn bounds<'a>(
     points.fold((far, -far), |(low, high), p| (low.inf(p), high.sup(p)))
 }
 
-/// Collects the pixels around every figure that is not an outlier; not applicable unless all are
-/// squares of known polarity.
-pub(super) fn collect<L: Lens>(
-    edges: &[PlaneEdges],
-    planes: &[ObservedPlane],
-    view: &View<L>,
-    photographs: &Photographs<'_>,
+/// Where the pixels around the outlines of the figures come from.
+pub(super) struct Bands<'a, L> {
+    edges: &'a [PlaneEdges],
+    planes: &'a [ObservedPlane],
+    /// The outlines are traced under it.
+    view: &'a View<L>,
+    readers: Vec<KeptReader<'a>>,
     width: Width,
-) -> Result<Vec<PixelFigure>, Refusal> {
-    let readers: Vec<KeptReader<'_>> = photographs
-        .pictures
-        .iter()
-        .zip(photographs.tones)
-        .map(|(picture, tone)| picture.reader(tone.tone()))
-        .collect();
-    let of_plane = |p: usize| {
-        let plane = &planes[p];
+}
+
+impl<'a, L: Lens> Bands<'a, L> {
+    pub fn new(
+        edges: &'a [PlaneEdges],
+        planes: &'a [ObservedPlane],
+        view: &'a View<L>,
+        photographs: &Photographs<'a>,
+        width: Width,
+    ) -> Self {
+        let pictures = photographs.pictures.iter().zip(photographs.tones);
+        Self {
+            edges,
+            planes,
+            view,
+            readers: pictures.map(|(p, tone)| p.reader(tone.tone())).collect(),
+            width,
+        }
+    }
+
+    /// The figures of a plane, none of an outlier; not applicable unless all are squares of known
+    /// polarity.
+    pub fn of_plane(&self, p: usize) -> Result<Vec<PixelFigure>, Refusal> {
+        let plane = &self.planes[p];
         if plane.is_outlier() {
             return Ok(Vec::new());
         }
-        let reader = readers.get(plane.image).ok_or(Refusal::NotApplicable)?;
+        let reader = self
+            .readers
+            .get(plane.image)
+            .ok_or(Refusal::NotApplicable)?;
         let outlines: Option<Vec<Outline>> = (0..plane.figures.len())
-            .map(|f| {
-                let border = edges[plane.figures[f].index].border;
-                Outline::of(plane, &view.planes[p], f, (&view.lens, border))
-            })
+            .map(|f| self.outline(p, f))
             .collect();
         let outlines = outlines.ok_or(Refusal::NotApplicable)?;
         let figure = |(f, outline): (usize, &Outline)| {
-            let polarity = edges[plane.figures[f].index].polarity;
+            let polarity = self.edges[plane.figures[f].index].polarity;
             let dark_inside = polarity.ok_or(Refusal::NotApplicable)? == Polarity::DarkInside;
-            let reach = outline.reach_beside(&outlines, f, width);
+            let reach = outline.reach_beside(&outlines, f, self.width);
             if reach < MIN_REACH {
                 return Err(Refusal::Reason(
                     "two outlines of a plane are too close together",
                 ));
             }
-            let mut found = outline.figure(reader, (p, f), (reach, width), dark_inside);
+            let mut found = outline.figure(reader, (p, f), (reach, self.width), dark_inside);
             found.image = plane.image;
             Ok(found)
         };
         outlines.iter().enumerate().map(figure).collect()
-    };
-    let found = each(planes.len(), |p| Some(of_plane(p))).unwrap_or_default();
-    let found: Vec<Vec<PixelFigure>> = found.into_iter().collect::<Result<_, Refusal>>()?;
-    Ok(found.into_iter().flatten().collect())
+    }
+
+    fn outline(&self, p: usize, f: usize) -> Option<Outline> {
+        let plane = &self.planes[p];
+        let border = self.edges[plane.figures[f].index].border;
+        Outline::of(plane, &self.view.planes[p], f, (&self.view.lens, border))
+    }
+}
+
+/// What gives the pixels of a figure that does not hold them.
+pub(super) trait Pixels: Sync {
+    fn read(&self, figure: &PixelFigure) -> Option<Vec<BandPixel>>;
+}
+
+impl<L: Lens> Pixels for Bands<'_, L> {
+    fn read(&self, figure: &PixelFigure) -> Option<Vec<BandPixel>> {
+        let outline = self.outline(figure.plane, figure.figure)?;
+        let (mut pixels, ..) =
+            outline.pixels(&self.readers[figure.image], figure.reach, self.width);
+        if !figure.dropped.is_empty() {
+            retain_used(&mut pixels, &figure.dropped);
+        }
+        Some(pixels)
+    }
 }
 
 /// A figure's sides and the points of their images.
@@ -304,6 +348,32 @@ impl Outline {
         dark_inside: bool,
     ) -> PixelFigure {
         let (low, high) = self.bounds();
+        let (pixels, stretch_sides) = self.pixels(reader, reach, width);
+        PixelFigure {
+            image: 0,
+            plane,
+            figure,
+            sides: self.sides,
+            corners: self.corners,
+            dark_inside,
+            centre: (low + high) / 2.0,
+            size: (high - low).norm(),
+            widest_blur: width.factor() * REACH / PLATEAU,
+            reach,
+            pixels,
+            stretch_sides,
+            dropped: Vec::new(),
+        }
+    }
+
+    /// The pixels within a reach, and the side of each stretch.
+    fn pixels(
+        &self,
+        reader: &KeptReader<'_>,
+        reach: f64,
+        width: Width,
+    ) -> (Vec<BandPixel>, Vec<u8>) {
+        let (low, high) = self.bounds();
         let map = DistanceMap::around(&self.trace, low, high, reader.kept(), width);
         let (stretches, stretch_sides) = self.stretches();
         let inward = self.inward_normals();
@@ -330,19 +400,7 @@ impl Outline {
         };
         let mut pixels = Vec::with_capacity(map.expected_count(self.trace.len(), reach));
         map.for_each_within(reach, |x, y, mark| pixels.extend(own(x, y, mark)));
-        PixelFigure {
-            image: 0,
-            plane,
-            figure,
-            sides: self.sides,
-            corners: self.corners,
-            dark_inside,
-            centre: (low + high) / 2.0,
-            size: (high - low).norm(),
-            widest_blur: width.factor() * REACH / PLATEAU,
-            pixels,
-            stretch_sides,
-        }
+        (pixels, stretch_sides)
     }
 
     /// The stretch that each point of the trace belongs to, and the side of each stretch.

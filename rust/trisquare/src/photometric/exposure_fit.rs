@@ -1,17 +1,17 @@
-//! Exposures and noise of all figures, with camera and planes held.
+//! Exposure and noise of a figure, with camera and planes held.
 //!
 //! The distances of the pixels to the sides do not change then, and are computed once.
 
+use super::band::PixelFigure;
 use super::exposure::{EXPOSURE_PARAMETERS, Exposure};
 use super::figure_chart::all_distances;
 use super::figure_sums::{ExposureRow, ExposureSums, add_exposure};
-use super::fit::PixelFit;
-use super::scene::Shade;
+use super::scene::{Scene, Shade};
 use crate::image::PictureState;
 use crate::lens::Lens;
 use crate::numeric::{
-    ArrowStep, ArrowSystem, Block, Limits, Loss, Problem, Termination, add_rank_one, each,
-    median_scale, minimise,
+    ArrowStep, ArrowSystem, Block, Limits, Loss, Problem, Termination, add_rank_one, median_scale,
+    minimise,
 };
 use crate::observations::View;
 
@@ -28,107 +28,96 @@ const LIMITS: Limits = Limits {
 /// Noise (coded, 1 being white) below which pixels agree to rounding.
 const MIN_NOISE: f64 = 1e-6;
 
-/// The pixels of a fit with camera and planes held.
+/// The pixels of a figure in a fit with camera and planes held.
 struct HeldGeometry<'a, L> {
-    pixels: PixelFit<'a>,
+    figure: &'a PixelFigure,
     view: &'a View<L>,
-    pictures: &'a [PictureState],
-    /// For every pixel of every figure, its distances to the near sides.
-    distances: Vec<Vec<[f64; 4]>>,
+    picture: &'a PictureState,
+    /// For every pixel, its distances to the near sides.
+    distances: Vec<[f64; 4]>,
+    loss: Loss,
+    /// Noise of the pixels, coded.
+    scale: f64,
 }
 
-/// Fits the exposures from a guess, and measures the noise of each figure's pixels; `None` if
-/// they do not show blurred squares.
-pub(super) fn fit_exposures<L: Lens>(
-    pixels: PixelFit<'_>,
+/// Fits the exposure from a guess, and measures the noise of the figure's pixels; `None` if they do
+/// not show a blurred square.
+pub(super) fn fit_exposure<L: Lens>(
+    figure: &PixelFigure,
     view: &View<L>,
-    pictures: &[PictureState],
-    guess: Vec<Exposure>,
-) -> Option<(Vec<Exposure>, Vec<f64>)> {
-    let distances = each(pixels.figures.len(), |index| {
-        let scene = pixels.scene(view, &guess[index], pictures, index)?;
-        all_distances(&scene, &pixels.figures[index], |_| true)
-    })?;
+    picture: &PictureState,
+    guess: Exposure,
+) -> Option<(Exposure, f64)> {
+    let scene = Scene::new(figure, picture, view, &guess)?;
     let mut problem = HeldGeometry {
-        pixels,
+        figure,
         view,
-        pictures,
-        distances,
+        picture,
+        distances: all_distances(&scene, figure, |_| true)?,
+        loss: LOSSES[0],
+        scale: 1.0,
     };
-    let mut exposures = guess;
+    let mut exposure = guess;
     for loss in LOSSES {
-        problem.pixels.loss = loss;
-        problem.pixels.scales = problem.scales(&exposures)?;
-        let minimum = minimise(&problem, exposures, LIMITS)?;
+        problem.loss = loss;
+        problem.scale = problem.noise(&exposure)?;
+        let minimum = minimise(&problem, exposure, LIMITS)?;
         if minimum.termination != Termination::Converged {
             return None;
         }
-        exposures = minimum.state;
+        exposure = minimum.state;
     }
-    let scales = problem.scales(&exposures)?;
-    Some((exposures, scales))
+    let noise = problem.noise(&exposure)?;
+    Some((exposure, noise))
 }
 
 impl<L: Lens> HeldGeometry<'_, L> {
-    /// Shows the model at every pixel of a figure to `visit`, with its row of the Jacobian.
+    /// Shows the model at every pixel to `visit`, with its row of the Jacobian.
     fn for_each(
         &self,
         exposure: &Exposure,
-        index: usize,
         mut visit: impl FnMut(&Shade, ExposureRow),
     ) -> Option<()> {
-        let scene = self
-            .pixels
-            .scene(self.view, exposure, self.pictures, index)?;
-        let figure = &self.pixels.figures[index];
-        for (pixel, distances) in figure.pixels.iter().zip(&self.distances[index]) {
+        let scene = Scene::new(self.figure, self.picture, self.view, exposure)?;
+        for (pixel, distances) in self.figure.pixels.iter().zip(&self.distances) {
             let shade = scene.shade(pixel, Some(distances));
             visit(&shade, scene.exposure_row(&shade));
         }
         Some(())
     }
 
-    /// Robust noise of each figure, from the pixels that an edge cuts.
-    fn scales(&self, exposures: &[Exposure]) -> Option<Vec<f64>> {
-        each(exposures.len(), |index| {
-            let mut residuals = Vec::new();
-            self.for_each(&exposures[index], index, |shade, _| {
-                if shade.coverage.cut_count > 0 {
-                    residuals.push(shade.residual);
-                }
-            })?;
-            Some(median_scale(residuals.into_iter()).max(MIN_NOISE))
-        })
+    /// Robust noise of the pixels that an edge cuts.
+    fn noise(&self, exposure: &Exposure) -> Option<f64> {
+        let mut residuals = Vec::new();
+        self.for_each(exposure, |shade, _| {
+            if shade.coverage.cut_count > 0 {
+                residuals.push(shade.residual);
+            }
+        })?;
+        Some(median_scale(residuals.into_iter()).max(MIN_NOISE))
     }
 }
 
 impl<L: Lens> Problem for HeldGeometry<'_, L> {
-    type State = Vec<Exposure>;
+    type State = Exposure;
 
-    fn evaluate(&self, exposures: &Vec<Exposure>) -> Option<(f64, ArrowSystem)> {
-        if !self.pixels.are_valid(exposures) {
+    fn evaluate(&self, exposure: &Exposure) -> Option<(f64, ArrowSystem)> {
+        if !exposure.is_valid(self.figure) {
             return None;
         }
-        let found = each(exposures.len(), |index| {
-            let to_noise = 1.0 / self.pixels.scales[index];
-            let (mut cost, mut sums) = (0.0, ExposureSums::default());
-            self.for_each(&exposures[index], index, |shade, row| {
-                let (part, weight) = self.pixels.loss.cost_and_weight(shade.residual * to_noise);
-                cost += part;
-                add_rank_one(&mut sums, &row, weight * to_noise * to_noise);
-            })?;
-            let mut block = Block::zeros(EXPOSURE_PARAMETERS, Vec::new());
-            add_exposure(&mut block, &sums, 0);
-            Some((cost, block))
+        let to_noise = 1.0 / self.scale;
+        let (mut cost, mut sums) = (0.0, ExposureSums::default());
+        self.for_each(exposure, |shade, row| {
+            let (part, weight) = self.loss.cost_and_weight(shade.residual * to_noise);
+            cost += part;
+            add_rank_one(&mut sums, &row, weight * to_noise * to_noise);
         })?;
-        let (costs, blocks): (Vec<f64>, Vec<Block>) = found.into_iter().unzip();
-        Some((costs.iter().sum(), ArrowSystem::of(0, blocks.into_iter())))
+        let mut block = Block::zeros(EXPOSURE_PARAMETERS, Vec::new());
+        add_exposure(&mut block, &sums, 0);
+        Some((cost, ArrowSystem::of(0, std::iter::once(block))))
     }
 
-    fn advance(&self, exposures: &Vec<Exposure>, step: &ArrowStep) -> Vec<Exposure> {
-        let steps = exposures.iter().zip(&step.blocks);
-        steps
-            .map(|(exposure, own)| exposure.moved(own.as_slice()))
-            .collect()
+    fn advance(&self, exposure: &Exposure, step: &ArrowStep) -> Exposure {
+        exposure.moved(step.blocks[0].as_slice())
     }
 }

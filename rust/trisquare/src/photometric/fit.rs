@@ -1,8 +1,9 @@
 //! The pixels as a least-squares problem over camera, planes and exposures.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
-use super::band::PixelFigure;
+use super::band::{PixelFigure, Pixels};
 use super::exposure::{EXPOSURE_PARAMETERS, Exposure};
 use super::figure_chart::FigureChart;
 use super::figure_sums::FigureSums;
@@ -26,6 +27,8 @@ pub(crate) struct PixelState<L> {
 #[derive(Clone)]
 pub(crate) struct PixelFit<'a> {
     pub figures: &'a [PixelFigure],
+    /// What gives the pixels of figures that do not hold theirs; none where all do.
+    pub unheld: Option<&'a dyn Pixels>,
     pub free: &'a FreeParameters,
     /// How many pictures have parameters of their own: all, or none where all tones are known.
     pub free_pictures: usize,
@@ -102,7 +105,11 @@ impl PixelFit<'_> {
         let stretches = figure.stretch_sides.len();
         let mut sums = FigureSums::new(self.free, shared, jacobians, own, stretches);
         let to_noise = 1.0 / self.scales[index];
-        for pixels in figure.pixels.chunks(LANES) {
+        let pixels = match self.unheld {
+            Some(unheld) if figure.pixels.is_empty() => Cow::Owned(unheld.read(figure)?),
+            _ => Cow::Borrowed(&figure.pixels[..]),
+        };
+        for pixels in pixels.chunks(LANES) {
             let distances = match pixels.iter().any(|pixel| scene.may_cut(pixel)) {
                 true => chart.distances(pixels),
                 false => [[0.0; 4]; LANES],
@@ -279,7 +286,7 @@ impl PixelFit<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::band::{Width, collect};
+    use super::super::band::{Bands, Width};
     use super::super::figure_chart::all_distances;
     use super::super::kept::pixels_to_keep;
     use super::super::photographs::Photographs;
@@ -329,9 +336,9 @@ mod tests {
                 .collect(),
             relations: Vec::new(),
         };
-        let Ok(mut figures) = collect(&edges, &planes, &view, &photographs, Width::Usual) else {
-            panic!("squares of known polarity");
-        };
+        let bands = Bands::new(&edges, &planes, &view, &photographs, Width::Usual);
+        let of_plane = |p| bands.of_plane(p).ok().expect("squares of known polarity");
+        let mut figures: Vec<PixelFigure> = (0..planes.len()).flat_map(of_plane).collect();
         let state = PixelState {
             view,
             exposures: vec![
@@ -374,6 +381,7 @@ mod tests {
     fn problem<'a>(figures: &'a [PixelFigure], free: &'a FreeParameters) -> PixelFit<'a> {
         PixelFit {
             figures,
+            unheld: None,
             free,
             free_pictures: 1,
             loss: Loss::Tukey,

@@ -4,13 +4,10 @@
 //! count as an outlier; the mean over a stretch shows it.
 
 use super::band::PixelFigure;
-use super::exposure::Exposure;
 use super::figure_chart::all_distances;
-use super::fit::PixelFit;
-use crate::image::PictureState;
+use super::scene::Scene;
 use crate::lens::Lens;
-use crate::numeric::{each, median_scale};
-use crate::observations::View;
+use crate::numeric::median_scale;
 
 /// Pixels nearer to the outline than this (px) show the edge, the others the light beside it; each
 /// of the three zones is judged on its own.
@@ -53,32 +50,16 @@ pub(super) struct Disturbed {
     beside: Vec<bool>,
 }
 
-/// Which stretches of each figure are not to be used; `None` where the lens does not see a pixel.
-pub(super) fn disturbed<L: Lens>(
-    fit: &PixelFit<'_>,
-    view: &View<L>,
-    pictures: &[PictureState],
-    exposures: &[Exposure],
-) -> Option<Vec<Disturbed>> {
-    each(fit.figures.len(), |index| {
-        disturbed_of_figure(fit, (view, pictures), &exposures[index], index)
-    })
-}
-
-fn disturbed_of_figure<L: Lens>(
-    fit: &PixelFit<'_>,
-    (view, pictures): (&View<L>, &[PictureState]),
-    exposure: &Exposure,
-    index: usize,
-) -> Option<Disturbed> {
-    let scene = fit.scene(view, exposure, pictures, index)?;
+/// Which stretches of a figure are not to be used, given the noise of its pixels; `None` where the
+/// lens does not see a pixel.
+pub(super) fn disturbed<L: Lens>(scene: &Scene<'_, L>, noise: f64) -> Option<Disturbed> {
     let figure = scene.figure;
     let mut sums = vec![[(0.0, 0.0); ZONES]; figure.stretch_sides.len()];
-    let distances = all_distances(&scene, figure, |pixel| scene.may_cut(pixel))?;
+    let distances = all_distances(scene, figure, |pixel| scene.may_cut(pixel))?;
     let pixels = figure.pixels.iter().zip(&distances);
     for (pixel, distances) in pixels.filter(|(pixel, _)| pixel.depth().abs() < JUDGED) {
         let distances = scene.may_cut(pixel).then_some(distances);
-        let residual = scene.shade(pixel, distances).residual / fit.scales[index];
+        let residual = scene.shade(pixel, distances).residual / noise;
         let zone =
             1 + usize::from(pixel.depth() > EDGE_ZONE) - usize::from(pixel.depth() < -EDGE_ZONE);
         let (sum, count) = &mut sums[usize::from(pixel.stretch)][zone];

@@ -60,7 +60,7 @@ fn half_toward<'a>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::band::collect;
+    use super::super::band::{Bands, PixelFigure};
     use super::super::photographs::Photographs;
     use super::*;
     use crate::image::{PictureTone, Tone};
@@ -109,7 +109,10 @@ mod tests {
                     pictures: &[pixels],
                     tones: &tones,
                 };
-                collect(&figures, &planes, &view, &photographs, width).ok()
+                let bands = Bands::new(&figures, &planes, &view, &photographs, width);
+                let all = (0..planes.len()).map(|p| bands.of_plane(p).ok());
+                let all: Option<Vec<Vec<PixelFigure>>> = all.collect();
+                all.map(|all| all.concat())
             };
             for width in [Width::Usual, Width::Wide] {
                 let [found, expected] = [&kept, &whole].map(|pixels| read(pixels, width).unwrap());

@@ -6,17 +6,20 @@
 //! at a corner. The distances follow from the joint camera and pose, so that corners count as well.
 //! A pixel carries its own independent noise: nothing is lost between patches.
 
-use super::band::{PixelFigure, Width, collect};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use super::band::{Bands, PixelFigure, Width};
 use super::exposure::Exposure;
-use super::exposure_fit::fit_exposures;
+use super::exposure_fit::fit_exposure;
 use super::fit::{PixelFit, PixelState, PixelSystem};
 use super::hidden_stretches::{DisturbedSide, disturbed, disturbed_sides};
 use super::photographs::{Photographs, Refusal};
-use crate::image::{PictureState, PictureTone};
+use super::scene::Scene;
+use crate::image::{PictureState, PictureTone, Tone};
 use crate::lens::Lens;
 use crate::noise::drifted_to;
-use crate::numeric::Loss;
-use crate::observations::{FreeParameters, PlaneEdges};
+use crate::numeric::{Loss, each};
+use crate::observations::{FreeParameters, PlaneEdges, View};
 use crate::refine::{Refined, residuals};
 use crate::result::{Calibration, Stage, Warning};
 use crate::solver::{JointProblem, Solution};
@@ -31,6 +34,10 @@ const JUDGED_STRIDE: u32 = 8;
 /// Things that lie over sides hide less than this part of all of them; with more it is the sides
 /// that are elsewhere than the model, and what is left of them would mislead it.
 const MOST_HIDDEN: f64 = 0.1;
+
+/// About so many pixels stay in memory from step to step, which spares reading them again: those of
+/// a few pictures. Of more pictures the others' are read again from what is kept of each.
+const HELD_PIXELS: usize = 400_000;
 
 /// Gauss-Newton steps allowed to the joint fit.
 const MAX_STEPS: usize = 8;
@@ -103,21 +110,15 @@ fn attempt<L: Lens>(
 ) -> Result<(Calibration<L>, Solution<L>), Refusal> {
     let tones = photographs.tones;
     let known = tones.iter().all(|t| matches!(t, PictureTone::Known(_)));
-    let mut fit = PixelFit {
-        figures: &[],
-        free: &problem.free,
-        free_pictures: if known { 0 } else { tones.len() },
-        loss: Loss::WideTukey,
-        scales: Vec::new(),
-    };
-    let begin = |width: Width| -> Result<Option<Start<L>>, Refusal> {
-        let view = &solution.refined.view;
-        let figures = collect(edges, &solution.planes, view, photographs, width)?;
-        Ok(start(&fit, figures, solution, tones))
-    };
-    let start = match begin(Width::Usual)?.filter(Start::holds_blurs) {
+    let view = &solution.refined.view;
+    let bands = |width| Bands::new(edges, &solution.planes, view, photographs, width);
+    let mut source = bands(Width::Usual);
+    let start = match begin(&source, solution, tones)?.filter(Start::holds_blurs) {
         Some(start) => start,
-        None => begin(Width::Wide)?.ok_or(BROKEN)?,
+        None => {
+            source = bands(Width::Wide);
+            begin(&source, solution, tones)?.ok_or(BROKEN)?
+        }
     };
     let unused: f64 = start.disturbed.iter().map(|side| side.part).sum();
     if unused > MOST_HIDDEN * 4.0 * start.figures.len() as f64 {
@@ -125,8 +126,14 @@ fn attempt<L: Lens>(
             "many stretches of many sides lie off their lines (is the paper bent?)",
         ));
     }
-    fit.figures = &start.figures;
-    fit.scales = start.scales;
+    let fit = PixelFit {
+        figures: &start.figures,
+        unheld: Some(&source),
+        free: &problem.free,
+        free_pictures: if known { 0 } else { tones.len() },
+        loss: Loss::WideTukey,
+        scales: start.scales,
+    };
     let (state, found) = converge(&fit, start.state).ok_or(BROKEN)?;
     // The samples' stated deviations tell of the pixels' only if they were made from them.
     let of_planes = solution.planes.iter().flat_map(|plane| &plane.figures);
@@ -152,58 +159,87 @@ fn attempt<L: Lens>(
 
 const BROKEN: Refusal = Refusal::Reason("the pixels near an outline do not show a blurred step");
 
-/// Exposures and noise of all figures, from the edges' camera, and the pixels that show them.
-fn start<L: Lens>(
-    fit: &PixelFit<'_>,
-    mut figures: Vec<PixelFigure>,
+/// Exposures and noise of all figures, from the edges' camera, and the pixels that show them;
+/// nothing where they do not show blurred squares.
+fn begin<L: Lens>(
+    bands: &Bands<'_, L>,
     solution: &Solution<L>,
     tones: &[PictureTone],
-) -> Option<Start<L>> {
+) -> Result<Option<Start<L>>, Refusal> {
     let view = &solution.refined.view;
     let pictures: Vec<PictureState> = tones.iter().map(|tone| PictureState::of(*tone)).collect();
-    let subsampled: Vec<PixelFigure> = figures
-        .iter()
-        .map(|f| f.subsampled(EXPOSURE_STRIDE))
-        .collect();
-    let fit = PixelFit {
-        figures: &subsampled,
-        ..fit.clone()
+    // Whose pixels these are differs with the threads; what is read again is the same.
+    let held = AtomicUsize::new(0);
+    let of_plane = |p: usize| {
+        let figures = bands.of_plane(p)?.into_iter().map(|figure| {
+            let (tone, picture) = (tones[figure.image].tone(), &pictures[figure.image]);
+            let sides = &solution.planes[p].figures[figure.figure].sides;
+            let is_outlier: Vec<bool> = sides.iter().map(|side| side.is_outlier).collect();
+            let mut begun = Begun::of(figure, (view, picture, tone), &is_outlier)?;
+            let pixels = &mut begun.figure.pixels;
+            if held.fetch_add(pixels.len(), Ordering::Relaxed) > HELD_PIXELS {
+                *pixels = Vec::new();
+            }
+            Some(begun)
+        });
+        Ok(figures.collect())
     };
-    let guess: Option<Vec<Exposure>> = subsampled
-        .iter()
-        .map(|figure| Exposure::guess(figure, tones[figure.image].tone()))
-        .collect();
-    let (exposures, scales) = fit_exposures(fit.clone(), view, &pictures, guess?)?;
-    let judged: Vec<PixelFigure> = figures
-        .iter()
-        .map(|f| f.subsampled(JUDGED_STRIDE))
-        .collect();
-    let fit = PixelFit {
-        figures: &judged,
-        scales,
-        ..fit
+    let planes = each(solution.planes.len(), |p| Some(of_plane(p))).unwrap_or_default();
+    let planes: Vec<Option<Vec<Begun>>> = planes.into_iter().collect::<Result<_, Refusal>>()?;
+    let Some(planes) = planes.into_iter().collect::<Option<Vec<_>>>() else {
+        return Ok(None);
     };
-    let mut sides_disturbed = Vec::new();
-    let disturbed = disturbed(&fit, view, &pictures, &exposures)?;
-    for (figure, own) in figures.iter_mut().zip(disturbed) {
-        sides_disturbed.extend(disturbed_sides(figure, &own));
-        let mut dropped = own.stretches;
-        let sides = &solution.planes[figure.plane].figures[figure.figure].sides;
-        for (mark, side) in dropped.iter_mut().zip(&figure.stretch_sides) {
-            *mark |= sides[usize::from(*side)].is_outlier;
-        }
-        figure.drop_stretches(&dropped);
-    }
-    Some(Start {
-        scales: fit.scales,
+    let mut start = Start {
+        figures: Vec::new(),
+        scales: Vec::new(),
         state: PixelState {
             view: view.clone(),
-            exposures,
+            exposures: Vec::new(),
             pictures,
         },
-        figures,
-        disturbed: sides_disturbed,
-    })
+        disturbed: Vec::new(),
+    };
+    for begun in planes.into_iter().flatten() {
+        start.figures.push(begun.figure);
+        start.scales.push(begun.scale);
+        start.state.exposures.push(begun.exposure);
+        start.disturbed.extend(begun.disturbed);
+    }
+    Ok(Some(start))
+}
+
+/// What the joint fit of one figure starts from.
+struct Begun {
+    figure: PixelFigure,
+    scale: f64,
+    exposure: Exposure,
+    disturbed: Vec<DisturbedSide>,
+}
+
+impl Begun {
+    fn of<L: Lens>(
+        mut figure: PixelFigure,
+        (view, picture, tone): (&View<L>, &PictureState, Tone),
+        is_outlier: &[bool],
+    ) -> Option<Self> {
+        let few = figure.subsampled(EXPOSURE_STRIDE);
+        let guess = Exposure::guess(&few, tone)?;
+        let (exposure, scale) = fit_exposure(&few, view, picture, guess)?;
+        let judged = figure.subsampled(JUDGED_STRIDE);
+        let own = disturbed(&Scene::new(&judged, picture, view, &exposure)?, scale)?;
+        let disturbed = disturbed_sides(&figure, &own);
+        let mut dropped = own.stretches;
+        for (mark, side) in dropped.iter_mut().zip(&figure.stretch_sides) {
+            *mark |= is_outlier[usize::from(*side)];
+        }
+        figure.drop_stretches(dropped);
+        Some(Self {
+            figure,
+            scale,
+            exposure,
+            disturbed,
+        })
+    }
 }
 
 /// The joint optimum, with the normal equations of the last step; `None` if the steps do not
