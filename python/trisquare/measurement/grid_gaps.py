@@ -30,7 +30,7 @@ LEAST_ROWS = 3
 FIRST_STEP, STEPS = 0.01, 10
 """Of the search for the gap, over the tag's side. What holds the optimum shrinks to a third."""
 
-FARTHEST = 0.06
+FARTHEST = 0.1
 """From the gap that the corners showed."""
 
 USUAL_GAPS = 0.05
