@@ -8,8 +8,8 @@ use crate::error::Error;
 use crate::geometry::{Line, MIN_LINES};
 use crate::image_size::ImageSize;
 
-/// How far beyond a corner, in units of the side, samples may lie before the order is doubted;
-/// a side that bulges under distortion moves its own fitted corners by a few per cent.
+/// How far beyond a corner, in units of the side, samples may lie before the order is doubted:
+/// sides that bulge under distortion meet elsewhere than their lines.
 const CORNER_SLACK: f64 = 0.25;
 
 /// How far (px) beyond the outermost pixels' centres a sample may lie: half a pixel to the border of
@@ -440,23 +440,24 @@ impl SideOrder {
                 needed: 4,
             });
         }
-        let mut lines = Vec::with_capacity(4);
         for (side, points) in sides.iter().enumerate() {
             check_samples(0, side, points)?;
-            let samples = points.iter().map(|p| (*p, 1.0));
-            let line = Line::fit(samples).ok_or(Error::TooFewSamples {
+        }
+        let line = |side: usize, neighbour: usize| {
+            let near = half_toward(&sides[side], &sides[neighbour]);
+            Line::fit(near.iter().map(|p| (*p, 1.0))).ok_or(Error::TooFewSamples {
                 figure: 0,
                 line: side,
                 found: 1,
                 needed: 2,
-            })?;
-            lines.push(line);
-        }
+            })
+        };
         let mut corners = [Vector2::zeros(); 4];
         for side in 0..4 {
-            corners[side] = lines[(side + 3) % 4]
-                .intersection(&lines[side])
-                .ok_or(Error::CrossedSides { side })?;
+            let before = (side + 3) % 4;
+            let (one, other) = (line(before, side)?, line(side, before)?);
+            let corner = one.intersection(&other);
+            corners[side] = corner.ok_or(Error::CrossedSides { side })?;
         }
         let mut turns = [0.0; 4];
         for side in 0..4 {
@@ -480,6 +481,15 @@ impl SideOrder {
             Err(Error::CrossedSides { side })
         }
     }
+}
+
+/// The half of a side's samples that lies nearer to its neighbour: a side may bulge.
+fn half_toward(side: &[Vector2<f64>], neighbour: &[Vector2<f64>]) -> Vec<Vector2<f64>> {
+    let centre = neighbour.iter().sum::<Vector2<f64>>() / neighbour.len() as f64;
+    let mut samples = side.to_vec();
+    samples.sort_by(|a, b| (a - centre).norm().total_cmp(&(b - centre).norm()));
+    samples.truncate(samples.len().div_ceil(2).max(2));
+    samples
 }
 
 #[cfg(test)]
@@ -550,6 +560,27 @@ mod tests {
                 sample: 1
             })
         ));
+    }
+
+    #[test]
+    fn sides_may_bulge_at_a_blunt_corner() {
+        // As a wide lens shows a square: one side 24 px off its chord, beside a short one.
+        let c = [
+            (1128.0, 35.0),
+            (1034.0, 300.0),
+            (934.0, 418.0),
+            (887.0, 266.0),
+        ];
+        let mut bulging: Vec<Vec<Vector2<f64>>> =
+            (0..4).map(|i| side(c[i], c[(i + 1) % 4])).collect();
+        let (start, end) = (bulging[0][0], bulging[0][bulging[0].len() - 1]);
+        let along = end - start;
+        let across = Vector2::new(along.y, -along.x).normalize();
+        for point in &mut bulging[0] {
+            let fraction = (*point - start).dot(&along) / along.norm_squared();
+            *point -= across * (96.0 * fraction * (1.0 - fraction));
+        }
+        assert!(PlaneEdges::square(bulging).is_ok());
     }
 
     #[test]
