@@ -9,8 +9,8 @@ use crate::lens::Lens;
 use crate::lines::add_lines;
 use crate::noise::check_drift_count;
 use crate::observations::{
-    Method, ObservedPlane, Options, PlaneEdges, check_relations, lines_of_scene, relations_of,
-    samples_outside, sort_by_plane,
+    Method, ObservedPlane, Options, PlaneEdges, View, check_relations, lines_of_scene,
+    relations_of, samples_outside, sort_by_plane,
 };
 use crate::photometric::{Photographs, improve};
 use crate::result::{Calibration, Stage, Warning};
@@ -76,45 +76,42 @@ pub fn calibrate_photographs<L: Lens>(
     })
 }
 
-/// As [`calibrate`], without a judgement of the geometry: to compare models, of which the chosen
-/// one is judged. They share their work, which the first one bounds.
+/// As [`calibrate`], without a judgement of the geometry: to compare models, the richest first, of
+/// which the chosen one is judged. They share their work, which the first one bounds.
 pub(crate) fn calibrate_unjudged<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
     options: &Options<L>,
-    shared: &mut Comparison,
+    shared: &mut Comparison<L>,
 ) -> Result<Calibration<L>, Error> {
     run(edges, size, options, None, Purpose::Comparison(shared))
 }
 
 /// What models that are compared share, and tell beside their calibration.
-#[derive(Default)]
-pub(crate) struct Comparison {
+pub(crate) struct Comparison<L: Lens> {
     work: Option<Rc<Work>>,
     /// Column and standard deviation of what the last one was held near zero by.
     pub priors: Vec<(usize, f64)>,
-    /// Whether what the first one rejects is left out for all: models that are too poor would reject
-    /// what they do not describe, side by side.
-    rejects_once: bool,
-    /// The planes with these outliers.
-    planes: Option<Vec<ObservedPlane>>,
+    /// The planes with the outliers of the first one, and the view of the last one. Models that are
+    /// too poor would reject what they do not describe, side by side.
+    richer: Option<(Vec<ObservedPlane>, View<L>)>,
 }
 
-impl Comparison {
-    /// Of models that all leave out what the first one rejects.
-    pub fn rejecting_once() -> Self {
+impl<L: Lens> Default for Comparison<L> {
+    fn default() -> Self {
         Self {
-            rejects_once: true,
-            ..Self::default()
+            work: None,
+            priors: Vec::new(),
+            richer: None,
         }
     }
 }
 
 /// What a calibration is for.
-enum Purpose<'a> {
+enum Purpose<'a, L: Lens> {
     Answer,
     /// With other models, all of which share their work.
-    Comparison(&'a mut Comparison),
+    Comparison(&'a mut Comparison<L>),
 }
 
 fn run<L: Lens>(
@@ -122,7 +119,7 @@ fn run<L: Lens>(
     size: ImageSize,
     options: &Options<L>,
     photographs: Option<&Photographs<'_>>,
-    purpose: Purpose<'_>,
+    purpose: Purpose<'_, L>,
 ) -> Result<Calibration<L>, Error> {
     size.check()?;
     options.check()?;
@@ -143,7 +140,7 @@ fn run<L: Lens>(
     };
     let judging = comparison.is_none();
     let problem = JointProblem::of_planes(&planes, size, options, &work);
-    let known = comparison.as_ref().and_then(|it| it.planes.clone());
+    let richer = comparison.as_ref().and_then(|it| it.richer.clone());
     check_plane_count(planes.len(), &problem.free)?;
 
     let advised = |failure| problem.advised(failure);
@@ -154,8 +151,8 @@ fn run<L: Lens>(
         ),
         Method::MaximumLikelihood => (
             Stage::Edges,
-            match &known {
-                Some(planes) => problem.solve(planes).map(|s| (s, Vec::new())),
+            match &richer {
+                Some((planes, view)) => problem.solve_below(planes, view).map(|s| (s, Vec::new())),
                 None => reject_outliers(&problem, &planes),
             },
         ),
@@ -163,9 +160,9 @@ fn run<L: Lens>(
     let (mut solution, outliers) = found.map_err(advised)?;
     if let Some(comparison) = comparison {
         comparison.priors = problem.free.priors().to_vec();
-        if comparison.rejects_once && comparison.planes.is_none() {
-            comparison.planes = Some(solution.with_its_outliers(&planes));
-        }
+        let own = || solution.with_its_outliers(&planes);
+        let planes = richer.map_or_else(own, |(planes, _)| planes);
+        comparison.richer = Some((planes, solution.refined.view.clone()));
     }
     if judging {
         problem.judge(&solution).map_err(advised)?;

@@ -201,7 +201,7 @@ fn candidates<L: Lens>(
     size: ImageSize,
     options: &Options<L>,
 ) -> Vec<Candidate<L>> {
-    let mut shared = Comparison::rejecting_once();
+    let mut shared = Comparison::default();
     let mut fits = Vec::with_capacity(L::Model::NESTED.len());
     // The richest first: what it rejects, the others may leave out.
     for &model in L::Model::NESTED.iter().rev() {

@@ -318,6 +318,20 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
         self.with_parameters(&parameters)
     }
 
+    /// The same lens without the coefficients that a model does not have.
+    #[must_use]
+    fn of_model(&self, model: Self::Model) -> Self {
+        let kept = model.columns();
+        let coefficients = Self::parameter_names()[INTRINSICS..].iter();
+        let mut parameters = self.parameters();
+        for (name, column) in coefficients.zip(INTRINSICS..) {
+            if *name != SKEW && !kept.contains(column) {
+                parameters[column] = 0.0;
+            }
+        }
+        self.with_parameters(&parameters)
+    }
+
     /// The same camera without distortion coefficients.
     #[must_use]
     fn without_distortion(&self) -> Self {

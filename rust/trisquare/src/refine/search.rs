@@ -107,12 +107,6 @@ impl<L: Lens> Refined<L> {
         squares <= COMPUTED * COMPUTED * all().count() as f64
     }
 
-    /// Cost of its view at the scale of another optimum; infinite where that is not defined.
-    pub fn cost_at(&self, planes: &[ObservedPlane], free: &FreeParameters, other: &Self) -> f64 {
-        let evaluated = EdgeProblem::new(planes, free, other.scale).evaluate(&self.view);
-        evaluated.map_or(f64::INFINITY, |(cost, _)| cost)
-    }
-
     /// Where a search from here would begin.
     pub fn as_start(&self) -> Search<L> {
         Search {

@@ -1,7 +1,6 @@
 //! What a solution knows: its optimum weighed by the planes' own noise, its covariance, its
 //! judgement.
 
-use super::many::step_of_some;
 use super::optimum::Optimum;
 use super::problem::{Failure, JointProblem};
 use super::starts::Starts;
@@ -46,11 +45,10 @@ impl<L> Solution<L> {
 impl<L: Lens> JointProblem<'_, L> {
     /// The optimum of planes that are only tried; `None` where there is none, or no work is left.
     pub fn tried(&self, planes: &[ObservedPlane]) -> Option<Refined<L>> {
-        if self.work.is_spent() {
-            return None;
+        match self.work.is_spent() {
+            true => None,
+            false => self.optimum(planes).ok(),
         }
-        let from_one_start = || Some(Starts::of(self, planes).ok()?.tried().ok()?.refined);
-        self.optimum_of_many(planes).or_else(from_one_start)
     }
 
     /// The answer of the method asked for.
@@ -62,11 +60,7 @@ impl<L: Lens> JointProblem<'_, L> {
         if let Some(found) = self.optimum_of_many(planes) {
             return Ok(found.into());
         }
-        let starts = Starts::of(self, planes)?;
-        match step_of_some(planes.len()) {
-            Some(_) => starts.tried(),
-            None => starts.optimum(),
-        }
+        Starts::of(self, planes)?.optimum()
     }
 
     /// The same, with what is known of it.
@@ -75,6 +69,22 @@ impl<L: Lens> JointProblem<'_, L> {
         match self.options.method {
             Method::MaximumLikelihood => self.converge_with(planes, found, Sheets::Boards),
             Method::Linear => self.independent_solution(planes, found.refined),
+        }
+    }
+
+    /// The same beginning from the view of a richer model.
+    pub fn solve_below(
+        &self,
+        planes: &[ObservedPlane],
+        richer: &View<L>,
+    ) -> Result<Solution<L>, Failure<L>> {
+        let start = View {
+            lens: richer.lens.of_model(self.options.model),
+            ..richer.clone()
+        };
+        match Starts::optimum_near(self, planes, start) {
+            Some(found) => self.converge(planes, found),
+            None => self.solve(planes),
         }
     }
 

@@ -74,22 +74,36 @@ impl<'a, L: Lens> Starts<'a, L> {
         problem: &'a JointProblem<'a, L>,
         planes: &'a [ObservedPlane],
     ) -> Result<Self, Error> {
-        let sample_limit = match problem.options.method {
-            Method::Linear => usize::MAX,
-            Method::MaximumLikelihood => START_SAMPLES_PER_SIDE,
-        };
-        let some: Vec<_> = planes.iter().map(|p| p.subsampled(sample_limit)).collect();
-        let starts = Self {
-            problem,
-            planes,
-            some,
-            linear_steps: OnceCell::new(),
-        };
+        let starts = Self::unasked(problem, planes);
         // Where the lens's law gives starts, polynomials may never be needed.
         if lenses_of_the_law(problem).next().is_none() {
             starts.linear_steps()?;
         }
         Ok(starts)
+    }
+
+    fn unasked(problem: &'a JointProblem<'a, L>, planes: &'a [ObservedPlane]) -> Self {
+        let sample_limit = match problem.options.method {
+            Method::Linear => usize::MAX,
+            Method::MaximumLikelihood => START_SAMPLES_PER_SIDE,
+        };
+        let some: Vec<_> = planes.iter().map(|p| p.subsampled(sample_limit)).collect();
+        Self {
+            problem,
+            planes,
+            some,
+            linear_steps: OnceCell::new(),
+        }
+    }
+
+    /// The optimum that a search from a view finds.
+    pub fn optimum_near(
+        problem: &'a JointProblem<'a, L>,
+        planes: &'a [ObservedPlane],
+        view: View<L>,
+    ) -> Option<Refined<L>> {
+        let starts = Self::unasked(problem, planes);
+        starts.finish(problem.searched(&starts.some, &problem.free, view)?)
     }
 
     fn linear_steps(&self) -> Result<&LinearSteps<L>, Error> {
@@ -158,14 +172,11 @@ impl<'a, L: Lens> Starts<'a, L> {
                 Ok(found) => Ok(found.into()),
                 Err(error) => Err(self.why_not_linear(error)),
             },
-            Method::MaximumLikelihood => self.better(self.refine(), self.beyond_poorer()),
+            Method::MaximumLikelihood => match self.beyond_poorer() {
+                Some(found) => Ok(found.into()),
+                None => self.refine(),
+            },
         }
-    }
-
-    /// The same from one start, if that answers: planes are left out in turn with it.
-    pub fn tried(&self) -> Result<Optimum<L>, Failure<L>> {
-        let nested = self.beyond_poorer();
-        nested.map_or_else(|| self.optimum(), |found| Ok(found.into()))
     }
 
     /// The optimum of the next poorer model and from there that of the model, which therefore fits
@@ -175,30 +186,6 @@ impl<'a, L: Lens> Starts<'a, L> {
         let Poorer { lens, free } = problem.poorer.clone()?;
         let found = problem.searched(&self.some, &free, self.view_by(lens).ok()?)?;
         self.finish(problem.searched(&self.some, &problem.free, found.view)?)
-    }
-
-    /// Of two optima the one that sees all of the picture, or else the one that costs less.
-    fn better(
-        &self,
-        own: Result<Optimum<L>, Failure<L>>,
-        nested: Option<Refined<L>>,
-    ) -> Result<Optimum<L>, Failure<L>> {
-        let Some(nested) = nested else {
-            return own;
-        };
-        let Ok(own) = own else {
-            return Ok(nested.into());
-        };
-        let sees = |of: &Refined<L>| of.view.lens.sees_all_of(self.problem.size);
-        let keeps_own = match (sees(&own.refined), sees(&nested)) {
-            (true, false) => true,
-            (false, true) => false,
-            _ => {
-                let cost = |of: &Refined<L>| of.cost_at(self.planes, &self.problem.free, &nested);
-                cost(&own.refined) < cost(&nested)
-            }
-        };
-        Ok(if keeps_own { own } else { nested.into() })
     }
 
     /// The linear steps' own answer.
