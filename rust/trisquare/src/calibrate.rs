@@ -140,7 +140,7 @@ fn run<L: Lens>(
     };
     let judging = comparison.is_none();
     let problem = JointProblem::of_planes(&planes, size, options, &work);
-    let richer = comparison.as_ref().and_then(|it| it.richer.clone());
+    let richer = comparison.as_ref().and_then(|it| it.richer.as_ref());
     check_plane_count(planes.len(), &problem.free)?;
 
     let advised = |failure| problem.advised(failure);
@@ -151,7 +151,7 @@ fn run<L: Lens>(
         ),
         Method::MaximumLikelihood => (
             Stage::Edges,
-            match &richer {
+            match richer {
                 Some((planes, view)) => problem.solve_below(planes, view).map(|s| (s, Vec::new())),
                 None => reject_outliers(&problem, &planes),
             },
@@ -160,9 +160,11 @@ fn run<L: Lens>(
     let (mut solution, outliers) = found.map_err(advised)?;
     if let Some(comparison) = comparison {
         comparison.priors = problem.free.priors().to_vec();
-        let own = || solution.with_its_outliers(&planes);
-        let planes = richer.map_or_else(own, |(planes, _)| planes);
-        comparison.richer = Some((planes, solution.refined.view.clone()));
+        let view = solution.refined.view.clone();
+        match &mut comparison.richer {
+            Some((_, last)) => *last = view,
+            first => *first = Some((solution.with_its_outliers(&planes), view)),
+        }
     }
     if judging {
         problem.judge(&solution).map_err(advised)?;

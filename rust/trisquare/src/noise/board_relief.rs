@@ -63,12 +63,11 @@ impl BoardRelief {
         wrt_line: &Vector3<f64>,
         sample: &Sample,
     ) -> Option<Heights> {
-        let (point, distance) = on_plane(lens, state, &sample.pixel)?;
+        let (point, distance, towards) = on_plane(lens, state, &sample.pixel)?;
         let per_height = line.dot(&state.pose.normal()) * wrt_line.norm() / distance;
         // The sample has been moved back across its line: along it the point that was seen is not
         // yet where its pixel looks on flat paper.
         let height = self.radius * self.heights.dot(&terms(&self.place(&point)));
-        let towards = state.pose.rotation.tr_mul(&lens.unproject(&sample.pixel)?);
         let along = state.pose.rotation.tr_mul(&state.pose.normal().cross(line));
         let along = along.xy().normalize();
         let slid = along * (along.dot(&towards.xy()) * height / towards.z);
@@ -85,8 +84,7 @@ impl BoardRelief {
         wrt_line: &Vector3<f64>,
         sample: &Sample,
     ) -> Option<f64> {
-        let (point, distance) = on_plane(lens, state, &sample.pixel)?;
-        let towards = state.pose.rotation.tr_mul(&lens.unproject(&sample.pixel)?);
+        let (point, distance, towards) = on_plane(lens, state, &sample.pixel)?;
         let mut height = 0.0;
         for _ in 0..MEETING_STEPS {
             let seen = point + towards.xy() * (height / towards.z);
@@ -163,17 +161,17 @@ fn terms(place: &Vector2<f64>) -> Heights {
     values
 }
 
-/// The point of a plane at which a pixel looks, and how far it is from the camera.
+/// The point of a plane at which a pixel looks, how far it is from the camera, and the direction in
+/// which the pixel looks, in the plane's axes.
 fn on_plane<L: Lens>(
     lens: &L,
     state: &PlaneState,
     pixel: &Vector2<f64>,
-) -> Option<(Vector2<f64>, f64)> {
-    let (ray, normal) = (lens.unproject(pixel)?, state.pose.normal());
-    let distance = normal.dot(&state.pose.translation) / normal.dot(&ray);
-    let point = state
-        .pose
-        .rotation
-        .tr_mul(&(ray * distance - state.pose.translation));
-    (point.iter().all(|v| v.is_finite()) && distance > 0.0).then(|| (point.xy(), distance))
+) -> Option<(Vector2<f64>, f64, Vector3<f64>)> {
+    let (ray, pose) = (lens.unproject(pixel)?, &state.pose);
+    let normal = pose.normal();
+    let distance = normal.dot(&pose.translation) / normal.dot(&ray);
+    let point = pose.rotation.tr_mul(&(ray * distance - pose.translation));
+    let is_seen = point.iter().all(|v| v.is_finite()) && distance > 0.0;
+    is_seen.then(|| (point.xy(), distance, pose.rotation.tr_mul(&ray)))
 }

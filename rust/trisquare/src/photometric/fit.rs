@@ -153,7 +153,7 @@ impl PixelFit<'_> {
     }
 
     /// Whether every exposure is one that its figure's pixels can hold.
-    pub fn are_valid(&self, exposures: &[Exposure]) -> bool {
+    fn are_valid(&self, exposures: &[Exposure]) -> bool {
         let mut pairs = exposures.iter().zip(self.figures);
         pairs.all(|(exposure, figure)| exposure.is_valid(figure))
     }
