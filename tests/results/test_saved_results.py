@@ -58,6 +58,13 @@ def test_a_camera_without_its_uncertainties_is_no_calibration(tmp_path):
         ts.Calibration.load(path)
 
 
+def test_a_long_format_is_cited_in_part():
+    stated = "trisquare-edges/1" * 1000
+    with pytest.raises(ValueError, match=r'"format" is \'trisquare-.*is read here') as refusal:
+        ts.PlaneEdges.from_json(f'{{"format": "{stated}"}}')
+    assert len(str(refusal.value)) < 200
+
+
 def test_a_name_that_tells_no_format_is_refused(tmp_path):
     with pytest.raises(ValueError, match=r"'camera\.dat' tells no camera format"):
         RESULT.save(tmp_path / "camera.dat")

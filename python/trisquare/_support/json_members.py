@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import reprlib
 from collections.abc import Mapping, Sequence
 from typing import Any, NoReturn
 
@@ -51,8 +52,8 @@ class JsonFields:
         """Raise ValueError where the ``format`` member is another."""
         if (stated := self.text("format")) != expected:
             raise ValueError(
-                f'"format" is {stated!r}{_kind_of(stated)}, but {expected!r} is read here'
-                f"{_kind_of(expected)}"
+                f'"format" is {reprlib.repr(stated)}{_kind_of(stated)}, '
+                f"but {expected!r} is read here{_kind_of(expected)}"
             )
 
     def _key(self, key: str) -> str:

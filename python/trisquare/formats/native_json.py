@@ -10,6 +10,7 @@ keys are ignored.
 from __future__ import annotations
 
 import re
+import reprlib
 from dataclasses import replace
 
 from trisquare._core import __version__
@@ -48,7 +49,8 @@ def _camera(members: JsonFields) -> Camera:
                 f'"format" is {found!r}, newer than this trisquare {__version__} reads: update it'
             )
         raise ValueError(
-            f'"format" must be {CAMERA_FORMAT!r} or {CALIBRATION_FORMAT!r}, not {found!r}'
+            f'"format" must be {CAMERA_FORMAT!r} or {CALIBRATION_FORMAT!r}, '
+            f"not {reprlib.repr(found)}"
         )
     return camera_from_members(members.object("camera"), size_member(members, "image_size"))
 
