@@ -506,3 +506,47 @@ fn time_of_three_squares() {
         );
     }
 }
+
+/// A light square of 270 pixels on a ground whose light changes along the sides.
+fn on_changing_ground(noise: f64) -> (trisquare::Picture, scene::Shape) {
+    let tone = Tone::Srgb;
+    let shape = square(3.0);
+    let of_ground = |outside: f64| {
+        let camera = Camera {
+            blur: 1.0,
+            inside: WHITE,
+            outside,
+            tone,
+            ..CAMERA
+        };
+        camera.exposure(&shape)
+    };
+    let (dark, light) = (of_ground(BLACK), of_ground(0.5));
+    let mixed = |(index, (dark, light)): (usize, (&f64, &f64))| {
+        let (x, y) = ((index % SIZE) as f64, (index / SIZE) as f64);
+        let share = 0.5 + 0.5 * ((x + y) / 80.0).sin();
+        let decoded = [*dark, *light].map(|value| tone.decode(value));
+        tone.encode(decoded[0] + share * (decoded[1] - decoded[0]))
+    };
+    let exposure: Vec<f64> = dark.iter().zip(&light).enumerate().map(mixed).collect();
+    let camera = Camera { noise, ..CAMERA };
+    (camera.bytes(&exposure, 1), shape)
+}
+
+#[test]
+fn light_that_changes_beside_a_side_moves_no_edge() {
+    let (picture, shape) = on_changing_ground(2.0 / 255.0);
+    let of_sides = |is_beside_others: bool| {
+        let mut sides = spans(&shape, 1.0, |_| [0.0; 2]);
+        for side in &mut sides {
+            side.is_beside_others = is_beside_others;
+        }
+        let edges = measured(&picture, &sides, Tone::Srgb);
+        Statistics::of(&offsets(&shape, &edges))
+    };
+    let (in_pieces, whole) = (of_sides(true), of_sides(false));
+    assert!(in_pieces.count > 220, "{in_pieces:?}");
+    assert!(in_pieces.bias.abs() < 0.01, "{in_pieces:?}");
+    assert!(in_pieces.normalised < 1.2, "{in_pieces:?}");
+    assert!(in_pieces.rms < 0.5 * whole.rms, "{in_pieces:?}, {whole:?}");
+}

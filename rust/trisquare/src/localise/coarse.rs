@@ -16,6 +16,8 @@ struct PixelRay {
     filter: i32,
     /// Where the plateaus on both sides of the edge are read, pixels from it.
     plateau: i32,
+    /// How far from the path the edge may be, pixels.
+    reach: i32,
 }
 
 /// At first, few lines and a short filter: long enough to average noise, short enough to keep the
@@ -25,6 +27,7 @@ const SHARP: PixelRay = PixelRay {
     lines: 1,
     filter: 2,
     plateau: 3,
+    reach: REACH,
 };
 /// Where that finds no edge, because it is blurred by several pixels or drowned in noise, all
 /// pixels: a blur of 4 pixels rises 1.9 times as much over 5 pixels as over 2.
@@ -33,11 +36,14 @@ const BLUNT: PixelRay = PixelRay {
     lines: 8,
     filter: 5,
     plateau: 7,
+    reach: REACH,
 };
 /// The least and largest number of profiles.
 const PROFILES: std::ops::RangeInclusive<usize> = 5..=100;
 /// How far from the path the edge may be, pixels: the 4 that are promised, and some slack.
 const REACH: i32 = 6;
+/// The same of an edge that was found already.
+const NEAR_REACH: i32 = 2;
 /// The longest filter of all, and the samples that it asks for.
 const LONGEST_FILTER: i32 = BLUNT.filter;
 const MOST_SAMPLES: usize = (2 * (REACH + LONGEST_FILTER) + 1) as usize;
@@ -52,6 +58,8 @@ const CONSENSUS_WIDTH: f64 = 2.5;
 const ANCHORS: usize = 8;
 /// Shrinking robust widths, pixels, while the polynomial's degree grows to its own.
 const ROBUST_WIDTHS: [f64; 5] = [3.0, 2.5, 2.0, 1.5, 1.5];
+/// The same for samples, which are better than a profile's rise.
+const SAMPLE_WIDTHS: [f64; 7] = [3.0, 2.0, 1.2, 0.7, 0.4, 0.25, 0.25];
 /// A profile supports the edge if its rise is this near to the final curve, pixels ...
 const SUPPORT_WIDTH: f64 = 1.0;
 /// ... and of all profiles this share must: chance alone gives about a third.
@@ -101,9 +109,35 @@ pub(super) fn degree_for(length: f64) -> usize {
 
 /// Finds the edge near a span's path.
 pub(super) fn find(reader: &GreyReader<'_>, span: &EdgeSpan) -> Result<CoarseEdge, NoEdge> {
+    find_within(reader, span, REACH)
+}
+
+/// Finds the edge in a piece of a span that was found.
+pub(super) fn find_near(reader: &GreyReader<'_>, piece: &EdgeSpan) -> Result<CoarseEdge, NoEdge> {
+    find_within(reader, piece, NEAR_REACH)
+}
+
+/// The curve near a span's path that most of its samples agree on.
+pub(super) fn agreed(span: &EdgeSpan, points: &[Vector2<f64>]) -> Option<Curve> {
+    let path = path_curve(&span.path)?;
+    let rise = |point: &Vector2<f64>| {
+        let (s, y) = path.local(*point);
+        Rise {
+            s,
+            y,
+            strength: 1.0,
+            plateaus: [0.0; 2],
+            slope: 0.0,
+        }
+    };
+    let rises: Vec<Rise> = points.iter().map(rise).collect();
+    consensus(&path, &rises, &SAMPLE_WIDTHS)
+}
+
+fn find_within(reader: &GreyReader<'_>, span: &EdgeSpan, reach: i32) -> Result<CoarseEdge, NoEdge> {
     let path = path_curve(&span.path).ok_or(NoEdge::NoPath)?;
-    match seen(reader, &path, span, &SHARP) {
-        Err(NoEdge::Inconsistent) => seen(reader, &path, span, &BLUNT),
+    match seen(reader, &path, span, &PixelRay { reach, ..SHARP }) {
+        Err(NoEdge::Inconsistent) => seen(reader, &path, span, &PixelRay { reach, ..BLUNT }),
         found => found,
     }
 }
@@ -131,7 +165,7 @@ fn seen(
     if inside < MIN_PROFILES {
         return Err(NoEdge::OutsidePicture);
     }
-    let curve = consensus(path, &rises).ok_or(NoEdge::Inconsistent)?;
+    let curve = consensus(path, &rises, &ROBUST_WIDTHS).ok_or(NoEdge::Inconsistent)?;
     rises.retain(|rise| (rise.y - curve.height_and_slope(rise.s).0).abs() < SUPPORT_WIDTH);
     let least = match span.is_beside_others {
         true => MIN_SUPPORT_BESIDE_OTHERS,
@@ -218,7 +252,7 @@ impl PixelRay {
             let s = s + along * self.spacing / path.half_length;
             let middle = path.point(s, 0.0);
             let normal = path.point(s, 1.0) - middle;
-            for t in -self.reach()..=self.reach() {
+            for t in -self.most()..=self.most() {
                 let point = middle + normal * f64::from(t);
                 values[place(t)] += reader.bilinear(point.x, point.y)? / self.lines as f64;
             }
@@ -226,8 +260,8 @@ impl PixelRay {
         Some(values)
     }
 
-    fn reach(&self) -> i32 {
-        REACH + self.filter
+    fn most(&self) -> i32 {
+        self.reach + self.filter
     }
 
     /// Where a profile rises most in the wanted direction, between samples.
@@ -239,13 +273,14 @@ impl PixelRay {
                 .sum();
             span.polarity.signum() * difference
         };
-        let best = (-REACH..=REACH).max_by(|&a, &b| strength(a).total_cmp(&strength(b)))?;
+        let best =
+            (-self.reach..=self.reach).max_by(|&a, &b| strength(a).total_cmp(&strength(b)))?;
         let peak = strength(best);
         if peak <= 0.0 {
             return None;
         }
         let mut offset = f64::from(best);
-        if best.abs() < REACH {
+        if best.abs() < self.reach {
             let (before, after) = (strength(best - 1), strength(best + 1));
             let bend = before + after - 2.0 * peak;
             if bend < 0.0 {
@@ -253,7 +288,7 @@ impl PixelRay {
             }
         }
         let (_, y) = path.local(path.point(s, offset));
-        let plateau = |t: i32| at(t.clamp(-self.reach(), self.reach()));
+        let plateau = |t: i32| at(t.clamp(-self.most(), self.most()));
         let [before, after] = span
             .margin
             .map(|margin| f64::from(self.plateau).min(margin).max(1.0) as i32);
@@ -276,7 +311,7 @@ fn place(t: i32) -> usize {
 }
 
 /// The curve that most rises agree on: a line by consensus, then a polynomial by reweighting.
-fn consensus(path: &Curve, rises: &[Rise]) -> Option<Curve> {
+fn consensus(path: &Curve, rises: &[Rise], widths: &[f64]) -> Option<Curve> {
     let degree = degree_for(path.length()).min(rises.len().checked_sub(2)?);
     let mut curve = path.clone();
     let above: Vec<f64> = rises
@@ -286,7 +321,7 @@ fn consensus(path: &Curve, rises: &[Rise]) -> Option<Curve> {
     let (height, slope) = consensus_line(rises, &above)?;
     curve.coefficients[0] += height;
     curve.coefficients[1] += slope;
-    for (round, width) in ROBUST_WIDTHS.iter().enumerate() {
+    for (round, width) in widths.iter().enumerate() {
         let previous = curve.clone();
         let weighted = rises.iter().map(|rise| {
             let departure = (rise.y - previous.height_and_slope(rise.s).0) / width;

@@ -29,6 +29,7 @@ mod preview;
 mod profile;
 mod side;
 mod side_sums;
+mod sought;
 mod span;
 mod surroundings;
 mod tone_fit;
@@ -45,6 +46,7 @@ pub use parts::{ColourDisplacements, PartDisplacement};
 use prediction::Prediction;
 use preview::Preview;
 use side::{BLUR_RANGE, LAST_STEP, Side};
+use sought::Sought;
 pub use span::{EdgeSpan, NoEdge, SpanEdges};
 use surroundings::{FAR_RATIO, far_margin, inner_end, limits, margin, near};
 pub use tone_fit::ToneEstimate;
@@ -88,12 +90,13 @@ pub type Localised = (Vec<Result<SpanEdges, NoEdge>>, ToneEstimate, PictureFault
 #[must_use]
 pub fn localise(picture: &Picture, spans: &[EdgeSpan], tone: Tone) -> Localised {
     let mut localiser = Localiser::new(picture, tone);
-    let mut previews = localiser.previews(spans);
-    let measured = localiser.measure_all(spans, &previews);
+    let sought = Sought::of(&localiser.reader, spans);
+    let mut previews = localiser.previews(&sought);
+    let measured = localiser.measure_all(&sought.spans, &previews);
     let faults = PictureFaults::of(&localiser.reader, &previews);
     let estimate = tone_fit::estimate_tone(tone.power(), &mut previews);
     let edges = measured.into_iter().map(|measured| Ok(measured?.edges));
-    (edges.collect(), estimate, faults)
+    (sought.joined(edges), estimate, faults)
 }
 
 /// Profiles that fit no curve are taken for those of linear light if their estimate has a gamma
@@ -116,7 +119,8 @@ const LINEAR_MISFIT: f64 = 2.5e-3;
 #[must_use]
 pub fn localise_with_unknown_tone(picture: &Picture, spans: &[EdgeSpan]) -> Localised {
     let mut localiser = Localiser::new(picture, Tone::Power(USUAL));
-    let mut previews = localiser.previews(spans);
+    let sought = Sought::of(&localiser.reader, spans);
+    let mut previews = localiser.previews(&sought);
     let faults = PictureFaults::of(&localiser.reader, &previews);
     let mut first = tone_fit::estimate_tone(USUAL, &mut previews);
     if picture.has_two_levels() {
@@ -127,12 +131,12 @@ pub fn localise_with_unknown_tone(picture: &Picture, spans: &[EdgeSpan]) -> Loca
     if first.shift_std.is_none() {
         let mut localiser = Localiser::new(picture, Tone::Power(first.curve));
         localiser.tells_tone = true;
-        let measured = localiser.measure_all(spans, &previews);
+        let measured = localiser.measure_all(&sought.spans, &previews);
         let (edges, mut estimate) = displacement::corrected(first.curve, measured);
         // A misfit that some pixels do not show is chance, or a single side's.
         estimate.misfit_shift = estimate.misfit_shift.min(first.misfit_shift);
         if estimate.shift_std.is_none() {
-            return (edges, estimate, faults);
+            return (sought.joined(edges), estimate, faults);
         }
         // All pixels show a misfit that some did not.
         first = estimate;
@@ -143,14 +147,15 @@ pub fn localise_with_unknown_tone(picture: &Picture, spans: &[EdgeSpan]) -> Loca
         false => SRGB,
     };
     let mut localiser = Localiser::new(picture, Tone::Power(assumed));
-    let previews = localiser.previews(spans);
-    let measured = localiser.measure_all(spans, &previews);
+    let previews = localiser.previews(&sought);
+    let measured = localiser.measure_all(&sought.spans, &previews);
     let shift_std = first.shift_std.unwrap_or_default();
     let estimate = ToneEstimate {
         curve: assumed,
         ..first
     };
-    (displacement::shifted(measured, shift_std), estimate, faults)
+    let edges = displacement::shifted(measured, shift_std);
+    (sought.joined(edges), estimate, faults)
 }
 
 /// What all spans share: the picture's reader, and buffers.
@@ -182,20 +187,18 @@ impl<'a> Localiser<'a> {
         }
     }
 
-    fn previews(&mut self, spans: &[EdgeSpan]) -> Vec<Result<Preview, NoEdge>> {
-        let indices = 0..spans.len();
-        indices.map(|index| self.preview(spans, index)).collect()
+    fn previews(&mut self, sought: &Sought<'_>) -> Vec<Result<Preview, NoEdge>> {
+        let indices = 0..sought.spans.len();
+        indices.map(|index| self.preview(sought, index)).collect()
     }
 
-    /// Finds a span's edge and fits it to some of its pixels, away from its ends.
-    fn preview(&mut self, spans: &[EdgeSpan], index: usize) -> Result<Preview, NoEdge> {
+    /// Fits a span's edge to some of its pixels, away from its ends.
+    fn preview(&mut self, sought: &Sought<'_>, index: usize) -> Result<Preview, NoEdge> {
+        let spans = &sought.spans;
         let span = &spans[index];
+        let coarse = sought.coarse[index].as_ref().map_err(|&reason| reason)?;
         let is_crossed = !span.crossings.is_empty();
-        let coarse = match is_crossed {
-            true => grid_line::find(&self.reader, spans, index)?,
-            false => coarse::find(&self.reader, span)?,
-        };
-        let mut side = self.first_guess(&coarse);
+        let mut side = self.first_guess(coarse);
         let length = side.curve.length();
         let end = match is_crossed {
             true => side.curve.half_length,
@@ -266,7 +269,7 @@ impl<'a> Localiser<'a> {
             side,
             noise,
             reach,
-            hidden: coarse.hidden,
+            hidden: coarse.hidden.clone(),
             pixels,
             predictions,
         })

@@ -1,0 +1,173 @@
+//! What is measured in a picture: spans that are coarsely found, those beside other things in pieces.
+
+use nalgebra::Vector2;
+
+use super::coarse::{self, CoarseEdge};
+use super::curve::Curve;
+use super::grid_line;
+use super::span::{EdgeSpan, NoEdge, SpanEdges};
+use crate::image::GreyReader;
+
+/// Length of a piece, pixels.
+///
+/// The light beside other things changes along a side. Where one line of light stands for the whole
+/// of it, the blur takes up what that misses, and a blur that is too wide moves the edges of a coded
+/// picture: along one side by 0.17 to -0.2 pixels.
+const PIECE_LENGTH: f64 = 60.0;
+/// A piece runs this far into its neighbours, since the first and last pixels are not used.
+const OVERLAP: f64 = 6.0;
+/// Samples of other edges, which a piece may meet, are off the curve that most of them agree on by
+/// more than so many of their standard deviations.
+const MOST_DEVIATIONS: f64 = 5.0;
+/// Of the samples of a span this share must agree.
+const LEAST_SHARE: f64 = 0.4;
+/// Points that stand for the path of a piece.
+const PATH_POINTS: usize = 5;
+
+/// The pieces to measure, and what is coarsely known of each.
+pub(super) struct Sought<'a> {
+    pub spans: Vec<EdgeSpan>,
+    pub coarse: Vec<Result<CoarseEdge, NoEdge>>,
+    /// The spans that were asked for, and the number of pieces of each.
+    asked: &'a [EdgeSpan],
+    counts: Vec<usize>,
+}
+
+impl<'a> Sought<'a> {
+    pub fn of(reader: &GreyReader<'_>, asked: &'a [EdgeSpan]) -> Self {
+        let mut sought = Self {
+            spans: Vec::with_capacity(asked.len()),
+            coarse: Vec::with_capacity(asked.len()),
+            asked,
+            counts: Vec::with_capacity(asked.len()),
+        };
+        for (index, span) in asked.iter().enumerate() {
+            let found = match span.crossings.is_empty() {
+                true => coarse::find(reader, span),
+                false => grid_line::find(reader, asked, index),
+            };
+            let pieces = match &found {
+                Ok(found) if span.is_beside_others => pieces(span, &found.curve),
+                _ => Vec::new(),
+            };
+            sought.counts.push(pieces.len().max(1));
+            if pieces.is_empty() {
+                sought.spans.push(span.clone());
+                sought.coarse.push(found);
+            } else {
+                let near = pieces.iter().map(|piece| coarse::find_near(reader, piece));
+                sought.coarse.extend(near);
+                sought.spans.extend(pieces);
+            }
+        }
+        sought.renumber();
+        sought
+    }
+
+    /// Lets the spans name the pieces that they meet, instead of the spans that were asked for.
+    fn renumber(&mut self) {
+        let mut end = 0;
+        let ends: Vec<usize> = self
+            .counts
+            .iter()
+            .map(|count| {
+                end += count;
+                end
+            })
+            .collect();
+        let first = |span: usize| Some(ends.get(span)? - self.counts[span]);
+        let last = |span: usize| Some(ends.get(span)? - 1);
+        for span in &mut self.spans {
+            let [before, after] = span.bounds;
+            span.bounds = [before.and_then(last), after.and_then(first)];
+            for (crossing, _) in &mut span.crossings {
+                *crossing = crossing.and_then(first);
+            }
+        }
+    }
+
+    /// Puts the samples of the pieces together.
+    pub fn joined(
+        &self,
+        edges: impl IntoIterator<Item = Result<SpanEdges, NoEdge>>,
+    ) -> Vec<Result<SpanEdges, NoEdge>> {
+        let mut edges = edges.into_iter();
+        let spans = self.asked.iter().zip(&self.counts);
+        spans
+            .map(|(span, &count)| match count {
+                1 => edges.next().unwrap_or(Err(NoEdge::NoPath)),
+                _ => join(span, edges.by_ref().take(count)),
+            })
+            .collect()
+    }
+}
+
+/// The pieces of a span whose curve is known; none if it is too short for two.
+fn pieces(span: &EdgeSpan, curve: &Curve) -> Vec<EdgeSpan> {
+    let count = (curve.length() / PIECE_LENGTH).round() as usize;
+    if count < 2 {
+        return Vec::new();
+    }
+    let overlap = OVERLAP / curve.half_length;
+    let piece = |index: usize| {
+        let [start, end] = [index, index + 1].map(|cut| 2.0 * cut as f64 / count as f64 - 1.0);
+        let (is_first, is_last) = (index == 0, index + 1 == count);
+        let start = if is_first { start } else { start - overlap };
+        let end = if is_last { end } else { end + overlap };
+        let place = |k: usize| start + (end - start) * k as f64 / (PATH_POINTS - 1) as f64;
+        EdgeSpan {
+            path: (0..PATH_POINTS)
+                .map(|k| curve.point(place(k), 0.0))
+                .collect(),
+            bounds: [
+                span.bounds[0].filter(|_| is_first),
+                span.bounds[1].filter(|_| is_last),
+            ],
+            ..span.clone()
+        }
+    };
+    (0..count).map(piece).collect()
+}
+
+/// One span's samples from those of its pieces, in order, without those on other edges that the
+/// pieces met.
+fn join(
+    span: &EdgeSpan,
+    pieces: impl Iterator<Item = Result<SpanEdges, NoEdge>>,
+) -> Result<SpanEdges, NoEdge> {
+    let mut reason = NoEdge::Inconsistent;
+    let found: Vec<SpanEdges> = pieces
+        .filter_map(|piece| piece.map_err(|why| reason = why).ok())
+        .collect();
+    let points: Vec<_> = found.iter().flat_map(|own| own.points.clone()).collect();
+    let curve = coarse::agreed(span, &points).ok_or(reason)?;
+    let is_own = |(point, std): (&Vector2<f64>, &f64)| {
+        curve.signed_distance(*point).abs() < MOST_DEVIATIONS * std
+    };
+    let mean =
+        |value: fn(&SpanEdges) -> f64| found.iter().map(value).sum::<f64>() / found.len() as f64;
+    let mut whole = SpanEdges {
+        points: Vec::new(),
+        std: Vec::new(),
+        blur: mean(|own| own.blur),
+        dark: mean(|own| own.dark),
+        light: mean(|own| own.light),
+        noise: mean(|own| own.noise),
+        tone_drift: Vec::new(),
+    };
+    for piece in &found {
+        let kept: Vec<bool> = piece.points.iter().zip(&piece.std).map(is_own).collect();
+        whole.points.extend(chosen(&piece.points, &kept));
+        whole.std.extend(chosen(&piece.std, &kept));
+        whole.tone_drift.extend(chosen(&piece.tone_drift, &kept));
+    }
+    if (whole.points.len() as f64) < LEAST_SHARE * points.len() as f64 {
+        return Err(NoEdge::Inconsistent);
+    }
+    Ok(whole)
+}
+
+fn chosen<'a, T: Copy>(all: &'a [T], kept: &'a [bool]) -> impl Iterator<Item = T> + 'a {
+    let kept = all.iter().zip(kept).filter(|(_, kept)| **kept);
+    kept.map(|(one, _)| *one)
+}
