@@ -14,7 +14,7 @@ use crate::observations::{
 };
 use crate::photometric::{Photographs, improve};
 use crate::result::{Calibration, Stage, Warning};
-use crate::solver::{JointProblem, Work, reject_outliers};
+use crate::solver::{JointProblem, NestedOptima, Work, reject_outliers};
 use crate::uncertainty::{
     LensVerdict, check_plane_count, contradicted_relations, extrapolated_lens, poorly_known,
     unlikely_camera,
@@ -57,7 +57,18 @@ pub fn calibrate_photographs<L: Lens>(
     options: &Options<L>,
     photographs: Option<&Photographs<'_>>,
 ) -> Result<Calibration<L>, Error> {
-    let found = run(edges, size, options, photographs, Purpose::Answer);
+    calibrate_beside(edges, size, options, photographs, NestedOptima::default())
+}
+
+/// The same where models nested in each other were compared before, and optima of theirs are known.
+pub(crate) fn calibrate_beside<L: Lens>(
+    edges: &[PlaneEdges],
+    size: ImageSize,
+    options: &Options<L>,
+    photographs: Option<&Photographs<'_>>,
+    nested: NestedOptima<L>,
+) -> Result<Calibration<L>, Error> {
+    let found = run(edges, size, options, photographs, Purpose::Answer(nested));
     found.map_err(|error| {
         if !is_of_geometry(&error) {
             return error;
@@ -90,6 +101,7 @@ pub(crate) fn calibrate_unjudged<L: Lens>(
 /// What models that are compared share, and tell beside their calibration.
 pub(crate) struct Comparison<L: Lens> {
     work: Option<Rc<Work>>,
+    nested: NestedOptima<L>,
     /// Column and standard deviation of what the last one was held near zero by.
     pub priors: Vec<(usize, f64)>,
     /// The planes with the outliers of the first one, and the view of the last one. Models that are
@@ -101,15 +113,28 @@ impl<L: Lens> Default for Comparison<L> {
     fn default() -> Self {
         Self {
             work: None,
+            nested: NestedOptima::default(),
             priors: Vec::new(),
             richer: None,
         }
     }
 }
 
+impl<L: Lens> Comparison<L> {
+    /// Optima that were found, unless work ran out before they were found as they are without
+    /// others.
+    pub fn into_nested(self) -> NestedOptima<L> {
+        match self.work {
+            Some(work) if !work.is_spent() => self.nested,
+            _ => NestedOptima::default(),
+        }
+    }
+}
+
 /// What a calibration is for.
 enum Purpose<'a, L: Lens> {
-    Answer,
+    /// Where some optima may be known already.
+    Answer(NestedOptima<L>),
     /// With other models, all of which share their work.
     Comparison(&'a mut Comparison<L>),
 }
@@ -132,14 +157,19 @@ fn run<L: Lens>(
     check_drift_count(&planes)?;
     check_relations::<L>(&planes)?;
     let own = || Rc::new(Work::for_planes(&planes));
-    let (work, comparison) = match purpose {
-        Purpose::Answer => (own(), None),
+    let (work, mut comparison, mut nested) = match purpose {
+        Purpose::Answer(nested) => (own(), None, nested),
         Purpose::Comparison(shared) => {
-            (Rc::clone(shared.work.get_or_insert_with(own)), Some(shared))
+            let work = Rc::clone(shared.work.get_or_insert_with(own));
+            let nested = std::mem::take(&mut shared.nested);
+            (work, Some(shared), nested)
         }
     };
     let judging = comparison.is_none();
-    let problem = JointProblem::of_planes(&planes, size, options, &work);
+    let problem = JointProblem::of_planes(&planes, size, options, &work, &mut nested);
+    if let Some(comparison) = &mut comparison {
+        comparison.nested = nested;
+    }
     let richer = comparison.as_ref().and_then(|it| it.richer.as_ref());
     check_plane_count(planes.len(), &problem.free)?;
 

@@ -15,13 +15,14 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
 
-use crate::calibrate::{Comparison, calibrate_photographs, calibrate_unjudged};
+use crate::calibrate::{Comparison, calibrate_beside, calibrate_photographs, calibrate_unjudged};
 use crate::error::Error;
 use crate::image_size::ImageSize;
 use crate::lens::{DefaultLens, DistortionModel, INTRINSICS, Lens, MAX_LENS_COLUMNS};
 use crate::observations::{FreeParameters, Method, Options, PlaneEdges};
 use crate::photometric::Photographs;
 use crate::result::Calibration;
+use crate::solver::NestedOptima;
 
 /// Iterations of an eigenvalue problem of a handful of rows; it takes a few per row.
 const MAX_EIGEN_ITERATIONS: usize = 100 * MAX_LENS_COLUMNS;
@@ -123,14 +124,20 @@ impl<L: Lens> ModelChoice<L> {
 pub(crate) struct Weighed<L: Lens> {
     candidates: Vec<Candidate<L>>,
     chosen: usize,
+    nested: NestedOptima<L>,
 }
 
 impl<L: Lens> Weighed<L> {
     /// All with the outliers of the richest that converges; `None` where none does.
     pub(crate) fn of(edges: &[PlaneEdges], size: ImageSize, options: &Options<L>) -> Option<Self> {
-        let candidates = candidates(edges, size, options);
+        let mut shared = Comparison::default();
+        let candidates = candidates(edges, size, options, &mut shared);
         let chosen = best(&candidates)?;
-        Some(Self { candidates, chosen })
+        Some(Self {
+            candidates,
+            chosen,
+            nested: shared.into_nested(),
+        })
     }
 
     /// The model with the largest evidence.
@@ -170,7 +177,8 @@ impl<L: Lens> Weighed<L> {
             ..
         } = candidates[chosen];
         let options = Options { model, ..*options };
-        let mut calibration = calibrate_photographs(edges, size, &options, photographs)?;
+        let nested = self.nested.clone();
+        let mut calibration = calibrate_beside(edges, size, &options, photographs, nested)?;
         if let Some(doubt) = doubt(candidates, chosen, &options.free_parameters()) {
             calibration.covariance += doubt;
         }
@@ -200,13 +208,13 @@ fn candidates<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
     options: &Options<L>,
+    shared: &mut Comparison<L>,
 ) -> Vec<Candidate<L>> {
-    let mut shared = Comparison::default();
     let mut fits = Vec::with_capacity(L::Model::NESTED.len());
     // The richest first: what it rejects, the others may leave out.
     for &model in L::Model::NESTED.iter().rev() {
         let options = Options { model, ..*options };
-        if let Ok(fit) = calibrate_unjudged(edges, size, &options, &mut shared) {
+        if let Ok(fit) = calibrate_unjudged(edges, size, &options, shared) {
             fits.push((model, fit, std::mem::take(&mut shared.priors)));
         }
     }
@@ -407,6 +415,21 @@ mod tests {
             assert_eq!(found.model, model, "{:?}", found.alternatives);
             assert!(found.alternatives.iter().all(|a| a.log_evidence <= 0.0));
             assert!(found.alternatives.iter().all(|a| a.model != model));
+        }
+    }
+
+    #[test]
+    fn what_a_comparison_has_found_leaves_the_answer_as_it_is() {
+        let scene = scene(true);
+        let edges = scene.edges(3, 0.3, 6.0);
+        let options = Options::<Brown>::default();
+        let weighed = Weighed::of(&edges, scene.size, &options).unwrap();
+        for &model in BrownModel::NESTED {
+            let options = Options { model, ..options };
+            let nested = weighed.nested.clone();
+            let known = calibrate_beside(&edges, scene.size, &options, None, nested).unwrap();
+            let alone = crate::calibrate(&edges, scene.size, &options).unwrap();
+            assert_eq!(known, alone, "{model:?}");
         }
     }
 

@@ -13,6 +13,7 @@ mod starts;
 mod work;
 
 pub(crate) use many::step_of_some;
+pub(crate) use nested_models::NestedOptima;
 pub(crate) use outliers::reject_outliers;
 pub(crate) use problem::JointProblem;
 pub(crate) use solve::Solution;

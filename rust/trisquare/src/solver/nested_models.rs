@@ -2,12 +2,14 @@
 
 use std::rc::Rc;
 
+use super::optimum::Optimum;
 use super::problem::{JointProblem, Poorer};
 use super::work::Work;
 use crate::error::Error;
 use crate::image_size::ImageSize;
 use crate::lens::{DistortionModel, Lens};
-use crate::observations::{Method, ObservedPlane, Options};
+use crate::observations::{FreeParameters, Method, ObservedPlane, Options};
+use crate::uncertainty::judged_parameters;
 
 /// Pixels to which it is told where a distortion turns back.
 const REACH_TOLERANCE: f64 = 0.5;
@@ -16,17 +18,71 @@ const REACH_TOLERANCE: f64 = 0.5;
 const TIGHTENING: f64 = 3.0;
 const MAX_TIGHTENINGS: usize = 9;
 
+/// What nested models begin from and find, for the same planes, by models that are asked in turn:
+/// each may ask for the poorer ones' again.
+#[derive(Clone)]
+pub(crate) struct NestedOptima<L: Lens>(Vec<KnownModel<L>>);
+
+#[derive(Clone)]
+struct KnownModel<L: Lens> {
+    model: L::Model,
+    free: FreeParameters,
+    poorer: Option<Poorer<L>>,
+    optimum: Option<Optimum<L>>,
+}
+
+impl<L: Lens> Default for NestedOptima<L> {
+    fn default() -> Self {
+        Self(Vec::new())
+    }
+}
+
+impl<L: Lens> NestedOptima<L> {
+    fn of_model(&self, model: L::Model) -> Option<&KnownModel<L>> {
+        self.0.iter().find(|known| known.model == model)
+    }
+
+    fn add(&mut self, problem: &JointProblem<'_, L>) {
+        let JointProblem { free, poorer, .. } = problem;
+        self.0.push(KnownModel {
+            model: problem.options.model,
+            free: free.clone(),
+            poorer: poorer.clone(),
+            optimum: problem.found.as_ref().map(|(_, found)| found.clone()),
+        });
+    }
+
+    fn set_optimum(&mut self, model: L::Model, optimum: &Optimum<L>) {
+        for known in self.0.iter_mut().filter(|known| known.model == model) {
+            known.optimum = Some(optimum.clone());
+        }
+    }
+}
+
 impl<'a, L: Lens> JointProblem<'a, L> {
     /// What is asked of some planes, beginning from what the next poorer model finds where the
-    /// model is richer than the default.
+    /// model is richer than the default. What is known of nested models is of the same planes, with
+    /// the same options but for the model.
     pub fn of_planes(
-        planes: &[ObservedPlane],
+        planes: &'a [ObservedPlane],
         size: ImageSize,
         options: &'a Options<L>,
         work: &Rc<Work>,
+        nested: &mut NestedOptima<L>,
     ) -> Self {
-        let poorer = poorer_optimum(planes, size, options, work);
-        Self::beginning_at(poorer, planes, size, options, work)
+        if let Some(known) = nested.of_model(options.model) {
+            return Self {
+                judged: judged_parameters(&known.free),
+                free: known.free.clone(),
+                poorer: known.poorer.clone(),
+                found: known.optimum.clone().map(|found| (planes, found)),
+                ..Self::new(size, options).within(work)
+            };
+        }
+        let poorer = poorer_optimum(planes, size, options, work, nested);
+        let found = Self::beginning_at(poorer, planes, size, options, work);
+        nested.add(&found);
+        found
     }
 
     /// The same beginning from what a poorer model has found, if any has.
@@ -35,7 +91,7 @@ impl<'a, L: Lens> JointProblem<'a, L> {
     /// are held the tighter until it does not: with none it is the poorer one.
     pub(super) fn beginning_at(
         poorer: Option<Poorer<L>>,
-        planes: &[ObservedPlane],
+        planes: &'a [ObservedPlane],
         size: ImageSize,
         options: &'a Options<L>,
         work: &Rc<Work>,
@@ -47,14 +103,16 @@ impl<'a, L: Lens> JointProblem<'a, L> {
                 None => problem,
             }
         };
-        let turns_back = |problem: &Self| {
-            let tried = problem.is_rich().then(|| problem.tried(planes)).flatten();
-            tried.is_some_and(|found| !found.view.lens.sees_all_of(size))
-        };
         let mut tighter = 1.0;
         let mut found = problem(tighter);
         for _ in 0..MAX_TIGHTENINGS {
-            if !turns_back(&found) {
+            if found.is_rich() && !work.is_spent() {
+                let optimum = found.optimum_with_noise(planes);
+                found.found = optimum.ok().map(|optimum| (planes, optimum));
+            }
+            let turns_back =
+                |(_, found): &(_, Optimum<L>)| !found.refined.view.lens.sees_all_of(size);
+            if !found.found.as_ref().is_some_and(turns_back) {
                 break;
             }
             tighter *= TIGHTENING;
@@ -97,6 +155,7 @@ fn poorer_optimum<L: Lens>(
     size: ImageSize,
     options: &Options<L>,
     work: &Rc<Work>,
+    nested: &mut NestedOptima<L>,
 ) -> Option<Poorer<L>> {
     if options.fixed.distortion || options.method == Method::Linear {
         return None;
@@ -105,12 +164,15 @@ fn poorer_optimum<L: Lens>(
         model: options.model.poorer()?,
         ..*options
     };
-    let problem = JointProblem::of_planes(planes, size, &poorer, work);
-    match problem.optimum(planes) {
-        Ok(refined) => Some(Poorer {
-            lens: refined.view.lens,
-            free: problem.free,
-        }),
+    let problem = JointProblem::of_planes(planes, size, &poorer, work, nested);
+    match problem.optimum_with_noise(planes) {
+        Ok(found) => {
+            nested.set_optimum(poorer.model, &found);
+            Some(Poorer {
+                lens: found.refined.view.lens,
+                free: problem.free,
+            })
+        }
         Err(_) => problem.poorer,
     }
 }

@@ -4,6 +4,7 @@ use crate::noise::Noise;
 use crate::refine::Refined;
 
 /// An optimum, and what its residuals say of their noise where that was asked.
+#[derive(Clone)]
 pub(super) struct Optimum<L> {
     pub refined: Refined<L>,
     pub noise: Option<Noise>,

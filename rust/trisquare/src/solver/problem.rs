@@ -2,6 +2,7 @@
 
 use std::rc::Rc;
 
+use super::optimum::Optimum;
 use super::work::Work;
 use crate::error::Error;
 use crate::ill_conditioning::IllConditioning;
@@ -19,6 +20,8 @@ pub(crate) struct JointProblem<'a, L: Lens> {
     pub judged: FreeParameters,
     /// What the next poorer model found, where the model is richer than the default.
     pub(super) poorer: Option<Poorer<L>>,
+    /// Planes of which the optimum is known already, and that.
+    pub(super) found: Option<(&'a [ObservedPlane], Optimum<L>)>,
     /// Shared with the tasks that try what would help.
     pub work: Rc<Work>,
 }
@@ -70,6 +73,7 @@ impl<'a, L: Lens> JointProblem<'a, L> {
             judged: judged_parameters(&free),
             free,
             poorer: None,
+            found: None,
             work: Rc::new(Work::unbounded()),
         }
     }

@@ -75,8 +75,8 @@ impl<'a, L: Lens> Starts<'a, L> {
         planes: &'a [ObservedPlane],
     ) -> Result<Self, Error> {
         let starts = Self::unasked(problem, planes);
-        // Where the lens's law gives starts, polynomials may never be needed.
-        if lenses_of_the_law(problem).next().is_none() {
+        // Where the lens's law or a poorer model gives a start, polynomials may never be needed.
+        if problem.poorer.is_none() && lenses_of_the_law(problem).next().is_none() {
             starts.linear_steps()?;
         }
         Ok(starts)
