@@ -12,6 +12,28 @@ const MAX_STEPS: usize = 8;
 /// Least cosine of the angle between the image of the line and the chord.
 const LEAST_COSINE: f64 = 0.3;
 
+/// Some pixels by their coordinates; fewer than these, and the first again in place of the others.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PixelLanes {
+    x: [f64; LANES],
+    y: [f64; LANES],
+}
+
+impl PixelLanes {
+    #[inline]
+    pub fn of(pixels: impl ExactSizeIterator<Item = Vector2<f64>> + Clone) -> Self {
+        let first = pixels.clone().next().unwrap_or_default();
+        let mut own = Self {
+            x: [first.x; LANES],
+            y: [first.y; LANES],
+        };
+        for (i, pixel) in pixels.take(LANES).enumerate() {
+            (own.x[i], own.y[i]) = (pixel.x, pixel.y);
+        }
+        own
+    }
+}
+
 /// The image of a line over a chord.
 #[derive(Debug, Clone)]
 pub(crate) struct LineImage {
@@ -75,17 +97,22 @@ impl LineImage {
         (self.along.dot(pixel) - self.middle) * self.per_half
     }
 
+    /// The same of several pixels.
+    #[inline]
+    pub fn places(&self, PixelLanes { x, y }: &PixelLanes) -> [f64; LANES] {
+        let (along, middle, per_half) = (self.along, self.middle, self.per_half);
+        std::array::from_fn(|i| (along.x * x[i] + along.y * y[i] - middle) * per_half)
+    }
+
     /// How far (px) pixels lie across the chord from the curve, given the polynomials at their places.
     #[inline]
     pub fn beside(
         &self,
-        pixels: impl Iterator<Item = Vector2<f64>>,
+        PixelLanes { x, y }: &PixelLanes,
         terms: &[[f64; LANES]; NODES],
     ) -> [f64; LANES] {
-        let mut beside = [0.0; LANES];
-        for (own, pixel) in beside.iter_mut().zip(pixels) {
-            *own = self.chord.distance(&pixel);
-        }
+        let [a, b, c] = self.chord.coefficients().into();
+        let mut beside: [f64; LANES] = std::array::from_fn(|i| a * x[i] + b * y[i] + c);
         for (height, term) in self.heights.iter().zip(terms) {
             for i in 0..LANES {
                 beside[i] -= height * term[i];

@@ -32,7 +32,7 @@ pub use columns::Columns;
 pub use distortion::{Distortion, DistortionTerm};
 pub use families::{LensFamily, NearestLens};
 pub use fisheye::{Fisheye, FisheyeModel, FisheyePixelRay};
-pub(crate) use line_image::LineImage;
+pub(crate) use line_image::{LineImage, PixelLanes};
 pub use picture_view::{PictureView, Surface};
 pub use plane_distortion::PlanePixelRay;
 pub use point_maps::PointMaps;

@@ -48,10 +48,10 @@ pub(crate) fn coefficients<const N: usize>(values: &AtNodes<N>) -> AtNodes<N> {
 pub(crate) fn polynomials<const M: usize>(places: &[f64; LANES]) -> [[f64; LANES]; M] {
     let mut values = [[1.0; LANES]; M];
     values[1] = *places;
+    let doubled = places.map(|place| 2.0 * place);
     for m in 2..M {
-        for i in 0..LANES {
-            values[m][i] = 2.0 * places[i] * values[m - 1][i] - values[m - 2][i];
-        }
+        let (last, before) = (values[m - 1], values[m - 2]);
+        values[m] = std::array::from_fn(|i| doubled[i] * last[i] - before[i]);
     }
     values
 }

@@ -21,6 +21,6 @@ pub(crate) use each::each;
 pub(crate) use levenberg::{Limits, Minimum, Problem, Termination, minimise};
 pub use normal::cdf;
 pub(crate) use normal::{BivariateNormal, cdf_and_pdf, pdf};
-pub(crate) use rank_one::{add_rank_one, symmetric};
+pub(crate) use rank_one::{LaneSums, add_rank_one, symmetric};
 pub(crate) use robust::{Loss, Spread, median, median_scale};
 pub(crate) use ties::pseudo_inverse;

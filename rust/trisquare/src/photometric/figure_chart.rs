@@ -10,7 +10,7 @@ use super::band::{BandPixel, PixelFigure};
 use super::coverage::PLATEAU;
 use super::scene::Scene;
 use crate::geometry::Line;
-use crate::lens::{Lens, LineImage, MAX_LENS_COLUMNS};
+use crate::lens::{Lens, LineImage, MAX_LENS_COLUMNS, PixelLanes};
 use crate::numeric::{LANES, NODES, coefficients, polynomials};
 use crate::observations::FreeParameters;
 
@@ -35,6 +35,24 @@ struct SideChart {
     image: LineImage,
     /// Of the distance, which is none on the curve: its slope and half its curvature across.
     slopes: [[f64; 2]; TERMS],
+}
+
+impl SideChart {
+    /// Signed distances (px) of some pixels, positive inside.
+    #[inline(never)] // inlined, it is not vectorised
+    fn distances(&self, pixels: &PixelLanes) -> [f64; LANES] {
+        let terms = polynomials::<NODES>(&self.image.places(pixels));
+        let beside = self.image.beside(pixels, &terms);
+        let mut sums = [[0.0; LANES]; 2];
+        for (coefficients, term) in self.slopes.iter().zip(&terms) {
+            for (sum, coefficient) in sums.iter_mut().zip(coefficients) {
+                for i in 0..LANES {
+                    sum[i] += coefficient * term[i];
+                }
+            }
+        }
+        std::array::from_fn(|i| beside[i] * (sums[0][i] + beside[i] * sums[1][i]))
+    }
 }
 
 impl FigureChart {
@@ -79,39 +97,23 @@ impl FigureChart {
     #[inline]
     pub fn distances(&self, pixels: &[BandPixel]) -> [[f64; 4]; LANES] {
         let mut found = [[0.0; 4]; LANES];
+        let lanes = PixelLanes::of(pixels.iter().map(BandPixel::place));
         for (s, side) in self.sides.iter().enumerate() {
             if pixels.iter().all(|pixel| pixel.near & (1 << s) == 0) {
                 continue;
             }
-            let mut places = [0.0; LANES];
-            for (place, pixel) in places.iter_mut().zip(pixels) {
-                *place = side.image.place(&pixel.place());
-            }
-            let terms = polynomials::<NODES>(&places);
-            let beside = side
-                .image
-                .beside(pixels.iter().map(BandPixel::place), &terms);
-            let mut sums = [[0.0; LANES]; 2];
-            for (coefficients, term) in side.slopes.iter().zip(&terms) {
-                for (sum, coefficient) in sums.iter_mut().zip(coefficients) {
-                    for i in 0..LANES {
-                        sum[i] += coefficient * term[i];
-                    }
-                }
-            }
-            for i in 0..pixels.len() {
-                let distance = beside[i] * (sums[0][i] + beside[i] * sums[1][i]);
-                found[i][s] = distance + self.shift;
+            let distances = side.distances(&lanes);
+            for (own, distance) in found.iter_mut().zip(distances) {
+                own[s] = distance + self.shift;
             }
         }
         found
     }
 
-    /// The polynomials at the place of a pixel along a side.
+    /// Where a pixel lies along a side: the variable of its polynomials.
     #[inline]
-    pub fn terms(&self, side: usize, pixel: &BandPixel) -> [f64; TERMS] {
-        let place = self.sides[side].image.place(&pixel.place());
-        polynomials::<TERMS>(&[place; LANES]).map(|[term, ..]| term)
+    pub fn place(&self, side: usize, pixel: &BandPixel) -> f64 {
+        self.sides[side].image.place(&pixel.place())
     }
 
     /// Coefficients of the distance's derivatives along a side, by the line's three parameters and

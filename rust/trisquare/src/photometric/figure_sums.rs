@@ -14,7 +14,7 @@ use super::figure_chart::{FigureChart, TERMS};
 use super::scene::{Scene, Shade};
 use crate::image::PICTURE_PARAMETERS;
 use crate::lens::{Lens, MAX_LENS_COLUMNS};
-use crate::numeric::{Block, add_rank_one, symmetric};
+use crate::numeric::{Block, LANES, LaneSums, add_rank_one, polynomials, symmetric};
 use crate::observations::FreeParameters;
 
 /// What a pixel that one side cuts depends on: `(terms, residual, picture, exposure)`.
@@ -22,6 +22,64 @@ const CUT: usize = EXPOSURE + EXPOSURE_PARAMETERS;
 const RESIDUAL: usize = TERMS;
 const PICTURE: usize = RESIDUAL + 1;
 const EXPOSURE: usize = PICTURE + PICTURE_PARAMETERS;
+
+/// Sums over the pixels that one side cuts. They are added when there are several.
+struct CutSums {
+    sums: LaneSums<CUT>,
+    /// Of those that wait, so many: what they depend on, but for the terms, ...
+    columns: [[f64; LANES]; CUT],
+    /// ... which follow from the places along the side and what multiplies them there.
+    places: [f64; LANES],
+    gains: [f64; LANES],
+    weights: [f64; LANES],
+    waiting: usize,
+}
+
+impl CutSums {
+    fn new() -> Self {
+        Self {
+            sums: LaneSums::new(),
+            columns: [[0.0; LANES]; CUT],
+            places: [0.0; LANES],
+            gains: [0.0; LANES],
+            weights: [0.0; LANES],
+            waiting: 0,
+        }
+    }
+
+    #[inline]
+    fn add(&mut self, (place, gain): (f64, f64), others: &[f64; CUT - TERMS], weight: f64) {
+        let lane = self.waiting;
+        self.places[lane] = place;
+        self.gains[lane] = gain;
+        self.weights[lane] = weight;
+        for (column, other) in self.columns[TERMS..].iter_mut().zip(others) {
+            column[lane] = *other;
+        }
+        self.waiting += 1;
+        if self.waiting == LANES {
+            self.add_waiting();
+        }
+    }
+
+    fn add_waiting(&mut self) {
+        let terms = polynomials::<TERMS>(&self.places);
+        for (column, term) in self.columns.iter_mut().zip(&terms) {
+            for lane in 0..LANES {
+                column[lane] = self.gains[lane] * term[lane];
+            }
+        }
+        self.sums.add(&self.columns, &self.weights);
+        self.weights = [0.0; LANES];
+        self.waiting = 0;
+    }
+
+    /// The lower triangle of all sums.
+    fn finish(&mut self) -> [[f64; CUT]; CUT] {
+        self.add_waiting();
+        self.sums.sums()
+    }
+}
 
 /// `(exposure, residual)`: what a pixel on a plateau depends on.
 pub(super) type ExposureRow = [f64; EXPOSURE_PARAMETERS + 1];
@@ -98,7 +156,7 @@ pub(super) struct FigureSums<'a> {
     jacobians: [DMatrix<f64>; 4],
     /// Where the figure's exposure begins among its plane's own parameters.
     exposure_offset: usize,
-    sides: [[[f64; CUT]; CUT]; 4],
+    sides: [CutSums; 4],
     plateau: PicturedSums,
     /// Outside and inside of every stretch.
     flats: Vec<[FlatPixels; 2]>,
@@ -122,7 +180,7 @@ impl<'a> FigureSums<'a> {
             shared,
             jacobians,
             exposure_offset,
-            sides: [[[0.0; CUT]; CUT]; 4],
+            sides: std::array::from_fn(|_| CutSums::new()),
             plateau: PicturedSums::default(),
             flats: vec![Default::default(); stretches],
         }
@@ -139,11 +197,10 @@ impl<'a> FigureSums<'a> {
     ) {
         let (side, density) = shade.coverage.cuts[0];
         let gain = scene.gain(shade, density);
-        let mut row = [shade.residual; CUT];
-        row[..TERMS].copy_from_slice(&chart.terms(side, pixel).map(|term| gain * term));
-        row[PICTURE..EXPOSURE].copy_from_slice(&scene.wrt_picture(shade));
-        row[EXPOSURE..].copy_from_slice(&scene.wrt_exposure(shade));
-        add_rank_one(&mut self.sides[side], &row, weight);
+        let mut others = [shade.residual; CUT - TERMS];
+        others[PICTURE - TERMS..EXPOSURE - TERMS].copy_from_slice(&scene.wrt_picture(shade));
+        others[EXPOSURE - TERMS..].copy_from_slice(&scene.wrt_exposure(shade));
+        self.sides[side].add((chart.place(side, pixel), gain), &others, weight);
     }
 
     /// Adds a pixel that two sides cut.
@@ -236,7 +293,9 @@ impl<'a> FigureSums<'a> {
     ) -> Option<()> {
         self.add_flats(scene);
         for side in 0..4 {
-            self.add_side(side, &chart.jacobian(scene, side, self.free)?, block);
+            let sums = self.sides[side].finish();
+            let terms = chart.jacobian(scene, side, self.free)?;
+            self.add_side((side, &sums), &terms, block);
         }
         let picture = self.has_picture().then_some(self.free.len());
         add_pictured(block, &self.plateau, (self.exposure_offset, picture));
@@ -246,8 +305,13 @@ impl<'a> FigureSums<'a> {
     /// Brings pose and camera into the sums of a side, `terms` being the coefficients of the
     /// distance's derivatives along it: with `M` the map from the plane's own and the shared
     /// parameters to what is summed over, the block is `M^T S M`.
-    fn add_side(&self, side: usize, terms: &DMatrix<f64>, block: &mut Block) {
-        let at = |i: usize, j: usize| symmetric(&self.sides[side], i, j);
+    fn add_side(
+        &self,
+        (side, sums): (usize, &[[f64; CUT]; CUT]),
+        terms: &DMatrix<f64>,
+        block: &mut Block,
+    ) {
+        let at = |i: usize, j: usize| symmetric(sums, i, j);
         // What is summed over, but for the residual.
         let source = |i: usize| if i < RESIDUAL { i } else { i + 1 };
         let square = DMatrix::from_fn(CUT - 1, CUT - 1, |i, j| at(source(i), source(j)));

@@ -10,7 +10,7 @@ use nalgebra::{Vector2, Vector3};
 
 use super::line_sums::{LineSums, RESIDUAL};
 use crate::geometry::Line;
-use crate::lens::{Lens, LineImage};
+use crate::lens::{Lens, LineImage, PixelLanes};
 use crate::numeric::{LANES, Loss, NODES, PolynomialSums, coefficients, polynomials};
 use crate::observations::{ObservedPlane, PlaneState, Side, View};
 
@@ -29,7 +29,7 @@ const LEAST_SAMPLES: usize = 3 * NODES;
 const TRUNCATION: f64 = 0.01;
 
 /// Some samples beside the curve of their side.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 struct Samples {
     /// Along the side, from -1 to 1.
     places: [f64; LANES],
@@ -83,13 +83,16 @@ impl SideCurve {
         let tolerance = TRUNCATION * scale / weights.fold(f64::MIN_POSITIVE, f64::max);
         let image = LineImage::over((lens, line), chord, pixels, (0.0, tolerance))?;
         let samples = side.samples.chunks(LANES).map(|chunk| {
-            let mut own = Samples::default();
-            for (i, sample) in chunk.iter().enumerate() {
-                own.places[i] = image.place(&sample.pixel);
-                own.weights[i] = sample.weight;
+            let pixels = PixelLanes::of(chunk.iter().map(|sample| sample.pixel));
+            let places = image.places(&pixels);
+            let mut own = Samples {
+                places,
+                beside: image.beside(&pixels, &polynomials::<NODES>(&places)),
+                weights: [0.0; LANES],
+            };
+            for (weight, sample) in own.weights.iter_mut().zip(chunk) {
+                *weight = sample.weight;
             }
-            let pixels = chunk.iter().map(|sample| sample.pixel);
-            own.beside = image.beside(pixels, &polynomials::<NODES>(&own.places));
             own
         });
         Some(Self {
