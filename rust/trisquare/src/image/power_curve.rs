@@ -73,6 +73,7 @@ pub struct PowerCurve {
 }
 
 /// The power part at the light where a tangent leaves it.
+#[derive(Clone, Copy)]
 struct Tangent {
     /// Light.
     at: f64,
@@ -123,19 +124,27 @@ impl PowerCurve {
         self.tangent_at(0.0).at
     }
 
-    /// The point of the power part from which a light is reached: itself, but for the straight
-    /// pieces below the knee and beyond 1.
-    fn tangent_at(&self, linear: f64) -> Tangent {
+    /// The tangent that passes through black.
+    fn knee_tangent(&self) -> Tangent {
         // Where `power` is the slope times the light: gamma (1 + o) power - gamma o = (1 + o)
         // power.
         let power = (self.toe * self.gamma / (1.0 + self.offset())).clamp(0.0, 1.0);
-        let knee = power.powf(self.gamma);
-        if linear <= knee && knee > GAMMA_FLOOR {
-            return Tangent {
-                at: knee,
-                power,
-                is_knee: power < 1.0,
-            };
+        Tangent {
+            at: power.powf(self.gamma),
+            power,
+            is_knee: power < 1.0,
+        }
+    }
+
+    /// The point of the power part from which a light is reached: itself, but for the straight
+    /// pieces below the knee and beyond 1.
+    fn tangent_at(&self, linear: f64) -> Tangent {
+        self.tangent_beside(self.knee_tangent(), linear)
+    }
+
+    fn tangent_beside(&self, knee: Tangent, linear: f64) -> Tangent {
+        if linear <= knee.at && knee.at > GAMMA_FLOOR {
+            return knee;
         }
         let at = linear.clamp(GAMMA_FLOOR, 1.0);
         Tangent {
@@ -146,7 +155,27 @@ impl PowerCurve {
     }
 
     pub(crate) fn encode_with_slope(&self, linear: f64) -> (f64, f64) {
-        let tangent = self.tangent_at(linear);
+        self.encode_from(self.tangent_at(linear), linear)
+    }
+
+    /// Value and derivative of the curve at some lights, and the derivatives of the values by the
+    /// parameters.
+    pub(crate) fn tabulated(
+        &self,
+        lights: impl Iterator<Item = f64>,
+    ) -> (Vec<(f64, f64)>, Vec<Sensitivity>) {
+        let knee = self.knee_tangent();
+        let at = |light: f64| {
+            let tangent = self.tangent_beside(knee, light);
+            (
+                self.encode_from(tangent, light),
+                self.sensitivity_from(tangent, light),
+            )
+        };
+        lights.map(at).unzip()
+    }
+
+    fn encode_from(&self, tangent: Tangent, linear: f64) -> (f64, f64) {
         let scaled = (1.0 + self.offset()) * tangent.power;
         let slope = scaled / (self.gamma * tangent.at);
         let value = scaled - self.offset() + slope * (linear - tangent.at);
@@ -160,7 +189,11 @@ impl PowerCurve {
 
     /// Derivatives of the coded value by the parameters.
     pub(crate) fn sensitivity(&self, linear: f64) -> Sensitivity {
-        let Tangent { at, power, is_knee } = self.tangent_at(linear);
+        self.sensitivity_from(self.tangent_at(linear), linear)
+    }
+
+    fn sensitivity_from(&self, tangent: Tangent, linear: f64) -> Sensitivity {
+        let Tangent { at, power, is_knee } = tangent;
         let (gamma, scale) = (self.gamma, 1.0 + self.offset());
         let slope = scale * power / (gamma * at);
         let beyond = linear - at;

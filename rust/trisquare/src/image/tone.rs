@@ -141,19 +141,21 @@ const CELL_COUNT: u64 = (FLOOR_OCTAVES << CELLS_PER_OCTAVE_LOG2) as u64;
 impl ToneCurve {
     fn new(tone: Tone) -> Self {
         let count = if tone == Tone::Linear { 0 } else { CELL_COUNT };
-        let start_of = |index: u64| f64::from_bits((FIRST_CELL + index) << FRACTION_BITS);
-        let cells = (0..count)
-            .map(|index| Cell::hermite(tone, start_of(index), start_of(index + 1)))
-            .collect();
-        let sensitivities = match tone {
-            Tone::Power(power) => (0..=count)
-                .map(|index| power.sensitivity(start_of(index)))
-                .collect(),
-            _ => Vec::new(),
+        let lights = (0..=count).map(|index| f64::from_bits((FIRST_CELL + index) << FRACTION_BITS));
+        let (values, sensitivities) = match tone {
+            Tone::Power(power) => power.tabulated(lights.clone()),
+            _ => {
+                let values = lights.clone().map(|light| tone.encode_with_slope(light));
+                (values.collect(), Vec::new())
+            }
         };
+        let ends = lights.clone().zip(lights.skip(1));
+        let cells = ends
+            .zip(values.windows(2))
+            .map(|((start, end), values)| Cell::hermite(end - start, [values[0], values[1]]));
         Self {
             tone,
-            cells,
+            cells: cells.collect(),
             sensitivities,
         }
     }
@@ -201,10 +203,8 @@ impl ToneCurve {
 }
 
 impl Cell {
-    fn hermite(tone: Tone, start: f64, end: f64) -> Self {
-        let width = end - start;
-        let (value, slope) = tone.encode_with_slope(start);
-        let (end_value, end_slope) = tone.encode_with_slope(end);
+    /// Of a width, with value and slope at either end.
+    fn hermite(width: f64, [(value, slope), (end_value, end_slope)]: [(f64, f64); 2]) -> Self {
         let (rise, slope, end_slope) = (end_value - value, slope * width, end_slope * width);
         Self {
             cubic: [
