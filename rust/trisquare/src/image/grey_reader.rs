@@ -142,6 +142,26 @@ impl<'a> GreyReader<'a> {
         }
     }
 
+    /// The coded grey of a pixel inside the picture; `None` where [`get`](Self::get) is.
+    #[inline]
+    pub(super) fn grey(&self, x: usize, y: usize) -> Option<Grey> {
+        if let (Pixels::U8(values), 1, false) = (
+            &self.picture.pixels,
+            self.picture.channels,
+            self.picture.has_even_rows_only,
+        ) {
+            let value = values[y * self.picture.width + x];
+            return Some(Grey {
+                value: self.levels[0][usize::from(value)],
+                is_clipped: value == u8::MAX && !self.picture.has_two_levels,
+            });
+        }
+        Some(Grey {
+            value: self.get(x, y)?,
+            is_clipped: self.is_clipped(x, y),
+        })
+    }
+
     /// Reads `count` pixels from column `x` and row `y` on, to the right or downwards, all of them
     /// inside the picture; values that are not finite are read as NaN.
     pub(crate) fn read_line(

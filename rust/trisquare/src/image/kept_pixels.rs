@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use super::grey_reader::GreyReader;
+use super::grey_reader::{Grey, GreyReader};
 use super::picture::{Picture, Pixels};
 use super::tone::Tone;
 
@@ -160,7 +160,8 @@ impl<'a> KeptReader<'a> {
             return None;
         }
         let (x, y) = (x % TILE, place as usize * TILE + y % TILE);
-        Some((self.tiles.get(x, y)?, self.tiles.is_clipped(x, y)))
+        let Grey { value, is_clipped } = self.tiles.grey(x, y)?;
+        Some((value, is_clipped))
     }
 }
 
