@@ -86,8 +86,10 @@ impl<const N: usize> SideSums<N> {
         }
         for i in 0..N {
             for j in 0..=i {
-                for k in 0..=degree(i) + degree(j) {
-                    self.products[i][j][k] += bin.products[i][j] * powers[k];
+                let (sums, product) = (&mut self.products[i][j], bin.products[i][j]);
+                let sums = &mut sums[..=degree(i) + degree(j)];
+                for (sum, power) in sums.iter_mut().zip(&powers) {
+                    *sum += product * power;
                 }
             }
         }
