@@ -59,6 +59,8 @@ impl Part {
 /// One strength of the side errors.
 struct Hypothesis {
     variances: Vec<f64>,
+    /// What each plane says with its variance.
+    parts: Vec<Part>,
     criterion: f64,
 }
 
@@ -135,27 +137,34 @@ impl SideErrors {
 
     fn hypothesis(&self, relative: &[f64], variance: f64) -> Option<Hypothesis> {
         let variances: Vec<f64> = relative.iter().map(|r| r * variance).collect();
-        let criterion = self.criterion(&variances)?;
+        let parts = self.parts(&variances)?;
         Some(Hypothesis {
+            criterion: self.restricted(self.joined(&parts))?,
             variances,
-            criterion,
+            parts,
         })
     }
 
-    /// Variances of each plane's own, if they explain the residuals clearly better.
+    /// Variances of each plane's own, if they explain the residuals clearly better than one that all
+    /// share, which have been tried.
     fn relative_variances(&self, together: &[Hypothesis]) -> Option<Vec<f64>> {
         let best = likeliest(together);
         let common = *best.variances.first().filter(|v| **v > 0.0)?;
         let mut variances = best.variances.clone();
         let mut criterion = best.criterion;
-        let mut parts = self.parts(&variances)?;
+        let mut parts = best.parts.clone();
         let mut all = self.joined(&parts);
         for plane in 0..variances.len() {
             let mut others = all.clone();
             others.add(&parts[plane], -1.0);
             for index in 0..VARIANCES {
                 let variance = self.first_variance * VARIANCE_RATIO.powi(index as i32);
-                let Some(own) = self.part(plane, self.board_relief(plane), variance) else {
+                // The first hypothesis is white noise.
+                let tried = together
+                    .get(index + 1)
+                    .map(|tried| tried.parts[plane].clone());
+                let of_plane = || self.part(plane, self.board_relief(plane), variance);
+                let Some(own) = tried.or_else(of_plane) else {
                     continue;
                 };
                 let mut together = others.clone();
@@ -174,6 +183,7 @@ impl SideErrors {
     }
 
     /// Minus twice the restricted log likelihood of the planes' variances, but for a constant.
+    #[cfg(test)]
     pub(super) fn criterion(&self, variances: &[f64]) -> Option<f64> {
         self.restricted(self.joined(&self.parts(variances)?))
     }
