@@ -328,7 +328,7 @@ KINDS: Mapping[str, Kind] = {
     "cropped": Kind(of_picture(cropped), STRETCH),
     "stretched": Kind(of_picture(stretched), STRETCH),
     "mirrored": Kind(of_picture(mirrored), (), told=False),
-    "moire": Kind(of_picture(patterned), CODING),
+    "moire": Kind(of_picture(patterned), ("periodic_pattern", *CODING)),
     "shadow": Kind(of_picture(shadowed), (*CODING, "side_partly_hidden", "side_rejected")),
     "JPEG 30": Kind(of_picture(unchanged, jpeg_quality=30), CODING),
     "two zooms": Kind(two_zooms, ("pictures_disagree", *NO_SQUARES)),

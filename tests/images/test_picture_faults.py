@@ -1,12 +1,17 @@
 """Pictures that the camera or a program spoilt."""
 
+import re
+
 import numpy as np
 import pytest
 from scenes import assert_within, errors_in_std, squares
 
 import trisquare as ts
 from trisquare import _core
+from trisquare.detection.kinds import TargetKinds
 from trisquare.images.faults import PictureFaults
+from trisquare.measurement.measure import measure
+from trisquare_scenes.broken_assumptions import patterned, shadowed
 from trisquare_scenes.picture_faults import (
     UNDAMAGED,
     PictureFault,
@@ -60,6 +65,26 @@ def test_colours_and_rows_that_disagree_cost_no_more_than_what_is_left_out():
         assert mended.std["fx"] < 2.0 * whole.std["fx"]
 
 
+@pytest.mark.parametrize("seed", range(140, 143))
+def test_moire_is_told_before_what_it_does_to_sides(seed):
+    plain = photo(UNDAMAGED, seed)
+    result = ts.calibrate(patterned(np.random.default_rng(seed), plain))
+    first = result.warnings[0]
+    assert (first.code, first.severity) == ("periodic_pattern", "medium")
+    dark, light = np.percentile(plain, [1, 99])
+    told = float(re.search(r"waves of (\d+) %", first)[1])
+    assert told == pytest.approx(8.0 * light / (light - dark), abs=1.0)
+    assert_within(result, SCENE, 4)
+
+
+def test_shadows_and_compression_are_no_pattern():
+    shadow = shadowed(np.random.default_rng(143), photo(UNDAMAGED, 143))
+    for picture in (shadow, photo(PictureFault(jpeg_quality=30), 144)):
+        measured = measure(picture, TargetKinds.parse("squares"), "srgb", None)
+        assert measured.figures
+        assert measured.faults.pattern is None
+
+
 def test_a_small_aberration_is_taken_out_untold():
     fault = PictureFault(colour_scales=(0.9997, 1.0, 1.0003))
     result = ts.calibrate(photo(fault, 135))
@@ -107,7 +132,8 @@ def test_a_picture_gives_its_green_and_its_even_rows():
 
 def test_a_target_that_hardly_shows_in_green_is_measured_in_all_colours():
     class Found:
-        clipped, has_two_levels, motion, side_error, rows = 0.0, False, None, 0.0, None
+        clipped, has_two_levels, side_error = 0.0, False, 0.0
+        motion = pattern = rows = None
         colours = (1e-3, -1e-3, 1e-5, 1e-5, 0.2)
 
     picture = _core.Picture(np.zeros((4, 5, 3), np.uint8))

@@ -49,6 +49,8 @@ class PictureFaults:
         Whether all pixels are black or white.
     motion : (float, float) or None
         Length of the camera's motion, pixels, and its direction, degrees.
+    pattern : float or None
+        Amplitude of a fine pattern over the picture, in parts of the targets' contrast.
     side_error : float
         One standard deviation of what they leave unknown of each side's place, pixels.
     """
@@ -59,6 +61,7 @@ class PictureFaults:
     clipped: float = 0.0
     has_two_levels: bool = False
     motion: tuple[float, float] | None = None
+    pattern: float | None = None
     side_error: float = 0.0
 
     @classmethod
@@ -85,6 +88,7 @@ class PictureFaults:
             found.clipped,
             found.has_two_levels,
             found.motion,
+            found.pattern,
             found.side_error,
         )
 
@@ -114,12 +118,15 @@ def fault_warnings(
     for image, own in faults.items():
         for code, text in _texts(own, tones[image]).items():
             texts.setdefault(code, []).append(f"{names[image]}: {text}")
-    mixed = any(own.colour_shift is not None and not own.is_green for own in faults.values())
+    # A pattern may be the cause of what is said of single sides, and comes before it.
+    medium = {"periodic_pattern"}
+    if any(own.colour_shift is not None and not own.is_green for own in faults.values()):
+        medium.add("chromatic_aberration")
     return [
         (
             f"{_ADVICE[code]} ({'; '.join(each)})",
             code,
-            "medium" if mixed and code == "chromatic_aberration" else "low",
+            "medium" if code in medium else "low",
         )
         for code, each in texts.items()
     ]
@@ -146,6 +153,11 @@ _ADVICE = {
         "direction: standard deviations grew by what the shape of the blur leaves unknown; expose "
         "for a shorter time"
     ),
+    "periodic_pattern": (
+        "a fine pattern lies over the picture (moire, the grid of a screen, the raster of a "
+        "print), which moves the edges to and fro: for it sides may be rejected or taken for "
+        "hidden; photograph plain paper in place of a screen, or from another distance"
+    ),
 }
 
 
@@ -164,6 +176,8 @@ def _texts(own: PictureFaults, tone: PictureTone) -> dict[str, str]:
         texts["motion_blurred"] = (
             f"by {own.motion[0]:.1f} px at {own.motion[1]:.0f} degrees from the x axis"
         )
+    if own.pattern is not None:
+        texts["periodic_pattern"] = f"waves of {100.0 * own.pattern:.0f} % of the targets' contrast"
     shift = "" if tone.shift is None else f", shift {tone.shift[0]:+.2f} +- {tone.shift[1]:.2f} px"
     if own.has_two_levels:
         texts["thresholded"] = "all pixels" + shift

@@ -194,6 +194,8 @@ pub struct PictureFaults {
     colours: Option<(f64, f64, f64, f64, f64)>,
     /// The length of a motion, pixels, and its direction, degrees.
     motion: Option<(f64, f64)>,
+    /// The amplitude of a fine pattern over the picture, as a part of the sides' contrast.
+    pattern: Option<f64>,
     /// One standard deviation of what they leave unknown of each side's place, pixels.
     side_error: f64,
 }
@@ -244,6 +246,7 @@ fn picture_faults(found: &trisquare::PictureFaults) -> PictureFaults {
         clipped: found.clipped,
         has_two_levels: found.has_two_levels,
         motion: found.motion.map(|motion| (motion.length, motion.direction)),
+        pattern: found.pattern,
         side_error: found.side_error,
         rows: found
             .rows

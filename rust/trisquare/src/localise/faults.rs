@@ -2,6 +2,7 @@
 
 use super::motion::{self, MotionBlur};
 use super::parts::{self, ColourDisplacements, PartDisplacement};
+use super::pattern::pattern;
 use super::preview::Preview;
 use super::span::NoEdge;
 use crate::image::GreyReader;
@@ -31,6 +32,8 @@ pub struct PictureFaults {
     pub colours: Option<ColourDisplacements>,
     /// The camera's motion while the shutter was open.
     pub motion: Option<MotionBlur>,
+    /// The amplitude of a fine pattern over the picture, as a part of the sides' contrast.
+    pub pattern: Option<f64>,
     /// One standard deviation of what they leave unknown of each side's place, px.
     pub side_error: f64,
     /// The same of all sides together, towards the dark.
@@ -52,6 +55,7 @@ impl PictureFaults {
         let moved = motion.map_or(0.0, |motion| MOTION_ERROR * motion.length);
         Self {
             motion,
+            pattern: pattern(reader, found()),
             side_error: own.hypot(moved),
             common_error: CLIPPED_COMMON_ERROR * clipping,
             clipped: clipped as f64 / found().count().max(1) as f64,

@@ -22,6 +22,7 @@ mod measured;
 mod motion;
 mod parts;
 mod patches;
+mod pattern;
 mod pixel_noise;
 mod plateaus;
 mod prediction;

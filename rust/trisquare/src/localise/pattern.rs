@@ -1,0 +1,130 @@
+//! A fine pattern over the picture (moire, a screen's grid, a print's raster), told by waves of the
+//! light beside the edges.
+
+use nalgebra::Complex;
+
+use super::preview::Preview;
+use crate::image::GreyReader;
+
+/// On so many of the sides...
+const LEAST_SIDES: f64 = 0.5;
+/// ... one wave has to explain so much of the variance that the light beside them shows.
+const LEAST_PART: f64 = 0.5;
+/// It has so many periods along a side at least: light that changes slowly is shading or a shadow,
+/// and what runs along a side is its own blur.
+const MIN_PERIODS: f64 = 3.0;
+/// Light that varies less than by this part of a side's contrast (rms) hardly moves it.
+const LEAST_VARIATION: f64 = 0.02;
+/// Pixels within so many blurs of an edge show more of the edge than of the light beside it.
+const EDGE_BLURS: f64 = 2.0;
+/// Sides with fewer columns of pixels tell nothing.
+const MIN_COLUMNS: usize = 12;
+/// Frequencies that are tried for each that the pixels tell apart.
+const OVERSAMPLING: f64 = 2.0;
+
+/// Residuals of the pixels in one column, or row, across a side.
+struct Column {
+    number: i64,
+    /// Place along the chord's normal, and residual.
+    pixels: Vec<(f64, f64)>,
+}
+
+/// The amplitude of the waves that most sides show, as a part of their contrast; `None` without.
+pub(super) fn pattern<'a>(
+    reader: &GreyReader<'_>,
+    previews: impl Iterator<Item = &'a Preview>,
+) -> Option<f64> {
+    let (mut waves, mut sides) = (Vec::new(), 0.0);
+    for preview in previews {
+        sides += 1.0;
+        let [before, after] = preview.side.plateaus();
+        let contrast = reader.tone().encode(after) - reader.tone().encode(before);
+        waves.extend(wave(preview, contrast.abs()));
+    }
+    if waves.is_empty() || (waves.len() as f64) < LEAST_SIDES * sides {
+        return None;
+    }
+    let middle = waves.len() / 2;
+    Some(*waves.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// The amplitude, over the contrast, of the wave that explains what the light beside a side shows.
+fn wave(preview: &Preview, contrast: f64) -> Option<f64> {
+    let columns = columns(preview);
+    let values = || columns.iter().flat_map(|column| &column.pixels);
+    let power: f64 = values().map(|(_, value)| value * value).sum();
+    let count = values().count() as f64;
+    let is_even = power < count * (LEAST_VARIATION * contrast).powi(2);
+    if columns.len() < MIN_COLUMNS || is_even {
+        return None;
+    }
+    // Of a real wave the half plane of frequencies tells all.
+    let across = preview.side.curve.across;
+    let spread = |low: f64, high: f64| (high - low).max(1.0);
+    let (low, high) = values().fold((f64::MAX, f64::MIN), |(low, high), (y, _)| {
+        (low.min(*y), high.max(*y))
+    });
+    let highest = 0.5 / across.amax();
+    let steps = (OVERSAMPLING * highest * spread(low, high)).ceil();
+    let strongest = (0..=steps as usize)
+        .map(|step| strongest_along(&columns, highest * step as f64 / steps))
+        .fold(0.0, f64::max);
+    // A wave of amplitude `a` sums to `a n / 2`, and its squares to `a^2 n / 2`.
+    let part = 2.0 * strongest * strongest / (count * power);
+    (part > LEAST_PART).then(|| 2.0 * strongest / (count * contrast))
+}
+
+/// The largest sum over waves of this frequency across a side.
+fn strongest_along(columns: &[Column], frequency: f64) -> f64 {
+    let wave = |phase: f64| Complex::from_polar(1.0, std::f64::consts::TAU * phase);
+    let sum_of = |column: &Column| -> Complex<f64> {
+        let terms = column.pixels.iter();
+        terms.map(|(y, value)| wave(frequency * y) * *value).sum()
+    };
+    let sums: Vec<Complex<f64>> = columns.iter().map(sum_of).collect();
+    let first = columns[0].number;
+    let spacings = columns
+        .windows(2)
+        .map(|pair| pair[1].number - pair[0].number);
+    // Only every so many columns were read: frequencies that many cycles apart look alike.
+    let spacing = spacings.min().unwrap_or(1).max(1) as f64;
+    let last = columns[columns.len() - 1].number;
+    let periods = (last - first) as f64 / spacing + 1.0;
+    let tried = (OVERSAMPLING * periods) as usize;
+    let slowest = (OVERSAMPLING * MIN_PERIODS) as usize;
+    let at = |step: usize| {
+        let turn = step as f64 / (tried as f64 * spacing);
+        let terms = columns.iter().zip(&sums);
+        let terms = terms.map(|(column, sum)| wave(turn * (column.number - first) as f64) * sum);
+        terms.sum::<Complex<f64>>().norm()
+    };
+    (slowest..tried.saturating_sub(slowest))
+        .map(at)
+        .fold(0.0, f64::max)
+}
+
+/// The light pixels beside a side, column by column.
+fn columns(preview: &Preview) -> Vec<Column> {
+    let side = &preview.side;
+    let curve = &side.curve;
+    let u = usize::from(curve.along.x.abs() < curve.along.y.abs());
+    let mut columns: Vec<Column> = Vec::new();
+    for (pixel, p) in preview.pixels.iter().zip(&preview.predictions) {
+        let is_light = p.blurs * side.contrast[0] * pixel.flip.slope > 0.0;
+        if !is_light || p.is_silent || p.blurs.abs() < EDGE_BLURS {
+            continue;
+        }
+        let place = curve.origin[u]
+            + pixel.s * curve.half_length * curve.along[u]
+            + pixel.y * curve.across[u];
+        let number = place.round() as i64;
+        match columns.last_mut().filter(|column| column.number == number) {
+            Some(column) => column.pixels.push((pixel.y, p.residual)),
+            None => columns.push(Column {
+                number,
+                pixels: vec![(pixel.y, p.residual)],
+            }),
+        }
+    }
+    columns
+}
