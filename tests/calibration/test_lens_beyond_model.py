@@ -1,5 +1,6 @@
 """A lens that does what its model cannot is named, and is told from boards that are not flat."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,7 @@ from quick import first_quick
 from scenes import edges_of, squares
 
 import trisquare as ts
-from trisquare_scenes.broken_assumptions import decentred, twisted
+from trisquare_scenes.broken_assumptions import KINDS, decentred, twisted
 
 SIZE = (1280, 960)
 CELLS = 6
@@ -134,3 +135,22 @@ def test_a_lens_is_named_before_squares_that_explain_it_less_well(seed):
     scene = squares(seed, lens)
     result = ts.calibrate_edges(edges_of(scene, 0.05), scene.camera.image_size)
     assert codes(result)[0] == "lens_beyond_model"
+
+
+@pytest.mark.parametrize("seed", first_quick([3, 5, 16, 20]))
+def test_a_lens_whose_prism_leaves_nothing_to_explain_comes_before_squares_that_are_none(seed):
+    pictures, focal = KINDS["thin prism lens"].draw(np.random.default_rng([1206, 10, seed]), True)
+    result = ts.calibrate(pictures)
+    assert {"lens_beyond_model", "planes_contradict"} <= set(codes(result))
+    first = result.warnings[0]
+    assert first.code == "lens_beyond_model"
+    advised = float(re.search(r'With model="brown_prism" fx is ([0-9.]+)', first)[1])
+    assert advised == pytest.approx(focal, rel=2e-3)
+
+
+@pytest.mark.parametrize("seed", first_quick(range(4)))
+def test_no_lens_makes_squares_of_rectangles(seed):
+    kind = KINDS["all rectangles 1.003-1.1, turned"]
+    pictures, _ = kind.draw(np.random.default_rng([1219, seed]), True)
+    told = codes(ts.calibrate(pictures))
+    assert told[0] == "planes_contradict"

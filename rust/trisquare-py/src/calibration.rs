@@ -239,6 +239,7 @@ impl Task<'_> {
                 choice,
                 found.map(|mut calibration| {
                     trisquare::heed_fisheye(edges, size, options, &mut calibration);
+                    trisquare::heed_opencv_lens(edges, size, options, &mut calibration);
                     ModelChoice::without_alternatives(options.model, calibration)
                 }),
             ))

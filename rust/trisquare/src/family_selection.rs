@@ -6,10 +6,13 @@
 
 use nalgebra::DVector;
 
-use crate::calibrate::calibrate_photographs;
+use crate::calibrate::{calibrate, calibrate_photographs};
 use crate::error::Error;
 use crate::image_size::ImageSize;
-use crate::lens::{DefaultLens, DistortionModel, Fisheye, INTRINSICS, Lens, SKEW};
+use crate::lens::{
+    BrownModel, DefaultLens, DistortionModel, Fisheye, INTRINSICS, Lens, Rational, RationalModel,
+    SKEW, ThinPrism, ThinPrismModel,
+};
 use crate::model_selection::{ModelChoice, Weighed, check_comparable};
 use crate::noise::ORDERS;
 use crate::observations::{Fixed, Options, PRIOR_SLACK, PlaneEdges, has_grid, sort_by_plane};
@@ -199,6 +202,71 @@ fn preferred_odds<A: Lens, B: Lens>(
         true => odds,
         false => odds.min(0.0),
     }
+}
+
+/// A warning that only tells where targets are missing in the picture.
+const OF_PLACES: &str = "lens_extrapolated";
+
+/// Warns first of all of the lens where planes contradict each other under the asked model, and one
+/// of OpenCV's models leaves nothing to warn of.
+///
+/// Targets that are no squares hardly ever let that happen: a few coefficients more make them no
+/// squares of a usual camera, with sides that show noise alone. Call this after [`heed_fisheye`],
+/// with the same edges, size and options. Where no planes contradict each other it costs nothing.
+pub fn heed_opencv_lens<L: Lens>(
+    edges: &[PlaneEdges],
+    size: ImageSize,
+    options: &Options<L>,
+    calibration: &mut Calibration<L>,
+) {
+    let is_fisheye = L::centre_columns().is_empty();
+    let first = calibration.warnings.first().map(Warning::code);
+    let is_suspect = contradicts(calibration) && first != Some("lens_beyond_model");
+    if is_fisheye || !is_suspect || check_comparable(options).is_err() {
+        return;
+    }
+    let some = telling(edges);
+    // What a part of the edges does not show no lens can explain by them.
+    let own = calibrate(&some, size, options);
+    if !own.is_ok_and(|own| contradicts(&own)) {
+        return;
+    }
+    let with_prism = |model| of_lens::<L, ThinPrism>(&some, size, options, model);
+    let cure = with_prism(ThinPrismModel::Brown(BrownModel::Brown))
+        .or_else(|| with_prism(ThinPrismModel::BrownPrism))
+        .or_else(|| of_lens::<L, Rational>(&some, size, options, RationalModel::Rational));
+    if let Some(cure) = cure {
+        let warning = Warning::LensBeyondModel {
+            certain: true,
+            parameter: "fx".into(),
+            factor: 1.0,
+            cure: Some(cure),
+        };
+        calibration.warnings.insert(0, warning);
+    }
+}
+
+fn contradicts<L: Lens>(found: &Calibration<L>) -> bool {
+    let mut codes = found.warnings.iter().map(Warning::code);
+    codes.any(|code| code == "planes_contradict")
+}
+
+/// The name of a model and `fx` with it, if it leaves nothing to warn of.
+fn of_lens<A: Lens, B: Lens>(
+    edges: &[PlaneEdges],
+    size: ImageSize,
+    options: &Options<A>,
+    model: B::Model,
+) -> Option<(String, f64)> {
+    let options = Options {
+        model,
+        ..of_family::<A, B>(options)
+    };
+    let found = calibrate(edges, size, &options).ok()?;
+    let mut codes = found.warnings.iter().map(Warning::code);
+    codes
+        .all(|code| code == OF_PLACES)
+        .then(|| (model.name(), found.camera.focal().x))
 }
 
 fn have_boards(edges: &[PlaneEdges]) -> bool {

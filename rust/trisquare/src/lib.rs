@@ -67,7 +67,9 @@ pub use nalgebra;
 
 pub use calibrate::{calibrate, calibrate_photographs};
 pub use error::{Error, ErrorKind};
-pub use family_selection::{FamilyChoice, RejectedFamily, calibrate_by_family, heed_fisheye};
+pub use family_selection::{
+    FamilyChoice, RejectedFamily, calibrate_by_family, heed_fisheye, heed_opencv_lens,
+};
 pub use geometry::{Line, Pose, camera_matrix_from_homographies, homography_from_lines};
 pub use ill_conditioning::{Cause, IllConditioning, Remedy};
 pub use image::{
