@@ -145,12 +145,16 @@ def test_figures_of_one_plane_are_one_plane():
         (b"photo.png", ts.ImageError),
         ([], ValueError),
         ("no such file.png", ts.ImageError),
-        (".", ts.ImageError),
     ],
 )
 def test_what_is_no_picture_of_squares(image, error):
     with pytest.raises(error):
         ts.calibrate(image)
+
+
+def test_a_folder_without_pictures_is_told(tmp_path):
+    with pytest.raises(ts.ImageError, match="the folder holds no picture"):
+        ts.calibrate(tmp_path)
 
 
 @pytest.mark.slow
