@@ -170,6 +170,7 @@ UNDISTORT = "--camera camera.json -o"
         (f"undistort clip.mp4 {UNDISTORT} out.png", 2, "out.png: videos are written as .mp4"),
         (f"undistort clip.mp4 {UNDISTORT} out", 2, "out: videos are written as .mp4"),
         (f"undistort photo.png {UNDISTORT} out.mp4", 2, "out.mp4: no picture format"),
+        (f"undistort gone.mp4 {UNDISTORT} out.mp4", 5, "gone.mp4: No such file or directory"),
         (f"undistort clip.mp4 {UNDISTORT} clip.mp4", 2, "overwrite"),
         (f"undistort clip.mp4 {UNDISTORT} missing/out.mp4", 2, "no folder"),
         (
@@ -180,6 +181,7 @@ UNDISTORT = "--camera camera.json -o"
         ("calibrate clip.mp4 --frames 0", 2, "at least 1"),
         ("calibrate clip.mp4 --frames x", 2, "--frames"),
         ("calibrate photo.png --frames 3", 2, "no video is given"),
+        ("calibrate gone.mp4 --frames 3", 5, "gone.mp4: No such file or directory"),
         ("calibrate cut.mp4 --frames 3", 5, "cut.mp4: not a readable video"),
         ("calibrate cut.avi --frames 3", 5, "cut.avi: truncated: 31 of 60 frames"),
         ("calibrate empty.avi --frames 3", 5, "empty.avi: "),

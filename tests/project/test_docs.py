@@ -21,7 +21,6 @@ from trisquare.detection.annotations.formats import annotated_pictures
 from trisquare.detection.sheets.layout import parse_layout
 from trisquare.formats.registry import FORMATS
 
-FRAMES = 3
 LONG = ("batch.md", "report.md", "start.md")
 """Pages whose commands take seconds."""
 
@@ -51,7 +50,7 @@ def given(tmp_path_factory):
     cv2.imwrite(str(folder / "corner.jpg"), corner, [cv2.IMWRITE_JPEG_QUALITY, 95])
     fourcc = cv2.VideoWriter.fourcc(*"mp4v")
     video = cv2.VideoWriter(str(folder / "video.mp4"), fourcc, 25.0, lens.image_size)
-    for _ in range(FRAMES):
+    for _ in range(3):
         video.write(photo)
     video.release()
     return folder
@@ -92,12 +91,15 @@ def test_the_tutorial_leads_to_a_straight_video(folder, capsys):
     video, straight = (
         cv2.VideoCapture(str(folder / f"{name}.mp4")) for name in ("video", "straight")
     )
-    expected = names["undistorter"].undistort(video.read()[1])
-    for _ in range(FRAMES):
+    frames = 0
+    while (seen := video.read())[0]:
+        expected = names["undistorter"].undistort(seen[1])
         there_is_one, frame = straight.read()
         assert there_is_one
         # It was compressed; the distorted frame differs from it by more than ten levels.
         assert np.abs(frame.astype(float) - expected).mean() < 3
+        frames += 1
+    assert frames == 12
     assert not straight.read()[0]
     # The two photographs are of one camera.
     assert ts.compare(names["result"], names["later"]).same
@@ -113,6 +115,18 @@ def test_the_outlines_calibrate(folder):
     assert (front.name, len(front.targets), second.index) == ("front.jpg", 2, 1)
     drawn = ts.calibrate("photo.jpg", outlines=outlines)
     assert drawn.camera.fx == pytest.approx(902.4, abs=1)
+
+
+def test_the_outlines_of_the_photograph_calibrate_it(folder):
+    ((_, outlines),) = blocks(page("targets.md"), "json")
+    Path("squares.json").write_text(outlines)
+    (command,) = re.findall(r"`(trisquare calibrate .* --outline squares\.json)`", page("targets.md"))
+    run_line(f"{command} -o outlined.json")
+    assert ts.Calibration.load("outlined.json").camera.fx == pytest.approx(902.4, abs=1)
+    corners = [np.array(square["corners"]) for square in json.loads(outlines)["squares"]]
+    found = [plane.corners for plane in ts.Calibration.load("camera.json").planes]
+    off = np.linalg.norm(np.subtract(corners, found), axis=2)
+    assert 2 < off.max() <= 5  # as the page promises
 
 
 def test_the_camera_is_read(folder):

@@ -46,8 +46,8 @@ def sources_of(
     Raises
     ------
     ImageError
-        If a folder holds no picture, or an open file cannot be read; `MissingImageError` if no file
-        matches a pattern.
+        If a folder holds no picture, or an open file cannot be read; `MissingImageError` if a file
+        is not there, or no file matches a pattern.
     TypeError
         If a file is open as text.
     """
@@ -113,4 +113,6 @@ def _files(path: str | os.PathLike[str], with_videos: bool) -> Iterable[str | os
         if not matching:
             raise MissingImageError(f"{name}: no file matches")
         return matching
+    if not os.path.exists(name):  # before what else may be wrong: a video is known by its content
+        raise MissingImageError(f"{name}: No such file or directory")
     return [path]
