@@ -42,13 +42,13 @@ EXHIBITS = (
         "the EXIF tags",
     ),
     Exhibit(
-        "a paper cube",
+        "a paper cube, photograph 7",
         lambda: ts.calibrate(DATA / "charuco-cube" / "cam0" / "7.jpg"),
         5145.0,
         "Zhang on 24 photographs",
     ),
     Exhibit(
-        "a chessboard, first of three photographs",
+        "a chessboard: left01, left05 and left12",
         lambda: ts.calibrate([CHESS / f"left{number}.jpg" for number in ("01", "05", "12")]),
         533.1,
         "Zhang on 13 photographs",
