@@ -224,8 +224,11 @@ def test_a_square_that_is_none_is_named():
     stretched = edges[3].lines.copy()
     stretched[np.abs(stretched[:, 0]) > 0.5, 2] *= 1.02
     edges[3] = ts.PlaneEdges(stretched, edges[3].points)
-    (warning,) = ts.calibrate_edges(edges, IMAGE_SIZE).warnings
+    result = ts.calibrate_edges(edges, IMAGE_SIZE)
+    (warning,) = result.warnings
     assert warning.startswith("plane 3 was rejected: it disagrees")
+    assert result.planes[3].rejection == "it disagrees with all others"
+    assert [plane.is_used for plane in result.planes] == [True, True, True, False, True, True]
 
 
 # Figures on one plane.

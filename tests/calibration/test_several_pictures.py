@@ -1,6 +1,7 @@
 """Several photographs of one camera: pooled, and each named where something is wrong with it."""
 
 import json
+import re
 from dataclasses import replace
 
 import cv2
@@ -10,7 +11,9 @@ from scenes import squares
 
 import trisquare as ts
 from trisquare import simulate
-from trisquare.cli.tables import warning_lines
+from trisquare.cli.console import answer
+from trisquare.cli.tables import calibration_report, warning_lines
+from trisquare.report import report_page
 
 FIRST = squares(51)
 SECOND = squares(52, camera=FIRST.camera)
@@ -49,7 +52,7 @@ def test_files_are_named_where_pictures_are_counted(run, tmp_path, paths):
     """A user looks for a photograph on the disk, not for an index."""
     code, out, err = run("calibrate", paths["b"], paths["c"], paths["a"], "--tone", "1.1", "-v")
     assert code == 0
-    assert "\nimages: 0 b.png, 1 c.png, 2 a.png\n" in out
+    assert "\npictures: 0 b.png, 1 c.png, 2 a.png\n" in out
     assert "picture 0 (b.png): a gamma of about 2." in err
     assert "picture 2 (a.png): a gamma of about 2." in err
     result = ts.calibrate([paths["a"], PICTURES[1]])
@@ -64,9 +67,29 @@ def test_a_warning_about_a_plane_says_in_which_file_it_is():
     about = ts.CalibrationWarning("bent", "side_rejected", plane=4)
     told = replace(result, warnings=(about,), pictures=("a.png", "b.png"))
     (line,) = warning_lines(told)
-    assert line == "warning: bent [side_rejected; plane 4 is in image 1 (b.png)]"
+    assert line == "warning (medium): bent [side_rejected; plane 4 is in picture 1 (b.png)]"
     (line,) = warning_lines(replace(told, pictures=()))
-    assert line == "warning: bent [side_rejected]"
+    assert line == "warning (medium): bent [side_rejected]"
+
+
+def test_a_plane_that_is_not_used_says_so(capsys):
+    result = ts.calibrate([PICTURES[0], PICTURES[1]])
+    first, *others = result.planes
+    assert first.is_used
+    assert "rejection" not in json.loads(result.to_json())["planes"][0]
+    told = replace(result, planes=[replace(first, rejection="it is bent"), *others])
+    assert not told.planes[0].is_used
+    again = ts.Calibration.from_json(told.to_json())
+    assert again.planes[0].rejection == "it is bent"
+    assert repr(again.planes[0]).endswith(", rejected: it is bent>")
+    assert f"over {len(others)} planes" in repr(again)
+    answer(False, False, {}, calibration_report(again))
+    out = capsys.readouterr().out
+    assert re.search("^ +0 unused +square +0 ", out, re.MULTILINE)
+    assert "\nplane 0 is not used: it is bent\n" in out
+    page = report_page(again, PICTURES[:2]).decode()
+    assert "square (not used: it is bent)" in page
+    assert f"calibrated from {len(others)} planes in" in page
 
 
 def test_a_picture_given_twice_counts_once(paths):

@@ -104,7 +104,7 @@ def test_the_options_reach_the_library(run, photo, asked):
         *("--orthogonal", "0,1", "--orthogonal", "1,2", "--jobs", "3"),
         *("--side", "84mm"),
     )
-    assert (code, err) == (0, "warning: a warning [other]\n")
+    assert (code, err) == (0, "warning (medium): a warning [other]\n")
     photos, options = asked[0]
     assert photos == [photo]
     assert options == {
@@ -155,7 +155,7 @@ def test_a_focal_length_needs_a_file_to_be_held_at(run, photo, tmp_path):
 
 def test_the_table_shows_numbers_planes_and_warnings(run, photo, asked):
     code, out, err = run("calibrate", photo)
-    assert (code, err, len(asked)) == (0, "warning: a warning [other]\n", 1)
+    assert (code, err, len(asked)) == (0, "warning (medium): a warning [other]\n", 1)
     assert "\x1b" not in out
     shown = {line.split()[0]: line.split()[1:] for line in out.splitlines() if line.split()}
     for name, value in (("fx", SCENE.camera.fx), ("cy", SCENE.camera.cy)):
@@ -171,7 +171,7 @@ def test_what_a_message_advises_is_written_as_an_option(run, photo, monkeypatch)
     done = Calibrated(true_calibration(warnings=(advice,)), ())
     monkeypatch.setattr(commands.calibrate, "calibrate_photographs", lambda *_, **__: done)
     _, _, err = run("calibrate", photo)
-    assert err == "warning: With --fix principal_point fx is 1 [other]\n"
+    assert err == "warning (medium): With --fix principal_point fx is 1 [other]\n"
     _, _, err = run("calibrate", photo, "--board", "chessboard:9x6")
     assert error_text(err) == (
         "a board without markers is not a layout: --targets chessboard:9x6\n"
@@ -196,8 +196,8 @@ def test_texts_of_a_result_do_not_reach_a_terminal_as_they_are(run, photo, monke
     shown = r"a\x1b[31m\u202eb\x9b2J\nwrote all"
     assert out.count(r"a\x1b[31m") == len(result.planes) + 3
     assert f"method ml ({shown})" in out
-    assert f"not used: {shown} around (0, 0) of image 0: {shown}" in out
-    assert r"warning: \x1b[2Jb\nc [other]" in err
+    assert f"not used: {shown} around (0, 0) of picture 0: {shown}" in out
+    assert r"warning (medium): \x1b[2Jb\nc [other]" in err
     for text in (out, err):
         assert not re.search("[\x00-\x09\x0b-\x1f\x7f-\x9f\u202e]", text)
         assert not re.search("^ *wrote all", text, re.MULTILINE)
@@ -224,7 +224,7 @@ def test_several_photographs_have_an_overlay_each(run, photo, asked, tmp_path):
     again = tmp_path / "again.png"
     again.write_bytes(photo.read_bytes())
     code, _, err = run("calibrate", photo, again, "--overlay", tmp_path / "over.png")
-    assert (code, err) == (0, "warning: a warning [other]\n")
+    assert (code, err) == (0, "warning (medium): a warning [other]\n")
     assert asked[0][0] == [photo, again]
     calibration = true_calibration(2, warnings=["a warning"])
     for index in (0, 1):
@@ -483,7 +483,7 @@ def test_json_is_the_library_s(run, photo):
 
 def test_diagnosis_follows_the_tables(run, asked, photo):
     code, out, error = run("calibrate", photo, "--diagnose")
-    assert (code, error) == (0, "warning: a warning [other]\n")
+    assert (code, error) == (0, "warning (medium): a warning [other]\n")
     assert "fx  std 0.1: " in out
     assert "would reduce it from 0.1 to" in out
     for other in ("--json", "--quiet"):

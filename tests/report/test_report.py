@@ -420,6 +420,20 @@ def test_a_report_of_a_tiny_camera(size):
     assert not ts.diagnose(bare)
 
 
+def test_warnings_of_low_severity_are_not_in_the_box(calibration):
+    severities = ("high", "medium", "low")
+    told = [ts.CalibrationWarning(f"{one} one", "other", one) for one in severities]
+    page = report_page(replace(calibration, warnings=told)).decode()
+    box = re.search(r'<div class="warnings".*?</div>', page, re.DOTALL)[0]
+    assert "high: high one [other]" in box
+    assert "medium: medium one [other]" in box
+    assert "low one" not in box
+    assert "<li>low one [other]</li>" in page
+    minor = report_page(replace(calibration, warnings=told[2:])).decode()
+    assert 'class="warnings"' not in minor
+    assert "There are no warnings" not in minor
+
+
 def turned(plane):
     """The plane, standing elsewhere than its samples say."""
     return replace(plane, rotation=np.roll(plane.rotation, 1, axis=1))

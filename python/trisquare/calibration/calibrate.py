@@ -40,6 +40,9 @@ from trisquare.results.scene_line import SceneLine
 LARGE_SIDE = 10.0
 """Metres from which on a side that is a number alone is doubted: it may be of millimetres."""
 
+OUTLIER = "it disagrees with all others"
+"""Why a plane is not used that the warning ``plane_rejected`` names."""
+
 
 def calibrate(
     image: ImageSource | Sequence[ImageSource],
@@ -394,6 +397,7 @@ def _calibration(
     if text := shift_text(untold, gathered.names):
         warnings.append(CalibrationWarning(text, "no_tone_curve", "low"))
     warnings += [CalibrationWarning(*warning) for warning in found.warnings]
+    outliers = {warning.plane for warning in warnings if warning.code == "plane_rejected"}
     correlation = found.correlation
     return Calibration(
         camera=Camera(
@@ -421,8 +425,9 @@ def _calibration(
                 radii=np.array(plane.radii)[:, 0] if plane.radii else None,
                 radii_std=np.array(plane.radii)[:, 1] if plane.radii else None,
                 side=side,
+                rejection=OUTLIER if number in outliers else None,
             )
-            for plane in found.planes
+            for number, plane in enumerate(found.planes)
         ),
         rms=found.rms,
         noise_scale=found.noise_scale,

@@ -34,13 +34,15 @@ def calibration_report(calibration: Calibration) -> list[RenderableType]:
         parameters.add_row(*row)
     unit = distance_unit(calibration.planes)
     planes = new_table(
-        "plane", "kind", right=("image", f"distance {unit}", "tilt deg", "rms px", "samples")
+        "plane", "kind", right=("picture", f"distance {unit}", "tilt deg", "rms px", "samples")
     )
     for number, plane in enumerate(calibration.planes):
         texts = plane_texts(plane, unit)
-        planes.add_row(str(number), line_of(plane.kind), str(plane.image), *texts)
+        called = str(number) if plane.is_used else f"{number} unused"
+        planes.add_row(called, line_of(plane.kind), str(plane.image), *texts)
     told = [
-        *_images(calibration),
+        *_pictures(calibration),
+        *_unused(calibration),
         *_aspects(calibration),
         *_lines(calibration),
         *_rejected(calibration),
@@ -48,13 +50,13 @@ def calibration_report(calibration: Calibration) -> list[RenderableType]:
     return [parameters, planes, _summary(calibration), *told]
 
 
-def _images(calibration: Calibration) -> list[Text]:
+def _pictures(calibration: Calibration) -> list[Text]:
     """Lay out which file is which of several pictures: a column has no place for long names."""
     names = calibration.pictures
     if not names:
         return []
     listed = ", ".join(f"{index} {name}" for index, name in enumerate(names) if name)
-    return [line_of(f"images: {listed}")]
+    return [line_of(f"pictures: {listed}")]
 
 
 def _picture(calibration: Calibration, index: int) -> str:
@@ -94,6 +96,16 @@ def _summary(calibration: Calibration) -> Text:
     )
 
 
+def _unused(calibration: Calibration) -> list[Text]:
+    """Lay out a line for each plane that the camera does not follow."""
+    planes = enumerate(calibration.planes)
+    return [
+        line_of(f"plane {number} is not used: {plane.rejection}")
+        for number, plane in planes
+        if not plane.is_used
+    ]
+
+
 def _aspects(calibration: Calibration) -> list[Text]:
     """Lay out a line for each rectangle whose aspect was estimated."""
     lines = []
@@ -123,7 +135,7 @@ def _rejected(calibration: Calibration) -> list[Text]:
     for candidate in untold[:MOST_REJECTED]:
         x, y = candidate.corners.mean(axis=0).tolist()
         residual = "" if candidate.residual is None else f", {candidate.residual:.3g} px"
-        place = f"({x:.0f}, {y:.0f}) of image {_picture(calibration, candidate.image)}"
+        place = f"({x:.0f}, {y:.0f}) of picture {_picture(calibration, candidate.image)}"
         lines.append(f"not used: {candidate.kind} around {place}: {candidate.reason}{residual}")
     if len(untold) > MOST_REJECTED:
         lines.append(f"not used: {len(untold) - MOST_REJECTED} more")
@@ -131,10 +143,13 @@ def _rejected(calibration: Calibration) -> list[Text]:
 
 
 def warning_lines(calibration: Calibration, *, verbose: bool = True) -> list[str]:
-    """Return a line with its code for each warning, unless `verbose` only for the most severe."""
+    """Return a line with severity and code of each warning, unless `verbose` the most severe."""
     most = None if verbose else MOST_WARNINGS
     told = calibration.warnings[:most]
-    lines = [f"warning: {warning} [{_about(calibration, warning)}]" for warning in told]
+    lines = [
+        f"warning ({warning.severity}): {warning} [{_about(calibration, warning)}]"
+        for warning in told
+    ]
     more = len(calibration.warnings) - len(lines)
     if more:
         lines.append(f"and {more} more: --verbose")
@@ -146,4 +161,4 @@ def _about(calibration: Calibration, warning: CalibrationWarning) -> str:
     if warning.plane is None or not calibration.pictures:
         return warning.code
     image = calibration.planes[warning.plane].image
-    return f"{warning.code}; plane {warning.plane} is in image {_picture(calibration, image)}"
+    return f"{warning.code}; plane {warning.plane} is in picture {_picture(calibration, image)}"

@@ -116,10 +116,11 @@ def summary(calibration: Calibration, known: ProjectionMap) -> Iterator[str]:
     width, height = camera.image_size
     angles = _field_of_view(camera)
     view = "" if angles is None else f", which see {angles[0]:.1f} by {angles[1]:.1f} degrees"
-    pictures = len({plane.image for plane in calibration.planes})
+    used = [plane for plane in calibration.planes if plane.is_used]
+    pictures = len({plane.image for plane in used})
     yield (
         f"A camera with pictures of {width} \N{MULTIPLICATION SIGN} {height} pixels{view}, "
-        f"calibrated from {_count(len(calibration.planes), 'plane')} in "
+        f"calibrated from {_count(len(used), 'plane')} in "
         f"{_count(pictures, 'photograph')}."
     )
     finite = known.std[np.isfinite(known.std)]

@@ -225,13 +225,13 @@ class Calibration(Record):
             elif value != 0:
                 lines.append(f"  {name}  {value:12.6g}  held")
         lines.append(
-            f"  rms {self.rms:.3g} px over {len(self.planes)} planes, "
+            f"  rms {self.rms:.3g} px over {sum(plane.is_used for plane in self.planes)} planes, "
             f"noise scale {self.noise_scale:.3g}"
         )
         if self.lines:
             used = sum(line.is_used for line in self.lines)
             lines.append(f"  {used} of {len(self.lines)} lines of the scene used")
-        lines.extend(f"  warning: {warning}" for warning in self.warnings)
+        lines.extend(f"  warning ({warning.severity}): {warning}" for warning in self.warnings)
         return "\n".join(lines)
 
     def projection_covariance(self, points: npt.ArrayLike) -> FloatArray:

@@ -48,6 +48,8 @@ class Plane(Record):
         zero of one that was known.
     side : float, optional
         Length of what `translation` has as its unit, in metres, as it was stated at calibration.
+    rejection : str, optional
+        Why the camera does not follow it; None if it does.
 
     Examples
     --------
@@ -73,6 +75,12 @@ class Plane(Record):
     radii: FloatArray | None = field(default=None, metadata=member(array(None)))
     radii_std: FloatArray | None = field(default=None, metadata=member(array(None)))
     side: float | None = field(default=None, metadata=member(NUMBER, "side_m"))
+    rejection: str | None = field(default=None, metadata=member(TEXT))
+
+    @property
+    def is_used(self) -> bool:
+        """Whether the camera follows it."""
+        return self.rejection is None
 
     @property
     def stated_side(self) -> float:
@@ -122,5 +130,9 @@ class Plane(Record):
         x, y, z = self.translation.tolist()
         return (
             f"<Plane {self.kind} in image {self.image}: at ({x:.4g}, {y:.4g}, {z:.4g}), "
-            f"rms {self.rms:.3g} px of {self.samples} samples>"
+            f"rms {self.rms:.3g} px of {self.samples} samples{_rejected(self)}>"
         )
+
+
+def _rejected(plane: Plane) -> str:
+    return "" if plane.is_used else f", rejected: {plane.rejection}"
