@@ -301,12 +301,58 @@ def test_command_takes_the_side_that_the_calibration_states(run, files, scene, t
     assert " in^2" in given
 
 
+def test_command_warns_of_a_side_that_contradicts_the_calibration(run, files, scene, tmp_path):
+    photo, _ = files
+    ts.calibrate(photo, side="84mm").save(tmp_path / "stated.json")
+    points = as_points(seen(scene, TRIANGLE))
+    options = ("--camera", tmp_path / "stated.json", *points)
+    code, out, err = run("measure", photo, *options, "--side", "50mm")
+    assert code == 0
+    assert " mm" in out
+    assert err == (
+        "warning: --side 50 mm is used, where the calibration states 84 mm: right if this is "
+        "another square\n"
+    )
+    assert run("measure", photo, *options, "--side", "8.4cm")[2] == ""
+
+
+def test_command_takes_the_plane_that_all_points_are_within(run, files, scene):
+    photo, camera = files
+    for target in range(3):
+        points = as_points(seen(scene, 0.4 * TRIANGLE, target=target))
+        given = run("measure", photo, "--camera", camera, "--json", *points)
+        members = json.loads(given[1])
+        corners = np.float32(members["corners"])
+        for text in points:
+            place = tuple(float(number) for number in text.split(","))
+            assert cv2.pointPolygonTest(corners, place, False) > 0
+        assert members["warnings"] == []
+    # Points of two squares are on none of them alone.
+    apart = as_points([seen(scene, 0.4 * TRIANGLE, target=target)[0] for target in (2, 1)])
+    assert run("measure", photo, "--camera", camera, *apart)[1].startswith("on plane 0, ")
+
+
+def test_command_says_that_rectangles_have_to_be_named_again(run, files, scene, tmp_path):
+    photo, camera = files
+    known = ts.Calibration.load(camera)
+    planes = [replace(plane, kind="rectangle") for plane in known.planes]
+    replace(known, planes=planes).save(tmp_path / "sheets.json")
+    points = as_points(seen(scene, TRIANGLE))
+    code, _, err = run("measure", photo, "--camera", tmp_path / "sheets.json", *points)
+    assert code == 0
+    assert err == (
+        "warning: plane 0 is taken for a square, where the calibration's planes are rectangles: "
+        "if it is one of them, name it as there, such as --targets a4\n"
+    )
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["--plane", 9, "5,5", "9,9"], "there is no plane 9 in the photograph, but 0: a square"),
         (["--side", "5 parsecs", "5,5", "9,9"], "unknown unit 'parsecs'"),
         (["--side", "-5mm", "5,5", "9,9"], "a length must be positive"),
+        (["--side", "84", "5,5", "9,9"], "--side needs a unit, one of um, mm, cm, m, km"),
         (["5;5", "9,9"], "a point is written X,Y"),
         (["5,5"], "two points or more"),
         ([], "two points or more"),

@@ -57,9 +57,28 @@ class Length:
         return cls(value, found[2])
 
     @classmethod
+    def with_unit(cls, text: str, name: str) -> Length:
+        """Read ``"50mm"``, and refuse a number alone.
+
+        Raises
+        ------
+        ValueError
+            If it is no positive number with a known unit.
+        """
+        stated = cls.parse(text)
+        if not stated.unit:
+            raise ValueError(f"{name} needs a unit, one of {', '.join(METRES)}: {stated.value:g}mm")
+        return stated
+
+    @classmethod
     def of_metres(cls, value: float) -> Length:
         """Return a length in metres, or in millimetres if it is shorter than a metre."""
         return cls(value, "m") if value >= 1 else cls(1000.0 * value, "mm")
+
+    @property
+    def metres(self) -> float:
+        """The number of metres; one without unit is of metres."""
+        return self.of_unit("m")
 
     def of_unit(self, unit: str) -> float:
         """Return the number of `unit` that it is; a number alone is of that unit already."""
@@ -87,7 +106,4 @@ def length_in(unit: str, length: str | float | None, name: str) -> float | None:
         if value <= 0:
             raise ValueError(f"{name} must be positive, not {value:g}")
         return value
-    stated = Length.parse(length)
-    if not stated.unit:
-        raise ValueError(f"{name} needs a unit, one of {', '.join(METRES)}: {stated.value:g}mm")
-    return stated.of_unit(unit)
+    return Length.with_unit(length, name).of_unit(unit)

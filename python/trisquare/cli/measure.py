@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from math import isclose
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,9 @@ from trisquare.results.plane import Plane
 
 MEASUREMENT_FORMAT = "trisquare-measurement/1"
 
+RECTANGLE = "rectangle"
+"""The kind of planes that have no side but a shorter and a longer one."""
+
 LEAST_SHOWN = 64
 """Pixels: a smaller view from above shows nothing, and was asked for by mistake."""
 
@@ -57,7 +61,12 @@ def measure_command(
         "The camera that took it, which must be said: a calibration's JSON, or any format that "
         "convert reads (then taken as exact).",
     ),
-    plane: int = option(0, "N", "Which of the photograph's planes; the first is 0."),
+    plane: int | None = option(
+        None,
+        "N",
+        "Which of the photograph's planes, from 0 on; by default the one that all points are "
+        "within, or else the first.",
+    ),
     side: str | None = option(
         None,
         "LENGTH",
@@ -92,7 +101,7 @@ def measure_command(
     pixels = _pixels(points or [])
     if len(pixels) == 1 or (not len(pixels) and rectify is None):
         raise ValueError("give two points or more, as X,Y; or --rectify FILE")
-    given = None if side is None else Length.parse(side)
+    given = None if side is None else Length.with_unit(side, "--side")
     check_outputs([photo, camera, outline], [rectify])
     known = read_camera(camera)
     stated = _stated_side(known)
@@ -110,6 +119,8 @@ def measure_command(
     lens = camera_of(known)
     with progress_bar("measuring", quiet), reading():
         planes, doubts = located(picture, known, targets=targets, outlines=outline)
+    if plane is None:
+        plane = _plane_of_all(pixels, planes)
     chosen = _chosen(planes, plane)
     x, y = chosen.corners.mean(axis=0)
     heading = f"on plane {plane}, a {chosen.kind} around ({x:.0f}, {y:.0f})"
@@ -117,6 +128,16 @@ def measure_command(
         heading += " (in sides; say --side)"
     elif given is None:
         heading += f", side {length.value:g} {length.unit} as calibrated"
+    if given is not None and stated is not None and not isclose(given.metres, stated.metres):
+        warnings.append(
+            f"--side {given.value:g} {given.unit} is used, where the calibration states "
+            f"{stated.value:g} {stated.unit}: right if this is another square"
+        )
+    if chosen.kind != RECTANGLE and _are_rectangles(known):
+        warnings.append(
+            f"plane {plane} is taken for a {chosen.kind}, where the calibration's planes are "
+            "rectangles: if it is one of them, name it as there, such as --targets a4"
+        )
     if doubts[plane] is not None:
         warnings.append(f"plane {plane}: {doubts[plane]}")
     lines = [heading]
@@ -172,6 +193,22 @@ def _stated_side(known: Calibration | Camera) -> Length | None:
     sides = [plane.side for plane in known.planes] if isinstance(known, Calibration) else []
     stated = next((side for side in sides if side is not None), None)
     return None if stated is None else Length.of_metres(stated)
+
+
+def _are_rectangles(known: Calibration | Camera) -> bool:
+    """Whether a camera was calibrated by rectangles alone."""
+    kinds = {plane.kind for plane in known.planes} if isinstance(known, Calibration) else set()
+    return kinds == {RECTANGLE}
+
+
+def _plane_of_all(pixels: FloatArray, planes: Sequence[Plane]) -> int:
+    """Return which plane's square holds all pixels; the first if none does."""
+    within = (
+        number
+        for number, plane in enumerate(planes)
+        if all(not separated(plane.corners, pixel[None]) for pixel in pixels)
+    )
+    return next(within, 0) if len(pixels) else 0
 
 
 def _chosen(planes: Sequence[Plane], index: int) -> Plane:
