@@ -32,10 +32,10 @@ HTTP_STATUSES: Mapping[str, int] = MappingProxyType(
         "ConvergenceError": 422,
         "TimeLimitError": 422,
         "MemoryError": 422,
-        "WorkerDiedError": 422,
         "AbandonedError": 499,
         "InternalError": 500,
         "OSError": 500,
+        "WorkerDiedError": 500,
         "ImportError": 501,
         "BusyError": 503,
     }

@@ -65,6 +65,37 @@ def test_a_job_whose_process_died_has_a_second_chance(tmp_path):
     assert (tmp_path / "tried").exists()
 
 
+def test_processes_that_died_while_idle_are_replaced():
+    workers = Workers(JobLimits.stated(), quick)
+    try:
+        with ThreadPoolExecutor(2) as pool:
+            busy = list(pool.map(lambda job: workers.do(job, "."), jobs_of("a", "b")))
+        assert [code_of(record) for record, _ in busy] == ["done", "done"]
+        idle = [own._process for own in workers._idle]
+        for process in idle:
+            process.kill()
+            process.wait()
+        record, _ = workers.do(jobs_of("c")[0], ".")
+        assert code_of(record) == "done"
+        assert not {own._process for own in workers._all} & set(idle)
+    finally:
+        workers.close()
+    assert len(idle) == 2
+
+
+def test_the_second_attempt_is_in_a_new_process(tmp_path):
+    workers = Workers(JobLimits.stated(), quick)
+    try:
+        with ThreadPoolExecutor(2) as pool:
+            list(pool.map(lambda job: workers.do(job, "."), jobs_of("a", "b")))
+        before = set(workers._all)
+        record, _ = workers.do(ts.Job("once", (str(tmp_path / "tried"),)), ".")
+        assert code_of(record) == "done"
+        assert len(before - workers._all) == len(workers._all - before) == 1
+    finally:
+        workers.close()
+
+
 def test_a_job_that_takes_too_long_is_given_up():
     start = time.monotonic()
     found = outcomes(jobs_of("hang-1", "a", "b"), max_seconds=1.0)

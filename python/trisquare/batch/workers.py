@@ -67,7 +67,7 @@ class Workers:
         self.owner = os.getpid()
 
     def do(self, job: AnyJob, folder: str) -> Answer:
-        """Do a job in one of the processes, and in another if that one dies of it.
+        """Do a job in one of the processes, and in a new one if that one dies of it.
 
         Files are relative to the folder. It may be called by many threads at a time, each of which
         has a process then.
@@ -88,8 +88,8 @@ class Workers:
 
     def _attempts(self, job: AnyJob, folder: str) -> Answer:
         how = ""
-        for _ in range(ATTEMPTS):
-            process = self._take()
+        for attempt in range(ATTEMPTS):
+            process = self._take(is_new=attempt > 0)
             with self._lock:
                 self._doing[id(job)] = process
             try:
@@ -123,10 +123,15 @@ class Workers:
         for process in processes:
             process.end()
 
-    def _take(self) -> _Process:
+    def _take(self, *, is_new: bool) -> _Process:
+        """Return a process that runs; one that died while it was idle is no attempt at a job."""
         with self._lock:
-            if self._idle:
-                return self._idle.pop()
+            while self._idle and not is_new:
+                process = self._idle.pop()
+                if process.is_running:
+                    return process
+                self._all.discard(process)
+                process.end()
             if self._is_closed:
                 raise RuntimeError("the batch has ended")
             process = _Process(self._work, self._limits)
@@ -172,6 +177,11 @@ class _Process:
                 self.seconds = time.monotonic() - start
         except (OSError, ValueError) as error:
             raise ProcessDiedError from error
+
+    @property
+    def is_running(self) -> bool:
+        """Whether the process has not ended."""
+        return self._process.poll() is None
 
     def kill(self) -> None:
         """End the process at once; whoever waits for its answer is told."""
