@@ -12,6 +12,7 @@ import numpy as np
 from trisquare._core import family_lines, rectangle_lines
 from trisquare._support.arrays import (
     FloatArray,
+    Frozen,
     index_number,
     real_array,
     real_number,
@@ -46,7 +47,7 @@ UNIT_NORM_SLACK = 4 * np.finfo(np.float64).eps
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PlaneEdges:
+class PlaneEdges(Frozen):
     """The edges of one plane figure: model lines or circles, and the samples along each.
 
     Parameters

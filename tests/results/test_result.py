@@ -4,12 +4,14 @@ import copy
 import json
 import math
 import pickle
+from dataclasses import FrozenInstanceError, is_dataclass
 
 import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+import trisquare as ts
 from trisquare._core import __version__
 from trisquare.results.calibration import Calibration, Camera
 from trisquare.results.calibration_warning import CalibrationWarning
@@ -59,6 +61,23 @@ def arrays_of(result):
     yield from (result.covariance, result.camera.K, result.camera.distortion)
     for each in result.planes:
         yield from (each.corners, each.rotation, each.translation)
+
+
+@pytest.mark.parametrize("name", ["K", "fx", "no_such_name"])
+def test_every_name_of_a_frozen_object_is_refused_alike(name):
+    with pytest.raises(FrozenInstanceError, match=f"cannot assign to field '{name}'"):
+        setattr(calibration().camera, name, 1.0)
+    with pytest.raises(FrozenInstanceError, match=f"cannot delete field '{name}'"):
+        delattr(calibration().camera, name)
+
+
+def test_so_does_every_public_class_of_them():
+    kinds = [getattr(ts, name) for name in ts.__all__]
+    frozen = [kind for kind in kinds if isinstance(kind, type) and is_dataclass(kind)]
+    assert {ts.Camera, ts.Job, ts.PlaneEdges} < set(frozen)
+    for kind in frozen:
+        with pytest.raises(FrozenInstanceError):
+            object.__new__(kind).no_such_name = 1
 
 
 def test_arrays_are_frozen_float64_copies():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import fields
+from dataclasses import FrozenInstanceError, fields
 from types import MappingProxyType
 from typing import Any, TypeAlias, TypeVar
 
@@ -194,7 +194,31 @@ def instances(values: Iterable[Any], kind: type[T], name: str) -> tuple[T, ...]:
     return checked
 
 
-class RebuiltByConstructor:
+class Frozen:
+    """Makes a frozen dataclass with slots refuse every name with FrozenInstanceError.
+
+    By `dataclass` alone, a name that is no field, such as a property's, is a TypeError about
+    ``super``: the class is made anew for its slots, and the refusal still knows the old one.
+    """
+
+    __slots__ = ()
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        if "__setattr__" in vars(cls):  # which `dataclass` has given it
+            for name, refusal in (("__setattr__", _no_assignment), ("__delattr__", _no_deletion)):
+                setattr(cls, name, refusal)
+
+
+def _no_assignment(self: Any, name: str, value: object) -> None:
+    raise FrozenInstanceError(f"cannot assign to field {name!r}")
+
+
+def _no_deletion(self: Any, name: str) -> None:
+    raise FrozenInstanceError(f"cannot delete field {name!r}")
+
+
+class RebuiltByConstructor(Frozen):
     """Makes a frozen dataclass pickle through its constructor.
 
     NumPy's own pickling forgets that an array is read-only; the constructor does not.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trisquare._support.arrays import FloatArray, not_negative, real_number
+from trisquare._support.arrays import FloatArray, Frozen, not_negative, real_number
 from trisquare.analysis.plan import onto_plane
 from trisquare.camera.camera import Camera
 from trisquare.camera.camera_of import camera_of
@@ -35,7 +35,7 @@ UNSEEN = -2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TopView:
+class TopView(Frozen):
     """A picture of a plane to scale.
 
     Attributes

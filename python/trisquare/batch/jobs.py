@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from trisquare._core import __version__
-from trisquare._support.arrays import strings
+from trisquare._support.arrays import Frozen, strings
 from trisquare._support.suggestions import unknown
 from trisquare.camera.camera import Camera
 
@@ -41,7 +41,7 @@ RESERVED = {
 
 
 @dataclass(frozen=True, slots=True)
-class Job:
+class Job(Frozen):
     """One camera and its photographs.
 
     Parameters

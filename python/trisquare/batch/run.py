@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from trisquare._support.arrays import Frozen
 from trisquare._support.threads import usable_cores
 from trisquare.batch.jobs import Job, faulty_job
 from trisquare.batch.limits import JobLimits
@@ -29,7 +30,7 @@ WINDOW = 256
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class JobResult:
+class JobResult(Frozen):
     """What came of a job.
 
     Attributes

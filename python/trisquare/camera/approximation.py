@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from trisquare._support.arrays import Frozen
+
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Approximation:
+class Approximation(Frozen):
     """A lens in place of another.
 
     Parameters

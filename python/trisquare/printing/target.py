@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from trisquare._core import __version__
+from trisquare._support.arrays import Frozen
 from trisquare._support.lengths import length_in
 from trisquare._support.suggestions import unknown
 from trisquare.printing.layout import (
@@ -30,7 +31,7 @@ KINDS: tuple[TargetKind, ...] = ("corner", "boards", "flat", "both")
 
 
 @dataclass(frozen=True, slots=True)
-class PrintedTarget:
+class PrintedTarget(Frozen):
     """A target to print.
 
     Attributes
