@@ -17,6 +17,8 @@ HTTP_STATUSES: Mapping[str, int] = MappingProxyType(
     {
         "ValueError": 400,
         "TypeError": 400,
+        "UsageError": 400,
+        "UnreadableInputError": 400,
         "TokenError": 401,
         "NotFoundError": 404,
         "MethodError": 405,

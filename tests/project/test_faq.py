@@ -122,6 +122,17 @@ def test_an_unknown_code_is_a_fault_of_the_service():
     assert ts.http_status("SomeError") == 500
 
 
+def test_errors_of_the_command_line_are_the_client_s():
+    assert ts.http_status("UsageError") == ts.http_status("UnreadableInputError") == 400
+
+
+def test_a_missing_file_other_than_a_picture_is_the_service_s(tmp_path):
+    with pytest.raises(FileNotFoundError) as missing:
+        ts.Calibration.load(tmp_path / "gone.json")
+    code = ts.error_members(missing.value)["code"]
+    assert (code, ts.http_status(code)) == ("OSError", 500)
+
+
 def test_every_severity_has_its_part():
     headings = re.findall(r"^## Warnings of (\w+) severity$", page("faq.md"), re.MULTILINE)
     assert headings == list(SEVERITIES)
