@@ -242,7 +242,8 @@ def calibrate_photographs(
             untold = [
                 text for text in gathered.warnings if not is_reported(text, gathered.rejected)
             ]
-            raise DetectionError("; ".join(untold) if by_hand else nothing_found(kinds))
+            nothing = nothing_found(kinds, gathered.image_size)
+            raise DetectionError("; ".join(untold) if by_hand else nothing)
         # What was asked for by its layout or drawn by hand is vouched for.
         choosing = kinds.squares and not by_hand
         edges = [*gathered.figures, *gathered.lines]

@@ -14,7 +14,7 @@ from trisquare.images.pixels import Outlines, Tone, checked_tone, picture_size, 
 if TYPE_CHECKING:  # it would load OpenCV, which waits until a picture is searched
     from trisquare.detection.annotations.load import Annotations
     from trisquare.detection.annotations.outlines import AnnotatedSquare
-    from trisquare.images.pixels import ImageSource
+    from trisquare.images.pixels import Image, ImageSource
     from trisquare.measurement.measure import MeasuredTargets
 
 
@@ -150,7 +150,7 @@ def measured_photograph(
     nothing, lines = "", []
     if not photograph.repeats:
         if not measured.figures:
-            nothing = _nothing_in(sought.kinds, annotated)
+            nothing = _nothing_in(photograph.pixels, sought.kinds, annotated)
         if sought.lines:
             from trisquare.straightening.scene_lines import lines_beside
 
@@ -166,7 +166,9 @@ def measured_photograph(
     )
 
 
-def _nothing_in(kinds: TargetKinds, annotated: Sequence[AnnotatedSquare] | None) -> str:
+def _nothing_in(
+    picture: Image, kinds: TargetKinds, annotated: Sequence[AnnotatedSquare] | None
+) -> str:
     if annotated is None:
-        return nothing_found(kinds)
+        return nothing_found(kinds, picture_size(picture))
     return "none of the outlines is a square" if annotated else "nothing is drawn on it"

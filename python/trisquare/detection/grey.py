@@ -16,6 +16,10 @@ WORKING_SIZE = 1000
 """Longest side, in pixels, of the picture that is searched: larger ones are halved, which takes
 three quarters of the work and most of the noise away and leaves outlines good to a pixel."""
 
+SURE_SIDE = 15
+"""Pixels of the picture that is searched from which a square is found, whichever way it is turned:
+a little above the shortest side that an outline may have."""
+
 RANGE_PIXELS = 4_000_000
 """Pixels, at most, from which the range of a picture of more than 8 bits is read: two percentiles
 of so many are known to a hundredth of a percent."""
@@ -51,11 +55,19 @@ def _grey(image: NDArray[np.generic]) -> NDArray[np.generic]:
     return np.asarray(cv2.cvtColor(contiguous, cv2.COLOR_BGR2GRAY))
 
 
+def working_scale(size: tuple[int, ...]) -> int:
+    """How many pixels of a photograph make one of the picture that is searched."""
+    longest, shortest, scale = max(size), min(size), 1
+    while longest > WORKING_SIZE and shortest >= MIN_PICTURE:
+        longest, shortest, scale = (longest + 1) // 2, (shortest + 1) // 2, 2 * scale
+    return scale
+
+
 def working_picture(grey: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
     """Smooth picture of moderate size, and how many pixels of the photograph make one of it."""
-    scale = 1
-    while max(grey.shape) > WORKING_SIZE and min(grey.shape) >= MIN_PICTURE:
-        grey, scale = np.asarray(cv2.pyrDown(grey), dtype=np.uint8), 2 * scale
+    scale = working_scale(grey.shape)
+    for _ in range(scale.bit_length() - 1):
+        grey = np.asarray(cv2.pyrDown(grey), dtype=np.uint8)
     if scale == 1 and min(grey.shape) >= MIN_PICTURE:
         grey = np.asarray(cv2.GaussianBlur(grey, (3, 3), 0.0), dtype=np.uint8)
     return grey, scale

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from trisquare._support.suggestions import unknown
+from trisquare.detection.grey import RANGE_PERCENTILES, SURE_SIDE, working_scale
 from trisquare.detection.squares.rectangle_shape import NAMED, RectangleShape
 from trisquare.detection.tags.families import (
     APRILTAG,
@@ -23,6 +25,9 @@ if TYPE_CHECKING:
 
 SMALLEST_BOARD = 3
 """Inner corners per direction that a chessboard must have."""
+
+SQUARE_WIDTH, TAG_WIDTH = 30, 40
+"""Pixels that a square and a tag should have at least, in a picture that is searched as it is."""
 
 CHOICES = (
     "auto, squares, tags, aruco, apriltag, tags:6X6_250, chessboard:9x6, rectangles (a4, letter, "
@@ -108,13 +113,21 @@ class TargetKinds:
         return cls(board=(cols, rows))
 
 
-def nothing_found(targets: TargetKinds, rejected: Sequence[Rejected] = ()) -> str:
-    """Say what was looked for in vain, and of what came near why it was not that."""
+def nothing_found(
+    targets: TargetKinds, size: tuple[int, int], rejected: Sequence[Rejected] = ()
+) -> str:
+    """Say what was looked for in vain, and of what came near why it was not that.
+
+    `size` is that of the picture, on which it depends how small a target may be.
+    """
     reasons = dict.fromkeys(f"a {one.kind} was not used: {one.reason}" for one in rejected)
-    return "; ".join([_missing(targets), *reasons])
+    return "; ".join([_missing(targets, size), *reasons])
 
 
-def _missing(targets: TargetKinds) -> str:
+def _missing(targets: TargetKinds, size: tuple[int, int]) -> str:
+    wide = f"at least {_least_width(SQUARE_WIDTH, size)} pixels wide"
+    tag = _least_width(TAG_WIDTH, size)
+    large = f"in a picture of {size[0]} x {size[1]}{_lonely_squares(size)}"
     if targets.board is not None:
         cols, rows = targets.board
         return f"no chessboard of {cols} x {rows} inner corners found"
@@ -123,20 +136,36 @@ def _missing(targets: TargetKinds) -> str:
     if targets.rectangles is not None:
         return (
             "no rectangle of that shape found: it must be wholly visible, stand out from its "
-            "ground along all its sides, and be at least 30 pixels wide"
+            f"ground along all its sides, and be {wide} in a picture of {size[0]} x {size[1]}"
         )
     if targets.lattices:
         return (
             "no square, chessboard or tag found: squares must be dark on a light ground "
-            "(or the reverse), wholly visible, apart from each other, and at least 30 "
-            "pixels wide; tags, 40"
+            f"(or the reverse), wholly visible, apart from each other, and {wide}, tags {tag}, "
+            f"{large}"
         )
     if not targets.squares:
         return (
             "no tag found: its whole black border must be visible on a white margin, and "
-            "be at least 40 pixels wide"
+            f"be at least {tag} pixels wide in a picture of {size[0]} x {size[1]}"
         )
     return (
         "no square found: squares must be dark on a light ground (or the reverse), "
-        "wholly visible, apart from each other, and at least 30 pixels wide"
+        f"wholly visible, apart from each other, and {wide} {large}"
+    )
+
+
+def _least_width(usual: int, size: tuple[int, int]) -> int:
+    return max(usual, SURE_SIDE * working_scale(size))
+
+
+def _lonely_squares(size: tuple[int, int]) -> str:
+    """Say how large squares must be that alone are dark: thresholds span nearly all grey levels."""
+    share = RANGE_PERCENTILES[0] / 100.0
+    width = 10 * math.ceil(math.sqrt(share * size[0] * size[1] / 3.0) / 10.0)
+    if width <= _least_width(SQUARE_WIDTH, size):
+        return ""
+    return (
+        f"; where nothing else is as dark (or as light), they must take {100.0 * share:g} % of it, "
+        f"as three of {width} pixels do"
     )
