@@ -1,7 +1,12 @@
 """The API: what its routes do, refuse and state, and that nobody gets in who should not."""
 
 import json
+import os
+import signal
 import struct
+import subprocess
+import sys
+import tempfile
 import threading
 import zlib
 from email import message_from_bytes
@@ -538,6 +543,33 @@ def test_nothing_is_kept(client, tmp_path):
     with TestClient(app):
         assert app.state.jobs.folder.exists()
     assert not app.state.jobs.folder.exists()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="folders are not held on Windows")
+def test_what_a_killed_server_left_is_removed_by_the_next(client, tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    script = (
+        "import os; from pathlib import Path; from trisquare.serve.jobs import Jobs\n"
+        "from trisquare.serve.limits import REQUEST_LIMITS\n"
+        "place = Jobs(REQUEST_LIMITS, 1).accept()\n"
+        "Path(place.folder, 'photo.jpg').touch()\n"
+        "os.kill(os.getpid(), 9)\n"
+    )
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    killed = subprocess.run([sys.executable, "-c", script], env=environment, check=False)
+    assert killed.returncode == -signal.SIGKILL
+    (left,) = tmp_path.glob("trisquare-serve-*/*/photo.jpg")
+    (tmp_path / "trisquare-serve-file").touch()  # no folder of a server
+    (tmp_path / "other").mkdir()
+    first = create_app(TOKEN, LIMITS, processes=1).state.jobs
+    assert not left.exists()
+    second = create_app(TOKEN, LIMITS, processes=1).state.jobs  # the first still runs
+    assert sorted(tmp_path.iterdir()) == sorted(
+        [first.folder, second.folder, tmp_path / "other", tmp_path / "trisquare-serve-file"]
+    )
+    first.close()
+    second.close()
+    assert sorted(own.name for own in tmp_path.iterdir()) == ["other", "trisquare-serve-file"]
 
 
 # The schema.

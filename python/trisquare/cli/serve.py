@@ -66,7 +66,7 @@ def serve_command(
 ) -> None:
     """Serve a page that calibrates cameras in a browser, from files or from its own camera.
 
-    Nothing leaves the machine, and nothing is kept. It ends with Ctrl-C.
+    Nothing leaves the machine, and nothing is kept once it is answered. It ends with Ctrl-C.
     """
     if not 0 <= port <= LARGEST_PORT:
         raise ValueError(f"--port must be from 0 to {LARGEST_PORT}, not {port}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import tempfile
 import threading
@@ -20,6 +21,10 @@ from trisquare.serve.work import perform
 
 MOST_ACCEPTED = 64
 """Requests that are received, wait or are done at a time; whoever comes next is told so."""
+
+
+FOLDER_PREFIX = "trisquare-serve-"
+"""Of the names of folders in the system's own for temporary files."""
 
 
 class BusyError(Exception):
@@ -58,7 +63,8 @@ class Jobs:
         self._accepted = 0
         self._lock = threading.Lock()
         self._turns: anyio.CapacityLimiter | None = None
-        self.folder = Path(tempfile.mkdtemp(prefix="trisquare-serve-"))
+        remove_abandoned_folders()
+        self.folder, self._held = own_folder()
 
     def accept(self) -> Place:
         """Take one of the places; it is given back by the end of the ``with``.
@@ -119,6 +125,9 @@ class Jobs:
         self._workers.close()
         with suppress(OSError):
             shutil.rmtree(self.folder)
+        if self._held is not None:
+            os.close(self._held)  # which releases the folder
+            self._held = None
 
 
 class Place:
@@ -132,3 +141,38 @@ class Place:
 
     def __exit__(self, *error: object) -> None:
         self._jobs.give_back(self)
+
+
+def own_folder() -> tuple[Path, int | None]:
+    """Make a folder and hold it as long as this process lives; the descriptor is what holds it."""
+    while True:
+        folder = Path(tempfile.mkdtemp(prefix=FOLDER_PREFIX))
+        held = _hold(folder)
+        if folder.is_dir():  # else it was taken for an abandoned one before it was held
+            return folder, held
+
+
+def remove_abandoned_folders() -> None:
+    """Remove the folders of servers that were killed, with the pictures in them."""
+    for folder in Path(tempfile.gettempdir()).glob(f"{FOLDER_PREFIX}*"):
+        held = _hold(folder)
+        if held is not None:
+            shutil.rmtree(folder, ignore_errors=True)
+            os.close(held)
+
+
+def _hold(folder: Path) -> int | None:
+    """Lock a folder until the descriptor is closed; None if somebody holds it, or nobody can."""
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        return None
+    with suppress(OSError):  # such as another user's
+        held = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+        try:
+            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(held)
+        else:
+            return held
+    return None
