@@ -22,7 +22,10 @@ from starlette.requests import ClientDisconnect
 
 import trisquare as ts
 
-PROCESSES = os.cpu_count() or 1
+HAS_AFFINITY = hasattr(os, "sched_getaffinity")  # not on macOS
+CORES = len(os.sched_getaffinity(0)) if HAS_AFFINITY else os.cpu_count()
+
+PROCESSES = int(os.environ.get("SERVICE_PROCESSES") or CORES or 1)
 """Calibrations at a time, each in a process of its own."""
 
 MOST_WAITING = 8 * PROCESSES

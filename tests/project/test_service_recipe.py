@@ -1,6 +1,7 @@
 """The documentation's service, run as it stands there."""
 
 import asyncio
+import os
 import runpy
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -42,6 +43,15 @@ def alone(tmp_path_factory):
 
 def encoded(picture, extension=".png"):
     return cv2.imencode(extension, picture)[1].tobytes()
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="there is no affinity")
+def test_it_computes_on_the_cores_that_it_may_use(service, monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda process: {1, 3, 5})
+    monkeypatch.delenv("SERVICE_PROCESSES", raising=False)
+    assert runpy.run_path(str(RECIPE))["PROCESSES"] == 3
+    monkeypatch.setenv("SERVICE_PROCESSES", "2")
+    assert runpy.run_path(str(RECIPE))["PROCESSES"] == 2
 
 
 def test_a_photograph_becomes_a_calibration(client, alone):
