@@ -147,3 +147,16 @@ def test_what_takes_long_is_logged(caplog):
     assert measured == "picture 0: 3 figures measured; 1 of 1"
     assert fitting == "fitting a radial2 camera to 3 figures"
     assert fitted == f"radial2 camera of 3 planes, rms {result.rms:.3g} px"
+
+
+@pytest.mark.parametrize("pair", [2, 4, 5])
+def test_frames_of_two_pictures_with_unknown_tone_are_all_used(pair):
+    camera = simulate.TrueCamera(900.0, 900.0, 640.0, 480.0, [-0.1, 0.02, 0.0, 0.0, 0.0])
+    pictures = []
+    for number in range(2):
+        rng = np.random.default_rng([5, pair, number])
+        scene = simulate.random_scene(rng, camera=camera, kind="frame")
+        pictures.append(simulate.render(scene, rng, noise=2.0, blur=0.8, tone="srgb"))
+    result = ts.calibrate(pictures)
+    assert len(result.planes) == 6
+    assert abs(result.camera.fx - camera.fx) < 4.0 * result.std["fx"]

@@ -13,7 +13,7 @@ use super::propose::{FOCAL_DOUBT, matrix_of, pinhole, prior, propose, triples};
 use super::squareness::Pinhole;
 use crate::lens::Lens;
 use crate::linear::{Homographies, Undistortion, first_view};
-use crate::noise::{Misfit, Noise};
+use crate::noise::{Misfit, Noise, account_for_drift};
 use crate::observations::{Fixed, ObservedPlane, Options, PlaneState, View, relations_of};
 use crate::refine::{Refined, search};
 use crate::solver::JointProblem;
@@ -118,7 +118,26 @@ impl<L: Lens> Inliers<'_, L> {
         members.iter().map(|i| self.planes[*i].clone()).collect()
     }
 
+    /// Judges a joint fit: where its planes disagree, with what the pictures' tone curves may have
+    /// done to their edges taken out.
     pub fn judged(
+        &self,
+        members: &[usize],
+        planes: &[ObservedPlane],
+        refined: Refined<L>,
+    ) -> Fit<L> {
+        let fit = self.judged_as_seen(members, planes, refined);
+        if self.agrees(&fit) {
+            return fit;
+        }
+        let JointProblem { free, judged, .. } = self.problem;
+        match account_for_drift(planes, free, judged, &fit.refined) {
+            Some((moved, refined)) => self.judged_as_seen(members, &moved, refined),
+            None => fit,
+        }
+    }
+
+    fn judged_as_seen(
         &self,
         members: &[usize],
         planes: &[ObservedPlane],
